@@ -1,0 +1,25 @@
+/* What two or more kernels use.  Geometry needs + - * / sqrt only, each rounded by itself. */
+#pragma OPENCL FP_CONTRACT OFF
+
+inline float dot3(float4 a, float4 b)
+{
+    return (a.x * b.x + a.y * b.y) + a.z * b.z;
+}
+
+inline float4 cross3(float4 a, float4 b)
+{
+    return (float4)(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x, 0.0f);
+}
+
+/* v at length one; `otherwise` where v has no direction. v.w must be 0. */
+inline float4 unit_or(float4 v, float4 otherwise)
+{
+    const float square = dot3(v, v);
+    return square > 1e-30f ? v / sqrt(square) : otherwise;
+}
+
+/* World -> (x, y, e, w): pixels and reversed depth, times w. */
+inline float4 to_screen(const View *view, float4 p)
+{
+    return ((view->to_screen[0] * p.x + view->to_screen[1] * p.y) + view->to_screen[2] * p.z) + view->to_screen[3];
+}

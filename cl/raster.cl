@@ -1,0 +1,276 @@
+/*
+ * Lines and triangles into one buffer of samples, each keeping its nearest (depth, id).
+ *
+ * Points are projected in float and snapped to 1/SUBPIXEL pixel and 1/DEPTH_ONE depth; from there on everything
+ * is integers, and samples are taken with order-free minima, so the result is the same bits on every device and
+ * for every order of strands.
+ */
+#if INT64_ATOMICS
+#pragma OPENCL EXTENSION cl_khr_int64_base_atomics : enable
+#pragma OPENCL EXTENSION cl_khr_int64_extended_atomics : enable
+#endif
+
+#define FRACTION 24                                     // fixed-point bits below the sub-pixel in a walk
+#define PIXEL (SUBPIXEL << FRACTION)                    // one pixel in a walk: 2^32
+#define CLIPPED INT_MIN                                 // mark of a point that must be clipped before snapping
+
+/* Offer (depth, id) to a sample. With 64-bit atomics one minimum does it; without, pass 0 settles the depths and
+   pass 1 the smallest id at each depth. Both leave the same bits: depth in the high word, id in the low. */
+inline void put(volatile __global ulong *visible, size_t sample, uint depth, uint id, int pass)
+{
+#if INT64_ATOMICS
+    const ulong key = ((ulong)depth << 32) | id;
+    if (key < visible[sample])
+        atom_min(&visible[sample], key);
+#else
+    volatile __global uint *word = (volatile __global uint *)&visible[sample];
+    if (pass == 0) {
+        if (depth < word[1])
+            atomic_min(&word[1], depth);
+    } else if (depth == word[1] && id < word[0]) {
+        atomic_min(&word[0], id);
+    }
+#endif
+}
+
+/* Pixels, reversed depth and half a width, already divided by w -> sub-pixels and depth steps. */
+inline int4 snap(float4 q)
+{
+    const float4 steps = (float4)(SUBPIXEL, SUBPIXEL, DEPTH_ONE, SUBPIXEL);
+    int4 s = convert_int4(floor(q * steps + 0.5f));
+    s.z = DEPTH_ONE - s.z;
+    return s;
+}
+
+inline bool within_guard(float4 c)
+{
+    return c.w > 0.0f && c.z >= 0.0f && c.z <= c.w && fabs(c.x) <= GUARD * c.w && fabs(c.y) <= GUARD * c.w;
+}
+
+/* How far clip-space c lies inside plane i: x, y within the guard band, depth between near and far. */
+inline float inside(float4 c, int i)
+{
+    return i == 0 ? c.w - c.z : i == 1 ? c.z : i == 2 ? GUARD * c.w - c.x : i == 3 ? GUARD * c.w + c.x
+         : i == 4 ? GUARD * c.w - c.y : GUARD * c.w + c.y;
+}
+
+/* From the inside end towards the outside one, so that two faces at an edge clip it to the same bits. */
+inline float4 cut(float4 in, float in_by, float4 out, float out_by)
+{
+    return in + (out - in) * (in_by / (in_by - out_by));
+}
+
+/* c.z is e (reversed depth) and c.w is w; radius is half a width in pixels at w = 1. */
+inline int4 snap_clip(float4 c, float radius)
+{
+    return snap((float4)(c.x, c.y, min(max(c.z, 0.0f), c.w), radius) / c.w);
+}
+
+/* First pixel whose sample at `offset` lies at or beyond the place u, in sub-pixels. */
+inline int first_pixel(int u, int offset)
+{
+    return (u - SUBPIXEL / 2 - offset + SUBPIXEL - 1) >> 8;
+}
+
+/* Half-open in both directions: samples with u in [u0, u1) along the longer axis, and across it within half the
+   width, [v - h, v + h). A strand is never thinner than one row of samples across, so it doesn't break up. */
+inline void draw_segment(
+    volatile __global ulong *visible, const View *view, int4 a, int4 b, uint id, int pass)
+{
+    const bool steep = abs(b.x - a.x) < abs(b.y - a.y);
+    int u0 = steep ? a.y : a.x, v0 = steep ? a.x : a.y, u1 = steep ? b.y : b.x, v1 = steep ? b.x : b.y;
+    int d0 = a.z, d1 = b.z;
+    if (u0 > u1) {
+        int t = u0; u0 = u1; u1 = t;
+        t = v0; v0 = v1; v1 = t;
+        t = d0; d0 = d1; d1 = t;
+    }
+    const int du = u1 - u0, dv = v1 - v0;
+    const int u_size = steep ? view->size.y : view->size.x, v_size = steep ? view->size.x : view->size.y;
+    const int samples = view->size.z;
+    int radius = (a.w + b.w) / 2;
+    const int reach = radius + radius / 2 + SUBPIXEL;
+    if (du == 0 || u1 < 0 || u0 >= u_size * SUBPIXEL
+        || max(v0, v1) + reach < 0 || min(v0, v1) - reach >= v_size * SUBPIXEL)
+        return;
+    /* Measured across the longer axis a slanted strand is wider, by up to sqrt(2). */
+    if (3 * radius * samples > SUBPIXEL)
+        radius = (int)(radius * sqrt(1.0f + ((float)dv / du) * ((float)dv / du)));
+    radius = max(radius, SUBPIXEL / 2 / samples);
+
+    const long v_step = ((long)dv << FRACTION) / du, d_step = ((long)(d1 - d0) << FRACTION) / du;
+    const long u_stride = steep ? view->size.x : 1, v_stride = steep ? 1 : view->size.x;
+    for (int s = 0; s < samples; ++s) {
+        const int2 offset = PATTERN[view->size.w + s];
+        const int ou = steep ? offset.y : offset.x, ov = steep ? offset.x : offset.y;
+        const int begin = max(first_pixel(u0, ou), 0), end = min(first_pixel(u1, ou), u_size);
+        const int along = begin * SUBPIXEL + SUBPIXEL / 2 + ou - u0;
+        /* v counts from the samples of row 0, rounded up, so that v >> 32 is the first row at or beyond. */
+        long v = ((long)(v0 - radius - SUBPIXEL / 2 - ov) << FRACTION) + v_step * along + (PIXEL - 1);
+        long d = ((long)d0 << FRACTION) + d_step * along;
+        for (int u = begin; u < end; ++u) {
+            const int low = max((int)(v >> 32), 0);
+            const int high = min((int)((v + ((long)radius << (FRACTION + 1))) >> 32), v_size);
+            for (int row = low; row < high; ++row)
+                put(visible, (u * u_stride + row * v_stride) * samples + s, (uint)(d >> FRACTION), id, pass);
+            v += v_step * SUBPIXEL;
+            d += d_step * SUBPIXEL;
+        }
+    }
+}
+
+/* The rare segment that leaves the guard band or crosses the near plane. */
+void draw_clipped(volatile __global ulong *visible, const View *view, float4 a, float4 b, float ha, float hb,
+                  uint id, int pass)
+{
+    for (int i = 0; i < 6; ++i) {
+        const float da = inside(a, i), db = inside(b, i);
+        if (!(da >= 0.0f || db >= 0.0f))
+            return;
+        if (da < 0.0f)
+            a = cut(b, db, a, da);
+        else if (db < 0.0f)
+            b = cut(a, da, b, db);
+    }
+    if (a.w > 0.0f && b.w > 0.0f)
+        draw_segment(visible, view, snap_clip(a, ha), snap_clip(b, hb), id, pass);
+}
+
+/* One work-item draws one strand, projecting each point once. */
+__kernel void lines(
+    const View view,
+    __global const float4 *points,         // [P] x, y, z, width [world]
+    __global const uint2 *spans,           // [strands] first point, points
+    const int pass,
+    volatile __global ulong *visible)      // [height, width, samples] depth << 32 | id
+{
+    const uint2 span = spans[get_global_id(0)];
+    float4 a, b;                           // clip space
+    int4 sa, sb;                           // snapped; w = CLIPPED where it can't be
+    float ha = 0.0f, hb;                   // half a width in pixels at w = 1
+    for (uint k = 0; k < span.y; ++k) {
+        const float4 p = points[span.x + k];
+        b = to_screen(&view, p);
+        hb = 0.5f * p.w * view.scale.x;
+        sb.w = CLIPPED;
+        if (within_guard(b))
+            sb = snap((float4)(b.xyz, min(hb, GUARD * b.w)) / b.w);
+        if (k) {
+            if (sa.w != CLIPPED && sb.w != CLIPPED)
+                draw_segment(visible, &view, sa, sb, span.x + k - 1, pass);
+            else
+                draw_clipped(visible, &view, a, b, ha, hb, span.x + k - 1, pass);
+        }
+        a = b;
+        sa = sb;
+        ha = hb;
+    }
+}
+
+/* n·2^14 / area, exact but for the last bit, modulo 2^64. */
+inline ulong gradient(long n, long area)
+{
+    const long whole = n / area, rest = n % area;
+    return ((ulong)whole << 14) + (ulong)((rest << 14) / area);
+}
+
+/* Twice the area spanned by the edge p -> q and the point (x, y). */
+inline long edge(int4 p, int4 q, int x, int y)
+{
+    return (long)(q.x - p.x) * (y - p.y) - (long)(q.y - p.y) * (x - p.x);
+}
+
+/* A sample on an edge belongs to one of the two triangles there: to the one to the right of it or below. */
+inline long edge_bias(int4 p, int4 q)
+{
+    return q.y < p.y || (q.y == p.y && q.x > p.x) ? 0 : -1;
+}
+
+inline void draw_triangle(
+    volatile __global ulong *visible, const View *view, int4 a, int4 b, int4 c, uint id, int pass)
+{
+    long area = edge(a, b, c.x, c.y);
+    if (area == 0)
+        return;
+    if (area < 0) {
+        const int4 t = b; b = c; c = t;
+        area = -area;
+    }
+    const int samples = view->size.z, furthest = SUBPIXEL / 2;   // no sample lies further from a pixel's centre
+    const int x0 = max((min(min(a.x, b.x), c.x) - furthest) >> 8, 0);
+    const int y0 = max((min(min(a.y, b.y), c.y) - furthest) >> 8, 0);
+    const int x1 = min((max(max(a.x, b.x), c.x) + furthest) >> 8, view->size.x - 1);
+    const int y1 = min((max(max(a.y, b.y), c.y) + furthest) >> 8, view->size.y - 1);
+    if (x0 > x1 || y0 > y1)
+        return;
+
+    const long bias_c = edge_bias(a, b), bias_a = edge_bias(b, c), bias_b = edge_bias(c, a);
+    const long db = b.z - a.z, dc = c.z - a.z;
+    const ulong gx = gradient(db * (c.y - a.y) - dc * (b.y - a.y), area);
+    const ulong gy = gradient(dc * (b.x - a.x) - db * (c.x - a.x), area);
+    const int nearest = min(min(a.z, b.z), c.z), farthest = max(max(a.z, b.z), c.z);
+    for (int y = y0; y <= y1; ++y)
+        for (int x = x0; x <= x1; ++x)
+            for (int s = 0; s < samples; ++s) {
+                const int2 offset = PATTERN[view->size.w + s];
+                const int sx = x * SUBPIXEL + SUBPIXEL / 2 + offset.x, sy = y * SUBPIXEL + SUBPIXEL / 2 + offset.y;
+                if (edge(a, b, sx, sy) + bias_c < 0 || edge(b, c, sx, sy) + bias_a < 0 || edge(c, a, sx, sy) + bias_b < 0)
+                    continue;
+                const long d = a.z + ((long)(gx * (ulong)(long)(sx - a.x) + gy * (ulong)(long)(sy - a.y)) >> 14);
+                put(visible, ((size_t)y * view->size.x + x) * samples + s,
+                    (uint)clamp(d, (long)nearest, (long)farthest), id, pass);
+            }
+}
+
+/* The rare triangle that leaves the guard band or crosses the near plane: clip it to a polygon and fan that. */
+void draw_triangle_clipped(
+    volatile __global ulong *visible, const View *view, float4 a, float4 b, float4 c, uint id, int pass)
+{
+    float4 polygon[9], next[9];
+    int n = 3;
+    polygon[0] = a;
+    polygon[1] = b;
+    polygon[2] = c;
+    for (int i = 0; i < 6; ++i) {
+        int m = 0;
+        for (int j = 0; j < n; ++j) {
+            const float4 p = polygon[j], q = polygon[j + 1 < n ? j + 1 : 0];
+            const float dp = inside(p, i), dq = inside(q, i);
+            if (dp >= 0.0f)
+                next[m++] = p;
+            if (dp >= 0.0f && dq < 0.0f)
+                next[m++] = cut(p, dp, q, dq);
+            else if (dp < 0.0f && dq >= 0.0f)
+                next[m++] = cut(q, dq, p, dp);
+        }
+        n = m;
+        for (int j = 0; j < n; ++j)
+            polygon[j] = next[j];
+    }
+    for (int j = 0; j < n; ++j)
+        if (!(polygon[j].w > 0.0f))
+            return;
+    for (int j = 1; j + 1 < n; ++j)
+        draw_triangle(visible, view, snap_clip(polygon[0], 0.0f), snap_clip(polygon[j], 0.0f),
+                      snap_clip(polygon[j + 1], 0.0f), id, pass);
+}
+
+/* One work-item draws one triangle of the body. */
+__kernel void body(
+    const View view,
+    __global const float4 *positions,      // [V]
+    __global const uint4 *triangles,       // [T]
+    const int pass,
+    volatile __global ulong *visible)      // [height, width, samples] depth << 32 | id
+{
+    const uint t = get_global_id(0);
+    const uint4 v = triangles[t];
+    const float4 a = to_screen(&view, positions[v.x]);
+    const float4 b = to_screen(&view, positions[v.y]);
+    const float4 c = to_screen(&view, positions[v.z]);
+    if (within_guard(a) && within_guard(b) && within_guard(c))
+        draw_triangle(visible, &view, snap((float4)(a.xyz, 0.0f) / a.w), snap((float4)(b.xyz, 0.0f) / b.w),
+                      snap((float4)(c.xyz, 0.0f) / c.w), BODY | t, pass);
+    else
+        draw_triangle_clipped(visible, &view, a, b, c, BODY | t, pass);
+}

@@ -1,0 +1,182 @@
+/*
+ * Light on what each sample sees: Kajiya and Kay's hair (SIGGRAPH 1989; the report's section 2.2), a Lambert
+ * body; and what else is known of a pixel.
+ */
+
+/* The world point that a sample sees. */
+inline float4 seen_point(const View *view, int x, int y, int s, uint depth)
+{
+    const int2 offset = PATTERN[view->size.w + s];
+    const float px = x + 0.5f + offset.x * (1.0f / SUBPIXEL), py = y + 0.5f + offset.y * (1.0f / SUBPIXEL);
+    const float e = (float)(DEPTH_ONE - depth) / DEPTH_ONE;
+    const float4 q = view->to_world[0] * px + view->to_world[1] * py + view->to_world[2] * e + view->to_world[3];
+    return (float4)(q.xyz / q.w, 0.0f);
+}
+
+/* Unit vector from the point towards the eye. */
+inline float4 towards_eye(const View *view, float4 p)
+{
+    const float4 eye = (float4)(view->eye.xyz, 0.0f);
+    return unit_or(eye - view->eye.w * p, (float4)(0.0f, 0.0f, 1.0f, 0.0f));
+}
+
+/* Share of the way from a to b at which p stands. */
+inline float place_between(float4 a, float4 b, float4 p)
+{
+    float4 d = b - a, e = p - a;
+    d.w = e.w = 0.0f;
+    const float square = dot3(d, d);
+    return square > 0.0f ? clamp(dot3(d, e) / square, 0.0f, 1.0f) : 0.0f;
+}
+
+/* Weights of a triangle's corners at a point of its plane. */
+inline float4 barycentric(float4 a, float4 b, float4 c, float4 p)
+{
+    const float4 n = cross3(b - a, c - a);
+    const float square = dot3(n, n);
+    if (!(square > 0.0f))
+        return (float4)(1.0f, 0.0f, 0.0f, 0.0f);
+    const float v = clamp(dot3(cross3(p - a, c - a), n) / square, 0.0f, 1.0f);
+    const float w = clamp(dot3(cross3(b - a, p - a), n) / square, 0.0f, 1.0f - v);
+    return (float4)(1.0f - v - w, v, w, 0.0f);
+}
+
+/* The surface's normal at a point of triangle t, on the eye's side. */
+inline float4 body_normal(__global const float4 *positions, __global const float4 *normals, uint4 t,
+                          float4 p, float4 v, float4 *weights)
+{
+    const float4 b = barycentric(positions[t.x], positions[t.y], positions[t.z], p);
+    const float4 n = unit_or(b.x * normals[t.x] + b.y * normals[t.y] + b.z * normals[t.z], normals[t.x]);
+    *weights = b;
+    return dot3(n, v) < 0.0f ? -n : n;
+}
+
+inline float sine(float cosine)
+{
+    return sqrt(max(1.0f - cosine * cosine, 0.0f));
+}
+
+/* Kajiya and Kay's light from one fibre: t its tangent, l towards the light, v towards the eye. Their own highlight
+   is the cone of mirror directions; the report's takes the half vector, which has no value at l = -v. */
+inline float4 fibre(float4 color, float specular, float exponent, int half_vector,
+                    float4 t, float4 l, float4 v, float4 light)
+{
+    const float tl = dot3(t, l), tv = dot3(t, v);
+    float highlight;
+    if (half_vector) {
+        const float4 h = l + v;
+        const float length = sqrt(dot3(h, h));
+        highlight = length > 1e-6f ? sine(dot3(t, h) / length) : 0.0f;
+    } else {
+        highlight = max(sine(tl) * sine(tv) - tl * tv, 0.0f);
+    }
+    return light * (color * sine(tl) + specular * pow(highlight, exponent)) + light.w * color;
+}
+
+/* One work-item lights the samples of one pixel and averages them: premultiplied linear r, g, b and coverage. */
+__kernel void color(
+    const View view,
+    const Light light,
+    const int half_vector,                 // 0: Kajiya and Kay's highlight, 1: the report's
+    __global const ulong *visible,         // [height, width, samples] depth << 32 | id
+    __global const float4 *points,         // strands: see strands.cl
+    __global const float4 *tangents,
+    __global const uint *strand_of,
+    __global const float4 *strand_uv,      // [strands] u, v, type
+    __global const HairType *types,
+    __global const float4 *colors,         // one, [strands] or [points]
+    const int color_per,                   // 0: one for all, 1: each strand, 2: each point
+    __global const float4 *positions,      // body: see tessellate.cl
+    __global const float4 *normals,
+    __global const uint4 *triangles,
+    const float4 body_color,
+    __global float4 *image)                // [height, width]
+{
+    const int x = get_global_id(0), y = get_global_id(1), samples = view.size.z;
+    const size_t pixel = (size_t)y * view.size.x + x;
+    const float4 l = -light.direction;
+    float4 sum = (float4)(0.0f);
+    for (int s = 0; s < samples; ++s) {
+        const ulong key = visible[pixel * samples + s];
+        const uint id = (uint)key;
+        if (id == NOTHING)
+            continue;
+        const float4 p = seen_point(&view, x, y, s, (uint)(key >> 32)), v = towards_eye(&view, p);
+        float4 lit;
+        if (id & BODY) {
+            float4 weights;
+            const float4 n = body_normal(positions, normals, triangles[id & ~BODY], p, v, &weights);
+            lit = body_color * (light.color * max(dot3(n, l), 0.0f) + light.color.w);
+        } else {
+            const uint strand = strand_of[id];
+            const float at = place_between(points[id], points[id + 1], p);
+            const float4 t = unit_or(mix(tangents[id], tangents[id + 1], at), tangents[id]);
+            const float4 c = color_per == 0 ? colors[0] : color_per == 1 ? colors[strand]
+                : mix(colors[id], colors[id + 1], at);
+            const float4 shine = types[(int)strand_uv[strand].z].shine;
+            lit = fibre(c, shine.x, shine.y, half_vector, t, l, v, light.color);
+        }
+        sum += (float4)(lit.xyz, 1.0f);
+    }
+    image[pixel] = sum / samples;
+}
+
+/* One work-item tells what the nearest covered sample of one pixel sees. */
+__kernel void about(
+    const View view,
+    __global const ulong *visible,
+    __global const float4 *points,
+    __global const float4 *tangents,
+    __global const uint *strand_of,
+    __global const float4 *strand_uv,
+    __global const float4 *positions,
+    __global const float4 *normals,
+    __global const float4 *uv,             // body
+    __global const uint4 *triangles,
+    __global float *out_depth,             // [height, width] distance along the view axis; infinite: nothing
+    __global int *out_id,                  // strand, -1: nothing, -2: body
+    __global float4 *out_tangent,          // unit; 0 but on strands
+    __global float4 *out_normal,           // unit, towards the eye: the body's, or across a strand
+    __global float4 *out_uv,               // of the body, or of the strand's root
+    __global float *out_coverage)          // share of covered samples
+{
+    const int x = get_global_id(0), y = get_global_id(1), samples = view.size.z;
+    const size_t pixel = (size_t)y * view.size.x + x;
+    ulong key = ~0ul;
+    int nearest = 0, covered = 0;
+    for (int s = 0; s < samples; ++s) {
+        const ulong other = visible[pixel * samples + s];
+        covered += (uint)other != NOTHING;
+        if (other < key) {
+            key = other;
+            nearest = s;
+        }
+    }
+    const uint id = (uint)key;
+    float depth = INFINITY;
+    int who = -1;
+    float4 tangent = (float4)(0.0f), normal = tangent, place = tangent;
+    if (id != NOTHING) {
+        const float4 p = seen_point(&view, x, y, nearest, (uint)(key >> 32)), v = towards_eye(&view, p);
+        depth = to_screen(&view, p).w;
+        if (id & BODY) {
+            const uint4 t = triangles[id & ~BODY];
+            float4 b;
+            who = -2;
+            normal = body_normal(positions, normals, t, p, v, &b);
+            place = b.x * uv[t.x] + b.y * uv[t.y] + b.z * uv[t.z];
+        } else {
+            const float at = place_between(points[id], points[id + 1], p);
+            who = (int)strand_of[id];
+            tangent = unit_or(mix(tangents[id], tangents[id + 1], at), tangents[id]);
+            normal = unit_or(v - dot3(v, tangent) * tangent, v);
+            place = strand_uv[who];
+        }
+    }
+    out_depth[pixel] = depth;
+    out_id[pixel] = who;
+    out_tangent[pixel] = tangent;
+    out_normal[pixel] = normal;
+    out_uv[pixel] = place;
+    out_coverage[pixel] = (float)covered / samples;
+}

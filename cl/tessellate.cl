@@ -1,0 +1,181 @@
+/*
+ * The OpenGL triangle tessellator with equal spacing, and the surface on it: flat, or the curved PN triangle
+ * (Vlachos et al. 2001; the report's section 2.1.2).
+ *
+ * One work-item divides one face of the mesh.  Rings: ring 0 is the face's border, its three sides divided by
+ * the outer levels; ring k > 0 has `inner - 2k` segments a side and its corners at (1 - 4k/3n, 2k/3n, 2k/3n);
+ * the last is a triangle (odd inner level) or a single point (even).  Ring vertices go round counter-clockwise
+ * from corner 0; side i runs from corner i to corner i + 1.
+ */
+
+typedef struct {
+    float4 p[3], n[3];       // corners: position, unit normal
+    float4 side[3][2];       // control points at one and two thirds of side i
+    float4 side_normal[3];   // mid-side control normals
+    float4 middle;           // control point b111
+} Patch;
+
+inline void side_controls(float4 pa, float4 na, float4 pb, float4 nb, float4 out[2], float4 *normal)
+{
+    const float4 d = pb - pa, sum = na + nb;
+    out[0] = (2.0f * pa + pb - dot3(d, na) * na) / 3.0f;
+    out[1] = (2.0f * pb + pa + dot3(d, nb) * nb) / 3.0f;
+    *normal = unit_or(sum - (2.0f * dot3(d, sum) / dot3(d, d)) * d, na);
+}
+
+inline Patch make_patch(const float4 p[3], const float4 n[3])
+{
+    Patch patch;
+    float4 sides = (float4)(0.0f);
+    for (int i = 0; i < 3; ++i) {
+        const int j = (i + 1) % 3;
+        patch.p[i] = p[i];
+        patch.n[i] = n[i];
+        side_controls(p[i], n[i], p[j], n[j], patch.side[i], &patch.side_normal[i]);
+        sides += patch.side[i][0] + patch.side[i][1];
+    }
+    patch.middle = sides / 4.0f - (p[0] + p[1] + p[2]) / 6.0f;   // E + (E - V)/2
+    return patch;
+}
+
+/* Position and normal at barycentric b inside the face. */
+inline void inside(const Patch *q, float4 b, int curved, float4 *position, float4 *normal)
+{
+    *position = b.x * q->p[0] + b.y * q->p[1] + b.z * q->p[2];
+    *normal = b.x * q->n[0] + b.y * q->n[1] + b.z * q->n[2];
+    if (curved) {
+        const float4 s = b * b, c = s * b;
+        *position = c.x * q->p[0] + c.y * q->p[1] + c.z * q->p[2]
+            + 3.0f * ((s.x * b.y) * q->side[0][0] + (b.x * s.y) * q->side[0][1]
+                    + (s.y * b.z) * q->side[1][0] + (b.y * s.z) * q->side[1][1]
+                    + (s.z * b.x) * q->side[2][0] + (b.z * s.x) * q->side[2][1])
+            + (6.0f * b.x * b.y * b.z) * q->middle;
+        *normal = s.x * q->n[0] + s.y * q->n[1] + s.z * q->n[2]
+            + (b.x * b.y) * q->side_normal[0] + (b.y * b.z) * q->side_normal[1] + (b.z * b.x) * q->side_normal[2];
+    }
+    *normal = unit_or(*normal, q->n[0]);
+}
+
+/* The same on a side, from its two ends alone and always from a to b: both faces at the side get the same bits. */
+inline void on_side(float4 pa, float4 na, float4 pb, float4 nb, float t, int curved, float4 *position, float4 *normal)
+{
+    const float s = 1.0f - t;
+    *position = s * pa + t * pb;
+    *normal = s * na + t * nb;
+    if (curved) {
+        float4 c[2], m;
+        side_controls(pa, na, pb, nb, c, &m);
+        *position = (s * s * s) * pa + (3.0f * s * s * t) * c[0] + (3.0f * s * t * t) * c[1] + (t * t * t) * pb;
+        *normal = (s * s) * na + (s * t) * m + (t * t) * nb;
+    }
+    *normal = unit_or(*normal, na);
+}
+
+/* Segments of ring k's side i; side 0 is opposite corner 2, so OpenGL calls its level outer[2]. */
+inline int side_level(int4 levels, int k, int i)
+{
+    return k ? levels.w - 2 * k : i == 0 ? levels.z : i == 1 ? levels.x : levels.y;
+}
+
+__kernel void vertices(
+    __global const float4 *positions,      // [V]
+    __global const float4 *normals,        // [V] unit
+    __global const float4 *corner_uv,      // [F, 3] u, v, -, -
+    __global const uint4 *faces,           // [F] three vertices, -
+    __global const int4 *levels,           // [F] outer[0..2], inner: 1..64, inner already rounded up to 2
+    __global const uint *first,            // [F + 1] first vertex of each face's part of the result
+    const int curved,
+    __global float4 *out_positions,        // [first[F]]
+    __global float4 *out_normals,
+    __global float4 *out_uv,
+    __global float4 *out_barycentric)      // place in the face, weights of its three corners
+{
+    const size_t f = get_global_id(0);
+    const uint index[3] = {faces[f].x, faces[f].y, faces[f].z};
+    float4 p[3], n[3], uv[3];
+    for (int i = 0; i < 3; ++i) {
+        p[i] = positions[index[i]];
+        n[i] = normals[index[i]];
+        uv[i] = corner_uv[3 * f + i];
+    }
+    const Patch patch = make_patch(p, n);
+    const int4 level = levels[f];
+    const int inner = level.w;
+    uint at = first[f];
+
+    for (int k = 0; 2 * k <= inner; ++k) {
+        const bool point = k > 0 && inner == 2 * k;
+        for (int i = 0; i < (point ? 1 : 3); ++i) {
+            const int segments = side_level(level, k, i), next = (i + 1) % 3;
+            for (int j = 0; j < (point ? 1 : segments); ++j, ++at) {
+                float b[3] = {0.0f, 0.0f, 0.0f};
+                float4 position, normal;
+                if (k == 0) {
+                    const float t = (float)j / segments, back = (float)(segments - j) / segments;
+                    b[i] = back;
+                    b[next] = t;
+                    if (index[i] < index[next])
+                        on_side(p[i], n[i], p[next], n[next], t, curved, &position, &normal);
+                    else
+                        on_side(p[next], n[next], p[i], n[i], back, curved, &position, &normal);
+                } else {
+                    /* In units of 1/3n: the ring's corner is (3n - 4k, 2k, 2k), a step along a side is 3. */
+                    const float unit = 3.0f * inner;
+                    b[i] = (unit - 4 * k - 3 * j) / unit;
+                    b[next] = (2 * k + 3 * j) / unit;
+                    b[3 - i - next] = 2 * k / unit;
+                    inside(&patch, (float4)(b[0], b[1], b[2], 0.0f), curved, &position, &normal);
+                }
+                out_positions[at] = position;
+                out_normals[at] = normal;
+                out_uv[at] = b[0] * uv[0] + b[1] * uv[1] + b[2] * uv[2];
+                out_barycentric[at] = (float4)(b[0], b[1], b[2], 0.0f);
+            }
+        }
+    }
+}
+
+/* Vertex j of ring k's side i; `base` is the ring's first vertex, side 3 is side 0 again. */
+inline uint ring_vertex(int4 levels, uint base, int k, int i, int j)
+{
+    if (k && levels.w == 2 * k)
+        return base;
+    const int a = side_level(levels, k, 0), b = side_level(levels, k, 1), c = side_level(levels, k, 2);
+    return base + ((i > 0 ? a : 0) + (i > 1 ? b : 0) + j) % (a + b + c);
+}
+
+/* Joins every ring to the next with a strip of triangles, always by the shorter diagonal in the domain. */
+__kernel void triangles(
+    __global const int4 *levels,           // [F] as in vertices
+    __global const uint *first_vertex,     // [F + 1]
+    __global const uint *first_triangle,   // [F + 1]
+    __global uint4 *out_triangles)         // [first_triangle[F]] three vertices counter-clockwise, face
+{
+    const uint f = get_global_id(0);
+    const int4 level = levels[f];
+    const int inner = level.w;
+    uint at = first_triangle[f], base = first_vertex[f];
+
+    if (inner == 1) {
+        out_triangles[at] = (uint4)(base, base + 1, base + 2, f);
+        return;
+    }
+    for (int k = 0; 2 * k + 1 < inner; ++k) {
+        const uint next = base + side_level(level, k, 0) + side_level(level, k, 1) + side_level(level, k, 2);
+        for (int i = 0; i < 3; ++i) {
+            const int outside = side_level(level, k, i), within = inner - 2 * k - 2;
+            int a = 0, b = 0;
+            while (a < outside || b < within) {
+                const uint va = ring_vertex(level, base, k, i, a), vb = ring_vertex(level, next, k + 1, i, b);
+                /* Middles of the next outer and inner segment along the side: (2a+1)/2p against (2b+3)/2(q+2). */
+                if (b == within || (a < outside && (2 * a + 1) * (within + 2) <= (2 * b + 3) * outside))
+                    out_triangles[at++] = (uint4)(va, ring_vertex(level, base, k, i, ++a), vb, f);
+                else
+                    out_triangles[at++] = (uint4)(va, ring_vertex(level, next, k + 1, i, ++b), vb, f);
+            }
+        }
+        base = next;
+    }
+    if (inner % 2)
+        out_triangles[at] = (uint4)(base, base + 1, base + 2, f);
+}

@@ -1,0 +1,87 @@
+"""The one contract between host and device: constants, sample patterns and structs, written once."""
+
+import numpy as np
+from pyopencl import tools
+
+CONSTANTS = {
+    "SUBPIXEL": 256,        # fixed-point steps per pixel of a snapped point
+    "DEPTH_ONE": 1 << 30,   # fixed-point depth: 0 at the near plane, DEPTH_ONE at infinity (or the far plane)
+    "GUARD": 32768,         # snapped points lie within this many pixels of the origin; lines are clipped to it
+    "NOTHING": 0xFFFFFFFF,  # depth and id of a sample that nothing covers
+    "BODY": 0x80000000,     # id of a body triangle = BODY | triangle; of a strand segment = its first point
+    "SCAN": 256,            # values one work-item sums in a prefix scan
+}
+
+# Sample positions in 1/16 pixel from the pixel's centre: no two share a row or a column, so an edge near an
+# axis has as many steps as samples.  4 and 16 are Direct3D's standard patterns.
+PATTERNS = {
+    1: [(0, 0)],
+    4: [(-2, -6), (6, -2), (-6, 2), (2, 6)],
+    16: [(1, 1), (-1, -3), (-3, 2), (4, -1), (-5, -2), (2, 5), (5, 3), (3, -5),
+         (-2, 6), (0, -7), (-4, -6), (-6, 4), (-8, 0), (7, -4), (6, 7), (-7, -8)],
+}
+
+# Every member is made of 16-byte vectors, so there is no padding for host and device to disagree on.
+_float4, _int4 = (np.float32, 4), (np.int32, 4)
+
+View = np.dtype([                     # a camera: world -> (x, y, e, 1)·w, pixels and reversed depth
+    ("to_screen", np.float32, (4, 4)),   # columns; e/w is 1 at the near plane and falls to 0
+    ("to_world", np.float32, (4, 4)),    # columns of the inverse
+    ("eye", *_float4),                   # position and 1, or direction towards an orthographic eye and 0
+    ("size", *_int4),                    # width, height [pixels], samples a pixel, first row of its PATTERN
+    ("scale", *_float4),                 # pixels per world unit of width at w = 1, -, -, -
+])
+
+HairType = np.dtype([
+    ("color", *_float4),              # linear r, g, b; color_variation
+    ("shape", *_float4),              # segment_length, width [world], force_weight, direction_variation
+    ("curl", *_float4),               # radius [world], cos and sin of the angle a segment, length_variation
+    ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment, -
+    ("shine", *_float4),              # specular, exponent, -, -
+    ("counts", *_int4),               # segments; texture's first texel, width, height (width 0: none)
+])
+
+Light = np.dtype([
+    ("direction", *_float4),          # unit vector, the way the light travels
+    ("color", *_float4),              # linear r, g, b; ambient
+])
+
+STRUCTS = {"View": View, "HairType": HairType, "Light": Light}
+
+
+def _c_struct(device, name, dtype):
+    """C declaration of a struct of 16-byte vectors; raises TypeError if the device lays it out otherwise."""
+    vectors = np.dtype([
+        (member, _vector(field), field.shape[:-1]) if field.ndim > 1 else (member, _vector(field))
+        for member, field in ((m, dtype[m]) for m in dtype.names)])
+    laid_out, declaration = tools.match_dtype_to_c_struct(device, name, vectors)
+    if laid_out.itemsize != dtype.itemsize or any(
+            laid_out.fields[m][1] != dtype.fields[m][1] for m in dtype.names):
+        raise TypeError(f"{device.name} lays out {name} as {laid_out}, the host as {dtype}")
+    return declaration
+
+
+def _vector(field):
+    from pyopencl import cltypes
+    return cltypes.float4 if field.base == np.float32 else cltypes.int4
+
+
+def preamble(device, int64_atomics):
+    """The C text that every program starts with.
+
+    ``int64_atomics``: whether the raster may take depth and id with one 64-bit atomic.
+    """
+    patterns = [p for n in sorted(PATTERNS) for p in PATTERNS[n]]
+    step = CONSTANTS["SUBPIXEL"] // 16
+    table = ", ".join(f"(int2)({x * step}, {y * step})" for x, y in patterns)
+    return "".join([
+        *(f"#define {name} {value:#x}{'u' if value >> 31 else ''}\n" for name, value in CONSTANTS.items()),
+        f"#define INT64_ATOMICS {int(int64_atomics)}\n",
+        *(_c_struct(device, name, dtype) for name, dtype in STRUCTS.items()),
+        f"__constant int2 PATTERN[] = {{{table}}};\n",
+    ])
+
+
+def pattern_start(samples):
+    """First row in PATTERN of the pattern with this many samples a pixel."""
+    return sum(n for n in PATTERNS if n < samples)
