@@ -11,7 +11,7 @@
 #endif
 
 #define FRACTION 24                                     // fixed-point bits below the sub-pixel in a walk
-#define PIXEL (SUBPIXEL << FRACTION)                    // one pixel in a walk: 2^32
+#define PIXEL ((long)SUBPIXEL << FRACTION)                // one pixel in a walk: 2^32
 #define CLIPPED INT_MIN                                 // mark of a point that must be clipped before snapping
 
 /* Offer (depth, id) to a sample. With 64-bit atomics one minimum does it; without, pass 0 settles the depths and
@@ -99,7 +99,10 @@ inline void draw_segment(
     radius = max(radius, SUBPIXEL / 2 / samples);
 
     const long v_step = ((long)dv << FRACTION) / du, d_step = ((long)(d1 - d0) << FRACTION) / du;
-    const long u_stride = steep ? view->size.x : 1, v_stride = steep ? 1 : view->size.x;
+    const ulong thickness = (ulong)radius << (FRACTION + 1);
+    const bool thin = radius <= SUBPIXEL / 2;
+    const uint gap = (uint)(PIXEL - thickness);            // of thin strands: between one row's edge and the next
+    const uint u_stride = (steep ? view->size.x : 1) * samples, v_stride = (steep ? 1 : view->size.x) * samples;
     for (int s = 0; s < samples; ++s) {
         const int2 offset = PATTERN[view->size.w + s];
         const int ou = steep ? offset.y : offset.x, ov = steep ? offset.x : offset.y;
@@ -108,13 +111,20 @@ inline void draw_segment(
         /* v counts from the samples of row 0, rounded up, so that v >> 32 is the first row at or beyond. */
         long v = ((long)(v0 - radius - SUBPIXEL / 2 - ov) << FRACTION) + v_step * along + (PIXEL - 1);
         long d = ((long)d0 << FRACTION) + d_step * along;
+        size_t at = (size_t)begin * u_stride + s;
         for (int u = begin; u < end; ++u) {
-            const int low = max((int)(v >> 32), 0);
-            const int high = min((int)((v + ((long)radius << (FRACTION + 1))) >> 32), v_size);
-            for (int row = low; row < high; ++row)
-                put(visible, (u * u_stride + row * v_stride) * samples + s, (uint)(d >> FRACTION), id, pass);
+            if (thin) {
+                const uint row = (uint)(v >> 32);
+                if ((uint)v >= gap && row < (uint)v_size)
+                    put(visible, at + (size_t)row * v_stride, (uint)(d >> FRACTION), id, pass);
+            } else {
+                const int low = max((int)(v >> 32), 0), high = min((int)((v + (long)thickness) >> 32), v_size);
+                for (int row = low; row < high; ++row)
+                    put(visible, at + (size_t)row * v_stride, (uint)(d >> FRACTION), id, pass);
+            }
             v += v_step * SUBPIXEL;
             d += d_step * SUBPIXEL;
+            at += u_stride;
         }
     }
 }

@@ -62,7 +62,7 @@ inline float4 fibre(float4 color, float specular, float exponent, int half_vecto
                     float4 t, float4 l, float4 v, float4 light)
 {
     const float tl = dot3(t, l), tv = dot3(t, v);
-    float highlight;
+    float highlight, shine = 0.0f;
     if (half_vector) {
         const float4 h = l + v;
         const float length = sqrt(dot3(h, h));
@@ -70,7 +70,10 @@ inline float4 fibre(float4 color, float specular, float exponent, int half_vecto
     } else {
         highlight = max(sine(tl) * sine(tv) - tl * tv, 0.0f);
     }
-    return light * (color * sine(tl) + specular * pow(highlight, exponent)) + light.w * color;
+    /* highlight^exponent, left out where it is below exp(-16): a power costs more than all the rest here. */
+    if ((1.0f - highlight) * exponent < 16.0f)
+        shine = specular * exp2(exponent * log2(highlight));
+    return light * (color * sine(tl) + shine) + light.w * color;
 }
 
 /* One work-item lights the samples of one pixel and averages them: premultiplied linear r, g, b and coverage. */

@@ -1,23 +1,14 @@
 """Fur and hair on meshes, rendered with OpenCL."""
 
-from importlib import import_module
+from .errors import Error
+from .image import save
+from .mesh import load_mesh
+from .render import Frame, draw, render
+from .scene import Camera, Curves, HairType, Light, Mesh, PointForce, Scene, Strands
+from .scheduler import Scheduler
+from .settings import Settings
 
-_HOME = {
-    "Error": "errors",
-    "Scene": "scene", "Mesh": "scene", "Strands": "scene", "Curves": "scene", "HairType": "scene",
-    "PointForce": "scene", "Camera": "scene", "Light": "scene",
-    "Settings": "settings", "Scheduler": "scheduler",
-    "load_mesh": "mesh", "save": "image", "render": "render", "draw": "render",
-}
-__all__ = list(_HOME)
-
-
-def __getattr__(name):   # imported on first use: `clfur --help` needs neither NumPy nor OpenCL
-    if name not in _HOME:
-        raise AttributeError(f"module 'clfur' has no attribute {name!r}")
-    value = globals()[name] = getattr(import_module(f".{_HOME[name]}", __name__), name)
-    return value
-
-
-def __dir__():
-    return sorted(__all__)
+__all__ = [
+    "Camera", "Curves", "Error", "Frame", "HairType", "Light", "Mesh", "PointForce", "Scene", "Scheduler", "Settings",
+    "Strands", "draw", "load_mesh", "render", "save",
+]

@@ -70,7 +70,7 @@ def teapot(level=10):
     """Return (positions [V, 3], normals [V, 3], uv [F, 3, 2], faces [F, 3]) of the teapot.
 
     level: steps along each side of a patch; 10 gives 6320 triangles. It is centred on its box and scaled
-    so that the box's diagonal is 2. uv is one atlas: below the pot, above it the lid, on top handle and spout.
+    so that the diagonal of the box is 2. uv is one atlas: pot below, then lid, then handle and spout.
     Neighbouring patches share vertices; the four surfaces are separate, and open where Newell's are.
     """
     pieces = [  # control points, and the rectangle (u, v, width, height) of uv

@@ -1,0 +1,165 @@
+"""Pictures <-> files; the only importer of imageio and OpenEXR, each where it is needed."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from .errors import Error
+from .scene import srgb_to_linear
+
+__all__ = ["check_writable", "linear_to_srgb", "load_picture", "save", "srgb_to_linear"]
+
+# Names of the EXR channels of each output of the renderer, one for each of its last axis.
+EXR_CHANNELS = {
+    "depth": ("Z",),
+    "tangent": ("tangent.X", "tangent.Y", "tangent.Z"),
+    "normal": ("normal.X", "normal.Y", "normal.Z"),
+    "id": ("id",),
+    "uv": ("uv.U", "uv.V"),
+    "coverage": ("coverage",),
+}
+
+
+def linear_to_srgb(values):
+    """Return sRGB-coded values of linear light, both 0..1 (others are clipped): float32 of the same shape.
+
+    The exact two-part curve of IEC 61966-2-1, the inverse of `srgb_to_linear`.
+    """
+    linear = np.clip(np.asarray(values, np.float32), 0, 1)
+    coded = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return coded.astype(np.float32)
+
+
+def save(path, image):
+    """Write a picture to a .png, .exr or .npz file, by suffix: all of it or nothing.
+
+    path: str or path-like. image: float [h, w, 4] linear premultiplied (or [h, w, 3]), or the dict of outputs
+    that `render` returns. PNG holds the colour alone, 8-bit sRGB with straight alpha, clipped to 0..1. EXR
+    holds linear float32: R, G, B, A (premultiplied), and of a dict also Z (depth), tangent.X and so on; `id`
+    is unsigned there, so -1 reads 4294967295. NPZ holds the arrays as they are, a plain one as `color`.
+    Raises Error for another suffix, other shapes, and where the file cannot be written.
+    """
+    path = _checked_path(path)
+    outputs = image if isinstance(image, dict) else {"color": image}
+    outputs = {name: np.asarray(array) for name, array in outputs.items()}
+    if "color" in outputs:
+        color = outputs["color"]
+        if color.ndim != 3 or color.shape[2] not in (3, 4) or 0 in color.shape or color.dtype.kind != "f":
+            raise Error(f"save color is {color.dtype} {list(color.shape)}; "
+                        "allowed: floats [h, w, 4] or [h, w, 3]")
+    write = WRITERS[path.suffix.lower()]
+    # A name of our own beside the target, so that replacing it is one step and keeps the usual permissions.
+    temporary = path.with_name(f".{path.stem}-{os.urandom(4).hex()}{path.suffix.lower()}")
+    try:
+        with open(temporary, "xb"):
+            pass
+        write(temporary, outputs)
+        os.replace(temporary, path)
+    except Error:
+        raise
+    except Exception as error:  # whatever a writer fails with, the user gets one line
+        raise Error(f"{path}: cannot be written: {_reason(error)}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def check_writable(path):
+    """Raise Error unless `save` could write to this path; leaves nothing behind."""
+    path = _checked_path(path)
+    temporary = path.with_name(f".{path.stem}-{os.urandom(4).hex()}{path.suffix.lower()}")
+    try:
+        with open(temporary, "xb"):  # the one sure test: permissions may lie, as for root on a read-only disk
+            pass
+        temporary.unlink()
+    except OSError as error:
+        raise Error(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _reason(error):
+    """Return what an exception says, in one line."""
+    text = getattr(error, "strerror", None) or str(error).strip() or type(error).__name__
+    return text.splitlines()[0]
+
+
+def _checked_path(path):
+    if not isinstance(path, (str, os.PathLike)):
+        raise Error(f"save path is {path!r}; allowed: a file's name")
+    path = Path(path)
+    if path.suffix.lower() not in WRITERS:
+        raise Error(f"{path}: {path.suffix or 'no suffix'} is not supported; allowed: {', '.join(WRITERS)}")
+    if path.is_dir():
+        raise Error(f"{path}: is a folder; allowed: a file")
+    if not path.parent.is_dir():
+        raise Error(f"{path}: there is no folder {path.parent}")
+    return path
+
+
+def _png(path, outputs):
+    import imageio.v3
+
+    if "color" not in outputs:
+        raise Error("save to .png needs the output 'color'; allowed without it: .exr, .npz")
+    color = np.nan_to_num(outputs["color"].astype(np.float32), nan=0.0, posinf=1.0, neginf=0.0)
+    if color.shape[2] == 4:
+        alpha = np.clip(color[:, :, 3:], 0, 1)
+        straight = np.where(alpha > 0, color[:, :, :3] / np.where(alpha > 0, alpha, 1), 0)
+        coded = np.concatenate([linear_to_srgb(straight), alpha], axis=2)
+    else:
+        coded = linear_to_srgb(color)
+    imageio.v3.imwrite(path, (coded * 255 + 0.5).astype(np.uint8), extension=".png")
+
+
+def _exr(path, outputs):
+    import OpenEXR
+
+    channels = {}
+    for name, array in outputs.items():
+        names = tuple("RGBA"[: array.shape[2]]) if name == "color" else EXR_CHANNELS.get(name, (name,))
+        layers = array if array.ndim == 3 else array[:, :, None] if array.ndim == 2 else None
+        if layers is None or layers.shape[2] != len(names):
+            raise Error(f"save output {name!r} has the shape {list(array.shape)}; "
+                        f"allowed: [h, w, {len(names)}]")
+        whole = array.dtype.kind in "iu"
+        for k, channel in enumerate(names):
+            # EXR has no signed integers; floats would lose ids beyond 2**24.
+            values = layers[:, :, k].astype(np.int64).astype(np.uint32) if whole else layers[:, :, k]
+            channels[channel] = np.ascontiguousarray(values, dtype=np.uint32 if whole else np.float32)
+    if len({array.shape for array in channels.values()}) != 1:
+        raise Error("save outputs are not all of one size; allowed: arrays of the same [h, w]")
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, channels).write(str(path))
+
+
+def _npz(path, outputs):
+    np.savez(path, **outputs)
+
+
+WRITERS = {".png": _png, ".exr": _exr, ".npz": _npz}
+
+
+def load_picture(path):
+    """Return a picture file's pixels as stored, without alpha: uint8 [h, w, 3], the top row first.
+
+    path: str or path-like, of any format with 8 bits a channel that imageio reads (PNG, JPEG, ...).
+    Raises Error, one line that names the file, where it is missing, damaged or has more than 8 bits.
+    """
+    if not isinstance(path, (str, os.PathLike)):
+        raise Error(f"load_picture path is {path!r}; allowed: a file's name")
+    path = Path(path)
+    if not path.is_file():
+        raise Error(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; allowed: a picture file")
+    import imageio.v3
+
+    try:
+        pixels = imageio.v3.imread(path, index=0, plugin="pillow")
+    except Exception as error:  # a damaged file can fail in any way
+        raise Error(f"{path}: cannot be read as a picture: {_reason(error)}") from error
+    if pixels.dtype == bool:
+        pixels = pixels.astype(np.uint8) * 255
+    if pixels.ndim == 2:
+        pixels = pixels[:, :, None]
+    if pixels.dtype != np.uint8 or pixels.ndim != 3 or 0 in pixels.shape:
+        raise Error(f"{path}: is {pixels.dtype} {list(pixels.shape)}; allowed: pictures of 8 bits a channel")
+    pixels = pixels[:, :, :3] if pixels.shape[2] >= 3 else np.repeat(pixels[:, :, :1], 3, axis=2)
+    return np.ascontiguousarray(pixels)

@@ -1,0 +1,59 @@
+"""Fixtures: every OpenCL device that is present, and small scenes to draw on it."""
+
+import numpy as np
+import pytest
+
+import clfur
+from clfur import device
+
+DEVICES = device.find()
+
+
+def pytest_report_header(config):
+    return [f"OpenCL: {handle} = {device.describe(d)}" for handle, d in device.handles(device._platforms())]
+
+
+@pytest.fixture(scope="session", params=range(max(len(DEVICES), 1)),
+                ids=lambda i: device.describe(DEVICES[i]).split(" ·")[0].replace(" ", "-") if DEVICES else "none")
+def gpu(request):
+    """A scheduler on each device in turn; a machine without any fails the tests, it doesn't skip them."""
+    assert DEVICES, "no OpenCL device: the tests need one (PoCL comes with the package)"
+    return clfur.Scheduler(DEVICES[request.param])
+
+
+@pytest.fixture(autouse=True)
+def fresh(request):
+    """Each test starts without stages kept from the one before."""
+    yield
+    if "gpu" in request.fixturenames:
+        request.getfixturevalue("gpu").forget()
+
+
+def icosphere(subdivisions):
+    """Unit sphere of 20·4^n triangles -> (positions [V, 3], faces [F, 3])."""
+    g = (1 + 5**0.5) / 2
+    positions = [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g),
+                 (0, -1, -g), (0, 1, -g), (g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)]
+    faces = [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2),
+             (10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5),
+             (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)]
+    positions, faces = np.array(positions, float), np.array(faces)
+    for _ in range(subdivisions):
+        a, b, c = (positions[faces[:, i]] for i in range(3))
+        n, f = len(positions), len(faces)
+        middles = np.concatenate([a + b, b + c, c + a])
+        ab, bc, ca = (np.arange(f) + n + i * f for i in range(3))
+        faces = np.concatenate([np.stack(t, 1) for t in (
+            (faces[:, 0], ab, ca), (ab, faces[:, 1], bc), (ca, bc, faces[:, 2]), (ab, bc, ca))])
+        positions = np.concatenate([positions, middles])
+        positions /= np.linalg.norm(positions, axis=1, keepdims=True)
+    return positions / np.linalg.norm(positions, axis=1, keepdims=True), faces
+
+
+@pytest.fixture(scope="session")
+def sphere():
+    """Unit sphere of 320 faces; its normals are exact and its uv are longitude and latitude by corner."""
+    positions, faces = icosphere(2)
+    uv = np.stack([np.arctan2(positions[:, 0], positions[:, 2]) / (2 * np.pi) + 0.5,
+                   np.arcsin(positions[:, 1]) / np.pi + 0.5], 1)
+    return clfur.Mesh(positions, positions, uv[faces], faces)

@@ -1,0 +1,218 @@
+"""The `clfur` command: what it draws and says, and one line for what the user got wrong."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from clfur.cli import main
+
+SMALL = ["--size", "64x48", "--inner", "2", "--outer", "2", "--samples", "1"]
+
+
+@pytest.fixture
+def clfur(tmp_path, monkeypatch, capfd):
+    """Runs the command in an empty folder -> (exit code, stdout, stderr)."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("CLFUR_DEVICE", raising=False)
+    monkeypatch.delenv("PYOPENCL_CTX", raising=False)
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as exit:
+            main(list(map(str, arguments)))
+        return exit.value.code, *capfd.readouterr()
+    return run
+
+
+def test_render(clfur, tmp_path):
+    code, out, err = clfur("render", "sphere", *SMALL)
+    assert (code, err) == (0, "")
+    assert out.startswith("sphere.png: ") and len(out.splitlines()) == 1
+    for word in ("triangles, ", "strands, ", "segments in ", " s on ", "strands 0."):
+        assert word in out
+    assert (tmp_path / "sphere.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+    assert [file.name for file in tmp_path.iterdir()] == ["sphere.png"]
+
+
+def test_json(clfur, tmp_path):
+    code, out, err = clfur("render", "sphere", *SMALL, "--roots", 500, "--segments", 3, "--json",
+                           "-o", "a.png")
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    assert {"file", "size", "device", "triangles", "strands", "segments", "seconds", "stages",
+            "skipped"} <= set(told)
+    assert (told["file"], told["size"]) == ("a.png", [64, 48])
+    assert (told["strands"], told["segments"]) == (500, 1500)
+    assert told["triangles"] > 0 and told["seconds"] > 0 and all(s >= 0 for s in told["stages"].values())
+    assert told["skipped"] == {"degenerate": 0, "zero_normal": 0}
+    assert (tmp_path / "a.png").stat().st_size > 500
+
+
+def test_outputs(clfur, tmp_path):
+    code, _, err = clfur("render", "sphere", *SMALL, "-o", "a.npz", "--outputs", "color,depth,id")
+    assert (code, err) == (0, "")
+    with np.load(tmp_path / "a.npz") as saved:
+        assert {name: saved[name].shape for name in saved} == {
+            "color": (48, 64, 4), "depth": (48, 64), "id": (48, 64)}
+        assert np.isfinite(saved["depth"]).any() and np.isfinite(saved["color"]).all()
+
+
+def test_same_picture_for_the_same_colour(clfur, tmp_path):
+    for name, color in ("a", "#ff0000"), ("b", "1,0,0"):
+        assert clfur("render", "sphere", *SMALL, "-o", f"{name}.png", "--color", color)[0] == 0
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_camera(clfur, tmp_path):
+    for name, options in {
+        "framed": (), "above": ("--eye", "0,5,0"), "aside": ("--target", "9,0,0"), "wide": ("--fov", "90"),
+    }.items():
+        assert clfur("render", "sphere", *SMALL, "-o", f"{name}.npz", *options)[0] == 0
+    coverage = {file.stem: np.load(file)["color"][..., 3] for file in tmp_path.iterdir()}
+    assert coverage["above"].any() and coverage["framed"].any()
+    assert not coverage["aside"].any()                                   # it looks past the sphere
+    assert not np.array_equal(coverage["above"], coverage["framed"])
+    # Whatever the field of view, the sphere is framed.
+    assert 0.6 < coverage["wide"].sum() / coverage["framed"].sum() < 1.4
+
+
+def test_hair_types(clfur, tmp_path):
+    """A map of one colour means the type of that colour; what the type leaves out is the options'."""
+    import imageio.v3 as imageio
+    imageio.imwrite(tmp_path / "map.png", np.full((2, 2, 3), (0, 255, 0), np.uint8))
+    (tmp_path / "types.json").write_text(json.dumps([
+        {"key": [255, 0, 0], "segments": 0}, {"key": [0, 255, 0], "segments": 5, "color": "#ff0000"}]))
+    fur = "--type-map", "map.png", "--types", "types.json", "--json"
+    code, out, err = clfur("render", "sphere", *SMALL, *fur)
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    assert told["segments"] == 5 * told["strands"] > 0
+
+
+def test_skipped_faces_are_counted(clfur, tmp_path):
+    (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 0 0\nf 1 2 3\nf 1 2 4\n")
+    code, out, err = clfur("render", "m.obj", *SMALL)
+    assert (code, err) == (0, "") and out.rstrip().endswith("; skipped faces: 1 degenerate")
+
+
+def wrong(result, *words):
+    code, out, err = result
+    assert (code, out) == (2, "")
+    assert err.startswith("clfur: error: ") and err.count("\n") == 1 and err.endswith("\n"), err
+    for word in words:
+        assert word in err
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (["rendr"], ["rendr"]),
+    (["render"], ["MESH"]),
+    (["render", "sphere", "--szie", "64x48"], ["--szie", "--size"]),
+    (["render", "sphere", "teapot"], ["teapot"]),
+    (["render", "sphere", "--size"], ["--size"]),
+    (["render", "sphere", "--size", "64"], ["--size", "'64'", "640x480"]),
+    (["render", "sphere", "--size", "0x48"], ["--size", "0x48"]),
+    (["render", "sphere", "--size", "-4x48"], ["--size", "-4x48"]),
+    (["render", "sphere", "--size", "99999x99999"], ["99999"]),
+    (["render", "sphere", "--inner", "0"], ["--inner", "64"]),
+    (["render", "sphere", "--outer", "65"], ["--outer", "64"]),
+    (["render", "sphere", "--inner", "2.5"], ["--inner", "2.5"]),
+    (["render", "sphere", "--segments", "256"], ["--segments", "255"]),
+    (["render", "sphere", "--length", "-1"], ["segment_length"]),
+    (["render", "sphere", "--width", "nan"], ["width", "nan"]),
+    (["render", "sphere", "--color", "#12345"], ["--color", "#12345"]),
+    (["render", "sphere", "--color", "1,2"], ["--color", "1,2"]),
+    (["render", "sphere", "--force", "0,-1,inf"], ["force", "inf"]),
+    (["render", "sphere", "--roots", "many"], ["--roots", "many", "faces"]),
+    (["render", "sphere", "--variation", "2"], ["--variation"]),
+    (["render", "sphere", "--samples", "3"], ["--samples", "16"]),
+    (["render", "sphere", "--specular", "none"], ["--specular", "half-vector"]),
+    (["render", "sphere", "--eye", "0,0,0", "--target", "0,0,0"], ["Camera.target"]),
+    (["render", "sphere", "--fov", "180"], ["fov", "180"]),
+    (["render", "sphere", "--light", "0,0,0"], ["direction"]),
+    (["render", "sphere", "--seed", "-1"], ["seed", "-1"]),
+    (["render", "sphere", "--outputs", "colour", "-o", "a.npz"], ["colour", "color"]),
+    (["render", "sphere", "--outputs", "color,depth"], ["a.png", "npz"]),
+    (["render", "sphere", "--device", "abacus"], ["abacus", "there is"]),
+    (["render", "sphere", "--type-map", "map.png"], ["--types"]),
+    (["render", "sphere", "--types", "types.json"], ["types.json"]),
+    (["render", "missing.obj"], ["missing.obj"]),
+    (["render", "cow"], ["cow"]),
+])
+def test_wrong_arguments(clfur, tmp_path, arguments, words):
+    named = any(flag in arguments for flag in ("-o", "rendr")) or arguments == ["render"]
+    wrong(clfur(*arguments, *([] if named else ["-o", "a.png"])), *words)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name, content", [
+    ("mesh.txt", "hello"),
+    ("mesh.obj", ""),
+    ("mesh.obj", "v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n"),
+    ("mesh.obj", "v 0 0 0\nv 1 0 0\nv 0 1e999 0\nf 1 2 3\n"),
+    ("mesh.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n"),
+    ("mesh.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n"),
+    ("mesh.glb", "glTF"),
+    ("mesh.stl", "solid nothing\nendsolid"),
+    ("mesh.ply", "ply\nformat ascii 1.0\nelement vertex 9\n"),
+])
+def test_wrong_mesh(clfur, tmp_path, name, content):
+    (tmp_path / name).write_text(content)
+    wrong(clfur("render", name, *SMALL), "mesh")
+    assert [file.name for file in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize("output", ["missing/a.png", "folder", "folder/", "folder/a.txt", "a", "a.png/b.png"])
+def test_output_that_cannot_be_written(clfur, tmp_path, output):
+    """Tested before anything is loaded or drawn."""
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "a.png").write_text("mine")
+    wrong(clfur("render", "missing.obj", "-o", output), output.rstrip("/"))
+    assert sorted(file.name for file in tmp_path.rglob("*")) == ["a.png", "folder"]
+    assert (tmp_path / "a.png").read_text() == "mine"
+
+
+@pytest.mark.parametrize("content, words", [
+    ("{", ["not JSON"]),
+    ("{}", ["list"]),
+    ("[1]", ["list"]),
+    ("[]", ["types"]),
+    ('[{"segmnets": 3}]', ["type 0", "segmnets", "segments"]),
+    ('[{"segments": 0.5}]', ["type 0", "HairType.segments"]),
+    ('[{"color": "#zzzzzz"}]', ["type 0", "#zzzzzz"]),
+    ('[{"color": null}]', ["type 0", "color"]),
+    ('[{"color_texture": "missing.png"}]', ["type 0", "missing.png"]),
+    ('[{}, {}]', ["type_map"]),
+])
+def test_wrong_hair_types(clfur, tmp_path, content, words):
+    (tmp_path / "types.json").write_text(content)
+    wrong(clfur("render", "sphere", "--types", "types.json", *SMALL), *words)
+    assert [file.name for file in tmp_path.iterdir()] == ["types.json"]
+
+
+def test_interrupted(clfur, tmp_path, monkeypatch):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+    monkeypatch.setattr("clfur.cli.draw", interrupt)
+    code, out, err = clfur("render", "sphere")
+    assert (code, out, err.strip()) == (130, "", "")
+    assert not list(tmp_path.iterdir())
+
+
+def test_help(clfur):
+    for arguments in ([], ["--help"], ["render", "--help"]):
+        code, out, err = clfur(*arguments)
+        assert (code, err) == (0, "") and out.startswith("Usage: clfur")
+
+
+def test_as_a_process(tmp_path):
+    """The same from a shell: exit code 2, one line, no traceback."""
+    command = "from clfur.cli import main; main()"
+    checkout = str(Path(__file__).parents[1])   # where clfur is when it is not installed
+    done = subprocess.run([sys.executable, "-c", command, "render", "missing.obj"], check=False,
+                          cwd=tmp_path, env=os.environ | {"PYTHONPATH": checkout},
+                          capture_output=True, text=True, timeout=60)
+    wrong((done.returncode, done.stdout, done.stderr), "missing.obj")

@@ -1,0 +1,167 @@
+"""Pictures to files and back."""
+
+import os
+
+import numpy as np
+import pytest
+
+from clfur.errors import Error
+from clfur.image import check_writable, linear_to_srgb, load_picture, save, srgb_to_linear
+
+HEIGHT, WIDTH = 5, 7
+
+
+@pytest.fixture
+def outputs():
+    """The outputs of a render: colour premultiplied."""
+    random = np.random.default_rng(1)
+    color = random.random((HEIGHT, WIDTH, 4), np.float32)
+    color[..., :3] *= color[..., 3:]
+    color[0, 0] = 0
+    return {
+        "color": color,
+        "depth": np.where(color[..., 0] > 0.2, color[..., 1], np.inf).astype(np.float32),
+        "id": random.integers(-2, 2**31, (HEIGHT, WIDTH)).astype(np.int32),
+        "tangent": random.random((HEIGHT, WIDTH, 3), np.float32),
+        "normal": random.random((HEIGHT, WIDTH, 3), np.float32),
+        "uv": random.random((HEIGHT, WIDTH, 2), np.float32),
+        "coverage": color[..., 3],
+    }
+
+
+def test_srgb():
+    codes = np.arange(256, dtype=np.uint8)
+    linear = srgb_to_linear(codes)
+    assert np.array_equal(np.round(linear_to_srgb(linear) * 255), codes)
+    assert np.allclose(srgb_to_linear(codes / 255), linear, atol=1e-7)
+    # Known values of IEC 61966-2-1: both sides of the joint, and the code of half the light.
+    assert np.allclose(linear_to_srgb([0, 0.001, 0.5, 1, -1, 2]), [0, 0.01292, 0.735357, 1, 0, 1], atol=1e-5)
+    assert (np.diff(linear) > 0).all()
+
+
+def test_png_is_straight_srgb(tmp_path, outputs):
+    import imageio.v3
+
+    for image in (outputs, outputs["color"]):
+        save(tmp_path / "a.PNG", image)
+        pixels = imageio.v3.imread(tmp_path / "a.PNG", extension=".png")
+        assert pixels.shape == (HEIGHT, WIDTH, 4) and pixels.dtype == np.uint8
+        color = outputs["color"].astype(float)
+        alpha = color[..., 3:]
+        straight = np.divide(color[..., :3], alpha, out=np.zeros((HEIGHT, WIDTH, 3)), where=alpha > 0)
+        expected = np.concatenate([linear_to_srgb(straight), alpha], axis=2) * 255
+        assert np.abs(pixels - expected).max() <= 0.51
+        assert (pixels[0, 0] == 0).all()
+    save(tmp_path / "b.png", np.float32([[[0.5, 0, 9]]]))
+    assert load_picture(tmp_path / "b.png").tolist() == [[[188, 0, 255]]]
+    save(tmp_path / "c.png", np.float32([[[np.nan, np.inf, -np.inf, 1]]]))
+    assert load_picture(tmp_path / "c.png").tolist() == [[[0, 255, 0]]]
+
+
+def test_exr_is_real_and_linear(tmp_path, outputs):
+    import OpenEXR
+
+    save(tmp_path / "a.exr", outputs)
+    assert (tmp_path / "a.exr").read_bytes()[:4] == b"\x76\x2f\x31\x01"  # imageio would write TIFF here
+    channels = OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).channels()
+    assert set(channels) == {"R", "G", "B", "A", "Z", "id", "coverage", "uv.U", "uv.V", "tangent.X",
+                             "tangent.Y", "tangent.Z", "normal.X", "normal.Y", "normal.Z"}
+    for k, name in enumerate("RGBA"):
+        assert np.array_equal(channels[name].pixels, outputs["color"][..., k])
+        assert channels[name].pixels.dtype == np.float32
+    assert np.array_equal(channels["Z"].pixels, outputs["depth"])
+    assert np.array_equal(channels["normal.Z"].pixels, outputs["normal"][..., 2])
+    assert np.array_equal(channels["id"].pixels.astype(np.uint32).view(np.int32), outputs["id"])
+    save(tmp_path / "b.exr", outputs["color"][..., :3])
+    assert set(OpenEXR.File(str(tmp_path / "b.exr"), separate_channels=True).channels()) == {"R", "G", "B"}
+
+
+def test_npz_holds_all(tmp_path, outputs):
+    save(str(tmp_path / "a.npz"), outputs)
+    with np.load(tmp_path / "a.npz") as stored:
+        assert set(stored) == set(outputs)
+        assert all(np.array_equal(stored[name], outputs[name]) for name in outputs)
+    save(tmp_path / "b.npz", outputs["color"])
+    with np.load(tmp_path / "b.npz") as stored:
+        assert set(stored) == {"color"}
+
+
+def test_nothing_is_left_behind(tmp_path, outputs, monkeypatch):
+    (tmp_path / "folder.png").mkdir()
+    before = sorted(os.listdir(tmp_path))
+    color = outputs["color"]
+    for path, image, words in [
+        (tmp_path / "a.tif", color, "allowed: .png, .exr, .npz"),
+        (tmp_path / "a", color, "no suffix"),
+        (tmp_path / "none" / "a.png", color, "no folder"),
+        (tmp_path / "folder.png", color, "is a folder"),
+        (tmp_path / ("x" * 300 + ".png"), color, "cannot be written"),
+        (3, color, "save path"),
+        (tmp_path / "a.png", color[..., 0], "save color"),
+        (tmp_path / "a.png", color[..., :2], "save color"),
+        (tmp_path / "a.png", np.zeros((2, 2, 3), np.uint8), "save color"),
+        (tmp_path / "a.png", np.zeros((0, 2, 3)), "save color"),
+        (tmp_path / "a.png", {"depth": outputs["depth"]}, "'color'"),
+        (tmp_path / "a.exr", {"uv": outputs["depth"]}, "'uv'"),
+        (tmp_path / "a.exr", {"color": color, "depth": outputs["depth"][1:]}, "one size"),
+    ]:
+        with pytest.raises(Error, match=words) as caught:
+            save(path, image)
+        assert "\n" not in str(caught.value)
+        assert sorted(os.listdir(tmp_path)) == before
+
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    save(tmp_path / "old.png", color)
+    old = (tmp_path / "old.png").read_bytes()
+    monkeypatch.setattr(os, "replace", fail)
+    with pytest.raises(Error, match="No space left"):
+        save(tmp_path / "old.png", color * 0)
+    assert (tmp_path / "old.png").read_bytes() == old and len(os.listdir(tmp_path)) == 2
+
+
+def test_check_writable(tmp_path):
+    check_writable(tmp_path / "a.png")
+    assert not os.listdir(tmp_path)
+    for name, words in [("a.jpg", "not supported"), ("none/a.png", "no folder"),
+                        ("x" * 300 + ".exr", "cannot be written")]:
+        with pytest.raises(Error, match=words):
+            check_writable(tmp_path / name)
+    with pytest.raises(Error, match="cannot be written"):
+        check_writable("/proc/a.png")
+
+
+def test_new_files_have_the_usual_permissions(tmp_path, outputs):
+    save(tmp_path / "a.png", outputs)
+    (tmp_path / "b").touch()
+    assert (tmp_path / "a.png").stat().st_mode == (tmp_path / "b").stat().st_mode
+
+
+@pytest.mark.parametrize("shape, name", [((4, 6, 3), "a.png"), ((4, 6, 4), "a.png"), ((4, 6), "a.png"),
+                                         ((4, 6, 3), "a.bmp")])
+def test_load_picture(tmp_path, shape, name):
+    import imageio.v3
+
+    pixels = np.random.default_rng(2).integers(0, 256, shape, np.uint8)
+    imageio.v3.imwrite(tmp_path / name, pixels)
+    loaded = load_picture(tmp_path / name)
+    expected = pixels[..., :3] if pixels.ndim == 3 else np.stack([pixels] * 3, axis=2)
+    assert loaded.dtype == np.uint8 and np.array_equal(loaded, expected)
+
+
+def test_bad_pictures(tmp_path, outputs):
+    import imageio.v3
+
+    save(tmp_path / "a.png", np.random.default_rng(3).random((64, 64, 3)))
+    data = (tmp_path / "a.png").read_bytes()
+    (tmp_path / "cut.png").write_bytes(data[: len(data) // 2])
+    (tmp_path / "junk.png").write_bytes(b"hello")
+    (tmp_path / "empty.png").touch()
+    imageio.v3.imwrite(tmp_path / "deep.png", np.zeros((4, 4), np.uint16))
+    for name in ("cut.png", "junk.png", "empty.png", "deep.png", "gone.png", "."):
+        with pytest.raises(Error) as caught:
+            load_picture(tmp_path / name)
+        assert "\n" not in str(caught.value)
+    with pytest.raises(Error, match="load_picture path"):
+        load_picture(None)
