@@ -61,7 +61,8 @@ def save(path, image):
     except Exception as error:  # whatever a writer fails with, the user gets one line
         raise Error(f"{path}: cannot be written: {_reason(error)}") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        if os.path.exists(temporary):
+            temporary.unlink()
 
 
 def check_writable(path):
@@ -88,9 +89,9 @@ def _checked_path(path):
     path = Path(path)
     if path.suffix.lower() not in WRITERS:
         raise Error(f"{path}: {path.suffix or 'no suffix'} is not supported; allowed: {', '.join(WRITERS)}")
-    if path.is_dir():
+    if os.path.isdir(path):
         raise Error(f"{path}: is a folder; allowed: a file")
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         raise Error(f"{path}: there is no folder {path.parent}")
     return path
 
@@ -147,8 +148,9 @@ def load_picture(path):
     if not isinstance(path, (str, os.PathLike)):
         raise Error(f"load_picture path is {path!r}; allowed: a file's name")
     path = Path(path)
-    if not path.is_file():
-        raise Error(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; allowed: a picture file")
+    if not os.path.isfile(path):  # pathlib's would raise for names that the system refuses
+        problem = "is a folder" if os.path.isdir(path) else "no such file"
+        raise Error(f"{path}: {problem}; allowed: a picture file")
     import imageio.v3
 
     try:

@@ -49,9 +49,9 @@ def _names():
 
 def _read(path):
     """Return the bytes of a file, which may be at most MAX_BYTES."""
-    if path.is_dir():
+    if os.path.isdir(path):  # pathlib's would raise for names that the system refuses
         raise Error(f"{path}: is a folder; allowed: a file {FORMATS}")
-    if not path.exists():
+    if not os.path.exists(path):
         built_in = "" if path.suffix else f"; built-in names: {_names()}"
         raise Error(f"{path}: no such file{built_in}")
     if path.suffix.lower() not in READERS:
@@ -159,7 +159,7 @@ def _fans(sizes):
 # --- the other formats, by trimesh ----------------------------------------------------------------------
 
 
-def _by_trimesh(data, kind, least_faces=1):
+def _by_trimesh(data, kind, least_faces=0):
     """Return the fields of the Mesh that trimesh finds in data; Error if it has fewer faces than stated."""
     import trimesh  # here, since it takes long and built-in models and OBJ files do without
 
@@ -171,12 +171,12 @@ def _by_trimesh(data, kind, least_faces=1):
         placed = [(np.eye(4), loaded)]
     placed = [(matrix, part) for matrix, part in placed if len(getattr(part, "faces", ()))]
     total = sum(len(part.faces) for _, part in placed)
-    if not total:
-        raise Error("has no faces")
     if total > MAX_FACES:
         raise Error(f"has {total} faces; allowed: at most {MAX_FACES}")
     if total < least_faces:
         raise Error(f"is damaged or cut short: it states {least_faces} faces but holds {total}")
+    if not total:
+        raise Error("has no faces")
     positions, normals, uvs, faces, count = [], [], [], [], 0
     for matrix, part in placed:
         index = np.asarray(part.faces)
@@ -315,7 +315,7 @@ def _gltf_buffer(uri, path, binary):
     if name.is_absolute() or ".." in name.parts or re.match(r"\w+:", uri):
         raise Error(f"has a buffer in {uri[:60]!r}; allowed: files in its own folder")
     file = path.parent / name
-    if not file.is_file():
+    if not os.path.isfile(file):
         raise Error(f"has a buffer in {uri[:60]!r}, which does not exist")
     if file.stat().st_size > MAX_BYTES:
         raise Error(f"has a buffer of {file.stat().st_size} bytes; allowed: at most {MAX_BYTES}")

@@ -4,6 +4,7 @@ Lengths are in the mesh's own units, angles in degrees, colours linear. The worl
 Arrays are copied on the way in and are read-only, so that a scene never changes under a renderer.
 """
 
+import functools
 import math
 import operator
 
@@ -355,10 +356,27 @@ class Mesh:
         mean = _unit_unless_cancelled(_sums(given, corner, count), np.bincount(corner, minlength=count))
         return np.where((mean != 0).any(axis=1, keepdims=True), mean, result)
 
+    @functools.cached_property
+    def hull(self):
+        """Points whose convex hull holds the curved (PN) surface, float64 [n, 3] (Vlachos et al. 2001)."""
+        return _hull(self)
+
     @property
     def bounds(self):
         """The sphere around the box of the positions: (centre float64 [3], radius float)."""
         return _sphere(*_box(self.positions))
+
+
+def _hull(mesh):
+    """Control points of the mesh's PN triangles, float64 [10 F, 3]: their convex hull holds the surface."""
+    p = mesh.positions.astype(np.float64)[mesh.faces]   # [F, 3, 3]
+    n = mesh.normals.astype(np.float64)[mesh.faces]
+    sides = []
+    for shift in (1, 2):
+        d = np.roll(p, -shift, axis=1) - p
+        sides.append(p + (d - (d * n).sum(2, keepdims=True) * n) / 3)
+    middle = np.concatenate(sides, 1).mean(1, keepdims=True) * 1.5 - p.mean(1, keepdims=True) / 2
+    return np.concatenate([p, *sides, middle], 1).reshape(-1, 3)
 
 
 def _face_normals(positions, faces):
@@ -751,36 +769,30 @@ class Light:
     ambient: float = attrs.field(converter=_to(_real(low=0)), default=0.1)
 
 
-def _fur_reach(mesh, strands):
-    """Return how far the fur can reach beyond the mesh's flat triangles, in world units."""
-    reach = max(
-        hair.segments * hair.segment_length * (1 + hair.length_variation)
-        + hair.curl[0] + hair.wave[0] + hair.width / 2
-        for hair in strands.types
-    )
-    if strands.surface == "pn":
-        # A PN triangle leaves its plane by no more than its control points on the edges do, and those lie
-        # a third of (next corner - corner) . normal away from it.
-        corners = mesh.positions.astype(np.float64)[mesh.faces]
-        normals = mesh.normals[mesh.faces]
-        heights = [((np.roll(corners, shift, axis=1) - corners) * normals).sum(axis=2) for shift in (1, 2)]
-        reach += float(np.abs(heights).max()) / 3
-    return reach
+def _reach(fur):
+    """Return how far fur can reach beyond the points that it is made of or grows on, in world units."""
+    if isinstance(fur, Curves):
+        return float(fur.width.max()) / 2
+    if fur is None:
+        return 0.0
+    return max(hair.segments * hair.segment_length * (1 + hair.length_variation)
+               + 2 * hair.curl[0] + hair.wave[0] + hair.width / 2 for hair in fur.types)
+
+
+def _points_to_see(mesh, fur):
+    """Return arrays [n, 3] of points whose hull, grown by `_reach`, holds all that is drawn."""
+    curved = isinstance(fur, Strands) and fur.surface == "pn"
+    points = [mesh.hull if curved else mesh.positions] if mesh is not None else []
+    return points + ([fur.points] if isinstance(fur, Curves) and len(fur.points) else [])
 
 
 def extent(mesh, fur):
     """Return a sphere (centre float64 [3], radius float) around all that a mesh and its fur can reach."""
-    boxes = [_box(mesh.positions)] if mesh is not None else []
-    if isinstance(fur, Curves) and len(fur.points):
-        boxes.append(_box(fur.points))
-    center, radius = np.zeros(3), 0.0
-    if boxes:
-        center, radius = _sphere(np.min([low for low, _ in boxes], 0), np.max([high for _, high in boxes], 0))
-    if isinstance(fur, Curves):
-        radius += float(fur.width.max()) / 2
-    if isinstance(fur, Strands) and mesh is not None:
-        radius += _fur_reach(mesh, fur)
-    return center, radius
+    boxes = [_box(points) for points in _points_to_see(mesh, fur)]
+    if not boxes:
+        return np.zeros(3), 0.0
+    center, radius = _sphere(np.min([low for low, _ in boxes], 0), np.max([high for _, high in boxes], 0))
+    return center, radius + _reach(fur)
 
 
 def frame(mesh, fur, size=(640, 480), fov=45, direction=(0.45, 0.3, 1.0)):
@@ -794,11 +806,18 @@ def frame(mesh, fur, size=(640, 480), fov=45, direction=(0.45, 0.3, 1.0)):
     fov = _real(above=0, below=180)(fov, "frame fov")
     direction = _direction(direction, "frame direction")
     center, radius = extent(mesh, fur)
-    radius = radius or 1.0
-    half = math.radians(fov) / 2
-    half = min(half, math.atan(math.tan(half) * size[0] / size[1]))
-    distance = 1.05 * radius / math.sin(half)
     up = (0, 1, 0) if abs(direction[1]) < 0.999 else (0, 0, -1)
+    x, y, z = Camera(eye=center + direction, target=center, up=up, fov=fov, size=size).pose[:3, :3].T
+    tall = math.tan(math.radians(fov) / 2)
+    wide = tall * size[0] / size[1]
+    # Every point must lie inside four planes through the eye: each asks for a distance.
+    distance = 0.0
+    for points in _points_to_see(mesh, fur):
+        offset = points - center
+        across, up_down, towards = np.abs(offset @ x), np.abs(offset @ y), offset @ z
+        distance = max(distance, (towards + across / wide).max(), (towards + up_down / tall).max())
+    distance += _reach(fur) / math.sin(math.atan(min(tall, wide)))
+    distance = 1.04 * distance or 1.0
     return Camera(eye=center + distance * direction, target=center, up=up, fov=fov, size=size)
 
 

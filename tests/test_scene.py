@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from clfur.errors import Error
-from clfur.scene import (Camera, Curves, HairType, Light, Mesh, PointForce, Scene, Strands, frame,
-                         srgb_to_linear)
+from clfur.image import srgb_to_linear
+from clfur.scene import Camera, Curves, HairType, Light, Mesh, PointForce, Scene, Strands, frame
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -77,7 +77,7 @@ def square(**options):
     (lambda: Scene(square(), body_color=(1, 1)), "Scene.body_color"),
     (lambda: Scene(square(), Strands(inner=[1, 2, 3])), "Strands.inner has levels for 3 faces"),
     (lambda: Scene(square(), Strands(outer=[[1, 2, 3]])), "Strands.outer has levels for 1 faces"),
-    (lambda: Scene(square(), Strands(outer=[[1, 2, 3], [4, 5, 6]])), "Strands.outer is 2 at face 0, edge 1, "),
+    (lambda: Scene(square(), Strands(outer=[[1, 2, 3], [4, 5, 6]])), "at face 0, edge 1, "),
     (lambda: Scene(square(), Strands(types=HairType(color_texture=np.ones((1, 1, 3))))), "color_texture"),
     (lambda: frame(square(), None, fov=0), "frame fov"),
     (lambda: frame(square(), None, direction=(0, 0, 0)), "frame direction"),
@@ -94,7 +94,7 @@ def test_refuses(make, words):
     ({"positions": SQUARE, "faces": np.zeros((0, 3), int)}, "Mesh.faces is empty"),
     ({"positions": SQUARE, "faces": [[0, 1, 4]]}, "Mesh.faces has the index 4"),
     ({"positions": SQUARE, "faces": [[0, 1, -1]]}, "Mesh.faces has the index -1"),
-    ({"positions": SQUARE, "faces": [[0, 1, 2**63]]}, "Mesh.faces has the index"),
+    ({"positions": SQUARE, "faces": np.array([[0, 1, 2**63]], np.uint64)}, "Mesh.faces has the index"),
     ({"positions": SQUARE, "faces": [[0.0, 1.0, 2.0]]}, "Mesh.faces"),
     ({"positions": SQUARE, "faces": [[0, 1, 2, 3]]}, "Mesh.faces"),
     ({"positions": SQUARE, "faces": [[0, 1, 1]]}, "1 are degenerate"),
@@ -160,8 +160,8 @@ def test_a_split_mesh_is_welded(scale, given):
 def test_normals_are_weighted_by_area():
     # A large face in z = 0 and one with half its area in x = 0, which meet in an edge.
     mesh = Mesh([[0, 0, 0], [0, 2, 0], [-2, 0, 0], [0, 0, -1]], faces=[[0, 1, 2], [0, 3, 1]])
-    assert np.allclose(mesh.normals[0], np.array([-1, 0, 2]) / math.sqrt(5), atol=1e-6)
-    assert np.allclose(mesh.normals[2], (0, 0, 1)) and np.allclose(mesh.normals[3], (-1, 0, 0))
+    assert np.allclose(mesh.normals[0], np.array([1, 0, 2]) / math.sqrt(5), atol=1e-6)
+    assert np.allclose(mesh.normals[2], (0, 0, 1)) and np.allclose(mesh.normals[3], (1, 0, 0))
 
 
 def test_given_normals_are_kept_and_mended():
@@ -321,7 +321,7 @@ def test_calibrated_camera():
 @pytest.mark.parametrize("direction", [(0.45, 0.3, 1.0), (0, 1, 0), (0, -1, 0)])
 def test_frame_holds_all(size, scale, direction):
     mesh = Mesh(TENT * scale, faces=TENT_FACES)
-    fur = Strands(types=HairType(segments=10, segment_length=0.1 * scale, curl=(0.2 * scale, 3)))
+    fur = Strands(types=HairType(segments=10, segment_length=0.1 * scale, width=0, curl=(0.2 * scale, 3)))
     camera = frame(mesh, fur, size, 50, direction)
     tips = (mesh.positions[:, None] + 1.2 * scale * np.vstack([np.eye(3), -np.eye(3)])).reshape(-1, 3)
     places = np.array([project(camera, tip) for tip in tips])
