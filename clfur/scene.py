@@ -361,7 +361,7 @@ class Mesh:
         """Points whose convex hull holds the curved (PN) surface, float64 [n, 3] (Vlachos et al. 2001)."""
         return _hull(self)
 
-    @property
+    @functools.cached_property
     def bounds(self):
         """The sphere around the box of the positions: (centre float64 [3], radius float)."""
         return _sphere(*_box(self.positions))
@@ -786,6 +786,7 @@ def _points_to_see(mesh, fur):
     return points + ([fur.points] if isinstance(fur, Curves) and len(fur.points) else [])
 
 
+@functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
 def extent(mesh, fur):
     """Return a sphere (centre float64 [3], radius float) around all that a mesh and its fur can reach."""
     boxes = [_box(points) for points in _points_to_see(mesh, fur)]
@@ -799,13 +800,13 @@ def frame(mesh, fur, size=(640, 480), fov=45, direction=(0.45, 0.3, 1.0)):
     """Return a Camera that sees all of a mesh and its fur.
 
     mesh: Mesh, or None with Curves. fur: Strands, Curves or None. size: (width, height) in pixels.
-    fov: vertical, degrees. direction: [3] from the centre of what is drawn to the camera. The sphere around
-    it fits into the smaller of the two fields of view. Raises Error as Camera does.
+    fov: vertical, degrees. direction: [3] from the centre of what is drawn to the camera, which comes
+    as near as it can. Raises Error as Camera does.
     """
     size = _size(size, "frame size")
     fov = _real(above=0, below=180)(fov, "frame fov")
     direction = _direction(direction, "frame direction")
-    center, radius = extent(mesh, fur)
+    center, _ = extent(mesh, fur)
     up = (0, 1, 0) if abs(direction[1]) < 0.999 else (0, 0, -1)
     x, y, z = Camera(eye=center + direction, target=center, up=up, fov=fov, size=size).pose[:3, :3].T
     tall = math.tan(math.radians(fov) / 2)
