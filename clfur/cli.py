@@ -145,8 +145,9 @@ def render(mesh, output, as_json, **options):
 
     MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.
     """
-    output = Path(output or Path(mesh).stem + ".png")
+    output = Path(mesh).stem + ".png" if output is None else output
     check_writable(output)
+    output = Path(output)
     if output.suffix.lower() == ".png" and set(options["outputs"]) != {"color"}:
         raise click.UsageError(f"{output} can hold the output color alone; .exr and .npz hold others")
     mesh = load_mesh(mesh)
@@ -195,7 +196,7 @@ def _scene(mesh, options):
         eye = options["eye"] or tuple(camera.eye + target - camera.target)
         upright = (eye[0], eye[2]) != (target[0], target[2])
         camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
-                              fov=options["fov"], size=options["size"])
+                        fov=options["fov"], size=options["size"])
     return Scene(mesh=mesh, fur=fur, camera=camera, light=Light(direction=options["light"]))
 
 

@@ -78,7 +78,7 @@ def draw(scene, device=None, settings=None, outputs=("color",)):
     images = {}
     if "color" in outputs:
         images["color"] = shade.color(gpu, view, light_of(scene.light), settings.specular,
-                                      visible, strands, body, scene.body_color)
+                                      visible, strands, body, (0, 0, 0) if scene.body_color is None else scene.body_color)
     if set(outputs) - {"color"}:
         images |= shade.about(gpu, view, visible, strands, body)
 

@@ -1,0 +1,146 @@
+"""The whole way from a scene to its picture."""
+
+import numpy as np
+import pytest
+
+import clfur
+from clfur.render import OUTPUTS, view_of
+
+SETTINGS = clfur.Settings(samples=1)
+
+
+@pytest.fixture(scope="module")
+def scene(sphere):
+    hair = clfur.HairType(segments=4, segment_length=.05, force_weight=.3, width=.004, length_variation=.3)
+    return clfur.Scene(mesh=sphere, fur=clfur.Strands(inner=2, outer=3, types=hair),
+                       camera=clfur.Camera(size=(97, 61)))
+
+
+def seen_from(scene, **camera):
+    return clfur.Scene(mesh=scene.mesh, fur=scene.fur, camera=clfur.Camera(size=scene.camera.size, **camera))
+
+
+def test_two_runs_and_a_kept_scheduler_give_the_same_bits(gpu, scene):
+    first = clfur.render(scene, gpu, SETTINGS, outputs=tuple(OUTPUTS))
+    kept = clfur.render(scene, gpu, SETTINGS, outputs=tuple(OUTPUTS))
+    gpu.forget()
+    anew = clfur.render(scene, gpu, SETTINGS, outputs=tuple(OUTPUTS))
+    for name in OUTPUTS:
+        assert first[name].tobytes() == kept[name].tobytes() == anew[name].tobytes(), name
+
+
+def test_a_picture_of_fur(gpu, scene):
+    out = clfur.render(scene, gpu, SETTINGS, outputs=("color", "id", "depth", "coverage"))
+    color, who, depth = out["color"], out["id"], out["depth"]
+    assert color.shape == (61, 97, 4) and color.dtype == np.float32 and np.isfinite(color).all()
+    assert (who >= 0).sum() > (who == -2).sum() > 0          # fur, with skin between
+    assert who.max() < 320 * 13                              # levels 2 and 3 make 9 triangles a face
+    np.testing.assert_array_equal(color[..., 3] > 0, who != -1)
+    np.testing.assert_array_equal(np.isinf(depth), who == -1)
+    assert depth[who != -1].min() > 3.2 - 1.3                # the eye is 3.22 from the centre, hair reaches 1.26
+    corners = color[[0, 0, -1, -1], [0, -1, 0, -1]]
+    assert not corners.any()
+
+
+def test_the_frame_tells_what_was_drawn(gpu, scene):
+    frame = clfur.draw(scene, gpu, SETTINGS)
+    assert frame.triangles == frame.strands == 320 * 9
+    assert frame.segments == 4 * frame.strands
+    assert set(frame.stages) == {"tessellate", "strands", "raster", "shade"}
+    assert frame.seconds > 0 and frame.device
+
+
+def test_only_raster_and_shade_run_again_for_a_new_camera(gpu, scene):
+    clfur.draw(scene, gpu, SETTINGS)
+    frame = clfur.draw(seen_from(scene, eye=(1, 1, 3)), gpu, SETTINGS)
+    assert set(frame.stages) == {"raster", "shade"}
+    gpu.forget()
+    anew = clfur.render(seen_from(scene, eye=(1, 1, 3)), gpu, SETTINGS)
+    assert frame.images["color"].tobytes() == anew.tobytes()
+
+
+@pytest.mark.parametrize("mesh, fur, body", [
+    (True, False, True),     # no hair
+    (True, True, False),     # hair alone, grown on a body that isn't drawn
+    (False, "curves", True),
+    (True, "curves", True),
+    (True, "none", True),    # no strands at all
+])
+def test_a_scene_pays_for_what_it_holds(gpu, sphere, mesh, fur, body):
+    points = np.random.default_rng(1).uniform(-1, 1, (50, 3, 3))
+    fur = {False: None, True: clfur.Strands(inner=1, outer=1), "curves": clfur.Curves(points, width=.01),
+           "none": clfur.Strands(roots=0)}[fur]
+    frame = clfur.draw(clfur.Scene(mesh=sphere if mesh else None, fur=fur, body_color=(.3, .2, .1) if body else None),
+                       gpu, SETTINGS, outputs=tuple(OUTPUTS))
+    who = frame.images["id"]
+    assert (who == -2).any() == bool(mesh and body)
+    assert (who >= 0).any() == (frame.strands > 0)
+    assert np.isfinite(frame.images["color"]).all()
+
+
+def test_a_calibrated_camera_draws_the_same(gpu, scene):
+    camera = scene.camera
+    again = clfur.Scene(mesh=scene.mesh, fur=scene.fur,
+                        camera=clfur.Camera.calibrated(camera.pose, camera.intrinsics, camera.size))
+    assert clfur.render(scene, gpu, SETTINGS).tobytes() == clfur.render(again, gpu, SETTINGS).tobytes()
+
+
+def test_a_shifted_principal_point_shifts_the_picture(gpu, scene):
+    camera = scene.camera
+    intrinsics = camera.intrinsics.copy()
+    intrinsics[0, 2] += 7
+    shifted = clfur.Scene(mesh=scene.mesh, fur=scene.fur,
+                          camera=clfur.Camera.calibrated(camera.pose, intrinsics, camera.size))
+    a = clfur.render(scene, gpu, SETTINGS, outputs=("id",))["id"]
+    b = clfur.render(shifted, gpu, SETTINGS, outputs=("id",))["id"]
+    # Sums with another cx round differently: a point may snap one sub-pixel aside.
+    assert (a[:, :-7] != b[:, 7:]).mean() < 0.01
+
+
+def test_the_view_projects_as_a_camera_should(scene):
+    view = view_of(seen_from(scene, eye=(0, 0, 3), target=(0, 0, 0), fov=90), 1)
+    def project(p):
+        x, y, e, w = view["to_screen"].T @ [*p, 1]
+        return np.array([x, y, e]) / w
+    np.testing.assert_allclose(project((0, 0, 0))[:2], (48.5, 30.5), atol=1e-5)
+    np.testing.assert_allclose(project((0, 3, 0))[:2], (48.5, 0), atol=1e-5)        # +Y is up, rows run down
+    np.testing.assert_allclose(project((3, 0, 0))[:2], (48.5 + 30.5, 30.5), atol=1e-5)
+    assert project((0, 0, 1))[2] > project((0, 0, 0))[2] > project((0, 0, -9))[2] > 0   # depth is reversed
+    for p in [(0, 0, 0), (.5, -.3, .2), (2, 2, -5)]:
+        x, y, e = project(p)
+        q = view["to_world"].T @ [x, y, e, 1]
+        np.testing.assert_allclose(q[:3] / q[3], p, atol=1e-5)
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1e4])
+def test_the_size_of_the_world_does_not_matter(gpu, scene, scale):
+    hair = scene.fur.types[0]
+    grown = clfur.Strands(inner=2, outer=3, types=clfur.HairType(
+        segments=hair.segments, segment_length=hair.segment_length * scale, force_weight=hair.force_weight,
+        width=hair.width * scale, length_variation=hair.length_variation))
+    mesh = clfur.Mesh(scene.mesh.positions * scale, scene.mesh.normals, scene.mesh.uv, scene.mesh.faces)
+    other = clfur.Scene(mesh=mesh, fur=grown, camera=clfur.Camera(eye=scene.camera.eye * scale, size=(97, 61)))
+    a = clfur.render(scene, gpu, SETTINGS, outputs=("id",))["id"]
+    b = clfur.render(other, gpu, SETTINGS, outputs=("id",))["id"]
+    # Sizes that are no powers of two round differently: a strand may snap one sub-pixel aside.
+    assert (a != b).mean() < 0.02
+
+
+def test_bad_arguments_are_named(gpu, scene):
+    with pytest.raises(clfur.Error, match="no output 'colour'; allowed: color, depth"):
+        clfur.render(scene, gpu, outputs=("colour",))
+    with pytest.raises(clfur.Error, match="allowed: a clfur.Scene"):
+        clfur.render(scene.mesh, gpu)
+    with pytest.raises(clfur.Error, match="no OpenCL device matches 'nosuch'"):
+        clfur.render(scene, "nosuch")
+    with pytest.raises(clfur.Error, match="samples"):
+        clfur.Settings(samples=2)
+
+
+def test_a_picture_too_large_for_the_device_is_refused(gpu, sphere):
+    scene = clfur.Scene(mesh=sphere, camera=clfur.Camera(size=(16384, 16384)))
+    if 16384**2 * 16 * 8 <= gpu.device.max_mem_alloc_size:
+        scene = clfur.Scene(mesh=sphere, camera=clfur.Camera(size=(16384, 16384)))
+        pytest.skip("this device can hold the largest picture")
+    with pytest.raises(clfur.Error, match="more than .* can hold"):
+        clfur.render(scene, gpu, clfur.Settings(samples=16))

@@ -1,0 +1,116 @@
+"""The scheduler: launches, buffers, kept stages, and the struct contract with the device."""
+
+import numpy as np
+import pyopencl as cl
+import pytest
+
+import clfur
+from clfur import layout, scheduler
+from clfur.scheduler import Scheduler
+
+
+@pytest.mark.parametrize("name", layout.STRUCTS)
+def test_structs_reach_the_kernel_whole(gpu, name):
+    dtype = layout.STRUCTS[name]
+    words = np.arange(dtype.itemsize // 4, dtype=np.uint32) + 1
+    source = layout.preamble(gpu.device, gpu.int64_atomics) + f"""
+        __kernel void copy(const {name} by_value, __global const {name} *by_pointer, __global uint *out)
+        {{
+            const uint n = sizeof({name}) / 4;
+            for (uint i = 0; i < n; ++i) {{
+                out[i] = ((const uint *)&by_value)[i];
+                out[n + i] = ((__global const uint *)by_pointer)[i];
+            }}
+        }}"""
+    out = gpu.empty(2 * len(words), np.uint32)
+    value = words.view(dtype)
+    kernel = cl.Kernel(cl.Program(gpu.context, source).build(), "copy")
+    kernel(gpu.queue, (1,), None, value[0], gpu.upload(words).data, out.data)
+    np.testing.assert_array_equal(out.get(), np.tile(words, 2))
+
+
+def test_every_struct_member_is_made_of_16_byte_vectors():
+    for dtype in layout.STRUCTS.values():
+        for member in dtype.names:
+            assert dtype[member].itemsize % 16 == 0 and dtype[member].shape[-1] == 4
+            assert dtype.fields[member][1] % 16 == 0
+
+
+@pytest.mark.parametrize("samples", [4, 16])
+def test_no_two_samples_share_a_row_or_a_column(samples):
+    x, y = np.transpose(layout.PATTERNS[samples])
+    assert len(set(x)) == len(set(y)) == samples
+    assert max(*abs(x), *abs(y)) <= 8
+
+
+def test_the_patterns_follow_each_other():
+    assert [layout.pattern_start(n) for n in (1, 4, 16)] == [0, 1, 5]
+
+
+def test_wrong_argument_count_says_so(gpu):
+    with pytest.raises(TypeError, match="raster.lines takes 5 arguments, 1 given"):
+        gpu.launch("raster.lines", 1, np.int32(0))
+
+
+def test_a_build_error_names_file_and_line(gpu, tmp_path, monkeypatch):
+    (tmp_path / "common.h").write_text("")
+    (tmp_path / "oops.cl").write_text("__kernel void a(__global int *o)\n{\n    o[0] = NOPE;\n}\n")
+    monkeypatch.setattr(scheduler, "_kernel_dir", lambda: tmp_path)
+    with pytest.raises(cl.RuntimeError, match=r"oops\.cl:3"):
+        gpu.launch("oops.a", 1)
+
+
+def test_kernels_are_found_from_a_checkout_without_an_install(monkeypatch):
+    def nowhere(name):
+        raise ModuleNotFoundError(name)
+    monkeypatch.setattr(scheduler, "files", nowhere)
+    assert (scheduler._kernel_dir() / "raster.cl").is_file()
+
+
+def test_an_array_too_large_for_the_device_is_refused(gpu):
+    with pytest.raises(clfur.Error, match="more than .* can hold in one piece"):
+        gpu.empty((1 << 24, 1 << 20), np.float32)
+
+
+def test_empty_arrays_have_a_buffer(gpu):
+    array = gpu.upload(np.zeros((0, 4), np.float32))
+    assert array.shape == (0, 4) and array.base_data is not None
+    assert gpu.full((0, 2), np.uint32, 7).get().shape == (0, 2)
+
+
+def test_buffers_are_used_again(gpu):
+    gpu._pool.free_held()
+    first = gpu.empty((1000, 4), np.float32)
+    where = first.base_data.int_ptr
+    del first
+    assert gpu.empty((1000, 4), np.float32).base_data.int_ptr == where
+
+
+def test_keep_asks_for_the_same_objects():
+    gpu = Scheduler()
+    made = []
+    one, other = np.zeros(3), np.zeros(3)
+    for key in [(one, 5), (one, 5), (other, 5), (other, 6), (other, 6), (one, 5)]:
+        gpu.keep("stage", key, lambda: made.append(0) or len(made))
+    assert len(made) == 4
+    gpu.forget()
+    assert gpu.keep("stage", (one, 5), lambda: "anew") == "anew"
+
+
+def test_a_failed_build_keeps_nothing():
+    gpu = Scheduler()
+    with pytest.raises(ZeroDivisionError):
+        gpu.keep("stage", (1,), lambda: 1 / 0)
+    assert gpu.keep("stage", (1,), lambda: "made") == "made"
+
+
+def test_seconds_add_up_by_kernel_file(gpu):
+    gpu.start()
+    assert gpu.seconds() == {}
+    sums = gpu.upload(np.arange(10, dtype=np.uint64))
+    gpu.launch("strands.scan_sums", 1, np.uint32(10), sums)
+    gpu.launch("strands.scan_sums", 1, np.uint32(10), sums)
+    seconds = gpu.seconds()
+    assert set(seconds) == {"strands"} and 0 < seconds["strands"] < 10
+    gpu.start()
+    assert gpu.seconds() == {}
