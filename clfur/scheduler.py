@@ -1,5 +1,6 @@
 """Owns the context, queue, programs and buffers; launches kernels and times them; knows no fur."""
 
+import warnings
 from importlib.resources import files
 from pathlib import Path
 
@@ -54,7 +55,11 @@ class Scheduler:
 
     def full(self, shape, dtype, value):
         """Device array filled with one value."""
-        return self.empty(shape, dtype).fill(np.dtype(dtype).type(value))
+        there = self.empty(shape, dtype)
+        if there.size:   # by the driver: pyopencl's own fill would compile a kernel for it
+            pattern = np.dtype(dtype).type(value)
+            cl.enqueue_fill_buffer(self.queue, there.base_data, pattern, 0, there.nbytes)
+        return there
 
     def upload(self, array):
         """Copy of a host array on the device."""
@@ -109,6 +114,8 @@ class Scheduler:
         options = ["-cl-std=CL1.2"]
         if self.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
             options.append("-cl-fp32-correctly-rounded-divide-sqrt")
-        program = cl.Program(self.context, source).build(options=options)
+        with warnings.catch_warnings():   # Intel's compiler reports that it has compiled
+            warnings.simplefilter("ignore", cl.CompilerWarning)
+            program = cl.Program(self.context, source).build(options=options)
         self._kernels |= {f"{stem}.{k.function_name}": k for k in program.all_kernels()}
         return self._kernels

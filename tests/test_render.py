@@ -5,6 +5,9 @@ import pytest
 
 import clfur
 from clfur.render import OUTPUTS, view_of
+from clfur.stages.raster import raster
+from clfur.stages.strands import grow
+from clfur.stages.tessellate import tessellate
 
 SETTINGS = clfur.Settings(samples=1)
 
@@ -27,6 +30,24 @@ def test_two_runs_and_a_kept_scheduler_give_the_same_bits(gpu, scene):
     anew = clfur.render(scene, gpu, SETTINGS, outputs=tuple(OUTPUTS))
     for name in OUTPUTS:
         assert first[name].tobytes() == kept[name].tobytes() == anew[name].tobytes(), name
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_every_device_sees_the_same_bits(gpu, scene, samples):
+    hair = clfur.HairType(segments=9, segment_length=.03, width=.004, curl=(.02, 2), wave=(.01, 3), force_weight=.3,
+                          length_variation=.3, direction_variation=.4)
+    fur = clfur.Strands(inner=4, outer=3, types=hair, force=(.1, -1, 0), point_forces=clfur.PointForce((1, 1, 1), 2),
+                        roots=7001)
+    curly = clfur.Scene(mesh=scene.mesh, fur=fur, camera=clfur.Camera(eye=(.3, .9, 1.6), size=(641, 479)))
+    seen = [visible_of(curly, on, samples) for on in (gpu, clfur.Scheduler())]
+    np.testing.assert_array_equal(*seen)
+
+
+def visible_of(scene, gpu, samples):
+    """The raster's result, read back: [height, width, samples] uint64."""
+    fur = scene.fur
+    body = tessellate(gpu, scene.mesh, fur.inner, fur.outer, fur.surface)
+    return raster(gpu, view_of(scene, samples), grow(gpu, body, fur), body).get()
 
 
 def test_a_picture_of_fur(gpu, scene):
