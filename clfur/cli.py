@@ -106,7 +106,7 @@ def clfur(context):
 @click.option("--segments", type=click.IntRange(0, 255), default=8, metavar="N",
               help="Segments a strand; 0 is bald.")
 @click.option("--length", type=float, metavar="L",
-              help="Length of a strand in the mesh's units.  [default: 0.12 of the mesh's radius]")
+              help="Length of a strand in the mesh's units.  [default: 0.08 of the mesh's radius]")
 @click.option("--width", type=float, metavar="W",
               help="Diameter of a strand in the mesh's units.  [default: 0.0012 of the mesh's radius]")
 @click.option("--color", type=Color(), default="0.5,0.28,0.12", metavar="COLOR",
@@ -172,7 +172,7 @@ def render(mesh, output, as_json, **options):
 def _scene(mesh, options):
     """The scene that the options of `clfur render` describe."""
     _, radius = mesh.bounds
-    length = 0.12 * radius if options["length"] is None else options["length"]
+    length = 0.08 * radius if options["length"] is None else options["length"]
     hair = {
         "color": options["color"],
         "segments": options["segments"],

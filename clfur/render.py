@@ -77,8 +77,8 @@ def draw(scene, device=None, settings=None, outputs=("color",)):
     visible = raster(gpu, view, strands, body)
     images = {}
     if "color" in outputs:
-        images["color"] = shade.color(gpu, view, light_of(scene.light), settings.specular,
-                                      visible, strands, body, (0, 0, 0) if scene.body_color is None else scene.body_color)
+        skin = (0, 0, 0) if scene.body_color is None else scene.body_color
+        images["color"] = shade.color(gpu, view, light_of(scene.light), settings.specular, visible, strands, body, skin)
     if set(outputs) - {"color"}:
         images |= shade.about(gpu, view, visible, strands, body)
 

@@ -10,7 +10,7 @@ import pyopencl.array as cla
 from pyopencl import tools
 
 from . import layout
-from .device import choose
+from .device import choose, describe
 from .errors import Error
 
 
@@ -44,13 +44,13 @@ class Scheduler:
         shape = (shape,) if np.isscalar(shape) else tuple(shape)
         nbytes = int(np.prod(shape, dtype=object)) * np.dtype(dtype).itemsize
         if nbytes > self.device.max_mem_alloc_size:
-            raise Error(f"an array of {nbytes / 2**20:,.0f} MiB {shape} is more than {self.device.name} can hold "
+            raise Error(f"an array of {nbytes / 2**20:,.0f} MiB {shape} is more than {describe(self.device)} can hold "
                         f"in one piece ({self.device.max_mem_alloc_size / 2**20:,.0f} MiB)")
         try:
             # OpenCL has no empty buffers: an empty array is the empty start of a small one.
             whole = cla.empty(self.queue, (max(shape[0], 1), *shape[1:]), dtype, allocator=self._pool)
         except (cl.MemoryError, MemoryError):
-            raise Error(f"{self.device.name} is out of memory for {nbytes / 2**20:,.0f} MiB {shape}") from None
+            raise Error(f"{describe(self.device)} is out of memory for {nbytes / 2**20:,.0f} MiB {shape}") from None
         return whole if shape[0] else whole[:0]
 
     def full(self, shape, dtype, value):

@@ -122,7 +122,8 @@ def table(row):
     """The same for people."""
     lines = [f"{row['strands']:,} strands, {row['kind']}, {row['size']}, {row['samples']} sample(s), {row['device']}"]
     rows = {**row["stages"], "frame": row["frame"], **({"peer": row["peer"]} if "peer" in row else {})}
-    lines += [f"  {name:12}{t['median_ms']:9.1f} ms   ({t['min_ms']:.1f} to {t['max_ms']:.1f})" for name, t in rows.items()]
+    lines += [f"  {name:12}{t['median_ms']:9.1f} ms   ({t['min_ms']:.1f} to {t['max_ms']:.1f})"
+              for name, t in rows.items()]
     if "ratio" in row:
         lines.append(f"  frame / peer {row['ratio']:.3f}")
     return "\n".join(lines)

@@ -1,0 +1,205 @@
+"""strands in float64 NumPy: roots, growth (the report's section 2.1.3) and the tangents of strands brought along."""
+
+import math
+
+import numpy as np
+
+
+def random3(strand, seed, use):
+    """Three random words for each strand number [N]: uint32 [N, 3]; pcg3d of Jarzynski and Olano (2020)."""
+    x, y, z = (np.broadcast_to(np.asarray(v, np.uint32), np.shape(strand)) * np.uint32(1664525)
+               + np.uint32(1013904223) for v in (strand, seed, use))
+    for last in (False, True):
+        x = x + y * z
+        y = y + z * x
+        z = z + x * y
+        if not last:
+            x, y, z = (v ^ (v >> np.uint32(16)) for v in (x, y, z))
+    return np.stack([x, y, z], -1)
+
+
+def signed(words):
+    """Random words -> numbers in [-1, 1) from their top 24 bits."""
+    return (words >> np.uint32(8)) / 2.0**23 - 1
+
+
+def unit_or(v, otherwise):
+    """Vectors [..., 3] at length one; `otherwise` where they are shorter than 1e-15 and so have no direction."""
+    square = (v * v).sum(-1, keepdims=True)
+    return np.where(square > 1e-30, v / np.sqrt(np.where(square > 1e-30, square, 1)), otherwise)
+
+
+# --- roots ----------------------------------------------------------------------------------------------
+
+
+def twice_areas(positions, triangles):
+    """Cross product [T, 3] of two sides of each triangle [T, 3]: its length is twice the area."""
+    a, b, c = (np.asarray(positions, float)[triangles[:, i]] for i in range(3))
+    return np.cross(b - a, c - a)
+
+
+def roots_at(positions, normals, uv, triangles, weights):
+    """Root [N, 3], unit direction [N, 3], uv [N, 2] at barycentric weights [N, 3] of triangles [N, 3]."""
+    root, normal, at = (np.einsum("nc,ncx->nx", weights, np.asarray(a, float)[triangles])
+                        for a in (positions, normals, uv))
+    return root, unit_or(normal, unit_or(twice_areas(positions, triangles), (0, 1, 0))), at
+
+
+def roots_on_faces(positions, normals, uv, triangles):
+    """One root in the middle of every triangle, with the mean of its normals; the report's section 2.1.3."""
+    return roots_at(positions, normals, uv, triangles, np.full((len(triangles), 3), 1 / 3))
+
+
+def roots_by_area(
+    positions,   # [V, 3]
+    normals,     # [V, 3]
+    uv,          # [V, 2]
+    triangles,   # [T, 3]
+    running,     # [T] area of triangles 0..t, whole numbers
+    count,       # strands
+    seed,
+):
+    """Root i at a random place of the i-th of `count` equal parts of the area, as `roots_at`, and its triangle."""
+    total = int(running[-1])
+    words = random3(np.arange(count), seed, 0)
+    # In whole numbers without bounds: the part's start, and a random way into it.
+    place = [total * i // count + total // count * int(word) // 2**32 for i, word in enumerate(words[:, 0])]
+    chosen = np.searchsorted(running, np.array(place, np.uint64), side="right").clip(0, len(triangles) - 1)
+    # A point of the unit square; the half beyond the diagonal is turned by half a turn onto the triangle.
+    square = (words[:, 1:] >> np.uint32(8)) / 2.0**24
+    beyond = square.sum(1) > 1
+    square[beyond] = 1 - square[beyond]
+    weights = np.column_stack([1 - square.sum(1), square])
+    return *roots_at(positions, normals, uv, triangles[chosen], weights), chosen
+
+
+# --- growth ---------------------------------------------------------------------------------------------
+
+
+def grow(
+    root,                  # [N, 3]
+    direction,             # [N, 3] unit
+    uv,                    # [N, 2]
+    types,                 # objects with the fields of HairType
+    type_indices=None,     # [h, w] index into types, or None: all are types[0]
+    force=(0, 0, 0),
+    point_forces=(),       # objects with position and strength
+    seed=0,
+):
+    """Grow every strand: (points [N, S, 3], tangents [N, S, 3], counts [N], colors [N, 3], kind [N]).
+
+    S is the largest number of points; where a strand has fewer, the rest is NaN.
+    """
+    kind = np.zeros(len(uv), int) if type_indices is None else type_indices[texel(uv, type_indices.shape)].astype(int)
+    segments = np.array([t.segments for t in types])
+    points = np.full((len(root), segments.max() + 1, 3), math.nan)
+    tangents, colors = points.copy(), np.empty((len(root), 3))
+    for k, t in enumerate(types):
+        mine = np.flatnonzero(kind == k)
+        vary = signed(random3(mine, seed, 1))
+        tint = 1 if t.color_texture is None else bilinear(t.color_texture, uv[mine])
+        colors[mine] = t.color * tint * (1 + t.color_variation * vary[:, :1])
+        if t.segments and len(mine):
+            lean = t.direction_variation * signed(random3(mine, seed, 3))
+            axis, ahead = axes(root[mine], unit_or(direction[mine] + lean, direction[mine]), t.segments,
+                               t.segment_length * (1 + t.length_variation * vary[:, 1]), t.force_weight,
+                               force, point_forces)
+            line = axis + offsets(ahead, signed(random3(mine, seed, 2)), t.curl, t.wave)
+            points[mine, :t.segments + 1] = line
+            tangents[mine, :t.segments + 1] = tangents_of(line, ahead[:, 0])
+    return points, tangents, np.where(segments[kind] > 0, segments[kind] + 1, 0), colors, kind
+
+
+def axes(root, direction, segments, length, weight, force, point_forces):
+    """The report's loop: points [N, segments + 1, 3] and the direction of every segment [N, segments, 3].
+
+    Each step goes `length` [N] ahead, then turns by weight times the force there: the uniform one and, for each
+    point force, strength · exp(-distance) away from it (no force at the point itself).
+    """
+    points, ahead = [root], [direction]
+    for _ in range(segments):
+        points.append(points[-1] + length[:, None] * ahead[-1])
+        push = np.asarray(force, float)
+        for f in point_forces:
+            away = points[-1] - f.position
+            distance = np.linalg.norm(away, axis=1, keepdims=True)
+            push = push + f.strength * np.exp(-distance) * away / np.where(distance > 0, distance, 1)
+        ahead.append(unit_or(ahead[-1] + weight * push, ahead[-1]))
+    return np.stack(points, 1), np.stack(ahead[:-1], 1)
+
+
+def offsets(ahead, turn, curl, wave):
+    """How curl and wave move the points off their axis: [N, segments + 1, 3]; the root stays.
+
+    A circle of the curl's radius about a line beside the axis, plus a sine across it, in a frame that each
+    segment takes over from the one before; `turn` [N, 3] is the random vector that the first frame comes from.
+    """
+    n, segments, _ = ahead.shape
+    result = np.zeros((n, segments + 1, 3))
+    first = ahead[:, 0]
+    least = np.where(np.abs(first[:, :1]) < 0.6, (1, 0, 0), (0, 1, 0))
+    side = unit_or(np.cross(first, turn), unit_or(np.cross(first, least), least))
+    for k in range(segments):
+        if k:
+            side = unit_or(side - (side * ahead[:, k]).sum(1, keepdims=True) * ahead[:, k], side)
+        phi, psi = (2 * math.pi * number * (k + 1) / segments for _, number in (curl, wave))
+        result[:, k + 1] = ((curl[0] * (math.cos(phi) - 1) + wave[0] * math.sin(psi)) * side
+                            + curl[0] * math.sin(phi) * np.cross(ahead[:, k], side))
+    return result
+
+
+def tangents_of(points, start):
+    """Unit tangents of polylines [N, P, 3]: the chord between a point's neighbours, one-sided at the ends.
+
+    Where the chord has no length the tangent before it holds on; `start` [N, 3] comes before the first.
+    """
+    n = points.shape[1]
+    result = np.empty_like(points)
+    last = start
+    for k in range(n):
+        last = unit_or(points[:, min(k + 1, n - 1)] - points[:, max(k - 1, 0)], last)
+        result[:, k] = last
+    return result
+
+
+# --- textures -------------------------------------------------------------------------------------------
+
+
+def texel(uv, shape):
+    """Row and column [N] each of the texel that holds uv [N, 2]; pictures repeat, v runs up and rows run down."""
+    height, width = shape
+    wrapped = uv - np.floor(uv)
+    row = np.floor((1 - wrapped[:, 1]) * height).astype(int)
+    return row.clip(0, height - 1), np.floor(wrapped[:, 0] * width).astype(int).clip(0, width - 1)
+
+
+def bilinear(picture, uv):
+    """Colours [N, 3] of a picture [h, w, 3] at uv [N, 2] between the four nearest texel centres, repeating."""
+    height, width, _ = picture.shape
+    x, y = uv[:, 0] * width - 0.5, -uv[:, 1] * height - 0.5
+    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+    fx, fy = (x - column)[:, None], (y - row)[:, None]
+    upper, lower = ((1 - fx) * picture[r % height, column % width] + fx * picture[r % height, (column + 1) % width]
+                    for r in (row, row + 1))
+    return (1 - fy) * upper + fy * lower
+
+
+# --- strands that the user brings -----------------------------------------------------------------------
+
+
+def bring(
+    points,   # [P, 3]
+    counts,   # [strands] points of each
+    width,    # [1], [strands] or [P]
+):
+    """Tangents [P, 3], width of every point [P] and its strand [P]; a tangent without a direction is +Y."""
+    strand_of = np.repeat(np.arange(len(counts)), counts)
+    tangents = np.empty((len(points), 3))
+    for end, count in zip(np.cumsum(counts), counts):
+        if count:
+            run = slice(end - count, end)
+            tangents[run] = tangents_of(np.asarray(points[run], float)[None], np.array([(0, 1, 0)]))[0]
+    width = np.asarray(width)
+    if len(width) == len(points):
+        return tangents, width, strand_of
+    return tangents, width[strand_of] if len(width) > 1 else np.full(len(points), width[0]), strand_of
