@@ -76,6 +76,58 @@ inline float4 fibre(float4 color, float specular, float exponent, int half_vecto
     return light * (color * sine(tl) + shine) + light.w * color;
 }
 
+/* Share of light that the hair before p lets through: the light's running sums, read between four columns and two
+   layers; full light outside the grid. `own` is what the strand that p lies on adds to its own sum. */
+inline float through_hair(const Grid *grid, __global const float *sums, float depth, float own, float4 p)
+{
+    const float4 c = ((grid->to_grid[0] * p.x + grid->to_grid[1] * p.y) + grid->to_grid[2] * p.z) + grid->to_grid[3];
+    if (!(c.w > 0.0f))
+        return 1.0f;
+    const float x = c.x / c.w - 0.5f, y = c.y / c.w - 0.5f, z = clamp(c.z, 0.0f, (float)grid->size.z);
+    if (!(x > -1.0f && y > -1.0f && x < grid->size.x && y < grid->size.y))
+        return 1.0f;
+    const int x0 = (int)floor(x), y0 = (int)floor(y), z0 = min((int)z, grid->size.z - 1);
+    const float fx = x - x0, fy = y - y0, fz = z - z0;
+    float crossings = 0.0f;
+    for (int i = 0; i < 4; ++i) {
+        const int cx = x0 + (i & 1), cy = y0 + (i >> 1);
+        if (cx < 0 || cy < 0 || cx >= grid->size.x || cy >= grid->size.y)
+            continue;
+        const size_t layer = (size_t)grid->size.x * grid->size.y, at = z0 * layer + (size_t)cy * grid->size.x + cx;
+        const float weight = (i & 1 ? fx : 1.0f - fx) * (i >> 1 ? fy : 1.0f - fy);
+        crossings += weight * mix(sums[at], sums[at + layer], fz);
+    }
+    return exp(-depth * max(crossings - own / c.w, 0.0f));
+}
+
+/* Share of light that the body lets through to p: the report's equation 8, over (2r + 1)² texels around. What is seen
+   there is held against the plane through p across n, the surface's direction, so that a slope does not shade itself;
+   steeper than LIMIT texels deep a texel is not believed. */
+#define LIMIT 16.0f
+inline float past_body(const View *seen, __global const ulong *map, int radius, float4 p, float4 n)
+{
+    const float4 c = to_screen(seen, p);
+    if (!(c.w > 0.0f && c.z > 0.0f))
+        return 1.0f;
+    const float x = c.x / c.w, y = c.y / c.w, e = c.z / c.w;
+    /* Projection takes the plane (n, -n·p) to a plane of (x, y, e): a x + b y + c e + d = 0. */
+    const float4 plane = (float4)(n.xyz, -dot3(n, p));
+    const float along_e = dot(plane, seen->to_world[2]), texel = seen->eye.w > 0.0f ? e / seen->scale.x : 1.0f / seen->size.x;
+    const float limit = LIMIT * texel, flat = fabs(along_e) > 0.0f ? -1.0f / along_e : 0.0f;
+    const float dx = clamp(dot(plane, seen->to_world[0]) * flat, -limit, limit);
+    const float dy = clamp(dot(plane, seen->to_world[1]) * flat, -limit, limit);
+    const int x0 = (int)floor(x), y0 = (int)floor(y);
+    int lit = 0;
+    for (int j = y0 - radius; j <= y0 + radius; ++j)
+        for (int i = x0 - radius; i <= x0 + radius; ++i) {
+            const bool on_map = i >= 0 && j >= 0 && i < seen->size.x && j < seen->size.y;
+            const ulong key = on_map ? map[(size_t)j * seen->size.x + i] : ~0ul;
+            const float there = (float)(DEPTH_ONE - (int)(key >> 32)) / DEPTH_ONE;
+            lit += (uint)key == NOTHING || there <= e + dx * (i + 0.5f - x) + dy * (j + 0.5f - y) + texel;
+        }
+    return (float)lit / ((2 * radius + 1) * (2 * radius + 1));
+}
+
 /* One work-item lights the samples of one pixel and averages them: premultiplied linear r, g, b and coverage. */
 __kernel void color(
     const View view,
@@ -85,6 +137,7 @@ __kernel void color(
     __global const float4 *points,         // strands: see strands.cl
     __global const float4 *tangents,
     __global const uint *strand_of,
+    __global const uint2 *spans,           // [strands] first point, points
     __global const float4 *strand_uv,      // [strands] u, v, type
     __global const HairType *types,
     __global const float4 *colors,         // one, [strands] or [points]
@@ -93,11 +146,15 @@ __kernel void color(
     __global const float4 *normals,
     __global const uint4 *triangles,
     const float4 body_color,
+    const Shadow shadow,
+    const Grid grid,
+    __global const float *sums,            // [nz + 1, ny, nx] crossings before each layer of the grid
+    const View seen,                       // by the light
+    __global const ulong *map,             // [seen.size] nearest body
     __global float4 *image)                // [height, width]
 {
     const int x = get_global_id(0), y = get_global_id(1), samples = view.size.z;
     const size_t pixel = (size_t)y * view.size.x + x;
-    const float4 l = -light.direction;
     float4 sum = (float4)(0.0f);
     for (int s = 0; s < samples; ++s) {
         const ulong key = visible[pixel * samples + s];
@@ -105,19 +162,32 @@ __kernel void color(
         if (id == NOTHING)
             continue;
         const float4 p = seen_point(&view, x, y, s, (uint)(key >> 32)), v = towards_eye(&view, p);
-        float4 lit;
+        float4 lit, l = -light.direction, direct = light.color;
+        if (light.position.w > 0.0f) {
+            l = unit_or((float4)(light.position.xyz - p.xyz, 0.0f), l);
+            direct.xyz *= -dot3(l, light.direction) >= light.cone.x ? 1.0f : 0.0f;
+        }
         if (id & BODY) {
             float4 weights;
             const float4 n = body_normal(positions, normals, triangles[id & ~BODY], p, v, &weights);
-            lit = body_color * (light.color * max(dot3(n, l), 0.0f) + light.color.w);
+            direct.xyz *= max(dot3(n, l), 0.0f);
+            if (shadow.hair.x > 0.0f)
+                direct.xyz *= through_hair(&grid, sums, shadow.hair.x, 0.0f, p);
+            if (shadow.body.x)
+                direct.xyz *= past_body(&seen, map, shadow.body.y, p, n);
+            lit = body_color * (direct + light.color.w);
         } else {
             const uint strand = strand_of[id];
+            if (shadow.hair.x > 0.0f)
+                direct.xyz *= through_hair(&grid, sums, shadow.hair.x, shadow.hair.y * points[id].w + shadow.hair.z, p);
+            if (shadow.body.x)
+                direct.xyz *= past_body(&seen, map, shadow.body.y, p, tangents[spans[strand].x]);
             const float at = place_between(points[id], points[id + 1], p);
             const float4 t = unit_or(mix(tangents[id], tangents[id + 1], at), tangents[id]);
             const float4 c = color_per == 0 ? colors[0] : color_per == 1 ? colors[strand]
                 : mix(colors[id], colors[id + 1], at);
             const float4 shine = types[(int)strand_uv[strand].z].shine;
-            lit = fibre(c, shine.x, shine.y, half_vector, t, l, v, light.color);
+            lit = fibre(c, shine.x, shine.y, half_vector, t, l, v, direct);
         }
         sum += (float4)(lit.xyz, 1.0f);
     }

@@ -37,16 +37,30 @@ HairType = np.dtype([
     ("shape", *_float4),              # segment_length, width [world], force_weight, direction_variation
     ("curl", *_float4),               # radius [world], cos and sin of the angle a segment, length_variation
     ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment, -
-    ("shine", *_float4),              # specular, exponent, -, -
+    ("shine", *_float4),              # specular, exponent, alpha, -
     ("counts", *_int4),               # segments; texture's first texel, width, height (width 0: none)
 ])
 
 Light = np.dtype([
     ("direction", *_float4),          # unit vector, the way the light travels
     ("color", *_float4),              # linear r, g, b; ambient
+    ("position", *_float4),           # of a spot light and 1, or 0
+    ("cone", *_float4),               # cosine of half a spot's angle, -, -, -
 ])
 
-STRUCTS = {"View": View, "HairType": HairType, "Light": Light}
+Shadow = np.dtype([                   # how a place is looked up in the light's grid and map
+    ("hair", *_float4),               # optical depth of one crossing, a strand's own share: a width's, a fragment's, -
+    ("body", *_int4),                 # 1: there is a shadow map; filter radius in texels, -, -
+])
+
+Grid = np.dtype([                     # cells seen from the light: world -> (x·w, y·w, z, w), cells
+    ("to_grid", np.float32, (4, 4)),     # columns
+    ("light", *_float4),                 # direction towards the light and 0, or its position and 1
+    ("size", *_int4),                    # cells in x, y (across the light) and z (along it), -
+    ("face", *_float4),                  # area of a cell's face and length of its side at w = 1 [world]; smallest w
+])
+
+STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid}
 
 
 def _c_struct(device, name, dtype):

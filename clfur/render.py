@@ -8,13 +8,16 @@ import numpy as np
 from . import layout
 from .device import describe
 from .errors import Error
-from .scene import Curves, Scene, Strands, extent
+from .scene import Curves, Scene, Strands, hair_bounds
 from .scheduler import Scheduler
 from .settings import Settings
 from .stages import shade
 from .stages.raster import raster
 from .stages.strands import bring, grow, no_strands
 from .stages.tessellate import no_surface, tessellate
+from .stages.voxelize import depths_for, most_of, own_share, unit_for, voxelize
+from .stages.zscan import zscan
+from .views import grid_of, light_of, light_view_of, view_of
 
 OUTPUTS = {"color": 4, "depth": None, "id": None, "tangent": 3, "normal": 3, "uv": 2, "coverage": None}
 
@@ -78,7 +81,11 @@ def draw(scene, device=None, settings=None, outputs=("color",)):
     images = {}
     if "color" in outputs:
         skin = (0, 0, 0) if scene.body_color is None else scene.body_color
-        images["color"] = shade.color(gpu, view, light_of(scene.light), settings.specular, visible, strands, body, skin)
+        shadows = gpu.keep("shadows", (strands, body, scene.light, settings.shadows, settings.grid,
+                                       settings.shadow_map, settings.pcf),
+                           lambda: cast_shadows(gpu, scene, settings, strands, body))
+        images["color"] = shade.color(gpu, view, light_of(scene.light), settings.specular,
+                                      visible, strands, body, skin, shadows)
     if set(outputs) - {"color"}:
         images |= shade.about(gpu, view, visible, strands, body)
 
@@ -89,32 +96,25 @@ def draw(scene, device=None, settings=None, outputs=("color",)):
                  int(np.maximum(points.astype(np.int64) - 1, 0).sum()), seconds, gpu.seconds())
 
 
-def view_of(scene, samples):
-    """The camera as a `layout.View`; its near plane stands just before all that can be seen."""
-    camera = scene.camera
-    center, radius = extent(scene.mesh, scene.fur)
-    pose, k = camera.pose, camera.intrinsics
-    # Camera axes right, down, forward: forward is the distance that "depth" tells.
-    world_to_camera = np.diag([1.0, -1.0, -1.0, 1.0]) @ np.linalg.inv(pose)
-    distance = (world_to_camera @ [*center, 1.0])[2]
-    radius = radius or abs(distance) or 1.0
-    near = max(distance - 1.01 * radius, 1e-3 * radius)
-    to_screen = np.zeros((4, 4))
-    to_screen[:2] = k[:2, :3] @ world_to_camera[:3]
-    to_screen[2, 3] = near
-    to_screen[3] = world_to_camera[2]
-    view = np.zeros((), layout.View)
-    view["to_screen"] = to_screen.T
-    view["to_world"] = np.linalg.inv(to_screen).T
-    view["eye"] = *pose[:3, 3], 1
-    view["size"] = *camera.size, samples, layout.pattern_start(samples)
-    view["scale"][0] = np.sqrt(k[0, 0] * k[1, 1])
-    return view
-
-
-def light_of(light):
-    """A `clfur.Light` as a `layout.Light`."""
-    packed = np.zeros((), layout.Light)
-    packed["direction"][:3] = light.direction
-    packed["color"] = *light.color, light.ambient
-    return packed
+def cast_shadows(gpu, scene, settings, strands, body):
+    """What of the scene stands before the light: hair in a grid, the body in a shadow map -> `shade.Shadows`."""
+    none = shade.no_shadows(gpu)
+    if settings.shadows == "off":
+        return none
+    packed = np.zeros((), layout.Shadow)
+    grid, sums, seen, seen_body = none.grid, none.sums, none.seen, none.map
+    if len(strands.spans):
+        method, grid = settings.shadows, grid_of(scene, settings.grid)
+        unit = unit_for(most_of(grid, method, *hair_bounds(scene.fur, len(strands.spans))))
+        if not unit:
+            raise Error(f"Settings.grid is {settings.grid}; allowed: fewer cells for so much hair, "
+                        f"or a cell's 32-bit counter might overflow")
+        depths = depths_for([t.alpha for t in getattr(scene.fur, "types", (scene.fur,))], method)
+        weights = np.rint(unit * depths / max(depths.max(), 1e-9)).astype(np.uint32)
+        sums = zscan(gpu, voxelize(gpu, grid, strands, method, weights), unit)
+        packed["hair"] = depths.max(), *own_share(grid, method), 0
+    if len(body.triangles):
+        seen = light_view_of(scene, settings.shadow_map)
+        seen_body = raster(gpu, seen, None, body)
+        packed["body"][:2] = 1, settings.pcf
+    return shade.Shadows(packed, grid, sums, seen, seen_body)

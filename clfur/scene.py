@@ -436,7 +436,7 @@ class HairType:
     segment_length: world units. force_weight: how much of the force is added to the direction each segment.
     width: diameter in world units. curl: (radius, turns). wave: (amplitude, periods). length_variation,
     direction_variation, color_variation: 0..1, how much strands differ. specular: strength >= 0.
-    exponent: of the highlight, > 0. key: None or the 8-bit (r, g, b) that means this type in
+    exponent: of the highlight, > 0. alpha: 0..1, how much light one hair lets through. key: None or the 8-bit (r, g, b) that means this type in
     `Strands.type_map`. Raises Error for anything else.
     """
 
@@ -453,6 +453,7 @@ class HairType:
     color_variation: float = attrs.field(converter=_to(_real(low=0, high=1)), default=0.0)
     specular: float = attrs.field(converter=_to(_real(low=0)), default=0.3)
     exponent: float = attrs.field(converter=_to(_real(above=0)), default=150.0)
+    alpha: float = attrs.field(converter=_to(_real(low=0, high=1)), default=0.5)
     key: tuple = attrs.field(converter=_to(_optional(_key)), default=None)
 
 
@@ -598,7 +599,8 @@ class Curves:
     points: [strands, points, 3], or [total, 3] with counts [strands] when strands differ in length; the root
     comes first. width: diameter in world units >= 0: one, [strands], or one for each point ([total], or
     [strands, points]). color: linear RGB >= 0, shaped like width with [..., 3]. specular: strength >= 0.
-    exponent: of the highlight, > 0. No strands at all are allowed.
+    exponent: of the highlight, > 0. alpha: 0..1, how much light one hair lets through. No strands at all are
+    allowed.
 
     As stored: `points` float32 [total, 3], `counts` uint32 [strands], `uniform` the points per strand where
     all have the same, else None, `width` float32 [1], [strands] or [total], `color` float32 [1, 3],
@@ -612,6 +614,7 @@ class Curves:
     color: np.ndarray = attrs.field(converter=_to(_values), default=(0.8, 0.6, 0.4))
     specular: float = attrs.field(converter=_to(_real(low=0)), default=0.3)
     exponent: float = attrs.field(converter=_to(_real(above=0)), default=150.0)
+    alpha: float = attrs.field(converter=_to(_real(low=0, high=1)), default=0.5)
     uniform: int | None = attrs.field(init=False)
 
     def __attrs_post_init__(self):
@@ -759,14 +762,18 @@ class Camera:
 
 @attrs.frozen(eq=False)
 class Light:
-    """A distant light: `direction` [3] is the way the light travels (stored at unit length).
+    """A distant light, or a spot light where it has a position: `direction` [3] is the way the light travels.
 
-    color: linear RGB >= 0. ambient: light from everywhere, a part of color, >= 0. Raises Error otherwise.
+    direction is stored at unit length. color: linear RGB >= 0. ambient: light from everywhere, a part of color, >= 0.
+    position: [3] of a spot, or None. angle: a spot's whole cone, degrees; its light does not fall off with distance.
+    Raises Error otherwise.
     """
 
     direction: np.ndarray = attrs.field(converter=_to(_direction), default=(-1.0, -1.0, -1.0))
     color: np.ndarray = attrs.field(converter=_to(_color), default=(1.0, 1.0, 1.0))
     ambient: float = attrs.field(converter=_to(_real(low=0)), default=0.1)
+    position: np.ndarray = attrs.field(converter=_to(_optional(_vector(3))), default=None)
+    angle: float = attrs.field(converter=_to(_real(above=0, below=180)), default=60.0)
 
 
 def _reach(fur):
@@ -777,6 +784,23 @@ def _reach(fur):
         return 0.0
     return max(hair.segments * hair.segment_length * (1 + hair.length_variation)
                + 2 * hair.curl[0] + hair.wave[0] + hair.width / 2 for hair in fur.types)
+
+
+@functools.lru_cache(maxsize=2)
+def hair_bounds(fur, strands):
+    """Return (segments, length [world], length · width [world²]) that ``strands`` strands of the fur cannot exceed."""
+    if isinstance(fur, Curves):
+        d = np.linalg.norm(np.diff(fur.points, axis=0), axis=1)
+        inner = np.ones(len(fur.points), bool)
+        inner[np.cumsum(fur.counts, dtype=np.int64)[fur.counts > 0] - 1] = False   # a strand's end joins nothing
+        length = float(d[inner[:-1]].sum(dtype=float))
+        return len(fur.points), length, length * float(fur.width.max())
+    types = fur.types
+    # A curl or a wave runs round or across the axis on its way along it.
+    lengths = [t.segments * t.segment_length * (1 + t.length_variation)
+               + 2 * math.pi * (t.curl[0] * abs(t.curl[1]) + t.wave[0] * abs(t.wave[1])) for t in types]
+    return (strands * max(t.segments for t in types), strands * max(lengths),
+            strands * max(length * t.width for length, t in zip(lengths, types)))
 
 
 def _points_to_see(mesh, fur):
@@ -792,8 +816,9 @@ def extent(mesh, fur):
     boxes = [_box(points) for points in _points_to_see(mesh, fur)]
     if not boxes:
         return np.zeros(3), 0.0
-    center, radius = _sphere(np.min([low for low, _ in boxes], 0), np.max([high for _, high in boxes], 0))
-    return center, radius + _reach(fur)
+    center, _ = _sphere(np.min([low for low, _ in boxes], 0), np.max([high for _, high in boxes], 0))
+    furthest = max(((points - center) ** 2).sum(1).max() for points in _points_to_see(mesh, fur))
+    return center, float(np.sqrt(furthest)) + _reach(fur)
 
 
 def frame(mesh, fur, size=(640, 480), fov=45, direction=(0.45, 0.3, 1.0)):

@@ -2,11 +2,16 @@
 
 import attrs
 
-from .scene import _choice, _refuse, _to
+from .scene import _choice, _refuse, _to, _whole
 
 
 def _samples(value, where):
     return value if value in (1, 4, 16) and not isinstance(value, bool) else _refuse(where, value, "1, 4 or 16")
+
+
+def _cells(value, where):
+    number = _whole(16, 1024)(value, where)
+    return number if number % 16 == 0 else _refuse(where, value, "a multiple of 16 from 16 to 1024")
 
 
 @attrs.frozen
@@ -15,8 +20,15 @@ class Settings:
 
     samples: 1, 4 or 16 a pixel.  specular: "kajiya-kay", the highlight of Kajiya and Kay (1989), which has a value
     in every direction, or "half-vector", the report's, which has none where the eye looks against the light.
+    shadows: "length" deposits what rays of light are expected to cross; "binary", "count" and "trilinear" are the
+    report's voxels; "off".  grid: cells a side, a multiple of 16.  shadow_map: texels a side of the body's shadow
+    map.  pcf: radius in texels over which its comparisons are averaged (the report's equation 8).
     Raises `clfur.Error` for anything else.
     """
 
     samples: int = attrs.field(converter=_to(_samples), default=4)
+    shadows: str = attrs.field(converter=_to(_choice("off", "binary", "count", "trilinear", "length")), default="length")
+    grid: int = attrs.field(converter=_to(_cells), default=64)
+    shadow_map: int = attrs.field(converter=_to(_whole(16, 8192)), default=1024)
+    pcf: int = attrs.field(converter=_to(_whole(0, 16)), default=2)
     specular: str = attrs.field(converter=_to(_choice("kajiya-kay", "half-vector")), default="kajiya-kay")

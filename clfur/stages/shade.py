@@ -1,21 +1,44 @@
 """Visible samples -> the lit picture, and what else is known of its pixels."""
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
+from .. import layout
 from .strands import per
 
 
-def color(gpu, view, light, specular, visible, strands, body, body_color):
+@dataclass(frozen=True)
+class Shadows:
+    """What stands between the light and a place."""
+
+    shadow: Any       # layout.Shadow
+    grid: Any         # layout.Grid
+    sums: Any         # [nz + 1, ny, nx] float32 crossings before each layer
+    seen: Any         # layout.View of the light
+    map: Any          # [size, size, 1] uint64, the raster of the body
+
+
+def no_shadows(gpu):
+    """`Shadows` of nothing."""
+    return Shadows(np.zeros((), layout.Shadow), np.zeros((), layout.Grid), gpu.empty(0, np.float32),
+                   np.zeros((), layout.View), gpu.empty(0, np.uint64))
+
+
+def color(gpu, view, light, specular, visible, strands, body, body_color, shadows=None):
     """Light every sample and average -> [height, width, 4] float32, linear, premultiplied, alpha = coverage.
 
-    Strands by Kajiya and Kay (1989), the body by Lambert; ``specular`` as in `clfur.Settings`.
+    Strands by Kajiya and Kay (1989), the body by Lambert; ``specular`` as in `clfur.Settings`.  ``shadows``: `Shadows`.
     """
+    shadows = shadows or no_shadows(gpu)
     height, width, _ = visible.shape
     image = gpu.empty((height, width, 4), np.float32)
     gpu.launch("shade.color", (width, height), view, light, np.int32(specular == "half-vector"), visible,
-               strands.points, strands.tangents, strands.strand_of, strands.uv, strands.types,
+               strands.points, strands.tangents, strands.strand_of, strands.spans, strands.uv, strands.types,
                strands.colors, np.int32(per(len(strands.colors), len(strands.spans), len(strands.points))),
-               body.positions, body.normals, body.triangles, np.array([*body_color, 0], np.float32), image)
+               body.positions, body.normals, body.triangles, np.array([*body_color, 0], np.float32),
+               shadows.shadow, shadows.grid, shadows.sums, shadows.seen, shadows.map, image)
     return image
 
 

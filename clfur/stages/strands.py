@@ -57,7 +57,7 @@ def bring(gpu, curves):
     n, total = len(counts), len(curves.points)
     first = np.concatenate([[0], np.cumsum(counts)[:-1]]) if n else []
     types = np.zeros(1, layout.HairType)
-    types["shine"][0, :2] = curves.specular, curves.exponent
+    types["shine"][0, :3] = curves.specular, curves.exponent, curves.alpha
     grown = Grown(
         points=gpu.empty((total, 4), np.float32),
         tangents=gpu.empty((total, 4), np.float32),
@@ -93,7 +93,7 @@ def pack_types(types):
         row["shape"] = t.segment_length, t.width, t.force_weight, t.direction_variation
         row["curl"] = t.curl[0], *_turn(t.curl[1], t.segments), t.length_variation
         row["wave"] = t.wave[0], *_turn(t.wave[1], t.segments), 0
-        row["shine"] = t.specular, t.exponent, 0, 0
+        row["shine"] = t.specular, t.exponent, t.alpha, 0
         row["counts"] = t.segments, sum(map(len, texels)), 0, 0
         if t.color_texture is not None:
             row["counts"][2:] = t.color_texture.shape[1::-1]

@@ -1,0 +1,139 @@
+/*
+ * How much hair each cell of a grid seen from the light holds, in integers: sums that don't depend on the order.
+ *
+ * The grid's x and y lie across the light, z along the way it travels; the unit is a cell.  Points are snapped to
+ * 1/SUBPIXEL cell, and everything after is integers.  The report's three methods (section 2.3.1) draw a strand as
+ * the fragments of a line across the light, one for each step along its longer axis; `lengths` deposits how often
+ * a ray of light is expected to cross the strand.  One work-item draws one strand.
+ */
+
+#define FRACTION 24                                     // fixed-point bits below the sub-cell in a walk
+#define OUTSIDE INT_MIN                                 // mark of a point too far away to snap
+
+inline int4 to_cells(const Grid *grid, float4 p, float *w)
+{
+    const float4 c = ((grid->to_grid[0] * p.x + grid->to_grid[1] * p.y) + grid->to_grid[2] * p.z) + grid->to_grid[3];
+    const float4 q = (float4)(c.x / c.w, c.y / c.w, c.z, 0.0f);
+    *w = c.w;
+    if (!(c.w > 0.0f && fabs(q.x) <= GUARD && fabs(q.y) <= GUARD && fabs(q.z) <= GUARD))
+        return (int4)(OUTSIDE);
+    return convert_int4(floor(q * (float)SUBPIXEL + 0.5f));
+}
+
+inline bool in_grid(const Grid *grid, int x, int y, int z)
+{
+    return (uint)x < (uint)grid->size.x && (uint)y < (uint)grid->size.y && (uint)z < (uint)grid->size.z;
+}
+
+inline void add(volatile __global uint *cells, const Grid *grid, int x, int y, int z, uint amount)
+{
+    if (amount && in_grid(grid, x, y, z))
+        atomic_add(&cells[((size_t)z * grid->size.y + y) * grid->size.x + x], amount);
+}
+
+/* The report's voxels. A segment's fragments are those of a line drawn into x and y, as in raster.cl. */
+__kernel void fragments(
+    const Grid grid,
+    __global const float4 *points,         // [P] x, y, z, width [world]
+    __global const uint2 *spans,           // [strands] first point, points
+    __global const float4 *strand_uv,      // [strands] -, -, type
+    __global const uint *weights,          // [types] what one fragment adds
+    const int method,                      // 0: binary, 1: count, 2: count, trilinear
+    volatile __global uint *cells)         // [nz, ny, nx]
+{
+    const size_t strand = get_global_id(0);
+    const uint2 span = spans[strand];
+    const uint weight = weights[(int)strand_uv[strand].z];
+    int4 a, b;
+    float w;
+    for (uint k = 0; k < span.y; ++k, a = b) {
+        b = to_cells(&grid, points[span.x + k], &w);
+        if (k == 0 || a.x == OUTSIDE || b.x == OUTSIDE)
+            continue;
+        const bool steep = abs(b.x - a.x) < abs(b.y - a.y);
+        int4 p = steep ? a.yxzw : a, q = steep ? b.yxzw : b;
+        if (p.x > q.x) {
+            const int4 t = p; p = q; q = t;
+        }
+        const int du = q.x - p.x;
+        if (du == 0)
+            continue;
+        const long v_step = ((long)(q.y - p.y) << FRACTION) / du, z_step = ((long)(q.z - p.z) << FRACTION) / du;
+        const int begin = max((p.x + SUBPIXEL / 2 - 1) >> 8, 0);
+        const int end = min((q.x + SUBPIXEL / 2 - 1) >> 8, steep ? grid.size.y : grid.size.x);
+        for (int u = begin; u < end; ++u) {
+            const int along = u * SUBPIXEL + SUBPIXEL / 2 - p.x;
+            const int v = p.y + (int)((v_step * along) >> FRACTION), z = p.z + (int)((z_step * along) >> FRACTION);
+            if (method == 2) {
+                /* The four cells whose centres surround the fragment; the parts add up to the whole. */
+                const int v0 = (v - SUBPIXEL / 2) >> 8, z0 = (z - SUBPIXEL / 2) >> 8;
+                const uint fv = (v - SUBPIXEL / 2) & 255, fz = (z - SUBPIXEL / 2) & 255;
+                const uint both = weight * fv / 256 * fz / 256, right = weight * fv / 256 - both;
+                const uint behind = weight * fz / 256 - both, here = weight - right - behind - both;
+                add(cells, &grid, steep ? v0 : u, steep ? u : v0, z0, here);
+                add(cells, &grid, steep ? v0 + 1 : u, steep ? u : v0 + 1, z0, right);
+                add(cells, &grid, steep ? v0 : u, steep ? u : v0, z0 + 1, behind);
+                add(cells, &grid, steep ? v0 + 1 : u, steep ? u : v0 + 1, z0 + 1, both);
+            } else {
+                const int x = steep ? v >> 8 : u, y = steep ? u : v >> 8;
+                if (method == 1)
+                    add(cells, &grid, x, y, z >> 8, weight);
+                else if (in_grid(&grid, x, y, z >> 8))
+                    atomic_max(&cells[((size_t)(z >> 8) * grid.size.y + y) * grid.size.x + x], weight);
+            }
+        }
+    }
+}
+
+/* What a ray through a cell's face is expected to cross there: length · width · sin(fibre, light) / area of the face.
+   A segment's amount is spread evenly over steps of 1/4 cell at most; what rounding leaves goes on to the next. */
+__kernel void lengths(
+    const Grid grid,
+    __global const float4 *points,         // [P] x, y, z, width [world]
+    __global const uint2 *spans,           // [strands] first point, points
+    __global const float4 *strand_uv,      // [strands] -, -, type
+    __global const uint *weights,          // [types] amount of one crossing
+    volatile __global uint *cells)         // [nz, ny, nx]
+{
+    const size_t strand = get_global_id(0);
+    const uint2 span = spans[strand];
+    const float weight = weights[(int)strand_uv[strand].z];
+    int4 a, b;
+    float4 from, to;
+    float wa, wb, left = 0.5f;
+    for (uint k = 0; k < span.y; ++k, a = b, from = to, wa = wb) {
+        to = points[span.x + k];
+        b = to_cells(&grid, to, &wb);
+        if (k == 0 || a.x == OUTSIDE || b.x == OUTSIDE)
+            continue;
+        const float w = 0.5f * (wa + wb), width = 0.5f * (from.w + to.w);
+        float4 d = to - from, ray = grid.light - grid.light.w * (0.5f * (from + to));
+        d.w = ray.w = 0.0f;
+        const float4 c = cross3(d, unit_or(ray, (float4)(0.0f)));
+        const float exact = sqrt(dot3(c, c)) * width / (grid.face.x * (w * w)) * weight + left;
+        const uint amount = (uint)min(exact, 0x1p31f);
+        left = exact - amount;
+
+        const int4 e = b - a;
+        const int n = max(max(abs(e.x), abs(e.y)), abs(e.z)) / (SUBPIXEL / 4) + 1;
+        const uint part = amount / n, more = amount % n;
+        /* Middles of the steps, in 2^-16 sub-cells. */
+        const long x_step = ((long)e.x << 16) / n, y_step = ((long)e.y << 16) / n, z_step = ((long)e.z << 16) / n;
+        long x = ((long)a.x << 16) + x_step / 2, y = ((long)a.y << 16) + y_step / 2, z = ((long)a.z << 16) + z_step / 2;
+        int4 cell = (int4)(0);
+        uint sum = 0;
+        for (int i = 0; i < n; ++i) {
+            const int4 now = (int4)((int)(x >> 24), (int)(y >> 24), (int)(z >> 24), 0);
+            if (any(now != cell)) {
+                add(cells, &grid, cell.x, cell.y, cell.z, sum);
+                cell = now;
+                sum = 0;
+            }
+            sum += part + ((uint)i < more);
+            x += x_step;
+            y += y_step;
+            z += z_step;
+        }
+        add(cells, &grid, cell.x, cell.y, cell.z, sum);
+    }
+}

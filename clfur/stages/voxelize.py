@@ -1,0 +1,60 @@
+"""Strands -> how much hair each cell of a grid seen from the light holds."""
+
+import numpy as np
+
+METHODS = ("binary", "count", "trilinear", "length")
+
+
+def voxelize(gpu, grid, strands, method, weights):
+    """Put `Grown` strands into a `layout.Grid` -> [nz, ny, nx] uint32.
+
+    ``method``: the report's "binary", "count" or "trilinear" (section 2.3.1), or "length", which deposits how often a
+    ray of light is expected to cross the hair.  ``weights``: [types] uint32, what one fragment or one crossing
+    adds; see `unit_for` and `depths_for`.
+    """
+    nx, ny, nz, _ = (int(n) for n in grid["size"])
+    cells = gpu.full((nz, ny, nx), np.uint32, 0)
+    arguments = strands.points, strands.spans, strands.uv, gpu.upload(weights)
+    if method == "length":
+        gpu.launch("voxelize.lengths", len(strands.spans), grid, *arguments, cells)
+    else:
+        gpu.launch("voxelize.fragments", len(strands.spans), grid, *arguments,
+                   np.int32(METHODS.index(method)), cells)
+    return cells
+
+
+def unit_for(most):
+    """The amount that stands for one fragment or crossing, when all hair together has at most ``most`` of them.
+
+    It is the largest power of two, 2^16 at most, with most · unit below 2^32: then no cell and no running sum can
+    overflow, even if all hair lies in one column; 0 if even 1 might.
+    """
+    unit = 1 << 16
+    while unit and most * unit >= 1 << 32:
+        unit >>= 1
+    return unit
+
+
+def most_of(grid, method, segments, length, area):
+    """The fragments or crossings that hair cannot exceed, from what `clfur.scene.hair_bounds` tells of it."""
+    nearest = float(grid["face"][2])                     # smallest w
+    side = float(grid["face"][1]) * nearest
+    return area / side**2 + segments if method == "length" else length / side + segments
+
+
+def depths_for(alphas, method):
+    """[types] optical depth of one crossing: light falls to alpha^count in the report's methods, and to its mean
+    exp(-(1 - alpha) · crossings) when a mean number of crossings falls at random, in "length"."""
+    alphas = np.asarray(alphas, float)
+    return 1 - alphas if method == "length" else -np.log(np.maximum(alphas, 1e-6))
+
+
+def own_share(grid, method):
+    """What a strand adds on average to the sum read at its own axis: (per width [world], per fragment).
+
+    Half of it lies before the axis.  Across, a strand deposited in the nearest cells and read between four columns
+    weighs 3/4 of a cell's side, deposited between cells 2/3.
+    """
+    if method == "length":
+        return 0.375 / float(grid["face"][1]), 0.0
+    return 0.0, 1 / 3 if method == "trilinear" else 0.375

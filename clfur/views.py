@@ -1,0 +1,118 @@
+"""Cameras and lights -> the matrices that the kernels see with."""
+
+import math
+
+import numpy as np
+
+from . import layout
+from .scene import extent
+
+
+def view_of(scene, samples):
+    """The scene's camera as a `layout.View`; its near plane stands just before all that can be seen."""
+    camera = scene.camera
+    center, radius = extent(scene.mesh, scene.fur)
+    pose, k = camera.pose, camera.intrinsics
+    # Camera axes right, down, forward: forward is the distance that "depth" tells.
+    world_to_camera = np.diag([1.0, -1.0, -1.0, 1.0]) @ np.linalg.inv(pose)
+    distance = (world_to_camera @ [*center, 1.0])[2]
+    radius = radius or abs(distance) or 1.0
+    near = max(distance - 1.01 * radius, 1e-3 * radius)
+    to_screen = np.zeros((4, 4))
+    to_screen[:2] = k[:2, :3] @ world_to_camera[:3]
+    to_screen[2, 3] = near
+    to_screen[3] = world_to_camera[2]
+    return _view(to_screen, (*pose[:3, 3], 1), camera.size, samples, math.sqrt(k[0, 0] * k[1, 1]))
+
+
+def light_of(light):
+    """A `clfur.Light` as a `layout.Light`."""
+    packed = np.zeros((), layout.Light)
+    packed["direction"][:3] = light.direction
+    packed["color"] = *light.color, light.ambient
+    if light.position is not None:
+        packed["position"] = *light.position, 1
+        packed["cone"][0] = math.cos(math.radians(light.angle) / 2)
+    return packed
+
+
+def light_view_of(scene, size):
+    """What the light sees, as a `layout.View` of size² pixels with one sample each: parallel rays, or a spot's."""
+    to_light, center, radius, distance, half = _light(scene)
+    to_screen = np.zeros((4, 4))
+    near, far = distance - radius, distance + radius
+    if scene.light.position is None:
+        scale = size / (2 * half)
+        to_screen[:2] = scale * to_light[:2]
+        to_screen[:2, 3] += size / 2
+        to_screen[2] = -to_light[2] / (far - near)          # e falls from 1 at near to 0 at far
+        to_screen[2, 3] += far / (far - near)
+        to_screen[3, 3] = 1
+        eye = *-scene.light.direction, 0
+    else:
+        scale = size / (2 * half)
+        to_screen[:2] = scale * to_light[:2] + size / 2 * to_light[2]
+        to_screen[2, 3] = near
+        to_screen[3] = to_light[2]
+        eye = *scene.light.position, 1
+    return _view(to_screen, eye, (size, size), 1, scale)
+
+
+def grid_of(scene, cells):
+    """The cells³ that hold all of the scene, seen from the light, as a `layout.Grid`.
+
+    They fit a ball around the scene, so that their size does not change while the light turns.
+    """
+    to_light, center, radius, distance, half = _light(scene)
+    side = 2 * half / cells
+    packed = np.zeros((), layout.Grid)
+    to_grid = np.zeros((4, 4))
+    to_grid[:2] = to_light[:2] / side
+    to_grid[2] = to_light[2] * cells / (2 * radius)
+    to_grid[2, 3] -= (distance - radius) * cells / (2 * radius)
+    if scene.light.position is None:
+        to_grid[:2, 3] += cells / 2
+        to_grid[3, 3] = 1
+        packed["light"][:3] = -scene.light.direction
+    else:
+        to_grid[:2] += cells / 2 * to_light[2]
+        to_grid[3] = to_light[2]
+        packed["light"] = *scene.light.position, 1
+    packed["to_grid"] = to_grid.T
+    packed["size"][:3] = cells
+    packed["face"][:3] = side * side, side, 1 if scene.light.position is None else distance - radius
+    return packed
+
+
+def _light(scene):
+    """(world -> axes of the light [4, 4], centre, radius, distance of the centre along the light, half a side).
+
+    Half a side is that of the square that the light must see: in world units, or for a spot at distance 1.
+    """
+    light = scene.light
+    center, radius = extent(scene.mesh, scene.fur)
+    radius = 1.001 * radius or 1.0                       # nothing lies on the border
+    z = light.direction
+    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x /= np.linalg.norm(x)
+    to_light = np.eye(4)
+    to_light[:3, :3] = x, np.cross(z, x), z
+    if light.position is None:
+        to_light[:3, 3] = -to_light[:3, :3] @ center
+        return to_light, center, radius, 0.0, radius
+    to_light[:3, 3] = -to_light[:3, :3] @ light.position
+    distance = (to_light @ [*center, 1.0])[2]
+    # The light may stand inside the scene, or look away from it: what is nearer than this casts no shadow.
+    near = max(distance - radius, 0.05 * radius)
+    far = max(distance + radius, 2 * near)
+    return to_light, center, (far - near) / 2, (far + near) / 2, math.tan(math.radians(light.angle) / 2)
+
+
+def _view(to_screen, eye, size, samples, scale):
+    view = np.zeros((), layout.View)
+    view["to_screen"] = to_screen.T
+    view["to_world"] = np.linalg.inv(to_screen).T
+    view["eye"] = eye
+    view["size"] = *size, samples, layout.pattern_start(samples)
+    view["scale"][0] = scale
+    return view
