@@ -86,7 +86,7 @@ __kernel void fragments(
 }
 
 /* What a ray through a cell's face is expected to cross there: length · width · sin(fibre, light) / area of the face.
-   A segment's amount is spread evenly over steps of 1/4 cell at most; what rounding leaves goes on to the next. */
+   A segment's amount is spread evenly over steps of half a cell at most; what rounding leaves goes on to the next. */
 __kernel void lengths(
     const Grid grid,
     __global const float4 *points,         // [P] x, y, z, width [world]
@@ -115,7 +115,7 @@ __kernel void lengths(
         left = exact - amount;
 
         const int4 e = b - a;
-        const int n = max(max(abs(e.x), abs(e.y)), abs(e.z)) / (SUBPIXEL / 4) + 1;
+        const int n = max(max(abs(e.x), abs(e.y)), abs(e.z)) / (SUBPIXEL / 2) + 1;
         const uint part = amount / n, more = amount % n;
         /* Middles of the steps, in 2^-16 sub-cells. */
         const long x_step = ((long)e.x << 16) / n, y_step = ((long)e.y << 16) / n, z_step = ((long)e.z << 16) / n;
