@@ -10,6 +10,7 @@ import click
 from . import Camera, Error, HairType, Light, Scene, Settings, Strands, draw, load_mesh, save
 from .image import check_writable, load_picture
 from .scene import frame, srgb_to_linear
+from .settings import SHADOWS
 
 
 class Numbers(click.ParamType):
@@ -131,6 +132,11 @@ def clfur(context):
 @click.option("--fov", type=float, default=45.0, metavar="DEG", help="Vertical field of view.")
 @click.option("--light", type=Numbers(3), default="-1,-1,-1", metavar="X,Y,Z",
               help="The way the light travels.")
+@click.option("--alpha", type=click.FloatRange(0, 1), default=0.5, metavar="0..1",
+              help="How much light one hair lets through.")
+@click.option("--shadows", type=click.Choice(SHADOWS), default="length",
+              help="How hair shades: by what rays cross, by the report's voxels, or not at all.")
+@click.option("--grid", type=int, default=64, metavar="N", help="Cells a side of the grid for shadows; divides by 16.")
 @click.option("--samples", type=click.Choice(["1", "4", "16"]), default="4", help="Samples a pixel.")
 @click.option("--specular", type=click.Choice(["kajiya-kay", "half-vector"]), default="kajiya-kay",
               help="Form of the highlight.")
@@ -152,7 +158,8 @@ def render(mesh, output, as_json, **options):
         raise click.UsageError(f"{output} can hold the output color alone; .exr and .npz hold others")
     mesh = load_mesh(mesh)
     drawn = draw(_scene(mesh, options), device=options["device"], outputs=options["outputs"],
-                 settings=Settings(samples=int(options["samples"]), specular=options["specular"]))
+                 settings=Settings(samples=int(options["samples"]), specular=options["specular"],
+                                   shadows=options["shadows"], grid=options["grid"]))
     save(output, drawn.images)
 
     skipped = {"degenerate": mesh.degenerate_faces, "zero_normal": mesh.zero_normal_faces}
@@ -181,6 +188,7 @@ def _scene(mesh, options):
         "force_weight": options["force_weight"],
         "curl": options["curl"],
         "wave": options["wave"],
+        "alpha": options["alpha"],
         **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), options["variation"]),
     }
     if options["type_map"] and not options["types"]:

@@ -103,18 +103,19 @@ def cast_shadows(gpu, scene, settings, strands, body):
         return none
     packed = np.zeros((), layout.Shadow)
     grid, sums, seen, seen_body = none.grid, none.sums, none.seen, none.map
-    if len(strands.spans):
+    depths = depths_for([t.alpha for t in getattr(scene.fur, "types", (scene.fur,))], settings.shadows)
+    if len(strands.spans) and depths.any():
         method, grid = settings.shadows, grid_of(scene, settings.grid)
         unit = unit_for(most_of(grid, method, *hair_bounds(scene.fur, len(strands.spans))))
         if not unit:
             raise Error(f"Settings.grid is {settings.grid}; allowed: fewer cells for so much hair, "
                         f"or a cell's 32-bit counter might overflow")
-        depths = depths_for([t.alpha for t in getattr(scene.fur, "types", (scene.fur,))], method)
-        weights = np.rint(unit * depths / max(depths.max(), 1e-9)).astype(np.uint32)
+        weights = np.rint(unit * depths / depths.max()).astype(np.uint32)
         sums = zscan(gpu, voxelize(gpu, grid, strands, method, weights), unit)
         packed["hair"] = depths.max(), *own_share(grid, method), 0
-    if len(body.triangles):
+    if len(body.triangles) and settings.shadow_map:
         seen = light_view_of(scene, settings.shadow_map)
-        seen_body = raster(gpu, seen, None, body)
+        with gpu.called("shadow_map"):
+            seen_body = raster(gpu, seen, None, body)
         packed["body"][:2] = 1, settings.pcf
     return shade.Shadows(packed, grid, sums, seen, seen_body)

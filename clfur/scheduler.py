@@ -1,6 +1,7 @@
 """Owns the context, queue, programs and buffers; launches kernels and times them; knows no fur."""
 
 import warnings
+from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
 
@@ -38,6 +39,7 @@ class Scheduler:
         self._kernels = {}
         self._kept = {}
         self._log = []
+        self._called = None
 
     def empty(self, shape, dtype):
         """Uninitialised device array, taken from the pool."""
@@ -78,7 +80,7 @@ class Scheduler:
         if not all(size):
             return
         args = (a.base_data if isinstance(a, cla.Array) else a for a in args)
-        self._log.append((name, kernel(self.queue, tuple(map(int, size)), None, *args)))
+        self._log.append((self._called or name.split(".")[0], kernel(self.queue, tuple(map(int, size)), None, *args)))
 
     def keep(self, name, key, build):
         """``build()``, or what it gave last time under this name if ``key`` holds the very same objects."""
@@ -98,13 +100,21 @@ class Scheduler:
         """Begin a new frame: from here on `seconds` counts anew."""
         self._log.clear()
 
+    @contextmanager
+    def called(self, name):
+        """Count the launches within under this name instead of their kernel file's."""
+        self._called = name
+        try:
+            yield
+        finally:
+            self._called = None
+
     def seconds(self):
         """Seconds on the device since `start`, by kernel file: {"strands": 0.007, ...}; waits for them."""
         self.queue.finish()
         total = {}
         for name, event in self._log:
-            stem = name.split(".")[0]
-            total[stem] = total.get(stem, 0.0) + 1e-9 * (event.profile.end - event.profile.start)
+            total[name] = total.get(name, 0.0) + 1e-9 * (event.profile.end - event.profile.start)
         return total
 
     def _build(self, stem):

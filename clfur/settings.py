@@ -5,6 +5,9 @@ import attrs
 from .scene import _choice, _refuse, _to, _whole
 
 
+SHADOWS = ("off", "binary", "count", "trilinear", "length")
+
+
 def _samples(value, where):
     return value if value in (1, 4, 16) and not isinstance(value, bool) else _refuse(where, value, "1, 4 or 16")
 
@@ -22,13 +25,13 @@ class Settings:
     in every direction, or "half-vector", the report's, which has none where the eye looks against the light.
     shadows: "length" deposits what rays of light are expected to cross; "binary", "count" and "trilinear" are the
     report's voxels; "off".  grid: cells a side, a multiple of 16.  shadow_map: texels a side of the body's shadow
-    map.  pcf: radius in texels over which its comparisons are averaged (the report's equation 8).
+    map, 0 for none.  pcf: radius in texels over which its comparisons are averaged (the report's equation 8).
     Raises `clfur.Error` for anything else.
     """
 
     samples: int = attrs.field(converter=_to(_samples), default=4)
-    shadows: str = attrs.field(converter=_to(_choice("off", "binary", "count", "trilinear", "length")), default="length")
+    shadows: str = attrs.field(converter=_to(_choice(*SHADOWS)), default="length")
     grid: int = attrs.field(converter=_to(_cells), default=64)
-    shadow_map: int = attrs.field(converter=_to(_whole(16, 8192)), default=1024)
+    shadow_map: int = attrs.field(converter=_to(_whole(0, 8192)), default=1024)
     pcf: int = attrs.field(converter=_to(_whole(0, 16)), default=2)
     specular: str = attrs.field(converter=_to(_choice("kajiya-kay", "half-vector")), default="kajiya-kay")
