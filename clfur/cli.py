@@ -41,8 +41,8 @@ class Size(click.ParamType):
         if isinstance(value, tuple):
             return value
         parts = value.lower().split("x")
-        if len(parts) != 2 or not all(part.isdecimal() and len(part) < 10 and int(part) for part in parts):
-            self.fail(f"{value!r} is not WIDTHxHEIGHT in pixels, such as 640x480", param, ctx)
+        if len(parts) != 2 or not all(part.isdecimal() and len(part) < 6 and 1 <= int(part) <= 16384 for part in parts):
+            self.fail(f"{value!r} is not WIDTHxHEIGHT of 1 to 16384 pixels each, such as 640x480", param, ctx)
         return tuple(map(int, parts))
 
 
@@ -106,9 +106,9 @@ def clfur(context):
 @click.option("--surface", type=click.Choice(["pn", "flat"]), default="pn", help="Curved or flat faces.")
 @click.option("--segments", type=click.IntRange(0, 255), default=8, metavar="N",
               help="Segments a strand; 0 is bald.")
-@click.option("--length", type=float, metavar="L",
+@click.option("--length", type=click.FloatRange(0), metavar="L",
               help="Length of a strand in the mesh's units.  [default: 0.08 of the mesh's radius]")
-@click.option("--width", type=float, metavar="W",
+@click.option("--width", type=click.FloatRange(0), metavar="W",
               help="Diameter of a strand in the mesh's units.  [default: 0.0012 of the mesh's radius]")
 @click.option("--color", type=Color(), default="0.5,0.28,0.12", metavar="COLOR",
               help="R,G,B (linear) or '#rrggbb' (sRGB).")
@@ -129,8 +129,8 @@ def clfur(context):
               help="The camera's place.  [default: where it sees the whole mesh]")
 @click.option("--target", type=Numbers(3), metavar="X,Y,Z",
               help="What it looks at.  [default: the mesh's centre]")
-@click.option("--fov", type=float, default=45.0, metavar="DEG", help="Vertical field of view.")
-@click.option("--light", type=Numbers(3), default="-1,-1,-1", metavar="X,Y,Z",
+@click.option("--fov", type=click.FloatRange(0, 180, min_open=True, max_open=True), default=45.0, metavar="DEG", help="Vertical field of view.")
+@click.option("--light", type=Numbers(3), default="1,-1,-0.6", metavar="X,Y,Z",
               help="The way the light travels.")
 @click.option("--alpha", type=click.FloatRange(0, 1), default=0.5, metavar="0..1",
               help="How much light one hair lets through.")
@@ -156,8 +156,12 @@ def render(mesh, output, as_json, **options):
     output = Path(output)
     if output.suffix.lower() == ".png" and set(options["outputs"]) != {"color"}:
         raise click.UsageError(f"{output} can hold the output color alone; .exr and .npz hold others")
+    for given in (mesh, options["type_map"], options["types"]):
+        if given and output.exists() and Path(given).exists() and output.samefile(given):
+            raise click.UsageError(f"{output} is read by this command and would be overwritten: name another with -o")
     mesh = load_mesh(mesh)
-    drawn = draw(_scene(mesh, options), device=options["device"], outputs=options["outputs"],
+    scene = _scene(mesh, options)
+    drawn = draw(scene, device=options["device"], outputs=options["outputs"],
                  settings=Settings(samples=int(options["samples"]), specular=options["specular"],
                                    shadows=options["shadows"], grid=options["grid"]))
     save(output, drawn.images)
@@ -167,7 +171,9 @@ def render(mesh, output, as_json, **options):
         print(json.dumps({
             "file": str(output), "size": options["size"], "device": drawn.device,
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
-            "seconds": drawn.seconds, "stages": drawn.stages, "skipped": skipped}))
+            "seconds": drawn.seconds, "stages": drawn.stages, "skipped": skipped,
+            "camera": {name: list(getattr(scene.camera, name)) for name in ("eye", "target")},
+            "options": {name: options[name] for name in ("fov", "light", "shadows", "grid", "seed")} | {"samples": int(options["samples"])}}))
         return
     stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in drawn.stages.items())
     left_out = [f"{count:,} {what.replace('_', ' ')}" for what, count in skipped.items() if count]
@@ -247,8 +253,13 @@ def main(arguments=None):
     """Run the command and exit; what the user got wrong is one line on stderr and exit code 2."""
     try:
         code = clfur.main(arguments, prog_name="clfur", standalone_mode=False)
-    except click.Abort:
+    except (click.Abort, KeyboardInterrupt):
+        print("clfur: interrupted", file=sys.stderr)
         code = 130
+    except OSError as error:   # of stdout itself: a full disk, a closed pipe
+        print(f"clfur: error: {error.strerror}", file=sys.stderr)
+        sys.stdout = None
+        code = 2
     except (Error, click.ClickException) as error:
         message = error.format_message() if isinstance(error, click.ClickException) else str(error)
         print("clfur: error:", " ".join(message.split()), file=sys.stderr)

@@ -833,18 +833,17 @@ def frame(mesh, fur, size=(640, 480), fov=45, direction=(0.45, 0.3, 1.0)):
     direction = _direction(direction, "frame direction")
     center, _ = extent(mesh, fur)
     up = (0, 1, 0) if abs(direction[1]) < 0.999 else (0, 0, -1)
-    x, y, z = Camera(eye=center + direction, target=center, up=up, fov=fov, size=size).pose[:3, :3].T
+    axes = Camera(eye=center + direction, target=center, up=up, fov=fov, size=size).pose[:3, :3]
     tall = math.tan(math.radians(fov) / 2)
-    wide = tall * size[0] / size[1]
-    # Every point must lie inside four planes through the eye: each asks for a distance.
-    distance = 0.0
-    for points in _points_to_see(mesh, fur):
-        offset = points - center
-        across, up_down, towards = np.abs(offset @ x), np.abs(offset @ y), offset @ z
-        distance = max(distance, (towards + across / wide).max(), (towards + up_down / tall).max())
-    distance += _reach(fur) / math.sin(math.atan(min(tall, wide)))
-    distance = 1.04 * distance or 1.0
-    return Camera(eye=center + distance * direction, target=center, up=up, fov=fov, size=size)
+    slopes = np.array([tall * size[0] / size[1], tall])
+    # The four planes of the view, each pushed out to its furthest point: where they meet is the nearest eye.
+    offsets = np.concatenate([points - center for points in _points_to_see(mesh, fur)] or [np.zeros((1, 3))]) @ axes
+    margin = _reach(fur) * np.sqrt(1 + slopes**2)
+    one = (offsets[:, :2] + slopes * offsets[:, 2:]).max(0) + margin
+    other = (-offsets[:, :2] + slopes * offsets[:, 2:]).max(0) + margin
+    distance = 1.05 * float(((one + other) / (2 * slopes)).max()) or 1.0
+    target = center + axes[:, :2] @ ((one - other) / 2)
+    return Camera(eye=target + distance * direction, target=target, up=up, fov=fov, size=size)
 
 
 @attrs.frozen(eq=False)

@@ -1,0 +1,5 @@
+"""`python -m clfur` is the `clfur` command."""
+
+from .cli import main
+
+main()
