@@ -1,4 +1,4 @@
-"""strands in float64 NumPy: roots, growth (the report's section 2.1.3) and the tangents of strands brought along."""
+"""strands in float64 NumPy: roots, growth (the report's section 2.1.3), tangents of strands brought along."""
 
 import math
 
@@ -24,7 +24,7 @@ def signed(words):
 
 
 def unit_or(v, otherwise):
-    """Vectors [..., 3] at length one; `otherwise` where they are shorter than 1e-15 and so have no direction."""
+    """Vectors [..., 3] at length one; `otherwise` where they are below 1e-15 and so have no direction."""
     square = (v * v).sum(-1, keepdims=True)
     return np.where(square > 1e-30, v / np.sqrt(np.where(square > 1e-30, square, 1)), otherwise)
 
@@ -59,7 +59,7 @@ def roots_by_area(
     count,       # strands
     seed,
 ):
-    """Root i at a random place of the i-th of `count` equal parts of the area, as `roots_at`, and its triangle."""
+    """Root i at a random place of the i-th of `count` equal parts of the area: `roots_at`, its triangle."""
     total = int(running[-1])
     words = random3(np.arange(count), seed, 0)
     # In whole numbers without bounds: the part's start, and a random way into it.
@@ -90,7 +90,9 @@ def grow(
 
     S is the largest number of points; where a strand has fewer, the rest is NaN.
     """
-    kind = np.zeros(len(uv), int) if type_indices is None else type_indices[texel(uv, type_indices.shape)].astype(int)
+    if type_indices is None:
+        type_indices = np.zeros((1, 1), int)
+    kind = type_indices[texel(uv, type_indices.shape)].astype(int)
     segments = np.array([t.segments for t in types])
     points = np.full((len(root), segments.max() + 1, 3), math.nan)
     tangents, colors = points.copy(), np.empty((len(root), 3))
@@ -113,8 +115,8 @@ def grow(
 def axes(root, direction, segments, length, weight, force, point_forces):
     """The report's loop: points [N, segments + 1, 3] and the direction of every segment [N, segments, 3].
 
-    Each step goes `length` [N] ahead, then turns by weight times the force there: the uniform one and, for each
-    point force, strength · exp(-distance) away from it (no force at the point itself).
+    Each step goes `length` [N] ahead, then turns by weight times the force there: the uniform one and, for
+    each point force, strength · exp(-distance) away from it (no force at the point itself).
     """
     points, ahead = [root], [direction]
     for _ in range(segments):
@@ -132,7 +134,7 @@ def offsets(ahead, turn, curl, wave):
     """How curl and wave move the points off their axis: [N, segments + 1, 3]; the root stays.
 
     A circle of the curl's radius about a line beside the axis, plus a sine across it, in a frame that each
-    segment takes over from the one before; `turn` [N, 3] is the random vector that the first frame comes from.
+    segment takes over from the one before; the first comes from the random vectors `turn` [N, 3].
     """
     n, segments, _ = ahead.shape
     result = np.zeros((n, segments + 1, 3))
@@ -166,7 +168,7 @@ def tangents_of(points, start):
 
 
 def texel(uv, shape):
-    """Row and column [N] each of the texel that holds uv [N, 2]; pictures repeat, v runs up and rows run down."""
+    """Row and column [N] each of the texel at uv [N, 2]; pictures repeat, v runs up and rows run down."""
     height, width = shape
     wrapped = uv - np.floor(uv)
     row = np.floor((1 - wrapped[:, 1]) * height).astype(int)
@@ -174,12 +176,13 @@ def texel(uv, shape):
 
 
 def bilinear(picture, uv):
-    """Colours [N, 3] of a picture [h, w, 3] at uv [N, 2] between the four nearest texel centres, repeating."""
+    """Colours [N, 3] at uv [N, 2] between the four nearest texel centres of a repeating picture [h, w, 3]."""
     height, width, _ = picture.shape
     x, y = uv[:, 0] * width - 0.5, -uv[:, 1] * height - 0.5
     column, row = np.floor(x).astype(int), np.floor(y).astype(int)
     fx, fy = (x - column)[:, None], (y - row)[:, None]
-    upper, lower = ((1 - fx) * picture[r % height, column % width] + fx * picture[r % height, (column + 1) % width]
+    left, right = column % width, (column + 1) % width
+    upper, lower = ((1 - fx) * picture[r % height, left] + fx * picture[r % height, right]
                     for r in (row, row + 1))
     return (1 - fy) * upper + fy * lower
 
@@ -193,13 +196,12 @@ def bring(
     width,    # [1], [strands] or [P]
 ):
     """Tangents [P, 3], width of every point [P] and its strand [P]; a tangent without a direction is +Y."""
+    counts, width = np.asarray(counts), np.asarray(width)
     strand_of = np.repeat(np.arange(len(counts)), counts)
     tangents = np.empty((len(points), 3))
-    for end, count in zip(np.cumsum(counts), counts):
-        if count:
-            run = slice(end - count, end)
-            tangents[run] = tangents_of(np.asarray(points[run], float)[None], np.array([(0, 1, 0)]))[0]
-    width = np.asarray(width)
+    for count in set(counts[counts > 0].tolist()):
+        rows = (np.cumsum(counts) - counts)[counts == count, None] + np.arange(count)
+        tangents[rows] = tangents_of(np.asarray(points, float)[rows], np.array([(0.0, 1.0, 0.0)]))
     if len(width) == len(points):
         return tangents, width, strand_of
     return tangents, width[strand_of] if len(width) > 1 else np.full(len(points), width[0]), strand_of

@@ -1,4 +1,4 @@
-"""tessellate in float64 NumPy, built from the definitions: OpenGL 4.6 section 11.2.2.1 and Vlachos et al. 2001."""
+"""tessellate in float64 NumPy, from the definitions: OpenGL 4.6 section 11.2.2.1, Vlachos et al. 2001."""
 
 import numpy as np
 
@@ -27,9 +27,9 @@ def tessellate(
     first = np.cumsum([0, *(len(patterns[w][0]) for w in which)])
     first_triangle = np.cumsum([0, *(len(patterns[w][1]) for w in which)])
 
-    place = np.empty((first[-1], 3))
+    new_positions, new_normals, place = (np.empty((first[-1], 3)) for _ in range(3))
+    new_uv = np.empty((first[-1], 2))
     triangles = np.empty((first_triangle[-1], 4), int)
-    new_positions, new_normals, new_uv = np.empty((first[-1], 3)), np.empty((first[-1], 3)), np.empty((first[-1], 2))
     for w, (barycentric, joined) in enumerate(patterns):
         mine = np.flatnonzero(which == w)
         corners = np.asarray(faces)[mine]
@@ -45,11 +45,11 @@ def tessellate(
 
 
 def pattern(inner, outer):
-    """One divided domain: barycentric [V, 3] of its vertices, triangles [T, 3]; OpenGL 4.6, 11.2.2.1, equal spacing.
+    """One divided domain: barycentric [V, 3] of its vertices and triangles [T, 3]; OpenGL 4.6, 11.2.2.1.
 
-    Concentric rings from the border inwards, each counter-clockwise from corner 0, with the triangles of the
-    strip to the next ring after each ring's own.  The domain is drawn in the plane and every ring is found by
-    intersecting perpendiculars, as the specification tells it.
+    Concentric rings from the border inwards, each counter-clockwise from corner 0; the triangles of the strip
+    between the two outermost rings come first.  The domain is drawn in the plane and every ring is found by
+    intersecting perpendiculars, as the specification tells it for equal spacing.
     """
     inner, outer = int(inner), [int(level) for level in outer]
     if inner == 1 and max(outer) > 1:
@@ -76,7 +76,7 @@ def pattern(inner, outer):
 
 
 def divided(corners, sides):
-    """Points that divide the sides of a triangle [3, 2] into equal segments, corner 0 first, [sum(sides), 2]."""
+    """Points [sum(sides), 2] that divide a triangle's sides into equal segments, corner 0 first."""
     return np.array([corners[i] + (corners[(i + 1) % 3] - corners[i]) * j / sides[i]
                      for i in range(3) for j in range(sides[i])])
 
@@ -95,7 +95,7 @@ def shrunk(corners, n):
 
 
 def feet(corners, within, i, n):
-    """Where the lines that stand on side i at its dividing points 1..n-2 cross side i of the inner triangle."""
+    """Where lines that stand on side i at its dividing points 1..n-2 cross side i of the inner triangle."""
     a, b = within[i], within[(i + 1) % 3]
     points = corners[i] + (corners[(i + 1) % 3] - corners[i]) * np.arange(1, n - 1)[:, None] / n
     along = ((points - a) @ (b - a)) / ((b - a) @ (b - a))
@@ -103,19 +103,19 @@ def feet(corners, within, i, n):
 
 
 def ring_indices(base, sides, i):
-    """Vertices along side i of a ring that starts at `base`, both ends included; a ring of no segments is a point."""
+    """Vertices along side i of a ring that starts at `base`, both ends included; no segments are a point."""
     start, count = sum(sides[:i]), max(sum(sides), 1)
     return [base + (start + j) % count for j in range(sides[i] + 1)]
 
 
 def strip(outside, within):
-    """Triangles between the vertices of an outer side and those of the inner side beside it, counter-clockwise.
+    """Triangles between the vertices of an outer side and of the inner side beside it, counter-clockwise.
 
     Every segment of either is the base of one triangle.  In order of their middles along the side (the outer
     one first where they are equal), each new triangle takes the shorter of the two diagonals.
     """
     p, q = len(outside) - 1, len(within) - 1
-    # Vertex b of the inner side is above point b + 1 of the q + 2 segments that its outer side had "temporarily".
+    # Inner vertex b stands above point b + 1 of the q + 2 segments that the outer side has "temporarily".
     order = sorted([((2 * a + 1) * (q + 2), 0) for a in range(p)] + [((2 * b + 3) * p, 1) for b in range(q)])
     a = b = 0
     result = []
@@ -144,10 +144,11 @@ def flat_triangle(
 
 
 def pn_triangle(p, n, barycentric):
-    """Position and unit normal on curved triangles, as `flat_triangle`; Vlachos et al. 2001, sections 3.1 and 3.3.
+    """Position and unit normal on curved triangles, as `flat_triangle`; Vlachos et al. 2001, section 3.
 
     The cubic's control points b210 ... lie at the thirds of the sides, put down into the tangent plane of the
-    nearer corner; b111 = E + (E - V)/2.  The normal's n110 ... are the mean normals mirrored across each side.
+    nearer corner; b111 = E + (E - V)/2.  The normal's n110 ... are mean normals mirrored across their side;
+    as published, they have no factor 2.
     """
     b = barycentric.T[:, None, :, None]                                        # [corner, 1, V, 1]
     corner, normal = (np.moveaxis(a, 1, 0)[:, :, None] for a in (p, n))        # [corner, F, 1, 3]
