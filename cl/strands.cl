@@ -21,7 +21,7 @@ inline float4 signed_unit(uint3 r)
 }
 
 /* exp(-x) for x >= 0 in + - * only, so that every device gives the same bits: 2^-k * 2^-f, f in [0, 1), by the
-   Taylor series of 2^(1/2 - f) around its middle. Relative error below 3e-7. */
+   Taylor series of 2^(1/2 - f) around its middle. Wrong by less than 3e-7 of exp(0). */
 inline float exp_minus(float x)
 {
     const float y = min(x * 1.44269504f, 125.0f), k = floor(y);
@@ -31,11 +31,12 @@ inline float exp_minus(float x)
     return series * 0.707106781f * as_float((uint)(127 - (int)k) << 23);
 }
 
-/* Integer area of a triangle, in 1/unit: integers add up to the same sum in any order. */
+/* Integer area of a triangle whose sides are scaled by `unit` first, so that no size of the world loses it: integers
+   add up to the same sum in any order. */
 inline ulong area_of(__global const float4 *positions, uint4 t, float unit)
 {
-    const float4 n = cross3(positions[t.y] - positions[t.x], positions[t.z] - positions[t.x]);
-    return (ulong)min(sqrt(dot3(n, n)) * unit, 0x1p40f);
+    const float4 n = cross3(unit * (positions[t.y] - positions[t.x]), unit * (positions[t.z] - positions[t.x]));
+    return (ulong)min(sqrt(dot3(n, n)), 0x1p40f);
 }
 
 /* Prefix sum of areas in three steps: each item sums SCAN triangles; one item runs over those sums; each item
@@ -157,7 +158,7 @@ inline float4 texture_at(__global const float4 *texels, int width, int height, f
 }
 
 /* One strand: point k + 1 = point k + direction · length; direction += weight · force, at length one again.
-   Curl and wave shift the points off that axis, in a frame carried along it without twist. */
+   Curl and wave shift the points off that axis, in a frame carried along it with little twist. */
 __kernel void grow(
     __global const float4 *root,           // [strands]
     __global const float4 *root_direction, // [strands] unit
@@ -232,7 +233,9 @@ __kernel void grow(
             if (distance > 0.0f)
                 push += (centre.w * exp_minus(distance) / distance) * away;
         }
-        direction = unit_or(direction + type.shape.z * push, direction);
+        const float4 bowed = direction + type.shape.z * push;
+        if (dot3(bowed, bowed) > 1e-12f)   // of a sum that cancels only rounding is left
+            direction = unit_or(bowed, direction);
         if (bent)
             side = unit_or(side - dot3(side, direction) * direction, side);
     }

@@ -129,14 +129,16 @@ def clfur(context):
               help="The camera's place.  [default: where it sees the whole mesh]")
 @click.option("--target", type=Numbers(3), metavar="X,Y,Z",
               help="What it looks at.  [default: the mesh's centre]")
-@click.option("--fov", type=click.FloatRange(0, 180, min_open=True, max_open=True), default=45.0, metavar="DEG", help="Vertical field of view.")
+@click.option("--fov", type=click.FloatRange(0, 180, min_open=True, max_open=True), default=45.0, metavar="DEG",
+              help="Vertical field of view.")
 @click.option("--light", type=Numbers(3), default="1,-1,-0.6", metavar="X,Y,Z",
               help="The way the light travels.")
 @click.option("--alpha", type=click.FloatRange(0, 1), default=0.5, metavar="0..1",
               help="How much light one hair lets through.")
 @click.option("--shadows", type=click.Choice(SHADOWS), default="length",
               help="How hair shades: by what rays cross, by the report's voxels, or not at all.")
-@click.option("--grid", type=int, default=64, metavar="N", help="Cells a side of the grid for shadows; divides by 16.")
+@click.option("--grid", type=int, default=64, metavar="N",
+              help="Cells a side of the grid for shadows; a multiple of 16.")
 @click.option("--samples", type=click.Choice(["1", "4", "16"]), default="4", help="Samples a pixel.")
 @click.option("--specular", type=click.Choice(["kajiya-kay", "half-vector"]), default="kajiya-kay",
               help="Form of the highlight.")
@@ -151,6 +153,7 @@ def render(mesh, output, as_json, **options):
 
     MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.
     """
+    options["samples"] = int(options["samples"])
     output = Path(mesh).stem + ".png" if output is None else output
     check_writable(output)
     output = Path(output)
@@ -162,7 +165,7 @@ def render(mesh, output, as_json, **options):
     mesh = load_mesh(mesh)
     scene = _scene(mesh, options)
     drawn = draw(scene, device=options["device"], outputs=options["outputs"],
-                 settings=Settings(samples=int(options["samples"]), specular=options["specular"],
+                 settings=Settings(samples=options["samples"], specular=options["specular"],
                                    shadows=options["shadows"], grid=options["grid"]))
     save(output, drawn.images)
 
@@ -173,7 +176,7 @@ def render(mesh, output, as_json, **options):
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
             "seconds": drawn.seconds, "stages": drawn.stages, "skipped": skipped,
             "camera": {name: list(getattr(scene.camera, name)) for name in ("eye", "target")},
-            "options": {name: options[name] for name in ("fov", "light", "shadows", "grid", "seed")} | {"samples": int(options["samples"])}}))
+            "options": {name: options[name] for name in ("fov", "light", "samples", "shadows", "grid", "seed")}}))
         return
     stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in drawn.stages.items())
     left_out = [f"{count:,} {what.replace('_', ' ')}" for what, count in skipped.items() if count]

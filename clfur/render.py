@@ -103,7 +103,8 @@ def cast_shadows(gpu, scene, settings, strands, body):
         return none
     packed = np.zeros((), layout.Shadow)
     grid, sums, seen, seen_body = none.grid, none.sums, none.seen, none.map
-    depths = depths_for([t.alpha for t in getattr(scene.fur, "types", (scene.fur,))], settings.shadows)
+    hairs = scene.fur.types if isinstance(scene.fur, Strands) else [scene.fur] if scene.fur else []
+    depths = depths_for([hair.alpha for hair in hairs], settings.shadows)
     if len(strands.spans) and depths.any():
         method, grid = settings.shadows, grid_of(scene, settings.grid)
         unit = unit_for(most_of(grid, method, *hair_bounds(scene.fur, len(strands.spans))))

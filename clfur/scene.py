@@ -435,9 +435,9 @@ class HairType:
     uint8 is read as sRGB, floats as linear; stored as linear float32. segments: 0..255, 0 is bald.
     segment_length: world units. force_weight: how much of the force is added to the direction each segment.
     width: diameter in world units. curl: (radius, turns). wave: (amplitude, periods). length_variation,
-    direction_variation, color_variation: 0..1, how much strands differ. specular: strength >= 0.
-    exponent: of the highlight, > 0. alpha: 0..1, how much light one hair lets through. key: None or the 8-bit (r, g, b) that means this type in
-    `Strands.type_map`. Raises Error for anything else.
+    direction_variation, color_variation: 0..1, how much strands differ (a direction_variation above .57 lets some
+    grow inwards). specular: strength >= 0. exponent: of the highlight, > 0. alpha: 0..1, how much light one hair
+    lets through. key: None or the 8-bit (r, g, b) that means this type in `Strands.type_map`. Raises Error otherwise.
     """
 
     color: np.ndarray = attrs.field(converter=_to(_color), default=(0.8, 0.6, 0.4))
@@ -859,7 +859,7 @@ class Scene:
     mesh: Mesh = attrs.field(converter=_to(_instance(Mesh, none=True)), default=None)
     fur: Strands | Curves = attrs.field(converter=_to(_instance(Strands, Curves, none=True)), default=None)
     camera: Camera = attrs.field(converter=_to(_instance(Camera, none=True)), default=None)
-    light: Light = attrs.field(converter=_to(_instance(Light)), factory=Light)
+    light: Light = attrs.field(converter=_to(_instance(Light)), default=Light())
     body_color: np.ndarray = attrs.field(converter=_to(_optional(_color)), default=(0.30, 0.20, 0.12))
 
     def __attrs_post_init__(self):

@@ -4,7 +4,6 @@ import attrs
 
 from .scene import _choice, _refuse, _to, _whole
 
-
 SHADOWS = ("off", "binary", "count", "trilinear", "length")
 
 

@@ -121,7 +121,7 @@ def wrong(result, *words):
     (["render", "sphere", "--outer", "65"], ["--outer", "64"]),
     (["render", "sphere", "--inner", "2.5"], ["--inner", "2.5"]),
     (["render", "sphere", "--segments", "256"], ["--segments", "255"]),
-    (["render", "sphere", "--length", "-1"], ["segment_length"]),
+    (["render", "sphere", "--length", "-1"], ["--length"]),
     (["render", "sphere", "--width", "nan"], ["width", "nan"]),
     (["render", "sphere", "--color", "#12345"], ["--color", "#12345"]),
     (["render", "sphere", "--color", "1,2"], ["--color", "1,2"]),
@@ -193,12 +193,26 @@ def test_wrong_hair_types(clfur, tmp_path, content, words):
     assert [file.name for file in tmp_path.iterdir()] == ["types.json"]
 
 
+def test_an_input_is_never_overwritten(clfur, tmp_path):
+    (tmp_path / "map.png").write_bytes(b"as it was")
+    (tmp_path / "types.json").write_text("[]")
+    wrong(clfur("render", "sphere", "-o", "map.png", "--type-map", "map.png", "--types", "types.json"), "overwritten")
+    assert (tmp_path / "map.png").read_bytes() == b"as it was"
+
+
+def test_a_full_disk_on_stdout_is_one_line(tmp_path):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([sys.executable, "-m", "clfur", "render", "sphere", *SMALL, "-o", str(tmp_path / "a.png")],
+                              stdout=full, stderr=subprocess.PIPE, text=True, timeout=120)
+    assert done.returncode == 2 and done.stderr == "clfur: error: No space left on device\n"
+
+
 def test_interrupted(clfur, tmp_path, monkeypatch):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
     monkeypatch.setattr("clfur.cli.draw", interrupt)
     code, out, err = clfur("render", "sphere")
-    assert (code, out, err.strip()) == (130, "", "")
+    assert (code, out, err.strip()) == (130, "", "clfur: interrupted")
     assert not list(tmp_path.iterdir())
 
 

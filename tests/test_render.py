@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 import clfur
-from clfur.render import OUTPUTS, view_of
+from clfur.render import OUTPUTS
 from clfur.stages.raster import raster
 from clfur.stages.strands import grow
 from clfur.stages.tessellate import tessellate
+from clfur.views import view_of
 
 SETTINGS = clfur.Settings(samples=1)
 
@@ -67,7 +68,8 @@ def test_the_frame_tells_what_was_drawn(gpu, scene):
     frame = clfur.draw(scene, gpu, SETTINGS)
     assert frame.triangles == frame.strands == 320 * 9
     assert frame.segments == 4 * frame.strands
-    assert set(frame.stages) == {"tessellate", "strands", "raster", "shade"}
+    assert set(frame.stages) == {"tessellate", "strands", "raster", "voxelize", "zscan", "shadow_map", "shade"}
+    assert min(frame.stages.values()) > 0
     assert frame.seconds > 0 and frame.device
 
 

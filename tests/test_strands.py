@@ -19,7 +19,7 @@ from clfur.twin import strands as twin
 # measured on four drivers.  A position is rounded by half a step up to 20 times [7.9e-7].  A tangent is
 # judged on the device's own points, so only its own square root and division are rounded [1.4e-7].  A root
 # and its uv are sums of three products [2.0e-7], a colour is one of four, times two factors [2.3e-7].
-POSITION, UNIT, ROOT, COLOR = 1e-6, 1.6e-7, 2.5e-7, 3e-7
+POSITION, UNIT, ROOT, COLOR = 20 * 2.0**-24, 1.6e-7, 2.5e-7, 3e-7
 
 
 def lumpy():
@@ -34,7 +34,7 @@ def surface_of(gpu, positions, normals, uv, triangles):
     """A `Surface` from arrays [V, 3], [V, 3], [V, 2], [T, 3]."""
     rows = [gpu.upload(widen(np.array(a, np.float32))) for a in (positions, normals, uv)]
     return Surface(*rows, barycentric=gpu.full((len(positions), 4), np.float32, 0),
-                   triangles=gpu.upload(widen(np.array(triangles, np.uint32))), unit=np.float32(2.0**30))
+                   triangles=gpu.upload(widen(np.array(triangles, np.uint32))), unit=np.float32(2.0**15))
 
 
 def tufts(gpu, normals, uv=None, roots=None):
@@ -198,10 +198,10 @@ def test_running_sums_of_areas(gpu):
         corners, normals, uv, triangles = scattered_triangles(n)
         surface = surface_of(gpu, corners, normals, uv, triangles)
         areas = np.diff(running_areas(gpu, surface).astype(np.int64), prepend=0)
-        expected = np.linalg.norm(twin.twice_areas(corners, triangles), axis=1) * float(surface.unit)
+        expected = np.linalg.norm(twin.twice_areas(corners, triangles), axis=1) * float(surface.unit) ** 2
         # Thin triangles cancel in the cross product: 2^-24 of their longest sides' square is lost.
         sides = (corners[triangles] - corners[np.roll(triangles, 1, axis=1)]).astype(float)
-        lost = 4e-7 * (sides**2).sum((1, 2)) * float(surface.unit) + 1
+        lost = 4e-7 * (sides**2).sum((1, 2)) * float(surface.unit) ** 2 + 1
         assert (np.abs(areas - expected) <= lost).all()
         assert (areas[::10] == 0).all()
 

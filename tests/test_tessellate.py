@@ -185,7 +185,7 @@ def test_triangles_turn_the_same_way_as_their_face(gpu, sphere, surface):
 def test_curved_triangles_converge_to_the_sphere(gpu):
     """Positions to the fourth order, flat ones to the second: edges over an angle t miss by t^4 9/384, t^2/8.
 
-    Normals are of the first order only: the quadratic of Vlachos et al. has no factor 2 at its mixed terms.
+    Normals to the third; without the factor 2 at their mixed terms (Vlachos et al.) they would be of the first.
     """
     missed = {"flat": [], "pn": [], "normal": []}
     for subdivisions in range(4):
@@ -200,7 +200,8 @@ def test_curved_triangles_converge_to_the_sphere(gpu):
     # Each subdivision halves the angles: an order n divides by 2^n in the limit; the first steps are coarse.
     assert np.all(pn[:-1] / pn[1:] > (9, 13, 15))         # measured 9.3, 13.5, 15.3 (the limit is 16)
     assert np.all(flat[:-1] / flat[1:] < 4)               # measured 3.1, 3.7, 3.9
-    assert np.all(normal[:-1] / normal[1:] > (1.4, 1.8, 1.9))
+    print(normal, normal[:-1]/normal[1:])
+    assert np.all(normal[:-1] / normal[1:] > (5, 6, 7))
     assert np.all(flat / pn > (3, 10, 35, 140))           # measured 3.5, 10.4, 37.8, 147.7
     assert pn[-1] < 3.2e-5 and normal[-1] < 0.011
 

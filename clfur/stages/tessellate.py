@@ -15,7 +15,7 @@ class Surface:
     uv: Any            # [V, 4] float32 u, v, -, -
     barycentric: Any   # [V, 4] float32 place in the mesh's face
     triangles: Any     # [T, 4] uint32 three vertices counter-clockwise, face of the mesh
-    unit: float        # integer areas count in 1/unit of the world's
+    unit: float        # scale that makes areas whole numbers
 
 
 def levels_of(inner, outer, faces):
@@ -62,7 +62,7 @@ def tessellate(gpu, mesh, inner=1, outer=1, surface="pn"):
         uv=gpu.empty((n_vertices, 4), np.float32),
         barycentric=gpu.empty((n_vertices, 4), np.float32),
         triangles=gpu.empty((n_triangles, 4), np.uint32),
-        unit=np.float32(2.0**38 / mesh.bounds[1] ** 2),
+        unit=np.float32(2.0**19 / mesh.bounds[1]),
     )
     gpu.launch("tessellate.vertices", faces,
                gpu.upload(widen(mesh.positions)), gpu.upload(widen(mesh.normals)),

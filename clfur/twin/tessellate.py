@@ -164,6 +164,6 @@ def pn_triangle(p, n, barycentric):
             if i < j:
                 both = normal[i] + normal[j]
                 v = 2 * (along * both).sum(-1, keepdims=True) / (along * along).sum(-1, keepdims=True)
-                slope = slope + b[i] * b[j] * unit(both - v * along)
+                slope = slope + 2 * b[i] * b[j] * unit(both - v * along)
     middle = edge_mean + (edge_mean - corner.mean(0)) / 2
     return position + 6 * b[0] * b[1] * b[2] * middle, unit(slope)
