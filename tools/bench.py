@@ -85,6 +85,8 @@ def main():
     parser.add_argument("--kinds", nargs="+", default=["curves", "grown"], choices=["curves", "grown"])
     parser.add_argument("--size", default="640x480")
     parser.add_argument("--samples", type=int, default=1)
+    parser.add_argument("--shadows", default="length", choices=["off", "binary", "count", "trilinear", "length"])
+    parser.add_argument("--grid", type=int, default=64)
     parser.add_argument("--repeat", type=int, default=9)
     parser.add_argument("--device")
     parser.add_argument("--peer", help="command to time in turn, three times; %%N in it becomes the number of strands")
@@ -92,7 +94,8 @@ def main():
     parser.add_argument("--save", metavar="DIR")
     arguments = parser.parse_args()
     size = tuple(map(int, arguments.size.split("x")))
-    gpu, settings = clfur.Scheduler(arguments.device), clfur.Settings(samples=arguments.samples)
+    gpu = clfur.Scheduler(arguments.device)
+    settings = clfur.Settings(samples=arguments.samples, shadows=arguments.shadows, grid=arguments.grid)
 
     for n in arguments.strands:
         for kind in arguments.kinds:
@@ -108,6 +111,7 @@ def main():
                 clfur.save(f"{arguments.save}/{kind}-{n}.png", frames[-1].images["color"])
             row = {
                 "strands": n, "kind": kind, "size": arguments.size, "samples": arguments.samples,
+                "shadows": arguments.shadows, "grid": arguments.grid,
                 "device": frames[0].device, "segments": frames[0].segments, "frames": len(frames),
                 "frame": spread([f.seconds for f in frames]),
                 "stages": {name: spread([f.stages[name] for f in frames]) for name in frames[0].stages},
@@ -120,7 +124,8 @@ def main():
 
 def table(row):
     """The same for people."""
-    lines = [f"{row['strands']:,} strands, {row['kind']}, {row['size']}, {row['samples']} sample(s), {row['device']}"]
+    lines = [f"{row['strands']:,} strands, {row['kind']}, {row['size']}, {row['samples']} sample(s), "
+             f"{row['shadows']} shadows in {row['grid']} cells, {row['device']}"]
     rows = {**row["stages"], "frame": row["frame"], **({"peer": row["peer"]} if "peer" in row else {})}
     lines += [f"  {name:12}{t['median_ms']:9.1f} ms   ({t['min_ms']:.1f} to {t['max_ms']:.1f})"
               for name, t in rows.items()]
