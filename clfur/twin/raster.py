@@ -1,5 +1,5 @@
 """What cl/raster.cl means: points are projected and snapped in the device's own order of float operations;
-which samples a snapped line or triangle covers is then asked of every sample of its bounding box, in integers."""
+what a snapped line or triangle covers is then asked of every sample of its bounding box, in integers."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ PATTERNS = {
 
 
 def raster(view, points=None, spans=None, positions=None, triangles=None):
-    """Draw strands and body triangles -> [height, width, samples] uint64, depth << 32 | id, the smallest wins.
+    """Draw strands and body triangles -> [height, width, samples] uint64: the smallest depth << 32 | id.
 
     view: a `View` struct. points [P, 4] x, y, z, width; spans [strands, 2] first point, points;
     positions [V, 4]; triangles [T, 4] with three vertices first.
@@ -54,7 +54,7 @@ def project(view, points, dtype=np.float32):
 
 
 def snap(q):
-    """Pixels, reversed depth and half a width [N, 4], divided by w -> sub-pixels and depth steps, int64 [N, 4]."""
+    """Pixels, reversed depth, half a width [N, 4], divided by w -> sub-pixels, depth steps: int64 [N, 4]."""
     steps = np.array([SUBPIXEL, SUBPIXEL, DEPTH_ONE, SUBPIXEL], q.dtype)
     s = np.floor(q * steps + q.dtype.type(0.5)).astype(np.int64)
     s[:, 2] = DEPTH_ONE - s[:, 2]
@@ -80,7 +80,7 @@ def within(clip):
 
 
 def planes(clip):
-    """How far points [N, 4] lie inside each clipping plane [N, 6]: near, far, and the sides of the guard band."""
+    """How far points [N, 4] lie inside each clipping plane [N, 6]: near, far, sides of the guard band."""
     x, y, e, w = clip.T
     guard = clip.dtype.type(GUARD) * w
     return np.stack([w - e, e, guard - x, guard + x, guard - y, guard + y], 1)
@@ -123,7 +123,7 @@ def clip_polygon(corners):
 
 
 def snapped_segments(view, points, spans, dtype=np.float32):
-    """Yield (first point, snapped end [4] ints, snapped end) of every segment, clipped where that is needed."""
+    """Yield (first point, snapped end [4] ints, snapped end) of every segment, clipped where needed."""
     clip, half = project(view, points, dtype), half_widths(view, points, dtype)
     good = within(clip)
     snapped = np.zeros((len(points), 4), np.int64)
@@ -167,9 +167,9 @@ def pixels(low, high, count):
 
 
 def half_across(a, b, samples):
-    """Half a segment's width along the shorter axis: the mean of its ends, tilted, at least half a sample's share.
+    """Half a segment's width along the shorter axis: its ends' mean, tilted, at least half a sample's share.
 
-    Tilted in float32: width / cos(angle) = width * sqrt(1 + slope²), then cut to whole sub-pixels.
+    In float32: width / cos(angle) = width * sqrt(1 + slope²), then cut to whole sub-pixels.
     """
     du, dv = sorted((abs(b[0] - a[0]), abs(b[1] - a[1])), reverse=True)
     slope = np.float32(dv) / np.float32(du)
@@ -180,7 +180,7 @@ def half_across(a, b, samples):
 def cover_segment(a, b, width, height, samples):
     """Samples within half a width of a snapped line, half-open both ways -> (flat numbers [n], depths [n]).
 
-    Along the longer axis (x if they are equal) a sample must lie in [u0, u1), across it in [v - half, v + half).
+    Along the longer axis (x if equal) a sample must lie in [u0, u1), across it in [v - half, v + half).
     Place and depth along the line are v0, d0 plus a slope, cut to FRACTION bits, times the distance from u0.
     """
     steep = abs(b[0] - a[0]) < abs(b[1] - a[1])
@@ -213,8 +213,9 @@ def cover_segment(a, b, width, height, samples):
 def cover_triangle(a, b, c, width, height, samples):
     """Samples inside a snapped triangle -> (flat numbers [n], depths [n]); both sides are drawn.
 
-    A sample on an edge counts as if it lay a little to the right and, much less, further down: so it is in one of
-    the two triangles there.  Depth is that of corner a plus slopes, cut to 14 bits, times the distance from it.
+    A sample on an edge counts as if it lay a little to the right and, much less, further down: so it is in
+    one of the two triangles there.  Depth is that of corner a plus slopes, cut to 14 bits, times the distance
+    from it.
     """
     area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     if area == 0:

@@ -1,0 +1,171 @@
+"""What cl/shade.cl means, in float64: where a sample's point stands in the world, and the light there.
+
+``strands`` and ``body`` are any objects with the arrays of `Grown` and `Surface` as members, in NumPy.
+"""
+
+import numpy as np
+
+SUBPIXEL = 256
+DEPTH_ONE = 1 << 30
+NONE = (1 << 64) - 1
+BODY = 1 << 31
+PATTERNS = {   # in 1/16 pixel from the pixel's centre: the standard patterns of Direct3D 11
+    1: [(0, 0)],
+    4: [(-2, -6), (6, -2), (-6, 2), (2, 6)],
+    16: [(1, 1), (-1, -3), (-3, 2), (4, -1), (-5, -2), (2, 5), (5, 3), (3, -5),
+         (-2, 6), (0, -7), (-4, -6), (-6, 4), (-8, 0), (7, -4), (6, 7), (-7, -8)],
+}
+
+
+def color(view, light, half_vector, visible, strands, body, body_color):
+    """Light every sample and average -> [height, width, 4] float64: linear, premultiplied, coverage in alpha.
+
+    view, light: structs. half_vector: the report's highlight, or Kajiya and Kay's. visible: [height, width,
+    samples] uint64, depth << 32 | id.
+    """
+    lit = np.zeros((*visible.shape, 4))
+    light_color, ambient = f64(light["color"])[:3], float(light["color"][3])
+    on, number, p, v = seen(view, visible)
+    fur = number < BODY
+    to_light = np.broadcast_to(-f64(light["direction"])[:3], p.shape)
+
+    rgb = np.empty(p.shape)
+    k, strand, share, t = on_strand(strands, number[fur], p[fur])
+    shine = f64(np.asarray(strands.types)["shine"])[f64(strands.uv)[strand, 2].astype(int)]
+    base = strand_color(strands, k, strand, share)
+    rgb[fur] = fibre(base, shine[:, 0:1], shine[:, 1:2], half_vector, t, to_light[fur], v[fur],
+                     light_color, ambient)
+    n, _ = on_body(body, number[~fur] - BODY, p[~fur], v[~fur])
+    lambert = np.maximum(dot(n, to_light[~fur]), 0)[:, None]
+    rgb[~fur] = f64(body_color)[:3] * (light_color * lambert + ambient)
+
+    lit[on] = np.concatenate([rgb, np.ones((len(rgb), 1))], 1)
+    return lit.mean(2)
+
+
+def about(view, visible, strands, body):
+    """What the nearest covered sample of each pixel sees -> {name: [height, width(, 4)] float64 or int}."""
+    height, width, samples = visible.shape
+    nearest = visible.argmin(2)
+    only = np.full(visible.shape, NONE, np.uint64)
+    np.put_along_axis(only, nearest[..., None], visible.min(2)[..., None], 2)
+    on, number, p, v = seen(view, only)
+    on = on.any(2)
+    fur = number < BODY
+    _, strand, _, t = on_strand(strands, number[fur], p[fur])
+    n, b = on_body(body, number[~fur] - BODY, p[~fur], v[~fur])
+    across = v[fur] - dot(v[fur], t)[:, None] * t
+    corner_uv = f64(body.uv)[np.asarray(body.triangles)[number[~fur] - BODY, :3]]
+
+    result = {"depth": np.full((height, width), np.inf), "id": np.full((height, width), -1),
+              **{name: np.zeros((height, width, 4)) for name in ("tangent", "normal", "uv")},
+              "coverage": (visible != NONE).mean(2)}
+    result["depth"][on] = p @ f64(view["to_screen"])[:3, 3] + float(view["to_screen"][3, 3])
+    result["id"][on] = merge(fur, strand, np.full((~fur).sum(), -2))
+    result["tangent"][on, :3] = merge(fur, t, 0 * n)
+    result["normal"][on, :3] = merge(fur, unit(across), n)
+    result["uv"][on] = merge(fur, f64(strands.uv)[strand], (b[..., None] * corner_uv).sum(1))
+    return result
+
+
+# --- geometry -------------------------------------------------------------------------------------------
+
+
+def f64(array):
+    """Float64 copy of an array, so that nothing below is rounded to its type."""
+    return np.asarray(array).astype(np.float64)
+
+
+def dot(a, b):
+    """Scalar products of vectors [..., 3]."""
+    return (a * b).sum(-1)
+
+
+def unit(a):
+    """Vectors [..., 3] at length one."""
+    return a / np.linalg.norm(a, axis=-1, keepdims=True)
+
+
+def merge(first, one, other):
+    """An array that takes its rows from `one` where `first` [n], else from `other`, in order."""
+    result = np.empty((len(first), *one.shape[1:]), np.result_type(one, other))
+    result[first], result[~first] = one, other
+    return result
+
+
+def seen(view, visible):
+    """Covered samples -> (mask like visible, ids [n], points [n, 3], unit vectors v to the eye [n, 3]).
+
+    A point projects to its sample: to_screen·(p, 1) = w·(x, y, e, 1), which is solved for p.
+    """
+    on = visible != NONE
+    y, x, s = np.nonzero(on)
+    offset = f64(PATTERNS[visible.shape[2]])[s] / 16
+    e = 1 - (visible[on] >> np.uint64(32)).astype(np.float64) / DEPTH_ONE
+    place = np.stack([x + 0.5 + offset[:, 0], y + 0.5 + offset[:, 1], e, np.ones(len(e))], 1)
+    q = np.linalg.solve(f64(view["to_screen"]).T, place.T).T
+    p = q[:, :3] / q[:, 3:]
+    eye = f64(view["eye"])
+    return on, (visible[on] & np.uint64(0xFFFFFFFF)).astype(np.int64), p, unit(eye[:3] - eye[3] * p)
+
+
+def on_strand(strands, k, p):
+    """Points [n, 3] near segments k [n] -> (k, strand [n], share of the length [n], unit tangents)."""
+    a, b = f64(strands.points)[k, :3], f64(strands.points)[k + 1, :3]
+    share = np.clip(dot(b - a, p - a) / dot(b - a, b - a), 0, 1)
+    t = f64(strands.tangents)[:, :3]
+    return k, np.asarray(strands.strand_of)[k].astype(int), share, unit(mix(t[k], t[k + 1], share))
+
+
+def mix(a, b, share):
+    """Rows between a and b [n, k] at a share [n] of the way."""
+    return a + (b - a) * share[:, None]
+
+
+def strand_color(strands, k, strand, share):
+    """Colours [n, 3] of points on segments: one for all, each strand's, or mixed of two points'."""
+    colors = f64(strands.colors)[:, :3]
+    if len(colors) == 1:
+        return colors[np.zeros_like(k)]
+    if len(colors) == len(strands.spans):
+        return colors[strand]
+    return mix(colors[k], colors[k + 1], share)
+
+
+def on_body(body, triangle, p, v):
+    """Points [n, 3] of triangles [n] -> (unit normals on the eye's side, weights of the corners) [n, 3].
+
+    Weights are areas over the triangle's, so a point outside by a rounding error is brought back to its rim.
+    """
+    corners = np.asarray(body.triangles)[triangle, :3]
+    a, b, c = np.moveaxis(f64(body.positions)[corners, :3], 1, 0)
+    n = np.cross(b - a, c - a)
+    at_b = np.clip(dot(np.cross(p - a, c - a), n) / dot(n, n), 0, 1)
+    at_c = np.clip(dot(np.cross(b - a, p - a), n) / dot(n, n), 0, 1 - at_b)
+    weights = np.stack([1 - at_b - at_c, at_b, at_c], 1)
+    n = unit((weights[..., None] * f64(body.normals)[corners, :3]).sum(1))
+    return np.where(dot(n, v)[:, None] < 0, -n, n), weights
+
+
+# --- light ----------------------------------------------------------------------------------------------
+
+
+def sine(a, b):
+    """Sine between unit vectors, from their cross product: right where they are parallel too."""
+    return np.linalg.norm(np.cross(a, b), axis=-1)
+
+
+def highlight(half_vector, t, to_light, v):
+    """Cosine between the eye and the cone of mirror directions (Kajiya and Kay 1989), or sine between fibre
+    and half vector (the report's equation 5), 0 where there is none: [n] from unit vectors [n, 3]."""
+    if half_vector:
+        h = to_light + v
+        length = np.linalg.norm(h, axis=-1)
+        return np.where(length > 1e-6, np.linalg.norm(np.cross(t, h), axis=-1) / np.maximum(length, 1e-6), 0)
+    return np.maximum(sine(t, to_light) * sine(t, v) - dot(t, to_light) * dot(t, v), 0)
+
+
+def fibre(color, specular, exponent, half_vector, t, to_light, v, light, ambient):
+    """Light from fibres [n, 3]: diffuse and highlight (the report's section 2.2), and ambient."""
+    shine = specular * highlight(half_vector, t, to_light, v)[:, None] ** exponent
+    return light * (color * sine(t, to_light)[:, None] + shine) + ambient * color
