@@ -14,7 +14,8 @@
 #define PIXEL ((long)SUBPIXEL << FRACTION)                // one pixel in a walk: 2^32
 #define CLIPPED INT_MIN                                 // mark of a point that must be clipped before snapping
 
-/* Offer (depth, id) to a sample. With 64-bit atomics one minimum does it; without, pass 0 settles the depths and
+/* Offer (depth, id) to a sample. The plain read only spares the atomic where it could not win, and may be out of date:
+   what it reads can only have become smaller since. With 64-bit atomics one minimum does it; without, pass 0 settles the depths and
    pass 1 the smallest id at each depth. Both leave the same bits: depth in the high word, id in the low. */
 inline void put(volatile __global ulong *visible, size_t sample, uint depth, uint id, int pass)
 {
@@ -54,16 +55,16 @@ inline float inside(float4 c, int i)
          : i == 4 ? GUARD * c.w - c.y : GUARD * c.w + c.y;
 }
 
-/* From the inside end towards the outside one, so that two faces at an edge clip it to the same bits. */
+/* Where the way between two ends meets a plane, from the nearer end: of two faces at an edge both get the same bits. */
 inline float4 cut(float4 in, float in_by, float4 out, float out_by)
 {
-    return in + (out - in) * (in_by / (in_by - out_by));
+    return in_by > -out_by ? out + (in - out) * (out_by / (out_by - in_by)) : in + (out - in) * (in_by / (in_by - out_by));
 }
 
 /* c.z is e (reversed depth) and c.w is w; radius is half a width in pixels at w = 1. */
 inline int4 snap_clip(float4 c, float radius)
 {
-    return snap((float4)(c.x, c.y, min(max(c.z, 0.0f), c.w), radius) / c.w);
+    return snap((float4)(c.x, c.y, min(max(c.z, 0.0f), c.w), min(radius, GUARD * c.w)) / c.w);
 }
 
 /* First pixel whose sample at `offset` lies at or beyond the place u, in sub-pixels. */
@@ -73,56 +74,49 @@ inline int first_pixel(int u, int offset)
 }
 
 /* Half-open in both directions: samples with u in [u0, u1) along the longer axis, and across it within half the
-   width, [v - h, v + h). A strand is never thinner than one row of samples across, so it doesn't break up. */
+   width there, [v - r, v + r), measured along the shorter axis; at least a sample's share of a pixel. */
 inline void draw_segment(
     volatile __global ulong *visible, const View *view, int4 a, int4 b, uint id, int pass)
 {
     const bool steep = abs(b.x - a.x) < abs(b.y - a.y);
-    int u0 = steep ? a.y : a.x, v0 = steep ? a.x : a.y, u1 = steep ? b.y : b.x, v1 = steep ? b.x : b.y;
-    int d0 = a.z, d1 = b.z;
-    if (u0 > u1) {
-        int t = u0; u0 = u1; u1 = t;
-        t = v0; v0 = v1; v1 = t;
-        t = d0; d0 = d1; d1 = t;
+    if (steep) {
+        a = a.yxzw;
+        b = b.yxzw;
     }
-    const int du = u1 - u0, dv = v1 - v0;
+    if (a.x > b.x) {
+        const int4 t = a; a = b; b = t;
+    }
+    const int du = b.x - a.x;
     const int u_size = steep ? view->size.y : view->size.x, v_size = steep ? view->size.x : view->size.y;
-    const int samples = view->size.z;
-    int radius = (a.w + b.w) / 2;
-    const int reach = radius + radius / 2 + SUBPIXEL;
-    if (du == 0 || u1 < 0 || u0 >= u_size * SUBPIXEL
-        || max(v0, v1) + reach < 0 || min(v0, v1) - reach >= v_size * SUBPIXEL)
+    const int samples = view->size.z, reach = max(a.w, b.w) / 2 * 3 + SUBPIXEL;
+    if (du == 0 || b.x < 0 || a.x >= u_size * SUBPIXEL
+        || max(a.y, b.y) + reach < 0 || min(a.y, b.y) - reach >= v_size * SUBPIXEL)
         return;
-    /* Measured across the longer axis a slanted strand is wider, by up to sqrt(2). */
-    if (3 * radius * samples > SUBPIXEL)
-        radius = (int)(radius * sqrt(1.0f + ((float)dv / du) * ((float)dv / du)));
-    radius = max(radius, SUBPIXEL / 2 / samples);
 
-    const long v_step = ((long)dv << FRACTION) / du, d_step = ((long)(d1 - d0) << FRACTION) / du;
-    const ulong thickness = (ulong)radius << (FRACTION + 1);
-    const bool thin = radius <= SUBPIXEL / 2;
-    const uint gap = (uint)(PIXEL - thickness);            // of thin strands: between one row's edge and the next
-    const uint u_stride = (steep ? view->size.x : 1) * samples, v_stride = (steep ? 1 : view->size.x) * samples;
+    /* Measured along the shorter axis a slanted strand is thicker, by up to sqrt(2). */
+    const float slope = (float)(b.y - a.y) / du, tilt = sqrt(1.0f + slope * slope);
+    const int r0 = (int)(a.w * tilt), r1 = (int)(b.w * tilt);
+    const long least = (long)view->scale.y << FRACTION;
+
+    const long v_step = ((long)(b.y - a.y) << FRACTION) / du, d_step = ((long)(b.z - a.z) << FRACTION) / du;
+    const long r_step = ((long)(r1 - r0) << FRACTION) / du;
+    const size_t u_stride = (steep ? view->size.x : 1) * samples, v_stride = (steep ? 1 : view->size.x) * samples;
     for (int s = 0; s < samples; ++s) {
         const int2 offset = PATTERN[view->size.w + s];
         const int ou = steep ? offset.y : offset.x, ov = steep ? offset.x : offset.y;
-        const int begin = max(first_pixel(u0, ou), 0), end = min(first_pixel(u1, ou), u_size);
-        const int along = begin * SUBPIXEL + SUBPIXEL / 2 + ou - u0;
-        /* v counts from the samples of row 0, rounded up, so that v >> 32 is the first row at or beyond. */
-        long v = ((long)(v0 - radius - SUBPIXEL / 2 - ov) << FRACTION) + v_step * along + (PIXEL - 1);
-        long d = ((long)d0 << FRACTION) + d_step * along;
-        size_t at = (size_t)begin * u_stride + s;
+        const int begin = max(first_pixel(a.x, ou), 0), end = min(first_pixel(b.x, ou), u_size);
+        const int along = begin * SUBPIXEL + SUBPIXEL / 2 + ou - a.x;
+        /* v counts from the sample of row 0, rounded up, so that v >> 32 is the first row at or beyond. */
+        long v = ((long)(a.y - SUBPIXEL / 2 - ov) << FRACTION) + v_step * along + (PIXEL - 1);
+        long r = ((long)r0 << FRACTION) + r_step * along, d = ((long)a.z << FRACTION) + d_step * along;
+        size_t at = begin * u_stride + s;
         for (int u = begin; u < end; ++u) {
-            if (thin) {
-                const uint row = (uint)(v >> 32);
-                if ((uint)v >= gap && row < (uint)v_size)
-                    put(visible, at + (size_t)row * v_stride, (uint)(d >> FRACTION), id, pass);
-            } else {
-                const int low = max((int)(v >> 32), 0), high = min((int)((v + (long)thickness) >> 32), v_size);
-                for (int row = low; row < high; ++row)
-                    put(visible, at + (size_t)row * v_stride, (uint)(d >> FRACTION), id, pass);
-            }
+            const long half_width = max(r, least);
+            const int low = max((int)((v - half_width) >> 32), 0), high = min((int)((v + half_width) >> 32), v_size);
+            for (int row = low; row < high; ++row)
+                put(visible, at + row * v_stride, (uint)(d >> FRACTION), id, pass);
             v += v_step * SUBPIXEL;
+            r += r_step * SUBPIXEL;
             d += d_step * SUBPIXEL;
             at += u_stride;
         }
@@ -137,10 +131,13 @@ void draw_clipped(volatile __global ulong *visible, const View *view, float4 a, 
         const float da = inside(a, i), db = inside(b, i);
         if (!(da >= 0.0f || db >= 0.0f))
             return;
-        if (da < 0.0f)
+        if (da < 0.0f) {
+            ha = cut((float4)(hb), db, (float4)(ha), da).x;
             a = cut(b, db, a, da);
-        else if (db < 0.0f)
+        } else if (db < 0.0f) {
+            hb = cut((float4)(ha), da, (float4)(hb), db).x;
             b = cut(a, da, b, db);
+        }
     }
     if (a.w > 0.0f && b.w > 0.0f)
         draw_segment(visible, view, snap_clip(a, ha), snap_clip(b, hb), id, pass);
@@ -197,7 +194,7 @@ inline long edge_bias(int4 p, int4 q)
 }
 
 inline void draw_triangle(
-    volatile __global ulong *visible, const View *view, int4 a, int4 b, int4 c, uint id, int pass)
+    volatile __global ulong *visible, const View *view, int2 rows, int4 a, int4 b, int4 c, uint id, int pass)
 {
     long area = edge(a, b, c.x, c.y);
     if (area == 0)
@@ -208,9 +205,9 @@ inline void draw_triangle(
     }
     const int samples = view->size.z, furthest = SUBPIXEL / 2;   // no sample lies further from a pixel's centre
     const int x0 = max((min(min(a.x, b.x), c.x) - furthest) >> 8, 0);
-    const int y0 = max((min(min(a.y, b.y), c.y) - furthest) >> 8, 0);
+    const int y0 = max((min(min(a.y, b.y), c.y) - furthest) >> 8, rows.x);
     const int x1 = min((max(max(a.x, b.x), c.x) + furthest) >> 8, view->size.x - 1);
-    const int y1 = min((max(max(a.y, b.y), c.y) + furthest) >> 8, view->size.y - 1);
+    const int y1 = min((max(max(a.y, b.y), c.y) + furthest) >> 8, rows.y - 1);
     if (x0 > x1 || y0 > y1)
         return;
 
@@ -234,7 +231,7 @@ inline void draw_triangle(
 
 /* The rare triangle that leaves the guard band or crosses the near plane: clip it to a polygon and fan that. */
 void draw_triangle_clipped(
-    volatile __global ulong *visible, const View *view, float4 a, float4 b, float4 c, uint id, int pass)
+    volatile __global ulong *visible, const View *view, int2 rows, float4 a, float4 b, float4 c, uint id, int pass)
 {
     float4 polygon[9], next[9];
     int n = 3;
@@ -261,26 +258,29 @@ void draw_triangle_clipped(
         if (!(polygon[j].w > 0.0f))
             return;
     for (int j = 1; j + 1 < n; ++j)
-        draw_triangle(visible, view, snap_clip(polygon[0], 0.0f), snap_clip(polygon[j], 0.0f),
+        draw_triangle(visible, view, rows, snap_clip(polygon[0], 0.0f), snap_clip(polygon[j], 0.0f),
                       snap_clip(polygon[j + 1], 0.0f), id, pass);
 }
 
-/* One work-item draws one triangle of the body. */
+/* One work-item draws what one band of the picture shows of one triangle of the body: a large one is no long job. */
 __kernel void body(
     const View view,
     __global const float4 *positions,      // [V]
     __global const uint4 *triangles,       // [T]
+    const int band,                        // rows of a band
     const int pass,
     volatile __global ulong *visible)      // [height, width, samples] depth << 32 | id
 {
     const uint t = get_global_id(0);
+    const int top = get_global_id(1) * band;
+    const int2 rows = (int2)(top, min(top + band, view.size.y));
     const uint4 v = triangles[t];
     const float4 a = to_screen(&view, positions[v.x]);
     const float4 b = to_screen(&view, positions[v.y]);
     const float4 c = to_screen(&view, positions[v.z]);
     if (within_guard(a) && within_guard(b) && within_guard(c))
-        draw_triangle(visible, &view, snap((float4)(a.xyz, 0.0f) / a.w), snap((float4)(b.xyz, 0.0f) / b.w),
+        draw_triangle(visible, &view, rows, snap((float4)(a.xyz, 0.0f) / a.w), snap((float4)(b.xyz, 0.0f) / b.w),
                       snap((float4)(c.xyz, 0.0f) / c.w), BODY | t, pass);
     else
-        draw_triangle_clipped(visible, &view, a, b, c, BODY | t, pass);
+        draw_triangle_clipped(visible, &view, rows, a, b, c, BODY | t, pass);
 }

@@ -36,7 +36,7 @@ inline float exp_minus(float x)
 inline ulong area_of(__global const float4 *positions, uint4 t, float unit)
 {
     const float4 n = cross3(unit * (positions[t.y] - positions[t.x]), unit * (positions[t.z] - positions[t.x]));
-    return (ulong)min(sqrt(dot3(n, n)), 0x1p40f);
+    return (ulong)min(sqrt(dot3(n, n)), 0x1p58f);
 }
 
 /* Prefix sum of areas in three steps: each item sums SCAN triangles; one item runs over those sums; each item

@@ -29,7 +29,7 @@ View = np.dtype([                     # a camera: world -> (x, y, e, 1)·w, pixe
     ("to_world", np.float32, (4, 4)),    # columns of the inverse
     ("eye", *_float4),                   # position and 1, or direction towards an orthographic eye and 0
     ("size", *_int4),                    # width, height [pixels], samples a pixel, first row of its PATTERN
-    ("scale", *_float4),                 # pixels per world unit of width at w = 1, -, -, -
+    ("scale", *_float4),                 # pixels per world unit of width at w = 1; least half width, sub-pixels
 ])
 
 HairType = np.dtype([
@@ -94,6 +94,15 @@ def preamble(device, int64_atomics):
         *(_c_struct(device, name, dtype) for name, dtype in STRUCTS.items()),
         f"__constant int2 PATTERN[] = {{{table}}};\n",
     ])
+
+
+def least_half_width(samples):
+    """Half the width at which thinner strands are drawn, in sub-pixels: a sample's share of a pixel, 1/samples.
+
+    Wider would keep strands from breaking up between samples (5/8 of a pixel with 4 samples, 1/4 with 16), but shows
+    thin fur too dense; narrower loses some.
+    """
+    return CONSTANTS["SUBPIXEL"] / 2 / samples
 
 
 def pattern_start(samples):

@@ -362,6 +362,16 @@ class Mesh:
         return _hull(self)
 
     @functools.cached_property
+    def area(self):
+        """Area of all faces, flat, in world units squared."""
+        return float(np.sqrt((_face_normals(self.positions, self.faces)[0] ** 2).sum(axis=1)).sum() / 2)
+
+    @functools.cached_property
+    def longest_edge(self):
+        """Length of the longest side of a face, flat."""
+        return float(_face_normals(self.positions, self.faces)[1].max())
+
+    @functools.cached_property
     def bounds(self):
         """The sphere around the box of the positions: (centre float64 [3], radius float)."""
         return _sphere(*_box(self.positions))

@@ -114,5 +114,5 @@ def _view(to_screen, eye, size, samples, scale):
     view["to_world"] = np.linalg.inv(to_screen).T
     view["eye"] = eye
     view["size"] = *size, samples, layout.pattern_start(samples)
-    view["scale"][0] = scale
+    view["scale"][:2] = scale, layout.least_half_width(samples)
     return view

@@ -8,7 +8,7 @@ import pytest
 
 import clfur
 from clfur import layout
-from clfur.render import view_of
+from clfur.views import view_of
 from clfur.stages.raster import NONE, raster
 from clfur.twin import raster as twin
 
@@ -31,6 +31,7 @@ def flat(width, height, samples):
     view["eye"] = 0, 0, 1, 0
     view["size"] = width, height, samples, layout.pattern_start(samples)
     view["scale"][0] = 1
+    view["scale"][1] = SUBPIXEL / 2 / samples
     return view
 
 
@@ -59,7 +60,7 @@ def draw(gpu, view, strands=(), body=None):
     """The device's picture [height, width, samples] of strands as for `pack` and a body as from `surface`."""
     points, spans = pack(strands)
     grown = SimpleNamespace(points=gpu.upload(points), spans=gpu.upload(spans)) if len(strands) else None
-    drawn = body and SimpleNamespace(positions=gpu.upload(body[0]), triangles=gpu.upload(body[1]))
+    drawn = body and SimpleNamespace(longest=np.inf, positions=gpu.upload(body[0]), triangles=gpu.upload(body[1]))
     return raster(gpu, view, grown, drawn).get()
 
 
@@ -171,7 +172,7 @@ def test_order_of_work_and_two_runs(gpu):
     pictures = []
     for listed in (spans, spans, spans[::-1].copy(), np.random.default_rng(8).permutation(spans)):
         there = SimpleNamespace(points=gpu.upload(points), spans=gpu.upload(listed))
-        on = SimpleNamespace(positions=gpu.upload(body[0]), triangles=gpu.upload(body[1]))
+        on = SimpleNamespace(longest=np.inf, positions=gpu.upload(body[0]), triangles=gpu.upload(body[1]))
         pictures.append(raster(gpu, view, there, on).get())
     assert covered(pictures[0]).mean() > 0.5
     for other in pictures[1:]:
@@ -321,7 +322,7 @@ def test_area_of_a_thin_strand(gpu):
 NEAR_EYE = {   # two ends, in right, up and forward from the eye; and whether the line is seen
     "behind the eye": ((0, 0, -1), (1, 1, -2), False),
     "crossing the near plane": ((-1.5, -0.7, 3), (0.9, 0.6, -3), True),
-    "crossing the whole picture": ((-1e6, -1e6, 3), (1e6, 1e6, 3), True),
+    "crossing the whole picture": ((-1e6, -0.83e6, 3), (1e6, 0.83e6, 3), True),
     "crossing it almost level": ((-2e6, 0.3, 4), (1e6, 0.2, 4.3), True),
     "one end in the eye's plane": ((5, 5, 0), (-0.5, -0.4, 3), True),
     "both ends in the eye's plane": ((5, 5, 0), (-4, -5, 0), False),
@@ -550,3 +551,33 @@ def test_depth_tells_the_distance(gpu):
     told = near / (1 - depth_of(drawn)[covered(drawn)] / DEPTH_ONE)
     np.testing.assert_allclose(told, 2.3 + 2.2 * share, rtol=3e-4)
     assert len(x) > 20
+
+
+@pytest.mark.parametrize("samples, width", [(1, 0), (4, 5 / 8 + 1 / 128), (16, 1 / 4)])
+def test_a_strand_wider_than_the_gaps_of_the_pattern_is_whole(gpu, samples, width):
+    """At lattice slopes and others, anywhere: each pixel column or row has its sample; thinner ones may break up."""
+    rng = np.random.default_rng(11)
+    slopes = np.concatenate([[0, 1, 1 / 2, 1 / 3, 2 / 3, 1 / 4, 3 / 4], rng.random(13)])
+    for slope in slopes:
+        for along in ((1, slope), (slope, -1)):
+            start = np.array([40, 40]) + rng.random(2)
+            ends = start + np.outer([-24, 24], along)
+            strand = np.column_stack([ends, [.5, .5], [width, width]])
+            seen = covered(draw(gpu, flat(80, 80, samples), [strand])).any(2)
+            lines = seen.any(0 if abs(along[0]) == 1 else 1)
+            assert lines[18:62].all(), (slope, samples)
+
+
+def test_a_tapering_strand_tapers_within_its_segment(gpu):
+    """From 40 pixels wide to none over 300: in each column as many pixels as its width, to the last one."""
+    strand = np.array([[10, 50.3, .5, 40], [310, 50.3, .5, 0]])
+    drawn = covered(draw(gpu, flat(320, 100, 1), [strand]))[..., 0]
+    wide = drawn.sum(0)
+    np.testing.assert_allclose(wide[10:300], 40 * (1 - (np.arange(10, 300) - 9.5) / 300), rtol=0, atol=1)
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_a_triangle_that_fills_the_picture(gpu, samples):
+    """More samples than some drivers let one loop visit; nothing may be missing."""
+    body = surface([[-700, -10, .5], [2000, -10, .5], [-700, 2000, .5]], [[0, 1, 2]])
+    assert covered(draw(gpu, flat(640, 480, samples), body=body)).all()

@@ -15,7 +15,8 @@ class Surface:
     uv: Any            # [V, 4] float32 u, v, -, -
     barycentric: Any   # [V, 4] float32 place in the mesh's face
     triangles: Any     # [T, 4] uint32 three vertices counter-clockwise, face of the mesh
-    unit: float        # scale that makes areas whole numbers
+    unit: float        # scale of lengths that makes areas whole numbers
+    longest: float = np.inf   # no side of a triangle is longer [world]
 
 
 def levels_of(inner, outer, faces):
@@ -62,7 +63,9 @@ def tessellate(gpu, mesh, inner=1, outer=1, surface="pn"):
         uv=gpu.empty((n_vertices, 4), np.float32),
         barycentric=gpu.empty((n_vertices, 4), np.float32),
         triangles=gpu.empty((n_triangles, 4), np.uint32),
-        unit=np.float32(2.0**19 / mesh.bounds[1]),
+        unit=np.float32(2.0**28 / np.sqrt(mesh.area)),
+        # A side of a curved triangle is longer than that of a flat one, by far less than twice.
+        longest=2 * mesh.longest_edge / min(np.min(inner), np.min(outer)),
     )
     gpu.launch("tessellate.vertices", faces,
                gpu.upload(widen(mesh.positions)), gpu.upload(widen(mesh.normals)),

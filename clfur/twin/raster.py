@@ -87,21 +87,24 @@ def planes(clip):
 
 
 def cut(inner, inner_by, outer, outer_by):
-    """Where the way from a point inside a plane to one outside meets it."""
+    """Where the way between a point inside a plane and one outside meets it, from the nearer of the two."""
+    if inner_by > -outer_by:
+        return outer + (inner - outer) * (outer_by / (outer_by - inner_by))
     return inner + (outer - inner) * (inner_by / (inner_by - outer_by))
 
 
-def clip_segment(a, b):
-    """The part of a segment a, b [4] that lies inside all planes, or None."""
+def clip_segment(a, b, half):
+    """The part of a segment a, b [4], with half widths [2], that lies inside all planes: (ends [2, 4], half [2])."""
+    half_a, half_b = half
     for i in range(6):
         by_a, by_b = planes(np.stack([a, b]))[:, i]
         if by_a < 0 and by_b < 0:
             return None
         if by_a < 0:
-            a = cut(b, by_b, a, by_a)
+            a, half_a = cut(b, by_b, a, by_a), cut(half_b, by_b, half_a, by_a)
         elif by_b < 0:
-            b = cut(a, by_a, b, by_b)
-    return (a, b) if a[3] > 0 and b[3] > 0 else None
+            b, half_b = cut(a, by_a, b, by_b), cut(half_a, by_a, half_b, by_b)
+    return (np.stack([a, b]), np.stack([half_a, half_b])) if a[3] > 0 and b[3] > 0 else None
 
 
 def clip_polygon(corners):
@@ -132,8 +135,8 @@ def snapped_segments(view, points, spans, dtype=np.float32):
         for k in range(first, first + count - 1):
             if good[k] and good[k + 1]:
                 yield k, snapped[k].tolist(), snapped[k + 1].tolist()
-            elif (ends := clip_segment(clip[k], clip[k + 1])) is not None:
-                yield k, *snap_ends(np.stack(ends), half[k:k + 2]).tolist()
+            elif (part := clip_segment(clip[k], clip[k + 1], half[k:k + 2])) is not None:
+                yield k, *snap_ends(*part).tolist()
 
 
 def snapped_triangles(view, positions, triangles, dtype=np.float32):
@@ -166,22 +169,22 @@ def pixels(low, high, count):
     return np.arange(min(max(low // SUBPIXEL - 1, 0), count), max(min(high // SUBPIXEL + 2, count), 0))
 
 
-def half_across(a, b, samples):
-    """Half a segment's width along the shorter axis: its ends' mean, tilted, at least half a sample's share.
+def half_across(half, a, b, samples):
+    """Half a width along the shorter axis, which is more on a slant, in whole sub-pixels.
 
-    In float32: width / cos(angle) = width * sqrt(1 + slope²), then cut to whole sub-pixels.
+    In float32: width / cos(angle) = width * sqrt(1 + slope²).
     """
     du, dv = sorted((abs(b[0] - a[0]), abs(b[1] - a[1])), reverse=True)
     slope = np.float32(dv) / np.float32(du)
-    tilted = np.float32((a[3] + b[3]) // 2) * np.sqrt(np.float32(1) + slope * slope)
-    return max(int(tilted), SUBPIXEL // 2 // samples)
+    return int(np.float32(half) * np.sqrt(np.float32(1) + slope * slope))
 
 
 def cover_segment(a, b, width, height, samples):
     """Samples within half a width of a snapped line, half-open both ways -> (flat numbers [n], depths [n]).
 
-    Along the longer axis (x if equal) a sample must lie in [u0, u1), across it in [v - half, v + half).
-    Place and depth along the line are v0, d0 plus a slope, cut to FRACTION bits, times the distance from u0.
+    Along the longer axis (x if equal) a sample must lie in [u0, u1), across it in [v - half, v + half), with half at least 1/2 a sample's share.
+    Place, half a width and depth along the line are those at u0 plus a slope, cut to FRACTION bits, times the
+    distance from u0.
     """
     steep = abs(b[0] - a[0]) < abs(b[1] - a[1])
     along = 1 if steep else 0
@@ -190,20 +193,23 @@ def cover_segment(a, b, width, height, samples):
     u0, v0, u1, v1 = a[along], a[1 - along], b[along], b[1 - along]
     if u0 == u1:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    half = half_across(a, b, samples)
+    half_a, half_b = half_across(a[3], a, b, samples), half_across(b[3], a, b, samples)
+    half_slope = divide((half_b - half_a) << FRACTION, u1 - u0)
     v_slope = divide((v1 - v0) << FRACTION, u1 - u0)
     d_slope = divide((b[2] - a[2]) << FRACTION, u1 - u0)
 
     offset = offsets(samples)
     u = pixels(u0, u1, (width, height)[along])
-    v = pixels(min(v0, v1) - half, max(v0, v1) + half, (width, height)[1 - along])
+    most = max(half_a, half_b, SUBPIXEL // 2)
+    v = pixels(min(v0, v1) - most, max(v0, v1) + most, (width, height)[1 - along])
     su = u[:, None] * SUBPIXEL + SUBPIXEL // 2 + offset[along]           # [U, samples]
     sv = v[:, None] * SUBPIXEL + SUBPIXEL // 2 + offset[1 - along]       # [V, samples]
     on = (u0 <= su) & (su < u1)
     way = np.where(on, su - u0, 0)         # all below fits 63 bits: a slope times its way is at most the rise
     center = (v0 << FRACTION) + v_slope * way
-    above = (sv[None] << FRACTION) >= (center - (half << FRACTION))[:, None]
-    below = (sv[None] << FRACTION) < (center + (half << FRACTION))[:, None]
+    half = np.maximum((half_a << FRACTION) + half_slope * way, SUBPIXEL // 2 // samples << FRACTION)
+    above = (sv[None] << FRACTION) >= (center - half)[:, None]
+    below = (sv[None] << FRACTION) < (center + half)[:, None]
     i, j, s = np.nonzero(on[:, None] & above & below)
     x, y = (v[j], u[i]) if steep else (u[i], v[j])
     depth = ((a[2] << FRACTION) + d_slope * way[i, s]) >> FRACTION
