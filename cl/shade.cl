@@ -103,7 +103,7 @@ inline float through_hair(const Grid *grid, __global const float *sums, float de
 /* Share of light that the body lets through to p: the report's equation 8, over (2r + 1)² texels around. What is seen
    there is held against the plane through p across n, the surface's direction, so that a slope does not shade itself;
    steeper than LIMIT texels deep a texel is not believed. */
-#define LIMIT 16.0f
+#define LIMIT 64.0f
 inline float past_body(const View *seen, __global const ulong *map, int radius, float4 p, float4 n)
 {
     const float4 c = to_screen(seen, p);

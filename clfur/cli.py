@@ -1,6 +1,7 @@
 """The `clfur` command."""
 
 import json
+import math
 import sys
 from pathlib import Path
 
@@ -69,7 +70,7 @@ class Roots(click.ParamType):
     def convert(self, value, param, ctx):
         if value == "faces" or isinstance(value, int):
             return value
-        if not value.isdecimal():
+        if not value.isdecimal() or len(value) > 10:
             self.fail(f"{value!r} is neither 'faces' nor a number of strands", param, ctx)
         return int(value)
 
@@ -200,18 +201,19 @@ def _scene(mesh, options):
         "alpha": options["alpha"],
         **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), options["variation"]),
     }
-    if options["type_map"] and not options["types"]:
+    if options["type_map"] is not None and options["types"] is None:
         raise click.UsageError("--type-map needs --types, the hair types that its colours mean")
     fur = Strands(
-        types=_hair_types(options["types"], hair) if options["types"] else [HairType(**hair)],
-        type_map=load_picture(options["type_map"]) if options["type_map"] else None,
+        types=[HairType(**hair)] if options["types"] is None else _hair_types(options["types"], hair),
+        type_map=None if options["type_map"] is None else load_picture(options["type_map"]),
         **{name: options[name] for name in ("inner", "outer", "roots", "surface", "force", "seed")})
 
     camera = frame(mesh, fur, options["size"], options["fov"])
     if options["eye"] or options["target"]:
         target = options["target"] or tuple(camera.target)
         eye = options["eye"] or tuple(camera.eye + target - camera.target)
-        upright = (eye[0], eye[2]) != (target[0], target[2])
+        aside, up = math.hypot(eye[0] - target[0], eye[2] - target[2]), abs(eye[1] - target[1])
+        upright = aside > 1e-3 * up
         camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
                         fov=options["fov"], size=options["size"])
     return Scene(mesh=mesh, fur=fur, camera=camera, light=Light(direction=options["light"]))
@@ -254,6 +256,9 @@ def _from_hex(text):
 
 def main(arguments=None):
     """Run the command and exit; what the user got wrong is one line on stderr and exit code 2."""
+    for stream in (sys.stdout, sys.stderr):   # a device's name need not be ASCII
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
     try:
         code = clfur.main(arguments, prog_name="clfur", standalone_mode=False)
     except (click.Abort, KeyboardInterrupt):
@@ -262,6 +267,9 @@ def main(arguments=None):
     except OSError as error:   # of stdout itself: a full disk, a closed pipe
         print(f"clfur: error: {error.strerror}", file=sys.stderr)
         sys.stdout = None
+        code = 2
+    except MemoryError:
+        print("clfur: error: out of memory: ask for a smaller picture, fewer samples or fewer strands", file=sys.stderr)
         code = 2
     except (Error, click.ClickException) as error:
         message = error.format_message() if isinstance(error, click.ClickException) else str(error)

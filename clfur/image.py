@@ -154,7 +154,9 @@ def load_picture(path):
     import imageio.v3
 
     try:
-        pixels = imageio.v3.imread(path, index=0, plugin="pillow")
+        mode = imageio.v3.immeta(path, index=0, plugin="pillow").get("mode")
+        plain = mode in (None, "1", "L", "LA", "P", "PA", "RGB", "RGBA") or mode.startswith(("I", "F"))
+        pixels = imageio.v3.imread(path, index=0, plugin="pillow", **({} if plain else {"mode": "RGB"}))
     except Exception as error:  # a damaged file can fail in any way
         raise Error(f"{path}: cannot be read as a picture: {_reason(error)}") from error
     if pixels.dtype == bool:

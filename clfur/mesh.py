@@ -163,7 +163,8 @@ def _by_trimesh(data, kind, least_faces=0):
     """Return the fields of the Mesh that trimesh finds in data; Error if it has fewer faces than stated."""
     import trimesh  # here, since it takes long and built-in models and OBJ files do without
 
-    loaded = trimesh.load(io.BytesIO(data), file_type=kind, process=False)
+    with np.errstate(all="ignore"):   # damaged files: what they hold is checked here and by Mesh
+        loaded = trimesh.load(io.BytesIO(data), file_type=kind, process=False)
     if isinstance(loaded, trimesh.Scene):
         placed = [loaded.graph[node] for node in loaded.graph.nodes_geometry]
         placed = [(matrix, loaded.geometry[name]) for matrix, name in placed]

@@ -1,12 +1,13 @@
 """The order of the stages: one straight line from a scene to its picture."""
 
+import threading
 import time
 from dataclasses import dataclass
 
 import numpy as np
 
 from . import layout
-from .device import describe
+from .device import choose, describe
 from .errors import Error
 from .scene import Curves, Scene, Strands, hair_bounds
 from .scheduler import Scheduler
@@ -54,14 +55,16 @@ def render(scene, device=None, settings=None, outputs=None):
 
 def draw(scene, device=None, settings=None, outputs=("color",)):
     """Draw a `Scene` and tell what it took -> `Frame`; arguments and errors as for `render`."""
-    outputs = (outputs,) if isinstance(outputs, str) else tuple(outputs)
-    for name in outputs:
-        if name not in OUTPUTS:
+    outputs = (outputs,) if isinstance(outputs, str) else outputs
+    for name in outputs if isinstance(outputs, (tuple, list)) else [outputs]:
+        if not isinstance(name, str) or name not in OUTPUTS:
             raise Error(f"there is no output {name!r}; allowed: {', '.join(OUTPUTS)}")
     if not isinstance(scene, Scene):
         raise Error(f"scene is {scene!r:.60}; allowed: a clfur.Scene")
-    settings = settings or Settings()
-    gpu = device if isinstance(device, Scheduler) else Scheduler(device)
+    settings = Settings() if settings is None else settings
+    if not isinstance(settings, Settings):
+        raise Error(f"settings is {settings!r:.60}; allowed: a clfur.Settings")
+    gpu = device if isinstance(device, Scheduler) else _scheduler(device)
     began = time.perf_counter()
     gpu.start()
 
@@ -72,7 +75,7 @@ def draw(scene, device=None, settings=None, outputs=("color",)):
         levels = (fur.inner, fur.outer, fur.surface) if isinstance(fur, Strands) else (1, 1, "flat")
         body = gpu.keep("body", (mesh, *levels), lambda: tessellate(gpu, mesh, *levels))
     if isinstance(fur, Strands):
-        strands = gpu.keep("strands", (body, fur), lambda: grow(gpu, body, fur))
+        strands = gpu.keep("strands", (mesh, fur), lambda: grow(gpu, body, fur))
     elif isinstance(fur, Curves):
         strands = gpu.keep("strands", (fur,), lambda: bring(gpu, fur))
     if scene.body_color is None:
@@ -81,7 +84,7 @@ def draw(scene, device=None, settings=None, outputs=("color",)):
     images = {}
     if "color" in outputs:
         skin = (0, 0, 0) if scene.body_color is None else scene.body_color
-        shadows = gpu.keep("shadows", (strands, body, scene.light, settings.shadows, settings.grid,
+        shadows = gpu.keep("shadows", (mesh, fur, scene.light, int(scene.body_color is None), settings.shadows, settings.grid,
                                        settings.shadow_map, settings.pcf),
                            lambda: cast_shadows(gpu, scene, settings, strands, body))
         images["color"] = shade.color(gpu, view, light_of(scene.light), settings.specular,
@@ -94,6 +97,18 @@ def draw(scene, device=None, settings=None, outputs=("color",)):
     points = strands.spans.get()[:, 1]
     return Frame(images, describe(gpu.device), len(body.triangles), int((points > 0).sum()),
                  int(np.maximum(points.astype(np.int64) - 1, 0).sum()), seconds, gpu.seconds())
+
+
+_here = threading.local()   # a scheduler belongs to one thread
+
+
+def _scheduler(device):
+    """The scheduler of a caller who keeps none: a new one for each call would cost its start and some memory."""
+    device = choose(device)
+    mine = _here.__dict__.setdefault("schedulers", {})
+    gpu = mine.get(device) or mine.setdefault(device, Scheduler(device))
+    gpu.forget()
+    return gpu
 
 
 def cast_shadows(gpu, scene, settings, strands, body):

@@ -13,7 +13,7 @@ import numpy as np
 
 from .errors import Error
 
-FLOAT32_MAX = float(np.finfo(np.float32).max)  # a larger number would be infinite on the device
+LARGEST = 1e9   # of single numbers: their squares' squares must stay finite on the device
 
 
 # --- small helpers that turn what a user gave into what is stored ---------------------------------------
@@ -53,7 +53,7 @@ def _real(low=-math.inf, high=math.inf, above=None, below=None):
             number = math.nan if isinstance(value, (bool, np.bool_, str, bytes)) else float(value)
         except (TypeError, ValueError, OverflowError):
             number = math.nan
-        good = abs(number) <= FLOAT32_MAX and low <= number <= high
+        good = abs(number) <= LARGEST and low <= number <= high
         good = good and (above is None or number > above) and (below is None or number < below)
         return number if good else _refuse(where, value, allowed)
 
@@ -145,7 +145,7 @@ def _vector(length, low=-math.inf):
         if array.shape != (length,):
             _refuse(where, value, allowed)
         array = array.astype(np.float64)
-        if not (np.abs(array) <= FLOAT32_MAX).all() or (array < low).any():
+        if not (np.abs(array) <= LARGEST).all() or (array < low).any():
             _refuse(where, value, allowed)
         return _frozen(array)
 
@@ -480,7 +480,7 @@ def _levels(shape, words):
     allowed = f"a whole number from 1 to 64, or an array {words} of them"
 
     def convert(value, where):
-        if np.ndim(value) == 0 and not isinstance(value, np.ndarray):
+        if not isinstance(value, (np.ndarray, list, tuple)):
             return _whole(1, 64)(value, where)
         array = _numbers(value, where, allowed, kinds="iu")
         if array.ndim != 1 + len(shape) or array.shape[1:] != shape:
@@ -743,7 +743,7 @@ class Camera:
         def matrix(value, n, where):
             allowed = f"an array [{n}, {n}] of finite numbers"
             array = _numbers(value, where, allowed)
-            if array.shape != (n, n) or not (np.abs(array.astype(np.float64)) <= FLOAT32_MAX).all():
+            if array.shape != (n, n) or not (np.abs(array.astype(np.float64)) <= LARGEST).all():
                 _refuse(where, value, allowed)
             return array.astype(np.float64)
 
@@ -774,7 +774,7 @@ class Camera:
 class Light:
     """A distant light, or a spot light where it has a position: `direction` [3] is the way the light travels.
 
-    direction is stored at unit length. color: linear RGB >= 0. ambient: light from everywhere, a part of color, >= 0.
+    direction is stored at unit length. color: linear RGB >= 0. ambient: white light from everywhere, >= 0, whatever the color.
     position: [3] of a spot, or None. angle: a spot's whole cone, degrees; its light does not fall off with distance.
     Raises Error otherwise.
     """
@@ -880,6 +880,9 @@ class Scene:
                 raise Error("Scene.mesh is None but Scene.fur is Strands; allowed: a Mesh for it to grow on")
             _check_uv(self.mesh, self.fur)
             _check_levels(self.mesh, self.fur)
+        _, radius = extent(self.mesh, self.fur)
+        if radius and not 1e-6 <= radius <= LARGEST:
+            raise Error(f"Scene is {2 * radius:.3g} across; allowed: 2e-06 to 2e+09, where float32 is exact enough")
         if self.camera is None:
             object.__setattr__(self, "camera", frame(self.mesh, self.fur))
 

@@ -14,6 +14,8 @@ from . import layout
 from .device import choose, describe
 from .errors import Error
 
+SPARE = 256 << 20   # bytes that the pool may hold beyond twice of what is in use
+
 
 def _kernel_dir():
     """Folder of the .cl files: the installed package clfur.cl, or cl/ beside clfur/ in a checkout."""
@@ -99,6 +101,9 @@ class Scheduler:
     def start(self):
         """Begin a new frame: from here on `seconds` counts anew."""
         self._log.clear()
+        # Frames of ever new sizes leave ever new pieces in the pool.
+        if self._pool.managed_bytes > 2 * self._pool.active_bytes + SPARE:
+            self._pool.free_held()
 
     @contextmanager
     def called(self, name):

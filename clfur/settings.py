@@ -8,7 +8,8 @@ SHADOWS = ("off", "binary", "count", "trilinear", "length")
 
 
 def _samples(value, where):
-    return value if value in (1, 4, 16) and not isinstance(value, bool) else _refuse(where, value, "1, 4 or 16")
+    return value if isinstance(value, int) and value in (1, 4, 16) and value is not True else _refuse(
+        where, value, "1, 4 or 16")
 
 
 def _cells(value, where):

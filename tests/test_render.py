@@ -1,12 +1,15 @@
 """The whole way from a scene to its picture."""
 
+import sys
+
 import numpy as np
 import pytest
 
 import clfur
+from clfur import scheduler
 from clfur.render import OUTPUTS
 from clfur.stages.raster import raster
-from clfur.stages.strands import grow
+from clfur.stages.strands import bring, grow
 from clfur.stages.tessellate import tessellate
 from clfur.views import view_of
 
@@ -40,15 +43,34 @@ def test_every_device_sees_the_same_bits(gpu, scene, samples):
     fur = clfur.Strands(inner=4, outer=3, types=hair, force=(.1, -1, 0), point_forces=clfur.PointForce((1, 1, 1), 2),
                         roots=7001)
     curly = clfur.Scene(mesh=scene.mesh, fur=fur, camera=clfur.Camera(eye=(.3, .9, 1.6), size=(641, 479)))
-    seen = [visible_of(curly, on, samples) for on in (gpu, clfur.Scheduler())]
-    np.testing.assert_array_equal(*seen)
+    narrow = clfur.Scheduler(gpu.device)
+    narrow.int64_atomics = False
+    for scene in curly, crossed():
+        first, *others = (visible_of(scene, on, samples) for on in (gpu, narrow, clfur.Scheduler()))
+        for other in others:
+            np.testing.assert_array_equal(first, other)
+
+
+def crossed():
+    """A triangle larger than the picture, behind the eye too, and strands from thin to wide through it.
+
+    The widest covers some 20,000 samples: Mesa's llvmpipe ends a work-item's loops after 65,535 steps, silently.
+    """
+    mesh = clfur.Mesh([(-9, -3, 4), (9, -3, 4), (0, 6, -9)], faces=[(0, 1, 2)])
+    points = np.random.default_rng(3).uniform(-2, 2, (40, 3, 3))
+    return clfur.Scene(mesh=mesh, fur=clfur.Curves(points, width=np.linspace(0, .01, 40)),
+                       camera=clfur.Camera(size=(641, 479)))
 
 
 def visible_of(scene, gpu, samples):
     """The raster's result, read back: [height, width, samples] uint64."""
     fur = scene.fur
-    body = tessellate(gpu, scene.mesh, fur.inner, fur.outer, fur.surface)
-    return raster(gpu, view_of(scene, samples), grow(gpu, body, fur), body).get()
+    if isinstance(fur, clfur.Curves):
+        body, strands = tessellate(gpu, scene.mesh, surface="flat"), bring(gpu, fur)
+    else:
+        body = tessellate(gpu, scene.mesh, fur.inner, fur.outer, fur.surface)
+        strands = grow(gpu, body, fur)
+    return raster(gpu, view_of(scene, samples), strands, body).get()
 
 
 def test_a_picture_of_fur(gpu, scene):
@@ -149,7 +171,36 @@ def test_the_size_of_the_world_does_not_matter(gpu, scene, scale):
     assert (a != b).mean() < 0.02
 
 
+def test_frames_of_ever_new_sizes_do_not_fill_the_memory():
+    gpu = clfur.Scheduler()
+    rng = np.random.default_rng(4)
+    for n in rng.integers(1, 60_000, 40):
+        fur = clfur.Curves(rng.random((n, 9, 3), np.float32))
+        clfur.render(clfur.Scene(fur=fur, camera=clfur.Camera(size=(97, 61))), gpu, SETTINGS)
+    gpu.start()
+    assert gpu._pool.managed_bytes <= 2 * gpu._pool.active_bytes + scheduler.SPARE
+
+
+def test_calls_without_a_scheduler_share_one(scene):
+    clfur.render(scene, settings=SETTINGS)
+    mine = sys.modules["clfur.render"]._here.schedulers   # clfur.render is the function
+    assert len(mine) == 1
+    clfur.render(scene, settings=SETTINGS)
+    assert len(mine) == 1
+
+
+@pytest.mark.parametrize("scale", [1e-7, 1e10])
+def test_worlds_beyond_float32_are_refused(sphere, scale):
+    with pytest.raises(clfur.Error, match="allowed: 2e-06 to 2e"):
+        clfur.Scene(mesh=clfur.Mesh(sphere.positions.astype(float) * scale, sphere.normals, faces=sphere.faces))
+
+
 def test_bad_arguments_are_named(gpu, scene):
+    for bad in (5, ["color", 3], [["color"]]):
+        with pytest.raises(clfur.Error, match="no output"):
+            clfur.render(scene, gpu, outputs=bad)
+    with pytest.raises(clfur.Error, match="allowed: a clfur.Settings"):
+        clfur.render(scene, gpu, settings=4)
     with pytest.raises(clfur.Error, match="no output 'colour'; allowed: color, depth"):
         clfur.render(scene, gpu, outputs=("colour",))
     with pytest.raises(clfur.Error, match="allowed: a clfur.Scene"):
