@@ -77,8 +77,9 @@ inline float4 fibre(float4 color, float specular, float exponent, int half_vecto
 }
 
 /* Share of light that the hair before p lets through: the light's running sums, read between four columns and two
-   layers; full light outside the grid. `own` is what the strand that p lies on adds to its own sum. */
-inline float through_hair(const Grid *grid, __global const float *sums, float depth, float own, float4 p)
+   layers; full light outside the grid. `own` is what the strand that p lies on adds to its own sum: by its width at
+   w = 1, and whatever that is. */
+inline float through_hair(const Grid *grid, __global const float *sums, float depth, float2 own, float4 p)
 {
     const float4 c = ((grid->to_grid[0] * p.x + grid->to_grid[1] * p.y) + grid->to_grid[2] * p.z) + grid->to_grid[3];
     if (!(c.w > 0.0f))
@@ -97,11 +98,11 @@ inline float through_hair(const Grid *grid, __global const float *sums, float de
         const float weight = (i & 1 ? fx : 1.0f - fx) * (i >> 1 ? fy : 1.0f - fy);
         crossings += weight * mix(sums[at], sums[at + layer], fz);
     }
-    return exp(-depth * max(crossings - own / c.w, 0.0f));
+    return exp(-depth * max(crossings - own.x / c.w - own.y, 0.0f));
 }
 
 /* Share of light that the body lets through to p: the report's equation 8, over (2r + 1)² texels around. What is seen
-   there is held against the plane through p across n, the surface's direction, so that a slope does not shade itself;
+   there is held against the plane through p across n, the normal of what is drawn there, so that a slope does not shade itself;
    steeper than LIMIT texels deep a texel is not believed. */
 #define LIMIT 64.0f
 inline float past_body(const View *seen, __global const ulong *map, int radius, float4 p, float4 n)
@@ -169,24 +170,30 @@ __kernel void color(
         }
         if (id & BODY) {
             float4 weights;
-            const float4 n = body_normal(positions, normals, triangles[id & ~BODY], p, v, &weights);
+            const uint4 t = triangles[id & ~BODY];
+            const float4 n = body_normal(positions, normals, t, p, v, &weights);
             direct.xyz *= max(dot3(n, l), 0.0f);
             if (shadow.hair.x > 0.0f)
-                direct.xyz *= through_hair(&grid, sums, shadow.hair.x, 0.0f, p);
+                direct.xyz *= through_hair(&grid, sums, shadow.hair.x, (float2)(0.0f), p);
             if (shadow.body.x)
-                direct.xyz *= past_body(&seen, map, shadow.body.y, p, n);
+                direct.xyz *= past_body(&seen, map, shadow.body.y, p, unit_or(
+                    cross3(positions[t.y] - positions[t.x], positions[t.z] - positions[t.x]), n));
             lit = body_color * (direct + light.color.w);
         } else {
             const uint strand = strand_of[id];
-            if (shadow.hair.x > 0.0f)
-                direct.xyz *= through_hair(&grid, sums, shadow.hair.x, shadow.hair.y * points[id].w + shadow.hair.z, p);
+            const float4 shine = types[(int)strand_uv[strand].z].shine;
+            if (shadow.hair.x > 0.0f) {
+                /* Of this type a crossing counts only so much of what one of the darkest does. */
+                const float depth = shadow.hair.w > 0.0f ? 1.0f - shine.z : -log(max(shine.z, 1e-6f));
+                const float2 own = (float2)(shadow.hair.y * points[id].w, shadow.hair.z) * (depth / shadow.hair.x);
+                direct.xyz *= through_hair(&grid, sums, shadow.hair.x, own, p);
+            }
             if (shadow.body.x)
                 direct.xyz *= past_body(&seen, map, shadow.body.y, p, tangents[spans[strand].x]);
             const float at = place_between(points[id], points[id + 1], p);
             const float4 t = unit_or(mix(tangents[id], tangents[id + 1], at), tangents[id]);
             const float4 c = color_per == 0 ? colors[0] : color_per == 1 ? colors[strand]
                 : mix(colors[id], colors[id + 1], at);
-            const float4 shine = types[(int)strand_uv[strand].z].shine;
             lit = fibre(c, shine.x, shine.y, half_vector, t, l, v, direct);
         }
         sum += (float4)(lit.xyz, 1.0f);

@@ -8,14 +8,15 @@
  */
 
 #define FRACTION 24                                     // fixed-point bits below the sub-cell in a walk
-#define OUTSIDE INT_MIN                                 // mark of a point too far away to snap
+#define OUTSIDE INT_MIN                                 // mark of a point four grids away: what reaches it is left out
 
 inline int4 to_cells(const Grid *grid, float4 p, float *w)
 {
     const float4 c = ((grid->to_grid[0] * p.x + grid->to_grid[1] * p.y) + grid->to_grid[2] * p.z) + grid->to_grid[3];
     const float4 q = (float4)(c.x / c.w, c.y / c.w, c.z, 0.0f);
     *w = c.w;
-    if (!(c.w > 0.0f && fabs(q.x) <= GUARD && fabs(q.y) <= GUARD && fabs(q.z) <= GUARD))
+    const float far = 4 * max(max(grid->size.x, grid->size.y), grid->size.z);
+    if (!(c.w > 0.0f && fabs(q.x) <= far && fabs(q.y) <= far && fabs(q.z) <= far))
         return (int4)(OUTSIDE);
     return convert_int4(floor(q * (float)SUBPIXEL + 0.5f));
 }
@@ -104,15 +105,16 @@ __kernel void lengths(
     for (uint k = 0; k < span.y; ++k, a = b, from = to, wa = wb) {
         to = points[span.x + k];
         b = to_cells(&grid, to, &wb);
-        if (k == 0 || a.x == OUTSIDE || b.x == OUTSIDE)
+        if (k == 0 || a.x == OUTSIDE || b.x == OUTSIDE || max(a.z, b.z) < 0)
             continue;
-        const float w = 0.5f * (wa + wb), width = 0.5f * (from.w + to.w);
+        /* A spot's rays meet the face, at distance w along its axis, at a slant: ray is w / cos long there. */
+        const float w = max(0.5f * (wa + wb), grid.face.z), width = 0.5f * (from.w + to.w);
         float4 d = to - from, ray = grid.light - grid.light.w * (0.5f * (from + to));
         d.w = ray.w = 0.0f;
-        const float4 c = cross3(d, unit_or(ray, (float4)(0.0f)));
-        const float exact = sqrt(dot3(c, c)) * width / (grid.face.x * (w * w)) * weight + left;
+        const float4 c = cross3(d, ray);
+        const float exact = sqrt(dot3(c, c)) * width / (grid.face.x * (w * w * w)) * weight + left;
         const uint amount = (uint)min(exact, 0x1p31f);
-        left = exact - amount;
+        left = min(exact - amount, 1.0f);
 
         const int4 e = b - a;
         const int n = max(max(abs(e.x), abs(e.y)), abs(e.z)) / (SUBPIXEL / 2) + 1;

@@ -48,8 +48,9 @@ Light = np.dtype([
     ("cone", *_float4),               # cosine of half a spot's angle, -, -, -
 ])
 
+# method: 1 if a type's optical depth is 1 - alpha, 0 if it is -ln(alpha).
 Shadow = np.dtype([                   # how a place is looked up in the light's grid and map
-    ("hair", *_float4),               # optical depth of one crossing, a strand's own share: a width's, a fragment's, -
+    ("hair", *_float4),               # optical depth of one crossing, a strand's own share: a width's, a fragment's; method
     ("body", *_int4),                 # 1: there is a shadow map; filter radius in texels, -, -
 ])
 

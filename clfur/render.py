@@ -128,7 +128,7 @@ def cast_shadows(gpu, scene, settings, strands, body):
                         f"or a cell's 32-bit counter might overflow")
         weights = np.rint(unit * depths / depths.max()).astype(np.uint32)
         sums = zscan(gpu, voxelize(gpu, grid, strands, method, weights), unit)
-        packed["hair"] = depths.max(), *own_share(grid, method), 0
+        packed["hair"] = depths.max(), *own_share(grid, method), method == "length"
     if len(body.triangles) and settings.shadow_map:
         seen = light_view_of(scene, settings.shadow_map)
         with gpu.called("shadow_map"):

@@ -806,9 +806,9 @@ def hair_bounds(fur, strands):
         length = float(d[inner[:-1]].sum(dtype=float))
         return len(fur.points), length, length * float(fur.width.max())
     types = fur.types
-    # A curl or a wave runs round or across the axis on its way along it.
-    lengths = [t.segments * t.segment_length * (1 + t.length_variation)
-               + 2 * math.pi * (t.curl[0] * abs(t.curl[1]) + t.wave[0] * abs(t.wave[1])) for t in types]
+    # Curl and wave hold a point within this reach of its axis; from one point to the next it may cross all of it.
+    lengths = [t.segments * (t.segment_length * (1 + t.length_variation) + 2 * (2 * t.curl[0] + t.wave[0]))
+               for t in types]
     return (strands * max(t.segments for t in types), strands * max(lengths),
             strands * max(length * t.width for length, t in zip(lengths, types)))
 

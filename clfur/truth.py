@@ -51,10 +51,11 @@ def transmittance(points, spans, alphas, towards_light, queries, own, footprint,
         ray = place[:2] + np.stack([r * np.cos(angle), r * np.sin(angle)], 1)
         d = b[near] - a[near]
         e = ray[:, None] - a[near, :2]                       # [rays, near, 2]
-        square = np.maximum((d[:, :2] ** 2).sum(1), 1e-300)
+        square = (d[:, :2] ** 2).sum(1)
+        square[square == 0] = np.inf                         # along the light: no ray crosses it
         t = (e * d[:, :2]).sum(2) / square
         aside = np.abs(e[..., 0] * d[:, 1] - e[..., 1] * d[:, 0]) / np.sqrt(square)
-        hit = (t >= 0) & (t < 1) & (aside < radius[near]) & (a[near, 2] + t * d[:, 2] < place[2])
+        hit = (t >= 0) & (t < 1) & np.isfinite(square) & (aside < radius[near]) & (a[near, 2] + t * d[:, 2] < place[2])
         result[q] = np.exp(hit @ np.log(np.maximum(alphas[owner[near]], 1e-300))).mean()
     return result
 

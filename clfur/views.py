@@ -104,7 +104,7 @@ def _light(scene):
     distance = (to_light @ [*center, 1.0])[2]
     # The light may stand inside the scene, or look away from it: what is nearer than this casts no shadow.
     near = max(distance - radius, 0.05 * radius)
-    far = max(distance + radius, 2 * near)
+    far = distance + radius if distance + radius > near else 2 * near
     return to_light, center, (far - near) / 2, (far + near) / 2, math.tan(math.radians(light.angle) / 2)
 
 

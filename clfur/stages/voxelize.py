@@ -1,5 +1,7 @@
 """Strands -> how much hair each cell of a grid seen from the light holds."""
 
+import math
+
 import numpy as np
 
 METHODS = ("binary", "count", "trilinear", "length")
@@ -39,7 +41,9 @@ def most_of(grid, method, segments, length, area):
     """The fragments or crossings that hair cannot exceed, from what `clfur.scene.hair_bounds` tells of it."""
     nearest = float(grid["face"][2])                     # smallest w
     side = float(grid["face"][1]) * nearest
-    return area / side**2 + segments if method == "length" else length / side + segments
+    # A spot's outermost rays are this much longer than its axis, and what lies along the axis spreads by as much.
+    slant = math.sqrt(1 + 2 * (float(grid["face"][1]) * int(grid["size"][0]) / 2) ** 2) if grid["light"][3] else 1.0
+    return slant * area / side**2 + segments if method == "length" else slant * length / side + segments
 
 
 def depths_for(alphas, method):

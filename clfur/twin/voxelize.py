@@ -4,7 +4,7 @@ segment falls into, and how much of it, is then found in exact integers, segment
 import numpy as np
 
 SUBPIXEL = 256             # fixed-point steps per cell
-GUARD = 32768              # cells from the origin beyond which a point is not snapped
+FAR = 4                    # grids from the origin beyond which a point is not snapped
 FRACTION = 24              # bits of a fragment's slope below the sub-cell
 METHODS = ("binary", "count", "trilinear", "length")
 
@@ -38,6 +38,8 @@ def deposits(grid, points, spans, kinds, method, weights):
             if not (good[k] and good[k + 1]):
                 continue
             if method == "length":
+                if max(snapped[k, 2], snapped[k + 1, 2]) < 0:
+                    continue
                 amount, left = crossings(grid, points[k], points[k + 1], w[k], w[k + 1], weight, left)
                 yield spread(snapped[k], snapped[k + 1], amount)
             else:
@@ -51,7 +53,7 @@ def snap(grid, points):
         c = ((m[0] * p[:, 0:1] + m[1] * p[:, 1:2]) + m[2] * p[:, 2:3]) + m[3]
         w = c[:, 3]
         q = np.stack([c[:, 0] / w, c[:, 1] / w, c[:, 2]], 1)
-        good = (w > 0) & (np.abs(q) <= GUARD).all(1)
+        good = (w > 0) & (np.abs(q) <= FAR * grid["size"][:3].max()).all(1)
         steps = np.floor(np.where(good[:, None], q, 0) * np.float32(SUBPIXEL) + np.float32(0.5))
     return steps.astype(np.int64), good, w
 
@@ -98,14 +100,12 @@ def crossings(grid, a, b, wa, wb, weight, left):
     """What a segment a, b [4] float32 amounts to, all in float32: (whole amount, what is left for the next one)."""
     half, light = np.float32(0.5), grid["light"]
     with np.errstate(all="ignore"):
-        w, width, d = half * (wa + wb), half * (a[3] + b[3]), (b - a)[:3]
+        w, width, d = max(half * (wa + wb), grid["face"][2]), half * (a[3] + b[3]), (b - a)[:3]
         ray = light[:3] - light[3] * (half * (a + b))[:3]
-        square = dot(ray, ray)
-        ray = ray / np.sqrt(square) if square > np.float32(1e-30) else np.zeros(3, np.float32)
         c = np.stack([d[1] * ray[2] - d[2] * ray[1], d[2] * ray[0] - d[0] * ray[2], d[0] * ray[1] - d[1] * ray[0]])
-        exact = np.sqrt(dot(c, c)) * width / (grid["face"][0] * (w * w)) * np.float32(weight) + left
+        exact = np.sqrt(dot(c, c)) * width / (grid["face"][0] * (w * w * w)) * np.float32(weight) + left
     amount = int(min(exact, np.float32(2**31)))
-    return amount, exact - np.float32(amount)
+    return amount, min(exact - np.float32(amount), np.float32(1))
 
 
 def dot(a, b):
