@@ -84,8 +84,8 @@ def draw(scene, device=None, settings=None, outputs=("color",)):
     images = {}
     if "color" in outputs:
         skin = (0, 0, 0) if scene.body_color is None else scene.body_color
-        shadows = gpu.keep("shadows", (mesh, fur, scene.light, int(scene.body_color is None), settings.shadows, settings.grid,
-                                       settings.shadow_map, settings.pcf),
+        cost = settings.shadows, settings.grid, settings.shadow_map, settings.pcf
+        shadows = gpu.keep("shadows", (mesh, fur, scene.light, int(scene.body_color is None), *cost),
                            lambda: cast_shadows(gpu, scene, settings, strands, body))
         images["color"] = shade.color(gpu, view, light_of(scene.light), settings.specular,
                                       visible, strands, body, skin, shadows)

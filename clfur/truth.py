@@ -9,8 +9,8 @@ def transmittance(points, spans, alphas, towards_light, queries, own, footprint,
     """How much light reaches places in hair: the mean of alpha^crossings over rays of light in a footprint.
 
     ``points``: [P, 4] x, y, z, width; ``spans``: [strands, 2] first point, points; ``alphas``: what one hair lets
-    through, a number or [strands].  ``towards_light``: unit [3].  ``queries``: [Q, 3] with ``own`` [Q] the strand that each lies
-    on (not counted), or -1.  Each of ``rays`` rays starts in the query's plane across the light, uniformly within
+    through, a number or [strands].  ``towards_light``: unit [3].  ``queries``: [Q, 3] with ``own`` [Q] the strand
+    that each lies on (not counted), or -1.  Each of ``rays`` rays starts in the query's plane across the light, uniformly within
     ``footprint`` [world] of it; a single ray would see only the gaps between hairs.  Hairs are round fibres of
     their real width.  -> [Q] float64.
     """

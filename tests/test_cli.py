@@ -202,8 +202,8 @@ def test_an_input_is_never_overwritten(clfur, tmp_path):
 
 def test_a_full_disk_on_stdout_is_one_line(tmp_path):
     with open("/dev/full", "w") as full:
-        done = subprocess.run([sys.executable, "-m", "clfur", "render", "sphere", *SMALL, "-o", str(tmp_path / "a.png")],
-                              stdout=full, stderr=subprocess.PIPE, text=True, timeout=120)
+        command = [sys.executable, "-m", "clfur", "render", "sphere", *SMALL, "-o", str(tmp_path / "a.png")]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=120)
     assert done.returncode == 2 and done.stderr == "clfur: error: No space left on device\n"
 
 

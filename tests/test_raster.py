@@ -8,9 +8,9 @@ import pytest
 
 import clfur
 from clfur import layout
-from clfur.views import view_of
 from clfur.stages.raster import NONE, raster
 from clfur.twin import raster as twin
+from clfur.views import view_of
 
 DEPTH_ONE, SUBPIXEL, BODY = (layout.CONSTANTS[name] for name in ("DEPTH_ONE", "SUBPIXEL", "BODY"))
 CUBE = np.array([[[-1, -1, -1], [1, 1, 1]]], np.float32)     # one strand that makes a scene's extent known

@@ -8,12 +8,12 @@ import pytest
 
 import clfur
 from clfur import layout
-from clfur.views import light_of, view_of
 from clfur.stages import shade
 from clfur.stages.raster import raster
 from clfur.stages.strands import bring, grow, no_strands
 from clfur.stages.tessellate import no_surface, tessellate
 from clfur.twin import shade as twin
+from clfur.views import light_of, view_of
 
 NONE = np.uint64(twin.NONE)
 FORMS = ["kajiya-kay", "half-vector"]
@@ -101,8 +101,8 @@ def test_color_is_the_twins(gpu, ball, form, kind, samples, exponent):
     """Measured on four drivers: 1.5e-5, and 2.2e-5 at an exponent of 1000.
 
     The point that a sample sees is wrong by some 5e-7, a few roundings of the eye's distance; where a strand
-    turns sharply, or is seen from its end, that is some 1e-5 of its tangent, and where it is parallel to the light the sine takes the root
-    of its rounding.  The power multiplies a highlight's relative error by the exponent.
+    turns sharply, or is seen from its end, that is some 1e-5 of its tangent, and where it is parallel to the light
+    the sine takes the root of its rounding.  The power multiplies a highlight's relative error by the exponent.
     """
     scene = furry(ball, kind, exponent)
     view, light, visible, strands, body = picture(gpu, scene, samples)

@@ -182,7 +182,8 @@ def half_across(half, a, b, samples):
 def cover_segment(a, b, width, height, samples):
     """Samples within half a width of a snapped line, half-open both ways -> (flat numbers [n], depths [n]).
 
-    Along the longer axis (x if equal) a sample must lie in [u0, u1), across it in [v - half, v + half), with half at least 1/2 a sample's share.
+    Along the longer axis (x if equal) a sample must lie in [u0, u1), across it in [v - half, v + half).
+    Half is at least that of a sample's share of a pixel.
     Place, half a width and depth along the line are those at u0 plus a slope, cut to FRACTION bits, times the
     distance from u0.
     """
