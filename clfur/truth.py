@@ -10,9 +10,9 @@ def transmittance(points, spans, alphas, towards_light, queries, own, footprint,
 
     ``points``: [P, 4] x, y, z, width; ``spans``: [strands, 2] first point, points; ``alphas``: what one hair lets
     through, a number or [strands].  ``towards_light``: unit [3].  ``queries``: [Q, 3] with ``own`` [Q] the strand
-    that each lies on (not counted), or -1.  Each of ``rays`` rays starts in the query's plane across the light, uniformly within
-    ``footprint`` [world] of it; a single ray would see only the gaps between hairs.  Hairs are round fibres of
-    their real width.  -> [Q] float64.
+    that each lies on (not counted), or -1.  Each of ``rays`` rays starts in the query's plane across the light,
+    uniformly within ``footprint`` [world] of it; a single ray would see only the gaps between hairs.  Hairs are
+    round fibres of their real width.  -> [Q] float64.
     """
     points, spans = np.asarray(points, float), np.asarray(spans, np.int64)
     alphas = np.broadcast_to(np.asarray(alphas, float), len(spans))
