@@ -87,7 +87,7 @@ __kernel void fragments(
 }
 
 /* What a ray through a cell's face is expected to cross there: length · width · sin(fibre, light) / area of the face.
-   A segment's amount is spread evenly over steps of half a cell at most; what rounding leaves goes on to the next. */
+   A segment's amount is spread evenly over steps of a quarter cell at most; what rounding leaves goes on to the next. */
 __kernel void lengths(
     const Grid grid,
     __global const float4 *points,         // [P] x, y, z, width [world]
@@ -117,24 +117,20 @@ __kernel void lengths(
         left = min(exact - amount, 1.0f);
 
         const int4 e = b - a;
-        const int n = max(max(abs(e.x), abs(e.y)), abs(e.z)) / (SUBPIXEL / 2) + 1;
+        const int n = max(max(abs(e.x), abs(e.y)), abs(e.z)) / (SUBPIXEL / 4) + 1;
         const uint part = amount / n, more = amount % n;
-        /* Middles of the steps, in 2^-16 sub-cells. */
-        const long x_step = ((long)e.x << 16) / n, y_step = ((long)e.y << 16) / n, z_step = ((long)e.z << 16) / n;
-        long x = ((long)a.x << 16) + x_step / 2, y = ((long)a.y << 16) + y_step / 2, z = ((long)a.z << 16) + z_step / 2;
-        int4 cell = (int4)(0);
+        /* Middles of the steps, in 2^-9 sub-cells: four grids of 1024 cells are 2^29 of them. */
+        const int4 step = (e << 9) / n;
+        int4 at = (a << 9) + step / 2, cell = at >> 17;
         uint sum = 0;
-        for (int i = 0; i < n; ++i) {
-            const int4 now = (int4)((int)(x >> 24), (int)(y >> 24), (int)(z >> 24), 0);
+        for (int i = 0; i < n; ++i, at += step) {
+            const int4 now = at >> 17;
             if (any(now != cell)) {
                 add(cells, &grid, cell.x, cell.y, cell.z, sum);
                 cell = now;
                 sum = 0;
             }
             sum += part + ((uint)i < more);
-            x += x_step;
-            y += y_step;
-            z += z_step;
         }
         add(cells, &grid, cell.x, cell.y, cell.z, sum);
     }

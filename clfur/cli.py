@@ -138,7 +138,7 @@ def clfur(context):
               help="How much light one hair lets through.")
 @click.option("--shadows", type=click.Choice(SHADOWS), default="length",
               help="How hair shades: by what rays cross, by the report's voxels, or not at all.")
-@click.option("--grid", type=int, default=64, metavar="N",
+@click.option("--grid", type=int, default=48, metavar="N",
               help="Cells a side of the grid for shadows; a multiple of 16.")
 @click.option("--samples", type=click.Choice(["1", "4", "16"]), default="4", help="Samples a pixel.")
 @click.option("--specular", type=click.Choice(["kajiya-kay", "half-vector"]), default="kajiya-kay",

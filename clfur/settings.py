@@ -31,7 +31,7 @@ class Settings:
 
     samples: int = attrs.field(converter=_to(_samples), default=4)
     shadows: str = attrs.field(converter=_to(_choice(*SHADOWS)), default="length")
-    grid: int = attrs.field(converter=_to(_cells), default=64)
+    grid: int = attrs.field(converter=_to(_cells), default=48)
     shadow_map: int = attrs.field(converter=_to(_whole(0, 8192)), default=1024)
     pcf: int = attrs.field(converter=_to(_whole(0, 16)), default=2)
     specular: str = attrs.field(converter=_to(_choice("kajiya-kay", "half-vector")), default="kajiya-kay")

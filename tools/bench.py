@@ -86,7 +86,7 @@ def main():
     parser.add_argument("--size", default="640x480")
     parser.add_argument("--samples", type=int, default=1)
     parser.add_argument("--shadows", default="length", choices=["off", "binary", "count", "trilinear", "length"])
-    parser.add_argument("--grid", type=int, default=64)
+    parser.add_argument("--grid", type=int, default=48)
     parser.add_argument("--repeat", type=int, default=9)
     parser.add_argument("--device")
     parser.add_argument("--peer", help="command to time in turn, three times; %%N in it becomes the number of strands")

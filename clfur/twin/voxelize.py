@@ -114,13 +114,13 @@ def dot(a, b):
 
 
 def spread(a, b, amount):
-    """A whole amount spread evenly over steps of half a cell at most between sub-cells a and b; see `deposits`.
+    """A whole amount spread evenly over steps of a quarter cell at most between sub-cells a and b; see `deposits`.
 
     Each step counts where its middle lies; the first steps take one more each where the amount does not divide.
     """
     a, b = a.tolist(), b.tolist()
-    n = max(abs(q - p) for p, q in zip(a, b)) // (SUBPIXEL // 2) + 1
+    n = max(abs(q - p) for p, q in zip(a, b)) // (SUBPIXEL // 4) + 1
     i = np.arange(n)
-    x, y, z = ((p << 16) + divide(divide((q - p) << 16, n), 2) + i * divide((q - p) << 16, n) >> 24
+    x, y, z = ((p << 9) + divide(divide((q - p) << 9, n), 2) + i * divide((q - p) << 9, n) >> 17
                for p, q in zip(a, b))
     return (z, y, x), amount // n + (i < amount % n).astype(np.int64)
