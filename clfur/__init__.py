@@ -1,10 +1,11 @@
 """Fur and hair on meshes, rendered with OpenCL."""
 
 from .errors import Error
+from .fur import Curves, HairType, PointForce, Strands
 from .image import save
 from .mesh import load_mesh
 from .render import Frame, draw, render
-from .scene import Camera, Curves, HairType, Light, Mesh, PointForce, Scene, Strands
+from .scene import Camera, Light, Mesh, Scene
 from .scheduler import Scheduler
 from .settings import Settings
 

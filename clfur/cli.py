@@ -9,8 +9,8 @@ import attrs
 import click
 
 from . import Camera, Error, HairType, Light, Scene, Settings, Strands, draw, load_mesh, save
-from .image import check_writable, load_picture
-from .scene import frame, srgb_to_linear
+from .image import check_writable, load_picture, srgb_to_linear
+from .scene import frame
 from .settings import SHADOWS
 
 

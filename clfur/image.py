@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from .errors import Error
-from .scene import srgb_to_linear
 
 __all__ = ["check_writable", "linear_to_srgb", "load_picture", "save", "srgb_to_linear"]
 
@@ -19,6 +18,20 @@ EXR_CHANNELS = {
     "uv": ("uv.U", "uv.V"),
     "coverage": ("coverage",),
 }
+
+
+def srgb_to_linear(values):
+    """Return linear light of sRGB-coded values.
+
+    values: array of any shape; uint8 is 0..255, floats are 0..1. Returns float32 of the same shape.
+    The exact two-part curve of IEC 61966-2-1.
+    """
+    values = np.asarray(values)
+    if values.dtype == np.uint8:  # 256 results are enough for any picture
+        return srgb_to_linear(np.arange(256) / 255.0)[values]
+    coded = np.maximum(values.astype(np.float64), 0)
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    return linear.astype(np.float32)
 
 
 def linear_to_srgb(values):

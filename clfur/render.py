@@ -9,7 +9,8 @@ import numpy as np
 from . import layout
 from .device import choose, describe
 from .errors import Error
-from .scene import Curves, Scene, Strands, hair_bounds
+from .fur import Curves, Strands, hair_bounds
+from .scene import Scene
 from .scheduler import Scheduler
 from .settings import Settings
 from .stages import shade

@@ -2,19 +2,19 @@
 
 import attrs
 
-from .scene import _choice, _refuse, _to, _whole
+from . import checks
 
 SHADOWS = ("off", "binary", "count", "trilinear", "length")
 
 
 def _samples(value, where):
-    return value if isinstance(value, int) and value in (1, 4, 16) and value is not True else _refuse(
+    return value if isinstance(value, int) and value in (1, 4, 16) and value is not True else checks.refuse(
         where, value, "1, 4 or 16")
 
 
 def _cells(value, where):
-    number = _whole(16, 1024)(value, where)
-    return number if number % 16 == 0 else _refuse(where, value, "a multiple of 16 from 16 to 1024")
+    number = checks.whole(16, 1024)(value, where)
+    return number if number % 16 == 0 else checks.refuse(where, value, "a multiple of 16 from 16 to 1024")
 
 
 @attrs.frozen
@@ -29,9 +29,9 @@ class Settings:
     Raises `clfur.Error` for anything else.
     """
 
-    samples: int = attrs.field(converter=_to(_samples), default=4)
-    shadows: str = attrs.field(converter=_to(_choice(*SHADOWS)), default="length")
-    grid: int = attrs.field(converter=_to(_cells), default=48)
-    shadow_map: int = attrs.field(converter=_to(_whole(0, 8192)), default=1024)
-    pcf: int = attrs.field(converter=_to(_whole(0, 16)), default=2)
-    specular: str = attrs.field(converter=_to(_choice("kajiya-kay", "half-vector")), default="kajiya-kay")
+    samples: int = checks.field(_samples, default=4)
+    shadows: str = checks.field(checks.choice(*SHADOWS), default="length")
+    grid: int = checks.field(_cells, default=48)
+    shadow_map: int = checks.field(checks.whole(0, 8192), default=1024)
+    pcf: int = checks.field(checks.whole(0, 16), default=2)
+    specular: str = checks.field(checks.choice("kajiya-kay", "half-vector"), default="kajiya-kay")
