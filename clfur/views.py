@@ -92,11 +92,8 @@ def _light(scene):
     light = scene.light
     center, radius = extent(scene.mesh, scene.fur)
     radius = 1.001 * radius or 1.0                       # nothing lies on the border
-    z = light.direction
-    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
-    x /= np.linalg.norm(x)
     to_light = np.eye(4)
-    to_light[:3, :3] = x, np.cross(z, x), z
+    to_light[:3, :3] = _axes(light.direction)
     if light.position is None:
         to_light[:3, 3] = -to_light[:3, :3] @ center
         return to_light, center, radius, 0.0, radius
@@ -106,6 +103,17 @@ def _light(scene):
     near = max(distance - radius, 0.05 * radius)
     far = distance + radius if distance + radius > near else 2 * near
     return to_light, center, (far - near) / 2, (far + near) / 2, math.tan(math.radians(light.angle) / 2)
+
+
+def _axes(z):
+    """Rows x, y, z of a frame that turns as smoothly as z does, but where z points straight up."""
+    turn, cosine = np.cross((0, -1, 0), z), -z[1]
+    if cosine < -1 + 1e-9:
+        return np.array([(1, 0, 0), (0, 0, -1), z])
+    # The shortest turn from straight down to z (Rodrigues), of the axis x.
+    x = np.array([1.0, 0, 0])
+    x = x + np.cross(turn, x) + np.cross(turn, np.cross(turn, x)) / (1 + cosine)
+    return np.array([x, np.cross(z, x), z])
 
 
 def _view(to_screen, eye, size, samples, scale):

@@ -56,9 +56,9 @@ def depths_for(alphas, method):
 def own_share(grid, method):
     """What a strand adds on average to the sum read at its own axis: (per width [world], per fragment).
 
-    Half of it lies before the axis.  Across, a strand deposited in the nearest cells and read between four columns
-    weighs 3/4 of a cell's side, deposited between cells 2/3.
+    Half of it lies before the axis.  Across, read between four columns, a strand weighs 2/3 of a cell's side where it
+    was deposited between columns, 3/4 where in the nearest.
     """
     if method == "length":
-        return 0.375 / float(grid["face"][1]), 0.0
+        return 1 / 3 / float(grid["face"][1]), 0.0
     return 0.0, 1 / 3 if method == "trilinear" else 0.375
