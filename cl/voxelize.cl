@@ -119,9 +119,15 @@ __kernel void lengths(
 
         const int4 e = b - a;
         const int n = max(max(abs(e.x), abs(e.y)), abs(e.z)) / (SUBPIXEL / 4 * 3) + 1;
-        const uint part = amount / n, more = amount % n;
-        /* Middles of the steps, in 2^-9 sub-cells: four grids of 1024 cells are 2^29 of them. */
-        const int4 step = (e << 9) / n;
+        /* Middles of the steps, in 2^-9 sub-cells: four grids of 1024 cells are 2^29 of them. Most segments are one
+           step long, and divisions are what costs here. */
+        uint part = amount, more = 0;
+        int4 step = e << 9;
+        if (n > 1) {
+            part = amount / n;
+            more = amount % n;
+            step = (int4)(step.x / n, step.y / n, step.z / n, 0);
+        }
         int4 at = (a << 9) + step / 2;
         for (int i = 0; i < n; ++i, at += step) {
             const ulong all = part + ((uint)i < more);
