@@ -102,10 +102,11 @@ inline float through_hair(const Grid *grid, __global const float *sums, float de
 }
 
 /* Share of light that the body lets through to p: the report's equation 8, over (2r + 1)² texels around. What is seen
-   there is held against the plane through p across n, the normal of what is drawn there, so that a slope does not shade itself;
-   steeper than LIMIT texels deep a texel is not believed. */
-#define LIMIT 64.0f
-inline float past_body(const View *seen, __global const ulong *map, int radius, float4 p, float4 n)
+   there is held against the plane through p across n, the normal of what is drawn there or of the skin at a strand's
+   root, so that a slope does not shade itself; no steeper than `steepest` texels deep a texel, and level where n is 0.
+   bias: in texels. */
+inline float past_body(const View *seen, __global const ulong *map, int radius, float4 p, float4 n, float steepest,
+                       float bias)
 {
     const float4 c = to_screen(seen, p);
     if (!(c.w > 0.0f && c.z > 0.0f))
@@ -114,7 +115,7 @@ inline float past_body(const View *seen, __global const ulong *map, int radius, 
     /* Projection takes the plane (n, -n·p) to a plane of (x, y, e): a x + b y + c e + d = 0. */
     const float4 plane = (float4)(n.xyz, -dot3(n, p));
     const float along_e = dot(plane, seen->to_world[2]), texel = seen->eye.w > 0.0f ? e / seen->scale.x : 1.0f / seen->size.x;
-    const float limit = LIMIT * texel, flat = fabs(along_e) > 0.0f ? -1.0f / along_e : 0.0f;
+    const float limit = steepest * texel, flat = fabs(along_e) > 0.0f ? -1.0f / along_e : 0.0f;
     const float dx = clamp(dot(plane, seen->to_world[0]) * flat, -limit, limit);
     const float dy = clamp(dot(plane, seen->to_world[1]) * flat, -limit, limit);
     const int x0 = (int)floor(x), y0 = (int)floor(y);
@@ -124,7 +125,7 @@ inline float past_body(const View *seen, __global const ulong *map, int radius, 
             const bool on_map = i >= 0 && j >= 0 && i < seen->size.x && j < seen->size.y;
             const ulong key = on_map ? map[(size_t)j * seen->size.x + i] : ~0ul;
             const float there = (float)(DEPTH_ONE - (int)(key >> 32)) / DEPTH_ONE;
-            lit += (uint)key == NOTHING || there <= e + dx * (i + 0.5f - x) + dy * (j + 0.5f - y) + texel;
+            lit += (uint)key == NOTHING || there <= e + dx * (i + 0.5f - x) + dy * (j + 0.5f - y) + bias * texel;
         }
     return (float)lit / ((2 * radius + 1) * (2 * radius + 1));
 }
@@ -138,7 +139,7 @@ __kernel void color(
     __global const float4 *points,         // strands: see strands.cl
     __global const float4 *tangents,
     __global const uint *strand_of,
-    __global const uint2 *spans,           // [strands] first point, points
+    __global const float4 *strand_normal,  // [strands] of the skin at the root, 0: not known
     __global const float4 *strand_uv,      // [strands] u, v, type
     __global const HairType *types,
     __global const float4 *colors,         // one, [strands] or [points]
@@ -177,7 +178,7 @@ __kernel void color(
                 direct.xyz *= through_hair(&grid, sums, shadow.hair.x, (float2)(0.0f), p);
             if (shadow.body.x)
                 direct.xyz *= past_body(&seen, map, shadow.body.y, p, unit_or(
-                    cross3(positions[t.y] - positions[t.x], positions[t.z] - positions[t.x]), n));
+                    cross3(positions[t.y] - positions[t.x], positions[t.z] - positions[t.x]), n), 64.0f, 1.0f);
             lit = body_color * (direct + light.color.w);
         } else {
             const uint strand = strand_of[id];
@@ -189,7 +190,7 @@ __kernel void color(
                 direct.xyz *= through_hair(&grid, sums, shadow.hair.x, own, p);
             }
             if (shadow.body.x)
-                direct.xyz *= past_body(&seen, map, shadow.body.y, p, tangents[spans[strand].x]);
+                direct.xyz *= past_body(&seen, map, shadow.body.y, p, strand_normal[strand], 5.0f, 1.0f + 2 * shadow.body.y);
             const float at = place_between(points[id], points[id + 1], p);
             const float4 t = unit_or(mix(tangents[id], tangents[id + 1], at), tangents[id]);
             const float4 c = color_per == 0 ? colors[0] : color_per == 1 ? colors[strand]

@@ -124,10 +124,10 @@ def cast_shadows(gpu, scene, settings, strands, body):
     if len(strands.spans) and depths.any():
         method, grid = settings.shadows, grid_of(scene, settings.grid)
         unit = unit_for(most_of(grid, method, *hair_bounds(scene.fur, len(strands.spans))))
-        if not unit:
-            raise Error(f"Settings.grid is {settings.grid}; allowed: fewer cells for so much hair, "
-                        f"or a cell's 32-bit counter might overflow")
         weights = np.rint(unit * depths / depths.max()).astype(np.uint32)
+        if min(weights[depths > 0]) < 4:
+            raise Error(f"Settings.grid is {settings.grid}; allowed: fewer cells, less hair, hair types of more equal "
+                        f"alpha or a spot with a wider angle, so that 32-bit counters can hold the hair's shadow")
         sums = zscan(gpu, voxelize(gpu, grid, strands, method, weights), unit)
         packed["hair"] = depths.max(), *own_share(grid, method), method == "length"
     if len(body.triangles) and settings.shadow_map:

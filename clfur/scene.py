@@ -333,7 +333,7 @@ class Light:
     color: np.ndarray = checks.field(checks.color, default=(1.0, 1.0, 1.0))
     ambient: float = checks.field(checks.real(low=0), default=0.1)
     position: np.ndarray = checks.field(checks.optional(checks.vector(3)), default=None)
-    angle: float = checks.field(checks.real(above=0, below=180), default=60.0)
+    angle: float = checks.field(checks.real(low=0.5, below=180), default=60.0)
 
 
 def _points_to_see(mesh, fur):
@@ -406,6 +406,10 @@ class Scene:
         _, radius = extent(self.mesh, self.fur)
         if radius and not 1e-6 <= radius <= checks.LARGEST:
             raise Error(f"Scene is {2 * radius:.3g} across; allowed: 2e-06 to 2e+09, where float32 is exact enough")
+        place = self.light.position
+        if place is not None and np.linalg.norm(place - extent(self.mesh, self.fur)[0]) > 1e3 * (radius or 1):
+            raise Error(f"Light.position is {checks.shown(place)}; allowed: at most 1000 radii of the scene away, "
+                        f"or no position: light that is all but parallel")
         if self.camera is None:
             object.__setattr__(self, "camera", frame(self.mesh, self.fur))
 

@@ -53,7 +53,7 @@ class Scheduler:
         try:
             # OpenCL has no empty buffers: an empty array is the empty start of a small one.
             whole = cla.empty(self.queue, (max(shape[0], 1), *shape[1:]), dtype, allocator=self._pool)
-        except (cl.MemoryError, MemoryError):
+        except (cl.MemoryError, cl.LogicError, MemoryError):   # a logic error: rounded up beyond the largest piece
             raise Error(f"{describe(self.device)} is out of memory for {nbytes / 2**20:,.0f} MiB {shape}") from None
         return whole if shape[0] else whole[:0]
 

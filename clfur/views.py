@@ -102,7 +102,10 @@ def _light(scene):
     # The light may stand inside the scene, or look away from it: what is nearer than this casts no shadow.
     near = max(distance - radius, 0.05 * radius)
     far = distance + radius if distance + radius > near else 2 * near
-    return to_light, center, (far - near) / 2, (far + near) / 2, math.tan(math.radians(light.angle) / 2)
+    # The cone, or as much of it as the ball around the scene fills.
+    off = np.linalg.norm(center - light.position)
+    widest = math.acos(max(min(distance / off, 1), -1)) + math.asin(radius / off) if off > radius else math.pi
+    return to_light, center, (far - near) / 2, (far + near) / 2, math.tan(min(math.radians(light.angle) / 2, widest))
 
 
 def _axes(z):

@@ -35,7 +35,7 @@ def color(gpu, view, light, specular, visible, strands, body, body_color, shadow
     height, width, _ = visible.shape
     image = gpu.empty((height, width, 4), np.float32)
     gpu.launch("shade.color", (width, height), view, light, np.int32(specular == "half-vector"), visible,
-               strands.points, strands.tangents, strands.strand_of, strands.spans, strands.uv, strands.types,
+               strands.points, strands.tangents, strands.strand_of, strands.normals, strands.uv, strands.types,
                strands.colors, np.int32(per(len(strands.colors), len(strands.spans), len(strands.points))),
                body.positions, body.normals, body.triangles, np.array([*body_color, 0], np.float32),
                shadows.shadow, shadows.grid, shadows.sums, shadows.seen, shadows.map, image)

@@ -18,6 +18,7 @@ class Grown:
     strand_of: Any    # [P] uint32
     spans: Any        # [strands, 2] uint32 first point, points
     colors: Any       # [1 | strands | P, 4] float32 linear r, g, b, -
+    normals: Any      # [strands, 4] float32 unit, of the skin at the root; 0 where it is not known
     uv: Any           # [strands, 4] float32 root's u, v, index of its type, -
     types: Any        # [types] layout.HairType
 
@@ -40,6 +41,7 @@ def grow(gpu, surface, fur):
         strand_of=gpu.empty(n * stride, np.uint32),
         spans=gpu.empty((n, 2), np.uint32),
         colors=gpu.empty((n, 4), np.float32),
+        normals=direction,
         uv=gpu.empty((n, 4), np.float32),
         types=gpu.upload(types),
     )
@@ -64,6 +66,7 @@ def bring(gpu, curves):
         strand_of=gpu.empty(total, np.uint32),
         spans=gpu.upload(np.stack([first, counts], 1).astype(np.uint32)),
         colors=gpu.upload(widen(curves.color)),
+        normals=gpu.full((n, 4), np.float32, 0),
         uv=gpu.full((n, 4), np.float32, 0),
         types=gpu.upload(types),
     )
@@ -74,9 +77,9 @@ def bring(gpu, curves):
 
 def no_strands(gpu):
     """`Grown` without a strand."""
-    rows = [gpu.empty((0, 4), np.float32) for _ in range(4)]
-    return Grown(rows[0], rows[1], gpu.empty(0, np.uint32), gpu.empty((0, 2), np.uint32), rows[2], rows[3],
-                 gpu.empty(0, layout.HairType))
+    rows = gpu.empty((0, 4), np.float32)
+    return Grown(points=rows, tangents=rows, strand_of=gpu.empty(0, np.uint32), spans=gpu.empty((0, 2), np.uint32),
+                 colors=rows, normals=rows, uv=rows, types=gpu.empty(0, layout.HairType))
 
 
 def per(length, strands, points):

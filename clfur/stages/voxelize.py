@@ -38,7 +38,7 @@ def unit_for(most):
 
 
 def most_of(grid, method, segments, length, area):
-    """The fragments or crossings that hair cannot exceed, from what `clfur.fur.hair_bounds` tells of it."""
+    """The fragments or crossings in the grid that hair cannot exceed, from what `clfur.fur.hair_bounds` tells of it."""
     nearest = float(grid["face"][2])                     # smallest w
     side = float(grid["face"][1]) * nearest
     # A spot's outermost rays are this much longer than its axis, and what lies along the axis spreads by as much.
