@@ -109,7 +109,7 @@ inline float past_body(const View *seen, __global const ulong *map, int radius, 
                        float bias)
 {
     const float4 c = to_screen(seen, p);
-    if (!(c.w > 0.0f && c.z > 0.0f))
+    if (!(c.w > 0.0f))
         return 1.0f;
     const float x = c.x / c.w, y = c.y / c.w, e = c.z / c.w;
     /* Projection takes the plane (n, -n·p) to a plane of (x, y, e): a x + b y + c e + d = 0. */

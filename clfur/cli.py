@@ -177,7 +177,8 @@ def render(mesh, output, as_json, **options):
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
             "seconds": drawn.seconds, "stages": drawn.stages, "skipped": skipped,
             "camera": {name: list(getattr(scene.camera, name)) for name in ("eye", "target")},
-            "options": {name: options[name] for name in ("fov", "light", "samples", "alpha", "shadows", "grid", "seed")}}))
+            "options": {name: options[name]
+                        for name in ("fov", "light", "samples", "alpha", "shadows", "grid", "seed")}}))
         return
     stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in drawn.stages.items())
     left_out = [f"{count:,} {what.replace('_', ' ')}" for what, count in skipped.items() if count]

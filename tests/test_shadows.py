@@ -15,7 +15,7 @@ from clfur.stages import shade
 from clfur.stages.raster import raster
 from clfur.stages.strands import bring, grow, no_strands
 from clfur.stages.tessellate import tessellate
-from clfur.views import grid_of, light_view_of, light_of, view_of
+from clfur.views import grid_of, light_of, light_view_of, view_of
 
 METHODS = ("binary", "count", "trilinear", "length")
 BALD = clfur.Curves(np.zeros((0, 2, 3)))
@@ -197,7 +197,7 @@ def test_hair_across_the_light_is_shaded_by_the_body_alone(gpu, direction):
         scene = clfur.Scene(mesh=squares((1.5, height)), fur=fur, light=light(*direction), body_color=(1, 1, 1),
                             camera=clfur.Camera(eye=(0, .15, 4), target=(0, .1, 0), size=(120, 60)))
         share, _, who = light_on(gpu, scene)
-        assert (who >= 0).sum() > 50
+        assert (who >= 0).sum() > 30
         np.testing.assert_allclose(share[who >= 0], expected, atol=1e-6)
 
 
@@ -207,7 +207,8 @@ def test_curled_hair_on_the_lit_side_is_lit(gpu, sphere, hair, pcf):
     """Hair that lets all light through, seen from the light: the body stands behind it, not before it."""
     type_ = clfur.HairType(segments=12, segment_length=.02, force_weight=.1, width=.004, alpha=1, specular=0, **hair)
     fur = clfur.Strands(inner=3, outer=3, types=type_, force=(0, 0, 1))
-    scene = clfur.Scene(mesh=sphere, fur=fur, light=light(0, 0, -1), camera=clfur.Camera(eye=(0, 0, 3), size=(160, 160)))
+    camera = clfur.Camera(eye=(0, 0, 3), size=(160, 160))
+    scene = clfur.Scene(mesh=sphere, fur=fur, light=light(0, 0, -1), camera=camera)
     share, places, who = light_on(gpu, scene, pcf=pcf)
     clear = (who >= 0) & (places[:, 2] > .3)                 # away from the limb, where light grazes
     assert clear.sum() > 3000
