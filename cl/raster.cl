@@ -93,13 +93,18 @@ inline void draw_segment(
         || max(a.y, b.y) + reach < 0 || min(a.y, b.y) - reach >= v_size * SUBPIXEL)
         return;
 
-    /* Measured along the shorter axis a slanted strand is thicker, by up to sqrt(2). */
-    const float slope = (float)(b.y - a.y) / du, tilt = sqrt(1.0f + slope * slope);
-    const int r0 = (int)(a.w * tilt), r1 = (int)(b.w * tilt);
+    /* Measured along the shorter axis a slanted strand is thicker, by up to sqrt(2); most are thin all the same. */
     const long least = (long)view->scale.y << FRACTION;
+    const bool thin = 3 * max(a.w, b.w) <= 2 * (int)view->scale.y;
+    long r0 = least, r_step = 0;
+    if (!thin) {
+        const float slope = (float)(b.y - a.y) / du, tilt = sqrt(1.0f + slope * slope);
+        r0 = (long)(a.w * tilt) << FRACTION;
+        r_step = (((long)(b.w * tilt) << FRACTION) - r0) / du;
+    }
+    const uint gap = (uint)(PIXEL - 2 * least);            // between the rows that a thin strand can cover
 
     const long v_step = ((long)(b.y - a.y) << FRACTION) / du, d_step = ((long)(b.z - a.z) << FRACTION) / du;
-    const long r_step = ((long)(r1 - r0) << FRACTION) / du;
     const size_t u_stride = (steep ? view->size.x : 1) * samples, v_stride = (steep ? 1 : view->size.x) * samples;
     for (int s = 0; s < samples; ++s) {
         const int2 offset = PATTERN[view->size.w + s];
@@ -108,13 +113,20 @@ inline void draw_segment(
         const int along = begin * SUBPIXEL + SUBPIXEL / 2 + ou - a.x;
         /* v counts from the sample of row 0, rounded up, so that v >> 32 is the first row at or beyond. */
         long v = ((long)(a.y - SUBPIXEL / 2 - ov) << FRACTION) + v_step * along + (PIXEL - 1);
-        long r = ((long)r0 << FRACTION) + r_step * along, d = ((long)a.z << FRACTION) + d_step * along;
+        long r = r0 + r_step * along, d = ((long)a.z << FRACTION) + d_step * along;
         size_t at = begin * u_stride + s;
         for (int u = begin; u < end; ++u) {
-            const long half_width = max(r, least);
-            const int low = max((int)((v - half_width) >> 32), 0), high = min((int)((v + half_width) >> 32), v_size);
-            for (int row = low; row < high; ++row)
-                put(visible, at + row * v_stride, (uint)(d >> FRACTION), id, pass);
+            if (thin) {                                    // [v - least, v + least) holds one row or none
+                const long low = v - least;
+                const uint row = (uint)(low >> 32);
+                if ((uint)low >= gap && row < (uint)v_size)
+                    put(visible, at + row * v_stride, (uint)(d >> FRACTION), id, pass);
+            } else {
+                const long half_width = max(r, least);
+                const int low = max((int)((v - half_width) >> 32), 0), high = min((int)((v + half_width) >> 32), v_size);
+                for (int row = low; row < high; ++row)
+                    put(visible, at + row * v_stride, (uint)(d >> FRACTION), id, pass);
+            }
             v += v_step * SUBPIXEL;
             r += r_step * SUBPIXEL;
             d += d_step * SUBPIXEL;
@@ -216,17 +228,24 @@ inline void draw_triangle(
     const ulong gx = gradient(db * (c.y - a.y) - dc * (b.y - a.y), area);
     const ulong gy = gradient(dc * (b.x - a.x) - db * (c.x - a.x), area);
     const int nearest = min(min(a.z, b.z), c.z), farthest = max(max(a.z, b.z), c.z);
-    for (int y = y0; y <= y1; ++y)
-        for (int x = x0; x <= x1; ++x)
-            for (int s = 0; s < samples; ++s) {
-                const int2 offset = PATTERN[view->size.w + s];
-                const int sx = x * SUBPIXEL + SUBPIXEL / 2 + offset.x, sy = y * SUBPIXEL + SUBPIXEL / 2 + offset.y;
-                if (edge(a, b, sx, sy) + bias_c < 0 || edge(b, c, sx, sy) + bias_a < 0 || edge(c, a, sx, sy) + bias_b < 0)
-                    continue;
-                const long d = a.z + ((long)(gx * (ulong)(long)(sx - a.x) + gy * (ulong)(long)(sy - a.y)) >> 14);
-                put(visible, ((size_t)y * view->size.x + x) * samples + s,
-                    (uint)clamp(d, (long)nearest, (long)farthest), id, pass);
+    for (int s = 0; s < samples; ++s) {
+        const int2 offset = PATTERN[view->size.w + s];
+        for (int y = y0; y <= y1; ++y) {
+            /* The three edges at the row's first sample; along the row they change by as much each pixel. */
+            const int sx = x0 * SUBPIXEL + SUBPIXEL / 2 + offset.x, sy = y * SUBPIXEL + SUBPIXEL / 2 + offset.y;
+            long ec = edge(a, b, sx, sy) + bias_c, ea = edge(b, c, sx, sy) + bias_a, eb = edge(c, a, sx, sy) + bias_b;
+            ulong d = gx * (ulong)(long)(sx - a.x) + gy * (ulong)(long)(sy - a.y);
+            for (int x = x0; x <= x1; ++x) {
+                if ((ec | ea | eb) >= 0)
+                    put(visible, ((size_t)y * view->size.x + x) * samples + s,
+                        (uint)clamp(a.z + ((long)d >> 14), (long)nearest, (long)farthest), id, pass);
+                ec -= (long)(b.y - a.y) * SUBPIXEL;
+                ea -= (long)(c.y - b.y) * SUBPIXEL;
+                eb -= (long)(a.y - c.y) * SUBPIXEL;
+                d += gx * SUBPIXEL;
             }
+        }
+    }
 }
 
 /* The rare triangle that leaves the guard band or crosses the near plane: clip it to a polygon and fan that. */

@@ -98,7 +98,7 @@ inline float through_hair(const Grid *grid, __global const float *sums, float de
         const float weight = (i & 1 ? fx : 1.0f - fx) * (i >> 1 ? fy : 1.0f - fy);
         crossings += weight * mix(sums[at], sums[at + layer], fz);
     }
-    return exp(-depth * max(crossings - own.x / c.w - own.y, 0.0f));
+    return exp2(-1.44269504f * depth * max(crossings - own.x / c.w - own.y, 0.0f));
 }
 
 /* Share of light that the body lets through to p: the report's equation 8, over (2r + 1)² texels around. What is seen
@@ -119,15 +119,16 @@ inline float past_body(const View *seen, __global const ulong *map, int radius, 
     const float dx = clamp(dot(plane, seen->to_world[0]) * flat, -limit, limit);
     const float dy = clamp(dot(plane, seen->to_world[1]) * flat, -limit, limit);
     const int x0 = (int)floor(x), y0 = (int)floor(y);
-    int lit = 0;
-    for (int j = y0 - radius; j <= y0 + radius; ++j)
-        for (int i = x0 - radius; i <= x0 + radius; ++i) {
-            const bool on_map = i >= 0 && j >= 0 && i < seen->size.x && j < seen->size.y;
-            const ulong key = on_map ? map[(size_t)j * seen->size.x + i] : ~0ul;
-            const float there = (float)(DEPTH_ONE - (int)(key >> 32)) / DEPTH_ONE;
-            lit += (uint)key == NOTHING || there <= e + dx * (i + 0.5f - x) + dy * (j + 0.5f - y) + bias * texel;
-        }
-    return (float)lit / ((2 * radius + 1) * (2 * radius + 1));
+    /* In depth steps: what lies nearer to the light than the plane by more than the bias. */
+    const float nearest = e + bias * texel + dx * (x0 + 0.5f - x) + dy * (y0 + 0.5f - y);
+    const long plane_at = (long)(nearest * DEPTH_ONE), x_step = (long)(dx * DEPTH_ONE), y_step = (long)(dy * DEPTH_ONE);
+    int dark = 0;
+    for (int j = max(-radius, -y0); j <= min(radius, seen->size.y - 1 - y0); ++j) {
+        __global const ulong *row = map + (long)(y0 + j) * seen->size.x + x0;
+        for (int i = max(-radius, -x0); i <= min(radius, seen->size.x - 1 - x0); ++i)
+            dark += (long)(row[i] >> 32) + plane_at + i * x_step + j * y_step < DEPTH_ONE;
+    }
+    return 1.0f - (float)dark / ((2 * radius + 1) * (2 * radius + 1));
 }
 
 /* One work-item lights the samples of one pixel and averages them: premultiplied linear r, g, b and coverage. */
@@ -173,24 +174,29 @@ __kernel void color(
             float4 weights;
             const uint4 t = triangles[id & ~BODY];
             const float4 n = body_normal(positions, normals, t, p, v, &weights);
-            direct.xyz *= max(dot3(n, l), 0.0f);
-            if (shadow.hair.x > 0.0f)
-                direct.xyz *= through_hair(&grid, sums, shadow.hair.x, (float2)(0.0f), p);
-            if (shadow.body.x)
-                direct.xyz *= past_body(&seen, map, shadow.body.y, p, unit_or(
+            float share = max(dot3(n, l), 0.0f);
+            if (shadow.body.x && share > 0.0f)
+                share *= past_body(&seen, map, shadow.body.y, p, unit_or(
                     cross3(positions[t.y] - positions[t.x], positions[t.z] - positions[t.x]), n), 64.0f, 1.0f);
+            if (shadow.hair.x > 0.0f && share > 0.0f)
+                share *= through_hair(&grid, sums, shadow.hair.x, (float2)(0.0f), p);
+            direct.xyz *= share;
             lit = body_color * (direct + light.color.w);
         } else {
             const uint strand = strand_of[id];
             const float4 shine = types[(int)strand_uv[strand].z].shine;
-            if (shadow.hair.x > 0.0f) {
-                /* Of this type a crossing counts only so much of what one of the darkest does. */
-                const float depth = shadow.hair.w > 0.0f ? 1.0f - shine.z : -log(max(shine.z, 1e-6f));
-                const float2 own = (float2)(shadow.hair.y * points[id].w, shadow.hair.z) * (depth / shadow.hair.x);
-                direct.xyz *= through_hair(&grid, sums, shadow.hair.x, own, p);
-            }
+            float share = 1.0f;
             if (shadow.body.x)
-                direct.xyz *= past_body(&seen, map, shadow.body.y, p, strand_normal[strand], 5.0f, 1.0f + 2 * shadow.body.y);
+                share = past_body(&seen, map, shadow.body.y, p, strand_normal[strand], 5.0f, 1.0f + 2 * shadow.body.y);
+            if (shadow.hair.x > 0.0f && share > 0.0f) {
+                /* Of this type a crossing counts only so much of what one of the darkest does. */
+                float depth = 1.0f - shine.z;
+                if (!(shadow.hair.w > 0.0f))
+                    depth = -log(max(shine.z, 1e-6f));
+                const float2 own = (float2)(shadow.hair.y * points[id].w, shadow.hair.z) * (depth / shadow.hair.x);
+                share *= through_hair(&grid, sums, shadow.hair.x, own, p);
+            }
+            direct.xyz *= share;
             const float at = place_between(points[id], points[id + 1], p);
             const float4 t = unit_or(mix(tangents[id], tangents[id + 1], at), tangents[id]);
             const float4 c = color_per == 0 ? colors[0] : color_per == 1 ? colors[strand]

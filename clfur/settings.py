@@ -32,6 +32,6 @@ class Settings:
     samples: int = checks.field(_samples, default=4)
     shadows: str = checks.field(checks.choice(*SHADOWS), default="length")
     grid: int = checks.field(_cells, default=48)
-    shadow_map: int = checks.field(checks.whole(0, 8192), default=1024)
-    pcf: int = checks.field(checks.whole(0, 16), default=2)
+    shadow_map: int = checks.field(checks.whole(0, 8192), default=512)
+    pcf: int = checks.field(checks.whole(0, 16), default=1)
     specular: str = checks.field(checks.choice("kajiya-kay", "half-vector"), default="kajiya-kay")
