@@ -89,15 +89,17 @@ inline float through_hair(const Grid *grid, __global const float *sums, float de
         return 1.0f;
     const int x0 = (int)floor(x), y0 = (int)floor(y), z0 = min((int)z, grid->size.z - 1);
     const float fx = x - x0, fy = y - y0, fz = z - z0;
-    float crossings = 0.0f;
-    for (int i = 0; i < 4; ++i) {
-        const int cx = x0 + (i & 1), cy = y0 + (i >> 1);
-        if (cx < 0 || cy < 0 || cx >= grid->size.x || cy >= grid->size.y)
-            continue;
-        const size_t layer = (size_t)grid->size.x * grid->size.y, at = z0 * layer + (size_t)cy * grid->size.x + cx;
-        const float weight = (i & 1 ? fx : 1.0f - fx) * (i >> 1 ? fy : 1.0f - fy);
-        crossings += weight * mix(sums[at], sums[at + layer], fz);
-    }
+    /* Columns outside the grid hold nothing: their weight is 0, and another's place is read. */
+    const int nx = grid->size.x, ny = grid->size.y;
+    const float left = x0 >= 0 ? 1.0f - fx : 0.0f, right = x0 + 1 < nx ? fx : 0.0f;
+    const float front = y0 >= 0 ? 1.0f - fy : 0.0f, back = y0 + 1 < ny ? fy : 0.0f;
+    const int xa = max(x0, 0), xb = min(x0 + 1, nx - 1), ya = max(y0, 0), yb = min(y0 + 1, ny - 1);
+    __global const float *near = sums + (size_t)z0 * nx * ny, *far = near + nx * ny;
+    const float4 weights = (float4)(left * front, right * front, left * back, right * back);
+    const float4 before = (float4)(near[ya * nx + xa], near[ya * nx + xb], near[yb * nx + xa], near[yb * nx + xb]);
+    const float4 behind = (float4)(far[ya * nx + xa], far[ya * nx + xb], far[yb * nx + xa], far[yb * nx + xb]);
+    const float4 there = weights * (before + fz * (behind - before));
+    const float crossings = (there.x + there.y) + (there.z + there.w);
     return exp2(-1.44269504f * depth * max(crossings - own.x / c.w - own.y, 0.0f));
 }
 
