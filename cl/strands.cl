@@ -119,11 +119,12 @@ __kernel void roots_by_area(
     __global const ulong *areas,           // [T] running sums
     const uint n_triangles,                // T
     const uint seed,
+    const uint n,                          // strands
     __global float4 *root,                 // [strands]
     __global float4 *direction,
     __global float4 *root_uv)
 {
-    const uint i = get_global_id(0), n = get_global_size(0);
+    const uint i = get_global_id(0);
     const ulong total = areas[n_triangles - 1];
     const uint3 r = random3(i, seed, 0);
     /* total·(i + r)/n without overflow: total is below 2^62 only as a whole, so divide first. */

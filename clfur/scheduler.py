@@ -14,6 +14,7 @@ from . import layout
 from .device import choose, describe
 from .errors import Error
 
+GROUP = 64          # work-items in a work-group
 SPARE = 256 << 20   # bytes that the pool may hold beyond twice of what is in use
 
 
@@ -81,8 +82,16 @@ class Scheduler:
         size = (size,) if np.isscalar(size) else tuple(size)
         if not all(size):
             return
-        args = (a.base_data if isinstance(a, cla.Array) else a for a in args)
-        self._log.append((self._called or name.split(".")[0], kernel(self.queue, tuple(map(int, size)), None, *args)))
+        size = tuple(map(int, size))
+        args = [a.base_data if isinstance(a, cla.Array) else a for a in args]
+        # Groups of one size, and what is left over one by one: PoCL compiles a kernel anew for every group size, and
+        # would pick another for each number of strands.
+        whole = size[0] // GROUP * GROUP
+        for begin, count, group in ((0, whole, GROUP), (whole, size[0] - whole, 1)):
+            if count:
+                event = kernel(self.queue, (count, *size[1:]), (group, *(1 for _ in size[1:])), *args,
+                               global_offset=(begin, *(0 for _ in size[1:])))
+                self._log.append((self._called or name.split(".")[0], event))
 
     def keep(self, name, key, build):
         """``build()``, or what it gave last time under this name if ``key`` holds the very same objects."""

@@ -130,5 +130,5 @@ def _roots_by_area(gpu, surface, fur):
     gpu.launch("strands.scan_sums", 1, np.uint32(blocks), sums)
     gpu.launch("strands.scan_areas", blocks, surface.positions, surface.triangles, triangles, surface.unit, sums, areas)
     gpu.launch("strands.roots_by_area", n, surface.positions, surface.normals, surface.uv, surface.triangles,
-               areas, triangles, np.uint32(fur.seed), *roots)
+               areas, triangles, np.uint32(fur.seed), np.uint32(n), *roots)
     return roots
