@@ -215,7 +215,6 @@ def test_bad_arguments_are_named(gpu, scene):
 def test_a_picture_too_large_for_the_device_is_refused(gpu, sphere):
     scene = clfur.Scene(mesh=sphere, camera=clfur.Camera(size=(16384, 16384)))
     if 16384**2 * 16 * 8 <= gpu.device.max_mem_alloc_size:
-        scene = clfur.Scene(mesh=sphere, camera=clfur.Camera(size=(16384, 16384)))
         pytest.skip("this device can hold the largest picture")
     with pytest.raises(clfur.Error, match="more than .* can hold"):
         clfur.render(scene, gpu, clfur.Settings(samples=16))
