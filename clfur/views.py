@@ -38,11 +38,11 @@ def light_of(light):
 
 def light_view_of(scene, size):
     """What the light sees, as a `layout.View` of size² pixels with one sample each: parallel rays, or a spot's."""
-    to_light, center, radius, distance, half = _light(scene)
+    to_light, radius, distance, half = _light(scene)
     to_screen = np.zeros((4, 4))
     near, far = distance - radius, distance + radius
+    scale = size / (2 * half)
     if scene.light.position is None:
-        scale = size / (2 * half)
         to_screen[:2] = scale * to_light[:2]
         to_screen[:2, 3] += size / 2
         to_screen[2] = -to_light[2] / (far - near)          # e falls from 1 at near to 0 at far
@@ -50,7 +50,6 @@ def light_view_of(scene, size):
         to_screen[3, 3] = 1
         eye = *-scene.light.direction, 0
     else:
-        scale = size / (2 * half)
         to_screen[:2] = scale * to_light[:2] + size / 2 * to_light[2]
         to_screen[2, 3] = near
         to_screen[3] = to_light[2]
@@ -63,7 +62,7 @@ def grid_of(scene, cells):
 
     They fit a ball around the scene, so that their size does not change while the light turns.
     """
-    to_light, center, radius, distance, half = _light(scene)
+    to_light, radius, distance, half = _light(scene)
     side = 2 * half / cells
     packed = np.zeros((), layout.Grid)
     to_grid = np.zeros((4, 4))
@@ -85,7 +84,7 @@ def grid_of(scene, cells):
 
 
 def _light(scene):
-    """(world -> axes of the light [4, 4], centre, radius, distance of the centre along the light, half a side).
+    """(world -> axes of the light [4, 4], radius, distance of the centre along the light, half a side).
 
     Half a side is that of the square that the light must see: in world units, or for a spot at distance 1.
     """
@@ -96,7 +95,7 @@ def _light(scene):
     to_light[:3, :3] = _axes(light.direction)
     if light.position is None:
         to_light[:3, 3] = -to_light[:3, :3] @ center
-        return to_light, center, radius, 0.0, radius
+        return to_light, radius, 0.0, radius
     to_light[:3, 3] = -to_light[:3, :3] @ light.position
     distance = (to_light @ [*center, 1.0])[2]
     # The light may stand inside the scene, or look away from it: what is nearer than this casts no shadow.
@@ -105,7 +104,7 @@ def _light(scene):
     # The cone, or as much of it as the ball around the scene fills.
     off = np.linalg.norm(center - light.position)
     widest = math.acos(max(min(distance / off, 1), -1)) + math.asin(radius / off) if off > radius else math.pi
-    return to_light, center, (far - near) / 2, (far + near) / 2, math.tan(min(math.radians(light.angle) / 2, widest))
+    return to_light, (far - near) / 2, (far + near) / 2, math.tan(min(math.radians(light.angle) / 2, widest))
 
 
 def _axes(z):
