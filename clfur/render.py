@@ -1,5 +1,6 @@
 """The order of the stages: one straight line from a scene to its picture."""
 
+import hashlib
 import threading
 import time
 from dataclasses import dataclass
@@ -30,6 +31,8 @@ class Frame:
 
     images: {output: array}; see `render`.  triangles, strands, segments: what was drawn.  device: its name.
     seconds: the whole frame, reading back included.  stages: {kernel file: seconds on the device}.
+    memory: most bytes that its arrays took on the device at once.  hashes: SHA-256 of what integer stages gave,
+    {"visibility": ..., "voxels": ..., "shadow_map": ...}, if asked for.
     """
 
     images: dict
@@ -39,6 +42,8 @@ class Frame:
     segments: int
     seconds: float
     stages: dict
+    memory: int
+    hashes: dict
 
 
 def render(scene, device=None, settings=None, outputs=None):
@@ -54,8 +59,11 @@ def render(scene, device=None, settings=None, outputs=None):
     return frame.images["color"] if outputs is None else frame.images
 
 
-def draw(scene, device=None, settings=None, outputs=("color",)):
-    """Draw a `Scene` and tell what it took -> `Frame`; arguments and errors as for `render`."""
+def draw(scene, device=None, settings=None, outputs=("color",), hashes=False):
+    """Draw a `Scene` and tell what it took -> `Frame`; arguments and errors as for `render`.
+
+    ``hashes``: also hash the bits of the integer stages, which are the same on every device.
+    """
     outputs = (outputs,) if isinstance(outputs, str) else outputs
     for name in outputs if isinstance(outputs, (tuple, list)) else [outputs]:
         if not isinstance(name, str) or name not in OUTPUTS:
@@ -82,12 +90,14 @@ def draw(scene, device=None, settings=None, outputs=("color",)):
     if scene.body_color is None:
         body = no_surface(gpu)
     visible = raster(gpu, view, strands, body)
+    digests = {"visibility": _digest(visible)} if hashes else {}
     images = {}
     if "color" in outputs:
         skin = (0, 0, 0) if scene.body_color is None else scene.body_color
         cost = settings.shadows, settings.grid, settings.shadow_map, settings.pcf
-        shadows = gpu.keep("shadows", (mesh, fur, scene.light, int(scene.body_color is None), *cost),
-                           lambda: cast_shadows(gpu, scene, settings, strands, body))
+        shadows = gpu.keep("shadows", (mesh, fur, scene.light, int(scene.body_color is None), *cost, int(hashes)),
+                           lambda: cast_shadows(gpu, scene, settings, strands, body, hashes))
+        digests |= shadows.hashes
         images["color"] = shade.color(gpu, view, light_of(scene.light), settings.specular,
                                       visible, strands, body, skin, shadows)
     if set(outputs) - {"color"}:
@@ -97,7 +107,7 @@ def draw(scene, device=None, settings=None, outputs=("color",)):
     seconds = time.perf_counter() - began
     points = strands.spans.get()[:, 1]
     return Frame(images, describe(gpu.device), len(body.triangles), int((points > 0).sum()),
-                 int(np.maximum(points.astype(np.int64) - 1, 0).sum()), seconds, gpu.seconds())
+                 int(np.maximum(points.astype(np.int64) - 1, 0).sum()), seconds, gpu.seconds(), gpu.peak, digests)
 
 
 _here = threading.local()   # a scheduler belongs to one thread
@@ -112,12 +122,18 @@ def _scheduler(device):
     return gpu
 
 
-def cast_shadows(gpu, scene, settings, strands, body):
+def _digest(array):
+    """SHA-256 of a device array's bytes."""
+    return hashlib.sha256(np.ascontiguousarray(array.get())).hexdigest()
+
+
+def cast_shadows(gpu, scene, settings, strands, body, hashes=False):
     """What of the scene stands before the light: hair in a grid, the body in a shadow map -> `shade.Shadows`."""
     none = shade.no_shadows(gpu)
     if settings.shadows == "off":
         return none
     packed = np.zeros((), layout.Shadow)
+    digests = {}
     grid, sums, seen, seen_body = none.grid, none.sums, none.seen, none.map
     hairs = scene.fur.types if isinstance(scene.fur, Strands) else [scene.fur] if scene.fur else []
     depths = depths_for([hair.alpha for hair in hairs], settings.shadows)
@@ -128,11 +144,16 @@ def cast_shadows(gpu, scene, settings, strands, body):
         if min(weights[depths > 0]) < 4:
             raise Error(f"Settings.grid is {settings.grid}; allowed: fewer cells, less hair, hair types of more equal "
                         f"alpha or a spot with a wider angle, so that 32-bit counters can hold the hair's shadow")
-        sums = zscan(gpu, voxelize(gpu, grid, strands, method, weights), unit)
+        cells = voxelize(gpu, grid, strands, method, weights)
+        sums = zscan(gpu, cells, unit)
+        if hashes:
+            digests["voxels"] = _digest(cells)
         packed["hair"] = depths.max(), *own_share(grid, method), method == "length"
     if len(body.triangles) and settings.shadow_map:
         seen = light_view_of(scene, settings.shadow_map)
         with gpu.called("shadow_map"):
             seen_body = raster(gpu, seen, None, body)
         packed["body"][:2] = 1, settings.pcf
-    return shade.Shadows(packed, grid, sums, seen, seen_body)
+        if hashes:
+            digests["shadow_map"] = _digest(seen_body)
+    return shade.Shadows(packed, grid, sums, seen, seen_body, digests)

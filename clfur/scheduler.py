@@ -1,5 +1,6 @@
 """Owns the context, queue, programs and buffers; launches kernels and times them; knows no fur."""
 
+import time
 import warnings
 from contextlib import contextmanager
 from importlib.resources import files
@@ -38,6 +39,8 @@ class Scheduler:
         self.context = cl.Context([self.device])
         self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
         self.int64_atomics = "cl_khr_int64_extended_atomics" in self.device.extensions.split()
+        self.build_seconds = 0.0   # that building programs has taken so far
+        self.peak = 0              # most bytes that arrays have taken at once since `start`
         self._pool = tools.MemoryPool(tools.ImmediateAllocator(self.queue))
         self._kernels = {}
         self._kept = {}
@@ -56,6 +59,7 @@ class Scheduler:
             whole = cla.empty(self.queue, (max(shape[0], 1), *shape[1:]), dtype, allocator=self._pool)
         except (cl.MemoryError, cl.LogicError, MemoryError):   # a logic error: rounded up beyond the largest piece
             raise Error(f"{describe(self.device)} is out of memory for {nbytes / 2**20:,.0f} MiB {shape}") from None
+        self.peak = max(self.peak, self._pool.active_bytes)
         return whole if shape[0] else whole[:0]
 
     def full(self, shape, dtype, value):
@@ -108,8 +112,9 @@ class Scheduler:
         self._kept.clear()
 
     def start(self):
-        """Begin a new frame: from here on `seconds` counts anew."""
+        """Begin a new frame: from here on `seconds` and `peak` count anew."""
         self._log.clear()
+        self.peak = self._pool.active_bytes
         # Frames of ever new sizes leave ever new pieces in the pool.
         if self._pool.managed_bytes > 2 * self._pool.active_bytes + SPARE:
             self._pool.free_held()
@@ -140,6 +145,8 @@ class Scheduler:
             options.append("-cl-fp32-correctly-rounded-divide-sqrt")
         with warnings.catch_warnings():   # Intel's compiler reports that it has compiled
             warnings.simplefilter("ignore", cl.CompilerWarning)
+            began = time.perf_counter()
             program = cl.Program(self.context, source).build(options=options)
+            self.build_seconds += time.perf_counter() - began
         self._kernels |= {f"{stem}.{k.function_name}": k for k in program.all_kernels()}
         return self._kernels

@@ -1,6 +1,6 @@
 """Visible samples -> the lit picture, and what else is known of its pixels."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ class Shadows:
     sums: Any         # [nz + 1, ny, nx] float32 crossings before each layer
     seen: Any         # layout.View of the light
     map: Any          # [size, size, 1] uint64, the raster of the body
+    hashes: dict = field(default_factory=dict)   # SHA-256 of counts and map, where asked for
 
 
 def no_shadows(gpu):
