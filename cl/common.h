@@ -1,6 +1,10 @@
 /* What two or more kernels use.  Geometry needs + - * / sqrt only, each rounded by itself. */
 #pragma OPENCL FP_CONTRACT OFF
 
+/* Every kernel runs over the work-items begin to end, in pieces and in whole work-groups: a driver compiles a kernel anew
+   for another size of work-group, and PoCL also for a start elsewhere than at 0. */
+#define WORK_ITEM(i) const size_t i = begin + get_global_id(0); if (i >= end) return
+
 inline float dot3(float4 a, float4 b)
 {
     return (a.x * b.x + a.y * b.y) + a.z * b.z;

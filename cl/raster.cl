@@ -26,8 +26,8 @@ inline void put(volatile __global ulong *visible, size_t sample, uint depth, uin
 #else
     volatile __global uint *word = (volatile __global uint *)&visible[sample];
     if (pass == 0) {
-        if (depth < word[1])
-            atomic_min(&word[1], depth);
+        if (depth < word[1] && atomic_min(&word[1], depth) > depth)
+            atomic_max(&word[0], NOTHING);                 // an id from an earlier launch lies behind
     } else if (depth == word[1] && id < word[0]) {
         atomic_min(&word[0], id);
     }
@@ -87,10 +87,11 @@ inline void draw_segment(
         const int4 t = a; a = b; b = t;
     }
     const int du = b.x - a.x;
-    const int u_size = steep ? view->size.y : view->size.x, v_size = steep ? view->size.x : view->size.y;
+    const int2 columns = (int2)(0, view->size.x), us = steep ? view->rows.xy : columns, vs = steep ? columns : view->rows.xy;
+    const int v_size = vs.y - vs.x;
     const int samples = view->size.z, reach = max(a.w, b.w) / 2 * 3 + SUBPIXEL;
-    if (du == 0 || b.x < 0 || a.x >= u_size * SUBPIXEL
-        || max(a.y, b.y) + reach < 0 || min(a.y, b.y) - reach >= v_size * SUBPIXEL)
+    if (du == 0 || b.x < us.x * SUBPIXEL || a.x >= us.y * SUBPIXEL
+        || max(a.y, b.y) + reach < vs.x * SUBPIXEL || min(a.y, b.y) - reach >= vs.y * SUBPIXEL)
         return;
 
     /* Measured along the shorter axis a slanted strand is thicker, by up to sqrt(2); most are thin all the same. */
@@ -109,12 +110,12 @@ inline void draw_segment(
     for (int s = 0; s < samples; ++s) {
         const int2 offset = PATTERN[view->size.w + s];
         const int ou = steep ? offset.y : offset.x, ov = steep ? offset.x : offset.y;
-        const int begin = max(first_pixel(a.x, ou), 0), end = min(first_pixel(b.x, ou), u_size);
+        const int begin = max(first_pixel(a.x, ou), us.x), end = min(first_pixel(b.x, ou), us.y);
         const int along = begin * SUBPIXEL + SUBPIXEL / 2 + ou - a.x;
-        /* v counts from the sample of row 0, rounded up, so that v >> 32 is the first row at or beyond. */
-        long v = ((long)(a.y - SUBPIXEL / 2 - ov) << FRACTION) + v_step * along + (PIXEL - 1);
+        /* v counts from the sample of the first row, rounded up, so that v >> 32 is the first row at or beyond. */
+        long v = ((long)(a.y - SUBPIXEL / 2 - ov - vs.x * SUBPIXEL) << FRACTION) + v_step * along + (PIXEL - 1);
         long r = r0 + r_step * along, d = ((long)a.z << FRACTION) + d_step * along;
-        size_t at = begin * u_stride + s;
+        size_t at = (size_t)(begin - us.x) * u_stride + s;
         for (int u = begin; u < end; ++u) {
             if (thin) {                                    // [v - least, v + least) holds one row or none
                 const long low = v - least;
@@ -157,13 +158,16 @@ void draw_clipped(volatile __global ulong *visible, const View *view, float4 a, 
 
 /* One work-item draws one strand, projecting each point once. */
 __kernel void lines(
+    const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
+    const uint first,                      // added to the number of a segment's first point to make its id
     const int pass,
-    volatile __global ulong *visible)      // [height, width, samples] depth << 32 | id
+    volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
-    const uint2 span = spans[get_global_id(0)];
+    WORK_ITEM(strand);
+    const uint2 span = spans[strand];
     float4 a, b;                           // clip space
     int4 sa, sb;                           // snapped; w = CLIPPED where it can't be
     float ha = 0.0f, hb;                   // half a width in pixels at w = 1
@@ -176,9 +180,9 @@ __kernel void lines(
             sb = snap((float4)(b.xyz, min(hb, GUARD * b.w)) / b.w);
         if (k) {
             if (sa.w != CLIPPED && sb.w != CLIPPED)
-                draw_segment(visible, &view, sa, sb, span.x + k - 1, pass);
+                draw_segment(visible, &view, sa, sb, first + span.x + k - 1, pass);
             else
-                draw_clipped(visible, &view, a, b, ha, hb, span.x + k - 1, pass);
+                draw_clipped(visible, &view, a, b, ha, hb, first + span.x + k - 1, pass);
         }
         a = b;
         sa = sb;
@@ -237,7 +241,7 @@ inline void draw_triangle(
             ulong d = gx * (ulong)(long)(sx - a.x) + gy * (ulong)(long)(sy - a.y);
             for (int x = x0; x <= x1; ++x) {
                 if ((ec | ea | eb) >= 0)
-                    put(visible, ((size_t)y * view->size.x + x) * samples + s,
+                    put(visible, ((size_t)(y - view->rows.x) * view->size.x + x) * samples + s,
                         (uint)clamp(a.z + ((long)d >> 14), (long)nearest, (long)farthest), id, pass);
                 ec -= (long)(b.y - a.y) * SUBPIXEL;
                 ea -= (long)(c.y - b.y) * SUBPIXEL;
@@ -283,23 +287,27 @@ void draw_triangle_clipped(
 
 /* One work-item draws what one band of the picture shows of one triangle of the body: a large one is no long job. */
 __kernel void body(
+    const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     __global const float4 *positions,      // [V]
-    __global const uint4 *triangles,       // [T]
+    __global const uint4 *triangles,       // [n]
+    const uint n,                          // triangles; work-items are n for each band
+    const uint first,                      // added to the number of a triangle to make its id
     const int band,                        // rows of a band
     const int pass,
-    volatile __global ulong *visible)      // [height, width, samples] depth << 32 | id
+    volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
-    const uint t = get_global_id(0);
-    const int top = get_global_id(1) * band;
-    const int2 rows = (int2)(top, min(top + band, view.size.y));
+    WORK_ITEM(item);
+    const uint t = item % n;
+    const int top = view.rows.x + (int)(item / n) * band;
+    const int2 rows = (int2)(top, min(top + band, view.rows.y));
     const uint4 v = triangles[t];
     const float4 a = to_screen(&view, positions[v.x]);
     const float4 b = to_screen(&view, positions[v.y]);
     const float4 c = to_screen(&view, positions[v.z]);
     if (within_guard(a) && within_guard(b) && within_guard(c))
         draw_triangle(visible, &view, rows, snap((float4)(a.xyz, 0.0f) / a.w), snap((float4)(b.xyz, 0.0f) / b.w),
-                      snap((float4)(c.xyz, 0.0f) / c.w), BODY | t, pass);
+                      snap((float4)(c.xyz, 0.0f) / c.w), BODY | (first + t), pass);
     else
-        draw_triangle_clipped(visible, &view, rows, a, b, c, BODY | t, pass);
+        draw_triangle_clipped(visible, &view, rows, a, b, c, BODY | (first + t), pass);
 }

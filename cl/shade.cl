@@ -133,12 +133,22 @@ inline float past_body(const View *seen, __global const ulong *map, int radius, 
     return 1.0f - (float)dark / ((2 * radius + 1) * (2 * radius + 1));
 }
 
-/* One work-item lights the samples of one pixel and averages them: premultiplied linear r, g, b and coverage. */
+/* Number of an id among those that a part of the scene holds, or the number of those if it isn't its. */
+inline uint own(uint id, uint first, uint n)
+{
+    return min(id - first, n);
+}
+
+/* One work-item lights samples of one pixel, those of one part of the scene, and adds their share of the average:
+   premultiplied linear r, g, b and coverage. */
 __kernel void color(
+    const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
+    const uint4 part,                      // first point's id, points, first triangle's id, triangles
+    const int2 which,                      // samples: first, one past the last
     const Light light,
     const int half_vector,                 // 0: Kajiya and Kay's highlight, 1: the report's
-    __global const ulong *visible,         // [height, width, samples] depth << 32 | id
+    __global const ulong *visible,         // [rows, width, samples] depth << 32 | id
     __global const float4 *points,         // strands: see strands.cl
     __global const float4 *tangents,
     __global const uint *strand_of,
@@ -156,15 +166,17 @@ __kernel void color(
     __global const float *sums,            // [nz + 1, ny, nx] crossings before each layer of the grid
     const View seen,                       // by the light
     __global const ulong *map,             // [seen.size] nearest body
-    __global float4 *image)                // [height, width]
+    __global float4 *image)                // [rows, width]
 {
-    const int x = get_global_id(0), y = get_global_id(1), samples = view.size.z;
-    const size_t pixel = (size_t)y * view.size.x + x;
-    float4 sum = (float4)(0.0f);
-    for (int s = 0; s < samples; ++s) {
+    WORK_ITEM(pixel);
+    const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
+    const float weight = 1.0f / samples;   // a power of two: the sum is the same bits, part by part or at once
+    float4 sum = image[pixel];
+    for (int s = which.x; s < which.y; ++s) {
         const ulong key = visible[pixel * samples + s];
-        const uint id = (uint)key;
-        if (id == NOTHING)
+        const bool is_body = (uint)key & BODY;
+        const uint id = is_body ? own((uint)key & ~BODY, part.z, part.w) : own((uint)key, part.x, part.y);
+        if ((uint)key == NOTHING || id == (is_body ? part.w : part.y))
             continue;
         const float4 p = seen_point(&view, x, y, s, (uint)(key >> 32)), v = towards_eye(&view, p);
         float4 lit, l = -light.direction, direct = light.color;
@@ -172,9 +184,9 @@ __kernel void color(
             l = unit_or((float4)(light.position.xyz - p.xyz, 0.0f), l);
             direct.xyz *= -dot3(l, light.direction) >= light.cone.x ? 1.0f : 0.0f;
         }
-        if (id & BODY) {
+        if (is_body) {
             float4 weights;
-            const uint4 t = triangles[id & ~BODY];
+            const uint4 t = triangles[id];
             const float4 n = body_normal(positions, normals, t, p, v, &weights);
             float share = max(dot3(n, l), 0.0f);
             if (shadow.body.x && share > 0.0f)
@@ -205,15 +217,18 @@ __kernel void color(
                 : mix(colors[id], colors[id + 1], at);
             lit = fibre(c, shine.x, shine.y, half_vector, t, l, v, direct);
         }
-        sum += (float4)(lit.xyz, 1.0f);
+        sum += weight * (float4)(lit.xyz, 1.0f);
     }
-    image[pixel] = sum / samples;
+    image[pixel] = sum;
 }
 
-/* One work-item tells what the nearest covered sample of one pixel sees. */
+/* One work-item tells what the nearest covered sample of one pixel sees, if this part of the scene holds it. */
 __kernel void about(
+    const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
-    __global const ulong *visible,
+    const uint4 part,                      // first point's id, points, first triangle's id, triangles
+    const uint first_strand,               // number of the part's first strand
+    __global const ulong *visible,         // [rows, width, samples] depth << 32 | id
     __global const float4 *points,
     __global const float4 *tangents,
     __global const uint *strand_of,
@@ -222,15 +237,15 @@ __kernel void about(
     __global const float4 *normals,
     __global const float4 *uv,             // body
     __global const uint4 *triangles,
-    __global float *out_depth,             // [height, width] distance along the view axis; infinite: nothing
+    __global float *out_depth,             // [rows, width] distance along the view axis; infinite: nothing
     __global int *out_id,                  // strand, -1: nothing, -2: body
     __global float4 *out_tangent,          // unit; 0 but on strands
     __global float4 *out_normal,           // unit, towards the eye: the body's, or across a strand
     __global float4 *out_uv,               // of the body, or of the strand's root
     __global float *out_coverage)          // share of covered samples
 {
-    const int x = get_global_id(0), y = get_global_id(1), samples = view.size.z;
-    const size_t pixel = (size_t)y * view.size.x + x;
+    WORK_ITEM(pixel);
+    const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
     ulong key = ~0ul;
     int nearest = 0, covered = 0;
     for (int s = 0; s < samples; ++s) {
@@ -241,31 +256,25 @@ __kernel void about(
             nearest = s;
         }
     }
-    const uint id = (uint)key;
-    float depth = INFINITY;
-    int who = -1;
-    float4 tangent = (float4)(0.0f), normal = tangent, place = tangent;
-    if (id != NOTHING) {
-        const float4 p = seen_point(&view, x, y, nearest, (uint)(key >> 32)), v = towards_eye(&view, p);
-        depth = to_screen(&view, p).w;
-        if (id & BODY) {
-            const uint4 t = triangles[id & ~BODY];
-            float4 b;
-            who = -2;
-            normal = body_normal(positions, normals, t, p, v, &b);
-            place = b.x * uv[t.x] + b.y * uv[t.y] + b.z * uv[t.z];
-        } else {
-            const float at = place_between(points[id], points[id + 1], p);
-            who = (int)strand_of[id];
-            tangent = unit_or(mix(tangents[id], tangents[id + 1], at), tangents[id]);
-            normal = unit_or(v - dot3(v, tangent) * tangent, v);
-            place = strand_uv[who];
-        }
-    }
-    out_depth[pixel] = depth;
-    out_id[pixel] = who;
-    out_tangent[pixel] = tangent;
-    out_normal[pixel] = normal;
-    out_uv[pixel] = place;
     out_coverage[pixel] = (float)covered / samples;
+    const bool is_body = (uint)key & BODY;
+    const uint id = is_body ? own((uint)key & ~BODY, part.z, part.w) : own((uint)key, part.x, part.y);
+    if ((uint)key == NOTHING || id == (is_body ? part.w : part.y))
+        return;
+    const float4 p = seen_point(&view, x, y, nearest, (uint)(key >> 32)), v = towards_eye(&view, p);
+    out_depth[pixel] = to_screen(&view, p).w;
+    if (is_body) {
+        const uint4 t = triangles[id];
+        float4 b;
+        out_id[pixel] = -2;
+        out_normal[pixel] = body_normal(positions, normals, t, p, v, &b);
+        out_uv[pixel] = b.x * uv[t.x] + b.y * uv[t.y] + b.z * uv[t.z];
+    } else {
+        const float at = place_between(points[id], points[id + 1], p);
+        const float4 tangent = unit_or(mix(tangents[id], tangents[id + 1], at), tangents[id]);
+        out_id[pixel] = (int)(first_strand + strand_of[id]);
+        out_tangent[pixel] = tangent;
+        out_normal[pixel] = unit_or(v - dot3(v, tangent) * tangent, v);
+        out_uv[pixel] = strand_uv[strand_of[id]];
+    }
 }

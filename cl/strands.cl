@@ -42,32 +42,39 @@ inline ulong area_of(__global const float4 *positions, uint4 t, float unit)
 /* Prefix sum of areas in three steps: each item sums SCAN triangles; one item runs over those sums; each item
    then writes its SCAN running sums. */
 __kernel void sum_areas(
+    const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *positions,
     __global const uint4 *triangles,       // [T]
     const uint n,                          // T
     const float unit,
     __global ulong *sums)                  // [ceil(T / SCAN)]
 {
-    const uint block = get_global_id(0), end = min((block + 1) * (uint)SCAN, n);
+    WORK_ITEM(block);
+    const uint stop = min(((uint)block + 1) * (uint)SCAN, n);
     ulong sum = 0;
-    for (uint t = block * SCAN; t < end; ++t)
+    for (uint t = block * SCAN; t < stop; ++t)
         sum += area_of(positions, triangles[t], unit);
     sums[block] = sum;
 }
 
 __kernel void scan_sums(
+    const ulong begin, const ulong end,    // work-items, see common.h
     const uint n,
-    __global ulong *sums)                  // [n] in: sums; out: sum of all before
+    __global ulong *sums,                  // [n] in: sums; out: sum of all before
+    __global ulong *total)                 // [1] sum of all
 {
+    WORK_ITEM(only);
     ulong sum = 0;
     for (uint i = 0; i < n; ++i) {
         const ulong own = sums[i];
         sums[i] = sum;
         sum += own;
     }
+    *total = sum;
 }
 
 __kernel void scan_areas(
+    const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *positions,
     __global const uint4 *triangles,       // [T]
     const uint n,                          // T
@@ -75,9 +82,10 @@ __kernel void scan_areas(
     __global const ulong *sums,            // [ceil(T / SCAN)] area before each block
     __global ulong *areas)                 // [T] area of triangles 0..t
 {
-    const uint block = get_global_id(0), end = min((block + 1) * (uint)SCAN, n);
+    WORK_ITEM(block);
+    const uint stop = min(((uint)block + 1) * (uint)SCAN, n);
     ulong sum = sums[block];
-    for (uint t = block * SCAN; t < end; ++t) {
+    for (uint t = block * SCAN; t < stop; ++t) {
         sum += area_of(positions, triangles[t], unit);
         areas[t] = sum;
     }
@@ -97,39 +105,47 @@ inline void put_root(
 
 /* One strand a triangle, from its middle along the mean normal, as the report does. */
 __kernel void roots_on_faces(
+    const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *positions,      // [V]
     __global const float4 *normals,
     __global const float4 *uv,
-    __global const uint4 *triangles,       // [strands]
+    __global const uint4 *triangles,       // [first + strands]
+    const uint first,                      // triangle of the first strand
     __global float4 *root,                 // [strands]
     __global float4 *direction,            // [strands] unit
     __global float4 *root_uv)              // [strands] u, v, -, -
 {
-    const size_t i = get_global_id(0);
+    WORK_ITEM(i);
     const float third = 1.0f / 3.0f;
-    put_root(positions, normals, uv, triangles[i], third, third, third, &root[i], &direction[i], &root_uv[i]);
+    put_root(positions, normals, uv, triangles[first + i], third, third, third, &root[i], &direction[i], &root_uv[i]);
 }
 
-/* Strand i of n stands at a random place of the i-th n-th of the surface's area. */
+/* Strand i of n stands at a random place of the i-th n-th of the surface's area. The triangles here may be a run of
+   all, and the strands those that stand there. */
 __kernel void roots_by_area(
+    const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *positions,
     __global const float4 *normals,
     __global const float4 *uv,
     __global const uint4 *triangles,       // [T]
     __global const ulong *areas,           // [T] running sums
     const uint n_triangles,                // T
+    const ulong before,                    // area of the triangles before these
+    __global const ulong *whole,           // [1] area of all
     const uint seed,
-    const uint n,                          // strands
-    __global float4 *root,                 // [strands]
+    const uint first,                      // number of the first strand
+    const uint n,                          // strands in all
+    __global float4 *root,                 // [strands here]
     __global float4 *direction,
     __global float4 *root_uv)
 {
-    const uint i = get_global_id(0);
-    const ulong total = areas[n_triangles - 1];
+    WORK_ITEM(here);
+    const uint i = first + here;
+    const ulong total = *whole;
     const uint3 r = random3(i, seed, 0);
     /* total·(i + r)/n without overflow: total is below 2^62 only as a whole, so divide first. */
     const ulong share = total / n, rest = total % n;
-    const ulong place = share * i + rest * i / n + mul_hi(share, (ulong)r.x << 32);
+    const ulong place = share * i + rest * i / n + mul_hi(share, (ulong)r.x << 32) - before;
     uint low = 0, high = n_triangles - 1;
     while (low < high) {
         const uint middle = (low + high) / 2;
@@ -144,7 +160,8 @@ __kernel void roots_by_area(
         a = 1.0f - a;
         b = 1.0f - b;
     }
-    put_root(positions, normals, uv, triangles[low], 1.0f - a - b, a, b, &root[i], &direction[i], &root_uv[i]);
+    put_root(positions, normals, uv, triangles[low], 1.0f - a - b, a, b,
+             &root[here], &direction[here], &root_uv[here]);
 }
 
 /* Bilinear texel with wrap-around; v runs up, rows run down. */
@@ -161,6 +178,7 @@ inline float4 texture_at(__global const float4 *texels, int width, int height, f
 /* One strand: point k + 1 = point k + direction · length; direction += weight · force, at length one again.
    Curl and wave shift the points off that axis, in a frame carried along it with little twist. */
 __kernel void grow(
+    const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *root,           // [strands]
     __global const float4 *root_direction, // [strands] unit
     __global const float4 *root_uv,        // [strands] u, v
@@ -172,6 +190,7 @@ __kernel void grow(
     __global const float4 *point_forces,   // [n_point_forces] position, strength
     const uint n_point_forces,
     const uint seed,
+    const uint first_strand,               // number of the first of these strands among all
     const uint stride,                     // points set aside for a strand
     __global float4 *points,               // [strands, stride] x, y, z, width [world]
     __global float4 *tangents,             // [strands, stride] unit
@@ -180,14 +199,15 @@ __kernel void grow(
     __global float4 *colors,               // [strands] linear r, g, b
     __global float4 *strand_uv)            // [strands] u, v, type
 {
-    const uint i = get_global_id(0);
+    WORK_ITEM(item);
+    const uint i = item, number = first_strand + i;
     const float4 uv = root_uv[i];
     const int column = (int)((uv.x - floor(uv.x)) * map_size.x), row = (int)((1.0f - (uv.y - floor(uv.y))) * map_size.y);
     const uint kind = type_map[min(row, map_size.y - 1) * map_size.x + min(column, map_size.x - 1)];
     const HairType type = types[kind];
     const uint first = i * stride;
     const int segments = type.counts.x;
-    const float4 vary = signed_unit(random3(i, seed, 1)), turn = signed_unit(random3(i, seed, 2));
+    const float4 vary = signed_unit(random3(number, seed, 1)), turn = signed_unit(random3(number, seed, 2));
 
     spans[i] = (uint2)(first, segments ? segments + 1 : 0);
     strand_uv[i] = (float4)(uv.x, uv.y, (float)kind, 0.0f);
@@ -202,7 +222,7 @@ __kernel void grow(
     const float length = type.shape.x * (1.0f + type.curl.w * vary.y);
     const float4 upright = root_direction[i];
     float4 axis = root[i];
-    float4 direction = unit_or(upright + type.shape.w * signed_unit(random3(i, seed, 3)), upright);
+    float4 direction = unit_or(upright + type.shape.w * signed_unit(random3(number, seed, 3)), upright);
     const bool bent = type.curl.x > 0.0f || type.wave.x > 0.0f;
     const float4 least = fabs(direction.x) < 0.6f ? (float4)(1.0f, 0.0f, 0.0f, 0.0f) : (float4)(0.0f, 1.0f, 0.0f, 0.0f);
     float4 side = unit_or(cross3(direction, turn), unit_or(cross3(direction, least), least));
@@ -247,6 +267,7 @@ __kernel void grow(
 
 /* One strand of the user's: packed points -> points with width, tangents from the neighbours. */
 __kernel void bring(
+    const ulong begin, const ulong end,    // work-items, see common.h
     __global const float *packed,          // [points, 3]
     __global const uint2 *spans,           // [strands] first point, points
     __global const float *widths,          // one, [strands] or [points]
@@ -255,7 +276,8 @@ __kernel void bring(
     __global float4 *tangents,             // [points] unit
     __global uint *strand_of)              // [points]
 {
-    const uint i = get_global_id(0), first = spans[i].x, count = spans[i].y;
+    WORK_ITEM(i);
+    const uint first = spans[i].x, count = spans[i].y;
     float4 before, here, next, tangent = (float4)(0.0f, 1.0f, 0.0f, 0.0f);
     for (uint k = 0; k < count; ++k) {
         const uint p = first + k;

@@ -79,6 +79,7 @@ inline int side_level(int4 levels, int k, int i)
 }
 
 __kernel void vertices(
+    const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *positions,      // [V]
     __global const float4 *normals,        // [V] unit
     __global const float4 *corner_uv,      // [F, 3] u, v, -, -
@@ -91,7 +92,7 @@ __kernel void vertices(
     __global float4 *out_uv,
     __global float4 *out_barycentric)      // place in the face, weights of its three corners
 {
-    const size_t f = get_global_id(0);
+    WORK_ITEM(f);
     const uint index[3] = {faces[f].x, faces[f].y, faces[f].z};
     float4 p[3], n[3], uv[3];
     for (int i = 0; i < 3; ++i) {
@@ -147,18 +148,19 @@ inline uint ring_vertex(int4 levels, uint base, int k, int i, int j)
 
 /* Joins every ring to the next with a strip of triangles, always by the shorter diagonal in the domain. */
 __kernel void triangles(
+    const ulong begin, const ulong end,    // work-items, see common.h
     __global const int4 *levels,           // [F] as in vertices
     __global const uint *first_vertex,     // [F + 1]
     __global const uint *first_triangle,   // [F + 1]
     __global uint4 *out_triangles)         // [first_triangle[F]] three vertices counter-clockwise, face
 {
-    const uint f = get_global_id(0);
+    WORK_ITEM(f);
     const int4 level = levels[f];
     const int inner = level.w;
     uint at = first_triangle[f], base = first_vertex[f];
 
     if (inner == 1) {
-        out_triangles[at] = (uint4)(base, base + 1, base + 2, f);
+        out_triangles[at] = (uint4)(base, base + 1, base + 2, (uint)f);
         return;
     }
     for (int k = 0; 2 * k + 1 < inner; ++k) {
@@ -170,13 +172,13 @@ __kernel void triangles(
                 const uint va = ring_vertex(level, base, k, i, a), vb = ring_vertex(level, next, k + 1, i, b);
                 /* Middles of the next outer and inner segment along the side: (2a+1)/2p against (2b+3)/2(q+2). */
                 if (b == within || (a < outside && (2 * a + 1) * (within + 2) <= (2 * b + 3) * outside))
-                    out_triangles[at++] = (uint4)(va, ring_vertex(level, base, k, i, ++a), vb, f);
+                    out_triangles[at++] = (uint4)(va, ring_vertex(level, base, k, i, ++a), vb, (uint)f);
                 else
-                    out_triangles[at++] = (uint4)(va, ring_vertex(level, next, k + 1, i, ++b), vb, f);
+                    out_triangles[at++] = (uint4)(va, ring_vertex(level, next, k + 1, i, ++b), vb, (uint)f);
             }
         }
         base = next;
     }
     if (inner % 2)
-        out_triangles[at] = (uint4)(base, base + 1, base + 2, f);
+        out_triangles[at] = (uint4)(base, base + 1, base + 2, (uint)f);
 }

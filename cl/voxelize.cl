@@ -34,6 +34,7 @@ inline void add(volatile __global uint *cells, const Grid *grid, int x, int y, i
 
 /* The report's voxels. A segment's fragments are those of a line drawn into x and y, as in raster.cl. */
 __kernel void fragments(
+    const ulong begin, const ulong end,    // work-items, see common.h
     const Grid grid,
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
@@ -42,7 +43,7 @@ __kernel void fragments(
     const int method,                      // 0: binary, 1: count, 2: count, trilinear
     volatile __global uint *cells)         // [nz, ny, nx]
 {
-    const size_t strand = get_global_id(0);
+    WORK_ITEM(strand);
     const uint2 span = spans[strand];
     const uint weight = weights[(int)strand_uv[strand].z];
     int4 a, b;
@@ -90,6 +91,7 @@ __kernel void fragments(
    A segment's amount is spread evenly over steps of 3/4 cell at most, and each between the four columns around it, so
    that nothing jumps when the light turns; what rounding leaves goes on to the next. */
 __kernel void lengths(
+    const ulong begin, const ulong end,    // work-items, see common.h
     const Grid grid,
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
@@ -97,7 +99,7 @@ __kernel void lengths(
     __global const uint *weights,          // [types] amount of one crossing
     volatile __global uint *cells)         // [nz, ny, nx]
 {
-    const size_t strand = get_global_id(0);
+    WORK_ITEM(strand);
     const uint2 span = spans[strand];
     const float weight = weights[(int)strand_uv[strand].z];
     int4 a, b;

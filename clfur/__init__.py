@@ -1,6 +1,6 @@
 """Fur and hair on meshes, rendered with OpenCL."""
 
-from .errors import Error
+from .errors import DeviceError, Error
 from .fur import Curves, HairType, PointForce, Strands
 from .image import save
 from .mesh import load_mesh
@@ -10,6 +10,6 @@ from .scheduler import Scheduler
 from .settings import Settings
 
 __all__ = [
-    "Camera", "Curves", "Error", "Frame", "HairType", "Light", "Mesh", "PointForce", "Scene", "Scheduler", "Settings",
-    "Strands", "draw", "load_mesh", "render", "save",
+    "Camera", "Curves", "DeviceError", "Error", "Frame", "HairType", "Light", "Mesh", "PointForce", "Scene",
+    "Scheduler", "Settings", "Strands", "draw", "load_mesh", "render", "save",
 ]

@@ -1,7 +1,6 @@
 """The one contract between host and device: constants, sample patterns and structs, written once."""
 
 import numpy as np
-from pyopencl import tools
 
 CONSTANTS = {
     "SUBPIXEL": 256,        # fixed-point steps per pixel of a snapped point
@@ -30,6 +29,7 @@ View = np.dtype([                     # a camera: world -> (x, y, e, 1)·w, pixe
     ("eye", *_float4),                   # position and 1, or direction towards an orthographic eye and 0
     ("size", *_int4),                    # width, height [pixels], samples a pixel, first row of its PATTERN
     ("scale", *_float4),                 # pixels per world unit of width at w = 1; least half width, sub-pixels
+    ("rows", *_int4),                    # band of rows to draw: first, one past the last, -, -
 ])
 
 HairType = np.dtype([
@@ -64,24 +64,18 @@ Grid = np.dtype([                     # cells seen from the light: world -> (x·
 STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid}
 
 
-def _c_struct(device, name, dtype):
-    """C declaration of a struct of 16-byte vectors; raises TypeError if the device lays it out otherwise."""
-    vectors = np.dtype([
-        (member, _vector(field), field.shape[:-1]) if field.ndim > 1 else (member, _vector(field))
-        for member, field in ((m, dtype[m]) for m in dtype.names)])
-    laid_out, declaration = tools.match_dtype_to_c_struct(device, name, vectors)
-    if laid_out.itemsize != dtype.itemsize or any(
-            laid_out.fields[m][1] != dtype.fields[m][1] for m in dtype.names):
-        raise TypeError(f"{device.name} lays out {name} as {laid_out}, the host as {dtype}")
-    return declaration
+def _c_struct(name, dtype):
+    """C declaration of a struct of 16-byte vectors, which does not compile where it is laid out otherwise."""
+    members = []
+    for member in dtype.names:
+        field = dtype[member]
+        vector = {np.dtype(np.float32): "float4", np.dtype(np.int32): "int4"}[field.base]
+        members.append(f"{vector} {member}{f'[{field.shape[0]}]' if len(field.shape) > 1 else ''};")
+    return (f"typedef struct {{ {' '.join(members)} }} {name};\n"
+            f"typedef char {name}_is_whole[sizeof({name}) == {dtype.itemsize} ? 1 : -1];\n")
 
 
-def _vector(field):
-    from pyopencl import cltypes
-    return cltypes.float4 if field.base == np.float32 else cltypes.int4
-
-
-def preamble(device, int64_atomics):
+def preamble(int64_atomics):
     """The C text that every program starts with.
 
     ``int64_atomics``: whether the raster may take depth and id with one 64-bit atomic.
@@ -92,7 +86,7 @@ def preamble(device, int64_atomics):
     return "".join([
         *(f"#define {name} {value:#x}{'u' if value >> 31 else ''}\n" for name, value in CONSTANTS.items()),
         f"#define INT64_ATOMICS {int(int64_atomics)}\n",
-        *(_c_struct(device, name, dtype) for name, dtype in STRUCTS.items()),
+        *(_c_struct(name, dtype) for name, dtype in STRUCTS.items()),
         f"__constant int2 PATTERN[] = {{{table}}};\n",
     ])
 

@@ -1,26 +1,25 @@
 """The order of the stages: one straight line from a scene to its picture."""
 
+import functools
 import hashlib
 import threading
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 import numpy as np
 
-from . import layout
-from .device import choose, describe
+from .device import choose
 from .errors import Error
-from .fur import Curves, Strands, hair_bounds
+from .parts import Work
 from .scene import Scene
 from .scheduler import Scheduler
 from .settings import Settings
+from .shadows import cast, plan_shadows, settle
 from .stages import shade
 from .stages.raster import raster
-from .stages.strands import bring, grow, no_strands
-from .stages.tessellate import no_surface, tessellate
-from .stages.voxelize import depths_for, most_of, own_share, unit_for, voxelize
-from .stages.zscan import zscan
-from .views import grid_of, light_of, light_view_of, view_of
+from .team import Team
+from .views import band_of, light_of, view_of
 
 OUTPUTS = {"color": 4, "depth": None, "id": None, "tangent": 3, "normal": 3, "uv": 2, "coverage": None}
 
@@ -49,9 +48,10 @@ class Frame:
 def render(scene, device=None, settings=None, outputs=None):
     """Draw a `Scene` -> float32 [height, width, 4]: linear, premultiplied, coverage in alpha.
 
-    ``device``: what `Scheduler` accepts, or a `Scheduler` to keep between frames.  ``outputs``: names of pictures to
-    return as {name: array} instead: "color" as above, "depth" float32 [h, w] (distance along the view axis, inf
-    where nothing is), "id" int32 [h, w] (strand, -1 nothing, -2 body), "tangent" and "normal" float32 [h, w, 3],
+    ``device``: what `Scheduler` accepts, or a `Scheduler` to keep between frames, or a list of these, which then draw
+    the frame together: they share the strands by speed, and the picture is the same.  ``outputs``: names of pictures to
+    return as {name: array} instead: "color" as above, "depth" float32 [h, w] (distance along the view axis, inf where
+    nothing is), "id" int32 [h, w] (strand, -1 nothing, -2 body), "tangent" and "normal" float32 [h, w, 3],
     "uv" float32 [h, w, 2], "coverage" float32 [h, w]; all but color and coverage tell of a pixel's nearest sample.
     Raises `clfur.Error` for an unknown device or output, and for a picture that the device cannot hold.
     """
@@ -73,41 +73,115 @@ def draw(scene, device=None, settings=None, outputs=("color",), hashes=False):
     settings = Settings() if settings is None else settings
     if not isinstance(settings, Settings):
         raise Error(f"settings is {settings!r:.60}; allowed: a clfur.Settings")
-    gpu = device if isinstance(device, Scheduler) else _scheduler(device)
-    began = time.perf_counter()
-    gpu.start()
+    gpus = schedulers(device)
+    with ExitStack() as frames:
+        for gpu in gpus:
+            frames.enter_context(gpu.frame())
+        return _draw(Team(gpus), scene, settings, outputs, hashes)
 
-    mesh, fur = scene.mesh, scene.fur
-    view = view_of(scene, settings.samples)
-    body, strands = no_surface(gpu), no_strands(gpu)
-    if mesh is not None and (scene.body_color is not None or isinstance(fur, Strands)):
-        levels = (fur.inner, fur.outer, fur.surface) if isinstance(fur, Strands) else (1, 1, "flat")
-        body = gpu.keep("body", (mesh, *levels), lambda: tessellate(gpu, mesh, *levels))
-    if isinstance(fur, Strands):
-        strands = gpu.keep("strands", (mesh, fur), lambda: grow(gpu, body, fur))
-    elif isinstance(fur, Curves):
-        strands = gpu.keep("strands", (fur,), lambda: bring(gpu, fur))
-    if scene.body_color is None:
-        body = no_surface(gpu)
-    visible = raster(gpu, view, strands, body)
-    digests = {"visibility": _digest(visible)} if hashes else {}
-    images = {}
-    if "color" in outputs:
-        skin = (0, 0, 0) if scene.body_color is None else scene.body_color
+
+def _draw(team, scene, settings, outputs, hashes):
+    began, gpus = time.perf_counter(), team.gpus[:]
+    digests = {}
+    work = Work(gpus[0], scene)
+    others, lit = set(outputs) - {"color"}, "color" in outputs
+    whole = view_of(scene, settings.samples)
+    width, height = scene.camera.size
+    light, skin = light_of(scene.light), (0, 0, 0) if scene.body_color is None else scene.body_color
+
+    def plan(gpu, strands=None, body=True):
+        return work.plan(gpu, settings, bool(others), strands, body)
+
+    def visible_in(view):
+        """Depth and id of what is nearest in each sample."""
+        def look(gpu, strands, body):
+            visible = None
+            for part in plan(gpu, strands, body)[0]:
+                visible = raster(gpu, view, *work.make(gpu, part), visible)
+            return [visible]
+        return team.gather("look", look, [np.minimum], work.strands)[0]
+
+    def shadows_on(gpu):
+        """Shadows, or those of the frame before if only the camera has moved."""
+        planned = plan_shadows(scene, settings, work.strands, work.body)
+
+        def before_light(gpu, strands, body):
+            counted = None, None
+            for part in plan(gpu, strands, body)[0]:
+                counted = cast(gpu, planned, *work.make(gpu, part), *counted)
+            return counted
+
+        def build():
+            add = np.maximum if settings.shadows == "binary" else np.add
+            cells, seen = team.gather("cast", before_light, [add, np.minimum], work.strands)
+            told = {"voxels": cells, "shadow_map": seen} if hashes else {}
+            told = {name: hashlib.sha256(_bytes(gpu, array)).hexdigest()
+                    for name, array in told.items() if array is not None}
+            return settle(gpu, planned, *(on(gpu, array) for array in (cells, seen))), told
         cost = settings.shadows, settings.grid, settings.shadow_map, settings.pcf
-        shadows = gpu.keep("shadows", (mesh, fur, scene.light, int(scene.body_color is None), *cost, int(hashes)),
-                           lambda: cast_shadows(gpu, scene, settings, strands, body, hashes))
-        digests |= shadows.hashes
-        images["color"] = shade.color(gpu, view, light_of(scene.light), settings.specular,
-                                      visible, strands, body, skin, shadows)
-    if set(outputs) - {"color"}:
-        images |= shade.about(gpu, view, visible, strands, body)
+        return gpu.keep("shadows", (scene.mesh, scene.fur, scene.light, int(work.body), *cost, int(hashes)), build)
 
-    images = {name: np.ascontiguousarray(images[name].get()[..., :OUTPUTS[name]]) for name in outputs}
+    def pictures(view, visible, gpu):
+        """{output: array} of the rows of a view."""
+        visible, parts, image, known = on(gpu, visible), plan(gpu)[0], None, None
+        if lit:
+            shadows, told = shadows_on(gpu)
+            digests.update(told)
+            # Part by part each sample of a pixel is added in its turn, so that the sum is the same bits.
+            for sample in range(settings.samples) if len(parts) > 1 else [None]:
+                for part in parts:
+                    image = shade.color(gpu, view, light, settings.specular, visible, *work.make(gpu, part), skin,
+                                        shadows, image, None if sample is None else (sample, sample + 1))
+        for part in parts if others else []:
+            known = shade.about(gpu, view, visible, *work.make(gpu, part), known)
+        found = {"color": image, **(known or {})}
+        return {name: gpu.download(found[name])[..., :OUTPUTS[name]] for name in outputs}
+
+    rows = min(plan(gpu)[1] for gpu in gpus)
+    bands, seen = [], hashlib.sha256()
+    for top in range(0, height, rows):
+        view = band_of(whole, top, min(top + rows, height))
+        visible = visible_in(view)
+        if hashes:
+            seen.update(_bytes(team.gpus[0], visible))
+        bands.append(team.first(functools.partial(pictures, view, visible)))
+    images = {name: np.ascontiguousarray(np.concatenate([band[name] for band in bands])) for name in outputs}
+    if hashes:
+        digests["visibility"] = seen.hexdigest()
     seconds = time.perf_counter() - began
-    points = strands.spans.get()[:, 1]
-    return Frame(images, describe(gpu.device), len(body.triangles), int((points > 0).sum()),
-                 int(np.maximum(points.astype(np.int64) - 1, 0).sum()), seconds, gpu.seconds(), gpu.peak, digests)
+
+    points = team.first(lambda gpu: [_points(gpu, work.make(gpu, part)[0]) for part in plan(gpu)[0]])
+    stages = {}
+    for gpu in gpus:
+        for name, spent in gpu.seconds().items():
+            stages[name] = stages.get(name, 0.0) + spent
+    return Frame(images, " + ".join(gpu.name for gpu in gpus), int(work.triangles[-1]) if work.body else 0,
+                 sum(strands for strands, _ in points), sum(segments for _, segments in points), seconds, stages,
+                 sum(gpu.peak for gpu in gpus), digests)
+
+
+def on(gpu, array):
+    """An array on the device: it is there already, or comes from the host; None stays None."""
+    return gpu.upload(array) if isinstance(array, np.ndarray) else array
+
+
+def _points(gpu, strands):
+    """(strands that are not bald, segments)."""
+    points = gpu.download(strands.spans)[:, 1].astype(np.int64)
+    return int((points > 0).sum()), int(np.maximum(points - 1, 0).sum())
+
+
+def _bytes(gpu, array):
+    return np.ascontiguousarray(array if isinstance(array, np.ndarray) else gpu.download(array))
+
+
+def schedulers(device):
+    """The `Scheduler`s that ``device`` means; one or, for a list, several different ones."""
+    several = device if isinstance(device, (list, tuple)) else [device]
+    gpus = [one if isinstance(one, Scheduler) else _scheduler(one) for one in several]
+    if not gpus or len(set(gpus)) < len(gpus):
+        raise Error(f"device is {device!r:.200}; allowed: a device, or a list of different ones")
+    return gpus
 
 
 _here = threading.local()   # a scheduler belongs to one thread
@@ -120,40 +194,3 @@ def _scheduler(device):
     gpu = mine.get(device) or mine.setdefault(device, Scheduler(device))
     gpu.forget()
     return gpu
-
-
-def _digest(array):
-    """SHA-256 of a device array's bytes."""
-    return hashlib.sha256(np.ascontiguousarray(array.get())).hexdigest()
-
-
-def cast_shadows(gpu, scene, settings, strands, body, hashes=False):
-    """What of the scene stands before the light: hair in a grid, the body in a shadow map -> `shade.Shadows`."""
-    none = shade.no_shadows(gpu)
-    if settings.shadows == "off":
-        return none
-    packed = np.zeros((), layout.Shadow)
-    digests = {}
-    grid, sums, seen, seen_body = none.grid, none.sums, none.seen, none.map
-    hairs = scene.fur.types if isinstance(scene.fur, Strands) else [scene.fur] if scene.fur else []
-    depths = depths_for([hair.alpha for hair in hairs], settings.shadows)
-    if len(strands.spans) and depths.any():
-        method, grid = settings.shadows, grid_of(scene, settings.grid)
-        unit = unit_for(most_of(grid, method, *hair_bounds(scene.fur, len(strands.spans))))
-        weights = np.rint(unit * depths / depths.max()).astype(np.uint32)
-        if min(weights[depths > 0]) < 4:
-            raise Error(f"Settings.grid is {settings.grid}; allowed: fewer cells, less hair, hair types of more equal "
-                        f"alpha or a spot with a wider angle, so that 32-bit counters can hold the hair's shadow")
-        cells = voxelize(gpu, grid, strands, method, weights)
-        sums = zscan(gpu, cells, unit)
-        if hashes:
-            digests["voxels"] = _digest(cells)
-        packed["hair"] = depths.max(), *own_share(grid, method), method == "length"
-    if len(body.triangles) and settings.shadow_map:
-        seen = light_view_of(scene, settings.shadow_map)
-        with gpu.called("shadow_map"):
-            seen_body = raster(gpu, seen, None, body)
-        packed["body"][:2] = 1, settings.pcf
-        if hashes:
-            digests["shadow_map"] = _digest(seen_body)
-    return shade.Shadows(packed, grid, sums, seen, seen_body, digests)

@@ -1,5 +1,7 @@
 """Owns the context, queue, programs and buffers; launches kernels and times them; knows no fur."""
 
+import re
+import threading
 import time
 import warnings
 from contextlib import contextmanager
@@ -13,9 +15,12 @@ from pyopencl import tools
 
 from . import layout
 from .device import choose, describe
-from .errors import Error
+from .errors import DeviceError, Error
 
 GROUP = 64          # work-items in a work-group
+FIRST = 1024        # work-items in the first piece of a launch
+MOST = 65_472       # work-items in any piece: PoCL compiles a kernel anew for 2^16 and more
+PIECE = 0.1         # seconds that a piece of a launch should take, so that Ctrl-C need not wait long
 SPARE = 256 << 20   # bytes that the pool may hold beyond twice of what is in use
 
 
@@ -30,35 +35,61 @@ def _kernel_dir():
 class Scheduler:
     """One OpenCL device made ready: keep it, and programs, buffers and unchanged stages stay warm.
 
-    ``device`` is whatever `clfur.device.choose` accepts.  Use a scheduler from one thread at a time.
-    Raises `clfur.Error` if there is no such device, or for an array that the device cannot hold.
+    ``device`` is whatever `clfur.device.choose` accepts.  ``memory``: bytes that arrays may take on the device in all,
+    three quarters of what it has if None; a scene that needs more is drawn part by part.  One thread at a time can
+    draw with a scheduler.  Raises `clfur.Error` if there is no such device, for an array that the device cannot hold,
+    and (`DeviceError`) for what goes wrong on the device.
     """
 
-    def __init__(self, device=None):
+    def __init__(self, device=None, memory=None):
         self.device = choose(device)
-        self.context = cl.Context([self.device])
-        self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
-        self.int64_atomics = "cl_khr_int64_extended_atomics" in self.device.extensions.split()
+        self.name = describe(self.device)
+        with self._watched("does not start"):
+            self.context = cl.Context([self.device])
+            self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
+            self.int64_atomics = "cl_khr_int64_extended_atomics" in self.device.extensions.split()
+            self.memory = self.device.global_mem_size * 3 // 4
+            self.largest = self.device.max_mem_alloc_size   # bytes of one array
+        if memory is not None:
+            if isinstance(memory, bool) or not isinstance(memory, int) or memory < 1:
+                raise Error(f"Scheduler.memory is {memory!r:.60}; allowed: None or a number of bytes")
+            self.memory = min(memory, self.memory)
         self.build_seconds = 0.0   # that building programs has taken so far
+        self.pace = {}             # strands a second by what was done, for those who share work out
         self.peak = 0              # most bytes that arrays have taken at once since `start`
         self._pool = tools.MemoryPool(tools.ImmediateAllocator(self.queue))
         self._kernels = {}
         self._kept = {}
         self._log = []
         self._called = None
+        self._busy = threading.Lock()
+        self._stopped = False
+
+    @contextmanager
+    def _watched(self, doing):
+        """Make one readable error of what the driver raises."""
+        try:
+            yield
+        except (cl.Error, MemoryError) as error:
+            raise DeviceError(f"{self.name} {doing}: {' '.join(str(error).split())[:300]}") from None
 
     def empty(self, shape, dtype):
         """Uninitialised device array, taken from the pool."""
         shape = (shape,) if np.isscalar(shape) else tuple(shape)
         nbytes = int(np.prod(shape, dtype=object)) * np.dtype(dtype).itemsize
-        if nbytes > self.device.max_mem_alloc_size:
-            raise Error(f"an array of {nbytes / 2**20:,.0f} MiB {shape} is more than {describe(self.device)} can hold "
-                        f"in one piece ({self.device.max_mem_alloc_size / 2**20:,.0f} MiB)")
+        if nbytes > self.largest:
+            raise Error(f"an array of {nbytes / 2**20:,.0f} MiB {shape} is more than {self.name} can hold "
+                        f"in one piece ({self.largest / 2**20:,.0f} MiB)")
+        if self._pool.managed_bytes + nbytes > self.memory:
+            self._pool.free_held()
         try:
             # OpenCL has no empty buffers: an empty array is the empty start of a small one.
             whole = cla.empty(self.queue, (max(shape[0], 1), *shape[1:]), dtype, allocator=self._pool)
         except (cl.MemoryError, cl.LogicError, MemoryError):   # a logic error: rounded up beyond the largest piece
-            raise Error(f"{describe(self.device)} is out of memory for {nbytes / 2**20:,.0f} MiB {shape}") from None
+            raise DeviceError(f"{self.name} is out of memory for {nbytes / 2**20:,.0f} MiB {shape}; arrays hold "
+                              f"{self._pool.active_bytes / 2**20:,.0f} MiB") from None
+        except cl.Error as error:
+            raise DeviceError(f"{self.name} gives no memory: {error}") from None
         self.peak = max(self.peak, self._pool.active_bytes)
         return whole if shape[0] else whole[:0]
 
@@ -67,7 +98,8 @@ class Scheduler:
         there = self.empty(shape, dtype)
         if there.size:   # by the driver: pyopencl's own fill would compile a kernel for it
             pattern = np.dtype(dtype).type(value)
-            cl.enqueue_fill_buffer(self.queue, there.base_data, pattern, 0, there.nbytes)
+            with self._watched("does not fill an array"):
+                cl.enqueue_fill_buffer(self.queue, there.base_data, pattern, 0, there.nbytes)
         return there
 
     def upload(self, array):
@@ -75,27 +107,38 @@ class Scheduler:
         array = np.ascontiguousarray(array)
         there = self.empty(array.shape, array.dtype)
         if array.size:
-            there.set(array)
+            with self._watched("takes no data"):
+                there.set(array)
         return there
+
+    def download(self, array):
+        """Copy of a device array on the host."""
+        with self._watched("gives no data"):
+            return array.get()
 
     def launch(self, name, size, *args):
         """Run kernel "stem.kernel" over ``size`` work-items; ``args`` in the order of its signature."""
         kernel = self._kernels.get(name) or self._build(name.split(".")[0])[name]
-        if len(args) != kernel.num_args:
-            raise TypeError(f"{name} takes {kernel.num_args} arguments, {len(args)} given")
-        size = (size,) if np.isscalar(size) else tuple(size)
-        if not all(size):
-            return
-        size = tuple(map(int, size))
+        if len(args) != kernel.num_args - 2:
+            raise TypeError(f"{name} takes {kernel.num_args - 2} arguments, {len(args)} given")
         args = [a.base_data if isinstance(a, cla.Array) else a for a in args]
-        # Groups of one size, and what is left over one by one: PoCL compiles a kernel anew for every group size, and
-        # would pick another for each number of strands.
-        whole = size[0] // GROUP * GROUP
-        for begin, count, group in ((0, whole, GROUP), (whole, size[0] - whole, 1)):
-            if count:
-                event = kernel(self.queue, (count, *size[1:]), (group, *(1 for _ in size[1:])), *args,
-                               global_offset=(begin, *(0 for _ in size[1:])))
+        begin, size, piece = 0, int(size), FIRST
+        with self._watched(f"does not run {name}"):
+            while begin < size:
+                if self._stopped:
+                    raise Error(f"{self.name} was told to stop")
+                end = min(begin + piece, size)
+                began = time.perf_counter()
+                # Whole groups of one size, and a kernel that ends where it should: see WORK_ITEM in common.h.
+                event = kernel(self.queue, (-(-(end - begin) // GROUP) * GROUP,), (GROUP,),
+                               np.uint64(begin), np.uint64(end), *args)
                 self._log.append((self._called or name.split(".")[0], event))
+                # A driver can't be interrupted, so a long launch is done in pieces, each timed to size the next.
+                if size > FIRST:
+                    event.wait()
+                    took = time.perf_counter() - began
+                    piece = min(max(int((end - begin) * min(PIECE / took, 16)) // GROUP, 1) * GROUP, MOST)
+                begin = end
 
     def keep(self, name, key, build):
         """``build()``, or what it gave last time under this name if ``key`` holds the very same objects."""
@@ -110,6 +153,22 @@ class Scheduler:
     def forget(self):
         """Drop every kept stage, so that the next frame is built from the beginning."""
         self._kept.clear()
+
+    @contextmanager
+    def frame(self):
+        """One frame: nothing else may draw with this scheduler meanwhile, and `seconds` and `peak` count anew."""
+        if not self._busy.acquire(blocking=False):
+            raise Error(f"this Scheduler ({self.name}) is drawing in another thread; allowed: one for each thread")
+        try:
+            self._stopped = False
+            self.start()
+            yield
+        finally:
+            self._busy.release()
+
+    def stop(self):
+        """Let the frame that is being drawn in another thread end with an error, soon."""
+        self._stopped = True
 
     def start(self):
         """Begin a new frame: from here on `seconds` and `peak` count anew."""
@@ -130,23 +189,38 @@ class Scheduler:
 
     def seconds(self):
         """Seconds on the device since `start`, by kernel file: {"strands": 0.007, ...}; waits for them."""
-        self.queue.finish()
         total = {}
-        for name, event in self._log:
-            total[name] = total.get(name, 0.0) + 1e-9 * (event.profile.end - event.profile.start)
+        with self._watched("does not finish"):
+            self.queue.finish()
+            for name, event in self._log:
+                total[name] = total.get(name, 0.0) + 1e-9 * (event.profile.end - event.profile.start)
         return total
 
     def _build(self, stem):
         folder = _kernel_dir()
-        source = layout.preamble(self.device, self.int64_atomics) + "".join(
+        source = layout.preamble(self.int64_atomics) + "".join(
             f'#line 1 "{file}"\n{folder.joinpath(file).read_text()}\n' for file in ("common.h", f"{stem}.cl"))
         options = ["-cl-std=CL1.2"]
         if self.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
             options.append("-cl-fp32-correctly-rounded-divide-sqrt")
-        with warnings.catch_warnings():   # Intel's compiler reports that it has compiled
-            warnings.simplefilter("ignore", cl.CompilerWarning)
-            began = time.perf_counter()
-            program = cl.Program(self.context, source).build(options=options)
-            self.build_seconds += time.perf_counter() - began
+        began = time.perf_counter()
+        try:
+            with warnings.catch_warnings():   # Intel's compiler reports that it has compiled
+                warnings.simplefilter("ignore", cl.CompilerWarning)
+                program = cl.Program(self.context, source).build(options=options)
+        except (cl.Error, MemoryError) as error:
+            raise DeviceError(f"{self.name} does not build {stem}.cl: {_complaint(str(error))}") from None
+        self.build_seconds += time.perf_counter() - began
         self._kernels |= {f"{stem}.{k.function_name}": k for k in program.all_kernels()}
         return self._kernels
+
+
+def _complaint(log):
+    """What a compiler's log complains about: "raster.cl:12: ..." if it names a place, or its first line of an error."""
+    lines = [" ".join(line.split()) for line in log.splitlines() if line.strip()]
+    errors = [line for line in lines if "error" in line.lower()] or lines or ["it says nothing"]
+    for line in errors:
+        if place := re.search(r"(\w+\.(?:cl|h))[:(](\d+)[\d:,)]*", line):
+            what = re.sub(r"^\s*(fatal )?error:\s*", "", line[place.end():], flags=re.IGNORECASE)
+            return f"{place[1]}:{place[2]}: {what.strip()}"[:300]
+    return errors[0][:300]

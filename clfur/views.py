@@ -125,4 +125,12 @@ def _view(to_screen, eye, size, samples, scale):
     view["eye"] = eye
     view["size"] = *size, samples, layout.pattern_start(samples)
     view["scale"][:2] = scale, layout.least_half_width(samples)
+    view["rows"][1] = size[1]
     return view
+
+
+def band_of(view, first, end):
+    """The `layout.View` that draws only these rows of a view, as the very same bits."""
+    band = view.copy()
+    band["rows"][:2] = first, end
+    return band

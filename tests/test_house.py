@@ -12,7 +12,7 @@ from clfur import layout
 ROOT = Path(__file__).resolve().parents[1]
 MODULES = sorted((ROOT / "clfur").rglob("*.py"))
 KERNELS = sorted((ROOT / "cl").glob("*.cl"))
-STANDARD = {"dataclasses", "typing", "math"}
+STANDARD = {"bisect", "dataclasses", "typing", "math"}
 
 
 def stems(folder, suffix):
@@ -79,7 +79,7 @@ def test_imports(path):
     own = {name for name in names if top(name) == "clfur"}
 
     assert not tops & {"tests", "tools", "conftest"}
-    if module not in ("clfur.device", "clfur.scheduler", "clfur.layout"):
+    if module not in ("clfur.device", "clfur.scheduler"):
         assert "pyopencl" not in tops
     if module != "clfur.mesh":
         assert "trimesh" not in tops

@@ -32,6 +32,7 @@ def flat(width, height, samples):
     view["size"] = width, height, samples, layout.pattern_start(samples)
     view["scale"][0] = 1
     view["scale"][1] = SUBPIXEL / 2 / samples
+    view["rows"][1] = height
     return view
 
 
@@ -59,9 +60,14 @@ def surface(positions, triangles):
 def draw(gpu, view, strands=(), body=None):
     """The device's picture [height, width, samples] of strands as for `pack` and a body as from `surface`."""
     points, spans = pack(strands)
-    grown = SimpleNamespace(points=gpu.upload(points), spans=gpu.upload(spans)) if len(strands) else None
-    drawn = body and SimpleNamespace(longest=np.inf, positions=gpu.upload(body[0]), triangles=gpu.upload(body[1]))
-    return raster(gpu, view, grown, drawn).get()
+    return raster(gpu, view, *on_device(gpu, points, spans, body)).get()
+
+
+def on_device(gpu, points, spans, body=None):
+    """Strands and body as the stage takes them; None for none."""
+    grown = SimpleNamespace(points=gpu.upload(points), spans=gpu.upload(spans), first_point=0) if len(spans) else None
+    return grown, body and SimpleNamespace(longest=np.inf, positions=gpu.upload(body[0]), triangles=gpu.upload(body[1]),
+                                           first_triangle=0)
 
 
 def judged(gpu, view, strands=(), body=None):
@@ -171,9 +177,7 @@ def test_order_of_work_and_two_runs(gpu):
     body = random_body(7, 50, 0.1)
     pictures = []
     for listed in (spans, spans, spans[::-1].copy(), np.random.default_rng(8).permutation(spans)):
-        there = SimpleNamespace(points=gpu.upload(points), spans=gpu.upload(listed))
-        on = SimpleNamespace(longest=np.inf, positions=gpu.upload(body[0]), triangles=gpu.upload(body[1]))
-        pictures.append(raster(gpu, view, there, on).get())
+        pictures.append(raster(gpu, view, *on_device(gpu, points, listed, body)).get())
     assert covered(pictures[0]).mean() > 0.5
     for other in pictures[1:]:
         np.testing.assert_array_equal(other, pictures[0])

@@ -49,6 +49,7 @@ def lit(gpu, tangents, to_light, to_eye, form="kajiya-kay", color=(0, 0, 0), spe
     view["to_screen"] = view["to_world"] = np.eye(4)
     view["eye"][:3] = to_eye
     view["size"] = len(ids), 1, ids.shape[1], layout.pattern_start(ids.shape[1])
+    view["rows"][1] = 1
     lamp = light_of(clfur.Light(-np.asarray(to_light, float), light, ambient))
     points = np.zeros((2 * n, 4), np.float32)
     points[:, :3] = np.repeat(np.asarray(tangents), 2, 0) * np.tile([[0], [1]], (n, 1))
@@ -57,7 +58,7 @@ def lit(gpu, tangents, to_light, to_eye, form="kajiya-kay", color=(0, 0, 0), spe
         tangents=gpu.upload(np.repeat(np.c_[tangents, np.zeros(n)].astype(np.float32), 2, 0)),
         strand_of=gpu.upload(np.repeat(np.arange(n, dtype=np.uint32), 2)),
         spans=gpu.upload(np.stack([2 * np.arange(n), np.full(n, 2)], 1).astype(np.uint32)),
-        colors=gpu.upload(np.array([[*color, 0]], np.float32)), uv=gpu.full((n, 4), np.float32, 0),
+        colors=gpu.upload(np.array([[*color, 0]], np.float32)), color_per=0, uv=gpu.full((n, 4), np.float32, 0),
         types=bring(gpu, clfur.Curves(np.zeros((0, 2, 3)), specular=specular, exponent=exponent)).types)
     keys = np.where(ids < 0, NONE, (1 << 29 << 32) + 2 * ids.astype(np.uint64))[None]
     image = shade.color(gpu, view, lamp, form, gpu.upload(keys), fur, no_surface(gpu), (0, 0, 0)).get()[0]

@@ -9,8 +9,8 @@ from conftest import DEVICES, icosphere
 
 import clfur
 from clfur import truth
-from clfur.render import cast_shadows
 from clfur.scene import extent
+from clfur.shadows import cast_shadows
 from clfur.stages import shade
 from clfur.stages.raster import raster
 from clfur.stages.strands import bring, grow, no_strands

@@ -91,7 +91,7 @@ def running_areas(gpu, surface):
     sums, areas = gpu.empty(blocks, np.uint64), gpu.empty(n, np.uint64)
     mesh = surface.positions, surface.triangles, np.uint32(n), surface.unit
     gpu.launch("strands.sum_areas", blocks, *mesh, sums)
-    gpu.launch("strands.scan_sums", 1, np.uint32(blocks), sums)
+    gpu.launch("strands.scan_sums", 1, np.uint32(blocks), sums, gpu.empty(1, np.uint64))
     gpu.launch("strands.scan_areas", blocks, *mesh, sums, areas)
     return areas.get()
 

@@ -132,7 +132,8 @@ def test_neither_order_nor_groups_nor_runs_change_a_count(gpu, method):
         again, there = gpu.full(cells.shape, np.uint32, 0), on_device(gpu, points, spans, kinds)
         kernel = gpu._kernels["voxelize.lengths" if method == "length" else "voxelize.fragments"]
         last = (again.data,) if method == "length" else (np.int32(METHODS.index(method)), again.data)
-        kernel(gpu.queue, (len(spans),), (group,), grid, there.points.data, there.spans.data, there.uv.data,
+        kernel(gpu.queue, (-(-len(spans) // group) * group,), (group,), np.uint64(0), np.uint64(len(spans)),
+               grid, there.points.data, there.spans.data, there.uv.data,
                gpu.upload(WEIGHTS).data, *last)
         np.testing.assert_array_equal(cells, again.get())
 

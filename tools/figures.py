@@ -25,9 +25,9 @@ from PIL import Image
 import clfur
 from clfur import truth
 from clfur.image import linear_to_srgb, srgb_to_linear
-from clfur.render import cast_shadows
 from clfur.scene import frame
 from clfur.settings import SHADOWS
+from clfur.shadows import cast_shadows
 from clfur.stages import shade
 from clfur.stages.raster import raster
 from clfur.stages.strands import grow

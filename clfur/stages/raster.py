@@ -5,35 +5,38 @@ import numpy as np
 NONE = (1 << 64) - 1   # nothing there: depth and id NOTHING
 
 
-def raster(gpu, view, strands=None, body=None):
-    """Draw `Grown` strands as lines and a `Surface` as triangles -> [height, width, samples] uint64.
+def raster(gpu, view, strands=None, body=None, visible=None):
+    """Draw `Grown` strands as lines and a `Surface` as triangles -> [rows, width, samples] uint64.
 
     A sample holds depth << 32 | id: depth in 1/DEPTH_ONE (0 at the near plane), id the number of a segment's
     first point or BODY | triangle.  Strands are as wide as their width projects, but at least 1/samples of a
-    pixel.  Equal depths go to the smaller id.
+    pixel.  Equal depths go to the smaller id.  ``visible``: samples to draw into, with what is there already.
     """
-    width, height, samples, _ = (int(n) for n in view["size"])
+    width, _, samples, _ = (int(n) for n in view["size"])
+    rows = int(view["rows"][1] - view["rows"][0])
     bands = _bands(view, body)
-    visible = gpu.full((height, width, samples), np.uint64, NONE)
+    visible = gpu.full((rows, width, samples), np.uint64, NONE) if visible is None else visible
     for one_pass in range(1 if gpu.int64_atomics else 2):
         if body is not None:
-            gpu.launch("raster.body", (len(body.triangles), bands), view, body.positions, body.triangles,
-                       np.int32(-(-height // bands)), np.int32(one_pass), visible)
+            n = len(body.triangles)
+            gpu.launch("raster.body", n * bands, view, body.positions, body.triangles, np.uint32(n),
+                       np.uint32(body.first_triangle), np.int32(-(-rows // bands)), np.int32(one_pass), visible)
         if strands is not None:
             gpu.launch("raster.lines", len(strands.spans), view, strands.points, strands.spans,
-                       np.int32(one_pass), visible)
+                       np.uint32(strands.first_point), np.int32(one_pass), visible)
     return visible
 
 
 def _bands(view, body):
-    """Bands of rows to divide the picture into, so that no work-item has much more than 2^14 samples to visit.
+    """Bands to divide the rows into, so that no work-item has much more than 2^14 samples to visit.
 
     A long work-item holds up everything behind it, and Mesa's llvmpipe ends loops after 65,535 steps, silently.
     """
-    width, height, samples, _ = (int(n) for n in view["size"])
+    width, _, samples, _ = (int(n) for n in view["size"])
+    rows = int(view["rows"][1] - view["rows"][0])
     if body is None or not len(body.triangles):
         return 1
     nearest = view["to_screen"][3, 2] if view["eye"][3] else 1     # of all that is seen, in w
     reach = body.longest * view["scale"][0] / nearest + 1          # pixels that the longest side can span
-    visits = min(reach, width) * min(reach, height) * samples
-    return int(min(max(-(-visits // 2**14), 1), height))
+    visits = min(reach, width) * min(reach, rows) * samples
+    return int(min(max(-(-visits // 2**14), 1), rows))

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from .. import layout
-from .strands import per
+from .strands import vector
 
 
 @dataclass(frozen=True)
@@ -27,38 +27,47 @@ def no_shadows(gpu):
                    np.zeros((), layout.View), gpu.empty(0, np.uint64))
 
 
-def color(gpu, view, light, specular, visible, strands, body, body_color, shadows=None):
-    """Light every sample and average -> [height, width, 4] float32, linear, premultiplied, alpha = coverage.
+def color(gpu, view, light, specular, visible, strands, body, body_color, shadows=None, image=None, samples=None):
+    """Light every sample and average -> [rows, width, 4] float32, linear, premultiplied, alpha = coverage.
 
     Strands by Kajiya and Kay (1989), the body by Lambert; ``specular`` as in `clfur.Settings`.  ``shadows``: `Shadows`.
+    ``strands`` and ``body`` may be a part of what is visible: it is then added to ``image``, and the sum
+    is the same bits if each of the ``samples`` (first, one past the last) is added for all parts before the next.
     """
     shadows = shadows or no_shadows(gpu)
-    height, width, _ = visible.shape
-    image = gpu.empty((height, width, 4), np.float32)
-    gpu.launch("shade.color", (width, height), view, light, np.int32(specular == "half-vector"), visible,
+    rows, width, all_samples = visible.shape
+    image = gpu.full((rows, width, 4), np.float32, 0) if image is None else image
+    gpu.launch("shade.color", rows * width, view, _part(strands, body), vector(samples or (0, all_samples), np.int32),
+               light, np.int32(specular == "half-vector"), visible,
                strands.points, strands.tangents, strands.strand_of, strands.normals, strands.uv, strands.types,
-               strands.colors, np.int32(per(len(strands.colors), len(strands.spans), len(strands.points))),
-               body.positions, body.normals, body.triangles, np.array([*body_color, 0], np.float32),
+               strands.colors, np.int32(strands.color_per),
+               body.positions, body.normals, body.triangles, vector((*body_color, 0), np.float32),
                shadows.shadow, shadows.grid, shadows.sums, shadows.seen, shadows.map, image)
     return image
 
 
-def about(gpu, view, visible, strands, body):
-    """What the nearest covered sample of each pixel sees -> {name: [height, width(, 4)]}.
+def about(gpu, view, visible, strands, body, result=None):
+    """What the nearest covered sample of each pixel sees -> {name: [rows, width(, 4)]}.
 
     depth: float32 distance along the view axis, infinite where nothing is.  id: int32 strand, -1 nothing, -2 body.
     tangent, normal: float32 unit or 0.  uv: float32, of the body or the strand's root.  coverage: float32 0..1.
+    ``strands`` and ``body`` may be a part of what is visible: what it knows is added to ``result``.
     """
-    height, width, _ = visible.shape
-    result = {
-        "depth": gpu.empty((height, width), np.float32),
-        "id": gpu.empty((height, width), np.int32),
-        "tangent": gpu.empty((height, width, 4), np.float32),
-        "normal": gpu.empty((height, width, 4), np.float32),
-        "uv": gpu.empty((height, width, 4), np.float32),
-        "coverage": gpu.empty((height, width), np.float32),
+    rows, width, _ = visible.shape
+    result = result or {
+        "depth": gpu.full((rows, width), np.float32, np.inf),
+        "id": gpu.full((rows, width), np.int32, -1),
+        "tangent": gpu.full((rows, width, 4), np.float32, 0),
+        "normal": gpu.full((rows, width, 4), np.float32, 0),
+        "uv": gpu.full((rows, width, 4), np.float32, 0),
+        "coverage": gpu.full((rows, width), np.float32, 0),
     }
-    gpu.launch("shade.about", (width, height), view, visible,
+    gpu.launch("shade.about", rows * width, view, _part(strands, body), np.uint32(strands.first_strand), visible,
                strands.points, strands.tangents, strands.strand_of, strands.uv,
                body.positions, body.normals, body.uv, body.triangles, *result.values())
     return result
+
+
+def _part(strands, body):
+    """Which ids are theirs: first point and points, first triangle and triangles."""
+    return vector((strands.first_point, len(strands.points), body.first_triangle, len(body.triangles)), np.uint32)

@@ -1,5 +1,6 @@
 """Roots on a surface, and the strands that grow there or that the user brings."""
 
+import bisect
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,16 +22,24 @@ class Grown:
     normals: Any      # [strands, 4] float32 unit, of the skin at the root; 0 where it is not known
     uv: Any           # [strands, 4] float32 root's u, v, index of its type, -
     types: Any        # [types] layout.HairType
+    first_strand: int = 0   # number of the first of these strands among all
+    first_point: int = 0    # and of the first of these points
+    color_per: int = 1      # what has a colour of its own: 0 everything together, 1 each strand, 2 each point
 
 
-def grow(gpu, surface, fur):
+def grow(gpu, surface, fur, strands=None, area=None):
     """Grow `clfur.Strands` on a tessellated `Surface` -> `Grown`.
 
     A root stands in the middle of every triangle, or ``fur.roots`` of them uniformly by area (in strata: strand
     i in the i-th part of the area).  The growth loop is the report's (section 2.1.3), each strand alone.
+    ``strands``: which, (first, one past the last), if not all.  ``area``: (of the triangles before those of the
+    surface, of all triangles), if the surface is a part of the whole; see `area_of`.
     """
-    root, direction, uv = (_roots_on_faces if fur.roots == "faces" else _roots_by_area)(gpu, surface, fur)
-    n = len(root)
+    make = _roots_on_faces if fur.roots == "faces" else _roots_by_area
+    first = surface.first_triangle if fur.roots == "faces" else 0
+    begin, end = strands or (first, first + len(surface.triangles) if fur.roots == "faces" else fur.roots)
+    root, direction, uv = make(gpu, surface, fur, begin, end - begin, area)
+    n = end - begin
     types, texels = pack_types(fur.types)
     indices = fur.type_indices if fur.type_map is not None else np.zeros((1, 1))
     stride = max(t.segments for t in fur.types) + 1
@@ -44,20 +53,30 @@ def grow(gpu, surface, fur):
         normals=direction,
         uv=gpu.empty((n, 4), np.float32),
         types=gpu.upload(types),
+        first_strand=begin,
+        first_point=begin * stride,
     )
     gpu.launch("strands.grow", n, root, direction, uv, grown.types,
                gpu.upload(indices.astype(np.uint32)), vector(indices.shape[::-1], np.int32), gpu.upload(texels),
                vector((*fur.force, 0), np.float32), gpu.upload(point_forces), np.uint32(len(point_forces)),
-               np.uint32(fur.seed), np.uint32(stride),
+               np.uint32(fur.seed), np.uint32(begin), np.uint32(stride),
                grown.points, grown.tangents, grown.strand_of, grown.spans, grown.colors, grown.uv)
     return grown
 
 
-def bring(gpu, curves):
-    """Put `clfur.Curves` on the device -> `Grown`; tangents come from neighbouring points."""
-    counts = curves.counts.astype(np.uint32)
-    n, total = len(counts), len(curves.points)
+def bring(gpu, curves, strands=None):
+    """Put `clfur.Curves` on the device -> `Grown`; tangents come from neighbouring points.
+
+    ``strands``: which, (first, one past the last), if not all.
+    """
+    begin, end = strands or (0, len(curves.counts))
+    counts = curves.counts[begin:end].astype(np.uint32)
+    before = int(curves.counts[:begin].sum(dtype=np.int64))
+    n, total = len(counts), int(counts.sum(dtype=np.int64))
     first = np.concatenate([[0], np.cumsum(counts)[:-1]]) if n else []
+    width_per, color_per = (_per(len(values), len(curves.counts), len(curves.points))
+                            for values in (curves.width, curves.color))
+    here = slice(None), slice(begin, end), slice(before, before + total)
     types = np.zeros(1, layout.HairType)
     types["shine"][0, :3] = curves.specular, curves.exponent, curves.alpha
     grown = Grown(
@@ -65,13 +84,17 @@ def bring(gpu, curves):
         tangents=gpu.empty((total, 4), np.float32),
         strand_of=gpu.empty(total, np.uint32),
         spans=gpu.upload(np.stack([first, counts], 1).astype(np.uint32)),
-        colors=gpu.upload(widen(curves.color)),
+        colors=gpu.upload(widen(curves.color[here[color_per]])),
         normals=gpu.full((n, 4), np.float32, 0),
         uv=gpu.full((n, 4), np.float32, 0),
         types=gpu.upload(types),
+        first_strand=begin,
+        first_point=before,
+        color_per=color_per,
     )
-    gpu.launch("strands.bring", n, gpu.upload(curves.points), grown.spans, gpu.upload(curves.width),
-               np.int32(per(len(curves.width), n, total)), grown.points, grown.tangents, grown.strand_of)
+    gpu.launch("strands.bring", n, gpu.upload(curves.points[before:before + total]), grown.spans,
+               gpu.upload(curves.width[here[width_per]]), np.int32(width_per),
+               grown.points, grown.tangents, grown.strand_of)
     return grown
 
 
@@ -82,7 +105,7 @@ def no_strands(gpu):
                  colors=rows, normals=rows, uv=rows, types=gpu.empty(0, layout.HairType))
 
 
-def per(length, strands, points):
+def _per(length, strands, points):
     """What an array of this length has a value for: 0 everything, 1 each strand, 2 each point."""
     return 0 if length == 1 else 1 if length == strands else 2
 
@@ -114,21 +137,57 @@ def _turn(turns, segments):
     return np.cos(angle), np.sin(angle)
 
 
-def _roots_on_faces(gpu, surface, fur):
-    n = len(surface.triangles)
+def _roots_on_faces(gpu, surface, fur, begin, n, _):
     roots = tuple(gpu.empty((n, 4), np.float32) for _ in range(3))
-    gpu.launch("strands.roots_on_faces", n, surface.positions, surface.normals, surface.uv, surface.triangles, *roots)
+    gpu.launch("strands.roots_on_faces", n, surface.positions, surface.normals, surface.uv, surface.triangles,
+               np.uint32(begin - surface.first_triangle), *roots)
     return roots
 
 
-def _roots_by_area(gpu, surface, fur):
-    n, triangles = fur.roots, np.uint32(len(surface.triangles))
+def _roots_by_area(gpu, surface, fur, begin, n, area):
+    triangles = np.uint32(len(surface.triangles))
     roots = tuple(gpu.empty((n, 4), np.float32) for _ in range(3))
-    blocks = -(-int(triangles) // layout.CONSTANTS["SCAN"])
-    sums, areas = gpu.empty(blocks, np.uint64), gpu.empty(int(triangles), np.uint64)
-    gpu.launch("strands.sum_areas", blocks, surface.positions, surface.triangles, triangles, surface.unit, sums)
-    gpu.launch("strands.scan_sums", 1, np.uint32(blocks), sums)
-    gpu.launch("strands.scan_areas", blocks, surface.positions, surface.triangles, triangles, surface.unit, sums, areas)
+    sums, total = _sum_areas(gpu, surface)
+    areas = gpu.empty(int(triangles), np.uint64)
+    gpu.launch("strands.scan_areas", len(sums), surface.positions, surface.triangles, triangles, surface.unit, sums,
+               areas)
+    before, whole = (0, total) if area is None else (area[0], gpu.upload(np.array([area[1]], np.uint64)))
     gpu.launch("strands.roots_by_area", n, surface.positions, surface.normals, surface.uv, surface.triangles,
-               areas, triangles, np.uint32(fur.seed), np.uint32(n), *roots)
+               areas, triangles, np.uint64(before), whole, np.uint32(fur.seed), np.uint32(begin), np.uint32(fur.roots),
+               *roots)
     return roots
+
+
+def _sum_areas(gpu, surface):
+    """(areas of all triangles before each SCAN of them, [1] area of all), uint64."""
+    triangles = np.uint32(len(surface.triangles))
+    blocks = -(-int(triangles) // layout.CONSTANTS["SCAN"])
+    sums, total = gpu.empty(blocks, np.uint64), gpu.empty(1, np.uint64)
+    gpu.launch("strands.sum_areas", blocks, surface.positions, surface.triangles, triangles, surface.unit, sums)
+    gpu.launch("strands.scan_sums", 1, np.uint32(blocks), sums, total)
+    return sums, total
+
+
+def area_of(gpu, surface):
+    """[1] uint64: the integer area by which roots are spread."""
+    return _sum_areas(gpu, surface)[1]
+
+
+def first_strand_at(place, fur, total):
+    """The first of ``fur.roots`` strands that stands at or behind a place in the area, as strands.cl has it: strand i
+    stands at a random place of the i-th part of ``total``, so that these places never fall."""
+    share, rest = divmod(total, fur.roots)
+
+    def place_of(i):
+        return share * i + rest * i // fur.roots + (share * _random(i, fur.seed) >> 32)
+    return bisect.bisect_left(range(fur.roots), place, key=place_of)
+
+
+def _random(strand, seed):
+    """The first word of random3(strand, seed, 0) in strands.cl."""
+    x, y, z = ((v * 1664525 + 1013904223) % 2**32 for v in (strand, seed, 0))
+    x = (x + y * z) % 2**32
+    y = (y + z * x) % 2**32
+    z = (z + x * y) % 2**32
+    x, y, z = (v ^ v >> 16 for v in (x, y, z))
+    return (x + y * z) % 2**32

@@ -17,6 +17,7 @@ class Surface:
     triangles: Any     # [T, 4] uint32 three vertices counter-clockwise, face of the mesh
     unit: float        # scale of lengths that makes areas whole numbers
     longest: float = np.inf   # no side of a triangle is longer [world]
+    first_triangle: int = 0   # number of the first of these triangles among all of the mesh
 
 
 def levels_of(inner, outer, faces):
@@ -43,16 +44,18 @@ def counts_of(levels):
     return vertices, triangles
 
 
-def tessellate(gpu, mesh, inner=1, outer=1, surface="pn"):
+def tessellate(gpu, mesh, inner=1, outer=1, surface="pn", faces=None):
     """Divide every face and put the new vertices on the flat or the curved (PN) triangle -> `Surface`.
 
-    ``mesh`` has positions and normals [V, 3] float32, uv [F, 3, 2] float32, faces [F, 3] uint32.
+    ``mesh`` has positions and normals [V, 3] float32, uv [F, 3, 2] float32, faces [F, 3] uint32.  ``faces``: which of
+    them, (first, one past the last), if not all.
     """
-    faces = len(mesh.faces)
-    levels = levels_of(inner, outer, faces)
+    levels = levels_of(inner, outer, len(mesh.faces))
+    begin, end = faces or (0, len(levels))
     vertices, triangles = counts_of(levels)
-    first_vertex = np.concatenate([[0], np.cumsum(vertices)])
-    first_triangle = np.concatenate([[0], np.cumsum(triangles)])
+    before, levels = int(triangles[:begin].sum()), levels[begin:end]
+    first_vertex = np.concatenate([[0], np.cumsum(vertices[begin:end])])
+    first_triangle = np.concatenate([[0], np.cumsum(triangles[begin:end])])
     n_vertices, n_triangles = int(first_vertex[-1]), int(first_triangle[-1])
 
     device_levels = gpu.upload(levels)
@@ -66,13 +69,14 @@ def tessellate(gpu, mesh, inner=1, outer=1, surface="pn"):
         unit=np.float32(2.0**28 / np.sqrt(mesh.area)),
         # A side of a curved triangle is longer than that of a flat one, by far less than twice.
         longest=2 * mesh.longest_edge / min(np.min(inner), np.min(outer)),
+        first_triangle=before,
     )
-    gpu.launch("tessellate.vertices", faces,
+    gpu.launch("tessellate.vertices", end - begin,
                gpu.upload(widen(mesh.positions)), gpu.upload(widen(mesh.normals)),
-               gpu.upload(widen(mesh.uv.reshape(-1, 2))), gpu.upload(widen(mesh.faces)),
+               gpu.upload(widen(mesh.uv[begin:end].reshape(-1, 2))), gpu.upload(widen(mesh.faces[begin:end])),
                device_levels, device_first, np.int32(surface == "pn"),
                result.positions, result.normals, result.uv, result.barycentric)
-    gpu.launch("tessellate.triangles", faces, device_levels, device_first,
+    gpu.launch("tessellate.triangles", end - begin, device_levels, device_first,
                gpu.upload(first_triangle.astype(np.uint32)), result.triangles)
     return result
 

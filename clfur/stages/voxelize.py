@@ -7,15 +7,15 @@ import numpy as np
 METHODS = ("binary", "count", "trilinear", "length")
 
 
-def voxelize(gpu, grid, strands, method, weights):
+def voxelize(gpu, grid, strands, method, weights, cells=None):
     """Put `Grown` strands into a `layout.Grid` -> [nz, ny, nx] uint32.
 
     ``method``: the report's "binary", "count" or "trilinear" (section 2.3.1), or "length", which deposits how often a
     ray of light is expected to cross the hair.  ``weights``: [types] uint32, what one fragment or one crossing
-    adds; see `unit_for` and `depths_for`.
+    adds; see `unit_for` and `depths_for`.  ``cells``: counts to add to.
     """
     nx, ny, nz, _ = (int(n) for n in grid["size"])
-    cells = gpu.full((nz, ny, nx), np.uint32, 0)
+    cells = gpu.full((nz, ny, nx), np.uint32, 0) if cells is None else cells
     arguments = strands.points, strands.spans, strands.uv, gpu.upload(weights)
     if method == "length":
         gpu.launch("voxelize.lengths", len(strands.spans), grid, *arguments, cells)

@@ -1,0 +1,158 @@
+"""What of a scene is made and drawn at a time, so that it fits the device."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import Error
+from .fur import Curves, Strands
+from .stages.strands import area_of, bring, first_strand_at, grow, no_strands
+from .stages.tessellate import counts_of, levels_of, no_surface, tessellate
+
+# Bytes on the device, of all arrays that stages make; see their dataclasses.
+VERTEX, TRIANGLE = 64, 16 + 8 + 16      # a triangle's area, and a strand that may stand on it, counted below
+POINT, STRAND = 36, 104                 # strands of the user's come packed, with width and colour: 32 more a point
+MESH_VERTEX, MESH_FACE = 32, 96         # the mesh itself
+
+
+@dataclass(frozen=True)
+class Part:
+    """Faces and strands that are on the device together.
+
+    faces, strands: (first, one past the last).  area: (integer area before these faces, of all), where there are more
+    faces and roots are spread by area.  body: whether the faces are drawn, not only grown on.
+    """
+
+    faces: tuple = (0, 0)
+    strands: tuple = (0, 0)
+    area: tuple | None = None
+    body: bool = False
+
+
+class Work:
+    """What a scene consists of, counted on the host: faces, triangles, strands."""
+
+    def __init__(self, gpu, scene):
+        self.scene, mesh, fur = scene, scene.mesh, scene.fur
+        self.grown = isinstance(fur, Strands)
+        self.body = mesh is not None and scene.body_color is not None
+        self.levels = (fur.inner, fur.outer, fur.surface) if self.grown else (1, 1, "flat")
+        self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
+        # Running sums over the faces: vertices and triangles before each, and of all.
+        self.vertices, self.triangles = gpu.keep("sums", (mesh, *self.levels, self.faces), self._sums)
+        if self.grown:
+            self.strands = int(self.triangles[-1]) if fur.roots == "faces" else fur.roots
+            self.points = self.strands * (max(t.segments for t in fur.types) + 1)
+        else:
+            self.strands = len(fur.counts) if isinstance(fur, Curves) else 0
+            self.points = len(fur.points) if isinstance(fur, Curves) else 0
+        if self.points >= 2**31 or self.triangles[-1] >= 2**31:
+            raise Error(f"the scene has {self.points:,} points of strands and {self.triangles[-1]:,} triangles; "
+                        f"allowed: fewer than {2**31:,} of each")
+
+    def _sums(self):
+        vertices, triangles = counts_of(levels_of(*self.levels[:2], self.faces)) if self.faces else ([], [])
+        return tuple(np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]) for counts in (vertices, triangles))
+
+    def plan(self, gpu, settings, others, strands=None, body=True):
+        """How this fits a device -> ([`Part`], rows of the picture to draw at a time).
+
+        ``others``: whether outputs but color are drawn.  ``strands``: which, (first, one past the last), if not all;
+        ``body``: whether the body is drawn, if there is one.  Raises `clfur.Error` if the least there is does not fit.
+        """
+        first, end = strands or (0, self.strands)
+        scene, width, height = self.scene, *self.scene.camera.size
+        piece = gpu.largest * 7 // 8                      # the pool rounds arrays up, by up to a sixteenth
+        fixed = settings.shadow_map**2 * 8 + self.faces * MESH_FACE
+        if scene.mesh is not None:
+            fixed += len(scene.mesh.positions) * MESH_VERTEX
+        if settings.shadows != "off" and self.strands:
+            fixed += 2 * (settings.grid + 1) * settings.grid**2 * 4
+        each = self.points / max(self.strands, 1)         # points of a strand
+        point = POINT if self.grown else POINT + 32
+        row = width * (8 * settings.samples + 16 + (60 if others else 0))
+        need = {
+            "body": VERTEX * int(self.vertices[-1]) + TRIANGLE * int(self.triangles[-1]),
+            "strands": int((end - first) * (STRAND + point * each)),
+            "rows": height * row,
+        }
+        room = _share(gpu.memory * 15 // 16 - fixed, need)
+
+        rows = min(room["rows"] // row, piece // (width * max(8 * settings.samples, 16)), height)
+        if rows < 1 or room["body"] < min(need["body"], 1 << 16) or room["strands"] < min(need["strands"], 1 << 16):
+            raise Error(f"{gpu.name} with {gpu.memory / 2**20:,.0f} MiB has no room for Settings.grid {settings.grid}, "
+                        f"Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces and a row of {width} pixels; "
+                        f"allowed: smaller ones")
+        most = max(int(min(room["strands"] / (STRAND + point * each), piece / max(16 * each, 16))), 1)
+        face_runs = [run for run in _runs(
+            (VERTEX * self.vertices + TRIANGLE * self.triangles, room["body"]),
+            (16 * self.vertices, piece), (16 * self.triangles, piece)) if run[1] > run[0]]
+        return self._parts(gpu, face_runs, most, first, end, body and self.body), int(rows)
+
+    def _parts(self, gpu, face_runs, most, first, end, body):
+        if not self.grown:
+            hair = [Part(strands=run) for run in _pieces(first, end, most)]
+            skin = [Part(faces=run, body=True) for run in face_runs] if body else []
+            if len(hair) == len(skin) == 1:
+                return [Part(faces=skin[0].faces, strands=hair[0].strands, body=True)]
+            return skin + hair or [Part()]
+        parts, areas = [], [None] * len(face_runs)
+        if self.scene.fur.roots == "faces":
+            runs = [(int(self.triangles[b]), int(self.triangles[e])) for b, e in face_runs]
+        elif len(face_runs) == 1:
+            runs = [(0, self.strands)]
+        else:
+            before, total = self._areas(gpu, face_runs)
+            areas = [(a, total) for a in before]
+            edges = [first_strand_at(a, self.scene.fur, total) if self.strands else 0 for a in before] + [self.strands]
+            runs = list(zip(edges, edges[1:]))
+        for faces, area, (begin, until) in zip(face_runs, areas, runs):
+            pieces = _pieces(max(begin, first), min(until, end), most) or ([(first, first)] if body else [])
+            parts += [Part(faces, piece, area, body and n == 0) for n, piece in enumerate(pieces)]
+        return parts or [Part()]
+
+    def _areas(self, gpu, face_runs):
+        """(area before each run of faces, area of all), in the integers of strands.cl."""
+        mesh = self.scene.mesh
+
+        def build():
+            return [int(gpu.download(area_of(gpu, tessellate(gpu, mesh, *self.levels, run)))[0]) for run in face_runs]
+        sums = np.cumsum([0] + gpu.keep("areas", (mesh, *self.levels, str(face_runs)), build), dtype=object)
+        return [int(a) for a in sums[:-1]], int(sums[-1])
+
+    def make(self, gpu, part):
+        """Bring a part onto the device -> (`Grown`, `Surface` to draw)."""
+        mesh, fur = self.scene.mesh, self.scene.fur
+        surface, strands = no_surface(gpu), no_strands(gpu)
+        if part.faces[1] > part.faces[0]:
+            surface = gpu.keep("body", (mesh, *self.levels, *part.faces),
+                               lambda: tessellate(gpu, mesh, *self.levels, part.faces))
+        if part.strands[1] > part.strands[0]:
+            key = (mesh, fur, *part.strands, *part.faces) if self.grown else (fur, *part.strands)
+            strands = gpu.keep("strands", key, lambda: (
+                grow(gpu, surface, fur, part.strands, part.area) if self.grown else bring(gpu, fur, part.strands)))
+        return strands, surface if part.body else no_surface(gpu)
+
+
+def _share(room, need):
+    """Divide bytes among what needs them: all get the same, those that need less leave theirs to the others."""
+    given = {}
+    for left, name in zip(range(len(need), 0, -1), sorted(need, key=need.get)):
+        given[name] = max(min(need[name], room // left), 0)
+        room -= given[name]
+    return given
+
+
+def _pieces(begin, end, most):
+    """[(first, one past the last)] of at most so many each."""
+    return [(at, min(at + most, end)) for at in range(begin, end, most)]
+
+
+def _runs(*limits):
+    """[(first, one past the last)], each of at least one, in which no running sum grows by more than its limit."""
+    runs, at, n = [], 0, len(limits[0][0]) - 1
+    while at < n:
+        end = min(int(np.searchsorted(sums, sums[at] + limit, "right")) - 1 for sums, limit in limits)
+        runs.append((at, max(end, at + 1)))
+        at = runs[-1][1]
+    return runs

@@ -1,0 +1,81 @@
+"""What stands before the light: hair in a grid of cells, the body in a shadow map."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from . import layout
+from .errors import Error
+from .fur import Strands, hair_bounds
+from .stages import shade
+from .stages.raster import raster
+from .stages.voxelize import depths_for, most_of, own_share, unit_for, voxelize
+from .stages.zscan import zscan
+from .views import grid_of, light_view_of
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a scene's shadows are cast, before anything is.
+
+    grid, seen: `layout.Grid` and `layout.View` of the light, or None where there is no hair or no body to cast shadows.
+    method: as in `Settings.shadows`.  weights: [types] what a crossing of each adds.  unit: what one amounts to.
+    shadow: `layout.Shadow`.
+    """
+
+    grid: Any
+    seen: Any
+    method: str
+    weights: Any
+    unit: int
+    shadow: Any
+
+
+def plan_shadows(scene, settings, strands, body):
+    """`Plan` for this many strands, and whether there is a body; raises `clfur.Error` if counters could overflow."""
+    method, grid, seen, weights, unit = settings.shadows, None, None, None, 0
+    shadow = np.zeros((), layout.Shadow)
+    hairs = scene.fur.types if isinstance(scene.fur, Strands) else [scene.fur] if scene.fur else []
+    depths = depths_for([hair.alpha for hair in hairs], method)
+    if method != "off" and strands and depths.any():
+        grid = grid_of(scene, settings.grid)
+        unit = unit_for(most_of(grid, method, *hair_bounds(scene.fur, strands)))
+        weights = np.rint(unit * depths / depths.max()).astype(np.uint32)
+        if min(weights[depths > 0]) < 4:
+            raise Error(f"Settings.grid is {settings.grid}; allowed: fewer cells, less hair, hair types of more equal "
+                        f"alpha or a spot with a wider angle, so that 32-bit counters can hold the hair's shadow")
+        shadow["hair"] = depths.max(), *own_share(grid, method), method == "length"
+    if method != "off" and body and settings.shadow_map:
+        seen = light_view_of(scene, settings.shadow_map)
+        shadow["body"][:2] = 1, settings.pcf
+    return Plan(grid, seen, method, weights, unit, shadow)
+
+
+def cast(gpu, plan, strands, body, cells=None, seen=None):
+    """Put strands and body, or a part of them, before the light -> (cells, map), each None if it isn't planned.
+
+    ``cells``, ``seen``: what is there already.
+    """
+    if plan.grid is not None:
+        cells = voxelize(gpu, plan.grid, strands, plan.method, plan.weights, cells)
+    if plan.seen is not None:
+        with gpu.called("shadow_map"):
+            seen = raster(gpu, plan.seen, None, body, seen)
+    return cells, seen
+
+
+def settle(gpu, plan, cells, seen):
+    """What `cast` gave in the end -> `shade.Shadows`."""
+    none = shade.no_shadows(gpu)
+    return shade.Shadows(plan.shadow,
+                         none.grid if cells is None else plan.grid,
+                         none.sums if cells is None else zscan(gpu, cells, plan.unit),
+                         none.seen if seen is None else plan.seen,
+                         none.map if seen is None else seen)
+
+
+def cast_shadows(gpu, scene, settings, strands, body):
+    """The shadows of whole strands and a whole body -> `shade.Shadows`."""
+    plan = plan_shadows(scene, settings, len(strands.spans), len(body.triangles))
+    return settle(gpu, plan, *cast(gpu, plan, strands, body))
