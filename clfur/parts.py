@@ -42,17 +42,22 @@ class Work:
         self.vertices, self.triangles = gpu.keep("sums", (mesh, *self.levels, self.faces), self._sums)
         if self.grown:
             self.strands = int(self.triangles[-1]) if fur.roots == "faces" else fur.roots
-            self.points = self.strands * (max(t.segments for t in fur.types) + 1)
+            self.stride = max(t.segments for t in fur.types) + 1
         else:
             self.strands = len(fur.counts) if isinstance(fur, Curves) else 0
-            self.points = len(fur.points) if isinstance(fur, Curves) else 0
+            self.before = gpu.keep("points", (fur,), lambda: _before(fur.counts)) if self.strands else np.zeros(1, int)
+        self.points = self._points(0, self.strands)
         if self.points >= 2**31 or self.triangles[-1] >= 2**31:
             raise Error(f"the scene has {self.points:,} points of strands and {self.triangles[-1]:,} triangles; "
                         f"allowed: fewer than {2**31:,} of each")
 
     def _sums(self):
         vertices, triangles = counts_of(levels_of(*self.levels[:2], self.faces)) if self.faces else ([], [])
-        return tuple(np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]) for counts in (vertices, triangles))
+        return _before(vertices), _before(triangles)
+
+    def _points(self, first, end):
+        """Points set aside for a run of strands."""
+        return (end - first) * self.stride if self.grown else int(self.before[end] - self.before[first])
 
     def plan(self, gpu, settings, others, strands=None, body=True):
         """How this fits a device -> ([`Part`], rows of the picture to draw at a time).
@@ -68,12 +73,10 @@ class Work:
             fixed += len(scene.mesh.positions) * MESH_VERTEX
         if settings.shadows != "off" and self.strands:
             fixed += 2 * (settings.grid + 1) * settings.grid**2 * 4
-        each = self.points / max(self.strands, 1)         # points of a strand
-        point = POINT if self.grown else POINT + 32
         row = width * (8 * settings.samples + 16 + (60 if others else 0))
         need = {
             "body": VERTEX * int(self.vertices[-1]) + TRIANGLE * int(self.triangles[-1]),
-            "strands": int((end - first) * (STRAND + point * each)),
+            "strands": (end - first) * STRAND + self._points(first, end) * (POINT if self.grown else POINT + 32),
             "rows": height * row,
         }
         room = _share(gpu.memory * 15 // 16 - fixed, need)
@@ -83,20 +86,22 @@ class Work:
             raise Error(f"{gpu.name} with {gpu.memory / 2**20:,.0f} MiB has no room for Settings.grid {settings.grid}, "
                         f"Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces and a row of {width} pixels; "
                         f"allowed: smaller ones")
-        most = max(int(min(room["strands"] / (STRAND + point * each), piece / max(16 * each, 16))), 1)
         face_runs = [run for run in _runs(
             (VERTEX * self.vertices + TRIANGLE * self.triangles, room["body"]),
             (16 * self.vertices, piece), (16 * self.triangles, piece)) if run[1] > run[0]]
-        return self._parts(gpu, face_runs, most, first, end, body and self.body), int(rows)
+        return self._parts(gpu, face_runs, room["strands"], piece, first, end, body and self.body), int(rows)
 
-    def _parts(self, gpu, face_runs, most, first, end, body):
+    def _parts(self, gpu, face_runs, room, piece, first, end, body):
         if not self.grown:
-            hair = [Part(strands=run) for run in _pieces(first, end, most)]
+            before = self.before[first:end + 1]
+            hair = [Part(strands=(first + a, first + b)) for a, b in _runs(
+                (STRAND * np.arange(len(before)) + (POINT + 32) * before, room), (16 * before, piece))]
             skin = [Part(faces=run, body=True) for run in face_runs] if body else []
             if len(hair) == len(skin) == 1:
                 return [Part(faces=skin[0].faces, strands=hair[0].strands, body=True)]
             return skin + hair or [Part()]
         parts, areas = [], [None] * len(face_runs)
+        most = max(min(room // (STRAND + POINT * self.stride), piece // (16 * self.stride)), 1)
         if self.scene.fur.roots == "faces":
             runs = [(int(self.triangles[b]), int(self.triangles[e])) for b, e in face_runs]
         elif len(face_runs) == 1:
@@ -123,15 +128,17 @@ class Work:
     def make(self, gpu, part):
         """Bring a part onto the device -> (`Grown`, `Surface` to draw)."""
         mesh, fur = self.scene.mesh, self.scene.fur
-        surface, strands = no_surface(gpu), no_strands(gpu)
-        if part.faces[1] > part.faces[0]:
-            surface = gpu.keep("body", (mesh, *self.levels, *part.faces),
-                               lambda: tessellate(gpu, mesh, *self.levels, part.faces))
-        if part.strands[1] > part.strands[0]:
-            key = (mesh, fur, *part.strands, *part.faces) if self.grown else (fur, *part.strands)
-            strands = gpu.keep("strands", key, lambda: (
-                grow(gpu, surface, fur, part.strands, part.area) if self.grown else bring(gpu, fur, part.strands)))
-        return strands, surface if part.body else no_surface(gpu)
+        surface = gpu.keep("body", (mesh, *self.levels, *part.faces), lambda: (
+            tessellate(gpu, mesh, *self.levels, part.faces) if part.faces[1] > part.faces[0] else no_surface(gpu)))
+        if part.strands[1] == part.strands[0]:
+            strands = gpu.keep("strands", (), lambda: no_strands(gpu))
+        elif self.grown:
+            strands = gpu.keep("strands", (mesh, fur, *part.strands, *part.faces),
+                               lambda: grow(gpu, surface, fur, part.strands, part.area))
+        else:
+            strands = gpu.keep("strands", (fur, *part.strands), lambda: bring(gpu, fur, part.strands))
+        drawn = part.body or part.faces[1] == part.faces[0]
+        return strands, surface if drawn else gpu.keep("no body", (), lambda: no_surface(gpu))
 
 
 def _share(room, need):
@@ -141,6 +148,11 @@ def _share(room, need):
         given[name] = max(min(need[name], room // left), 0)
         room -= given[name]
     return given
+
+
+def _before(counts):
+    """Running sums: what lies before each, and all."""
+    return np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
 
 
 def _pieces(begin, end, most):

@@ -84,11 +84,14 @@ def _draw(team, scene, settings, outputs, hashes):
     began, gpus = time.perf_counter(), team.gpus[:]
     digests = {}
     work = Work(gpus[0], scene)
+    for gpu in gpus:
+        gpu.load((settings, scene.camera.size, work.faces, work.strands, work.points))
     others, lit = set(outputs) - {"color"}, "color" in outputs
     whole = view_of(scene, settings.samples)
     width, height = scene.camera.size
     light, skin = light_of(scene.light), (0, 0, 0) if scene.body_color is None else scene.body_color
 
+    @functools.cache
     def plan(gpu, strands=None, body=True):
         return work.plan(gpu, settings, bool(others), strands, body)
 
@@ -135,7 +138,7 @@ def _draw(team, scene, settings, outputs, hashes):
         for part in parts if others else []:
             known = shade.about(gpu, view, visible, *work.make(gpu, part), known)
         found = {"color": image, **(known or {})}
-        return {name: gpu.download(found[name])[..., :OUTPUTS[name]] for name in outputs}
+        return {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in outputs}
 
     rows = min(plan(gpu)[1] for gpu in gpus)
     bands, seen = [], hashlib.sha256()
@@ -145,7 +148,8 @@ def _draw(team, scene, settings, outputs, hashes):
         if hashes:
             seen.update(_bytes(team.gpus[0], visible))
         bands.append(team.first(functools.partial(pictures, view, visible)))
-    images = {name: np.ascontiguousarray(np.concatenate([band[name] for band in bands])) for name in outputs}
+    images = {name: np.concatenate([band[name] for band in bands]) if len(bands) > 1 else bands[0][name]
+              for name in outputs}
     if hashes:
         digests["visibility"] = seen.hexdigest()
     seconds = time.perf_counter() - began

@@ -1,5 +1,6 @@
 """Owns the context, queue, programs and buffers; launches kernels and times them; knows no fur."""
 
+import math
 import re
 import threading
 import time
@@ -64,6 +65,9 @@ class Scheduler:
         self._called = None
         self._busy = threading.Lock()
         self._stopped = False
+        self._load = None
+        self._rates = {}           # seconds a work-item of each kernel takes
+        self._ahead = 0.0          # seconds of work that the device may have before it
 
     @contextmanager
     def _watched(self, doing):
@@ -76,7 +80,7 @@ class Scheduler:
     def empty(self, shape, dtype):
         """Uninitialised device array, taken from the pool."""
         shape = (shape,) if np.isscalar(shape) else tuple(shape)
-        nbytes = int(np.prod(shape, dtype=object)) * np.dtype(dtype).itemsize
+        nbytes = math.prod(map(int, shape)) * np.dtype(dtype).itemsize
         if nbytes > self.largest:
             raise Error(f"an array of {nbytes / 2**20:,.0f} MiB {shape} is more than {self.name} can hold "
                         f"in one piece ({self.largest / 2**20:,.0f} MiB)")
@@ -122,28 +126,38 @@ class Scheduler:
         if len(args) != kernel.num_args - 2:
             raise TypeError(f"{name} takes {kernel.num_args - 2} arguments, {len(args)} given")
         args = [a.base_data if isinstance(a, cla.Array) else a for a in args]
-        begin, size, piece = 0, int(size), FIRST
+        begin, size = 0, int(size)
         with self._watched(f"does not run {name}"):
             while begin < size:
                 if self._stopped:
                     raise Error(f"{self.name} was told to stop")
-                end = min(begin + piece, size)
+                # A driver can't be interrupted, so a launch is done in pieces, and waited for if it may be long.
+                rate = self._rates.get(name)
+                piece = FIRST if rate is None else min(int(PIECE / rate), MOST)
+                end = min(begin + max(piece // GROUP, 1) * GROUP, size)
                 began = time.perf_counter()
                 # Whole groups of one size, and a kernel that ends where it should: see WORK_ITEM in common.h.
                 event = kernel(self.queue, (-(-(end - begin) // GROUP) * GROUP,), (GROUP,),
                                np.uint64(begin), np.uint64(end), *args)
                 self._log.append((self._called or name.split(".")[0], event))
-                # A driver can't be interrupted, so a long launch is done in pieces, each timed to size the next.
-                if size > FIRST:
+                self._ahead += PIECE if rate is None else rate * (end - begin)
+                if self._ahead >= PIECE:
                     event.wait()
-                    took = time.perf_counter() - began
-                    piece = min(max(int((end - begin) * min(PIECE / took, 16)) // GROUP, 1) * GROUP, MOST)
+                    if rate is None or (end - begin) * rate >= PIECE / 2:
+                        self._rates[name] = max((time.perf_counter() - began) / (end - begin), 1e-10)
+                    self._ahead = 0.0
                 begin = end
+
+    def load(self, key):
+        """Tell what launches' lengths depend on: while it stays equal they are taken to be as long as they were."""
+        if key != self._load:
+            self._load = key
+            self._rates.clear()
 
     def keep(self, name, key, build):
         """``build()``, or what it gave last time under this name if ``key`` holds the very same objects."""
-        last_key, value = self._kept.get(name, ((), None))
-        if len(last_key) != len(key) or not all(a is b or (type(a) in (int, str) and a == b)
+        last_key, value = self._kept.get(name, (None, None))
+        if last_key is None or len(last_key) != len(key) or not all(a is b or (type(a) in (int, str) and a == b)
                                                 for a, b in zip(last_key, key)):
             self._kept.pop(name, None)   # frees the old arrays before new ones are made
             value = build()
