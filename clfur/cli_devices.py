@@ -1,6 +1,7 @@
 """`clfur devices`: what OpenCL devices there are, whether they draw right, and why a driver is not there."""
 
 import json
+import re
 
 import click
 from rich.box import SIMPLE_HEAD
@@ -80,22 +81,23 @@ def _check(found):
 
 
 def _table(found):
-    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 2, 0, 0))
-    for name, options in {
-        "--device": {"no_wrap": True, "min_width": 7}, "type": {"no_wrap": True}, "platform, driver, device": {},
-        "units": {"justify": "right"}, "memory / largest": {"justify": "right", "min_width": 8}, "fp64": {},
-        "64-bit atomics": {"min_width": 7},
-    }.items():
-        table.add_column(name, overflow="fold", **options)
     checked = any(device["check"] for device in _each(found))
+    table = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))   # fits in 80 columns
+    table.add_column("--device,\ntype", no_wrap=True)
+    table.add_column("platform, version,\ndriver, device", overflow="fold")
+    table.add_column("units", justify="right")
+    table.add_column("memory,\nlargest", justify="right", no_wrap=True)
+    table.add_column("fp64")
+    table.add_column("64-bit\natomics")
     if checked:
-        table.add_column("check", no_wrap=True)
+        table.add_column("check")
     for platform in found["platforms"]:
-        title = f"{platform['name']}\n{_short(platform['version'])}"
+        # What follows the version is how PoCL was built.
+        title = f"{platform['name']}\n{re.split(',|  ', platform['version'])[0]}"
         if not platform["devices"]:
-            table.add_row("-", "-", f"{title}\nno device", *("-" * (4 + checked)))
+            table.add_row("-", f"{title}\nno device", *("-" * (4 + checked)))
         for d in platform["devices"]:
-            row = [d["device"], d["type"], f"{title}\ndriver {d['driver']}\n{_short(d['name'])}",
+            row = [f"{d['device']}\n{d['type']}", f"{title}\ndriver {d['driver']}\n{d['short_name']}",
                    str(d["compute_units"]), f"{_size(d['memory'])}\n{_size(d['largest_allocation'])}",
                    _yes(d["fp64"]), _yes(d["int64_atomics"])]
             table.add_row(*row, *([d["check"]["verdict"] if d["check"] else "-"] if checked else []))
@@ -135,11 +137,6 @@ def _why(as_json):
         print(line)
     if not listed:
         print("OpenCL's loader looks at no driver at all")
-
-
-def _short(text):
-    """A version or name without what fills lines: PoCL lists how it was built, Intel its trademarks."""
-    return " ".join(text.split(",")[0].replace("(R)", "").replace("(TM)", "").split())
 
 
 def _size(number):

@@ -71,10 +71,8 @@ def describe(device):
         driver = re.search(r"pocl *[\d.]*", device.platform.version, re.IGNORECASE)[0].replace("pocl", "PoCL")
     else:
         driver = f"{device.platform.name} {device.driver_version}"
-    # PoCL puts its own name and the compiler's for the processor ahead of the processor's name.
-    name = re.sub(r"^(pthread|basic|cpu)-([a-z0-9_-]+-(?=[A-Z]))?", "", device.name)
     units = device.max_compute_units
-    return f"{_tidy(driver)} · {_tidy(name)} ({units} unit{'s' * (units != 1)})"
+    return f"{_tidy(driver)} · {_short_name(device)} ({units} unit{'s' * (units != 1)})"
 
 
 def reason(platforms, failed=()):
@@ -228,6 +226,7 @@ def _facts(device):
     check = cache.recall(_identity(device))
     return {
         "name": device.name,
+        "short_name": _short_name(device),
         "type": next((name.upper() for name, kind in _TYPES.items() if device.type & kind), "other"),
         "driver": device.driver_version,
         "compute_units": device.max_compute_units,
@@ -248,6 +247,11 @@ def _is_pocl(device):
 def _rank(device):
     kind = 0 if device.type & cl.device_type.GPU else 1 if device.type & cl.device_type.CPU else 2
     return kind, not _is_pocl(device)
+
+
+def _short_name(device):
+    # PoCL puts its own name and the compiler's for the processor ahead of the processor's name.
+    return _tidy(re.sub(r"^(pthread|basic|cpu)-([a-z0-9_-]+-(?=[A-Z]))?", "", device.name))
 
 
 def _tidy(text):

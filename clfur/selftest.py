@@ -43,7 +43,8 @@ def expected():
 
 def differences(drawn, right):
     """What is wrong with a picture, a text for each; none if it is right."""
-    wrong = [f"other bits in {name.replace('_', ' ')}" for name in right if name != "color" and drawn[name] != right[name]]
+    wrong = [f"other bits in {name.replace('_', ' ')}" for name in right
+             if name != "color" and drawn[name] != right[name]]
     off = ~(np.abs(drawn["color"] - right["color"]) <= TOLERANCE).all(-1)   # "not within": NaN is off, too
     if off.mean() > SHARE:
         worst = np.abs(drawn["color"] - right["color"]).max()

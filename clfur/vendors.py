@@ -113,9 +113,8 @@ def _vendor(file, origin):
 def _added(system):
     """Intel's driver from PyPI, if it is to be added to these; None if it is not installed or there already."""
     # "/" tells a path, which may name nothing; the loader searches for other names.
-    there = any(Path(v.library).name.startswith("libintelocl.so") and ("/" not in v.library or Path(v.library).is_file())
-                for v in system)
-    return None if there else _intel()
+    named = [v.library for v in system if Path(v.library).name.startswith("libintelocl.so")]
+    return None if any("/" not in library or Path(library).is_file() for library in named) else _intel()
 
 
 def _intel():
