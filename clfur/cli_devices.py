@@ -104,6 +104,7 @@ def _table(found):
         table.add_section()
     # Names are not markup, whatever they hold.
     Console(markup=False, highlight=False, emoji=False).print(table)
+    print()
     for device in _each(found):
         if device["check"] and device["check"]["message"]:
             print(f"{device['device']} {device['check']['verdict']}: {device['check']['message']}")
@@ -117,7 +118,7 @@ def _sentence(found):
     if default["by"] == "auto":
         return sentence
     taken = f"takes {default['device']}" if default["device"] else "fits no device"
-    return f"{default['by']}={default['text']} decides: it {taken}. Without it {sentence}"
+    return f"{default['by']}={default['text']} decides: it {taken}\nwithout it {sentence}"
 
 
 def _why(as_json):
