@@ -39,6 +39,13 @@ def write(file, content):
         raise Error(f"cannot write to {file.parent}: {error.strerror}") from None
 
 
+def writable():
+    """Whether the user's cache folder, in which clfur's is, can be written or made."""
+    path = Path(platformdirs.user_cache_dir())
+    there = next((each for each in (path, *path.parents) if each.exists()), path)
+    return path.is_absolute() and there.is_dir() and os.access(there, os.W_OK | os.X_OK)
+
+
 def recall(identity):
     """What `remember` was told of this device -> (verdict, message), or None."""
     try:

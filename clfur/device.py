@@ -157,6 +157,8 @@ def _start():
     check_process()
     if _started is None:
         vendors.prepare()
+        if not cache.writable():   # pyopencl would raise; it reads its own PYOPENCL_NO_CACHE when it is imported
+            cl._PYOPENCL_NO_CACHE = True
         _started = os.getpid()
 
 

@@ -312,3 +312,12 @@ def test_a_forked_child_is_told_to_spawn(no_wish):
     assert lines[:2] == ["(6, 8, 4)", "no error"] and lines[-1] == "(6, 8, 4)"
     assert len(lines[2:-1]) == 6 and set(lines[2:-1]) == {
         'OpenCL does not survive a fork: start processes by "spawn", as multiprocessing.get_context("spawn") does'}
+
+
+def test_a_cache_that_cannot_be_written(no_wish, tmp_path):
+    """pyopencl fails without one, unless it is told; PoCL has to be given another."""
+    code = "import clfur; print(clfur.render(clfur.Scene(mesh=clfur.load_mesh('sphere')), 'pocl').any())"
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[1]),
+                   "XDG_CACHE_HOME": "/dev/null/cache", "POCL_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "True\n", "")
