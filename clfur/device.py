@@ -22,7 +22,7 @@ def choose(device=None):
     Accepts what `pick` does, and a pyopencl.Device, which comes back as it is.
     Raises `clfur.Error` if there is no such device.
     """
-    check_process()
+    _start()
     if isinstance(device, cl.Device):
         return device
     if device is not None and not isinstance(device, str):

@@ -284,8 +284,12 @@ if not before:
     child(lambda: print(draw(scene), flush=True))   # OpenCL was not started yet: all is well
     sys.exit(4)
 assert os.waitstatus_to_exitcode(os.waitpid(before, 0)[1]) == 4
+import pyopencl   # found without clfur, and then used by it
+here = pyopencl.get_platforms()[0].get_devices()[0]
+device.check_process()
+clfur.Scheduler(here)
+assert device._started == os.getpid()
 draw(scene)
-here = device.find()[0]
 device.check_process()
 for how in (lambda: draw(scene), lambda: clfur.Scheduler("cpu"), lambda: clfur.Scheduler(here), device.find,
             device.check_process):
