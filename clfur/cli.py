@@ -9,6 +9,7 @@ import attrs
 import click
 
 from . import Camera, Error, HairType, Light, Scene, Settings, Strands, draw, load_mesh, save
+from .cli_devices import devices
 from .image import check_writable, load_picture, srgb_to_linear
 from .scene import frame
 from .settings import SHADOWS
@@ -185,6 +186,9 @@ def render(mesh, output, as_json, **options):
     print(f"{output}: {drawn.triangles:,} triangles, {drawn.strands:,} strands, {drawn.segments:,} segments "
           f"in {drawn.seconds:.2f} s on {drawn.device} ({stages})"
           + (f"; skipped faces: {', '.join(left_out)}" if left_out else ""))
+
+
+clfur.add_command(devices)
 
 
 def _scene(mesh, options):

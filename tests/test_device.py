@@ -1,11 +1,16 @@
 """Choosing a device, on made-up lists of platforms and on the real one."""
 
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
 from types import SimpleNamespace as Made
 
 import pyopencl as cl
 import pytest
 
-from clfur import Error
+from clfur import Error, cache
 from clfur import device as devices
 
 CPU, GPU, OTHER = cl.device_type.CPU, cl.device_type.GPU, cl.device_type.ACCELERATOR
@@ -80,6 +85,41 @@ def test_no_device_at_all(text, platforms):
         devices.pick(text, platforms)
 
 
+@pytest.mark.parametrize("text, failed, expected", [
+    ("auto", [NVIDIA[0]], NVIDIA[1]),
+    ("auto", [*NVIDIA, AMD[1]], POCL[0]),
+    ("auto", [*NVIDIA, AMD[1], POCL[0], DEBIAN[0]], INTEL[0]),
+    ("auto:1", [NVIDIA[0]], AMD[1]),
+    ("auto", [d for p in ALL for d in p], NVIDIA[0]),   # all failed: the best of them
+    ("gpu", NVIDIA, NVIDIA[0]),                         # what is named is taken
+    ("nvidia", NVIDIA, NVIDIA[0]),
+    ("pocl", POCL, POCL[0]),
+    ("5:0", NVIDIA, NVIDIA[0]),
+])
+def test_auto_passes_over_what_failed(text, failed, expected):
+    assert devices.pick(text, ALL, failed) is expected
+
+
+@pytest.mark.parametrize("platforms, failed, words", [
+    ([POCL], [], "it is the only device"),
+    ([POCL], POCL, "it is the only device; it failed its check, though"),
+    ([INTEL, POCL], [], "no GPU; PoCL before other CPU drivers"),
+    ([POCL, DEBIAN], [], "no GPU; the first of 2 PoCL devices"),
+    ([INTEL, POCL, DEBIAN], [], "no GPU; PoCL before other CPU drivers; the first of 2 PoCL devices"),
+    ([INTEL, POCL], POCL, "pocl failed the check"),
+    ([INTEL, POCL], INTEL, "no GPU"),
+    ([INTEL, POCL], INTEL + POCL, "all failed their check; no GPU; PoCL before other CPU drivers"),
+    ([FPGA, INTEL], [], "no GPU"),
+    ([FPGA, FPGA], [], "no GPU or CPU; the first of 2 devices"),
+    ([POCL, NVIDIA], [], "GPU before CPU; the first of 2 GPUs"),
+    ([NVIDIA], [], "the first of 2 GPUs"),
+    ([POCL, NVIDIA], NVIDIA[:1], "nvidia failed the check; GPU before CPU"),
+    ([INTEL, POCL, NVIDIA], NVIDIA, "nvidia, nvidia:1 failed the check; PoCL before other CPU drivers"),
+])
+def test_reason(platforms, failed, words):
+    assert devices.reason(platforms, failed) == words
+
+
 def test_handles_give_their_device():
     unnamed = platform("(R)", "OpenCL 1.2", ("?", OTHER))
     platforms = [unnamed, *ALL]
@@ -102,7 +142,8 @@ def test_describe(device, text):
 
 
 @pytest.fixture
-def no_wish(monkeypatch):
+def no_wish(monkeypatch, tmp_path):
+    monkeypatch.setattr(cache, "folder", tmp_path.joinpath)
     monkeypatch.delenv("CLFUR_DEVICE", raising=False)
     monkeypatch.delenv("PYOPENCL_CTX", raising=False)
     return monkeypatch
@@ -119,6 +160,48 @@ def test_order_of_wishes(no_wish):
     assert devices.choose("auto") is NVIDIA[0]
     no_wish.setenv("CLFUR_DEVICE", "")
     assert devices.choose() is AMD[1]
+
+
+def test_a_failed_check_is_remembered(no_wish):
+    no_wish.setattr(devices, "_platforms", lambda: ALL)
+    cache.remember(devices._identity(NVIDIA[0]), "crash", "the process died")
+    assert devices.choose() is NVIDIA[1] and devices.choose("auto") is NVIDIA[1]
+    assert devices.choose("gpu") is NVIDIA[0]
+    no_wish.setenv("CLFUR_DEVICE", "nvidia")
+    assert devices.choose() is NVIDIA[0]
+    no_wish.delenv("CLFUR_DEVICE")
+    cache.remember(devices._identity(NVIDIA[0]), "pass")
+    assert devices.choose() is NVIDIA[0]
+    NVIDIA[1].driver_version, old = "1.3", NVIDIA[1].driver_version   # another driver has to be tried anew
+    cache.remember(devices._identity(NVIDIA[1]), "wrong")
+    NVIDIA[1].driver_version = old
+    assert devices._failed(ALL) == []
+
+
+@pytest.mark.parametrize("content", [b"", b"[]", b"{", b'{"verdict": "perhaps", "message": ""}', b"\xff",
+                                     b'{"verdict": [], "message": 1}'])
+def test_damaged_memory_is_none(no_wish, content):
+    cache.remember(["a"], "crash", "words")
+    assert cache.recall(["a"]) == ("crash", "words") and cache.recall(["b"]) is None
+    cache._file(["a"]).write_bytes(content)
+    assert cache.recall(["a"]) is None
+
+
+def test_no_cache_to_write(no_wish, tmp_path):
+    (tmp_path / "checks").write_text("a file where the folder should be")
+    with pytest.raises(Error, match="cannot write to .*checks"):
+        cache.remember(["a"], "pass")
+    assert cache.recall(["a"]) is None and devices.choose() in devices.find()
+    assert [file.name for file in tmp_path.iterdir()] == ["checks"]
+
+
+def test_no_home(monkeypatch, tmp_path):
+    monkeypatch.setattr("platformdirs.user_cache_dir", lambda name: f"~/.cache/{name}")
+    monkeypatch.chdir(tmp_path)
+    assert cache.recall(["a"]) is None
+    with pytest.raises(Error, match="no cache folder"):
+        cache.remember(["a"], "pass")
+    assert not list(tmp_path.iterdir())
 
 
 def test_error_names_the_variable(no_wish):
@@ -161,3 +244,84 @@ def test_real_devices(no_wish):
         assert device.name and devices.describe(device)
     for text, device in devices.handles(devices._platforms()):
         assert devices.choose(text) == device
+
+
+def test_survey(no_wish):
+    Platform = Made(name="Clover", version="1.1", vendor="Mesa")
+    real = [(device.platform, [device]) for device in devices.find()]
+    no_wish.setattr(devices, "_found", lambda: [(Platform, []), *real])
+    told = json.loads(json.dumps(devices.survey()))
+    assert told["platforms"][0] == {"name": "Clover", "version": "1.1", "vendor": "Mesa", "devices": []}
+    assert told["default"] == {"by": "auto", "text": "auto", "device": told["auto"]["device"]}
+    for number, (platform, (device,)) in enumerate(real, 1):
+        listed, = told["platforms"][number]["devices"]
+        assert (listed["number"], listed["name"], listed["check"]) == (f"{number}:0", device.name, None)
+        assert listed["memory"] == device.global_mem_size and listed["compute_units"] == device.max_compute_units
+    no_wish.setenv("CLFUR_DEVICE", "abacus")
+    assert devices.survey()["default"] == {"by": "CLFUR_DEVICE", "text": "abacus", "device": None}
+    no_wish.setattr(devices, "_found", lambda: [(Platform, [])])
+    assert devices.survey()["auto"] is None
+
+
+FORKS = """
+import os, sys, clfur
+from clfur import device
+
+def draw(scene):
+    return clfur.render(scene, settings=clfur.Settings(samples=1)).shape
+
+def child(how):
+    try:
+        how()
+    except clfur.Error as error:
+        print(error, flush=True)
+    else:
+        print("no error", flush=True)
+
+scene = clfur.Scene(mesh=clfur.load_mesh("sphere"), camera=clfur.Camera(size=(8, 6)))
+before = os.fork()
+if not before:
+    child(lambda: print(draw(scene), flush=True))   # OpenCL was not started yet: all is well
+    sys.exit(4)
+assert os.waitstatus_to_exitcode(os.waitpid(before, 0)[1]) == 4
+import pyopencl   # found without clfur, and then used by it
+here = pyopencl.get_platforms()[0].get_devices()[0]
+device.check_process()
+clfur.Scheduler(here)
+assert device._started == os.getpid()
+draw(scene)
+device.check_process()
+for how in (lambda: draw(scene), lambda: clfur.Scheduler("cpu"), lambda: clfur.Scheduler(here), device.find,
+            device.check_process):
+    sys.stdout.flush()
+    pid = os.fork()
+    if not pid:
+        child(how)
+        sys.exit(5)   # an ordinary end, with what Python and the drivers do then
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 5
+import multiprocessing
+worker = multiprocessing.get_context("fork").Process(target=child, args=(lambda: draw(scene),))
+worker.start(); worker.join()
+assert worker.exitcode == 0
+print(draw(scene))
+"""
+
+
+def test_a_forked_child_is_told_to_spawn(no_wish):
+    root = Path(__file__).resolve().parents[1]
+    done = subprocess.run([sys.executable, "-c", FORKS], env={**os.environ, "PYTHONPATH": str(root)},
+                          capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[:2] == ["(6, 8, 4)", "no error"] and lines[-1] == "(6, 8, 4)"
+    assert len(lines[2:-1]) == 6 and set(lines[2:-1]) == {
+        'OpenCL does not survive a fork: start processes by "spawn", as multiprocessing.get_context("spawn") does'}
+
+
+def test_a_cache_that_cannot_be_written(no_wish, tmp_path):
+    """pyopencl fails without one, unless it is told; PoCL has to be given another."""
+    code = "import clfur; print(clfur.render(clfur.Scene(mesh=clfur.load_mesh('sphere')), 'pocl').any())"
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[1]),
+                   "XDG_CACHE_HOME": "/dev/null/cache", "POCL_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout) == (0, "True\n"), done.stderr

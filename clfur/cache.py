@@ -1,0 +1,78 @@
+"""Clfur's folder in the user's cache, and what it remembers there: what the self-test said of each device."""
+
+import functools
+import hashlib
+import importlib.metadata
+import json
+import os
+import tempfile
+from pathlib import Path
+
+import platformdirs
+
+from .errors import Error
+
+VERDICTS = ("pass", "wrong", "crash", "hang")
+
+
+def folder(name):
+    """Path of a folder in clfur's cache folder, there or not; raises `clfur.Error` if the user has none."""
+    path = Path(platformdirs.user_cache_dir("clfur"))
+    if not path.is_absolute():   # without a home it would be a folder named "~" right here
+        raise Error("there is no cache folder without HOME or XDG_CACHE_HOME")
+    return path / name
+
+
+def write(file, content):
+    """Write bytes to a file of the cache, whole or not at all; raises `clfur.Error` where that is not possible."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        handle, new = tempfile.mkstemp(dir=file.parent)
+        try:
+            with open(handle, "wb") as stream:
+                stream.write(content)
+            os.replace(new, file)
+        except BaseException:
+            os.unlink(new)
+            raise
+    except OSError as error:
+        raise Error(f"cannot write to {file.parent}: {error.strerror}") from None
+
+
+def writable():
+    """Whether the user's cache folder, in which clfur's is, can be written or made."""
+    path = Path(platformdirs.user_cache_dir())
+    there = next((each for each in (path, *path.parents) if each.exists()), path)
+    return path.is_absolute() and there.is_dir() and os.access(there, os.W_OK | os.X_OK)
+
+
+def recall(identity):
+    """What `remember` was told of this device -> (verdict, message), or None."""
+    try:
+        told = json.loads(_file(identity).read_bytes())
+        verdict, message = told["verdict"], told["message"]
+    except (OSError, ValueError, LookupError, TypeError):   # none yet, or damaged; clfur.Error is a ValueError
+        return None
+    return (verdict, message) if verdict in VERDICTS and isinstance(message, str) else None
+
+
+def remember(identity, verdict, message=""):
+    """Keep what the self-test said of a device: one of `VERDICTS`, and a line.
+
+    identity: texts that tell the device and its driver's version from others; clfur's own version is added.
+    Raises `clfur.Error` if the folder cannot be written.
+    """
+    write(_file(identity), json.dumps({"device": identity, "verdict": verdict, "message": message}).encode())
+
+
+def _file(identity):
+    name = hashlib.sha256(json.dumps([*identity, _version()]).encode()).hexdigest()[:32]
+    return folder("checks") / f"{name}.json"
+
+
+@functools.cache
+def _version():
+    try:
+        return importlib.metadata.version("clfur")
+    except importlib.metadata.PackageNotFoundError:   # a checkout that is not installed
+        return ""

@@ -1,0 +1,229 @@
+"""`clfur devices`: what it lists, checks and explains, on made-up machines and on this one."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import platformdirs
+import pytest
+
+from clfur import cache, cli_devices, device, vendors
+from clfur.cli import main
+from clfur.isolated import Outcome
+
+EPYC, LONG = "[bold]EPYC[/bold] :smile:", "Processor-" * 9   # names that are markup to rich, or too long
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def made(handle, number, name, type="CPU", driver="1.2"):
+    return {"device": handle, "number": number, "name": name, "short_name": name, "type": type, "driver": driver,
+            "compute_units": 108, "memory": 80 << 30, "largest_allocation": 20 << 30, "fp64": True,
+            "int64_atomics": False, "description": f"driver · {name}", "identity": [name, driver], "check": None}
+
+
+def machine():
+    return {
+        "auto": {"device": "pocl", "why": "no GPU"}, "default": {"by": "auto", "text": "auto", "device": "pocl"},
+        "platforms": [
+            {"name": "Portable Computing Language", "version": "OpenCL 3.0 PoCL 3.1  Linux, LLVM 15, SLEEF",
+             "vendor": "x", "devices": [made("pocl", "0:0", EPYC), made("pocl:1", "0:1", "Xeon")]},
+            {"name": "A platform with an awfully long name, longer than any table (TM)", "version": "OpenCL 3.0",
+             "vendor": "y", "devices": [made("a", "1:0", LONG, "other", "2026.22.10.0.01_160000-very-long")]},
+            {"name": "Clover", "version": "OpenCL 1.1 Mesa", "vendor": "z", "devices": []}]}
+
+
+@pytest.fixture
+def run(monkeypatch, capfd, tmp_path):
+    """Runs `clfur devices` with a cache of its own -> (exit code, stdout, stderr)."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    for name in ("CLFUR_DEVICE", "PYOPENCL_CTX", "COLUMNS", "FORCE_COLOR"):
+        monkeypatch.delenv(name, raising=False)
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as exit:
+            main(["devices", *arguments])
+        return exit.value.code, *capfd.readouterr()
+    return run
+
+
+@pytest.fixture
+def made_up(run, monkeypatch):
+    """The same on a made-up machine; ``checks``: {number: Outcome} of the self-test there."""
+    checks = {"0:0": Outcome("ok", ""), "0:1": Outcome("ok", ""), "1:0": Outcome("ok", "")}
+
+    def isolated(function, *arguments, **_):
+        return Outcome("ok", machine()) if function == "clfur.device:survey" else checks[arguments[0]]
+    monkeypatch.setattr(cli_devices, "isolated", isolated)
+    return run, checks
+
+
+def words(text):
+    return " ".join(text.split())
+
+
+@pytest.mark.parametrize("columns", [80, 160])
+def test_table(made_up, monkeypatch, columns):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    code, out, err = made_up[0]()
+    assert (code, err) == (0, "")
+    assert "\x1b" not in out and "…" not in out
+    lines = out.splitlines()
+    assert max(map(len, lines)) <= columns
+    assert lines[-1] == "auto takes pocl: no GPU"
+    table = words(out)
+    for part in ("pocl:1", EPYC, "OpenCL 3.0 PoCL 3.1", "driver 1.2", "108", "80.0 GiB",
+                 "20.0 GiB", "other", "no device", "yes no"):
+        assert part in table, part
+    assert "SLEEF" not in table and "check" not in table
+    # What is too long for its column goes on in the next line.
+    assert LONG in re.sub(r"\s", "", out) and "2026.22.10.0.01_160000-very-long" in re.sub(r"\s", "", out)
+
+
+@pytest.mark.parametrize("default, expected", [
+    ({"by": "CLFUR_DEVICE", "text": "xeon", "device": "pocl:1"}, "CLFUR_DEVICE=xeon decides: it takes pocl:1"),
+    ({"by": "PYOPENCL_CTX", "text": "7", "device": None}, "PYOPENCL_CTX=7 decides: it fits no device")])
+def test_a_variable_decides(default, expected):
+    found = machine() | {"default": default}
+    assert cli_devices._sentence(found) == f"{expected}\nwithout it auto takes pocl: no GPU"
+
+
+def test_json(made_up):
+    code, out, err = made_up[0]("--json")
+    assert (code, err, json.loads(out)) == (0, "", machine())
+
+
+def test_check_passes(made_up):
+    code, out, err = made_up[0]("--check")
+    assert code == 0
+    assert err.splitlines() == [line for name, told in (
+        ("pocl", EPYC), ("pocl:1", "Xeon"), ("a", LONG))
+        for line in (f"{name}: checking driver · {told} ...", f"{name}: pass")]
+    assert words(out).count(" pass ") == 3
+    assert cache.recall(["Xeon", "1.2"]) == ("pass", "")
+
+
+@pytest.mark.parametrize("outcome, verdict, message", [
+    (Outcome("ok", "other bits in voxels"), "wrong", "other bits in voxels"),
+    (Outcome("error", None, "RuntimeError: clBuildProgram failed"), "wrong", "RuntimeError: clBuildProgram failed"),
+    (Outcome("crash", None, "the process died of SIGSEGV"), "crash", "the process died of SIGSEGV"),
+    (Outcome("hang", None, "no answer in 180 s"), "hang", "no answer in 180 s")])
+def test_check_fails(made_up, outcome, verdict, message):
+    run, checks = made_up
+    checks["0:1"] = outcome
+    code, out, err = run("--check")
+    assert code == 1
+    assert f"pocl:1: {verdict}: {message}" in err.splitlines()
+    assert f"pocl:1 {verdict}: {message}" in out.splitlines()
+    assert cache.recall(["Xeon", "1.2"]) == (verdict, message)
+    code, out, _ = run("--check", "--json")
+    listed = json.loads(out)["platforms"][0]["devices"]
+    assert code == 1 and [d["check"]["verdict"] for d in listed] == ["pass", verdict]
+    checks["0:1"] = Outcome("ok", "")
+    assert run("--check")[0] == 0 and cache.recall(["Xeon", "1.2"]) == ("pass", "")
+
+
+def test_two_cards_of_one_kind(made_up, monkeypatch):
+    """They share what is remembered, and the one that fails counts."""
+    run, checks = made_up
+    twins = machine()
+    twins["platforms"][0]["devices"][0]["identity"] = ["Xeon", "1.2"]
+    isolated = cli_devices.isolated
+    monkeypatch.setattr(cli_devices, "isolated", lambda function, *a, **k: Outcome("ok", twins)
+                        if function == "clfur.device:survey" else isolated(function, *a, **k))
+    checks["0:0"] = Outcome("crash", None, "died")
+    assert run("--check")[0] == 1 and cache.recall(["Xeon", "1.2"]) == ("crash", "died")
+
+
+def test_check_without_a_cache(made_up, tmp_path):
+    (tmp_path / "clfur").write_text("a file where the folder should be")
+    code, out, err = made_up[0]("--check")
+    assert code == 0 and words(out).count(" pass ") == 3
+    assert "pocl: this is not remembered: cannot write to" in err
+
+
+@pytest.mark.parametrize("outcome, expected", [
+    (Outcome("ok", machine() | {"platforms": machine()["platforms"][2:]}), "there is no OpenCL device"),
+    (Outcome("crash", None, "the process died of SIGSEGV"), "OpenCL does not start: the process died of SIGSEGV"),
+    (Outcome("error", None, "OpenCL does not start: OUT_OF_HOST_MEMORY"), "OUT_OF_HOST_MEMORY")])
+@pytest.mark.parametrize("options", [[], ["--json"], ["--check"]])
+def test_no_device(run, monkeypatch, outcome, expected, options):
+    monkeypatch.setattr(cli_devices, "isolated", lambda *_, **__: outcome)
+    code, out, err = run(*options)
+    assert (code, out) == (2, "") and len(err.splitlines()) == 1 and expected in err
+
+
+def test_one_question_at_a_time(run):
+    code, out, err = run("--check", "--why")
+    assert (code, out) == (2, "") and len(err.splitlines()) == 1
+
+
+def test_here(run):
+    """On this machine: the table names every device, and each handle means its device."""
+    code, out, err = run()
+    assert (code, err) == (0, "")
+    handles = [handle for handle, _ in device.handles(device._platforms())]
+    assert [line.split()[0] for line in out.splitlines() if re.match(r"\S+ .* \d+ +\S+ GiB ", line)] == handles
+    assert out.splitlines()[-1].startswith(f"auto takes {handles[device.find().index(device.choose('auto'))]}: ")
+
+
+def test_check_here(tmp_path):
+    """The whole way, in processes of their own; with PoCL's own cache, which takes it long to fill."""
+    env = {"POCL_CACHE_DIR": f"{platformdirs.user_cache_dir('pocl')}/kcache", **os.environ, "PYTHONPATH": str(ROOT),
+           "XDG_CACHE_HOME": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-m", "clfur", "devices", "--check", "--json"], env=env,
+                          capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    listed = [d for platform in found["platforms"] for d in platform["devices"]]
+    assert len(listed) == len(device.find())
+    assert all(d["check"] == {"verdict": "pass", "message": ""} for d in listed)
+    assert len(list((tmp_path / "clfur" / "checks").iterdir())) == len({tuple(d["identity"]) for d in listed})
+
+
+def test_why(run, monkeypatch, tmp_path):
+    folder = tmp_path / "icd"
+    folder.mkdir()
+    (folder / "text").write_text("hello")
+    for name, content in {"missing": "/no/such/lib.so\n", "text": str(folder / "text"), "empty": "",
+                          "math": "libm.so.6", "bare": "libnosuch.so"}.items():
+        (folder / f"{name}.icd").write_text(content)
+    (folder / "other.txt").write_text("libm.so.6")   # the loader reads .icd files only
+    monkeypatch.setenv("OCL_ICD_VENDORS", str(folder))
+    code, out, err = run("--why", "--json")
+    assert (code, err) == (0, "")
+    rows = json.loads(out)["drivers"]
+    told = {Path(row["file"]).stem: (row["status"], row["message"])
+            for row in rows if Path(row["file"]).parent == folder}
+    assert {name: status for name, (status, _) in told.items()} == {
+        "bare": "library not found", "empty": "empty file", "math": "symbol missing",
+        "missing": "library not found", "text": "not a library"}
+    assert "/no/such/lib.so" in told["missing"][1] and "clGetExtensionFunctionAddress" in told["math"][1]
+    bundled = [row for row in rows if row["origin"] == "comes with pyopencl"]
+    assert [row["status"] for row in bundled] == ["loaded"] and "1 device: PoCL" in bundled[0]["message"]
+    code, out, _ = run("--why")
+    for row in rows:
+        assert f"{row['file']} ({row['origin']})\n    {row['status']}: {row['message']}\n" in out
+
+
+def test_why_without_any_device(run, monkeypatch, tmp_path):
+    """PoCL has no device without a folder that it can write to; and a driver may crash."""
+    monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path / "nothing"))
+    code, out, _ = run("--why")
+    assert code == 0 and out == (f"OCL_ICD_VENDORS is {tmp_path / 'nothing'}, and there is no such folder or file\n"
+                                 "OpenCL's loader looks at no driver at all\n")
+    assert run()[0] == 2
+    monkeypatch.delenv("OCL_ICD_VENDORS")
+    monkeypatch.setattr(vendors, "vendors", lambda: ([vendors.Vendor("a.icd", "liba.so", "system")], []))
+    for status in ("crash", "hang"):
+        monkeypatch.setattr(cli_devices, "isolated", lambda *_, **__: Outcome(status, None, "words"))
+        assert run("--why") == (0, f"a.icd (system)\n    {status}: words\n", "")
+
+
+def test_why_of_a_cache_that_cannot_be_written(run, monkeypatch):
+    monkeypatch.setenv("POCL_CACHE_DIR", "/dev/null/cache")
+    rows = json.loads(run("--why", "--json")[1])["drivers"]
+    status, message = next((r["status"], r["message"]) for r in rows if r["origin"] == "comes with pyopencl")
+    assert status == "no device" and "POCL_CACHE_DIR" in message
