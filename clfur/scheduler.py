@@ -159,7 +159,8 @@ class Scheduler:
         last_key, value = self._kept.get(name, (None, None))
         if last_key is None or len(last_key) != len(key) or not all(a is b or (type(a) in (int, str) and a == b)
                                                 for a, b in zip(last_key, key)):
-            self._kept.pop(name, None)   # frees the old arrays before new ones are made
+            self._kept.pop(name, None)
+            value = None   # the old arrays go before new ones are made
             value = build()
             self._kept[name] = (tuple(key), value)
         return value
