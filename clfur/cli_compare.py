@@ -1,0 +1,76 @@
+"""The command `clfur compare`."""
+
+import json
+import sys
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from . import compare as compare_devices
+from .cli_scene import load_scene, scene_options
+from .report import check_report, mebibytes, milliseconds, save_report, spread
+
+
+@click.command(context_settings={"show_default": True})
+@click.argument("given", metavar="[MESH]", default="teapot")
+@click.option("--devices", default="all", metavar="all|A,B",
+              help="Which, as --device of `clfur render` takes them, with commas between.")
+@click.option("--repeat", type=click.IntRange(1), default=5, metavar="N", help="Warm frames a device.")
+@click.option("-o", "--output", metavar="FILE.html",
+              help='Also write a page with charts and pictures; needs pip install "clfur[report]".')
+@scene_options
+@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
+def compare(given, devices, repeat, output, as_json, **options):
+    """Draw the same frames on each device, and tell times, memory and the pictures' differences.
+
+    MESH is what `clfur render` takes, a mesh or a scene file.  Each device has a process of its own, so that a driver
+    that crashes or hangs costs one row.  Exit code 0 if all devices give the same picture, else 1.
+    """
+    if output is not None:
+        check_report(output)
+    scene, settings = load_scene(given, options)
+    # On stderr, and gone at the end: stdout is for what was found.
+    with Progress(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("frames"),
+                  TimeElapsedColumn(), console=Console(stderr=True), transient=True,
+                  disable=not sys.stderr.isatty()) as progress:
+        tasks = {}
+
+        def tell(device, done, frames):
+            if device not in tasks:
+                tasks[device] = progress.add_task(device, total=frames)
+            progress.update(tasks[device], completed=done)
+        found = compare_devices(scene, devices, settings, repeat, tell=tell)
+    if output is not None:
+        save_report(output, found, Path(given).stem)
+    if as_json:
+        print(json.dumps({"scene": given, "report": output, **found.as_dict()}, allow_nan=False))
+    else:
+        _print(found, given)
+    return 0 if found.agree else 1
+
+
+def _print(found, given):
+    """The tables of `clfur compare`."""
+    console = Console(highlight=False, **({} if sys.stdout.isatty() else {"width": 160}))   # a file has no width
+    strands = "" if found.strands is None else f", {found.strands:,} strands, {found.segments:,} segments"
+    console.print(f"{given}: {found.size[0]}x{found.size[1]}{strands}, {found.repeat} warm frames a device", markup=False)
+    for title, columns, rows in _tables(found):
+        table = Table(title=title, title_justify="left", title_style="bold", box=None, padding=(0, 2, 0, 0))
+        for place, column in enumerate(columns):
+            table.add_column(column, justify="left" if place == 0 or not title else "right", header_style="dim")
+        for row in rows:
+            table.add_row(*row)
+        console.print()
+        console.print(table)
+
+
+def _tables(found):
+    """(title, columns, rows of texts) of each table."""
+    colors = {"ok": "green"}
+    yield "", ["device", "driver and processor", "status"], [
+        (escape(row.device), escape(row.name),
+         f"[{colors.get(row.status, 'red')}]{row.status}[/]" + escape(f": {row.message}" if row.message else "")
+         + (", the reference" if row.device == found.reference else "")) for row in found.rows]
