@@ -8,10 +8,13 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from . import compare as compare_devices
 from .cli_scene import load_scene, scene_options
 from .report import check_report, mebibytes, milliseconds, save_report, spread
+
+NO_FLIP = 'needs pip install "clfur[report]"'
 
 
 @click.command(context_settings={"show_default": True})
@@ -53,24 +56,41 @@ def compare(given, devices, repeat, output, as_json, **options):
 
 
 def _print(found, given):
-    """The tables of `clfur compare`."""
-    console = Console(highlight=False, **({} if sys.stdout.isatty() else {"width": 160}))   # a file has no width
+    """Tell people what was found."""
+    console = Console(highlight=False, markup=False,   # what is no terminal has no width either
+                      **({} if sys.stdout.isatty() else {"width": 120}))
     strands = "" if found.strands is None else f", {found.strands:,} strands, {found.segments:,} segments"
-    console.print(f"{given}: {found.size[0]}x{found.size[1]}{strands}, {found.repeat} warm frames a device", markup=False)
-    for title, columns, rows in _tables(found):
-        table = Table(title=title, title_justify="left", title_style="bold", box=None, padding=(0, 2, 0, 0))
-        for place, column in enumerate(columns):
-            table.add_column(column, justify="left" if place == 0 or not title else "right", header_style="dim")
-        for row in rows:
-            table.add_row(*row)
-        console.print()
-        console.print(table)
+    console.print(f"{given}: {found.size[0]}x{found.size[1]}{strands}, {found.repeat} warm frames a device")
+    _table(console, "", ["device", "driver and processor", "status"], [
+        [row.device, row.name, Text(row.status, "green" if row.status == "ok" else "red")
+         + (", the reference" if row.device == found.reference else "") + (f": {row.message}" if row.message else "")]
+        for row in found.rows])
+    rows = [row for row in found.rows if row.frame]
+    if not rows:
+        return
+    _table(console, "ms: median (least–most)", [
+        "device", "frame", "first frame", "of it building", "strands a second", "MiB on device", "in process"], [
+        [row.device, spread(row.frame), milliseconds(row.first), milliseconds(row.build),
+         f"{row.strands_per_second:,.0f}", mebibytes(row.memory), mebibytes(row.resident)] for row in rows])
+    names = list(dict.fromkeys(name for row in rows for name in row.stages or ()))
+    _table(console, "stages, ms on the device", ["device", *names], [
+        [row.device, *(["not reported"] if row.stages is None else
+                       [f"{milliseconds(s.median)}\n{milliseconds(s.min)}–{milliseconds(s.max)}"
+                        for s in map(row.stages.get, names)])] for row in rows])
+    names = list(dict.fromkeys(name for row in rows for name in row.difference.same))
+    _table(console, f"difference to {found.reference}",
+           ["device", "largest, linear", "pixels beyond 1e-3", "mean FLIP", *names], [
+        [row.device, f"{row.difference.largest:.2g}", f"{row.difference.share:.3%}",
+         NO_FLIP if row.difference.flip is None else f"{row.difference.flip:.2g}",
+         *("same bits" if row.difference.same[name] else "differs" for name in names)] for row in rows])
 
 
-def _tables(found):
-    """(title, columns, rows of texts) of each table."""
-    colors = {"ok": "green"}
-    yield "", ["device", "driver and processor", "status"], [
-        (escape(row.device), escape(row.name),
-         f"[{colors.get(row.status, 'red')}]{row.status}[/]" + escape(f": {row.message}" if row.message else "")
-         + (", the reference" if row.device == found.reference else "")) for row in found.rows]
+def _table(console, title, columns, rows):
+    table = Table(title=title, title_justify="left", title_style="bold", box=None, padding=(0, 2, 0, 0),
+                  header_style="dim")
+    for place, column in enumerate(columns):
+        table.add_column(column, justify="right" if place and title else "left")
+    for row in rows:
+        table.add_row(*row)
+    console.print()
+    console.print(table)

@@ -84,7 +84,8 @@ class Comparison:
     """What `compare` found.
 
     reference: the device whose picture the others are compared to; None where none gave one.  size: of the picture.
-    settings: `Settings` of all.  triangles, strands, segments: what the reference drew.  repeat: warm frames a device.  rows: a `Row` a device.
+    settings: `Settings` of all.  triangles, strands, segments: what the reference drew.  repeat: warm frames a device.
+    rows: a `Row` a device.
     """
 
     reference: str | None

@@ -14,7 +14,7 @@ from .files import check_writable, output_path, whole
 from .image import png, srgb_to_linear
 
 SUFFIXES = ".html", ".htm"
-FAINTEST = 1e-6        # difference that a picture of differences begins to show
+FAINTEST = 1e-7        # difference that a picture of differences begins to show
 _INK = "#010203"       # in charts: the colour that becomes the page's own for text
 
 
@@ -74,8 +74,7 @@ def chart(width, height, **options):
 
     with matplotlib.rc_context({"text.color": _INK, "axes.edgecolor": _INK, "axes.labelcolor": _INK,
                                 "xtick.color": _INK, "ytick.color": _INK, "hatch.color": _INK, "hatch.linewidth": 0.4,
-                                "axes.spines.top": False, "axes.spines.right": False, "font.size": 10,
-                                "legend.frameon": False, "legend.labelcolor": _INK}):
+                                "axes.spines.top": False, "axes.spines.right": False, "font.size": 10}):
         figure = Figure((width, height), layout="constrained")
         return figure, figure.subplots(**options)
 
@@ -100,7 +99,7 @@ def data_uri(color):
 
 
 def difference_picture(one, other):
-    """The largest linear difference of any channel, float32 [h, w, 3]: magma over the logarithm from 1e-6 to 1."""
+    """The largest linear difference of any channel, float32 [h, w, 3]: magma over the logarithm from 1e-7 to 1."""
     import matplotlib
 
     apart = np.abs(one.astype(np.float64) - other).max(axis=2)
@@ -128,7 +127,7 @@ def _stage_chart(rows):
     """Median seconds of the stages on top of each other, a bar a device, filled up to the median frame."""
     import matplotlib
 
-    figure, axes = chart(9, 1.3 + 0.45 * len(rows))
+    figure, axes = chart(11, 1.3 + 0.45 * len(rows))
     colors = matplotlib.colormaps["tab10"].colors
     names = list(dict.fromkeys(name for row in rows for name in row.stages or ()))
     ends = np.zeros(len(rows))
@@ -147,13 +146,13 @@ def _stage_chart(rows):
     axes.set_yticks(places, [row.device for row in rows])
     axes.invert_yaxis()
     axes.set_xlabel("milliseconds, median")
-    figure.legend(loc="outside upper left", ncols=5, fontsize=9)
+    figure.legend(loc="outside upper left", ncols=5, fontsize=9, frameon=False, labelcolor=_INK)
     return svg(figure, "stages")
 
 
 def _frame_chart(rows):
     """Each frame a dot, their range a line, their median a tick; a line a device."""
-    figure, axes = chart(9, 0.9 + 0.45 * len(rows))
+    figure, axes = chart(11, 0.9 + 0.45 * len(rows))
     for place, row in enumerate(rows):
         axes.plot([1e3 * row.frame.min, 1e3 * row.frame.max], [place, place], color="#1f77b4", lw=5, alpha=0.3,
                   solid_capstyle="round")
@@ -171,5 +170,5 @@ def _scale():
     figure, axes = chart(5, 0.6)
     axes.imshow(np.linspace(0, 1, 256)[None], cmap="magma", aspect="auto", extent=(np.log10(FAINTEST), 0, 0, 1))
     axes.set_yticks([])
-    axes.set_xticks(range(-6, 1), [f"1e{n}" if n else "1" for n in range(-6, 1)])
+    axes.set_xticks(range(-7, 1), [f"1e{n}" if n else "1" for n in range(-7, 1)])
     return svg(figure, "scale")
