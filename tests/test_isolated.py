@@ -43,8 +43,7 @@ def sleep(seconds):
 
 
 def count(n, pause):
-    import clfur
-from clfur.isolated import tell
+    from clfur.isolated import tell
     for i in range(n):
         time.sleep(pause)
         tell(i)
@@ -64,8 +63,7 @@ def child_that_sleeps():
     import subprocess
     import sys
 
-    import clfur
-from clfur.isolated import tell
+    from clfur.isolated import tell
     child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
     tell(child.pid)
     time.sleep(600)
