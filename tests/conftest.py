@@ -5,6 +5,7 @@ import pytest
 
 import clfur
 from clfur import device
+from clfur.cli import main
 
 DEVICES = device.find()
 
@@ -57,6 +58,28 @@ def sphere():
     uv = np.stack([np.arctan2(positions[:, 0], positions[:, 2]) / (2 * np.pi) + 0.5,
                    np.arcsin(positions[:, 1]) / np.pi + 0.5], 1)
     return clfur.Mesh(positions, positions, uv[faces], faces)
+
+
+@pytest.fixture(name="clfur")
+def command(tmp_path, monkeypatch, capfd):
+    """Runs the command in an empty folder -> (exit code, stdout, stderr)."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("CLFUR_DEVICE", raising=False)
+    monkeypatch.delenv("PYOPENCL_CTX", raising=False)
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as exit:
+            main(list(map(str, arguments)))
+        return exit.value.code, *capfd.readouterr()
+    return run
+
+
+def wrong(result, *words):
+    code, out, err = result
+    assert (code, out) == (2, "")
+    assert err.startswith("clfur: error: ") and err.count("\n") == 1 and err.endswith("\n"), err
+    for word in words:
+        assert word in err
 
 
 @pytest.fixture
