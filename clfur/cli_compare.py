@@ -68,8 +68,8 @@ def _print(found, given):
     rows = [row for row in found.rows if row.frame]
     if not rows:
         return
-    _table(console, "ms: median (least–most)", [
-        "device", "frame", "first frame", "of it building", "strands a second", "MiB on device", "in process"], [
+    _table(console, "frames, ms: median (least–most)", [
+        "device", "frame", "first", "build", "strands/s", "device MiB", "process MiB"], [
         [row.device, spread(row.frame), milliseconds(row.first), milliseconds(row.build),
          f"{row.strands_per_second:,.0f}", mebibytes(row.memory), mebibytes(row.resident)] for row in rows])
     names = list(dict.fromkeys(name for row in rows for name in row.stages or ()))
@@ -79,17 +79,17 @@ def _print(found, given):
                         for s in map(row.stages.get, names)])] for row in rows])
     names = list(dict.fromkeys(name for row in rows for name in row.difference.same))
     _table(console, f"difference to {found.reference}",
-           ["device", "largest, linear", "pixels beyond 1e-3", "mean FLIP", *names], [
+           ["device", "largest", "pixels > 1e-3", "FLIP", *names], [
         [row.device, f"{row.difference.largest:.2g}", f"{row.difference.share:.3%}",
          NO_FLIP if row.difference.flip is None else f"{row.difference.flip:.2g}",
          *("same bits" if row.difference.same[name] else "differs" for name in names)] for row in rows])
 
 
 def _table(console, title, columns, rows):
-    table = Table(title=title, title_justify="left", title_style="bold", box=None, padding=(0, 2, 0, 0),
-                  header_style="dim")
+    table = Table(title=title, title_justify="left", title_style="bold", header_style="dim", box=None,
+                  padding=(0, 1 if len(columns) > 7 else 2, 0, 0))   # seven stages fit into 80 columns
     for place, column in enumerate(columns):
-        table.add_column(column, justify="right" if place and title else "left")
+        table.add_column(column, justify="right" if place and title else "left", overflow="fold")
     for row in rows:
         table.add_row(*row)
     console.print()
