@@ -60,7 +60,8 @@ def _print(found, given):
     console = Console(highlight=False, markup=False,   # what is no terminal has no width either
                       **({} if sys.stdout.isatty() else {"width": 120}))
     strands = "" if found.strands is None else f", {found.strands:,} strands, {found.segments:,} segments"
-    console.print(f"{given}: {found.size[0]}x{found.size[1]}{strands}, {found.repeat} warm frames a device")
+    console.print(f"{given}: {found.size[0]}x{found.size[1]}{strands}, "
+                  f"{found.repeat} warm frame{'s' * (found.repeat != 1)} a device")
     _table(console, "", ["device", "driver and processor", "status"], [
         [row.device, row.name, Text(row.status, "green" if row.status == "ok" else "red")
          + (", the reference" if row.device == found.reference else "") + (f": {row.message}" if row.message else "")]
