@@ -139,6 +139,8 @@ def compare(scene, devices="all", settings=None, repeat=5, reference=None, secon
 
 def _chosen(devices):
     """[(text, device)] of what `compare` takes, each device once; raises `clfur.Error` where there is none such."""
+    if not isinstance(devices, (str, list, tuple)):
+        raise Error(f"devices is {devices!r:.60}; allowed: 'all', or names of devices")
     there = handles()
     if devices == "all":
         choose("auto")   # raises where there is none at all
