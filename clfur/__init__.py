@@ -1,5 +1,6 @@
 """Fur and hair on meshes, rendered with OpenCL."""
 
+from .compare import Comparison, compare
 from .errors import DeviceError, Error
 from .fur import Curves, HairType, PointForce, Strands
 from .image import save
@@ -10,6 +11,6 @@ from .scheduler import Scheduler
 from .settings import Settings
 
 __all__ = [
-    "Camera", "Curves", "DeviceError", "Error", "Frame", "HairType", "Light", "Mesh", "PointForce", "Scene",
-    "Scheduler", "Settings", "Strands", "draw", "load_mesh", "render", "save",
+    "Camera", "Comparison", "Curves", "DeviceError", "Error", "Frame", "HairType", "Light", "Mesh", "PointForce",
+    "Scene", "Scheduler", "Settings", "Strands", "compare", "draw", "load_mesh", "render", "save",
 ]

@@ -54,8 +54,9 @@ def pick(text, platforms, failed=()):
     return matches[0]
 
 
-def handles(platforms):
-    """(text, device) for each device of ``platforms``: a short text with which `pick` gives that device."""
+def handles(platforms=None):
+    """(text, device) for each device of ``platforms``, or of all there are: a short text that means it to `pick`."""
+    platforms = _platforms() if platforms is None else platforms
     found = []
     for p, devices in enumerate(platforms):
         for d, device in enumerate(devices):

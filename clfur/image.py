@@ -5,9 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from . import files
 from .errors import Error
+from .files import output_path, reason, whole
 
-__all__ = ["check_writable", "linear_to_srgb", "load_picture", "save", "srgb_to_linear"]
+__all__ = ["check_writable", "linear_to_srgb", "load_picture", "png", "save", "srgb_to_linear"]
 
 # Names of the EXR channels of each output of the renderer, one for each of its last axis.
 EXR_CHANNELS = {
@@ -53,7 +55,7 @@ def save(path, image):
     is unsigned there, so -1 reads 4294967295. NPZ holds the arrays as they are, a plain one as `color`.
     Raises Error for another suffix, other shapes, and where the file cannot be written.
     """
-    path = _checked_path(path)
+    path = output_path(path, WRITERS)
     outputs = image if isinstance(image, dict) else {"color": image}
     outputs = {name: np.asarray(array) for name, array in outputs.items()}
     if "color" in outputs:
@@ -62,66 +64,33 @@ def save(path, image):
             raise Error(f"save color is {color.dtype} {list(color.shape)}; "
                         "allowed: floats [h, w, 4] or [h, w, 3]")
     write = WRITERS[path.suffix.lower()]
-    # A name of our own beside the target, so that replacing it is one step and keeps the usual permissions.
-    temporary = path.with_name(f".{path.stem}-{os.urandom(4).hex()}{path.suffix.lower()}")
-    try:
-        with open(temporary, "xb"):
-            pass
+    with whole(path) as temporary:
         write(temporary, outputs)
-        os.replace(temporary, path)
-    except Error:
-        raise
-    except Exception as error:  # whatever a writer fails with, the user gets one line
-        raise Error(f"{path}: cannot be written: {_reason(error)}") from error
-    finally:
-        if os.path.exists(temporary):
-            temporary.unlink()
 
 
 def check_writable(path):
     """Raise Error unless `save` could write to this path; leaves nothing behind."""
-    path = _checked_path(path)
-    temporary = path.with_name(f".{path.stem}-{os.urandom(4).hex()}{path.suffix.lower()}")
-    try:
-        with open(temporary, "xb"):  # the one sure test: permissions may lie, as for root on a read-only disk
-            pass
-        temporary.unlink()
-    except OSError as error:
-        raise Error(f"{path}: cannot be written: {error.strerror}") from None
+    files.check_writable(path, WRITERS)
 
 
-def _reason(error):
-    """Return what an exception says, in one line."""
-    text = getattr(error, "strerror", None) or str(error).strip() or type(error).__name__
-    return text.splitlines()[0]
-
-
-def _checked_path(path):
-    if not isinstance(path, (str, os.PathLike)):
-        raise Error(f"save path is {path!r}; allowed: a file's name")
-    path = Path(path)
-    if path.suffix.lower() not in WRITERS:
-        raise Error(f"{path}: {path.suffix or 'no suffix'} is not supported; allowed: {', '.join(WRITERS)}")
-    if os.path.isdir(path):
-        raise Error(f"{path}: is a folder; allowed: a file")
-    if not os.path.isdir(path.parent):
-        raise Error(f"{path}: there is no folder {path.parent}")
-    return path
-
-
-def _png(path, outputs):
+def png(color):
+    """The bytes of a PNG file, 8-bit sRGB with straight alpha: of a float picture as `save` takes it."""
     import imageio.v3
 
-    if "color" not in outputs:
-        raise Error("save to .png needs the output 'color'; allowed without it: .exr, .npz")
-    color = np.nan_to_num(outputs["color"].astype(np.float32), nan=0.0, posinf=1.0, neginf=0.0)
+    color = np.nan_to_num(color.astype(np.float32), nan=0.0, posinf=1.0, neginf=0.0)
     if color.shape[2] == 4:
         alpha = np.clip(color[:, :, 3:], 0, 1)
         straight = np.where(alpha > 0, color[:, :, :3] / np.where(alpha > 0, alpha, 1), 0)
         coded = np.concatenate([linear_to_srgb(straight), alpha], axis=2)
     else:
         coded = linear_to_srgb(color)
-    imageio.v3.imwrite(path, (coded * 255 + 0.5).astype(np.uint8), extension=".png")
+    return imageio.v3.imwrite("<bytes>", (coded * 255 + 0.5).astype(np.uint8), extension=".png")
+
+
+def _png(path, outputs):
+    if "color" not in outputs:
+        raise Error("save to .png needs the output 'color'; allowed without it: .exr, .npz")
+    path.write_bytes(png(outputs["color"]))
 
 
 def _exr(path, outputs):
@@ -171,7 +140,7 @@ def load_picture(path):
         plain = mode in (None, "1", "L", "LA", "P", "PA", "RGB", "RGBA") or mode.startswith(("I", "F"))
         pixels = imageio.v3.imread(path, index=0, plugin="pillow", **({} if plain else {"mode": "RGB"}))
     except Exception as error:  # a damaged file can fail in any way
-        raise Error(f"{path}: cannot be read as a picture: {_reason(error)}") from error
+        raise Error(f"{path}: cannot be read as a picture: {reason(error)}") from error
     if pixels.dtype == bool:
         pixels = pixels.astype(np.uint8) * 255
     if pixels.ndim == 2:

@@ -33,11 +33,16 @@ def isolated(function, *arguments, seconds, tell=None, environment=None):
 
     ``tell``: called here with each object that the function there sends by ``isolated.tell(object)``.  ``seconds``: it
     may take, from one such object to the next.  ``environment``: variables to change there, {name: text}.
-    The process and what it started are gone when this returns, or raises.
+    The process and what it started are gone when this returns, or raises.  Raises `clfur.Error` for arguments that
+    cannot be sent to it.
     """
+    try:
+        call = pickle.dumps((function, arguments, sys.path))
+    except Exception as error:   # pickle raises whatever it met
+        raise Error(f"cannot be sent to another process: {' '.join(str(error).split())}") from error
     with tempfile.TemporaryDirectory(prefix="clfur-") as folder:
         told, errors = Path(folder, "told"), Path(folder, "stderr")
-        Path(folder, "call").write_bytes(pickle.dumps((function, arguments, sys.path)))
+        Path(folder, "call").write_bytes(call)
         told.touch()
         with errors.open("wb") as stderr:
             child = subprocess.Popen(

@@ -5,6 +5,7 @@ import pytest
 
 import clfur
 from clfur import device
+from clfur.cli import main
 
 DEVICES = device.find()
 
@@ -57,3 +58,47 @@ def sphere():
     uv = np.stack([np.arctan2(positions[:, 0], positions[:, 2]) / (2 * np.pi) + 0.5,
                    np.arcsin(positions[:, 1]) / np.pi + 0.5], 1)
     return clfur.Mesh(positions, positions, uv[faces], faces)
+
+
+@pytest.fixture(name="clfur")
+def command(tmp_path, monkeypatch, capfd):
+    """Runs the command in an empty folder -> (exit code, stdout, stderr)."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("CLFUR_DEVICE", raising=False)
+    monkeypatch.delenv("PYOPENCL_CTX", raising=False)
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as exit:
+            main(list(map(str, arguments)))
+        return exit.value.code, *capfd.readouterr()
+    return run
+
+
+def wrong(result, *words):
+    code, out, err = result
+    assert (code, out) == (2, "")
+    assert err.startswith("clfur: error: ") and err.count("\n") == 1 and err.endswith("\n"), err
+    for word in words:
+        assert word in err
+
+
+@pytest.fixture
+def comparison():
+    """A `clfur.Comparison` made up: two devices agree, one without times of stages, one crashed, one differs."""
+    from clfur.compare import Comparison, Difference, Row, Spread
+    picture = np.zeros((12, 16, 4), np.float32)
+    picture[3:9, 4:12] = 0.5, 0.25, 0.125, 1
+    other = picture.copy()
+    other[5, 5] = 0.75, 0.25, 0.125, 1
+    seconds = {"frames": [0.5, 0.25, 1.0], "frame": Spread(0.5, 0.25, 1.0), "first": 8.0, "build": 2.5,
+               "memory": 3 << 20, "resident": 600 << 20, "strands_per_second": 2000.0}
+    stages = {"strands": Spread(0.125, 0.0625, 0.25), "raster": Spread(0.25, 0.125, 0.5)}
+    same = {"visibility": True, "voxels": True}
+    return Comparison("pocl", (16, 12), clfur.Settings(), 500, 1000, 8000, 3, [
+        Row("pocl", "PoCL 3.0 · <b>Chip</b>", "ok", **seconds, stages=stages, picture=picture,
+            difference=Difference(0.0, 0.0, 0.0, same)),
+        Row("rusticl", "rusticl · Chip", "ok", **seconds, stages=None, picture=picture,
+            difference=Difference(1e-6, 0.0, 1e-7, same)),
+        Row("bad", "Bad driver · Chip", "crash", "the process died of SIGSEGV (after 1 of 5 frames)"),
+        Row("odd", "Odd driver · Chip", "differs", "other bits in voxels", **seconds, stages=stages, picture=other,
+            difference=Difference(0.25, 1 / 192, 0.01, same | {"voxels": False}))])

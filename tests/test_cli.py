@@ -8,24 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from clfur.cli import main
+from conftest import wrong
 
 SMALL = ["--size", "64x48", "--inner", "2", "--outer", "2", "--samples", "1"]
-
-
-@pytest.fixture
-def clfur(tmp_path, monkeypatch, capfd):
-    """Runs the command in an empty folder -> (exit code, stdout, stderr)."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("CLFUR_DEVICE", raising=False)
-    monkeypatch.delenv("PYOPENCL_CTX", raising=False)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as exit:
-            main(list(map(str, arguments)))
-        return exit.value.code, *capfd.readouterr()
-    return run
 
 
 def test_render(clfur, tmp_path):
@@ -93,18 +78,64 @@ def test_hair_types(clfur, tmp_path):
     assert told["segments"] == 5 * told["strands"] > 0
 
 
+SCENE_FILE = """
+import clfur
+print("making the scene")
+scene = clfur.Scene(mesh=clfur.load_mesh("sphere"), fur=clfur.Strands(inner=1, outer=1, roots=50),
+                    camera=clfur.Camera(size=(40, 30)))
+"""
+
+
+def test_scene_file(clfur, tmp_path):
+    """What it prints goes to stderr: stdout is the command's."""
+    (tmp_path / "fur.py").write_text(SCENE_FILE)
+    code, out, err = clfur("render", "fur.py", "--samples", "16", "--json")
+    assert (code, err) == (0, "making the scene\n")
+    told = json.loads(out)
+    assert (told["file"], told["size"], told["strands"]) == ("fur.png", [40, 30], 50)
+    assert told["options"] == {"samples": 16, "shadows": "length", "grid": 48}
+    assert told["camera"] == {"eye": pytest.approx([0, 0.4, 3.2]), "target": [0, 0, 0]}
+
+
+def test_scene_file_with_settings_and_no_mesh(clfur, tmp_path):
+    (tmp_path / "fur.py").write_text(
+        "import clfur, numpy\nsettings = clfur.Settings(samples=1, shadows='off')\n"
+        "scene = clfur.Scene(fur=clfur.Curves(numpy.eye(3, dtype='f4')[None], width=0.1), camera=clfur.Camera."
+        "calibrated(clfur.Camera().pose, clfur.Camera().intrinsics, (40, 30)))\n"
+        "if __name__ == '__main__':\n    raise SystemExit\n")
+    code, out, err = clfur("render", "fur.py", "--json")
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    assert told["options"] == {"samples": 1, "shadows": "off", "grid": 48}
+    assert (told["strands"], told["camera"]["target"]) == (1, None)
+    assert told["skipped"] == {"degenerate": 0, "zero_normal": 0}
+
+
+@pytest.mark.parametrize("text, options, words", [
+    (SCENE_FILE, ["--size", "64x48"], ["--size", "fur.py sets this itself"]),
+    (SCENE_FILE, ["--seed", "0"], ["--seed", "fur.py sets this itself"]),
+    (SCENE_FILE + "settings = clfur.Settings()", ["--samples", "16"], ["--samples", "fur.py sets this itself"]),
+    ("", [], ["fur.py sets no scene; allowed: scene = clfur.Scene(...)"]),
+    ("scene = 'fur'", [], ["fur.py sets scene = 'fur'; allowed: scene = clfur.Scene(...)"]),
+    (SCENE_FILE + "settings = 16", [], ["fur.py sets settings = 16; allowed: settings = clfur.Settings(...)"]),
+    ("import clfur\n\nclfur.Light(direction=\n(0, 0, 0))", [], ["fur.py, line 3: Light.direction"]),
+    ("def f():\n    return 1 / 0\n\nf()", [], ["fur.py, line 2: ZeroDivisionError: division by zero"]),
+    ("x = 1\nscene = (", [], ["fur.py, line 2: SyntaxError: '(' was never closed"]),
+    ("x = 1\nimport sys; sys.exit('bye')", [], ["fur.py, line 2: SystemExit: bye"]),
+    ("x = 1\nimport nowhere", [], ["fur.py, line 2: ModuleNotFoundError: No module named 'nowhere'"]),
+    (None, [], ["fur.py: no such file"]),
+])
+def test_wrong_scene_file(clfur, tmp_path, text, options, words):
+    if text is not None:
+        (tmp_path / "fur.py").write_text(text.replace("print", "str"))
+    wrong(clfur("render", "fur.py", *options), *words)
+    assert [file.name for file in tmp_path.iterdir()] == ["fur.py"] * (text is not None)
+
+
 def test_skipped_faces_are_counted(clfur, tmp_path):
     (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 0 0\nf 1 2 3\nf 1 2 4\n")
     code, out, err = clfur("render", "m.obj", *SMALL)
     assert (code, err) == (0, "") and out.rstrip().endswith("; skipped faces: 1 degenerate")
-
-
-def wrong(result, *words):
-    code, out, err = result
-    assert (code, out) == (2, "")
-    assert err.startswith("clfur: error: ") and err.count("\n") == 1 and err.endswith("\n"), err
-    for word in words:
-        assert word in err
 
 
 @pytest.mark.parametrize("arguments, words", [

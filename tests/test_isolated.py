@@ -5,6 +5,7 @@ import time
 
 import pytest
 
+import clfur
 from clfur.isolated import isolated
 
 HERE = __name__
@@ -81,6 +82,11 @@ def test_value_comes_back():
 def test_failures_are_told_apart(name, status, words):
     outcome = call(name)
     assert (outcome.status, outcome.value, outcome.message) == (status, None, words)
+
+
+def test_what_cannot_be_sent_is_named():
+    with pytest.raises(clfur.Error, match="cannot be sent to another process: .*lambda"):
+        call("add", lambda: 0, 1)
 
 
 def test_hang_ends_in_time():

@@ -1,0 +1,260 @@
+"""What the commands that draw have in common: their options, and the scene that these or a file describe."""
+
+import contextlib
+import json
+import math
+import runpy
+import sys
+import traceback
+from pathlib import Path
+
+import attrs
+import click
+from click.core import ParameterSource
+
+from . import Camera, Error, HairType, Light, Scene, Settings, Strands, load_mesh
+from .image import load_picture, srgb_to_linear
+from .scene import frame
+from .settings import SHADOWS
+
+
+class Numbers(click.ParamType):
+    """Numbers with commas between them, such as 0,-1,0."""
+
+    def __init__(self, count):
+        self.count = count
+        self.name = "numbers"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        try:
+            numbers = tuple(float(part) for part in value.split(","))
+        except ValueError:
+            numbers = ()
+        if len(numbers) != self.count:
+            self.fail(f"{value!r} is not {self.count} numbers with commas between them", param, ctx)
+        return numbers
+
+
+class Size(click.ParamType):
+    """Width and height in pixels, such as 640x480."""
+
+    name = "size"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        parts = value.lower().split("x")
+        if len(parts) != 2 or not all(part.isdecimal() and len(part) < 6 and 1 <= int(part) <= 16384 for part in parts):
+            self.fail(f"{value!r} is not WIDTHxHEIGHT of 1 to 16384 pixels each, such as 640x480", param, ctx)
+        return tuple(map(int, parts))
+
+
+class Color(Numbers):
+    """Linear R,G,B or sRGB #rrggbb."""
+
+    def __init__(self):
+        super().__init__(3)
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, str) and value.startswith("#"):
+            try:
+                return _from_hex(value)
+            except ValueError:
+                self.fail(f"{value!r} is neither R,G,B (linear) nor #rrggbb (sRGB)", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class Roots(click.ParamType):
+    """The word faces, or a number of strands."""
+
+    name = "roots"
+
+    def convert(self, value, param, ctx):
+        if value == "faces" or isinstance(value, int):
+            return value
+        if not value.isdecimal() or len(value) > 10:
+            self.fail(f"{value!r} is neither 'faces' nor a number of strands", param, ctx)
+        return int(value)
+
+
+class Names(click.ParamType):
+    """Names with commas between them."""
+
+    name = "names"
+
+    def convert(self, value, param, ctx):
+        return value if isinstance(value, tuple) else tuple(part.strip() for part in value.split(","))
+
+
+_SCENE = [
+    click.option("--size", type=Size(), default="640x480", metavar="WxH", help="Size of the picture in pixels."),
+    click.option("--inner", type=click.IntRange(1, 64), default=5, metavar="N",
+                 help="Tessellation level within a face; 5 and 5 give 37 strands a face."),
+    click.option("--outer", type=click.IntRange(1, 64), default=5, metavar="N",
+                 help="Tessellation level of the edges."),
+    click.option("--roots", type=Roots(), default="faces", metavar="faces|N",
+                 help="One strand on each tessellated triangle, or N strands spread evenly."),
+    click.option("--surface", type=click.Choice(["pn", "flat"]), default="pn", help="Curved or flat faces."),
+    click.option("--segments", type=click.IntRange(0, 255), default=8, metavar="N",
+                 help="Segments a strand; 0 is bald."),
+    click.option("--length", type=click.FloatRange(0), metavar="L",
+                 help="Length of a strand in the mesh's units.  [default: 0.08 of the mesh's radius]"),
+    click.option("--width", type=click.FloatRange(0), metavar="W",
+                 help="Diameter of a strand in the mesh's units.  [default: 0.0012 of the mesh's radius]"),
+    click.option("--color", type=Color(), default="0.5,0.28,0.12", metavar="COLOR",
+                 help="R,G,B (linear) or '#rrggbb' (sRGB)."),
+    click.option("--type-map", metavar="PICTURE", help="Picture whose colours choose the hair type by uv."),
+    click.option("--types", metavar="FILE",
+                 help="JSON list of hair types, each with its key colour in the type map; what a type leaves "
+                      "out is taken from the options."),
+    click.option("--force", type=Numbers(3), default="0,-1,0", metavar="X,Y,Z", help="What pulls the strands."),
+    click.option("--force-weight", type=float, default=0.2, metavar="W",
+                 help="How much the strands give way to it."),
+    click.option("--curl", type=Numbers(2), default="0,0", metavar="RADIUS,TURNS", help="Curl of the strands."),
+    click.option("--wave", type=Numbers(2), default="0,0", metavar="AMPLITUDE,PERIODS",
+                 help="Wave of the strands."),
+    click.option("--variation", type=click.FloatRange(0, 1), default=0.3, metavar="0..1",
+                 help="How much strands differ in length, direction and colour."),
+    click.option("--seed", type=int, default=0, metavar="N", help="Of all that is random."),
+    click.option("--eye", type=Numbers(3), metavar="X,Y,Z",
+                 help="The camera's place.  [default: where it sees the whole mesh]"),
+    click.option("--target", type=Numbers(3), metavar="X,Y,Z",
+                 help="What it looks at.  [default: the mesh's centre]"),
+    click.option("--fov", type=click.FloatRange(0, 180, min_open=True, max_open=True), default=45.0, metavar="DEG",
+                 help="Vertical field of view."),
+    click.option("--light", type=Numbers(3), default="1,-1,-0.6", metavar="X,Y,Z",
+                 help="The way the light travels."),
+    click.option("--alpha", type=click.FloatRange(0, 1), default=0.5, metavar="0..1",
+                 help="How much light one hair lets through."),
+]
+_SETTINGS = [
+    click.option("--shadows", type=click.Choice(SHADOWS), default="length",
+                 help="How hair shades: by what rays cross, by the report's voxels, or not at all."),
+    click.option("--grid", type=int, default=48, metavar="N",
+                 help="Cells a side of the grid for shadows; a multiple of 16."),
+    click.option("--samples", type=click.Choice(["1", "4", "16"]), default="4", help="Samples a pixel."),
+    click.option("--specular", type=click.Choice(["kajiya-kay", "half-vector"]), default="kajiya-kay",
+                 help="Form of the highlight."),
+]
+
+
+def scene_options(command):
+    """Give a command the options that `load_scene` reads."""
+    for option in reversed(_SCENE + _SETTINGS):
+        command = option(command)
+    return command
+
+
+def is_scene_file(given):
+    """Whether a command's argument names a Python file that sets a scene, not a mesh."""
+    return Path(given).suffix.lower() == ".py"
+
+
+def load_scene(given, options):
+    """(Scene, Settings) of a command's argument, a mesh or a scene file, and of its `scene_options`, {name: value}.
+
+    Raises `clfur.Error` for what cannot be loaded, and click.UsageError for options that a scene file leaves no say.
+    """
+    settings = Settings(samples=int(options["samples"]), specular=options["specular"],
+                        shadows=options["shadows"], grid=options["grid"])
+    if not is_scene_file(given):
+        return _scene(load_mesh(given), options), settings
+    scene, own_settings = _run(given)
+    # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
+    context = click.get_current_context()
+    for option in context.command.params:
+        if (option.name in options and (own_settings or not hasattr(settings, option.name))
+                and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE):
+            raise click.UsageError(f"{option.opts[0]}: {given} sets this itself; change it there")
+    return scene, own_settings or settings
+
+
+def _run(path):
+    """(scene, settings or None) that a Python file sets; raises `clfur.Error` naming the file and the line."""
+    if not Path(path).is_file():
+        raise Error(f"{path}: {'is a folder' if Path(path).is_dir() else 'no such file'}; allowed: a scene file")
+    try:
+        with contextlib.redirect_stdout(sys.stderr):   # stdout is the command's own
+            there = runpy.run_path(path)
+    except (Exception, SystemExit) as error:
+        lines = [place.lineno for place in traceback.extract_tb(error.__traceback__) if place.filename == path]
+        line = error.lineno if isinstance(error, SyntaxError) and error.filename == path else lines[-1] if lines else 0
+        kind = "" if isinstance(error, Error) else f"{type(error).__name__}: "
+        raise Error(f"{path}, line {line}: {kind}{error.msg if isinstance(error, SyntaxError) else error}") from error
+    scene, settings = there.get("scene"), there.get("settings")
+    if not isinstance(scene, Scene):
+        raise Error(f"{path} sets {f'scene = {scene!r:.60}' if 'scene' in there else 'no scene'}; "
+                    f"allowed: scene = clfur.Scene(...)")
+    if not isinstance(settings, Settings | None):
+        raise Error(f"{path} sets settings = {settings!r:.60}; allowed: settings = clfur.Settings(...), or none")
+    return scene, settings
+
+
+def _scene(mesh, options):
+    """The scene of a mesh that the options describe."""
+    _, radius = mesh.bounds
+    length = 0.08 * radius if options["length"] is None else options["length"]
+    hair = {
+        "color": options["color"],
+        "segments": options["segments"],
+        "segment_length": length / max(options["segments"], 1),
+        "width": 0.0012 * radius if options["width"] is None else options["width"],
+        "force_weight": options["force_weight"],
+        "curl": options["curl"],
+        "wave": options["wave"],
+        "alpha": options["alpha"],
+        **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), options["variation"]),
+    }
+    if options["type_map"] is not None and options["types"] is None:
+        raise click.UsageError("--type-map needs --types, the hair types that its colours mean")
+    fur = Strands(
+        types=[HairType(**hair)] if options["types"] is None else _hair_types(options["types"], hair),
+        type_map=None if options["type_map"] is None else load_picture(options["type_map"]),
+        **{name: options[name] for name in ("inner", "outer", "roots", "surface", "force", "seed")})
+
+    camera = frame(mesh, fur, options["size"], options["fov"])
+    if options["eye"] or options["target"]:
+        target = options["target"] or tuple(camera.target)
+        eye = options["eye"] or tuple(camera.eye + target - camera.target)
+        aside, up = math.hypot(eye[0] - target[0], eye[2] - target[2]), abs(eye[1] - target[1])
+        upright = aside > 1e-3 * up
+        camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
+                        fov=options["fov"], size=options["size"])
+    return Scene(mesh=mesh, fur=fur, camera=camera, light=Light(direction=options["light"]))
+
+
+def _hair_types(path, defaults):
+    """The hair types of a JSON file; raises `clfur.Error` naming the file, the type and the field."""
+    try:
+        listed = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
+        raise Error(f"{path} is not JSON: {error}") from None
+    if not isinstance(listed, list) or not all(isinstance(fields, dict) for fields in listed):
+        raise Error(f'{path} must hold a list of objects, such as [{{"key": [255, 0, 0], "segments": 10}}]')
+    allowed = [field.name for field in attrs.fields(HairType) if field.init]
+    types = []
+    for number, fields in enumerate(listed):
+        where = f"{path}, type {number}"
+        if unknown := [name for name in fields if name not in allowed]:
+            raise Error(f"{where}: unknown field {unknown[0]!r}; allowed: {', '.join(allowed)}")
+        try:
+            if isinstance(texture := fields.get("color_texture"), str):
+                fields["color_texture"] = load_picture(Path(path).parent / texture)
+            if isinstance(color := fields.get("color"), str):
+                fields["color"] = _from_hex(color)
+            types.append(HairType(**{**defaults, **fields}))
+        except ValueError as error:   # clfur.Error is one
+            raise Error(f"{where}: {error}") from None
+    return types
+
+
+def _from_hex(text):
+    """Linear colour of sRGB "#rrggbb"; raises ValueError."""
+    digits = text[1:]
+    if len(text) != 7 or text[0] != "#" or not all(d in "0123456789abcdefABCDEF" for d in digits):
+        raise ValueError(f"{text!r} is not a colour such as #ccaa88")
+    return tuple(float(c) for c in srgb_to_linear([int(digits[i:i + 2], 16) / 255 for i in (0, 2, 4)]))
