@@ -14,13 +14,13 @@
 #define PIXEL ((long)SUBPIXEL << FRACTION)                // one pixel in a walk: 2^32
 #define CLIPPED INT_MIN                                 // mark of a point that must be clipped before snapping
 
-/* What put reads before its atomic. It may be out of date: a race, but one that is meant. Where races are looked for it
-   is an atomic too, so that only others are reported. */
-#if CHECKED
-#define PEEK_LONG(p) atom_max(p, 0ul)
+/* What put reads before its atomic: a race, but one that is meant. Where races are looked for (tools/oclgrind.py) it is
+   an atomic that changes nothing, so that only others are reported. */
+#if CHECKED && INT64_ATOMICS
+#define PEEK(p) atom_max(p, 0ul)
+#elif CHECKED
 #define PEEK(p) atomic_max(p, 0u)
 #else
-#define PEEK_LONG(p) (*(p))
 #define PEEK(p) (*(p))
 #endif
 
@@ -31,7 +31,7 @@ inline void put(volatile __global ulong *visible, size_t sample, uint depth, uin
 {
 #if INT64_ATOMICS
     const ulong key = ((ulong)depth << 32) | id;
-    if (key < PEEK_LONG(&visible[sample]))
+    if (key < PEEK(&visible[sample]))
         atom_min(&visible[sample], key);
 #else
     volatile __global uint *word = (volatile __global uint *)&visible[sample];

@@ -92,7 +92,7 @@ def preamble(device, int64_atomics):
     return "".join([
         *(f"#define {name} {value:#x}{'u' if value >> 31 else ''}\n" for name, value in CONSTANTS.items()),
         f"#define INT64_ATOMICS {int(int64_atomics)}\n",
-        f"#define CHECKED {int(device.platform.name == 'Oclgrind')}\n",   # tools/oclgrind.py looks for races
+        f"#define CHECKED {int(device.platform.name == 'Oclgrind')}\n",   # Oclgrind reports every race
         *(_c_struct(device, name, dtype) for name, dtype in STRUCTS.items()),
         f"__constant int2 PATTERN[] = {{{table}}};\n",
     ])

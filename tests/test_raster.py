@@ -338,7 +338,7 @@ NEAR_EYE = {   # two ends, in right, up and forward from the eye; and whether th
 
 
 @pytest.mark.parametrize("name", NEAR_EYE)
-@pytest.mark.parametrize("samples", [1, 16])
+@pytest.mark.parametrize("samples", [pytest.param(1, marks=pytest.mark.small), 16])
 def test_clipped_strands(gpu, fallback, name, samples):
     *ends, seen = NEAR_EYE[name]
     pose = clfur.Camera(size=(97, 61)).pose

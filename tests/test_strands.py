@@ -483,7 +483,7 @@ def map_of_all(rows, columns):
     return {"types": types, "type_map": np.array(keys, np.uint8).reshape(rows, columns, 3)}
 
 
-@pytest.mark.parametrize("rows, columns", [(1, 1), (3, 5), (8, 16)])
+@pytest.mark.parametrize("rows, columns", [(1, 1), pytest.param(3, 5, marks=pytest.mark.small), (8, 16)])
 def test_the_type_is_that_of_the_nearest_texel(gpu, rows, columns):
     """Inside texels to a thousandth from their borders; v runs up from the last row; the picture repeats."""
     inside = [(c + dx, r + dy, r * columns + c) for c in range(columns) for r in range(rows)
@@ -555,8 +555,10 @@ MANY = np.random.default_rng(1).integers(0, 6, 50_001).tolist()
 
 
 @pytest.mark.parametrize("width", ["all", "strand", "point"])
-@pytest.mark.parametrize("counts", [[4], [1], [0], [0, 1, 5, 2, 0, 3, 0], [7] * 19, MANY],
-                         ids=["one", "point", "empty", "ragged", "uniform", "many"])
+@pytest.mark.parametrize("counts", [
+    pytest.param([4], id="one"), pytest.param([1], id="point"), pytest.param([0], id="empty"),
+    pytest.param([0, 1, 5, 2, 0, 3, 0], id="ragged", marks=pytest.mark.small),
+    pytest.param([7] * 19, id="uniform"), pytest.param(MANY, id="many")])
 def test_curves_are_kept_and_get_the_twins_tangents(gpu, counts, width):
     points = ragged(counts, 2)
     sizes = {"all": (), "strand": (len(counts),), "point": (len(points),)}

@@ -133,7 +133,9 @@ def test_outer_level_i_divides_the_side_opposite_corner_i(gpu):
 
 
 @pytest.mark.parametrize("surface", ["flat", "pn"])
-@pytest.mark.parametrize("make", [lambda: lumpy(2), lambda: one_triangle(3)], ids=["lumpy", "triangles"])
+@pytest.mark.parametrize("make", [
+    pytest.param(lambda: lumpy(2), id="lumpy"),
+    pytest.param(lambda: one_triangle(3), id="triangles", marks=pytest.mark.small)])
 def test_positions_normals_and_uv_equal_the_twin(gpu, make, surface):
     mesh = make()
     outer = random_edge_levels(mesh, 13, seed=5)

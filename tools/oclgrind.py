@@ -253,7 +253,7 @@ def main():
     if sys.argv[1:] == ["launch-planted"]:
         return launch_planted()
     if library() is None:
-        print("oclgrind is not installed (apt install oclgrind): no kernel was checked")
+        print("oclgrind, or its OpenCL driver, is not installed (apt install oclgrind): no kernel was checked")
         return 2
     began = time.monotonic()
     stages = sorted(path.stem for path in (ROOT / "cl").glob("*.cl"))
