@@ -101,9 +101,10 @@ CASES = {
 }
 
 
-@pytest.mark.small
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [
+    pytest.param(case, marks=[pytest.mark.small] * (case in ("spot inside", "borders", "odd", "none")))
+    for case in CASES])
 def test_cells_equal_the_twin(gpu, case, method):
     grid, strands = CASES[case][0](), CASES[case][1]()
     cells = counted(gpu, grid, strands, method)

@@ -258,7 +258,8 @@ def main():
     began = time.monotonic()
     stages = sorted(path.stem for path in (ROOT / "cl").glob("*.cl"))
     files = {stage: [ROOT / "tests" / f"test_{stage}.py"] for stage in stages}
-    files["whole frames"] = sorted(set((ROOT / "tests").glob("test_*.py")) - {f[0] for f in files.values()})
+    others = sorted(set((ROOT / "tests").glob("test_*.py")) - {file for file, in files.values()})
+    files = {"whole frames": others} | files   # the longest first
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(os.cpu_count()) as pool:
         folder = Path(folder)
         planted = [pool.submit(each, folder) for each in (missed_of_the_planted, missed_in_a_stage)]
