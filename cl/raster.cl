@@ -14,6 +14,16 @@
 #define PIXEL ((long)SUBPIXEL << FRACTION)                // one pixel in a walk: 2^32
 #define CLIPPED INT_MIN                                 // mark of a point that must be clipped before snapping
 
+/* What put reads before its atomic: a race, but one that is meant. Where races are looked for (tools/oclgrind.py) it is
+   an atomic that changes nothing, so that only others are reported. */
+#if CHECKED && INT64_ATOMICS
+#define PEEK(p) atom_max(p, 0ul)
+#elif CHECKED
+#define PEEK(p) atomic_max(p, 0u)
+#else
+#define PEEK(p) (*(p))
+#endif
+
 /* Offer (depth, id) to a sample. The plain read only spares the atomic where it could not win, and may be out of date:
    what it reads can only have become smaller since. With 64-bit atomics one minimum does it; without, pass 0 settles the depths and
    pass 1 the smallest id at each depth. Both leave the same bits: depth in the high word, id in the low. */
@@ -21,14 +31,14 @@ inline void put(volatile __global ulong *visible, size_t sample, uint depth, uin
 {
 #if INT64_ATOMICS
     const ulong key = ((ulong)depth << 32) | id;
-    if (key < visible[sample])
+    if (key < PEEK(&visible[sample]))
         atom_min(&visible[sample], key);
 #else
     volatile __global uint *word = (volatile __global uint *)&visible[sample];
     if (pass == 0) {
-        if (depth < word[1] && atomic_min(&word[1], depth) > depth)
+        if (depth < PEEK(&word[1]) && atomic_min(&word[1], depth) > depth)
             atomic_max(&word[0], NOTHING);                 // an id from an earlier launch lies behind
-    } else if (depth == word[1] && id < word[0]) {
+    } else if (depth == PEEK(&word[1]) && id < PEEK(&word[0])) {
         atomic_min(&word[0], id);
     }
 #endif

@@ -213,7 +213,7 @@ class Scheduler:
 
     def _build(self, stem):
         folder = _kernel_dir()
-        source = layout.preamble(self.int64_atomics) + "".join(
+        source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind") + "".join(
             f'#line 1 "{file}"\n{folder.joinpath(file).read_text()}\n' for file in ("common.h", f"{stem}.cl"))
         options = ["-cl-std=CL1.2"]
         if self.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:

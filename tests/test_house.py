@@ -66,6 +66,7 @@ def test_a_stage_is_four_files(stage):
     for file in (f"clfur/stages/{stage}.py", f"cl/{stage}.cl", f"clfur/twin/{stage}.py",
                  f"tests/test_{stage}.py"):
         assert (ROOT / file).is_file(), f"the stage {stage} has no {file}"
+    assert "pytest.mark.small" in (ROOT / f"tests/test_{stage}.py").read_text(), f"{stage} has no test for Oclgrind"
 
 
 def test_the_stages_are_there():

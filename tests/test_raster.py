@@ -183,6 +183,7 @@ def test_order_of_work_and_two_runs(gpu):
         np.testing.assert_array_equal(other, pictures[0])
 
 
+@pytest.mark.small
 @pytest.mark.parametrize("first", [False, True])
 def test_equal_depths_go_to_the_smaller_id(gpu, fallback, first):
     same = [[2, 3, .5, 1], [20, 9, .5, 1]]
@@ -200,6 +201,7 @@ def test_equal_depths_go_to_the_smaller_id(gpu, fallback, first):
 # --- nothing, little, and borders -----------------------------------------------------------------------
 
 
+@pytest.mark.small
 def test_nothing_and_little(gpu):
     view = flat(31, 17, 4)
     assert (draw(gpu, view) == NONE).all()
@@ -218,6 +220,7 @@ def test_nothing_and_little(gpu):
     np.testing.assert_array_equal(depth_of(mixed), depth_of(drawn))
 
 
+@pytest.mark.small
 @pytest.mark.parametrize("turn", [0, 1])
 def test_ends_on_pixel_and_sample_borders(gpu, turn):
     """Half-open: [u0, u1) along, [v - half, v + half) across, the sample being the pixel's centre."""
@@ -242,6 +245,7 @@ def test_ends_on_pixel_and_sample_borders(gpu, turn):
     assert pixels(11.5, 30, 5, 2) == ({11}, {4, 5})
 
 
+@pytest.mark.small
 def test_a_sample_just_inside_the_edge(gpu):
     """A slope of -1/3 is cut to 2^-24 sub-pixel, so after three sub-pixels that much is left inside it."""
     strand = np.array([[125, 1281, 0, 0], [125 + 768, 1281 - 256, 0, 0]]) / SUBPIXEL + (0, 0, .5, 0)
@@ -338,7 +342,7 @@ NEAR_EYE = {   # two ends, in right, up and forward from the eye; and whether th
 
 
 @pytest.mark.parametrize("name", NEAR_EYE)
-@pytest.mark.parametrize("samples", [1, 16])
+@pytest.mark.parametrize("samples", [pytest.param(1, marks=pytest.mark.small), 16])
 def test_clipped_strands(gpu, fallback, name, samples):
     *ends, seen = NEAR_EYE[name]
     pose = clfur.Camera(size=(97, 61)).pose
@@ -349,6 +353,21 @@ def test_clipped_strands(gpu, fallback, name, samples):
         drawn = judged(gpu, view, [strand])
         assert covered(drawn).any() == seen
         np.testing.assert_array_equal(draw(fallback, view, [strand]), drawn)
+
+
+@pytest.mark.small
+def test_a_few_clipped_ones(gpu, fallback):
+    """Strands and triangles across the near plane, out of the guard band and behind the eye."""
+    rng = np.random.default_rng(18)
+    ends = rng.normal(size=(12, 3, 4)) * 10.0 ** rng.uniform(-1, 6, (12, 3, 1)) * (1, 1, 1, 1e-3)
+    ends[..., 3] = np.abs(ends[..., 3])
+    ends[::2, 0, :3] = rng.uniform(-1, 1, (6, 3))
+    corners = rng.normal(size=(8, 3, 3)) * 10.0 ** rng.uniform(0, 6, (8, 3, 1))
+    corners[:, 0] = rng.uniform(-1, 1, (8, 3))
+    view, body = perspective(19, 13, 4), surface(corners.reshape(-1, 3), np.arange(24).reshape(-1, 3))
+    drawn = judged(gpu, view, list(ends), body)
+    assert len(np.unique(id_of(drawn))) > 5
+    np.testing.assert_array_equal(draw(fallback, view, list(ends), body), drawn)
 
 
 def test_many_clipped_strands(gpu):

@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from conftest import icosphere
 
 import clfur
 from clfur import scheduler
@@ -71,6 +72,30 @@ def visible_of(scene, gpu, samples):
         body = tessellate(gpu, scene.mesh, fur.inner, fur.outer, fur.surface)
         strands = grow(gpu, body, fur)
     return raster(gpu, view_of(scene, samples), strands, body).get()
+
+
+@pytest.mark.small
+@pytest.mark.parametrize("method, light, roots", [
+    ("length", {"position": (1, 2, 2), "direction": (-1, -2, -2), "angle": 60}, 90),
+    ("trilinear", {"direction": (-1, -.4, -.5)}, "faces")])
+def test_a_frame_with_everything_in_it(gpu, method, light, roots):
+    """Every stage and every output, also without 64-bit atomics: the same bits."""
+    positions, faces = icosphere(1)
+    mesh = clfur.Mesh(positions, positions, np.abs(positions[faces][..., :2]), faces)
+    texture = np.linspace(0, 1, 60, dtype=np.float32).reshape(5, 4, 3)
+    types = [clfur.HairType(segments=5, segment_length=.06, width=.02, curl=(.02, 1), length_variation=.5,
+                            color_texture=texture, key=(0, 0, 0)),
+             clfur.HairType(segments=2, segment_length=.1, width=.03, alpha=.5, key=(9, 9, 9))]
+    fur = clfur.Strands(inner=1, outer=1, types=types, type_map=np.array([[(0, 0, 0), (9, 9, 9)]], np.uint8),
+                        roots=roots, force=(0, -1, 0), point_forces=clfur.PointForce((1, 1, 1), 1))
+    scene = clfur.Scene(mesh=mesh, fur=fur, camera=clfur.Camera(size=(21, 17)), light=clfur.Light(**light))
+    settings = clfur.Settings(samples=4, shadows=method, grid=16, shadow_map=32)
+    narrow = clfur.Scheduler(gpu.device)
+    narrow.int64_atomics = False
+    one, other = (clfur.render(scene, on, settings, outputs=tuple(OUTPUTS)) for on in (gpu, narrow))
+    assert {-2, -1} < set(np.unique(one["id"]))
+    for name in OUTPUTS:
+        assert one[name].tobytes() == other[name].tobytes(), name
 
 
 def test_a_picture_of_fur(gpu, scene):

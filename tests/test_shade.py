@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from conftest import icosphere
 
 import clfur
 from clfur import layout
@@ -117,6 +118,26 @@ def test_color_is_the_twins(gpu, ball, form, kind, samples, exponent):
     np.testing.assert_array_equal(image[..., 3], meant[..., 3])
     ids = visible.get() & np.uint64(0xFFFFFFFF)
     assert (ids < twin.BODY).any() and ((ids >= twin.BODY) & (ids < 0xFFFFFFFF)).any()
+
+
+@pytest.mark.small
+@pytest.mark.parametrize("kind, form", [("all", FORMS[0]), ("strand", FORMS[1]), ("point", FORMS[0])])
+def test_a_small_picture_is_the_twins(gpu, kind, form):
+    positions, faces = icosphere(0)
+    rng = np.random.default_rng(14)
+    points = np.concatenate([rng.uniform(-1, 1, (20, 1, 3)), rng.normal(size=(20, 3, 3)) * 0.2], 1).cumsum(1)
+    colors = {"all": rng.random(3), "strand": rng.random((20, 3)), "point": rng.random((20, 4, 3))}[kind]
+    scene = clfur.Scene(clfur.Mesh(positions * 0.5, positions, rng.random((20, 3, 2)), faces),
+                        clfur.Curves(points, width=0.05, color=colors), clfur.Camera(size=(23, 17)))
+    view, light, visible, strands, body = picture(gpu, scene, 4)
+    image = shade.color(gpu, view, light, form, visible, strands, body, scene.body_color).get()
+    keys, fur, skin = visible.get(), host(strands), host(body)
+    np.testing.assert_allclose(
+        image, twin.color(view, light, form == "half-vector", keys, fur, skin, scene.body_color), rtol=0, atol=2.5e-5)
+    told, meant = shade.about(gpu, view, visible, strands, body), twin.about(view, keys, fur, skin)
+    assert {-2, -1} < set(np.unique(meant["id"]))
+    for name, tolerance in ("id", 0), ("coverage", 1e-7), ("tangent", 3e-5), ("normal", 8e-5), ("uv", 5e-6):
+        np.testing.assert_allclose(told[name].get(), meant[name], rtol=0, atol=tolerance, err_msg=name)
 
 
 @pytest.mark.parametrize("samples", [1, 4, 16])

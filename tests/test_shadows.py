@@ -261,6 +261,27 @@ def test_outside_of_grid_and_map_all_is_lit(gpu):
     assert under.sum() > 20 and share[under].max() == 0      # behind the body
 
 
+@pytest.mark.small
+@pytest.mark.parametrize("lamp", [{}, {"position": (0, 3, 0), "angle": 40}])
+@pytest.mark.parametrize("pcf", [0, 3])
+def test_lookups_at_and_beyond_the_borders(gpu, lamp, pcf):
+    """The same with a coarse grid and map, whose borders lie in the picture, and with strands too."""
+    small = clfur.Scene(mesh=squares((.5, 1)), fur=mat(60, half=.5, height=1.2, width=.05),
+                        light=light(0, -1, 0, **lamp))
+    fur = mat(40, half=2, height=1.1, width=.2)
+    large = clfur.Scene(mesh=squares((3, 0), (3, 2)), fur=fur, light=small.light, body_color=(1, 1, 1),
+                        camera=clfur.Camera(eye=(0, 2.6, 8), fov=60, size=(25, 19)))
+    body, strands, view = tessellate(gpu, large.mesh, 1, 1, "flat"), bring(gpu, fur), view_of(large, 1)
+    visible = raster(gpu, view, strands, body)
+    coarse = cast_shadows(gpu, small, settings(grid=16, shadow_map=16, pcf=pcf), bring(gpu, small.fur),
+                          tessellate(gpu, small.mesh, 1, 1, "flat"))
+    dark, full = (shade.color(gpu, view, light_of(large.light), "kajiya-kay", visible, strands, body, (1, 1, 1),
+                              each).get() for each in (coarse, None))
+    assert np.isfinite(dark).all() and (dark <= full).all() and (dark[..., :3] < full[..., :3]).any()
+    ids = visible.get()[..., 0] & np.uint64(0xFFFFFFFF)
+    assert (ids < 80).any() and (dark[ids < 80] == full[ids < 80]).all(1).any()      # some strands lie beside
+
+
 def test_missing_shadow_data_reads_as_light(gpu):
     scene = clfur.Scene(mesh=squares((1, 0)), light=light(0, -1, 0), camera=clfur.Camera(eye=(0, 3, 2), size=(40, 30)),
                         body_color=(1, 1, 1))

@@ -192,6 +192,7 @@ def test_one_strand_for_every_triangle(gpu, sphere):
     np.testing.assert_allclose(hair.points[:, 0], positions[triangles].mean(1), rtol=0, atol=ROOT)
 
 
+@pytest.mark.small
 def test_running_sums_of_areas(gpu):
     """A mesh of three blocks of the scan and a bit; areas are whole numbers, cut off below one."""
     for n in (1, CONSTANTS["SCAN"], 3 * CONSTANTS["SCAN"] + 1):
@@ -239,6 +240,7 @@ def test_roots_by_area_go_by_the_seed(gpu):
     assert (first != other).any(1).all()
 
 
+@pytest.mark.small
 def test_as_many_roots_as_equal_triangles_is_one_in_each(gpu):
     """The finest case of whole-numbered areas: each is 1, and those between without area get no strand."""
     corners = [(x, y, 0) for i in range(600) for x, y in ((0, i), (i % 2, i), (0, i + 1))]
@@ -303,6 +305,7 @@ def test_small_and_large_worlds(gpu, scale):
 # --- growth ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.small
 def test_the_reports_loop_by_hand(gpu):
     """Up, then a unit force to the right: 45 degrees, then half: two unit vectors add on their bisector."""
     points = one_strand(gpu, segments=3, segment_length=1, force_weight=1, force=(1, 0, 0))
@@ -339,6 +342,7 @@ def test_without_force_strands_are_straight_along_the_normal(gpu):
         np.testing.assert_allclose(hair.tangents, np.repeat(normals[:, None], 6, 1), rtol=0, atol=3e-7)
 
 
+@pytest.mark.small
 def test_bald_and_without_length(gpu):
     assert grow(gpu, tufts(gpu, UP), Strands(types=HairType(segments=0))).counts.tolist() == [0]
     normals = random_units(50, 6)
@@ -348,16 +352,19 @@ def test_bald_and_without_length(gpu):
     np.testing.assert_allclose(hair.tangents, np.repeat(normals[:, None], 5, 1), rtol=0, atol=UNIT)
 
 
+@pytest.mark.small
 def test_no_roots(gpu, sphere):
     surface = tessellate(gpu, sphere, 1, 1)
     assert len(grow(gpu, surface, Strands(roots=0)).counts) == 0
 
 
+@pytest.mark.small
 def test_a_force_that_cancels_the_direction_leaves_it(gpu):
     points = one_strand(gpu, segments=5, segment_length=0.5, force_weight=1, force=(0, -1, 0))
     np.testing.assert_array_equal(points, [(0, 0.5 * k, 0) for k in range(6)])
 
 
+@pytest.mark.small
 def test_point_force_pushes_by_exp_of_the_distance(gpu):
     """From (1, 1, 0) at the first point (0, 1, 0): e^-1 to the left, and attraction the same to the right."""
     for strength in (1, -2):
@@ -367,6 +374,7 @@ def test_point_force_pushes_by_exp_of_the_distance(gpu):
         np.testing.assert_allclose(points[2] - points[1], turned, rtol=0, atol=1.5e-7)
 
 
+@pytest.mark.small
 def test_point_force_at_the_strands_own_point_is_none(gpu):
     """And takes nothing from the other forces: up, then turned to the right by 45 degrees."""
     half = math.sqrt(1 / 8)
@@ -424,6 +432,7 @@ def test_a_wave_is_a_sine_in_a_plane(gpu):
     assert np.linalg.svd(side)[1][1] > 1                            # not all in one plane
 
 
+@pytest.mark.small
 def test_curl_and_wave_add_up(gpu):
     plain, curl, wave, both = (
         one_strand(gpu, count=9, force=(1, 0, 0), segments=12, segment_length=0.1, force_weight=0.2, **extra)
@@ -474,7 +483,7 @@ def map_of_all(rows, columns):
     return {"types": types, "type_map": np.array(keys, np.uint8).reshape(rows, columns, 3)}
 
 
-@pytest.mark.parametrize("rows, columns", [(1, 1), (3, 5), (8, 16)])
+@pytest.mark.parametrize("rows, columns", [(1, 1), pytest.param(3, 5, marks=pytest.mark.small), (8, 16)])
 def test_the_type_is_that_of_the_nearest_texel(gpu, rows, columns):
     """Inside texels to a thousandth from their borders; v runs up from the last row; the picture repeats."""
     inside = [(c + dx, r + dy, r * columns + c) for c in range(columns) for r in range(rows)
@@ -488,6 +497,7 @@ def test_the_type_is_that_of_the_nearest_texel(gpu, rows, columns):
         np.testing.assert_array_equal(hair.counts, np.array([0, 2, 3])[hair.kind % 3])
 
 
+@pytest.mark.small
 def test_texel_borders(gpu):
     """On a border the texel right of it and below it; the picture's own border is its left and lower edge."""
     x, y = (a.ravel() for a in np.meshgrid([0.0, 1, 2, 4, 8], [1.0, 2, 4]))
@@ -514,6 +524,7 @@ def test_random_uv_choose_the_twins_texel(gpu):
     np.testing.assert_array_equal(hair.kind[inner], (row * 11 + column)[inner])
 
 
+@pytest.mark.small
 def test_colour_texture_is_bilinear_and_repeats(gpu):
     picture = np.random.default_rng(4).random((2, 4, 3)).astype(np.float32)
     fur = Strands(types=HairType(color=(1, 2, 0.5), color_texture=picture, segments=1))
@@ -544,8 +555,10 @@ MANY = np.random.default_rng(1).integers(0, 6, 50_001).tolist()
 
 
 @pytest.mark.parametrize("width", ["all", "strand", "point"])
-@pytest.mark.parametrize("counts", [[4], [1], [0], [0, 1, 5, 2, 0, 3, 0], [7] * 19, MANY],
-                         ids=["one", "point", "empty", "ragged", "uniform", "many"])
+@pytest.mark.parametrize("counts", [
+    pytest.param([4], id="one"), pytest.param([1], id="point"), pytest.param([0], id="empty"),
+    pytest.param([0, 1, 5, 2, 0, 3, 0], id="ragged", marks=pytest.mark.small),
+    pytest.param([7] * 19, id="uniform"), pytest.param(MANY, id="many")])
 def test_curves_are_kept_and_get_the_twins_tangents(gpu, counts, width):
     points = ragged(counts, 2)
     sizes = {"all": (), "strand": (len(counts),), "point": (len(points),)}
@@ -559,6 +572,7 @@ def test_curves_are_kept_and_get_the_twins_tangents(gpu, counts, width):
     np.testing.assert_allclose(tangents, expected_tangents, rtol=0, atol=UNIT)
 
 
+@pytest.mark.small
 def test_tangents_of_a_straight_line_a_corner_and_a_standstill(gpu):
     line = [(0, 0, 0), (2, 0, 0), (3, 0, 0)]
     corner = [(0, 0, 0), (0, 0, 1), (0, 1, 1)]
@@ -572,6 +586,7 @@ def test_tangents_of_a_straight_line_a_corner_and_a_standstill(gpu):
         (0, 1, 0), (0, 1, 0)], rtol=0, atol=UNIT)
 
 
+@pytest.mark.small
 def test_uniform_curves_are_the_same_as_counted_ones(gpu):
     points = ragged([5] * 30, 4)
     uniform, counted = clfur.Curves(points.reshape(30, 5, 3)), clfur.Curves(points, [5] * 30)
@@ -579,6 +594,7 @@ def test_uniform_curves_are_the_same_as_counted_ones(gpu):
         np.testing.assert_array_equal(a, b)
 
 
+@pytest.mark.small
 def test_no_curves(gpu):
     points, tangents, strand_of, spans = bring(gpu, clfur.Curves(np.zeros((0, 4, 3))))
     assert len(points) == len(tangents) == len(strand_of) == len(spans) == 0

@@ -75,6 +75,7 @@ def face_of(triangles):
     return face
 
 
+@pytest.mark.small
 @pytest.mark.parametrize("inner, outer, triangles", [
     (5, 5, 37),                 # the report's figure 8
     (5, 1, 25),                 # the report's program
@@ -89,6 +90,7 @@ def test_known_numbers_of_triangles(gpu, inner, outer, triangles):
     assert len(tessellate(gpu, one_triangle(), inner, np.reshape(outer, (1, -1))).triangles) == triangles
 
 
+@pytest.mark.small
 def test_inner_one_is_two_unless_all_levels_are_one(gpu):
     mesh = one_triangle()
     one, two = (on_host(tessellate(gpu, mesh, inner, np.array([(2, 1, 1)]))) for inner in (1, 2))
@@ -122,6 +124,7 @@ def test_every_inner_level(gpu, outer):
     np.testing.assert_allclose(place.sum(1), 1, rtol=0, atol=2e-7)
 
 
+@pytest.mark.small
 def test_outer_level_i_divides_the_side_opposite_corner_i(gpu):
     place = on_host(tessellate(gpu, one_triangle(), 4, np.array([(2, 3, 5)])))[3]
     for corner, segments in enumerate((2, 3, 5)):
@@ -130,7 +133,9 @@ def test_outer_level_i_divides_the_side_opposite_corner_i(gpu):
 
 
 @pytest.mark.parametrize("surface", ["flat", "pn"])
-@pytest.mark.parametrize("make", [lambda: lumpy(2), lambda: one_triangle(3)], ids=["lumpy", "triangles"])
+@pytest.mark.parametrize("make", [
+    pytest.param(lambda: lumpy(2), id="lumpy"),
+    pytest.param(lambda: one_triangle(3), id="triangles", marks=pytest.mark.small)])
 def test_positions_normals_and_uv_equal_the_twin(gpu, make, surface):
     mesh = make()
     outer = random_edge_levels(mesh, 13, seed=5)
@@ -206,6 +211,7 @@ def test_curved_triangles_converge_to_the_sphere(gpu):
     assert pn[-1] < 3.2e-5 and normal[-1] < 0.011
 
 
+@pytest.mark.small
 def test_curved_triangles_go_through_corners_with_their_normals(gpu):
     mesh = lumpy()
     positions, normals, _, place, triangles = on_host(tessellate(gpu, mesh, 5, 4, "pn"))
@@ -228,6 +234,7 @@ def test_flat_stays_in_the_plane_of_the_face(gpu):
     assert np.abs(((curved - mesh.positions[mesh.faces[face, 0]]) * normal[face]).sum(1)).max() > 0.05
 
 
+@pytest.mark.small
 @pytest.mark.parametrize("surface", ["flat", "pn"])
 def test_uv_is_linear_and_each_corner_keeps_its_own_over_a_seam(gpu, surface):
     positions = np.array([(0, 0, 0), (1, 0, 0.5), (1, 1, 0), (0, 1, 0.5)], float)

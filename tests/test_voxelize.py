@@ -102,7 +102,9 @@ CASES = {
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [
+    pytest.param(case, marks=[pytest.mark.small] * (case in ("spot inside", "borders", "odd", "none")))
+    for case in CASES])
 def test_cells_equal_the_twin(gpu, case, method):
     grid, strands = CASES[case][0](), CASES[case][1]()
     cells = counted(gpu, grid, strands, method)
@@ -141,6 +143,7 @@ def test_neither_order_nor_groups_nor_runs_change_a_count(gpu, method):
 # --- what must hold whatever the twin says -----------------------------------------------------------------
 
 
+@pytest.mark.small
 def test_count_puts_one_fragment_into_each_column_that_a_strand_passes(gpu):
     """Along the longer axis, cells whose middle lies in [start, end): the rule of the raster."""
     for points, expected in [
@@ -156,6 +159,7 @@ def test_count_puts_one_fragment_into_each_column_that_a_strand_passes(gpu):
         assert set(np.unique(cells)) <= {0, 5}
 
 
+@pytest.mark.small
 def test_binary_counts_a_cell_once_however_many_strands_pass(gpu):
     points, spans, _ = random_strands(8, 2, 14, 2)
     zeros = np.zeros(len(spans), int)
@@ -204,6 +208,7 @@ def test_length_deposits_the_expected_crossings(gpu, turn):
     assert cells.sum(dtype=float) / 4096 == pytest.approx(expected, rel=1e-6, abs=.5 * len(spans) / 4096)
 
 
+@pytest.mark.small
 @pytest.mark.parametrize("off", [0, 12, 25])
 def test_length_deposits_what_a_spot_sees(gpu, off):
     """A fibre is a ribbon across the ray of light; seen in the plane at distance 1 it covers so many cells' faces."""
@@ -222,6 +227,7 @@ def test_length_deposits_what_a_spot_sees(gpu, off):
         assert cells.sum() / 65536 * float(grid["face"][0]) == pytest.approx(area, rel=2e-3, abs=1e-9)
 
 
+@pytest.mark.small
 def test_length_is_spread_evenly(gpu):
     """A strand across ten cells leaves a tenth in each; between borders, as much as lies in each."""
     cells = counted(gpu, plain_grid(), ([(2, 3.5, 4.5, .5), (12, 3.5, 4.5, .5)], [(0, 2)], [0]), "length",
@@ -243,12 +249,14 @@ def test_what_rounding_leaves_goes_on_along_the_strand(gpu):
     assert cells.sum() == pytest.approx(256, abs=1)         # and float32's sums of 2000 segments
 
 
+@pytest.mark.small
 def test_nothing_along_the_light(gpu):
     points = [(3.3, 4.4, 1, .5), (3.3, 4.4, 9, .5)]
     for method in METHODS:
         assert not counted(gpu, plain_grid(), (points, [(0, 2)], [0]), method).any()
 
 
+@pytest.mark.small
 def test_types_weigh_their_own(gpu):
     points, spans, kinds = random_strands(13, 0, 16, 3)
     cells = counted(gpu, plain_grid(), (points, spans, kinds), "count").astype(np.int64)

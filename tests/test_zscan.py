@@ -7,6 +7,7 @@ from clfur.stages.zscan import zscan
 from clfur.twin import zscan as twin
 
 
+@pytest.mark.small
 @pytest.mark.parametrize("shape", [(1, 4, 4), (2, 24, 2), (7, 3, 16), (33, 6, 8), (16, 16, 16)])
 @pytest.mark.parametrize("unit", [1, 256, 65536])
 def test_sums_equal_the_twin(gpu, shape, unit):
@@ -21,6 +22,7 @@ def test_sums_equal_the_twin(gpu, shape, unit):
     assert (np.diff(sums, axis=0) >= 0).all()
 
 
+@pytest.mark.small
 def test_a_column_knows_no_other(gpu):
     cells = np.zeros((5, 8, 6), np.uint32)
     cells[2, 3, 4] = 7

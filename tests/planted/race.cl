@@ -1,0 +1,5 @@
+/* All work-items write to one place. */
+__kernel void race(__global const uint *unwritten, __global uint *numbers)
+{
+    numbers[0] = get_global_id(0);   // caught: Write-write data race
+}
