@@ -2,6 +2,7 @@
 
 import json
 import sys
+import warnings
 from pathlib import Path
 
 import click
@@ -30,7 +31,7 @@ def clfur(context):
 @click.option("--outputs", type=Names(), default="color", metavar="NAMES",
               help="What to save: color, depth, id, tangent, normal, uv, coverage; PNG holds color alone.")
 @click.option("--device", metavar="DEVICE",
-              help="cpu, gpu, gpu:1, part of a name such as pocl, or 1:0.  "
+              help="cpu, gpu, gpu:1, part of a name such as pocl, or 1:0; several with commas share a frame.  "
                    "[default: CLFUR_DEVICE, PYOPENCL_CTX or the best there is]")
 @click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
 def render(given, output, outputs, device, as_json, **options):
@@ -48,6 +49,8 @@ def render(given, output, outputs, device, as_json, **options):
         if read and output.exists() and Path(read).exists() and output.samefile(read):
             raise click.UsageError(f"{output} is read by this command and would be overwritten: name another with -o")
     scene, settings = load_scene(given, options)
+    if device and "," in device:
+        device = [part.strip() for part in device.split(",")]
     drawn = draw(scene, device=device, outputs=outputs, settings=settings)
     save(output, drawn.images)
 
@@ -79,6 +82,7 @@ def main(arguments=None):
     for stream in (sys.stdout, sys.stderr):   # a device's name need not be ASCII
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
+    warnings.showwarning = lambda message, *_, **__: print("clfur: warning:", message, file=sys.stderr)
     try:
         code = clfur.main(arguments, prog_name="clfur", standalone_mode=False)
     except (click.Abort, KeyboardInterrupt):

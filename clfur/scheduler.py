@@ -15,7 +15,7 @@ import pyopencl.array as cla
 from pyopencl import tools
 
 from . import layout
-from .device import choose, describe
+from .device import check_process, choose, describe
 from .errors import DeviceError, Error
 
 GROUP = 64          # work-items in a work-group
@@ -79,6 +79,7 @@ class Scheduler:
 
     def empty(self, shape, dtype):
         """Uninitialised device array, taken from the pool."""
+        check_process()
         shape = (shape,) if np.isscalar(shape) else tuple(shape)
         nbytes = math.prod(map(int, shape)) * np.dtype(dtype).itemsize
         if nbytes > self.largest:
@@ -172,6 +173,7 @@ class Scheduler:
     @contextmanager
     def frame(self):
         """One frame: nothing else may draw with this scheduler meanwhile, and `seconds` and `peak` count anew."""
+        check_process()
         if not self._busy.acquire(blocking=False):
             raise Error(f"this Scheduler ({self.name}) is drawing in another thread; allowed: one for each thread")
         try:

@@ -1,5 +1,5 @@
 /* All work-items write to one place. */
-__kernel void race(__global const uint *unwritten, __global uint *numbers)
+__kernel void race(const ulong begin, const ulong end, __global const uint *unwritten, __global uint *numbers)
 {
     numbers[0] = get_global_id(0);   // caught: Write-write data race
 }

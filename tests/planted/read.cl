@@ -1,5 +1,5 @@
 /* The last work-item reads one number beyond the end. */
-__kernel void read(__global const uint *unwritten, __global uint *numbers)
+__kernel void read(const ulong begin, const ulong end, __global const uint *unwritten, __global uint *numbers)
 {
     const size_t i = get_global_id(0);
     const uint next = numbers[i + 1];   // caught: Invalid read of size 4

@@ -1,5 +1,5 @@
 /* One of a work-item's own numbers has never been set. */
-__kernel void unset(__global const uint *unwritten, __global uint *numbers)
+__kernel void unset(const ulong begin, const ulong end, __global const uint *unwritten, __global uint *numbers)
 {
     const size_t i = get_global_id(0);
     uint own[4];

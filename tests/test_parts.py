@@ -1,0 +1,130 @@
+"""Scenes that do not fit the device at once: drawn part by part and band by band, they are the same bits."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import clfur
+from clfur.parts import Work, _runs, _share
+from clfur.render import OUTPUTS
+
+SETTINGS = clfur.Settings(samples=4, grid=32, shadow_map=64)
+
+
+def scene_of(kind, mesh, body=(.3, .2, .1)):
+    rng = np.random.default_rng(5)
+    camera = clfur.Camera(eye=(0, .4, 3.2), size=(121, 83))
+    if kind == "curves":
+        roots = rng.normal(size=(2500, 1, 3))
+        roots /= np.linalg.norm(roots, axis=-1, keepdims=True)
+        counts = rng.integers(0, 12, 2500)
+        points = (roots * (1 + .05 * np.arange(12))[None, :, None])[np.arange(12) < counts[:, None]]
+        fur = clfur.Curves(points, counts=counts, width=rng.uniform(.002, .01, len(points)),
+                           color=rng.uniform(0, 1, (2500, 3)))
+    else:
+        hair = clfur.HairType(segments=8, segment_length=.03, curl=(.01, 1), width=.004, length_variation=.3,
+                              direction_variation=.3, color_variation=.2)
+        fur = clfur.Strands(types=[hair], roots=kind, seed=3, inner=3, outer=3)
+    return clfur.Scene(mesh=mesh, fur=fur, camera=camera, body_color=body)
+
+
+def same(one, other):
+    assert one.hashes == other.hashes and set(one.hashes) == {"visibility", "voxels", "shadow_map"}
+    assert (one.triangles, one.strands, one.segments) == (other.triangles, other.strands, other.segments)
+    for name in one.images:
+        np.testing.assert_array_equal(one.images[name], other.images[name], err_msg=name)
+
+
+@pytest.mark.parametrize("wide", [True, False], ids=["64-bit", "32-bit"])
+@pytest.mark.parametrize("kind", ["faces", 9001, "curves"])
+def test_parts_and_bands_are_the_same_bits(gpu, sphere, kind, wide):
+    scene = scene_of(kind, sphere)
+    whole = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True)
+    assert np.isfinite(whole.images["depth"]).mean() > .2 and whole.images["color"].std() > .05
+    for memory in (1_400_000, 1_000_000):
+        small = clfur.Scheduler(gpu.device, memory=memory)
+        small.int64_atomics &= wide
+        parts, rows = Work(small, scene).plan(small, SETTINGS, True)
+        assert len(parts) > 1 and rows < 83
+        if kind != "curves" and memory == 1_000_000:
+            assert len({part.faces for part in parts}) > 1
+        frame = clfur.draw(scene, small, SETTINGS, tuple(OUTPUTS), hashes=True)
+        same(whole, frame)
+        assert 0 < frame.memory <= memory
+
+
+@pytest.mark.parametrize("kind", ["faces", 5000])
+def test_parts_without_a_body(gpu, sphere, kind):
+    scene = scene_of(kind, sphere, body=None)
+    small = clfur.Scheduler(gpu.device, memory=1_000_000)
+    np.testing.assert_array_equal(clfur.render(scene, small, SETTINGS), clfur.render(scene, gpu, SETTINGS))
+
+
+@pytest.mark.parametrize("kind, strands", [("faces", None), (7001, 7001), ("curves", 2500)])
+def test_every_strand_and_face_is_in_one_part(gpu, sphere, kind, strands):
+    small = clfur.Scheduler(gpu.device, memory=1_000_000)
+    work = Work(small, scene_of(kind, sphere))
+    parts, _ = work.plan(small, SETTINGS, True)
+    runs = sorted(part.strands for part in parts if part.strands[1] > part.strands[0])
+    assert runs[0][0] == 0 and runs[-1][1] == work.strands == (strands or work.triangles[-1])
+    assert all(one[1] == other[0] for one, other in zip(runs, runs[1:]))
+    faces = sorted(part.faces for part in parts if part.body)
+    assert faces[0][0] == 0 and faces[-1][1] == len(sphere.faces)
+    assert all(one[1] == other[0] for one, other in zip(faces, faces[1:]))
+
+
+def test_memory_is_shared_out():
+    assert _share(100, {"a": 10, "b": 20, "c": 30}) == {"a": 10, "b": 20, "c": 30}
+    assert _share(100, {"a": 10, "b": 200, "c": 300}) == {"a": 10, "b": 45, "c": 45}
+    assert _share(-5, {"a": 10}) == {"a": 0}
+
+
+def test_runs_stay_below_every_limit():
+    sums = np.cumsum([0, 3, 4, 5, 20, 1, 1])
+    assert _runs((sums, 8)) == [(0, 2), (2, 3), (3, 4), (4, 6)]   # at least one, even if it is too large
+    assert _runs((sums, 100), (np.arange(7), 4)) == [(0, 4), (4, 6)]
+
+
+@pytest.mark.parametrize("memory", [0, -1, 1.5, True, "1"])
+def test_memory_is_checked(memory):
+    with pytest.raises(clfur.Error, match="Scheduler.memory is .* allowed: None or a number of bytes"):
+        clfur.Scheduler(memory=memory)
+
+
+LIMITED = """
+import json, clfur
+hair = clfur.HairType(segments=100, segment_length=.002, width=.003, direction_variation=.3)
+scene = clfur.Scene(clfur.load_mesh("sphere"), clfur.Strands(types=[hair], roots=300_000),
+                    camera=clfur.Camera(size=(320, 240)))
+gpu = clfur.Scheduler("pocl")
+frame = clfur.draw(scene, gpu, clfur.Settings(samples=1), hashes=True)
+print(json.dumps([frame.hashes, frame.images["color"].tobytes().hex()[:4000], frame.memory, gpu.largest, gpu.memory]))
+"""
+
+
+def test_300_000_strands_on_a_small_device():
+    """PoCL with 1 GB, 256 MB a piece: 300,000 strands of 100 segments are 1.1 GB, 485 MB of it in one array."""
+    told = [json.loads(subprocess.run([sys.executable, "-c", LIMITED], env=os.environ | limit, check=True,
+                                      capture_output=True, text=True).stdout.splitlines()[-1])
+            for limit in ({}, {"POCL_MEMORY_LIMIT": "1"})]
+    (hashes, color, whole, _, _), (again, color_again, parts, largest, memory) = told
+    assert (hashes, color) == (again, color_again)
+    assert largest <= 2**28 and parts <= memory < whole
+
+
+@pytest.mark.parametrize("rows", [1, 7])
+def test_a_band_is_what_the_whole_is_there(gpu, sphere, rows):
+    from clfur.stages.raster import raster
+    from clfur.views import band_of, view_of
+    scene = scene_of("faces", sphere)
+    work = Work(gpu, scene)
+    drawn = work.make(gpu, work.plan(gpu, SETTINGS, False)[0][0])
+    view = view_of(scene, 4)
+    whole = raster(gpu, view, *drawn).get()
+    for top in range(0, 83, 23):
+        band = raster(gpu, band_of(view, top, min(top + rows, 83)), *drawn).get()
+        np.testing.assert_array_equal(band, whole[top:top + rows])

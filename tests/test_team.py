@@ -1,0 +1,120 @@
+"""Several devices on one frame: the same bits as one, shares by speed, and what happens when one fails."""
+
+import threading
+
+import numpy as np
+import pytest
+from conftest import DEVICES
+from test_parts import same, scene_of
+
+import clfur
+from clfur.render import OUTPUTS
+from clfur.team import Team, shares_of
+
+SETTINGS = clfur.Settings(samples=4, grid=32, shadow_map=64)
+
+
+@pytest.fixture
+def team(gpu):
+    """This device, and the next there is, or itself once more."""
+    other = DEVICES[(DEVICES.index(gpu.device) + 1) % len(DEVICES)]
+    return [clfur.Scheduler(gpu.device), clfur.Scheduler(other)]
+
+
+@pytest.mark.parametrize("shadows", ["length", "binary"])
+@pytest.mark.parametrize("kind", ["faces", 9001, "curves"])
+def test_a_team_gives_the_bits_of_one(gpu, team, sphere, kind, shadows):
+    scene, settings = scene_of(kind, sphere), clfur.Settings(samples=4, grid=32, shadow_map=64, shadows=shadows)
+    whole = clfur.draw(scene, gpu, settings, tuple(OUTPUTS), hashes=True)
+    for _ in range(2):
+        frame = clfur.draw(scene, team, settings, tuple(OUTPUTS), hashes=True)
+        same(whole, frame)
+        assert all({"look", "cast"} <= set(one.pace) for one in team)
+        assert frame.device == " + ".join(one.name for one in team)
+
+
+def test_small_devices_in_a_team(gpu, sphere):
+    scene = scene_of(9001, sphere)
+    small = [clfur.Scheduler(gpu.device, memory=memory) for memory in (1_300_000, 1_700_000)]
+    same(clfur.draw(scene, gpu, SETTINGS, hashes=True), clfur.draw(scene, small, SETTINGS, hashes=True))
+
+
+def test_devices_by_name(gpu, sphere):
+    scene = scene_of("faces", sphere)
+    np.testing.assert_array_equal(clfur.render(scene, [gpu.device], SETTINGS), clfur.render(scene, gpu, SETTINGS))
+    for wrong in ([], [gpu, gpu], [gpu.device, gpu.device]):
+        with pytest.raises(clfur.Error, match="allowed: a device, or a list of different ones"):
+            clfur.render(scene, wrong)
+
+
+@pytest.mark.parametrize("paces, shares", [
+    ([1, 1], [(10, 60), (60, 110)]), ([3, 1], [(10, 85), (85, 110)]), ([1], [(10, 110)]),
+    ([1e-9, 1, 1], [(10, 10), (10, 60), (60, 110)])])
+def test_shares_are_in_proportion_to_speed(paces, shares):
+    assert shares_of(10, 110, paces) == shares
+
+
+def test_the_faster_device_gets_more(gpu, team):
+    given = []
+
+    def draw(one, strands, body):
+        given.append((one, strands[1] - strands[0], body))
+        return [one.upload(np.array([strands[1] - strands[0]]))]
+    team[0].pace["look"], team[1].pace["look"] = 3e6, 1e6
+    assert Team(team).gather("look", draw, [np.add], 1000)[0] == 1000
+    assert sorted((one is team[0], n, body) for one, n, body in given) == [(False, 250, False), (True, 750, True)]
+
+
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize("kernel", ["voxelize.lengths", "raster.lines", "shade.color", "zscan.columns", "strands.grow"])
+def test_a_device_that_fails_is_dropped_and_its_share_redone(gpu, team, sphere, kernel, which):
+    scene = scene_of("faces", sphere)
+    whole = clfur.draw(scene, gpu, SETTINGS, hashes=True)
+    clfur.draw(scene, team, SETTINGS)
+    broken, launch = team[which], team[which].launch
+
+    def fails(name, size, *args):
+        if name == kernel:
+            raise clfur.DeviceError("this device is lost")
+        launch(name, size, *args)
+    broken.launch = fails
+    for one in team:
+        one.forget()
+    if which == 1 and kernel in ("shade.color", "zscan.columns"):   # what only the first one does
+        same(whole, clfur.draw(scene, team, SETTINGS, hashes=True))
+        return
+    with pytest.warns(RuntimeWarning, match="goes on without a device: this device is lost"):
+        same(whole, clfur.draw(scene, team, SETTINGS, hashes=True))
+
+
+@pytest.mark.filterwarnings("ignore:goes on without")
+def test_when_all_fail_the_error_is_told(team, sphere):
+    def fails(*_):
+        raise clfur.DeviceError("no power")
+    for one in team:
+        one.launch = fails
+    with pytest.raises(clfur.DeviceError, match="no power"):
+        clfur.draw(scene_of("faces", sphere), team, SETTINGS)
+
+
+def test_one_frame_at_a_time(gpu, sphere):
+    """A scheduler that draws in one thread is refused to another, and is free again afterwards."""
+    scene, inside, go = scene_of("faces", sphere), threading.Event(), threading.Event()
+    one, launch = clfur.Scheduler(gpu.device), None
+    launch = one.launch
+
+    def slow(name, size, *args):
+        inside.set()
+        assert go.wait(60)
+        launch(name, size, *args)
+    one.launch = slow
+    thread = threading.Thread(target=clfur.render, args=(scene, one, SETTINGS))
+    thread.start()
+    assert inside.wait(60)
+    try:
+        with pytest.raises(clfur.Error, match="is drawing in another thread; allowed: one for each thread"):
+            clfur.render(scene, one, SETTINGS)
+    finally:
+        go.set()
+        thread.join()
+    assert clfur.render(scene, one, SETTINGS).std() > 0
