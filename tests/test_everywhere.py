@@ -1,0 +1,79 @@
+"""The same picture however a driver runs the kernels; an end in time when it is interrupted; nothing left behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import clfur
+from clfur import device
+from clfur.isolated import isolated
+
+HANDLES = [(text, one) for text, one in device.handles()]
+POCL = [text for text, one in HANDLES if "pocl" in one.platform.version.lower()]
+
+
+@pytest.mark.parametrize("variable, value", [
+    ("POCL_MAX_PTHREAD_COUNT", "1"), ("POCL_MAX_PTHREAD_COUNT", "2"),
+    ("POCL_WORK_GROUP_METHOD", "loops"), ("POCL_WORK_GROUP_METHOD", "loopvec")])
+@pytest.mark.parametrize("text", POCL)
+def test_neither_threads_nor_work_group_method_change_a_bit(tmp_path, text, variable, value):
+    """The self-test compares visibility, voxels and shadow map by hash, and the colours."""
+    (tmp_path / "cache").mkdir()   # PoCL does not tell what it has compiled by one method from another's
+    outcome = isolated("clfur.selftest:check", text, seconds=120,
+                       environment={variable: value, "POCL_CACHE_DIR": str(tmp_path / "cache")})
+    assert (outcome.status, outcome.value) == ("ok", ""), outcome
+
+
+@pytest.mark.parametrize("text", [text for text, _ in HANDLES])
+def test_an_interrupt_ends_it_in_two_seconds(tmp_path, text):
+    """A frame of many seconds, whose kernels are built already: Ctrl-C ends it, and leaves no file."""
+    command = [sys.executable, "-c", "from clfur.cli import main; main()", "render", "sphere", "--roots", "1000000",
+               "--samples", "16", "--device", text, "-o", "a.png"]
+    small = command + ["--roots", "70000", "--size", "300x240"]   # also by as many work-items as the large frame's
+    subprocess.run(small, cwd=tmp_path, check=True, capture_output=True)
+    (tmp_path / "a.png").unlink()
+    running = subprocess.Popen(command + ["--size", "8000x6000"], cwd=tmp_path, stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE, text=True)
+    time.sleep(6)
+    assert running.poll() is None, running.communicate()
+    asked = time.monotonic()
+    running.send_signal(signal.SIGINT)
+    out, err = running.communicate(timeout=60)
+    assert time.monotonic() - asked < 2
+    assert (running.returncode, out, err) == (130, "", "clfur: interrupted\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_frames_leave_nothing_behind(gpu):
+    """Resident memory over 1,000 frames of ever other sizes: less than a tenth of 5 MB, what 10,000 may leave."""
+    mesh = clfur.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], None, None, [[0, 1, 2]])
+
+    def frames(n):
+        for i in range(n):
+            fur = clfur.Strands(types=[clfur.HairType(segments=2)], roots=20 + i % 7)
+            clfur.draw(clfur.Scene(mesh, fur, camera=clfur.Camera(size=(16 + i % 5, 12))), gpu,
+                       clfur.Settings(samples=1, grid=16, shadow_map=8))
+        with open("/proc/self/statm") as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    before = frames(300)
+    assert frames(1000) - before < 5e5
+
+
+def test_a_scheduler_does_not_survive_a_fork(gpu):
+    """A child gets an error at once for a kept scheduler as well, and can end."""
+    scene = clfur.Scene(clfur.load_mesh("sphere"), clfur.Strands(roots=50), camera=clfur.Camera(size=(32, 24)))
+    clfur.render(scene, gpu)
+    child = os.fork()
+    if not child:
+        code = 1
+        try:
+            clfur.render(scene, gpu)
+        except clfur.Error as error:
+            code = 0 if "spawn" in str(error) else 2
+        finally:
+            os._exit(code)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
