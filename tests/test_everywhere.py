@@ -33,11 +33,12 @@ def test_an_interrupt_ends_it_in_two_seconds(tmp_path, text):
     """A frame of many seconds, whose kernels are built already: Ctrl-C ends it, and leaves no file."""
     command = [sys.executable, "-c", "from clfur.cli import main; main()", "render", "sphere", "--roots", "1000000",
                "--samples", "16", "--device", text, "-o", "a.png"]
+    places = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     small = command + ["--roots", "70000", "--size", "300x240"]   # also by as many work-items as the large frame's
-    subprocess.run(small, cwd=tmp_path, check=True, capture_output=True)
+    subprocess.run(small, cwd=tmp_path, check=True, capture_output=True, env=places)
     (tmp_path / "a.png").unlink()
     running = subprocess.Popen(command + ["--size", "8000x6000"], cwd=tmp_path, stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, text=True)
+                               stderr=subprocess.PIPE, text=True, env=places)
     time.sleep(6)
     assert running.poll() is None, running.communicate()
     asked = time.monotonic()
