@@ -13,6 +13,7 @@ from .stages.tessellate import counts_of, levels_of, no_surface, tessellate
 VERTEX, TRIANGLE = 64, 16 + 8 + 16      # a triangle's area, and a strand that may stand on it, counted below
 POINT, STRAND = 36, 104                 # strands of the user's come packed, with width and colour: 32 more a point
 MESH_VERTEX, MESH_FACE = 32, 96         # the mesh itself
+BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class Work:
         }
         room = _share(gpu.memory * 15 // 16 - fixed, need)
 
-        rows = min(room["rows"] // row, piece // (width * max(8 * settings.samples, 16)), height)
+        rows = min(min(room["rows"], BAND) // row, piece // (width * max(8 * settings.samples, 16)), height)
         if rows < 1 or room["body"] < min(need["body"], 1 << 16) or room["strands"] < min(need["strands"], 1 << 16):
             raise Error(f"{gpu.name} with {gpu.memory / 2**20:,.0f} MiB has no room for Settings.grid {settings.grid}, "
                         f"Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces and a row of {width} pixels; "

@@ -37,15 +37,15 @@ def test_an_interrupt_ends_it_in_two_seconds(tmp_path, text):
     small = command + ["--roots", "70000", "--size", "300x240"]   # also by as many work-items as the large frame's
     subprocess.run(small, cwd=tmp_path, check=True, capture_output=True, env=places)
     (tmp_path / "a.png").unlink()
-    running = subprocess.Popen(command + ["--size", "8000x6000"], cwd=tmp_path, stdout=subprocess.PIPE,
+    running = subprocess.Popen(command + ["--size", "4000x3000"], cwd=tmp_path, stdout=subprocess.PIPE,
                                stderr=subprocess.PIPE, text=True, env=places)
-    time.sleep(6)
+    time.sleep(4)
     assert running.poll() is None, running.communicate()
     asked = time.monotonic()
     running.send_signal(signal.SIGINT)
     out, err = running.communicate(timeout=60)
     assert time.monotonic() - asked < 2
-    assert (running.returncode, out, err) == (130, "", "clfur: interrupted\n")
+    assert (running.returncode, out, err.strip()) == (130, "", "clfur: interrupted")
     assert list(tmp_path.iterdir()) == []
 
 
