@@ -202,6 +202,7 @@ def test_frames_of_ever_new_sizes_do_not_fill_the_memory(monkeypatch):
     for n in np.random.default_rng(4).integers(1, 20_000, 30):
         fur = clfur.Curves(np.zeros((n, 9, 3), np.float32))
         clfur.render(clfur.Scene(fur=fur, camera=clfur.Camera(size=(97, 61))), gpu, SETTINGS)
+    gpu.forget()
     held = gpu._pool.managed_bytes
     gpu.start()
     assert gpu._pool.managed_bytes <= 2 * gpu._pool.active_bytes + scheduler.SPARE < held
