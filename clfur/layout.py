@@ -61,7 +61,19 @@ Grid = np.dtype([                     # cells seen from the light: world -> (x·
     ("face", *_float4),                  # area of a cell's face and length of its side at w = 1 [world]; smallest w
 ])
 
-STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid}
+Shells = np.dtype([                   # fur as a height field on the skin, drawn layer by layer
+    ("size", *_float4),                  # length [world], layers, frequency, length_variation
+    ("shape", *_float4),                 # sharpness, density, noise [hairs], size of its waves [hairs]
+    ("color", *_float4),                 # linear r, g, b; share of light at the roots
+    ("shine", *_float4),                 # specular, exponent, alpha, 1: turned normals
+    ("kind", *_int4),                    # pattern: 0 cells, 1 sine; seed; slabs that a hair bends in; 1: filtered
+    ("noise", *_int4),                   # lattice of the noise in x, y, z; -
+    ("bend", *_float4),                  # what bends hairs all the time, -
+    ("wind", *_float4),                  # what bends them in gusts, -
+    ("gust", *_float4),                  # waves of the gusts a unit of length [1/world], waves gone by
+])
+
+STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Shells": Shells}
 
 
 def _c_struct(name, dtype):

@@ -33,6 +33,16 @@ def _kernel_dir():
         return Path(__file__).resolve().parents[1] / "cl"
 
 
+def _text(file):
+    """A kernel file with what it includes, each line under the name and number that it has in its own file."""
+    lines = [f'#line 1 "{file}"']
+    for number, line in enumerate(_kernel_dir().joinpath(file).read_text().splitlines(), 1):
+        if include := re.match(r'#include "(\w+\.h)"$', line):
+            line = f'{_text(include[1])}#line {number + 1} "{file}"'
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
 class Scheduler:
     """One OpenCL device made ready: keep it, and programs, buffers and unchanged stages stay warm.
 
@@ -214,9 +224,8 @@ class Scheduler:
         return total
 
     def _build(self, stem):
-        folder = _kernel_dir()
-        source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind") + "".join(
-            f'#line 1 "{file}"\n{folder.joinpath(file).read_text()}\n' for file in ("common.h", f"{stem}.cl"))
+        source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind")
+        source += _text("common.h") + _text(f"{stem}.cl")
         options = ["-cl-std=CL1.2"]
         if self.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
             options.append("-cl-fp32-correctly-rounded-divide-sqrt")

@@ -5,22 +5,25 @@ import numpy as np
 NONE = (1 << 64) - 1   # nothing there: depth and id NOTHING
 
 
-def raster(gpu, view, strands=None, body=None, visible=None):
+def raster(gpu, view, strands=None, body=None, visible=None, after=None):
     """Draw `Grown` strands as lines and a `Surface` as triangles -> [rows, width, samples] uint64.
 
     A sample holds depth << 32 | id: depth in 1/DEPTH_ONE (0 at the near plane), id the number of a segment's
     first point or BODY | triangle.  Strands are as wide as their width projects, but at least 1/samples of a
     pixel.  Equal depths go to the smaller id.  ``visible``: samples to draw into, with what is there already.
+    ``after``: [rows, width, samples] uint32; if given, triangles count only where they face the eye behind this depth.
     """
     width, _, samples, _ = (int(n) for n in view["size"])
     rows = int(view["rows"][1] - view["rows"][0])
     bands = _bands(view, body)
     visible = gpu.full((rows, width, samples), np.uint64, NONE) if visible is None else visible
+    front, after = np.int32(after is not None), gpu.empty(0, np.uint32) if after is None else after
     for one_pass in range(1 if gpu.int64_atomics else 2):
         if body is not None:
             n = len(body.triangles)
             gpu.launch("raster.body", n * bands, view, body.positions, body.triangles, np.uint32(n),
-                       np.uint32(body.first_triangle), np.int32(-(-rows // bands)), np.int32(one_pass), visible)
+                       np.uint32(body.first_triangle), np.int32(-(-rows // bands)), front, after,
+                       np.int32(one_pass), visible)
         if strands is not None:
             gpu.launch("raster.lines", len(strands.spans), view, strands.points, strands.spans,
                        np.uint32(strands.first_point), np.int32(one_pass), visible)

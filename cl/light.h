@@ -1,0 +1,100 @@
+/* What a sample sees, and the light that reaches it: shade.cl and shells.cl use this. */
+
+/* The world point that a sample sees. */
+inline float4 seen_point(const View *view, int x, int y, int s, uint depth)
+{
+    const int2 offset = PATTERN[view->size.w + s];
+    const float px = x + 0.5f + offset.x * (1.0f / SUBPIXEL), py = y + 0.5f + offset.y * (1.0f / SUBPIXEL);
+    const float e = (float)(DEPTH_ONE - depth) / DEPTH_ONE;
+    const float4 q = view->to_world[0] * px + view->to_world[1] * py + view->to_world[2] * e + view->to_world[3];
+    return (float4)(q.xyz / q.w, 0.0f);
+}
+
+/* Unit vector from the point towards the eye. */
+inline float4 towards_eye(const View *view, float4 p)
+{
+    const float4 eye = (float4)(view->eye.xyz, 0.0f);
+    return unit_or(eye - view->eye.w * p, (float4)(0.0f, 0.0f, 1.0f, 0.0f));
+}
+
+inline float sine(float cosine)
+{
+    return sqrt(max(1.0f - cosine * cosine, 0.0f));
+}
+
+/* Kajiya and Kay's light from one fibre: t its tangent, l towards the light, v towards the eye. Their own highlight
+   is the cone of mirror directions; the report's takes the half vector, which has no value at l = -v. */
+inline float4 fibre(float4 color, float specular, float exponent, int half_vector,
+                    float4 t, float4 l, float4 v, float4 light)
+{
+    const float tl = dot3(t, l), tv = dot3(t, v);
+    float highlight, shine = 0.0f;
+    if (half_vector) {
+        const float4 h = l + v;
+        const float length = sqrt(dot3(h, h));
+        highlight = length > 1e-6f ? sine(dot3(t, h) / length) : 0.0f;
+    } else {
+        highlight = max(sine(tl) * sine(tv) - tl * tv, 0.0f);
+    }
+    /* highlight^exponent, left out where it is below exp(-16): a power costs more than all the rest here. */
+    if ((1.0f - highlight) * exponent < 16.0f)
+        shine = specular * exp2(exponent * log2(highlight));
+    return light * (color * sine(tl) + shine) + light.w * color;
+}
+
+/* Share of light that the hair before p lets through: the light's running sums, read between four columns and two
+   layers; full light outside the grid. `own` is what the strand that p lies on adds to its own sum: by its width at
+   w = 1, and whatever that is. */
+inline float through_hair(const Grid *grid, __global const float *sums, float depth, float2 own, float4 p)
+{
+    const float4 c = ((grid->to_grid[0] * p.x + grid->to_grid[1] * p.y) + grid->to_grid[2] * p.z) + grid->to_grid[3];
+    if (!(c.w > 0.0f))
+        return 1.0f;
+    const float x = c.x / c.w - 0.5f, y = c.y / c.w - 0.5f, z = clamp(c.z, 0.0f, (float)grid->size.z);
+    if (!(x > -1.0f && y > -1.0f && x < grid->size.x && y < grid->size.y))
+        return 1.0f;
+    const int x0 = (int)floor(x), y0 = (int)floor(y), z0 = min((int)z, grid->size.z - 1);
+    const float fx = x - x0, fy = y - y0, fz = z - z0;
+    /* Columns outside the grid hold nothing: their weight is 0, and another's place is read. */
+    const int nx = grid->size.x, ny = grid->size.y;
+    const float left = x0 >= 0 ? 1.0f - fx : 0.0f, right = x0 + 1 < nx ? fx : 0.0f;
+    const float front = y0 >= 0 ? 1.0f - fy : 0.0f, back = y0 + 1 < ny ? fy : 0.0f;
+    const int xa = max(x0, 0), xb = min(x0 + 1, nx - 1), ya = max(y0, 0), yb = min(y0 + 1, ny - 1);
+    __global const float *near = sums + (size_t)z0 * nx * ny, *far = near + nx * ny;
+    const float4 weights = (float4)(left * front, right * front, left * back, right * back);
+    const float4 before = (float4)(near[ya * nx + xa], near[ya * nx + xb], near[yb * nx + xa], near[yb * nx + xb]);
+    const float4 behind = (float4)(far[ya * nx + xa], far[ya * nx + xb], far[yb * nx + xa], far[yb * nx + xb]);
+    const float4 there = weights * (before + fz * (behind - before));
+    const float crossings = (there.x + there.y) + (there.z + there.w);
+    return exp2(-1.44269504f * depth * max(crossings - own.x / c.w - own.y, 0.0f));
+}
+
+/* Share of light that the body lets through to p: the report's equation 8, over (2r + 1)² texels around. What is seen
+   there is held against the plane through p across n, the normal of what is drawn there or of the skin at a strand's
+   root, so that a slope does not shade itself; no steeper than `steepest` texels deep a texel, and level where n is 0.
+   bias: in texels. */
+inline float past_body(const View *seen, __global const ulong *map, int radius, float4 p, float4 n, float steepest,
+                       float bias)
+{
+    const float4 c = to_screen(seen, p);
+    if (!(c.w > 0.0f))
+        return 1.0f;
+    const float x = c.x / c.w, y = c.y / c.w, e = c.z / c.w;
+    /* Projection takes the plane (n, -n·p) to a plane of (x, y, e): a x + b y + c e + d = 0. */
+    const float4 plane = (float4)(n.xyz, -dot3(n, p));
+    const float along_e = dot(plane, seen->to_world[2]), texel = seen->eye.w > 0.0f ? e / seen->scale.x : 1.0f / seen->size.x;
+    const float limit = steepest * texel, flat = fabs(along_e) > 0.0f ? -1.0f / along_e : 0.0f;
+    const float dx = clamp(dot(plane, seen->to_world[0]) * flat, -limit, limit);
+    const float dy = clamp(dot(plane, seen->to_world[1]) * flat, -limit, limit);
+    const int x0 = (int)floor(x), y0 = (int)floor(y);
+    /* In depth steps: what lies nearer to the light than the plane by more than the bias. */
+    const float nearest = e + bias * texel + dx * (x0 + 0.5f - x) + dy * (y0 + 0.5f - y);
+    const long plane_at = (long)(nearest * DEPTH_ONE), x_step = (long)(dx * DEPTH_ONE), y_step = (long)(dy * DEPTH_ONE);
+    int dark = 0;
+    for (int j = max(-radius, -y0); j <= min(radius, seen->size.y - 1 - y0); ++j) {
+        __global const ulong *row = map + (long)(y0 + j) * seen->size.x + x0;
+        for (int i = max(-radius, -x0); i <= min(radius, seen->size.x - 1 - x0); ++i)
+            dark += (long)(row[i] >> 32) + plane_at + i * x_step + j * y_step < DEPTH_ONE;
+    }
+    return 1.0f - (float)dark / ((2 * radius + 1) * (2 * radius + 1));
+}
