@@ -9,8 +9,9 @@ from .render import Frame, draw, render
 from .scene import Camera, Light, Mesh, Scene
 from .scheduler import Scheduler
 from .settings import Settings
+from .shell_fur import Shells
 
 __all__ = [
     "Camera", "Comparison", "Curves", "DeviceError", "Error", "Frame", "HairType", "Light", "Mesh", "PointForce",
-    "Scene", "Scheduler", "Settings", "Strands", "compare", "draw", "load_mesh", "render", "save",
+    "Scene", "Scheduler", "Settings", "Shells", "Strands", "compare", "draw", "load_mesh", "render", "save",
 ]

@@ -10,7 +10,8 @@ import click
 from . import Error, draw, save
 from .cli_compare import compare
 from .cli_devices import devices
-from .cli_scene import Names, is_scene_file, load_scene, scene_options
+from .cli_scene import is_scene_file, load_scene, scene_options
+from .cli_types import Names
 from .image import check_writable
 
 

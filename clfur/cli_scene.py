@@ -12,111 +12,30 @@ import attrs
 import click
 from click.core import ParameterSource
 
-from . import Camera, Error, HairType, Light, Scene, Settings, Strands, load_mesh
-from .image import load_picture, srgb_to_linear
+from . import Camera, Error, HairType, Light, Scene, Settings, Shells, Strands, load_mesh
+from .cli_types import Color, Numbers, Roots, Size, from_hex
+from .image import load_picture
 from .scene import frame
 from .settings import SHADOWS
 
-
-class Numbers(click.ParamType):
-    """Numbers with commas between them, such as 0,-1,0."""
-
-    def __init__(self, count):
-        self.count = count
-        self.name = "numbers"
-
-    def convert(self, value, param, ctx):
-        if isinstance(value, tuple):
-            return value
-        try:
-            numbers = tuple(float(part) for part in value.split(","))
-        except ValueError:
-            numbers = ()
-        if len(numbers) != self.count:
-            self.fail(f"{value!r} is not {self.count} numbers with commas between them", param, ctx)
-        return numbers
-
-
-class Size(click.ParamType):
-    """Width and height in pixels, such as 640x480."""
-
-    name = "size"
-
-    def convert(self, value, param, ctx):
-        if isinstance(value, tuple):
-            return value
-        parts = value.lower().split("x")
-        if len(parts) != 2 or not all(part.isdecimal() and len(part) < 6 and 1 <= int(part) <= 16384 for part in parts):
-            self.fail(f"{value!r} is not WIDTHxHEIGHT of 1 to 16384 pixels each, such as 640x480", param, ctx)
-        return tuple(map(int, parts))
-
-
-class Color(Numbers):
-    """Linear R,G,B or sRGB #rrggbb."""
-
-    def __init__(self):
-        super().__init__(3)
-
-    def convert(self, value, param, ctx):
-        if isinstance(value, str) and value.startswith("#"):
-            try:
-                return _from_hex(value)
-            except ValueError:
-                self.fail(f"{value!r} is neither R,G,B (linear) nor #rrggbb (sRGB)", param, ctx)
-        return super().convert(value, param, ctx)
-
-
-class Roots(click.ParamType):
-    """The word faces, or a number of strands."""
-
-    name = "roots"
-
-    def convert(self, value, param, ctx):
-        if value == "faces" or isinstance(value, int):
-            return value
-        if not value.isdecimal() or len(value) > 10:
-            self.fail(f"{value!r} is neither 'faces' nor a number of strands", param, ctx)
-        return int(value)
-
-
-class Names(click.ParamType):
-    """Names with commas between them."""
-
-    name = "names"
-
-    def convert(self, value, param, ctx):
-        return value if isinstance(value, tuple) else tuple(part.strip() for part in value.split(","))
-
-
 _SCENE = [
     click.option("--size", type=Size(), default="640x480", metavar="WxH", help="Size of the picture in pixels."),
-    click.option("--inner", type=click.IntRange(1, 64), default=5, metavar="N",
-                 help="Tessellation level within a face; 5 and 5 give 37 strands a face."),
-    click.option("--outer", type=click.IntRange(1, 64), default=5, metavar="N",
-                 help="Tessellation level of the edges."),
-    click.option("--roots", type=Roots(), default="faces", metavar="faces|N",
-                 help="One strand on each tessellated triangle, or N strands spread evenly."),
-    click.option("--surface", type=click.Choice(["pn", "flat"]), default="pn", help="Curved or flat faces."),
-    click.option("--segments", type=click.IntRange(0, 255), default=8, metavar="N",
-                 help="Segments a strand; 0 is bald."),
+    click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
+                 help="Strands, shells (a pattern in layers above the skin), or an undercoat of shells under strands."),
     click.option("--length", type=click.FloatRange(0), metavar="L",
-                 help="Length of a strand in the mesh's units.  [default: 0.08 of the mesh's radius]"),
-    click.option("--width", type=click.FloatRange(0), metavar="W",
-                 help="Diameter of a strand in the mesh's units.  [default: 0.0012 of the mesh's radius]"),
+                 help="Length of the hair in the mesh's units; shells under strands have half of it.  [default: 0.08 "
+                      "of the mesh's radius, or 0.12 for shells alone]"),
     click.option("--color", type=Color(), default="0.5,0.28,0.12", metavar="COLOR",
                  help="R,G,B (linear) or '#rrggbb' (sRGB)."),
-    click.option("--type-map", metavar="PICTURE", help="Picture whose colours choose the hair type by uv."),
-    click.option("--types", metavar="FILE",
-                 help="JSON list of hair types, each with its key colour in the type map; what a type leaves "
-                      "out is taken from the options."),
-    click.option("--force", type=Numbers(3), default="0,-1,0", metavar="X,Y,Z", help="What pulls the strands."),
-    click.option("--force-weight", type=float, default=0.2, metavar="W",
-                 help="How much the strands give way to it."),
-    click.option("--curl", type=Numbers(2), default="0,0", metavar="RADIUS,TURNS", help="Curl of the strands."),
-    click.option("--wave", type=Numbers(2), default="0,0", metavar="AMPLITUDE,PERIODS",
-                 help="Wave of the strands."),
+    click.option("--alpha", type=click.FloatRange(0, 1), default=0.5, metavar="0..1",
+                 help="How much light one hair lets through."),
     click.option("--variation", type=click.FloatRange(0, 1), default=0.3, metavar="0..1",
-                 help="How much strands differ in length, direction and colour."),
+                 help="How much strands differ in length, direction and colour, and shells' hairs in length."),
+    click.option("--segments", type=click.IntRange(0, 255), default=8, metavar="N",
+                 help="Segments a strand; 0 is bald."),
+    click.option("--force", type=Numbers(3), default="0,-1,0", metavar="X,Y,Z", help="What pulls the hair."),
+    click.option("--force-weight", type=float, default=0.2, metavar="W",
+                 help="How much a segment gives way to it; a hair of shells does so as much as all segments."),
     click.option("--seed", type=int, default=0, metavar="N", help="Of all that is random."),
     click.option("--eye", type=Numbers(3), metavar="X,Y,Z",
                  help="The camera's place.  [default: where it sees the whole mesh]"),
@@ -126,8 +45,41 @@ _SCENE = [
                  help="Vertical field of view."),
     click.option("--light", type=Numbers(3), default="1,-1,-0.6", metavar="X,Y,Z",
                  help="The way the light travels."),
-    click.option("--alpha", type=click.FloatRange(0, 1), default=0.5, metavar="0..1",
-                 help="How much light one hair lets through."),
+]
+_STRANDS = [
+    click.option("--inner", type=click.IntRange(1, 64), default=5, metavar="N",
+                 help="Tessellation level within a face; 5 and 5 give 37 strands a face."),
+    click.option("--outer", type=click.IntRange(1, 64), default=5, metavar="N",
+                 help="Tessellation level of the edges."),
+    click.option("--roots", type=Roots(), default="faces", metavar="faces|N",
+                 help="One strand on each tessellated triangle, or N strands spread evenly."),
+    click.option("--surface", type=click.Choice(["pn", "flat"]), default="pn", help="Curved or flat faces."),
+    click.option("--width", type=click.FloatRange(0), metavar="W",
+                 help="Diameter of a strand in the mesh's units.  [default: 0.0012 of the mesh's radius]"),
+    click.option("--type-map", metavar="PICTURE", help="Picture whose colours choose the hair type by uv."),
+    click.option("--types", metavar="FILE",
+                 help="JSON list of hair types, each with its key colour in the type map; what a type leaves "
+                      "out is taken from the options."),
+    click.option("--curl", type=Numbers(2), default="0,0", metavar="RADIUS,TURNS", help="Curl of the strands."),
+    click.option("--wave", type=Numbers(2), default="0,0", metavar="AMPLITUDE,PERIODS",
+                 help="Wave of the strands."),
+]
+_SHELLS = [
+    click.option("--layers", type=click.IntRange(1, 1000), default=30, metavar="N",
+                 help="Layers of shells, from the skin to the tips."),
+    click.option("--pattern", type=click.Choice(["cells", "sine"]), default="cells",
+                 help="Of shells: a hair in each cell of the faces, or the report's sines, which need uv."),
+    click.option("--frequency", type=click.FloatRange(0, min_open=True), metavar="F",
+                 help="Hairs of shells along a unit of length, or the report's f for sines.  [default: 60 on the "
+                      "mesh's radius, or 40 for sines]"),
+    click.option("--density", type=click.FloatRange(0, 1, min_open=True), default=1.0, metavar="0..1",
+                 help="How much of its cell a hair of shells fills."),
+    click.option("--noise", type=Numbers(2), default="0.5,8", metavar="A,S",
+                 help="How far hairs of shells are displaced and the size of the waves, both in hairs."),
+    click.option("--wind", type=Numbers(3), default="0,0,0", metavar="X,Y,Z", help="Wind over shells; it gusts."),
+    click.option("--time", type=float, default=0.0, metavar="SECONDS", help="When the wind is looked at."),
+    click.option("--shading", type=click.Choice(["kajiya-kay", "turned"]), default="kajiya-kay",
+                 help="Light on shells: by the hair's direction, or by the report's turned normals."),
 ]
 _SETTINGS = [
     click.option("--shadows", type=click.Choice(SHADOWS), default="length",
@@ -137,12 +89,19 @@ _SETTINGS = [
     click.option("--samples", type=click.Choice(["1", "4", "16"]), default="4", help="Samples a pixel."),
     click.option("--specular", type=click.Choice(["kajiya-kay", "half-vector"]), default="kajiya-kay",
                  help="Form of the highlight."),
+    click.option("--blur", type=click.Choice(["off", "all", "edges"]), default="off",
+                 help="Blur the picture: all of it, or the edges of the fur alone."),
+    click.option("--blur-sigma", type=click.FloatRange(0, 16, min_open=True), default=1.0, metavar="PIXELS",
+                 help="How wide the blur is."),
 ]
+# Names of the options that only one kind of fur has.
+_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "type_map", "types", "curl", "wave"),
+         "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 
 
 def scene_options(command):
     """Give a command the options that `load_scene` reads."""
-    for option in reversed(_SCENE + _SETTINGS):
+    for option in reversed(_SCENE + _STRANDS + _SHELLS + _SETTINGS):
         command = option(command)
     return command
 
@@ -155,20 +114,35 @@ def is_scene_file(given):
 def load_scene(given, options):
     """(Scene, Settings) of a command's argument, a mesh or a scene file, and of its `scene_options`, {name: value}.
 
-    Raises `clfur.Error` for what cannot be loaded, and click.UsageError for options that a scene file leaves no say.
+    Raises `clfur.Error` for what cannot be loaded, and click.UsageError for options that have no say: the
+    scene file sets them itself, or they are of another fur than is chosen.
     """
-    settings = Settings(samples=int(options["samples"]), specular=options["specular"],
-                        shadows=options["shadows"], grid=options["grid"])
+    settings = Settings(samples=int(options["samples"]), **{
+        name: options[name] for name in ("specular", "shadows", "grid", "blur", "blur_sigma")})
+    context = click.get_current_context()
+    flags = {option.name: option.opts[0] for option in context.command.params if option.name in options
+             and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE}
     if not is_scene_file(given):
+        _check_fur(flags, options)
         return _scene(load_mesh(given), options), settings
     scene, own_settings = _run(given)
     # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
-    context = click.get_current_context()
-    for option in context.command.params:
-        if (option.name in options and (own_settings or not hasattr(settings, option.name))
-                and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE):
-            raise click.UsageError(f"{option.opts[0]}: {given} sets this itself; change it there")
+    for name, flag in flags.items():
+        if own_settings or not hasattr(settings, name):
+            raise click.UsageError(f"{flag}: {given} sets this itself; change it there")
     return scene, own_settings or settings
+
+
+def _check_fur(flags, options):
+    """Raise click.UsageError for one of the options given, {name: flag}, that the fur which is drawn has no use for."""
+    for fur, names in _ONLY.items():
+        for name in names if options["fur"] not in (fur, "both") else ():
+            if name in flags:
+                raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
+                                       f"allowed: with --fur {fur} or --fur both")
+    if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
+        raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
+                               "allowed: with --pattern cells or --fur both")
 
 
 def _run(path):
@@ -195,7 +169,41 @@ def _run(path):
 def _scene(mesh, options):
     """The scene of a mesh that the options describe."""
     _, radius = mesh.bounds
-    length = 0.08 * radius if options["length"] is None else options["length"]
+    kind, length = options["fur"], options["length"]
+    if length is None:
+        length = (0.12 if kind == "shells" else 0.08) * radius
+    fur = []
+    if kind != "strands":
+        fur.append(_shells(options, length / 2 if kind == "both" else length, radius))
+    if kind != "shells":
+        fur.append(_strands(options, length, radius))
+
+    camera = frame(mesh, fur, options["size"], options["fov"])
+    if options["eye"] or options["target"]:
+        target = options["target"] or tuple(camera.target)
+        eye = options["eye"] or tuple(camera.eye + target - camera.target)
+        aside, up = math.hypot(eye[0] - target[0], eye[2] - target[2]), abs(eye[1] - target[1])
+        upright = aside > 1e-3 * up
+        camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
+                        fov=options["fov"], size=options["size"])
+    return Scene(mesh=mesh, fur=fur, camera=camera, light=Light(direction=options["light"]))
+
+
+def _shells(options, length, radius):
+    """The `Shells` of this length on a mesh of this radius that the options describe."""
+    frequency = options["frequency"]
+    if frequency is None:
+        frequency = 60 / radius if options["pattern"] == "cells" else 40.0
+    weight = options["force_weight"] * options["segments"]
+    return Shells(
+        length=length, frequency=frequency, length_variation=options["variation"],
+        force=[weight * part for part in options["force"]],
+        **{name: options[name] for name in ("layers", "pattern", "density", "noise", "wind", "time", "shading", "color",
+                                            "alpha", "seed")})
+
+
+def _strands(options, length, radius):
+    """The `Strands` of this length on a mesh of this radius that the options describe."""
     hair = {
         "color": options["color"],
         "segments": options["segments"],
@@ -209,20 +217,10 @@ def _scene(mesh, options):
     }
     if options["type_map"] is not None and options["types"] is None:
         raise click.UsageError("--type-map needs --types, the hair types that its colours mean")
-    fur = Strands(
+    return Strands(
         types=[HairType(**hair)] if options["types"] is None else _hair_types(options["types"], hair),
         type_map=None if options["type_map"] is None else load_picture(options["type_map"]),
         **{name: options[name] for name in ("inner", "outer", "roots", "surface", "force", "seed")})
-
-    camera = frame(mesh, fur, options["size"], options["fov"])
-    if options["eye"] or options["target"]:
-        target = options["target"] or tuple(camera.target)
-        eye = options["eye"] or tuple(camera.eye + target - camera.target)
-        aside, up = math.hypot(eye[0] - target[0], eye[2] - target[2]), abs(eye[1] - target[1])
-        upright = aside > 1e-3 * up
-        camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
-                        fov=options["fov"], size=options["size"])
-    return Scene(mesh=mesh, fur=fur, camera=camera, light=Light(direction=options["light"]))
 
 
 def _hair_types(path, defaults):
@@ -245,16 +243,8 @@ def _hair_types(path, defaults):
             if isinstance(texture := fields.get("color_texture"), str):
                 fields["color_texture"] = load_picture(Path(path).parent / texture)
             if isinstance(color := fields.get("color"), str):
-                fields["color"] = _from_hex(color)
+                fields["color"] = from_hex(color)
             types.append(HairType(**{**defaults, **fields}))
         except ValueError as error:   # clfur.Error is one
             raise Error(f"{where}: {error}") from None
     return types
-
-
-def _from_hex(text):
-    """Linear colour of sRGB "#rrggbb"; raises ValueError."""
-    digits = text[1:]
-    if len(text) != 7 or text[0] != "#" or not all(d in "0123456789abcdefABCDEF" for d in digits):
-        raise ValueError(f"{text!r} is not a colour such as #ccaa88")
-    return tuple(float(c) for c in srgb_to_linear([int(digits[i:i + 2], 16) / 255 for i in (0, 2, 4)]))

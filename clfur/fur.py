@@ -8,6 +8,7 @@ import numpy as np
 from . import checks
 from .errors import Error
 from .image import srgb_to_linear
+from .shell_fur import Shells
 
 
 def _radius_and_count(value, where):
@@ -275,7 +276,11 @@ def _spread(values, tail, strands, total, uniform, where):
 
 
 def reach(fur):
-    """Return how far fur can reach beyond the points that it is made of or grows on, in world units."""
+    """Return how far fur, or each of a tuple, can reach beyond the points it is made of or grows on, in world units."""
+    if isinstance(fur, tuple):
+        return max(map(reach, fur), default=0.0)
+    if isinstance(fur, Shells):
+        return fur.length
     if isinstance(fur, Curves):
         return float(fur.width.max()) / 2
     if fur is None:

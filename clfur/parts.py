@@ -34,7 +34,7 @@ class Work:
     """What a scene consists of, counted on the host: faces, triangles, strands."""
 
     def __init__(self, gpu, scene):
-        self.scene, mesh, fur = scene, scene.mesh, scene.fur
+        self.scene, mesh, fur = scene, scene.mesh, scene.strands
         self.grown = isinstance(fur, Strands)
         self.body = mesh is not None and scene.body_color is not None
         self.levels = (fur.inner, fur.outer, fur.surface) if self.grown else (1, 1, "flat")
@@ -103,14 +103,15 @@ class Work:
             return skin + hair or [Part()]
         parts, areas = [], [None] * len(face_runs)
         most = max(min(room // (STRAND + POINT * self.stride), piece // (16 * self.stride)), 1)
-        if self.scene.fur.roots == "faces":
+        if self.scene.strands.roots == "faces":
             runs = [(int(self.triangles[b]), int(self.triangles[e])) for b, e in face_runs]
         elif len(face_runs) == 1:
             runs = [(0, self.strands)]
         else:
             before, total = self._areas(gpu, face_runs)
             areas = [(a, total) for a in before]
-            edges = [first_strand_at(a, self.scene.fur, total) if self.strands else 0 for a in before] + [self.strands]
+            fur = self.scene.strands
+            edges = [first_strand_at(a, fur, total) if self.strands else 0 for a in before] + [self.strands]
             runs = list(zip(edges, edges[1:]))
         for faces, area, (begin, until) in zip(face_runs, areas, runs):
             pieces = _pieces(max(begin, first), min(until, end), most) or ([(first, first)] if body else [])
@@ -128,7 +129,7 @@ class Work:
 
     def make(self, gpu, part):
         """Bring a part onto the device -> (`Grown`, `Surface` to draw)."""
-        mesh, fur = self.scene.mesh, self.scene.fur
+        mesh, fur = self.scene.mesh, self.scene.strands
         surface = gpu.keep("body", (mesh, *self.levels, *part.faces), lambda: (
             tessellate(gpu, mesh, *self.levels, part.faces) if part.faces[1] > part.faces[0] else no_surface(gpu)))
         if part.strands[1] == part.strands[0]:

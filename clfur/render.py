@@ -121,8 +121,10 @@ def _draw(team, scene, settings, outputs, hashes):
             told = {name: hashlib.sha256(_bytes(gpu, array)).hexdigest()
                     for name, array in told.items() if array is not None}
             return settle(gpu, planned, *(on(gpu, array) for array in (cells, seen))), told
+        # The shells count too: the light's view and grid hold all that there is.
+        what = scene.mesh, scene.strands, scene.shells, scene.light, int(work.body)
         cost = settings.shadows, settings.grid, settings.shadow_map, settings.pcf
-        return gpu.keep("shadows", (scene.mesh, scene.fur, scene.light, int(work.body), *cost, int(hashes)), build)
+        return gpu.keep("shadows", (*what, *cost, int(hashes)), build)
 
     def pictures(view, visible, gpu):
         """{output: array} of the rows of a view."""

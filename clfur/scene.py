@@ -14,6 +14,7 @@ import numpy as np
 from . import checks
 from .errors import Error
 from .fur import Curves, Strands, reach
+from .shell_fur import Shells
 
 
 def _uv_array(value, where):
@@ -336,11 +337,29 @@ class Light:
     angle: float = checks.field(checks.real(low=0.5, below=180), default=60.0)
 
 
+def _fur(value, where):
+    """Return what `Scene.fur` takes; a list becomes a tuple, which `extent` can remember."""
+    fur = tuple(value) if isinstance(value, (tuple, list)) else value
+    parts = fur if isinstance(fur, tuple) else () if fur is None else (fur,)
+    strands, shells = ([part for part in parts if isinstance(part, kind)] for kind in ((Strands, Curves), Shells))
+    if len(strands) > 1 or len(shells) > 1 or len(strands) + len(shells) < len(parts):
+        checks.refuse(where, value, "None, Strands, Curves, Shells, or a list of one Shells and one Strands or Curves")
+    return fur
+
+
+def _strands_and_shells(fur):
+    """Return (Strands, Curves or None; Shells or None) of what `_fur` gave."""
+    parts = fur if isinstance(fur, tuple) else (fur,)
+    return (next((part for part in parts if isinstance(part, (Strands, Curves))), None),
+            next((part for part in parts if isinstance(part, Shells)), None))
+
+
 def _points_to_see(mesh, fur):
-    """Return arrays [n, 3] of points whose hull, grown by `_reach`, holds all that is drawn."""
-    curved = isinstance(fur, Strands) and fur.surface == "pn"
+    """Return arrays [n, 3] of points whose hull, grown by `reach`, holds all that is drawn."""
+    strands, _ = _strands_and_shells(fur)   # shells grow on the mesh
+    curved = isinstance(strands, Strands) and strands.surface == "pn"
     points = [mesh.hull if curved else mesh.positions] if mesh is not None else []
-    return points + ([fur.points] if isinstance(fur, Curves) and len(fur.points) else [])
+    return points + ([strands.points] if isinstance(strands, Curves) and len(strands.points) else [])
 
 
 @functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
@@ -357,10 +376,11 @@ def extent(mesh, fur):
 def frame(mesh, fur, size=(640, 480), fov=45, direction=(0.45, 0.3, 1.0)):
     """Return a Camera that sees all of a mesh and its fur.
 
-    mesh: Mesh, or None with Curves. fur: Strands, Curves or None. size: (width, height) in pixels.
-    fov: vertical, degrees. direction: [3] from the centre of what is drawn to the camera, which comes
-    as near as it can. Raises Error as Camera does.
+    mesh: Mesh, or None with Curves. fur: what `Scene` takes. size: (width, height) in pixels. fov: vertical, degrees.
+    direction: [3] from the centre of what is drawn to the camera, which comes as near as it can. Raises Error as
+    Scene does for its fur, and as Camera does.
     """
+    fur = _fur(fur, "frame fur")
     size = _size(size, "frame size")
     fov = checks.real(above=0, below=180)(fov, "frame fov")
     direction = _direction(direction, "frame direction")
@@ -383,26 +403,39 @@ def frame(mesh, fur, size=(640, 480), fov=45, direction=(0.45, 0.3, 1.0)):
 class Scene:
     """All that a picture shows.
 
-    mesh: Mesh or None. fur: Strands (which need a mesh), Curves or None; a mesh or fur is required.
-    camera: Camera, or None to frame all of it. light: Light. body_color: linear RGB >= 0 of the mesh itself,
-    or None to leave it undrawn. Raises Error where the parts don't fit: a type_map or color_texture on a
-    mesh without uv, levels for another number of faces, or an edge whose two faces give it different levels.
+    mesh: Mesh or None. fur: Strands or Shells (which need a mesh), Curves, a list of Shells (undercoat) and one of
+    Strands and Curves (guard hairs), or None; a mesh or fur is required. camera: Camera, or None to frame all of it.
+    light: Light. body_color: linear RGB >= 0 of the mesh itself, or None to leave it undrawn. Raises Error where the
+    parts don't fit: a type_map, color_texture or pattern "sine" on a mesh without uv, levels for another number of
+    faces, or an edge whose two faces give it different levels.
+
+    A list is stored as a tuple. `strands` are the Strands or Curves of `fur`, `shells` its Shells, or None.
     """
 
     mesh: Mesh = checks.field(checks.instance(Mesh, none=True), default=None)
-    fur: Strands | Curves = checks.field(checks.instance(Strands, Curves, none=True), default=None)
+    fur: Strands | Curves | Shells | tuple = checks.field(_fur, default=None)
     camera: Camera = checks.field(checks.instance(Camera, none=True), default=None)
     light: Light = checks.field(checks.instance(Light), default=Light())
     body_color: np.ndarray = checks.field(checks.optional(checks.color), default=(0.30, 0.20, 0.12))
+    strands: Strands | Curves = attrs.field(init=False, repr=False)
+    shells: Shells = attrs.field(init=False, repr=False)
 
     def __attrs_post_init__(self):
-        if self.mesh is None and self.fur is None:
+        strands, shells = _strands_and_shells(self.fur)
+        object.__setattr__(self, "strands", strands)
+        object.__setattr__(self, "shells", shells)
+        if self.mesh is None and strands is None and shells is None:
             raise Error("Scene.mesh and Scene.fur are None; allowed: at least one of them")
-        if isinstance(self.fur, Strands):
-            if self.mesh is None:
-                raise Error("Scene.mesh is None but Scene.fur is Strands; allowed: a Mesh for it to grow on")
-            _check_uv(self.mesh, self.fur)
-            _check_levels(self.mesh, self.fur)
+        for fur in (strands, shells):
+            if isinstance(fur, (Strands, Shells)) and self.mesh is None:
+                raise Error(f"Scene.mesh is None but Scene.fur has {type(fur).__name__}; "
+                            "allowed: a Mesh for them to grow on")
+        if isinstance(strands, Strands):
+            _check_uv(self.mesh, strands)
+            _check_levels(self.mesh, strands)
+        if shells is not None and shells.pattern == "sine" and not self.mesh.has_uv:
+            raise Error("Shells.pattern is 'sine', which is made from uv, but Scene.mesh has none; "
+                        "allowed: 'cells', or a mesh with uv")
         _, radius = extent(self.mesh, self.fur)
         if radius and not 1e-6 <= radius <= checks.LARGEST:
             raise Error(f"Scene is {2 * radius:.3g} across; allowed: 2e-06 to 2e+09, where float32 is exact enough")

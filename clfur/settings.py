@@ -26,7 +26,9 @@ class Settings:
     shadows: "length" deposits what rays of light are expected to cross; "binary", "count" and "trilinear" are the
     report's voxels; "off".  grid: cells a side, a multiple of 16.  shadow_map: texels a side of the body's shadow
     map, 0 for none.  pcf: radius in texels over which its comparisons are averaged (the report's equation 8).
-    Raises `clfur.Error` for anything else.
+    filtered: whether the pattern of shell fur is averaged over the pixel.  blur: where the report's Gaussian is laid
+    over the picture: "off", "all", or "edges", which leaves the interior of the fur untouched.  blur_sigma: its width
+    in pixels, above 0, at most 16.  Raises `clfur.Error` for anything else.
     """
 
     samples: int = checks.field(_samples, default=4)
@@ -35,3 +37,6 @@ class Settings:
     shadow_map: int = checks.field(checks.whole(0, 8192), default=512)
     pcf: int = checks.field(checks.whole(0, 16), default=1)
     specular: str = checks.field(checks.choice("kajiya-kay", "half-vector"), default="kajiya-kay")
+    filtered: bool = checks.field(checks.instance(bool), default=True)
+    blur: str = checks.field(checks.choice("off", "all", "edges"), default="off")
+    blur_sigma: float = checks.field(checks.real(above=0, high=16), default=1.0)

@@ -36,11 +36,11 @@ def plan_shadows(scene, settings, strands, body):
     """`Plan` for this many strands, and whether there is a body; raises `clfur.Error` if counters could overflow."""
     method, grid, seen, weights, unit = settings.shadows, None, None, None, 0
     shadow = np.zeros((), layout.Shadow)
-    hairs = scene.fur.types if isinstance(scene.fur, Strands) else [scene.fur] if scene.fur else []
+    hairs = scene.strands.types if isinstance(scene.strands, Strands) else [scene.strands] if scene.strands else []
     depths = depths_for([hair.alpha for hair in hairs], method)
     if method != "off" and strands and depths.any():
         grid = grid_of(scene, settings.grid)
-        unit = unit_for(most_of(grid, method, *hair_bounds(scene.fur, strands)))
+        unit = unit_for(most_of(grid, method, *hair_bounds(scene.strands, strands)))
         weights = np.rint(unit * depths / depths.max()).astype(np.uint32)
         if min(weights[depths > 0]) < 4:
             raise Error(f"Settings.grid is {settings.grid}; allowed: fewer cells, less hair, hair types of more equal "

@@ -63,7 +63,7 @@ def furry(mesh, options, strands=None, length=None, light=(-1, -1, -1), **hair):
 
 def on_device(gpu, scene):
     """The scene's strands and body."""
-    fur = scene.fur
+    fur = scene.strands
     body = tessellate(gpu, scene.mesh, fur.inner, fur.outer, fur.surface)
     return grow(gpu, body, fur), body
 
@@ -83,7 +83,7 @@ def unsummed(gpu, scene, settings):
 
 def with_hair(scene, **fields):
     """The scene with other fields of its only hair type."""
-    return attrs.evolve(scene, fur=attrs.evolve(scene.fur, types=attrs.evolve(scene.fur.types[0], **fields)))
+    return attrs.evolve(scene, fur=attrs.evolve(scene.strands, types=attrs.evolve(scene.strands.types[0], **fields)))
 
 
 def sheet(path, title, columns, rows):
@@ -125,7 +125,7 @@ def figure_8(gpu, options, path):
     pictures = {}
     for level in (1, 5):
         scene = furry(mesh, options, length=0.12, light=(-1, -1, -.5))
-        scene = attrs.evolve(scene, fur=attrs.evolve(scene.fur, inner=level, outer=level))
+        scene = attrs.evolve(scene, fur=attrs.evolve(scene.strands, inner=level, outer=level))
         _, body = on_device(gpu, scene)
         positions, triangles = body.positions.get()[:, :3], body.triangles.get()[:, :3]
         edges = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
@@ -332,7 +332,7 @@ def true_light(scene, strands, body, place, own, spacings, rays):
     triangles = body.triangles.get()[:, :3]
     a, b, c = (body.positions.get()[triangles[:, k], :3].astype(float) for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
-    one, other = (truth.transmittance(strands.points.get(), strands.spans.get(), scene.fur.types[0].alpha,
+    one, other = (truth.transmittance(strands.points.get(), strands.spans.get(), scene.strands.types[0].alpha,
                                       -scene.light.direction, place, own,
                                       spacings * math.sqrt(area / len(strands.spans)), rays, seed) for seed in (0, 1))
     return (one + other) / 2, float(np.abs(one - other).mean() / 2)
@@ -357,7 +357,7 @@ def tuned(gpu, scene, options, grid):
     for method in METHODS:
         amount = judged.crossings(gpu, scene, clfur.Settings(shadows=method, grid=grid, shadow_map=0))
         alphas[method] = math.exp(-fitted(amount, judged.light)[0])
-    return alphas | {"length": scene.fur.types[0].alpha}
+    return alphas | {"length": scene.strands.types[0].alpha}
 
 
 def measure(gpu, name, mesh, count, options):

@@ -1,0 +1,53 @@
+"""Shell fur: hair as a pattern in layers above a mesh, for fur too short and dense to grow strand by strand."""
+
+import attrs
+import numpy as np
+
+from . import checks
+
+
+def _noise(value, where):
+    amount, size = (float(each) for each in checks.vector(2)(value, where))
+    if amount < 0 or size < 1:
+        checks.refuse(where, value, "two finite numbers, the first >= 0, the second >= 1")
+    return amount, size
+
+
+@attrs.frozen(eq=False)
+class Shells:
+    """Fur that is a pattern on the skin, drawn in layers from the roots to the tips.
+
+    length: height of the fur, world units, > 0. layers: 1..1000 steps between skin and tips. pattern: "cells", one hair
+    in each cell of every face, on any mesh; or "sine", the report's |sin(2fs) + sin(ft)| with s = 2πu and t = 2πv, on a
+    mesh with uv. frequency > 0: of "cells", hairs along a unit of length, so that a unit of area holds its square and
+    every face at least one; of "sine", f. sharpness > 1: where the smoothstep of a hair's edge ends, times its start.
+    density: above 0, at most 1, how much of its cell a hair fills. noise: (how far hairs are displaced, >= 0, size of
+    the noise's waves, >= 1), both in hairs. length_variation: 0..1, how much hairs differ ("cells" only).
+    color: linear RGB >= 0. specular: strength >= 0. exponent: of the highlight, > 0. alpha: 0..1, how much light one
+    hair lets through. root_shade: 0..1, the share of light at the roots; it rises to 1 at the tips. shading:
+    "kajiya-kay", by the hair's direction, or "turned", by the report's turned normals.
+
+    wind, force, acceleration: [3]. At height h of 0..1 a hair goes along n + h · (wind, which gusts with time, + force
+    − acceleration) for the normal n; force is gravity and the like, acceleration that of the object itself.
+    time: seconds. seed: of all that is random, 0..2**32-1. Raises Error for anything else.
+    """
+
+    length: float = checks.field(checks.real(above=0), default=0.1)
+    layers: int = checks.field(checks.whole(1, 1000), default=30)
+    frequency: float = checks.field(checks.real(above=0), default=40.0)
+    pattern: str = checks.field(checks.choice("cells", "sine"), default="cells")
+    sharpness: float = checks.field(checks.real(above=1), default=1.4)
+    density: float = checks.field(checks.real(high=1, above=0), default=1.0)
+    noise: tuple = checks.field(_noise, default=(0.5, 8.0))
+    length_variation: float = checks.field(checks.real(low=0, high=1), default=0.3)
+    color: np.ndarray = checks.field(checks.color, default=(0.8, 0.6, 0.4))
+    specular: float = checks.field(checks.real(low=0), default=0.3)
+    exponent: float = checks.field(checks.real(above=0), default=150.0)
+    alpha: float = checks.field(checks.real(low=0, high=1), default=0.5)
+    root_shade: float = checks.field(checks.real(low=0, high=1), default=0.35)
+    shading: str = checks.field(checks.choice("kajiya-kay", "turned"), default="kajiya-kay")
+    wind: np.ndarray = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))
+    force: np.ndarray = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))
+    acceleration: np.ndarray = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))
+    time: float = checks.field(checks.real(), default=0.0)
+    seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)

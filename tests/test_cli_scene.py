@@ -1,0 +1,172 @@
+"""The scene and the settings that the commands' options describe; nothing is drawn."""
+
+import click
+import numpy as np
+import pytest
+from conftest import wrong
+
+from clfur import Curves, Error, Settings, Shells, Strands, cli_scene, load_mesh
+
+
+@click.command()
+@click.argument("given")
+@cli_scene.scene_options
+def described(given, **options):
+    return cli_scene.load_scene(given, options)
+
+
+def load(*arguments):
+    """(Scene, Settings) of a command's arguments."""
+    return described.main(list(map(str, arguments)), standalone_mode=False)
+
+
+def radius():
+    return load_mesh("teapot").bounds[1]
+
+
+def test_strands_are_the_default():
+    scene, settings = load("teapot")
+    assert scene.shells is None and isinstance(scene.strands, Strands)
+    hair, = scene.strands.types
+    assert hair.segments * hair.segment_length == pytest.approx(0.08 * radius())
+    assert settings == Settings()
+
+
+def test_shells():
+    scene, _ = load("teapot", "--fur", "shells")
+    shells, plain = scene.shells, Shells()
+    assert scene.strands is None and isinstance(shells, Shells)
+    assert shells.length == pytest.approx(0.12 * radius()) and shells.frequency == pytest.approx(60 / radius())
+    assert np.allclose(shells.force, (0, -1.6, 0))   # 0.2 a segment, as strands
+    assert np.array_equal(shells.color, (0.5, 0.28, 0.12))
+    for name in ("layers", "pattern", "density", "noise", "time", "shading", "length_variation", "alpha", "seed",
+                 "sharpness", "root_shade"):
+        assert getattr(shells, name) == getattr(plain, name), name
+    assert not shells.wind.any() and not shells.acceleration.any()
+
+
+def test_options_of_shells():
+    scene, _ = load(
+        "sphere", "--fur", "shells", "--length", 0.25, "--layers", 7, "--frequency", 12.5, "--density", 0.75,
+        "--wind", "1,2,-3", "--noise", "0,4", "--time", "-1.5", "--shading", "turned", "--color", "1,0,0.5",
+        "--alpha", 0.125, "--variation", 0.0625, "--force", "2,0,-4", "--force-weight", 0.25, "--segments", 2,
+        "--seed", 9)
+    shells = scene.shells
+    assert (shells.length, shells.layers, shells.frequency, shells.density) == (0.25, 7, 12.5, 0.75)
+    assert (shells.noise, shells.time, shells.shading, shells.pattern) == ((0, 4), -1.5, "turned", "cells")
+    assert (shells.alpha, shells.length_variation, shells.seed) == (0.125, 0.0625, 9)
+    for name, vector in ("wind", (1, 2, -3)), ("color", (1, 0, 0.5)), ("force", (1, 0, -2)):
+        assert np.array_equal(getattr(shells, name), vector)
+
+
+def test_the_camera_sees_the_shells():
+    """As far as the fur reaches, and no further."""
+    away = [np.linalg.norm(scene.camera.eye - scene.camera.target) for scene, _ in (
+        load("sphere", "--fur", "shells", "--length", length) for length in (0.1, 0.2, 0.4))]
+    assert away[2] - away[1] == pytest.approx(2 * (away[1] - away[0])) and away[1] > away[0] + 0.1
+
+
+def test_sine_has_the_reports_frequency(tmp_path):
+    (tmp_path / "m.obj").write_text("v 0 0 0\nv 5 0 0\nv 0 5 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
+    for given, frequency in ((), 40), (("--frequency", 25), 25):
+        shells = load(tmp_path / "m.obj", "--fur", "shells", "--pattern", "sine", *given)[0].shells
+        assert (shells.pattern, shells.frequency) == ("sine", frequency)
+
+
+@pytest.mark.parametrize("given", [(), ("--length", 0.5)])
+def test_both(given):
+    """An undercoat, half as long as the strands, of the same colour and bent the same way."""
+    scene, _ = load("teapot", "--fur", "both", *given, "--layers", 9, "--roots", 50, "--color", "0,1,0", "--seed", 3)
+    hair, = scene.strands.types
+    length = hair.segments * hair.segment_length
+    assert length == pytest.approx(given[1] if given else 0.08 * radius())
+    assert scene.shells.length == pytest.approx(length / 2)
+    assert (scene.shells.layers, scene.strands.roots) == (9, 50) and scene.strands.seed == scene.shells.seed == 3
+    assert np.array_equal(scene.shells.color, hair.color) and np.array_equal(hair.color, (0, 1, 0))
+
+
+def test_blur():
+    for given, (blur, sigma) in {(): ("off", 1), ("--blur", "all"): ("all", 1),
+                                 ("--blur", "edges", "--blur-sigma", 2.5): ("edges", 2.5)}.items():
+        settings = load("sphere", *given)[1]
+        assert (settings.blur, settings.blur_sigma, settings.filtered) == (blur, sigma, True)
+
+
+STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
+           "--types": "a.json", "--curl": "0,0", "--wave": "0,0"}
+SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 1, "--noise": "0.5,8",
+          "--wind": "0,0,0", "--time": 0, "--shading": "turned"}
+SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
+          "--segments": 1, "--force": "0,0,0", "--force-weight": 1, "--seed": 1, "--eye": "9,9,9",
+          "--target": "0,0,0", "--fov": 30, "--light": "0,-1,0", "--shadows": "off", "--grid": 16, "--samples": 1,
+          "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2}
+
+
+def test_each_option_is_of_strands_or_of_shells_or_of_both():
+    flags = [option.opts[0] for option in described.params if isinstance(option, click.Option)]
+    assert sorted(flags) == sorted([*STRANDS, *SHELLS, *SHARED])
+    for fur in ("strands", "shells"):
+        own = {"strands": STRANDS, "shells": SHELLS}[fur]
+        for flag, value in ({**own, **SHARED, "--fur": fur}).items():
+            if flag not in ("--type-map", "--types"):
+                load("sphere", "--fur", fur, flag, value)
+    everything = {**STRANDS, **SHELLS, **SHARED}
+    del everything["--type-map"], everything["--types"]
+    load("sphere", *(part for option in everything.items() for part in option))
+
+
+@pytest.mark.parametrize("fur, flag, value, other", [
+    *[("strands", *option, "shells") for option in SHELLS.items()],
+    *[("shells", *option, "strands") for option in STRANDS.items()]])
+def test_options_of_other_fur(clfur, tmp_path, fur, flag, value, other):
+    """Even with its default value, and before anything is loaded."""
+    wrong(clfur("render", "missing.obj", "--fur", fur, flag, value, "-o", "a.png"),
+          f"{flag} is for {other}, but --fur is {fur}; allowed: with --fur {other} or --fur both")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (["--layers", "9"], ["--layers is for shells, but --fur is strands"]),
+    (["--fur", "fluff"], ["--fur", "fluff", "shells"]),
+    (["--fur", "shells", "--layers", "0"], ["--layers", "1000"]),
+    (["--fur", "shells", "--layers", "1001"], ["--layers", "1000"]),
+    (["--fur", "shells", "--frequency", "0"], ["--frequency"]),
+    (["--fur", "shells", "--frequency", "nan"], ["Shells.frequency is nan"]),
+    (["--fur", "shells", "--density", "0"], ["--density"]),
+    (["--fur", "shells", "--density", "1.5"], ["--density"]),
+    (["--fur", "shells", "--noise", "1"], ["--noise", "2 numbers"]),
+    (["--fur", "shells", "--noise", "1,0.5"], ["Shells.noise is (1.0, 0.5)", ">= 1"]),
+    (["--fur", "shells", "--wind", "1,2"], ["--wind", "3 numbers"]),
+    (["--fur", "shells", "--wind", "1,2,inf"], ["Shells.wind", "inf"]),
+    (["--fur", "shells", "--time", "inf"], ["Shells.time is inf"]),
+    (["--fur", "shells", "--length", "0"], ["Shells.length is 0.0"]),
+    (["--fur", "shells", "--seed", "-1"], ["Shells.seed is -1"]),
+    (["--fur", "shells", "--shading", "phong"], ["--shading", "turned"]),
+    (["--fur", "shells", "--pattern", "hair"], ["--pattern", "sine"]),
+    (["--fur", "shells", "--pattern", "sine"], ["Shells.pattern is 'sine'", "uv"]),
+    (["--fur", "both", "--pattern", "sine"], ["Shells.pattern is 'sine'", "uv"]),
+    (["--fur", "shells", "--pattern", "sine", "--variation", "1"], ["--variation is for --pattern cells"]),
+    (["--blur", "some"], ["--blur", "edges"]),
+    (["--blur-sigma", "0"], ["--blur-sigma"]),
+    (["--blur-sigma", "17"], ["--blur-sigma", "16"]),
+])
+@pytest.mark.parametrize("command", ["render", "compare"])
+def test_wrong_options(clfur, tmp_path, command, arguments, words):
+    (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")   # without uv
+    wrong(clfur(command, "m.obj", *arguments), *words)
+    assert [file.name for file in tmp_path.iterdir()] == ["m.obj"]
+
+
+def test_scene_files_may_hold_any_fur(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = ("import clfur\nscene = clfur.Scene(clfur.load_mesh('sphere'), "
+            "[clfur.Shells(), clfur.Curves([[[0, 0, 0], [0, 2, 0]]])])\n")
+    (tmp_path / "fur.py").write_text(text)
+    scene, settings = load("fur.py", "--blur", "edges")
+    assert isinstance(scene.shells, Shells) and isinstance(scene.strands, Curves) and settings.blur == "edges"
+    for flag, value in ("--layers", 30), ("--fur", "shells"):
+        with pytest.raises(click.UsageError, match=f"{flag}: fur.py sets this itself"):
+            load("fur.py", flag, value)
+    (tmp_path / "fur.py").write_text(text.replace("clfur.Shells(), ", "3, "))
+    with pytest.raises(Error, match="fur.py, line 2: Scene.fur is "):
+        load("fur.py")
