@@ -148,7 +148,7 @@ inline float2 noise_at(const Shells *shells, __global const float2 *noise, float
 }
 
 /* The report's fur function, halved so that it reaches 1: its threshold (2/sqrt f)·h of value/sqrt f is then h. */
-inline float4 sine(const Shells *shells, float x, float y)
+inline float4 waves(const Shells *shells, float x, float y)
 {
     const float sum = sin_turns(x) + sin_turns(y), side = sum < 0.0f ? -3.1415927f : 3.1415927f;
     const float4 v = (float4)(0.5f * fabs(sum), side * sin_turns(x + 0.25f), side * sin_turns(y + 0.25f), 0.0f);
@@ -191,7 +191,7 @@ inline float4 height_at(const Shells *shells, __global const float2 *noise, uint
     if (shells->shape.z > 0.0f)
         moved = shells->shape.z * noise_at(shells, noise, shells->kind.x ? (float4)(at / shells->shape.w, 0.0f, 0.0f) : place);
     if (shells->kind.x)
-        return sine(shells, at.x + moved.x, at.y + moved.y);
+        return waves(shells, at.x + moved.x, at.y + moved.y);
     return cells(shells, face, sides, at.x, at.y, moved * h);
 }
 
@@ -228,8 +228,8 @@ __kernel void means(
         float x_before = 1.0f, y_before = 1.0f;
         for (int i = -1; i < around; ++i) {
             const float u = (i + 0.5f) * step, v = (j + 0.5f) * step;
-            const float4 a = shells.kind.x ? sine(&shells, u, v) : cells(&shells, 0, 1 << 30, u + 1e3f, v + 1e3f, (float2)(0.0f));
-            const float4 b = shells.kind.x ? sine(&shells, v, u) : cells(&shells, 0, 1 << 30, v + 1e3f, u + 1e3f, (float2)(0.0f));
+            const float4 a = shells.kind.x ? waves(&shells, u, v) : cells(&shells, 0, 1 << 30, u + 1e3f, v + 1e3f, (float2)(0.0f));
+            const float4 b = shells.kind.x ? waves(&shells, v, u) : cells(&shells, 0, 1 << 30, v + 1e3f, u + 1e3f, (float2)(0.0f));
             const float here = cover(&shells, a.x, h, 0.0f), there = cover(&shells, b.x, h, 0.0f);
             entered += max(here - x_before, 0.0f) + max(there - y_before, 0.0f);
             covered += i < 0 ? 0.0f : here;
@@ -279,8 +279,8 @@ inline float4 lit(const Lamp *lamp, float4 p, float h, float4 t, float4 n, float
     const float fade = mix(shells->color.w, 1.0f, h);
     if (!(shells->shine.w > 0.0f))
         return fade * fibre(color, shells->shine.x, shells->shine.y, lamp->half_vector, t, l, v, direct);
-    const float4 turned = unit_or(n - shells->size.x * slope, n), half = unit_or(l + v, turned);
-    const float towards = dot3(turned, l), mirror = clamp(dot3(turned, half), 0.0f, 1.0f);
+    const float4 turned = unit_or(n - shells->size.x * slope, n), middle = unit_or(l + v, turned);
+    const float towards = dot3(turned, l), mirror = clamp(dot3(turned, middle), 0.0f, 1.0f);
     float shine = 0.0f;
     if (towards > 0.0f && (1.0f - mirror) * shells->shine.y < 16.0f)
         shine = shells->shine.x * exp2(shells->shine.y * log2(mirror));
@@ -317,6 +317,12 @@ inline float2 in_pattern(float4 first, float4 second, int corner)
 inline uint corner_of(uint4 face, int corner)
 {
     return corner == 0 ? face.x : corner == 1 ? face.y : face.z;
+}
+
+inline uint depth_of(const View *view, float4 p)
+{
+    const float4 q = to_screen(view, p);
+    return DEPTH_ONE - (uint)clamp(q.z / q.w * (float)DEPTH_ONE, 0.0f, (float)DEPTH_ONE);
 }
 
 /* One work-item takes the samples of one pixel through the fur, from where they enter it to where they leave it, meet
@@ -365,7 +371,7 @@ __kernel void march(
         const size_t sample = pixel * samples + s;
         const ulong entry = entries[sample];
         const uint stop_depth = (uint)(visible[sample] >> 32), entry_depth = (uint)(entry >> 32);
-        uint gone = NOTHING;
+        ulong gone = ~0ul;
         if ((uint)entry == NOTHING || entry_depth >= stop_depth) {
             after[sample] = NOTHING;
             continue;
@@ -466,7 +472,7 @@ __kernel void march(
                 const float blur = shells.kind.w ? footprint * density : 0.0f;
                 const float measure = max(shells.size.y * fabs(rise), move * SIDEWAYS / (1.0f + SIDEWAYS * blur));
                 const float far = shells.kind.w ? smoothstep(0.35f, 1.0f, blur) : 0.0f;
-                ended = z_out >= stop || way == 6;
+                ended = z_out >= stop || (way == 6 && slab == 0);
                 float at = low;
                 while (true) {
                     const float next = measure > 0.0f ? at + until / measure : 2.0f;
@@ -517,11 +523,11 @@ __kernel void march(
                             n = unit_or(wa * normals[corners.x] + wb * normals[corners.y] + wc * normals[corners.z],
                                         normals[corners.x]);
                             t = unit_or(wa * (ca[1] - ca[0]) + wb * (cb[1] - cb[0]) + wc * (cc[1] - cc[0]), n);
-                            sum += rest * (1.0f - kept)
-                                * lit(&lamp, where, h_lit, t, n, (1.0f - far) * (f.y * grad_x + f.z * grad_y), v);
+                            const float4 color = lit(&lamp, where, h_lit, t, n, (1.0f - far) * (f.y * grad_x + f.z * grad_y), v);
+                            sum += rest * (1.0f - kept) * (float4)(color.xyz, 1.0f);
                         }
                         if (rest >= 0.5f && rest * kept < 0.5f)
-                            gone = (uint)(to_screen(&view, where).z / to_screen(&view, where).w * -(float)DEPTH_ONE) + DEPTH_ONE;
+                            gone = (ulong)depth_of(&view, where) << 32 | face;
                         rest *= kept;
                         if (rest < 1.0f / 256) {
                             rest = 0.0f;
@@ -537,8 +543,10 @@ __kernel void march(
                 }
                 front = z_out;
             }
-            if (ended)
+            if (ended) {
+                leaves = shells.noise.w && z_out < stop;
                 break;
+            }
 
             /* On into the next tetrahedron. */
             z_in = z_out;
@@ -579,13 +587,12 @@ __kernel void march(
         }
         after[sample] = NOTHING;
         if (leaves && rest > 0.0f) {
-            const float4 q = to_screen(&view, p + front * d);
-            after[sample] = DEPTH_ONE - (uint)clamp(q.z / q.w * (float)DEPTH_ONE, 0.0f, (float)DEPTH_ONE - 64.0f);
+            after[sample] = depth_of(&view, p + front * d);
             ++pending;
         }
         through[sample] = rest;
-        if (gone != NOTHING)
-            fur[sample] = (ulong)gone << 32 | face;
+        if (gone != ~0ul)
+            fur[sample] = gone;
         total += sum;
     }
     if (pending)

@@ -67,7 +67,7 @@ Shells = np.dtype([                   # fur as a height field on the skin, drawn
     ("color", *_float4),                 # linear r, g, b; share of light at the roots
     ("shine", *_float4),                 # specular, exponent, alpha, 1: turned normals
     ("kind", *_int4),                    # pattern: 0 cells, 1 sine; seed; slabs that a hair bends in; 1: filtered
-    ("noise", *_int4),                   # lattice of the noise in x, y, z; -
+    ("noise", *_int4),                   # lattice of the noise in x, y, z; 1: no skin is drawn
     ("bend", *_float4),                  # what bends hairs all the time, -
     ("wind", *_float4),                  # what bends them in gusts, -
     ("gust", *_float4),                  # waves of the gusts a unit of length [1/world], waves gone by

@@ -1,0 +1,184 @@
+"""Shell fur: the space between the skin and the tips, and the rays that go through it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import layout
+from .raster import NONE, raster
+from .shade import no_shadows
+from .strands import vector
+from .tessellate import widen
+
+HEIGHTS, AROUND = 64, 96     # of the table of means, and places looked at for each
+SLABS = 4                    # straight pieces of a bent hair
+MOST_NOISE = 16, 256         # lattices of the noise along a side, in space and on the skin
+ENTRIES = 8                  # times that a ray may come into the fur
+
+
+@dataclass(frozen=True)
+class Topology:
+    """How the faces of a mesh hang together; corners in the order of their numbers."""
+
+    corners: Any       # [F, 3] uint32
+    neighbours: Any    # [F, 4] int32 4 · face + its side, across each side (0: corners 1 2, 1: 0 2, 2: 0 1), or -1; -
+    order: Any         # [F, 3] which of the face's own corners these are
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Where the hairs of shell fur stand."""
+
+    packed: Any        # layout.Shells
+    box: Any           # float4: origin of the noise, its lattices a unit of length
+    noise: Any         # [places, 2] float32
+    means: Any         # [HEIGHTS, 2] float32 share covered, hairs entered going sideways by 1
+    faces: Any         # [F, 4] uint32 corners in the order of their numbers
+    neighbours: Any    # [F, 4] int32, see Topology
+    lattice: Any       # [F * 4, 4] float32, see shells.cl
+
+
+@dataclass(frozen=True)
+class Shell:
+    """Shell fur on the device, ready for rays."""
+
+    pattern: Pattern
+    curves: Any        # [V * (slabs + 1), 4] float32 world: how hairs are bent at each vertex
+    normals: Any       # [V, 4] float32 of the skin
+    triangles: Any     # [B, 4] uint32 where rays come in: corners of curves, seen counter-clockwise
+    border: Any        # [B, 4] uint32 face, place in it: see march in shells.cl
+    longest: float     # no side of these triangles is longer [world]
+
+    @property
+    def positions(self):
+        """Corners of the triangles, as `raster` draws a `Surface`."""
+        return self.curves
+
+    first_triangle = 0
+
+
+def topology_of(faces):
+    """`Topology` of faces [F, 3]; a side that is not that of just two faces has no neighbour."""
+    order = np.argsort(faces, 1, kind="stable")
+    corners = np.take_along_axis(faces, order, 1).astype(np.int64)
+    sides = corners[:, [[1, 2], [0, 2], [0, 1]]].reshape(-1, 2)
+    key = sides[:, 0] << 32 | sides[:, 1]
+    by_key = np.argsort(key, kind="stable")
+    ordered = key[by_key]
+    first = np.ones(len(key), bool)
+    first[1:] = ordered[1:] != ordered[:-1]
+    number = np.cumsum(first) - 1
+    pair = np.bincount(number)[number] == 2
+    one, other = by_key[pair & first], by_key[pair & ~first]
+    neighbours = np.full(len(key), -1, np.int64)
+    neighbours[one], neighbours[other] = other // 3 * 4 + other % 3, one // 3 * 4 + one % 3
+    return Topology(corners.astype(np.uint32), widen(neighbours.reshape(-1, 3).astype(np.int32)), order)
+
+
+def border_of(faces, topology, slabs, bare):
+    """Triangles by which rays come into the fur -> (corners [B, 4], starts [B, 4]) uint32, see `Shell`.
+
+    Those at the tips, the sides of the fur where the mesh ends, and with ``bare`` the skin itself, from within.
+    """
+    faces, n = faces.astype(np.int64), slabs + 1
+    number = np.arange(len(faces))
+    corners, starts = [faces * n + slabs], [(number, np.full(len(faces), 4 * (3 * slabs - 1)))]
+    if bare:
+        corners.append(faces[:, ::-1] * n)
+        starts.append((number, np.full(len(faces), 3)))
+    ends = {0: (1, 2), 1: (0, 2), 2: (0, 1)}
+    places = {0: ((0, 0), (1, 0)), 1: ((0, 1), (2, 2)), 2: ((1, 3), (2, 3))}   # tetrahedron, corner left out: lower, upper
+    for side in range(3):
+        open_ = np.flatnonzero(topology.neighbours[:, side] < 0)
+        p, q = (topology.corners[open_, end].astype(np.int64) for end in ends[side])
+        # The face's own corners go round counter-clockwise: does this side run from p to q there?
+        at_p, at_q = (topology.order[open_, end] for end in ends[side])
+        along = ((at_p + 1) % 3 == at_q)[:, None]
+        for slab in range(slabs):
+            low_p, low_q, high_p, high_q = p * n + slab, q * n + slab, p * n + slab + 1, q * n + slab + 1
+            lower, upper = np.stack([low_p, low_q, high_q], 1), np.stack([low_p, high_q, high_p], 1)
+            for triangle, (tetrahedron, missing) in zip((lower, upper), places[side]):
+                corners.append(np.where(along, triangle, triangle[:, ::-1]))
+                starts.append((open_, np.full(len(open_), 4 * (3 * slab + tetrahedron) + missing)))
+    starts = np.concatenate([np.stack([face, place, 0 * face, 0 * face], 1) for face, place in starts])
+    return widen(np.concatenate(corners).astype(np.uint32)), starts.astype(np.uint32)
+
+
+def pack(shells, mesh, bare, filtered):
+    """`clfur.Shells` -> (`layout.Shells`, float4 of the noise's place)."""
+    packed = np.zeros((), layout.Shells)
+    center, radius = mesh.bounds
+    f, (strength, waves) = shells.frequency, shells.noise
+    packed["size"] = shells.length, shells.layers, f, shells.length_variation
+    packed["shape"] = shells.sharpness, shells.density, strength, waves
+    packed["color"] = *shells.color, shells.root_shade
+    packed["shine"] = shells.specular, shells.exponent, shells.alpha, shells.shading == "turned"
+    sine = shells.pattern == "sine"
+    # The noise is as large as the pattern needs it: the report's finding.
+    most = MOST_NOISE[sine]
+    lattice = [np.ceil(n / waves) for n in ((2 * f, f, 0) if sine else [2 * (radius + shells.length) * f] * 3)]
+    packed["noise"] = *np.clip(lattice, 1 if sine else 4, most), bare
+    bend = np.subtract(shells.force, shells.acceleration)
+    slabs = SLABS if bend.any() or np.any(shells.wind) else 1
+    packed["kind"] = sine, np.uint32(shells.seed).view(np.int32), slabs, filtered
+    packed["bend"][:3], packed["wind"][:3] = bend, shells.wind
+    if np.any(shells.wind):
+        packed["gust"][:3] = np.asarray(shells.wind) / np.linalg.norm(shells.wind) / radius
+        packed["gust"][3] = shells.time % 1.0
+    return packed, vector((*center, f / waves), np.float32)
+
+
+def lay(gpu, mesh, packed, box, topology):
+    """Lay the pattern of `layout.Shells` on a mesh -> `Pattern`."""
+    nx, ny, nz, _ = (4 * int(n) for n in packed["noise"])
+    sine = int(packed["kind"][0])
+    places = nx * ny * (1 if sine else nz)
+    uv = np.take_along_axis(mesh.uv, topology.order[..., None], 1).reshape(-1, 2)
+    n = len(topology.corners)
+    result = Pattern(packed, box, gpu.empty((places, 2), np.float32), gpu.empty((HEIGHTS, 2), np.float32),
+                     gpu.upload(widen(topology.corners)), gpu.upload(topology.neighbours),
+                     gpu.empty((n * 4, 4), np.float32))
+    gpu.launch("shells.noise", places, packed, result.noise)
+    gpu.launch("shells.means", HEIGHTS, packed, np.int32(AROUND), result.means)
+    gpu.launch("shells.lattice", n, packed, gpu.upload(widen(mesh.positions)), result.faces, gpu.upload(widen(uv)),
+               result.lattice)
+    return result
+
+
+def bend(gpu, mesh, packed, pattern, topology):
+    """Bend the hairs of a pattern -> `Shell`."""
+    slabs, bare = int(packed["kind"][2]), int(packed["noise"][3])
+    normals, positions = gpu.upload(widen(mesh.normals)), gpu.upload(widen(mesh.positions))
+    curves = gpu.empty((len(mesh.positions) * (slabs + 1), 4), np.float32)
+    triangles, border = border_of(mesh.faces, topology, slabs, bare)
+    gpu.launch("shells.bend", len(mesh.positions), packed, positions, normals, curves)
+    longest = mesh.longest_edge + 2 * float(packed["size"][0])
+    return Shell(pattern, curves, normals, gpu.upload(triangles), gpu.upload(border), longest)
+
+
+def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
+    """Take all rays through the fur -> (image, through, fur).
+
+    image: [rows, width, 4] float32, the light of the fur, premultiplied. through: [rows, width, samples] float32, the
+    share of light that comes from what ``visible`` holds. fur: [rows, width, samples] uint64, depth << 32 | face where
+    half of it is gone.
+    """
+    rows, width, samples = visible.shape
+    shadows = shadows or no_shadows(gpu)
+    image = gpu.full((rows, width, 4), np.float32, 0)
+    through, after = gpu.full(visible.shape, np.float32, 1), gpu.full(visible.shape, np.uint32, 0)
+    fur = gpu.full(visible.shape, np.uint64, NONE)
+    pattern = shell.pattern
+    for _ in range(ENTRIES):
+        left = gpu.full(1, np.int32, 0)
+        with gpu.called("entries"):
+            entries = raster(gpu, view, None, shell, after=after)
+        gpu.launch("shells.march", rows * width, view, packed, light, np.int32(specular == "half-vector"), visible,
+                   entries, shell.border, pattern.faces, pattern.neighbours, shell.curves, shell.normals,
+                   pattern.lattice, pattern.noise, pattern.means, pattern.box, shadows.shadow, shadows.grid,
+                   shadows.sums, shadows.seen, shadows.map, after, through, fur, left, image)
+        if not int(gpu.download(left)[0]):
+            break
+    return image, through, fur
+
