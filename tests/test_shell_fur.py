@@ -8,7 +8,8 @@ import pytest
 
 from clfur.errors import Error
 from clfur.fur import Curves, HairType, Strands
-from clfur.scene import Mesh, Scene, extent, frame
+from clfur.render import draw
+from clfur.scene import Camera, Mesh, Scene, extent, frame
 from clfur.settings import Settings
 from clfur.shell_fur import Shells
 
@@ -163,3 +164,15 @@ def test_an_extent_is_kept():
     before = extent.cache_info().hits
     assert extent(mesh, first.fur) is extent(mesh, Scene(mesh, [shells]).fur)
     assert extent.cache_info().hits >= before + 2
+
+
+def test_kept_shadows_are_those_of_the_shells(gpu, sphere):
+    """The light's grid holds the shells too: it is another with longer ones, and the same as without anything kept."""
+    strands, camera, settings = Strands(inner=1, outer=1, roots=50), Camera(size=(16, 12)), Settings(samples=1, grid=16)
+    scenes = [Scene(sphere, fur, camera) for fur in (strands, [Shells(length=0.5), strands], [strands])]
+    warm = [draw(scene, gpu, settings, hashes=True).hashes["voxels"] for scene in scenes]
+    cold = []
+    for scene in scenes:
+        gpu.forget()
+        cold.append(draw(scene, gpu, settings, hashes=True).hashes["voxels"])
+    assert warm == cold and warm[0] != warm[1] and warm[0] == warm[2]
