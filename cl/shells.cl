@@ -15,23 +15,78 @@
 #define HEIGHTS 64      // of the table of means
 #define CELL_RADIUS 0.62f   // of a hair at its root, in sides of a cell: it reaches just beyond the cell's corners
 #define SIDEWAYS 4.0f   // looks on the way across one x or y, as long as a pixel is small against it
+#define FAR_FROM 0.35f  // pixels that are so many sides of a cell wide begin to see hairs on average,
+#define FAR_TO 1.0f     // and those of so many see nothing else
 #define MOST_STEPS 20000    // tetrahedra on one way: no scene that is any good has so many
 
+/* What the inner loops use is inlined by force, and does without OpenCL's own functions: PoCL calls each of these,
+   even floor, and every call saves all registers. */
+#define INLINED inline __attribute__((always_inline))
+
+INLINED float lesser(float a, float b)
+{
+    return a < b ? a : b;
+}
+
+INLINED float greater(float a, float b)
+{
+    return a > b ? a : b;
+}
+
+INLINED float within(float x, float low, float high)
+{
+    return x < low ? low : x > high ? high : x;
+}
+
+INLINED float positive(float x)
+{
+    return x < 0.0f ? -x : x;
+}
+
+INLINED float between(float a, float b, float t)
+{
+    return a + t * (b - a);
+}
+
+/* The whole number below x, for |x| < 2^31. */
+INLINED int whole(float x)
+{
+    const int i = (int)x;
+    return i - (x < (float)i);
+}
+
+/* Square root to 5e-6 of itself (Newton's method), the same bits everywhere. */
+INLINED float root(float x)
+{
+    float y = as_float(0x5F375A86u - (as_uint(x) >> 1));
+    y *= 1.5f - 0.5f * x * y * y;
+    y *= 1.5f - 0.5f * x * y * y;
+    return x * y;
+}
+
+INLINED float4 root4(float4 x)
+{
+    float4 y = as_float4(0x5F375A86u - (as_uint4(x) >> 1));
+    y *= 1.5f - 0.5f * x * y * y;
+    y *= 1.5f - 0.5f * x * y * y;
+    return x * y;
+}
+
 /* sin(2 pi x) of one quarter, |r| <= 1/4, to 1e-7 (Taylor); + and * alone, so that it is the same bits everywhere. */
-inline float quarter(float r)
+INLINED float quarter(float r)
 {
     const float z = r * r;
     return r * (6.2831853f + z * (-41.341702f + z * (81.605249f + z * (-76.705860f + z * (42.058694f - z * 15.094643f)))));
 }
 
-inline float sin_turns(float x)
+INLINED float sin_turns(float x)
 {
-    float r = x - floor(x + 0.5f);
+    float r = x - whole(x + 0.5f);
     r = r > 0.25f ? 0.5f - r : r < -0.25f ? -0.5f - r : r;
     return quarter(r);
 }
 
-inline uint4 mixed(uint4 x)
+INLINED uint4 mixed(uint4 x)
 {
     x ^= x >> 15;
     x *= 0x2C1B3C6Du;
@@ -72,7 +127,7 @@ __kernel void lattice(
     __global const float4 *positions,      // [V]
     __global const uint4 *faces,           // [F] corners in the order of their numbers
     __global const float4 *uv,             // [F * 3] u, v of these corners
-    __global float4 *out)                  // [F, CORNERS] x0 y0 x1 y1; x2 y2 cells-a-side -; gradients of x and of y
+    __global float4 *out)                  // [F, CORNERS] x0 y0 x1 y1; x2 y2 cells-a-side density; gradients of x and of y
 {
     WORK_ITEM(f);
     const float4 a = positions[faces[f].x], b = positions[faces[f].y] - a, c = positions[faces[f].z] - a;
@@ -90,10 +145,12 @@ __kernel void lattice(
         at[1] = (float2)(sides, 0.0f);
         at[2] = (float2)(0.5f * sides, 0.8660254f * sides);
     }
+    const float4 grad_x = (at[1].x - at[0].x) * to_b + (at[2].x - at[0].x) * to_c;
+    const float4 grad_y = (at[1].y - at[0].y) * to_b + (at[2].y - at[0].y) * to_c;
     out[CORNERS * f] = (float4)(at[0], at[1]);
-    out[CORNERS * f + 1] = (float4)(at[2], sides, 0.0f);
-    out[CORNERS * f + 2] = (at[1].x - at[0].x) * to_b + (at[2].x - at[0].x) * to_c;
-    out[CORNERS * f + 3] = (at[1].y - at[0].y) * to_b + (at[2].y - at[0].y) * to_c;
+    out[CORNERS * f + 1] = (float4)(at[2], sides, sqrt(sqrt(dot3(grad_x, grad_x) * dot3(grad_y, grad_y))));
+    out[CORNERS * f + 2] = grad_x;
+    out[CORNERS * f + 3] = grad_y;
 }
 
 /* Perlin's improved noise (2002) at places 1/4 apart, two values each, with the lattice's own period. One work-item,
@@ -130,40 +187,42 @@ __kernel void noise(
 }
 
 /* The noise at a place in units of its lattice, between the eight around it. */
-inline float2 noise_at(const Shells *shells, __global const float2 *noise, float4 p)
+INLINED float2 noise_at(const Shells *shells, __global const float2 *noise, float4 p)
 {
     const int4 n = (int4)(4 * shells->noise.x, 4 * shells->noise.y, shells->noise.z > 1 ? 4 * shells->noise.z : 1, 1);
-    const float4 at = p * 4.0f, low = floor(at), f = at - low;
-    int4 a = convert_int4(low) % n;
-    a += select((int4)(0), n, a < 0);
-    const int4 b = (int4)(a.x + 1 < n.x ? a.x + 1 : 0, a.y + 1 < n.y ? a.y + 1 : 0, a.z + 1 < n.z ? a.z + 1 : 0, 0);
-    const int ya = a.y * n.x, yb = b.y * n.x;
-    const float2 near = mix(mix(noise[(size_t)a.z * n.x * n.y + ya + a.x], noise[(size_t)a.z * n.x * n.y + ya + b.x], f.x),
-                            mix(noise[(size_t)a.z * n.x * n.y + yb + a.x], noise[(size_t)a.z * n.x * n.y + yb + b.x], f.x), f.y);
+    const float4 at = p * 4.0f;
+    const int4 low = (int4)(whole(at.x), whole(at.y), whole(at.z), 0);
+    const float4 f = at - convert_float4(low);
+    const int4 wrapped = low % n, a = wrapped + (wrapped < 0 ? n : (int4)(0)), b = a + 1 < n ? a + 1 : (int4)(0);
+    const int ya = a.y * n.x, yb = b.y * n.x, plane = n.x * n.y;
+    __global const float2 *near = noise + (size_t)a.z * plane, *far = noise + (size_t)b.z * plane;
+    const float2 front = (1 - f.y) * ((1 - f.x) * near[ya + a.x] + f.x * near[ya + b.x])
+        + f.y * ((1 - f.x) * near[yb + a.x] + f.x * near[yb + b.x]);
     if (n.z == 1)
-        return near;
-    const float2 far = mix(mix(noise[(size_t)b.z * n.x * n.y + ya + a.x], noise[(size_t)b.z * n.x * n.y + ya + b.x], f.x),
-                           mix(noise[(size_t)b.z * n.x * n.y + yb + a.x], noise[(size_t)b.z * n.x * n.y + yb + b.x], f.x), f.y);
-    return mix(near, far, f.z);
+        return front;
+    const float2 back = (1 - f.y) * ((1 - f.x) * far[ya + a.x] + f.x * far[ya + b.x])
+        + f.y * ((1 - f.x) * far[yb + a.x] + f.x * far[yb + b.x]);
+    return (1 - f.z) * front + f.z * back;
 }
 
 /* The report's fur function, halved so that it reaches 1: its threshold (2/sqrt f)·h of value/sqrt f is then h. */
-inline float4 waves(const Shells *shells, float x, float y)
+INLINED float4 waves(const Shells *shells, float x, float y)
 {
     const float sum = sin_turns(x) + sin_turns(y), side = sum < 0.0f ? -3.1415927f : 3.1415927f;
-    const float4 v = (float4)(0.5f * fabs(sum), side * sin_turns(x + 0.25f), side * sin_turns(y + 0.25f), 0.0f);
+    const float4 v = (float4)(0.5f * positive(sum), side * sin_turns(x + 0.25f), side * sin_turns(y + 0.25f), 0.0f);
     const float thin = 1.0f / shells->shape.y;
     return (float4)(1.0f - thin * (1.0f - v.x), thin * v.y, thin * v.z, 0.0f);
 }
 
 /* Cones, one on each triangle of a lattice, the highest of the four that are nearest. Those beyond the face's border are
    left out, as the face behind it has its own; sides: cells along a side of the face. */
-inline float4 cells(const Shells *shells, uint face, int sides, float x, float y, float2 lean)
+INLINED float4 cells(const Shells *shells, uint face, int sides, float x, float y, float2 lean)
 {
-    const float v = y * 1.1547005f, u = x - 0.5f * v, fu = floor(u), fv = floor(v);
+    const float v = y * 1.1547005f, u = x - 0.5f * v;
+    const int fu = whole(u), fv = whole(v);
     const bool down = (u - fu) + (v - fv) > 1.0f;
-    const int4 i = (int)fu + (down ? (int4)(0, 0, 1, 0) : (int4)(0, 0, -1, 0));
-    const int4 j = (int)fv + (down ? (int4)(0, 0, 0, 1) : (int4)(0, 0, 0, -1));
+    const int4 i = fu + (down ? (int4)(0, 0, 1, 0) : (int4)(0, 0, -1, 0));
+    const int4 j = fv + (down ? (int4)(0, 0, 0, 1) : (int4)(0, 0, 0, -1));
     const int4 turned = down ? (int4)(1, 0, 0, 0) : (int4)(0, 1, 1, 1);
     const uint4 random = mixed((as_uint4(i) * 0x9E3779B1u) ^ (as_uint4(j) * 0x85EBCA77u)
                                ^ ((2u * face + as_uint4(turned)) * 0xC2B2AE3Du) ^ (uint)shells->kind.y);
@@ -171,20 +230,22 @@ inline float4 cells(const Shells *shells, uint face, int sides, float x, float y
     const float4 cu = convert_float4(i) + third, cv = convert_float4(j) + third;
     const float4 dx = x - lean.x - (cu + 0.5f * cv + 0.3f * (convert_float4(random & 1023u) * (1.0f / 1024) - 0.5f));
     const float4 dy = y - lean.y - (0.8660254f * cv + 0.3f * (convert_float4(random >> 10 & 1023u) * (1.0f / 1024) - 0.5f));
-    const float4 off = sqrt(dx * dx + dy * dy);
+    const float4 off = root4(dx * dx + dy * dy + 1e-12f);
     const float4 tall = 1.0f - shells->size.w * (convert_float4(random >> 20 & 1023u) * (1.0f / 1024));
     const float thin = 1.0f / (CELL_RADIUS * shells->shape.y);
-    const float4 value = select((float4)(-1.0f), tall - tall * off * thin, i >= 0 && j >= 0 && i + j + turned < sides);
-    const int a = value.y > value.x ? 1 : 0, b = value.w > value.z ? 3 : 2;
-    const float va = a ? value.y : value.x, vb = b == 3 ? value.w : value.z;
-    const int best = vb > va ? b : a;
-    const float4 pick = (float4)(best == 0, best == 1, best == 2, best == 3);
-    const float slope = -thin * dot(pick, tall) / max(dot(pick, off), 1e-6f);
-    return (float4)(max(va, vb), slope * dot(pick, dx), slope * dot(pick, dy), 0.0f);
+    const int4 there = i >= 0 && j >= 0 && i + j + turned < sides;
+    const float4 high = tall - tall * off * thin;
+    float4 best = (float4)(-1.0f, 0.0f, 0.0f, 0.0f);
+    best = there.x && high.x > best.x ? (float4)(high.x, dx.x, dy.x, tall.x / off.x) : best;
+    best = there.y && high.y > best.x ? (float4)(high.y, dx.y, dy.y, tall.y / off.y) : best;
+    best = there.z && high.z > best.x ? (float4)(high.z, dx.z, dy.z, tall.z / off.z) : best;
+    best = there.w && high.w > best.x ? (float4)(high.w, dx.w, dy.w, tall.w / off.w) : best;
+    const float slope = -thin * best.w;
+    return (float4)(best.x, slope * best.y, slope * best.z, 0.0f);
 }
 
 /* Height of the fur at a place and its gradient by x and y: hair is where this is more than h. */
-inline float4 height_at(const Shells *shells, __global const float2 *noise, uint face, int sides, float2 at, float4 place,
+INLINED float4 height_at(const Shells *shells, __global const float2 *noise, uint face, int sides, float2 at, float4 place,
                         float h)
 {
     float2 moved = (float2)(0.0f);
@@ -196,7 +257,7 @@ inline float4 height_at(const Shells *shells, __global const float2 *noise, uint
 }
 
 /* Integral of smoothstep(e0, e0 + width, t) over t. */
-inline float integral(float t, float e0, float width)
+INLINED float integral(float t, float e0, float width)
 {
     const float u = (t - e0) / width;
     return u <= 0.0f ? 0.0f : u >= 1.0f ? width * (u - 0.5f) : width * (u * u * u) * (1.0f - 0.5f * u);
@@ -204,12 +265,12 @@ inline float integral(float t, float e0, float width)
 
 /* Share of a place at height h that hair covers, where the fur is v high: the report's threshold and smoothstep,
    averaged over a footprint across which v - h changes by g. */
-inline float cover(const Shells *shells, float v, float h, float g)
+INLINED float cover(const Shells *shells, float v, float h, float g)
 {
-    const float width = max((shells->shape.x - 1.0f) * h, 1e-3f);
+    const float width = greater((shells->shape.x - 1.0f) * h, 1e-3f);
     if (g > 1e-3f * width)
-        return clamp((integral(v + 0.5f * g, h, width) - integral(v - 0.5f * g, h, width)) / g, 0.0f, 1.0f);
-    const float u = clamp((v - h) / width, 0.0f, 1.0f);
+        return within((integral(v + 0.5f * g, h, width) - integral(v - 0.5f * g, h, width)) / g, 0.0f, 1.0f);
+    const float u = within((v - h) / width, 0.0f, 1.0f);
     return u * u * (3.0f - 2.0f * u);
 }
 
@@ -240,11 +301,11 @@ __kernel void means(
     out[k] = (float2)(covered / (around * around), entered / (2.0f * around * around * step));
 }
 
-inline float2 mean_at(__global const float2 *means, float h)
+INLINED float2 mean_at(__global const float2 *means, float h)
 {
-    const float at = clamp(h, 0.0f, 1.0f) * (HEIGHTS - 1);
-    const int k = min((int)at, HEIGHTS - 2);
-    return mix(means[k], means[k + 1], at - k);
+    const float at = within(h, 0.0f, 1.0f) * (HEIGHTS - 1);
+    const int k = at < HEIGHTS - 2 ? (int)at : HEIGHTS - 2;
+    return means[k] + (at - k) * (means[k + 1] - means[k]);
 }
 
 /* What a ray needs to light the fur. */
@@ -295,13 +356,13 @@ __constant uchar SUM[3] = {8, 10, 12};
 /* Tetrahedron that holds the lower and the upper triangle of each side. */
 __constant uchar BEHIND[3][2] = {{0, 1}, {0, 2}, {1, 2}};
 
-inline float cross2(float2 a, float2 b)
+INLINED float cross2(float2 a, float2 b)
 {
     return a.x * b.y - a.y * b.x;
 }
 
 /* Weights of the corners of a triangle that holds the origin. */
-inline float4 weights_of(float2 a, float2 b, float2 c)
+INLINED float4 weights_of(float2 a, float2 b, float2 c)
 {
     const float4 w = (float4)(cross2(b, c), cross2(c, a), cross2(a, b), 0.0f);
     const float sum = w.x + w.y + w.z;
@@ -309,12 +370,12 @@ inline float4 weights_of(float2 a, float2 b, float2 c)
 }
 
 /* Place of corner 0..5 of a prism in the pattern. */
-inline float2 in_pattern(float4 first, float4 second, int corner)
+INLINED float2 in_pattern(float4 first, float4 second, int corner)
 {
     return corner == 0 ? first.xy : corner == 1 ? first.zw : second.xy;
 }
 
-inline uint corner_of(uint4 face, int corner)
+INLINED uint corner_of(uint4 face, int corner)
 {
     return corner == 0 ? face.x : corner == 1 ? face.y : face.z;
 }
@@ -463,15 +524,15 @@ __kernel void march(
 
             /* What is new to the ray: space that is folded back is gone through again. */
             if (z_out > front) {
-                const float length = z_out - z_in, from = max(z_in, front), to = min(z_out, stop);
-                const float low = length > 0.0f ? clamp((from - z_in) / length, 0.0f, 1.0f) : 0.0f;
-                const float high = length > 0.0f ? clamp((to - z_in) / length, low, 1.0f) : 1.0f;
-                const float rise = h_out - h_in, move = fast_length(at_out - at_in);
-                const float density = sqrt(sqrt(dot3(grad_x, grad_x) * dot3(grad_y, grad_y)));
-                const float footprint = max(wide + wider * (0.5f * (from + to)), 0.0f);
-                const float blur = shells.kind.w ? footprint * density : 0.0f;
-                const float measure = max(shells.size.y * fabs(rise), move * SIDEWAYS / (1.0f + SIDEWAYS * blur));
-                const float far = shells.kind.w ? smoothstep(0.35f, 1.0f, blur) : 0.0f;
+                const float length = z_out - z_in, from = greater(z_in, front), to = lesser(z_out, stop);
+                const float low = length > 0.0f ? within((from - z_in) / length, 0.0f, 1.0f) : 0.0f;
+                const float high = length > 0.0f ? within((to - z_in) / length, low, 1.0f) : 1.0f;
+                const float rise = h_out - h_in, across_x = at_out.x - at_in.x, across_y = at_out.y - at_in.y,
+                            move = root(across_x * across_x + across_y * across_y + 1e-20f);
+                                const float footprint = greater(wide + wider * (0.5f * (from + to)), 0.0f);
+                const float blur = shells.kind.w ? footprint * second.w : 0.0f;
+                const float measure = greater(shells.size.y * positive(rise), move * SIDEWAYS / (1.0f + SIDEWAYS * blur));
+                const float fade = within((blur - FAR_FROM) / (FAR_TO - FAR_FROM), 0.0f, 1.0f), far = fade * fade * (3.0f - 2.0f * fade);
                 ended = z_out >= stop || (way == 6 && slab == 0);
                 float at = low;
                 while (true) {
@@ -479,16 +540,16 @@ __kernel void march(
                     const bool look = next <= high, last = !look && ended;
                     const float place = look ? next : high;
                     aside += (place - at) * move;
-                    slack -= (place - at) * (fabs(rise) * steep_up + move * steep);
+                    slack -= (place - at) * (positive(rise) * steep_up + move * steep);
                     until = look ? 1.0f : until - (place - at) * measure;
                     at = place;
                     if (!look && !last)
                         break;
                     if (!(slack > 0.0f) || far > 0.0f) {
-                        const float h = clamp(h_in + place * rise, 0.0f, 1.0f), z = z_in + place * length;
-                        const float2 xy = mix(at_in, at_out, place);
+                        const float h = within(h_in + place * rise, 0.0f, 1.0f), z = z_in + place * length;
+                        const float2 xy = at_in + place * (at_out - at_in);
                         const float4 where = p + z * d;
-                        float4 root = (float4)(0.0f), t = root, n = root;
+                        float4 t = (float4)(0.0f), n = t;
                         float4 f = (float4)(0.0f);
                         float covered = 0.0f;
                         const float2 mean = far > 0.0f ? mean_at(means, h) : (float2)(0.0f);
@@ -499,21 +560,21 @@ __kernel void march(
                             float4 change = f.y * grad_x + f.z * grad_y;
                             const float4 away = change;
                             change -= dot3(change, d) * d;
-                            covered = cover(&shells, f.x, h, blur > 0.0f ? footprint * sqrt(dot3(change, change)) : 0.0f);
+                            covered = cover(&shells, f.x, h, blur > 0.0f ? footprint * root(dot3(change, change) + 1e-20f) : 0.0f);
                             if (covered == 0.0f)
-                                slack = h - f.x - (blur > 0.0f ? 0.5f * footprint * sqrt(dot3(away, away)) : 0.0f);
+                                slack = h - f.x - (blur > 0.0f ? 0.5f * footprint * root(dot3(away, away) + 1e-20f) : 0.0f);
                         }
-                        covered = mix(covered, mean.x, far);
+                        covered = between(covered, mean.x, far);
                         /* What is hidden here and was not before, of what is left: hairs go down to the skin, so that
                            one look below another hides the same again. Sideways hairs come at random. */
                         float kept = covered > before ? (1.0f - covered) / (1.0f - before) : 1.0f;
                         if (far > 0.0f)
-                            kept *= exp2(-1.44269504f * far * mean.y * aside / max(1.0f - mean.x, 0.02f));
-                        before = min(covered, 0.999f);
+                            kept *= exp2(-1.44269504f * far * mean.y * aside / greater(1.0f - mean.x, 0.02f));
+                        before = lesser(covered, 0.999f);
                         aside = 0.0f;
                         if (kept < 0.998f) {
                             /* Its light: half a layer back, and by the corners' weights. */
-                            const float h_lit = clamp(h - (measure > 0.0f && look ? 0.5f * rise / measure : 0.0f), 0.0f, 1.0f);
+                            const float h_lit = within(h - (measure > 0.0f && look ? 0.5f * rise / measure : 0.0f), 0.0f, 1.0f);
                             const float2 in_face = xy - first.xy, one = first.zw - first.xy, two = second.xy - first.xy;
                             const float area = cross2(one, two);
                             const float wb = area != 0.0f ? cross2(in_face, two) / area : 0.0f;
