@@ -11,6 +11,8 @@ from .files import output_path, reason, whole
 
 __all__ = ["check_writable", "linear_to_srgb", "load_picture", "png", "save", "srgb_to_linear"]
 
+BAND = 64   # rows of a PNG that are coded at a time: NumPy hears Ctrl-C only between its steps
+
 # Names of the EXR channels of each output of the renderer, one for each of its last axis.
 EXR_CHANNELS = {
     "depth": ("Z",),
@@ -77,6 +79,14 @@ def png(color):
     """The bytes of a PNG file, 8-bit sRGB with straight alpha: of a float picture as `save` takes it."""
     import imageio.v3
 
+    coded = np.empty(color.shape, np.uint8)
+    for top in range(0, len(color), BAND):
+        coded[top:top + BAND] = _coded(color[top:top + BAND])
+    return imageio.v3.imwrite("<bytes>", coded, extension=".png")
+
+
+def _coded(color):
+    """8-bit sRGB with straight alpha of a float picture as `save` takes it."""
     color = np.nan_to_num(color.astype(np.float32), nan=0.0, posinf=1.0, neginf=0.0)
     if color.shape[2] == 4:
         alpha = np.clip(color[:, :, 3:], 0, 1)
@@ -84,7 +94,7 @@ def png(color):
         coded = np.concatenate([linear_to_srgb(straight), alpha], axis=2)
     else:
         coded = linear_to_srgb(color)
-    return imageio.v3.imwrite("<bytes>", (coded * 255 + 0.5).astype(np.uint8), extension=".png")
+    return (coded * 255 + 0.5).astype(np.uint8)
 
 
 def _png(path, outputs):

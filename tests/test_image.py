@@ -2,9 +2,11 @@
 
 import os
 
+import imageio.v3
 import numpy as np
 import pytest
 
+from clfur import image
 from clfur.errors import Error
 from clfur.image import check_writable, linear_to_srgb, load_picture, save, srgb_to_linear
 
@@ -165,3 +167,15 @@ def test_bad_pictures(tmp_path, outputs):
         assert "\n" not in str(caught.value)
     with pytest.raises(Error, match="load_picture path"):
         load_picture(None)
+
+
+def test_a_png_is_coded_in_bands(monkeypatch):
+    """NumPy hears Ctrl-C only between its steps: none is of more than a band, and the picture is the whole's."""
+    color = np.random.default_rng(2).random((2 * image.BAND + 7, 5, 4), np.float32)
+    rows, code = [], image.linear_to_srgb
+    monkeypatch.setattr(image, "linear_to_srgb", lambda part: rows.append(len(part)) or code(part))
+    pixels = imageio.v3.imread(image.png(color))
+    assert rows == [image.BAND, image.BAND, 7]
+    alpha = color[..., 3:]
+    expected = np.concatenate([code(color[..., :3] / alpha), alpha], axis=2) * 255
+    assert np.abs(pixels - expected).max() < 0.51
