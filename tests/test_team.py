@@ -86,8 +86,9 @@ def test_a_device_that_fails_is_dropped_and_its_share_redone(gpu, team, sphere, 
     with pytest.warns(RuntimeWarning, match="goes on without a device: this device is lost"):
         frame = clfur.draw(scene, team, SETTINGS, hashes=True)
     assert frame.hashes == whole.hashes
-    # Who is left shades: drivers round exp and log differently.
-    same(clfur.draw(scene, team[1 - which], SETTINGS, hashes=True), frame)
+    # Drivers round exp and log differently: the colours are those of whichever device has shaded.
+    alone = [clfur.render(scene, one, SETTINGS) for one in (gpu, clfur.Scheduler(team[1].device))]
+    assert any(np.array_equal(frame.images["color"], image) for image in alone)
 
 
 @pytest.mark.parametrize("kind", ["faces", 9001])
