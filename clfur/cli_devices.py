@@ -29,7 +29,7 @@ def devices(check, why, as_json):
         raise click.UsageError("--check and --why are two questions: ask one at a time")
     if why:
         return _why(as_json)
-    found = _survey()
+    found = survey()
     failures = _check(found) if check else {}
     if as_json:
         print(json.dumps(found))
@@ -38,7 +38,7 @@ def devices(check, why, as_json):
     return int(bool(failures))
 
 
-def _survey():
+def survey():
     """`device.survey` from a process of its own: a driver that crashes while it loads must not end the command."""
     outcome = isolated("clfur.device:survey", seconds=LOADING)
     if outcome.status == "error":
@@ -75,7 +75,7 @@ def _check(found):
         except Error as error:
             click.echo(f"{device['device']}: this is not remembered: {error}", err=True)
     # What auto takes may be another device now.
-    again = _survey()
+    again = survey()
     found["auto"], found["default"] = again["auto"], again["default"]
     return failures
 

@@ -11,6 +11,8 @@ from .files import output_path, reason, whole
 
 __all__ = ["check_writable", "linear_to_srgb", "load_picture", "png", "save", "srgb_to_linear"]
 
+BAND = 64   # rows of a picture that are coded at a time: NumPy and OpenEXR hear Ctrl-C only between their steps
+
 # Names of the EXR channels of each output of the renderer, one for each of its last axis.
 EXR_CHANNELS = {
     "depth": ("Z",),
@@ -77,6 +79,14 @@ def png(color):
     """The bytes of a PNG file, 8-bit sRGB with straight alpha: of a float picture as `save` takes it."""
     import imageio.v3
 
+    coded = np.empty(color.shape, np.uint8)
+    for top in range(0, len(color), BAND):
+        coded[top:top + BAND] = _coded(color[top:top + BAND])
+    return imageio.v3.imwrite("<bytes>", coded, extension=".png")
+
+
+def _coded(color):
+    """8-bit sRGB with straight alpha of a float picture as `save` takes it."""
     color = np.nan_to_num(color.astype(np.float32), nan=0.0, posinf=1.0, neginf=0.0)
     if color.shape[2] == 4:
         alpha = np.clip(color[:, :, 3:], 0, 1)
@@ -84,7 +94,7 @@ def png(color):
         coded = np.concatenate([linear_to_srgb(straight), alpha], axis=2)
     else:
         coded = linear_to_srgb(color)
-    return imageio.v3.imwrite("<bytes>", (coded * 255 + 0.5).astype(np.uint8), extension=".png")
+    return (coded * 255 + 0.5).astype(np.uint8)
 
 
 def _png(path, outputs):
@@ -94,24 +104,39 @@ def _png(path, outputs):
 
 
 def _exr(path, outputs):
+    import Imath
     import OpenEXR
 
-    channels = {}
+    layers = {}   # of each channel: [h, w]
     for name, array in outputs.items():
         names = tuple("RGBA"[: array.shape[2]]) if name == "color" else EXR_CHANNELS.get(name, (name,))
-        layers = array if array.ndim == 3 else array[:, :, None] if array.ndim == 2 else None
-        if layers is None or layers.shape[2] != len(names):
-            raise Error(f"save output {name!r} has the shape {list(array.shape)}; "
+        array = array if array.ndim == 3 else array[:, :, None] if array.ndim == 2 else None
+        if array is None or array.shape[2] != len(names):
+            raise Error(f"save output {name!r} has the shape {list(outputs[name].shape)}; "
                         f"allowed: [h, w, {len(names)}]")
-        whole = array.dtype.kind in "iu"
-        for k, channel in enumerate(names):
-            # EXR has no signed integers; floats would lose ids beyond 2**24.
-            values = layers[:, :, k].astype(np.int64).astype(np.uint32) if whole else layers[:, :, k]
-            channels[channel] = np.ascontiguousarray(values, dtype=np.uint32 if whole else np.float32)
-    if len({array.shape for array in channels.values()}) != 1:
+        layers |= {channel: array[:, :, k] for k, channel in enumerate(names)}
+    if len({array.shape for array in layers.values()}) != 1:
         raise Error("save outputs are not all of one size; allowed: arrays of the same [h, w]")
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    OpenEXR.File(header, channels).write(str(path))
+    height, width = next(iter(layers.values())).shape
+    header = OpenEXR.Header(width, height) | {"compression": Imath.Compression(Imath.Compression.ZIP_COMPRESSION)}
+    header["channels"] = {name: Imath.Channel(Imath.PixelType(Imath.PixelType.UINT if _is_whole(array) else
+                                                              Imath.PixelType.FLOAT)) for name, array in layers.items()}
+    file = OpenEXR.OutputFile(str(path), header)
+    try:
+        for top in range(0, height, BAND):   # OpenEXR.File takes all at once, and hears no Ctrl-C meanwhile
+            file.writePixels({name: _exr_bytes(array[top:top + BAND]) for name, array in layers.items()},
+                             min(BAND, height - top))
+    finally:
+        file.close()
+
+
+def _is_whole(array):
+    return array.dtype.kind in "iu"
+
+
+def _exr_bytes(array):
+    # EXR has no signed integers; floats would lose ids beyond 2**24.
+    return (array.astype(np.int64).astype(np.uint32) if _is_whole(array) else array.astype(np.float32)).tobytes()
 
 
 def _npz(path, outputs):

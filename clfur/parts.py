@@ -48,6 +48,10 @@ class Work:
             self.strands = len(fur.counts) if isinstance(fur, Curves) else 0
             self.before = gpu.keep("points", (fur,), lambda: _before(fur.counts)) if self.strands else np.zeros(1, int)
         self.points = self._points(0, self.strands)
+        # What cannot be divided: bytes of the largest face, points of the longest strand.
+        face = VERTEX * self.vertices + TRIANGLE * self.triangles
+        self.face = int(np.diff(face).max(initial=0))
+        self.longest = self.stride if self.grown else int(np.diff(self.before).max(initial=0))
         if self.points >= 2**31 or self.triangles[-1] >= 2**31:
             raise Error(f"the scene has {self.points:,} points of strands and {self.triangles[-1]:,} triangles; "
                         f"allowed: fewer than {2**31:,} of each")
@@ -75,18 +79,27 @@ class Work:
         if settings.shadows != "off" and self.strands:
             fixed += 2 * (settings.grid + 1) * settings.grid**2 * 4
         row = width * (8 * settings.samples + 16 + (60 if others else 0))
+        point = POINT if self.grown else POINT + 32
         need = {
             "body": VERTEX * int(self.vertices[-1]) + TRIANGLE * int(self.triangles[-1]),
-            "strands": (end - first) * STRAND + self._points(first, end) * (POINT if self.grown else POINT + 32),
+            "strands": (end - first) * STRAND + self._points(first, end) * point,
             "rows": height * row,
         }
-        room = _share(gpu.memory * 15 // 16 - fixed, need)
+        least = {   # of each; a face or a strand is never divided
+            "body": min(need["body"], max(self.face, 1 << 16)),
+            "strands": min(need["strands"], max(STRAND + self.longest * point, 1 << 16)),
+            "rows": row,
+        }
+        spare = gpu.memory * 15 // 16 - fixed - sum(least.values())
+        room = _share(spare, {name: need[name] - least[name] for name in need})
+        room = {name: least[name] + room[name] for name in need}
 
         rows = min(min(room["rows"], BAND) // row, piece // (width * max(8 * settings.samples, 16)), height)
-        if rows < 1 or room["body"] < min(need["body"], 1 << 16) or room["strands"] < min(need["strands"], 1 << 16):
-            raise Error(f"{gpu.name} with {gpu.memory / 2**20:,.0f} MiB has no room for Settings.grid {settings.grid}, "
-                        f"Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces and a row of {width} pixels; "
-                        f"allowed: smaller ones")
+        if rows < 1 or spare < 0:
+            raise Error(f"{gpu.name} with {gpu.memory / 2**20:,.1f} MiB has no room for Settings.grid {settings.grid}, "
+                        f"Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces of up to "
+                        f"{self.face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points and a row of {width} "
+                        f"pixels; allowed: smaller ones")
         face_runs = [run for run in _runs(
             (VERTEX * self.vertices + TRIANGLE * self.triangles, room["body"]),
             (16 * self.vertices, piece), (16 * self.triangles, piece)) if run[1] > run[0]]

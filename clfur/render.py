@@ -28,8 +28,9 @@ OUTPUTS = {"color": 4, "depth": None, "id": None, "tangent": 3, "normal": 3, "uv
 class Frame:
     """A picture, and what it took.
 
-    images: {output: array}; see `render`.  triangles, strands, segments: what was drawn.  device: its name.
-    seconds: the whole frame, reading back included.  stages: {kernel file: seconds on the device}.
+    images: {output: array}; see `render`.  triangles, strands, segments: what was drawn.  device: its name, or
+    those of all that did not fail.  seconds: the whole frame, reading back included.  stages: {kernel file: seconds
+    on the device}.
     memory: most bytes that its arrays took on the device at once.  hashes: SHA-256 of what integer stages gave,
     {"visibility": ..., "voxels": ..., "shadow_map": ...}, if asked for.
     """
@@ -142,28 +143,30 @@ def _draw(team, scene, settings, outputs, hashes):
         found = {"color": image, **(known or {})}
         return {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in outputs}
 
-    rows = min(plan(gpu)[1] for gpu in gpus)
-    bands, seen = [], hashlib.sha256()
+    rows = min(team.each(lambda gpu: plan(gpu)[1]))
+    images, seen = {}, hashlib.sha256()
     for top in range(0, height, rows):
         view = band_of(whole, top, min(top + rows, height))
         visible = visible_in(view)
         if hashes:
             seen.update(_bytes(team.gpus[0], visible))
-        bands.append(team.first(functools.partial(pictures, view, visible)))
-    images = {name: np.concatenate([band[name] for band in bands]) if len(bands) > 1 else bands[0][name]
-              for name in outputs}
+        for name, band in team.first(functools.partial(pictures, view, visible)).items():
+            if len(band) == height:
+                images[name] = band
+            else:   # each into its place at once: to join them in the end would take twice the memory
+                images.setdefault(name, np.empty((height, *band.shape[1:]), band.dtype))[top:top + rows] = band
     if hashes:
         digests["visibility"] = seen.hexdigest()
     seconds = time.perf_counter() - began
 
     points = team.first(lambda gpu: [_points(gpu, work.make(gpu, part)[0]) for part in plan(gpu)[0]])
     stages = {}
-    for gpu in gpus:
-        for name, spent in gpu.seconds().items():
+    for of_one in team.each(lambda gpu: gpu.seconds()):   # not of those that were dropped: a lost device tells nothing
+        for name, spent in of_one.items():
             stages[name] = stages.get(name, 0.0) + spent
-    return Frame(images, " + ".join(gpu.name for gpu in gpus), int(work.triangles[-1]) if work.body else 0,
+    return Frame(images, " + ".join(gpu.name for gpu in team.gpus), int(work.triangles[-1]) if work.body else 0,
                  sum(strands for strands, _ in points), sum(segments for _, segments in points), seconds, stages,
-                 sum(gpu.peak for gpu in gpus), digests)
+                 sum(gpu.peak for gpu in team.gpus), digests)
 
 
 def on(gpu, array):

@@ -142,8 +142,8 @@ class Scheduler:
             while begin < size:
                 if self._stopped:
                     raise Error(f"{self.name} was told to stop")
-                # A driver can't be interrupted, so a launch is done in pieces, and waited for if it may be long.
-                rate = self._rates.get(name)
+                # A driver can't be interrupted, so a launch is done in pieces, and all but the last are waited for.
+                rate, alone = self._rates.get(name), not self._ahead
                 piece = FIRST if rate is None else min(int(PIECE / rate), MOST)
                 end = min(begin + max(piece // GROUP, 1) * GROUP, size)
                 began = time.perf_counter()
@@ -152,10 +152,11 @@ class Scheduler:
                                np.uint64(begin), np.uint64(end), *args)
                 self._log.append((self._called or name.split(".")[0], event))
                 self._ahead += PIECE if rate is None else rate * (end - begin)
-                if self._ahead >= PIECE:
+                if end < size or self._ahead >= PIECE:
                     event.wait()
-                    if rate is None or (end - begin) * rate >= PIECE / 2:
-                        self._rates[name] = max((time.perf_counter() - began) / (end - begin), 1e-10)
+                    if alone or rate is None:
+                        # Sky is done in no time, but fur may begin in the next piece: a rate falls slowly.
+                        self._rates[name] = max((time.perf_counter() - began) / (end - begin), (rate or 0) / 2, 1e-10)
                     self._ahead = 0.0
                 begin = end
 

@@ -54,6 +54,16 @@ class Team:
             except DeviceError as error:
                 self.drop(gpu, error)
 
+    def each(self, do):
+        """[``do(gpu)``] of the devices that do not fail."""
+        done = []
+        for gpu in self.gpus[:]:
+            try:
+                done.append(do(gpu))
+            except DeviceError as error:
+                self.drop(gpu, error)
+        return done
+
     def drop(self, gpu, error):
         """Go on without a device; raises the error if it was the last."""
         if gpu in self.gpus:

@@ -12,7 +12,8 @@ import attrs
 import pytest
 from conftest import wrong
 
-from clfur import cli_compare
+from clfur import cli_compare, cli_devices
+from clfur.isolated import Outcome
 
 TINY = ["--size", "32x24", "--roots", "100", "--inner", "1", "--outer", "1", "--repeat", "1"]
 
@@ -98,6 +99,13 @@ def test_a_page_without_the_extra(clfur, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "jinja2", None)
     wrong(clfur("compare", *TINY, "-o", "a.html"), 'pip install "clfur[report]"')
     assert not list(tmp_path.iterdir())
+
+
+def test_a_driver_that_crashes_while_it_loads(clfur, tmp_path, monkeypatch):
+    """It would take this process along: it is told before OpenCL starts here."""
+    crash = Outcome("crash", None, "the process died of SIGABRT")
+    monkeypatch.setattr(cli_devices, "isolated", lambda *_, **__: crash)
+    wrong(clfur("compare", *TINY), "OpenCL does not start: the process died of SIGABRT", "clfur devices --why")
 
 
 def test_interrupted(tmp_path):

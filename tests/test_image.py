@@ -2,9 +2,11 @@
 
 import os
 
+import imageio.v3
 import numpy as np
 import pytest
 
+from clfur import image as pictures
 from clfur.errors import Error
 from clfur.image import check_writable, linear_to_srgb, load_picture, save, srgb_to_linear
 
@@ -165,3 +167,39 @@ def test_bad_pictures(tmp_path, outputs):
         assert "\n" not in str(caught.value)
     with pytest.raises(Error, match="load_picture path"):
         load_picture(None)
+
+
+def test_a_png_is_coded_in_bands(monkeypatch):
+    """NumPy hears Ctrl-C only between its steps: none is of more than a band, and the picture is the whole's."""
+    color = np.random.default_rng(2).random((2 * pictures.BAND + 7, 5, 4), np.float32)
+    rows, code = [], pictures.linear_to_srgb
+    monkeypatch.setattr(pictures, "linear_to_srgb", lambda part: rows.append(len(part)) or code(part))
+    pixels = imageio.v3.imread(pictures.png(color))
+    assert rows == [pictures.BAND, pictures.BAND, 7]
+    alpha = color[..., 3:]
+    expected = np.concatenate([code(color[..., :3] / alpha), alpha], axis=2) * 255
+    assert np.abs(pixels - expected).max() < 0.51
+
+
+def test_an_exr_is_written_in_bands(tmp_path, monkeypatch):
+    """OpenEXR hears Ctrl-C only between its calls: none takes more than a band; and what is begun is taken away."""
+    import OpenEXR
+
+    rng, rows, code = np.random.default_rng(2), [], pictures._exr_bytes
+    shape = 2 * pictures.BAND + 7, 5
+    outputs = {"depth": rng.random(shape, np.float32), "id": rng.integers(-2, 2**31, shape).astype(np.int32)}
+    monkeypatch.setattr(pictures, "_exr_bytes", lambda part: rows.append(len(part)) or code(part))
+    save(tmp_path / "a.exr", outputs)
+    assert rows == [n for n in (pictures.BAND, pictures.BAND, 7) for _ in outputs]
+    channels = OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).channels()
+    assert np.array_equal(channels["Z"].pixels, outputs["depth"])
+    assert np.array_equal(channels["id"].pixels.view(np.int32), outputs["id"])
+
+    def interrupt(part):
+        if len(part) == 7:
+            raise KeyboardInterrupt
+        return code(part)
+    monkeypatch.setattr(pictures, "_exr_bytes", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        save(tmp_path / "b.exr", outputs)
+    assert os.listdir(tmp_path) == ["a.exr"]

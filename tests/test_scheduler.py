@@ -114,3 +114,33 @@ def test_seconds_add_up_by_kernel_file(gpu):
     assert set(seconds) == {"strands"} and 0 < seconds["strands"] < 10
     gpu.start()
     assert gpu.seconds() == {}
+
+
+def test_no_wait_is_long_where_fur_follows_sky(monkeypatch):
+    """A device made up, on a clock made up: work-items that are done in no time, then slow ones, then quick ones."""
+    clock, pending, waits = [0.0], [0.0], []
+
+    class Kernel:
+        num_args = 2
+
+        def __call__(self, queue, sizes, group, begin, end):
+            begin, end = int(begin), int(end)
+            slow = max(min(end, 4_000_000) - max(begin, 3_000_000), 0)
+            pending[0] += 5e-5 + 1e-8 * (end - begin) + 1e-5 * slow
+            return self
+
+        def wait(self):
+            clock[0] += pending[0]
+            waits.append(pending[0])
+            pending[0] = 0.0
+    monkeypatch.setattr(scheduler.time, "perf_counter", lambda: clock[0])
+    gpu = Scheduler()
+    gpu._kernels["made.up"] = Kernel()
+    gpu.launch("made.up", 5_000_000)
+    assert max(*waits, pending[0]) < 0.7                            # one piece of the most that there is
+    assert sum(wait > 1.5 * scheduler.PIECE for wait in waits) <= 2   # and then they are what they should be
+    assert clock[0] + pending[0] < 10.1 + 0.1                       # waits cost little
+    waits.clear()
+    gpu.launch("made.up", 60_000)
+    gpu.launch("made.up", 60_000)
+    assert not waits                                                # short launches follow each other

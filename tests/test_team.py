@@ -86,8 +86,26 @@ def test_a_device_that_fails_is_dropped_and_its_share_redone(gpu, team, sphere, 
     with pytest.warns(RuntimeWarning, match="goes on without a device: this device is lost"):
         frame = clfur.draw(scene, team, SETTINGS, hashes=True)
     assert frame.hashes == whole.hashes
-    # Who is left shades: drivers round exp and log differently.
-    same(clfur.draw(scene, team[1 - which], SETTINGS, hashes=True), frame)
+    # Drivers round exp and log differently: the colours are those of whichever device has shaded.
+    alone = [clfur.render(scene, one, SETTINGS) for one in (gpu, clfur.Scheduler(team[1].device))]
+    assert any(np.array_equal(frame.images["color"], image) for image in alone)
+
+
+@pytest.mark.parametrize("kind", ["faces", 9001])
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_lost_device_is_asked_nothing_more(team, sphere, which, kind):
+    """As after a GPU's reset, when even waiting for it fails; also while the parts of a small one are planned."""
+    team = [clfur.Scheduler(one.device, memory=1_000_000) for one in team]
+    scene, lost = scene_of(kind, sphere), team[which]
+
+    def fails(*_):
+        raise clfur.DeviceError("this device is lost")
+    lost.launch = lost.empty = lost.upload = lost.download = lost.seconds = fails
+    with pytest.warns(RuntimeWarning, match="goes on without a device: this device is lost"):
+        frame = clfur.draw(scene, team, SETTINGS, hashes=True)
+    left = clfur.Scheduler(team[1 - which].device)   # whose colours these are
+    same(clfur.draw(scene, left, SETTINGS, hashes=True), frame)
+    assert frame.device == team[1 - which].name
 
 
 @pytest.mark.filterwarnings("ignore:goes on without")
