@@ -410,8 +410,7 @@ __kernel void march(
     __global const float *sums,
     const View seen,
     __global const ulong *map,
-    __global uint *after,                  // [rows, width, samples] depth where they came in last; NOTHING: they are done
-    __global uint *passed,                 // [rows, width, samples] depth up to which they have gone
+    __global uint *after,                  // [rows, width, samples] depth where they left it; NOTHING: they are done
     __global float *through,               // [rows, width, samples] share of light that comes from behind
     __global ulong *fur,                   // [rows, width, samples] depth << 32 | face where half of it is gone
     volatile __global int *left,           // samples that are not done
@@ -495,9 +494,7 @@ __kernel void march(
         float4 sum = (float4)(0.0f), first = lattice[CORNERS * face], second = lattice[CORNERS * face + 1];
         float4 grad_x = lattice[CORNERS * face + 2], grad_y = lattice[CORNERS * face + 3];
         float4 w = weights_of(flat[0], flat[1], flat[2]);
-        float z_in = w.x * ahead[0] + w.y * ahead[1] + w.z * ahead[2];
-        /* Fur that stands in other fur counts from where that ends. */
-        float front = passed[sample] ? greater(dot3(seen_point(&view, x, y, s, passed[sample]) - p, d), 0.0f) : 0.0f;
+        float z_in = w.x * ahead[0] + w.y * ahead[1] + w.z * ahead[2], front = 0.0f;
         float until = 0.5f, aside = 0.0f, before = 0.0f, slack = 0.0f;   // to the next look; since the last one
         bool leaves = false, ended = false;
         for (int step = 0; step < MOST_STEPS && !ended; ++step) {
@@ -651,8 +648,7 @@ __kernel void march(
         }
         after[sample] = NOTHING;
         if (leaves && rest > 0.0f) {
-            after[sample] = entry_depth;
-            passed[sample] = depth_of(&view, p + front * d);
+            after[sample] = depth_of(&view, p + front * d);
             ++pending;
         }
         through[sample] = rest;

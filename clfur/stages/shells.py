@@ -167,8 +167,7 @@ def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
     rows, width, samples = visible.shape
     shadows = shadows or no_shadows(gpu)
     image = gpu.full((rows, width, 4), np.float32, 0)
-    through = gpu.full(visible.shape, np.float32, 1)
-    after, passed = (gpu.full(visible.shape, np.uint32, 0) for _ in range(2))
+    through, after = gpu.full(visible.shape, np.float32, 1), gpu.full(visible.shape, np.uint32, 0)
     fur = gpu.full(visible.shape, np.uint64, NONE)
     pattern = shell.pattern
     for _ in range(ENTRIES):
@@ -178,7 +177,7 @@ def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
         gpu.launch("shells.march", rows * width, view, packed, light, np.int32(specular == "half-vector"), visible,
                    entries, shell.border, pattern.faces, pattern.neighbours, shell.curves, shell.normals,
                    pattern.lattice, pattern.noise, pattern.means, pattern.box, shadows.shadow, shadows.grid,
-                   shadows.sums, shadows.seen, shadows.map, after, passed, through, fur, left, image)
+                   shadows.sums, shadows.seen, shadows.map, after, through, fur, left, image)
         if not int(gpu.download(left)[0]):
             break
     return image, through, fur
