@@ -410,7 +410,7 @@ __kernel void march(
     __global const float *sums,
     const View seen,
     __global const ulong *map,
-    __global uint *after,                  // [rows, width, samples] depth where they left it; NOTHING: they are done
+    __global uint *after,                  // [rows, width, samples] depth where they came in last; NOTHING: they are done
     __global float *through,               // [rows, width, samples] share of light that comes from behind
     __global ulong *fur,                   // [rows, width, samples] depth << 32 | face where half of it is gone
     volatile __global int *left,           // samples that are not done
@@ -648,7 +648,7 @@ __kernel void march(
         }
         after[sample] = NOTHING;
         if (leaves && rest > 0.0f) {
-            after[sample] = depth_of(&view, p + front * d);
+            after[sample] = entry_depth;   // fur that stands in other fur comes after it
             ++pending;
         }
         through[sample] = rest;
