@@ -352,9 +352,10 @@ INLINED float2 noise_at(const Shells *shells, __global const float2 *noise, floa
 }
 
 /* The report's fur function, halved so that it reaches 1: its threshold (2/sqrt f)·h of value/sqrt f is then h. */
-INLINED lanes waves(const Shells *shells, lanes x, lanes y, lanes *by_x, lanes *by_y, lanes *top)
+INLINED lanes waves(const Shells *shells, lanes x, lanes y, lanes *by_x, lanes *by_y, lanes *top, lanes *fold)
 {
     *top = F(1.0f);
+    *fold = F(1.0f - 1.0f / shells->shape.y);
     const lanes sum = sin_turns(x) + sin_turns(y);
     const float thin = 1.0f / shells->shape.y;
     const lanes slope = sum < 0.0f ? F(-3.1415927f * thin) : F(3.1415927f * thin);
@@ -366,12 +367,12 @@ INLINED lanes waves(const Shells *shells, lanes x, lanes y, lanes *by_x, lanes *
 /* Cones, one on each triangle of a lattice, the highest of the four that are nearest. Those beyond the face's border are
    left out, as the face behind it has its own; sides: cells along a side of the face. */
 INLINED lanes cells(const Shells *shells, uint face, int sides, lanes x, lanes y, lanes lean_x, lanes lean_y,
-                    lanes *by_x, lanes *by_y, lanes *top)
+                    lanes *by_x, lanes *by_y, lanes *top, lanes *fold)
 {
     const float thin = 1.0f / (CELL_RADIUS * shells->shape.y);
     const lanes v = y * 1.1547005f, u = x - 0.5f * v, fu = nearest(u - 0.5f), fv = nearest(v - 0.5f);
     const lanes_i i = nearest_i(u - 0.5f), j = nearest_i(v - 0.5f), down = (u - fu) + (v - fv) > 1.0f;
-    lanes best = F(-1.0f), steep = F(0.0f);
+    lanes best = F(-1.0f), second = best, steep = F(0.0f);
     *by_x = *by_y = F(0.0f);
     *top = F(1.0f);
     for (int n = 0; n < 4; ++n) {
@@ -387,26 +388,29 @@ INLINED lanes cells(const Shells *shells, uint face, int sides, lanes x, lanes y
         const lanes dy = y - lean_y - (0.8660254f * cv + 0.3f * (share(random >> 10) - 0.5f));
         const lanes off = root(dx * dx + dy * dy + 1e-12f), tall = 1.0f - shells->size.w * share(random >> 20);
         const lanes high = tall - tall * off * thin;
-        const lanes_i better = (at_i >= 0) & (at_j >= 0) & (at_i + at_j + turned < sides) & (high > best);
+        const lanes_i inside = (at_i >= 0) & (at_j >= 0) & (at_i + at_j + turned < sides), better = inside & (high > best);
+        second = better ? best : inside & (high > second) ? high : second;
         best = better ? high : best;
         steep = better ? tall / off : steep;
         *top = better ? tall : *top;
         *by_x = better ? dx : *by_x;
         *by_y = better ? dy : *by_y;
     }
+    *fold = 0.5f * (best + second);
     *by_x *= -thin * steep;
     *by_y *= -thin * steep;
     return best;
 }
 
-/* Height of the fur at a place, its gradient by x and y and the height of its hair's tip: hair is where this is more than h.
+/* Height of the fur at a place, its gradient by x and y, and the heights of its hair's tip and of the fold
+   before the next hair: hair is where this is more than h.
    `moved`: the noise there. */
 INLINED lanes height_at(const Shells *shells, uint face, int sides, lanes x, lanes y, lanes moved_x, lanes moved_y, lanes h,
-                        lanes *by_x, lanes *by_y, lanes *top)
+                        lanes *by_x, lanes *by_y, lanes *top, lanes *fold)
 {
     if (shells->kind.x)
-        return waves(shells, x + moved_x, y + moved_y, by_x, by_y, top);
-    return cells(shells, face, sides, x, y, moved_x * h, moved_y * h, by_x, by_y, top);
+        return waves(shells, x + moved_x, y + moved_y, by_x, by_y, top, fold);
+    return cells(shells, face, sides, x, y, moved_x * h, moved_y * h, by_x, by_y, top, fold);
 }
 
 /* Integral of smoothstep(e0, e0 + width, t) over t. */
@@ -417,24 +421,22 @@ INLINED lanes integral(lanes t, lanes e0, lanes width, lanes narrow)
 }
 
 /* Share of a place at height h that hair covers, where the fur is v high and its hair's tip `top`: the report's threshold
-   and smoothstep, averaged over a footprint across which v - h changes by g, but for `bow` that it is less at both
-   ends, and that holds `narrow` of the hair the other way. */
-INLINED lanes cover(const Shells *shells, lanes v, lanes h, lanes g, lanes bow, lanes top, lanes narrow)
+   and smoothstep, averaged over a footprint across which v - h changes by g.  Beyond the tip the fur goes down again,
+   and beyond the `fold` before the next hair up. */
+INLINED lanes cover(const Shells *shells, lanes v, lanes h, lanes g, lanes top, lanes fold)
 {
     const lanes width = greater((shells->shape.x - 1.0f) * h, F(1e-3f)), sharper = 1.0f / width;
     const lanes u = within((v - h) * sharper, 0.0f, 1.0f), sharp = u * u * (3.0f - 2.0f * u);
-    const lanes_i soft = g + bow > 1e-2f * width;
+    const lanes_i soft = g > 1e-2f * width;
     if (!any_lane(soft))
         return sharp;
-    /* Beyond the tip it goes down again. */
-    const lanes low = v - 0.5f * g - bow, high = v + 0.5f * g - bow, far = bow > 0.0f ? top : 2.0f * top - high;
-    const lanes_i over = bow > 0.0f ? 0.5f * g < 2.0f * bow : high > top;
-    const lanes a = integral(low, h, width, sharper), b = integral(over ? far : high, h, width, sharper);
-    const lanes c = integral(top, h, width, sharper);
-    const lanes sum = over & (bow <= 0.0f) ? 2.0f * c - a - b : b - a;
-    const lanes span = over & (bow > 0.0f) ? top - low : g;
-    const lanes mean = within(sum / greater(span, F(1e-6f)), 0.0f, 1.0f);
-    return soft ? mean * lesser(narrow, F(1.0f)) : sharp;
+    const lanes low = v - 0.5f * g, high = v + 0.5f * g;
+    const lanes_i over = high > top, under = low < fold;
+    const lanes a = integral(under ? 2.0f * fold - low : low, h, width, sharper), b = integral(over ? 2.0f * top - high : high, h, width, sharper);
+    const lanes sum = (over ? 2.0f * integral(top, h, width, sharper) - b : b)
+        + (under ? a - 2.0f * integral(fold, h, width, sharper) : -a);
+    const lanes mean = within(sum / (soft ? g : F(1.0f)), 0.0f, 1.0f);
+    return soft ? mean : sharp;
 }
 
 /* What many hairs are on average at each of HEIGHTS heights: the share covered, and how often one that goes sideways
@@ -453,13 +455,13 @@ __kernel void means(
         for (int way = 0; way < 2; ++way) {
             float before = 1.0f;
             for (int i = -1; i < around; i += LANES) {
-                lanes u, by_x, by_y, top;
+                lanes u, by_x, by_y, top, fold;
                 for (int n = 0; n < LANES; ++n)
                     LANE(u, n) = (i + n + 0.5f) * step;
                 const lanes v = F((j + 0.5f) * step), x = way ? v : u, y = way ? u : v;
-                const lanes high = shells.kind.x ? waves(&shells, x, y, &by_x, &by_y, &top)
-                    : cells(&shells, 0, 1 << 30, x + 1e3f, y + 1e3f, F(0.0f), F(0.0f), &by_x, &by_y, &top);
-                lanes here = cover(&shells, high, h, F(0.0f), F(0.0f), top, F(1.0f));
+                const lanes high = shells.kind.x ? waves(&shells, x, y, &by_x, &by_y, &top, &fold)
+                    : cells(&shells, 0, 1 << 30, x + 1e3f, y + 1e3f, F(0.0f), F(0.0f), &by_x, &by_y, &top, &fold);
+                lanes here = cover(&shells, high, h, F(0.0f), top, fold);
                 for (int n = 0; n < LANES && i + n < around; ++n) {
                     entered += LANE(here, n) > before ? LANE(here, n) - before : 0.0f;
                     covered += i + n < 0 || way ? 0.0f : LANE(here, n);
@@ -646,7 +648,6 @@ __kernel void march(
     const float steep = steep_here * (shells.kind.x ? 1.0f + 6.0f * shells.shape.z / shells.shape.w : 1.0f);
     const float steep_up = 1.0f + (shells.kind.x ? 0.0f : 1.5f * steep_here * shells.shape.z);
     const float steepest = 1.0f / shells.size.x;      // gradient of h
-    const float bow_here = shells.kind.x ? 2.4674011f / shells.shape.y : 0.0f;
     int pending = 0;
 
     for (int s = 0; s < samples; ++s) {
@@ -789,8 +790,8 @@ __kernel void march(
                 const lanes high = greater(within((stop - z_in) * shorter, 0.0f, 1.0f), low);
                 const lanes rise = h_out - h_in, mx = x_out - x_in, my = y_out - y_in;
                 const lanes move = root(mx * mx + my * my + 1e-20f);
-                const lanes footprint = wide * (0.5f * (z_in + z_out));
-                const lanes blur = shells.kind.w ? footprint * second.w : F(0.0f);
+                const lanes footprint = shells.kind.w ? wide * (0.5f * (z_in + z_out)) : F(0.0f);
+                const lanes blur = footprint * second.w;
                 const lanes measure = greater(greater(shells.size.y * positive(rise), move * SIDEWAYS / (1.0f + SIDEWAYS * blur)),
                                               F(1e-6f));
                 const lanes fade = within((blur - FAR_FROM) * (1.0f / (FAR_TO - FAR_FROM)), 0.0f, 1.0f);
@@ -799,8 +800,7 @@ __kernel void march(
                 const lanes measure_inverse = 1.0f / measure, a_step = move * measure_inverse;
                 const lanes rate = (positive(rise) * steep_up + move * steep) * measure_inverse, rate_inverse = 1.0f / rate;
                 const lanes rise_step = rise * measure_inverse, mx_step = mx * measure_inverse, my_step = my * measure_inverse;
-                /* The ends of a pixel lie lower than its middle on the bowed "sine". */
-                const lanes bow = bow_here * blur * blur, room = 0.5f * (blur * steep_here + footprint * steepest) + bow;
+                const lanes room = 0.5f * (blur * steep_here + footprint * steepest);   // most of half a footprint
                 const lanes span = (high - low) * measure;
                 lanes at = F(0.0f), hidden = F(0.0f), sum_z = hidden, sum_h = hidden, sum_x = hidden, sum_y = hidden;
                 lanes sum_gx = hidden, sum_gy = hidden;
@@ -836,8 +836,8 @@ __kernel void march(
                                 LANE(moved_x, i) = moved.x;
                                 LANE(moved_y, i) = moved.y;
                             }
-                    lanes top;
-                    const lanes v = height_at(&shells, face, (int)second.z, x, y, moved_x, moved_y, h, &by_x, &by_y, &top);
+                    lanes top, fold;
+                    const lanes v = height_at(&shells, face, (int)second.z, x, y, moved_x, moved_y, h, &by_x, &by_y, &top, &fold);
                     const lanes_i near_hair = looks & (is_far | (v + room > h));
                     slack = looks ? (near_hair ? F(0.0f) : h - v - room) : slack;
                     if (!any_lane(near_hair)) {
@@ -851,15 +851,7 @@ __kernel void march(
                         gz = by_x * grad_x.z + by_y * grad_y.z - up.z, along_ray = gx * dx + gy * dy + gz * dz;
                     const lanes across_ray = greater(gx * gx + gy * gy + gz * gz - along_ray * along_ray, F(1e-20f));
                     const lanes slope = root(across_ray), g = footprint * slope, ahead_step = by_x * mx_step + by_y * my_step;
-                    /* How much of a pixel's breadth across that slope a hair fills. */
-                    const lanes tilt = (gx * (dy * up.z - dz * up.y) + gy * (dz * up.x - dx * up.z)
-                                        + gz * (dx * up.y - dy * up.x)) * (shells.size.x / slope);
-                    const lanes level = root(greater(1.0f - tilt * tilt, F(1e-4f)));
-                    const lanes stout = greater(top - h * (0.5f + 0.5f * shells.shape.x), F(0.0f)) / top;
-                    const lanes chord = shells.kind.x ? 0.5f * root(shells.shape.y * stout + 1e-12f)
-                        : 1.5707963f * CELL_RADIUS * shells.shape.y * stout;
-                    const lanes narrow = chord / greater(blur * level, F(1e-6f));
-                    lanes covered = cover(&shells, v, h, g, bow, top, narrow);
+                    const lanes covered = cover(&shells, v, h, g, top, fold);
                     /* What is hidden here and was not before, of what is left: hairs go down to the skin, so that one
                        look below another hides the same again. */
                     lanes kept = covered > before ? (1.0f - covered) / (1.0f - before) : F(1.0f);
