@@ -816,34 +816,38 @@ __kernel void about(
     const float4 p = seen_point(&view, x, y, nearest, (uint)(key >> 32)), v = towards_eye(&view, p);
     const uint face = (uint)key;
     const uint4 corners = faces[face];
+    __global const float4 *curve[3] = {curves + corners.x * (slabs + 1), curves + corners.y * (slabs + 1),
+                                       curves + corners.z * (slabs + 1)};
     /* The tetrahedron that p lies in, or is the least beside. */
-    float best = -INFINITY;
-    float4 at = (float4)(1.0f, 0.0f, 0.0f, 0.0f);
+    float best = -INFINITY, share[3] = {1.0f, 0.0f, 0.0f};   // of each corner of the face
     int slab = 0;
     for (int i = 0; i < 3 * slabs; ++i) {
         const int k = i % 3, four[4] = {0, k == 2 ? 3 : 1, k == 0 ? 2 : 4, 5};
         float4 q[4];
         for (int j = 0; j < 4; ++j)
-            q[j] = curves[corner_of(corners, four[j] % 3) * (slabs + 1) + i / 3 + four[j] / 3] - p;
+            q[j] = curve[four[j] % 3][i / 3 + four[j] / 3] - p;
         const float4 w = (float4)(dot3(cross3(q[1], q[2]), q[3]), -dot3(cross3(q[2], q[3]), q[0]),
                                   dot3(cross3(q[3], q[0]), q[1]), -dot3(cross3(q[0], q[1]), q[2]));
         const float all = (w.x + w.y) + (w.z + w.w);
-        const float share[4] = {w.x / all, w.y / all, w.z / all, w.w / all};
-        const float least = min(min(share[0], share[1]), min(share[2], share[3]));
+        const float part[4] = {w.x / all, w.y / all, w.z / all, w.w / all};
+        const float least = min(min(part[0], part[1]), min(part[2], part[3]));
         if (all != 0.0f && least > best) {
             best = least;
             slab = i / 3;
-            at = (float4)(0.0f);
+            share[0] = share[1] = share[2] = 0.0f;
             for (int j = 0; j < 4; ++j)
-                at += share[j] * convert_float4(four[j] % 3 == (int4)(0, 1, 2, 3) ? (int4)(1) : (int4)(0));
+                share[four[j] % 3] += part[j];
         }
     }
-    __global const float4 *ca = curves + corners.x * (slabs + 1) + slab,
-        *cb = curves + corners.y * (slabs + 1) + slab, *cc = curves + corners.z * (slabs + 1) + slab;
-    const float4 tangent = unit_or(at.x * (ca[1] - ca[0]) + at.y * (cb[1] - cb[0]) + at.z * (cc[1] - cc[0]), v);
+    float4 along = (float4)(0.0f), root_uv = along;
+    for (int j = 0; j < 3; ++j) {
+        along += share[j] * (curve[j][slab + 1] - curve[j][slab]);
+        root_uv += share[j] * uv[3 * face + j];
+    }
+    const float4 tangent = unit_or(along, v);
     out_depth[pixel] = to_screen(&view, p).w;
     out_id[pixel] = -3;
     out_tangent[pixel] = tangent;
     out_normal[pixel] = unit_or(v - dot3(v, tangent) * tangent, v);
-    out_uv[pixel] = at.x * uv[3 * face] + at.y * uv[3 * face + 1] + at.z * uv[3 * face + 2];
+    out_uv[pixel] = root_uv;
 }

@@ -201,7 +201,7 @@ def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
 
 
 def about(gpu, view, shell, visible, through, fur, known):
-    """Put what is known of the fur over what `shade.about` knows of ``visible``; ``through``, ``fur``: what `march` gave.
+    """Put what is known of the fur over what `shade.about` knows of ``visible``; ``through``, ``fur``: of `march`.
 
     Where half of the nearest fur's light is gone before all else: depth, id -3, tangent, the hair's direction, normal,
     across it, and uv of its root.  coverage: what alpha is.
