@@ -12,7 +12,7 @@ from .strands import vector
 from .tessellate import widen
 
 HEIGHTS, AROUND = 64, 96     # of the table of means, and places looked at for each
-CORNERS = 4                  # float4 a face in the lattice
+CORNERS = 5                  # float4 a face in the lattice
 SLABS = 4                    # straight pieces of a bent hair
 MOST_NOISE = 16, 256         # lattices of the noise along a side, in space and on the skin
 ENTRIES = 8                  # times that a ray may come into the fur
@@ -37,7 +37,7 @@ class Pattern:
     means: Any         # [HEIGHTS, 2] float32 share covered, hairs entered going sideways by 1
     faces: Any         # [F, 4] uint32 corners in the order of their numbers
     neighbours: Any    # [F, 4] int32, see Topology
-    lattice: Any       # [F * 4, 4] float32, see shells.cl
+    lattice: Any       # [F * CORNERS, 4] float32, see shells.cl
     uv: Any            # [F * 3, 4] float32 u, v of the faces' corners in that order, 0 where the mesh has none
 
 
@@ -152,7 +152,8 @@ def lay(gpu, mesh, packed, box, topology):
                      gpu.empty((n * CORNERS, 4), np.float32), gpu.upload(widen(uv)))
     gpu.launch("shells.noise", places, packed, result.noise)
     gpu.launch("shells.means", HEIGHTS, packed, np.int32(AROUND), result.means)
-    gpu.launch("shells.lattice", n, packed, gpu.upload(widen(mesh.positions)), result.faces, result.uv, result.lattice)
+    positions, normals = gpu.upload(widen(mesh.positions)), gpu.upload(widen(mesh.normals))
+    gpu.launch("shells.lattice", n, packed, positions, normals, result.faces, result.uv, result.lattice)
     return result
 
 
@@ -186,11 +187,13 @@ def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
     through, after = gpu.full(visible.shape, np.float32, 1), gpu.full(visible.shape, np.uint32, 0)
     fur = gpu.full(visible.shape, np.uint64, NONE)
     pattern = shell.pattern
+    across, down = (1, 1) if gpu.lanes == 1 else (4, gpu.lanes // 4)   # a work-item's pixels
+    blocks = -(-width // across) * -(-rows // down)
     for _ in range(ENTRIES):
         left = gpu.full(1, np.int32, 0)
         with gpu.called("entries"):
             entries = raster(gpu, view, None, shell, after=after)
-        gpu.launch("shells.march", -(-rows * width // gpu.lanes), view, packed, light, np.int32(specular == "half-vector"), visible,
+        gpu.launch("shells.march", blocks, view, packed, light, np.int32(specular == "half-vector"), visible,
                    entries, shell.border, pattern.faces, pattern.neighbours, shell.curves, shell.normals,
                    pattern.lattice, pattern.noise, pattern.means, pattern.box, shadows.shadow, shadows.grid,
                    shadows.sums, shadows.seen, shadows.map, after, through, fur, left, image)
