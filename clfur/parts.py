@@ -6,6 +6,7 @@ import numpy as np
 
 from .errors import Error
 from .fur import Curves, Strands
+from .stages.shells import bend, border, lay, pack, size_of, topology_of
 from .stages.strands import area_of, bring, first_strand_at, grow, no_strands
 from .stages.tessellate import counts_of, levels_of, no_surface, tessellate
 
@@ -79,6 +80,11 @@ class Work:
         if settings.shadows != "off" and self.strands:
             fixed += 2 * (settings.grid + 1) * settings.grid**2 * 4
         row = width * (8 * settings.samples + 16 + (60 if others else 0))
+        shells = 0
+        if scene.shells:
+            shells = size_of(scene.mesh, self._pack(settings)[0], self.topology(gpu))
+            fixed += shells
+            row += width * 24 * settings.samples
         point = POINT if self.grown else POINT + 32
         need = {
             "body": VERTEX * int(self.vertices[-1]) + TRIANGLE * int(self.triangles[-1]),
@@ -98,8 +104,8 @@ class Work:
         if rows < 1 or spare < 0:
             raise Error(f"{gpu.name} with {gpu.memory / 2**20:,.1f} MiB has no room for Settings.grid {settings.grid}, "
                         f"Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces of up to "
-                        f"{self.face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points and a row of {width} "
-                        f"pixels; allowed: smaller ones")
+                        f"{self.face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, shells of "
+                        f"{shells / 2**20:,.1f} MiB and a row of {width} pixels; allowed: smaller ones")
         face_runs = [run for run in _runs(
             (VERTEX * self.vertices + TRIANGLE * self.triangles, room["body"]),
             (16 * self.vertices, piece), (16 * self.triangles, piece)) if run[1] > run[0]]
@@ -154,6 +160,29 @@ class Work:
             strands = gpu.keep("strands", (fur, *part.strands), lambda: bring(gpu, fur, part.strands))
         drawn = part.body or part.faces[1] == part.faces[0]
         return strands, surface if drawn else gpu.keep("no body", (), lambda: no_surface(gpu))
+
+    def topology(self, gpu):
+        """`Topology` of the mesh, on the host."""
+        mesh = self.scene.mesh
+        return gpu.keep("topology", (mesh,), lambda: topology_of(mesh.faces))
+
+    def _pack(self, settings):
+        return pack(self.scene.shells, self.scene.mesh, self.scene.body_color is None, settings.filtered)
+
+    def make_shell(self, gpu, settings):
+        """Bring shell fur onto the device -> (`Shell`, `layout.Shells`); what hasn't changed is kept there."""
+        mesh, topology = self.scene.mesh, self.topology(gpu)
+        packed, box = self._pack(settings)
+        laid = str([box.tolist(), packed["size"][2:].tolist(), packed["shape"].tolist(), packed["kind"][:2].tolist(),
+                    packed["noise"][:3].tolist()])
+        walls = int(packed["kind"][2]), int(packed["noise"][3])
+        bent = str([packed["size"][0].item(), *(packed[name].tolist() for name in ("bend", "wind", "gust"))])
+
+        def build():   # within the outermost, so that what has changed goes before anything new is made
+            pattern = gpu.keep("pattern", (mesh, laid), lambda: lay(gpu, mesh, packed, box, topology))
+            sides = gpu.keep("border", (mesh, *walls), lambda: border(gpu, mesh, packed, topology))
+            return bend(gpu, mesh, packed, pattern, topology, sides)
+        return gpu.keep("shell", (mesh, laid, *walls, bent), build), packed
 
 
 def _share(room, need):

@@ -16,7 +16,7 @@ from .scene import Scene
 from .scheduler import Scheduler
 from .settings import Settings
 from .shadows import cast, plan_shadows, settle
-from .stages import shade
+from .stages import shade, shells
 from .stages.raster import raster
 from .team import Team
 from .views import band_of, light_of, view_of
@@ -86,7 +86,8 @@ def _draw(team, scene, settings, outputs, hashes):
     digests = {}
     work = Work(gpus[0], scene)
     for gpu in gpus:
-        gpu.load((settings, scene.camera.size, work.faces, work.strands, work.points))
+        gpu.load((settings, scene.camera.size, work.faces, work.strands, work.points,
+                  scene.shells and scene.shells.layers))
     others, lit = set(outputs) - {"color"}, "color" in outputs
     whole = view_of(scene, settings.samples)
     width, height = scene.camera.size
@@ -129,15 +130,20 @@ def _draw(team, scene, settings, outputs, hashes):
 
     def pictures(view, visible, gpu):
         """{output: array} of the rows of a view."""
-        visible, parts, image, known = on(gpu, visible), plan(gpu)[0], None, None
+        visible, parts, shadows = on(gpu, visible), plan(gpu)[0], None
+        image = through = known = None
         if lit:
             shadows, told = shadows_on(gpu)
             digests.update(told)
+        if scene.shells:
+            shell, packed = work.make_shell(gpu, settings)
+            image, through, fur = shells.march(gpu, view, shell, packed, light, settings.specular, visible, shadows)
+        if lit:
             # Part by part each sample of a pixel is added in its turn, so that the sum is the same bits.
             for sample in range(settings.samples) if len(parts) > 1 else [None]:
                 for part in parts:
                     image = shade.color(gpu, view, light, settings.specular, visible, *work.make(gpu, part), skin,
-                                        shadows, image, None if sample is None else (sample, sample + 1))
+                                        shadows, image, None if sample is None else (sample, sample + 1), through)
         for part in parts if others else []:
             known = shade.about(gpu, view, visible, *work.make(gpu, part), known)
         found = {"color": image, **(known or {})}

@@ -13,6 +13,7 @@ from .tessellate import widen
 from .voxelize import slant_of
 
 HEIGHTS, AROUND = 64, 96     # of the table of means, and places looked at for each
+CORNERS = 4                  # float4 a face in the lattice
 SLABS = 4                    # straight pieces of a bent hair
 MOST_NOISE = 16, 256         # lattices of the noise along a side, in space and on the skin
 ENTRIES = 8                  # times that a ray may come into the fur
@@ -131,6 +132,15 @@ def pack(shells, mesh, bare, filtered):
     return packed, vector((*center, f / waves), np.float32)
 
 
+def size_of(mesh, packed, topology):
+    """Bytes on the device of a `Shell`, and what it takes to make it."""
+    n, faces, slabs, bare = len(mesh.positions), len(mesh.faces), int(packed["kind"][2]), int(packed["noise"][3])
+    nx, ny, nz, _ = (4 * int(n) for n in packed["noise"])
+    sides = faces * (1 + bare) + 2 * slabs * int((topology.neighbours[:, :3] < 0).sum())
+    return (n * 16 * (slabs + 3) + faces * (32 + 48 + 16 * CORNERS) + sides * 32
+            + nx * ny * (1 if packed["kind"][0] else nz) * 8 + HEIGHTS * 8)
+
+
 def lay(gpu, mesh, packed, box, topology):
     """Lay the pattern of `layout.Shells` on a mesh -> `Pattern`."""
     nx, ny, nz, _ = (4 * int(n) for n in packed["noise"])
@@ -140,7 +150,7 @@ def lay(gpu, mesh, packed, box, topology):
     n = len(topology.corners)
     result = Pattern(packed, box, gpu.empty((places, 2), np.float32), gpu.empty((HEIGHTS, 2), np.float32),
                      gpu.upload(widen(topology.corners)), gpu.upload(topology.neighbours),
-                     gpu.empty((n * 4, 4), np.float32))
+                     gpu.empty((n * CORNERS, 4), np.float32))
     gpu.launch("shells.noise", places, packed, result.noise)
     gpu.launch("shells.means", HEIGHTS, packed, np.int32(AROUND), result.means)
     gpu.launch("shells.lattice", n, packed, gpu.upload(widen(mesh.positions)), result.faces, gpu.upload(widen(uv)),
@@ -148,15 +158,21 @@ def lay(gpu, mesh, packed, box, topology):
     return result
 
 
-def bend(gpu, mesh, packed, pattern, topology):
-    """Bend the hairs of a pattern -> `Shell`."""
+def border(gpu, mesh, packed, topology):
+    """What `border_of` gives, on the device -> (corners [B, 4], starts [B, 4])."""
     slabs, bare = int(packed["kind"][2]), int(packed["noise"][3])
+    return tuple(gpu.upload(each) for each in border_of(mesh.faces, topology, slabs, bare))
+
+
+def bend(gpu, mesh, packed, pattern, topology, sides=None):
+    """Bend the hairs of a pattern -> `Shell`; ``sides``: what `border` gave, if it is there already."""
+    slabs = int(packed["kind"][2])
+    triangles, starts = sides or border(gpu, mesh, packed, topology)
     normals, positions = gpu.upload(widen(mesh.normals)), gpu.upload(widen(mesh.positions))
     curves = gpu.empty((len(mesh.positions) * (slabs + 1), 4), np.float32)
-    triangles, border = border_of(mesh.faces, topology, slabs, bare)
     gpu.launch("shells.bend", len(mesh.positions), packed, positions, normals, curves)
     longest = mesh.longest_edge + 2 * float(packed["size"][0])
-    return Shell(pattern, curves, normals, gpu.upload(triangles), gpu.upload(border), longest)
+    return Shell(pattern, curves, normals, triangles, starts, longest)
 
 
 def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
