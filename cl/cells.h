@@ -7,10 +7,14 @@ inline int4 to_cells(const Grid *grid, float4 p, float *w)
     const float4 c = ((grid->to_grid[0] * p.x + grid->to_grid[1] * p.y) + grid->to_grid[2] * p.z) + grid->to_grid[3];
     const float4 q = (float4)(c.x / c.w, c.y / c.w, c.z, 0.0f);
     *w = c.w;
-    const float far = 4 * max(max(grid->size.x, grid->size.y), grid->size.z);
-    if (!(c.w > 0.0f && fabs(q.x) <= far && fabs(q.y) <= far && fabs(q.z) <= far))
+    const int most = grid->size.x > grid->size.y ? grid->size.x : grid->size.y;
+    const float far = 4 * (most > grid->size.z ? most : grid->size.z);
+    if (!(c.w > 0.0f && q.x <= far && q.y <= far && q.z <= far && q.x >= -far && q.y >= -far && q.z >= -far))
         return (int4)(OUTSIDE);
-    return convert_int4(floor(q * (float)SUBPIXEL + 0.5f));
+    /* The whole number below; PoCL calls floor as a function. */
+    const float4 steps = q * (float)SUBPIXEL + 0.5f;
+    const int4 near = (int4)((int)steps.x, (int)steps.y, (int)steps.z, 0);
+    return near - (int4)(steps.x < near.x, steps.y < near.y, steps.z < near.z, 0);
 }
 
 /* Distance of a place from a spot along its axis; 1 under parallel rays. */

@@ -19,6 +19,7 @@
 #define FAR_FROM 0.35f  // pixels that are so many sides of a cell wide begin to see hairs on average,
 #define FAR_TO 1.0f     // and those of so many see nothing else
 #define ROWS 16         // of a face's points in the light's grid that a work-item does
+#define LOOKS 16        // at the table of means, at least, from the skin to the tips
 #define MOST_STEPS 20000    // tetrahedra on one way: no scene that is any good has so many
 
 /*
@@ -809,18 +810,19 @@ __kernel void deposit(
     for (int k = 0; k <= slabs; ++k) {
         const float4 ab = pb[k] - pa[k], bc = pc[k] - pb[k], ca = pa[k] - pc[k];
         const float wa = distance_of(&grid, pa[k]), wb = distance_of(&grid, pb[k]), wc = distance_of(&grid, pc[k]);
-        square = greater(square, greater(greater(dot3(ab, ab), dot3(bc, bc)), dot3(ca, ca)));
-        near = lesser(near, lesser(lesser(wa, wb), wc));
-        far = greater(far, greater(greater(wa, wb), wc));
+        square = max(square, max(max(dot3(ab, ab), dot3(bc, bc)), dot3(ca, ca)));
+        near = min(near, min(min(wa, wb), wc));
+        far = max(far, max(max(wa, wb), wc));
     }
-    const float step = 0.75f * lesser(grid.face.y * greater(near, grid.face.z) / slant, deep);
-    const int rows = (int)lesser(sqrt(square) / step, parts * ROWS - 1) + 1;
-    const int heights = (int)lesser(shells.size.x / (slabs * step), parts * ROWS - 1) + 1;
+    const float step = 0.75f * min(grid.face.y * max(near, grid.face.z) / slant, deep);
+    const int rows = (int)min(sqrt(square) / step, parts * ROWS - 1.0f) + 1;
+    const int heights = (int)min(shells.size.x / (slabs * step), parts * ROWS - 1.0f) + 1;
     if (first_row >= rows || far < grid.face.z)
         return;
 
     const float4 first = lattice[CORNERS * face], second = lattice[CORNERS * face + 1];
     const float2 to_b = first.zw - first.xy, to_c = second.xy - first.xy;
+    const int looks = (LOOKS - 1) / (slabs * heights) + 1;
     float left = 0.5f, covered = mean_at(means, 0.0f).x;
     for (int level = 0; level < slabs * heights; ++level) {
         const int slab = level / heights;
@@ -830,19 +832,16 @@ __kernel void deposit(
         const float above = mean_at(means, top).x, newly = covered - above;
         covered = above;
         float entered = 0.0f;
-        for (float from = low * (HEIGHTS - 1), to = top * (HEIGHTS - 1); from < to;) {
-            const float next = lesser(whole(from) + 1.0f, to);
-            entered += (next - from) * mean_at(means, 0.5f * (from + next) / (HEIGHTS - 1)).y;
-            from = next;
-        }
-        const float sideways = entered * slabs / (HEIGHTS - 1);
+        for (int k = 0; k < looks; ++k)
+            entered += mean_at(means, low + (k + 0.5f) / (slabs * heights * looks)).y;
+        const float sideways = entered / (heights * looks);
 
         const float4 up_a = pa[slab + 1] - pa[slab], up_b = pb[slab + 1] - pb[slab] - up_a,
                      up_c = pc[slab + 1] - pc[slab] - up_a;
         const float4 origin = pa[slab] + inside * up_a;
         const float4 ab = pb[slab] - pa[slab] + inside * up_b, ac = pc[slab] - pa[slab] + inside * up_c;
         const float4 n = cross3(ab, ac);
-        const float share = weight * 0.25f / ((float)rows * rows * grid.face.x);
+        const float each = weight * 0.25f / ((float)rows * rows * grid.face.x);
         for (int row = first_row; row < min(first_row + ROWS, rows); ++row)
             for (int k = 0; k <= 2 * row; ++k) {
                 const int turned = k & 1;
@@ -854,16 +853,18 @@ __kernel void deposit(
                 if (at.x == OUTSIDE || at.z < 0)
                     continue;
                 /* A spot's rays meet the cell's face, at distance w along its axis, at a slant: ray is w / cos long. */
-                w = max(w, grid.face.z);
+                w = w > grid.face.z ? w : grid.face.z;
                 const float4 ray = grid.light - grid.light.w * p, up = up_a + wb * up_b + wc * up_c;
                 const float along_b = dot3(ray, cross3(ac, up)), along_c = dot3(ray, cross3(up, ab));
                 const float2 move = along_b * to_b + along_c * to_c;
                 const float side = sideways * sideways * (move.x * move.x + move.y * move.y);
                 const float down = newly * dot3(ray, n) * (dot3(up, n) < 0.0f ? -1.0f : 1.0f);
-                const float both = down + max(fabs(down), sqrt(4.0f * side + 0.5947153f * (down * down)));
-                const float exact = both * share / (w * w * w) + left;
-                const uint amount = (uint)min(exact, 0x1p31f);
-                left = min(exact - amount, 1.0f);
+                const float level_down = down < 0.0f ? -down : down;
+                const float around = sqrt(4.0f * side + 0.5947153f * (down * down));
+                const float both = down + (around > level_down ? around : level_down);
+                const float exact = both * each / (w * w * w) + left;
+                const uint amount = exact < 0x1p31f ? (uint)exact : 1u << 31;
+                left = exact - amount < 1.0f ? exact - amount : 1.0f;
                 if (!binary)
                     add_between(cells, &grid, at.x - SUBPIXEL / 2, at.y - SUBPIXEL / 2, at.z >> 8, amount);
                 else if (amount && in_grid(&grid, at.x >> 8, at.y >> 8, at.z >> 8))
