@@ -19,80 +19,122 @@
 #define FAR_TO 1.0f     // and those of so many see nothing else
 #define MOST_STEPS 20000    // tetrahedra on one way: no scene that is any good has so many
 
-/* What the inner loops use is inlined by force, and does without OpenCL's own functions: PoCL calls each of these,
-   even floor, and every call saves all registers. */
+/*
+ * Side by side: a work-item takes LANES rays at once, so that a CPU's vectors are full; 1 on a GPU, which has its own.
+ * A mask has all bits set in a lane of a vector that is on, and is 1 where LANES is 1.  What the inner loops use is
+ * inlined by force and does without OpenCL's own functions: PoCL calls each of these, even floor, and every call saves
+ * all registers.
+ */
+#if LANES == 1
+typedef float lanes;
+typedef int lanes_i;
+typedef uint lanes_u;
+#define AS_I as_int
+#define AS_U as_uint
+#define AS_F as_float
+#elif LANES == 8
+typedef float8 lanes;
+typedef int8 lanes_i;
+typedef uint8 lanes_u;
+#define AS_I as_int8
+#define AS_U as_uint8
+#define AS_F as_float8
+#else
+typedef float16 lanes;
+typedef int16 lanes_i;
+typedef uint16 lanes_u;
+#define AS_I as_int16
+#define AS_U as_uint16
+#define AS_F as_float16
+#endif
+#define F(x) ((lanes)(x))
+#define I(x) ((lanes_i)(x))
+#define U(x) ((lanes_u)(x))
+#define LANE(v, i) (((float *)&(v))[i])
+#define LANE_I(v, i) (((int *)&(v))[i])
 #define INLINED inline __attribute__((always_inline))
+#define SHIFT 12582912.0f        // 1.5 * 2^23: a float this large has no fraction
 
-INLINED float lesser(float a, float b)
+INLINED lanes lesser(lanes a, lanes b)
 {
     return a < b ? a : b;
 }
 
-INLINED float greater(float a, float b)
+INLINED lanes greater(lanes a, lanes b)
 {
     return a > b ? a : b;
 }
 
-INLINED float within(float x, float low, float high)
+INLINED lanes within(lanes x, float low, float high)
 {
-    return x < low ? low : x > high ? high : x;
+    return lesser(greater(x, F(low)), F(high));
 }
 
-INLINED float positive(float x)
+INLINED lanes positive(lanes x)
 {
-    return x < 0.0f ? -x : x;
+    return greater(x, -x);
 }
 
-INLINED float between(float a, float b, float t)
+/* The nearest whole number, for |x| < 2^22. */
+INLINED lanes nearest(lanes x)
 {
-    return a + t * (b - a);
+    return (x + SHIFT) - SHIFT;
 }
 
-/* The whole number below x, for |x| < 2^31. */
-INLINED int whole(float x)
+INLINED lanes_i nearest_i(lanes x)
 {
-    const int i = (int)x;
-    return i - (x < (float)i);
+    return AS_I(x + SHIFT) - as_int(SHIFT);
 }
 
 /* Square root to 5e-6 of itself (Newton's method), the same bits everywhere. */
-INLINED float root(float x)
+INLINED lanes root(lanes x)
 {
-    float y = as_float(0x5F375A86u - (as_uint(x) >> 1));
+    lanes y = AS_F(U(0x5F375A86u) - (AS_U(x) >> 1));
     y *= 1.5f - 0.5f * x * y * y;
     y *= 1.5f - 0.5f * x * y * y;
     return x * y;
 }
 
-INLINED float4 root4(float4 x)
+INLINED bool any_lane(lanes_i mask)
 {
-    float4 y = as_float4(0x5F375A86u - (as_uint4(x) >> 1));
-    y *= 1.5f - 0.5f * x * y * y;
-    y *= 1.5f - 0.5f * x * y * y;
-    return x * y;
+#if LANES == 1
+    return mask;
+#elif LANES == 8
+    const int4 a = mask.lo | mask.hi;
+    return (a.x | a.y) | (a.z | a.w);
+#else
+    const int8 b = mask.lo | mask.hi;
+    const int4 a = b.lo | b.hi;
+    return (a.x | a.y) | (a.z | a.w);
+#endif
 }
 
 /* sin(2 pi x) of one quarter, |r| <= 1/4, to 1e-7 (Taylor); + and * alone, so that it is the same bits everywhere. */
-INLINED float quarter(float r)
+INLINED lanes quarter(lanes r)
 {
-    const float z = r * r;
+    const lanes z = r * r;
     return r * (6.2831853f + z * (-41.341702f + z * (81.605249f + z * (-76.705860f + z * (42.058694f - z * 15.094643f)))));
 }
 
-INLINED float sin_turns(float x)
+INLINED lanes sin_turns(lanes x)
 {
-    float r = x - whole(x + 0.5f);
-    r = r > 0.25f ? 0.5f - r : r < -0.25f ? -0.5f - r : r;
-    return quarter(r);
+    const lanes r = x - nearest(x);
+    return quarter(r > 0.25f ? 0.5f - r : r < -0.25f ? -0.5f - r : r);
 }
 
-INLINED uint4 mixed(uint4 x)
+INLINED lanes_u mixed(lanes_u x)
 {
     x ^= x >> 15;
     x *= 0x2C1B3C6Du;
     x ^= x >> 12;
     x *= 0x297A2D39u;
     return x ^ (x >> 15);
+}
+
+/* Ten bits as 0..1. */
+INLINED lanes share(lanes_u bits)
+{
+    return AS_F((bits & 1023u) << 13 | 0x3F800000u) - 1.0f;
 }
 
 /* The way hairs are bent at each vertex: places at heights 0, 1/slabs .. 1, all steps equally long, so that layers keep
@@ -171,13 +213,18 @@ __kernel void noise(
         const int4 d = (int4)(corner & 1, corner >> 1 & 1, corner >> 2, 0);
         const uint4 at = (uint4)((cell.x + d.x) % n.x, (cell.y + d.y) % n.y, (cell.z + d.z) % n.z, 0);
         const uint key = at.x * 0x9E3779B1u ^ at.y * 0x85EBCA77u ^ at.z * 0xC2B2AE3Du ^ (uint)shells.kind.y;
-        const uint4 hash = mixed((uint4)(key, key + 0x68E31DA4u, 0u, 0u));
         const float4 from = t - convert_float4(d);
         const float weight = (d.x ? fade.x : 1 - fade.x) * (d.y ? fade.y : 1 - fade.y) * (d.z ? fade.z : 1 - fade.z);
         float value[2];
         for (int k = 0; k < 2; ++k) {
             /* One of the twelve edges of a cube. */
-            const uint h = (k ? hash.y : hash.x) % 12u, axis = h >> 2;
+            uint h = key + (k ? 0x68E31DA4u : 0u);
+            h ^= h >> 15;
+            h *= 0x2C1B3C6Du;
+            h ^= h >> 12;
+            h *= 0x297A2D39u;
+            h = (h ^ (h >> 15)) % 12u;
+            const uint axis = h >> 2;
             const float u = axis == 0 ? from.y : from.x, v = axis == 2 ? from.y : from.z;
             value[k] = (h & 1 ? -u : u) + (h & 2 ? -v : v);
         }
@@ -191,8 +238,8 @@ INLINED float2 noise_at(const Shells *shells, __global const float2 *noise, floa
 {
     const int4 n = (int4)(4 * shells->noise.x, 4 * shells->noise.y, shells->noise.z > 1 ? 4 * shells->noise.z : 1, 1);
     const float4 at = p * 4.0f;
-    const int4 low = (int4)(whole(at.x), whole(at.y), whole(at.z), 0);
-    const float4 f = at - convert_float4(low);
+    const float4 below = (at - 0.5f + SHIFT) - SHIFT, f = at - below;
+    const int4 low = (int4)((int)below.x, (int)below.y, (int)below.z, 0);
     const int4 wrapped = low % n, a = wrapped + (wrapped < 0 ? n : (int4)(0)), b = a + 1 < n ? a + 1 : (int4)(0);
     const int ya = a.y * n.x, yb = b.y * n.x, plane = n.x * n.y;
     __global const float2 *near = noise + (size_t)a.z * plane, *far = noise + (size_t)b.z * plane;
@@ -206,72 +253,78 @@ INLINED float2 noise_at(const Shells *shells, __global const float2 *noise, floa
 }
 
 /* The report's fur function, halved so that it reaches 1: its threshold (2/sqrt f)·h of value/sqrt f is then h. */
-INLINED float4 waves(const Shells *shells, float x, float y)
+INLINED lanes waves(const Shells *shells, lanes x, lanes y, lanes *by_x, lanes *by_y)
 {
-    const float sum = sin_turns(x) + sin_turns(y), side = sum < 0.0f ? -3.1415927f : 3.1415927f;
-    const float4 v = (float4)(0.5f * positive(sum), side * sin_turns(x + 0.25f), side * sin_turns(y + 0.25f), 0.0f);
+    const lanes sum = sin_turns(x) + sin_turns(y);
     const float thin = 1.0f / shells->shape.y;
-    return (float4)(1.0f - thin * (1.0f - v.x), thin * v.y, thin * v.z, 0.0f);
+    const lanes slope = sum < 0.0f ? F(-3.1415927f * thin) : F(3.1415927f * thin);
+    *by_x = slope * sin_turns(x + 0.25f);
+    *by_y = slope * sin_turns(y + 0.25f);
+    return 1.0f - thin * (1.0f - 0.5f * positive(sum));
 }
 
 /* Cones, one on each triangle of a lattice, the highest of the four that are nearest. Those beyond the face's border are
    left out, as the face behind it has its own; sides: cells along a side of the face. */
-INLINED float4 cells(const Shells *shells, uint face, int sides, float x, float y, float2 lean)
+INLINED lanes cells(const Shells *shells, uint face, int sides, lanes x, lanes y, lanes lean_x, lanes lean_y,
+                    lanes *by_x, lanes *by_y)
 {
-    const float v = y * 1.1547005f, u = x - 0.5f * v;
-    const int fu = whole(u), fv = whole(v);
-    const bool down = (u - fu) + (v - fv) > 1.0f;
-    const int4 i = fu + (down ? (int4)(0, 0, 1, 0) : (int4)(0, 0, -1, 0));
-    const int4 j = fv + (down ? (int4)(0, 0, 0, 1) : (int4)(0, 0, 0, -1));
-    const int4 turned = down ? (int4)(1, 0, 0, 0) : (int4)(0, 1, 1, 1);
-    const uint4 random = mixed((as_uint4(i) * 0x9E3779B1u) ^ (as_uint4(j) * 0x85EBCA77u)
-                               ^ ((2u * face + as_uint4(turned)) * 0xC2B2AE3Du) ^ (uint)shells->kind.y);
-    const float4 third = convert_float4(1 + turned) * (1.0f / 3.0f);
-    const float4 cu = convert_float4(i) + third, cv = convert_float4(j) + third;
-    const float4 dx = x - lean.x - (cu + 0.5f * cv + 0.3f * (convert_float4(random & 1023u) * (1.0f / 1024) - 0.5f));
-    const float4 dy = y - lean.y - (0.8660254f * cv + 0.3f * (convert_float4(random >> 10 & 1023u) * (1.0f / 1024) - 0.5f));
-    const float4 off = root4(dx * dx + dy * dy + 1e-12f);
-    const float4 tall = 1.0f - shells->size.w * (convert_float4(random >> 20 & 1023u) * (1.0f / 1024));
     const float thin = 1.0f / (CELL_RADIUS * shells->shape.y);
-    const int4 there = i >= 0 && j >= 0 && i + j + turned < sides;
-    const float4 high = tall - tall * off * thin;
-    float4 best = (float4)(-1.0f, 0.0f, 0.0f, 0.0f);
-    best = there.x && high.x > best.x ? (float4)(high.x, dx.x, dy.x, tall.x / off.x) : best;
-    best = there.y && high.y > best.x ? (float4)(high.y, dx.y, dy.y, tall.y / off.y) : best;
-    best = there.z && high.z > best.x ? (float4)(high.z, dx.z, dy.z, tall.z / off.z) : best;
-    best = there.w && high.w > best.x ? (float4)(high.w, dx.w, dy.w, tall.w / off.w) : best;
-    const float slope = -thin * best.w;
-    return (float4)(best.x, slope * best.y, slope * best.z, 0.0f);
+    const lanes v = y * 1.1547005f, u = x - 0.5f * v, fu = nearest(u - 0.5f), fv = nearest(v - 0.5f);
+    const lanes_i i = nearest_i(u - 0.5f), j = nearest_i(v - 0.5f), down = (u - fu) + (v - fv) > 1.0f;
+    lanes best = F(-1.0f), steep = F(0.0f);
+    *by_x = *by_y = F(0.0f);
+    for (int n = 0; n < 4; ++n) {
+        /* This cell and the three across its sides, which point the other way. */
+        const lanes_i next = down ? I(1) : I(-1), turned = n ? (down ? I(0) : I(1)) : (down ? I(1) : I(0));
+        const lanes_i at_i = n == 2 ? i + next : i, at_j = n == 3 ? j + next : j;
+        const lanes du = n == 2 ? (down ? fu + 1.0f : fu - 1.0f) : fu, dv = n == 3 ? (down ? fv + 1.0f : fv - 1.0f) : fv;
+        const lanes_u random = mixed((AS_U(at_i) * 0x9E3779B1u) ^ (AS_U(at_j) * 0x85EBCA77u)
+                                     ^ ((2u * face + AS_U(turned)) * 0xC2B2AE3Du) ^ (uint)shells->kind.y);
+        const lanes third = n ? (down ? F(1.0f / 3.0f) : F(2.0f / 3.0f)) : (down ? F(2.0f / 3.0f) : F(1.0f / 3.0f));
+        const lanes cu = du + third, cv = dv + third;
+        const lanes dx = x - lean_x - (cu + 0.5f * cv + 0.3f * (share(random) - 0.5f));
+        const lanes dy = y - lean_y - (0.8660254f * cv + 0.3f * (share(random >> 10) - 0.5f));
+        const lanes off = root(dx * dx + dy * dy + 1e-12f), tall = 1.0f - shells->size.w * share(random >> 20);
+        const lanes high = tall - tall * off * thin;
+        const lanes_i better = (at_i >= 0) & (at_j >= 0) & (at_i + at_j + turned < sides) & (high > best);
+        best = better ? high : best;
+        steep = better ? tall / off : steep;
+        *by_x = better ? dx : *by_x;
+        *by_y = better ? dy : *by_y;
+    }
+    *by_x *= -thin * steep;
+    *by_y *= -thin * steep;
+    return best;
 }
 
-/* Height of the fur at a place and its gradient by x and y: hair is where this is more than h. */
-INLINED float4 height_at(const Shells *shells, __global const float2 *noise, uint face, int sides, float2 at, float4 place,
-                        float h)
+/* Height of the fur at a place and its gradient by x and y: hair is where this is more than h. `moved`: the noise there. */
+INLINED lanes height_at(const Shells *shells, uint face, int sides, lanes x, lanes y, lanes moved_x, lanes moved_y, lanes h,
+                        lanes *by_x, lanes *by_y)
 {
-    float2 moved = (float2)(0.0f);
-    if (shells->shape.z > 0.0f)
-        moved = shells->shape.z * noise_at(shells, noise, shells->kind.x ? (float4)(at / shells->shape.w, 0.0f, 0.0f) : place);
     if (shells->kind.x)
-        return waves(shells, at.x + moved.x, at.y + moved.y);
-    return cells(shells, face, sides, at.x, at.y, moved * h);
+        return waves(shells, x + moved_x, y + moved_y, by_x, by_y);
+    return cells(shells, face, sides, x, y, moved_x * h, moved_y * h, by_x, by_y);
 }
 
 /* Integral of smoothstep(e0, e0 + width, t) over t. */
-INLINED float integral(float t, float e0, float width)
+INLINED lanes integral(lanes t, lanes e0, lanes width, lanes narrow)
 {
-    const float u = (t - e0) / width;
-    return u <= 0.0f ? 0.0f : u >= 1.0f ? width * (u - 0.5f) : width * (u * u * u) * (1.0f - 0.5f * u);
+    const lanes u = within((t - e0) * narrow, 0.0f, 1.0f);
+    return width * (u * u * u) * (1.0f - 0.5f * u) + greater(t - e0 - width, F(0.0f));
 }
 
 /* Share of a place at height h that hair covers, where the fur is v high: the report's threshold and smoothstep,
    averaged over a footprint across which v - h changes by g. */
-INLINED float cover(const Shells *shells, float v, float h, float g)
+INLINED lanes cover(const Shells *shells, lanes v, lanes h, lanes g)
 {
-    const float width = greater((shells->shape.x - 1.0f) * h, 1e-3f);
-    if (g > 1e-3f * width)
-        return within((integral(v + 0.5f * g, h, width) - integral(v - 0.5f * g, h, width)) / g, 0.0f, 1.0f);
-    const float u = within((v - h) / width, 0.0f, 1.0f);
-    return u * u * (3.0f - 2.0f * u);
+    const lanes width = greater((shells->shape.x - 1.0f) * h, F(1e-3f)), narrow = 1.0f / width;
+    const lanes u = within((v - h) * narrow, 0.0f, 1.0f), sharp = u * u * (3.0f - 2.0f * u);
+    const lanes_i soft = g > 1e-2f * width;
+    if (!any_lane(soft))
+        return sharp;
+    const lanes mean = within((integral(v + 0.5f * g, h, width, narrow) - integral(v - 0.5f * g, h, width, narrow))
+                              / (soft ? g : F(1.0f)), 0.0f, 1.0f);
+    return soft ? mean : sharp;
 }
 
 /* What many hairs are on average at each of HEIGHTS heights: the share covered, and how often one that goes sideways
@@ -283,27 +336,33 @@ __kernel void means(
     __global float2 *out)                  // [HEIGHTS]
 {
     WORK_ITEM(k);
-    const float h = (float)k / (HEIGHTS - 1), step = shells.kind.x ? 1.0f / around : 0.125f;
+    const lanes h = F((float)k / (HEIGHTS - 1));
+    const float step = shells.kind.x ? 1.0f / around : 0.125f;
     float covered = 0.0f, entered = 0.0f;
-    for (int j = 0; j < around; ++j) {
-        float x_before = 1.0f, y_before = 1.0f;
-        for (int i = -1; i < around; ++i) {
-            const float u = (i + 0.5f) * step, v = (j + 0.5f) * step;
-            const float4 a = shells.kind.x ? waves(&shells, u, v) : cells(&shells, 0, 1 << 30, u + 1e3f, v + 1e3f, (float2)(0.0f));
-            const float4 b = shells.kind.x ? waves(&shells, v, u) : cells(&shells, 0, 1 << 30, v + 1e3f, u + 1e3f, (float2)(0.0f));
-            const float here = cover(&shells, a.x, h, 0.0f), there = cover(&shells, b.x, h, 0.0f);
-            entered += max(here - x_before, 0.0f) + max(there - y_before, 0.0f);
-            covered += i < 0 ? 0.0f : here;
-            x_before = here;
-            y_before = there;
+    for (int j = 0; j < around; ++j)
+        for (int way = 0; way < 2; ++way) {
+            float before = 1.0f;
+            for (int i = -1; i < around; i += LANES) {
+                lanes u, by_x, by_y;
+                for (int n = 0; n < LANES; ++n)
+                    LANE(u, n) = (i + n + 0.5f) * step;
+                const lanes v = F((j + 0.5f) * step), x = way ? v : u, y = way ? u : v;
+                const lanes high = shells.kind.x ? waves(&shells, x, y, &by_x, &by_y)
+                    : cells(&shells, 0, 1 << 30, x + 1e3f, y + 1e3f, F(0.0f), F(0.0f), &by_x, &by_y);
+                lanes here = cover(&shells, high, h, F(0.0f));
+                for (int n = 0; n < LANES && i + n < around; ++n) {
+                    entered += LANE(here, n) > before ? LANE(here, n) - before : 0.0f;
+                    covered += i + n < 0 || way ? 0.0f : LANE(here, n);
+                    before = LANE(here, n);
+                }
+            }
         }
-    }
     out[k] = (float2)(covered / (around * around), entered / (2.0f * around * around * step));
 }
 
 INLINED float2 mean_at(__global const float2 *means, float h)
 {
-    const float at = within(h, 0.0f, 1.0f) * (HEIGHTS - 1);
+    const float at = (h < 0.0f ? 0.0f : h > 1.0f ? 1.0f : h) * (HEIGHTS - 1);
     const int k = at < HEIGHTS - 2 ? (int)at : HEIGHTS - 2;
     return means[k] + (at - k) * (means[k + 1] - means[k]);
 }
@@ -348,37 +407,16 @@ inline float4 lit(const Lamp *lamp, float4 p, float h, float4 t, float4 n, float
     return fade * (direct * (max(towards, 0.0f) * color + shine) + direct.w * color);
 }
 
-/* Which way a ray leaves tetrahedron k of a prism where it leaves out corner `out` (0 1 2 below, 3 4 5 above them):
-   0..2 to tetrahedron k, 3 + side to the neighbour across that side (0: corners 1 2, 1: 0 2, 2: 0 1), 6 down, 7 up.
-   The tetrahedra are (0 1 2 5), (0 1 4 5) and (0 3 4 5). */
-__constant uchar WAY[3][6] = {{3, 4, 1, 9, 9, 6}, {3, 2, 9, 9, 0, 5}, {7, 9, 9, 1, 4, 5}};
-__constant uchar SUM[3] = {8, 10, 12};
-/* Tetrahedron that holds the lower and the upper triangle of each side. */
-__constant uchar BEHIND[3][2] = {{0, 1}, {0, 2}, {1, 2}};
-
-INLINED float cross2(float2 a, float2 b)
-{
-    return a.x * b.y - a.y * b.x;
-}
-
-/* Weights of the corners of a triangle that holds the origin. */
-INLINED float4 weights_of(float2 a, float2 b, float2 c)
-{
-    const float4 w = (float4)(cross2(b, c), cross2(c, a), cross2(a, b), 0.0f);
-    const float sum = w.x + w.y + w.z;
-    return sum > 0.0f ? w / sum : (float4)(1.0f / 3, 1.0f / 3, 1.0f / 3, 0.0f);
-}
-
-/* Place of corner 0..5 of a prism in the pattern. */
-INLINED float2 in_pattern(float4 first, float4 second, int corner)
-{
-    return corner == 0 ? first.xy : corner == 1 ? first.zw : second.xy;
-}
-
-INLINED uint corner_of(uint4 face, int corner)
-{
-    return corner == 0 ? face.x : corner == 1 ? face.y : face.z;
-}
+/* Corners of the tetrahedra of a prism (0 1 2 below, 3 4 5 above them), and which way a ray leaves them that leaves out
+   one of these: 4 · tetrahedron + the corner left out there; SIDE + 2 · side + 1 for the upper half of it, to the
+   neighbour across that side (0: corners 1 2, 1: 0 2, 2: 0 1); DOWN, UP. */
+#define SIDE 16
+#define DOWN 24
+#define UP 25
+__constant uchar CORNER[3][4] = {{0, 1, 2, 5}, {0, 1, 4, 5}, {0, 3, 4, 5}};
+__constant uchar WAY[3][4] = {{SIDE, SIDE + 2, 4 + 2, DOWN}, {SIDE + 1, 8 + 1, 2, SIDE + 4}, {UP, 4 + 1, SIDE + 3, SIDE + 5}};
+/* Where a ray comes in by the lower and the upper half of each side: as above. */
+__constant uchar BEHIND[6] = {0, 4 + 0, 1, 8 + 2, 4 + 3, 8 + 3};
 
 inline uint depth_of(const View *view, float4 p)
 {
@@ -386,7 +424,24 @@ inline uint depth_of(const View *view, float4 p)
     return DEPTH_ONE - (uint)clamp(q.z / q.w * (float)DEPTH_ONE, 0.0f, (float)DEPTH_ONE);
 }
 
-/* One work-item takes the samples of one pixel through the fur, from where they enter it to where they leave it, meet
+/* Weights of a tetrahedron's corners where a ray goes through the side that leaves out corner `out`, from the areas
+   that pairs of corners span with the ray. */
+INLINED void weights(lanes_i out, const lanes e[6], lanes w[4])
+{
+    /* e: 01 02 03 12 13 23 */
+    const lanes_i a = out == 0, b = out == 1, c = out == 2;
+    w[0] = a ? F(0.0f) : b ? e[5] : c ? e[4] : e[3];
+    w[1] = a ? e[5] : b ? F(0.0f) : c ? -e[2] : -e[1];
+    w[2] = a ? -e[4] : b ? -e[2] : c ? F(0.0f) : e[0];
+    w[3] = a ? e[3] : b ? e[1] : c ? e[0] : F(0.0f);
+    const lanes sum = (w[0] + w[1]) + (w[2] + w[3]);
+    const lanes_i flat = sum == 0.0f;
+    const lanes scale = 1.0f / (flat ? F(1.0f) : sum);
+    for (int i = 0; i < 4; ++i)
+        w[i] = flat ? F(0.25f) : w[i] * scale;
+}
+
+/* One work-item takes the samples of LANES pixels through the fur, from where they enter it to where they leave it, meet
    what is drawn, or see no further; and adds their light to the picture. */
 __kernel void march(
     const ulong begin, const ulong end,    // work-items, see common.h
@@ -416,247 +471,307 @@ __kernel void march(
     volatile __global int *left,           // samples that are not done
     __global float4 *image)                // [rows, width]
 {
-    WORK_ITEM(pixel);
-    const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
-    const int slabs = shells.kind.z;
+    WORK_ITEM(item);
+    const size_t first_pixel = item * LANES, pixels = (size_t)(view.rows.y - view.rows.x) * view.size.x;
+    const int samples = view.size.z, slabs = shells.kind.z;
     const Lamp lamp = {&shells, &light, &shadow, &grid, sums, &seen, map, half_vector};
     const float4 eye = (float4)(view.eye.xyz, 0.0f);
+    const float finer = 1.0f / (view.scale.x * sqrt((float)samples)), slabs_inverse = 1.0f / slabs;
     /* How fast the fur's height can change sideways, and with the height. */
     const float steep_here = (shells.kind.x ? 4.4428830f : 1.0f / CELL_RADIUS) / shells.shape.y;
     const float steep = steep_here * (shells.kind.x ? 1.0f + 6.0f * shells.shape.z / shells.shape.w : 1.0f);
     const float steep_up = 1.0f + (shells.kind.x ? 0.0f : 1.5f * steep_here * shells.shape.z);
     int pending = 0;
-    float4 total = (float4)(0.0f);
 
     for (int s = 0; s < samples; ++s) {
-        const size_t sample = pixel * samples + s;
-        const ulong entry = entries[sample];
-        const uint stop_depth = (uint)(visible[sample] >> 32), entry_depth = (uint)(entry >> 32);
-        ulong gone = ~0ul;
-        if ((uint)entry == NOTHING || entry_depth >= stop_depth) {
-            after[sample] = NOTHING;
-            continue;
-        }
-        const uint4 start = border[(uint)entry & ~BODY];
-        uint face = start.x;
-        int slab = start.y / 12, k = start.y / 4 % 3;
-        /* The triangle by which it comes in, turned so that it goes round counter-clockwise. */
-        int c[3], m = 0;
-        const int missing = start.y % 4;
-        const int4 all = k == 0 ? (int4)(0, 1, 2, 5) : k == 1 ? (int4)(0, 1, 4, 5) : (int4)(0, 3, 4, 5);
-        const int four[4] = {all.x, all.y, all.z, all.w};
-        for (int i = 0; i < 4; ++i)
-            if (i != missing)
-                c[m++] = four[i];
-
-        /* Snapped corners and rounded depths leave the point a little beside that triangle: put it in. */
-        float4 p = seen_point(&view, x, y, s, entry_depth);
-        uint4 corners = faces[face];
-        float4 q[3];
-        for (int i = 0; i < 3; ++i)
-            q[i] = curves[corner_of(corners, c[i] % 3) * (slabs + 1) + slab + c[i] / 3];
-        {
+        /* Rays: direction, two axes across it, distances from the eye; and where each is. */
+        lanes dx, dy, dz, ax, ay, az, ux, uy, uz, stop, wide, rest, front = F(0.0f);
+        lanes_i cell, in;                  // 3 · (slabs · face + slab) + tetrahedron, -1: at rest; corner left out
+        lanes_i half_face = I(-1);
+        lanes half_way = F(0.0f);
+        bool none = true;
+        for (int i = 0; i < LANES; ++i) {
+            const size_t pixel = first_pixel + i, sample = pixel * samples + s;
+            LANE_I(cell, i) = -1;
+            LANE_I(in, i) = 0;
+            LANE(dx, i) = LANE(dy, i) = LANE(dz, i) = LANE(ax, i) = LANE(ay, i) = LANE(az, i) = 0.0f;
+            LANE(ux, i) = LANE(uy, i) = LANE(uz, i) = LANE(stop, i) = LANE(wide, i) = LANE(rest, i) = 0.0f;
+            if (pixel >= pixels)
+                continue;
+            const ulong entry = entries[sample];
+            const uint stop_depth = (uint)(visible[sample] >> 32), entry_depth = (uint)(entry >> 32);
+            if ((uint)entry == NOTHING || entry_depth >= stop_depth) {
+                after[sample] = NOTHING;
+                continue;
+            }
+            after[sample] = entry_depth;   // fur that stands in other fur comes after it
+            none = false;
+            const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x);
+            const uint4 start = border[(uint)entry & ~BODY];
+            const int k = start.y / 4 % 3, out = start.y % 4, slab = start.y / 12;
+            /* Snapped corners and rounded depths leave the point a little beside the triangle: put it in. */
+            float4 q[3], p = seen_point(&view, x, y, s, entry_depth);
+            for (int n = 0, m = 0; n < 4; ++n)
+                if (n != out) {
+                    const int c = CORNER[k][n];
+                    const uint4 f = faces[start.x];
+                    q[m++] = curves[(c % 3 == 0 ? f.x : c % 3 == 1 ? f.y : f.z) * (slabs + 1) + slab + c / 3];
+                }
             const float4 n = cross3(q[1] - q[0], q[2] - q[0]);
             const float square = dot3(n, n);
             float4 w = (float4)(dot3(cross3(q[1] - p, q[2] - p), n), dot3(cross3(q[2] - p, q[0] - p), n),
                                 dot3(cross3(q[0] - p, q[1] - p), n), 0.0f);
-            w = square > 0.0f ? max(w / square, 1e-3f) : (float4)(1.0f);
-            w /= w.x + w.y + w.z;
-            p = w.x * q[0] + w.y * q[1] + w.z * q[2];
+            for (int j = 0; j < 3; ++j)
+                ((float *)&w)[j] = square > 0.0f ? fmax(((float *)&w)[j] / square, 1e-3f) : 1.0f;
+            p = (w.x * q[0] + w.y * q[1] + w.z * q[2]) / (w.x + w.y + w.z);
+            const float4 d = unit_or(p - eye, (float4)(0.0f, 0.0f, -1.0f, 0.0f));
+            /* Duff et al. 2017 */
+            const float sign = d.z >= 0.0f ? 1.0f : -1.0f, u = -1.0f / (sign + d.z), uv = d.x * d.y * u;
+            LANE(dx, i) = d.x;
+            LANE(dy, i) = d.y;
+            LANE(dz, i) = d.z;
+            LANE(ax, i) = 1.0f + sign * d.x * d.x * u;
+            LANE(ay, i) = sign * uv;
+            LANE(az, i) = -sign * d.x;
+            LANE(ux, i) = uv;
+            LANE(uy, i) = sign + d.y * d.y * u;
+            LANE(uz, i) = -d.y;
+            LANE(stop, i) = stop_depth == NOTHING ? INFINITY : dot3(seen_point(&view, x, y, s, stop_depth) - eye, d);
+            LANE(wide, i) = (to_screen(&view, eye + d).w - to_screen(&view, eye).w) * finer;   // of a pixel, at distance 1
+            LANE(rest, i) = through[sample];
+            LANE_I(cell, i) = 3 * (slabs * (int)start.x + slab) + k;
+            LANE_I(in, i) = out;
         }
-        const float4 d = unit_or(p - eye, (float4)(0.0f, 0.0f, -1.0f, 0.0f)), v = -d;
-        /* Two axes across the ray (Duff et al. 2017). */
-        const float sign = d.z >= 0.0f ? 1.0f : -1.0f, u = -1.0f / (sign + d.z), uv = d.x * d.y * u;
-        const float4 across = (float4)(1.0f + sign * d.x * d.x * u, sign * uv, -sign * d.x, 0.0f);
-        const float4 upward = (float4)(uv, sign + d.y * d.y * u, -d.y, 0.0f);
+        if (none)
+            continue;
+        lanes red = F(0.0f), green = red, blue = red, alpha = red;
+        lanes until = F(0.5f), aside = red, before = red, slack = red;   // to the next look; since the last one
+        lanes at_depth = red;              // distance where each is
+        lanes_i leaves = I(0);
 
-        float2 flat[3];
-        float ahead[3];
-        for (int i = 0; i < 3; ++i) {
-            const float4 e = q[i] - p;
-            flat[i] = (float2)(dot3(e, across), dot3(e, upward));
-            ahead[i] = dot3(e, d);
-        }
-        if (cross2(flat[0], flat[1]) + cross2(flat[1], flat[2]) + cross2(flat[2], flat[0]) < 0.0f) {
-            const int ci = c[1]; c[1] = c[2]; c[2] = ci;
-            const float2 f = flat[1]; flat[1] = flat[2]; flat[2] = f;
-            const float a = ahead[1]; ahead[1] = ahead[2]; ahead[2] = a;
-        }
-        float stop = INFINITY;
-        if (stop_depth != NOTHING)
-            stop = dot3(seen_point(&view, x, y, s, stop_depth) - p, d);
-        /* How wide a pixel is at p, and how much wider a unit further on. */
-        const float4 here = to_screen(&view, p), there = to_screen(&view, p + d);
-        const float finer = 1.0f / (view.scale.x * sqrt((float)samples));
-        const float wide = here.w * finer, wider = (there.w - here.w) * finer;
+        for (int step = 0; step < MOST_STEPS; ++step) {
+            /* The tetrahedron of the ray that has come least far, and all rays in it. */
+            int here = -1;
+            float least = INFINITY;
+            for (int i = 0; i < LANES; ++i)
+                if (LANE_I(cell, i) >= 0 && LANE(at_depth, i) < least) {
+                    least = LANE(at_depth, i);
+                    here = LANE_I(cell, i);
+                }
+            if (here < 0)
+                break;
+            const lanes_i group = cell == here;
+            const int k = here % 3, slab = here / 3 % slabs, face = here / 3 / slabs;
+            const uint4 corners = faces[face];
+            const float4 first = lattice[CORNERS * face], second = lattice[CORNERS * face + 1];
+            const float4 grad_x = lattice[CORNERS * face + 2], grad_y = lattice[CORNERS * face + 3];
+            lanes fx[4], fy[4], ahead[4], e[6], w[4];
+            float top[4], px[4], py[4];
+            for (int i = 0; i < 4; ++i) {
+                const int c = CORNER[k][i], side = c < 3 ? c : c - 3;
+                const float4 q = curves[(side == 0 ? corners.x : side == 1 ? corners.y : corners.z) * (slabs + 1) + slab
+                                        + (c >= 3)] - eye;
+                fx[i] = q.x * ax + q.y * ay + q.z * az;
+                fy[i] = q.x * ux + q.y * uy + q.z * uz;
+                ahead[i] = q.x * dx + q.y * dy + q.z * dz;
+                top[i] = c >= 3;
+                px[i] = side == 0 ? first.x : side == 1 ? first.z : second.x;
+                py[i] = side == 0 ? first.y : side == 1 ? first.w : second.y;
+            }
+            e[0] = fx[0] * fy[1] - fy[0] * fx[1];
+            e[1] = fx[0] * fy[2] - fy[0] * fx[2];
+            e[2] = fx[0] * fy[3] - fy[0] * fx[3];
+            e[3] = fx[1] * fy[2] - fy[1] * fx[2];
+            e[4] = fx[1] * fy[3] - fy[1] * fx[3];
+            e[5] = fx[2] * fy[3] - fy[2] * fx[3];
+            /* A side holds the ray if that goes round its corners the same way; two sides do, one of them the one where
+               it has come in. Both tetrahedra at a side take its edges alike, to the bit. */
+            const lanes_i n0 = e[0] < 0.0f, n1 = e[1] < 0.0f, n2 = e[2] < 0.0f, n3 = e[3] < 0.0f, n4 = e[4] < 0.0f,
+                n5 = e[5] < 0.0f;
+            lanes_i out = (in + 1) & 3;
+            out = (n0 == n3) & (n0 != n1) & (in != 3) ? I(3) : out;
+            out = (n0 == n4) & (n0 != n2) & (in != 2) ? I(2) : out;
+            out = (n1 == n5) & (n1 != n2) & (in != 1) ? I(1) : out;
+            out = (n3 == n5) & (n3 != n4) & (in != 0) ? I(0) : out;
 
-        float rest = through[sample];
-        float4 sum = (float4)(0.0f), first = lattice[CORNERS * face], second = lattice[CORNERS * face + 1];
-        float4 grad_x = lattice[CORNERS * face + 2], grad_y = lattice[CORNERS * face + 3];
-        float4 w = weights_of(flat[0], flat[1], flat[2]);
-        float z_in = w.x * ahead[0] + w.y * ahead[1] + w.z * ahead[2], front = 0.0f;
-        float until = 0.5f, aside = 0.0f, before = 0.0f, slack = 0.0f;   // to the next look; since the last one
-        bool leaves = false, ended = false;
-        for (int step = 0; step < MOST_STEPS && !ended; ++step) {
-            /* From the place where the ray comes in, */
-            const float h_in = (slab + (w.x * (c[0] / 3) + w.y * (c[1] / 3) + w.z * (c[2] / 3))) / slabs;
-            const float2 at_in = w.x * in_pattern(first, second, c[0] % 3) + w.y * in_pattern(first, second, c[1] % 3)
-                + w.z * in_pattern(first, second, c[2] % 3);
-            /* past the fourth corner, */
-            const int fresh = SUM[k] - (c[0] + c[1] + c[2]);
-            const float4 e = curves[corner_of(corners, fresh % 3) * (slabs + 1) + slab + fresh / 3] - p;
-            const float2 flat_new = (float2)(dot3(e, across), dot3(e, upward));
-            const float ahead_new = dot3(e, d);
-            const bool a = cross2(flat[0], flat_new) < 0.0f, b = cross2(flat[1], flat_new) < 0.0f,
-                       g = cross2(flat[2], flat_new) < 0.0f;
-            const int drop = a && !b ? 2 : b && !g ? 0 : 1;
-            const int out = c[drop];
-            c[drop] = fresh;
-            flat[drop] = flat_new;
-            ahead[drop] = ahead_new;
-            /* to the place where it goes out. */
-            w = weights_of(flat[0], flat[1], flat[2]);
-            const float z_out = w.x * ahead[0] + w.y * ahead[1] + w.z * ahead[2];
-            const float h_out = (slab + (w.x * (c[0] / 3) + w.y * (c[1] / 3) + w.z * (c[2] / 3))) / slabs;
-            const float2 at_out = w.x * in_pattern(first, second, c[0] % 3) + w.y * in_pattern(first, second, c[1] % 3)
-                + w.z * in_pattern(first, second, c[2] % 3);
-            const int way = WAY[k][out];
+            weights(in, e, w);
+            const lanes z_in = w[0] * ahead[0] + w[1] * ahead[1] + w[2] * ahead[2] + w[3] * ahead[3];
+            const lanes h_in = (slab + (w[0] * top[0] + w[1] * top[1] + w[2] * top[2] + w[3] * top[3])) * slabs_inverse;
+            const lanes x_in = w[0] * px[0] + w[1] * px[1] + w[2] * px[2] + w[3] * px[3];
+            const lanes y_in = w[0] * py[0] + w[1] * py[1] + w[2] * py[2] + w[3] * py[3];
+            weights(out, e, w);
+            const lanes z_out = w[0] * ahead[0] + w[1] * ahead[1] + w[2] * ahead[2] + w[3] * ahead[3];
+            const lanes h_out = (slab + (w[0] * top[0] + w[1] * top[1] + w[2] * top[2] + w[3] * top[3])) * slabs_inverse;
+            const lanes x_out = w[0] * px[0] + w[1] * px[1] + w[2] * px[2] + w[3] * px[3];
+            const lanes y_out = w[0] * py[0] + w[1] * py[1] + w[2] * py[2] + w[3] * py[3];
+            const lanes_i down = slab == 0 && k == 0 ? out == 3 : I(0);
+            lanes_i ended = group & ((z_out >= stop) | down);
 
             /* What is new to the ray: space that is folded back is gone through again. */
-            if (z_out > front) {
-                const float length = z_out - z_in, from = greater(z_in, front), to = lesser(z_out, stop);
-                const float low = length > 0.0f ? within((from - z_in) / length, 0.0f, 1.0f) : 0.0f;
-                const float high = length > 0.0f ? within((to - z_in) / length, low, 1.0f) : 1.0f;
-                const float rise = h_out - h_in, across_x = at_out.x - at_in.x, across_y = at_out.y - at_in.y,
-                            move = root(across_x * across_x + across_y * across_y + 1e-20f);
-                                const float footprint = greater(wide + wider * (0.5f * (from + to)), 0.0f);
-                const float blur = shells.kind.w ? footprint * second.w : 0.0f;
-                const float measure = greater(shells.size.y * positive(rise), move * SIDEWAYS / (1.0f + SIDEWAYS * blur));
-                const float fade = within((blur - FAR_FROM) / (FAR_TO - FAR_FROM), 0.0f, 1.0f), far = fade * fade * (3.0f - 2.0f * fade);
-                ended = z_out >= stop || (way == 6 && slab == 0);
-                float at = low;
+            lanes_i running = group & (z_out > front);
+            if (any_lane(running)) {
+                const lanes length = z_out - z_in, shorter = 1.0f / greater(length, F(1e-30f));
+                const lanes low = within((front - z_in) * shorter, 0.0f, 1.0f);
+                const lanes high = greater(within((stop - z_in) * shorter, 0.0f, 1.0f), low);
+                const lanes rise = h_out - h_in, mx = x_out - x_in, my = y_out - y_in;
+                const lanes move = root(mx * mx + my * my + 1e-20f);
+                const lanes footprint = wide * (0.5f * (z_in + z_out));
+                const lanes blur = shells.kind.w ? footprint * second.w : F(0.0f);
+                const lanes measure = greater(greater(shells.size.y * positive(rise), move * SIDEWAYS / (1.0f + SIDEWAYS * blur)),
+                                              F(1e-6f));
+                const lanes fade = within((blur - FAR_FROM) * (1.0f / (FAR_TO - FAR_FROM)), 0.0f, 1.0f);
+                const lanes far = fade * fade * (3.0f - 2.0f * fade);
+                const lanes_i is_far = far > 0.0f;
+                const lanes measure_inverse = 1.0f / measure, a_step = move * measure_inverse;
+                const lanes rate = (positive(rise) * steep_up + move * steep) * measure_inverse, rate_inverse = 1.0f / rate;
+                const lanes span = (high - low) * measure;
+                lanes at = F(0.0f), hidden = F(0.0f), sum_z = hidden, sum_h = hidden, sum_x = hidden, sum_y = hidden;
+                lanes sum_gx = hidden, sum_gy = hidden;
+                slack = running & is_far ? F(0.0f) : slack;
                 while (true) {
-                    const float next = measure > 0.0f ? at + until / measure : 2.0f;
-                    const bool look = next <= high, last = !look && ended;
-                    const float place = look ? next : high;
-                    aside += (place - at) * move;
-                    slack -= (place - at) * (positive(rise) * steep_up + move * steep);
-                    until = look ? 1.0f : until - (place - at) * measure;
+                    /* Looks that can't see hair are left out: it is too far off. */
+                    const lanes spare = slack * rate_inverse - until;
+                    const lanes skip = spare > 0.0f ? nearest(spare + 0.5f) : F(0.0f);
+                    const lanes next = at + until + skip;
+                    const lanes_i look = next <= span, last = (next > span) & ended;
+                    const lanes place = look ? next : span, gone = place - at;
+                    aside = running ? (skip > 0.0f ? a_step : aside + gone * a_step) : aside;
+                    slack = running ? slack - gone * rate : slack;
+                    const lanes over = next - span;
+                    until = running ? (look ? F(1.0f) : over - nearest(over - 0.5f)) : until;
+                    until = until <= 0.0f ? until + 1.0f : until;
                     at = place;
-                    if (!look && !last)
+                    const lanes_i looks = running & (look | last);
+                    if (!any_lane(looks))
                         break;
-                    if (!(slack > 0.0f) || far > 0.0f) {
-                        const float h = within(h_in + place * rise, 0.0f, 1.0f), z = z_in + place * length;
-                        const float2 xy = at_in + place * (at_out - at_in);
-                        const float4 where = p + z * d;
-                        float4 t = (float4)(0.0f), n = t;
-                        float4 f = (float4)(0.0f);
-                        float covered = 0.0f;
-                        const float2 mean = far > 0.0f ? mean_at(means, h) : (float2)(0.0f);
-                        if (far < 1.0f) {
-                            f = height_at(&shells, noise, face, (int)second.z, xy,
-                                          (where - (float4)(noise_box.xyz, 0.0f)) * noise_box.w, h);
-                            /* v - h changes across the ray by this much over a pixel. */
-                            float4 change = f.y * grad_x + f.z * grad_y;
-                            const float4 away = change;
-                            change -= dot3(change, d) * d;
-                            covered = cover(&shells, f.x, h, blur > 0.0f ? footprint * root(dot3(change, change) + 1e-20f) : 0.0f);
-                            if (covered == 0.0f)
-                                slack = h - f.x - (blur > 0.0f ? 0.5f * footprint * root(dot3(away, away) + 1e-20f) : 0.0f);
-                        }
-                        covered = between(covered, mean.x, far);
-                        /* What is hidden here and was not before, of what is left: hairs go down to the skin, so that
-                           one look below another hides the same again. Sideways hairs come at random. */
-                        float kept = covered > before ? (1.0f - covered) / (1.0f - before) : 1.0f;
-                        if (far > 0.0f)
-                            kept *= exp2(-1.44269504f * far * mean.y * aside / greater(1.0f - mean.x, 0.02f));
-                        before = lesser(covered, 0.999f);
-                        aside = 0.0f;
-                        if (kept < 0.998f) {
-                            /* Its light: half a layer back, and by the corners' weights. */
-                            const float h_lit = within(h - (measure > 0.0f && look ? 0.5f * rise / measure : 0.0f), 0.0f, 1.0f);
-                            const float2 in_face = xy - first.xy, one = first.zw - first.xy, two = second.xy - first.xy;
-                            const float area = cross2(one, two);
-                            const float wb = area != 0.0f ? cross2(in_face, two) / area : 0.0f;
-                            const float wc = area != 0.0f ? cross2(one, in_face) / area : 0.0f, wa = 1.0f - wb - wc;
-                            __global const float4 *ca = curves + corners.x * (slabs + 1) + slab,
-                                *cb = curves + corners.y * (slabs + 1) + slab, *cc = curves + corners.z * (slabs + 1) + slab;
-                            n = unit_or(wa * normals[corners.x] + wb * normals[corners.y] + wc * normals[corners.z],
-                                        normals[corners.x]);
-                            t = unit_or(wa * (ca[1] - ca[0]) + wb * (cb[1] - cb[0]) + wc * (cc[1] - cc[0]), n);
-                            const float4 color = lit(&lamp, where, h_lit, t, n, (1.0f - far) * (f.y * grad_x + f.z * grad_y), v);
-                            sum += rest * (1.0f - kept) * (float4)(color.xyz, 1.0f);
-                        }
-                        if (rest >= 0.5f && rest * kept < 0.5f)
-                            gone = (ulong)depth_of(&view, where) << 32 | face;
-                        rest *= kept;
-                        if (rest < 1.0f / 256) {
-                            rest = 0.0f;
-                            ended = true;
-                            break;
-                        }
-                    } else {
-                        before = 0.0f;
-                        aside = 0.0f;
+                    const lanes along = low + at * measure_inverse;
+                    const lanes h = within(h_in + along * rise, 0.0f, 1.0f), z = z_in + along * length;
+                    const lanes x = x_in + along * mx, y = y_in + along * my;
+                    lanes moved_x = F(0.0f), moved_y = F(0.0f), by_x, by_y;
+                    if (shells.shape.z > 0.0f)
+                        for (int i = 0; i < LANES; ++i)
+                            if (LANE_I(looks, i)) {
+                                const float4 where = shells.kind.x
+                                    ? (float4)(LANE(x, i), LANE(y, i), 0.0f, 0.0f) / shells.shape.w
+                                    : (eye + LANE(z, i) * (float4)(LANE(dx, i), LANE(dy, i), LANE(dz, i), 0.0f)
+                                       - (float4)(noise_box.xyz, 0.0f)) * noise_box.w;
+                                const float2 moved = shells.shape.z * noise_at(&shells, noise, where);
+                                LANE(moved_x, i) = moved.x;
+                                LANE(moved_y, i) = moved.y;
+                            }
+                    const lanes v = height_at(&shells, face, (int)second.z, x, y, moved_x, moved_y, h, &by_x, &by_y);
+                    /* v - h changes across the ray by this much over a pixel. */
+                    const lanes gx = by_x * grad_x.x + by_y * grad_y.x, gy = by_x * grad_x.y + by_y * grad_y.y,
+                        gz = by_x * grad_x.z + by_y * grad_y.z, along_ray = gx * dx + gy * dy + gz * dz;
+                    const lanes all = gx * gx + gy * gy + gz * gz, soft = greater(all - along_ray * along_ray, F(1e-20f));
+                    const lanes g = shells.kind.w ? footprint * root(soft) : F(0.0f);
+                    lanes covered = cover(&shells, v, h, g), entered = F(0.0f), free = F(1.0f);
+                    slack = looks & (covered == 0.0f) & !is_far ? h - v - 0.5f * g : looks ? F(0.0f) : slack;
+                    if (any_lane(looks & is_far)) {
+                        lanes mean = F(0.0f);
+                        for (int i = 0; i < LANES; ++i)
+                            if (LANE_I(looks, i) && LANE(far, i) > 0.0f) {
+                                const float2 there = mean_at(means, LANE(h, i));
+                                LANE(mean, i) = there.x;
+                                LANE(entered, i) = exp2(-1.44269504f * LANE(far, i) * there.y * LANE(aside, i)
+                                                        / fmax(1.0f - there.x, 0.02f));
+                            }
+                        covered = covered + far * (mean - covered);
+                        free = is_far ? entered : free;
                     }
-                    if (last)
-                        break;
+                    /* What is hidden here and was not before, of what is left: hairs go down to the skin, so that one
+                       look below another hides the same again. Sideways hairs come at random. */
+                    lanes kept = free * (covered > before ? (1.0f - covered) / (1.0f - before) : F(1.0f));
+                    kept = looks ? kept : F(1.0f);
+                    before = looks ? lesser(covered, F(0.999f)) : before;
+                    aside = looks ? F(0.0f) : aside;
+                    const lanes part = rest * (1.0f - kept);
+                    hidden += part;
+                    sum_z += part * z;
+                    sum_h += part * within(h - (look ? 0.5f * rise * measure_inverse : F(0.0f)), 0.0f, 1.0f);
+                    sum_x += part * x;
+                    sum_y += part * y;
+                    sum_gx += part * (1.0f - far) * by_x;
+                    sum_gy += part * (1.0f - far) * by_y;
+                    const lanes_i halved = (rest >= 0.5f) & (rest * kept < 0.5f);
+                    half_way = halved ? z : half_way;
+                    half_face = halved ? I(face) : half_face;
+                    rest *= kept;
+                    const lanes_i dark = looks & (rest < 1.0f / 256);
+                    ended |= dark;
+                    running &= look & !dark;
                 }
-                front = z_out;
-            }
-            if (ended) {
-                leaves = shells.noise.w && z_out < stop;
-                break;
+                front = group ? greater(front, z_out) : front;
+                /* Light once a tetrahedron, at the mean place of what has hidden something there. */
+                for (int i = 0; i < LANES; ++i)
+                    if (LANE_I(group, i) && LANE(hidden, i) > 1e-4f) {
+                        const float scale = 1.0f / LANE(hidden, i), z = scale * LANE(sum_z, i);
+                        const float2 one = first.zw - first.xy, two = second.xy - first.xy;
+                        const float2 place = scale * (float2)(LANE(sum_x, i), LANE(sum_y, i)) - first.xy;
+                        const float area = one.x * two.y - one.y * two.x;
+                        const float wb = area != 0.0f ? (place.x * two.y - place.y * two.x) / area : 0.0f;
+                        const float wc = area != 0.0f ? (one.x * place.y - one.y * place.x) / area : 0.0f, wa = 1.0f - wb - wc;
+                        __global const float4 *ca = curves + corners.x * (slabs + 1) + slab,
+                            *cb = curves + corners.y * (slabs + 1) + slab, *cc = curves + corners.z * (slabs + 1) + slab;
+                        const float4 n = unit_or(wa * normals[corners.x] + wb * normals[corners.y] + wc * normals[corners.z],
+                                                 normals[corners.x]);
+                        const float4 t = unit_or(wa * (ca[1] - ca[0]) + wb * (cb[1] - cb[0]) + wc * (cc[1] - cc[0]), n);
+                        const float4 d = (float4)(LANE(dx, i), LANE(dy, i), LANE(dz, i), 0.0f);
+                        const float4 slope = scale * (LANE(sum_gx, i) * grad_x + LANE(sum_gy, i) * grad_y);
+                        const float4 color = LANE(hidden, i)
+                            * lit(&lamp, eye + z * d, scale * LANE(sum_h, i), t, n, slope, -d);
+                        LANE(red, i) += color.x;
+                        LANE(green, i) += color.y;
+                        LANE(blue, i) += color.z;
+                        LANE(alpha, i) += LANE(hidden, i);
+                    }
             }
 
-            /* On into the next tetrahedron. */
-            z_in = z_out;
-            if (way < 3) {
-                k = way;
-            } else if (way == 7 || way == 6) {
-                if (way == 7 ? slab + 1 == slabs : slab == 0) {
-                    leaves = true;
-                    break;
+            /* On into the next tetrahedra. */
+            at_depth = group ? z_out : at_depth;
+            for (int i = 0; i < LANES; ++i) {
+                if (!LANE_I(group, i))
+                    continue;
+                const int way = WAY[k][LANE_I(out, i)];
+                if (LANE_I(ended, i)) {
+                    LANE_I(leaves, i) = shells.noise.w && way == DOWN && LANE(z_out, i) < LANE(stop, i);
+                    LANE_I(cell, i) = -1;
+                } else if (way < SIDE) {
+                    LANE_I(cell, i) = here - k + way / 4;
+                    LANE_I(in, i) = way % 4;
+                } else if (way >= DOWN) {
+                    const bool beyond = way == UP ? slab + 1 == slabs : slab == 0;
+                    LANE_I(leaves, i) = beyond;
+                    LANE_I(cell, i) = beyond ? -1 : way == UP ? here - k + 3 : here - k - 3 + 2;
+                    LANE_I(in, i) = way == UP ? 3 : 0;
+                } else {
+                    const int side = (way - SIDE) / 2, upper = (way - SIDE) % 2;
+                    const int across = side == 0 ? neighbours[face].x : side == 1 ? neighbours[face].y : neighbours[face].z;
+                    const int behind = BEHIND[2 * (across & 3) + upper];
+                    LANE_I(leaves, i) = across < 0;
+                    LANE_I(cell, i) = across < 0 ? -1 : 3 * (slabs * (across >> 2) + slab) + behind / 4;
+                    LANE_I(in, i) = behind % 4;
+                    LANE(slack, i) = 0.0f;
                 }
-                slab += way == 7 ? 1 : -1;
-                k = way == 7 ? 0 : 2;
-                for (int i = 0; i < 3; ++i)
-                    c[i] += way == 7 ? -3 : 3;
-            } else {
-                const int side = way - 3;
-                const int across_it = side == 0 ? neighbours[face].x : side == 1 ? neighbours[face].y : neighbours[face].z;
-                if (across_it < 0) {
-                    leaves = true;
-                    break;
-                }
-                face = across_it >> 2;
-                const int other = across_it & 3, low_corner = side == 0 ? 1 : 0, low_other = other == 0 ? 1 : 0;
-                const int high_other = other == 2 ? 1 : 2;
-                int upper = 0;
-                for (int i = 0; i < 3; ++i) {
-                    upper += c[i] / 3;
-                    c[i] = (c[i] % 3 == low_corner ? low_other : high_other) + c[i] / 3 * 3;
-                }
-                k = BEHIND[other][upper - 1];
-                corners = faces[face];
-                first = lattice[CORNERS * face];
-                second = lattice[CORNERS * face + 1];
-                grad_x = lattice[CORNERS * face + 2];
-                grad_y = lattice[CORNERS * face + 3];
-                slack = 0.0f;
             }
         }
-        after[sample] = NOTHING;
-        if (leaves && rest > 0.0f) {
-            after[sample] = entry_depth;   // fur that stands in other fur comes after it
-            ++pending;
+        for (int i = 0; i < LANES; ++i) {
+            const size_t pixel = first_pixel + i, sample = pixel * samples + s;
+            if (pixel >= pixels || after[sample] == NOTHING)
+                continue;
+            const float left_over = LANE(rest, i) < 1.0f / 256 ? 0.0f : LANE(rest, i);
+            if (LANE_I(leaves, i) && left_over > 0.0f)
+                ++pending;
+            else
+                after[sample] = NOTHING;
+            through[sample] = left_over;
+            if (LANE_I(half_face, i) >= 0) {
+                const float4 d = (float4)(LANE(dx, i), LANE(dy, i), LANE(dz, i), 0.0f);
+                fur[sample] = (ulong)depth_of(&view, eye + LANE(half_way, i) * d) << 32 | (uint)LANE_I(half_face, i);
+            }
+            image[pixel] += (float4)(LANE(red, i), LANE(green, i), LANE(blue, i), LANE(alpha, i)) * (1.0f / samples);
         }
-        through[sample] = rest;
-        if (gone != ~0ul)
-            fur[sample] = gone;
-        total += sum;
     }
     if (pending)
         atomic_add(left, pending);
-    image[pixel] += total * (1.0f / samples);
 }

@@ -87,10 +87,11 @@ def _c_struct(name, dtype):
             f"typedef char {name}_is_whole[sizeof({name}) == {dtype.itemsize} ? 1 : -1];\n")
 
 
-def preamble(int64_atomics, checked=False):
+def preamble(int64_atomics, checked=False, lanes=1):
     """The C text that every program starts with.
 
     ``int64_atomics``: whether the raster may take depth and id with one 64-bit atomic.
+    ``lanes``: values that a work-item should take side by side, where it can.
     ``checked``: whether the driver looks for races, and must not see the harmless ones.
     """
     patterns = [p for n in sorted(PATTERNS) for p in PATTERNS[n]]
@@ -100,6 +101,7 @@ def preamble(int64_atomics, checked=False):
         *(f"#define {name} {value:#x}{'u' if value >> 31 else ''}\n" for name, value in CONSTANTS.items()),
         f"#define INT64_ATOMICS {int(int64_atomics)}\n",
         f"#define CHECKED {int(checked)}\n",
+        f"#define LANES {lanes}\n",
         *(_c_struct(name, dtype) for name, dtype in STRUCTS.items()),
         f"__constant int2 PATTERN[] = {{{table}}};\n",
     ])

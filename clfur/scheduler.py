@@ -60,6 +60,8 @@ class Scheduler:
             self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
             self.int64_atomics = "cl_khr_int64_extended_atomics" in self.device.extensions.split()
             self.memory = self.device.global_mem_size * 3 // 4
+            # A CPU's vectors are filled by hand: its compilers don't vectorise loops of different lengths.
+            self.lanes = 16 if self.device.type & cl.device_type.CPU else 1
             self.largest = self.device.max_mem_alloc_size   # bytes of one array
         if memory is not None:
             if isinstance(memory, bool) or not isinstance(memory, int) or memory < 1:
@@ -225,7 +227,7 @@ class Scheduler:
         return total
 
     def _build(self, stem):
-        source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind")
+        source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind", self.lanes)
         source += _text("common.h") + _text(f"{stem}.cl")
         options = ["-cl-std=CL1.2"]
         if self.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:

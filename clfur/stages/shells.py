@@ -174,7 +174,7 @@ def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
         left = gpu.full(1, np.int32, 0)
         with gpu.called("entries"):
             entries = raster(gpu, view, None, shell, after=after)
-        gpu.launch("shells.march", rows * width, view, packed, light, np.int32(specular == "half-vector"), visible,
+        gpu.launch("shells.march", -(-rows * width // gpu.lanes), view, packed, light, np.int32(specular == "half-vector"), visible,
                    entries, shell.border, pattern.faces, pattern.neighbours, shell.curves, shell.normals,
                    pattern.lattice, pattern.noise, pattern.means, pattern.box, shadows.shadow, shadows.grid,
                    shadows.sums, shadows.seen, shadows.map, after, through, fur, left, image)
