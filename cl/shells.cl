@@ -872,3 +872,75 @@ __kernel void deposit(
             }
     }
 }
+
+/* What the nearest sample of one pixel sees, where that is fur: what is told of strands, of a hair of the fur.  One
+   work-item tells it of one pixel. */
+__kernel void about(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const View view,
+    const int slabs,
+    __global const ulong *visible,         // [rows, width, samples] what else is drawn
+    __global const ulong *fur,             // [rows, width, samples] depth << 32 | face, see march
+    __global const float *through,         // [rows, width, samples]
+    __global const uint4 *faces,           // [F] corners in the order of their numbers
+    __global const float4 *curves,         // [V, slabs + 1]
+    __global const float4 *uv,             // [F * 3] u, v of these corners
+    __global float *out_depth,             // [rows, width] distance along the view axis
+    __global int *out_id,                  // -3
+    __global float4 *out_tangent,          // unit: the hair's direction
+    __global float4 *out_normal,           // unit, towards the eye: across the hair
+    __global float4 *out_uv,               // of the root
+    __global float *out_coverage)          // share of light that does not come from behind everything
+{
+    WORK_ITEM(pixel);
+    const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
+    ulong key = ~0ul;
+    uint other = NOTHING;
+    int nearest = 0;
+    float covered = 0.0f;
+    for (int s = 0; s < samples; ++s) {
+        const ulong drawn = visible[pixel * samples + s], there = fur[pixel * samples + s];
+        covered += (uint)drawn == NOTHING ? 1.0f - through[pixel * samples + s] : 1.0f;
+        other = min(other, (uint)(drawn >> 32));
+        if (there < key) {
+            key = there;
+            nearest = s;
+        }
+    }
+    out_coverage[pixel] = covered / samples;
+    if (key == ~0ul || (uint)(key >> 32) >= other)
+        return;
+    const float4 p = seen_point(&view, x, y, nearest, (uint)(key >> 32)), v = towards_eye(&view, p);
+    const uint face = (uint)key;
+    const uint4 corners = faces[face];
+    /* The tetrahedron that p lies in, or is the least beside. */
+    float best = -INFINITY;
+    float4 at = (float4)(1.0f, 0.0f, 0.0f, 0.0f);
+    int slab = 0;
+    for (int i = 0; i < 3 * slabs; ++i) {
+        const int k = i % 3, four[4] = {0, k == 2 ? 3 : 1, k == 0 ? 2 : 4, 5};
+        float4 q[4];
+        for (int j = 0; j < 4; ++j)
+            q[j] = curves[corner_of(corners, four[j] % 3) * (slabs + 1) + i / 3 + four[j] / 3] - p;
+        const float4 w = (float4)(dot3(cross3(q[1], q[2]), q[3]), -dot3(cross3(q[2], q[3]), q[0]),
+                                  dot3(cross3(q[3], q[0]), q[1]), -dot3(cross3(q[0], q[1]), q[2]));
+        const float all = (w.x + w.y) + (w.z + w.w);
+        const float share[4] = {w.x / all, w.y / all, w.z / all, w.w / all};
+        const float least = min(min(share[0], share[1]), min(share[2], share[3]));
+        if (all != 0.0f && least > best) {
+            best = least;
+            slab = i / 3;
+            at = (float4)(0.0f);
+            for (int j = 0; j < 4; ++j)
+                at += share[j] * convert_float4(four[j] % 3 == (int4)(0, 1, 2, 3) ? (int4)(1) : (int4)(0));
+        }
+    }
+    __global const float4 *ca = curves + corners.x * (slabs + 1) + slab,
+        *cb = curves + corners.y * (slabs + 1) + slab, *cc = curves + corners.z * (slabs + 1) + slab;
+    const float4 tangent = unit_or(at.x * (ca[1] - ca[0]) + at.y * (cb[1] - cb[0]) + at.z * (cc[1] - cc[0]), v);
+    out_depth[pixel] = to_screen(&view, p).w;
+    out_id[pixel] = -3;
+    out_tangent[pixel] = tangent;
+    out_normal[pixel] = unit_or(v - dot3(v, tangent) * tangent, v);
+    out_uv[pixel] = at.x * uv[3 * face] + at.y * uv[3 * face + 1] + at.z * uv[3 * face + 2];
+}

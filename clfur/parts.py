@@ -6,6 +6,7 @@ import numpy as np
 
 from .errors import Error
 from .fur import Curves, Strands
+from .stages.blur import reach_of
 from .stages.shells import bend, border, lay, pack, size_of, topology_of
 from .stages.strands import area_of, bring, first_strand_at, grow, no_strands
 from .stages.tessellate import counts_of, levels_of, no_surface, tessellate
@@ -85,6 +86,9 @@ class Work:
             shells = size_of(scene.mesh, self._pack(settings)[0], self.topology(gpu))
             fixed += shells
             row += width * 24 * settings.samples
+        fewest = 1
+        if settings.blur != "off":
+            row, fewest = max(row, width * 48), min(2 * reach_of(settings.blur_sigma) + 1, height)
         point = POINT if self.grown else POINT + 32
         need = {
             "body": VERTEX * int(self.vertices[-1]) + TRIANGLE * int(self.triangles[-1]),
@@ -94,18 +98,18 @@ class Work:
         least = {   # of each; a face or a strand is never divided
             "body": min(need["body"], max(self.face, 1 << 16)),
             "strands": min(need["strands"], max(STRAND + self.longest * point, 1 << 16)),
-            "rows": row,
+            "rows": fewest * row,
         }
         spare = gpu.memory * 15 // 16 - fixed - sum(least.values())
         room = _share(spare, {name: need[name] - least[name] for name in need})
         room = {name: least[name] + room[name] for name in need}
 
         rows = min(min(room["rows"], BAND) // row, piece // (width * max(8 * settings.samples, 16)), height)
-        if rows < 1 or spare < 0:
+        if rows < fewest or spare < 0:
             raise Error(f"{gpu.name} with {gpu.memory / 2**20:,.1f} MiB has no room for Settings.grid {settings.grid}, "
                         f"Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces of up to "
                         f"{self.face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, shells of "
-                        f"{shells / 2**20:,.1f} MiB and a row of {width} pixels; allowed: smaller ones")
+                        f"{shells / 2**20:,.1f} MiB and {fewest} rows of {width} pixels; allowed: smaller ones")
         face_runs = [run for run in _runs(
             (VERTEX * self.vertices + TRIANGLE * self.triangles, room["body"]),
             (16 * self.vertices, piece), (16 * self.triangles, piece)) if run[1] > run[0]]

@@ -17,6 +17,7 @@ from .scheduler import Scheduler
 from .settings import Settings
 from .shadows import cast, plan_shadows, settle
 from .stages import shade, shells
+from .stages.blur import blur, reach_of
 from .stages.raster import raster
 from .team import Team
 from .views import band_of, light_of, view_of
@@ -52,7 +53,7 @@ def render(scene, device=None, settings=None, outputs=None):
     ``device``: what `Scheduler` accepts, or a `Scheduler` to keep between frames, or a list of these, which then draw
     the frame together: they share the strands by speed, and the picture is the same.  ``outputs``: names of pictures to
     return as {name: array} instead: "color" as above, "depth" float32 [h, w] (distance along the view axis, inf where
-    nothing is), "id" int32 [h, w] (strand, -1 nothing, -2 body), "tangent" and "normal" float32 [h, w, 3],
+    nothing is), "id" int32 [h, w] (strand, -1 nothing, -2 body, -3 shells), "tangent" and "normal" float32 [h, w, 3],
     "uv" float32 [h, w, 2], "coverage" float32 [h, w]; all but color and coverage tell of a pixel's nearest sample.
     Raises `clfur.Error` for an unknown device or output, and for a picture that the device cannot hold.
     """
@@ -152,6 +153,8 @@ def _draw(team, scene, settings, outputs, hashes):
                                         shadows, image, None if sample is None else (sample, sample + 1), through)
         for part in parts if others else []:
             known = shade.about(gpu, view, visible, *work.make(gpu, part), known)
+        if scene.shells and others:
+            known = shells.about(gpu, view, shell, visible, through, fur, known)
         found = {"color": image, **(known or {})}
         return {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in outputs}
 
@@ -167,6 +170,8 @@ def _draw(team, scene, settings, outputs, hashes):
                 images[name] = band
             else:   # each into its place at once: to join them in the end would take twice the memory
                 images.setdefault(name, np.empty((height, *band.shape[1:]), band.dtype))[top:top + rows] = band
+    if lit and settings.blur != "off":
+        images["color"] = team.first(functools.partial(_blurred, images["color"], settings, rows))
     if hashes:
         digests["visibility"] = seen.hexdigest()
     seconds = time.perf_counter() - began
@@ -179,6 +184,19 @@ def _draw(team, scene, settings, outputs, hashes):
     return Frame(images, " + ".join(gpu.name for gpu in team.gpus), int(work.triangles[-1]) if work.body else 0,
                  sum(strands for strands, _ in points), sum(segments for _, segments in points), seconds, stages,
                  sum(gpu.peak for gpu in team.gpus), digests)
+
+
+def _blurred(picture, settings, rows, gpu):
+    """A picture blurred, with so many of its rows on the device at a time."""
+    height, reach = len(picture), reach_of(settings.blur_sigma)
+    each, result = height if rows >= height else rows - 2 * reach, np.empty_like(picture)
+    for top in range(0, height, each):
+        end = min(top + each, height)
+        low, high = max(top - reach, 0), min(end + reach, height)
+        strip = gpu.upload(picture[low:high])
+        result[top:end] = gpu.download(
+            blur(gpu, strip, settings.blur_sigma, settings.blur == "edges", (top - low, end - low)))
+    return result
 
 
 def on(gpu, array):

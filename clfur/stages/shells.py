@@ -40,6 +40,7 @@ class Pattern:
     faces: Any         # [F, 4] uint32 corners in the order of their numbers
     neighbours: Any    # [F, 4] int32, see Topology
     lattice: Any       # [F * 4, 4] float32, see shells.cl
+    uv: Any            # [F * 3, 4] float32 u, v of the faces' corners in that order, 0 where the mesh has none
 
 
 @dataclass(frozen=True)
@@ -150,11 +151,10 @@ def lay(gpu, mesh, packed, box, topology):
     n = len(topology.corners)
     result = Pattern(packed, box, gpu.empty((places, 2), np.float32), gpu.empty((HEIGHTS, 2), np.float32),
                      gpu.upload(widen(topology.corners)), gpu.upload(topology.neighbours),
-                     gpu.empty((n * CORNERS, 4), np.float32))
+                     gpu.empty((n * CORNERS, 4), np.float32), gpu.upload(widen(uv)))
     gpu.launch("shells.noise", places, packed, result.noise)
     gpu.launch("shells.means", HEIGHTS, packed, np.int32(AROUND), result.means)
-    gpu.launch("shells.lattice", n, packed, gpu.upload(widen(mesh.positions)), result.faces, gpu.upload(widen(uv)),
-               result.lattice)
+    gpu.launch("shells.lattice", n, packed, gpu.upload(widen(mesh.positions)), result.faces, result.uv, result.lattice)
     return result
 
 
@@ -232,3 +232,16 @@ def bounds_of(gpu, shell):
     # Hair seen from the side, and what it covers of the skin seen from above: no more than `deposit` makes of them.
     side = means[:, 1].max() * high * (np.linalg.norm(to_b, axis=1) * ac + np.linalg.norm(to_c, axis=1) * ab)
     return len(corners), float((0.5 * (side + ab * ac)).sum())
+
+
+def about(gpu, view, shell, visible, through, fur, known):
+    """Put what is known of the fur over what `shade.about` knows of ``visible``; ``through``, ``fur``: what `march` gave.
+
+    Where half of the nearest fur's light is gone before all else: depth, id -3, tangent, the hair's direction, normal,
+    across it, and uv of its root.  coverage: what alpha is.
+    """
+    rows, width, _ = visible.shape
+    n = len(shell.normals)
+    gpu.launch("shells.about", rows * width, view, np.int32(len(shell.curves) // n - 1), visible, fur, through,
+               shell.pattern.faces, shell.curves, shell.pattern.uv, *known.values())
+    return known

@@ -432,3 +432,122 @@ def unit(a):
 def sine(a, b):
     """Sine between unit vectors."""
     return np.linalg.norm(np.cross(a, b), axis=-1)
+
+
+# --- the light's grid: in the device's own order of float operations, so that whole numbers are equal ----------------
+
+ROWS, LOOKS, FAR = 16, 16, 4    # of a face's points a work-item; at the table; grids beyond which nothing is snapped
+
+
+def deposit(shells, grid, faces, curves, lattice, means, parts, slant, deep, binary, weight):
+    """Shell fur -> cells [nz, ny, nx] int64.
+
+    faces [F, 3], curves [V, slabs + 1, 4], lattice [F, 4, 4], means [64, 2]: as the kernel has them.
+    parts: work-items a face; slant, deep: see the kernel; weight: what one crossing adds.
+    """
+    one, slabs = np.float32, int(shells["kind"][2])
+    cells = np.zeros([int(n) for n in grid["size"][2::-1]], np.int64)
+    corners = [np.asarray(curves, one)[np.asarray(faces, np.int64)[:, i], :, :3] for i in range(3)]   # [F, slabs + 1, 3]
+    m = grid["to_grid"]
+
+    def distance(p):
+        return ((m[0, 3] * p[..., 0] + m[1, 3] * p[..., 1]) + m[2, 3] * p[..., 2]) + m[3, 3]
+    square = np.max([_dot(q - p, q - p).max(1) for p, q in zip(corners, corners[1:] + corners[:1])], 0)
+    near, far = np.min([distance(p).min(1) for p in corners], 0), np.max([distance(p).max(1) for p in corners], 0)
+    step = one(.75) * np.minimum(grid["face"][1] * np.maximum(near, grid["face"][2]) / one(slant), one(deep))
+    most = one(parts * ROWS - 1)
+    rows = np.minimum(np.sqrt(square) / step, most).astype(int) + 1
+    heights = np.minimum(shells["size"][0] / (one(slabs) * step), most).astype(int) + 1
+    for n, high in {*zip(rows.tolist(), heights.tolist())}:
+        chosen = np.flatnonzero((rows == n) & (heights == high) & (far >= grid["face"][2]))
+        if len(chosen):
+            a, b, c = (p[chosen] for p in corners)
+            _deposit(cells, grid, a, b, c, np.asarray(lattice, one)[chosen], np.asarray(means, one), slabs, n, high,
+                     binary, weight)
+    return cells
+
+
+def _deposit(cells, grid, a, b, c, lattice, means, slabs, rows, heights, binary, weight):
+    """Put faces into the cells that have as many rows and heights: all at once, point after point."""
+    one = np.float32
+    to_b, to_c = lattice[:, 0, 2:] - lattice[:, 0, :2], lattice[:, 1, :2] - lattice[:, 0, :2]
+    looks = (LOOKS - 1) // (slabs * heights) + 1
+    each = one(weight) * one(.25) / (one(rows) * one(rows) * grid["face"][0])
+    for first in range(0, rows, ROWS):
+        left = np.full(len(a), .5, one)
+        for level in range(slabs * heights):
+            k, inside = level // heights, one(level % heights + .5) / one(heights)
+            low, top = one(level) / one(slabs * heights), one(level + 1) / one(slabs * heights)
+            newly = _mean(means, low)[0] - _mean(means, top)[0]
+            entered = one(0)
+            for look in range(looks):
+                entered += _mean(means, low + one(look + .5) / one(slabs * heights * looks))[1]
+            sideways = entered / one(heights * looks)
+            up_a = a[:, k + 1] - a[:, k]
+            up_b, up_c = (p[:, k + 1] - p[:, k] - up_a for p in (b, c))
+            origin, ab, ac = a[:, k] + inside * up_a, b[:, k] - a[:, k] + inside * up_b, c[:, k] - a[:, k] + inside * up_c
+            for row in range(first, min(first + ROWS, rows)):
+                for point in range(2 * row + 1):
+                    third = one(1 + point % 2) / one(3)
+                    wb = (one(point // 2) + third) / one(rows)
+                    wc = (one(row - point // 2 - point % 2) + third) / one(rows)
+                    p = origin + wb * ab + wc * ac
+                    at, w, good = _snap(grid, p)
+                    good &= at[:, 2] >= 0
+                    w = np.maximum(w, grid["face"][2])
+                    ray, up = grid["light"][:3] - grid["light"][3] * p, up_a + wb * up_b + wc * up_c
+                    move = _dot(ray, _cross(ac, up))[:, None] * to_b + _dot(ray, _cross(up, ab))[:, None] * to_c
+                    side = sideways * sideways * (move[:, 0] * move[:, 0] + move[:, 1] * move[:, 1])
+                    n = _cross(ab, ac)
+                    down = newly * _dot(ray, n) * np.where(_dot(up, n) < 0, one(-1), one(1))
+                    both = down + np.maximum(np.abs(down), np.sqrt(one(4) * side + one(.5947153) * (down * down)))
+                    exact = both * each / (w * w * w) + left
+                    amount = np.minimum(exact, one(2**31)).astype(np.int64)
+                    left = np.where(good, np.minimum(exact - amount.astype(one), one(1)), left)
+                    _add(cells, at[good], amount[good], weight if binary else None)
+
+
+def _add(cells, at, amount, marked):
+    """Add amounts at sub-cells between the four columns around, or mark the cells that get anything."""
+    x, y, z = at[:, 0], at[:, 1], at[:, 2] // SUBPIXEL
+    if marked is not None:
+        parts = [(x // SUBPIXEL, y // SUBPIXEL, np.where(amount > 0, marked, 0))]
+    else:
+        x, y = x - SUBPIXEL // 2, y - SUBPIXEL // 2
+        right, behind = amount * (x % SUBPIXEL) // SUBPIXEL, amount * (y % SUBPIXEL) // SUBPIXEL
+        both = right * (y % SUBPIXEL) // SUBPIXEL
+        x, y = x // SUBPIXEL, y // SUBPIXEL
+        parts = [(x, y, amount - right - behind + both), (x + 1, y, right - both), (x, y + 1, behind - both),
+                 (x + 1, y + 1, both)]
+    for x, y, part in parts:
+        inside = (x >= 0) & (y >= 0) & (z >= 0) & (x < cells.shape[2]) & (y < cells.shape[1]) & (z < cells.shape[0])
+        place = z[inside], y[inside], x[inside]
+        (np.add if marked is None else np.maximum).at(cells, place, part[inside])
+
+
+def _snap(grid, p):
+    """Places [N, 3] float32 -> (sub-cells int64 [N, 3], distances w [N], which could be snapped [N])."""
+    m = grid["to_grid"]
+    with np.errstate(all="ignore"):
+        c = ((m[0] * p[:, 0:1] + m[1] * p[:, 1:2]) + m[2] * p[:, 2:3]) + m[3]
+        w = c[:, 3]
+        q = np.stack([c[:, 0] / w, c[:, 1] / w, c[:, 2]], 1)
+        good = (w > 0) & (np.abs(q) <= FAR * grid["size"][:3].max()).all(1)
+    return np.floor(np.where(good[:, None], q, 0) * np.float32(SUBPIXEL) + np.float32(.5)).astype(np.int64), w, good
+
+
+def _mean(means, h):
+    """The table at height h, float32 [2]."""
+    at = h * np.float32(HEIGHTS - 1)
+    k = int(at) if at < HEIGHTS - 2 else HEIGHTS - 2
+    return means[k] + (at - np.float32(k)) * (means[k + 1] - means[k])
+
+
+def _dot(a, b):
+    """Scalar products of float32 [..., 3], summed from the left."""
+    return (a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]) + a[..., 2] * b[..., 2]
+
+
+def _cross(a, b):
+    return np.stack([a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1], a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
+                     a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]], -1)
