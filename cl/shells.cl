@@ -793,7 +793,6 @@ __kernel void deposit(
     __global const float4 *lattice,        // [F, CORNERS]
     __global const float2 *means,          // [HEIGHTS]
     const int parts,                       // work-items a face
-    const float slant,                     // how much longer than the axis a ray in the grid can be
     const float deep,                      // a cell's depth [world]
     const int binary,                      // 1: a cell that holds anything holds one crossing
     const uint weight,                     // amount of one crossing
@@ -814,7 +813,7 @@ __kernel void deposit(
         near = min(near, min(min(wa, wb), wc));
         far = max(far, max(max(wa, wb), wc));
     }
-    const float step = 0.75f * min(grid.face.y * max(near, grid.face.z) / slant, deep);
+    const float step = 0.75f * min(grid.face.y * max(near, grid.face.z), deep);
     const int rows = (int)min(sqrt(square) / step, parts * ROWS - 1.0f) + 1;
     const int heights = (int)min(shells.size.x / (slabs * step), parts * ROWS - 1.0f) + 1;
     if (first_row >= rows || far < grid.face.z)
@@ -871,6 +870,11 @@ __kernel void deposit(
                     atomic_max(&cells[((size_t)(at.z >> 8) * grid.size.y + (at.y >> 8)) * grid.size.x + (at.x >> 8)], weight);
             }
     }
+}
+
+INLINED uint corner_of(uint4 face, int corner)
+{
+    return corner == 0 ? face.x : corner == 1 ? face.y : face.z;
 }
 
 /* What the nearest sample of one pixel sees, where that is fur: what is told of strands, of a hair of the fur.  One

@@ -10,7 +10,6 @@ from .raster import NONE, raster
 from .shade import no_shadows
 from .strands import vector
 from .tessellate import widen
-from .voxelize import slant_of
 
 HEIGHTS, AROUND = 64, 96     # of the table of means, and places looked at for each
 CORNERS = 4                  # float4 a face in the lattice
@@ -210,11 +209,11 @@ def deposit(gpu, grid, shell, packed, method, weight, cells=None):
     """
     nx, ny, nz, _ = (int(n) for n in grid["size"])
     cells = gpu.full((nz, ny, nx), np.uint32, 0) if cells is None else cells
-    pattern, slant, deep = shell.pattern, slant_of(grid), 1 / float(np.linalg.norm(grid["to_grid"][:3, 2]))
-    step = 0.75 * min(float(grid["face"][1] * grid["face"][2]) / slant, deep)
+    pattern, deep = shell.pattern, 1 / float(np.linalg.norm(grid["to_grid"][:3, 2]))
+    step = 0.75 * min(float(grid["face"][1] * grid["face"][2]), deep)
     parts = -(-min(int(shell.longest / step) + 2, MOST_ROWS) // ROWS)
     gpu.launch("shells.deposit", len(pattern.faces) * parts, packed, grid, pattern.faces, shell.curves,
-               pattern.lattice, pattern.means, np.int32(parts), np.float32(slant), np.float32(deep),
+               pattern.lattice, pattern.means, np.int32(parts), np.float32(deep),
                np.int32(method == "binary"), np.uint32(weight), cells)
     return cells
 

@@ -37,16 +37,12 @@ def unit_for(most):
     return unit
 
 
-def slant_of(grid):
-    """How much longer than its axis a spot's outermost rays are; what lies along the axis spreads by as much."""
-    return math.sqrt(1 + 2 * (float(grid["face"][1]) * int(grid["size"][0]) / 2) ** 2) if grid["light"][3] else 1.0
-
-
 def most_of(grid, method, segments, length, area):
     """The fragments or crossings in the grid that hair cannot exceed, from what `clfur.fur.hair_bounds` tells of it."""
     nearest = float(grid["face"][2])                     # smallest w
     side = float(grid["face"][1]) * nearest
-    slant = slant_of(grid)
+    # A spot's outermost rays are this much longer than its axis, and what lies along the axis spreads by as much.
+    slant = math.sqrt(1 + 2 * (float(grid["face"][1]) * int(grid["size"][0]) / 2) ** 2) if grid["light"][3] else 1.0
     return slant * area / side**2 + segments if method == "length" else slant * length / side + segments
 
 

@@ -439,11 +439,11 @@ def sine(a, b):
 ROWS, LOOKS, FAR = 16, 16, 4    # of a face's points a work-item; at the table; grids beyond which nothing is snapped
 
 
-def deposit(shells, grid, faces, curves, lattice, means, parts, slant, deep, binary, weight):
+def deposit(shells, grid, faces, curves, lattice, means, parts, deep, binary, weight):
     """Shell fur -> cells [nz, ny, nx] int64.
 
     faces [F, 3], curves [V, slabs + 1, 4], lattice [F, 4, 4], means [64, 2]: as the kernel has them.
-    parts: work-items a face; slant, deep: see the kernel; weight: what one crossing adds.
+    parts: work-items a face; deep: a cell's depth; weight: what one crossing adds.
     """
     one, slabs = np.float32, int(shells["kind"][2])
     cells = np.zeros([int(n) for n in grid["size"][2::-1]], np.int64)
@@ -454,7 +454,7 @@ def deposit(shells, grid, faces, curves, lattice, means, parts, slant, deep, bin
         return ((m[0, 3] * p[..., 0] + m[1, 3] * p[..., 1]) + m[2, 3] * p[..., 2]) + m[3, 3]
     square = np.max([_dot(q - p, q - p).max(1) for p, q in zip(corners, corners[1:] + corners[:1])], 0)
     near, far = np.min([distance(p).min(1) for p in corners], 0), np.max([distance(p).max(1) for p in corners], 0)
-    step = one(.75) * np.minimum(grid["face"][1] * np.maximum(near, grid["face"][2]) / one(slant), one(deep))
+    step = one(.75) * np.minimum(grid["face"][1] * np.maximum(near, grid["face"][2]), one(deep))
     most = one(parts * ROWS - 1)
     rows = np.minimum(np.sqrt(square) / step, most).astype(int) + 1
     heights = np.minimum(shells["size"][0] / (one(slabs) * step), most).astype(int) + 1
