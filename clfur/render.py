@@ -109,15 +109,21 @@ def _draw(team, scene, settings, outputs, hashes):
 
     def shadows_on(gpu):
         """Shadows, or those of the frame before if only the camera has moved."""
-        planned = plan_shadows(scene, settings, work.strands, work.body)
-
-        def before_light(gpu, strands, body):
-            counted = None, None
-            for part in plan(gpu, strands, body)[0]:
-                counted = cast(gpu, planned, *work.make(gpu, part), *counted)
-            return counted
+        furred = scene.shells is not None and settings.shadows != "off"
 
         def build():
+            bounds = shells.bounds_of(gpu, work.make_shell(gpu, settings)[0]) if furred else None
+            planned = plan_shadows(scene, settings, work.strands, work.body, bounds)
+
+            def before_light(gpu, strands, body):
+                counted = None, None
+                # With the body, shells are in one device's share, and there in the first part.
+                shell = work.make_shell(gpu, settings) if furred and body else None
+                for part in plan(gpu, strands, body)[0]:
+                    counted = cast(gpu, planned, *work.make(gpu, part), *counted, shell)
+                    shell = None
+                return counted
+
             add = np.maximum if settings.shadows == "binary" else np.add
             cells, seen = team.gather("cast", before_light, [add, np.minimum], work.strands)
             told = {"voxels": cells, "shadow_map": seen} if hashes else {}

@@ -16,6 +16,7 @@ CORNERS = 5                  # float4 a face in the lattice
 SLABS = 4                    # straight pieces of a bent hair
 MOST_NOISE = 16, 256         # lattices of the noise along a side, in space and on the skin
 ENTRIES = 8                  # times that a ray may come into the fur
+ROWS, MOST_ROWS = 16, 4096   # of a face's points in the light's grid: that a work-item does, and all
 
 
 @dataclass(frozen=True)
@@ -201,6 +202,38 @@ def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
             break
     return image, through, fur
 
+
+
+def deposit(gpu, grid, shell, packed, method, weight, cells=None):
+    """Put shell fur into a `layout.Grid` -> [nz, ny, nx] uint32: how often a ray of light is expected to enter hair.
+
+    ``method``: "binary", where a cell that holds hair is crossed once, or another.  ``weight``: what one crossing adds;
+    see `bounds_of`.  ``cells``: counts to add to.
+    """
+    nx, ny, nz, _ = (int(n) for n in grid["size"])
+    cells = gpu.full((nz, ny, nx), np.uint32, 0) if cells is None else cells
+    pattern, deep = shell.pattern, 1 / float(np.linalg.norm(grid["to_grid"][:3, 2]))
+    step = 0.75 * min(float(grid["face"][1] * grid["face"][2]), deep)
+    parts = -(-min(int(shell.longest / step) + 2, MOST_ROWS) // ROWS)
+    gpu.launch("shells.deposit", len(pattern.faces) * parts, packed, grid, pattern.faces, shell.curves,
+               pattern.lattice, pattern.means, np.int32(parts), np.float32(deep),
+               np.int32(method == "binary"), np.uint32(weight), cells)
+    return cells
+
+
+def bounds_of(gpu, shell):
+    """(pieces, area [world²]) that shell fur cannot exceed across any light, as `clfur.fur.hair_bounds` of strands."""
+    pattern = shell.pattern
+    lattice, means = gpu.download(pattern.lattice).reshape(-1, 16).astype(float), gpu.download(pattern.means)
+    corners = gpu.download(pattern.faces)[:, :3]
+    places = gpu.download(shell.curves)[:, :3].astype(float).reshape(corners.max() + 1, -1, 3)
+    to_b, to_c = lattice[:, 2:4] - lattice[:, :2], lattice[:, 4:6] - lattice[:, :2]
+    a, b, c = (places[corners[:, k]] for k in range(3))
+    ab, ac = np.linalg.norm(b - a, axis=2).max(1), np.linalg.norm(c - a, axis=2).max(1)
+    high = np.linalg.norm(np.diff(places[0], axis=0), axis=1).sum()
+    # Hair seen from the side, and what it covers of the skin seen from above: no more than `deposit` makes of them.
+    side = means[:, 1].max() * high * (np.linalg.norm(to_b, axis=1) * ac + np.linalg.norm(to_c, axis=1) * ab)
+    return len(corners), float((0.5 * (side + ab * ac)).sum())
 
 
 def about(gpu, view, shell, visible, through, fur, known):
