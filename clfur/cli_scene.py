@@ -194,7 +194,7 @@ def _shells(options, length, radius):
     frequency = options["frequency"]
     if frequency is None:
         frequency = 60 / radius if options["pattern"] == "cells" else 40.0
-    # Half of what strands bend: hairs that are bent by 1 and more lie down where they stand upright, or go into the skin.
+    # Half of what strands bend: hairs that stand upright go into the skin if they are bent by more than 1.
     weight = 0.5 * options["force_weight"] * options["segments"]
     return Shells(
         length=length, frequency=frequency, length_variation=options["variation"],

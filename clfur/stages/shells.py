@@ -224,9 +224,9 @@ def deposit(gpu, grid, shell, packed, method, weight, cells=None):
 def bounds_of(gpu, shell):
     """(pieces, area [world²]) that shell fur cannot exceed across any light, as `clfur.fur.hair_bounds` of strands."""
     pattern = shell.pattern
-    lattice, means = gpu.download(pattern.lattice).reshape(-1, 16).astype(float), gpu.download(pattern.means)
+    lattice, means = gpu.download(pattern.lattice).reshape(-1, 4 * CORNERS).astype(float), gpu.download(pattern.means)
     corners = gpu.download(pattern.faces)[:, :3]
-    places = gpu.download(shell.curves)[:, :3].astype(float).reshape(corners.max() + 1, -1, 3)
+    places = gpu.download(shell.curves)[:, :3].astype(float).reshape(len(shell.normals), -1, 3)
     to_b, to_c = lattice[:, 2:4] - lattice[:, :2], lattice[:, 4:6] - lattice[:, :2]
     a, b, c = (places[corners[:, k]] for k in range(3))
     ab, ac = np.linalg.norm(b - a, axis=2).max(1), np.linalg.norm(c - a, axis=2).max(1)
