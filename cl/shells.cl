@@ -15,7 +15,7 @@
 #define CORNERS 5       // float4 a face in `lattice`
 #define HEIGHTS 64      // of the table of means
 #define CELL_RADIUS 0.62f   // of a hair at its root, in sides of a cell: it reaches just beyond the cell's corners
-#define SIDEWAYS 4.0f   // looks on the way across one x or y, as long as a pixel is small against it
+#define SIDEWAYS 3.0f   // looks on the way across one x or y, as long as a pixel is small against it
 #define FAR_FROM 0.35f  // pixels that are so many sides of a cell wide begin to see hairs on average,
 #define FAR_TO 1.0f     // and those of so many see nothing else
 #define ROWS 16         // of a face's points in the light's grid that a work-item does
@@ -150,6 +150,63 @@ INLINED int most_lane(lanes_i x)
     const int2 c = a.lo > a.hi ? a.lo : a.hi;
     return c.x > c.y ? c.x : c.y;
 #endif
+}
+
+/* A vector of the world, one in each lane. */
+typedef struct {
+    lanes x, y, z;
+} lanes3;
+
+INLINED lanes dots(lanes3 a, lanes3 b)
+{
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+INLINED lanes3 scaled(lanes3 a, lanes by)
+{
+    a.x *= by;
+    a.y *= by;
+    a.z *= by;
+    return a;
+}
+
+INLINED lanes3 plus(lanes3 a, lanes3 b)
+{
+    a.x += b.x;
+    a.y += b.y;
+    a.z += b.z;
+    return a;
+}
+
+INLINED lanes3 crosses(lanes3 a, lanes3 b)
+{
+    const lanes3 c = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+    return c;
+}
+
+INLINED lanes3 all_lanes(float4 a)
+{
+    const lanes3 b = {F(a.x), F(a.y), F(a.z)};
+    return b;
+}
+
+INLINED lanes3 unit(lanes3 a)
+{
+    const lanes square = greater(dots(a, a), F(1e-30f));
+    return scaled(a, root(square) / square);
+}
+
+/* x^e for 0 < x <= 1 and e > 0. */
+INLINED lanes power(lanes x, float e)
+{
+    const lanes_i bits = AS_I(x) - 0x3F3504F3;           // so that the rest lies around 1
+    const lanes m = AS_F((bits & 0x007FFFFF) + 0x3F3504F3);
+    const lanes whole = AS_F((bits >> 23) + as_int(SHIFT)) - SHIFT;
+    const lanes t = (m - 1.0f) / (m + 1.0f), u = t * t;
+    const lanes log2 = whole + 2.8853901f * t * (1.0f + u * (1.0f / 3 + u * (0.2f + u * (1.0f / 7 + u * (1.0f / 9)))));
+    const lanes p = greater(e * log2, F(-100.0f)), f = 0.69314718f * (p - nearest(p));
+    const lanes fraction = 1.0f + f * (1.0f + f * (0.5f + f * (1.0f / 6 + f * (1.0f / 24 + f * (1.0f / 120 + f * (1.0f / 720))))));
+    return AS_F(AS_I(fraction) + (nearest_i(p) << 23));
 }
 
 /* sin(2 pi x) of one quarter, |r| <= 1/4, to 1e-7 (Taylor); + and * alone, so that it is the same bits everywhere. */
@@ -448,32 +505,62 @@ typedef struct {
     int half_vector;
 } Lamp;
 
-/* Light from a place p at height h: t the hair's direction, n the skin's normal, slope the fur's gradient in the
-   world.  Kajiya and Kay's hair, or the report's turned normals: those of the height field.  Both fade to the roots. */
-inline float4 lit(const Lamp *lamp, float4 p, float h, float4 t, float4 n, float4 slope, float4 v)
+/* sqrt(1 - c^2) */
+INLINED lanes sines(lanes c)
+{
+    return root(greater(1.0f - c * c, F(1e-12f)));
+}
+
+/* Light from places p at heights h: t the hair's direction, n the skin's normal, slope the fur's gradient in the world, v
+   the way to the eye.  Kajiya and Kay's hair, or the report's turned normals: those of the height field.  Both fade
+   to the roots. */
+INLINED lanes3 lit(const Lamp *lamp, lanes_i lanes_on, lanes3 p, lanes h, lanes3 t, lanes3 n, lanes3 slope, lanes3 v)
 {
     const Shells *shells = lamp->shells;
-    const float4 color = (float4)(shells->color.xyz, 0.0f);
-    float4 l = -lamp->light->direction, direct = lamp->light->color;
+    lanes3 l = all_lanes(-lamp->light->direction);
+    lanes part = F(1.0f);
     if (lamp->light->position.w > 0.0f) {
-        l = unit_or((float4)(lamp->light->position.xyz - p.xyz, 0.0f), l);
-        direct.xyz *= -dot3(l, lamp->light->direction) >= lamp->light->cone.x ? 1.0f : 0.0f;
+        const lanes3 to_light = {lamp->light->position.x - p.x, lamp->light->position.y - p.y, lamp->light->position.z - p.z};
+        const lanes inside = -dots(unit(to_light), all_lanes(lamp->light->direction));
+        l = unit(to_light);
+        part = inside >= lamp->light->cone.x ? F(1.0f) : F(0.0f);
     }
-    float share = 1.0f;
-    if (lamp->shadow->body.x)
-        share = past_body(lamp->seen, lamp->map, lamp->shadow->body.y, p, n, 5.0f, 1.0f + 2 * lamp->shadow->body.y);
-    if (lamp->shadow->hair.x > 0.0f && share > 0.0f)
-        share *= through_hair(lamp->grid, lamp->sums, lamp->shadow->hair.x, (float2)(0.0f), p);
-    direct.xyz *= share;
-    const float fade = mix(shells->color.w, 1.0f, h);
-    if (!(shells->shine.w > 0.0f))
-        return fade * fibre(color, shells->shine.x, shells->shine.y, lamp->half_vector, t, l, v, direct);
-    const float4 turned = unit_or(n - shells->size.x * slope, n), middle = unit_or(l + v, turned);
-    const float towards = dot3(turned, l), mirror = clamp(dot3(turned, middle), 0.0f, 1.0f);
-    float shine = 0.0f;
-    if (towards > 0.0f && (1.0f - mirror) * shells->shine.y < 16.0f)
-        shine = shells->shine.x * exp2(shells->shine.y * log2(mirror));
-    return fade * (direct * (max(towards, 0.0f) * color + shine) + direct.w * color);
+    if (lamp->shadow->body.x || lamp->shadow->hair.x > 0.0f)
+        for (int i = 0; i < LANES; ++i)
+            if (LANE_I(lanes_on, i) && LANE(part, i) > 0.0f) {
+                const float4 place = (float4)(LANE(p.x, i), LANE(p.y, i), LANE(p.z, i), 0.0f);
+                if (lamp->shadow->body.x)
+                    LANE(part, i) *= past_body(lamp->seen, lamp->map, lamp->shadow->body.y, place,
+                        (float4)(LANE(n.x, i), LANE(n.y, i), LANE(n.z, i), 0.0f), 5.0f, 1.0f + 2 * lamp->shadow->body.y);
+                if (lamp->shadow->hair.x > 0.0f)
+                    LANE(part, i) *= through_hair(lamp->grid, lamp->sums, lamp->shadow->hair.x, (float2)(0.0f), place);
+            }
+    lanes bright, mirror, shine = F(0.0f);
+    if (shells->shine.w > 0.0f) {
+        const lanes3 turned = unit(plus(n, scaled(slope, F(-shells->size.x))));
+        bright = greater(dots(turned, l), F(0.0f));
+        mirror = bright > 0.0f ? dots(turned, unit(plus(l, v))) : F(0.0f);
+    } else {
+        const lanes tl = dots(t, l), tv = dots(t, v);
+        bright = sines(tl);
+        if (lamp->half_vector) {
+            const lanes3 middle = plus(l, v);
+            mirror = dots(middle, middle) > 1e-12f ? sines(dots(t, unit(middle))) : F(0.0f);
+        } else {
+            mirror = bright * sines(tv) - tl * tv;
+        }
+    }
+    mirror = within(mirror, 0.0f, 1.0f);
+    const lanes_i shines = (1.0f - mirror) * shells->shine.y < 16.0f;   // elsewhere it is below exp(-16)
+    if (shells->shine.x > 0.0f && any_lane(lanes_on & shines))
+        shine = shines ? shells->shine.x * power(greater(mirror, F(1e-30f)), shells->shine.y) : F(0.0f);
+    const float4 direct = lamp->light->color;
+    const lanes fade = shells->color.w + (1.0f - shells->color.w) * h;
+    const lanes3 color = {
+        fade * (part * direct.x * (shells->color.x * bright + shine) + direct.w * shells->color.x),
+        fade * (part * direct.y * (shells->color.y * bright + shine) + direct.w * shells->color.y),
+        fade * (part * direct.z * (shells->color.z * bright + shine) + direct.w * shells->color.z)};
+    return color;
 }
 
 /* Corners of the tetrahedra of a prism (0 1 2 below, 3 4 5 above them), and which way a ray leaves them that leaves out
@@ -491,6 +578,16 @@ inline uint depth_of(const View *view, float4 p)
 {
     const float4 q = to_screen(view, p);
     return DEPTH_ONE - (uint)clamp(q.z / q.w * (float)DEPTH_ONE, 0.0f, (float)DEPTH_ONE);
+}
+
+/* From the eye to what samples see, as seen_point. */
+INLINED lanes3 from_eye(const View *view, float4 eye, lanes x, lanes y, lanes e)
+{
+    const float4 a = view->to_world[0], b = view->to_world[1], c = view->to_world[2], d = view->to_world[3];
+    const lanes w = 1.0f / (a.w * x + b.w * y + c.w * e + d.w);
+    const lanes3 p = {(a.x * x + b.x * y + c.x * e + d.x) * w - eye.x, (a.y * x + b.y * y + c.y * e + d.y) * w - eye.y,
+                      (a.z * x + b.z * y + c.z * e + d.z) * w - eye.z};
+    return p;
 }
 
 /* Weights of a tetrahedron's corners where a ray goes through the side that leaves out corner `out`, from the areas
@@ -561,61 +658,72 @@ __kernel void march(
         lanes_i cell, in;                  // 3 · (slabs · face + slab) + tetrahedron, -1: at rest; corner left out
         lanes_i half_face = I(-1);
         lanes half_way = F(0.0f);
+        cell = I(-1);
+        in = I(0);
+        rest = F(0.0f);
+        lanes at_x = rest, at_y = rest, depth = rest, behind = F(-1.0f);
+        lanes3 q[3] = {all_lanes((float4)(0.0f, 0.0f, 1.0f, 0.0f)), all_lanes((float4)(1.0f, 0.0f, 1.0f, 0.0f)),
+                       all_lanes((float4)(0.0f, 1.0f, 1.0f, 0.0f))};
         bool none = true;
         for (int i = 0; i < LANES; ++i) {
             const int x = block_x + i % BLOCK_X, y = block_y + i / BLOCK_X;
-            const size_t pixel = (size_t)y * view.size.x + x, sample = pixel * samples + s;
-            LANE_I(cell, i) = -1;
-            LANE_I(in, i) = 0;
-            LANE(dx, i) = LANE(dy, i) = LANE(dz, i) = LANE(ax, i) = LANE(ay, i) = LANE(az, i) = 0.0f;
-            LANE(ux, i) = LANE(uy, i) = LANE(uz, i) = LANE(stop, i) = LANE(wide, i) = LANE(rest, i) = 0.0f;
             if (x >= view.size.x || y >= rows)
                 continue;
+            const size_t sample = ((size_t)y * view.size.x + x) * samples + s;
             const ulong entry = entries[sample];
             const uint stop_depth = (uint)(visible[sample] >> 32), entry_depth = (uint)(entry >> 32);
-            if ((uint)entry == NOTHING || entry_depth >= stop_depth) {
-                after[sample] = NOTHING;
+            const bool enters = (uint)entry != NOTHING && entry_depth < stop_depth;
+            after[sample] = enters ? entry_depth : NOTHING;   // fur that stands in other fur comes after it
+            if (!enters)
                 continue;
-            }
-            after[sample] = entry_depth;   // fur that stands in other fur comes after it
             none = false;
-            const uint4 start = border[(uint)entry & ~BODY];
+            const uint4 start = border[(uint)entry & ~BODY], f = faces[start.x];
             const int k = start.y / 4 % 3, out = start.y % 4, slab = start.y / 12;
-            /* Snapped corners and rounded depths leave the point a little beside the triangle: put it in. */
-            float4 q[3], p = seen_point(&view, x, y + view.rows.x, s, entry_depth);
             for (int n = 0, m = 0; n < 4; ++n)
                 if (n != out) {
-                    const int c = CORNER[k][n];
-                    const uint4 f = faces[start.x];
-                    q[m++] = curves[(c % 3 == 0 ? f.x : c % 3 == 1 ? f.y : f.z) * (slabs + 1) + slab + c / 3];
+                    const int c = CORNER[k][n], side = c < 3 ? c : c - 3;
+                    const float4 corner = curves[(side == 0 ? f.x : side == 1 ? f.y : f.z) * (slabs + 1) + slab + (c >= 3)] - eye;
+                    LANE(q[m].x, i) = corner.x;
+                    LANE(q[m].y, i) = corner.y;
+                    LANE(q[m++].z, i) = corner.z;
                 }
-            const float4 n = cross3(q[1] - q[0], q[2] - q[0]);
-            const float square = dot3(n, n);
-            float4 w = (float4)(dot3(cross3(q[1] - p, q[2] - p), n), dot3(cross3(q[2] - p, q[0] - p), n),
-                                dot3(cross3(q[0] - p, q[1] - p), n), 0.0f);
-            for (int j = 0; j < 3; ++j)
-                ((float *)&w)[j] = square > 0.0f ? fmax(((float *)&w)[j] / square, 1e-3f) : 1.0f;
-            p = (w.x * q[0] + w.y * q[1] + w.z * q[2]) / (w.x + w.y + w.z);
-            const float4 d = unit_or(p - eye, (float4)(0.0f, 0.0f, -1.0f, 0.0f));
-            /* Duff et al. 2017 */
-            const float sign = d.z >= 0.0f ? 1.0f : -1.0f, u = -1.0f / (sign + d.z), uv = d.x * d.y * u;
-            LANE(dx, i) = d.x;
-            LANE(dy, i) = d.y;
-            LANE(dz, i) = d.z;
-            LANE(ax, i) = 1.0f + sign * d.x * d.x * u;
-            LANE(ay, i) = sign * uv;
-            LANE(az, i) = -sign * d.x;
-            LANE(ux, i) = uv;
-            LANE(uy, i) = sign + d.y * d.y * u;
-            LANE(uz, i) = -d.y;
-            LANE(stop, i) = stop_depth == NOTHING ? INFINITY : dot3(seen_point(&view, x, y + view.rows.x, s, stop_depth) - eye, d);
-            LANE(wide, i) = (to_screen(&view, eye + d).w - to_screen(&view, eye).w) * finer;   // of a pixel, at distance 1
+            LANE(at_x, i) = x;
+            LANE(at_y, i) = y + view.rows.x;
+            LANE(depth, i) = (float)(DEPTH_ONE - entry_depth) * (1.0f / DEPTH_ONE);
+            LANE(behind, i) = stop_depth == NOTHING ? -1.0f : (float)(DEPTH_ONE - stop_depth) * (1.0f / DEPTH_ONE);
             LANE(rest, i) = through[sample];
             LANE_I(cell, i) = 3 * (slabs * (int)start.x + slab) + k;
             LANE_I(in, i) = out;
         }
         if (none)
             continue;
+        {
+            /* Snapped corners and rounded depths leave the point a little beside the triangle: put it in. */
+            const int2 offset = PATTERN[view.size.w + s];
+            at_x += 0.5f + offset.x * (1.0f / SUBPIXEL);
+            at_y += 0.5f + offset.y * (1.0f / SUBPIXEL);
+            const lanes3 p = from_eye(&view, eye, at_x, at_y, depth);
+            const lanes3 a = plus(q[0], scaled(p, F(-1.0f))), b = plus(q[1], scaled(p, F(-1.0f))),
+                c = plus(q[2], scaled(p, F(-1.0f)));
+            const lanes3 n = crosses(plus(b, scaled(a, F(-1.0f))), plus(c, scaled(a, F(-1.0f))));
+            const lanes smaller = 1.0f / greater(dots(n, n), F(1e-37f));
+            const lanes wa = greater(dots(crosses(b, c), n) * smaller, F(1e-3f)),
+                wb = greater(dots(crosses(c, a), n) * smaller, F(1e-3f)), wc = greater(dots(crosses(a, b), n) * smaller, F(1e-3f));
+            const lanes3 d = unit(plus(scaled(q[0], wa), plus(scaled(q[1], wb), scaled(q[2], wc))));
+            /* Two axes across the ray (Duff et al. 2017). */
+            const lanes sign = d.z >= 0.0f ? F(1.0f) : F(-1.0f), u = -1.0f / (sign + d.z), uv = d.x * d.y * u;
+            dx = d.x;
+            dy = d.y;
+            dz = d.z;
+            ax = 1.0f + sign * d.x * d.x * u;
+            ay = sign * uv;
+            az = -sign * d.x;
+            ux = uv;
+            uy = sign + d.y * d.y * u;
+            uz = -d.y;
+            stop = behind >= 0.0f ? dots(from_eye(&view, eye, at_x, at_y, behind), d) : F(INFINITY);
+            wide = (view.to_screen[0].w * d.x + view.to_screen[1].w * d.y + view.to_screen[2].w * d.z) * finer;   // of a pixel, at 1
+        }
         lanes red = F(0.0f), green = red, blue = red, alpha = red;
         lanes until = F(0.5f), aside = red, before = red, slack = red;   // to the next look; since the last one
         lanes at_depth = red;              // distance where each is
@@ -795,28 +903,28 @@ __kernel void march(
                 }
                 front = group ? greater(front, z_out) : front;
                 /* Light once a tetrahedron, at the mean place of what has hidden something there. */
-                for (int i = 0; i < LANES && any_lane(hidden > 1e-4f); ++i)
-                    if (LANE(hidden, i) > 1e-4f) {
-                        const float scale = 1.0f / LANE(hidden, i), z = scale * LANE(sum_z, i);
-                        const float2 one = first.zw - first.xy, two = second.xy - first.xy;
-                        const float2 place = scale * (float2)(LANE(sum_x, i), LANE(sum_y, i)) - first.xy;
-                        const float area = one.x * two.y - one.y * two.x;
-                        const float wb = area != 0.0f ? (place.x * two.y - place.y * two.x) / area : 0.0f;
-                        const float wc = area != 0.0f ? (one.x * place.y - one.y * place.x) / area : 0.0f, wa = 1.0f - wb - wc;
-                        __global const float4 *ca = curves + corners.x * (slabs + 1) + slab,
-                            *cb = curves + corners.y * (slabs + 1) + slab, *cc = curves + corners.z * (slabs + 1) + slab;
-                        const float4 n = unit_or(wa * normals[corners.x] + wb * normals[corners.y] + wc * normals[corners.z],
-                                                 normals[corners.x]);
-                        const float4 t = unit_or(wa * (ca[1] - ca[0]) + wb * (cb[1] - cb[0]) + wc * (cc[1] - cc[0]), n);
-                        const float4 d = (float4)(LANE(dx, i), LANE(dy, i), LANE(dz, i), 0.0f);
-                        const float4 slope = scale * (LANE(sum_gx, i) * grad_x + LANE(sum_gy, i) * grad_y);
-                        const float4 color = LANE(hidden, i)
-                            * lit(&lamp, eye + z * d, scale * LANE(sum_h, i), t, n, slope, -d);
-                        LANE(red, i) += color.x;
-                        LANE(green, i) += color.y;
-                        LANE(blue, i) += color.z;
-                        LANE(alpha, i) += LANE(hidden, i);
-                    }
+                const lanes_i shown = hidden > 1e-4f;
+                if (any_lane(shown)) {
+                    const lanes scale = 1.0f / (shown ? hidden : F(1.0f)), z = scale * sum_z;
+                    const float2 one = first.zw - first.xy, two = second.xy - first.xy;
+                    const float area = one.x * two.y - one.y * two.x, smaller = area != 0.0f ? 1.0f / area : 0.0f;
+                    const lanes at_x = scale * sum_x - first.x, at_y = scale * sum_y - first.y;
+                    const lanes wb = (at_x * two.y - at_y * two.x) * smaller, wc = (one.x * at_y - one.y * at_x) * smaller;
+                    const lanes wa = 1.0f - wb - wc;
+                    __global const float4 *ca = curves + corners.x * (slabs + 1) + slab,
+                        *cb = curves + corners.y * (slabs + 1) + slab, *cc = curves + corners.z * (slabs + 1) + slab;
+                    const lanes3 n = unit(plus(scaled(all_lanes(normals[corners.x]), wa), plus(
+                        scaled(all_lanes(normals[corners.y]), wb), scaled(all_lanes(normals[corners.z]), wc))));
+                    const lanes3 t = unit(plus(scaled(all_lanes(ca[1] - ca[0]), wa), plus(
+                        scaled(all_lanes(cb[1] - cb[0]), wb), scaled(all_lanes(cc[1] - cc[0]), wc))));
+                    const lanes3 slope = scaled(plus(scaled(all_lanes(grad_x), sum_gx), scaled(all_lanes(grad_y), sum_gy)), scale);
+                    const lanes3 place = {eye.x + z * dx, eye.y + z * dy, eye.z + z * dz}, v = {-dx, -dy, -dz};
+                    const lanes3 color = lit(&lamp, shown, place, scale * sum_h, t, n, slope, v);
+                    red += shown ? hidden * color.x : F(0.0f);
+                    green += shown ? hidden * color.y : F(0.0f);
+                    blue += shown ? hidden * color.z : F(0.0f);
+                    alpha += shown ? hidden : F(0.0f);
+                }
             }
 
             /* On into the next tetrahedra. */
