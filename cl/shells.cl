@@ -62,7 +62,11 @@ typedef uint16 lanes_u;
 #define BLOCK_X 4
 #define BLOCK_Y (LANES / 4)
 #endif
+#if CHECKED
+#define INLINED inline   // Oclgrind 21.10 does not know what LLVM leaves where it inlines
+#else
 #define INLINED inline __attribute__((always_inline))
+#endif
 #define SHIFT 12582912.0f        // 1.5 * 2^23: a float this large has no fraction
 
 INLINED lanes lesser(lanes a, lanes b)
