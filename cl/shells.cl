@@ -10,14 +10,17 @@
  *   x, y     place in the pattern, on every face linear: "cells" are triangles with sides of 1, "sine" has periods of 1
  */
 #include "light.h"
+#include "cells.h"
 
 #define CORNERS 5       // float4 a face in `lattice`
 #define HEIGHTS 64      // of the table of means
 #define CELL_RADIUS 0.62f   // of a hair at its root, in sides of a cell: it reaches just beyond the cell's corners
 #define SIDEWAYS 3.0f   // looks on the way across one x or y, as long as a pixel is small against it
 #define SHARP 0.85f     // of a pixel's width counts as footprint: least error against 8 x 8 samples (tools/shells_laws.py)
-#define FAR_FROM 0.3f  // pixels that are so many sides of a cell wide begin to see hairs on average,
+#define FAR_FROM 0.3f   // pixels that are so many sides of a cell wide begin to see hairs on average,
 #define FAR_TO 0.9f     // and those of so many see nothing else
+#define ROWS 16         // of a face's points in the light's grid that a work-item does
+#define LOOKS 16        // at the table of means, at least, from the skin to the tips
 #define MOST_STEPS 20000    // tetrahedra on one way: no scene that is any good has so many
 
 /*
@@ -60,7 +63,11 @@ typedef uint16 lanes_u;
 #define BLOCK_X 4
 #define BLOCK_Y (LANES / 4)
 #endif
+#if CHECKED
+#define INLINED inline   // Oclgrind 21.10 does not know what LLVM leaves where it inlines
+#else
 #define INLINED inline __attribute__((always_inline))
+#endif
 #define SHIFT 12582912.0f        // 1.5 * 2^23: a float this large has no fraction
 
 INLINED lanes lesser(lanes a, lanes b)
@@ -969,4 +976,178 @@ __kernel void march(
     }
     if (pending)
         atomic_add(left, pending);
+}
+
+/* What a ray through a cell's face is expected to cross there, as voxelize.lengths does for strands.  A hair is entered
+   where the share covered rises along the ray: from the side as often as the table of means tells, from above by what
+   the height adds.  Of hairs that are round, rise = side · cos(angle) + above; the mean over the angles of what of it is
+   positive is the amount, taken to 4 % as below.  Each prism is divided into points of 3/4 cell at most, and what
+   rounding leaves goes on to the next.  One work-item does ROWS rows of a face's points. */
+__kernel void deposit(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const Shells shells,
+    const Grid grid,
+    __global const uint4 *faces,           // [F] corners in the order of their numbers
+    __global const float4 *curves,         // [V, slabs + 1]
+    __global const float4 *lattice,        // [F, CORNERS]
+    __global const float2 *means,          // [HEIGHTS]
+    const int parts,                       // work-items a face
+    const float deep,                      // a cell's depth [world]
+    const int binary,                      // 1: a cell that holds anything holds one crossing
+    const uint weight,                     // amount of one crossing
+    volatile __global uint *cells)         // [nz, ny, nx]
+{
+    WORK_ITEM(item);
+    const int slabs = shells.kind.z, first_row = (int)(item % parts) * ROWS;
+    const uint face = item / parts;
+    const uint4 corners = faces[face];
+    __global const float4 *pa = curves + (size_t)corners.x * (slabs + 1), *pb = curves + (size_t)corners.y * (slabs + 1),
+        *pc = curves + (size_t)corners.z * (slabs + 1);
+    /* Points stand no further apart than where the face is nearest to the light. */
+    float square = 0.0f, near = INFINITY, far = 0.0f;
+    for (int k = 0; k <= slabs; ++k) {
+        const float4 ab = pb[k] - pa[k], bc = pc[k] - pb[k], ca = pa[k] - pc[k];
+        const float wa = distance_of(&grid, pa[k]), wb = distance_of(&grid, pb[k]), wc = distance_of(&grid, pc[k]);
+        square = max(square, max(max(dot3(ab, ab), dot3(bc, bc)), dot3(ca, ca)));
+        near = min(near, min(min(wa, wb), wc));
+        far = max(far, max(max(wa, wb), wc));
+    }
+    const float step = 0.75f * min(grid.face.y * max(near, grid.face.z), deep);
+    const int rows = (int)min(sqrt(square) / step, parts * ROWS - 1.0f) + 1;
+    const int heights = (int)min(shells.size.x / (slabs * step), parts * ROWS - 1.0f) + 1;
+    if (first_row >= rows || far < grid.face.z)
+        return;
+
+    const float4 first = lattice[CORNERS * face], second = lattice[CORNERS * face + 1];
+    const float2 to_b = first.zw - first.xy, to_c = second.xy - first.xy;
+    const int looks = (LOOKS - 1) / (slabs * heights) + 1;
+    float left = 0.5f, covered = mean_at(means, 0.0f).x;
+    for (int level = 0; level < slabs * heights; ++level) {
+        const int slab = level / heights;
+        const float inside = (level % heights + 0.5f) / heights;
+        const float low = (float)level / (slabs * heights), top = (float)(level + 1) / (slabs * heights);
+        /* Between these heights: what is covered below and not above, and entries going sideways. */
+        const float above = mean_at(means, top).x, newly = covered - above;
+        covered = above;
+        float entered = 0.0f;
+        for (int k = 0; k < looks; ++k)
+            entered += mean_at(means, low + (k + 0.5f) / (slabs * heights * looks)).y;
+        const float sideways = entered / (heights * looks);
+
+        const float4 up_a = pa[slab + 1] - pa[slab], up_b = pb[slab + 1] - pb[slab] - up_a,
+                     up_c = pc[slab + 1] - pc[slab] - up_a;
+        const float4 origin = pa[slab] + inside * up_a;
+        const float4 ab = pb[slab] - pa[slab] + inside * up_b, ac = pc[slab] - pa[slab] + inside * up_c;
+        const float4 n = cross3(ab, ac);
+        const float each = weight * 0.25f / ((float)rows * rows * grid.face.x);
+        for (int row = first_row; row < min(first_row + ROWS, rows); ++row)
+            for (int k = 0; k <= 2 * row; ++k) {
+                const int turned = k & 1;
+                const float wb = (k / 2 + (1 + turned) / 3.0f) / rows;
+                const float wc = (row - k / 2 - turned + (1 + turned) / 3.0f) / rows;
+                const float4 p = origin + wb * ab + wc * ac;
+                float w;
+                const int4 at = to_cells(&grid, p, &w);
+                if (at.x == OUTSIDE || at.z < 0)
+                    continue;
+                /* A spot's rays meet the cell's face, at distance w along its axis, at a slant: ray is w / cos long. */
+                w = w > grid.face.z ? w : grid.face.z;
+                const float4 ray = grid.light - grid.light.w * p, up = up_a + wb * up_b + wc * up_c;
+                const float along_b = dot3(ray, cross3(ac, up)), along_c = dot3(ray, cross3(up, ab));
+                const float2 move = along_b * to_b + along_c * to_c;
+                const float side = sideways * sideways * (move.x * move.x + move.y * move.y);
+                const float down = newly * dot3(ray, n) * (dot3(up, n) < 0.0f ? -1.0f : 1.0f);
+                const float level_down = down < 0.0f ? -down : down;
+                const float around = sqrt(4.0f * side + 0.5947153f * (down * down));
+                const float both = down + (around > level_down ? around : level_down);
+                const float exact = both * each / (w * w * w) + left;
+                const uint amount = exact < 0x1p31f ? (uint)exact : 1u << 31;
+                left = exact - amount < 1.0f ? exact - amount : 1.0f;
+                if (!binary)
+                    add_between(cells, &grid, at.x - SUBPIXEL / 2, at.y - SUBPIXEL / 2, at.z >> 8, amount);
+                else if (amount && in_grid(&grid, at.x >> 8, at.y >> 8, at.z >> 8))
+                    atomic_max(&cells[((size_t)(at.z >> 8) * grid.size.y + (at.y >> 8)) * grid.size.x + (at.x >> 8)], weight);
+            }
+    }
+}
+
+INLINED uint corner_of(uint4 face, int corner)
+{
+    return corner == 0 ? face.x : corner == 1 ? face.y : face.z;
+}
+
+/* What the nearest sample of one pixel sees, where that is fur: what is told of strands, of a hair of the fur.  One
+   work-item tells it of one pixel. */
+__kernel void about(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const View view,
+    const int slabs,
+    __global const ulong *visible,         // [rows, width, samples] what else is drawn
+    __global const ulong *fur,             // [rows, width, samples] depth << 32 | face, see march
+    __global const float *through,         // [rows, width, samples]
+    __global const uint4 *faces,           // [F] corners in the order of their numbers
+    __global const float4 *curves,         // [V, slabs + 1]
+    __global const float4 *uv,             // [F * 3] u, v of these corners
+    __global float *out_depth,             // [rows, width] distance along the view axis
+    __global int *out_id,                  // -3
+    __global float4 *out_tangent,          // unit: the hair's direction
+    __global float4 *out_normal,           // unit, towards the eye: across the hair
+    __global float4 *out_uv,               // of the root
+    __global float *out_coverage)          // share of light that does not come from behind everything
+{
+    WORK_ITEM(pixel);
+    const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
+    ulong key = ~0ul;
+    uint other = NOTHING;
+    int nearest = 0;
+    float covered = 0.0f;
+    for (int s = 0; s < samples; ++s) {
+        const ulong drawn = visible[pixel * samples + s], there = fur[pixel * samples + s];
+        covered += (uint)drawn == NOTHING ? 1.0f - through[pixel * samples + s] : 1.0f;
+        other = min(other, (uint)(drawn >> 32));
+        if (there < key) {
+            key = there;
+            nearest = s;
+        }
+    }
+    out_coverage[pixel] = covered / samples;
+    if (key == ~0ul || (uint)(key >> 32) >= other)
+        return;
+    const float4 p = seen_point(&view, x, y, nearest, (uint)(key >> 32)), v = towards_eye(&view, p);
+    const uint face = (uint)key;
+    const uint4 corners = faces[face];
+    __global const float4 *curve[3] = {curves + corners.x * (slabs + 1), curves + corners.y * (slabs + 1),
+                                       curves + corners.z * (slabs + 1)};
+    /* The tetrahedron that p lies in, or is the least beside. */
+    float best = -INFINITY, share[3] = {1.0f, 0.0f, 0.0f};   // of each corner of the face
+    int slab = 0;
+    for (int i = 0; i < 3 * slabs; ++i) {
+        const int k = i % 3, four[4] = {0, k == 2 ? 3 : 1, k == 0 ? 2 : 4, 5};
+        float4 q[4];
+        for (int j = 0; j < 4; ++j)
+            q[j] = curve[four[j] % 3][i / 3 + four[j] / 3] - p;
+        const float4 w = (float4)(dot3(cross3(q[1], q[2]), q[3]), -dot3(cross3(q[2], q[3]), q[0]),
+                                  dot3(cross3(q[3], q[0]), q[1]), -dot3(cross3(q[0], q[1]), q[2]));
+        const float all = (w.x + w.y) + (w.z + w.w);
+        const float part[4] = {w.x / all, w.y / all, w.z / all, w.w / all};
+        const float least = min(min(part[0], part[1]), min(part[2], part[3]));
+        if (all != 0.0f && least > best) {
+            best = least;
+            slab = i / 3;
+            share[0] = share[1] = share[2] = 0.0f;
+            for (int j = 0; j < 4; ++j)
+                share[four[j] % 3] += part[j];
+        }
+    }
+    float4 along = (float4)(0.0f), root_uv = along;
+    for (int j = 0; j < 3; ++j) {
+        along += share[j] * (curve[j][slab + 1] - curve[j][slab]);
+        root_uv += share[j] * uv[3 * face + j];
+    }
+    const float4 tangent = unit_or(along, v);
+    out_depth[pixel] = to_screen(&view, p).w;
+    out_id[pixel] = -3;
+    out_tangent[pixel] = tangent;
+    out_normal[pixel] = unit_or(v - dot3(v, tangent) * tangent, v);
+    out_uv[pixel] = root_uv;
 }
