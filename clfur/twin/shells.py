@@ -118,8 +118,11 @@ def waves(shells, at):
     return 1 - (1 - np.abs(total) / 2) / density, grad
 
 
-def cells(shells, face, sides, at):
-    """The highest cone at places [n, 2] among that of the triangle there and of its neighbours -> (v [n], gradient)."""
+def cells(shells, face, sides, at, lean=0.0):
+    """The highest cone at places [n, 2] among that of the triangle there and of its neighbours -> (v [n], gradient).
+
+    lean: [n, 2] how far all cones are moved.
+    """
     v = at[:, 1] / np.sqrt(0.75)
     u = at[:, 0] - v / 2
     i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
@@ -132,7 +135,7 @@ def cells(shells, face, sides, at):
                        ^ (u32(2 * np.asarray(face)) + u32(turned)) * u32(0xC2B2AE3D) ^ seed(shells))
         one, two, three = ((random >> u32(10 * k) & u32(1023)) / 1024 for k in range(3))
         centre_u, centre_v = ci + (1 + turned) / 3, cj + (1 + turned) / 3
-        off = at - np.stack([centre_u + centre_v / 2 + 0.3 * (one - 0.5),
+        off = at - lean - np.stack([centre_u + centre_v / 2 + 0.3 * (one - 0.5),
                              np.sqrt(0.75) * centre_v + 0.3 * (two - 0.5)], 1)
         away = np.sqrt((off**2).sum(1) + 1e-12)
         tall = 1 - float(shells["size"][3]) * three
@@ -150,7 +153,7 @@ def height_at(shells, table, face, sides, at, place, h):
     if sine:
         place = np.concatenate([at / float(shells["shape"][3]), np.zeros((len(at), 1))], 1)
     moved = amount * noise_at(shells, table, place)
-    return waves(shells, at + moved) if sine else cells(shells, face, sides, at - moved * h[:, None])
+    return waves(shells, at + moved) if sine else cells(shells, face, sides, at, moved * h[:, None])
 
 
 def cover(shells, v, h, g):
@@ -183,8 +186,7 @@ def march(view, shells, light, half_vector, visible, rounds, border, faces, curv
     slabs, bare = int(shells["kind"][2]), bool(shells["noise"][3])
     curves, normals, lattice, eye = f64(curves), f64(normals), f64(lattice), f64(view["eye"])[:3]
     tetrahedra, corners = _tetrahedra(faces, curves, slabs)
-    wide = np.linalg.norm(f64(view["to_screen"])[:3, 3]) / float(view["scale"][0]) / np.sqrt(samples)
-    forward = f64(view["to_screen"])[:3, 3]
+    widening = f64(view["to_screen"])[:3, 3] / float(view["scale"][0]) / np.sqrt(samples)   # of a pixel, along the view
 
     rest, done = np.ones(visible.size), np.zeros(visible.size, bool)
     half, half_face = np.full(visible.size, np.inf), np.full(visible.size, -1)
@@ -203,8 +205,7 @@ def march(view, shells, light, half_vector, visible, rounds, border, faces, curv
             chain, end = _chain(tetrahedra, eye, d, np.linalg.norm(p - eye), stop, slabs)
             done[sample] = not (end == "out" or end == "skin" and bare)
             if len(chain[0]):
-                pieces.append(_looks(shells, lattice, corners, chain, end, eye, d, wide * d @ forward
-                                     / np.linalg.norm(forward), stop, slabs, len(rays)))
+                pieces.append(_looks(shells, lattice, corners, chain, end, d @ widening, stop, slabs, len(rays)))
                 rays.append(sample)
                 directions.append(d)
         if not rays:
@@ -277,8 +278,8 @@ def _chain(tetrahedra, eye, d, entry, stop, slabs):
     return (which, z_in[which], z_out[which], *weights), end
 
 
-def _looks(shells, lattice, corners, chain, end, eye, d, wide, stop, slabs, ray):
-    """Where a ray looks at the fur: {name: [looks]}."""
+def _looks(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
+    """Where a ray looks at the fur: {name: [looks]}.  wide: of a pixel at distance 1."""
     t, z_in, z_out, *weights = chain
     face, slab, corner = t // (3 * slabs), t // 3 % slabs, corners[t]
     h_in, h_out = ((slab + (w * (corner >= 3)).sum(1)) / slabs for w in weights)
@@ -354,12 +355,13 @@ def _light(shells, light, half_vector, faces, curves, normals, lattice, eye, dir
     _, first, group = np.unique(key, return_index=True, return_inverse=True)
     hidden = np.bincount(group, part)
     seen = hidden > 1e-4
+    hidden = hidden[seen]
 
     def mean(values):
         sums = np.stack([np.bincount(group, part * column) for column in values.reshape(len(part), -1).T], 1)
-        return (sums[seen] / hidden[seen, None]).reshape(-1, *values.shape[1:])
+        return (sums[seen] / hidden[:, None]).reshape(-1, *values.shape[1:])
     ray, tetrahedron = looks["ray"][first][seen], looks["tetrahedron"][first][seen]
-    face, slab, hidden = tetrahedron // (3 * slabs), tetrahedron // 3 % slabs, hidden[seen]
+    face, slab = tetrahedron // (3 * slabs), tetrahedron // 3 % slabs
     d, h = directions[ray], mean(np.clip(looks["h"] - looks["back"], 0, 1))
     p = eye + mean(looks["z"])[:, None] * d
     a, b, c = lattice[face, 0, :2], lattice[face, 0, 2:], lattice[face, 1, :2]
