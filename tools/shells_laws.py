@@ -82,7 +82,7 @@ def spacing(mesh, fur):
     if fur.pattern == "cells":
         return 1 / fur.frequency
     a, b, c = (mesh.uv[:, i].astype(float) for i in range(3))
-    flat = np.abs(np.cross(b - a, c - a)).sum() / 2
+    flat = np.abs(np.linalg.det(np.stack([b - a, c - a], 1))).sum() / 2
     return np.sqrt(mesh.area / (flat * 4 * fur.frequency**2))     # two in each period of 1/2f by 1/f
 
 

@@ -175,12 +175,12 @@ def cover(shells, v, h, g):
 
 def march(view, shells, light, half_vector, visible, rounds, border, faces, curves, normals, lattice, noise, means, box,
           direct=1.0):
-    """Take all rays through the fur -> (image [rows, width, 4], through, distance [rows, width, samples], face).
+    """Take all rays through the fur -> (image [rows, width, 4], through, place, face).
 
     rounds: [rows, width, samples] uint64 each, the border triangles where rays come in, by order.  border: [B, 2].
     faces: [F, 3].  curves: [V, slabs + 1, 3].  lattice: [F, 4, 4].  noise: [z, y, x, 2].  box: origin of the noise and
-    its lattices a unit of length.  direct: share of the light that shadows leave.  distance: w where half of the light
-    is gone, infinite if it is not, and the face there.
+    its lattices a unit of length.  direct: share of the light that shadows leave.  place: [rows, width, samples, 3]
+    where half of the light is gone, and face the face there, -1 if it is not gone.
     """
     rows, width, samples = visible.shape
     slabs, bare = int(shells["kind"][2]), bool(shells["noise"][3])
@@ -189,7 +189,7 @@ def march(view, shells, light, half_vector, visible, rounds, border, faces, curv
     widening = f64(view["to_screen"])[:3, 3] / float(view["scale"][0]) / np.sqrt(samples)   # of a pixel, along the view
 
     rest, done = np.ones(visible.size), np.zeros(visible.size, bool)
-    half, half_face = np.full(visible.size, np.inf), np.full(visible.size, -1)
+    half, half_face = np.zeros((visible.size, 3)), np.full(visible.size, -1)
     image = np.zeros((visible.size, 4))
     for entries in rounds:
         entries, pieces, rays, directions = entries.ravel(), [], [], []
@@ -217,9 +217,14 @@ def march(view, shells, light, half_vector, visible, rounds, border, faces, curv
         done |= rest == 0
         image[rays] += _light(shells, light, half_vector, faces, curves, normals, lattice, eye, directions, looks, part,
                               slabs, direct)
-    distance = np.where(half_face < 0, np.inf, half).reshape(visible.shape)
-    return image.reshape(rows, width, samples, 4).mean(2), rest.reshape(visible.shape), distance, \
-        half_face.reshape(visible.shape)
+    return (image.reshape(rows, width, samples, 4).mean(2), rest.reshape(visible.shape),
+            half.reshape(*visible.shape, 3), half_face.reshape(visible.shape))
+
+
+def depth_of(view, p):
+    """Depth of places [n, 3], not yet rounded."""
+    q = np.concatenate([p, np.ones((len(p), 1))], 1) @ f64(view["to_screen"])
+    return DEPTH_ONE * (1 - np.clip(q[:, 2] / q[:, 3], 0, 1))
 
 
 def _tetrahedra(faces, curves, slabs):
@@ -315,7 +320,7 @@ def _looks(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
 def _see(shells, lattice, noise, means, box, eye, directions, looks):
     """Add to the looks what they see: the share covered, and of far hairs that which none of them leaves open."""
     face, h, d = looks["face"], looks["h"], directions[looks["ray"]]
-    where = eye + looks["z"][:, None] * d
+    looks["where"] = where = eye + looks["z"][:, None] * d
     v, grad = height_at(shells, noise, face, lattice[face, 1, 2], looks["at"], (where - box[:3]) * box[3], h)
     slope = grad[:, :1] * lattice[face, 2, :3] + grad[:, 1:] * lattice[face, 3, :3]
     change = np.linalg.norm(slope - dot(slope, d)[:, None] * d, axis=1)
@@ -341,7 +346,7 @@ def _hide(looks, rays, rest, half, half_face, slabs):
         part[look] = left[on] * (1 - kept)
         now = left[on] * kept
         halved = (left[on] >= 0.5) & (now < 0.5)
-        half[rays[on[halved]]] = looks["z"][look[halved]]
+        half[rays[on[halved]]] = looks["where"][look[halved]]
         half_face[rays[on[halved]]] = looks["face"][look[halved]]
         left[on] = now
         over[on] = now < 1 / 256
