@@ -1,4 +1,4 @@
-"""Shell fur: the twin's values on every device, and the laws of the pattern, the space it stands in, and its pictures."""
+"""Shell fur: the twin's values on every device, and the laws of the pattern and of the space that it stands in."""
 
 import dataclasses
 
@@ -58,10 +58,11 @@ class Drawn:
     light: np.ndarray
 
 
-def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, bare=False, form="kajiya-kay", lamp=LAMP,
-          camera=None, shadows=None):
+def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, bare=False, form="kajiya-kay",
+          lamp=LAMP, camera=None, shadows=None):
     mesh = clfur.Mesh(*MESHES[mesh]) if isinstance(mesh, str) else mesh
-    scene = clfur.Scene(mesh=mesh, fur=fur, camera=camera or frame(mesh, fur, size, direction=(0.3, 0.5, 1)), light=lamp)
+    camera = camera or frame(mesh, fur, size, direction=(0.3, 0.5, 1))
+    scene = clfur.Scene(mesh=mesh, fur=fur, camera=camera, light=lamp)
     view, light = view_of(scene, samples), light_of(lamp)
     packed, box = stage.pack(fur, mesh, bare, filtered)
     topology = stage.topology_of(mesh.faces)
@@ -287,7 +288,7 @@ def test_the_border_closes_the_fur(faces, slabs, bare):
 
 
 def test_the_fur_is_filled_without_gaps():
-    """Straight fur of a closed mesh is as large as the space between the skin and the tips, by the twin's tetrahedra."""
+    """Straight fur of a closed mesh is as large as the space between the skin and the tips."""
     positions, normals, _, faces = MESHES["ball"]
     topology = stage.topology_of(faces)
     curves = np.stack([positions, positions + 0.125 * normals, positions + 0.25 * normals], 1)
@@ -309,7 +310,8 @@ def curves_of(gpu, **options):
 
 
 @pytest.mark.parametrize("options", [
-    {}, {"wind": (3, 0, 0)}, {"force": (0, -20, 0)}, {"wind": (1, 1, 0), "acceleration": (0, 0, 9), "time": 0.4}], ids=str)
+    {}, {"wind": (3, 0, 0)}, {"force": (0, -20, 0)}, {"wind": (1, 1, 0), "acceleration": (0, 0, 9), "time": 0.4},
+], ids=str)
 def test_layers_keep_their_distance(gpu, options):
     """However hairs are bent, they stay as long as they are, and so do all their steps."""
     curves = curves_of(gpu, length=0.3, **options)
@@ -338,7 +340,7 @@ def test_hairs_are_bent_by_the_difference_of_force_and_acceleration(gpu):
 
 
 def test_cover_is_the_reports():
-    """|sin(2 f s) + sin(f t)| / sqrt f over the threshold 2 h / sqrt f, by a smoothstep up to 1.4 times the threshold."""
+    """|sin(2 f s) + sin(f t)| / sqrt f over the threshold 2 h / sqrt f, by a smoothstep up to 1.4 times that."""
     rng = np.random.default_rng(0)
     n = 100000
     f, s, t, h = rng.uniform(1, 200, n), *rng.uniform(0, 2 * np.pi, (2, n)), rng.uniform(3e-3, 1, n)

@@ -165,9 +165,9 @@ def silhouette(furred, samples):
 
 
 LAWS = {
-    "error": (errors, APART, "px/hair | inside: filtered unfiltered ratio (<= 1/3) | all: filtered unfiltered ratio | bright"),
+    "error": (errors, APART, "px/hair | inside: filtered unfiltered ratio (<= 1/3) | all: the same | brightness"),
     "flicker": (flicker, APART, "px/hair | filtered unfiltered ratio (< 1/3)"),
-    "layers": (layers, (4, 1, 0.25), "px/hair | % of 15, 60, 120 against 30 (< 2) | truth's % of 15, 60 | filtered/truth %"),
+    "layers": (layers, (4, 1, 0.25), "px/hair | % of 15, 60, 120 to 30 (< 2) | truth's of 15, 60 | filtered to truth"),
     "silhouette": (silhouette, (1, 4), "samples | edge inside ratio (<= 2)"),
 }
 

@@ -63,7 +63,8 @@ def lattice(shells, positions, faces, uv):
 def noise(shells):
     """Perlin's improved noise (2002), two values at places 1/4 apart -> [4 nz (1 if nz is 1), 4 ny, 4 nx, 2]."""
     n = [int(k) for k in shells["noise"][:3]]
-    z, y, x = np.meshgrid(np.arange(1 if n[2] == 1 else 4 * n[2]), np.arange(4 * n[1]), np.arange(4 * n[0]), indexing="ij")
+    places = [np.arange(4 * k) for k in n[:2]] + [np.arange(1 if n[2] == 1 else 4 * n[2])]
+    z, y, x = np.meshgrid(*places[::-1], indexing="ij")
     place = np.stack([x, y, z], -1)
     cell, t = place // 4, place % 4 / 4
     fade = t**3 * (t * (t * 6 - 15) + 10)
@@ -112,7 +113,7 @@ def noise_at(shells, table, p):
 
 
 def waves(shells, at):
-    """Half of the report's |sin(2 pi x) + sin(2 pi y)| at places [n, 2], thinned to the density -> (v [n], gradient)."""
+    """Half of the report's |sin(2 pi x) + sin(2 pi y)| at places [n, 2], thinned -> (v [n], gradient)."""
     total, density = np.sin(2 * np.pi * at).sum(1), float(shells["shape"][1])
     grad = np.pi * np.cos(2 * np.pi * at) * np.where(total < 0, -1, 1)[:, None] / density
     return 1 - (1 - np.abs(total) / 2) / density, grad
@@ -148,7 +149,7 @@ def cells(shells, face, sides, at, lean=0.0):
 
 
 def height_at(shells, table, face, sides, at, place, h):
-    """Height of the fur at places [n, 2] of faces [n] and its gradient by x and y; place [n, 3]: in the noise's lattice."""
+    """Height of the fur at places [n, 2] of faces [n] and its gradient by x and y; place [n, 3]: in the noise."""
     sine, amount = shells["kind"][0], float(shells["shape"][2])
     if sine:
         place = np.concatenate([at / float(shells["shape"][3]), np.zeros((len(at), 1))], 1)
@@ -228,7 +229,10 @@ def depth_of(view, p):
 
 
 def _tetrahedra(faces, curves, slabs):
-    """(matrices [T, 4, 4] from places (p, 1) to the corners' weights, corners [T, 4] 0..5); T = 3 · (slabs · f + slab) + k."""
+    """(matrices [T, 4, 4] from places (p, 1) to the corners' weights, corners [T, 4] 0..5).
+
+    Their number is 3 · (slabs · face + slab) + row of TETRAHEDRA.
+    """
     faces = np.asarray(faces)[:, :3].astype(np.int64)
     corners = np.tile(TETRAHEDRA, (len(faces) * slabs, 1))
     face, slab = np.arange(len(corners)) // (3 * slabs), np.arange(len(corners)) // 3 % slabs
@@ -257,7 +261,7 @@ def _put_in(p, start, faces, curves):
 
 
 def _chain(tetrahedra, eye, d, entry, stop, slabs):
-    """Pieces of a ray from its entry on, in order -> ((tetrahedra, z in, z out, weights in, weights out), how it ends)."""
+    """Pieces of a ray from its entry on -> ((tetrahedra, z in, z out, weights in, weights out), how they end)."""
     at_eye, by_z = tetrahedra[:, :, :3] @ eye + tetrahedra[:, :, 3], tetrahedra[:, :, :3] @ d
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing = -at_eye / by_z
@@ -333,7 +337,7 @@ def _see(shells, lattice, noise, means, box, eye, directions, looks):
 
 
 def _hide(looks, rays, rest, half, half_face, slabs):
-    """What each look hides of the light from behind; `rest` [samples] and where half of it is gone are brought up to date."""
+    """What each look hides of the light from behind; writes what is left, and where half of it is gone, of samples."""
     counts = np.bincount(looks["ray"], minlength=len(rays))
     first = np.cumsum(counts) - counts
     part, before, left, over = np.zeros(len(looks["ray"])), np.zeros(len(rays)), rest[rays], np.zeros(len(rays), bool)
@@ -385,7 +389,8 @@ def _light(shells, light, half_vector, faces, curves, normals, lattice, eye, dir
     if light["position"][3] > 0:
         to_light = unit(f64(light["position"])[:3] - p)
         strength = strength * (to_light @ -f64(light["direction"])[:3] >= float(light["cone"][0]))[:, None]
-    color, ambient, (specular, exponent, _, turned) = f64(shells["color"])[:3], float(light["color"][3]), f64(shells["shine"])
+    color, ambient = f64(shells["color"])[:3], float(light["color"][3])
+    specular, exponent, _, turned = f64(shells["shine"])
     if turned:
         n = unit(n - float(shells["size"][0]) * mean(looks["slope"]))
         towards = dot(n, to_light)
