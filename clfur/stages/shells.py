@@ -36,7 +36,7 @@ class Pattern:
     means: Any         # [HEIGHTS, 2] float32 share covered, hairs entered going sideways by 1
     faces: Any         # [F, 4] uint32 corners in the order of their numbers
     neighbours: Any    # [F, 4] int32, see Topology
-    lattice: Any       # [F * 4, 4] float32, see shells.cl
+    lattice: Any       # [F * 5, 4] float32, see shells.cl
 
 
 @dataclass(frozen=True)
@@ -138,10 +138,10 @@ def lay(gpu, mesh, packed, box, topology):
     n = len(topology.corners)
     result = Pattern(packed, box, gpu.empty((places, 2), np.float32), gpu.empty((HEIGHTS, 2), np.float32),
                      gpu.upload(widen(topology.corners)), gpu.upload(topology.neighbours),
-                     gpu.empty((n * 4, 4), np.float32))
+                     gpu.empty((n * 5, 4), np.float32))
     gpu.launch("shells.noise", places, packed, result.noise)
     gpu.launch("shells.means", HEIGHTS, packed, np.int32(AROUND), result.means)
-    gpu.launch("shells.lattice", n, packed, gpu.upload(widen(mesh.positions)), result.faces, gpu.upload(widen(uv)),
+    gpu.launch("shells.lattice", n, packed, gpu.upload(widen(mesh.positions)), gpu.upload(widen(mesh.normals)), result.faces, gpu.upload(widen(uv)),
                result.lattice)
     return result
 
@@ -170,11 +170,13 @@ def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
     through, after = gpu.full(visible.shape, np.float32, 1), gpu.full(visible.shape, np.uint32, 0)
     fur = gpu.full(visible.shape, np.uint64, NONE)
     pattern = shell.pattern
+    across, down = (1, 1) if gpu.lanes == 1 else (4, gpu.lanes // 4)   # a work-item's pixels
+    blocks = -(-width // across) * -(-rows // down)
     for _ in range(ENTRIES):
         left = gpu.full(1, np.int32, 0)
         with gpu.called("entries"):
             entries = raster(gpu, view, None, shell, after=after)
-        gpu.launch("shells.march", -(-rows * width // gpu.lanes), view, packed, light, np.int32(specular == "half-vector"), visible,
+        gpu.launch("shells.march", blocks, view, packed, light, np.int32(specular == "half-vector"), visible,
                    entries, shell.border, pattern.faces, pattern.neighbours, shell.curves, shell.normals,
                    pattern.lattice, pattern.noise, pattern.means, pattern.box, shadows.shadow, shadows.grid,
                    shadows.sums, shadows.seen, shadows.map, after, through, fur, left, image)
