@@ -86,7 +86,7 @@ def by_twin(it, form="kajiya-kay", direct=1.0):
     return twin.march(
         it.view, packed, it.light, form == "half-vector", it.visible, it.rounds, it.shell.border.get(),
         pattern.faces.get(), it.shell.curves.get()[:, :3].reshape(-1, slabs + 1, 3), it.shell.normals.get()[:, :3],
-        pattern.lattice.get().reshape(-1, 4, 4), pattern.noise.get().reshape(*noise_shape(packed), 2),
+        pattern.lattice.get().reshape(-1, 5, 4), pattern.noise.get().reshape(*noise_shape(packed), 2),
         pattern.means.get(), pattern.box, direct)
 
 
@@ -212,8 +212,8 @@ def test_preparation_equals_the_twin(gpu, mesh, options):
     curves = shell.curves.get().reshape(-1, slabs + 1, 4)
     np.testing.assert_allclose(curves[..., :3], twin.bend(packed, mesh.positions, mesh.normals), atol=2e-6)
     assert not curves[..., 3].any()
-    lattice = pattern.lattice.get().reshape(-1, 4, 4)
-    expected = twin.lattice(packed, mesh.positions, topology.corners, uv)
+    lattice = pattern.lattice.get().reshape(-1, 5, 4)
+    expected = twin.lattice(packed, mesh.positions, mesh.normals, topology.corners, uv)
     np.testing.assert_array_equal(lattice[:, 1, 2], expected[:, 1, 2])
     np.testing.assert_allclose(lattice, expected, rtol=2e-5, atol=2e-5 * np.abs(expected).max())
     np.testing.assert_allclose(pattern.noise.get().reshape(*noise_shape(packed), 2), twin.noise(packed), atol=1e-6)
@@ -348,7 +348,7 @@ def test_cover_is_the_reports():
     u = np.clip((value - threshold) / (0.4 * threshold), 0, 1)
     # The pattern's own places: x = f s / pi, y = f t / 2 pi.
     exact = {"shape": (1.4, 1.0, 0.0, 8.0)}
-    v, _ = twin.waves(exact, np.stack([f * s / np.pi, f * t / (2 * np.pi)], 1))
+    v, *_ = twin.waves(exact, np.stack([f * s / np.pi, f * t / (2 * np.pi)], 1))
     np.testing.assert_allclose(twin.cover(exact, v, h, 0.0), u * u * (3 - 2 * u), atol=1e-9)
 
 
@@ -370,7 +370,7 @@ def test_slopes_are_those_of_the_height(pattern, shape):
 
     def height(at):
         return twin.waves(shells, at) if pattern == "sine" else twin.cells(shells, 4, 200, at)
-    v, grad = height(at)
+    v, grad, _ = height(at)
     for axis in range(2):
         step = 1e-6 * np.eye(2)[axis]
         # On a ridge or at the edge of a cell there is no slope: few places.
