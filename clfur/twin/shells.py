@@ -166,8 +166,8 @@ def height_at(shells, table, face, sides, at, place, h):
 def cover(shells, v, h, g=0.0, bow=0.0, top=1.0, narrow=1.0):
     """Share covered at height h where the fur is v high: smoothstep from h to sharpness · h, its mean over a footprint.
 
-    Across it v goes from v - g/2 to v + g/2, less by bow at both ends; where it would pass the hair's own height, `top`,
-    it turns there and goes down again.  narrow: how much of the footprint the hair fills the other way.
+    Across it v goes from v - g/2 to v + g/2, less by bow at both ends; where it would pass the hair's own height, top,
+    it turns and goes down again.  narrow: how much of the footprint the hair fills the other way.
     """
     width = np.maximum((float(shells["shape"][0]) - 1) * h, 1e-3)
 
