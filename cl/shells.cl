@@ -59,7 +59,11 @@ typedef uint16 lanes_u;
 #define BLOCK_X 4
 #define BLOCK_Y (LANES / 4)
 #endif
+#if CHECKED
+#define INLINED inline   // Oclgrind doesn't know what clang leaves where it has inlined what gives a struct
+#else
 #define INLINED inline __attribute__((always_inline))
+#endif
 #define SHIFT 12582912.0f        // 1.5 * 2^23: a float this large has no fraction
 
 INLINED lanes lesser(lanes a, lanes b)
@@ -287,8 +291,8 @@ __kernel void lattice(
     }
     const float4 grad_x = (at[1].x - at[0].x) * to_b + (at[2].x - at[0].x) * to_c;
     const float4 grad_y = (at[1].y - at[0].y) * to_b + (at[2].y - at[0].y) * to_c;
-    out[CORNERS * f] = (float4)(at[0], at[1]);
-    out[CORNERS * f + 1] = (float4)(at[2], sides, sqrt(sqrt(dot3(grad_x, grad_x) * dot3(grad_y, grad_y))));
+    out[CORNERS * f] = (float4)(at[0].x, at[0].y, at[1].x, at[1].y);
+    out[CORNERS * f + 1] = (float4)(at[2].x, at[2].y, sides, sqrt(sqrt(dot3(grad_x, grad_x) * dot3(grad_y, grad_y))));
     out[CORNERS * f + 2] = grad_x;
     out[CORNERS * f + 3] = grad_y;
     out[CORNERS * f + 4] = n / (dot3(n, normals[faces[f].x]) < 0.0f ? -sqrt(square) : sqrt(square)) / shells.size.x;

@@ -449,6 +449,8 @@ def test_the_means_are_those_of_the_pattern(gpu):
 def test_small(gpu, monkeypatch, pattern):
     """All kernels, as small as they can be."""
     monkeypatch.setattr(stage, "AROUND", 4)
+    gpu = clfur.Scheduler(gpu.device)
+    gpu.lanes = 1
     fur = clfur.Shells(length=0.4, layers=2, frequency=1.0, pattern=pattern, noise=(0.3, 8), wind=(0.3, 0, 0))
     it = drawn(gpu, monkeypatch, "quad", fur, size=(5, 4), bare=True)
     image, through, *_ = by_twin(it)
