@@ -68,10 +68,11 @@ SHAPES = {"fine": {"length": .12, "frequency": 40}, "long": {"length": .2, "freq
 
 # --- the twin ------------------------------------------------------------------------------------------------
 
-FURS = {"straight": {}, "short": {"length": .02}, "bent": {"force": (0, -1, 0)}, "long": {"length": .4, "force": (1, 0, 0)},
-        "windy": {"wind": (.5, 0, .3), "time": .3, "frequency": 3}}
+FURS = {"straight": {}, "short": {"length": .02}, "bent": {"force": (0, -1, 0)},
+        "long": {"length": .4, "force": (1, 0, 0)}, "windy": {"wind": (.5, 0, .3), "time": .3, "frequency": 3}}
 LIGHTS = {"slanted": lamp(1, -1, -.6), "along": lamp(0, 0, -1), "below": lamp(.2, 1, .1),
-          "spot": lamp(0, -1, 0, position=(0, 8, 0), angle=12), "near": lamp(.3, -1, 0, position=(0, 1.6, 0), angle=100)}
+          "spot": lamp(0, -1, 0, position=(0, 8, 0), angle=12),
+          "near": lamp(.3, -1, 0, position=(0, 1.6, 0), angle=100)}
 
 
 @pytest.mark.parametrize("fur, lit", [*((fur, "slanted") for fur in FURS), ("bent", "along"), ("bent", "below"),
@@ -105,7 +106,7 @@ def check_twin(gpu, scene, cells, method="length"):
 
 
 def amount(means, lattice, direction, length):
-    """What straight fur shows to light per area of a level face, from the table: as deposit's note says, but exactly."""
+    """What straight fur shows to light per area of a level face, from the table: by the formula of deposit, finely."""
     h = np.linspace(0, 1, 6301)
     table = np.stack([np.interp(h, np.linspace(0, 1, len(means)), column) for column in means.T], 1)
     down, middle = table[:-1, 0] - table[1:, 0], (table[1:, 1] + table[:-1, 1]) / 2 / 6300
@@ -121,7 +122,7 @@ def test_a_level_patch_shows_its_table(gpu, direction, length):
     """Whatever the grid and the faces: the sum is the area of all hair that the light sees."""
     fur = clfur.Shells(length=length, frequency=20, seed=3)
     for n, cells in ((1, 16), (1, 48), (4, 48), (4, 112)):
-        got, grid, shell, _ = deposited(gpu, clfur.Scene(mesh=patch(n), fur=fur, light=lamp(*direction)), cells, unit=UNIT)
+        got, grid, shell, _ = deposited(gpu, clfur.Scene(mesh=patch(n), fur=fur, light=lamp(*direction)), cells)
         means, lattice = shell.pattern.means.get().astype(float), shell.pattern.lattice.get().reshape(-1, 4, 4)
         expected = 4 * np.mean([amount(means, each, direction, length) for each in lattice.astype(float)])
         # Heights of 3/4 cell and 16 looks at the table.  Rounding: half a unit for each work-item.
@@ -146,7 +147,7 @@ def test_a_turning_light_changes_sums_by_little(gpu):
 
 
 class Fur:
-    """Straight fur of a ball, found by solving for its corners: at height h a face is the skin's, 1 + h length as large."""
+    """Straight fur of a ball, solved for its corners: at height h a face is the skin's, 1 + h · length as large."""
 
     def __init__(self, mesh, fur, shell, packed):
         order = np.sort(mesh.faces, 1)
@@ -201,7 +202,8 @@ def read(cells, grid, p, unit=UNIT):
         for value, d in ((x, dx), (y, dy), (z, dz)):
             f = value - np.floor(value)
             weight *= f if d else 1 - f
-        result = result + weight * sums[np.floor(z).astype(int) + dz, np.floor(y).astype(int) + dy, np.floor(x).astype(int) + dx]
+        i, j, k = (np.floor(value).astype(int) + d for value, d in ((x, dx), (y, dy), (z, dz)))
+        result = result + weight * sums[k, j, i]
     return result
 
 
@@ -269,7 +271,8 @@ def ring(alpha, height):
 
 @pytest.mark.parametrize("method", ["binary", "count", "trilinear", "length"])
 def test_shells_and_strands_darken_each_other(gpu, method):
-    camera, settings = clfur.Camera(eye=(0, .6, 4), size=(80, 60)), clfur.Settings(samples=1, shadows=method, shadow_map=0)
+    camera = clfur.Camera(eye=(0, .6, 4), size=(80, 60))
+    settings = clfur.Settings(samples=1, shadows=method, shadow_map=0)
 
     def drawn(alpha, strands_alpha, way):
         scene = clfur.Scene(mesh=ball(), fur=[clfur.Shells(length=.2, alpha=alpha), ring(strands_alpha, 1.5)],
@@ -299,7 +302,8 @@ def hashed(scene, *arguments, **keys):
 def test_the_same_counts_in_parts_by_teams_and_with_narrow_atomics(gpu, sphere, method):
     scene = both(sphere)
     whole = hashed(scene, gpu, shadows=method)["voxels"]
-    assert whole != hashed(clfur.Scene(mesh=sphere, fur=scene.strands, light=scene.light), gpu, shadows=method)["voxels"]
+    bald = clfur.Scene(mesh=sphere, fur=scene.strands, light=scene.light)
+    assert whole != hashed(bald, gpu, shadows=method)["voxels"]
     small = clfur.Scheduler(gpu.device, memory=6_000_000)
     small.int64_atomics = False
     assert len(Work(small, scene).plan(small, clfur.Settings(grid=32, samples=1), False)[0]) > 1

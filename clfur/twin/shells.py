@@ -434,7 +434,7 @@ def sine(a, b):
     return np.linalg.norm(np.cross(a, b), axis=-1)
 
 
-# --- the light's grid: in the device's own order of float operations, so that whole numbers are equal ----------------
+# --- the light's grid: in the device's own order of float operations, so that whole numbers are equal ----
 
 ROWS, LOOKS, FAR = 16, 16, 4    # of a face's points a work-item; at the table; grids beyond which nothing is snapped
 
@@ -447,7 +447,7 @@ def deposit(shells, grid, faces, curves, lattice, means, parts, deep, binary, we
     """
     one, slabs = np.float32, int(shells["kind"][2])
     cells = np.zeros([int(n) for n in grid["size"][2::-1]], np.int64)
-    corners = [np.asarray(curves, one)[np.asarray(faces, np.int64)[:, i], :, :3] for i in range(3)]   # [F, slabs + 1, 3]
+# --- the light's grid: in the device's own order of float operations, so that integers are equal ---------
     m = grid["to_grid"]
 
     def distance(p):
@@ -485,7 +485,8 @@ def _deposit(cells, grid, a, b, c, lattice, means, slabs, rows, heights, binary,
             sideways = entered / one(heights * looks)
             up_a = a[:, k + 1] - a[:, k]
             up_b, up_c = (p[:, k + 1] - p[:, k] - up_a for p in (b, c))
-            origin, ab, ac = a[:, k] + inside * up_a, b[:, k] - a[:, k] + inside * up_b, c[:, k] - a[:, k] + inside * up_c
+            origin = a[:, k] + inside * up_a
+            ab, ac = b[:, k] - a[:, k] + inside * up_b, c[:, k] - a[:, k] + inside * up_c
             for row in range(first, min(first + ROWS, rows)):
                 for point in range(2 * row + 1):
                     third = one(1 + point % 2) / one(3)
