@@ -447,7 +447,8 @@ def deposit(shells, grid, faces, curves, lattice, means, parts, deep, binary, we
     """
     one, slabs = np.float32, int(shells["kind"][2])
     cells = np.zeros([int(n) for n in grid["size"][2::-1]], np.int64)
-# --- the light's grid: in the device's own order of float operations, so that integers are equal ---------
+    places, faces = np.asarray(curves, one), np.asarray(faces, np.int64)
+    corners = [places[faces[:, i], :, :3] for i in range(3)]              # [F, slabs + 1, 3]
     m = grid["to_grid"]
 
     def distance(p):
