@@ -12,10 +12,10 @@
 #include "light.h"
 #include "cells.h"
 
-#define CORNERS 4       // float4 a face in `lattice`
+#define CORNERS 5       // float4 a face in `lattice`
 #define HEIGHTS 64      // of the table of means
 #define CELL_RADIUS 0.62f   // of a hair at its root, in sides of a cell: it reaches just beyond the cell's corners
-#define SIDEWAYS 4.0f   // looks on the way across one x or y, as long as a pixel is small against it
+#define SIDEWAYS 3.0f   // looks on the way across one x or y, as long as a pixel is small against it
 #define FAR_FROM 0.35f  // pixels that are so many sides of a cell wide begin to see hairs on average,
 #define FAR_TO 1.0f     // and those of so many see nothing else
 #define ROWS 16         // of a face's points in the light's grid that a work-item does
@@ -55,6 +55,13 @@ typedef uint16 lanes_u;
 #define U(x) ((lanes_u)(x))
 #define LANE(v, i) (((float *)&(v))[i])
 #define LANE_I(v, i) (((int *)&(v))[i])
+#if LANES == 1
+#define BLOCK_X 1        // pixels whose rays go together
+#define BLOCK_Y 1
+#else
+#define BLOCK_X 4
+#define BLOCK_Y (LANES / 4)
+#endif
 #define INLINED inline __attribute__((always_inline))
 #define SHIFT 12582912.0f        // 1.5 * 2^23: a float this large has no fraction
 
@@ -102,14 +109,104 @@ INLINED bool any_lane(lanes_i mask)
 {
 #if LANES == 1
     return mask;
-#elif LANES == 8
-    const int4 a = mask.lo | mask.hi;
-    return (a.x | a.y) | (a.z | a.w);
 #else
+#if LANES == 16
     const int8 b = mask.lo | mask.hi;
+#else
+    const int8 b = mask;
+#endif
     const int4 a = b.lo | b.hi;
     return (a.x | a.y) | (a.z | a.w);
 #endif
+}
+
+INLINED float least_lane(lanes x)
+{
+#if LANES == 1
+    return x;
+#else
+#if LANES == 16
+    const float8 b = x.lo < x.hi ? x.lo : x.hi;
+#else
+    const float8 b = x;
+#endif
+    const float4 a = b.lo < b.hi ? b.lo : b.hi;
+    const float2 c = a.lo < a.hi ? a.lo : a.hi;
+    return c.x < c.y ? c.x : c.y;
+#endif
+}
+
+INLINED int most_lane(lanes_i x)
+{
+#if LANES == 1
+    return x;
+#else
+#if LANES == 16
+    const int8 b = x.lo > x.hi ? x.lo : x.hi;
+#else
+    const int8 b = x;
+#endif
+    const int4 a = b.lo > b.hi ? b.lo : b.hi;
+    const int2 c = a.lo > a.hi ? a.lo : a.hi;
+    return c.x > c.y ? c.x : c.y;
+#endif
+}
+
+/* A vector of the world, one in each lane. */
+typedef struct {
+    lanes x, y, z;
+} lanes3;
+
+INLINED lanes dots(lanes3 a, lanes3 b)
+{
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+INLINED lanes3 scaled(lanes3 a, lanes by)
+{
+    a.x *= by;
+    a.y *= by;
+    a.z *= by;
+    return a;
+}
+
+INLINED lanes3 plus(lanes3 a, lanes3 b)
+{
+    a.x += b.x;
+    a.y += b.y;
+    a.z += b.z;
+    return a;
+}
+
+INLINED lanes3 crosses(lanes3 a, lanes3 b)
+{
+    const lanes3 c = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+    return c;
+}
+
+INLINED lanes3 all_lanes(float4 a)
+{
+    const lanes3 b = {F(a.x), F(a.y), F(a.z)};
+    return b;
+}
+
+INLINED lanes3 unit(lanes3 a)
+{
+    const lanes square = greater(dots(a, a), F(1e-30f));
+    return scaled(a, root(square) / square);
+}
+
+/* x^e for 0 < x <= 1 and e > 0. */
+INLINED lanes power(lanes x, float e)
+{
+    const lanes_i bits = AS_I(x) - 0x3F3504F3;           // so that the rest lies around 1
+    const lanes m = AS_F((bits & 0x007FFFFF) + 0x3F3504F3);
+    const lanes whole = AS_F((bits >> 23) + as_int(SHIFT)) - SHIFT;
+    const lanes t = (m - 1.0f) / (m + 1.0f), u = t * t;
+    const lanes log2 = whole + 2.8853901f * t * (1.0f + u * (1.0f / 3 + u * (0.2f + u * (1.0f / 7 + u * (1.0f / 9)))));
+    const lanes p = greater(e * log2, F(-100.0f)), f = 0.69314718f * (p - nearest(p));
+    const lanes fraction = 1.0f + f * (1.0f + f * (0.5f + f * (1.0f / 6 + f * (1.0f / 24 + f * (1.0f / 120 + f * (1.0f / 720))))));
+    return AS_F(AS_I(fraction) + (nearest_i(p) << 23));
 }
 
 /* sin(2 pi x) of one quarter, |r| <= 1/4, to 1e-7 (Taylor); + and * alone, so that it is the same bits everywhere. */
@@ -170,9 +267,10 @@ __kernel void lattice(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Shells shells,
     __global const float4 *positions,      // [V]
+    __global const float4 *normals,        // [V]
     __global const uint4 *faces,           // [F] corners in the order of their numbers
     __global const float4 *uv,             // [F * 3] u, v of these corners
-    __global float4 *out)                  // [F, CORNERS] x0 y0 x1 y1; x2 y2 cells-a-side density; gradients of x and of y
+    __global float4 *out)                  // [F, CORNERS] x0 y0 x1 y1; x2 y2 cells-a-side density; gradients of x, y and h
 {
     WORK_ITEM(f);
     const float4 a = positions[faces[f].x], b = positions[faces[f].y] - a, c = positions[faces[f].z] - a;
@@ -196,6 +294,7 @@ __kernel void lattice(
     out[CORNERS * f + 1] = (float4)(at[2], sides, sqrt(sqrt(dot3(grad_x, grad_x) * dot3(grad_y, grad_y))));
     out[CORNERS * f + 2] = grad_x;
     out[CORNERS * f + 3] = grad_y;
+    out[CORNERS * f + 4] = n / (dot3(n, normals[faces[f].x]) < 0.0f ? -sqrt(square) : sqrt(square)) / shells.size.x;
 }
 
 /* Perlin's improved noise (2002) at places 1/4 apart, two values each, with the lattice's own period. One work-item,
@@ -256,8 +355,9 @@ INLINED float2 noise_at(const Shells *shells, __global const float2 *noise, floa
 }
 
 /* The report's fur function, halved so that it reaches 1: its threshold (2/sqrt f)·h of value/sqrt f is then h. */
-INLINED lanes waves(const Shells *shells, lanes x, lanes y, lanes *by_x, lanes *by_y)
+INLINED lanes waves(const Shells *shells, lanes x, lanes y, lanes *by_x, lanes *by_y, lanes *top)
 {
+    *top = F(1.0f);
     const lanes sum = sin_turns(x) + sin_turns(y);
     const float thin = 1.0f / shells->shape.y;
     const lanes slope = sum < 0.0f ? F(-3.1415927f * thin) : F(3.1415927f * thin);
@@ -269,13 +369,14 @@ INLINED lanes waves(const Shells *shells, lanes x, lanes y, lanes *by_x, lanes *
 /* Cones, one on each triangle of a lattice, the highest of the four that are nearest. Those beyond the face's border are
    left out, as the face behind it has its own; sides: cells along a side of the face. */
 INLINED lanes cells(const Shells *shells, uint face, int sides, lanes x, lanes y, lanes lean_x, lanes lean_y,
-                    lanes *by_x, lanes *by_y)
+                    lanes *by_x, lanes *by_y, lanes *top)
 {
     const float thin = 1.0f / (CELL_RADIUS * shells->shape.y);
     const lanes v = y * 1.1547005f, u = x - 0.5f * v, fu = nearest(u - 0.5f), fv = nearest(v - 0.5f);
     const lanes_i i = nearest_i(u - 0.5f), j = nearest_i(v - 0.5f), down = (u - fu) + (v - fv) > 1.0f;
     lanes best = F(-1.0f), steep = F(0.0f);
     *by_x = *by_y = F(0.0f);
+    *top = F(1.0f);
     for (int n = 0; n < 4; ++n) {
         /* This cell and the three across its sides, which point the other way. */
         const lanes_i next = down ? I(1) : I(-1), turned = n ? (down ? I(0) : I(1)) : (down ? I(1) : I(0));
@@ -292,6 +393,7 @@ INLINED lanes cells(const Shells *shells, uint face, int sides, lanes x, lanes y
         const lanes_i better = (at_i >= 0) & (at_j >= 0) & (at_i + at_j + turned < sides) & (high > best);
         best = better ? high : best;
         steep = better ? tall / off : steep;
+        *top = better ? tall : *top;
         *by_x = better ? dx : *by_x;
         *by_y = better ? dy : *by_y;
     }
@@ -300,13 +402,14 @@ INLINED lanes cells(const Shells *shells, uint face, int sides, lanes x, lanes y
     return best;
 }
 
-/* Height of the fur at a place and its gradient by x and y: hair is where this is more than h. `moved`: the noise there. */
+/* Height of the fur at a place, its gradient by x and y and the height of its hair's tip: hair is where this is more than h.
+   `moved`: the noise there. */
 INLINED lanes height_at(const Shells *shells, uint face, int sides, lanes x, lanes y, lanes moved_x, lanes moved_y, lanes h,
-                        lanes *by_x, lanes *by_y)
+                        lanes *by_x, lanes *by_y, lanes *top)
 {
     if (shells->kind.x)
-        return waves(shells, x + moved_x, y + moved_y, by_x, by_y);
-    return cells(shells, face, sides, x, y, moved_x * h, moved_y * h, by_x, by_y);
+        return waves(shells, x + moved_x, y + moved_y, by_x, by_y, top);
+    return cells(shells, face, sides, x, y, moved_x * h, moved_y * h, by_x, by_y, top);
 }
 
 /* Integral of smoothstep(e0, e0 + width, t) over t. */
@@ -316,18 +419,25 @@ INLINED lanes integral(lanes t, lanes e0, lanes width, lanes narrow)
     return width * (u * u * u) * (1.0f - 0.5f * u) + greater(t - e0 - width, F(0.0f));
 }
 
-/* Share of a place at height h that hair covers, where the fur is v high: the report's threshold and smoothstep,
-   averaged over a footprint across which v - h changes by g. */
-INLINED lanes cover(const Shells *shells, lanes v, lanes h, lanes g)
+/* Share of a place at height h that hair covers, where the fur is v high and its hair's tip `top`: the report's threshold
+   and smoothstep, averaged over a footprint across which v - h changes by g, but for `bow` that it is less at both
+   ends, and that holds `narrow` of the hair the other way. */
+INLINED lanes cover(const Shells *shells, lanes v, lanes h, lanes g, lanes bow, lanes top, lanes narrow)
 {
-    const lanes width = greater((shells->shape.x - 1.0f) * h, F(1e-3f)), narrow = 1.0f / width;
-    const lanes u = within((v - h) * narrow, 0.0f, 1.0f), sharp = u * u * (3.0f - 2.0f * u);
-    const lanes_i soft = g > 1e-2f * width;
+    const lanes width = greater((shells->shape.x - 1.0f) * h, F(1e-3f)), sharper = 1.0f / width;
+    const lanes u = within((v - h) * sharper, 0.0f, 1.0f), sharp = u * u * (3.0f - 2.0f * u);
+    const lanes_i soft = g + bow > 1e-2f * width;
     if (!any_lane(soft))
         return sharp;
-    const lanes mean = within((integral(v + 0.5f * g, h, width, narrow) - integral(v - 0.5f * g, h, width, narrow))
-                              / (soft ? g : F(1.0f)), 0.0f, 1.0f);
-    return soft ? mean : sharp;
+    /* Beyond the tip it goes down again. */
+    const lanes low = v - 0.5f * g - bow, high = v + 0.5f * g - bow, far = bow > 0.0f ? top : 2.0f * top - high;
+    const lanes_i over = bow > 0.0f ? 0.5f * g < 2.0f * bow : high > top;
+    const lanes a = integral(low, h, width, sharper), b = integral(over ? far : high, h, width, sharper);
+    const lanes c = integral(top, h, width, sharper);
+    const lanes sum = over & (bow <= 0.0f) ? 2.0f * c - a - b : b - a;
+    const lanes span = over & (bow > 0.0f) ? top - low : g;
+    const lanes mean = within(sum / greater(span, F(1e-6f)), 0.0f, 1.0f);
+    return soft ? mean * lesser(narrow, F(1.0f)) : sharp;
 }
 
 /* What many hairs are on average at each of HEIGHTS heights: the share covered, and how often one that goes sideways
@@ -346,13 +456,13 @@ __kernel void means(
         for (int way = 0; way < 2; ++way) {
             float before = 1.0f;
             for (int i = -1; i < around; i += LANES) {
-                lanes u, by_x, by_y;
+                lanes u, by_x, by_y, top;
                 for (int n = 0; n < LANES; ++n)
                     LANE(u, n) = (i + n + 0.5f) * step;
                 const lanes v = F((j + 0.5f) * step), x = way ? v : u, y = way ? u : v;
-                const lanes high = shells.kind.x ? waves(&shells, x, y, &by_x, &by_y)
-                    : cells(&shells, 0, 1 << 30, x + 1e3f, y + 1e3f, F(0.0f), F(0.0f), &by_x, &by_y);
-                lanes here = cover(&shells, high, h, F(0.0f));
+                const lanes high = shells.kind.x ? waves(&shells, x, y, &by_x, &by_y, &top)
+                    : cells(&shells, 0, 1 << 30, x + 1e3f, y + 1e3f, F(0.0f), F(0.0f), &by_x, &by_y, &top);
+                lanes here = cover(&shells, high, h, F(0.0f), F(0.0f), top, F(1.0f));
                 for (int n = 0; n < LANES && i + n < around; ++n) {
                     entered += LANE(here, n) > before ? LANE(here, n) - before : 0.0f;
                     covered += i + n < 0 || way ? 0.0f : LANE(here, n);
@@ -370,6 +480,19 @@ INLINED float2 mean_at(__global const float2 *means, float h)
     return means[k] + (at - k) * (means[k + 1] - means[k]);
 }
 
+/* Share of light that many hairs let through, from h0 to h and as far as `aside` sideways.  A hair's flanks are met from
+   above, from the side or both: what rays go through is the mean over all directions that flanks face of max(0, down +
+   side·cos), here by a parabola through its ends, 1 % too large at most. */
+INLINED float kept_by_many(__global const float2 *means, float h0, float h, float aside)
+{
+    const float2 a = mean_at(means, h0), b = mean_at(means, h);
+    const float before = a.x < 0.999f ? a.x : 0.999f, now = b.x < 0.999f ? b.x : 0.999f;
+    const float down = now > before ? log2((1.0f - before) / (1.0f - now)) : 0.0f;
+    const float side = 4.5323601f * b.y * aside / (1.0f - 0.5f * (before + now));    // pi / log(2)
+    const float share = side > 0.0f ? down / side : 2.0f;
+    return exp2(-(share < 1.0f ? side * (0.31830989f + share * (0.5f + share * 0.18169011f)) : down));
+}
+
 /* What a ray needs to light the fur. */
 typedef struct {
     const Shells *shells;
@@ -382,32 +505,62 @@ typedef struct {
     int half_vector;
 } Lamp;
 
-/* Light from a place p at height h: t the hair's direction, n the skin's normal, slope the fur's gradient in the
-   world.  Kajiya and Kay's hair, or the report's turned normals: those of the height field.  Both fade to the roots. */
-inline float4 lit(const Lamp *lamp, float4 p, float h, float4 t, float4 n, float4 slope, float4 v)
+/* sqrt(1 - c^2) */
+INLINED lanes sines(lanes c)
+{
+    return root(greater(1.0f - c * c, F(1e-12f)));
+}
+
+/* Light from places p at heights h: t the hair's direction, n the skin's normal, slope the fur's gradient in the world, v
+   the way to the eye.  Kajiya and Kay's hair, or the report's turned normals: those of the height field.  Both fade
+   to the roots. */
+INLINED lanes3 lit(const Lamp *lamp, lanes_i lanes_on, lanes3 p, lanes h, lanes3 t, lanes3 n, lanes3 slope, lanes3 v)
 {
     const Shells *shells = lamp->shells;
-    const float4 color = (float4)(shells->color.xyz, 0.0f);
-    float4 l = -lamp->light->direction, direct = lamp->light->color;
+    lanes3 l = all_lanes(-lamp->light->direction);
+    lanes part = F(1.0f);
     if (lamp->light->position.w > 0.0f) {
-        l = unit_or((float4)(lamp->light->position.xyz - p.xyz, 0.0f), l);
-        direct.xyz *= -dot3(l, lamp->light->direction) >= lamp->light->cone.x ? 1.0f : 0.0f;
+        const lanes3 to_light = {lamp->light->position.x - p.x, lamp->light->position.y - p.y, lamp->light->position.z - p.z};
+        const lanes inside = -dots(unit(to_light), all_lanes(lamp->light->direction));
+        l = unit(to_light);
+        part = inside >= lamp->light->cone.x ? F(1.0f) : F(0.0f);
     }
-    float share = 1.0f;
-    if (lamp->shadow->body.x)
-        share = past_body(lamp->seen, lamp->map, lamp->shadow->body.y, p, n, 5.0f, 1.0f + 2 * lamp->shadow->body.y);
-    if (lamp->shadow->hair.x > 0.0f && share > 0.0f)
-        share *= through_hair(lamp->grid, lamp->sums, lamp->shadow->hair.x, (float2)(0.0f), p);
-    direct.xyz *= share;
-    const float fade = mix(shells->color.w, 1.0f, h);
-    if (!(shells->shine.w > 0.0f))
-        return fade * fibre(color, shells->shine.x, shells->shine.y, lamp->half_vector, t, l, v, direct);
-    const float4 turned = unit_or(n - shells->size.x * slope, n), middle = unit_or(l + v, turned);
-    const float towards = dot3(turned, l), mirror = clamp(dot3(turned, middle), 0.0f, 1.0f);
-    float shine = 0.0f;
-    if (towards > 0.0f && (1.0f - mirror) * shells->shine.y < 16.0f)
-        shine = shells->shine.x * exp2(shells->shine.y * log2(mirror));
-    return fade * (direct * (max(towards, 0.0f) * color + shine) + direct.w * color);
+    if (lamp->shadow->body.x || lamp->shadow->hair.x > 0.0f)
+        for (int i = 0; i < LANES; ++i)
+            if (LANE_I(lanes_on, i) && LANE(part, i) > 0.0f) {
+                const float4 place = (float4)(LANE(p.x, i), LANE(p.y, i), LANE(p.z, i), 0.0f);
+                if (lamp->shadow->body.x)
+                    LANE(part, i) *= past_body(lamp->seen, lamp->map, lamp->shadow->body.y, place,
+                        (float4)(LANE(n.x, i), LANE(n.y, i), LANE(n.z, i), 0.0f), 5.0f, 1.0f + 2 * lamp->shadow->body.y);
+                if (lamp->shadow->hair.x > 0.0f)
+                    LANE(part, i) *= through_hair(lamp->grid, lamp->sums, lamp->shadow->hair.x, (float2)(0.0f), place);
+            }
+    lanes bright, mirror, shine = F(0.0f);
+    if (shells->shine.w > 0.0f) {
+        const lanes3 turned = unit(plus(n, scaled(slope, F(-shells->size.x))));
+        bright = greater(dots(turned, l), F(0.0f));
+        mirror = bright > 0.0f ? dots(turned, unit(plus(l, v))) : F(0.0f);
+    } else {
+        const lanes tl = dots(t, l), tv = dots(t, v);
+        bright = sines(tl);
+        if (lamp->half_vector) {
+            const lanes3 middle = plus(l, v);
+            mirror = dots(middle, middle) > 1e-12f ? sines(dots(t, unit(middle))) : F(0.0f);
+        } else {
+            mirror = bright * sines(tv) - tl * tv;
+        }
+    }
+    mirror = within(mirror, 0.0f, 1.0f);
+    const lanes_i shines = (1.0f - mirror) * shells->shine.y < 16.0f;   // elsewhere it is below exp(-16)
+    if (shells->shine.x > 0.0f && any_lane(lanes_on & shines))
+        shine = shines ? shells->shine.x * power(greater(mirror, F(1e-30f)), shells->shine.y) : F(0.0f);
+    const float4 direct = lamp->light->color;
+    const lanes fade = shells->color.w + (1.0f - shells->color.w) * h;
+    const lanes3 color = {
+        fade * (part * direct.x * (shells->color.x * bright + shine) + direct.w * shells->color.x),
+        fade * (part * direct.y * (shells->color.y * bright + shine) + direct.w * shells->color.y),
+        fade * (part * direct.z * (shells->color.z * bright + shine) + direct.w * shells->color.z)};
+    return color;
 }
 
 /* Corners of the tetrahedra of a prism (0 1 2 below, 3 4 5 above them), and which way a ray leaves them that leaves out
@@ -425,6 +578,16 @@ inline uint depth_of(const View *view, float4 p)
 {
     const float4 q = to_screen(view, p);
     return DEPTH_ONE - (uint)clamp(q.z / q.w * (float)DEPTH_ONE, 0.0f, (float)DEPTH_ONE);
+}
+
+/* From the eye to what samples see, as seen_point. */
+INLINED lanes3 from_eye(const View *view, float4 eye, lanes x, lanes y, lanes e)
+{
+    const float4 a = view->to_world[0], b = view->to_world[1], c = view->to_world[2], d = view->to_world[3];
+    const lanes w = 1.0f / (a.w * x + b.w * y + c.w * e + d.w);
+    const lanes3 p = {(a.x * x + b.x * y + c.x * e + d.x) * w - eye.x, (a.y * x + b.y * y + c.y * e + d.y) * w - eye.y,
+                      (a.z * x + b.z * y + c.z * e + d.z) * w - eye.z};
+    return p;
 }
 
 /* Weights of a tetrahedron's corners where a ray goes through the side that leaves out corner `out`, from the areas
@@ -475,7 +638,8 @@ __kernel void march(
     __global float4 *image)                // [rows, width]
 {
     WORK_ITEM(item);
-    const size_t first_pixel = item * LANES, pixels = (size_t)(view.rows.y - view.rows.x) * view.size.x;
+    const int rows = view.rows.y - view.rows.x, across_blocks = (view.size.x + BLOCK_X - 1) / BLOCK_X;
+    const int block_x = item % across_blocks * BLOCK_X, block_y = item / across_blocks * BLOCK_Y;
     const int samples = view.size.z, slabs = shells.kind.z;
     const Lamp lamp = {&shells, &light, &shadow, &grid, sums, &seen, map, half_vector};
     const float4 eye = (float4)(view.eye.xyz, 0.0f);
@@ -484,6 +648,8 @@ __kernel void march(
     const float steep_here = (shells.kind.x ? 4.4428830f : 1.0f / CELL_RADIUS) / shells.shape.y;
     const float steep = steep_here * (shells.kind.x ? 1.0f + 6.0f * shells.shape.z / shells.shape.w : 1.0f);
     const float steep_up = 1.0f + (shells.kind.x ? 0.0f : 1.5f * steep_here * shells.shape.z);
+    const float steepest = 1.0f / shells.size.x;      // gradient of h
+    const float bow_here = shells.kind.x ? 2.4674011f / shells.shape.y : 0.0f;
     int pending = 0;
 
     for (int s = 0; s < samples; ++s) {
@@ -492,61 +658,72 @@ __kernel void march(
         lanes_i cell, in;                  // 3 · (slabs · face + slab) + tetrahedron, -1: at rest; corner left out
         lanes_i half_face = I(-1);
         lanes half_way = F(0.0f);
+        cell = I(-1);
+        in = I(0);
+        rest = F(0.0f);
+        lanes at_x = rest, at_y = rest, depth = rest, behind = F(-1.0f);
+        lanes3 q[3] = {all_lanes((float4)(0.0f, 0.0f, 1.0f, 0.0f)), all_lanes((float4)(1.0f, 0.0f, 1.0f, 0.0f)),
+                       all_lanes((float4)(0.0f, 1.0f, 1.0f, 0.0f))};
         bool none = true;
         for (int i = 0; i < LANES; ++i) {
-            const size_t pixel = first_pixel + i, sample = pixel * samples + s;
-            LANE_I(cell, i) = -1;
-            LANE_I(in, i) = 0;
-            LANE(dx, i) = LANE(dy, i) = LANE(dz, i) = LANE(ax, i) = LANE(ay, i) = LANE(az, i) = 0.0f;
-            LANE(ux, i) = LANE(uy, i) = LANE(uz, i) = LANE(stop, i) = LANE(wide, i) = LANE(rest, i) = 0.0f;
-            if (pixel >= pixels)
+            const int x = block_x + i % BLOCK_X, y = block_y + i / BLOCK_X;
+            if (x >= view.size.x || y >= rows)
                 continue;
+            const size_t sample = ((size_t)y * view.size.x + x) * samples + s;
             const ulong entry = entries[sample];
             const uint stop_depth = (uint)(visible[sample] >> 32), entry_depth = (uint)(entry >> 32);
-            if ((uint)entry == NOTHING || entry_depth >= stop_depth) {
-                after[sample] = NOTHING;
+            const bool enters = (uint)entry != NOTHING && entry_depth < stop_depth;
+            after[sample] = enters ? entry_depth : NOTHING;   // fur that stands in other fur comes after it
+            if (!enters)
                 continue;
-            }
-            after[sample] = entry_depth;   // fur that stands in other fur comes after it
             none = false;
-            const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x);
-            const uint4 start = border[(uint)entry & ~BODY];
+            const uint4 start = border[(uint)entry & ~BODY], f = faces[start.x];
             const int k = start.y / 4 % 3, out = start.y % 4, slab = start.y / 12;
-            /* Snapped corners and rounded depths leave the point a little beside the triangle: put it in. */
-            float4 q[3], p = seen_point(&view, x, y, s, entry_depth);
             for (int n = 0, m = 0; n < 4; ++n)
                 if (n != out) {
-                    const int c = CORNER[k][n];
-                    const uint4 f = faces[start.x];
-                    q[m++] = curves[(c % 3 == 0 ? f.x : c % 3 == 1 ? f.y : f.z) * (slabs + 1) + slab + c / 3];
+                    const int c = CORNER[k][n], side = c < 3 ? c : c - 3;
+                    const float4 corner = curves[(side == 0 ? f.x : side == 1 ? f.y : f.z) * (slabs + 1) + slab + (c >= 3)] - eye;
+                    LANE(q[m].x, i) = corner.x;
+                    LANE(q[m].y, i) = corner.y;
+                    LANE(q[m++].z, i) = corner.z;
                 }
-            const float4 n = cross3(q[1] - q[0], q[2] - q[0]);
-            const float square = dot3(n, n);
-            float4 w = (float4)(dot3(cross3(q[1] - p, q[2] - p), n), dot3(cross3(q[2] - p, q[0] - p), n),
-                                dot3(cross3(q[0] - p, q[1] - p), n), 0.0f);
-            for (int j = 0; j < 3; ++j)
-                ((float *)&w)[j] = square > 0.0f ? fmax(((float *)&w)[j] / square, 1e-3f) : 1.0f;
-            p = (w.x * q[0] + w.y * q[1] + w.z * q[2]) / (w.x + w.y + w.z);
-            const float4 d = unit_or(p - eye, (float4)(0.0f, 0.0f, -1.0f, 0.0f));
-            /* Duff et al. 2017 */
-            const float sign = d.z >= 0.0f ? 1.0f : -1.0f, u = -1.0f / (sign + d.z), uv = d.x * d.y * u;
-            LANE(dx, i) = d.x;
-            LANE(dy, i) = d.y;
-            LANE(dz, i) = d.z;
-            LANE(ax, i) = 1.0f + sign * d.x * d.x * u;
-            LANE(ay, i) = sign * uv;
-            LANE(az, i) = -sign * d.x;
-            LANE(ux, i) = uv;
-            LANE(uy, i) = sign + d.y * d.y * u;
-            LANE(uz, i) = -d.y;
-            LANE(stop, i) = stop_depth == NOTHING ? INFINITY : dot3(seen_point(&view, x, y, s, stop_depth) - eye, d);
-            LANE(wide, i) = (to_screen(&view, eye + d).w - to_screen(&view, eye).w) * finer;   // of a pixel, at distance 1
+            LANE(at_x, i) = x;
+            LANE(at_y, i) = y + view.rows.x;
+            LANE(depth, i) = (float)(DEPTH_ONE - entry_depth) * (1.0f / DEPTH_ONE);
+            LANE(behind, i) = stop_depth == NOTHING ? -1.0f : (float)(DEPTH_ONE - stop_depth) * (1.0f / DEPTH_ONE);
             LANE(rest, i) = through[sample];
             LANE_I(cell, i) = 3 * (slabs * (int)start.x + slab) + k;
             LANE_I(in, i) = out;
         }
         if (none)
             continue;
+        {
+            /* Snapped corners and rounded depths leave the point a little beside the triangle: put it in. */
+            const int2 offset = PATTERN[view.size.w + s];
+            at_x += 0.5f + offset.x * (1.0f / SUBPIXEL);
+            at_y += 0.5f + offset.y * (1.0f / SUBPIXEL);
+            const lanes3 p = from_eye(&view, eye, at_x, at_y, depth);
+            const lanes3 a = plus(q[0], scaled(p, F(-1.0f))), b = plus(q[1], scaled(p, F(-1.0f))),
+                c = plus(q[2], scaled(p, F(-1.0f)));
+            const lanes3 n = crosses(plus(b, scaled(a, F(-1.0f))), plus(c, scaled(a, F(-1.0f))));
+            const lanes smaller = 1.0f / greater(dots(n, n), F(1e-37f));
+            const lanes wa = greater(dots(crosses(b, c), n) * smaller, F(1e-3f)),
+                wb = greater(dots(crosses(c, a), n) * smaller, F(1e-3f)), wc = greater(dots(crosses(a, b), n) * smaller, F(1e-3f));
+            const lanes3 d = unit(plus(scaled(q[0], wa), plus(scaled(q[1], wb), scaled(q[2], wc))));
+            /* Two axes across the ray (Duff et al. 2017). */
+            const lanes sign = d.z >= 0.0f ? F(1.0f) : F(-1.0f), u = -1.0f / (sign + d.z), uv = d.x * d.y * u;
+            dx = d.x;
+            dy = d.y;
+            dz = d.z;
+            ax = 1.0f + sign * d.x * d.x * u;
+            ay = sign * uv;
+            az = -sign * d.x;
+            ux = uv;
+            uy = sign + d.y * d.y * u;
+            uz = -d.y;
+            stop = behind >= 0.0f ? dots(from_eye(&view, eye, at_x, at_y, behind), d) : F(INFINITY);
+            wide = (view.to_screen[0].w * d.x + view.to_screen[1].w * d.y + view.to_screen[2].w * d.z) * finer;   // of a pixel, at 1
+        }
         lanes red = F(0.0f), green = red, blue = red, alpha = red;
         lanes until = F(0.5f), aside = red, before = red, slack = red;   // to the next look; since the last one
         lanes at_depth = red;              // distance where each is
@@ -554,13 +731,9 @@ __kernel void march(
 
         for (int step = 0; step < MOST_STEPS; ++step) {
             /* The tetrahedron of the ray that has come least far, and all rays in it. */
-            int here = -1;
-            float least = INFINITY;
-            for (int i = 0; i < LANES; ++i)
-                if (LANE_I(cell, i) >= 0 && LANE(at_depth, i) < least) {
-                    least = LANE(at_depth, i);
-                    here = LANE_I(cell, i);
-                }
+            const lanes waiting = cell >= 0 ? at_depth : F(INFINITY);
+            const lanes_i next_ones = (cell >= 0) & (waiting == least_lane(waiting));
+            const int here = most_lane(next_ones ? cell : I(-1));
             if (here < 0)
                 break;
             const lanes_i group = cell == here;
@@ -568,6 +741,7 @@ __kernel void march(
             const uint4 corners = faces[face];
             const float4 first = lattice[CORNERS * face], second = lattice[CORNERS * face + 1];
             const float4 grad_x = lattice[CORNERS * face + 2], grad_y = lattice[CORNERS * face + 3];
+            const float4 up = lattice[CORNERS * face + 4];
             lanes fx[4], fy[4], ahead[4], e[6], w[4];
             float top[4], px[4], py[4];
             for (int i = 0; i < 4; ++i) {
@@ -627,6 +801,9 @@ __kernel void march(
                 const lanes_i is_far = far > 0.0f;
                 const lanes measure_inverse = 1.0f / measure, a_step = move * measure_inverse;
                 const lanes rate = (positive(rise) * steep_up + move * steep) * measure_inverse, rate_inverse = 1.0f / rate;
+                const lanes rise_step = rise * measure_inverse, mx_step = mx * measure_inverse, my_step = my * measure_inverse;
+                /* The ends of a pixel lie lower than its middle on the bowed "sine". */
+                const lanes bow = bow_here * blur * blur, room = 0.5f * (blur * steep_here + footprint * steepest) + bow;
                 const lanes span = (high - low) * measure;
                 lanes at = F(0.0f), hidden = F(0.0f), sum_z = hidden, sum_h = hidden, sum_x = hidden, sum_y = hidden;
                 lanes sum_gx = hidden, sum_gy = hidden;
@@ -639,7 +816,7 @@ __kernel void march(
                     const lanes_i look = next <= span, last = (next > span) & ended;
                     const lanes place = look ? next : span, gone = place - at;
                     aside = running ? (skip > 0.0f ? a_step : aside + gone * a_step) : aside;
-                    slack = running ? slack - gone * rate : slack;
+                    slack = running ? greater(slack - gone * rate, F(0.0f)) : slack;
                     const lanes over = next - span;
                     until = running ? (look ? F(1.0f) : over - nearest(over - 0.5f)) : until;
                     until = until <= 0.0f ? until + 1.0f : until;
@@ -662,38 +839,58 @@ __kernel void march(
                                 LANE(moved_x, i) = moved.x;
                                 LANE(moved_y, i) = moved.y;
                             }
-                    const lanes v = height_at(&shells, face, (int)second.z, x, y, moved_x, moved_y, h, &by_x, &by_y);
-                    /* v - h changes across the ray by this much over a pixel. */
-                    const lanes gx = by_x * grad_x.x + by_y * grad_y.x, gy = by_x * grad_x.y + by_y * grad_y.y,
-                        gz = by_x * grad_x.z + by_y * grad_y.z, along_ray = gx * dx + gy * dy + gz * dz;
-                    const lanes all = gx * gx + gy * gy + gz * gz, soft = greater(all - along_ray * along_ray, F(1e-20f));
-                    const lanes g = shells.kind.w ? footprint * root(soft) : F(0.0f);
-                    lanes covered = cover(&shells, v, h, g), entered = F(0.0f), free = F(1.0f);
-                    slack = looks & (covered == 0.0f) & !is_far ? h - v - 0.5f * g : looks ? F(0.0f) : slack;
-                    if (any_lane(looks & is_far)) {
-                        lanes mean = F(0.0f);
-                        for (int i = 0; i < LANES; ++i)
-                            if (LANE_I(looks, i) && LANE(far, i) > 0.0f) {
-                                const float2 there = mean_at(means, LANE(h, i));
-                                LANE(mean, i) = there.x;
-                                LANE(entered, i) = exp2(-1.44269504f * LANE(far, i) * there.y * LANE(aside, i)
-                                                        / fmax(1.0f - there.x, 0.02f));
-                            }
-                        covered = covered + far * (mean - covered);
-                        free = is_far ? entered : free;
+                    lanes top;
+                    const lanes v = height_at(&shells, face, (int)second.z, x, y, moved_x, moved_y, h, &by_x, &by_y, &top);
+                    const lanes_i near_hair = looks & (is_far | (v + room > h));
+                    slack = looks ? (near_hair ? F(0.0f) : h - v - room) : slack;
+                    if (!any_lane(near_hair)) {
+                        before = looks ? F(0.0f) : before;
+                        aside = looks ? F(0.0f) : aside;
+                        running &= look;
+                        continue;
                     }
+                    /* v - h changes across the ray by this much over a pixel, and along it by this much to the next look. */
+                    const lanes gx = by_x * grad_x.x + by_y * grad_y.x - up.x, gy = by_x * grad_x.y + by_y * grad_y.y - up.y,
+                        gz = by_x * grad_x.z + by_y * grad_y.z - up.z, along_ray = gx * dx + gy * dy + gz * dz;
+                    const lanes across_ray = greater(gx * gx + gy * gy + gz * gz - along_ray * along_ray, F(1e-20f));
+                    const lanes slope = root(across_ray), g = footprint * slope, ahead_step = by_x * mx_step + by_y * my_step;
+                    /* How much of a pixel's breadth across that slope a hair fills. */
+                    const lanes tilt = (gx * (dy * up.z - dz * up.y) + gy * (dz * up.x - dx * up.z)
+                                        + gz * (dx * up.y - dy * up.x)) * (shells.size.x / slope);
+                    const lanes level = root(greater(1.0f - tilt * tilt, F(1e-4f)));
+                    const lanes stout = greater(top - h * (0.5f + 0.5f * shells.shape.x), F(0.0f)) / top;
+                    const lanes chord = shells.kind.x ? 0.5f * root(shells.shape.y * stout + 1e-12f)
+                        : 1.5707963f * CELL_RADIUS * shells.shape.y * stout;
+                    const lanes narrow = chord / greater(blur * level, F(1e-6f));
+                    lanes covered = cover(&shells, v, h, g, bow, top, narrow);
                     /* What is hidden here and was not before, of what is left: hairs go down to the skin, so that one
-                       look below another hides the same again. Sideways hairs come at random. */
-                    lanes kept = free * (covered > before ? (1.0f - covered) / (1.0f - before) : F(1.0f));
+                       look below another hides the same again. */
+                    lanes kept = covered > before ? (1.0f - covered) / (1.0f - before) : F(1.0f);
+                    if (any_lane(looks & is_far)) {
+                        lanes many = F(1.0f);
+                        for (int i = 0; i < LANES; ++i)
+                            if (LANE_I(looks, i) && LANE(far, i) > 0.0f)
+                                LANE(many, i) = kept_by_many(means, LANE(h, i) - LANE(rise_step, i), LANE(h, i), LANE(aside, i));
+                        kept = is_far ? kept + far * (many - kept) : kept;
+                    }
                     kept = looks ? kept : F(1.0f);
                     before = looks ? lesser(covered, F(0.999f)) : before;
                     aside = looks ? F(0.0f) : aside;
+                    running &= look;
+                    if (!any_lane(kept < 1.0f))
+                        continue;
+                    /* It was met where the ramp from nothing to all was half gone through since the look before. */
+                    const lanes ramp = 1.0f / (greater((shells.shape.x - 1.0f) * h, F(1e-3f)) + g);
+                    const lanes now = (v - h + 0.5f * g) * ramp, change = (ahead_step - rise_step) * ramp;
+                    const lanes middle = 0.5f * (within(now - change, 0.0f, 1.0f) + within(now, 0.0f, 1.0f));
+                    lanes back = within((now - middle) / (change > 1e-6f ? change : F(1.0f)), 0.0f, 1.0f);
+                    back = (change > 1e-6f) & !is_far ? back : F(0.5f);
                     const lanes part = rest * (1.0f - kept);
                     hidden += part;
-                    sum_z += part * z;
-                    sum_h += part * within(h - (look ? 0.5f * rise * measure_inverse : F(0.0f)), 0.0f, 1.0f);
-                    sum_x += part * x;
-                    sum_y += part * y;
+                    sum_z += part * (z - back * length * measure_inverse);
+                    sum_h += part * within(h - back * rise_step, 0.0f, 1.0f);
+                    sum_x += part * (x - back * mx_step);
+                    sum_y += part * (y - back * my_step);
                     sum_gx += part * (1.0f - far) * by_x;
                     sum_gy += part * (1.0f - far) * by_y;
                     const lanes_i halved = (rest >= 0.5f) & (rest * kept < 0.5f);
@@ -702,65 +899,70 @@ __kernel void march(
                     rest *= kept;
                     const lanes_i dark = looks & (rest < 1.0f / 256);
                     ended |= dark;
-                    running &= look & !dark;
+                    running &= !dark;
                 }
                 front = group ? greater(front, z_out) : front;
                 /* Light once a tetrahedron, at the mean place of what has hidden something there. */
-                for (int i = 0; i < LANES; ++i)
-                    if (LANE_I(group, i) && LANE(hidden, i) > 1e-4f) {
-                        const float scale = 1.0f / LANE(hidden, i), z = scale * LANE(sum_z, i);
-                        const float2 one = first.zw - first.xy, two = second.xy - first.xy;
-                        const float2 place = scale * (float2)(LANE(sum_x, i), LANE(sum_y, i)) - first.xy;
-                        const float area = one.x * two.y - one.y * two.x;
-                        const float wb = area != 0.0f ? (place.x * two.y - place.y * two.x) / area : 0.0f;
-                        const float wc = area != 0.0f ? (one.x * place.y - one.y * place.x) / area : 0.0f, wa = 1.0f - wb - wc;
-                        __global const float4 *ca = curves + corners.x * (slabs + 1) + slab,
-                            *cb = curves + corners.y * (slabs + 1) + slab, *cc = curves + corners.z * (slabs + 1) + slab;
-                        const float4 n = unit_or(wa * normals[corners.x] + wb * normals[corners.y] + wc * normals[corners.z],
-                                                 normals[corners.x]);
-                        const float4 t = unit_or(wa * (ca[1] - ca[0]) + wb * (cb[1] - cb[0]) + wc * (cc[1] - cc[0]), n);
-                        const float4 d = (float4)(LANE(dx, i), LANE(dy, i), LANE(dz, i), 0.0f);
-                        const float4 slope = scale * (LANE(sum_gx, i) * grad_x + LANE(sum_gy, i) * grad_y);
-                        const float4 color = LANE(hidden, i)
-                            * lit(&lamp, eye + z * d, scale * LANE(sum_h, i), t, n, slope, -d);
-                        LANE(red, i) += color.x;
-                        LANE(green, i) += color.y;
-                        LANE(blue, i) += color.z;
-                        LANE(alpha, i) += LANE(hidden, i);
-                    }
+                const lanes_i shown = hidden > 1e-4f;
+                if (any_lane(shown)) {
+                    const lanes scale = 1.0f / (shown ? hidden : F(1.0f)), z = scale * sum_z;
+                    const float2 one = first.zw - first.xy, two = second.xy - first.xy;
+                    const float area = one.x * two.y - one.y * two.x, smaller = area != 0.0f ? 1.0f / area : 0.0f;
+                    const lanes at_x = scale * sum_x - first.x, at_y = scale * sum_y - first.y;
+                    const lanes wb = (at_x * two.y - at_y * two.x) * smaller, wc = (one.x * at_y - one.y * at_x) * smaller;
+                    const lanes wa = 1.0f - wb - wc;
+                    __global const float4 *ca = curves + corners.x * (slabs + 1) + slab,
+                        *cb = curves + corners.y * (slabs + 1) + slab, *cc = curves + corners.z * (slabs + 1) + slab;
+                    const lanes3 n = unit(plus(scaled(all_lanes(normals[corners.x]), wa), plus(
+                        scaled(all_lanes(normals[corners.y]), wb), scaled(all_lanes(normals[corners.z]), wc))));
+                    const lanes3 t = unit(plus(scaled(all_lanes(ca[1] - ca[0]), wa), plus(
+                        scaled(all_lanes(cb[1] - cb[0]), wb), scaled(all_lanes(cc[1] - cc[0]), wc))));
+                    const lanes3 slope = scaled(plus(scaled(all_lanes(grad_x), sum_gx), scaled(all_lanes(grad_y), sum_gy)), scale);
+                    const lanes3 place = {eye.x + z * dx, eye.y + z * dy, eye.z + z * dz}, v = {-dx, -dy, -dz};
+                    const lanes3 color = lit(&lamp, shown, place, scale * sum_h, t, n, slope, v);
+                    red += shown ? hidden * color.x : F(0.0f);
+                    green += shown ? hidden * color.y : F(0.0f);
+                    blue += shown ? hidden * color.z : F(0.0f);
+                    alpha += shown ? hidden : F(0.0f);
+                }
             }
 
             /* On into the next tetrahedra. */
             at_depth = group ? z_out : at_depth;
-            for (int i = 0; i < LANES; ++i) {
-                if (!LANE_I(group, i))
-                    continue;
-                const int way = WAY[k][LANE_I(out, i)];
-                if (LANE_I(ended, i)) {
-                    LANE_I(leaves, i) = shells.noise.w && way == DOWN && LANE(z_out, i) < LANE(stop, i);
-                    LANE_I(cell, i) = -1;
-                } else if (way < SIDE) {
-                    LANE_I(cell, i) = here - k + way / 4;
-                    LANE_I(in, i) = way % 4;
-                } else if (way >= DOWN) {
-                    const bool beyond = way == UP ? slab + 1 == slabs : slab == 0;
-                    LANE_I(leaves, i) = beyond;
-                    LANE_I(cell, i) = beyond ? -1 : way == UP ? here - k + 3 : here - k - 3 + 2;
-                    LANE_I(in, i) = way == UP ? 3 : 0;
+            lanes_i onto = I(-1), by = I(0), fresh = I(0);
+            for (int i = 0; i < 4; ++i) {
+                const int way = WAY[k][i];
+                int there = -1, entry = 0, other = 0;
+                if (way < SIDE) {
+                    there = here - k + way / 4;
+                    entry = way % 4;
+                } else if (way == UP) {
+                    there = slab + 1 == slabs ? -1 : here - k + 3;
+                    entry = 3;
+                } else if (way == DOWN) {
+                    there = slab == 0 ? -1 : here - k - 3 + 2;
                 } else {
-                    const int side = (way - SIDE) / 2, upper = (way - SIDE) % 2;
+                    const int side = (way - SIDE) / 2;
                     const int across = side == 0 ? neighbours[face].x : side == 1 ? neighbours[face].y : neighbours[face].z;
-                    const int behind = BEHIND[2 * (across & 3) + upper];
-                    LANE_I(leaves, i) = across < 0;
-                    LANE_I(cell, i) = across < 0 ? -1 : 3 * (slabs * (across >> 2) + slab) + behind / 4;
-                    LANE_I(in, i) = behind % 4;
-                    LANE(slack, i) = 0.0f;
+                    const int behind = BEHIND[2 * (across & 3) + (way - SIDE) % 2];
+                    there = across < 0 ? -1 : 3 * (slabs * (across >> 2) + slab) + behind / 4;
+                    entry = behind % 4;
+                    other = 1;
                 }
+                onto = out == i ? I(there) : onto;
+                by = out == i ? I(entry) : by;
+                fresh = out == i ? I(-other) : fresh;
             }
+            const lanes_i stays = ended & !(shells.noise.w & down & (z_out < stop));
+            leaves = group ? (onto < 0) & !stays : leaves;
+            cell = group ? (ended ? I(-1) : onto) : cell;
+            in = group ? by : in;
+            slack = group & (fresh != 0) ? F(0.0f) : slack;
         }
         for (int i = 0; i < LANES; ++i) {
-            const size_t pixel = first_pixel + i, sample = pixel * samples + s;
-            if (pixel >= pixels || after[sample] == NOTHING)
+            const int x = block_x + i % BLOCK_X, y = block_y + i / BLOCK_X;
+            const size_t pixel = (size_t)y * view.size.x + x, sample = pixel * samples + s;
+            if (x >= view.size.x || y >= rows || after[sample] == NOTHING)
                 continue;
             const float left_over = LANE(rest, i) < 1.0f / 256 ? 0.0f : LANE(rest, i);
             if (LANE_I(leaves, i) && left_over > 0.0f)
@@ -918,34 +1120,38 @@ __kernel void about(
     const float4 p = seen_point(&view, x, y, nearest, (uint)(key >> 32)), v = towards_eye(&view, p);
     const uint face = (uint)key;
     const uint4 corners = faces[face];
+    __global const float4 *curve[3] = {curves + corners.x * (slabs + 1), curves + corners.y * (slabs + 1),
+                                       curves + corners.z * (slabs + 1)};
     /* The tetrahedron that p lies in, or is the least beside. */
-    float best = -INFINITY;
-    float4 at = (float4)(1.0f, 0.0f, 0.0f, 0.0f);
+    float best = -INFINITY, share[3] = {1.0f, 0.0f, 0.0f};   // of each corner of the face
     int slab = 0;
     for (int i = 0; i < 3 * slabs; ++i) {
         const int k = i % 3, four[4] = {0, k == 2 ? 3 : 1, k == 0 ? 2 : 4, 5};
         float4 q[4];
         for (int j = 0; j < 4; ++j)
-            q[j] = curves[corner_of(corners, four[j] % 3) * (slabs + 1) + i / 3 + four[j] / 3] - p;
+            q[j] = curve[four[j] % 3][i / 3 + four[j] / 3] - p;
         const float4 w = (float4)(dot3(cross3(q[1], q[2]), q[3]), -dot3(cross3(q[2], q[3]), q[0]),
                                   dot3(cross3(q[3], q[0]), q[1]), -dot3(cross3(q[0], q[1]), q[2]));
         const float all = (w.x + w.y) + (w.z + w.w);
-        const float share[4] = {w.x / all, w.y / all, w.z / all, w.w / all};
-        const float least = min(min(share[0], share[1]), min(share[2], share[3]));
+        const float part[4] = {w.x / all, w.y / all, w.z / all, w.w / all};
+        const float least = min(min(part[0], part[1]), min(part[2], part[3]));
         if (all != 0.0f && least > best) {
             best = least;
             slab = i / 3;
-            at = (float4)(0.0f);
+            share[0] = share[1] = share[2] = 0.0f;
             for (int j = 0; j < 4; ++j)
-                at += share[j] * convert_float4(four[j] % 3 == (int4)(0, 1, 2, 3) ? (int4)(1) : (int4)(0));
+                share[four[j] % 3] += part[j];
         }
     }
-    __global const float4 *ca = curves + corners.x * (slabs + 1) + slab,
-        *cb = curves + corners.y * (slabs + 1) + slab, *cc = curves + corners.z * (slabs + 1) + slab;
-    const float4 tangent = unit_or(at.x * (ca[1] - ca[0]) + at.y * (cb[1] - cb[0]) + at.z * (cc[1] - cc[0]), v);
+    float4 along = (float4)(0.0f), root_uv = along;
+    for (int j = 0; j < 3; ++j) {
+        along += share[j] * (curve[j][slab + 1] - curve[j][slab]);
+        root_uv += share[j] * uv[3 * face + j];
+    }
+    const float4 tangent = unit_or(along, v);
     out_depth[pixel] = to_screen(&view, p).w;
     out_id[pixel] = -3;
     out_tangent[pixel] = tangent;
     out_normal[pixel] = unit_or(v - dot3(v, tangent) * tangent, v);
-    out_uv[pixel] = at.x * uv[3 * face] + at.y * uv[3 * face + 1] + at.z * uv[3 * face + 2];
+    out_uv[pixel] = root_uv;
 }

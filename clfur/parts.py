@@ -78,7 +78,7 @@ class Work:
         fixed = settings.shadow_map**2 * 8 + self.faces * MESH_FACE
         if scene.mesh is not None:
             fixed += len(scene.mesh.positions) * MESH_VERTEX
-        if settings.shadows != "off" and self.strands:
+        if settings.shadows != "off" and (self.strands or scene.shells):
             fixed += 2 * (settings.grid + 1) * settings.grid**2 * 4
         row = width * (8 * settings.samples + 16 + (60 if others else 0))
         shells = 0
@@ -177,10 +177,10 @@ class Work:
         """Bring shell fur onto the device -> (`Shell`, `layout.Shells`); what hasn't changed is kept there."""
         mesh, topology = self.scene.mesh, self.topology(gpu)
         packed, box = self._pack(settings)
-        laid = str([box.tolist(), packed["size"][2:].tolist(), packed["shape"].tolist(), packed["kind"][:2].tolist(),
+        laid = str([box.tolist(), packed["size"].tolist(), packed["shape"].tolist(), packed["kind"][:2].tolist(),
                     packed["noise"][:3].tolist()])
         walls = int(packed["kind"][2]), int(packed["noise"][3])
-        bent = str([packed["size"][0].item(), *(packed[name].tolist() for name in ("bend", "wind", "gust"))])
+        bent = str([packed[name].tolist() for name in ("bend", "wind", "gust")])
 
         def build():   # within the outermost, so that what has changed goes before anything new is made
             pattern = gpu.keep("pattern", (mesh, laid), lambda: lay(gpu, mesh, packed, box, topology))

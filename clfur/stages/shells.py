@@ -12,7 +12,7 @@ from .strands import vector
 from .tessellate import widen
 
 HEIGHTS, AROUND = 64, 96     # of the table of means, and places looked at for each
-CORNERS = 4                  # float4 a face in the lattice
+CORNERS = 5                  # float4 a face in the lattice
 SLABS = 4                    # straight pieces of a bent hair
 MOST_NOISE = 16, 256         # lattices of the noise along a side, in space and on the skin
 ENTRIES = 8                  # times that a ray may come into the fur
@@ -38,7 +38,7 @@ class Pattern:
     means: Any         # [HEIGHTS, 2] float32 share covered, hairs entered going sideways by 1
     faces: Any         # [F, 4] uint32 corners in the order of their numbers
     neighbours: Any    # [F, 4] int32, see Topology
-    lattice: Any       # [F * 4, 4] float32, see shells.cl
+    lattice: Any       # [F * CORNERS, 4] float32, see shells.cl
     uv: Any            # [F * 3, 4] float32 u, v of the faces' corners in that order, 0 where the mesh has none
 
 
@@ -153,7 +153,8 @@ def lay(gpu, mesh, packed, box, topology):
                      gpu.empty((n * CORNERS, 4), np.float32), gpu.upload(widen(uv)))
     gpu.launch("shells.noise", places, packed, result.noise)
     gpu.launch("shells.means", HEIGHTS, packed, np.int32(AROUND), result.means)
-    gpu.launch("shells.lattice", n, packed, gpu.upload(widen(mesh.positions)), result.faces, result.uv, result.lattice)
+    positions, normals = gpu.upload(widen(mesh.positions)), gpu.upload(widen(mesh.normals))
+    gpu.launch("shells.lattice", n, packed, positions, normals, result.faces, result.uv, result.lattice)
     return result
 
 
@@ -187,11 +188,13 @@ def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
     through, after = gpu.full(visible.shape, np.float32, 1), gpu.full(visible.shape, np.uint32, 0)
     fur = gpu.full(visible.shape, np.uint64, NONE)
     pattern = shell.pattern
+    across, down = (1, 1) if gpu.lanes == 1 else (4, gpu.lanes // 4)   # a work-item's pixels
+    blocks = -(-width // across) * -(-rows // down)
     for _ in range(ENTRIES):
         left = gpu.full(1, np.int32, 0)
         with gpu.called("entries"):
             entries = raster(gpu, view, None, shell, after=after)
-        gpu.launch("shells.march", -(-rows * width // gpu.lanes), view, packed, light, np.int32(specular == "half-vector"), visible,
+        gpu.launch("shells.march", blocks, view, packed, light, np.int32(specular == "half-vector"), visible,
                    entries, shell.border, pattern.faces, pattern.neighbours, shell.curves, shell.normals,
                    pattern.lattice, pattern.noise, pattern.means, pattern.box, shadows.shadow, shadows.grid,
                    shadows.sums, shadows.seen, shadows.map, after, through, fur, left, image)
@@ -221,9 +224,9 @@ def deposit(gpu, grid, shell, packed, method, weight, cells=None):
 def bounds_of(gpu, shell):
     """(pieces, area [world²]) that shell fur cannot exceed across any light, as `clfur.fur.hair_bounds` of strands."""
     pattern = shell.pattern
-    lattice, means = gpu.download(pattern.lattice).reshape(-1, 16).astype(float), gpu.download(pattern.means)
+    lattice, means = gpu.download(pattern.lattice).reshape(-1, 4 * CORNERS).astype(float), gpu.download(pattern.means)
     corners = gpu.download(pattern.faces)[:, :3]
-    places = gpu.download(shell.curves)[:, :3].astype(float).reshape(corners.max() + 1, -1, 3)
+    places = gpu.download(shell.curves)[:, :3].astype(float).reshape(len(shell.normals), -1, 3)
     to_b, to_c = lattice[:, 2:4] - lattice[:, :2], lattice[:, 4:6] - lattice[:, :2]
     a, b, c = (places[corners[:, k]] for k in range(3))
     ab, ac = np.linalg.norm(b - a, axis=2).max(1), np.linalg.norm(c - a, axis=2).max(1)
@@ -234,7 +237,7 @@ def bounds_of(gpu, shell):
 
 
 def about(gpu, view, shell, visible, through, fur, known):
-    """Put what is known of the fur over what `shade.about` knows of ``visible``; ``through``, ``fur``: what `march` gave.
+    """Put what is known of the fur over what `shade.about` knows of ``visible``; ``through``, ``fur``: of `march`.
 
     Where half of the nearest fur's light is gone before all else: depth, id -3, tangent, the hair's direction, normal,
     across it, and uv of its root.  coverage: what alpha is.
