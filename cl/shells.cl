@@ -792,7 +792,7 @@ __kernel void march(
                 const lanes high = greater(within((stop - z_in) * shorter, 0.0f, 1.0f), low);
                 const lanes rise = h_out - h_in, mx = x_out - x_in, my = y_out - y_in;
                 const lanes move = root(mx * mx + my * my + 1e-20f);
-                const lanes footprint = wide * (0.5f * (z_in + z_out));
+                const lanes footprint = shells.kind.w ? wide * (0.5f * (z_in + z_out)) : F(0.0f);
                 const lanes blur = shells.kind.w ? footprint * second.w : F(0.0f);
                 const lanes measure = greater(greater(shells.size.y * positive(rise), move * SIDEWAYS / (1.0f + SIDEWAYS * blur)),
                                               F(1e-6f));

@@ -82,7 +82,7 @@ def spacing(mesh, fur):
     if fur.pattern == "cells":
         return 1 / fur.frequency
     a, b, c = (mesh.uv[:, i].astype(float) for i in range(3))
-    flat = np.abs(np.cross(b - a, c - a)).sum() / 2
+    flat = np.abs(np.linalg.det(np.stack([b - a, c - a], 1))).sum() / 2
     return np.sqrt(mesh.area / (flat * 4 * fur.frequency**2))     # two in each period of 1/2f by 1/f
 
 
@@ -165,9 +165,9 @@ def silhouette(furred, samples):
 
 
 LAWS = {
-    "error": (errors, APART, "px/hair | inside: filtered unfiltered ratio (<= 1/3) | all: filtered unfiltered ratio | bright"),
+    "error": (errors, APART, "px/hair | inside: filtered unfiltered ratio (<= 1/3) | all: the same | brightness"),
     "flicker": (flicker, APART, "px/hair | filtered unfiltered ratio (< 1/3)"),
-    "layers": (layers, (4, 1, 0.25), "px/hair | % of 15, 60, 120 against 30 (< 2) | truth's % of 15, 60 | filtered/truth %"),
+    "layers": (layers, (4, 1, 0.25), "px/hair | % of 15, 60, 120 to 30 (< 2) | truth's of 15, 60 | filtered to truth"),
     "silhouette": (silhouette, (1, 4), "samples | edge inside ratio (<= 2)"),
 }
 

@@ -17,7 +17,7 @@ PATTERNS = {   # in 1/16 pixel from the pixel's centre: the standard patterns of
 }
 HEIGHTS = 64
 CELL_RADIUS = 0.62
-SIDEWAYS = 4.0
+SIDEWAYS = 3.0
 FAR_FROM, FAR_TO = 0.35, 1.0
 TETRAHEDRA = np.array([(0, 1, 2, 5), (0, 1, 4, 5), (0, 3, 4, 5)])   # of a prism: 0 1 2 below, 3 4 5 above them
 
@@ -37,10 +37,10 @@ def bend(shells, positions, normals):
     return np.concatenate([positions[:, None], positions[:, None] + np.cumsum(steps, 1)], 1)
 
 
-def lattice(shells, positions, faces, uv):
-    """Places of the corners of faces [F, 3] in the pattern -> [F, 4, 4]; uv [F, 3, 2] of these corners.
+def lattice(shells, positions, normals, faces, uv):
+    """Places of the corners of faces [F, 3] in the pattern -> [F, 5, 4]; uv [F, 3, 2] of these corners.
 
-    x0 y0 x1 y1; x2 y2, cells along a side, mean growth of x and y in the world; gradient of x; gradient of y.
+    x0 y0 x1 y1; x2 y2, cells along a side, mean growth of x and y in the world; gradients of x, of y and of the height.
     """
     f = float(shells["size"][2])
     a, b, c = np.moveaxis(f64(positions)[faces], 1, 0)
@@ -53,17 +53,20 @@ def lattice(shells, positions, faces, uv):
     # The gradient lies in the face and gives the corners' differences: a least-squares inverse of two sides.
     inverse = np.linalg.pinv(np.stack([b - a, c - a], 1))
     grad = np.swapaxes(inverse @ (at[:, 1:] - at[:, :1]), 1, 2)
-    result = np.zeros((len(faces), 4, 4))
+    up = np.cross(b - a, c - a)
+    up *= np.where(dot(up, f64(normals)[faces[:, 0]]) < 0, -1, 1)[:, None]
+    result = np.zeros((len(faces), 5, 4))
     result[:, 0], result[:, 1, :2], result[:, 1, 2] = at[:, :2].reshape(-1, 4), at[:, 2], sides
     result[:, 1, 3] = np.sqrt(np.linalg.norm(grad, axis=2).prod(1))
-    result[:, 2:, :3] = grad
+    result[:, 2:4, :3], result[:, 4, :3] = grad, unit(up) / float(shells["size"][0])
     return result
 
 
 def noise(shells):
     """Perlin's improved noise (2002), two values at places 1/4 apart -> [4 nz (1 if nz is 1), 4 ny, 4 nx, 2]."""
     n = [int(k) for k in shells["noise"][:3]]
-    z, y, x = np.meshgrid(np.arange(1 if n[2] == 1 else 4 * n[2]), np.arange(4 * n[1]), np.arange(4 * n[0]), indexing="ij")
+    places = [np.arange(4 * k) for k in n[:2]] + [np.arange(1 if n[2] == 1 else 4 * n[2])]
+    z, y, x = np.meshgrid(*places[::-1], indexing="ij")
     place = np.stack([x, y, z], -1)
     cell, t = place // 4, place % 4 / 4
     fade = t**3 * (t * (t * 6 - 15) + 10)
@@ -91,7 +94,7 @@ def means(shells, around):
     for x, y in ((u, v), (v, u)):
         at = np.stack([x.ravel(), y.ravel()], 1) + away
         high = waves(shells, at)[0] if sine else cells(shells, 0, 1 << 30, at)[0]
-        ways.append(cover(shells, high.reshape(u.shape), h, 0.0))
+        ways.append(cover(shells, high.reshape(u.shape), h))
     entered = sum(np.maximum(np.diff(way, axis=2), 0).sum((1, 2)) for way in ways)
     return np.stack([ways[0][:, :, 1:].mean((1, 2)), entered / (2 * around * around * step)], 1)
 
@@ -112,19 +115,22 @@ def noise_at(shells, table, p):
 
 
 def waves(shells, at):
-    """Half of the report's |sin(2 pi x) + sin(2 pi y)| at places [n, 2], thinned to the density -> (v [n], gradient)."""
+    """Half of the report's |sin(2 pi x) + sin(2 pi y)| at places [n, 2], thinned -> (v [n], gradient, tip [n])."""
     total, density = np.sin(2 * np.pi * at).sum(1), float(shells["shape"][1])
     grad = np.pi * np.cos(2 * np.pi * at) * np.where(total < 0, -1, 1)[:, None] / density
-    return 1 - (1 - np.abs(total) / 2) / density, grad
+    return 1 - (1 - np.abs(total) / 2) / density, grad, np.ones(len(at))
 
 
-def cells(shells, face, sides, at):
-    """The highest cone at places [n, 2] among that of the triangle there and of its neighbours -> (v [n], gradient)."""
+def cells(shells, face, sides, at, lean=0.0):
+    """The highest cone at places [n, 2] among that of the triangle there and of its neighbours.
+
+    -> (v [n], gradient [n, 2], height of that cone [n]).  lean: [n, 2] how far all cones are moved.
+    """
     v = at[:, 1] / np.sqrt(0.75)
     u = at[:, 0] - v / 2
     i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
     down = (u - i) + (v - j) > 1
-    best, grad = np.full(len(at), -1.0), np.zeros((len(at), 2))
+    best, grad, tip = np.full(len(at), -1.0), np.zeros((len(at), 2)), np.ones(len(at))
     for di, dj, other in ((0, 0, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)):
         turned = down ^ bool(other)
         ci, cj = i + np.where(down, di, -di), j + np.where(down, dj, -dj)
@@ -132,7 +138,7 @@ def cells(shells, face, sides, at):
                        ^ (u32(2 * np.asarray(face)) + u32(turned)) * u32(0xC2B2AE3D) ^ seed(shells))
         one, two, three = ((random >> u32(10 * k) & u32(1023)) / 1024 for k in range(3))
         centre_u, centre_v = ci + (1 + turned) / 3, cj + (1 + turned) / 3
-        off = at - np.stack([centre_u + centre_v / 2 + 0.3 * (one - 0.5),
+        off = at - lean - np.stack([centre_u + centre_v / 2 + 0.3 * (one - 0.5),
                              np.sqrt(0.75) * centre_v + 0.3 * (two - 0.5)], 1)
         away = np.sqrt((off**2).sum(1) + 1e-12)
         tall = 1 - float(shells["size"][3]) * three
@@ -141,30 +147,54 @@ def cells(shells, face, sides, at):
         better = (ci >= 0) & (cj >= 0) & (ci + cj + turned < sides) & (high > best)
         best = np.where(better, high, best)
         grad = np.where(better[:, None], -(tall * thin / away)[:, None] * off, grad)
-    return best, grad
+        tip = np.where(better, tall, tip)
+    return best, grad, tip
 
 
 def height_at(shells, table, face, sides, at, place, h):
-    """Height of the fur at places [n, 2] of faces [n] and its gradient by x and y; place [n, 3]: in the noise's lattice."""
+    """Height of the fur at places [n, 2] of faces [n], its gradient by x and y, and the hair's own height.
+
+    place: [n, 3] in the noise's lattice.
+    """
     sine, amount = shells["kind"][0], float(shells["shape"][2])
     if sine:
         place = np.concatenate([at / float(shells["shape"][3]), np.zeros((len(at), 1))], 1)
     moved = amount * noise_at(shells, table, place)
-    return waves(shells, at + moved) if sine else cells(shells, face, sides, at - moved * h[:, None])
+    return waves(shells, at + moved) if sine else cells(shells, face, sides, at, moved * h[:, None])
 
 
-def cover(shells, v, h, g):
-    """Share covered at height h where the fur is v high: smoothstep from h to sharpness · h, its mean over v ± g/2."""
+def cover(shells, v, h, g=0.0, bow=0.0, top=1.0, narrow=1.0):
+    """Share covered at height h where the fur is v high: smoothstep from h to sharpness · h, its mean over a footprint.
+
+    Across it v goes from v - g/2 to v + g/2, less by bow at both ends; where it would pass the hair's own height, top,
+    it turns and goes down again.  narrow: how much of the footprint the hair fills the other way.
+    """
     width = np.maximum((float(shells["shape"][0]) - 1) * h, 1e-3)
-    u = np.clip((v - h) / width, 0, 1)
-    sharp = u * u * (3 - 2 * u)
-    soft = g > 1e-2 * width
-    wide = np.where(soft, g, 1)
+
+    def smooth(t):
+        u = np.clip((t - h) / width, 0, 1)
+        return u * u * (3 - 2 * u)
 
     def integral(t):
         u = np.clip((t - h) / width, 0, 1)
         return width * (u**3 - u**4 / 2) + np.maximum(t - h - width, 0)
-    return np.where(soft, (integral(v + g / 2) - integral(v - g / 2)) / wide, sharp)
+    low, high = v - g / 2 - bow, v + g / 2 - bow
+    bowed, span = np.asarray(bow > 0), np.maximum(g, 1e-6)
+    straight = (integral(high) - integral(low)) / span
+    turned = (2 * integral(top) - integral(low) - integral(2 * top - high)) / span
+    to_top = (integral(top) - integral(low)) / np.maximum(top - low, 1e-6)
+    mean = np.where(bowed, np.where(g / 2 < 2 * bow, to_top, straight), np.where(high > top, turned, straight))
+    return np.where(g + bow > 1e-2 * width, np.clip(mean, 0, 1) * np.minimum(narrow, 1), smooth(v))
+
+
+def kept_by_many(means, h0, h, aside):
+    """Share of light that many hairs let through, from height h0 to h and `aside` sideways."""
+    at = np.arange(HEIGHTS) / (HEIGHTS - 1)
+    before, now = (np.minimum(np.interp(x, at, f64(means)[:, 0]), 0.999) for x in (h0, h))
+    down = np.where(now > before, np.log((1 - before) / (1 - np.maximum(now, before))), 0)
+    side = np.pi * np.interp(h, at, f64(means)[:, 1]) * aside / (1 - (before + now) / 2)
+    share = np.where(side > 0, down / np.where(side > 0, side, 1), 2)
+    return np.exp(-np.where(share < 1, side * (1 / np.pi + share * (0.5 + share * (0.5 - 1 / np.pi))), down))
 
 
 # --- rays -----------------------------------------------------------------------------------------------
@@ -172,22 +202,21 @@ def cover(shells, v, h, g):
 
 def march(view, shells, light, half_vector, visible, rounds, border, faces, curves, normals, lattice, noise, means, box,
           direct=1.0):
-    """Take all rays through the fur -> (image [rows, width, 4], through, distance [rows, width, samples], face).
+    """Take all rays through the fur -> (image [rows, width, 4], through, place, face).
 
     rounds: [rows, width, samples] uint64 each, the border triangles where rays come in, by order.  border: [B, 2].
     faces: [F, 3].  curves: [V, slabs + 1, 3].  lattice: [F, 4, 4].  noise: [z, y, x, 2].  box: origin of the noise and
-    its lattices a unit of length.  direct: share of the light that shadows leave.  distance: w where half of the light
-    is gone, infinite if it is not, and the face there.
+    its lattices a unit of length.  direct: share of the light that shadows leave.  place: [rows, width, samples, 3]
+    where half of the light is gone, and face the face there, -1 if it is not gone.
     """
     rows, width, samples = visible.shape
     slabs, bare = int(shells["kind"][2]), bool(shells["noise"][3])
     curves, normals, lattice, eye = f64(curves), f64(normals), f64(lattice), f64(view["eye"])[:3]
     tetrahedra, corners = _tetrahedra(faces, curves, slabs)
-    wide = np.linalg.norm(f64(view["to_screen"])[:3, 3]) / float(view["scale"][0]) / np.sqrt(samples)
-    forward = f64(view["to_screen"])[:3, 3]
+    widening = f64(view["to_screen"])[:3, 3] / float(view["scale"][0]) / np.sqrt(samples)   # of a pixel, along the view
 
     rest, done = np.ones(visible.size), np.zeros(visible.size, bool)
-    half, half_face = np.full(visible.size, np.inf), np.full(visible.size, -1)
+    half, half_face = np.zeros((visible.size, 3)), np.full(visible.size, -1)
     image = np.zeros((visible.size, 4))
     for entries in rounds:
         entries, pieces, rays, directions = entries.ravel(), [], [], []
@@ -203,8 +232,7 @@ def march(view, shells, light, half_vector, visible, rounds, border, faces, curv
             chain, end = _chain(tetrahedra, eye, d, np.linalg.norm(p - eye), stop, slabs)
             done[sample] = not (end == "out" or end == "skin" and bare)
             if len(chain[0]):
-                pieces.append(_looks(shells, lattice, corners, chain, end, eye, d, wide * d @ forward
-                                     / np.linalg.norm(forward), stop, slabs, len(rays)))
+                pieces.append(_looks(shells, lattice, corners, chain, end, d @ widening, stop, slabs, len(rays)))
                 rays.append(sample)
                 directions.append(d)
         if not rays:
@@ -216,13 +244,21 @@ def march(view, shells, light, half_vector, visible, rounds, border, faces, curv
         done |= rest == 0
         image[rays] += _light(shells, light, half_vector, faces, curves, normals, lattice, eye, directions, looks, part,
                               slabs, direct)
-    distance = np.where(half_face < 0, np.inf, half).reshape(visible.shape)
-    return image.reshape(rows, width, samples, 4).mean(2), rest.reshape(visible.shape), distance, \
-        half_face.reshape(visible.shape)
+    return (image.reshape(rows, width, samples, 4).mean(2), rest.reshape(visible.shape),
+            half.reshape(*visible.shape, 3), half_face.reshape(visible.shape))
+
+
+def depth_of(view, p):
+    """Depth of places [n, 3], not yet rounded."""
+    q = np.concatenate([p, np.ones((len(p), 1))], 1) @ f64(view["to_screen"])
+    return DEPTH_ONE * (1 - np.clip(q[:, 2] / q[:, 3], 0, 1))
 
 
 def _tetrahedra(faces, curves, slabs):
-    """(matrices [T, 4, 4] from places (p, 1) to the corners' weights, corners [T, 4] 0..5); T = 3 · (slabs · f + slab) + k."""
+    """(matrices [T, 4, 4] from places (p, 1) to the corners' weights, corners [T, 4] 0..5).
+
+    Their number is 3 · (slabs · face + slab) + row of TETRAHEDRA.
+    """
     faces = np.asarray(faces)[:, :3].astype(np.int64)
     corners = np.tile(TETRAHEDRA, (len(faces) * slabs, 1))
     face, slab = np.arange(len(corners)) // (3 * slabs), np.arange(len(corners)) // 3 % slabs
@@ -251,7 +287,7 @@ def _put_in(p, start, faces, curves):
 
 
 def _chain(tetrahedra, eye, d, entry, stop, slabs):
-    """Pieces of a ray from its entry on, in order -> ((tetrahedra, z in, z out, weights in, weights out), how it ends)."""
+    """Pieces of a ray from its entry on -> ((tetrahedra, z in, z out, weights in, weights out), how they end)."""
     at_eye, by_z = tetrahedra[:, :, :3] @ eye + tetrahedra[:, :, 3], tetrahedra[:, :, :3] @ d
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing = -at_eye / by_z
@@ -277,8 +313,8 @@ def _chain(tetrahedra, eye, d, entry, stop, slabs):
     return (which, z_in[which], z_out[which], *weights), end
 
 
-def _looks(shells, lattice, corners, chain, end, eye, d, wide, stop, slabs, ray):
-    """Where a ray looks at the fur: {name: [looks]}."""
+def _looks(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
+    """Where a ray looks at the fur: {name: [looks]}.  wide: of a pixel at distance 1."""
     t, z_in, z_out, *weights = chain
     face, slab, corner = t // (3 * slabs), t // 3 % slabs, corners[t]
     h_in, h_out = ((slab + (w * (corner >= 3)).sum(1)) / slabs for w in weights)
@@ -287,8 +323,8 @@ def _looks(shells, lattice, corners, chain, end, eye, d, wide, stop, slabs, ray)
     at_in, at_out = ((w[:, :, None] * at).sum(1) for w in weights)
     rise, across = h_out - h_in, at_out - at_in
     move = np.linalg.norm(across, axis=1)
-    footprint = wide * (z_in + z_out) / 2
-    blur = footprint * lattice[face, 1, 3] * bool(shells["kind"][3])
+    footprint = wide * (z_in + z_out) / 2 * bool(shells["kind"][3])
+    blur = footprint * lattice[face, 1, 3]
     measure = np.maximum(float(shells["size"][1]) * np.abs(rise), move * SIDEWAYS / (1 + SIDEWAYS * blur))
     measure = np.maximum(measure, 1e-6)
     high = np.clip((stop - z_in) / (z_out - z_in), 0, 1)
@@ -299,35 +335,52 @@ def _looks(shells, lattice, corners, chain, end, eye, d, wide, stop, slabs, ray)
     along = (when - passed[piece]) / measure[piece]
     if end != "out":
         piece, along = np.append(piece, len(t) - 1), np.append(along, high[-1])
-    last = np.zeros(len(piece), bool)
-    last[len(when):] = True
     sideways = gone[piece] + along * move[piece]
     fade = np.clip((blur - FAR_FROM) / (FAR_TO - FAR_FROM), 0, 1)
     return {"ray": np.full(len(piece), ray), "tetrahedron": t[piece], "face": face[piece],
             "h": np.clip(h_in[piece] + along * rise[piece], 0, 1), "z": z_in[piece] + along * (z_out - z_in)[piece],
             "at": at_in[piece] + along[:, None] * across[piece],
-            "back": np.where(last, 0, rise[piece] / measure[piece] / 2),
-            "aside": np.diff(sideways, prepend=0), "far": (fade * fade * (3 - 2 * fade))[piece],
-            "footprint": footprint[piece] * bool(shells["kind"][3])}
+            "z step": ((z_out - z_in) / measure)[piece], "h step": (rise / measure)[piece],
+            "at step": (across / measure[:, None])[piece], "aside": np.diff(sideways, prepend=0),
+            "far": (fade * fade * (3 - 2 * fade))[piece], "footprint": footprint[piece], "blur": blur[piece]}
 
 
 def _see(shells, lattice, noise, means, box, eye, directions, looks):
-    """Add to the looks what they see: the share covered, and of far hairs that which none of them leaves open."""
-    face, h, d = looks["face"], looks["h"], directions[looks["ray"]]
-    where = eye + looks["z"][:, None] * d
-    v, grad = height_at(shells, noise, face, lattice[face, 1, 2], looks["at"], (where - box[:3]) * box[3], h)
+    """Add to the looks what they see: the share covered, that which many hairs keep, and how far back it was met."""
+    face, h, d, far = looks["face"], looks["h"], directions[looks["ray"]], looks["far"]
+    looks["where"] = where = eye + looks["z"][:, None] * d
+    v, grad, top = height_at(shells, noise, face, lattice[face, 1, 2], looks["at"], (where - box[:3]) * box[3], h)
     slope = grad[:, :1] * lattice[face, 2, :3] + grad[:, 1:] * lattice[face, 3, :3]
-    change = np.linalg.norm(slope - dot(slope, d)[:, None] * d, axis=1)
-    covered = cover(shells, v, h, looks["footprint"] * change)
-    mean = np.stack([np.interp(h, np.arange(HEIGHTS) / (HEIGHTS - 1), f64(means)[:, i]) for i in range(2)], 1)
-    far = looks["far"]
-    looks["covered"] = covered + far * (mean[:, 0] - covered)
-    looks["free"] = np.exp(-far * mean[:, 1] * looks["aside"] / np.maximum(1 - mean[:, 0], 0.02))
+    up, footprint, blur = lattice[face, 4, :3], looks["footprint"], looks["blur"]
+    falls = slope - up                                       # gradient of v - h
+    across = falls - dot(falls, d)[:, None] * d
+    steep = np.sqrt(np.maximum(dot(across, across), 1e-20))
+    g = footprint * steep
+    # A hair is as broad as its chord, level; across that slope the pixel sees it tilted.
+    tilt = dot(falls, np.cross(d, up)) * float(shells["size"][0]) / steep
+    level = np.sqrt(np.maximum(1 - tilt**2, 1e-4))
+    sharpness, density = float(shells["shape"][0]), float(shells["shape"][1])
+    stout = np.maximum(top - h * (1 + sharpness) / 2, 0) / top
+    sine = bool(shells["kind"][0])
+    chord = np.sqrt(density * stout + 1e-12) / 2 if sine else np.pi / 2 * CELL_RADIUS * density * stout
+    bow = np.pi**2 / 4 / density * blur**2 if sine else np.zeros(len(h))
+    looks["covered"] = cover(shells, v, h, g, bow, top, chord / np.maximum(blur * level, 1e-6))
+    looks["many"] = np.where(far > 0, kept_by_many(means, h - looks["h step"], h, looks["aside"]), 1)
     looks["slope"] = (1 - far)[:, None] * slope
+
+    # Met where the ramp from nothing to all was half gone through since the look before.
+    ramp = np.maximum((sharpness - 1) * h, 1e-3) + g
+    now, change = (v - h + g / 2) / ramp, (dot(grad, looks["at step"]) - looks["h step"]) / ramp
+    middle = (np.clip(now - change, 0, 1) + np.clip(now, 0, 1)) / 2
+    back = np.clip((now - middle) / np.where(change > 1e-6, change, 1), 0, 1)
+    back = np.where((change > 1e-6) & (far == 0), back, 0.5)
+    looks["met h"] = np.clip(h - back * looks["h step"], 0, 1)
+    looks["met z"] = looks["z"] - back * looks["z step"]
+    looks["met at"] = looks["at"] - back[:, None] * looks["at step"]
 
 
 def _hide(looks, rays, rest, half, half_face, slabs):
-    """What each look hides of the light from behind; `rest` [samples] and where half of it is gone are brought up to date."""
+    """What each look hides of the light from behind; writes what is left, and where half of it is gone, of samples."""
     counts = np.bincount(looks["ray"], minlength=len(rays))
     first = np.cumsum(counts) - counts
     part, before, left, over = np.zeros(len(looks["ray"])), np.zeros(len(rays)), rest[rays], np.zeros(len(rays), bool)
@@ -335,12 +388,13 @@ def _hide(looks, rays, rest, half, half_face, slabs):
         on = np.flatnonzero((counts > n) & ~over)
         look = first[on] + n
         covered = looks["covered"][look]
-        kept = looks["free"][look] * np.where(covered > before[on], (1 - covered) / (1 - before[on]), 1)
+        kept = np.where(covered > before[on], (1 - covered) / (1 - before[on]), 1)
+        kept += looks["far"][look] * (looks["many"][look] - kept)
         before[on] = np.minimum(covered, 0.999)
         part[look] = left[on] * (1 - kept)
         now = left[on] * kept
         halved = (left[on] >= 0.5) & (now < 0.5)
-        half[rays[on[halved]]] = looks["z"][look[halved]]
+        half[rays[on[halved]]] = looks["where"][look[halved]]
         half_face[rays[on[halved]]] = looks["face"][look[halved]]
         left[on] = now
         over[on] = now < 1 / 256
@@ -354,19 +408,20 @@ def _light(shells, light, half_vector, faces, curves, normals, lattice, eye, dir
     _, first, group = np.unique(key, return_index=True, return_inverse=True)
     hidden = np.bincount(group, part)
     seen = hidden > 1e-4
+    hidden = hidden[seen]
 
     def mean(values):
         sums = np.stack([np.bincount(group, part * column) for column in values.reshape(len(part), -1).T], 1)
-        return (sums[seen] / hidden[seen, None]).reshape(-1, *values.shape[1:])
+        return (sums[seen] / hidden[:, None]).reshape(-1, *values.shape[1:])
     ray, tetrahedron = looks["ray"][first][seen], looks["tetrahedron"][first][seen]
-    face, slab, hidden = tetrahedron // (3 * slabs), tetrahedron // 3 % slabs, hidden[seen]
-    d, h = directions[ray], mean(np.clip(looks["h"] - looks["back"], 0, 1))
-    p = eye + mean(looks["z"])[:, None] * d
+    face, slab = tetrahedron // (3 * slabs), tetrahedron // 3 % slabs
+    d, h = directions[ray], mean(looks["met h"])
+    p = eye + mean(looks["met z"])[:, None] * d
     a, b, c = lattice[face, 0, :2], lattice[face, 0, 2:], lattice[face, 1, :2]
     sides = np.stack([b - a, c - a], 2)
     flat = np.linalg.det(sides) == 0
     sides[flat] = np.eye(2)
-    other = np.linalg.solve(sides, (mean(looks["at"]) - a)[..., None])[..., 0]
+    other = np.linalg.solve(sides, (mean(looks["met at"]) - a)[..., None])[..., 0]
     other[flat] = 0
     weights = np.concatenate([1 - other.sum(1, keepdims=True), other], 1)[..., None]
     corners = np.asarray(faces)[face, :3].astype(np.int64)
@@ -378,7 +433,8 @@ def _light(shells, light, half_vector, faces, curves, normals, lattice, eye, dir
     if light["position"][3] > 0:
         to_light = unit(f64(light["position"])[:3] - p)
         strength = strength * (to_light @ -f64(light["direction"])[:3] >= float(light["cone"][0]))[:, None]
-    color, ambient, (specular, exponent, _, turned) = f64(shells["color"])[:3], float(light["color"][3]), f64(shells["shine"])
+    color, ambient = f64(shells["color"])[:3], float(light["color"][3])
+    specular, exponent, _, turned = f64(shells["shine"])
     if turned:
         n = unit(n - float(shells["size"][0]) * mean(looks["slope"]))
         towards = dot(n, to_light)
