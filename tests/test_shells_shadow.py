@@ -96,7 +96,7 @@ def check_twin(gpu, scene, cells, method="length"):
     parts = -(-min(int(shell.longest / step) + 2, stage.MOST_ROWS) // stage.ROWS)
     pattern, slabs = shell.pattern, int(packed["kind"][2])
     expected = twin.deposit(packed, grid, pattern.faces.get()[:, :3], shell.curves.get().reshape(-1, slabs + 1, 4),
-                            pattern.lattice.get().reshape(-1, 4, 4), pattern.means.get(), parts, deep,
+                            pattern.lattice.get().reshape(-1, stage.CORNERS, 4), pattern.means.get(), parts, deep,
                             method == "binary", UNIT)
     assert got.sum() > 0
     np.testing.assert_array_equal(got, expected)
@@ -123,7 +123,8 @@ def test_a_level_patch_shows_its_table(gpu, direction, length):
     fur = clfur.Shells(length=length, frequency=20, seed=3)
     for n, cells in ((1, 16), (1, 48), (4, 48), (4, 112)):
         got, grid, shell, _ = deposited(gpu, clfur.Scene(mesh=patch(n), fur=fur, light=lamp(*direction)), cells)
-        means, lattice = shell.pattern.means.get().astype(float), shell.pattern.lattice.get().reshape(-1, 4, 4)
+        means = shell.pattern.means.get().astype(float)
+        lattice = shell.pattern.lattice.get().reshape(-1, stage.CORNERS, 4)
         expected = 4 * np.mean([amount(means, each, direction, length) for each in lattice.astype(float)])
         # Heights of 3/4 cell and 16 looks at the table.  Rounding: half a unit for each work-item.
         rounding = len(lattice) * 40 / UNIT * float(grid["face"][0])
@@ -153,7 +154,7 @@ class Fur:
         order = np.sort(mesh.faces, 1)
         self.inverse = np.linalg.inv(mesh.positions[order].astype(float).transpose(0, 2, 1))
         self.packed, self.length, self.shell = packed, fur.length, shell
-        lattice = shell.pattern.lattice.get().astype(float).reshape(-1, 4, 4)
+        lattice = shell.pattern.lattice.get().astype(float).reshape(-1, stage.CORNERS, 4)
         self.at = np.stack([lattice[:, 0, :2], lattice[:, 0, 2:], lattice[:, 1, :2]], 1)       # [F, 3, 2]
         self.sides = lattice[:, 1, 2].astype(int)
 
@@ -166,8 +167,8 @@ class Fur:
 
     def cover(self, p):
         face, w, h = self.place(p)
-        v, _ = twin.cells(self.packed, face, self.sides[face], np.einsum("ni,nij->nj", w, self.at[face]))
-        return np.where((h >= 0) & (h <= 1), twin.cover(self.packed, v, np.clip(h, 0, 1), np.zeros(len(p))), 0)
+        v = twin.cells(self.packed, face, self.sides[face], np.einsum("ni,nij->nj", w, self.at[face]))[0]
+        return np.where((h >= 0) & (h <= 1), twin.cover(self.packed, v, np.clip(h, 0, 1)), 0)
 
     def crossings(self, starts, towards, step):
         """How often rays of light [N, 3] enter hair before they get here."""

@@ -498,7 +498,7 @@ ROWS, LOOKS, FAR = 16, 16, 4    # of a face's points a work-item; at the table; 
 def deposit(shells, grid, faces, curves, lattice, means, parts, deep, binary, weight):
     """Shell fur -> cells [nz, ny, nx] int64.
 
-    faces [F, 3], curves [V, slabs + 1, 4], lattice [F, 4, 4], means [64, 2]: as the kernel has them.
+    faces [F, 3], curves [V, slabs + 1, 4], lattice [F, 5, 4], means [64, 2]: as the kernel has them.
     parts: work-items a face; deep: a cell's depth; weight: what one crossing adds.
     """
     one, slabs = np.float32, int(shells["kind"][2])
