@@ -1071,7 +1071,8 @@ __kernel void deposit(
                 if (!binary)
                     add_between(cells, &grid, at.x - SUBPIXEL / 2, at.y - SUBPIXEL / 2, at.z >> 8, amount);
                 else if (amount && in_grid(&grid, at.x >> 8, at.y >> 8, at.z >> 8))
-                    atomic_max(&cells[((size_t)(at.z >> 8) * grid.size.y + (at.y >> 8)) * grid.size.x + (at.x >> 8)], weight);
+                    atomic_max(&cells[((size_t)(at.z >> 8) * grid.size.y + (at.y >> 8)) * grid.size.x
+                                      + (at.x >> 8)], weight);
             }
     }
 }

@@ -490,7 +490,7 @@ def sine(a, b):
     return np.linalg.norm(np.cross(a, b), axis=-1)
 
 
-# --- the light's grid: in the device's own order of float operations, so that whole numbers are equal ----------------
+# --- the light's grid: in the device's own order of float operations, so that whole numbers are equal ----
 
 ROWS, LOOKS, FAR = 16, 16, 4    # of a face's points a work-item; at the table; grids beyond which nothing is snapped
 
@@ -498,12 +498,13 @@ ROWS, LOOKS, FAR = 16, 16, 4    # of a face's points a work-item; at the table; 
 def deposit(shells, grid, faces, curves, lattice, means, parts, deep, binary, weight):
     """Shell fur -> cells [nz, ny, nx] int64.
 
-    faces [F, 3], curves [V, slabs + 1, 4], lattice [F, 4, 4], means [64, 2]: as the kernel has them.
+    faces [F, 3], curves [V, slabs + 1, 4], lattice [F, 5, 4], means [64, 2]: as the kernel has them.
     parts: work-items a face; deep: a cell's depth; weight: what one crossing adds.
     """
     one, slabs = np.float32, int(shells["kind"][2])
     cells = np.zeros([int(n) for n in grid["size"][2::-1]], np.int64)
-    corners = [np.asarray(curves, one)[np.asarray(faces, np.int64)[:, i], :, :3] for i in range(3)]   # [F, slabs + 1, 3]
+    places, faces = np.asarray(curves, one), np.asarray(faces, np.int64)
+    corners = [places[faces[:, i], :, :3] for i in range(3)]              # [F, slabs + 1, 3]
     m = grid["to_grid"]
 
     def distance(p):
@@ -541,7 +542,8 @@ def _deposit(cells, grid, a, b, c, lattice, means, slabs, rows, heights, binary,
             sideways = entered / one(heights * looks)
             up_a = a[:, k + 1] - a[:, k]
             up_b, up_c = (p[:, k + 1] - p[:, k] - up_a for p in (b, c))
-            origin, ab, ac = a[:, k] + inside * up_a, b[:, k] - a[:, k] + inside * up_b, c[:, k] - a[:, k] + inside * up_c
+            origin = a[:, k] + inside * up_a
+            ab, ac = b[:, k] - a[:, k] + inside * up_b, c[:, k] - a[:, k] + inside * up_c
             for row in range(first, min(first + ROWS, rows)):
                 for point in range(2 * row + 1):
                     third = one(1 + point % 2) / one(3)
