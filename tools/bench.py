@@ -1,16 +1,20 @@
 """Times the canonical frames: strands of 8 segments on a sphere, 640x480, everything rebuilt for every frame.
 
     python tools/bench.py                          a table
+    python tools/bench.py --kinds shells           shell fur against layers and pixels, the camera moved for every frame
     python tools/bench.py --json                   one JSON object per frame, a line each
     python tools/bench.py --peer "COMMAND ..."     also time a program that prints one JSON line with median_s, in turn
     python tools/bench.py --save DIR               also save each picture
 
+Shell fur is the report's sines (f = 40) on a sphere of 1,280 faces, without shadows and with one sample a pixel.
 A frame is warm: programs are built and the first frames are not counted.  Its seconds run from the scene to the
 picture on the host; a stage's seconds are the device's own.  Trust ratios from one run, not seconds from two.
 """
 
 import argparse
+import itertools
 import json
+import math
 import shlex
 import statistics
 import subprocess
@@ -64,11 +68,21 @@ def canonical(n, kind, size):
     return clfur.Scene(mesh=mesh, fur=fur, camera=clfur.Camera(size=size), body_color=BODY)
 
 
+def canonical_shells(layers, size):
+    """The scene of shell fur in so many layers."""
+    fur = clfur.Shells(length=LENGTH, layers=layers, pattern="sine", frequency=40.0, color=HAIR)
+    return clfur.Scene(mesh=clfur.load_mesh("sphere"), fur=fur, camera=clfur.Camera(size=size), body_color=BODY)
+
+
 def measure(scene, gpu, settings, repeat, warm=2):
-    """[clfur.Frame] of ``repeat`` warm frames, every stage done anew in each."""
-    frames = []
-    for _ in range(warm + repeat):
-        gpu.forget()
+    """[clfur.Frame] of ``repeat`` warm frames: every stage of strands done anew, shells seen from ever new places."""
+    frames, eye = [], scene.camera.eye
+    for k in range(warm + repeat):
+        if scene.shells:
+            camera = clfur.Camera(eye + (0.05 * math.sin(k), 0, 0), size=scene.camera.size)
+            scene = clfur.Scene(mesh=scene.mesh, fur=scene.fur, camera=camera, body_color=BODY)
+        else:
+            gpu.forget()
         frames.append(clfur.draw(scene, gpu, settings))
     return frames[warm:]
 
@@ -82,50 +96,66 @@ def spread(values):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--strands", type=int, nargs="+", default=[20480, 100_000, 300_000])
-    parser.add_argument("--kinds", nargs="+", default=["curves", "grown"], choices=["curves", "grown"])
-    parser.add_argument("--size", default="640x480")
+    parser.add_argument("--layers", type=int, nargs="+", default=[8, 15, 30, 60], help="of shells")
+    parser.add_argument("--kinds", nargs="+", default=["curves", "grown"], choices=["curves", "grown", "shells"])
+    parser.add_argument("--size", nargs="+", help="[default: 640x480; of shells also 320x240 and 1280x960]")
     parser.add_argument("--samples", type=int, default=1)
-    parser.add_argument("--shadows", default="length", choices=["off", "binary", "count", "trilinear", "length"])
+    parser.add_argument("--shadows", choices=["off", "binary", "count", "trilinear", "length"],
+                        help="[default: length, off with shells]")
     parser.add_argument("--grid", type=int, default=48)
     parser.add_argument("--repeat", type=int, default=9)
     parser.add_argument("--device")
-    parser.add_argument("--peer", help="command to time in turn, three times; %%N in it becomes the number of strands")
+    parser.add_argument("--peer", help="command to time in turn, three times; %%N in it becomes the number of strands "
+                                       "or layers, %%S the size")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--save", metavar="DIR")
     arguments = parser.parse_args()
-    size = tuple(map(int, arguments.size.split("x")))
     gpu = clfur.Scheduler(arguments.device)
-    settings = clfur.Settings(samples=arguments.samples, shadows=arguments.shadows, grid=arguments.grid)
 
-    for n in arguments.strands:
-        for kind in arguments.kinds:
-            scene = canonical(n, kind, size)
-            frames, peer = [], []
-            for _ in range(3 if arguments.peer else 1):
-                frames += measure(scene, gpu, settings, arguments.repeat)
-                if arguments.peer:
-                    command = shlex.split(arguments.peer.replace("%N", str(n)))
-                    done = subprocess.run(command, capture_output=True, text=True, check=True)
-                    peer.append(json.loads(done.stdout.splitlines()[-1])["median_s"])
-            if arguments.save:
-                clfur.save(f"{arguments.save}/{kind}-{n}.png", frames[-1].images["color"])
-            row = {
-                "strands": n, "kind": kind, "size": arguments.size, "samples": arguments.samples,
-                "shadows": arguments.shadows, "grid": arguments.grid,
-                "device": frames[0].device, "segments": frames[0].segments, "frames": len(frames),
-                "frame": spread([f.seconds for f in frames]),
-                "stages": {name: spread([f.stages[name] for f in frames]) for name in frames[0].stages},
-            }
-            if peer:
-                row["peer"] = spread(peer)
-                row["ratio"] = round(row["frame"]["median_ms"] / row["peer"]["median_ms"], 4)
-            print(json.dumps(row) if arguments.json else table(row), flush=True)
+    for kind, n, size in rows_of(arguments):
+        shells = kind == "shells"
+        settings = clfur.Settings(samples=arguments.samples, grid=arguments.grid,
+                                  shadows=arguments.shadows or ("off" if shells else "length"))
+        pixels = tuple(map(int, size.split("x")))
+        scene = canonical_shells(n, pixels) if shells else canonical(n, kind, pixels)
+        frames, peer = [], []
+        for _ in range(3 if arguments.peer else 1):
+            frames += measure(scene, gpu, settings, arguments.repeat)
+            if arguments.peer:
+                command = shlex.split(arguments.peer.replace("%N", str(n)).replace("%S", size))
+                done = subprocess.run(command, capture_output=True, text=True, check=True)
+                peer.append(json.loads(done.stdout.splitlines()[-1])["median_s"])
+        if arguments.save:
+            clfur.save(f"{arguments.save}/{kind}-{n}-{size}.png", frames[-1].images["color"])
+        row = {
+            "layers" if shells else "strands": n, "kind": kind, "size": size, "samples": arguments.samples,
+            "shadows": settings.shadows, "grid": arguments.grid,
+            "device": frames[0].device, "segments": frames[0].segments, "frames": len(frames),
+            "frame": spread([f.seconds for f in frames]),
+            "stages": {name: spread([f.stages[name] for f in frames]) for name in frames[0].stages},
+        }
+        if peer:
+            row["peer"] = spread(peer)
+            row["ratio"] = round(row["frame"]["median_ms"] / row["peer"]["median_ms"], 4)
+        print(json.dumps(row) if arguments.json else table(row), flush=True)
+
+
+def rows_of(arguments):
+    """(kind, strands or layers, size) of each row."""
+    strands = [kind for kind in arguments.kinds if kind != "shells"]
+    for n, kind, size in itertools.product(arguments.strands, strands, arguments.size or ["640x480"]):
+        yield kind, n, size
+    if "shells" in arguments.kinds:
+        for n, size in itertools.product(arguments.layers, arguments.size or ["320x240", "640x480", "1280x960"]):
+            yield "shells", n, size
 
 
 def table(row):
     """The same for people."""
-    lines = [f"{row['strands']:,} strands, {row['kind']}, {row['size']}, {row['samples']} sample(s), "
-             f"{row['shadows']} shadows in {row['grid']} cells, {row['device']}"]
+    what = "layers" if "layers" in row else "strands"
+    shadows = "no shadows" if row["shadows"] == "off" else f"{row['shadows']} shadows in {row['grid']} cells"
+    lines = [f"{row[what]:,} {what}, {row['kind']}, {row['size']}, {row['samples']} sample(s), {shadows}, "
+             f"{row['device']}"]
     rows = {**row["stages"], "frame": row["frame"], **({"peer": row["peer"]} if "peer" in row else {})}
     lines += [f"  {name:12}{t['median_ms']:9.1f} ms   ({t['min_ms']:.1f} to {t['max_ms']:.1f})"
               for name, t in rows.items()]
