@@ -70,7 +70,7 @@ def canonical(n, kind, size):
 
 def canonical_shells(layers, size):
     """The scene of shell fur in so many layers."""
-    fur = clfur.Shells(length=LENGTH, layers=layers, pattern="sine", frequency=40.0, color=HAIR)
+    fur = clfur.Shells(length=LENGTH, layers=layers, pattern="sine", frequency=40.0, noise=(0, 1), color=HAIR)
     return clfur.Scene(mesh=clfur.load_mesh("sphere"), fur=fur, camera=clfur.Camera(size=size), body_color=BODY)
 
 

@@ -1,4 +1,4 @@
-"""The report's figures 8 to 13 on scenes of ours, and charts of each shadow method's error, cost and flicker.
+"""Figures 8 to 13 of the first report on scenes of ours, charts of each shadow method's error, and shell fur.
 
     pip install ".[figures]"
     python tools/figures.py                            all of them into docs/figures
@@ -18,13 +18,14 @@ from pathlib import Path
 
 import attrs
 import numpy as np
+from figures_shells import SHELLS
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, ScalarFormatter
-from PIL import Image
+from sheets import line, save, sheet, size_of, write
 
 import clfur
 from clfur import truth
-from clfur.image import linear_to_srgb, srgb_to_linear
+from clfur.image import srgb_to_linear
 from clfur.scene import frame
 from clfur.settings import SHADOWS
 from clfur.shadows import cast_shadows
@@ -38,17 +39,11 @@ from clfur.views import light_of, view_of
 METHODS = SHADOWS[1:]
 INK = {"binary": "#7f7f7f", "count": "#d95f02", "trilinear": "#7570b3", "length": "#1b9e77"}
 FUR = (0.5, 0.28, 0.12)
-KILOBYTES = 300                                            # no figure is larger
 STEPS = 24                                                 # of a cell's angle, in the light's sweep
 SWEPT = (-.9, -.6, -.3)                                    # where it begins
 
 
 # --- scenes and pictures --------------------------------------------------------------------------------
-
-
-def size_of(mesh):
-    """The distance of the mesh's furthest point from the middle of its box."""
-    return float(np.linalg.norm(mesh.positions - mesh.bounds[0], axis=1).max())
 
 
 def furry(mesh, options, strands=None, length=None, light=(-1, -1, -1), **hair):
@@ -84,35 +79,6 @@ def unsummed(gpu, scene, settings):
 def with_hair(scene, **fields):
     """The scene with other fields of its only hair type."""
     return attrs.evolve(scene, fur=attrs.evolve(scene.strands, types=attrs.evolve(scene.strands.types[0], **fields)))
-
-
-def sheet(path, title, columns, rows):
-    """Save rows of (label, images) under column headings as one PNG on white, in as many colours as fit KILOBYTES."""
-    gap, top, left = 6, 46, 26
-    height, width = rows[0][1][0].shape[:2]
-    across, down = left + len(columns) * (width + gap) + gap, top + len(rows) * (height + gap)
-    figure = Figure((across / 100, down / 100), dpi=100, facecolor="white")
-    figure.text(gap / across, 1 - 4 / down, title, va="top", fontsize=9, weight="bold")
-    for j, (label, images) in enumerate(rows):
-        y = top + j * (height + gap)
-        figure.text(4 / across, 1 - (y + height / 2) / down, label, rotation=90, va="center", fontsize=8)
-        for i, image in enumerate(images):
-            x = left + i * (width + gap)
-            figure.figimage(linear_to_srgb(image[..., :3] + 1 - image[..., 3:]), x, down - y - height)
-            if j == 0:
-                figure.text((x + 2) / across, 1 - (top - 4) / down, columns[i], va="bottom", fontsize=8)
-    save(figure, path)
-
-
-def save(figure, path):
-    """Write a figure, with fewer colours where it would be too large."""
-    figure.savefig(path, facecolor="white")
-    whole = Image.open(path).convert("RGB")
-    for colors in (256, 128, 64, 32, 16, 8):
-        whole.quantize(colors, dither=Image.Dither.NONE).save(path, optimize=True)
-        if path.stat().st_size < KILOBYTES * 1000:
-            break
-    print(f"{path}: {path.stat().st_size // 1000} kB", flush=True)
 
 
 # --- the report's figures -------------------------------------------------------------------------------
@@ -439,13 +405,6 @@ def chart(gpu, options, path):
     write(path.with_suffix(".md"), chart_table(results, gpu, options))
 
 
-def write(path, text):
-    """Print a text and keep it in a file."""
-    print(text)
-    path.write_text(text + "\n")
-    print(f"{path}", flush=True)
-
-
 def how(name, options):
     """The command that makes a table."""
     mesh = " --mesh FILE" if options.mesh else ""
@@ -479,11 +438,6 @@ def chart_table(results, gpu, options):
         edge = frontier([(w["ms"], w["error"], *key) for key, w in r["rows"].items()])
         lines += ["", "Frontier: " + ", ".join(f"{m} {n}³ ({ms:.1f} ms, {e:.3f})" for ms, e, m, n in edge) + "."]
     return "\n".join(lines)
-
-
-def line(*cells):
-    """A row of a Markdown table."""
-    return "| " + " | ".join(c if isinstance(c, str) else " | ".join(c) for c in cells) + " |"
 
 
 # --- how steady ------------------------------------------------------------------------------------------
@@ -632,7 +586,7 @@ def flicker_table(sweeps, jumps, pans, count, middle, options):
 
 
 FIGURES = {"8": figure_8, "9": figure_9, "10": figure_10, "11": figure_11, "12": figure_12, "13": figure_13,
-           "chart": chart, "flicker": flicker}
+           "chart": chart, "flicker": flicker} | SHELLS
 
 
 def whole_numbers(text):
