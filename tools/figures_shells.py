@@ -10,6 +10,7 @@ from shells_laws import OVER, Furred, before
 
 import clfur
 from clfur.scene import frame
+from clfur.stages import shade
 from clfur.stages import shells as stage
 from clfur.stages.raster import raster
 from clfur.stages.tessellate import tessellate
@@ -18,7 +19,8 @@ from clfur.views import light_of, view_of
 FUR = (0.5, 0.28, 0.12)
 LIGHT = clfur.Light(direction=(1, -1, -.6))
 EVEN = clfur.Light(color=(0, 0, 0), ambient=1)             # no form but that of the layers
-PLAIN = {"pattern": "sine", "frequency": 40.0, "noise": (0, 1), "length": .25}    # the report's fur function alone
+# The report's fur function alone.
+PLAIN = {"pattern": "sine", "frequency": 40.0, "noise": (0, 1), "length": .25, "root_shade": .35}
 
 
 def furry(mesh, options, light=LIGHT, body_color=None, **fields):
@@ -84,11 +86,11 @@ def turned(gpu, options, path):
 def noise(gpu, options, path):
     """Large and small noise."""
     rows = []
-    for pattern, fields in (("sine", PLAIN), ("cells", {"length": .25, "frequency": 25.0})):
+    for pattern, fields in (("sine", PLAIN), ("cells", {"length": .25, "frequency": 25.0, "root_shade": .35})):
         scenes = [furry(clfur.load_mesh("sphere"), options, **fields | {"noise": noise})
-                  for noise in ((0, 1), (.5, 8), (.5, 2))]
+                  for noise in ((0, 1), (1, 8), (1, 2))]
         rows.append((pattern, [draw(gpu, scene) for scene in scenes]))
-    sheet(path, "Illustrations 4 and 5: Perlin noise moves the hairs by half of their distance",
+    sheet(path, "Illustrations 4 and 5: Perlin noise moves the hairs by up to their distance",
           ["none", "waves of 8 hairs", "waves of 2 hairs"], rows)
 
 
@@ -155,30 +157,34 @@ def marched(gpu, options, path):
     """What finding the layers takes: every layer's triangles drawn, or rays marched."""
     lines = ["# Layers drawn or marched", "",
              f"`python tools/figures.py --only march` on {gpu.device.name.strip()}: milliseconds on the device for 30 "
-             "layers of a sphere, cells, without light, median of 15 runs in turn.  *drawn*: `raster.body` alone of 30 "
-             "times the triangles, keeping the nearest; it neither looks at the fur nor adds anything up.  *marched*: "
-             "`entries` and `shells`, with the fur, its light and all that it covers.", "",
-             line("faces", "size", "30 layers drawn", "marched", "of it entries"), line("--:", "---", ("--:",) * 3)]
+             "layers of a sphere, cells, without noise and shadows, one sample, median of 9 runs in turn.  *drawn*: "
+             "`raster.body` alone, of the triangles of 30 layers that face the eye.  *drawn and lit*: also "
+             "`shade.color` of each layer, which finds a pixel's place and lights it; neither looks at the fur's "
+             "pattern nor adds layers up.  *marched*: `entries` and `shells`, the fur with all that belongs to it.", "",
+             line("faces", "size", "drawn", "drawn and lit", "marched", "of it entries"), line("--:", "---", ("--:",) * 4)]
     for subdivisions in (3, 5):
         ball = trimesh.creation.icosphere(subdivisions=subdivisions)
         mesh = clfur.Mesh(ball.vertices, ball.vertices, None, ball.faces)
         fur = clfur.Shells(length=.25, frequency=60.0, noise=(0, 1))
-        shells = Furred(gpu, mesh, fur)
-        grown = np.concatenate([mesh.positions + fur.length * k / 30 * mesh.normals for k in range(30)])
-        faces = np.concatenate([mesh.faces + k * len(mesh.positions) for k in range(30)])
-        many = tessellate(gpu, clfur.Mesh(grown, np.tile(mesh.normals, (30, 1)), None, faces), 1, 1, "flat")
+        shells, heights = Furred(gpu, mesh, fur), 1 + fur.length * np.arange(30) / 30
+        grown = [tessellate(gpu, clfur.Mesh(h * mesh.positions, mesh.normals, None, mesh.faces), 1, 1, "flat")
+                 for h in heights]
         for size in ((320, 240), (640, 480), (1280, 960)):
             scene = clfur.Scene(mesh=mesh, fur=fur, camera=clfur.Camera(size=size), light=LIGHT)
             view, light = view_of(scene, 1), light_of(LIGHT)
             visible, times = raster(gpu, view, None, shells.body), []
-            for _ in range(17):
+            facing = gpu.full(visible.shape, np.uint32, 0)   # behind nothing, and towards the eye
+            for _ in range(11):
                 gpu.start()
-                raster(gpu, view, None, many)
-                drawn = gpu.seconds()["raster"]
+                for layer in grown:
+                    seen = raster(gpu, view, None, layer, after=facing)
+                    shade.color(gpu, view, light, "kajiya-kay", seen, shells.skin, layer, FUR)
+                drawn = gpu.seconds()
                 gpu.start()
                 stage.march(gpu, view, shells.shell, shells.packed, light, "kajiya-kay", visible)
                 spent = gpu.seconds()
-                times.append((drawn, spent["entries"] + spent["shells"], spent["entries"]))
+                times.append((drawn["raster"], drawn["raster"] + drawn["shade"], spent["entries"] + spent["shells"],
+                              spent["entries"]))
             medians = [f"{1e3 * statistics.median(column):.1f}" for column in zip(*times[2:])]
             lines.append(line(f"{len(mesh.faces):,}", f"{size[0]}×{size[1]}", medians))
     write(path.with_suffix(".md"), "\n".join(lines))
