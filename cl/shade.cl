@@ -69,6 +69,8 @@ __kernel void color(
     __global const float *sums,            // [nz + 1, ny, nx] crossings before each layer of the grid
     const View seen,                       // by the light
     __global const ulong *map,             // [seen.size] nearest body
+    const int veiled,                      // 1: something lets only a share of the light through
+    __global const float *through,         // [rows, width, samples] that share
     __global float4 *image)                // [rows, width]
 {
     WORK_ITEM(pixel);
@@ -120,7 +122,7 @@ __kernel void color(
                 : mix(colors[id], colors[id + 1], at);
             lit = fibre(c, shine.x, shine.y, half_vector, t, l, v, direct);
         }
-        sum += weight * (float4)(lit.xyz, 1.0f);
+        sum += (veiled ? weight * through[pixel * samples + s] : weight) * (float4)(lit.xyz, 1.0f);
     }
     image[pixel] = sum;
 }

@@ -10,13 +10,17 @@
  *   x, y     place in the pattern, on every face linear: "cells" are triangles with sides of 1, "sine" has periods of 1
  */
 #include "light.h"
+#include "cells.h"
 
 #define CORNERS 5       // float4 a face in `lattice`
 #define HEIGHTS 64      // of the table of means
 #define CELL_RADIUS 0.62f   // of a hair at its root, in sides of a cell: it reaches just beyond the cell's corners
 #define SIDEWAYS 3.0f   // looks on the way across one x or y, as long as a pixel is small against it
-#define FAR_FROM 0.35f  // pixels that are so many sides of a cell wide begin to see hairs on average,
-#define FAR_TO 1.0f     // and those of so many see nothing else
+#define SHARP 0.85f     // of a pixel's width counts as footprint: least error against 8 x 8 samples (tools/shells_laws.py)
+#define FAR_FROM 0.3f   // pixels that are so many sides of a cell wide begin to see hairs on average,
+#define FAR_TO 0.9f     // and those of so many see nothing else
+#define ROWS 16         // of a face's points in the light's grid that a work-item does
+#define LOOKS 16        // at the table of means, at least, from the skin to the tips
 #define MOST_STEPS 20000    // tetrahedra on one way: no scene that is any good has so many
 
 /*
@@ -60,7 +64,7 @@ typedef uint16 lanes_u;
 #define BLOCK_Y (LANES / 4)
 #endif
 #if CHECKED
-#define INLINED inline   // Oclgrind doesn't know what clang leaves where it has inlined what gives a struct
+#define INLINED inline   // Oclgrind 21.10 does not know what LLVM leaves where it inlines
 #else
 #define INLINED inline __attribute__((always_inline))
 #endif
@@ -356,9 +360,10 @@ INLINED float2 noise_at(const Shells *shells, __global const float2 *noise, floa
 }
 
 /* The report's fur function, halved so that it reaches 1: its threshold (2/sqrt f)·h of value/sqrt f is then h. */
-INLINED lanes waves(const Shells *shells, lanes x, lanes y, lanes *by_x, lanes *by_y, lanes *top)
+INLINED lanes waves(const Shells *shells, lanes x, lanes y, lanes *by_x, lanes *by_y, lanes *top, lanes *fold)
 {
     *top = F(1.0f);
+    *fold = F(1.0f - 1.0f / shells->shape.y);
     const lanes sum = sin_turns(x) + sin_turns(y);
     const float thin = 1.0f / shells->shape.y;
     const lanes slope = sum < 0.0f ? F(-3.1415927f * thin) : F(3.1415927f * thin);
@@ -370,12 +375,12 @@ INLINED lanes waves(const Shells *shells, lanes x, lanes y, lanes *by_x, lanes *
 /* Cones, one on each triangle of a lattice, the highest of the four that are nearest. Those beyond the face's border are
    left out, as the face behind it has its own; sides: cells along a side of the face. */
 INLINED lanes cells(const Shells *shells, uint face, int sides, lanes x, lanes y, lanes lean_x, lanes lean_y,
-                    lanes *by_x, lanes *by_y, lanes *top)
+                    lanes *by_x, lanes *by_y, lanes *top, lanes *fold)
 {
     const float thin = 1.0f / (CELL_RADIUS * shells->shape.y);
     const lanes v = y * 1.1547005f, u = x - 0.5f * v, fu = nearest(u - 0.5f), fv = nearest(v - 0.5f);
     const lanes_i i = nearest_i(u - 0.5f), j = nearest_i(v - 0.5f), down = (u - fu) + (v - fv) > 1.0f;
-    lanes best = F(-1.0f), steep = F(0.0f);
+    lanes best = F(-1.0f), second = best, steep = F(0.0f);
     *by_x = *by_y = F(0.0f);
     *top = F(1.0f);
     for (int n = 0; n < 4; ++n) {
@@ -391,26 +396,29 @@ INLINED lanes cells(const Shells *shells, uint face, int sides, lanes x, lanes y
         const lanes dy = y - lean_y - (0.8660254f * cv + 0.3f * (share(random >> 10) - 0.5f));
         const lanes off = root(dx * dx + dy * dy + 1e-12f), tall = 1.0f - shells->size.w * share(random >> 20);
         const lanes high = tall - tall * off * thin;
-        const lanes_i better = (at_i >= 0) & (at_j >= 0) & (at_i + at_j + turned < sides) & (high > best);
+        const lanes_i inside = (at_i >= 0) & (at_j >= 0) & (at_i + at_j + turned < sides), better = inside & (high > best);
+        second = better ? best : inside & (high > second) ? high : second;
         best = better ? high : best;
         steep = better ? tall / off : steep;
         *top = better ? tall : *top;
         *by_x = better ? dx : *by_x;
         *by_y = better ? dy : *by_y;
     }
+    *fold = 0.5f * (best + second);
     *by_x *= -thin * steep;
     *by_y *= -thin * steep;
     return best;
 }
 
-/* Height of the fur at a place, its gradient by x and y and the height of its hair's tip: hair is where this is more than h.
+/* Height of the fur at a place, its gradient by x and y, and the heights of its hair's tip and of the fold
+   before the next hair: hair is where this is more than h.
    `moved`: the noise there. */
 INLINED lanes height_at(const Shells *shells, uint face, int sides, lanes x, lanes y, lanes moved_x, lanes moved_y, lanes h,
-                        lanes *by_x, lanes *by_y, lanes *top)
+                        lanes *by_x, lanes *by_y, lanes *top, lanes *fold)
 {
     if (shells->kind.x)
-        return waves(shells, x + moved_x, y + moved_y, by_x, by_y, top);
-    return cells(shells, face, sides, x, y, moved_x * h, moved_y * h, by_x, by_y, top);
+        return waves(shells, x + moved_x, y + moved_y, by_x, by_y, top, fold);
+    return cells(shells, face, sides, x, y, moved_x * h, moved_y * h, by_x, by_y, top, fold);
 }
 
 /* Integral of smoothstep(e0, e0 + width, t) over t. */
@@ -421,24 +429,22 @@ INLINED lanes integral(lanes t, lanes e0, lanes width, lanes narrow)
 }
 
 /* Share of a place at height h that hair covers, where the fur is v high and its hair's tip `top`: the report's threshold
-   and smoothstep, averaged over a footprint across which v - h changes by g, but for `bow` that it is less at both
-   ends, and that holds `narrow` of the hair the other way. */
-INLINED lanes cover(const Shells *shells, lanes v, lanes h, lanes g, lanes bow, lanes top, lanes narrow)
+   and smoothstep, averaged over a footprint across which v - h changes by g.  Beyond the tip the fur goes down again,
+   and beyond the `fold` before the next hair up. */
+INLINED lanes cover(const Shells *shells, lanes v, lanes h, lanes g, lanes top, lanes fold)
 {
     const lanes width = greater((shells->shape.x - 1.0f) * h, F(1e-3f)), sharper = 1.0f / width;
     const lanes u = within((v - h) * sharper, 0.0f, 1.0f), sharp = u * u * (3.0f - 2.0f * u);
-    const lanes_i soft = g + bow > 1e-2f * width;
+    const lanes_i soft = g > 1e-2f * width;
     if (!any_lane(soft))
         return sharp;
-    /* Beyond the tip it goes down again. */
-    const lanes low = v - 0.5f * g - bow, high = v + 0.5f * g - bow, far = bow > 0.0f ? top : 2.0f * top - high;
-    const lanes_i over = bow > 0.0f ? 0.5f * g < 2.0f * bow : high > top;
-    const lanes a = integral(low, h, width, sharper), b = integral(over ? far : high, h, width, sharper);
-    const lanes c = integral(top, h, width, sharper);
-    const lanes sum = over & (bow <= 0.0f) ? 2.0f * c - a - b : b - a;
-    const lanes span = over & (bow > 0.0f) ? top - low : g;
-    const lanes mean = within(sum / greater(span, F(1e-6f)), 0.0f, 1.0f);
-    return soft ? mean * lesser(narrow, F(1.0f)) : sharp;
+    const lanes low = v - 0.5f * g, high = v + 0.5f * g;
+    const lanes_i over = high > top, under = low < fold;
+    const lanes a = integral(under ? 2.0f * fold - low : low, h, width, sharper), b = integral(over ? 2.0f * top - high : high, h, width, sharper);
+    const lanes sum = (over ? 2.0f * integral(top, h, width, sharper) - b : b)
+        + (under ? a - 2.0f * integral(fold, h, width, sharper) : -a);
+    const lanes mean = within(sum / (soft ? g : F(1.0f)), 0.0f, 1.0f);
+    return soft ? mean : sharp;
 }
 
 /* What many hairs are on average at each of HEIGHTS heights: the share covered, and how often one that goes sideways
@@ -457,13 +463,13 @@ __kernel void means(
         for (int way = 0; way < 2; ++way) {
             float before = 1.0f;
             for (int i = -1; i < around; i += LANES) {
-                lanes u, by_x, by_y, top;
+                lanes u, by_x, by_y, top, fold;
                 for (int n = 0; n < LANES; ++n)
                     LANE(u, n) = (i + n + 0.5f) * step;
                 const lanes v = F((j + 0.5f) * step), x = way ? v : u, y = way ? u : v;
-                const lanes high = shells.kind.x ? waves(&shells, x, y, &by_x, &by_y, &top)
-                    : cells(&shells, 0, 1 << 30, x + 1e3f, y + 1e3f, F(0.0f), F(0.0f), &by_x, &by_y, &top);
-                lanes here = cover(&shells, high, h, F(0.0f), F(0.0f), top, F(1.0f));
+                const lanes high = shells.kind.x ? waves(&shells, x, y, &by_x, &by_y, &top, &fold)
+                    : cells(&shells, 0, 1 << 30, x + 1e3f, y + 1e3f, F(0.0f), F(0.0f), &by_x, &by_y, &top, &fold);
+                lanes here = cover(&shells, high, h, F(0.0f), top, fold);
                 for (int n = 0; n < LANES && i + n < around; ++n) {
                     entered += LANE(here, n) > before ? LANE(here, n) - before : 0.0f;
                     covered += i + n < 0 || way ? 0.0f : LANE(here, n);
@@ -650,7 +656,6 @@ __kernel void march(
     const float steep = steep_here * (shells.kind.x ? 1.0f + 6.0f * shells.shape.z / shells.shape.w : 1.0f);
     const float steep_up = 1.0f + (shells.kind.x ? 0.0f : 1.5f * steep_here * shells.shape.z);
     const float steepest = 1.0f / shells.size.x;      // gradient of h
-    const float bow_here = shells.kind.x ? 2.4674011f / shells.shape.y : 0.0f;
     int pending = 0;
 
     for (int s = 0; s < samples; ++s) {
@@ -794,7 +799,7 @@ __kernel void march(
                 const lanes rise = h_out - h_in, mx = x_out - x_in, my = y_out - y_in;
                 const lanes move = root(mx * mx + my * my + 1e-20f);
                 const lanes footprint = shells.kind.w ? wide * (0.5f * (z_in + z_out)) : F(0.0f);
-                const lanes blur = shells.kind.w ? footprint * second.w : F(0.0f);
+                const lanes blur = footprint * second.w;
                 const lanes measure = greater(greater(shells.size.y * positive(rise), move * SIDEWAYS / (1.0f + SIDEWAYS * blur)),
                                               F(1e-6f));
                 const lanes fade = within((blur - FAR_FROM) * (1.0f / (FAR_TO - FAR_FROM)), 0.0f, 1.0f);
@@ -803,8 +808,7 @@ __kernel void march(
                 const lanes measure_inverse = 1.0f / measure, a_step = move * measure_inverse;
                 const lanes rate = (positive(rise) * steep_up + move * steep) * measure_inverse, rate_inverse = 1.0f / rate;
                 const lanes rise_step = rise * measure_inverse, mx_step = mx * measure_inverse, my_step = my * measure_inverse;
-                /* The ends of a pixel lie lower than its middle on the bowed "sine". */
-                const lanes bow = bow_here * blur * blur, room = 0.5f * (blur * steep_here + footprint * steepest) + bow;
+                const lanes room = 0.5f * (blur * steep_here + footprint * steepest);   // most of half a footprint
                 const lanes span = (high - low) * measure;
                 lanes at = F(0.0f), hidden = F(0.0f), sum_z = hidden, sum_h = hidden, sum_x = hidden, sum_y = hidden;
                 lanes sum_gx = hidden, sum_gy = hidden;
@@ -840,8 +844,8 @@ __kernel void march(
                                 LANE(moved_x, i) = moved.x;
                                 LANE(moved_y, i) = moved.y;
                             }
-                    lanes top;
-                    const lanes v = height_at(&shells, face, (int)second.z, x, y, moved_x, moved_y, h, &by_x, &by_y, &top);
+                    lanes top, fold;
+                    const lanes v = height_at(&shells, face, (int)second.z, x, y, moved_x, moved_y, h, &by_x, &by_y, &top, &fold);
                     const lanes_i near_hair = looks & (is_far | (v + room > h));
                     slack = looks ? (near_hair ? F(0.0f) : h - v - room) : slack;
                     if (!any_lane(near_hair)) {
@@ -854,16 +858,8 @@ __kernel void march(
                     const lanes gx = by_x * grad_x.x + by_y * grad_y.x - up.x, gy = by_x * grad_x.y + by_y * grad_y.y - up.y,
                         gz = by_x * grad_x.z + by_y * grad_y.z - up.z, along_ray = gx * dx + gy * dy + gz * dz;
                     const lanes across_ray = greater(gx * gx + gy * gy + gz * gz - along_ray * along_ray, F(1e-20f));
-                    const lanes slope = root(across_ray), g = footprint * slope, ahead_step = by_x * mx_step + by_y * my_step;
-                    /* How much of a pixel's breadth across that slope a hair fills. */
-                    const lanes tilt = (gx * (dy * up.z - dz * up.y) + gy * (dz * up.x - dx * up.z)
-                                        + gz * (dx * up.y - dy * up.x)) * (shells.size.x / slope);
-                    const lanes level = root(greater(1.0f - tilt * tilt, F(1e-4f)));
-                    const lanes stout = greater(top - h * (0.5f + 0.5f * shells.shape.x), F(0.0f)) / top;
-                    const lanes chord = shells.kind.x ? 0.5f * root(shells.shape.y * stout + 1e-12f)
-                        : 1.5707963f * CELL_RADIUS * shells.shape.y * stout;
-                    const lanes narrow = chord / greater(blur * level, F(1e-6f));
-                    lanes covered = cover(&shells, v, h, g, bow, top, narrow);
+                    const lanes slope = root(across_ray), g = SHARP * footprint * slope, ahead_step = by_x * mx_step + by_y * my_step;
+                    const lanes covered = cover(&shells, v, h, g, top, fold);
                     /* What is hidden here and was not before, of what is left: hairs go down to the skin, so that one
                        look below another hides the same again. */
                     lanes kept = covered > before ? (1.0f - covered) / (1.0f - before) : F(1.0f);
@@ -980,4 +976,178 @@ __kernel void march(
     }
     if (pending)
         atomic_add(left, pending);
+}
+
+/* What a ray through a cell's face is expected to cross there, as voxelize.lengths does for strands.  A hair is entered
+   where the share covered rises along the ray: from the side as often as the table of means tells, from above by what
+   the height adds.  Of hairs that are round, rise = side · cos(angle) + above; the mean over the angles of what of it is
+   positive is the amount, taken to 4 % as below.  Each prism is divided into points of 3/4 cell at most, and what
+   rounding leaves goes on to the next.  One work-item does ROWS rows of a face's points. */
+__kernel void deposit(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const Shells shells,
+    const Grid grid,
+    __global const uint4 *faces,           // [F] corners in the order of their numbers
+    __global const float4 *curves,         // [V, slabs + 1]
+    __global const float4 *lattice,        // [F, CORNERS]
+    __global const float2 *means,          // [HEIGHTS]
+    const int parts,                       // work-items a face
+    const float deep,                      // a cell's depth [world]
+    const int binary,                      // 1: a cell that holds anything holds one crossing
+    const uint weight,                     // amount of one crossing
+    volatile __global uint *cells)         // [nz, ny, nx]
+{
+    WORK_ITEM(item);
+    const int slabs = shells.kind.z, first_row = (int)(item % parts) * ROWS;
+    const uint face = item / parts;
+    const uint4 corners = faces[face];
+    __global const float4 *pa = curves + (size_t)corners.x * (slabs + 1), *pb = curves + (size_t)corners.y * (slabs + 1),
+        *pc = curves + (size_t)corners.z * (slabs + 1);
+    /* Points stand no further apart than where the face is nearest to the light. */
+    float square = 0.0f, near = INFINITY, far = 0.0f;
+    for (int k = 0; k <= slabs; ++k) {
+        const float4 ab = pb[k] - pa[k], bc = pc[k] - pb[k], ca = pa[k] - pc[k];
+        const float wa = distance_of(&grid, pa[k]), wb = distance_of(&grid, pb[k]), wc = distance_of(&grid, pc[k]);
+        square = max(square, max(max(dot3(ab, ab), dot3(bc, bc)), dot3(ca, ca)));
+        near = min(near, min(min(wa, wb), wc));
+        far = max(far, max(max(wa, wb), wc));
+    }
+    const float step = 0.75f * min(grid.face.y * max(near, grid.face.z), deep);
+    const int rows = (int)min(sqrt(square) / step, parts * ROWS - 1.0f) + 1;
+    const int heights = (int)min(shells.size.x / (slabs * step), parts * ROWS - 1.0f) + 1;
+    if (first_row >= rows || far < grid.face.z)
+        return;
+
+    const float4 first = lattice[CORNERS * face], second = lattice[CORNERS * face + 1];
+    const float2 to_b = first.zw - first.xy, to_c = second.xy - first.xy;
+    const int looks = (LOOKS - 1) / (slabs * heights) + 1;
+    float left = 0.5f, covered = mean_at(means, 0.0f).x;
+    for (int level = 0; level < slabs * heights; ++level) {
+        const int slab = level / heights;
+        const float inside = (level % heights + 0.5f) / heights;
+        const float low = (float)level / (slabs * heights), top = (float)(level + 1) / (slabs * heights);
+        /* Between these heights: what is covered below and not above, and entries going sideways. */
+        const float above = mean_at(means, top).x, newly = covered - above;
+        covered = above;
+        float entered = 0.0f;
+        for (int k = 0; k < looks; ++k)
+            entered += mean_at(means, low + (k + 0.5f) / (slabs * heights * looks)).y;
+        const float sideways = entered / (heights * looks);
+
+        const float4 up_a = pa[slab + 1] - pa[slab], up_b = pb[slab + 1] - pb[slab] - up_a,
+                     up_c = pc[slab + 1] - pc[slab] - up_a;
+        const float4 origin = pa[slab] + inside * up_a;
+        const float4 ab = pb[slab] - pa[slab] + inside * up_b, ac = pc[slab] - pa[slab] + inside * up_c;
+        const float4 n = cross3(ab, ac);
+        const float each = weight * 0.25f / ((float)rows * rows * grid.face.x);
+        for (int row = first_row; row < min(first_row + ROWS, rows); ++row)
+            for (int k = 0; k <= 2 * row; ++k) {
+                const int turned = k & 1;
+                const float wb = (k / 2 + (1 + turned) / 3.0f) / rows;
+                const float wc = (row - k / 2 - turned + (1 + turned) / 3.0f) / rows;
+                const float4 p = origin + wb * ab + wc * ac;
+                float w;
+                const int4 at = to_cells(&grid, p, &w);
+                if (at.x == OUTSIDE || at.z < 0)
+                    continue;
+                /* A spot's rays meet the cell's face, at distance w along its axis, at a slant: ray is w / cos long. */
+                w = w > grid.face.z ? w : grid.face.z;
+                const float4 ray = grid.light - grid.light.w * p, up = up_a + wb * up_b + wc * up_c;
+                const float along_b = dot3(ray, cross3(ac, up)), along_c = dot3(ray, cross3(up, ab));
+                const float2 move = along_b * to_b + along_c * to_c;
+                const float side = sideways * sideways * (move.x * move.x + move.y * move.y);
+                const float down = newly * dot3(ray, n) * (dot3(up, n) < 0.0f ? -1.0f : 1.0f);
+                const float level_down = down < 0.0f ? -down : down;
+                const float around = sqrt(4.0f * side + 0.5947153f * (down * down));
+                const float both = down + (around > level_down ? around : level_down);
+                const float exact = both * each / (w * w * w) + left;
+                const uint amount = exact < 0x1p31f ? (uint)exact : 1u << 31;
+                left = exact - amount < 1.0f ? exact - amount : 1.0f;
+                if (!binary)
+                    add_between(cells, &grid, at.x - SUBPIXEL / 2, at.y - SUBPIXEL / 2, at.z >> 8, amount);
+                else if (amount && in_grid(&grid, at.x >> 8, at.y >> 8, at.z >> 8))
+                    atomic_max(&cells[((size_t)(at.z >> 8) * grid.size.y + (at.y >> 8)) * grid.size.x + (at.x >> 8)], weight);
+            }
+    }
+}
+
+INLINED uint corner_of(uint4 face, int corner)
+{
+    return corner == 0 ? face.x : corner == 1 ? face.y : face.z;
+}
+
+/* What the nearest sample of one pixel sees, where that is fur: what is told of strands, of a hair of the fur.  One
+   work-item tells it of one pixel. */
+__kernel void about(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const View view,
+    const int slabs,
+    __global const ulong *visible,         // [rows, width, samples] what else is drawn
+    __global const ulong *fur,             // [rows, width, samples] depth << 32 | face, see march
+    __global const float *through,         // [rows, width, samples]
+    __global const uint4 *faces,           // [F] corners in the order of their numbers
+    __global const float4 *curves,         // [V, slabs + 1]
+    __global const float4 *uv,             // [F * 3] u, v of these corners
+    __global float *out_depth,             // [rows, width] distance along the view axis
+    __global int *out_id,                  // -3
+    __global float4 *out_tangent,          // unit: the hair's direction
+    __global float4 *out_normal,           // unit, towards the eye: across the hair
+    __global float4 *out_uv,               // of the root
+    __global float *out_coverage)          // share of light that does not come from behind everything
+{
+    WORK_ITEM(pixel);
+    const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
+    ulong key = ~0ul;
+    uint other = NOTHING;
+    int nearest = 0;
+    float covered = 0.0f;
+    for (int s = 0; s < samples; ++s) {
+        const ulong drawn = visible[pixel * samples + s], there = fur[pixel * samples + s];
+        covered += (uint)drawn == NOTHING ? 1.0f - through[pixel * samples + s] : 1.0f;
+        other = min(other, (uint)(drawn >> 32));
+        if (there < key) {
+            key = there;
+            nearest = s;
+        }
+    }
+    out_coverage[pixel] = covered / samples;
+    if (key == ~0ul || (uint)(key >> 32) >= other)
+        return;
+    const float4 p = seen_point(&view, x, y, nearest, (uint)(key >> 32)), v = towards_eye(&view, p);
+    const uint face = (uint)key;
+    const uint4 corners = faces[face];
+    __global const float4 *curve[3] = {curves + corners.x * (slabs + 1), curves + corners.y * (slabs + 1),
+                                       curves + corners.z * (slabs + 1)};
+    /* The tetrahedron that p lies in, or is the least beside. */
+    float best = -INFINITY, share[3] = {1.0f, 0.0f, 0.0f};   // of each corner of the face
+    int slab = 0;
+    for (int i = 0; i < 3 * slabs; ++i) {
+        const int k = i % 3, four[4] = {0, k == 2 ? 3 : 1, k == 0 ? 2 : 4, 5};
+        float4 q[4];
+        for (int j = 0; j < 4; ++j)
+            q[j] = curve[four[j] % 3][i / 3 + four[j] / 3] - p;
+        const float4 w = (float4)(dot3(cross3(q[1], q[2]), q[3]), -dot3(cross3(q[2], q[3]), q[0]),
+                                  dot3(cross3(q[3], q[0]), q[1]), -dot3(cross3(q[0], q[1]), q[2]));
+        const float all = (w.x + w.y) + (w.z + w.w);
+        const float part[4] = {w.x / all, w.y / all, w.z / all, w.w / all};
+        const float least = min(min(part[0], part[1]), min(part[2], part[3]));
+        if (all != 0.0f && least > best) {
+            best = least;
+            slab = i / 3;
+            share[0] = share[1] = share[2] = 0.0f;
+            for (int j = 0; j < 4; ++j)
+                share[four[j] % 3] += part[j];
+        }
+    }
+    float4 along = (float4)(0.0f), root_uv = along;
+    for (int j = 0; j < 3; ++j) {
+        along += share[j] * (curve[j][slab + 1] - curve[j][slab]);
+        root_uv += share[j] * uv[3 * face + j];
+    }
+    const float4 tangent = unit_or(along, v);
+    out_depth[pixel] = to_screen(&view, p).w;
+    out_id[pixel] = -3;
+    out_tangent[pixel] = tangent;
+    out_normal[pixel] = unit_or(v - dot3(v, tangent) * tangent, v);
+    out_uv[pixel] = root_uv;
 }

@@ -7,30 +7,9 @@
  * a ray of light is expected to cross the strand.  One work-item draws one strand.
  */
 
+#include "cells.h"
+
 #define FRACTION 24                                     // fixed-point bits below the sub-cell in a walk
-#define OUTSIDE INT_MIN                                 // mark of a point four grids away: what reaches it is left out
-
-inline int4 to_cells(const Grid *grid, float4 p, float *w)
-{
-    const float4 c = ((grid->to_grid[0] * p.x + grid->to_grid[1] * p.y) + grid->to_grid[2] * p.z) + grid->to_grid[3];
-    const float4 q = (float4)(c.x / c.w, c.y / c.w, c.z, 0.0f);
-    *w = c.w;
-    const float far = 4 * max(max(grid->size.x, grid->size.y), grid->size.z);
-    if (!(c.w > 0.0f && fabs(q.x) <= far && fabs(q.y) <= far && fabs(q.z) <= far))
-        return (int4)(OUTSIDE);
-    return convert_int4(floor(q * (float)SUBPIXEL + 0.5f));
-}
-
-inline bool in_grid(const Grid *grid, int x, int y, int z)
-{
-    return (uint)x < (uint)grid->size.x && (uint)y < (uint)grid->size.y && (uint)z < (uint)grid->size.z;
-}
-
-inline void add(volatile __global uint *cells, const Grid *grid, int x, int y, int z, uint amount)
-{
-    if (amount && in_grid(grid, x, y, z))
-        atomic_add(&cells[((size_t)z * grid->size.y + y) * grid->size.x + x], amount);
-}
 
 /* The report's voxels. A segment's fragments are those of a line drawn into x and y, as in raster.cl. */
 __kernel void fragments(
@@ -134,12 +113,7 @@ __kernel void lengths(
         for (int i = 0; i < n; ++i, at += step) {
             const ulong all = part + ((uint)i < more);
             const int x = (at.x >> 9) - SUBPIXEL / 2, y = (at.y >> 9) - SUBPIXEL / 2, z = at.z >> 17;
-            const uint right = all * (x & 255) >> 8, both = (ulong)right * (y & 255) >> 8;
-            const uint behind = all * (y & 255) >> 8;
-            add(cells, &grid, x >> 8, y >> 8, z, (uint)all - right - behind + both);
-            add(cells, &grid, (x >> 8) + 1, y >> 8, z, right - both);
-            add(cells, &grid, x >> 8, (y >> 8) + 1, z, behind - both);
-            add(cells, &grid, (x >> 8) + 1, (y >> 8) + 1, z, both);
+            add_between(cells, &grid, x, y, z, all);
         }
     }
 }

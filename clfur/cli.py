@@ -57,11 +57,13 @@ def render(given, output, outputs, device, as_json, **options):
 
     skipped = {"degenerate": scene.mesh.degenerate_faces if scene.mesh else 0,
                "zero_normal": scene.mesh.zero_normal_faces if scene.mesh else 0}
+    shells = scene.shells
     if as_json:
         of_options = {} if is_scene_file(given) else {name: options[name] for name in ("fov", "light", "alpha", "seed")}
         print(json.dumps({
             "file": str(output), "size": scene.camera.size, "device": drawn.device,
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
+            "shells": shells and {name: getattr(shells, name) for name in ("layers", "length", "frequency", "pattern")},
             "seconds": drawn.seconds, "stages": drawn.stages, "skipped": skipped,
             "camera": {"eye": scene.camera.pose[:3, 3].tolist(),
                        "target": None if scene.camera.target is None else scene.camera.target.tolist()},
@@ -69,7 +71,9 @@ def render(given, output, outputs, device, as_json, **options):
         return
     stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in drawn.stages.items())
     left_out = [f"{count:,} {what.replace('_', ' ')}" for what, count in skipped.items() if count]
-    print(f"{output}: {drawn.triangles:,} triangles, {drawn.strands:,} strands, {drawn.segments:,} segments "
+    fur = [f"{shells.layers} layers of shells"] if shells else []
+    fur += [f"{drawn.strands:,} strands, {drawn.segments:,} segments"] if scene.strands or not shells else []
+    print(f"{output}: {drawn.triangles:,} triangles, {', '.join(fur)} "
           f"in {drawn.seconds:.2f} s on {drawn.device} ({stages})"
           + (f"; skipped faces: {', '.join(left_out)}" if left_out else ""))
 

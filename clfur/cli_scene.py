@@ -35,7 +35,7 @@ _SCENE = [
                  help="Segments a strand; 0 is bald."),
     click.option("--force", type=Numbers(3), default="0,-1,0", metavar="X,Y,Z", help="What pulls the hair."),
     click.option("--force-weight", type=float, default=0.2, metavar="W",
-                 help="How much a segment gives way to it; a hair of shells does so as much as all segments."),
+                 help="How much a segment gives way to it; a hair of shells does so as much as half of all segments."),
     click.option("--seed", type=int, default=0, metavar="N", help="Of all that is random."),
     click.option("--eye", type=Numbers(3), metavar="X,Y,Z",
                  help="The camera's place.  [default: where it sees the whole mesh]"),
@@ -194,7 +194,8 @@ def _shells(options, length, radius):
     frequency = options["frequency"]
     if frequency is None:
         frequency = 60 / radius if options["pattern"] == "cells" else 40.0
-    weight = options["force_weight"] * options["segments"]
+    # Half of what strands bend: hairs that stand upright go into the skin if they are bent by more than 1.
+    weight = 0.5 * options["force_weight"] * options["segments"]
     return Shells(
         length=length, frequency=frequency, length_variation=options["variation"],
         force=[weight * part for part in options["force"]],

@@ -6,6 +6,8 @@ import numpy as np
 
 from .errors import Error
 from .fur import Curves, Strands
+from .stages.blur import reach_of
+from .stages.shells import bend, border, lay, pack, size_of, topology_of
 from .stages.strands import area_of, bring, first_strand_at, grow, no_strands
 from .stages.tessellate import counts_of, levels_of, no_surface, tessellate
 
@@ -76,9 +78,17 @@ class Work:
         fixed = settings.shadow_map**2 * 8 + self.faces * MESH_FACE
         if scene.mesh is not None:
             fixed += len(scene.mesh.positions) * MESH_VERTEX
-        if settings.shadows != "off" and self.strands:
+        if settings.shadows != "off" and (self.strands or scene.shells):
             fixed += 2 * (settings.grid + 1) * settings.grid**2 * 4
         row = width * (8 * settings.samples + 16 + (60 if others else 0))
+        shells = 0
+        if scene.shells:
+            shells = size_of(scene.mesh, self._pack(settings)[0], self.topology(gpu))
+            fixed += shells
+            row += width * 24 * settings.samples
+        fewest = 1
+        if settings.blur != "off":
+            row, fewest = max(row, width * 48), min(2 * reach_of(settings.blur_sigma) + 1, height)
         point = POINT if self.grown else POINT + 32
         need = {
             "body": VERTEX * int(self.vertices[-1]) + TRIANGLE * int(self.triangles[-1]),
@@ -88,18 +98,18 @@ class Work:
         least = {   # of each; a face or a strand is never divided
             "body": min(need["body"], max(self.face, 1 << 16)),
             "strands": min(need["strands"], max(STRAND + self.longest * point, 1 << 16)),
-            "rows": row,
+            "rows": fewest * row,
         }
         spare = gpu.memory * 15 // 16 - fixed - sum(least.values())
         room = _share(spare, {name: need[name] - least[name] for name in need})
         room = {name: least[name] + room[name] for name in need}
 
         rows = min(min(room["rows"], BAND) // row, piece // (width * max(8 * settings.samples, 16)), height)
-        if rows < 1 or spare < 0:
+        if rows < fewest or spare < 0:
             raise Error(f"{gpu.name} with {gpu.memory / 2**20:,.1f} MiB has no room for Settings.grid {settings.grid}, "
                         f"Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces of up to "
-                        f"{self.face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points and a row of {width} "
-                        f"pixels; allowed: smaller ones")
+                        f"{self.face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, shells of "
+                        f"{shells / 2**20:,.1f} MiB and {fewest} rows of {width} pixels; allowed: smaller ones")
         face_runs = [run for run in _runs(
             (VERTEX * self.vertices + TRIANGLE * self.triangles, room["body"]),
             (16 * self.vertices, piece), (16 * self.triangles, piece)) if run[1] > run[0]]
@@ -154,6 +164,29 @@ class Work:
             strands = gpu.keep("strands", (fur, *part.strands), lambda: bring(gpu, fur, part.strands))
         drawn = part.body or part.faces[1] == part.faces[0]
         return strands, surface if drawn else gpu.keep("no body", (), lambda: no_surface(gpu))
+
+    def topology(self, gpu):
+        """`Topology` of the mesh, on the host."""
+        mesh = self.scene.mesh
+        return gpu.keep("topology", (mesh,), lambda: topology_of(mesh.faces))
+
+    def _pack(self, settings):
+        return pack(self.scene.shells, self.scene.mesh, self.scene.body_color is None, settings.filtered)
+
+    def make_shell(self, gpu, settings):
+        """Bring shell fur onto the device -> (`Shell`, `layout.Shells`); what hasn't changed is kept there."""
+        mesh, topology = self.scene.mesh, self.topology(gpu)
+        packed, box = self._pack(settings)
+        laid = str([box.tolist(), packed["size"].tolist(), packed["shape"].tolist(), packed["kind"][:2].tolist(),
+                    packed["noise"][:3].tolist()])
+        walls = int(packed["kind"][2]), int(packed["noise"][3])
+        bent = str([packed[name].tolist() for name in ("bend", "wind", "gust")])
+
+        def build():   # within the outermost, so that what has changed goes before anything new is made
+            pattern = gpu.keep("pattern", (mesh, laid), lambda: lay(gpu, mesh, packed, box, topology))
+            sides = gpu.keep("border", (mesh, *walls), lambda: border(gpu, mesh, packed, topology))
+            return bend(gpu, mesh, packed, pattern, topology, sides)
+        return gpu.keep("shell", (mesh, laid, *walls, bent), build), packed
 
 
 def _share(room, need):

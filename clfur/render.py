@@ -16,7 +16,8 @@ from .scene import Scene
 from .scheduler import Scheduler
 from .settings import Settings
 from .shadows import cast, plan_shadows, settle
-from .stages import shade
+from .stages import shade, shells
+from .stages.blur import blur, reach_of
 from .stages.raster import raster
 from .team import Team
 from .views import band_of, light_of, view_of
@@ -52,8 +53,9 @@ def render(scene, device=None, settings=None, outputs=None):
     ``device``: what `Scheduler` accepts, or a `Scheduler` to keep between frames, or a list of these, which then draw
     the frame together: they share the strands by speed, and the picture is the same.  ``outputs``: names of pictures to
     return as {name: array} instead: "color" as above, "depth" float32 [h, w] (distance along the view axis, inf where
-    nothing is), "id" int32 [h, w] (strand, -1 nothing, -2 body), "tangent" and "normal" float32 [h, w, 3],
+    nothing is), "id" int32 [h, w] (strand, -1 nothing, -2 body, -3 shells), "tangent" and "normal" float32 [h, w, 3],
     "uv" float32 [h, w, 2], "coverage" float32 [h, w]; all but color and coverage tell of a pixel's nearest sample.
+    Of shells they tell where half of the light from behind is gone; coverage is what color's alpha is.
     Raises `clfur.Error` for an unknown device or output, and for a picture that the device cannot hold.
     """
     frame = draw(scene, device, settings, ("color",) if outputs is None else outputs)
@@ -86,7 +88,8 @@ def _draw(team, scene, settings, outputs, hashes):
     digests = {}
     work = Work(gpus[0], scene)
     for gpu in gpus:
-        gpu.load((settings, scene.camera.size, work.faces, work.strands, work.points))
+        gpu.load((settings, scene.camera.size, work.faces, work.strands, work.points,
+                  scene.shells and scene.shells.layers))
     others, lit = set(outputs) - {"color"}, "color" in outputs
     whole = view_of(scene, settings.samples)
     width, height = scene.camera.size
@@ -107,15 +110,21 @@ def _draw(team, scene, settings, outputs, hashes):
 
     def shadows_on(gpu):
         """Shadows, or those of the frame before if only the camera has moved."""
-        planned = plan_shadows(scene, settings, work.strands, work.body)
-
-        def before_light(gpu, strands, body):
-            counted = None, None
-            for part in plan(gpu, strands, body)[0]:
-                counted = cast(gpu, planned, *work.make(gpu, part), *counted)
-            return counted
+        furred = scene.shells is not None and settings.shadows != "off"
 
         def build():
+            bounds = shells.bounds_of(gpu, work.make_shell(gpu, settings)[0]) if furred else None
+            planned = plan_shadows(scene, settings, work.strands, work.body, bounds)
+
+            def before_light(gpu, strands, body):
+                counted = None, None
+                # With the body, shells are in one device's share, and there in the first part.
+                shell = work.make_shell(gpu, settings) if furred and body else None
+                for part in plan(gpu, strands, body)[0]:
+                    counted = cast(gpu, planned, *work.make(gpu, part), *counted, shell)
+                    shell = None
+                return counted
+
             add = np.maximum if settings.shadows == "binary" else np.add
             cells, seen = team.gather("cast", before_light, [add, np.minimum], work.strands)
             told = {"voxels": cells, "shadow_map": seen} if hashes else {}
@@ -129,17 +138,24 @@ def _draw(team, scene, settings, outputs, hashes):
 
     def pictures(view, visible, gpu):
         """{output: array} of the rows of a view."""
-        visible, parts, image, known = on(gpu, visible), plan(gpu)[0], None, None
+        visible, parts, shadows = on(gpu, visible), plan(gpu)[0], None
+        image = through = known = None
         if lit:
             shadows, told = shadows_on(gpu)
             digests.update(told)
+        if scene.shells:
+            shell, packed = work.make_shell(gpu, settings)
+            image, through, fur = shells.march(gpu, view, shell, packed, light, settings.specular, visible, shadows)
+        if lit:
             # Part by part each sample of a pixel is added in its turn, so that the sum is the same bits.
             for sample in range(settings.samples) if len(parts) > 1 else [None]:
                 for part in parts:
                     image = shade.color(gpu, view, light, settings.specular, visible, *work.make(gpu, part), skin,
-                                        shadows, image, None if sample is None else (sample, sample + 1))
+                                        shadows, image, None if sample is None else (sample, sample + 1), through)
         for part in parts if others else []:
             known = shade.about(gpu, view, visible, *work.make(gpu, part), known)
+        if scene.shells and others:
+            known = shells.about(gpu, view, shell, visible, through, fur, known)
         found = {"color": image, **(known or {})}
         return {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in outputs}
 
@@ -155,6 +171,8 @@ def _draw(team, scene, settings, outputs, hashes):
                 images[name] = band
             else:   # each into its place at once: to join them in the end would take twice the memory
                 images.setdefault(name, np.empty((height, *band.shape[1:]), band.dtype))[top:top + rows] = band
+    if lit and settings.blur != "off":
+        images["color"] = team.first(functools.partial(_blurred, images["color"], settings, rows))
     if hashes:
         digests["visibility"] = seen.hexdigest()
     seconds = time.perf_counter() - began
@@ -167,6 +185,19 @@ def _draw(team, scene, settings, outputs, hashes):
     return Frame(images, " + ".join(gpu.name for gpu in team.gpus), int(work.triangles[-1]) if work.body else 0,
                  sum(strands for strands, _ in points), sum(segments for _, segments in points), seconds, stages,
                  sum(gpu.peak for gpu in team.gpus), digests)
+
+
+def _blurred(picture, settings, rows, gpu):
+    """A picture blurred, with so many of its rows on the device at a time."""
+    height, reach = len(picture), reach_of(settings.blur_sigma)
+    each, result = height if rows >= height else rows - 2 * reach, np.empty_like(picture)
+    for top in range(0, height, each):
+        end = min(top + each, height)
+        low, high = max(top - reach, 0), min(end + reach, height)
+        strip = gpu.upload(picture[low:high])
+        result[top:end] = gpu.download(
+            blur(gpu, strip, settings.blur_sigma, settings.blur == "edges", (top - low, end - low)))
+    return result
 
 
 def on(gpu, array):

@@ -8,7 +8,7 @@ import numpy as np
 from . import layout
 from .errors import Error
 from .fur import Strands, hair_bounds
-from .stages import shade
+from .stages import shade, shells
 from .stages.raster import raster
 from .stages.voxelize import depths_for, most_of, own_share, unit_for, voxelize
 from .stages.zscan import zscan
@@ -20,8 +20,8 @@ class Plan:
     """How a scene's shadows are cast, before anything is.
 
     grid, seen: `layout.Grid` and `layout.View` of the light, or None where there is no hair or no body to cast shadows.
-    method: as in `Settings.shadows`.  weights: [types] what a crossing of each adds.  unit: what one amounts to.
-    shadow: `layout.Shadow`.
+    method: as in `Settings.shadows`.  weights: [types] what a crossing of each adds; of shells: the last.  unit: what
+    one amounts to.  shadow: `layout.Shadow`.
     """
 
     grid: Any
@@ -32,15 +32,22 @@ class Plan:
     shadow: Any
 
 
-def plan_shadows(scene, settings, strands, body):
-    """`Plan` for this many strands, and whether there is a body; raises `clfur.Error` if counters could overflow."""
+def plan_shadows(scene, settings, strands, body, fur=None):
+    """`Plan` for this many strands, and whether there is a body; raises `clfur.Error` if counters could overflow.
+
+    ``fur``: `stages.shells.bounds_of` the scene's shells, if they are to cast shadows.
+    """
     method, grid, seen, weights, unit = settings.shadows, None, None, None, 0
     shadow = np.zeros((), layout.Shadow)
     hairs = scene.strands.types if isinstance(scene.strands, Strands) else [scene.strands] if scene.strands else []
-    depths = depths_for([hair.alpha for hair in hairs], method)
-    if method != "off" and strands and depths.any():
+    depths = depths_for([hair.alpha for hair in hairs] + ([scene.shells.alpha] if fur else []), method)
+    some = np.array([strands > 0] * len(hairs) + [True] * bool(fur), bool)
+    if method != "off" and (depths[some] > 0).any():
         grid = grid_of(scene, settings.grid)
-        unit = unit_for(most_of(grid, method, *hair_bounds(scene.strands, strands)))
+        most = most_of(grid, method, *hair_bounds(scene.strands, strands)) if strands else 0
+        if fur:
+            most += most_of(grid, "length", fur[0], 0.0, fur[1])
+        unit = unit_for(most)
         weights = np.rint(unit * depths / depths.max()).astype(np.uint32)
         if min(weights[depths > 0]) < 4:
             raise Error(f"Settings.grid is {settings.grid}; allowed: fewer cells, less hair, hair types of more equal "
@@ -52,13 +59,16 @@ def plan_shadows(scene, settings, strands, body):
     return Plan(grid, seen, method, weights, unit, shadow)
 
 
-def cast(gpu, plan, strands, body, cells=None, seen=None):
+def cast(gpu, plan, strands, body, cells=None, seen=None, shell=None):
     """Put strands and body, or a part of them, before the light -> (cells, map), each None if it isn't planned.
 
-    ``cells``, ``seen``: what is there already.
+    ``cells``, ``seen``: what is there already.  ``shell``: `stages.shells.Shell` and its `layout.Shells`, which are put
+    there once in all.
     """
     if plan.grid is not None:
         cells = voxelize(gpu, plan.grid, strands, plan.method, plan.weights, cells)
+        if shell is not None:
+            cells = shells.deposit(gpu, plan.grid, *shell, plan.method, plan.weights[-1], cells)
     if plan.seen is not None:
         with gpu.called("shadow_map"):
             seen = raster(gpu, plan.seen, None, body, seen)
@@ -75,7 +85,8 @@ def settle(gpu, plan, cells, seen):
                          none.map if seen is None else seen)
 
 
-def cast_shadows(gpu, scene, settings, strands, body):
-    """The shadows of whole strands and a whole body -> `shade.Shadows`."""
-    plan = plan_shadows(scene, settings, len(strands.spans), len(body.triangles))
-    return settle(gpu, plan, *cast(gpu, plan, strands, body))
+def cast_shadows(gpu, scene, settings, strands, body, shell=None):
+    """The shadows of whole strands and a whole body, and of shells as in `cast` -> `shade.Shadows`."""
+    bounds = shells.bounds_of(gpu, shell[0]) if shell else None
+    plan = plan_shadows(scene, settings, len(strands.spans), len(body.triangles), bounds)
+    return settle(gpu, plan, *cast(gpu, plan, strands, body, shell=shell))

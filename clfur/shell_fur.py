@@ -44,7 +44,7 @@ class Shells:
     specular: float = checks.field(checks.real(low=0), default=0.3)
     exponent: float = checks.field(checks.real(above=0), default=150.0)
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5)
-    root_shade: float = checks.field(checks.real(low=0, high=1), default=0.35)
+    root_shade: float = checks.field(checks.real(low=0, high=1), default=0.6)
     shading: str = checks.field(checks.choice("kajiya-kay", "turned"), default="kajiya-kay")
     wind: np.ndarray = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))
     force: np.ndarray = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))

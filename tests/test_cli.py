@@ -23,6 +23,21 @@ def test_render(clfur, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["sphere.png"]
 
 
+@pytest.mark.parametrize("fur", ["shells", "both"])
+def test_shells(clfur, fur):
+    sparse = ("--roots", 300) if fur == "both" else ()
+    code, out, err = clfur("render", "sphere", "--fur", fur, "--size", "64x48", "--samples", 1, "--frequency", 9,
+                           "--layers", 7, "--json", "--outputs", "color,id", "-o", "fur.npz", *sparse)
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    assert (told["shells"]["layers"], told["shells"]["frequency"], told["shells"]["pattern"]) == (7, 9, "cells")
+    assert (told["strands"] > 0) == (fur == "both") and {"shells", "entries"} <= set(told["stages"])
+    with np.load("fur.npz") as drawn:
+        assert (drawn["id"] == -3).any() and drawn["color"][..., 3].max() > .9
+    code, out, err = clfur("render", "sphere", "--fur", fur, "--size", "32x24", "--samples", 1)
+    assert (code, err) == (0, "") and "30 layers of shells" in out and ("strands" in out) == (fur == "both")
+
+
 def test_json(clfur, tmp_path):
     code, out, err = clfur("render", "sphere", *SMALL, "--roots", 500, "--segments", 3, "--json",
                            "-o", "a.png")

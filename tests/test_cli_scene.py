@@ -37,7 +37,7 @@ def test_shells():
     shells, plain = scene.shells, Shells()
     assert scene.strands is None and isinstance(shells, Shells)
     assert shells.length == pytest.approx(0.12 * radius()) and shells.frequency == pytest.approx(60 / radius())
-    assert np.allclose(shells.force, (0, -1.6, 0))   # 0.2 a segment, as strands
+    assert np.allclose(shells.force, (0, -0.8, 0))   # half of what 8 segments of strands bend
     assert np.array_equal(shells.color, (0.5, 0.28, 0.12))
     for name in ("layers", "pattern", "density", "noise", "time", "shading", "length_variation", "alpha", "seed",
                  "sharpness", "root_shade"):
@@ -55,7 +55,7 @@ def test_options_of_shells():
     assert (shells.length, shells.layers, shells.frequency, shells.density) == (0.25, 7, 12.5, 0.75)
     assert (shells.noise, shells.time, shells.shading, shells.pattern) == ((0, 4), -1.5, "turned", "cells")
     assert (shells.alpha, shells.length_variation, shells.seed) == (0.125, 0.0625, 9)
-    for name, vector in ("wind", (1, 2, -3)), ("color", (1, 0, 0.5)), ("force", (1, 0, -2)):
+    for name, vector in ("wind", (1, 2, -3)), ("color", (1, 0, 0.5)), ("force", (0.5, 0, -1)):
         assert np.array_equal(getattr(shells, name), vector)
 
 

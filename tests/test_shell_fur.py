@@ -26,7 +26,7 @@ def test_defaults():
     assert (shells.length, shells.layers, shells.frequency, shells.sharpness, shells.density) == (0.1, 30, 40, 1.4, 1)
     assert (shells.pattern, shells.shading, shells.noise) == ("cells", "kajiya-kay", (0.5, 8.0))
     assert (shells.length_variation, shells.specular, shells.exponent, shells.alpha) == (0.3, 0.3, 150, 0.5)
-    assert (shells.root_shade, shells.time, shells.seed) == (0.35, 0, 0)
+    assert (shells.root_shade, shells.time, shells.seed) == (0.6, 0, 0)
     assert np.array_equal(shells.color, (0.8, 0.6, 0.4))
     for name in ("wind", "force", "acceleration"):
         assert np.array_equal(getattr(shells, name), (0, 0, 0)) and not getattr(shells, name).flags.writeable

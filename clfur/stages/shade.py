@@ -27,12 +27,15 @@ def no_shadows(gpu):
                    np.zeros((), layout.View), gpu.empty(0, np.uint64))
 
 
-def color(gpu, view, light, specular, visible, strands, body, body_color, shadows=None, image=None, samples=None):
+def color(gpu, view, light, specular, visible, strands, body, body_color, shadows=None, image=None, samples=None,
+          through=None):
     """Light every sample and average -> [rows, width, 4] float32, linear, premultiplied, alpha = coverage.
 
     Strands by Kajiya and Kay (1989), the body by Lambert; ``specular`` as in `clfur.Settings`.  ``shadows``: `Shadows`.
     ``strands`` and ``body`` may be a part of what is visible: it is then added to ``image``, and the sum
     is the same bits if each of the ``samples`` (first, one past the last) is added for all parts before the next.
+    ``through``: [rows, width, samples] float32, the share of each sample's light and coverage that comes through what
+    stands before it and is in ``image`` already; all of it if None.
     """
     shadows = shadows or no_shadows(gpu)
     rows, width, all_samples = visible.shape
@@ -42,7 +45,8 @@ def color(gpu, view, light, specular, visible, strands, body, body_color, shadow
                strands.points, strands.tangents, strands.strand_of, strands.normals, strands.uv, strands.types,
                strands.colors, np.int32(strands.color_per),
                body.positions, body.normals, body.triangles, vector((*body_color, 0), np.float32),
-               shadows.shadow, shadows.grid, shadows.sums, shadows.seen, shadows.map, image)
+               shadows.shadow, shadows.grid, shadows.sums, shadows.seen, shadows.map,
+               np.int32(through is not None), gpu.empty(0, np.float32) if through is None else through, image)
     return image
 
 

@@ -12,9 +12,11 @@ from .strands import vector
 from .tessellate import widen
 
 HEIGHTS, AROUND = 64, 96     # of the table of means, and places looked at for each
+CORNERS = 5                  # float4 a face in the lattice
 SLABS = 4                    # straight pieces of a bent hair
 MOST_NOISE = 16, 256         # lattices of the noise along a side, in space and on the skin
 ENTRIES = 8                  # times that a ray may come into the fur
+ROWS, MOST_ROWS = 16, 4096   # of a face's points in the light's grid: that a work-item does, and all
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,8 @@ class Pattern:
     means: Any         # [HEIGHTS, 2] float32 share covered, hairs entered going sideways by 1
     faces: Any         # [F, 4] uint32 corners in the order of their numbers
     neighbours: Any    # [F, 4] int32, see Topology
-    lattice: Any       # [F * 5, 4] float32, see shells.cl
+    lattice: Any       # [F * CORNERS, 4] float32, see shells.cl
+    uv: Any            # [F * 3, 4] float32 u, v of the faces' corners in that order, 0 where the mesh has none
 
 
 @dataclass(frozen=True)
@@ -129,6 +132,15 @@ def pack(shells, mesh, bare, filtered):
     return packed, vector((*center, f / waves), np.float32)
 
 
+def size_of(mesh, packed, topology):
+    """Bytes on the device of a `Shell`, and what it takes to make it."""
+    n, faces, slabs, bare = len(mesh.positions), len(mesh.faces), int(packed["kind"][2]), int(packed["noise"][3])
+    nx, ny, nz, _ = (4 * int(n) for n in packed["noise"])
+    sides = faces * (1 + bare) + 2 * slabs * int((topology.neighbours[:, :3] < 0).sum())
+    return (n * 16 * (slabs + 3) + faces * (32 + 48 + 16 * CORNERS) + sides * 32
+            + nx * ny * (1 if packed["kind"][0] else nz) * 8 + HEIGHTS * 8)
+
+
 def lay(gpu, mesh, packed, box, topology):
     """Lay the pattern of `layout.Shells` on a mesh -> `Pattern`."""
     nx, ny, nz, _ = (4 * int(n) for n in packed["noise"])
@@ -138,23 +150,29 @@ def lay(gpu, mesh, packed, box, topology):
     n = len(topology.corners)
     result = Pattern(packed, box, gpu.empty((places, 2), np.float32), gpu.empty((HEIGHTS, 2), np.float32),
                      gpu.upload(widen(topology.corners)), gpu.upload(topology.neighbours),
-                     gpu.empty((n * 5, 4), np.float32))
+                     gpu.empty((n * CORNERS, 4), np.float32), gpu.upload(widen(uv)))
     gpu.launch("shells.noise", places, packed, result.noise)
     gpu.launch("shells.means", HEIGHTS, packed, np.int32(AROUND), result.means)
-    gpu.launch("shells.lattice", n, packed, gpu.upload(widen(mesh.positions)), gpu.upload(widen(mesh.normals)), result.faces, gpu.upload(widen(uv)),
-               result.lattice)
+    positions, normals = gpu.upload(widen(mesh.positions)), gpu.upload(widen(mesh.normals))
+    gpu.launch("shells.lattice", n, packed, positions, normals, result.faces, result.uv, result.lattice)
     return result
 
 
-def bend(gpu, mesh, packed, pattern, topology):
-    """Bend the hairs of a pattern -> `Shell`."""
+def border(gpu, mesh, packed, topology):
+    """What `border_of` gives, on the device -> (corners [B, 4], starts [B, 4])."""
     slabs, bare = int(packed["kind"][2]), int(packed["noise"][3])
+    return tuple(gpu.upload(each) for each in border_of(mesh.faces, topology, slabs, bare))
+
+
+def bend(gpu, mesh, packed, pattern, topology, sides=None):
+    """Bend the hairs of a pattern -> `Shell`; ``sides``: what `border` gave, if it is there already."""
+    slabs = int(packed["kind"][2])
+    triangles, starts = sides or border(gpu, mesh, packed, topology)
     normals, positions = gpu.upload(widen(mesh.normals)), gpu.upload(widen(mesh.positions))
     curves = gpu.empty((len(mesh.positions) * (slabs + 1), 4), np.float32)
-    triangles, border = border_of(mesh.faces, topology, slabs, bare)
     gpu.launch("shells.bend", len(mesh.positions), packed, positions, normals, curves)
     longest = mesh.longest_edge + 2 * float(packed["size"][0])
-    return Shell(pattern, curves, normals, gpu.upload(triangles), gpu.upload(border), longest)
+    return Shell(pattern, curves, normals, triangles, starts, longest)
 
 
 def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
@@ -184,3 +202,48 @@ def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
             break
     return image, through, fur
 
+
+
+def deposit(gpu, grid, shell, packed, method, weight, cells=None):
+    """Put shell fur into a `layout.Grid` -> [nz, ny, nx] uint32: how often a ray of light is expected to enter hair.
+
+    ``method``: "binary", where a cell that holds hair is crossed once, or another.  ``weight``: what one crossing adds;
+    see `bounds_of`.  ``cells``: counts to add to.
+    """
+    nx, ny, nz, _ = (int(n) for n in grid["size"])
+    cells = gpu.full((nz, ny, nx), np.uint32, 0) if cells is None else cells
+    pattern, deep = shell.pattern, 1 / float(np.linalg.norm(grid["to_grid"][:3, 2]))
+    step = 0.75 * min(float(grid["face"][1] * grid["face"][2]), deep)
+    parts = -(-min(int(shell.longest / step) + 2, MOST_ROWS) // ROWS)
+    gpu.launch("shells.deposit", len(pattern.faces) * parts, packed, grid, pattern.faces, shell.curves,
+               pattern.lattice, pattern.means, np.int32(parts), np.float32(deep),
+               np.int32(method == "binary"), np.uint32(weight), cells)
+    return cells
+
+
+def bounds_of(gpu, shell):
+    """(pieces, area [world²]) that shell fur cannot exceed across any light, as `clfur.fur.hair_bounds` of strands."""
+    pattern = shell.pattern
+    lattice, means = gpu.download(pattern.lattice).reshape(-1, 4 * CORNERS).astype(float), gpu.download(pattern.means)
+    corners = gpu.download(pattern.faces)[:, :3]
+    places = gpu.download(shell.curves)[:, :3].astype(float).reshape(len(shell.normals), -1, 3)
+    to_b, to_c = lattice[:, 2:4] - lattice[:, :2], lattice[:, 4:6] - lattice[:, :2]
+    a, b, c = (places[corners[:, k]] for k in range(3))
+    ab, ac = np.linalg.norm(b - a, axis=2).max(1), np.linalg.norm(c - a, axis=2).max(1)
+    high = np.linalg.norm(np.diff(places[0], axis=0), axis=1).sum()
+    # Hair seen from the side, and what it covers of the skin seen from above: no more than `deposit` makes of them.
+    side = means[:, 1].max() * high * (np.linalg.norm(to_b, axis=1) * ac + np.linalg.norm(to_c, axis=1) * ab)
+    return len(corners), float((0.5 * (side + ab * ac)).sum())
+
+
+def about(gpu, view, shell, visible, through, fur, known):
+    """Put what is known of the fur over what `shade.about` knows of ``visible``; ``through``, ``fur``: of `march`.
+
+    Where half of the nearest fur's light is gone before all else: depth, id -3, tangent, the hair's direction, normal,
+    across it, and uv of its root.  coverage: what alpha is.
+    """
+    rows, width, _ = visible.shape
+    n = len(shell.normals)
+    gpu.launch("shells.about", rows * width, view, np.int32(len(shell.curves) // n - 1), visible, fur, through,
+               shell.pattern.faces, shell.curves, shell.pattern.uv, *known.values())
+    return known

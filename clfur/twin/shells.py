@@ -18,7 +18,8 @@ PATTERNS = {   # in 1/16 pixel from the pixel's centre: the standard patterns of
 HEIGHTS = 64
 CELL_RADIUS = 0.62
 SIDEWAYS = 3.0
-FAR_FROM, FAR_TO = 0.35, 1.0
+SHARP = 0.85
+FAR_FROM, FAR_TO = 0.3, 0.9
 TETRAHEDRA = np.array([(0, 1, 2, 5), (0, 1, 4, 5), (0, 3, 4, 5)])   # of a prism: 0 1 2 below, 3 4 5 above them
 
 
@@ -115,22 +116,24 @@ def noise_at(shells, table, p):
 
 
 def waves(shells, at):
-    """Half of the report's |sin(2 pi x) + sin(2 pi y)| at places [n, 2], thinned -> (v [n], gradient, tip [n])."""
+    """Half of the report's |sin(2 pi x) + sin(2 pi y)| at places [n, 2], thinned -> (v [n], gradient, tip, fold)."""
     total, density = np.sin(2 * np.pi * at).sum(1), float(shells["shape"][1])
     grad = np.pi * np.cos(2 * np.pi * at) * np.where(total < 0, -1, 1)[:, None] / density
-    return 1 - (1 - np.abs(total) / 2) / density, grad, np.ones(len(at))
+    return 1 - (1 - np.abs(total) / 2) / density, grad, np.ones(len(at)), np.full(len(at), 1 - 1 / density)
 
 
 def cells(shells, face, sides, at, lean=0.0):
     """The highest cone at places [n, 2] among that of the triangle there and of its neighbours.
 
-    -> (v [n], gradient [n, 2], height of that cone [n]).  lean: [n, 2] how far all cones are moved.
+    -> (v [n], gradient [n, 2], height of that cone, of the fold between it and the next [n]).  lean: [n, 2] how far all
+    cones are moved.
     """
     v = at[:, 1] / np.sqrt(0.75)
     u = at[:, 0] - v / 2
     i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
     down = (u - i) + (v - j) > 1
-    best, grad, tip = np.full(len(at), -1.0), np.zeros((len(at), 2)), np.ones(len(at))
+    grad, tip = np.zeros((len(at), 2)), np.ones(len(at))
+    best = second = np.full(len(at), -1.0)
     for di, dj, other in ((0, 0, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)):
         turned = down ^ bool(other)
         ci, cj = i + np.where(down, di, -di), j + np.where(down, dj, -dj)
@@ -144,15 +147,17 @@ def cells(shells, face, sides, at, lean=0.0):
         tall = 1 - float(shells["size"][3]) * three
         thin = 1 / (CELL_RADIUS * float(shells["shape"][1]))
         high = tall * (1 - away * thin)
-        better = (ci >= 0) & (cj >= 0) & (ci + cj + turned < sides) & (high > best)
+        inside = (ci >= 0) & (cj >= 0) & (ci + cj + turned < sides)
+        better = inside & (high > best)
+        second = np.where(better, best, np.where(inside, np.maximum(second, high), second))
         best = np.where(better, high, best)
         grad = np.where(better[:, None], -(tall * thin / away)[:, None] * off, grad)
         tip = np.where(better, tall, tip)
-    return best, grad, tip
+    return best, grad, tip, (best + second) / 2
 
 
 def height_at(shells, table, face, sides, at, place, h):
-    """Height of the fur at places [n, 2] of faces [n], its gradient by x and y, and the hair's own height.
+    """Height of the fur at places [n, 2] of faces [n], its gradient by x and y, its hair's tip, the fold.
 
     place: [n, 3] in the noise's lattice.
     """
@@ -163,11 +168,11 @@ def height_at(shells, table, face, sides, at, place, h):
     return waves(shells, at + moved) if sine else cells(shells, face, sides, at, moved * h[:, None])
 
 
-def cover(shells, v, h, g=0.0, bow=0.0, top=1.0, narrow=1.0):
+def cover(shells, v, h, g=0.0, top=1.0, fold=-1.0):
     """Share covered at height h where the fur is v high: smoothstep from h to sharpness · h, its mean over a footprint.
 
-    Across it v goes from v - g/2 to v + g/2, less by bow at both ends; where it would pass the hair's own height, top,
-    it turns and goes down again.  narrow: how much of the footprint the hair fills the other way.
+    Across it v goes from v - g/2 to v + g/2; where it would pass the hair's tip, or the fold before the next hair, it
+    turns.
     """
     width = np.maximum((float(shells["shape"][0]) - 1) * h, 1e-3)
 
@@ -178,13 +183,12 @@ def cover(shells, v, h, g=0.0, bow=0.0, top=1.0, narrow=1.0):
     def integral(t):
         u = np.clip((t - h) / width, 0, 1)
         return width * (u**3 - u**4 / 2) + np.maximum(t - h - width, 0)
-    low, high = v - g / 2 - bow, v + g / 2 - bow
-    bowed, span = np.asarray(bow > 0), np.maximum(g, 1e-6)
-    straight = (integral(high) - integral(low)) / span
-    turned = (2 * integral(top) - integral(low) - integral(2 * top - high)) / span
-    to_top = (integral(top) - integral(low)) / np.maximum(top - low, 1e-6)
-    mean = np.where(bowed, np.where(g / 2 < 2 * bow, to_top, straight), np.where(high > top, turned, straight))
-    return np.where(g + bow > 1e-2 * width, np.clip(mean, 0, 1) * np.minimum(narrow, 1), smooth(v))
+    low, high = v - g / 2, v + g / 2
+    middle = integral(np.minimum(high, top)) - integral(np.maximum(low, fold))
+    beyond_tip = np.where(high > top, integral(top) - integral(2 * top - high), 0)
+    beyond_fold = np.where(low < fold, integral(2 * fold - low) - integral(fold), 0)
+    soft = g > 1e-2 * width
+    return np.where(soft, np.clip((middle + beyond_tip + beyond_fold) / np.where(soft, g, 1), 0, 1), smooth(v))
 
 
 def kept_by_many(means, h0, h, aside):
@@ -342,34 +346,25 @@ def _looks(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
             "at": at_in[piece] + along[:, None] * across[piece],
             "z step": ((z_out - z_in) / measure)[piece], "h step": (rise / measure)[piece],
             "at step": (across / measure[:, None])[piece], "aside": np.diff(sideways, prepend=0),
-            "far": (fade * fade * (3 - 2 * fade))[piece], "footprint": footprint[piece], "blur": blur[piece]}
+            "far": (fade * fade * (3 - 2 * fade))[piece], "footprint": footprint[piece]}
 
 
 def _see(shells, lattice, noise, means, box, eye, directions, looks):
     """Add to the looks what they see: the share covered, that which many hairs keep, and how far back it was met."""
     face, h, d, far = looks["face"], looks["h"], directions[looks["ray"]], looks["far"]
     looks["where"] = where = eye + looks["z"][:, None] * d
-    v, grad, top = height_at(shells, noise, face, lattice[face, 1, 2], looks["at"], (where - box[:3]) * box[3], h)
+    v, grad, top, fold = height_at(shells, noise, face, lattice[face, 1, 2], looks["at"], (where - box[:3]) * box[3], h)
     slope = grad[:, :1] * lattice[face, 2, :3] + grad[:, 1:] * lattice[face, 3, :3]
-    up, footprint, blur = lattice[face, 4, :3], looks["footprint"], looks["blur"]
-    falls = slope - up                                       # gradient of v - h
+    falls = slope - lattice[face, 4, :3]                     # gradient of v - h
     across = falls - dot(falls, d)[:, None] * d
     steep = np.sqrt(np.maximum(dot(across, across), 1e-20))
-    g = footprint * steep
-    # A hair is as broad as its chord, level; across that slope the pixel sees it tilted.
-    tilt = dot(falls, np.cross(d, up)) * float(shells["size"][0]) / steep
-    level = np.sqrt(np.maximum(1 - tilt**2, 1e-4))
-    sharpness, density = float(shells["shape"][0]), float(shells["shape"][1])
-    stout = np.maximum(top - h * (1 + sharpness) / 2, 0) / top
-    sine = bool(shells["kind"][0])
-    chord = np.sqrt(density * stout + 1e-12) / 2 if sine else np.pi / 2 * CELL_RADIUS * density * stout
-    bow = np.pi**2 / 4 / density * blur**2 if sine else np.zeros(len(h))
-    looks["covered"] = cover(shells, v, h, g, bow, top, chord / np.maximum(blur * level, 1e-6))
+    g = SHARP * looks["footprint"] * steep
+    looks["covered"] = cover(shells, v, h, g, top, fold)
     looks["many"] = np.where(far > 0, kept_by_many(means, h - looks["h step"], h, looks["aside"]), 1)
     looks["slope"] = (1 - far)[:, None] * slope
 
     # Met where the ramp from nothing to all was half gone through since the look before.
-    ramp = np.maximum((sharpness - 1) * h, 1e-3) + g
+    ramp = np.maximum((float(shells["shape"][0]) - 1) * h, 1e-3) + g
     now, change = (v - h + g / 2) / ramp, (dot(grad, looks["at step"]) - looks["h step"]) / ramp
     middle = (np.clip(now - change, 0, 1) + np.clip(now, 0, 1)) / 2
     back = np.clip((now - middle) / np.where(change > 1e-6, change, 1), 0, 1)
@@ -488,3 +483,123 @@ def unit(a):
 def sine(a, b):
     """Sine between unit vectors."""
     return np.linalg.norm(np.cross(a, b), axis=-1)
+
+
+# --- the light's grid: in the device's own order of float operations, so that whole numbers are equal ----------------
+
+ROWS, LOOKS, FAR = 16, 16, 4    # of a face's points a work-item; at the table; grids beyond which nothing is snapped
+
+
+def deposit(shells, grid, faces, curves, lattice, means, parts, deep, binary, weight):
+    """Shell fur -> cells [nz, ny, nx] int64.
+
+    faces [F, 3], curves [V, slabs + 1, 4], lattice [F, 4, 4], means [64, 2]: as the kernel has them.
+    parts: work-items a face; deep: a cell's depth; weight: what one crossing adds.
+    """
+    one, slabs = np.float32, int(shells["kind"][2])
+    cells = np.zeros([int(n) for n in grid["size"][2::-1]], np.int64)
+    # [F, slabs + 1, 3]
+    corners = [np.asarray(curves, one)[np.asarray(faces, np.int64)[:, i], :, :3] for i in range(3)]
+    m = grid["to_grid"]
+
+    def distance(p):
+        return ((m[0, 3] * p[..., 0] + m[1, 3] * p[..., 1]) + m[2, 3] * p[..., 2]) + m[3, 3]
+    square = np.max([_dot(q - p, q - p).max(1) for p, q in zip(corners, corners[1:] + corners[:1])], 0)
+    near, far = np.min([distance(p).min(1) for p in corners], 0), np.max([distance(p).max(1) for p in corners], 0)
+    step = one(.75) * np.minimum(grid["face"][1] * np.maximum(near, grid["face"][2]), one(deep))
+    most = one(parts * ROWS - 1)
+    rows = np.minimum(np.sqrt(square) / step, most).astype(int) + 1
+    heights = np.minimum(shells["size"][0] / (one(slabs) * step), most).astype(int) + 1
+    for n, high in {*zip(rows.tolist(), heights.tolist())}:
+        chosen = np.flatnonzero((rows == n) & (heights == high) & (far >= grid["face"][2]))
+        if len(chosen):
+            a, b, c = (p[chosen] for p in corners)
+            _deposit(cells, grid, a, b, c, np.asarray(lattice, one)[chosen], np.asarray(means, one), slabs, n, high,
+                     binary, weight)
+    return cells
+
+
+def _deposit(cells, grid, a, b, c, lattice, means, slabs, rows, heights, binary, weight):
+    """Put faces into the cells that have as many rows and heights: all at once, point after point."""
+    one = np.float32
+    to_b, to_c = lattice[:, 0, 2:] - lattice[:, 0, :2], lattice[:, 1, :2] - lattice[:, 0, :2]
+    looks = (LOOKS - 1) // (slabs * heights) + 1
+    each = one(weight) * one(.25) / (one(rows) * one(rows) * grid["face"][0])
+    for first in range(0, rows, ROWS):
+        left = np.full(len(a), .5, one)
+        for level in range(slabs * heights):
+            k, inside = level // heights, one(level % heights + .5) / one(heights)
+            low, top = one(level) / one(slabs * heights), one(level + 1) / one(slabs * heights)
+            newly = _mean(means, low)[0] - _mean(means, top)[0]
+            entered = one(0)
+            for look in range(looks):
+                entered += _mean(means, low + one(look + .5) / one(slabs * heights * looks))[1]
+            sideways = entered / one(heights * looks)
+            up_a = a[:, k + 1] - a[:, k]
+            up_b, up_c = (p[:, k + 1] - p[:, k] - up_a for p in (b, c))
+            origin, ab, ac = a[:, k] + inside * up_a, b[:, k] - a[:, k] + inside * up_b, c[:, k] - a[:, k] + inside * up_c
+            for row in range(first, min(first + ROWS, rows)):
+                for point in range(2 * row + 1):
+                    third = one(1 + point % 2) / one(3)
+                    wb = (one(point // 2) + third) / one(rows)
+                    wc = (one(row - point // 2 - point % 2) + third) / one(rows)
+                    p = origin + wb * ab + wc * ac
+                    at, w, good = _snap(grid, p)
+                    good &= at[:, 2] >= 0
+                    w = np.maximum(w, grid["face"][2])
+                    ray, up = grid["light"][:3] - grid["light"][3] * p, up_a + wb * up_b + wc * up_c
+                    move = _dot(ray, _cross(ac, up))[:, None] * to_b + _dot(ray, _cross(up, ab))[:, None] * to_c
+                    side = sideways * sideways * (move[:, 0] * move[:, 0] + move[:, 1] * move[:, 1])
+                    n = _cross(ab, ac)
+                    down = newly * _dot(ray, n) * np.where(_dot(up, n) < 0, one(-1), one(1))
+                    both = down + np.maximum(np.abs(down), np.sqrt(one(4) * side + one(.5947153) * (down * down)))
+                    exact = both * each / (w * w * w) + left
+                    amount = np.minimum(exact, one(2**31)).astype(np.int64)
+                    left = np.where(good, np.minimum(exact - amount.astype(one), one(1)), left)
+                    _add(cells, at[good], amount[good], weight if binary else None)
+
+
+def _add(cells, at, amount, marked):
+    """Add amounts at sub-cells between the four columns around, or mark the cells that get anything."""
+    x, y, z = at[:, 0], at[:, 1], at[:, 2] // SUBPIXEL
+    if marked is not None:
+        parts = [(x // SUBPIXEL, y // SUBPIXEL, np.where(amount > 0, marked, 0))]
+    else:
+        x, y = x - SUBPIXEL // 2, y - SUBPIXEL // 2
+        right, behind = amount * (x % SUBPIXEL) // SUBPIXEL, amount * (y % SUBPIXEL) // SUBPIXEL
+        both = right * (y % SUBPIXEL) // SUBPIXEL
+        x, y = x // SUBPIXEL, y // SUBPIXEL
+        parts = [(x, y, amount - right - behind + both), (x + 1, y, right - both), (x, y + 1, behind - both),
+                 (x + 1, y + 1, both)]
+    for x, y, part in parts:
+        inside = (x >= 0) & (y >= 0) & (z >= 0) & (x < cells.shape[2]) & (y < cells.shape[1]) & (z < cells.shape[0])
+        place = z[inside], y[inside], x[inside]
+        (np.add if marked is None else np.maximum).at(cells, place, part[inside])
+
+
+def _snap(grid, p):
+    """Places [N, 3] float32 -> (sub-cells int64 [N, 3], distances w [N], which could be snapped [N])."""
+    m = grid["to_grid"]
+    with np.errstate(all="ignore"):
+        c = ((m[0] * p[:, 0:1] + m[1] * p[:, 1:2]) + m[2] * p[:, 2:3]) + m[3]
+        w = c[:, 3]
+        q = np.stack([c[:, 0] / w, c[:, 1] / w, c[:, 2]], 1)
+        good = (w > 0) & (np.abs(q) <= FAR * grid["size"][:3].max()).all(1)
+    return np.floor(np.where(good[:, None], q, 0) * np.float32(SUBPIXEL) + np.float32(.5)).astype(np.int64), w, good
+
+
+def _mean(means, h):
+    """The table at height h, float32 [2]."""
+    at = h * np.float32(HEIGHTS - 1)
+    k = int(at) if at < HEIGHTS - 2 else HEIGHTS - 2
+    return means[k] + (at - np.float32(k)) * (means[k + 1] - means[k])
+
+
+def _dot(a, b):
+    """Scalar products of float32 [..., 3], summed from the left."""
+    return (a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]) + a[..., 2] * b[..., 2]
+
+
+def _cross(a, b):
+    return np.stack([a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1], a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
+                     a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]], -1)

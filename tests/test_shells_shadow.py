@@ -1,0 +1,218 @@
+"""Shells before the light: what they put into its grid, against the twin, closed forms and brute force."""
+
+import numpy as np
+import pytest
+from conftest import icosphere
+
+import clfur
+from clfur.shadows import cast_shadows
+from clfur.stages import shells as stage
+from clfur.stages.strands import bring, no_strands
+from clfur.stages.tessellate import no_surface, tessellate
+from clfur.stages.voxelize import depths_for, voxelize
+from clfur.twin import shells as twin
+from clfur.views import grid_of
+
+UNIT = 1 << 12
+
+
+def ball(subdivisions=2):
+    positions, faces = icosphere(subdivisions)
+    return clfur.Mesh(positions, positions, None, faces)
+
+
+def patch(n=1, half=1.0):
+    """A level square of 2 n² faces, facing up, with uv."""
+    x, z = (a.ravel() for a in np.meshgrid(*[np.linspace(-half, half, n + 1)] * 2))
+    i = (np.arange(n) + (n + 1) * np.arange(n)[:, None]).ravel()
+    faces = np.concatenate([np.stack([i, i + n + 1, i + 1], 1), np.stack([i + 1, i + n + 1, i + n + 2], 1)])
+    positions = np.stack([x, 0 * x, z], 1)
+    uv = np.stack([x, z], 1) / (2 * half) + .5
+    return clfur.Mesh(positions, np.repeat([(0.0, 1, 0)], len(x), 0), uv[faces], faces)
+
+
+def lamp(*direction, **keys):
+    return clfur.Light(direction=direction, ambient=0, **keys)
+
+
+def furred(gpu, mesh, fur, filtered=True):
+    """-> (`Shell`, `layout.Shells`)"""
+    packed, box = stage.pack(fur, mesh, False, filtered)
+    topology = stage.topology_of(mesh.faces)
+    pattern = stage.lay(gpu, mesh, packed, box, topology)
+    return stage.bend(gpu, mesh, packed, pattern, topology, stage.border(gpu, mesh, packed, topology)), packed
+
+
+def deposited(gpu, scene, cells=48, method="length", unit=UNIT):
+    """-> (cells [nz, ny, nx] int64, grid, shell, packed)"""
+    grid = grid_of(scene, cells)
+    shell, packed = furred(gpu, scene.mesh, scene.shells)
+    return stage.deposit(gpu, grid, shell, packed, method, unit).get().astype(np.int64), grid, shell, packed
+
+
+def area_in(cells, grid, unit=UNIT):
+    """Area that hair shows to parallel light [world²]."""
+    return cells.sum() / unit * float(grid["face"][0])
+
+
+SHAPES = {"fine": {"length": .12, "frequency": 40}, "long": {"length": .2, "frequency": 30},
+          "stubby": {"length": .1, "frequency": 10}}
+
+# --- the twin ------------------------------------------------------------------------------------------------
+
+FURS = {"straight": {}, "short": {"length": .02}, "bent": {"force": (0, -1, 0)}, "long": {"length": .4, "force": (1, 0, 0)},
+        "windy": {"wind": (.5, 0, .3), "time": .3, "frequency": 3}}
+LIGHTS = {"slanted": lamp(1, -1, -.6), "along": lamp(0, 0, -1), "below": lamp(.2, 1, .1),
+          "spot": lamp(0, -1, 0, position=(0, 8, 0), angle=12), "near": lamp(.3, -1, 0, position=(0, 1.6, 0), angle=100)}
+
+
+@pytest.mark.parametrize("fur, lit", [*((fur, "slanted") for fur in FURS), ("bent", "along"), ("bent", "below"),
+                                      ("bent", "spot"), ("straight", "near")])
+def test_twin(gpu, fur, lit):
+    check_twin(gpu, clfur.Scene(mesh=ball(1), fur=clfur.Shells(**FURS[fur]), light=LIGHTS[lit]), 16)
+
+
+@pytest.mark.small
+@pytest.mark.parametrize("pattern, method, n", [("cells", "length", 1), ("sine", "binary", 2), ("sine", "count", 1)])
+def test_twin_of_a_square(gpu, pattern, method, n):
+    """Faces of many cells, which several work-items divide between them."""
+    fur = clfur.Shells(length=.3, pattern=pattern, frequency=3, force=(.3, 0, 0) if n == 1 else (0, 0, 0))
+    check_twin(gpu, clfur.Scene(mesh=patch(n), fur=fur, light=lamp(.4, -1, .2)), 16, method)
+
+
+def check_twin(gpu, scene, cells, method="length"):
+    got, grid, shell, packed = deposited(gpu, scene, cells, method)
+    deep = 1 / float(np.linalg.norm(grid["to_grid"][:3, 2]))
+    step = .75 * min(float(grid["face"][1] * grid["face"][2]), deep)
+    parts = -(-min(int(shell.longest / step) + 2, stage.MOST_ROWS) // stage.ROWS)
+    pattern, slabs = shell.pattern, int(packed["kind"][2])
+    expected = twin.deposit(packed, grid, pattern.faces.get()[:, :3], shell.curves.get().reshape(-1, slabs + 1, 4),
+                            pattern.lattice.get().reshape(-1, 4, 4), pattern.means.get(), parts, deep,
+                            method == "binary", UNIT)
+    assert got.sum() > 0
+    np.testing.assert_array_equal(got, expected)
+
+
+# --- closed forms --------------------------------------------------------------------------------------------
+
+
+def amount(means, lattice, direction, length):
+    """What straight fur shows to light per area of a level face, from the table: as deposit's note says, but exactly."""
+    h = np.linspace(0, 1, 6301)
+    table = np.stack([np.interp(h, np.linspace(0, 1, len(means)), column) for column in means.T], 1)
+    down, middle = table[:-1, 0] - table[1:, 0], (table[1:, 1] + table[:-1, 1]) / 2 / 6300
+    towards = -np.asarray(direction, float) / np.linalg.norm(direction)
+    move = lattice[2:, :3] @ (towards * (1, 0, 1))
+    above, side = down * towards[1], middle * length * np.linalg.norm(move)
+    return (above + np.maximum(np.abs(above), np.sqrt(4 * side**2 + (1 - 4 / np.pi**2) * above**2))).sum() / 2
+
+
+@pytest.mark.parametrize("direction", [(0, -1, 0), (1, -1, .5), (1, 0, 0), (1, -.1, 0), (.3, 1, 0)])
+@pytest.mark.parametrize("length", [.05, .4])
+def test_a_level_patch_shows_its_table(gpu, direction, length):
+    """Whatever the grid and the faces: the sum is the area of all hair that the light sees."""
+    fur = clfur.Shells(length=length, frequency=20, seed=3)
+    for n, cells in ((1, 16), (1, 48), (4, 48), (4, 112)):
+        got, grid, shell, _ = deposited(gpu, clfur.Scene(mesh=patch(n), fur=fur, light=lamp(*direction)), cells, unit=UNIT)
+        means, lattice = shell.pattern.means.get().astype(float), shell.pattern.lattice.get().reshape(-1, 4, 4)
+        expected = 4 * np.mean([amount(means, each, direction, length) for each in lattice.astype(float)])
+        # Heights of 3/4 cell and 16 looks at the table.  Rounding: half a unit for each work-item.
+        rounding = len(lattice) * 40 / UNIT * float(grid["face"][0])
+        assert abs(area_in(got, grid) - expected) < .01 * expected + rounding, (n, cells)
+        if direction == (0, -1, 0):
+            assert expected == pytest.approx(4 * means[0, 0], rel=.002)
+
+
+def test_a_turning_light_changes_sums_by_little(gpu):
+    """By fractions of a cell: what a round thing shows stays the same."""
+    fur = clfur.Shells(length=.1, frequency=30)
+    areas = []
+    for k in range(6):
+        turn = .7 + k / 48 / 3
+        got, grid, *_ = deposited(gpu, clfur.Scene(mesh=ball(3), fur=fur, light=lamp(-np.cos(turn), -1, -np.sin(turn))))
+        areas.append(area_in(got, grid))
+    assert np.ptp(areas) < 1e-3 * areas[0]
+
+
+# --- brute force -----------------------------------------------------------------------------------------------
+
+
+class Fur:
+    """Straight fur of a ball, found by solving for its corners: at height h a face is the skin's, 1 + h length as large."""
+
+    def __init__(self, mesh, fur, shell, packed):
+        order = np.sort(mesh.faces, 1)
+        self.inverse = np.linalg.inv(mesh.positions[order].astype(float).transpose(0, 2, 1))
+        self.packed, self.length, self.shell = packed, fur.length, shell
+        lattice = shell.pattern.lattice.get().astype(float).reshape(-1, 4, 4)
+        self.at = np.stack([lattice[:, 0, :2], lattice[:, 0, 2:], lattice[:, 1, :2]], 1)       # [F, 3, 2]
+        self.sides = lattice[:, 1, 2].astype(int)
+
+    def place(self, p):
+        """-> (face, weights of its corners, height) of places [N, 3]."""
+        w = np.einsum("fij,nj->nfi", self.inverse, p)
+        face = w.min(2).argmax(1)
+        w = w[np.arange(len(p)), face]
+        return face, w / w.sum(1, keepdims=True), (w.sum(1) - 1) / self.length
+
+    def cover(self, p):
+        face, w, h = self.place(p)
+        v, _ = twin.cells(self.packed, face, self.sides[face], np.einsum("ni,nij->nj", w, self.at[face]))
+        return np.where((h >= 0) & (h <= 1), twin.cover(self.packed, v, np.clip(h, 0, 1), np.zeros(len(p))), 0)
+
+    def crossings(self, starts, towards, step):
+        """How often rays of light [N, 3] enter hair before they get here."""
+        n = int(1.7 / step)
+        before, count = np.zeros(len(starts)), np.zeros(len(starts))
+        for k in range(n, -1, -1):
+            p = starts + (k + .5) * step * towards
+            near = np.flatnonzero((p**2).sum(1) < (1 + self.length)**2)
+            here = np.zeros(len(starts))
+            here[near] = self.cover(p[near])
+            count += np.maximum(here - before, 0)
+            before = here
+        return count
+
+    def around(self, places, h, spread, rays, rng):
+        """Places at height h beside these [Q, 3], within a radius -> [Q, rays, 3]."""
+        p = places[:, None] + spread * rng.uniform(-1, 1, (len(places), rays, 3))
+        p = p.reshape(-1, 3)
+        w = np.einsum("fij,nj->nfi", self.inverse, p)
+        scale = w[np.arange(len(p)), w.min(2).argmax(1)].sum(1)
+        return (p / scale[:, None] * (1 + h * self.length)).reshape(len(places), rays, 3)
+
+
+def read(cells, grid, p, unit=UNIT):
+    """Crossings before places [N, 3], between four columns and two layers."""
+    sums = np.concatenate([np.zeros((1, *cells.shape[1:])), np.cumsum(cells, 0)]) / unit
+    m = grid["to_grid"].astype(float)
+    x, y, z = ((p @ m[:3] + m[3])[:, :3] - (.5, .5, 0)).T
+    result = 0
+    for dx, dy, dz in np.ndindex(2, 2, 2):
+        weight = np.ones(len(p))
+        for value, d in ((x, dx), (y, dy), (z, dz)):
+            f = value - np.floor(value)
+            weight *= f if d else 1 - f
+        result = result + weight * sums[np.floor(z).astype(int) + dz, np.floor(y).astype(int) + dy, np.floor(x).astype(int) + dx]
+    return result
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_light_in_a_furred_ball_is_near_the_truth(shape):
+    gpu = clfur.Scheduler()
+    rng = np.random.default_rng(1)
+    fur = clfur.Shells(alpha=.5, noise=(0, 8), **SHAPES[shape])
+    mesh, direction = ball(1), np.array([1, -1, -.6])
+    scene = clfur.Scene(mesh=mesh, fur=fur, light=lamp(*direction))
+    cells, grid, shell, packed = deposited(gpu, scene)
+    truth, towards = Fur(mesh, fur, shell, packed), -direction / np.linalg.norm(direction)
+    places = rng.normal(size=(400, 3))
+    places /= np.linalg.norm(places, axis=1, keepdims=True)
+    places = places[places @ towards > .25][:40]
+    for h in (0, .3, .6):
+        rays = truth.around(places, h, 1.5 / fur.frequency, 40, rng)
+        exact = truth.crossings(rays.reshape(-1, 3), towards, min(.125 / fur.frequency, fur.length / 30)).reshape(40, 40)
+        got = read(cells, grid, rays.reshape(-1, 3)).reshape(40, 40).mean(1)
+        light, lit = (fur.alpha**exact).mean(1), np.exp(-(1 - fur.alpha) * got)
+        print(shape, h, "crossings", exact.mean(), got.mean(), "abs", np.abs(exact.mean(1) - got).mean(),
+              "light", light.mean(), lit.mean(), "abs", np.abs(light - lit).mean())
