@@ -64,7 +64,7 @@ typedef uint16 lanes_u;
 #define BLOCK_Y (LANES / 4)
 #endif
 #if CHECKED
-#define INLINED inline   // Oclgrind 21.10 does not know what LLVM leaves where it inlines
+#define INLINED inline   // Oclgrind doesn't know what clang leaves where it has inlined what gives a struct
 #else
 #define INLINED inline __attribute__((always_inline))
 #endif
@@ -275,7 +275,8 @@ __kernel void lattice(
     __global const float4 *normals,        // [V]
     __global const uint4 *faces,           // [F] corners in the order of their numbers
     __global const float4 *uv,             // [F * 3] u, v of these corners
-    __global float4 *out)                  // [F, CORNERS] x0 y0 x1 y1; x2 y2 cells-a-side density; gradients of x, y and h
+    __global float4 *out)                  // [F, CORNERS] x0 y0 x1 y1; x2 y2 cells-a-side density; gradients of x, y and h;
+                                           // the most that x and y together can change
 {
     WORK_ITEM(f);
     const float4 a = positions[faces[f].x], b = positions[faces[f].y] - a, c = positions[faces[f].z] - a;
@@ -299,7 +300,8 @@ __kernel void lattice(
     out[CORNERS * f + 1] = (float4)(at[2].x, at[2].y, sides, sqrt(sqrt(dot3(grad_x, grad_x) * dot3(grad_y, grad_y))));
     out[CORNERS * f + 2] = grad_x;
     out[CORNERS * f + 3] = grad_y;
-    out[CORNERS * f + 4] = n / (dot3(n, normals[faces[f].x]) < 0.0f ? -sqrt(square) : sqrt(square)) / shells.size.x;
+    const float4 up = n / (dot3(n, normals[faces[f].x]) < 0.0f ? -sqrt(square) : sqrt(square)) / shells.size.x;
+    out[CORNERS * f + 4] = (float4)(up.x, up.y, up.z, sqrt(dot3(grad_x, grad_x) + dot3(grad_y, grad_y)));
 }
 
 /* Perlin's improved noise (2002) at places 1/4 apart, two values each, with the lattice's own period. One work-item,
@@ -378,6 +380,8 @@ INLINED lanes cells(const Shells *shells, uint face, int sides, lanes x, lanes y
                     lanes *by_x, lanes *by_y, lanes *top, lanes *fold)
 {
     const float thin = 1.0f / (CELL_RADIUS * shells->shape.y);
+    x -= lean_x;
+    y -= lean_y;
     const lanes v = y * 1.1547005f, u = x - 0.5f * v, fu = nearest(u - 0.5f), fv = nearest(v - 0.5f);
     const lanes_i i = nearest_i(u - 0.5f), j = nearest_i(v - 0.5f), down = (u - fu) + (v - fv) > 1.0f;
     lanes best = F(-1.0f), second = best, steep = F(0.0f);
@@ -392,8 +396,8 @@ INLINED lanes cells(const Shells *shells, uint face, int sides, lanes x, lanes y
                                      ^ ((2u * face + AS_U(turned)) * 0xC2B2AE3Du) ^ (uint)shells->kind.y);
         const lanes third = n ? (down ? F(1.0f / 3.0f) : F(2.0f / 3.0f)) : (down ? F(2.0f / 3.0f) : F(1.0f / 3.0f));
         const lanes cu = du + third, cv = dv + third;
-        const lanes dx = x - lean_x - (cu + 0.5f * cv + 0.3f * (share(random) - 0.5f));
-        const lanes dy = y - lean_y - (0.8660254f * cv + 0.3f * (share(random >> 10) - 0.5f));
+        const lanes dx = x - (cu + 0.5f * cv + 0.3f * (share(random) - 0.5f));
+        const lanes dy = y - (0.8660254f * cv + 0.3f * (share(random >> 10) - 0.5f));
         const lanes off = root(dx * dx + dy * dy + 1e-12f), tall = 1.0f - shells->size.w * share(random >> 20);
         const lanes high = tall - tall * off * thin;
         const lanes_i inside = (at_i >= 0) & (at_j >= 0) & (at_i + at_j + turned < sides), better = inside & (high > best);
@@ -808,7 +812,7 @@ __kernel void march(
                 const lanes measure_inverse = 1.0f / measure, a_step = move * measure_inverse;
                 const lanes rate = (positive(rise) * steep_up + move * steep) * measure_inverse, rate_inverse = 1.0f / rate;
                 const lanes rise_step = rise * measure_inverse, mx_step = mx * measure_inverse, my_step = my * measure_inverse;
-                const lanes room = 0.5f * (blur * steep_here + footprint * steepest);   // most of half a footprint
+                const lanes room = 0.5f * footprint * (up.w * steep_here + steepest);   // most of half a footprint
                 const lanes span = (high - low) * measure;
                 lanes at = F(0.0f), hidden = F(0.0f), sum_z = hidden, sum_h = hidden, sum_x = hidden, sum_y = hidden;
                 lanes sum_gx = hidden, sum_gy = hidden;
@@ -882,6 +886,7 @@ __kernel void march(
                     const lanes middle = 0.5f * (within(now - change, 0.0f, 1.0f) + within(now, 0.0f, 1.0f));
                     lanes back = within((now - middle) / (change > 1e-6f ? change : F(1.0f)), 0.0f, 1.0f);
                     back = (change > 1e-6f) & !is_far ? back : F(0.5f);
+                    kept = rest * kept < 1.0f / 256 ? F(0.0f) : kept;     // what is left would not be seen
                     const lanes part = rest * (1.0f - kept);
                     hidden += part;
                     sum_z += part * (z - back * length * measure_inverse);
@@ -894,7 +899,7 @@ __kernel void march(
                     half_way = halved ? z : half_way;
                     half_face = halved ? I(face) : half_face;
                     rest *= kept;
-                    const lanes_i dark = looks & (rest < 1.0f / 256);
+                    const lanes_i dark = looks & (rest == 0.0f);
                     ended |= dark;
                     running &= !dark;
                 }
@@ -961,7 +966,7 @@ __kernel void march(
             const size_t pixel = (size_t)y * view.size.x + x, sample = pixel * samples + s;
             if (x >= view.size.x || y >= rows || after[sample] == NOTHING)
                 continue;
-            const float left_over = LANE(rest, i) < 1.0f / 256 ? 0.0f : LANE(rest, i);
+            const float left_over = LANE(rest, i);
             if (LANE_I(leaves, i) && left_over > 0.0f)
                 ++pending;
             else

@@ -41,7 +41,8 @@ def bend(shells, positions, normals):
 def lattice(shells, positions, normals, faces, uv):
     """Places of the corners of faces [F, 3] in the pattern -> [F, 5, 4]; uv [F, 3, 2] of these corners.
 
-    x0 y0 x1 y1; x2 y2, cells along a side, mean growth of x and y in the world; gradients of x, of y and of the height.
+    x0 y0 x1 y1; x2 y2, cells along a side, mean growth of x and y in the world; gradients of x, of y
+    and of the height; the most that x and y together can grow.
     """
     f = float(shells["size"][2])
     a, b, c = np.moveaxis(f64(positions)[faces], 1, 0)
@@ -60,6 +61,7 @@ def lattice(shells, positions, normals, faces, uv):
     result[:, 0], result[:, 1, :2], result[:, 1, 2] = at[:, :2].reshape(-1, 4), at[:, 2], sides
     result[:, 1, 3] = np.sqrt(np.linalg.norm(grad, axis=2).prod(1))
     result[:, 2:4, :3], result[:, 4, :3] = grad, unit(up) / float(shells["size"][0])
+    result[:, 4, 3] = np.sqrt((grad**2).sum((1, 2)))
     return result
 
 
@@ -128,6 +130,7 @@ def cells(shells, face, sides, at, lean=0.0):
     -> (v [n], gradient [n, 2], height of that cone, of the fold between it and the next [n]).  lean: [n, 2] how far all
     cones are moved.
     """
+    at = at - lean
     v = at[:, 1] / np.sqrt(0.75)
     u = at[:, 0] - v / 2
     i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
@@ -141,7 +144,7 @@ def cells(shells, face, sides, at, lean=0.0):
                        ^ (u32(2 * np.asarray(face)) + u32(turned)) * u32(0xC2B2AE3D) ^ seed(shells))
         one, two, three = ((random >> u32(10 * k) & u32(1023)) / 1024 for k in range(3))
         centre_u, centre_v = ci + (1 + turned) / 3, cj + (1 + turned) / 3
-        off = at - lean - np.stack([centre_u + centre_v / 2 + 0.3 * (one - 0.5),
+        off = at - np.stack([centre_u + centre_v / 2 + 0.3 * (one - 0.5),
                              np.sqrt(0.75) * centre_v + 0.3 * (two - 0.5)], 1)
         away = np.sqrt((off**2).sum(1) + 1e-12)
         tall = 1 - float(shells["size"][3]) * three
@@ -386,14 +389,15 @@ def _hide(looks, rays, rest, half, half_face, slabs):
         kept = np.where(covered > before[on], (1 - covered) / (1 - before[on]), 1)
         kept += looks["far"][look] * (looks["many"][look] - kept)
         before[on] = np.minimum(covered, 0.999)
-        part[look] = left[on] * (1 - kept)
         now = left[on] * kept
+        now[now < 1 / 256] = 0
+        part[look] = left[on] - now
         halved = (left[on] >= 0.5) & (now < 0.5)
         half[rays[on[halved]]] = looks["where"][look[halved]]
         half_face[rays[on[halved]]] = looks["face"][look[halved]]
         left[on] = now
-        over[on] = now < 1 / 256
-    rest[rays] = np.where(over, 0, left)
+        over[on] = now == 0
+    rest[rays] = left
     return part
 
 
@@ -537,7 +541,8 @@ def _deposit(cells, grid, a, b, c, lattice, means, slabs, rows, heights, binary,
             sideways = entered / one(heights * looks)
             up_a = a[:, k + 1] - a[:, k]
             up_b, up_c = (p[:, k + 1] - p[:, k] - up_a for p in (b, c))
-            origin, ab, ac = a[:, k] + inside * up_a, b[:, k] - a[:, k] + inside * up_b, c[:, k] - a[:, k] + inside * up_c
+            origin, ab = a[:, k] + inside * up_a, b[:, k] - a[:, k] + inside * up_b
+            ac = c[:, k] - a[:, k] + inside * up_c
             for row in range(first, min(first + ROWS, rows)):
                 for point in range(2 * row + 1):
                     third = one(1 + point % 2) / one(3)
