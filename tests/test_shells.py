@@ -446,12 +446,12 @@ def test_the_means_are_those_of_the_pattern(gpu):
 
 
 @pytest.mark.small
-@pytest.mark.parametrize("pattern, lanes", [("cells", 1), ("sine", 16)])
-def test_small(gpu, monkeypatch, pattern, lanes):
+@pytest.mark.parametrize("pattern", ["cells", "sine"])
+def test_small(gpu, monkeypatch, pattern):
     """All that draws, as small as it can be."""
     monkeypatch.setattr(stage, "AROUND", 4)
     gpu = clfur.Scheduler(gpu.device)
-    gpu.lanes = lanes
+    gpu.lanes = 1   # Oclgrind 21.10 takes parts of a vector for unset that are not
     fur = clfur.Shells(length=0.4, layers=2, frequency=1.0, pattern=pattern, noise=(0.3, 8), wind=(0.3, 0, 0))
     it = drawn(gpu, monkeypatch, "quad", fur, size=(5, 4), bare=True)
     image, through, *_ = by_twin(it)
