@@ -15,7 +15,7 @@
 #define CORNERS 5       // float4 a face in `lattice`
 #define HEIGHTS 64      // of the table of means
 #define CELL_RADIUS 0.62f   // of a hair at its root, in sides of a cell: it reaches just beyond the cell's corners
-#define SIDEWAYS 3.0f   // looks on the way across one x or y, as long as a pixel is small against it
+#define SIDEWAYS 8.0f    // looks on the way across one x or y, as long as a pixel is small against it
 #define SHARP 0.85f     // of a pixel's width counts as footprint: least error against 8 x 8 samples (tools/shells_laws.py)
 #define FAR_FROM 0.3f   // pixels that are so many sides of a cell wide begin to see hairs on average,
 #define FAR_TO 0.9f     // and those of so many see nothing else
@@ -580,8 +580,16 @@ INLINED lanes3 lit(const Lamp *lamp, lanes_i lanes_on, lanes3 p, lanes h, lanes3
 #define SIDE 16
 #define DOWN 24
 #define UP 25
-__constant uchar CORNER[3][4] = {{0, 1, 2, 5}, {0, 1, 4, 5}, {0, 3, 4, 5}};
-__constant uchar WAY[3][4] = {{SIDE, SIDE + 2, 4 + 2, DOWN}, {SIDE + 1, 8 + 1, 2, SIDE + 4}, {UP, 4 + 1, SIDE + 3, SIDE + 5}};
+__constant uchar CORNER[12] = {
+    0, 1, 2, 5,
+    0, 1, 4, 5,
+    0, 3, 4, 5,
+};
+__constant uchar WAY[12] = {
+    SIDE, SIDE + 2, 4 + 2, DOWN,
+    SIDE + 1, 8 + 1, 2, SIDE + 4,
+    UP, 4 + 1, SIDE + 3, SIDE + 5,
+};
 /* Where a ray comes in by the lower and the upper half of each side: as above. */
 __constant uchar BEHIND[6] = {0, 4 + 0, 1, 8 + 2, 4 + 3, 8 + 3};
 
@@ -691,7 +699,7 @@ __kernel void march(
             const int k = start.y / 4 % 3, out = start.y % 4, slab = start.y / 12;
             for (int n = 0, m = 0; n < 4; ++n)
                 if (n != out) {
-                    const int c = CORNER[k][n], side = c < 3 ? c : c - 3;
+                    const int c = CORNER[4 * k + n], side = c < 3 ? c : c - 3;
                     const float4 corner = curves[(side == 0 ? f.x : side == 1 ? f.y : f.z) * (slabs + 1) + slab + (c >= 3)] - eye;
                     LANE(q[m].x, i) = corner.x;
                     LANE(q[m].y, i) = corner.y;
@@ -755,7 +763,7 @@ __kernel void march(
             lanes fx[4], fy[4], ahead[4], e[6], w[4];
             float top[4], px[4], py[4];
             for (int i = 0; i < 4; ++i) {
-                const int c = CORNER[k][i], side = c < 3 ? c : c - 3;
+                const int c = CORNER[4 * k + i], side = c < 3 ? c : c - 3;
                 const float4 q = curves[(side == 0 ? corners.x : side == 1 ? corners.y : corners.z) * (slabs + 1) + slab
                                         + (c >= 3)] - eye;
                 fx[i] = q.x * ax + q.y * ay + q.z * az;
@@ -933,7 +941,7 @@ __kernel void march(
             at_depth = group ? z_out : at_depth;
             lanes_i onto = I(-1), by = I(0), fresh = I(0);
             for (int i = 0; i < 4; ++i) {
-                const int way = WAY[k][i];
+                const int way = WAY[4 * k + i];
                 int there = -1, entry = 0, other = 0;
                 if (way < SIDE) {
                     there = here - k + way / 4;
@@ -946,7 +954,7 @@ __kernel void march(
                 } else {
                     const int side = (way - SIDE) / 2;
                     const int across = side == 0 ? neighbours[face].x : side == 1 ? neighbours[face].y : neighbours[face].z;
-                    const int behind = BEHIND[2 * (across & 3) + (way - SIDE) % 2];
+                    const int behind = across < 0 ? 0 : BEHIND[2 * (across & 3) + (way - SIDE) % 2];
                     there = across < 0 ? -1 : 3 * (slabs * (across >> 2) + slab) + behind / 4;
                     entry = behind % 4;
                     other = 1;

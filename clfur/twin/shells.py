@@ -17,8 +17,9 @@ PATTERNS = {   # in 1/16 pixel from the pixel's centre: the standard patterns of
 }
 HEIGHTS = 64
 CELL_RADIUS = 0.62
-SIDEWAYS = 3.0
-FAR_FROM, FAR_TO = 0.35, 1.0
+SIDEWAYS = 8.0
+SHARP = 0.85
+FAR_FROM, FAR_TO = 0.3, 0.9
 TETRAHEDRA = np.array([(0, 1, 2, 5), (0, 1, 4, 5), (0, 3, 4, 5)])   # of a prism: 0 1 2 below, 3 4 5 above them
 
 
@@ -40,7 +41,8 @@ def bend(shells, positions, normals):
 def lattice(shells, positions, normals, faces, uv):
     """Places of the corners of faces [F, 3] in the pattern -> [F, 5, 4]; uv [F, 3, 2] of these corners.
 
-    x0 y0 x1 y1; x2 y2, cells along a side, mean growth of x and y in the world; gradients of x, of y and of the height.
+    x0 y0 x1 y1; x2 y2, cells along a side, mean growth of x and y in the world; gradients of x, of y
+    and of the height; the most that x and y together can grow.
     """
     f = float(shells["size"][2])
     a, b, c = np.moveaxis(f64(positions)[faces], 1, 0)
@@ -59,6 +61,7 @@ def lattice(shells, positions, normals, faces, uv):
     result[:, 0], result[:, 1, :2], result[:, 1, 2] = at[:, :2].reshape(-1, 4), at[:, 2], sides
     result[:, 1, 3] = np.sqrt(np.linalg.norm(grad, axis=2).prod(1))
     result[:, 2:4, :3], result[:, 4, :3] = grad, unit(up) / float(shells["size"][0])
+    result[:, 4, 3] = np.sqrt((grad**2).sum((1, 2)))
     return result
 
 
@@ -115,22 +118,25 @@ def noise_at(shells, table, p):
 
 
 def waves(shells, at):
-    """Half of the report's |sin(2 pi x) + sin(2 pi y)| at places [n, 2], thinned -> (v [n], gradient, tip [n])."""
+    """Half of the report's |sin(2 pi x) + sin(2 pi y)| at places [n, 2], thinned -> (v [n], gradient, tip, fold)."""
     total, density = np.sin(2 * np.pi * at).sum(1), float(shells["shape"][1])
     grad = np.pi * np.cos(2 * np.pi * at) * np.where(total < 0, -1, 1)[:, None] / density
-    return 1 - (1 - np.abs(total) / 2) / density, grad, np.ones(len(at))
+    return 1 - (1 - np.abs(total) / 2) / density, grad, np.ones(len(at)), np.full(len(at), 1 - 1 / density)
 
 
 def cells(shells, face, sides, at, lean=0.0):
     """The highest cone at places [n, 2] among that of the triangle there and of its neighbours.
 
-    -> (v [n], gradient [n, 2], height of that cone [n]).  lean: [n, 2] how far all cones are moved.
+    -> (v [n], gradient [n, 2], height of that cone, of the fold between it and the next [n]).  lean: [n, 2] how far all
+    cones are moved.
     """
+    at = at - lean
     v = at[:, 1] / np.sqrt(0.75)
     u = at[:, 0] - v / 2
     i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
     down = (u - i) + (v - j) > 1
-    best, grad, tip = np.full(len(at), -1.0), np.zeros((len(at), 2)), np.ones(len(at))
+    grad, tip = np.zeros((len(at), 2)), np.ones(len(at))
+    best = second = np.full(len(at), -1.0)
     for di, dj, other in ((0, 0, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)):
         turned = down ^ bool(other)
         ci, cj = i + np.where(down, di, -di), j + np.where(down, dj, -dj)
@@ -138,21 +144,23 @@ def cells(shells, face, sides, at, lean=0.0):
                        ^ (u32(2 * np.asarray(face)) + u32(turned)) * u32(0xC2B2AE3D) ^ seed(shells))
         one, two, three = ((random >> u32(10 * k) & u32(1023)) / 1024 for k in range(3))
         centre_u, centre_v = ci + (1 + turned) / 3, cj + (1 + turned) / 3
-        off = at - lean - np.stack([centre_u + centre_v / 2 + 0.3 * (one - 0.5),
+        off = at - np.stack([centre_u + centre_v / 2 + 0.3 * (one - 0.5),
                              np.sqrt(0.75) * centre_v + 0.3 * (two - 0.5)], 1)
         away = np.sqrt((off**2).sum(1) + 1e-12)
         tall = 1 - float(shells["size"][3]) * three
         thin = 1 / (CELL_RADIUS * float(shells["shape"][1]))
         high = tall * (1 - away * thin)
-        better = (ci >= 0) & (cj >= 0) & (ci + cj + turned < sides) & (high > best)
+        inside = (ci >= 0) & (cj >= 0) & (ci + cj + turned < sides)
+        better = inside & (high > best)
+        second = np.where(better, best, np.where(inside, np.maximum(second, high), second))
         best = np.where(better, high, best)
         grad = np.where(better[:, None], -(tall * thin / away)[:, None] * off, grad)
         tip = np.where(better, tall, tip)
-    return best, grad, tip
+    return best, grad, tip, (best + second) / 2
 
 
 def height_at(shells, table, face, sides, at, place, h):
-    """Height of the fur at places [n, 2] of faces [n], its gradient by x and y, and the hair's own height.
+    """Height of the fur at places [n, 2] of faces [n], its gradient by x and y, its hair's tip, the fold.
 
     place: [n, 3] in the noise's lattice.
     """
@@ -163,11 +171,11 @@ def height_at(shells, table, face, sides, at, place, h):
     return waves(shells, at + moved) if sine else cells(shells, face, sides, at, moved * h[:, None])
 
 
-def cover(shells, v, h, g=0.0, bow=0.0, top=1.0, narrow=1.0):
+def cover(shells, v, h, g=0.0, top=1.0, fold=-1.0):
     """Share covered at height h where the fur is v high: smoothstep from h to sharpness · h, its mean over a footprint.
 
-    Across it v goes from v - g/2 to v + g/2, less by bow at both ends; where it would pass the hair's own height, top,
-    it turns and goes down again.  narrow: how much of the footprint the hair fills the other way.
+    Across it v goes from v - g/2 to v + g/2; where it would pass the hair's tip, or the fold before the next hair, it
+    turns.
     """
     width = np.maximum((float(shells["shape"][0]) - 1) * h, 1e-3)
 
@@ -178,13 +186,12 @@ def cover(shells, v, h, g=0.0, bow=0.0, top=1.0, narrow=1.0):
     def integral(t):
         u = np.clip((t - h) / width, 0, 1)
         return width * (u**3 - u**4 / 2) + np.maximum(t - h - width, 0)
-    low, high = v - g / 2 - bow, v + g / 2 - bow
-    bowed, span = np.asarray(bow > 0), np.maximum(g, 1e-6)
-    straight = (integral(high) - integral(low)) / span
-    turned = (2 * integral(top) - integral(low) - integral(2 * top - high)) / span
-    to_top = (integral(top) - integral(low)) / np.maximum(top - low, 1e-6)
-    mean = np.where(bowed, np.where(g / 2 < 2 * bow, to_top, straight), np.where(high > top, turned, straight))
-    return np.where(g + bow > 1e-2 * width, np.clip(mean, 0, 1) * np.minimum(narrow, 1), smooth(v))
+    low, high = v - g / 2, v + g / 2
+    middle = integral(np.minimum(high, top)) - integral(np.maximum(low, fold))
+    beyond_tip = np.where(high > top, integral(top) - integral(2 * top - high), 0)
+    beyond_fold = np.where(low < fold, integral(2 * fold - low) - integral(fold), 0)
+    soft = g > 1e-2 * width
+    return np.where(soft, np.clip((middle + beyond_tip + beyond_fold) / np.where(soft, g, 1), 0, 1), smooth(v))
 
 
 def kept_by_many(means, h0, h, aside):
@@ -342,34 +349,25 @@ def _looks(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
             "at": at_in[piece] + along[:, None] * across[piece],
             "z step": ((z_out - z_in) / measure)[piece], "h step": (rise / measure)[piece],
             "at step": (across / measure[:, None])[piece], "aside": np.diff(sideways, prepend=0),
-            "far": (fade * fade * (3 - 2 * fade))[piece], "footprint": footprint[piece], "blur": blur[piece]}
+            "far": (fade * fade * (3 - 2 * fade))[piece], "footprint": footprint[piece]}
 
 
 def _see(shells, lattice, noise, means, box, eye, directions, looks):
     """Add to the looks what they see: the share covered, that which many hairs keep, and how far back it was met."""
     face, h, d, far = looks["face"], looks["h"], directions[looks["ray"]], looks["far"]
     looks["where"] = where = eye + looks["z"][:, None] * d
-    v, grad, top = height_at(shells, noise, face, lattice[face, 1, 2], looks["at"], (where - box[:3]) * box[3], h)
+    v, grad, top, fold = height_at(shells, noise, face, lattice[face, 1, 2], looks["at"], (where - box[:3]) * box[3], h)
     slope = grad[:, :1] * lattice[face, 2, :3] + grad[:, 1:] * lattice[face, 3, :3]
-    up, footprint, blur = lattice[face, 4, :3], looks["footprint"], looks["blur"]
-    falls = slope - up                                       # gradient of v - h
+    falls = slope - lattice[face, 4, :3]                     # gradient of v - h
     across = falls - dot(falls, d)[:, None] * d
     steep = np.sqrt(np.maximum(dot(across, across), 1e-20))
-    g = footprint * steep
-    # A hair is as broad as its chord, level; across that slope the pixel sees it tilted.
-    tilt = dot(falls, np.cross(d, up)) * float(shells["size"][0]) / steep
-    level = np.sqrt(np.maximum(1 - tilt**2, 1e-4))
-    sharpness, density = float(shells["shape"][0]), float(shells["shape"][1])
-    stout = np.maximum(top - h * (1 + sharpness) / 2, 0) / top
-    sine = bool(shells["kind"][0])
-    chord = np.sqrt(density * stout + 1e-12) / 2 if sine else np.pi / 2 * CELL_RADIUS * density * stout
-    bow = np.pi**2 / 4 / density * blur**2 if sine else np.zeros(len(h))
-    looks["covered"] = cover(shells, v, h, g, bow, top, chord / np.maximum(blur * level, 1e-6))
+    g = SHARP * looks["footprint"] * steep
+    looks["covered"] = cover(shells, v, h, g, top, fold)
     looks["many"] = np.where(far > 0, kept_by_many(means, h - looks["h step"], h, looks["aside"]), 1)
     looks["slope"] = (1 - far)[:, None] * slope
 
     # Met where the ramp from nothing to all was half gone through since the look before.
-    ramp = np.maximum((sharpness - 1) * h, 1e-3) + g
+    ramp = np.maximum((float(shells["shape"][0]) - 1) * h, 1e-3) + g
     now, change = (v - h + g / 2) / ramp, (dot(grad, looks["at step"]) - looks["h step"]) / ramp
     middle = (np.clip(now - change, 0, 1) + np.clip(now, 0, 1)) / 2
     back = np.clip((now - middle) / np.where(change > 1e-6, change, 1), 0, 1)
@@ -391,14 +389,15 @@ def _hide(looks, rays, rest, half, half_face, slabs):
         kept = np.where(covered > before[on], (1 - covered) / (1 - before[on]), 1)
         kept += looks["far"][look] * (looks["many"][look] - kept)
         before[on] = np.minimum(covered, 0.999)
-        part[look] = left[on] * (1 - kept)
         now = left[on] * kept
+        now[now < 1 / 256] = 0
+        part[look] = left[on] - now
         halved = (left[on] >= 0.5) & (now < 0.5)
         half[rays[on[halved]]] = looks["where"][look[halved]]
         half_face[rays[on[halved]]] = looks["face"][look[halved]]
         left[on] = now
-        over[on] = now < 1 / 256
-    rest[rays] = np.where(over, 0, left)
+        over[on] = now == 0
+    rest[rays] = left
     return part
 
 
@@ -490,7 +489,7 @@ def sine(a, b):
     return np.linalg.norm(np.cross(a, b), axis=-1)
 
 
-# --- the light's grid: in the device's own order of float operations, so that whole numbers are equal ----
+# --- the light's grid: in the device's own order of float operations, so that whole numbers are equal ----------------
 
 ROWS, LOOKS, FAR = 16, 16, 4    # of a face's points a work-item; at the table; grids beyond which nothing is snapped
 
@@ -498,13 +497,13 @@ ROWS, LOOKS, FAR = 16, 16, 4    # of a face's points a work-item; at the table; 
 def deposit(shells, grid, faces, curves, lattice, means, parts, deep, binary, weight):
     """Shell fur -> cells [nz, ny, nx] int64.
 
-    faces [F, 3], curves [V, slabs + 1, 4], lattice [F, 5, 4], means [64, 2]: as the kernel has them.
+    faces [F, 3], curves [V, slabs + 1, 4], lattice [F, 4, 4], means [64, 2]: as the kernel has them.
     parts: work-items a face; deep: a cell's depth; weight: what one crossing adds.
     """
     one, slabs = np.float32, int(shells["kind"][2])
     cells = np.zeros([int(n) for n in grid["size"][2::-1]], np.int64)
-    places, faces = np.asarray(curves, one), np.asarray(faces, np.int64)
-    corners = [places[faces[:, i], :, :3] for i in range(3)]              # [F, slabs + 1, 3]
+    # [F, slabs + 1, 3]
+    corners = [np.asarray(curves, one)[np.asarray(faces, np.int64)[:, i], :, :3] for i in range(3)]
     m = grid["to_grid"]
 
     def distance(p):
@@ -542,8 +541,8 @@ def _deposit(cells, grid, a, b, c, lattice, means, slabs, rows, heights, binary,
             sideways = entered / one(heights * looks)
             up_a = a[:, k + 1] - a[:, k]
             up_b, up_c = (p[:, k + 1] - p[:, k] - up_a for p in (b, c))
-            origin = a[:, k] + inside * up_a
-            ab, ac = b[:, k] - a[:, k] + inside * up_b, c[:, k] - a[:, k] + inside * up_c
+            origin, ab = a[:, k] + inside * up_a, b[:, k] - a[:, k] + inside * up_b
+            ac = c[:, k] - a[:, k] + inside * up_c
             for row in range(first, min(first + ROWS, rows)):
                 for point in range(2 * row + 1):
                     third = one(1 + point % 2) / one(3)
