@@ -161,7 +161,8 @@ def marched(gpu, options, path):
              "`raster.body` alone, of the triangles of 30 layers that face the eye.  *drawn and lit*: also "
              "`shade.color` of each layer, which finds a pixel's place and lights it; neither looks at the fur's "
              "pattern nor adds layers up.  *marched*: `entries` and `shells`, the fur with all that belongs to it.", "",
-             line("faces", "size", "drawn", "drawn and lit", "marched", "of it entries"), line("--:", "---", ("--:",) * 4)]
+             line("faces", "size", "drawn", "drawn and lit", "marched", "of it entries"),
+             line("--:", "---", ("--:",) * 4)]
     for subdivisions in (3, 5):
         ball = trimesh.creation.icosphere(subdivisions=subdivisions)
         mesh = clfur.Mesh(ball.vertices, ball.vertices, None, ball.faces)
