@@ -15,9 +15,8 @@
 #define CORNERS 5       // float4 a face in `lattice`
 #define HEIGHTS 64      // of the table of means
 #define CELL_RADIUS 0.62f   // of a hair at its root, in sides of a cell: it reaches just beyond the cell's corners
-#define SIDEWAYS 8.0f    // looks on the way across one x or y, as long as a pixel is small against it
+#define SIDEWAYS 8.0f    // looks on the way across one x or y, down to one where hairs are seen on average
 #define SHARP 0.85f     // of a pixel's width counts as footprint: least error against 8 x 8 samples (tools/shells_laws.py)
-#define MIX_TO 1.0f     // pixels that are so many sides of a cell wide tell nothing of the gaps between hairs in a row
 #define FAR_FROM 0.3f   // pixels that are so many sides of a cell wide begin to see hairs on average,
 #define FAR_TO 0.9f     // and those of so many see nothing else
 #define ROWS 16         // of a face's points in the light's grid that a work-item does
@@ -813,12 +812,11 @@ __kernel void march(
                 const lanes move = root(mx * mx + my * my + 1e-20f);
                 const lanes footprint = shells.kind.w ? wide * (0.5f * (z_in + z_out)) : F(0.0f);
                 const lanes blur = footprint * second.w;
-                const lanes measure = greater(greater(shells.size.y * positive(rise), move * SIDEWAYS / (1.0f + SIDEWAYS * blur)),
-                                              F(1e-6f));
                 const lanes fade = within((blur - FAR_FROM) * (1.0f / (FAR_TO - FAR_FROM)), 0.0f, 1.0f);
                 const lanes far = fade * fade * (3.0f - 2.0f * fade);
+                const lanes measure = greater(greater(shells.size.y * positive(rise), move * (SIDEWAYS - (SIDEWAYS - 1.0f) * far)),
+                                              F(1e-6f));
                 const lanes_i is_far = far > 0.0f;
-                const lanes mixing = within(blur * (1.0f / MIX_TO), 0.0f, 1.0f);
                 const lanes measure_inverse = 1.0f / measure, a_step = move * measure_inverse;
                 const lanes rate = (positive(rise) * steep_up + move * steep) * measure_inverse, rate_inverse = 1.0f / rate;
                 const lanes rise_step = rise * measure_inverse, mx_step = mx * measure_inverse, my_step = my * measure_inverse;
@@ -877,13 +875,6 @@ __kernel void march(
                     /* What is hidden here and was not before, of what is left: hairs go down to the skin, so that one
                        look below another hides the same again. */
                     lanes kept = covered > before ? (1.0f - covered) / (1.0f - before) : F(1.0f);
-                    /* What a footprint has smoothed away: sideways the next hair takes over from one, after its mean
-                       chord. exp(-t) by its series below. */
-                    const lanes stout = greater(1.0f - h * (0.5f + 0.5f * shells.shape.x) / top, F(0.03f));
-                    const lanes chord = shells.kind.x ? 0.5f * root(shells.shape.y * stout)
-                        : 1.5707963f * CELL_RADIUS * shells.shape.y * (0.2f + 0.8f * stout);
-                    const lanes t = mixing * aside * covered / (chord * greater(1.0f - covered, F(0.02f)));
-                    kept /= 1.0f + t * (1.0f + t * (0.5f + t * (1.0f / 6)));
                     if (any_lane(looks & is_far)) {
                         lanes many = F(1.0f);
                         for (int i = 0; i < LANES; ++i)

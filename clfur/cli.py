@@ -9,7 +9,7 @@ import click
 
 from . import Error, draw, save
 from .cli_compare import compare
-from .cli_devices import devices
+from .cli_devices import ask_drivers, devices
 from .cli_scene import is_scene_file, load_scene, scene_options
 from .cli_types import Names
 from .image import check_writable
@@ -52,6 +52,7 @@ def render(given, output, outputs, device, as_json, **options):
     scene, settings = load_scene(given, options)
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
+    ask_drivers()
     drawn = draw(scene, device=device, outputs=outputs, settings=settings)
     save(output, drawn.images)
 

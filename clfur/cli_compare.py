@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from . import compare as compare_devices
-from .cli_devices import survey
+from .cli_devices import ask_drivers
 from .cli_scene import load_scene, scene_options
 from .report import check_report, mebibytes, milliseconds, save_report, spread
 
@@ -36,7 +36,7 @@ def compare(given, devices, repeat, output, as_json, **options):
     if output is not None:
         check_report(output)
     scene, settings = load_scene(given, options)
-    survey()   # raises where a driver crashes while it loads: this process would die of it without a word
+    ask_drivers()
     # On stderr, and gone at the end: stdout is for what was found.
     with Progress(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("frames"),
                   TimeElapsedColumn(), console=Console(stderr=True), transient=True,

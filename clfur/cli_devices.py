@@ -1,6 +1,8 @@
 """`clfur devices`: what OpenCL devices there are, whether they draw right, and why a driver is not there."""
 
+import hashlib
 import json
+import os
 import re
 
 import click
@@ -49,6 +51,26 @@ def survey():
         raise Error('there is no OpenCL device; pip install "pyopencl[pocl]" brings one for the CPU, and '
                     "clfur devices --why tells of each driver")
     return outcome.value
+
+
+def ask_drivers():
+    """Raise `clfur.Error` if a driver crashes while it loads; asks once for each set of drivers, and remembers.
+
+    Before OpenCL starts in this process, which would die of it without a word.
+    """
+    listed = vendors.vendors()[0]
+    state = [(v, os.stat(v.library).st_mtime_ns if os.path.isfile(v.library) else None) for v in listed]
+    name = hashlib.sha256(repr(state).encode()).hexdigest()[:16]
+    try:
+        if (cache.folder("loaded") / name).is_file():
+            return
+    except Error:   # no cache folder: ask each time
+        pass
+    survey()
+    try:
+        cache.write(cache.folder("loaded") / name, b"")
+    except Error:   # asked again next time
+        pass
 
 
 def _each(found):

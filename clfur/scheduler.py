@@ -60,8 +60,8 @@ class Scheduler:
             self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
             self.int64_atomics = "cl_khr_int64_extended_atomics" in self.device.extensions.split()
             self.memory = self.device.global_mem_size * 3 // 4
-            # Work-items fill these by hand where a driver says that its compiler does not: PoCL does not vectorise loops
-            # of different lengths.  Oclgrind is to see one at a time.
+            # Work-items fill these by hand where a driver prefers vectors: PoCL does not vectorise loops of different
+            # lengths.
             self.lanes = max((n for n in (1, 8, 16) if n <= self.device.preferred_vector_width_float), default=1)
             self.largest = self.device.max_mem_alloc_size   # bytes of one array
         if memory is not None:

@@ -101,11 +101,14 @@ def test_a_page_without_the_extra(clfur, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_driver_that_crashes_while_it_loads(clfur, tmp_path, monkeypatch):
-    """It would take this process along: it is told before OpenCL starts here."""
+@pytest.mark.parametrize("command", [("compare", *TINY), ("render", "sphere", *TINY[:-2])])
+def test_a_driver_that_crashes_while_it_loads(clfur, tmp_path, monkeypatch, command):
+    """It would take this process along: it is told before OpenCL starts here, and what crashed is not remembered."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     crash = Outcome("crash", None, "the process died of SIGABRT")
     monkeypatch.setattr(cli_devices, "isolated", lambda *_, **__: crash)
-    wrong(clfur("compare", *TINY), "OpenCL does not start: the process died of SIGABRT", "clfur devices --why")
+    for _ in range(2):
+        wrong(clfur(*command), "OpenCL does not start: the process died of SIGABRT", "clfur devices --why")
 
 
 def test_interrupted(tmp_path):

@@ -45,7 +45,8 @@ def test_an_interrupt_ends_it_in_two_seconds(tmp_path, text):
     running.send_signal(signal.SIGINT)
     out, err = running.communicate(timeout=60)
     assert time.monotonic() - asked < 2
-    assert (running.returncode, out, err.strip()) == (130, "", "clfur: interrupted")
+    # PoCL's compiler says "1 error generated." if it is interrupted, on a busy machine.
+    assert (running.returncode, out, err.strip().splitlines()[-1]) == (130, "", "clfur: interrupted")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -91,7 +91,8 @@ def border_of(faces, topology, slabs, bare):
         corners.append(faces[:, ::-1] * n)
         starts.append((number, np.full(len(faces), 3)))
     ends = {0: (1, 2), 1: (0, 2), 2: (0, 1)}
-    places = {0: ((0, 0), (1, 0)), 1: ((0, 1), (2, 2)), 2: ((1, 3), (2, 3))}   # tetrahedron, corner left out: lower, upper
+    # Tetrahedron and corner left out, of the lower and the upper triangle.
+    places = {0: ((0, 0), (1, 0)), 1: ((0, 1), (2, 2)), 2: ((1, 3), (2, 3))}
     for side in range(3):
         open_ = np.flatnonzero(topology.neighbours[:, side] < 0)
         p, q = (topology.corners[open_, end].astype(np.int64) for end in ends[side])

@@ -332,7 +332,9 @@ def _looks(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
     move = np.linalg.norm(across, axis=1)
     footprint = wide * (z_in + z_out) / 2 * bool(shells["kind"][3])
     blur = footprint * lattice[face, 1, 3]
-    measure = np.maximum(float(shells["size"][1]) * np.abs(rise), move * SIDEWAYS / (1 + SIDEWAYS * blur))
+    fade = np.clip((blur - FAR_FROM) / (FAR_TO - FAR_FROM), 0, 1)
+    far = fade * fade * (3 - 2 * fade)
+    measure = np.maximum(float(shells["size"][1]) * np.abs(rise), move * (SIDEWAYS - (SIDEWAYS - 1) * far))
     measure = np.maximum(measure, 1e-6)
     high = np.clip((stop - z_in) / (z_out - z_in), 0, 1)
     passed = np.concatenate([[0], np.cumsum(high * measure)])
@@ -343,13 +345,12 @@ def _looks(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
     if end != "out":
         piece, along = np.append(piece, len(t) - 1), np.append(along, high[-1])
     sideways = gone[piece] + along * move[piece]
-    fade = np.clip((blur - FAR_FROM) / (FAR_TO - FAR_FROM), 0, 1)
     return {"ray": np.full(len(piece), ray), "tetrahedron": t[piece], "face": face[piece],
             "h": np.clip(h_in[piece] + along * rise[piece], 0, 1), "z": z_in[piece] + along * (z_out - z_in)[piece],
             "at": at_in[piece] + along[:, None] * across[piece],
             "z step": ((z_out - z_in) / measure)[piece], "h step": (rise / measure)[piece],
             "at step": (across / measure[:, None])[piece], "aside": np.diff(sideways, prepend=0),
-            "far": (fade * fade * (3 - 2 * fade))[piece], "footprint": footprint[piece]}
+            "far": far[piece], "footprint": footprint[piece]}
 
 
 def _see(shells, lattice, noise, means, box, eye, directions, looks):
