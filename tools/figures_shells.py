@@ -148,7 +148,7 @@ def layers(gpu, options, path):
         images = [draw(gpu, furry(clfur.load_mesh(name), options, layers=n)) for n in counts]
         mean = [image[..., :3].mean() for image in images]
         rows.append((name, images))
-        columns.append([f"{100 * (value / mean[2] - 1):+.1f} %" for value in mean])
+        columns.append([f"{round(100 * (value / mean[2] - 1), 1) + 0:+.1f} %" for value in mean])
     columns = [f"{n} layers, mean " + ", ".join(each) for n, each in zip(counts, zip(*columns))]
     sheet(path, "The picture hardly depends on the number of layers (mean against 30)", columns, rows)
 
