@@ -401,7 +401,7 @@ INLINED lanes cells(const Shells *shells, uint face, int sides, lanes x, lanes y
         const lanes off = root(dx * dx + dy * dy + 1e-12f), tall = 1.0f - shells->size.w * share(random >> 20);
         const lanes high = tall - tall * off * thin;
         const lanes_i inside = (at_i >= 0) & (at_j >= 0) & (at_i + at_j + turned < sides), better = inside & (high > best);
-        second = better ? best : inside & (high > second) ? high : second;
+        second = better ? best : (inside & (high > second)) ? high : second;
         best = better ? high : best;
         steep = better ? tall / off : steep;
         *top = better ? tall : *top;
@@ -784,10 +784,10 @@ __kernel void march(
             const lanes_i n0 = e[0] < 0.0f, n1 = e[1] < 0.0f, n2 = e[2] < 0.0f, n3 = e[3] < 0.0f, n4 = e[4] < 0.0f,
                 n5 = e[5] < 0.0f;
             lanes_i out = (in + 1) & 3;
-            out = (n0 == n3) & (n0 != n1) & (in != 3) ? I(3) : out;
-            out = (n0 == n4) & (n0 != n2) & (in != 2) ? I(2) : out;
-            out = (n1 == n5) & (n1 != n2) & (in != 1) ? I(1) : out;
-            out = (n3 == n5) & (n3 != n4) & (in != 0) ? I(0) : out;
+            out = ((n0 == n3) & (n0 != n1) & (in != 3)) ? I(3) : out;
+            out = ((n0 == n4) & (n0 != n2) & (in != 2)) ? I(2) : out;
+            out = ((n1 == n5) & (n1 != n2) & (in != 1)) ? I(1) : out;
+            out = ((n3 == n5) & (n3 != n4) & (in != 0)) ? I(0) : out;
 
             weights(in, e, w);
             const lanes z_in = w[0] * ahead[0] + w[1] * ahead[1] + w[2] * ahead[2] + w[3] * ahead[3];
@@ -893,7 +893,7 @@ __kernel void march(
                     const lanes now = (v - h + 0.5f * g) * ramp, change = (ahead_step - rise_step) * ramp;
                     const lanes middle = 0.5f * (within(now - change, 0.0f, 1.0f) + within(now, 0.0f, 1.0f));
                     lanes back = within((now - middle) / (change > 1e-6f ? change : F(1.0f)), 0.0f, 1.0f);
-                    back = (change > 1e-6f) & !is_far ? back : F(0.5f);
+                    back = ((change > 1e-6f) & !is_far) ? back : F(0.5f);
                     kept = rest * kept < 1.0f / 256 ? F(0.0f) : kept;     // what is left would not be seen
                     const lanes part = rest * (1.0f - kept);
                     hidden += part;
@@ -967,7 +967,7 @@ __kernel void march(
             leaves = group ? (onto < 0) & !stays : leaves;
             cell = group ? (ended ? I(-1) : onto) : cell;
             in = group ? by : in;
-            slack = group & (fresh != 0) ? F(0.0f) : slack;
+            slack = (group & (fresh != 0)) ? F(0.0f) : slack;
         }
         for (int i = 0; i < LANES; ++i) {
             const int x = block_x + i % BLOCK_X, y = block_y + i / BLOCK_X;

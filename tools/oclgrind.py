@@ -30,14 +30,14 @@ from clfur import scheduler
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 240   # seconds a stage may take
 
-# Bugs put into a copy of voxelize.cl: what is there, what comes instead, what must be said of it and of which line.
+# Bugs put into a copy of what voxelizes: file, what is there, what comes instead, what must be said of it and its line.
 PLANTED = [
-    ("k < span.y; ++k, a = b, from = to", "k <= span.y; ++k, a = b, from = to",
+    ("voxelize.cl", "k < span.y; ++k, a = b, from = to", "k <= span.y; ++k, a = b, from = to",
      "Invalid read of size 16 at global memory", "to = points[span.x + k];"),
-    ("atomic_add(&cells[((size_t)z * grid->size.y + y) * grid->size.x + x], amount);",
+    ("cells.h", "atomic_add(&cells[((size_t)z * grid->size.y + y) * grid->size.x + x], amount);",
      "cells[((size_t)z * grid->size.y + y) * grid->size.x + x] += amount;",
      "Read-write data race at global memory", "x] += amount;"),
-    ("float wa, wb, left = 0.5f;", "float wa, wb, left;",
+    ("voxelize.cl", "float wa, wb, left = 0.5f;", "float wa, wb, left;",
      "Controlflow depends on uninitialized value", "(uint)min(exact, 0x1p31f)"),
 ]
 
@@ -223,19 +223,17 @@ def missed_of_the_planted(folder):
 def missed_in_a_stage(folder):
     """The same for PLANTED, by the way that the stages' tests take."""
     kernels = copy_of_kernels(folder / "stage-kernels")
-    path = kernels / "voxelize.cl"
-    text = path.read_text()
-    for there, instead, *_ in PLANTED:
-        assert text.count(there) == 1, f"PLANTED: {path.name} has no {there!r} any more"
-        text = text.replace(there, instead)
-    path.write_text(text)
+    for file, there, instead, *_ in PLANTED:
+        text = (kernels / file).read_text()
+        assert text.count(there) == 1, f"PLANTED: {file} has no {there!r} any more"
+        (kernels / file).write_text(text.replace(there, instead))
     run = tests_of("planted-stage", folder, kernels, [ROOT / "tests" / "test_voxelize.py"],
                    "-k", "test_cells_equal_the_twin and borders-length")
     missed = []
-    for _, _, what, line in PLANTED:
-        number = next(n for n, each in enumerate(text.splitlines(), 1) if line in each)
-        if not said(run.found, what, f"{path.name}:{number}"):
-            missed.append(f"{what}, {path.name}:{number}, planted")
+    for file, _, _, what, line in PLANTED:
+        number = next(n for n, each in enumerate((kernels / file).read_text().splitlines(), 1) if line in each)
+        if not said(run.found, what, f"{file}:{number}"):
+            missed.append(f"{what}, {file}:{number}, planted")
     return missed + ["its tests passed all the same"] * (run.code == 0), len(PLANTED)
 
 
