@@ -3,7 +3,7 @@
  *
  * The space between them is divided into prisms over the faces, in `slabs` one above the other, each of three
  * tetrahedra, so that a place in the fur is linear along a ray in each of them.  A ray walks from one to the next
- * (Maria, Horna and Aveneau, "Efficient ray traversal of constrained Delaunay tetrahedralizations", 2017) and looks at
+ * (Maria, Horna and Aveneau, "Efficient ray traversal of constrained Delaunay tetrahedralization", 2017) and looks at
  * the fur wherever it has passed one more layer, or as much sideways.  Corners of a face are taken in the order of their
  * numbers, so that neighbours divide the side between them alike.  What a place in the fur is called:
  *   h        height, 0 on the skin and 1 at the longest tips
