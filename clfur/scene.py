@@ -16,6 +16,8 @@ from .errors import Error
 from .fur import Curves, Strands, reach
 from .shell_fur import Shells
 
+MOST_PERIODS = 1 << 16, 1 << 12   # of the sines of shell fur: from uv 0, where float32 is exact enough, and on a face
+
 
 def _uv_array(value, where):
     allowed = "None, an array [vertices, 2] or an array [faces, 3, 2] of numbers"
@@ -433,9 +435,8 @@ class Scene:
         if isinstance(strands, Strands):
             _check_uv(self.mesh, strands)
             _check_levels(self.mesh, strands)
-        if shells is not None and shells.pattern == "sine" and not self.mesh.has_uv:
-            raise Error("Shells.pattern is 'sine', which is made from uv, but Scene.mesh has none; "
-                        "allowed: 'cells', or a mesh with uv")
+        if shells is not None and shells.pattern == "sine":
+            _check_sines(self.mesh, shells)
         _, radius = extent(self.mesh, self.fur)
         if radius and not 1e-6 <= radius <= checks.LARGEST:
             raise Error(f"Scene is {2 * radius:.3g} across; allowed: 2e-06 to 2e+09, where float32 is exact enough")
@@ -455,6 +456,17 @@ def _check_uv(mesh, strands):
     if any(hair.color_texture is not None for hair in strands.types):
         raise Error("HairType.color_texture is looked up by uv but Scene.mesh has none; "
                     "allowed: a mesh with uv")
+
+
+def _check_sines(mesh, shells):
+    if not mesh.has_uv:
+        raise Error("Shells.pattern is 'sine', which is made from uv, but Scene.mesh has none; "
+                    "allowed: 'cells', or a mesh with uv")
+    periods = np.abs(mesh.uv * (2.0, 1.0)).max(), np.ptp(mesh.uv * (2.0, 1.0), axis=1).max()
+    most = min(limit / each for limit, each in zip(MOST_PERIODS, periods) if each) if any(periods) else np.inf
+    if shells.frequency > most:
+        raise Error(f"Shells.frequency is {shells.frequency:g}, of sines over uv up to {np.abs(mesh.uv).max():g}; "
+                    f"allowed with these uv: at most {most:.6g}")
 
 
 def _check_levels(mesh, strands):

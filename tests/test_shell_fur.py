@@ -131,6 +131,20 @@ def test_the_reports_pattern_needs_uv():
     assert Scene(square(uv=SQUARE[:, :2]), Shells(pattern="sine")).shells.pattern == "sine"
 
 
+@pytest.mark.parametrize("uv, most", [(1, 2048), (100, 20.48), (1e-9, 1e9)])
+def test_the_reports_pattern_has_no_more_periods_than_rays_can_pass(uv, most):
+    """A ray looks at each; beyond 2^24 of them it would not get on."""
+    mesh = square(uv=uv * SQUARE[:, :2])
+    Scene(mesh, Shells(pattern="sine", frequency=most))
+    Scene(mesh, Shells(frequency=1e9))
+    if most < 1e9:
+        with pytest.raises(Error, match=rf"^Shells\.frequency is .*; allowed with these uv: at most {most:g}$"):
+            Scene(mesh, Shells(pattern="sine", frequency=1.001 * most))
+    moved = square(uv=SQUARE[:, :2] + (0, 1000))
+    with pytest.raises(Error, match=r"^Shells\.frequency is 70, of sines over uv up to 1001; .* at most 65\.47"):
+        Scene(moved, Shells(pattern="sine", frequency=70))
+
+
 def test_shells_reach_beyond_the_mesh():
     mesh, shells = square(), Shells(length=0.5)
     hair = Strands(types=HairType(segments=1, segment_length=0.25, width=0), surface="flat")
