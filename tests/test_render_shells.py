@@ -203,6 +203,17 @@ def test_shells_without_a_body_let_the_light_through(gpu, ball):
     assert np.isfinite(bare).all() and (bare >= 0).all() and bare[..., 3].max() <= 1 + 1e-6
 
 
+@pytest.mark.parametrize("every", [1, 3])
+def test_faces_wound_against_their_normals_have_fur(gpu, every):
+    """Hair grows along the normals, and rays come in where it ends, whichever way a file winds its faces."""
+    positions, faces = icosphere(1)
+    turned = faces.copy()
+    turned[::every] = turned[::every, ::-1]
+    one, other = (clfur.render(scene_of(clfur.Mesh(positions, positions, faces=f)), gpu, ONE) for f in (faces, turned))
+    # Shading of the skin and where neighbours divide their side don't hang on it.
+    assert (np.abs(one - other).max(2) > 1e-3).mean() < .05
+
+
 def test_stages_and_blur(gpu, ball):
     frame = clfur.draw(scene_of(ball), gpu, attrs.evolve(ONE, blur="edges"), ("color", "id"))
     assert {"shells", "entries", "blur", "shade"} <= set(frame.stages)

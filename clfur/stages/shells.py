@@ -82,10 +82,11 @@ def topology_of(faces):
 def border_of(faces, topology, slabs, bare):
     """Triangles by which rays come into the fur -> (corners [B, 4], starts [B, 4]) uint32, see `Shell`.
 
+    ``faces``: those of the topology, counter-clockwise seen from the tips.
     Those at the tips, the sides of the fur where the mesh ends, and with ``bare`` the skin itself, from within.
     """
     faces, n = faces.astype(np.int64), slabs + 1
-    number = np.arange(len(faces))
+    number, order = np.arange(len(faces)), np.argsort(faces, 1)
     corners, starts = [faces * n + slabs], [(number, np.full(len(faces), 4 * (3 * slabs - 1)))]
     if bare:
         corners.append(faces[:, ::-1] * n)
@@ -97,7 +98,7 @@ def border_of(faces, topology, slabs, bare):
         open_ = np.flatnonzero(topology.neighbours[:, side] < 0)
         p, q = (topology.corners[open_, end].astype(np.int64) for end in ends[side])
         # The face's own corners go round counter-clockwise: does this side run from p to q there?
-        at_p, at_q = (topology.order[open_, end] for end in ends[side])
+        at_p, at_q = (order[open_, end] for end in ends[side])
         along = ((at_p + 1) % 3 == at_q)[:, None]
         for slab in range(slabs):
             low_p, low_q, high_p, high_q = p * n + slab, q * n + slab, p * n + slab + 1, q * n + slab + 1
@@ -162,7 +163,14 @@ def lay(gpu, mesh, packed, box, topology):
 def border(gpu, mesh, packed, topology):
     """What `border_of` gives, on the device -> (corners [B, 4], starts [B, 4])."""
     slabs, bare = int(packed["kind"][2]), int(packed["noise"][3])
-    return tuple(gpu.upload(each) for each in border_of(mesh.faces, topology, slabs, bare))
+    return tuple(gpu.upload(each) for each in border_of(_outward(mesh), topology, slabs, bare))
+
+
+def _outward(mesh):
+    """Faces [F, 3], counter-clockwise seen from where their normals point: not all files wind them so."""
+    a, b, c = (mesh.positions[mesh.faces[:, k]].astype(float) for k in range(3))
+    against = (np.cross(b - a, c - a) * mesh.normals[mesh.faces].sum(1)).sum(1) < 0
+    return np.where(against[:, None], mesh.faces[:, ::-1], mesh.faces)
 
 
 def bend(gpu, mesh, packed, pattern, topology, sides=None):
