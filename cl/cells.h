@@ -23,6 +23,14 @@ inline float distance_of(const Grid *grid, float4 p)
     return ((grid->to_grid[0].w * p.x + grid->to_grid[1].w * p.y) + grid->to_grid[2].w * p.z) + grid->to_grid[3].w;
 }
 
+/* Which of the grid's sides a place lies beyond by more than a cell, a bit for each: no hair there adds to it. */
+inline int beyond_grid(const Grid *grid, float4 p)
+{
+    const float4 c = ((grid->to_grid[0] * p.x + grid->to_grid[1] * p.y) + grid->to_grid[2] * p.z) + grid->to_grid[3];
+    return (c.x < -c.w) | (c.x > (grid->size.x + 1) * c.w) << 1 | (c.y < -c.w) << 2
+        | (c.y > (grid->size.y + 1) * c.w) << 3 | (c.z < -1.0f) << 4 | (c.z > grid->size.z + 1) << 5;
+}
+
 inline bool in_grid(const Grid *grid, int x, int y, int z)
 {
     return (uint)x < (uint)grid->size.x && (uint)y < (uint)grid->size.y && (uint)z < (uint)grid->size.z;

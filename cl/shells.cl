@@ -1018,7 +1018,9 @@ __kernel void deposit(
         *pc = curves + (size_t)corners.z * (slabs + 1);
     /* Points stand no further apart than where the face is nearest to the light. */
     float square = 0.0f, near = INFINITY, far = 0.0f;
+    int beyond = 63;                       // sides of the grid that all of the prism lies beyond, by more than a cell
     for (int k = 0; k <= slabs; ++k) {
+        beyond &= beyond_grid(&grid, pa[k]) & beyond_grid(&grid, pb[k]) & beyond_grid(&grid, pc[k]);
         const float4 ab = pb[k] - pa[k], bc = pc[k] - pb[k], ca = pa[k] - pc[k];
         const float wa = distance_of(&grid, pa[k]), wb = distance_of(&grid, pb[k]), wc = distance_of(&grid, pc[k]);
         square = max(square, max(max(dot3(ab, ab), dot3(bc, bc)), dot3(ca, ca)));
@@ -1028,7 +1030,7 @@ __kernel void deposit(
     const float step = 0.75f * min(grid.face.y * max(near, grid.face.z), deep);
     const int rows = (int)min(sqrt(square) / step, parts * ROWS - 1.0f) + 1;
     const int heights = (int)min(shells.size.x / (slabs * step), parts * ROWS - 1.0f) + 1;
-    if (first_row >= rows || far < grid.face.z)
+    if (first_row >= rows || far < grid.face.z || beyond)
         return;
 
     const float4 first = lattice[CORNERS * face], second = lattice[CORNERS * face + 1];

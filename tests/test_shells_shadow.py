@@ -348,3 +348,15 @@ def test_more_fur_than_counters_hold_is_an_error(gpu, sphere):
                         light=lamp(0, -1, 0, position=(0, 7, 0), angle=1))
     with pytest.raises(clfur.Error, match="32-bit counters"):
         clfur.render(scene, gpu, clfur.Settings(grid=256, samples=1))
+
+
+def test_fur_beyond_a_spots_cone_costs_nothing(gpu, sphere):
+    """Near a spot cells are small and points many, which is wasted on fur that its light does not meet."""
+    fur, camera = clfur.Shells(length=.2, frequency=6), clfur.Camera(eye=(0, 0, 9), size=(4, 3))
+
+    def seconds(light):
+        scene = clfur.Scene(mesh=sphere, fur=fur, camera=camera, light=light)
+        frame = clfur.draw(scene, gpu, clfur.Settings(grid=16, samples=1, shadow_map=0))
+        return frame.seconds
+    seconds(lamp(0, -1, 0))   # builds the kernels
+    assert seconds(lamp(.5, .2, -1, position=(0, 1.3, 1.5), angle=20)) < 10 * seconds(lamp(0, -1, -1)) + .1
