@@ -21,7 +21,7 @@
 #define FAR_TO 0.9f     // and those of so many see nothing else
 #define ROWS 16         // of a face's points in the light's grid that a work-item does
 #define LOOKS 16        // at the table of means, at least, from the skin to the tips
-#define MOST_STEPS 20000    // tetrahedra on one way: no scene that is any good has so many
+#define MOST_STEPS 20000    // tetrahedra on one way, on average: no scene that is any good has so many
 
 /*
  * Side by side: a work-item takes LANES rays at once, so that a CPU's vectors are full; 1 on a GPU, which has its own.
@@ -747,7 +747,7 @@ __kernel void march(
         lanes at_depth = red;              // distance where each is
         lanes_i leaves = I(0);
 
-        for (int step = 0; step < MOST_STEPS; ++step) {
+        for (int step = 0; step < MOST_STEPS * LANES; ++step) {
             /* The tetrahedron of the ray that has come least far, and all rays in it. */
             const lanes waiting = cell >= 0 ? at_depth : F(INFINITY);
             const lanes_i next_ones = (cell >= 0) & (waiting == least_lane(waiting));

@@ -165,6 +165,25 @@ def test_rays_are_the_same_side_by_side(gpu, monkeypatch, lanes):
     agree(drawn(other, monkeypatch, "ball", clfur.Shells(**FUR | BENT), size=(23, 17), samples=4))
 
 
+def test_rays_side_by_side_go_as_far_as_one_alone(gpu, monkeypatch):
+    """Thin fur of very many faces, along which each ray has a way of its own, longer than all rays' share of 20,000."""
+    n, across = 600, 24
+    x, z = (a.ravel() for a in np.meshgrid(np.linspace(-.3, .3, across + 1), np.linspace(-1, 1, n + 1)))
+    i = (np.arange(across) + (across + 1) * np.arange(n)[:, None]).ravel()
+    faces = np.concatenate([np.stack([i, i + across + 1, i + 1], 1),
+                            np.stack([i + 1, i + across + 1, i + across + 2], 1)])
+    positions = np.stack([x, 0 * x, z], 1)
+    mesh = clfur.Mesh(positions, np.repeat([(0.0, 1, 0)], len(x), 0), None, faces)
+    fur = clfur.Shells(length=.3, frequency=20, density=.03, layers=4, wind=(.2, 0, 0))
+    camera, seen = clfur.Camera(eye=(0, .2, 2), target=(0, .1, 0), size=(16, 12), fov=10), []
+    for lanes in (1, 16):
+        other = clfur.Scheduler(gpu.device)
+        other.lanes = lanes
+        seen.append(drawn(other, monkeypatch, mesh, fur, size=(16, 12), camera=camera, bare=True).through)
+    assert (seen[0] < .9).mean() > .3
+    assert (np.abs(seen[0] - seen[1]) > CLOSE).mean() <= FLIPS
+
+
 def test_rays_that_meet_nothing(gpu, monkeypatch):
     """A camera that looks past all fur sees none; and what stands before the fur hides it."""
     fur, mesh = clfur.Shells(**FUR), clfur.Mesh(*MESHES["ball"])
