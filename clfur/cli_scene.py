@@ -124,12 +124,14 @@ def load_scene(given, options):
              and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE}
     if not is_scene_file(given):
         _check_fur(flags, options)
+        _check_blur(flags, settings)
         return _scene(load_mesh(given), options), settings
     scene, own_settings = _run(given)
     # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
     for name, flag in flags.items():
         if own_settings or not hasattr(settings, name):
             raise click.UsageError(f"{flag}: {given} sets this itself; change it there")
+    _check_blur(flags, settings)
     return scene, own_settings or settings
 
 
@@ -143,6 +145,12 @@ def _check_fur(flags, options):
     if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
         raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
                                "allowed: with --pattern cells or --fur both")
+
+
+def _check_blur(flags, settings):
+    """Raise click.UsageError for the width of a blur that there is not."""
+    if "blur_sigma" in flags and settings.blur == "off":
+        raise click.UsageError("--blur-sigma is for a blur, but --blur is off; allowed: with --blur all or edges")
 
 
 def _run(path):

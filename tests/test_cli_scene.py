@@ -109,7 +109,7 @@ def test_each_option_is_of_strands_or_of_shells_or_of_both():
         own = {"strands": STRANDS, "shells": SHELLS}[fur]
         for flag, value in ({**own, **SHARED, "--fur": fur}).items():
             if flag not in ("--type-map", "--types"):
-                load("sphere", "--fur", fur, flag, value)
+                load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
     del everything["--type-map"], everything["--types"]
     load("sphere", *(part for option in everything.items() for part in option))
@@ -147,6 +147,7 @@ def test_options_of_other_fur(clfur, tmp_path, fur, flag, value, other):
     (["--fur", "both", "--pattern", "sine"], ["Shells.pattern is 'sine'", "uv"]),
     (["--fur", "shells", "--pattern", "sine", "--variation", "1"], ["--variation is for --pattern cells"]),
     (["--blur", "some"], ["--blur", "edges"]),
+    (["--blur-sigma", "2"], ["--blur-sigma is for a blur", "--blur all or edges"]),
     (["--blur-sigma", "0"], ["--blur-sigma"]),
     (["--blur-sigma", "17"], ["--blur-sigma", "16"]),
 ])
