@@ -349,7 +349,8 @@ INLINED float2 noise_at(const Shells *shells, __global const float2 *noise, floa
     const float4 at = p * 4.0f;
     const float4 below = (at - 0.5f + SHIFT) - SHIFT, f = at - below;
     const int4 low = (int4)((int)below.x, (int)below.y, (int)below.z, 0);
-    const int4 wrapped = low % n, a = wrapped + (wrapped < 0 ? n : (int4)(0)), b = a + 1 < n ? a + 1 : (int4)(0);
+    /* On the skin the noise closes where uv does; in space its sides are powers of two, which are quicker. */
+    const int4 wrapped = shells->kind.x ? low % n : low & (n - 1), a = wrapped + (wrapped < 0 ? n : (int4)(0)), b = a + 1 < n ? a + 1 : (int4)(0);
     const int ya = a.y * n.x, yb = b.y * n.x, plane = n.x * n.y;
     __global const float2 *near = noise + (size_t)a.z * plane, *far = noise + (size_t)b.z * plane;
     const float2 front = (1 - f.y) * ((1 - f.x) * near[ya + a.x] + f.x * near[ya + b.x])

@@ -106,10 +106,12 @@ class Work:
 
         rows = min(min(room["rows"], BAND) // row, piece // (width * max(8 * settings.samples, 16)), height)
         if rows < fewest or spare < 0:
+            furry = f"shells of {shells / 2**20:,.1f} MiB, " * bool(shells)
+            lines = "a row" if fewest == 1 else f"{fewest} rows"
             raise Error(f"{gpu.name} with {gpu.memory / 2**20:,.1f} MiB has no room for Settings.grid {settings.grid}, "
                         f"Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces of up to "
-                        f"{self.face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, shells of "
-                        f"{shells / 2**20:,.1f} MiB and {fewest} rows of {width} pixels; allowed: smaller ones")
+                        f"{self.face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, {furry}"
+                        f"and {lines} of {width} pixels; allowed: smaller ones")
         face_runs = [run for run in _runs(
             (VERTEX * self.vertices + TRIANGLE * self.triangles, room["body"]),
             (16 * self.vertices, piece), (16 * self.triangles, piece)) if run[1] > run[0]]

@@ -225,6 +225,6 @@ def test_stages_and_blur(gpu, ball):
 
 def test_fur_that_does_not_fit_is_an_error(gpu, sphere):
     small = clfur.Scheduler(gpu.device, memory=200_000)
-    said = r"has no room for .*shells of 0\.\d MiB and 1 rows of 61 pixels; allowed: smaller ones"
+    said = r"has no room for .*shells of 0\.\d MiB, and a row of 61 pixels; allowed: smaller ones"
     with pytest.raises(clfur.Error, match=said):
         clfur.render(scene_of(sphere), small, clfur.Settings(samples=1, shadow_map=0, shadows="off"))

@@ -122,7 +122,10 @@ def pack(shells, mesh, bare, filtered):
     sine = shells.pattern == "sine"
     # The noise is as large as the pattern needs it: the report's finding.
     most = MOST_NOISE[sine]
-    lattice = [np.ceil(n / waves) for n in ((2 * f, f, 0) if sine else [2 * (radius + shells.length) * f] * 3)]
+    if sine:
+        lattice = np.ceil(np.divide((2 * f, f, 0), waves))
+    else:
+        lattice = np.full(3, 2 ** np.ceil(np.log2(2 * (radius + shells.length) * f / waves)))
     packed["noise"] = *np.clip(lattice, 1 if sine else 4, most), bare
     bend = np.subtract(shells.force, shells.acceleration)
     slabs = SLABS if bend.any() or np.any(shells.wind) else 1
