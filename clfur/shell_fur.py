@@ -20,9 +20,9 @@ class Shells:
     length: height of the fur, world units, > 0. layers: 1..1000 steps between skin and tips. pattern: "cells", one hair
     in each cell of every face, on any mesh; or "sine", the report's |sin(2fs) + sin(ft)| with s = 2πu and t = 2πv, on a
     mesh with uv. frequency > 0: of "cells", hairs along a unit of length, so that a unit of area holds its square and
-    every face at least one and at most 4096²; of "sine", f. sharpness > 1: where the smoothstep of a hair's edge ends, times its start.
-    density: above 0, at most 1, how much of its cell a hair fills. noise: (how far hairs are displaced, >= 0, size of
-    the noise's waves, >= 1), both in hairs. length_variation: 0..1, how much hairs differ ("cells" only).
+    every face at least one and at most 4096²; of "sine", f. sharpness > 1: where the smoothstep of a hair's edge ends,
+    times its start. density: above 0, at most 1, how much of its cell a hair fills. noise: (how far hairs are moved,
+    >= 0, size of the noise's waves, >= 1), both in hairs. length_variation: 0..1, how much hairs differ ("cells" only).
     color: linear RGB >= 0. specular: strength >= 0. exponent: of the highlight, > 0. alpha: 0..1, how much light one
     hair lets through. root_shade: 0..1, the share of light at the roots; it rises to 1 at the tips. shading:
     "kajiya-kay", by the hair's direction, or "turned", by the report's turned normals.

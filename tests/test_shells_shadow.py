@@ -360,3 +360,17 @@ def test_fur_beyond_a_spots_cone_costs_nothing(gpu, sphere):
         return frame.seconds
     seconds(lamp(0, -1, 0))   # builds the kernels
     assert seconds(lamp(.5, .2, -1, position=(0, 1.3, 1.5), angle=20)) < 10 * seconds(lamp(0, -1, -1)) + .1
+
+
+def test_a_spot_in_long_fur_takes_no_hours(gpu, monkeypatch):
+    """The points of a face are bounded by the grid, not by how near the light comes."""
+    launched, launch = {}, gpu.launch
+
+    def told(name, size, *rest):
+        launched[name] = size
+        return launch(name, size, *rest)
+    monkeypatch.setattr(gpu, "launch", told)
+    mesh = patch()
+    scene = clfur.Scene(mesh=mesh, fur=clfur.Shells(length=10, frequency=2), light=lamp(0, -1, 0, position=(0, 5, 0)))
+    deposited(gpu, scene, cells=16)
+    assert launched["shells.deposit"] <= len(mesh.faces) * 4 * 16 / stage.ROWS

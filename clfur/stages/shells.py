@@ -226,7 +226,8 @@ def deposit(gpu, grid, shell, packed, method, weight, cells=None):
     cells = gpu.full((nz, ny, nx), np.uint32, 0) if cells is None else cells
     pattern, deep = shell.pattern, 1 / float(np.linalg.norm(grid["to_grid"][:3, 2]))
     step = 0.75 * min(float(grid["face"][1] * grid["face"][2]), deep)
-    parts = -(-min(int(shell.longest / step) + 2, MOST_ROWS) // ROWS)
+    # Beside a spot cells are tiny: hair there may be coarser than they are, else long fur would take hours.
+    parts = -(-min(int(shell.longest / step) + 2, MOST_ROWS, 4 * max(nx, ny, nz)) // ROWS)
     gpu.launch("shells.deposit", len(pattern.faces) * parts, packed, grid, pattern.faces, shell.curves,
                pattern.lattice, pattern.means, np.int32(parts), np.float32(deep),
                np.int32(method == "binary"), np.uint32(weight), cells)
