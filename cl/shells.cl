@@ -11,6 +11,7 @@
  */
 #include "light.h"
 #include "cells.h"
+#include "lanes.h"
 
 #define CORNERS 5       // float4 a face in `lattice`
 #define HEIGHTS 64      // of the table of means
@@ -22,197 +23,6 @@
 #define ROWS 16         // of a face's points in the light's grid that a work-item does
 #define LOOKS 16        // at the table of means, at least, from the skin to the tips
 #define MOST_STEPS 20000    // tetrahedra on one way, on average: no scene that is any good has so many
-
-/*
- * Side by side: a work-item takes LANES rays at once, so that a CPU's vectors are full; 1 on a GPU, which has its own.
- * A mask has all bits set in a lane of a vector that is on, and is 1 where LANES is 1.  What the inner loops use is
- * inlined by force and does without OpenCL's own functions: PoCL calls each of these, even floor, and every call saves
- * all registers.
- */
-#if LANES == 1
-typedef float lanes;
-typedef int lanes_i;
-typedef uint lanes_u;
-#define AS_I as_int
-#define AS_U as_uint
-#define AS_F as_float
-#elif LANES == 8
-typedef float8 lanes;
-typedef int8 lanes_i;
-typedef uint8 lanes_u;
-#define AS_I as_int8
-#define AS_U as_uint8
-#define AS_F as_float8
-#else
-typedef float16 lanes;
-typedef int16 lanes_i;
-typedef uint16 lanes_u;
-#define AS_I as_int16
-#define AS_U as_uint16
-#define AS_F as_float16
-#endif
-#define F(x) ((lanes)(x))
-#define I(x) ((lanes_i)(x))
-#define U(x) ((lanes_u)(x))
-#define LANE(v, i) (((float *)&(v))[i])
-#define LANE_I(v, i) (((int *)&(v))[i])
-#if LANES == 1
-#define BLOCK_X 1        // pixels whose rays go together
-#define BLOCK_Y 1
-#else
-#define BLOCK_X 4
-#define BLOCK_Y (LANES / 4)
-#endif
-#if CHECKED
-#define INLINED inline   // Oclgrind doesn't know what clang leaves where it has inlined what gives a struct
-#else
-#define INLINED inline __attribute__((always_inline))
-#endif
-#define SHIFT 12582912.0f        // 1.5 * 2^23: a float this large has no fraction
-
-INLINED lanes lesser(lanes a, lanes b)
-{
-    return a < b ? a : b;
-}
-
-INLINED lanes greater(lanes a, lanes b)
-{
-    return a > b ? a : b;
-}
-
-INLINED lanes within(lanes x, float low, float high)
-{
-    return lesser(greater(x, F(low)), F(high));
-}
-
-INLINED lanes positive(lanes x)
-{
-    return greater(x, -x);
-}
-
-/* The nearest whole number, for |x| < 2^22. */
-INLINED lanes nearest(lanes x)
-{
-    return (x + SHIFT) - SHIFT;
-}
-
-INLINED lanes_i nearest_i(lanes x)
-{
-    return AS_I(x + SHIFT) - as_int(SHIFT);
-}
-
-/* Square root to 5e-6 of itself (Newton's method), the same bits everywhere. */
-INLINED lanes root(lanes x)
-{
-    lanes y = AS_F(U(0x5F375A86u) - (AS_U(x) >> 1));
-    y *= 1.5f - 0.5f * x * y * y;
-    y *= 1.5f - 0.5f * x * y * y;
-    return x * y;
-}
-
-INLINED bool any_lane(lanes_i mask)
-{
-#if LANES == 1
-    return mask;
-#else
-#if LANES == 16
-    const int8 b = mask.lo | mask.hi;
-#else
-    const int8 b = mask;
-#endif
-    const int4 a = b.lo | b.hi;
-    return (a.x | a.y) | (a.z | a.w);
-#endif
-}
-
-INLINED float least_lane(lanes x)
-{
-#if LANES == 1
-    return x;
-#else
-#if LANES == 16
-    const float8 b = x.lo < x.hi ? x.lo : x.hi;
-#else
-    const float8 b = x;
-#endif
-    const float4 a = b.lo < b.hi ? b.lo : b.hi;
-    const float2 c = a.lo < a.hi ? a.lo : a.hi;
-    return c.x < c.y ? c.x : c.y;
-#endif
-}
-
-INLINED int most_lane(lanes_i x)
-{
-#if LANES == 1
-    return x;
-#else
-#if LANES == 16
-    const int8 b = x.lo > x.hi ? x.lo : x.hi;
-#else
-    const int8 b = x;
-#endif
-    const int4 a = b.lo > b.hi ? b.lo : b.hi;
-    const int2 c = a.lo > a.hi ? a.lo : a.hi;
-    return c.x > c.y ? c.x : c.y;
-#endif
-}
-
-/* A vector of the world, one in each lane. */
-typedef struct {
-    lanes x, y, z;
-} lanes3;
-
-INLINED lanes dots(lanes3 a, lanes3 b)
-{
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
-INLINED lanes3 scaled(lanes3 a, lanes by)
-{
-    a.x *= by;
-    a.y *= by;
-    a.z *= by;
-    return a;
-}
-
-INLINED lanes3 plus(lanes3 a, lanes3 b)
-{
-    a.x += b.x;
-    a.y += b.y;
-    a.z += b.z;
-    return a;
-}
-
-INLINED lanes3 crosses(lanes3 a, lanes3 b)
-{
-    const lanes3 c = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-    return c;
-}
-
-INLINED lanes3 all_lanes(float4 a)
-{
-    const lanes3 b = {F(a.x), F(a.y), F(a.z)};
-    return b;
-}
-
-INLINED lanes3 unit(lanes3 a)
-{
-    const lanes square = greater(dots(a, a), F(1e-30f));
-    return scaled(a, root(square) / square);
-}
-
-/* x^e for 0 < x <= 1 and e > 0. */
-INLINED lanes power(lanes x, float e)
-{
-    const lanes_i bits = AS_I(x) - 0x3F3504F3;           // so that the rest lies around 1
-    const lanes m = AS_F((bits & 0x007FFFFF) + 0x3F3504F3);
-    const lanes whole = AS_F((bits >> 23) + as_int(SHIFT)) - SHIFT;
-    const lanes t = (m - 1.0f) / (m + 1.0f), u = t * t;
-    const lanes log2 = whole + 2.8853901f * t * (1.0f + u * (1.0f / 3 + u * (0.2f + u * (1.0f / 7 + u * (1.0f / 9)))));
-    const lanes p = greater(e * log2, F(-100.0f)), f = 0.69314718f * (p - nearest(p));
-    const lanes fraction = 1.0f + f * (1.0f + f * (0.5f + f * (1.0f / 6 + f * (1.0f / 24 + f * (1.0f / 120 + f * (1.0f / 720))))));
-    return AS_F(AS_I(fraction) + (nearest_i(p) << 23));
-}
 
 /* sin(2 pi x) of one quarter, |r| <= 1/4, to 1e-7 (Taylor); + and * alone, so that it is the same bits everywhere. */
 INLINED lanes quarter(lanes r)
@@ -664,7 +474,7 @@ __kernel void march(
     const Lamp lamp = {&shells, &light, &shadow, &grid, sums, &seen, map, half_vector};
     const float4 eye = (float4)(view.eye.xyz, 0.0f);
     const float finer = 1.0f / (view.scale.x * sqrt((float)samples)), slabs_inverse = 1.0f / slabs;
-    /* How fast the fur's height can change sideways, and with the height. */
+    /* How fast the fur's height can change sideways, and with the height; 6 and 1.5 bound the noise's slope and size. */
     const float steep_here = (shells.kind.x ? 4.4428830f : 1.0f / CELL_RADIUS) / shells.shape.y;
     const float steep = steep_here * (shells.kind.x ? 1.0f + 6.0f * shells.shape.z / shells.shape.w : 1.0f);
     const float steep_up = 1.0f + (shells.kind.x ? 0.0f : 1.5f * steep_here * shells.shape.z);
@@ -1086,11 +896,6 @@ __kernel void deposit(
                                       + (at.x >> 8)], weight);
             }
     }
-}
-
-INLINED uint corner_of(uint4 face, int corner)
-{
-    return corner == 0 ? face.x : corner == 1 ? face.y : face.z;
 }
 
 /* What the nearest sample of one pixel sees, where that is fur: what is told of strands, of a hair of the fur.  One

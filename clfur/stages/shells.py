@@ -215,7 +215,6 @@ def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
     return image, through, fur
 
 
-
 def deposit(gpu, grid, shell, packed, method, weight, cells=None):
     """Put shell fur into a `layout.Grid` -> [nz, ny, nx] uint32: how often a ray of light is expected to enter hair.
 
