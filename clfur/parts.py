@@ -7,6 +7,7 @@ import numpy as np
 from .errors import Error
 from .fur import Curves, Strands
 from .stages.blur import reach_of
+from .stages.coverage import FRAGMENT
 from .stages.shells import bend, border, lay, pack, size_of, topology_of
 from .stages.strands import area_of, bring, first_strand_at, grow, no_strands
 from .stages.tessellate import counts_of, levels_of, no_surface, tessellate
@@ -15,6 +16,7 @@ from .stages.tessellate import counts_of, levels_of, no_surface, tessellate
 VERTEX, TRIANGLE = 64, 16 + 8 + 16      # a triangle's area, and a strand that may stand on it, counted below
 POINT, STRAND = 36, 104                 # strands of the user's come packed, with width and colour: 32 more a point
 MESH_VERTEX, MESH_FACE = 32, 96         # the mesh itself
+PIXEL = 72 + 32 * FRAGMENT              # of transparent strands: what is known of it, and room for some that cover it
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -81,6 +83,8 @@ class Work:
         if settings.shadows != "off" and (self.strands or scene.shells):
             fixed += 2 * (settings.grid + 1) * settings.grid**2 * 4
         row = width * (8 * settings.samples + 16 + (60 if others else 0))
+        if settings.raster == "coverage":
+            row += width * (PIXEL + 4 * settings.samples)
         shells = 0
         if scene.shells:
             shells = size_of(scene.mesh, self._pack(settings)[0], self.topology(gpu))
