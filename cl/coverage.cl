@@ -11,6 +11,8 @@
 #define CHAINS 8            // strands whose pieces in a pixel are remembered: these lie beside each other, not behind
 #define ONE 4294967296.0f   // of a sum of light
 #define MOST 1e8f           // light that a sum can hold
+#define BATCH 128            // fragments written together
+#define FEW 64              // fragments that are sorted by insertion
 #define SAMPLES 16          // the most a pixel can have
 
 /* Integral of t from 0 to 1, cut off there, up to s. */
@@ -34,7 +36,19 @@ typedef struct {
     int counting;                          // 1: they are only counted
     volatile __global uint *pixels;        // [rows, width, 2] depth of the body where it fills the pixel; fragments so far
     __global ulong2 *fragments;            // depth << 32 | id; share
+    uint n, waiting[BATCH];                // pixels of fragments that are not written yet
+    ulong2 made[BATCH];
 } Target;
+
+/* Write what waits.  An atomic waits until all that was written before has arrived; so all places are asked for first. */
+inline void flush(Target *to)
+{
+    for (uint i = 0; i < to->n; ++i)
+        to->waiting[i] = atomic_inc(&to->pixels[2 * to->waiting[i] + 1]);
+    for (uint i = 0; i < to->n; ++i)
+        to->fragments[to->waiting[i]] = to->made[i];
+    to->n = 0;
+}
 
 inline int below_or_at(float x)
 {
@@ -44,9 +58,10 @@ inline int below_or_at(float x)
 
 /* A segment between a and b [pixels; z: reversed depth, w: half the width], column by column along its longer axis, or
    row by row.  Both ends are cut along the shorter axis, so that neighbours meet. */
-inline void draw_segment(const Target *to, const View *view, float4 a, float4 b, uint id)
+inline void draw_segment(Target *to, const View *view, float4 a, float4 b, uint id)
 {
-    const bool steep = fabs(b.x - a.x) < fabs(b.y - a.y);
+    const float across = b.x - a.x, down = b.y - a.y;
+    const bool steep = (across < 0.0f ? -across : across) < (down < 0.0f ? -down : down);
     if (steep) {
         a = a.yxzw;
         b = b.yxzw;
@@ -59,7 +74,8 @@ inline void draw_segment(const Target *to, const View *view, float4 a, float4 b,
     if (!(du > 0.0f) || b.x <= us.x || a.x >= us.y)
         return;
     const float slope = (b.y - a.y) / du, e_step = (b.z - a.z) / du, r_step = (b.w - a.w) / du, tilt = sqrt(1.0f + slope * slope);
-    const int begin = max(below_or_at(a.x), us.x), end = min(below_or_at(b.x) + 1, us.y);
+    const int first = below_or_at(a.x), last = below_or_at(b.x) + 1;
+    const int begin = first > us.x ? first : us.x, end = last < us.y ? last : us.y;
     const int u_stride = steep ? view->size.x : 1, v_stride = steep ? 1 : view->size.x;
     for (int u = begin; u < end; ++u) {
         const float from = a.x > u ? a.x : u, until = b.x < u + 1 ? b.x : u + 1, along = until - from;
@@ -67,7 +83,8 @@ inline void draw_segment(const Target *to, const View *view, float4 a, float4 b,
         const float v0 = a.y + slope * (from - a.x), v1 = a.y + slope * (until - a.x), r = tilt * (a.w + r_step * middle);
         const int low = below_or_at((v0 < v1 ? v0 : v1) - r), high = below_or_at((v0 < v1 ? v1 : v0) + r) + 1;
         const uint depth = DEPTH_ONE - (uint)((a.z + e_step * middle) * DEPTH_ONE);
-        for (int v = low > vs.x ? low : vs.x; v < (high < vs.y ? high : vs.y); ++v) {
+        const int top = low > vs.x ? low : vs.x, bottom = high < vs.y ? high : vs.y;
+        for (int v = top; v < bottom; ++v) {
             const int pixel = (u - us.x) * u_stride + (v - vs.x) * v_stride;
             if (depth >= to->pixels[2 * pixel])
                 continue;
@@ -76,8 +93,12 @@ inline void draw_segment(const Target *to, const View *view, float4 a, float4 b,
                 continue;
             }
             const float share = along * (below(v0 + r - v, v1 + r - v) - below(v0 - r - v, v1 - r - v));
-            if (share > 0.0f)
-                to->fragments[atomic_inc(&to->pixels[2 * pixel + 1])] = (ulong2)((ulong)depth << 32 | id, as_uint(share));
+            if (share > 0.0f) {
+                to->waiting[to->n] = pixel;
+                to->made[to->n++] = (ulong2)((ulong)depth << 32 | id, as_uint(share));
+                if (to->n == BATCH)
+                    flush(to);
+            }
         }
     }
 }
@@ -85,11 +106,12 @@ inline void draw_segment(const Target *to, const View *view, float4 a, float4 b,
 /* Clip space, half a width in pixels at w = 1 -> pixels. */
 inline float4 on_screen(float4 c, float radius)
 {
-    return (float4)(c.x, c.y, min(max(c.z, 0.0f), c.w), min(radius, GUARD * c.w)) / c.w;
+    const float z = c.z > 0.0f ? c.z : 0.0f, most = GUARD * c.w;
+    return (float4)(c.x, c.y, z < c.w ? z : c.w, radius < most ? radius : most) / c.w;
 }
 
 /* The rare segment that leaves the guard band or crosses the near plane. */
-void draw_clipped(const Target *to, const View *view, float4 a, float4 b, float ha, float hb, uint id)
+void draw_clipped(Target *to, const View *view, float4 a, float4 b, float ha, float hb, uint id)
 {
     for (int i = 0; i < 6; ++i) {
         const float da = inside(a, i), db = inside(b, i);
@@ -107,7 +129,7 @@ void draw_clipped(const Target *to, const View *view, float4 a, float4 b, float 
         draw_segment(to, view, on_screen(a, ha), on_screen(b, hb), id);
 }
 
-inline void draw_strand(const Target *to, const View *view, __global const float4 *points, uint2 span, uint first)
+inline void draw_strand(Target *to, const View *view, __global const float4 *points, uint2 span, uint first)
 {
     float4 a, b, sa, sb;                   // clip space, pixels
     float ha = 0.0f, hb;
@@ -154,7 +176,9 @@ __kernel void count(
     volatile __global uint *pixels)        // [rows, width, 2] depth of what hides strands; fragments
 {
     WORK_ITEM(strand);
-    const Target to = {1, pixels, 0};
+    Target to;
+    to.counting = 1;
+    to.pixels = pixels;
     draw_strand(&to, &view, points, spans[strand], 0);
 }
 
@@ -169,8 +193,13 @@ __kernel void gather(
     __global ulong2 *fragments)            // depth << 32 | id; share of the pixel's area, a float
 {
     WORK_ITEM(strand);
-    const Target to = {0, pixels, fragments};
+    Target to;
+    to.counting = 0;
+    to.pixels = pixels;
+    to.fragments = fragments;
+    to.n = 0;
     draw_strand(&to, &view, points, spans[strand], first);
+    flush(&to);
 }
 
 /* Let fragment i of n sink in a heap whose nearest is first. */
@@ -245,8 +274,18 @@ __kernel void resolve(
 
     const uint n = pixels[pixel].y - starts[pixel];
     __global ulong2 *heap = fragments + starts[pixel];
-    for (uint i = n / 2; i-- > 0;)
-        sink(heap, i, n);
+    const bool few = n <= FEW;
+    if (few)                               // sorted at once, the nearest last, as a heap's first will be put
+        for (uint i = 1; i < n; ++i) {
+            const ulong2 it = heap[i];
+            uint at = i;
+            for (; at > 0 && heap[at - 1].x < it.x; --at)
+                heap[at] = heap[at - 1];
+            heap[at] = it;
+        }
+    else
+        for (uint i = n / 2; i-- > 0;)
+            sink(heap, i, n);
     uint lows[CHAINS], highs[CHAINS], left = n;
     float sums[CHAINS], kept = 1.0f, room = 1.0f, most = 0.0f, of_body = 0.0f, of_fur = 0.0f, all_fur = 0.0f;
     ulong best = ~0ul;
@@ -255,7 +294,7 @@ __kernel void resolve(
         all_fur += (1.0f - through[pixel * samples + s]) / samples;
 
     while (left || event < events) {
-        if (event < events && (!left || depths[event] <= (uint)(heap[0].x >> 32))) {
+        if (event < events && (!left || depths[event] <= (uint)(heap[few ? left - 1 : 0].x >> 32))) {
             const int s = places[event] / 2;
             const size_t sample = pixel * samples + s;
             if (places[event] & 1) {
@@ -276,15 +315,16 @@ __kernel void resolve(
         }
         if (!left || !(kept * room > 1.0f / 256.0f))
             break;
-        const ulong key = heap[0].x;
-        const float share = as_float((uint)heap[0].y);
+        const ulong2 it = heap[few ? left - 1 : 0];
         --left;
-        heap[0] = heap[left];
-        if (left)
-            sink(heap, 0, left);
+        if (!few) {
+            heap[0] = heap[left];
+            if (left)
+                sink(heap, 0, left);
+        }
 
         /* Pieces of one strand follow each other in number. */
-        const uint id = (uint)key;
+        const uint id = (uint)it.x;
         int chain = 0;
         while (chain < chains && !(id + 1 >= lows[chain] && id <= highs[chain] + 1))
             ++chain;
@@ -298,7 +338,7 @@ __kernel void resolve(
             oldest = chains < CHAINS ? 0 : (chain + 1) % CHAINS;
             lows[chain] = highs[chain] = id;
         }
-        const float sum = min(before + share, 1.0f);
+        const float sum = min(before + as_float((uint)it.y), 1.0f);
         sums[chain] = sum;
         const float hidden = before < 1.0f ? kept * (sum - before) / (1.0f - before) : 0.0f;
         kept -= hidden;
@@ -307,10 +347,10 @@ __kernel void resolve(
             weight += kept * room;
             kept = 0.0f;
         }
-        heap[left] = (ulong2)(key, as_uint(weight));
+        heap[left] = (ulong2)(it.x, as_uint(weight));
         if (weight > most) {
             most = weight;
-            best = key;
+            best = it.x;
         }
     }
     for (; event < events; ++event)
@@ -394,11 +434,11 @@ __kernel void light(
         const float4 q = view.to_world[0] * x + view.to_world[1] * y + view.to_world[2] * e + view.to_world[3];
         const float4 p = (float4)(q.xyz / q.w, 0.0f);
         const float at = place_between(points[id], points[id + 1], p);
-        const float share = shaded ? mix(reached[id], reached[id + 1], at) : 1.0f;
+        const float share = shaded ? reached[id] + at * (reached[id + 1] - reached[id]) : 1.0f;
         const float4 lit = as_float((uint)fragments[i].y)
             * (float4)(lit_hair(&lamps, &hair, id, at, p, towards_eye(&view, p), share).xyz, 1.0f);
-        sum += (long4)((long)(min(lit.x, MOST) * ONE), (long)(min(lit.y, MOST) * ONE), (long)(min(lit.z, MOST) * ONE),
-                       (long)(lit.w * ONE));
+        const float4 in_reach = lit < MOST ? lit : MOST;
+        sum += (long4)((long)(in_reach.x * ONE), (long)(in_reach.y * ONE), (long)(in_reach.z * ONE), (long)(lit.w * ONE));
     }
     lights[pixel] = sum;
 }

@@ -19,7 +19,8 @@ inline float4 towards_eye(const View *view, float4 p)
 
 inline float sine(float cosine)
 {
-    return sqrt(max(1.0f - cosine * cosine, 0.0f));
+    const float square = 1.0f - cosine * cosine;
+    return sqrt(square > 0.0f ? square : 0.0f);
 }
 
 /* Kajiya and Kay's light from one fibre: t its tangent, l towards the light, v towards the eye. Their own highlight
@@ -34,7 +35,8 @@ inline float4 fibre(float4 color, float specular, float exponent, int half_vecto
         const float length = sqrt(dot3(h, h));
         highlight = length > 1e-6f ? sine(dot3(t, h) / length) : 0.0f;
     } else {
-        highlight = max(sine(tl) * sine(tv) - tl * tv, 0.0f);
+        highlight = sine(tl) * sine(tv) - tl * tv;
+        highlight = highlight > 0.0f ? highlight : 0.0f;
     }
     /* highlight^exponent, left out where it is below exp(-16): a power costs more than all the rest here. */
     if ((1.0f - highlight) * exponent < 16.0f)
@@ -99,13 +101,20 @@ inline float past_body(const View *seen, __global const ulong *map, int radius, 
     return 1.0f - (float)dark / ((2 * radius + 1) * (2 * radius + 1));
 }
 
+/* mix() without calling it, as PoCL would. */
+inline float4 between(float4 a, float4 b, float at)
+{
+    return a + at * (b - a);
+}
+
 /* Share of the way from a to b at which p stands. */
 inline float place_between(float4 a, float4 b, float4 p)
 {
     float4 d = b - a, e = p - a;
     d.w = e.w = 0.0f;
     const float square = dot3(d, d);
-    return square > 0.0f ? clamp(dot3(d, e) / square, 0.0f, 1.0f) : 0.0f;
+    const float at = square > 0.0f ? dot3(d, e) / square : 0.0f;
+    return at < 0.0f ? 0.0f : at < 1.0f ? at : 1.0f;
 }
 
 /* The light, and what stands before it. */
@@ -170,8 +179,8 @@ inline float4 lit_hair(const Lamps *lamps, const Hair *hair, uint id, float at, 
     const float4 shine = hair->types[(int)hair->strand_uv[strand].z].shine;
     float4 l, direct = direct_at(lamps->light, p, &l);
     direct.xyz *= share;
-    const float4 t = unit_or(mix(hair->tangents[id], hair->tangents[id + 1], at), hair->tangents[id]);
+    const float4 t = unit_or(between(hair->tangents[id], hair->tangents[id + 1], at), hair->tangents[id]);
     const float4 c = hair->color_per == 0 ? hair->colors[0] : hair->color_per == 1 ? hair->colors[strand]
-        : mix(hair->colors[id], hair->colors[id + 1], at);
+        : between(hair->colors[id], hair->colors[id + 1], at);
     return fibre(c, shine.x, shine.y, lamps->half_vector, t, l, v, direct);
 }

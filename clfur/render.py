@@ -18,7 +18,6 @@ from .settings import Settings
 from .shadows import cast, plan_shadows, settle
 from .stages import coverage, shade, shells
 from .stages.blur import blur, reach_of
-from .stages.coverage import FRAGMENT
 from .stages.raster import raster
 from .team import Team
 from .views import band_of, light_of, one_sample, view_of
@@ -144,18 +143,7 @@ def _draw(team, scene, settings, outputs, hashes):
     def pictures(view, visible, gpu):
         """{output: array} of the rows of a view, and under "seen" what its integers gave; None if they hold too much."""
         visible, parts, shadows = on(gpu, visible), plan(gpu)[0], None
-        image = through = fur = known = fragments = None
-        if covering:
-            pixels = coverage.bound(gpu, visible)
-            for part in parts:
-                coverage.count(gpu, view, work.make(gpu, part)[0], pixels)
-            counted = gpu.download(pixels)
-            most = min(gpu.room, gpu.largest) * 7 // 8 // FRAGMENT
-            if len(counted) > 1 and counted[..., 1].sum(dtype=np.int64) > most:
-                return None
-            fragments = coverage.room_for(gpu, counted)
-            for part in parts:
-                coverage.gather(gpu, view, work.make(gpu, part)[0], fragments)
+        image = through = fur = known = None
         if lit:
             shadows, told = shadows_on(gpu)
             digests.update(told)
@@ -164,7 +152,16 @@ def _draw(team, scene, settings, outputs, hashes):
             image, through, fur = shells.march(gpu, view, shell, packed, light, settings.specular, visible, shadows)
         seen = view, visible, through, fur
         if covering:
-            resolved, lights = coverage.resolve(gpu, visible, fragments, through, fur), None
+            pixels, lights = coverage.bound(gpu, visible), None
+            for part in parts:
+                coverage.count(gpu, view, work.make(gpu, part)[0], pixels)
+            counted = gpu.download(pixels)
+            if work.too_many(gpu, settings, counted, rows, parts):
+                return None
+            fragments = coverage.room_for(gpu, counted)
+            for part in parts:
+                coverage.gather(gpu, view, work.make(gpu, part)[0], fragments)
+            resolved = coverage.resolve(gpu, visible, fragments, through, fur)
             through = resolved.through
             seen = one_sample(view), resolved.seen, resolved.alpha, resolved.seen_fur
             for part in parts if lit else []:
@@ -187,12 +184,12 @@ def _draw(team, scene, settings, outputs, hashes):
         found = {"color": image, **(known or {})}
         bands = {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in outputs}
         if hashes:
-            bands["seen"] = b"".join(_bytes(gpu, array) for array in (
-                (resolved.seen, resolved.alpha) if covering else (visible,)))
+            bands["seen"] = [_bytes(gpu, array) for array in (
+                (resolved.seen, resolved.alpha) if covering else (visible,))]
         return bands
 
     rows = min(team.each(lambda gpu: plan(gpu)[1]))
-    images, seen = {}, hashlib.sha256()
+    images, seen = {}, [hashlib.sha256() for _ in range(2 if covering else 1)]
     todo = [(top, min(top + rows, height)) for top in range(0, height, rows)]
     while todo:
         top, end = todo.pop(0)
@@ -202,7 +199,8 @@ def _draw(team, scene, settings, outputs, hashes):
             middle = (top + end) // 2
             todo = [(top, middle), (middle, end), *todo]
             continue
-        seen.update(drawn.pop("seen", b""))
+        for digest, band in zip(seen, drawn.pop("seen", [])):
+            digest.update(band)
         for name, band in drawn.items():
             if len(band) == height:
                 images[name] = band
@@ -211,7 +209,7 @@ def _draw(team, scene, settings, outputs, hashes):
     if lit and settings.blur != "off":
         images["color"] = team.first(functools.partial(_blurred, images["color"], settings, rows))
     if hashes:
-        digests["visibility"] = seen.hexdigest()
+        digests["visibility"] = hashlib.sha256(b"".join(digest.digest() for digest in seen)).hexdigest()
     seconds = time.perf_counter() - began
 
     points = team.first(lambda gpu: [_points(gpu, work.make(gpu, part)[0]) for part in plan(gpu)[0]])

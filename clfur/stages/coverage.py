@@ -8,6 +8,7 @@ import numpy as np
 from .strands import vector
 
 FRAGMENT = 16   # bytes
+TILE = 8
 
 
 @dataclass(frozen=True)
@@ -46,11 +47,14 @@ def count(gpu, view, strands, pixels):
 
 def room_for(gpu, pixels):
     """Empty `Fragments` for what `count` counted, ``pixels`` [rows, width, 2] here on the host."""
-    counts = pixels[..., 1]
-    ends = np.cumsum(counts, dtype=np.int64).reshape(counts.shape)
-    starts = (ends - counts).astype(np.uint32)
+    # Pixels that are near each other lie near each other in memory: a strand writes to fewer pages of it.
+    (rows, width), counts = pixels.shape[:2], pixels[..., 1]
+    tiles = np.zeros((-(-rows // TILE), TILE, -(-width // TILE), TILE), np.int64)
+    tiles.reshape(tiles.shape[0] * TILE, -1)[:rows, :width] = counts
+    ends = np.cumsum(tiles.swapaxes(1, 2), dtype=np.int64).reshape(-1, tiles.shape[2], TILE, TILE).swapaxes(1, 2)
+    starts = (ends - tiles).reshape(tiles.shape[0] * TILE, -1)[:rows, :width].astype(np.uint32)
     return Fragments(gpu.upload(starts), gpu.upload(np.stack([pixels[..., 0], starts], -1)),
-                     gpu.empty((int(ends[-1, -1]), 2), np.uint64))
+                     gpu.empty((int(counts.sum(dtype=np.int64)), 2), np.uint64))
 
 
 def gather(gpu, view, strands, fragments):
