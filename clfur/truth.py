@@ -129,11 +129,11 @@ def _geometry(scene):
     if isinstance(fur, Strands):
         hair = _grown(fur, body, 2.0**28 / math.sqrt(mesh.area))
     elif isinstance(fur, Curves):
-        tangents, width, _ = strands.bring(fur.points, fur.counts, fur.width)
+        counts = fur.counts.astype(int)
+        tangents, width, _ = strands.bring(fur.points, counts, fur.width)
         hair = SimpleNamespace(points=np.column_stack([fur.points, width]).astype(float), tangents=tangents,
-                               counts=fur.counts.astype(int), colors=fur.color.astype(float),
-                               shine=np.array([(fur.specular, fur.exponent, fur.alpha)]),
-                               kind=np.zeros(len(fur.counts), int))
+                               counts=counts, colors=fur.color.astype(float), kind=np.zeros(len(counts), int),
+                               shine=np.array([(fur.specular, fur.exponent, fur.alpha)]))
     else:
         hair = SimpleNamespace(points=np.zeros((0, 4)), tangents=np.zeros((0, 3)), counts=np.zeros(0, int),
                                colors=np.zeros((1, 3)), shine=np.ones((1, 3)), kind=np.zeros(0, int))
