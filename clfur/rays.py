@@ -1,4 +1,4 @@
-"""Rays and the fibres and triangles that they meet: brute force in float64, with bins that only spare what is far off."""
+"""Rays and the fibres and triangles that they meet: brute force in float64, with bins to spare what is far off."""
 
 from dataclasses import dataclass
 
@@ -125,16 +125,15 @@ class Triangles:
         sides = np.cross(flat[:, (1, 2, 0)], flat[:, (2, 0, 1)])
         self.data = np.concatenate([sides.reshape(-1, 9), p[:, :, 2]], 1).T.copy()
         inside = np.flatnonzero((p[..., 2].max(1) > near) | eye.parallel)
-        p = p[inside]
-        edges = [np.stack([eye.places(_cut(p[:, i], p[:, j], near, eye)), eye.places(_cut(p[:, j], p[:, i], near, eye))], 1)
-                 for i, j in ((0, 1), (1, 2), (2, 0))]
-        edges = np.stack(edges, 1)
+        p, q = p[inside], np.roll(p[inside], -1, 1)
+        edges = np.stack([eye.places(_cut(p, q, near, eye)), eye.places(_cut(q, p, near, eye))], 2)
+        # A triangle that is cut at the near plane has another side there: its box, as two diagonals, holds all.
         cut = np.flatnonzero((p[..., 2].min(1) < near) & (not eye.parallel))
         low, high = edges[cut].min((1, 2)), edges[cut].max((1, 2))
-        edges[cut, 0], edges[cut, 1] = np.stack([low, high], 1), np.stack([high, low], 1)
-        edges[cut, 2] = np.stack([low, np.stack([low[:, 0], high[:, 1]], 1)], 1)   # with those a box
+        other = np.stack([low[:, 0], high[:, 1]], 1), np.stack([high[:, 0], low[:, 1]], 1)
+        edges[cut, 0], edges[cut, 1] = np.stack([low, high], 1), np.stack(other, 1)
         edges = np.concatenate([edges, edges[:, :1]], 1)
-        edges[cut, 3] = np.stack([np.stack([high[:, 0], low[:, 1]], 1), high], 1)
+        edges[cut, 2], edges[cut, 3] = np.stack([low, other[0]], 1), np.stack([other[1], high], 1)
         self.bins = Bins(edges, np.zeros(len(inside)), window, inside)
 
     def meet(self, places, ray, triangle):
@@ -151,7 +150,7 @@ class Triangles:
         return met, z
 
     def seen(self, places):
-        """The nearest triangle on each ray [n, 2] -> (distance ahead [n], infinite where there is none; triangle [n])."""
+        """The nearest triangle on each ray [n, 2] -> as `Fibres.seen`."""
         return _nearest(self.bins, places, lambda ray, triangle: self.meet(places, ray, triangle))
 
     def any_before(self, places, z, own):
@@ -175,13 +174,13 @@ def _nearest(bins, places, meet):
 
 
 def _cut(p, q, near, eye):
-    """Ends p [n, 3] of lines to q, moved to the near plane where they lie before it and q does not."""
+    """Ends p [..., 3] of lines to q, moved to the near plane where they lie before it and q does not."""
     if eye.parallel:
         return p
-    before = p[:, 2] < near
-    way = np.where(before & (q[:, 2] > p[:, 2]), (near - p[:, 2]) / np.where(q[:, 2] > p[:, 2], q[:, 2] - p[:, 2], 1), 0)
-    moved = p + np.minimum(way, 1)[:, None] * (q - p)
-    moved[:, 2] = np.maximum(moved[:, 2], near)
+    rise = q[..., 2] - p[..., 2]
+    short = np.maximum(near - p[..., 2], 0)
+    moved = p + np.clip(short / np.where(rise > 0, rise, np.inf), 0, 1)[..., None] * (q - p)
+    moved[..., 2] = np.maximum(moved[..., 2], near)
     return moved
 
 
@@ -201,7 +200,7 @@ def _half(p, radius, eye):
 
 
 class Bins:
-    """Square bins of a window: which things, each a hull of edges [n, e, 2, 2] grown by ``half`` [n], are near a place."""
+    """Which things are near a place, by square bins: each is a hull of edges [n, e, 2, 2] that is grown by ``half``."""
 
     def __init__(self, edges, half, window, names):
         edges = edges if edges.ndim == 4 else edges[:, None]
@@ -219,7 +218,7 @@ class Bins:
             cell, thing = self._touched((edges[some] - self.low) / self.cell, half[some] / self.cell)
             cells.append(cell)
             things.append(names[some[thing]].astype(np.int32))
-        cells, things = (np.concatenate(each) if each else np.zeros(0, np.int32) for each in (cells, things))
+        cells, things = (np.concatenate([*each, np.zeros(0, np.int32)]) for each in (cells, things))
         self.things = things[np.argsort(cells, kind="stable")]
         self.starts = np.concatenate([[0], np.cumsum(np.bincount(cells, minlength=self.columns * self.rows))])
 
@@ -248,7 +247,7 @@ class Bins:
         return (row[at] * self.columns + column).astype(np.int32), thing[at]
 
     def pairs(self, places):
-        """Yield (rays, things) [n] that may meet, some rays at a time, rays in order and each with all of its things."""
+        """Yield (rays, things) [n] that may meet: some rays at a time, in order, and each with all of its things."""
         at = np.floor((places - self.low) / self.cell).astype(np.int64)
         inside = ((at >= 0) & (at < (self.columns, self.rows))).all(1)
         cell = np.where(inside, at[:, 1] * self.columns + at[:, 0], 0)

@@ -28,8 +28,8 @@ def picture(scene, samples=8, seed=0, progress=None):
     over the pixel.  Each sees what is nearest: strands of their real width (ribbons that face the eye), or the body.
     The light there is Kajiya and Kay's, or Lambert's on the body.  Of direct light one ray towards the light leaves the
     product of the alphas of all strands that it crosses (round, of their real width, the own one left out), and nothing
-    where it meets the body.  ``progress`` is called with the share that is done.  Raises `clfur.Error` for shells, which
-    are judged by their own picture at many samples (tools/shells_laws.py).
+    where it meets the body.  ``progress`` is called with the share that is done.  Raises `clfur.Error` for shells:
+    these are judged by their own picture at many samples (tools/shells_laws.py).
     """
     if scene.shells is not None:
         raise Error("Scene.fur has Shells; allowed: Strands or Curves, since the truth knows strands and bodies only")
@@ -53,7 +53,7 @@ def picture(scene, samples=8, seed=0, progress=None):
         depth, fibre = seen_hair.seen(places)
         body_depth, triangle = seen_skin.seen(places)
         nearer = np.flatnonzero(depth < body_depth)
-        bare = np.flatnonzero(body_depth < np.minimum(depth, np.inf))
+        bare = np.flatnonzero((body_depth <= depth) & (triangle >= 0))
         lit[nearer, 3] = lit[bare, 3] = 1
         p, fibre = eye.points(places[nearer], depth[nearer]), fibre[nearer]
         lit[nearer, :3] = light.on_hair(p, _towards(eye, p), fibre, seen_hair.share(places[nearer], fibre))
@@ -181,10 +181,8 @@ def _camera(scene):
 def _in_row(row, width, samples, seed):
     """Where the rays of a row pass, in pixels: [width * samples², 2], the same whatever is drawn with it."""
     down, across = np.divmod(np.arange(samples**2), samples)
-    within = (np.stack([across, down], 1) + np.random.default_rng((seed, row)).random((width, samples**2, 2))) / samples
-    within[..., 0] += np.arange(width)[:, None]
-    within[..., 1] += row
-    return within.reshape(-1, 2)
+    within = np.random.default_rng((seed, row)).random((width, samples**2, 2)) + np.stack([across, down], 1)
+    return (within / samples + np.stack([np.arange(width), np.full(width, row)], 1)[:, None]).reshape(-1, 2)
 
 
 def _towards(eye, p):
@@ -203,16 +201,13 @@ class _Light:
         _, radius = extent(scene.mesh, scene.fur)
         self.eye = Eye(self.light.position if spot else np.zeros(3), frame_along(direction), not spot)
         near = 1e-6 * (radius or 1.0)
-        framed = self.eye.frame(np.concatenate([hair.points[:, :3], skin.positions]))
         if spot:
-            framed = framed[framed[:, 2] > near]
-        places = self.eye.places(framed) if len(framed) else np.zeros((1, 2))
-        grown = hair.points[:, 3].max(initial=0) * (1 if not spot else 0)
-        low, high = places.min(0) - grown, places.max(0) + grown
-        if spot:
-            widest = math.tan(math.radians(self.light.angle) / 2)
-            low, high = np.full(2, -widest), np.full(2, widest)
-        self.fibres, self.triangles = _before(self.eye, hair, skin, near, (low, high))
+            window = np.array([[-1], [1]]) * np.full(2, math.tan(math.radians(self.light.angle) / 2))
+        else:
+            places = self.eye.places(self.eye.frame(np.concatenate([hair.points[:, :3], skin.positions])))
+            grown = hair.points[:, 3].max(initial=0)
+            window = places.min(0, initial=np.inf) - grown, places.max(0, initial=-np.inf) + grown
+        self.fibres, self.triangles = _before(self.eye, hair, skin, near, window)
         with np.errstate(divide="ignore"):
             self.depth = np.log(hair.shine[hair.kind[hair.owner], 2])     # of a crossing; alpha 0 lets nothing through
         self.bias = 1e-7 * radius                                         # a place on the body is not before itself
@@ -258,7 +253,8 @@ class _Light:
         share = np.where(self.triangles.any_before(places, z - self.bias, triangle), 0.0, 1.0)
         if (self.depth < 0).any():
             some = np.flatnonzero(share)
-            share[some] = np.exp(self.fibres.sum_before(places[some], z[some], strand[some], self.hair.owner, self.depth))
+            share[some] = np.exp(self.fibres.sum_before(
+                places[some], z[some], strand[some], self.hair.owner, self.depth))
         return share
 
 
