@@ -7,6 +7,7 @@ import numpy as np
 PAIRS = 1 << 17          # of rays and things at a time: their arrays stay in a processor's cache
 CELLS_EACH = 4           # bins for each thing
 MOST_CELLS = 1 << 24
+ACROSS = 4               # bins that a thing reaches over at most, on average
 
 
 @dataclass(frozen=True)
@@ -209,8 +210,9 @@ class Bins:
         box_low = edges.min((1, 2)) - half[:, None]
         box_high = edges.max((1, 2)) + half[:, None]
         here = np.flatnonzero(((box_high >= self.low) & (box_low <= window[1])).all(1))
-        self.cell = float(np.sqrt(extent.prod() / np.clip(CELLS_EACH * len(here), 64, MOST_CELLS)))
-        self.cell = max(self.cell, extent.max() / 16384)
+        size = np.minimum((box_high - box_low)[here].max(1), extent.max()).sum() / max(len(here), 1)
+        self.cell = max(float(np.sqrt(extent.prod() / np.clip(CELLS_EACH * len(here), 64, MOST_CELLS))),
+                        extent.max() / 16384, size / ACROSS)
         self.columns, self.rows = (np.floor(extent / self.cell).astype(np.int64) + 1).tolist()
         cells, things = [], []
         for at in range(0, len(here), 1 << 16):
