@@ -7,6 +7,7 @@ import pytest
 
 import clfur
 from clfur import truth
+from clfur.parts import Part, Work
 from clfur.rays import Eye, Fibres, frame_along
 
 FAR, PIXELS = 1000.0, 100.0                   # an eye so far away that a unit is 100 pixels everywhere
@@ -363,11 +364,17 @@ def test_clfur_draws_nearly_the_same(gpu, sphere):
     assert (off - expected)[on][:, :3].mean() > .03                   # so the shadows are there
 
 
-def test_faces_and_levels_grow_as_the_device_grows_them(gpu, sphere):
-    s = furry(sphere, "faces")
+@pytest.mark.parametrize("roots", [5000, "faces"])
+def test_strands_stand_where_the_device_has_them(gpu, sphere, roots):
+    """Every one of them: none stands on the next triangle for a last bit."""
+    s = furry(sphere, roots)
     hair, _ = truth._geometry(s)
-    drawn = clfur.draw(s, gpu)
-    assert (drawn.strands, drawn.segments) == (np.count_nonzero(hair.counts), len(hair.first))
+    grown, _ = Work(gpu, s).make(gpu, Part((0, len(sphere.faces)), (0, len(hair.counts))))
+    points, spans = gpu.download(grown.points), gpu.download(grown.spans)
+    np.testing.assert_array_equal(spans[:, 1], hair.counts)
+    for strand in range(len(spans)):
+        mine, its = (a[b:b + n] for a, (b, n) in ((hair.points, hair.spans[strand]), (points, spans[strand])))
+        np.testing.assert_allclose(mine, its, atol=5e-6)
 
 
 def test_nothing_but_a_body():
