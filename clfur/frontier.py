@@ -23,7 +23,7 @@ from .settings import Settings
 OVER = 8                # truth's samples a pixel, across and down
 STEPS = 4               # of the pan, each of a pixel / STEPS
 LAYERS = 120            # of the shells that count as true
-FINEST = {"samples": 1, "filtered": False, "shadows": "length", "grid": 128, "shadow_map": 2048}   # and how they are lit
+FINEST = {"samples": 1, "filtered": False, "grid": 128, "shadow_map": 2048}   # and how they are drawn
 NAMED = {"default": Settings()}   # settings that a chart points at
 
 
@@ -270,7 +270,7 @@ def _truths(scene, gpu, key, tell):
     starts = [OVER - step * OVER // STEPS for step in range(STEPS + 1)]
     parts = [fine[:, start:start + width * OVER].reshape(height, OVER, width, OVER, 4) for start in starts]
     truths = np.array([part.mean((1, 3)) for part in parts], np.float32)
-    # Every other sample, as on a chessboard, and the rest: each half errs by sqrt(2) of the whole, and they differ by 2.
+    # Samples as on a chessboard: each half errs by sqrt(2) of the whole, so that they differ by 2 of it.
     odd = np.indices((OVER, OVER)).sum(0) % 2
     halves = [np.einsum("hawbc,ab->hwc", parts[0], odd == side) / (odd == side).sum() for side in (0, 1)]
     noise = measures.measure(*halves)["error"] / 2
