@@ -137,12 +137,11 @@ def frontier(scene, candidates=None, device=None, repeat=3, pan=True, tell=None,
                     f"{16384 // OVER}, since the truth is drawn {OVER} times as large")
     gpu = Scheduler(device)
     tell = tell or (lambda *_: None)
-    key = digest(scene, OVER, LAYERS, FINEST, _sources())
-    truths, noise = _truths(scene, gpu, key, tell)
+    truths, noise = _truths(scene, gpu, tell)
     if not truths[..., 3].any():
         raise Error("nothing of the scene is to be seen in the picture; allowed: a camera that looks at it")
-    kept = _Kept(digest(key, gpu.name, gpu.device.driver_version, pan, measures.flip(truths[0], truths[0]) is None),
-                 fresh)
+    flips = measures.flip(truths[0], truths[0]) is not None
+    kept = _Kept(digest(scene, OVER, _sources(), gpu.name, gpu.device.driver_version, pan, flips), fresh)
 
     for number, way in enumerate(ways):
         tell("pictures", number, len(ways))
@@ -250,23 +249,25 @@ def _moved(scene, pixels, over=1, wider=0):
     return attrs.evolve(scene, camera=Camera.calibrated(scene.camera.pose, k, ((width + wider) * over, height * over)))
 
 
-def _truths(scene, gpu, key, tell):
+def _truths(scene, gpu, tell):
     """(truth at each step of the pan float32 [STEPS + 1, h, w, 4], its noise)."""
-    file = cache.folder("charts") / f"truth-{key[:32]}.npz"
+    known = digest(scene, OVER, STEPS, *((LAYERS, FINEST, _sources()) if scene.shells else (truth.VERSION,)))
+    file = cache.folder("charts") / f"truth-{known[:32]}.npz"
     try:
         with np.load(file) as there:
             return there["truths"], float(there["noise"])
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):   # none yet, or damaged
         pass
     cache.write(file, b"")   # before the work: what cannot be kept is told now
-    tell("truth", 0, 1)
+    tell("truth", 0, 100)
     # One picture holds every step: large enough that a step is a whole number of its pixels, and one pixel wider.
     large = _moved(scene, 1, OVER, 1)
     if scene.shells:
         fine = draw(_layered(large, LAYERS), gpu, Settings(**FINEST)).images["color"]
     else:
-        fine = truth.picture(large, samples=1, progress=lambda done, total: tell("truth", done, total))
+        fine = truth.picture(large, samples=1, progress=lambda share: tell("truth", round(100 * share), 100))
     width, height = scene.camera.size
+    tell("truth", 100, 100)
     starts = [OVER - step * OVER // STEPS for step in range(STEPS + 1)]
     parts = [fine[:, start:start + width * OVER].reshape(height, OVER, width, OVER, 4) for start in starts]
     truths = np.array([part.mean((1, 3)) for part in parts], np.float32)
