@@ -112,7 +112,7 @@ def _limits(axes, points, noise):
     times = np.log10([1e3 * point.seconds.median for point in points])
     errors = np.log10([point.error for point in points])
     wide, tall = max(np.ptp(times), .3), max(np.ptp(errors), .3)
-    axes.set_xlim(10 ** (times.min() - .06 * wide), 10 ** (times.max() + .06 * wide))
+    axes.set_xlim(10 ** (times.min() - .06 * wide), 10 ** (times.max() + .1 * wide))
     low = errors.min() - .15 * tall
     if noise > 0 and np.log10(noise) > errors.min() - .35 * tall:
         low = min(low, np.log10(noise) - .06 * tall)
@@ -153,5 +153,5 @@ def _names(axes, points):
         if point.name:
             place = 1e3 * point.seconds.median, point.error
             axes.plot(*place, "o", ms=16, mfc="none", mec=INK, mew=1.3, zorder=5)
-            axes.annotate(point.name, place, (12, 12), textcoords="offset points", weight="bold", color=INK, zorder=6,
-                          fontsize=10, arrowprops={"arrowstyle": "-", "color": INK, "lw": .8, "shrinkB": 8})
+            axes.annotate(point.name, place, (0, 12), textcoords="offset points", ha="center", weight="bold", color=INK,
+                          zorder=6, fontsize=10)

@@ -170,7 +170,7 @@ def label(settings, layers=None):
     """What is particular to settings, in a few words: "4 samples, coverage, length 48"."""
     words = [f"{settings.samples} sample{'s' * (settings.samples > 1)}"]
     words += ["coverage"] * (getattr(settings, "raster", "") == "coverage")
-    words += [] if layers is None else [f"{layers} layers"]
+    words += [] if layers is None else [f"{layers} layer{'s' * (layers > 1)}"]
     words.append("no shadows" if settings.shadows == "off" else f"{settings.shadows} {settings.grid}")
     words += ["unfiltered"] * (not settings.filtered)
     for field in attrs.fields(Settings):
