@@ -16,7 +16,7 @@ from . import Camera, Error, HairType, Light, Scene, Settings, Shells, Strands, 
 from .cli_types import Color, Numbers, Roots, Size, from_hex
 from .image import load_picture
 from .scene import frame
-from .settings import SHADOWS
+from .settings import RASTERS, SHADOWS
 
 _SCENE = [
     click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
@@ -81,6 +81,8 @@ _SHELLS = [
                  help="Light on shells: by the hair's direction, or by the report's turned normals."),
 ]
 _SETTINGS = [
+    click.option("--raster", type=click.Choice(RASTERS), default="samples",
+                 help="Strands opaque in each sample, or transparent by the area that they cover."),
     click.option("--shadows", type=click.Choice(SHADOWS), default="length",
                  help="How hair shades: by what rays cross, by the report's voxels, or not at all."),
     click.option("--grid", type=int, default=48, metavar="N",
@@ -117,9 +119,8 @@ def load_scene(given, options):
     Raises `clfur.Error` for what cannot be loaded, and click.UsageError for options that have no say: the
     scene file sets them itself, or they are of another fur than is chosen.
     """
-    own = {name: options[name] for name in ("samples", "specular", "shadows", "grid", "blur", "blur_sigma")
-           if name in options}
-    settings = Settings(**own | ({"samples": int(own["samples"])} if "samples" in own else {}))
+    own = {field.name: options[field.name] for field in attrs.fields(Settings) if field.name in options}
+    settings = Settings(**own | ({"samples": int(own["samples"])} if own else {}))
     context = click.get_current_context()
     flags = {option.name: option.opts[0] for option in context.command.params if option.name in options
              and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE}

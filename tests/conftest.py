@@ -116,7 +116,8 @@ def measured():
                                   shadows=("length", "count")[place % 2])
         seconds, error = 0.02 * 1.04**place, 0.2 * 0.96**place * (1 if best else 1.5)
         spread = Spread(seconds, seconds * .9, seconds * 1.1)
-        points.append(Point(settings, None, label(settings), "", [seconds], spread, 200, 1600, error, error, -.01, .9, None, error / 2, best))
+        points.append(Point(settings, None, label(settings), "", [seconds], spread, 200, 1600, error, error, -.01, .9,
+                            None, error / 2, best))
     default = clfur.Settings()
     points.append(Point(default, None, label(default), "default", [.5], Spread(.5, .5, .5), 200, 1600, .1, .1, .02,
                         None, .03, None))
