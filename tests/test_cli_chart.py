@@ -99,7 +99,8 @@ def test_interrupted(tmp_path):
     cache = tmp_path / "cache"
     command = subprocess.Popen(
         [sys.executable, "-m", "clfur", "chart", "sphere", "--fur", "shells", "--frequency", "8", "--size", "64x48",
-         "--repeat", "9999", "--no-pan", "-o", "a.png"], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+         "--repeat", "9999", "--no-pan", "-o", "a.png"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1]), "XDG_CACHE_HOME": str(cache)})
     began = time.monotonic()
 

@@ -198,7 +198,9 @@ def test_sweep(sphere, fur):
 
 
 def test_sweep_takes_the_knobs_that_there_are(sphere, monkeypatch):
-    more = attrs.make_class("Settings", {"raster": attrs.field(default="samples"), "lod": attrs.field(default=0)},
+    there = {field.name for field in attrs.fields(clfur.Settings)}
+    knobs = {"raster": attrs.field(default="samples"), "lod": attrs.field(default=0)}
+    more = attrs.make_class("Settings", {name: field for name, field in knobs.items() if name not in there},
                             bases=(clfur.Settings,), frozen=True)
     monkeypatch.setattr(library, "Settings", more)
     monkeypatch.setattr(library, "NAMED", {"default": more()})
