@@ -9,7 +9,7 @@ from .files import check_writable, output_path, whole
 from .report import INK, chart, page, svg
 
 SUFFIXES = ".html", ".htm", ".png", ".svg"
-COLORS = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00"   # Okabe and Ito: told apart by the colour-blind too
+COLORS = "#1f83c4", "#d55e00", "#009e73", "#cc79a7", "#e69f00"   # after Okabe and Ito: told apart by the colour-blind too
 SHAPES = {1: "^", 4: "o", 16: "s"}
 LABELLED = 0.02    # a point of the frontier has its label where the error falls by this share or more
 LINE = 13          # points of the page from one label to the next
@@ -66,7 +66,7 @@ def draw_chart(found, title=""):
                       lw=1, alpha=.5, zorder=2)
             axes.plot(1e3 * point.seconds.median, point.error, ms=9, mec=INK, mew=.8, zorder=4, **look)
         else:
-            axes.plot(1e3 * point.seconds.median, point.error, ms=7, mec="none", alpha=.35, zorder=1, **look)
+            axes.plot(1e3 * point.seconds.median, point.error, ms=7, mec="none", alpha=.45, zorder=1, **look)
     best = [point for point in points if point.best]
     axes.step([1e3 * p.seconds.median for p in best], [p.error for p in best], where="post", color=INK, lw=1, zorder=3)
     axes.set(xscale="log", yscale="log", xlabel="milliseconds a frame, everything done anew",
