@@ -9,7 +9,7 @@ from .files import check_writable, output_path, whole
 from .report import INK, chart, page, svg
 
 SUFFIXES = ".html", ".htm", ".png", ".svg"
-COLORS = "#1f83c4", "#d55e00", "#009e73", "#cc79a7", "#e69f00"   # after Okabe and Ito: told apart by the colour-blind too
+COLORS = "#1f83c4", "#d55e00", "#009e73", "#cc79a7", "#e69f00"   # after Okabe and Ito: for the colour-blind too
 SHAPES = {1: "^", 4: "o", 16: "s"}
 LABELLED = 0.02    # a point of the frontier has its label where the error falls by this share or more
 LINE = 13          # points of the page from one label to the next
