@@ -87,6 +87,8 @@ _SETTINGS = [
     click.option("--grid", type=int, default=48, metavar="N",
                  help="Cells a side of the grid for shadows; a multiple of 16."),
     click.option("--samples", type=click.Choice(["1", "4", "16"]), default="4", help="Samples a pixel."),
+    click.option("--lod", type=click.FloatRange(0, 4), default=0.0, metavar="PIXELS",
+                 help="Draw strands thinner than this as fewer, wider ones of fewer segments; 0: all as they are."),
     click.option("--specular", type=click.Choice(["kajiya-kay", "half-vector"]), default="kajiya-kay",
                  help="Form of the highlight."),
     click.option("--blur", type=click.Choice(["off", "all", "edges"]), default="off",
@@ -95,7 +97,8 @@ _SETTINGS = [
                  help="How wide the blur is."),
 ]
 # Names of the options that only one kind of fur has.
-_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "type_map", "types", "curl", "wave"),
+_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "type_map", "types", "curl", "wave",
+                     "lod"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 
 
@@ -118,7 +121,7 @@ def load_scene(given, options):
     scene file sets them itself, or they are of another fur than is chosen.
     """
     settings = Settings(samples=int(options["samples"]), **{
-        name: options[name] for name in ("specular", "shadows", "grid", "blur", "blur_sigma")})
+        name: options[name] for name in ("specular", "shadows", "grid", "lod", "blur", "blur_sigma")})
     context = click.get_current_context()
     flags = {option.name: option.opts[0] for option in context.command.params if option.name in options
              and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE}
