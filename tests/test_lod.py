@@ -269,7 +269,8 @@ def test_what_bends_more_than_a_quarter_of_lod_is_kept(gpu):
 def test_widths_and_colours_between_are_kept(gpu):
     """A bulge, and a stripe, are more than a straight line."""
     for keys, points in (
-            ({"width": np.tile([.1, .1, .2, .1, .1], (9, 1))}, 5), ({"width": np.tile([.1, .2, .3, .4, .5], (9, 1))}, 2),
+            ({"width": np.tile([.1, .1, .2, .1, .1], (9, 1))}, 5),
+            ({"width": np.tile([.1, .2, .3, .4, .5], (9, 1))}, 2),
             ({"width": .1, "color": np.tile(np.eye(3)[[0, 0, 1, 0, 0]], (9, 1, 1))}, 5),
             ({"width": .1, "color": np.tile(np.eye(3)[[0, 0, 0, 0, 0]], (9, 1, 1))}, 2)):
         thinned = thin(gpu, bring(gpu, rods(9, segments=4, **keys)), flat_view(100), 1)
@@ -339,7 +340,8 @@ def test_the_frame_tells_what_was_drawn(gpu, sphere):
 def test_shadows_are_those_of_what_is_seen(gpu, sphere):
     """They follow the camera where lod says so, and only there; the report's methods count all strands."""
     near = furry(sphere)
-    far = clfur.Scene(mesh=sphere, fur=near.fur, camera=clfur.Camera(eye=(0, .4, 30), size=(161, 121)), light=near.light)
+    camera = clfur.Camera(eye=(0, .4, 30), size=(161, 121))
+    far = clfur.Scene(mesh=sphere, fur=near.fur, camera=camera, light=near.light)
     for shadows, lod, cast_anew in (("length", 0, False), ("length", .5, True), ("count", .5, False)):
         settings = clfur.Settings(lod=lod, shadows=shadows)
         first, second = (clfur.draw(scene, gpu, settings, hashes=True) for scene in (near, far))
@@ -382,7 +384,7 @@ def test_counters_of_shadows_do_not_overflow(gpu):
     plan, whole = (plan_shadows(hair, each, n, False) for each in (settings, clfur.Settings(grid=128)))
     assert float(plan.grid["face"][1]) == side
 
-    grown = bring(gpu, hair.fur[0] if isinstance(hair.fur, tuple) else hair.fur)
+    grown = bring(gpu, hair.strands)
     thinned = thin(gpu, grown, view_of(hair, 4), settings.lod)
     np.testing.assert_allclose(factors(grown, thinned)[chosen], WIDEST, rtol=1e-6)
     cells, _ = cast(gpu, plan, thinned, None)
