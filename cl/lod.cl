@@ -5,7 +5,8 @@
 
 #define LEAST 0.125f                                    // share of the strands that is always kept
 #define SOFT 1.5f                                       // from share k to SOFT * k widths fade to 0: no strand pops up
-#define REACH 16                                        // segments that one may stand for
+#define PARTS 4u                                        // a strand keeps so many segments: light changes along straight ones
+#define REACH 16u                                       // segments that one may stand for
 
 /* A strand's place in (0, 1) in the order in which strands go: its own for ever, and never that of a prefix. */
 inline float place_of(uint strand, uint seed)
@@ -78,6 +79,7 @@ __kernel void thin(
 
     __global const float4 *own = color_per == 2 ? colors : 0;
     const float world = 0.25f * lod / view.scale.x;         // a quarter of lod at w = 1
+    const uint reach = min((count - 1 + PARTS - 1) / PARTS, REACH);
     uint kept = 0, from = first;
     for (;;) {
         const uint to = first + kept++;
@@ -89,7 +91,7 @@ __kernel void thin(
             break;
         const float here = to_screen(&view, points[from]).w;
         uint next = from + 1;
-        while (next < last && next + 1 - from <= REACH) {
+        while (next < last && next + 1 - from <= reach) {
             const float nearer = min(here, to_screen(&view, points[next + 1]).w);
             if (!(nearer > 0.0f && stands_for(points, own, from, next + 1, world * nearer, wider)))
                 break;

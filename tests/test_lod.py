@@ -252,28 +252,32 @@ def test_points_left_out_are_near_their_line(gpu, sphere, lod):
     assert left_out > 300
 
 
-def test_straight_strands_become_one_segment(gpu):
-    for segments, points in ((1, 2), (2, 2), (8, 2), (16, 2), (17, 3), (40, 4)):
+def test_straight_strands_become_four_segments(gpu):
+    """Or a few more of 16 each, if they are very long; those of four stay."""
+    for segments, points in ((1, 2), (2, 3), (4, 5), (8, 5), (16, 5), (17, 5), (64, 5), (65, 6), (100, 8)):
         grown = bring(gpu, rods(50, .5, segments))
-        assert (thin(gpu, grown, flat_view(100), 1).spans.get()[:, 1] == points).all()
+        assert (thin(gpu, grown, flat_view(100), 1).spans.get()[:, 1] == points).all(), segments
 
 
 def test_what_bends_more_than_a_quarter_of_lod_is_kept(gpu):
-    """A strand that is off by one pixel in its middle, and one that comes back on itself."""
-    bent = clfur.Curves([[(0, 0, 0), (.5, .01, 0), (1, 0, 0)], [(0, 1, 0), (1, 1, 0), (.5, 1, 0)]], width=.1)
-    grown = bring(gpu, bent)
-    for lod, points in (3.9, [3, 3]), (4, [2, 3]):
+    """A strand that is off by one pixel at every other point, and one that comes back on itself."""
+    along = np.linspace(0, 1, 9)
+    zigzag = np.stack([along, .01 * (np.arange(9) % 2), 0 * along], 1)
+    back = np.stack([along[[0, 2, 1, 4, 3, 6, 5, 8, 7]], 1 + 0 * along, 0 * along], 1)
+    grown = bring(gpu, clfur.Curves([zigzag, back], width=.1))
+    for lod, points in (3.9, [9, 9]), (4, [5, 9]):
         assert thin(gpu, grown, flat_view(99.9), lod).spans.get()[:, 1].tolist() == points
 
 
 def test_widths_and_colours_between_are_kept(gpu):
-    """A bulge, and a stripe, are more than a straight line."""
+    """Bulges, and stripes, are more than straight lines."""
+    red, green = (1, 0, 0), (0, 1, 0)
     for keys, points in (
-            ({"width": np.tile([.1, .1, .2, .1, .1], (9, 1))}, 5),
-            ({"width": np.tile([.1, .2, .3, .4, .5], (9, 1))}, 2),
-            ({"width": .1, "color": np.tile(np.eye(3)[[0, 0, 1, 0, 0]], (9, 1, 1))}, 5),
-            ({"width": .1, "color": np.tile(np.eye(3)[[0, 0, 0, 0, 0]], (9, 1, 1))}, 2)):
-        thinned = thin(gpu, bring(gpu, rods(9, segments=4, **keys)), flat_view(100), 1)
+            ({"width": np.tile([.1, .2, .1, .2, .1, .2, .1, .2, .1], (9, 1))}, 9),
+            ({"width": np.tile(np.arange(1, 10) * .1, (9, 1))}, 5),
+            ({"width": .1, "color": np.tile([red, green, red, green, red, green, red, green, red], (9, 1, 1))}, 9),
+            ({"width": .1, "color": np.tile([red] * 9, (9, 1, 1))}, 5)):
+        thinned = thin(gpu, bring(gpu, rods(9, segments=8, **keys)), flat_view(100), 1)
         assert (thinned.spans.get()[:, 1] == points).all(), keys
 
 

@@ -17,7 +17,8 @@ def thin(gpu, strands, view, lod, seed=0):
     not have both ends before the eye, stay as they are.
     Then points are left out that are within lod / 4 pixels of the line that replaces them, as large as a world unit
     is at its nearer end, by place and by half the width; colours there may be wrong by 1/32.  A line stands for 16
-    segments at most.  Arrays that do not change are shared.
+    segments at most, and for no more than a quarter of its strand's: light changes also along straight strands, and
+    `coverage` knows it at points alone.  Arrays that do not change are shared.
     """
     per_point = strands.color_per == 2
     rows = strands.points.shape
