@@ -88,6 +88,8 @@ _SETTINGS = [
     click.option("--grid", type=int, default=48, metavar="N",
                  help="Cells a side of the grid for shadows; a multiple of 16."),
     click.option("--samples", type=click.Choice(["1", "4", "16"]), default="4", help="Samples a pixel."),
+    click.option("--lod", type=click.FloatRange(0, 4), default=0.0, metavar="PIXELS",
+                 help="Draw strands thinner than this as fewer, wider ones of fewer segments; 0: all as they are."),
     click.option("--specular", type=click.Choice(["kajiya-kay", "half-vector"]), default="kajiya-kay",
                  help="Form of the highlight."),
     click.option("--blur", type=click.Choice(["off", "all", "edges"]), default="off",
@@ -96,7 +98,8 @@ _SETTINGS = [
                  help="How wide the blur is."),
 ]
 # Names of the options that only one kind of fur has.
-_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "type_map", "types", "curl", "wave"),
+_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "type_map", "types", "curl", "wave",
+                     "lod"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 
 
