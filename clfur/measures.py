@@ -14,12 +14,16 @@ def measure(picture, truth):
     picture over black, None without the package flip_evaluator.  Without any coverage the differences are 0.
     """
     picture, truth = np.asarray(picture, np.float64), np.asarray(truth, np.float64)
-    here = (picture[..., 3] > 0) | (truth[..., 3] > 0) | np.isnan(picture).any(2)
-    linear = (picture - truth)[here][:, :3]
+    linear = (picture - truth)[_there(picture, truth)][:, :3]
     covered = truth[..., 3].sum()
-    return {"error": _rms((shown(picture) - shown(truth))[here]), "rmse": _rms(linear),
+    return {"error": error(picture, truth), "rmse": _rms(linear),
             "bias": float(linear.mean()) if linear.size else 0.0,
             "area": float(picture[..., 3].sum() / covered) if covered else None, "flip": flip(truth, picture)}
+
+
+def error(picture, truth):
+    """The error alone, as `measure` has it."""
+    return _rms((shown(picture) - shown(truth))[_there(picture, truth)])
 
 
 def flicker(pictures, truths):
@@ -47,6 +51,10 @@ def flip(truth, picture):
 def shown(picture):
     """sRGB-coded values over black, float64 [h, w, 3]."""
     return linear_to_srgb(picture[..., :3]).astype(np.float64)
+
+
+def _there(picture, truth):
+    return (picture[..., 3] > 0) | (truth[..., 3] > 0) | np.isnan(picture).any(2)
 
 
 def _rms(values):

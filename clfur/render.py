@@ -5,10 +5,11 @@ import hashlib
 import threading
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from . import budget
 from .device import choose
 from .errors import Error
 from .parts import Work
@@ -33,7 +34,9 @@ class Frame:
     those of all that did not fail.  seconds: the whole frame, reading back included.  stages: {kernel file: seconds
     on the device}.
     memory: most bytes that its arrays took on the device at once.  hashes: SHA-256 of what integer stages gave,
-    {"visibility": ..., "voxels": ..., "shadow_map": ...}, if asked for.
+    {"visibility": ..., "voxels": ..., "shadow_map": ...}, if asked for.  settings: what it was drawn with.  error: what
+    `Settings.max_error` measures, as far as it can be told without the truth, and why: one line on how the settings were
+    chosen; None and "" if they were given.
     """
 
     images: dict
@@ -45,6 +48,9 @@ class Frame:
     stages: dict
     memory: int
     hashes: dict
+    settings: Settings | None = None
+    error: float | None = None
+    why: str = ""
 
 
 def render(scene, device=None, settings=None, outputs=None):
@@ -66,6 +72,9 @@ def draw(scene, device=None, settings=None, outputs=("color",), hashes=False):
     """Draw a `Scene` and tell what it took -> `Frame`; arguments and errors as for `render`.
 
     ``hashes``: also hash the bits of the integer stages, which are the same on every device.
+    With `Settings.max_error` the cheapest of `clfur.budget`'s ladder is taken that is near enough to its finest in a
+    tenth of the picture; with ``seconds`` the dearest whose frame, done anew, takes no longer.  That is found out once
+    for a scene, a light and a distance, while the `Scheduler` is kept.  If it cannot be had: the best there is, and a warning.
     """
     outputs = (outputs,) if isinstance(outputs, str) else outputs
     for name in outputs if isinstance(outputs, (tuple, list)) else [outputs]:
@@ -80,10 +89,17 @@ def draw(scene, device=None, settings=None, outputs=("color",), hashes=False):
     with ExitStack() as frames:
         for gpu in gpus:
             frames.enter_context(gpu.frame())
-        return _draw(Team(gpus), scene, settings, outputs, hashes)
+        team = Team(gpus)
+        if not settings.goal:
+            return _draw(team, scene, settings, outputs, hashes)
+        chosen = budget.choose(team, scene, settings, functools.partial(_draw, team, scene))
+        for gpu in team.gpus:
+            gpu.start()
+        return replace(_draw(team, scene, chosen.settings, outputs, hashes), error=chosen.error, why=chosen.why)
 
 
-def _draw(team, scene, settings, outputs, hashes):
+def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
+    """``bands``: [(first row, one past the last)] of the picture alone; the others hold anything."""
     began, gpus = time.perf_counter(), team.gpus[:]
     digests = {}
     work = Work(gpus[0], scene)
@@ -196,7 +212,7 @@ def _draw(team, scene, settings, outputs, hashes):
 
     rows = min(team.each(lambda gpu: plan(gpu)[1]))
     images, seen = {}, [hashlib.sha256() for _ in range(2 if covering else 1)]
-    todo = [(top, min(top + rows, height)) for top in range(0, height, rows)]
+    todo = [(top, min(top + rows, until)) for first, until in bands or [(0, height)] for top in range(first, until, rows)]
     while todo:
         top, end = todo.pop(0)
         view = band_of(whole, top, end)
@@ -225,7 +241,7 @@ def _draw(team, scene, settings, outputs, hashes):
             stages[name] = stages.get(name, 0.0) + spent
     return Frame(images, " + ".join(gpu.name for gpu in team.gpus), int(work.triangles[-1]) if work.body else 0,
                  sum(strands for strands, _ in points), sum(segments for _, segments in points), seconds, stages,
-                 sum(gpu.peak for gpu in team.gpus), digests)
+                 sum(gpu.peak for gpu in team.gpus), digests, settings)
 
 
 def _blurred(picture, settings, rows, gpu):

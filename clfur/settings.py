@@ -3,8 +3,10 @@
 import attrs
 
 from . import checks
+from .errors import Error
 
 RASTERS = ("samples", "coverage")
+CHOSEN = ("samples", "raster", "shadows", "grid", "shadow_map", "pcf", "lod")   # by `Settings.max_error` and seconds
 SHADOWS = ("off", "binary", "count", "trilinear", "length")
 
 
@@ -33,7 +35,11 @@ class Settings:
     within lod/4 pixels of a straight line are left out; 0: all there is.
     filtered: whether the pattern of shell fur is averaged over the pixel.  blur: where the report's Gaussian is laid
     over the picture: "off", "all", or "edges", which leaves the interior of the fur untouched.  blur_sigma: its width
-    in pixels, above 0, at most 16.  Raises `clfur.Error` for anything else.
+    in pixels, above 0, at most 16.
+    max_error: None, or how wrong the picture may be: root mean square of the difference of sRGB-coded values (0 to 1) to
+    the true picture.  seconds: None, or how long a frame may take.  Where either is given, samples, raster, shadows,
+    grid, shadow_map, pcf and lod are chosen (see `clfur.draw`), and may not be given here.
+    Raises `clfur.Error` for anything else.
     """
 
     samples: int = checks.field(_samples, default=4)
@@ -47,3 +53,17 @@ class Settings:
     filtered: bool = checks.field(checks.instance(bool), default=True)
     blur: str = checks.field(checks.choice("off", "all", "edges"), default="off")
     blur_sigma: float = checks.field(checks.real(above=0, high=16), default=1.0)
+    max_error: float | None = checks.field(checks.optional(checks.real(above=0)), default=None)
+    seconds: float | None = checks.field(checks.optional(checks.real(above=0)), default=None)
+
+    def __attrs_post_init__(self):
+        if goal := self.goal:
+            for field in attrs.fields(Settings):
+                if field.name in CHOSEN and getattr(self, field.name) != field.default:
+                    raise Error(f"Settings.{field.name} is {getattr(self, field.name)!r}, but Settings.{goal} chooses "
+                                f"it; allowed: one of them")
+
+    @property
+    def goal(self):
+        """Name of the field by which the others are chosen: "seconds", "max_error", or None."""
+        return next((name for name in ("seconds", "max_error") if getattr(self, name) is not None), None)

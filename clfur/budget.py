@@ -1,0 +1,200 @@
+"""Picks the cheapest settings that are near enough to the truth, or the best that are fast enough."""
+
+import math
+import warnings
+from dataclasses import dataclass, replace
+
+import attrs
+import numpy as np
+
+from . import measures
+from .fitted import COSTS, ERRORS, RANGES
+from .fur import Curves, Strands
+from .scene import extent
+from .settings import CHOSEN, Settings
+from .views import view_of
+
+# From cheap to dear; docs/budget.md tells why these.
+LADDER = (
+    Settings(samples=1, lod=1.0, shadow_map=256, pcf=0),
+    Settings(samples=1, lod=0.5, shadow_map=256, pcf=0),
+    Settings(samples=4, lod=0.5, grid=64),
+    Settings(samples=1, lod=0.5, grid=64, raster="coverage"),
+    Settings(samples=1, lod=0.35, grid=96, raster="coverage"),
+    Settings(samples=4, lod=0.2, grid=96, raster="coverage"),
+    Settings(samples=4, grid=160, raster="coverage"),
+    Settings(samples=4, grid=256, raster="coverage"),
+)
+PRESETS = {"draft": LADDER[0], "preview": LADDER[2], "final": LADDER[5], "reference": LADDER[6]}
+BANDS, SHARE = 5, 0.1   # of the picture's rows that are drawn to compare
+CELL = 0.6              # widths of a strand; in finer cells than that its shadow is narrower than itself
+HOPELESS = 2.0          # what is predicted to err so many times too much is not tried
+MARGIN = 1.1            # estimates are wrong by about as much
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What `choose` found: settings, the error that is expected of them, why they, in a line, and a warning or ""."""
+
+    settings: Settings
+    error: float
+    why: str
+    warning: str = ""
+
+
+def choose(team, scene, settings, draw):
+    """The `Choice` for `Settings` with max_error or seconds; ``draw(settings, bands=None)`` gives a `Frame`.
+
+    It is kept on the team's first device for the very same mesh, fur and light, a camera that sees strands about as
+    wide (by half an octave), and the same goals.
+    """
+    seen = round(2 * math.log2(features(scene, 0)[0]))
+    what = scene.mesh, scene.strands, scene.shells, scene.light, str(scene.camera.size), seen
+    goals = str([settings.max_error, settings.seconds, settings.filtered, scene.body_color is None])
+    choice = team.gpus[0].keep("choice", (*what, goals), lambda: _choose(team, scene, settings, draw))
+    if choice.warning:
+        warnings.warn(choice.warning, stacklevel=3)
+    # Taste does not depend on the choice, and may have changed.
+    taste = {field.name: getattr(settings, field.name) for field in attrs.fields(Settings)
+             if field.name not in (*CHOSEN, "max_error", "seconds")}
+    return replace(choice, settings=attrs.evolve(choice.settings, **taste))
+
+
+def _choose(team, scene, settings, draw):
+    rungs = ladder(scene, settings.filtered)
+    most, told, late = len(rungs) - 1, "", ""
+    if settings.seconds is not None:
+        most, took = fastest(rungs, settings.seconds, lambda rung: _time(team, rung, draw))
+        told = f"its frame took {took:.3g} s of {settings.seconds:g}"
+        late = (f"Settings.seconds is {settings.seconds:g}, but the fastest frame there is takes {took:.3g}"
+                if took > settings.seconds else "")
+    look = Look(scene, rungs, draw)
+    if settings.max_error is None:
+        return Choice(rungs[most], look.error(most), told, late)
+    tried = look.cheapest(settings.max_error, most)
+    best = list(tried)[-1] if MARGIN * list(tried.values())[-1] <= settings.max_error else min(tried, key=tried.get)
+    why = (f"tried {len(tried)} of {len(rungs)} settings on {look.rows} rows of the picture"
+           + (f"; {told}" if told else ""))
+    missed = (f"Settings.max_error is {settings.max_error:g}, but the best there is{' in that time' if told else ''} "
+              f"errs by about {tried[best]:.3g}" if tried[best] > settings.max_error else "")
+    return Choice(rungs[best], tried[best], why, late or missed)
+
+
+def fastest(rungs, seconds, time):
+    """(place of the dearest rung that takes no more than seconds by ``time(rung)``, what it took); 0 if none does."""
+    took = time(rungs[0])
+    place = max((n for n in range(len(rungs)) if took * COSTS[n] / COSTS[0] <= seconds), default=0)
+    times = {0: took}
+    while place and times.setdefault(place, time(rungs[place])) > seconds:   # only ever down: it comes to an end
+        place -= 1
+    return place, times[place]
+
+
+def _time(team, rung, draw):
+    """Seconds of a frame, everything done anew."""
+    for _ in range(2):   # the first builds kernels
+        for gpu in team.gpus:
+            gpu.forget()
+        frame = draw(rung)
+    return frame.seconds
+
+
+def ladder(scene, filtered=True):
+    """`LADDER` as it suits a scene: in no finer cells than its strands cast right shadows in."""
+    width = _hair(scene)[0]
+    finest = 2 * extent(scene.mesh, scene.fur)[1] / (CELL * width) if width else 1024
+    most = max(int(min(finest, 1024)) // 16 * 16, 48)
+    return [attrs.evolve(rung, grid=min(rung.grid, most), filtered=filtered) for rung in LADDER]
+
+
+def features(scene, strands):
+    """(width of a strand in pixels, how many of ``strands`` cover a pixel of the ball around the scene), both > 0."""
+    width, length = _hair(scene)
+    radius, pixels = extent(scene.mesh, scene.fur)[1], _pixels(scene)
+    covered = strands * length * width / (math.pi * radius**2 or 1)
+    (least, most), (thin, dense) = RANGES   # of what was fitted: beyond, nothing is known
+    return (min(max(width * pixels, least), most) if width else 1.0, min(max(covered, thin), dense))
+
+
+def _pixels(scene):
+    """How many pixels a world unit is in the middle of the scene."""
+    center, radius = extent(scene.mesh, scene.fur)
+    view = view_of(scene, 1)
+    return float(view["scale"][0]) / max(float(view["to_screen"].T[3] @ [*center, 1]), radius / 8, 1e-9)
+
+
+def _hair(scene):
+    """(width, length) in world units that a strand has on average; (0, 0) without strands."""
+    fur = scene.strands
+    if isinstance(fur, Strands):
+        return (float(np.mean([kind.width for kind in fur.types])),
+                float(np.mean([kind.segments * kind.segment_length for kind in fur.types])))
+    if isinstance(fur, Curves) and len(fur.counts):
+        steps = np.linalg.norm(np.diff(fur.points, axis=0), axis=1)
+        steps[np.cumsum(fur.counts, dtype=np.int64)[:-1] - 1] = 0   # from one strand to the next
+        return float(fur.width.mean()), float(steps.sum()) / len(fur.counts)
+    return 0.0, 0.0
+
+
+class Look:
+    """Some rows of the picture with the finest rung, and how far others are from these.
+
+    rows: how many.
+    """
+
+    def __init__(self, scene, rungs, draw):
+        self.rungs, self.bands = rungs, bands(scene)
+        self.rows = sum(end - top for top, end in self.bands)
+        self._draw, self._scene = draw, scene
+        self._finest, strands = self._picture(rungs[-1])
+        self._found = {}
+        self.expected = np.zeros(len(rungs))   # of what has no strands nothing is known, but how its pictures differ
+        if scene.strands is not None:
+            self.expected = predicted(*features(scene, strands))
+
+    def _picture(self, settings):
+        frame = self._draw(settings, bands=self.bands)
+        return np.concatenate([frame.images["color"][top:end] for top, end in self.bands]), frame.strands
+
+    def error(self, place):
+        """What a rung's picture is expected to err: its difference to the finest, and what that one errs."""
+        if place not in self._found:
+            apart = 0.0 if place == len(self.rungs) - 1 else measures.error(
+                self._picture(self.rungs[place])[0], self._finest)
+            self._found[place] = float(np.hypot(apart, self.expected[-1]))
+        return self._found[place]
+
+    def cheapest(self, most_error, last):
+        """{place: error} of the rungs that were tried, from the cheapest on until one surely errs no more."""
+        tried = {}
+        for place in range(last + 1):
+            if self.expected[place] > HOPELESS * most_error and place < last:
+                continue
+            tried[place] = self.error(place)
+            if MARGIN * tried[place] <= most_error:
+                break
+        return tried
+
+
+def predicted(width, covered):
+    """What each of `LADDER` errs, by the fit."""
+    return np.exp(np.array(ERRORS) @ [1, math.log(width), math.log(covered)])
+
+
+def bands(scene):
+    """[(first row, one past the last)] of a tenth of the picture, spread over where the scene is."""
+    height = scene.camera.size[1]
+    points = scene.mesh.positions if scene.mesh is not None else scene.strands.points
+    x, y, _, w = view_of(scene, 1)["to_screen"].T @ np.column_stack([points, np.ones(len(points))]).T
+    seen = y[w > 0] / w[w > 0]
+    top, end = np.percentile(seen, (1, 99)) if len(seen) else (0, height)
+    hair = _hair(scene)[1] * _pixels(scene)
+    top, end = np.clip([top - hair, end + hair], 0, height)
+    each = max(round(SHARE * height / BANDS), 1)
+    found = []
+    for n in range(BANDS):
+        first = int(np.clip(round(top + (end - top) * (n + 0.5) / BANDS - each / 2), 0, max(height - each, 0)))
+        first = max(first, found[-1][1] if found else 0)
+        if first < height:
+            found.append((first, min(first + each, height)))
+    return found
