@@ -1,5 +1,6 @@
 """Fur and hair on meshes, rendered with OpenCL."""
 
+from .budget import PRESETS
 from .compare import Comparison, compare
 from .errors import DeviceError, Error
 from .frontier import Frontier, frontier
@@ -13,7 +14,7 @@ from .settings import Settings
 from .shell_fur import Shells
 
 __all__ = [
-    "Camera", "Comparison", "Curves", "DeviceError", "Error", "Frame", "Frontier", "HairType", "Light", "Mesh",
-    "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "compare", "draw", "frontier", "load_mesh",
-    "render", "save",
+    "PRESETS", "Camera", "Comparison", "Curves", "DeviceError", "Error", "Frame", "Frontier", "HairType", "Light",
+    "Mesh", "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "compare", "draw", "frontier",
+    "load_mesh", "render", "save",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 
 from . import measures
 from .fitted import COSTS, ERRORS, RANGES
-from .fur import Curves, Strands
+from .fur import Curves, Strands, hair_bounds
 from .scene import extent
 from .settings import CHOSEN, Settings
 from .views import view_of
@@ -29,12 +29,12 @@ PRESETS = {"draft": LADDER[0], "preview": LADDER[2], "final": LADDER[5], "refere
 BANDS, SHARE = 5, 0.1   # of the picture's rows that are drawn to compare
 CELL = 0.6              # widths of a strand; in finer cells than that its shadow is narrower than itself
 HOPELESS = 2.0          # what is predicted to err so many times too much is not tried
-MARGIN = 1.1            # estimates are wrong by about as much
+MARGIN = 1.1            # estimates are wrong by about as much: so much more is told
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What `choose` found: settings, the error that is expected of them, why they, in a line, and a warning or ""."""
+    """What `choose` found: settings, the error that they surely do not exceed, why they, in a line, a warning or ""."""
 
     settings: Settings
     error: float
@@ -72,11 +72,10 @@ def _choose(team, scene, settings, draw):
     if settings.max_error is None:
         return Choice(rungs[most], look.error(most), told, late)
     tried = look.cheapest(settings.max_error, most)
-    best = list(tried)[-1] if MARGIN * list(tried.values())[-1] <= settings.max_error else min(tried, key=tried.get)
-    why = (f"tried {len(tried)} of {len(rungs)} settings on {look.rows} rows of the picture"
-           + (f"; {told}" if told else ""))
-    missed = (f"Settings.max_error is {settings.max_error:g}, but the best there is{' in that time' if told else ''} "
-              f"errs by about {tried[best]:.3g}" if tried[best] > settings.max_error else "")
+    best = max(tried)   # what was tried last, the dearest
+    why = f"tried {len(tried)} of {len(rungs)} settings on {look.rows} rows of the picture" + (told and f"; {told}")
+    missed = (f"Settings.max_error is {settings.max_error:g}, but the best there is{told and ' in that time'} errs by "
+              f"about {tried[best]:.3g}" if tried[best] > settings.max_error else "")
     return Choice(rungs[best], tried[best], why, late or missed)
 
 
@@ -130,9 +129,7 @@ def _hair(scene):
         return (float(np.mean([kind.width for kind in fur.types])),
                 float(np.mean([kind.segments * kind.segment_length for kind in fur.types])))
     if isinstance(fur, Curves) and len(fur.counts):
-        steps = np.linalg.norm(np.diff(fur.points, axis=0), axis=1)
-        steps[np.cumsum(fur.counts, dtype=np.int64)[:-1] - 1] = 0   # from one strand to the next
-        return float(fur.width.mean()), float(steps.sum()) / len(fur.counts)
+        return float(fur.width.mean()), hair_bounds(fur, len(fur.counts))[1] / len(fur.counts)
     return 0.0, 0.0
 
 
@@ -157,11 +154,11 @@ class Look:
         return np.concatenate([frame.images["color"][top:end] for top, end in self.bands]), frame.strands
 
     def error(self, place):
-        """What a rung's picture is expected to err: its difference to the finest, and what that one errs."""
+        """What a rung's picture errs, surely no more: by its difference to the finest, and what that one errs."""
         if place not in self._found:
             apart = 0.0 if place == len(self.rungs) - 1 else measures.error(
                 self._picture(self.rungs[place])[0], self._finest)
-            self._found[place] = float(np.hypot(apart, self.expected[-1]))
+            self._found[place] = MARGIN * float(np.hypot(apart, self.expected[-1]))
         return self._found[place]
 
     def cheapest(self, most_error, last):
@@ -171,7 +168,7 @@ class Look:
             if self.expected[place] > HOPELESS * most_error and place < last:
                 continue
             tried[place] = self.error(place)
-            if MARGIN * tried[place] <= most_error:
+            if tried[place] <= most_error:
                 break
         return tried
 

@@ -5,6 +5,7 @@ import sys
 import warnings
 from pathlib import Path
 
+import attrs
 import click
 
 from . import Error, draw, save
@@ -13,6 +14,7 @@ from .cli_compare import compare
 from .cli_devices import ask_drivers, devices
 from .cli_scene import is_scene_file, load_scene, scene_options
 from .cli_types import Names
+from .frontier import label
 from .image import check_writable
 
 
@@ -32,6 +34,11 @@ def clfur(context):
 @scene_options
 @click.option("--outputs", type=Names(), default="color", metavar="NAMES",
               help="What to save: color, depth, id, tangent, normal, uv, coverage; PNG holds color alone.")
+@click.option("--max-error", type=click.FloatRange(0, min_open=True), metavar="E",
+              help="Choose the cheapest samples, raster, shadows, grid and lod that err by no more, such as 0.05: root "
+                   "mean square of sRGB, 0 to 1, against the true picture.")
+@click.option("--budget", "seconds", type=click.FloatRange(0, min_open=True), metavar="SECONDS",
+              help="Choose the best whose frame takes no longer; the frames that this tries are not counted.")
 @click.option("--device", metavar="DEVICE",
               help="cpu, gpu, gpu:1, part of a name such as pocl, or 1:0; several with commas share a frame.  "
                    "[default: CLFUR_DEVICE, PYOPENCL_CTX or the best there is]")
@@ -69,7 +76,9 @@ def render(given, output, outputs, device, as_json, **options):
             "seconds": drawn.seconds, "stages": drawn.stages, "skipped": skipped,
             "camera": {"eye": scene.camera.pose[:3, 3].tolist(),
                        "target": None if scene.camera.target is None else scene.camera.target.tolist()},
-            "options": of_options | {name: getattr(settings, name) for name in ("samples", "shadows", "grid", "lod")}}))
+            "settings": attrs.asdict(drawn.settings), "error": drawn.error, "why": drawn.why,
+            "options": of_options | {
+                name: getattr(drawn.settings, name) for name in ("samples", "shadows", "grid", "lod")}}))
         return
     stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in drawn.stages.items())
     left_out = [f"{count:,} {what.replace('_', ' ')}" for what, count in skipped.items() if count]
@@ -77,7 +86,8 @@ def render(given, output, outputs, device, as_json, **options):
     fur += [f"{drawn.strands:,} strands, {drawn.segments:,} segments"] if scene.strands or not shells else []
     print(f"{output}: {drawn.triangles:,} triangles, {', '.join(fur)} "
           f"in {drawn.seconds:.2f} s on {drawn.device} ({stages})"
-          + (f"; skipped faces: {', '.join(left_out)}" if left_out else ""))
+          + (f"; skipped faces: {', '.join(left_out)}" if left_out else "")
+          + (f"; {label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""))
 
 
 clfur.add_command(chart)

@@ -12,11 +12,11 @@ import attrs
 import click
 from click.core import ParameterSource
 
-from . import Camera, Error, HairType, Light, Scene, Settings, Shells, Strands, load_mesh
+from . import PRESETS, Camera, Error, HairType, Light, Scene, Settings, Shells, Strands, load_mesh
 from .cli_types import Color, Numbers, Roots, Size, from_hex
 from .image import load_picture
 from .scene import frame
-from .settings import RASTERS, SHADOWS
+from .settings import CHOSEN, RASTERS, SHADOWS
 
 _SCENE = [
     click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
@@ -81,6 +81,8 @@ _SHELLS = [
                  help="Light on shells: by the hair's direction, or by the report's turned normals."),
 ]
 _SETTINGS = [
+    click.option("--preset", type=click.Choice(list(PRESETS)),
+                 help="Settings that were measured to be worth their time; options beside it count more."),
     click.option("--raster", type=click.Choice(RASTERS), default="samples",
                  help="Strands opaque in each sample, or transparent by the area that they cover."),
     click.option("--shadows", type=click.Choice(SHADOWS), default="length",
@@ -122,11 +124,10 @@ def load_scene(given, options):
     Raises `clfur.Error` for what cannot be loaded, and click.UsageError for options that have no say: the
     scene file sets them itself, or they are of another fur than is chosen.
     """
-    own = {field.name: options[field.name] for field in attrs.fields(Settings) if field.name in options}
-    settings = Settings(**own | ({"samples": int(own["samples"])} if own else {}))
     context = click.get_current_context()
     flags = {option.name: option.opts[0] for option in context.command.params if option.name in options
              and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE}
+    settings = _settings(flags, options)
     if not is_scene_file(given):
         _check_fur(flags, options)
         _check_blur(flags, settings)
@@ -134,10 +135,23 @@ def load_scene(given, options):
     scene, own_settings = _run(given)
     # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
     for name, flag in flags.items():
-        if own_settings or not hasattr(settings, name):
+        if own_settings or not (hasattr(settings, name) or name == "preset"):
             raise click.UsageError(f"{flag}: {given} sets this itself; change it there")
     _check_blur(flags, settings)
     return scene, own_settings or settings
+
+
+def _settings(flags, options):
+    """The `Settings` of the options; raises click.UsageError where some of those given, {name: flag}, have no say."""
+    own = {field.name: options[field.name] for field in attrs.fields(Settings) if field.name in options}
+    if own:
+        own["samples"] = int(own["samples"])
+    goal = next((flags[name] for name in ("seconds", "max_error") if name in flags), None)
+    if beside := goal and next((flags[name] for name in (*CHOSEN, "preset") if name in flags), None):
+        raise click.UsageError(f"{goal} chooses what {beside} sets; allowed: one of them")
+    if preset := options.get("preset"):
+        return attrs.evolve(PRESETS[preset], **{name: value for name, value in own.items() if name in flags})
+    return Settings(**own)
 
 
 def _check_fur(flags, options):

@@ -120,6 +120,9 @@ def compare(scene, devices="all", settings=None, repeat=5, reference=None, secon
         if not isinstance(value, kind):
             raise Error(f"{where} is {value!r:.60}; allowed: a clfur.{where.capitalize()}")
     settings = settings or Settings()
+    if settings.goal:
+        raise Error(f"Settings.{settings.goal} is given; allowed in a comparison: none, since each device would choose "
+                    f"settings of its own")
     repeat = checks.whole(1, 10000)(repeat, "repeat")
     chosen = _chosen(devices)
     best = [handle for handle, device in chosen if device == choose(reference or "auto")]

@@ -13,6 +13,7 @@ import attrs
 import numpy as np
 
 from . import cache, checks, measures, truth
+from .budget import PRESETS
 from .compare import Spread, plain
 from .errors import Error
 from .render import draw
@@ -24,7 +25,7 @@ OVER = 8                # truth's samples a pixel, across and down
 STEPS = 4               # of the pan, each of a pixel / STEPS
 LAYERS = 120            # of the shells that count as true
 FINEST = {"samples": 1, "filtered": False, "grid": 128, "shadow_map": 2048}   # and how they are drawn
-NAMED = {"default": Settings()}   # settings that a chart points at
+NAMED = {"default": Settings(), **PRESETS}   # settings that a chart points at
 
 
 @attrs.frozen
@@ -223,7 +224,7 @@ def _checked(scene, ways):
     own, found = scene.shells and scene.shells.layers, []
     for way in ways:
         settings, layers = way if isinstance(way, tuple) and len(way) == 2 else (way, own)
-        if not isinstance(settings, Settings) or (layers is not None and not scene.shells):
+        if not isinstance(settings, Settings) or settings.goal or (layers is not None and not scene.shells):
             checks.refuse("candidates", way, allowed if scene.shells else "Settings, since the scene has no shells")
         if scene.shells:
             layers = checks.whole(1, 1000)(layers, "candidates' layers")
@@ -307,7 +308,7 @@ def _time(scene, gpu, way):
 def _point(way, ways, kept):
     settings, layers = way
     times = kept.times(way)
-    name = next((name for name, named in NAMED.items() if named == settings), "")
+    name = ", ".join(name for name, named in NAMED.items() if named == settings)
     several = layers is not None and len({layers for _, layers in ways}) > 1
     return Point(settings, layers, label(settings, layers if several else None), name, times, Spread.of(times),
                  **kept.found(way))

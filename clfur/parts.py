@@ -129,7 +129,7 @@ class Work:
     def _bytes(self, settings):
         """Bytes on the device of a strand and of each of its points."""
         strand, point = (STRAND, POINT) if self.grown else (STRAND, POINT + 32)
-        if settings.lod:
+        if settings.lod and self.scene.strands is not None:
             colors = 0 if self.grown or len(self.scene.strands.color) < len(self.scene.strands.points) else 16
             strand, point = strand + THIN_STRAND, point + THIN_POINT + colors
         return strand, point

@@ -35,8 +35,8 @@ class Frame:
     on the device}.
     memory: most bytes that its arrays took on the device at once.  hashes: SHA-256 of what integer stages gave,
     {"visibility": ..., "voxels": ..., "shadow_map": ...}, if asked for.  settings: what it was drawn with.  error: what
-    `Settings.max_error` measures, as far as it can be told without the truth, and why: one line on how the settings were
-    chosen; None and "" if they were given.
+    `Settings.max_error` limits, as far as can be told without the truth; why: how the settings were chosen, in a line;
+    None and "" if they were given.
     """
 
     images: dict
@@ -74,7 +74,8 @@ def draw(scene, device=None, settings=None, outputs=("color",), hashes=False):
     ``hashes``: also hash the bits of the integer stages, which are the same on every device.
     With `Settings.max_error` the cheapest of `clfur.budget`'s ladder is taken that is near enough to its finest in a
     tenth of the picture; with ``seconds`` the dearest whose frame, done anew, takes no longer.  That is found out once
-    for a scene, a light and a distance, while the `Scheduler` is kept.  If it cannot be had: the best there is, and a warning.
+    for a scene, a light and a distance, while the `Scheduler` is kept, and is no part of the frame's seconds.  If it
+    cannot be had: the best there is, and a warning.  With both, seconds counts more.
     """
     outputs = (outputs,) if isinstance(outputs, str) else outputs
     for name in outputs if isinstance(outputs, (tuple, list)) else [outputs]:
@@ -212,7 +213,8 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
 
     rows = min(team.each(lambda gpu: plan(gpu)[1]))
     images, seen = {}, [hashlib.sha256() for _ in range(2 if covering else 1)]
-    todo = [(top, min(top + rows, until)) for first, until in bands or [(0, height)] for top in range(first, until, rows)]
+    todo = [(top, min(top + rows, until)) for first, until in bands or [(0, height)]
+            for top in range(first, until, rows)]
     while todo:
         top, end = todo.pop(0)
         view = band_of(whole, top, end)

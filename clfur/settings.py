@@ -36,8 +36,8 @@ class Settings:
     filtered: whether the pattern of shell fur is averaged over the pixel.  blur: where the report's Gaussian is laid
     over the picture: "off", "all", or "edges", which leaves the interior of the fur untouched.  blur_sigma: its width
     in pixels, above 0, at most 16.
-    max_error: None, or how wrong the picture may be: root mean square of the difference of sRGB-coded values (0 to 1) to
-    the true picture.  seconds: None, or how long a frame may take.  Where either is given, samples, raster, shadows,
+    max_error: None, or how wrong the picture may be: root mean square of the difference of sRGB-coded values (0 to 1)
+    to the true picture.  seconds: None, or how long a frame may take.  Where either is given, samples, raster, shadows,
     grid, shadow_map, pcf and lod are chosen (see `clfur.draw`), and may not be given here.
     Raises `clfur.Error` for anything else.
     """

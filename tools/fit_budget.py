@@ -80,7 +80,7 @@ def main():
     residual = np.log(predicted / errors).std(0)
     print("residuals", np.round(residual, 2), "estimate's", np.round(np.log(estimated / errors).std(0), 2))
     widths, covers = np.exp(known[:, 1:]).T
-    text = f'''"""What `clfur.budget` predicts by: fitted by tools/fit_budget.py on {len(found)} scenes of spheres and teapots.
+    text = f'''"""What `clfur.budget` predicts by; fitted by tools/fit_budget.py on {len(found)} scenes, spheres and teapots.
 
 COSTS: CPU time of each of `budget.LADDER`, in cheapest ones.  ERRORS: coefficients of 1, log(width of a strand in
 pixels) and log(strands that cover a pixel) for log(error) of each; the residuals' standard

@@ -1,0 +1,222 @@
+"""What `Settings(max_error=)` and `Settings(seconds=)` choose: cheap enough, near enough, and the same every time."""
+
+import warnings
+
+import attrs
+import numpy as np
+import pytest
+
+import clfur
+from clfur import budget, measures, truth
+from clfur.settings import CHOSEN
+
+GOALS = 0.3, 0.12, 0.09, 0.07, 0.05, 0.03
+
+
+def scene(mesh, fur="strands", size=(64, 48), eye=(0, 0.4, 3.2), **options):
+    hair = clfur.HairType(segment_length=0.04, force_weight=0.1, width=0.012)
+    strands = clfur.Strands(inner=1, outer=1, roots=600, types=[hair])
+    points = np.random.default_rng(3).normal(size=(50, 4, 3)) * 0.4
+    return clfur.Scene(mesh=mesh, camera=clfur.Camera(eye=eye, size=size), **options, fur={
+        "strands": strands, "none": None, "shells": clfur.Shells(frequency=8, layers=8), "curves": clfur.Curves(points),
+        "bald": clfur.Curves(np.zeros((0, 3)), counts=np.zeros(0, int)),
+        "both": (clfur.Shells(frequency=8, layers=8), strands)}[fur])
+
+
+def place_of(settings, drawn):
+    """Where settings stand on the ladder of a scene."""
+    return budget.ladder(drawn).index(settings)
+
+
+@pytest.fixture
+def frames(monkeypatch):
+    """[(settings, bands)] of all that is drawn from here on."""
+    import sys
+    render, calls = sys.modules["clfur.render"], []
+    real = render._draw
+
+    def draw(team, scene, settings, *rest, bands=None):
+        calls.append((settings, bands))
+        return real(team, scene, settings, *rest, bands=bands)
+    monkeypatch.setattr(render, "_draw", draw)
+    return calls
+
+
+def quiet(*arguments, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return clfur.draw(*arguments, **options)
+
+
+def test_the_ladder():
+    """It goes up, and the presets are rungs of it; what is fitted is of each rung."""
+    assert len(set(budget.LADDER)) == len(budget.LADDER) == len(budget.COSTS) == len(budget.ERRORS)
+    assert budget.COSTS == sorted(budget.COSTS) and budget.COSTS[0] == 1
+    assert list(clfur.PRESETS) == ["draft", "preview", "final", "reference"]
+    places = [budget.LADDER.index(settings) for settings in clfur.PRESETS.values()]
+    assert places == sorted(places)
+    typical = budget.predicted(0.3, 4)
+    assert all(0.01 < finer <= 1.02 * coarser < 0.2 for coarser, finer in zip(typical, typical[1:]))
+
+
+def test_max_error(gpu, sphere):
+    """A smaller one is never cheaper, the picture is that of the settings told, and it is as near as told."""
+    furry = scene(sphere)
+    true, places, told = truth.picture(furry, samples=6), [], []
+    for goal in GOALS:
+        drawn = quiet(furry, gpu, clfur.Settings(max_error=goal))
+        places.append(place_of(drawn.settings, furry))
+        told.append(drawn.error)
+        assert drawn.settings.goal is None and drawn.why
+        assert np.array_equal(drawn.images["color"], clfur.render(furry, gpu, drawn.settings))
+        error = measures.error(drawn.images["color"], true)
+        assert 0.6 * drawn.error < error < 1.15 * drawn.error
+        assert drawn.error <= goal or drawn.settings == budget.ladder(furry)[-1]
+    assert places == sorted(places) and places[0] == 0 and len(set(places)) >= 3
+    assert told == sorted(told, reverse=True)
+
+
+def test_the_same_every_time(gpu, sphere):
+    first, again, other = (quiet(scene(sphere), device, clfur.Settings(max_error=0.07)) for device in (
+        gpu, gpu, clfur.Scheduler(gpu.device)))
+    assert first.settings == again.settings == other.settings and first.error == again.error == other.error
+    assert np.array_equal(first.images["color"], other.images["color"])
+    together = quiet(scene(sphere), [gpu, clfur.Scheduler(gpu.device)], clfur.Settings(max_error=0.07))
+    assert (together.settings, together.error) == (first.settings, first.error)
+
+
+def test_it_is_chosen_once_for_a_scene(gpu, sphere, frames):
+    """Not again for another place of the camera; again for another distance, light, fur or goal."""
+    furry, goal = scene(sphere), clfur.Settings(max_error=0.07)
+
+    def tried(drawn, settings=goal):
+        del frames[:]
+        quiet(drawn, gpu, settings)
+        return len(frames) - 1   # the picture itself
+    assert tried(furry) >= 2 and all(bands for _, bands in frames[:-1]) and frames[-1][1] is None
+    assert tried(furry) == 0
+    assert tried(attrs.evolve(furry, camera=clfur.Camera(eye=(3.2, 0.4, 0), size=(64, 48)))) == 0
+    assert tried(furry, attrs.evolve(goal, specular="half-vector", blur="all")) == 0
+    assert frames[-1][0].specular == "half-vector" and frames[-1][0].blur == "all"
+    assert tried(attrs.evolve(furry, camera=clfur.Camera(eye=(0, 1, 9), size=(64, 48)))) > 0
+    for change in ({"fur": scene(sphere).fur}, {"light": clfur.Light((0, -1, 0))}, {"body_color": None}):
+        assert tried(furry) > 0
+        assert tried(attrs.evolve(furry, **change)) > 0
+    assert tried(furry) > 0 and tried(furry, clfur.Settings(max_error=0.08)) > 0
+
+
+def test_it_cannot_be_had(gpu, sphere):
+    furry = scene(sphere)
+    with pytest.warns(UserWarning, match=r"^Settings.max_error is 1e-06, but the best there is errs by about 0\.0\d+$"):
+        drawn = clfur.draw(furry, gpu, clfur.Settings(max_error=1e-6))
+    assert drawn.settings == budget.ladder(furry)[-1] and drawn.error > 1e-6
+    with pytest.warns(UserWarning, match="^Settings.seconds is 1e-09, but the fastest frame there is takes "):
+        drawn = clfur.draw(furry, gpu, clfur.Settings(seconds=1e-9))
+    assert drawn.settings == budget.ladder(furry)[0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        clfur.draw(furry, gpu, clfur.Settings(max_error=0.5, seconds=1e3))
+
+
+@pytest.mark.parametrize("seconds, place", [(0.05, 0), (0.1, 0), (0.31, 1), (0.35, 1), (0.45, 2), (5, 3)])
+def test_seconds(gpu, sphere, monkeypatch, seconds, place):
+    """The dearest that its own time allows, with max_error too; a wrong prediction only costs a try."""
+    furry, goal = scene(sphere), clfur.Settings(seconds=seconds)
+    rungs, times = budget.ladder(furry), [0.1, 0.3, 0.4, 0.5, *[9] * 9]
+    monkeypatch.setattr(budget, "_time", lambda team, rung, draw: times[rungs.index(rung)])
+    drawn = quiet(furry, gpu, goal)
+    assert place_of(drawn.settings, furry) == place and drawn.why.startswith(f"its frame took {times[place]:g} s of")
+    assert drawn.error == quiet(furry, gpu, goal).error > 0
+    near = quiet(furry, gpu, clfur.Settings(seconds=seconds, max_error=1e-6))
+    assert place_of(near.settings, furry) == place
+    far = quiet(furry, gpu, clfur.Settings(seconds=seconds, max_error=0.5))
+    assert place_of(far.settings, furry) == 0
+
+
+def test_fastest():
+    """It asks for each time once and never for a dearer one than before."""
+    rungs = list(range(len(budget.COSTS)))
+    random = np.random.default_rng(1)
+    for _ in range(200):
+        times, asked = random.random(len(rungs)), []
+
+        def time(rung):
+            asked.append(rung)
+            return times[rung]
+        seconds = random.random()
+        place, took = budget.fastest(rungs, seconds, time)
+        assert took == times[place] and (took <= seconds or place == 0)
+        assert asked[1:] == sorted(asked[1:], reverse=True) and len(set(asked)) == len(asked)
+
+
+def test_cheapest_is_monotone(monkeypatch):
+    """Whatever is predicted and found: a smaller error never means a cheaper rung."""
+    random = np.random.default_rng(1)
+    for _ in range(300):
+        look, found = object.__new__(budget.Look), random.random(6)
+        look.expected = random.random(6)
+        monkeypatch.setattr(look, "error", found.__getitem__, raising=False)
+        chosen = [max(look.cheapest(goal, 5)) for goal in np.linspace(1, 1e-3, 40)]
+        assert chosen == sorted(chosen)
+        for goal in (0.2, 0.6):
+            tried = look.cheapest(goal, 5)
+            assert all(error > goal for error in list(tried.values())[:-1])
+
+
+@pytest.mark.parametrize("fur", ["none", "shells", "both", "curves", "bald"])
+def test_other_furs(gpu, sphere, fur):
+    furry = scene(sphere, fur)
+    drawn = quiet(furry, gpu, clfur.Settings(max_error=0.06, filtered=False))
+    assert 0 <= drawn.error < 0.12 and not drawn.settings.filtered
+    assert np.array_equal(drawn.images["color"], clfur.render(furry, gpu, drawn.settings))
+    assert place_of(quiet(furry, gpu, clfur.Settings(max_error=9)).settings, furry) == 0
+
+
+@pytest.mark.parametrize("height, eye", [(1, (0, 0, 3)), (3, (0, 0, 3)), (48, (0, 0, 3)), (480, (0, 1, 30)),
+                                         (100, (0, 0, 0.1)), (100, (0, 9, 0.1))])
+def test_bands(sphere, height, eye):
+    """About a tenth of the rows, in order, and within the picture."""
+    found = budget.bands(scene(sphere, size=(8, height), eye=eye))
+    rows = [row for top, end in found for row in range(top, end)]
+    assert rows and rows == sorted(set(rows)) and 0 <= rows[0] and rows[-1] < height
+    assert len(rows) <= max(0.13 * height, 5)
+
+
+def test_bands_lie_on_the_fur(sphere):
+    """Where the scene is small in its picture, the rows are there."""
+    furry = scene(sphere, size=(64, 480), eye=(0, 0, 20))
+    covered = clfur.render(furry, settings=clfur.Settings(samples=1))[..., 3].any(1)
+    assert all(covered[top:end].any() for top, end in budget.bands(furry)) and covered.mean() < 0.3
+
+
+def test_cells_are_no_finer_than_strands(sphere):
+    def grids(width):
+        hair = clfur.HairType(width=width, segments=1, segment_length=1)
+        return {rung.grid for rung in budget.ladder(clfur.Scene(mesh=sphere, fur=clfur.Strands(types=[hair])))}
+    assert grids(0.001) == grids(0) == {rung.grid for rung in budget.LADDER} and max(grids(0.001)) == 256
+    assert grids(0.05) == {48, 64, 96, 128}   # 2 times a radius of 2 / (0.6 * 0.05) = 135
+    assert grids(0.5) == {48}
+
+
+@pytest.mark.parametrize("name, value", [("samples", 1), ("raster", "coverage"), ("shadows", "off"), ("grid", 64),
+                                         ("shadow_map", 64), ("pcf", 0), ("lod", 1.0)])
+def test_what_is_chosen_cannot_be_given(name, value):
+    assert name in CHOSEN
+    for goal in ("max_error", "seconds"):
+        with pytest.raises(clfur.Error, match=f"Settings.{name} is .*Settings.{goal} chooses it"):
+            clfur.Settings(**{goal: 0.1, name: value})
+    assert clfur.Settings(seconds=1, max_error=0.1, blur="all", filtered=False).goal == "seconds"
+
+
+@pytest.mark.parametrize("value", [0, -1, float("nan"), "fast", True])
+def test_wrong_goals(value):
+    for name in ("max_error", "seconds"):
+        with pytest.raises(clfur.Error, match=f"Settings.{name} is .*; allowed: "):
+            clfur.Settings(**{name: value})
+
+
+def test_goals_have_no_place_in_charts_and_comparisons(sphere):
+    with pytest.raises(clfur.Error, match="candidates is"):
+        clfur.frontier(scene(sphere), [clfur.Settings(max_error=0.1)])
+    with pytest.raises(clfur.Error, match="Settings.seconds is given"):
+        clfur.compare(scene(sphere), settings=clfur.Settings(seconds=1))
