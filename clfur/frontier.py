@@ -111,7 +111,8 @@ def sweep(scene):
     add(samples=[1], raster=["samples", "coverage"], lod=[0, 2], shadows=["off", "length"], grid=[32],
         shadow_map=[256], pcf=[0], layers=[8])
     add(samples=[4, 16], grid=[96, 128], shadow_map=[2048], layers=[60])
-    found += [(settings, scene.shells.layers if shells else None) for settings in NAMED.values()]
+    found += [(settings, scene.shells.layers if shells else None) for settings in NAMED.values()
+              if strands or settings not in PRESETS.values()]   # presets are of strands
     return list(dict.fromkeys(found))
 
 

@@ -6,9 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import attrs
 import numpy as np
 import pytest
 from conftest import wrong
+
+from clfur import Settings
 
 SMALL = ["--size", "64x48", "--inner", "2", "--outer", "2", "--samples", "1"]
 
@@ -50,6 +53,44 @@ def test_json(clfur, tmp_path):
     assert told["triangles"] > 0 and told["seconds"] > 0 and all(s >= 0 for s in told["stages"].values())
     assert told["skipped"] == {"degenerate": 0, "zero_normal": 0}
     assert (tmp_path / "a.png").stat().st_size > 500
+
+
+FURRY = ["--size", "64x48", "--inner", "1", "--outer", "1", "--roots", "500"]
+
+
+def test_max_error(clfur):
+    """What was chosen, how wrong it is and why; the same as the settings given one by one."""
+    code, out, err = clfur("render", "sphere", *FURRY, "--max-error", ".07", "--blur", "edges", "-o", "a.npz", "--json")
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    assert 0.02 < told["error"] <= 0.07 and told["why"].startswith("tried ") and told["settings"]["max_error"] is None
+    assert set(told["settings"]) == {field.name for field in attrs.fields(Settings)}
+    assert told["options"]["grid"] == told["settings"]["grid"] and told["settings"]["blur"] == "edges"
+    given = [part for name in ("samples", "raster", "lod", "grid", "blur")
+             for part in (f"--{name}", told["settings"][name])]
+    assert (told["settings"]["pcf"], told["settings"]["shadow_map"]) == (1, 512)
+    assert clfur("render", "sphere", *FURRY, *given, "-o", "b.npz")[0] == 0
+    with np.load("a.npz") as one, np.load("b.npz") as other:
+        assert np.array_equal(one["color"], other["color"])
+    code, out, err = clfur("render", "sphere", *FURRY, "--max-error", "0.3")
+    assert (code, err) == (0, "") and "; 1 sample, length 48, map 256, pcf 0, lod 1: error about 0." in out
+    code, out, err = clfur("render", "sphere", *FURRY, "--json")
+    told = json.loads(out)
+    assert (told["error"], told["why"], told["settings"]["samples"]) == (None, "", 4)
+
+
+def test_budget(clfur, tmp_path):
+    code, out, err = clfur("render", "sphere", *FURRY, "--budget", "100", "--json")
+    told = json.loads(out)
+    assert (code, err) == (0, "") and told["why"].startswith("its frame took 0.") and told["settings"]["grid"] > 100
+    code, out, err = clfur("render", "sphere", *FURRY, "--budget", "1e-6", "--json")
+    assert code == 0 and json.loads(out)["settings"]["samples"] == 1
+    assert err.startswith("clfur: warning: Settings.seconds is 1e-06, but the fastest") and err.count("\n") == 1
+    code, _, err = clfur("render", "sphere", *FURRY, "--max-error", "1e-6")
+    assert code == 0 and err.startswith("clfur: warning: Settings.max_error is 1e-06, but the best there is errs by ")
+    (tmp_path / "fur.py").write_text(SCENE_FILE + "settings = clfur.Settings(max_error=0.2)")
+    code, out, _ = clfur("render", "fur.py", "--json")
+    assert code == 0 and json.loads(out)["error"] <= 0.2
 
 
 def test_outputs(clfur, tmp_path):
@@ -130,6 +171,8 @@ def test_scene_file_with_settings_and_no_mesh(clfur, tmp_path):
     (SCENE_FILE, ["--size", "64x48"], ["--size", "fur.py sets this itself"]),
     (SCENE_FILE, ["--seed", "0"], ["--seed", "fur.py sets this itself"]),
     (SCENE_FILE + "settings = clfur.Settings()", ["--samples", "16"], ["--samples", "fur.py sets this itself"]),
+    (SCENE_FILE + "settings = clfur.Settings()", ["--preset", "draft"], ["--preset", "fur.py sets this itself"]),
+    (SCENE_FILE + "settings = clfur.Settings()", ["--max-error", ".1"], ["--max-error", "fur.py sets this itself"]),
     ("", [], ["fur.py sets no scene; allowed: scene = clfur.Scene(...)"]),
     ("scene = 'fur'", [], ["fur.py sets scene = 'fur'; allowed: scene = clfur.Scene(...)"]),
     (SCENE_FILE + "settings = 16", [], ["fur.py sets settings = 16; allowed: settings = clfur.Settings(...)"]),
@@ -185,6 +228,14 @@ def test_skipped_faces_are_counted(clfur, tmp_path):
     (["render", "sphere", "--device", "abacus"], ["abacus", "there is"]),
     (["render", "sphere", "--type-map", "map.png"], ["--types"]),
     (["render", "sphere", "--types", "types.json"], ["types.json"]),
+    (["render", "sphere", "--preset", "best"], ["--preset", "draft", "reference"]),
+    (["render", "sphere", "--max-error", "0"], ["--max-error", "x>0"]),
+    (["render", "sphere", "--max-error", "0.1", "--samples", "4"], ["--max-error chooses what --samples sets"]),
+    (["render", "sphere", "--raster", "samples", "--budget", "1"], ["--budget chooses what --raster sets"]),
+    (["render", "sphere", "--budget", "1", "--max-error", "0.1", "--lod", "0"], ["--budget", "--lod"]),
+    (["render", "sphere", "--budget", "1", "--shadows", "length"], ["--budget", "--shadows"]),
+    (["render", "sphere", "--budget", "1", "--grid", "48"], ["--budget", "--grid"]),
+    (["render", "sphere", "--budget", "1", "--preset", "final"], ["--budget", "--preset"]),
     (["render", "missing.obj"], ["missing.obj"]),
     (["render", "cow"], ["cow"]),
 ])

@@ -1,11 +1,12 @@
 """The scene and the settings that the commands' options describe; nothing is drawn."""
 
+import attrs
 import click
 import numpy as np
 import pytest
 from conftest import wrong
 
-from clfur import Curves, Error, Settings, Shells, Strands, cli_scene, load_mesh
+from clfur import PRESETS, Curves, Error, Settings, Shells, Strands, cli_scene, load_mesh
 
 
 @click.command()
@@ -96,6 +97,14 @@ def test_lod():
     assert [load("sphere", *given)[1].lod for given in ((), ("--lod", 0.5))] == [0, 0.5]
 
 
+def test_preset():
+    for name, settings in PRESETS.items():
+        assert load("sphere", "--preset", name)[1] == settings
+    beside = load("sphere", "--preset", "final", "--grid", 32, "--blur", "all")[1]
+    assert beside == attrs.evolve(PRESETS["final"], grid=32, blur="all")
+    assert load("sphere", "--grid", 48, "--preset", "final")[1].grid == 48   # also where it is the default's
+
+
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
            "--types": "a.json", "--curl": "0,0", "--wave": "0,0", "--lod": 0.5}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 1, "--noise": "0.5,8",
@@ -103,7 +112,7 @@ SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
           "--segments": 1, "--force": "0,0,0", "--force-weight": 1, "--seed": 1, "--eye": "9,9,9",
           "--target": "0,0,0", "--fov": 30, "--light": "0,-1,0", "--shadows": "off", "--grid": 16, "--samples": 1,
-          "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2}
+          "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2, "--preset": "draft"}
 
 
 def test_each_option_is_of_strands_or_of_shells_or_of_both():

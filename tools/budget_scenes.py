@@ -14,7 +14,7 @@ SAMPLES = 6   # of each of two truths, squared, a pixel
 
 
 def furry(mesh, strands, pixels, length, away=1.0, size=(160, 120), light=(1, -1, -0.6), segments=8, **hair):
-    """A mesh with so many strands, so many pixels wide, so long (in its radii), so much further than fills a picture."""
+    """A mesh with so many strands, so many pixels wide, so long (in its radii), as much further than fits."""
     mesh = clfur.load_mesh(mesh) if isinstance(mesh, str) else mesh
     center, radius = mesh.bounds
 

@@ -65,7 +65,7 @@ def main():
     for name, (mesh, strands, pixels, length, how) in SCENES.items():
         each = measured(furry(mesh, strands, pixels, length, **how), gpu, arguments.repeat)
         found.append(each)
-        print(f"{name:16} width {each['features'][0]:.2f} px, cover {each['features'][1]:.2f}, "
+        print(f"{name:16} {each['features'][0]:.2f} px wide, cover {each['features'][1]:.2f}, "
               f"grid {each['grid']}\n   error {np.round(each['error'], 4)}\n   apart {np.round(each['apart'], 4)}\n"
               f"   ms    {np.round(1e3 * each['cost'])}", flush=True)
     costs, coefficients = fit(found)

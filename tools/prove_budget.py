@@ -58,7 +58,7 @@ def main():
     arguments = parser.parse_args()
     gpu, met, dear, asked = clfur.Scheduler(), 0, 0, 0
     warnings.simplefilter("ignore")
-    print("| scene | width, px | errors of the ladder | CPU ms | max_error | chosen | its error (told) | best | cost |\n"
+    print("| scene | px wide | errors of the ladder | CPU ms | max_error | chosen | its error (told) | best | cost |\n"
           "|---|--:|---|---|--:|--:|--:|--:|--:|")
     for name, scene in scenes(arguments.mesh):
         truths = truths_of(scene)
