@@ -81,7 +81,8 @@ __kernel void color(
         const ulong key = visible[pixel * samples + s];
         const bool is_body = (uint)key & BODY;
         const uint id = is_body ? own((uint)key & ~BODY, part.z, part.w) : own((uint)key, part.x, part.y);
-        if ((uint)key == NOTHING || id == (is_body ? part.w : part.y))
+        const float share_seen = veiled ? through[pixel * samples + s] : 1.0f;
+        if ((uint)key == NOTHING || id == (is_body ? part.w : part.y) || share_seen == 0.0f)
             continue;
         const float4 p = seen_point(&view, x, y, s, (uint)(key >> 32)), v = towards_eye(&view, p);
         float4 lit, l = -light.direction, direct = light.color;
@@ -122,7 +123,7 @@ __kernel void color(
                 : mix(colors[id], colors[id + 1], at);
             lit = fibre(c, shine.x, shine.y, half_vector, t, l, v, direct);
         }
-        sum += (veiled ? weight * through[pixel * samples + s] : weight) * (float4)(lit.xyz, 1.0f);
+        sum += weight * share_seen * (float4)(lit.xyz, 1.0f);
     }
     image[pixel] = sum;
 }
