@@ -25,7 +25,8 @@
 #define MOST_STEPS 20000    // tetrahedra on one way, on average: no scene that is any good has so many
 
 /* sin(2 pi r), |r| <= 1/4, to 1e-7 (Taylor).  Words and not a function: what is told to round each step may do so. */
-#define QUARTER(r, z) ((r) * (6.2831853f + (z) * (-41.341702f + (z) * (81.605249f + (z) * (-76.705860f + (z) * (42.058694f - (z) * 15.094643f))))))
+#define QUARTER(r, z) ((r) * ((6.2831853f - 41.341702f * (z) + (z) * (z) * (81.605249f - 76.705860f * (z))) \
+                              + (z) * (z) * ((z) * (z)) * (42.058694f - 15.094643f * (z))))
 
 INLINED lanes quarter(lanes r)
 {
@@ -292,6 +293,16 @@ INLINED float2 mean_at(__global const float2 *means, float h)
 
 /* Products may be added unrounded here and among march's looks: no whole number hangs on them.  Elsewhere it costs. */
 #pragma OPENCL FP_CONTRACT ON
+/* As root, in fewer steps. */
+INLINED lanes quick_root(lanes x)
+{
+    const lanes half_x = 0.5f * x;
+    lanes y = AS_F(U(0x5F375A86u) - (AS_U(x) >> 1));
+    y *= 1.5f - half_x * y * y;
+    y *= 1.5f - half_x * y * y;
+    return x * y;
+}
+
 /* Integral of smoothstep(0, 1, u) over u, and 1. */
 INLINED lanes integral(lanes u)
 {
@@ -578,7 +589,7 @@ __kernel void march(
             wide = (view.to_screen[0].w * d.x + view.to_screen[1].w * d.y + view.to_screen[2].w * d.z) * finer;   // of a pixel, at 1
         }
         lanes red = F(0.0f), green = red, blue = red, alpha = red;
-        lanes until = F(0.5f), aside = red, uncovered = F(1.0f), slack = red;   // to the next look; since the last one
+        lanes until = F(0.5f), aside = red, uncovered_inverse = F(1.0f), slack = red;   // to the next look; since the last one
         lanes at_depth = red;              // distance where each is
         lanes_i leaves = I(0);
 
@@ -645,7 +656,7 @@ __kernel void march(
                 const lanes low = within((front - z_in) * shorter, 0.0f, 1.0f);
                 const lanes high = greater(within((stop - z_in) * shorter, 0.0f, 1.0f), low);
                 const lanes rise = h_out - h_in, mx = x_out - x_in, my = y_out - y_in;
-                const lanes move = root(mx * mx + my * my + 1e-20f);
+                const lanes move = quick_root(mx * mx + my * my + 1e-20f);
                 const lanes footprint = shells.kind.w ? wide * (0.5f * (z_in + z_out)) : F(0.0f);
                 const lanes blur = footprint * second.w;
                 const lanes fade = within((blur - FAR_FROM) * (1.0f / (FAR_TO - FAR_FROM)), 0.0f, 1.0f);
@@ -655,7 +666,10 @@ __kernel void march(
                 const lanes_i is_far = far > 0.0f, passes = running;
                 const bool any_far = any_lane(running & is_far);
                 const lanes measure_inverse = 1.0f / measure, a_step = move * measure_inverse;
-                const lanes rate = greater((move * steep + positive(rise) * steep_up - rise) * measure_inverse, F(1e-2f)), rate_inverse = 1.0f / rate;
+                /* How fast fur can come nearer from one look to the next. */
+                const lanes nearer = move * steep + positive(rise) * steep_up - rise;
+                const lanes rate = greater(nearer * measure_inverse, F(1e-2f));
+                const lanes rate_inverse = lesser(measure / greater(nearer, F(1e-30f)), F(1e2f));
                 /* From here on a place is told by what was looked past since it came in here: 0 to span. */
                 const lanes z_step = length * measure_inverse, h_step = rise * measure_inverse;
                 const lanes x_step = mx * measure_inverse, y_step = my * measure_inverse;
@@ -704,12 +718,12 @@ __kernel void march(
                     } else {
                         v = cells(&shells, face, (int)second.z, x, y, moved_x * h, moved_y * h, &by_x, &by_y, &top, &fold);
                     }
-                    const lanes gap = h - v - room;
-                    clear = looks ? at + greater(gap, F(0.0f)) * rate_inverse : clear;
-                    next = looks & look ? at + 1.0f + nearest(clear - at - 0.5f) : next;
+                    const lanes gap = (h - room) - v, ahead = greater(gap, F(0.0f)) * rate_inverse;
+                    clear = looks ? at + ahead : clear;
+                    next = looks & look ? (at + 1.0f) + nearest(ahead - 0.5f) : next;
                     running = looks & look;
                     if (!any_lane(looks & (gap < 0.0f))) {
-                        uncovered = looks ? F(1.0f) : uncovered;
+                        uncovered_inverse = looks ? F(1.0f) : uncovered_inverse;
                         looked = at;
                         continue;
                     }
@@ -724,15 +738,13 @@ __kernel void march(
                     /* v - h changes across the ray by g over a pixel. */
                     const lanes across_a = by_x * grad_xa + by_y * grad_ya - up_a, across_u = by_x * grad_xu + by_y * grad_yu - up_u;
                     const lanes width = greater(smooth * h, F(1e-3f));
-                    const lanes g = greater(pixel * root(across_a * across_a + across_u * across_u + 1e-20f), 1e-2f * width);
-                    /* Divisions are dear: one for three. */
-                    const lanes both = width * g, wider = width + g, once = 1.0f / (both * wider);
-                    const lanes ramp = once * both, each = once * wider, sharper = each * g;
-                    const lanes covered = cover((v - h) * sharper, 0.5f * g * sharper, (top - h) * sharper, (fold - h) * sharper,
-                                                each * width * width);
+                    const lanes sharper = 1.0f / width, least = 1e-2f * width;
+                    const lanes g = greater(pixel * quick_root(across_a * across_a + across_u * across_u + 1e-20f), least);
+                    const lanes covered = cover((v - h) * sharper, 0.5f * sharper * g, (top - h) * sharper, (fold - h) * sharper,
+                                                width / g);
                     /* What is hidden here and was not before, of what is left: hairs go down to the skin, so that one
                        look below another hides the same again. */
-                    lanes kept = lesser((1.0f - covered) / uncovered, F(1.0f));
+                    lanes kept = lesser((1.0f - covered) * uncovered_inverse, F(1.0f));
                     if (any_far) {
                         lanes many = F(1.0f);
                         for (int i = 0; i < LANES; ++i)
@@ -743,11 +755,11 @@ __kernel void march(
                     }
                     looked = at;
                     kept = looks ? kept : F(1.0f);
-                    uncovered = looks ? greater(1.0f - covered, F(1e-3f)) : uncovered;
+                    uncovered_inverse = looks ? 1.0f / greater(1.0f - covered, F(1e-3f)) : uncovered_inverse;
                     if (!any_lane(kept < 1.0f))
                         continue;
                     /* It was met where the ramp from nothing to all was half gone through since the look before. */
-                    const lanes now = (v - h + 0.5f * g) * ramp, change = (by_x * x_step + by_y * y_step - h_step) * ramp;
+                    const lanes ramp = 1.0f / (width + g), now = (v - h + 0.5f * g) * ramp, change = (by_x * x_step + by_y * y_step - h_step) * ramp;
                     const lanes middle = 0.5f * (within(now - change, 0.0f, 1.0f) + within(now, 0.0f, 1.0f));
                     const lanes_i rises = (change > 1e-6f) & !is_far;
                     const lanes back = rises ? within((now - middle) / (rises ? change : F(1.0f)), 0.0f, 1.0f) : F(0.5f);
