@@ -502,7 +502,7 @@ __kernel void march(
     const float finer = 1.0f / (view.scale.x * sqrt((float)samples)), slabs_inverse = 1.0f / slabs;
     /* How fast the fur's height can change sideways, and with the height; 6 and 1.5 bound the noise's slope and size. */
     const float steep_here = (shells.kind.x ? 4.4428830f : 1.0f / CELL_RADIUS) / shells.shape.y;
-    const float steep = steep_here * (shells.kind.x ? 1.0f + 6.0f * shells.shape.z / shells.shape.w : 1.0f);
+    const float steep_noise = steep_here * 6.0f * shells.shape.z / shells.shape.w;     // of cells at the tips, which lean
     const float steep_up = shells.kind.x ? 0.0f : 1.5f * steep_here * shells.shape.z;
     const float steepest = 1.0f / shells.size.x;      // gradient of h
     const float half_thin = 0.5f / shells.shape.y, thinned = 1.0f - 2.0f * half_thin, smooth = shells.shape.x - 1.0f;
@@ -667,7 +667,7 @@ __kernel void march(
                 const bool any_far = any_lane(running & is_far);
                 const lanes measure_inverse = 1.0f / measure, a_step = move * measure_inverse;
                 /* How fast fur can come nearer from one look to the next. */
-                const lanes nearer = move * steep + positive(rise) * steep_up - rise;
+                const lanes nearer = move * (steep_here + steep_noise * (shells.kind.x ? F(1.0f) : greater(h_in, h_out))) + positive(rise) * steep_up - rise;
                 const lanes rate = greater(nearer * measure_inverse, F(1e-2f));
                 const lanes rate_inverse = lesser(measure / greater(nearer, F(1e-30f)), F(1e2f));
                 /* From here on a place is told by what was looked past since it came in here: 0 to span. */

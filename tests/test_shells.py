@@ -157,7 +157,7 @@ def test_rays_equal_the_twin(gpu, monkeypatch, name):
     agree(it, how.get("form", "kajiya-kay"))
 
 
-@pytest.mark.parametrize("lanes", [1, 8, 16])
+@pytest.mark.parametrize("lanes", [1, 8, 16, 32])
 def test_rays_are_the_same_side_by_side(gpu, monkeypatch, lanes):
     """As GPUs and CPUs take them: one ray a work-item, or several."""
     other = clfur.Scheduler(gpu.device)
