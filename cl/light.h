@@ -1,4 +1,4 @@
-/* What a sample sees, and the light that reaches it: shade.cl and shells.cl use this. */
+/* What a sample sees, and the light that reaches it: shade.cl, coverage.cl and shells.cl use this. */
 
 /* The world point that a sample sees. */
 inline float4 seen_point(const View *view, int x, int y, int s, uint depth)
@@ -19,7 +19,8 @@ inline float4 towards_eye(const View *view, float4 p)
 
 inline float sine(float cosine)
 {
-    return sqrt(max(1.0f - cosine * cosine, 0.0f));
+    const float square = 1.0f - cosine * cosine;
+    return sqrt(square > 0.0f ? square : 0.0f);
 }
 
 /* Kajiya and Kay's light from one fibre: t its tangent, l towards the light, v towards the eye. Their own highlight
@@ -34,7 +35,8 @@ inline float4 fibre(float4 color, float specular, float exponent, int half_vecto
         const float length = sqrt(dot3(h, h));
         highlight = length > 1e-6f ? sine(dot3(t, h) / length) : 0.0f;
     } else {
-        highlight = max(sine(tl) * sine(tv) - tl * tv, 0.0f);
+        highlight = sine(tl) * sine(tv) - tl * tv;
+        highlight = highlight > 0.0f ? highlight : 0.0f;
     }
     /* highlight^exponent, left out where it is below exp(-16): a power costs more than all the rest here. */
     if ((1.0f - highlight) * exponent < 16.0f)
@@ -97,4 +99,88 @@ inline float past_body(const View *seen, __global const ulong *map, int radius, 
             dark += (long)(row[i] >> 32) + plane_at + i * x_step + j * y_step < DEPTH_ONE;
     }
     return 1.0f - (float)dark / ((2 * radius + 1) * (2 * radius + 1));
+}
+
+/* mix() without calling it, as PoCL would. */
+inline float4 between(float4 a, float4 b, float at)
+{
+    return a + at * (b - a);
+}
+
+/* Share of the way from a to b at which p stands. */
+inline float place_between(float4 a, float4 b, float4 p)
+{
+    float4 d = b - a, e = p - a;
+    d.w = e.w = 0.0f;
+    const float square = dot3(d, d);
+    const float at = square > 0.0f ? dot3(d, e) / square : 0.0f;
+    return at < 0.0f ? 0.0f : at < 1.0f ? at : 1.0f;
+}
+
+/* The light, and what stands before it. */
+typedef struct {
+    const Light *light;
+    const Shadow *shadow;
+    const Grid *grid;
+    const View *seen;                      // by the light
+    __global const float *sums;            // [nz + 1, ny, nx] crossings before each layer of the grid
+    __global const ulong *map;             // [seen.size] nearest body
+    int half_vector;                       // 0: Kajiya and Kay's highlight, 1: the report's
+} Lamps;
+
+/* Strands: see strands.cl. */
+typedef struct {
+    __global const float4 *points, *tangents;
+    __global const uint *strand_of;
+    __global const float4 *strand_normal;  // [strands] of the skin at the root, 0: not known
+    __global const float4 *strand_uv;      // [strands] u, v, type
+    __global const HairType *types;
+    __global const float4 *colors;         // one, [strands] or [points]
+    int color_per;                         // 0: one for all, 1: each strand, 2: each point
+} Hair;
+
+/* The light's colour where it reaches p, and its ambient; l: unit, towards it. */
+inline float4 direct_at(const Light *light, float4 p, float4 *l)
+{
+    float4 direct = light->color;
+    *l = -light->direction;
+    if (light->position.w > 0.0f) {
+        *l = unit_or((float4)(light->position.xyz - p.xyz, 0.0f), *l);
+        direct.xyz *= -dot3(*l, light->direction) >= light->cone.x ? 1.0f : 0.0f;
+    }
+    return direct;
+}
+
+/* Share of direct light that body and other hair let through to place p of a strand, near its point id. */
+inline float reaching(const Lamps *lamps, const Hair *hair, uint id, float4 p)
+{
+    const Shadow *shadow = lamps->shadow;
+    const uint strand = hair->strand_of[id];
+    const float through = hair->types[(int)hair->strand_uv[strand].z].shine.z;
+    float share = 1.0f;
+    if (shadow->body.x)
+        share = past_body(lamps->seen, lamps->map, shadow->body.y, p, hair->strand_normal[strand], 5.0f, 1.0f + 2 * shadow->body.y);
+    if (shadow->hair.x > 0.0f && share > 0.0f) {
+        /* Of this type a crossing counts only so much of what one of the darkest does. */
+        float depth = 1.0f - through;
+        if (!(shadow->hair.w > 0.0f))
+            depth = -log(max(through, 1e-6f));
+        const float2 own = (float2)(shadow->hair.y * hair->points[id].w, shadow->hair.z) * (depth / shadow->hair.x);
+        share *= through_hair(lamps->grid, lamps->sums, shadow->hair.x, own, p);
+    }
+    return share;
+}
+
+/* Light from a segment that begins at point id, a share `at` of the way along it, at place p, to the eye at v; `share`:
+   of direct light that reaches it. */
+inline float4 lit_hair(const Lamps *lamps, const Hair *hair, uint id, float at, float4 p, float4 v, float share)
+{
+    const uint strand = hair->strand_of[id];
+    const float4 shine = hair->types[(int)hair->strand_uv[strand].z].shine;
+    float4 l, direct = direct_at(lamps->light, p, &l);
+    direct.xyz *= share;
+    const float4 t = unit_or(between(hair->tangents[id], hair->tangents[id + 1], at), hair->tangents[id]);
+    const float4 c = hair->color_per == 0 ? hair->colors[0] : hair->color_per == 1 ? hair->colors[strand]
+        : between(hair->colors[id], hair->colors[id + 1], at);
+    return fibre(c, shine.x, shine.y, lamps->half_vector, t, l, v, direct);
 }

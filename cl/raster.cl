@@ -5,6 +5,8 @@
  * is integers, and samples are taken with order-free minima, so the result is the same bits on every device and
  * for every order of strands.
  */
+#include "clip.h"
+
 #if INT64_ATOMICS
 #pragma OPENCL EXTENSION cl_khr_int64_base_atomics : enable
 #pragma OPENCL EXTENSION cl_khr_int64_extended_atomics : enable
@@ -51,24 +53,6 @@ inline int4 snap(float4 q)
     int4 s = convert_int4(floor(q * steps + 0.5f));
     s.z = DEPTH_ONE - s.z;
     return s;
-}
-
-inline bool within_guard(float4 c)
-{
-    return c.w > 0.0f && c.z >= 0.0f && c.z <= c.w && fabs(c.x) <= GUARD * c.w && fabs(c.y) <= GUARD * c.w;
-}
-
-/* How far clip-space c lies inside plane i: x, y within the guard band, depth between near and far. */
-inline float inside(float4 c, int i)
-{
-    return i == 0 ? c.w - c.z : i == 1 ? c.z : i == 2 ? GUARD * c.w - c.x : i == 3 ? GUARD * c.w + c.x
-         : i == 4 ? GUARD * c.w - c.y : GUARD * c.w + c.y;
-}
-
-/* Where the way between two ends meets a plane, from the nearer end: of two faces at an edge both get the same bits. */
-inline float4 cut(float4 in, float in_by, float4 out, float out_by)
-{
-    return in_by > -out_by ? out + (in - out) * (out_by / (out_by - in_by)) : in + (out - in) * (in_by / (in_by - out_by));
 }
 
 /* c.z is e (reversed depth) and c.w is w; radius is half a width in pixels at w = 1. */

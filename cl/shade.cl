@@ -5,15 +5,6 @@
 
 #include "light.h"
 
-/* Share of the way from a to b at which p stands. */
-inline float place_between(float4 a, float4 b, float4 p)
-{
-    float4 d = b - a, e = p - a;
-    d.w = e.w = 0.0f;
-    const float square = dot3(d, d);
-    return square > 0.0f ? clamp(dot3(d, e) / square, 0.0f, 1.0f) : 0.0f;
-}
-
 /* Weights of a triangle's corners at a point of its plane. */
 inline float4 barycentric(float4 a, float4 b, float4 c, float4 p)
 {
@@ -76,22 +67,21 @@ __kernel void color(
     WORK_ITEM(pixel);
     const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
     const float weight = 1.0f / samples;   // a power of two: the sum is the same bits, part by part or at once
+    const Lamps lamps = {&light, &shadow, &grid, &seen, sums, map, half_vector};
+    const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, color_per};
     float4 sum = image[pixel];
     for (int s = which.x; s < which.y; ++s) {
         const ulong key = visible[pixel * samples + s];
         const bool is_body = (uint)key & BODY;
         const uint id = is_body ? own((uint)key & ~BODY, part.z, part.w) : own((uint)key, part.x, part.y);
-        const float share_seen = veiled ? through[pixel * samples + s] : 1.0f;
-        if ((uint)key == NOTHING || id == (is_body ? part.w : part.y) || share_seen == 0.0f)
+        if ((uint)key == NOTHING || id == (is_body ? part.w : part.y)
+            || (veiled && !(through[pixel * samples + s] > 0.0f)))
             continue;
         const float4 p = seen_point(&view, x, y, s, (uint)(key >> 32)), v = towards_eye(&view, p);
-        float4 lit, l = -light.direction, direct = light.color;
-        if (light.position.w > 0.0f) {
-            l = unit_or((float4)(light.position.xyz - p.xyz, 0.0f), l);
-            direct.xyz *= -dot3(l, light.direction) >= light.cone.x ? 1.0f : 0.0f;
-        }
+        float4 lit;
         if (is_body) {
             float4 weights;
+            float4 l, direct = direct_at(&light, p, &l);
             const uint4 t = triangles[id];
             const float4 n = body_normal(positions, normals, t, p, v, &weights);
             float share = max(dot3(n, l), 0.0f);
@@ -103,27 +93,10 @@ __kernel void color(
             direct.xyz *= share;
             lit = body_color * (direct + light.color.w);
         } else {
-            const uint strand = strand_of[id];
-            const float4 shine = types[(int)strand_uv[strand].z].shine;
-            float share = 1.0f;
-            if (shadow.body.x)
-                share = past_body(&seen, map, shadow.body.y, p, strand_normal[strand], 5.0f, 1.0f + 2 * shadow.body.y);
-            if (shadow.hair.x > 0.0f && share > 0.0f) {
-                /* Of this type a crossing counts only so much of what one of the darkest does. */
-                float depth = 1.0f - shine.z;
-                if (!(shadow.hair.w > 0.0f))
-                    depth = -log(max(shine.z, 1e-6f));
-                const float2 own = (float2)(shadow.hair.y * points[id].w, shadow.hair.z) * (depth / shadow.hair.x);
-                share *= through_hair(&grid, sums, shadow.hair.x, own, p);
-            }
-            direct.xyz *= share;
-            const float at = place_between(points[id], points[id + 1], p);
-            const float4 t = unit_or(mix(tangents[id], tangents[id + 1], at), tangents[id]);
-            const float4 c = color_per == 0 ? colors[0] : color_per == 1 ? colors[strand]
-                : mix(colors[id], colors[id + 1], at);
-            lit = fibre(c, shine.x, shine.y, half_vector, t, l, v, direct);
+            lit = lit_hair(&lamps, &hair, id, place_between(points[id], points[id + 1], p), p, v,
+                           reaching(&lamps, &hair, id, p));
         }
-        sum += weight * share_seen * (float4)(lit.xyz, 1.0f);
+        sum += (veiled ? weight * through[pixel * samples + s] : weight) * (float4)(lit.xyz, 1.0f);
     }
     image[pixel] = sum;
 }

@@ -16,7 +16,7 @@ from . import Camera, Error, HairType, Light, Scene, Settings, Shells, Strands, 
 from .cli_types import Color, Numbers, Roots, Size, from_hex
 from .image import load_picture
 from .scene import frame
-from .settings import SHADOWS
+from .settings import RASTERS, SHADOWS
 
 _SCENE = [
     click.option("--size", type=Size(), default="640x480", metavar="WxH", help="Size of the picture in pixels."),
@@ -82,6 +82,8 @@ _SHELLS = [
                  help="Light on shells: by the hair's direction, or by the report's turned normals."),
 ]
 _SETTINGS = [
+    click.option("--raster", type=click.Choice(RASTERS), default="samples",
+                 help="Strands opaque in each sample, or transparent by the area that they cover."),
     click.option("--shadows", type=click.Choice(SHADOWS), default="length",
                  help="How hair shades: by what rays cross, by the report's voxels, or not at all."),
     click.option("--grid", type=int, default=48, metavar="N",
@@ -118,7 +120,7 @@ def load_scene(given, options):
     scene file sets them itself, or they are of another fur than is chosen.
     """
     settings = Settings(samples=int(options["samples"]), **{
-        name: options[name] for name in ("specular", "shadows", "grid", "blur", "blur_sigma")})
+        name: options[name] for name in ("raster", "specular", "shadows", "grid", "blur", "blur_sigma")})
     context = click.get_current_context()
     flags = {option.name: option.opts[0] for option in context.command.params if option.name in options
              and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE}

@@ -7,6 +7,7 @@ import numpy as np
 from .errors import Error
 from .fur import Curves, Strands
 from .stages.blur import reach_of
+from .stages.coverage import FRAGMENT
 from .stages.shells import bend, border, lay, pack, size_of, topology_of
 from .stages.strands import area_of, bring, first_strand_at, grow, no_strands
 from .stages.tessellate import counts_of, levels_of, no_surface, tessellate
@@ -15,6 +16,8 @@ from .stages.tessellate import counts_of, levels_of, no_surface, tessellate
 VERTEX, TRIANGLE = 64, 16 + 8 + 16      # a triangle's area, and a strand that may stand on it, counted below
 POINT, STRAND = 36, 104                 # strands of the user's come packed, with width and colour: 32 more a point
 MESH_VERTEX, MESH_FACE = 32, 96         # the mesh itself
+PIXEL = 72                              # what is known of one where strands are transparent,
+PIECES = 32                             # and how many of them it has room for, at least
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -81,6 +84,8 @@ class Work:
         if settings.shadows != "off" and (self.strands or scene.shells):
             fixed += 2 * (settings.grid + 1) * settings.grid**2 * 4
         row = width * (8 * settings.samples + 16 + (60 if others else 0))
+        if settings.raster == "coverage":
+            row += width * (PIXEL + 4 * settings.samples + PIECES * FRAGMENT)
         shells = 0
         if scene.shells:
             shells = size_of(scene.mesh, self._pack(settings)[0], self.topology(gpu))
@@ -116,6 +121,24 @@ class Work:
             (VERTEX * self.vertices + TRIANGLE * self.triangles, room["body"]),
             (16 * self.vertices, piece), (16 * self.triangles, piece)) if run[1] > run[0]]
         return self._parts(gpu, face_runs, room["strands"], piece, first, end, body and self.body), int(rows)
+
+    def too_many(self, gpu, settings, counted, rows, parts):
+        """Whether a band of the picture has more pieces of strands than fit, and must be cut.
+
+        ``counted``: [rows of the band, width, 2] what `coverage.count` counted.  ``rows``, ``parts``: what was planned.
+        Raises `clfur.Error` for a row that does not fit.
+        """
+        height, width = counted.shape[:2]
+        most, pieces = rows * width * PIECES, int(counted[..., 1].sum(dtype=np.int64))
+        if len(parts) == 1:   # nothing else will come but what is known of pixels and points
+            after = height * width * (PIXEL + 80 + 4 * settings.samples) + 4 * self.points
+            most = max(most, (gpu.room - after) * 7 // 8 // FRAGMENT)
+        if pieces <= min(most, gpu.largest * 7 // 8 // FRAGMENT):
+            return False
+        if height == 1:
+            raise Error(f"{gpu.name} has no room for {pieces:,} pieces of strands in a row of {width} pixels; allowed: "
+                        f"a smaller picture, fewer strands, or Settings.raster 'samples'")
+        return True
 
     def _parts(self, gpu, face_runs, room, piece, first, end, body):
         if not self.grown:

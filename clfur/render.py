@@ -16,11 +16,11 @@ from .scene import Scene
 from .scheduler import Scheduler
 from .settings import Settings
 from .shadows import cast, plan_shadows, settle
-from .stages import shade, shells
+from .stages import coverage, shade, shells
 from .stages.blur import blur, reach_of
 from .stages.raster import raster
 from .team import Team
-from .views import band_of, light_of, view_of
+from .views import band_of, light_of, one_sample, view_of
 
 OUTPUTS = {"color": 4, "depth": None, "id": None, "tangent": 3, "normal": 3, "uv": 2, "coverage": None}
 
@@ -91,6 +91,7 @@ def _draw(team, scene, settings, outputs, hashes):
         gpu.load((settings, scene.camera.size, work.faces, work.strands, work.points,
                   scene.shells and scene.shells.layers))
     others, lit = set(outputs) - {"color"}, "color" in outputs
+    covering = settings.raster == "coverage"
     whole = view_of(scene, settings.samples)
     width, height = scene.camera.size
     light, skin = light_of(scene.light), (0, 0, 0) if scene.body_color is None else scene.body_color
@@ -100,12 +101,15 @@ def _draw(team, scene, settings, outputs, hashes):
         return work.plan(gpu, settings, bool(others), strands, body)
 
     def visible_in(view):
-        """Depth and id of what is nearest in each sample."""
+        """Depth and id of what is nearest in each sample; of the body alone where strands are transparent."""
         def look(gpu, strands, body):
             visible = None
             for part in plan(gpu, strands, body)[0]:
-                visible = raster(gpu, view, *work.make(gpu, part), visible)
+                hair, skin = work.make(gpu, part)
+                visible = raster(gpu, view, None if covering else hair, skin, visible)
             return [visible]
+        if covering:
+            return team.first(lambda gpu: look(gpu, None, True)[0])
         return team.gather("look", look, [np.minimum], work.strands)[0]
 
     def shadows_on(gpu):
@@ -137,15 +141,34 @@ def _draw(team, scene, settings, outputs, hashes):
         return gpu.keep("shadows", (*what, *cost, int(hashes)), build)
 
     def pictures(view, visible, gpu):
-        """{output: array} of the rows of a view."""
+        """{output: array} of the rows of a view, and under "seen" what its integers gave; None if they hold too much."""
         visible, parts, shadows = on(gpu, visible), plan(gpu)[0], None
-        image = through = known = None
+        image = through = fur = known = None
         if lit:
             shadows, told = shadows_on(gpu)
             digests.update(told)
         if scene.shells:
             shell, packed = work.make_shell(gpu, settings)
             image, through, fur = shells.march(gpu, view, shell, packed, light, settings.specular, visible, shadows)
+        seen = view, visible, through, fur
+        if covering:
+            pixels, lights = coverage.bound(gpu, visible), None
+            for part in parts:
+                coverage.count(gpu, view, work.make(gpu, part)[0], pixels)
+            counted = gpu.download(pixels)
+            if work.too_many(gpu, settings, counted, rows, parts):
+                return None
+            fragments = coverage.room_for(gpu, counted)
+            for part in parts:
+                coverage.gather(gpu, view, work.make(gpu, part)[0], fragments)
+            resolved = coverage.resolve(gpu, visible, fragments, through, fur)
+            through = resolved.through
+            seen = one_sample(view), resolved.seen, resolved.alpha, resolved.seen_fur
+            for part in parts if lit else []:
+                hair = work.make(gpu, part)[0]
+                reached = coverage.reach(gpu, light, hair, shadows) if settings.shadows != "off" else None
+                lights = coverage.light(gpu, view, light, settings.specular, fragments, resolved, hair, reached, lights)
+            image = coverage.blend(gpu, lights, resolved, image) if lit else None
         if lit:
             # Part by part each sample of a pixel is added in its turn, so that the sum is the same bits.
             for sample in range(settings.samples) if len(parts) > 1 else [None]:
@@ -153,28 +176,40 @@ def _draw(team, scene, settings, outputs, hashes):
                     image = shade.color(gpu, view, light, settings.specular, visible, *work.make(gpu, part), skin,
                                         shadows, image, None if sample is None else (sample, sample + 1), through)
         for part in parts if others else []:
-            known = shade.about(gpu, view, visible, *work.make(gpu, part), known)
+            known = shade.about(gpu, *seen[:2], *work.make(gpu, part), known)
         if scene.shells and others:
-            known = shells.about(gpu, view, shell, visible, through, fur, known)
+            known = shells.about(gpu, seen[0], shell, seen[1], *seen[2:], known)
+        if covering and others:
+            known["coverage"] = resolved.alpha
         found = {"color": image, **(known or {})}
-        return {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in outputs}
+        bands = {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in outputs}
+        if hashes:
+            bands["seen"] = [_bytes(gpu, array) for array in (
+                (resolved.seen, resolved.alpha) if covering else (visible,))]
+        return bands
 
     rows = min(team.each(lambda gpu: plan(gpu)[1]))
-    images, seen = {}, hashlib.sha256()
-    for top in range(0, height, rows):
-        view = band_of(whole, top, min(top + rows, height))
-        visible = visible_in(view)
-        if hashes:
-            seen.update(_bytes(team.gpus[0], visible))
-        for name, band in team.first(functools.partial(pictures, view, visible)).items():
+    images, seen = {}, [hashlib.sha256() for _ in range(2 if covering else 1)]
+    todo = [(top, min(top + rows, height)) for top in range(0, height, rows)]
+    while todo:
+        top, end = todo.pop(0)
+        view = band_of(whole, top, end)
+        drawn = team.first(functools.partial(pictures, view, visible_in(view)))
+        if drawn is None:
+            middle = (top + end) // 2
+            todo = [(top, middle), (middle, end), *todo]
+            continue
+        for digest, band in zip(seen, drawn.pop("seen", [])):
+            digest.update(band)
+        for name, band in drawn.items():
             if len(band) == height:
                 images[name] = band
             else:   # each into its place at once: to join them in the end would take twice the memory
-                images.setdefault(name, np.empty((height, *band.shape[1:]), band.dtype))[top:top + rows] = band
+                images.setdefault(name, np.empty((height, *band.shape[1:]), band.dtype))[top:end] = band
     if lit and settings.blur != "off":
         images["color"] = team.first(functools.partial(_blurred, images["color"], settings, rows))
     if hashes:
-        digests["visibility"] = seen.hexdigest()
+        digests["visibility"] = hashlib.sha256(b"".join(digest.digest() for digest in seen)).hexdigest()
     seconds = time.perf_counter() - began
 
     points = team.first(lambda gpu: [_points(gpu, work.make(gpu, part)[0]) for part in plan(gpu)[0]])

@@ -120,6 +120,11 @@ class Scheduler:
                 cl.enqueue_fill_buffer(self.queue, there.base_data, pattern, 0, there.nbytes)
         return there
 
+    @property
+    def room(self):
+        """Bytes that arrays may still take on the device."""
+        return self.memory - self._pool.active_bytes
+
     def upload(self, array):
         """Copy of a host array on the device."""
         array = np.ascontiguousarray(array)

@@ -4,6 +4,7 @@ import attrs
 
 from . import checks
 
+RASTERS = ("samples", "coverage")
 SHADOWS = ("off", "binary", "count", "trilinear", "length")
 
 
@@ -21,7 +22,9 @@ def _cells(value, where):
 class Settings:
     """How a scene is drawn.
 
-    samples: 1, 4 or 16 a pixel.  specular: "kajiya-kay", the highlight of Kajiya and Kay (1989), which has a value
+    samples: 1, 4 or 16 a pixel.  raster: "samples" draws strands as opaque and at least 1/samples of a pixel wide;
+    "coverage" takes the area that each covers of each pixel, transparent and sorted by depth, and samples for the body
+    alone.  specular: "kajiya-kay", the highlight of Kajiya and Kay (1989), which has a value
     in every direction, or "half-vector", the report's, which has none where the eye looks against the light.
     shadows: "length" deposits what rays of light are expected to cross; "binary", "count" and "trilinear" are the
     report's voxels; "off".  grid: cells a side, a multiple of 16.  shadow_map: texels a side of the body's shadow
@@ -32,6 +35,7 @@ class Settings:
     """
 
     samples: int = checks.field(_samples, default=4)
+    raster: str = checks.field(checks.choice(*RASTERS), default="samples")
     shadows: str = checks.field(checks.choice(*SHADOWS), default="length")
     grid: int = checks.field(_cells, default=48)
     shadow_map: int = checks.field(checks.whole(0, 8192), default=512)

@@ -134,3 +134,10 @@ def band_of(view, first, end):
     band = view.copy()
     band["rows"][:2] = first, end
     return band
+
+
+def one_sample(view):
+    """A `layout.View` of the same pixels, each seen by one sample in its middle."""
+    single = view.copy()
+    single["size"][2:] = 1, layout.pattern_start(1)
+    return single

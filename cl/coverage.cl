@@ -1,0 +1,455 @@
+/*
+ * Strands as transparent as they are thin: how much of each pixel each of them covers, in the order of their depths.
+ *
+ * A strand is a ribbon that faces the eye, as wide as it is.  `count` counts which pixels it touches, `gather` writes for
+ * each a fragment (depth, id, area), `resolve` sorts those of a pixel and hides one behind the other, and `light` lights
+ * what is left of each.  Sums are taken in the order of depths or in integers: the same bits for every order of strands.
+ */
+#include "clip.h"
+#include "light.h"
+
+#define CHAINS 8            // strands whose pieces in a pixel are remembered: these lie beside each other, not behind
+#define ONE 4294967296.0f   // of a sum of light
+#define MOST 1e8f           // light that a sum can hold
+#define BATCH 128            // fragments written together
+#define FEW 64              // fragments that are sorted by insertion
+#define SAMPLES 16          // the most a pixel can have
+
+/* Integral of t from 0 to 1, cut off there, up to s. */
+inline float sum_to(float s)
+{
+    const float inside = s < 0.0f ? 0.0f : s;
+    return inside < 1.0f ? 0.5f * inside * inside : inside - 0.5f;
+}
+
+/* Mean share of a row that lies below an edge which runs from a to b above the row's start. */
+inline float below(float a, float b)
+{
+    const float d = b - a, middle = 0.5f * (a + b);
+    if (d < 4e-3f && d > -4e-3f)
+        return middle < 0.0f ? 0.0f : middle < 1.0f ? middle : 1.0f;
+    return (sum_to(b) - sum_to(a)) / d;
+}
+
+/* Where fragments go. */
+typedef struct {
+    int counting;                          // 1: they are only counted
+    volatile __global uint *pixels;        // [rows, width, 2] depth of the body where it fills the pixel; fragments so far
+    __global ulong2 *fragments;            // depth << 32 | id; share
+    uint n, waiting[BATCH];                // pixels of fragments that are not written yet
+    ulong2 made[BATCH];
+} Target;
+
+/* Write what waits.  An atomic waits until all that was written before has arrived; so all places are asked for first. */
+inline void flush(Target *to)
+{
+    for (uint i = 0; i < to->n; ++i)
+        to->waiting[i] = atomic_inc(&to->pixels[2 * to->waiting[i] + 1]);
+    for (uint i = 0; i < to->n; ++i)
+        to->fragments[to->waiting[i]] = to->made[i];
+    to->n = 0;
+}
+
+inline int below_or_at(float x)
+{
+    const int n = (int)x;
+    return n - (x < n);
+}
+
+/* A segment between a and b [pixels; z: reversed depth, w: half the width], column by column along its longer axis, or
+   row by row.  Both ends are cut along the shorter axis, so that neighbours meet. */
+inline void draw_segment(Target *to, const View *view, float4 a, float4 b, uint id)
+{
+    const float across = b.x - a.x, down = b.y - a.y;
+    const bool steep = (across < 0.0f ? -across : across) < (down < 0.0f ? -down : down);
+    if (steep) {
+        a = a.yxzw;
+        b = b.yxzw;
+    }
+    if (a.x > b.x) {
+        const float4 t = a; a = b; b = t;
+    }
+    const float du = b.x - a.x;
+    const int2 columns = (int2)(0, view->size.x), us = steep ? view->rows.xy : columns, vs = steep ? columns : view->rows.xy;
+    if (!(du > 0.0f) || b.x <= us.x || a.x >= us.y)
+        return;
+    const float slope = (b.y - a.y) / du, e_step = (b.z - a.z) / du, r_step = (b.w - a.w) / du, tilt = sqrt(1.0f + slope * slope);
+    const int first = below_or_at(a.x), last = below_or_at(b.x) + 1;
+    const int begin = first > us.x ? first : us.x, end = last < us.y ? last : us.y;
+    const int u_stride = steep ? view->size.x : 1, v_stride = steep ? 1 : view->size.x;
+    for (int u = begin; u < end; ++u) {
+        const float from = a.x > u ? a.x : u, until = b.x < u + 1 ? b.x : u + 1, along = until - from;
+        const float middle = 0.5f * (from + until) - a.x;
+        const float v0 = a.y + slope * (from - a.x), v1 = a.y + slope * (until - a.x), r = tilt * (a.w + r_step * middle);
+        const int low = below_or_at((v0 < v1 ? v0 : v1) - r), high = below_or_at((v0 < v1 ? v1 : v0) + r) + 1;
+        const uint depth = DEPTH_ONE - (uint)((a.z + e_step * middle) * DEPTH_ONE);
+        const int top = low > vs.x ? low : vs.x, bottom = high < vs.y ? high : vs.y;
+        for (int v = top; v < bottom; ++v) {
+            const int pixel = (u - us.x) * u_stride + (v - vs.x) * v_stride;
+            if (depth >= to->pixels[2 * pixel])
+                continue;
+            if (to->counting) {
+                atomic_inc(&to->pixels[2 * pixel + 1]);
+                continue;
+            }
+            const float share = along * (below(v0 + r - v, v1 + r - v) - below(v0 - r - v, v1 - r - v));
+            if (share > 0.0f) {
+                to->waiting[to->n] = pixel;
+                to->made[to->n++] = (ulong2)((ulong)depth << 32 | id, as_uint(share));
+                if (to->n == BATCH)
+                    flush(to);
+            }
+        }
+    }
+}
+
+/* Clip space, half a width in pixels at w = 1 -> pixels. */
+inline float4 on_screen(float4 c, float radius)
+{
+    const float z = c.z > 0.0f ? c.z : 0.0f, most = GUARD * c.w;
+    return (float4)(c.x, c.y, z < c.w ? z : c.w, radius < most ? radius : most) / c.w;
+}
+
+/* The rare segment that leaves the guard band or crosses the near plane. */
+void draw_clipped(Target *to, const View *view, float4 a, float4 b, float ha, float hb, uint id)
+{
+    for (int i = 0; i < 6; ++i) {
+        const float da = inside(a, i), db = inside(b, i);
+        if (!(da >= 0.0f || db >= 0.0f))
+            return;
+        if (da < 0.0f) {
+            ha = cut((float4)(hb), db, (float4)(ha), da).x;
+            a = cut(b, db, a, da);
+        } else if (db < 0.0f) {
+            hb = cut((float4)(ha), da, (float4)(hb), db).x;
+            b = cut(a, da, b, db);
+        }
+    }
+    if (a.w > 0.0f && b.w > 0.0f)
+        draw_segment(to, view, on_screen(a, ha), on_screen(b, hb), id);
+}
+
+inline void draw_strand(Target *to, const View *view, __global const float4 *points, uint2 span, uint first)
+{
+    float4 a, b, sa, sb;                   // clip space, pixels
+    float ha = 0.0f, hb;
+    bool whole = false, is_whole;          // whether what was and is the last point can be drawn as it is
+    for (uint k = 0; k < span.y; ++k) {
+        const float4 p = points[span.x + k];
+        b = to_screen(view, p);
+        hb = 0.5f * p.w * view->scale.x;
+        is_whole = within_guard(b);
+        sb = is_whole ? on_screen(b, hb) : b;
+        if (k) {
+            if (whole && is_whole)
+                draw_segment(to, view, sa, sb, first + span.x + k - 1);
+            else
+                draw_clipped(to, view, a, b, ha, hb, first + span.x + k - 1);
+        }
+        a = b;
+        sa = sb;
+        ha = hb;
+        whole = is_whole;
+    }
+}
+
+/* One work-item tells how far one pixel can be seen into: to the body where that fills it. */
+__kernel void bound(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const int samples,
+    __global const ulong *visible,         // [rows, width, samples] depth << 32 | id of the body
+    __global uint2 *pixels)                // [rows, width] depth; 0
+{
+    WORK_ITEM(pixel);
+    uint furthest = 0;
+    for (int s = 0; s < samples; ++s)
+        furthest = max(furthest, (uint)(visible[pixel * samples + s] >> 32));
+    pixels[pixel] = (uint2)(furthest, 0);
+}
+
+/* One work-item counts which pixels one strand may touch. */
+__kernel void count(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const View view,
+    __global const float4 *points,         // [P] x, y, z, width [world]
+    __global const uint2 *spans,           // [strands] first point, points
+    volatile __global uint *pixels)        // [rows, width, 2] depth of what hides strands; fragments
+{
+    WORK_ITEM(strand);
+    Target to;
+    to.counting = 1;
+    to.pixels = pixels;
+    draw_strand(&to, &view, points, spans[strand], 0);
+}
+
+/* The same, and writes the fragments. */
+__kernel void gather(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const View view,
+    __global const float4 *points,
+    __global const uint2 *spans,
+    const uint first,                      // added to the number of a segment's first point to make its id
+    volatile __global uint *pixels,        // [rows, width, 2] depth of what hides strands; end of its fragments so far
+    __global ulong2 *fragments)            // depth << 32 | id; share of the pixel's area, a float
+{
+    WORK_ITEM(strand);
+    Target to;
+    to.counting = 0;
+    to.pixels = pixels;
+    to.fragments = fragments;
+    to.n = 0;
+    draw_strand(&to, &view, points, spans[strand], first);
+    flush(&to);
+}
+
+/* Let fragment i of n sink in a heap whose nearest is first. */
+inline void sink(__global ulong2 *heap, uint i, uint n)
+{
+    const ulong2 it = heap[i];
+    for (uint child = 2 * i + 1; child < n; child = 2 * i + 1) {
+        ulong2 least = heap[child];
+        if (child + 1 < n) {
+            const ulong2 other = heap[child + 1];
+            if (other.x < least.x) {
+                least = other;
+                ++child;
+            }
+        }
+        if (it.x < least.x)
+            break;
+        heap[i] = least;
+        i = child;
+    }
+    heap[i] = it;
+}
+
+/* One work-item sorts the fragments of one pixel and hides one behind the other, the body and shell fur among them: C += T a c,
+   T *= 1 - a, but pieces of one strand lie beside each other.  It stops where less than 1/256 of the light is left. */
+__kernel void resolve(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const int samples,
+    __global const uint *starts,           // [rows, width] a pixel's first fragment
+    __global const uint2 *pixels,          // [rows, width] depth; end of its fragments
+    __global ulong2 *fragments,            // depth << 32 | id; in: share of the pixel's area; out: of its light
+    __global uint *used,                   // [rows, width] fragments that have any: the last ones, the nearest last of all
+    __global const ulong *visible,         // [rows, width, samples] depth << 32 | id of the body
+    const int furry,                       // 1: there is shell fur
+    __global const ulong *fur,             // [rows, width, samples] depth << 32 | face where half of it is gone
+    __global float *through,               // [rows, width, samples] in: share of light that shells let through; out: that
+                                           // comes from the body
+    __global float *veil,                  // [rows, width] share of the shells' light that strands before them let through
+    __global float *alpha,                 // [rows, width]
+    __global ulong *seen,                  // [rows, width] depth << 32 | id of what fills most of the pixel: strand or body
+    __global ulong *seen_fur)              // or depth << 32 | face, where that is shells; else nothing
+{
+    WORK_ITEM(pixel);
+    /* Where samples end, or go on behind shells, by depth. */
+    uint depths[2 * SAMPLES], places[2 * SAMPLES];
+    float open[SAMPLES];
+    int events = 0;
+    ulong nearest_body = ~0ul, nearest_fur = ~0ul;
+    for (int s = 0; s < samples; ++s) {
+        const size_t sample = pixel * samples + s;
+        open[s] = 1.0f / samples;
+        nearest_body = min(nearest_body, visible[sample]);
+        for (int kind = furry ? 0 : 1; kind < 2; ++kind) {
+            uint depth = (uint)(visible[sample] >> 32);
+            if (!kind) {
+                nearest_fur = min(nearest_fur, fur[sample]);
+                depth = min(depth, (uint)(fur[sample] >> 32));
+                if (!(through[sample] < 1.0f))
+                    continue;
+            } else if (depth == NOTHING) {
+                continue;
+            }
+            int at = events++;
+            for (; at > 0 && depths[at - 1] > depth; --at) {
+                depths[at] = depths[at - 1];
+                places[at] = places[at - 1];
+            }
+            depths[at] = depth;
+            places[at] = 2 * s + kind;
+        }
+    }
+
+    const uint n = pixels[pixel].y - starts[pixel];
+    __global ulong2 *heap = fragments + starts[pixel];
+    const bool few = n <= FEW;
+    if (few)                               // sorted at once, the nearest last, as a heap's first will be put
+        for (uint i = 1; i < n; ++i) {
+            const ulong2 it = heap[i];
+            uint at = i;
+            for (; at > 0 && heap[at - 1].x < it.x; --at)
+                heap[at] = heap[at - 1];
+            heap[at] = it;
+        }
+    else
+        for (uint i = n / 2; i-- > 0;)
+            sink(heap, i, n);
+    uint lows[CHAINS], highs[CHAINS], left = n;
+    float sums[CHAINS], kept = 1.0f, room = 1.0f, most = 0.0f, of_body = 0.0f, of_fur = 0.0f, all_fur = 0.0f;
+    ulong best = ~0ul;
+    int chains = 0, oldest = 0, event = 0;
+    for (int s = 0; s < samples && furry; ++s)
+        all_fur += (1.0f - through[pixel * samples + s]) / samples;
+
+    while (left || event < events) {
+        if (event < events && (!left || depths[event] <= (uint)(heap[few ? left - 1 : 0].x >> 32))) {
+            const int s = places[event] / 2;
+            const size_t sample = pixel * samples + s;
+            if (places[event] & 1) {
+                through[sample] = open[s] * samples * kept;
+                of_body += open[s] * kept;
+                open[s] = 0.0f;
+            } else {
+                of_fur += open[s] * (1.0f - through[sample]) * kept;
+                open[s] *= through[sample];
+            }
+            ++event;
+            room = 0.0f;
+            for (int k = 0; k < samples; ++k)
+                room += open[k];
+            if (!(room > 0.0f))
+                break;
+            continue;
+        }
+        if (!left || !(kept * room > 1.0f / 256.0f))
+            break;
+        const ulong2 it = heap[few ? left - 1 : 0];
+        --left;
+        if (!few) {
+            heap[0] = heap[left];
+            if (left)
+                sink(heap, 0, left);
+        }
+
+        /* Pieces of one strand follow each other in number. */
+        const uint id = (uint)it.x;
+        int chain = 0;
+        while (chain < chains && !(id + 1 >= lows[chain] && id <= highs[chain] + 1))
+            ++chain;
+        float before = 0.0f;
+        if (chain < chains) {
+            before = sums[chain];
+            lows[chain] = min(lows[chain], id);
+            highs[chain] = max(highs[chain], id);
+        } else {
+            chain = chains < CHAINS ? chains++ : oldest;
+            oldest = chains < CHAINS ? 0 : (chain + 1) % CHAINS;
+            lows[chain] = highs[chain] = id;
+        }
+        const float sum = min(before + as_float((uint)it.y), 1.0f);
+        sums[chain] = sum;
+        const float hidden = before < 1.0f ? kept * (sum - before) / (1.0f - before) : 0.0f;
+        kept -= hidden;
+        float weight = hidden * room;
+        if (!(kept * room > 1.0f / 256.0f)) {
+            weight += kept * room;
+            kept = 0.0f;
+        }
+        heap[left] = (ulong2)(it.x, as_uint(weight));
+        if (weight > most) {
+            most = weight;
+            best = it.x;
+        }
+    }
+    for (; event < events; ++event)
+        if (places[event] & 1)
+            through[pixel * samples + places[event] / 2] = 0.0f;
+    float rest = 0.0f;
+    for (int s = 0; s < samples; ++s)
+        rest += open[s];
+    used[pixel] = n - left;
+    alpha[pixel] = 1.0f - rest * kept;
+    veil[pixel] = all_fur > 0.0f ? of_fur / all_fur : 1.0f;
+    if (of_body >= most && of_body > 0.0f) {
+        most = of_body;
+        best = nearest_body;
+    }
+    const bool is_fur = of_fur > most && nearest_fur != ~0ul;
+    seen[pixel] = is_fur ? ~0ul : best;
+    seen_fur[pixel] = is_fur ? nearest_fur : ~0ul;
+}
+
+/* One work-item tells how much direct light reaches one point of a strand: the same from wherever it is seen. */
+__kernel void reach(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const Light lamp,
+    __global const float4 *points,         // strands: see strands.cl
+    __global const float4 *tangents,
+    __global const uint *strand_of,
+    __global const float4 *strand_normal,
+    __global const float4 *strand_uv,
+    __global const HairType *types,
+    __global const float4 *colors,
+    const Shadow shadow,
+    const Grid grid,
+    __global const float *sums,
+    const View seen,
+    __global const ulong *map,
+    __global const uint2 *spans,           // [strands] first point, points
+    __global float *reached)               // [points] 0..1
+{
+    WORK_ITEM(strand);
+    const Lamps lamps = {&lamp, &shadow, &grid, &seen, sums, map, 0};
+    const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, 0};
+    for (uint k = 0; k < spans[strand].y; ++k) {
+        const uint id = spans[strand].x + k;
+        reached[id] = reaching(&lamps, &hair, id, (float4)(points[id].xyz, 0.0f));
+    }
+}
+
+/* One work-item lights the fragments of one pixel, those of one part of the scene. */
+__kernel void light(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const View view,
+    const uint2 part,                      // first point's id, points
+    const Light lamp,
+    const int half_vector,                 // 0: Kajiya and Kay's highlight, 1: the report's
+    __global const uint2 *pixels,          // [rows, width] depth; end of its fragments
+    __global const uint *used,             // [rows, width] those that are seen
+    __global const ulong2 *fragments,      // depth << 32 | id; share of the pixel's light
+    __global const float4 *points,         // strands: see strands.cl
+    __global const float4 *tangents,
+    __global const uint *strand_of,
+    __global const float4 *strand_uv,
+    __global const HairType *types,
+    __global const float4 *colors,
+    const int color_per,
+    const int shaded,                      // 1: something stands before the light
+    __global const float *reached,         // [points] share of direct light, if so
+    __global long4 *lights)                // [rows, width] r, g, b, alpha in 1/ONE: integers add up alike in any order
+{
+    WORK_ITEM(pixel);
+    const Lamps lamps = {&lamp, 0, 0, 0, 0, 0, half_vector};
+    const Hair hair = {points, tangents, strand_of, 0, strand_uv, types, colors, color_per};
+    const float x = pixel % view.size.x + 0.5f, y = view.rows.x + (int)(pixel / view.size.x) + 0.5f;
+    const uint last = pixels[pixel].y, first = last - used[pixel];
+    long4 sum = lights[pixel];
+    for (uint i = last; i-- > first;) {
+        const uint id = (uint)fragments[i].x - part.x;
+        if (id >= part.y)
+            continue;
+        const float e = (float)(DEPTH_ONE - (uint)(fragments[i].x >> 32)) / DEPTH_ONE;
+        const float4 q = view.to_world[0] * x + view.to_world[1] * y + view.to_world[2] * e + view.to_world[3];
+        const float4 p = (float4)(q.xyz / q.w, 0.0f);
+        const float at = place_between(points[id], points[id + 1], p);
+        const float share = shaded ? reached[id] + at * (reached[id + 1] - reached[id]) : 1.0f;
+        const float4 lit = as_float((uint)fragments[i].y)
+            * (float4)(lit_hair(&lamps, &hair, id, at, p, towards_eye(&view, p), share).xyz, 1.0f);
+        const float4 in_reach = lit < MOST ? lit : MOST;
+        sum += (long4)((long)(in_reach.x * ONE), (long)(in_reach.y * ONE), (long)(in_reach.z * ONE), (long)(lit.w * ONE));
+    }
+    lights[pixel] = sum;
+}
+
+/* One work-item puts the light of one pixel's strands over that of shells. */
+__kernel void blend(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    __global const long4 *lights,          // [rows, width]
+    __global const float *veil,            // [rows, width]
+    __global float4 *image)                // [rows, width] premultiplied linear r, g, b, coverage
+{
+    WORK_ITEM(pixel);
+    image[pixel] = veil[pixel] * image[pixel] + convert_float4(lights[pixel]) * (1.0f / ONE);
+}

@@ -1,0 +1,117 @@
+"""Strands -> how much of each pixel each of them covers, sorted by depth, hidden behind each other, and lit."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .strands import vector
+
+FRAGMENT = 16   # bytes
+TILE = 8
+
+
+@dataclass(frozen=True)
+class Fragments:
+    """What strands cover of each pixel: those of a pixel are starts[pixel] to pixels[pixel, 1]."""
+
+    starts: Any    # [rows, width] uint32
+    pixels: Any    # [rows, width, 2] uint32 depth of what hides strands, end of the pixel's fragments
+    list: Any      # [n, 2] uint64 depth << 32 | id, see `raster`; float32 share of the pixel's area, then of its light
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """What is seen of fragments, and of what is behind them."""
+
+    used: Any       # [rows, width] uint32 fragments that are seen: the last of each pixel, the nearest last of all
+    through: Any    # [rows, width, samples] float32 share of each sample's light that comes from the body
+    veil: Any       # [rows, width] float32 share of the shells' light that strands before them let through
+    alpha: Any      # [rows, width] float32 share of light that does not come from behind everything
+    seen: Any       # [rows, width, 1] uint64 depth << 32 | id of the strand or body that fills most of a pixel
+    seen_fur: Any   # [rows, width, 1] uint64 depth << 32 | face, where shells do
+
+
+def bound(gpu, visible):
+    """How far each pixel of the body's ``visible`` can be seen into -> [rows, width, 2] uint32 depth, 0."""
+    rows, width, samples = visible.shape
+    pixels = gpu.empty((rows, width, 2), np.uint32)
+    gpu.launch("coverage.bound", rows * width, np.int32(samples), visible, pixels)
+    return pixels
+
+
+def count(gpu, view, strands, pixels):
+    """Add how many fragments `Grown` strands have at most in each pixel to what `bound` gave."""
+    gpu.launch("coverage.count", len(strands.spans), view, strands.points, strands.spans, pixels)
+
+
+def room_for(gpu, pixels):
+    """Empty `Fragments` for what `count` counted, ``pixels`` [rows, width, 2] here on the host."""
+    # Pixels that are near each other lie near each other in memory: a strand writes to fewer pages of it.
+    (rows, width), counts = pixels.shape[:2], pixels[..., 1]
+    tiles = np.zeros((-(-rows // TILE), TILE, -(-width // TILE), TILE), np.int64)
+    tiles.reshape(tiles.shape[0] * TILE, -1)[:rows, :width] = counts
+    ends = np.cumsum(tiles.swapaxes(1, 2), dtype=np.int64).reshape(-1, tiles.shape[2], TILE, TILE).swapaxes(1, 2)
+    starts = (ends - tiles).reshape(tiles.shape[0] * TILE, -1)[:rows, :width].astype(np.uint32)
+    return Fragments(gpu.upload(starts), gpu.upload(np.stack([pixels[..., 0], starts], -1)),
+                     gpu.empty((int(counts.sum(dtype=np.int64)), 2), np.uint64))
+
+
+def gather(gpu, view, strands, fragments):
+    """Write the fragments of `Grown` strands, in any order."""
+    gpu.launch("coverage.gather", len(strands.spans), view, strands.points, strands.spans,
+               np.uint32(strands.first_point), fragments.pixels, fragments.list)
+
+
+def resolve(gpu, visible, fragments, through=None, fur=None):
+    """Sort the fragments of each pixel and hide them behind each other -> `Resolved`.
+
+    ``visible``: [rows, width, samples] uint64, the body's.  ``through``, ``fur``: what `shells.march` gave, if there are
+    shells; ``through`` is written anew.
+    """
+    rows, width, samples = visible.shape
+    furry = through is not None
+    resolved = Resolved(
+        used=gpu.empty((rows, width), np.uint32),
+        through=through if furry else gpu.full(visible.shape, np.float32, 1),
+        veil=gpu.empty((rows, width), np.float32),
+        alpha=gpu.empty((rows, width), np.float32),
+        seen=gpu.empty((rows, width, 1), np.uint64),
+        seen_fur=gpu.empty((rows, width, 1), np.uint64))
+    gpu.launch("coverage.resolve", rows * width, np.int32(samples), fragments.starts, fragments.pixels,
+               fragments.list, resolved.used, visible, np.int32(furry), fur if furry else gpu.empty(0, np.uint64),
+               resolved.through, resolved.veil, resolved.alpha, resolved.seen, resolved.seen_fur)
+    return resolved
+
+
+def reach(gpu, lamp, strands, shadows):
+    """How much direct light reaches each point of `Grown` strands -> [points] float32 0..1."""
+    reached = gpu.empty(len(strands.points), np.float32)
+    gpu.launch("coverage.reach", len(strands.spans), lamp, strands.points, strands.tangents, strands.strand_of,
+               strands.normals, strands.uv, strands.types, strands.colors, shadows.shadow, shadows.grid, shadows.sums,
+               shadows.seen, shadows.map, strands.spans, reached)
+    return reached
+
+
+def light(gpu, view, lamp, specular, fragments, resolved, strands, reached=None, lights=None):
+    """Light the fragments of `Grown` strands -> [rows, width, 4] int64, r, g, b, alpha in 2^-32.
+
+    ``strands`` may be a part of them all: what it shows is added to ``lights``.  ``reached``: what `reach` gave; all
+    light if None.
+    """
+    rows, width = fragments.starts.shape
+    lights = gpu.full((rows, width, 4), np.int64, 0) if lights is None else lights
+    gpu.launch("coverage.light", rows * width, view, vector((strands.first_point, len(strands.points)), np.uint32),
+               lamp, np.int32(specular == "half-vector"), fragments.pixels, resolved.used, fragments.list,
+               strands.points, strands.tangents, strands.strand_of, strands.uv, strands.types, strands.colors,
+               np.int32(strands.color_per), np.int32(reached is not None),
+               gpu.empty(0, np.float32) if reached is None else reached, lights)
+    return lights
+
+
+def blend(gpu, lights, resolved, image=None):
+    """Put the strands' light over the shells' ``image`` -> [rows, width, 4] float32, linear, premultiplied."""
+    rows, width, _ = lights.shape
+    image = gpu.full((rows, width, 4), np.float32, 0) if image is None else image
+    gpu.launch("coverage.blend", rows * width, lights, resolved.veil, image)
+    return image
