@@ -16,8 +16,9 @@ from .stages.tessellate import counts_of, levels_of, no_surface, tessellate
 VERTEX, TRIANGLE = 64, 16 + 8 + 16      # a triangle's area, and a strand that may stand on it, counted below
 POINT, STRAND = 36, 104                 # strands of the user's come packed, with width and colour: 32 more a point
 MESH_VERTEX, MESH_FACE = 32, 96         # the mesh itself
-PIXEL = 72                              # what is known of one where strands are transparent,
+PIXEL = 80                              # what is known of one where strands are transparent,
 PIECES = 32                             # and how many of them it has room for, at least
+NUMBERS = 2**32 - 1                     # pieces that a band can tell apart
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -94,7 +95,8 @@ class Work:
         fewest = 1
         if settings.blur != "off":
             row, fewest = max(row, width * 48), min(2 * reach_of(settings.blur_sigma) + 1, height)
-        point = POINT if self.grown else POINT + 32
+        # Of strands that are transparent each point's light is known too.
+        point = POINT + (0 if self.grown else 32) + (4 if settings.raster == "coverage" else 0)
         need = {
             "body": VERTEX * int(self.vertices[-1]) + TRIANGLE * int(self.triangles[-1]),
             "strands": (end - first) * STRAND + self._points(first, end) * point,
@@ -120,7 +122,7 @@ class Work:
         face_runs = [run for run in _runs(
             (VERTEX * self.vertices + TRIANGLE * self.triangles, room["body"]),
             (16 * self.vertices, piece), (16 * self.triangles, piece)) if run[1] > run[0]]
-        return self._parts(gpu, face_runs, room["strands"], piece, first, end, body and self.body), int(rows)
+        return self._parts(gpu, face_runs, room["strands"], point, piece, first, end, body and self.body), int(rows)
 
     def too_many(self, gpu, settings, counted, rows, parts):
         """Whether a band of the picture has more pieces of strands than fit, and must be cut.
@@ -133,24 +135,24 @@ class Work:
         if len(parts) == 1:   # nothing else will come but what is known of pixels and points
             after = height * width * (PIXEL + 80 + 4 * settings.samples) + 4 * self.points
             most = max(most, (gpu.room - after) * 7 // 8 // FRAGMENT)
-        if pieces <= min(most, gpu.largest * 7 // 8 // FRAGMENT):
+        if pieces <= min(most, gpu.largest * 7 // 8 // FRAGMENT, NUMBERS):
             return False
         if height == 1:
             raise Error(f"{gpu.name} has no room for {pieces:,} pieces of strands in a row of {width} pixels; allowed: "
                         f"a smaller picture, fewer strands, or Settings.raster 'samples'")
         return True
 
-    def _parts(self, gpu, face_runs, room, piece, first, end, body):
+    def _parts(self, gpu, face_runs, room, point, piece, first, end, body):
         if not self.grown:
             before = self.before[first:end + 1]
             hair = [Part(strands=(first + a, first + b)) for a, b in _runs(
-                (STRAND * np.arange(len(before)) + (POINT + 32) * before, room), (16 * before, piece))]
+                (STRAND * np.arange(len(before)) + point * before, room), (16 * before, piece))]
             skin = [Part(faces=run, body=True) for run in face_runs] if body else []
             if len(hair) == len(skin) == 1:
                 return [Part(faces=skin[0].faces, strands=hair[0].strands, body=True)]
             return skin + hair or [Part()]
         parts, areas = [], [None] * len(face_runs)
-        most = max(min(room // (STRAND + POINT * self.stride), piece // (16 * self.stride)), 1)
+        most = max(min(room // (STRAND + point * self.stride), piece // (16 * self.stride)), 1)
         if self.scene.strands.roots == "faces":
             runs = [(int(self.triangles[b]), int(self.triangles[e])) for b, e in face_runs]
         elif len(face_runs) == 1:

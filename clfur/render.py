@@ -100,17 +100,13 @@ def _draw(team, scene, settings, outputs, hashes):
     def plan(gpu, strands=None, body=True):
         return work.plan(gpu, settings, bool(others), strands, body)
 
-    def visible_in(view):
+    def look(view, gpu, strands=None, body=True):
         """Depth and id of what is nearest in each sample; of the body alone where strands are transparent."""
-        def look(gpu, strands, body):
-            visible = None
-            for part in plan(gpu, strands, body)[0]:
-                hair, skin = work.make(gpu, part)
-                visible = raster(gpu, view, None if covering else hair, skin, visible)
-            return [visible]
-        if covering:
-            return team.first(lambda gpu: look(gpu, None, True)[0])
-        return team.gather("look", look, [np.minimum], work.strands)[0]
+        visible = None
+        for part in plan(gpu, strands, body)[0]:
+            hair, skin = work.make(gpu, part)
+            visible = raster(gpu, view, None if covering else hair, skin, visible)
+        return [visible]
 
     def shadows_on(gpu):
         """Shadows, or those of the frame before if only the camera has moved."""
@@ -142,7 +138,7 @@ def _draw(team, scene, settings, outputs, hashes):
 
     def pictures(view, visible, gpu):
         """{output: array} of the rows of a view, and under "seen" what its integers gave; None if they hold too much."""
-        visible, parts, shadows = on(gpu, visible), plan(gpu)[0], None
+        visible, parts, shadows = look(view, gpu)[0] if covering else on(gpu, visible), plan(gpu)[0], None
         image = through = fur = known = None
         if lit:
             shadows, told = shadows_on(gpu)
@@ -194,7 +190,9 @@ def _draw(team, scene, settings, outputs, hashes):
     while todo:
         top, end = todo.pop(0)
         view = band_of(whole, top, end)
-        drawn = team.first(functools.partial(pictures, view, visible_in(view)))
+        # Transparent strands are not shared: whichever device draws them looks for itself, also if another was lost.
+        visible = None if covering else team.gather("look", functools.partial(look, view), [np.minimum], work.strands)[0]
+        drawn = team.first(functools.partial(pictures, view, visible))
         if drawn is None:
             middle = (top + end) // 2
             todo = [(top, middle), (middle, end), *todo]
