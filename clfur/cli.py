@@ -68,7 +68,8 @@ def render(given, output, outputs, device, as_json, **options):
             "seconds": drawn.seconds, "stages": drawn.stages, "skipped": skipped,
             "camera": {"eye": scene.camera.pose[:3, 3].tolist(),
                        "target": None if scene.camera.target is None else scene.camera.target.tolist()},
-            "options": of_options | {name: getattr(settings, name) for name in ("samples", "raster", "shadows", "grid")}}))
+            "options": of_options | {
+                name: getattr(settings, name) for name in ("samples", "raster", "shadows", "grid")}}))
         return
     stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in drawn.stages.items())
     left_out = [f"{count:,} {what.replace('_', ' ')}" for what, count in skipped.items() if count]

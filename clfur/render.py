@@ -137,8 +137,10 @@ def _draw(team, scene, settings, outputs, hashes):
         return gpu.keep("shadows", (*what, *cost, int(hashes)), build)
 
     def pictures(view, visible, gpu):
-        """{output: array} of the rows of a view, and under "seen" what its integers gave; None if they hold too much."""
-        visible, parts, shadows = look(view, gpu)[0] if covering else on(gpu, visible), plan(gpu)[0], None
+        """{output: array} of a view's rows, and under "seen" what its integers gave; None if they hold too much."""
+        # Transparent strands aren't shared: whoever draws them looks for itself, also after another was lost.
+        visible = look(view, gpu)[0] if covering else on(gpu, visible)
+        parts, shadows = plan(gpu)[0], None
         image = through = fur = known = None
         if lit:
             shadows, told = shadows_on(gpu)
@@ -190,8 +192,9 @@ def _draw(team, scene, settings, outputs, hashes):
     while todo:
         top, end = todo.pop(0)
         view = band_of(whole, top, end)
-        # Transparent strands are not shared: whichever device draws them looks for itself, also if another was lost.
-        visible = None if covering else team.gather("look", functools.partial(look, view), [np.minimum], work.strands)[0]
+        visible = None
+        if not covering:
+            visible, = team.gather("look", functools.partial(look, view), [np.minimum], work.strands)
         drawn = team.first(functools.partial(pictures, view, visible))
         if drawn is None:
             middle = (top + end) // 2

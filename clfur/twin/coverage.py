@@ -29,7 +29,7 @@ def fragments(view, points, spans):
 
 
 def segments(view, points, spans):
-    """Yield (id, end, end) of what can be seen of every segment; an end: x, y, reversed depth, half a width [pixels]."""
+    """Yield (id, end, end) of what can be seen of every segment; an end: x, y, reversed depth, half width [pixels]."""
     points = f64(points)
     clip = np.c_[points[:, :3], np.ones(len(points))] @ f64(view["to_screen"])
     half = points[:, 3] / 2 * float(view["scale"][0])
@@ -57,8 +57,8 @@ def segments(view, points, spans):
 def ribbon(a, b, steep, view):
     """Yield (u, v, reversed depth, share) of the pixels that a ribbon covers, u along its longer axis.
 
-    Its ends, and each column's, are cut along the shorter axis.  Within a column it has one width and one depth, those of
-    the column's middle.
+    Its ends, and each column's, are cut along the shorter axis.  Within a column it has one width and one depth, those
+    of the middle of what it has there.
     """
     if steep:
         a, b = ((y, x, e, h) for x, y, e, h in (a, b))
@@ -102,12 +102,12 @@ def area_within(corners, v):
 def resolve(pieces, visible, fur=None, passed=None):
     """Hide what is in one pixel behind each other -> {name: value}.
 
-    pieces: {depth << 32 | id: share of area} of strands.  visible: [samples] the body's keys.  fur, passed: [samples] keys
-    of shells, and the share of light that these let through.  Strands hide all samples alike, since nobody knows where in
-    the pixel they are; body and shells hide their own alone.
+    pieces: {depth << 32 | id: share of area} of strands.  visible: [samples] the body's keys.  fur, passed: [samples]
+    keys of shells, and the share of light that these let through.  Strands hide all samples alike, since nobody knows
+    where in the pixel they are; body and shells hide their own alone.
 
-    weights: {key: share of the pixel's light} of strands.  through: [samples] share that comes from the body.  veil: share
-    of the shells' light that is not hidden.  alpha.  body, fur: shares of the pixel's light.
+    weights: {key: share of the pixel's light} of strands.  through: [samples] share that comes from the body.  veil:
+    share of the shells' light that is not hidden.  alpha.  body, fur: shares of the pixel's light.
     """
     samples = len(visible)
     layers = [(key >> 32, 2, key, area) for key, area in pieces.items()]
