@@ -519,10 +519,9 @@ def test_wide_strands_are_lit_as_by_samples(gpu, shadows):
 # --- whole frames ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.small
-@pytest.mark.parametrize("shells", [False, True])
+@pytest.mark.parametrize("shells", [pytest.param(False, marks=pytest.mark.small), True])
 def test_a_frame_with_everything_in_it(gpu, shells):
-    """Every stage and every output, also in parts."""
+    """Every stage and every output."""
     fur = [clfur.Strands(inner=1, outer=1, types=clfur.HairType(segments=3, segment_length=.1, width=.02))]
     fur += [clfur.Shells(length=.1, frequency=6, layers=3)] * shells
     scene = clfur.Scene(ball(.8, 0), fur, clfur.Camera(size=(15, 11)), clfur.Light((-1, -1, -1)))
@@ -749,12 +748,16 @@ def test_a_device_that_fails_is_dropped(gpu, sphere, kernel):
     scene = scene_of("faces", sphere)
     whole = clfur.draw(scene, gpu, SETTINGS, hashes=True)
     team = [clfur.Scheduler(gpu.device), clfur.Scheduler(gpu.device)]
-    launch = team[0].launch
+    launch, last = team[0].launch, team[1].launch
 
     def fails(name, size, *args):
         if name == kernel:
             raise clfur.DeviceError("this device is lost")
         launch(name, size, *args)
-    team[0].launch = fails
+
+    def own(name, size, *args):
+        assert all(array.queue is team[1].queue for array in args if hasattr(array, "queue")), name
+        last(name, size, *args)
+    team[0].launch, team[1].launch = fails, own
     with pytest.warns(RuntimeWarning, match="goes on without a device: this device is lost"):
         same(whole, clfur.draw(scene, team, SETTINGS, hashes=True))
