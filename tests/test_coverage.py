@@ -651,9 +651,9 @@ def test_scenes_of_any_kind_give_numbers(gpu):
 # --- parts and teams ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["faces", 9001, "curves"])
-def test_parts_and_bands_are_the_same_bits(gpu, sphere, kind):
-    scene, settings = scene_of(kind, sphere), attrs.evolve(SETTINGS, grid=32, shadow_map=64)
+@pytest.mark.parametrize("kind, lod", [("faces", 0), (9001, 0), ("curves", 0), ("curves", 1)])
+def test_parts_and_bands_are_the_same_bits(gpu, sphere, kind, lod):
+    scene, settings = scene_of(kind, sphere), attrs.evolve(SETTINGS, grid=32, shadow_map=64, lod=lod)
     whole = clfur.draw(scene, gpu, settings, tuple(OUTPUTS), hashes=True)
     assert np.isfinite(whole.images["depth"]).mean() > .2 and whole.images["color"].std() > .05
     for memory in (3_000_000, 2_000_000):
