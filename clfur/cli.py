@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from . import Error, draw, save
+from .cli_chart import chart
 from .cli_compare import compare
 from .cli_devices import ask_drivers, devices
 from .cli_scene import is_scene_file, load_scene, scene_options
@@ -79,6 +80,7 @@ def render(given, output, outputs, device, as_json, **options):
           + (f"; skipped faces: {', '.join(left_out)}" if left_out else ""))
 
 
+clfur.add_command(chart)
 clfur.add_command(compare)
 clfur.add_command(devices)
 

@@ -88,12 +88,15 @@ def test_imports(path):
         assert not tops & {"imageio", "OpenEXR"}
     if module.startswith("clfur.twin."):
         assert tops <= {"numpy", "math"}
+    if module in ("clfur.truth", "clfur.rays"):   # no kernel that draws, counts or lights is judged by itself
+        assert {name for name in own if name.startswith("clfur.stages")} <= {"clfur.stages.tessellate.tessellate"}
+        assert module == "clfur.truth" or not own
     if module.startswith("clfur.stages."):
         assert tops - {"clfur"} <= {"numpy"} | STANDARD
         assert all(f"{name}.".startswith(("clfur.layout.", "clfur.stages.")) for name in own)
     if module in ("clfur.compare", "clfur.frontier", "clfur.report") or module.startswith("clfur.cli"):
         assert not any(name.startswith(("clfur.stages", "clfur.twin")) for name in own)
-    assert module.startswith("clfur.twin") or not any(name.startswith("clfur.twin") for name in own)
+    assert module.startswith(("clfur.twin", "clfur.truth")) or not any(name.startswith("clfur.twin") for name in own)
 
 
 def test_scene_needs_no_opencl():
