@@ -7,6 +7,7 @@ import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 
+import attrs
 import numpy as np
 
 from .device import choose
@@ -85,6 +86,8 @@ def draw(scene, device=None, settings=None, outputs=("color",), hashes=False):
 
 def _draw(team, scene, settings, outputs, hashes):
     began, gpus = time.perf_counter(), team.gpus[:]
+    if not np.any(scene.light.color):   # what stands before a light that is out cannot matter
+        settings = attrs.evolve(settings, shadows="off")
     digests = {}
     work = Work(gpus[0], scene)
     for gpu in gpus:

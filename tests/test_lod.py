@@ -203,7 +203,7 @@ def test_nothing_pops_up(gpu):
 
 
 def test_covered_area_stays_in_pictures(gpu):
-    """Against all strands, from 1.2 to 0.06 pixels wide, by the area that they cover; what is left is which are kept."""
+    """Against all strands, from 1.2 to 0.06 pixels wide, by the area they cover; what is left is which are kept."""
     rng = np.random.default_rng(4)
     way = rng.normal(size=(4000, 1, 3))
     points = rng.uniform(-1, 1, (4000, 1, 3)) + .4 * way / np.linalg.norm(way, axis=-1, keepdims=True) * np.linspace(
