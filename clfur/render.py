@@ -110,9 +110,11 @@ def _draw(team, scene, settings, outputs, hashes):
         """Depth and id of what is nearest in each sample; of the body alone where strands are transparent."""
         visible = None
         for part in plan(gpu, strands, body)[0]:
-            hair, skin = make(gpu, part)
-            visible = raster(gpu, view, None if covering else hair, skin, visible)
+            visible = raster(gpu, view, *opaque(*make(gpu, part)), visible)
         return [visible]
+
+    def opaque(hair, skin):   # no name here may outlive a part: it must go before the next one is made
+        return None if covering else hair, skin
 
     def shadows_on(gpu):
         """Shadows, or those of the frame before if only the camera has moved."""
@@ -171,10 +173,12 @@ def _draw(team, scene, settings, outputs, hashes):
             resolved = coverage.resolve(gpu, visible, fragments, through, fur)
             through = resolved.through
             seen = one_sample(view), resolved.seen, resolved.alpha, resolved.seen_fur
-            for part in parts if lit else []:
-                hair = make(gpu, part)[0]
+
+            def add(hair, lights):
                 reached = coverage.reach(gpu, light, hair, shadows) if settings.shadows != "off" else None
-                lights = coverage.light(gpu, view, light, settings.specular, fragments, resolved, hair, reached, lights)
+                return coverage.light(gpu, view, light, settings.specular, fragments, resolved, hair, reached, lights)
+            for part in parts if lit else []:
+                lights = add(make(gpu, part)[0], lights)
             image = coverage.blend(gpu, lights, resolved, image) if lit else None
         if lit:
             # Part by part each sample of a pixel is added in its turn, so that the sum is the same bits.
