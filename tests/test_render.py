@@ -150,7 +150,8 @@ def test_a_scene_pays_for_what_it_holds(gpu, sphere, mesh, fur, body):
 
 def test_a_light_that_is_out_casts_no_shadows(gpu, scene):
     """And the picture is what it is with shadows: ambient light has none."""
-    dark = clfur.Scene(mesh=scene.mesh, fur=scene.fur, camera=scene.camera, light=clfur.Light(color=(0, 0, 0), ambient=.3))
+    dark = clfur.Scene(mesh=scene.mesh, fur=scene.fur, camera=scene.camera,
+                       light=clfur.Light(color=(0, 0, 0), ambient=.3))
     frame = clfur.draw(dark, gpu, SETTINGS)
     assert not {"voxelize", "zscan", "shadow_map"} & set(frame.stages)
     lit = clfur.Scene(mesh=scene.mesh, fur=scene.fur, camera=scene.camera,
