@@ -27,3 +27,14 @@ inline float4 to_screen(const View *view, float4 p)
 {
     return ((view->to_screen[0] * p.x + view->to_screen[1] * p.y) + view->to_screen[2] * p.z) + view->to_screen[3];
 }
+
+/* Three random words for one strand: pcg3d of Jarzynski and Olano, "Hash Functions for GPU Rendering" (2020).
+   They depend on (strand, seed, use) alone, never on the work-item. */
+inline uint3 random3(uint strand, uint seed, uint use)
+{
+    uint3 v = (uint3)(strand, seed, use) * 1664525u + 1013904223u;
+    v.x += v.y * v.z;  v.y += v.z * v.x;  v.z += v.x * v.y;
+    v ^= v >> 16;
+    v.x += v.y * v.z;  v.y += v.z * v.x;  v.z += v.x * v.y;
+    return v;
+}

@@ -94,8 +94,8 @@ inline void draw_segment(
     long r0 = least, r_step = 0;
     if (!thin) {
         const float slope = (float)(b.y - a.y) / du, tilt = sqrt(1.0f + slope * slope);
-        r0 = (long)(a.w * tilt) << FRACTION;
-        r_step = (((long)(b.w * tilt) << FRACTION) - r0) / du;
+        r0 = (long)(a.w * tilt * 256.0f) << (FRACTION - 8);   // cut to whole sub-pixels thin strands would lose 1 %
+        r_step = (((long)(b.w * tilt * 256.0f) << (FRACTION - 8)) - r0) / du;
     }
     const uint gap = (uint)(PIXEL - 2 * least);            // between the rows that a thin strand can cover
 

@@ -3,17 +3,6 @@
  * user brings.  A strand is a run of points; segment i joins points i and i + 1 of the same strand.
  */
 
-/* Three random words for one strand: pcg3d of Jarzynski and Olano, "Hash Functions for GPU Rendering" (2020).
-   They depend on (strand, seed, use) alone, never on the work-item. */
-inline uint3 random3(uint strand, uint seed, uint use)
-{
-    uint3 v = (uint3)(strand, seed, use) * 1664525u + 1013904223u;
-    v.x += v.y * v.z;  v.y += v.z * v.x;  v.z += v.x * v.y;
-    v ^= v >> 16;
-    v.x += v.y * v.z;  v.y += v.z * v.x;  v.z += v.x * v.y;
-    return v;
-}
-
 /* The top 24 bits as numbers in [-1, 1): exact in a float. */
 inline float4 signed_unit(uint3 r)
 {

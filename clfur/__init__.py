@@ -2,6 +2,7 @@
 
 from .compare import Comparison, compare
 from .errors import DeviceError, Error
+from .frontier import Frontier, frontier
 from .fur import Curves, HairType, PointForce, Strands
 from .image import save
 from .mesh import load_mesh
@@ -12,6 +13,7 @@ from .settings import Settings
 from .shell_fur import Shells
 
 __all__ = [
-    "Camera", "Comparison", "Curves", "DeviceError", "Error", "Frame", "HairType", "Light", "Mesh", "PointForce",
-    "Scene", "Scheduler", "Settings", "Shells", "Strands", "compare", "draw", "load_mesh", "render", "save",
+    "Camera", "Comparison", "Curves", "DeviceError", "Error", "Frame", "Frontier", "HairType", "Light", "Mesh",
+    "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "compare", "draw", "frontier", "load_mesh",
+    "render", "save",
 ]

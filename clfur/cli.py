@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from . import Error, draw, save
+from .cli_chart import chart
 from .cli_compare import compare
 from .cli_devices import ask_drivers, devices
 from .cli_scene import is_scene_file, load_scene, scene_options
@@ -68,7 +69,8 @@ def render(given, output, outputs, device, as_json, **options):
             "seconds": drawn.seconds, "stages": drawn.stages, "skipped": skipped,
             "camera": {"eye": scene.camera.pose[:3, 3].tolist(),
                        "target": None if scene.camera.target is None else scene.camera.target.tolist()},
-            "options": of_options | {name: getattr(settings, name) for name in ("samples", "shadows", "grid")}}))
+            "options": of_options | {
+                name: getattr(settings, name) for name in ("samples", "raster", "shadows", "grid", "lod")}}))
         return
     stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in drawn.stages.items())
     left_out = [f"{count:,} {what.replace('_', ' ')}" for what, count in skipped.items() if count]
@@ -79,6 +81,7 @@ def render(given, output, outputs, device, as_json, **options):
           + (f"; skipped faces: {', '.join(left_out)}" if left_out else ""))
 
 
+clfur.add_command(chart)
 clfur.add_command(compare)
 clfur.add_command(devices)
 

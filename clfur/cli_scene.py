@@ -19,7 +19,6 @@ from .scene import frame
 from .settings import RASTERS, SHADOWS
 
 _SCENE = [
-    click.option("--size", type=Size(), default="640x480", metavar="WxH", help="Size of the picture in pixels."),
     click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
                  help="Strands, shells (a pattern in layers above the skin), or an undercoat of shells under strands."),
     click.option("--length", type=click.FloatRange(0), metavar="L",
@@ -89,6 +88,8 @@ _SETTINGS = [
     click.option("--grid", type=int, default=48, metavar="N",
                  help="Cells a side of the grid for shadows; a multiple of 16."),
     click.option("--samples", type=click.Choice(["1", "4", "16"]), default="4", help="Samples a pixel."),
+    click.option("--lod", type=click.FloatRange(0, 4), default=0.0, metavar="PIXELS",
+                 help="Draw strands thinner than this as fewer, wider ones of fewer segments; 0: all as they are."),
     click.option("--specular", type=click.Choice(["kajiya-kay", "half-vector"]), default="kajiya-kay",
                  help="Form of the highlight."),
     click.option("--blur", type=click.Choice(["off", "all", "edges"]), default="off",
@@ -97,13 +98,15 @@ _SETTINGS = [
                  help="How wide the blur is."),
 ]
 # Names of the options that only one kind of fur has.
-_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "type_map", "types", "curl", "wave"),
+_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "type_map", "types", "curl", "wave",
+                     "lod"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 
 
-def scene_options(command):
-    """Give a command the options that `load_scene` reads."""
-    for option in reversed(_SCENE + _STRANDS + _SHELLS + _SETTINGS):
+def scene_options(command, size="640x480", settings=True):
+    """Give a command the options that `load_scene` reads: a size like this, and those of `Settings` or none."""
+    sized = click.option("--size", type=Size(), default=size, metavar="WxH", help="Size of the picture in pixels.")
+    for option in reversed([sized] + _SCENE + _STRANDS + _SHELLS + (_SETTINGS if settings else [])):
         command = option(command)
     return command
 
@@ -119,8 +122,8 @@ def load_scene(given, options):
     Raises `clfur.Error` for what cannot be loaded, and click.UsageError for options that have no say: the
     scene file sets them itself, or they are of another fur than is chosen.
     """
-    settings = Settings(samples=int(options["samples"]), **{
-        name: options[name] for name in ("raster", "specular", "shadows", "grid", "blur", "blur_sigma")})
+    own = {field.name: options[field.name] for field in attrs.fields(Settings) if field.name in options}
+    settings = Settings(**own | ({"samples": int(own["samples"])} if own else {}))
     context = click.get_current_context()
     flags = {option.name: option.opts[0] for option in context.command.params if option.name in options
              and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE}

@@ -12,8 +12,8 @@ import numpy as np
 from . import checks
 from .device import choose, describe, handles
 from .errors import Error
-from .image import linear_to_srgb
 from .isolated import isolated, tell
+from .measures import flip
 from .render import draw
 from .scene import Scene
 from .scheduler import Scheduler
@@ -104,7 +104,7 @@ class Comparison:
 
     def as_dict(self):
         """All but the pictures, as what JSON can hold; numbers that are not finite become None."""
-        return _plain(attrs.asdict(self, filter=lambda field, _: field.name != "picture") | {"agree": self.agree})
+        return plain(attrs.asdict(self, filter=lambda field, _: field.name != "picture") | {"agree": self.agree})
 
 
 def compare(scene, devices="all", settings=None, repeat=5, reference=None, seconds=300, tell=None):
@@ -197,7 +197,7 @@ def _row(row, own, other):
     """The row of a device that gave its picture, compared to the reference's."""
     apart = np.abs(own["picture"].astype(np.float64) - other["picture"]).max(axis=2)
     apart[np.isnan(apart)] = np.inf
-    difference = Difference(float(apart.max()), float((apart > BEYOND).mean()), _flip(other["picture"], own["picture"]),
+    difference = Difference(float(apart.max()), float((apart > BEYOND).mean()), flip(other["picture"], own["picture"]),
                             {name: own["hashes"].get(name) == bits for name, bits in other["hashes"].items()})
     wrong = [f"other bits in {name}" for name, same in difference.same.items() if not same]
     if difference.share > SHARE:
@@ -217,19 +217,10 @@ def _stages(stages, frames):
     return {name: Spread.of([times[name] for times in stages]) for name in stages[0]}
 
 
-def _flip(reference, picture):
-    """Mean FLIP error of two linear pictures over black, or None without the package."""
-    try:
-        import flip_evaluator
-    except ImportError:   # of the extra "report"
-        return None
-    shown = [linear_to_srgb(np.nan_to_num(image[..., :3])) for image in (reference, picture)]
-    return float(flip_evaluator.evaluate(*shown, "LDR", applyMagma=False)[1])
-
-
-def _plain(value):
+def plain(value):
+    """What JSON can hold of dicts, lists and numbers: what is not finite becomes None."""
     if isinstance(value, dict):
-        return {name: _plain(part) for name, part in value.items()}
+        return {name: plain(part) for name, part in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(part) for part in value]
+        return [plain(part) for part in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value

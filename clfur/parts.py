@@ -8,16 +8,20 @@ from .errors import Error
 from .fur import Curves, Strands
 from .stages.blur import reach_of
 from .stages.coverage import FRAGMENT
+from .stages.lod import thin
 from .stages.shells import bend, border, lay, pack, size_of, topology_of
 from .stages.strands import area_of, bring, first_strand_at, grow, no_strands
 from .stages.tessellate import counts_of, levels_of, no_surface, tessellate
+from .views import view_of
 
 # Bytes on the device, of all arrays that stages make; see their dataclasses.
 VERTEX, TRIANGLE = 64, 16 + 8 + 16      # a triangle's area, and a strand that may stand on it, counted below
 POINT, STRAND = 36, 104                 # strands of the user's come packed, with width and colour: 32 more a point
+THIN_POINT, THIN_STRAND = 32, 8         # once more for thinned ones; 16 more a point with a colour
 MESH_VERTEX, MESH_FACE = 32, 96         # the mesh itself
-PIXEL = 72                              # what is known of one where strands are transparent,
+PIXEL = 80                              # what is known of one where strands are transparent,
 PIECES = 32                             # and how many of them it has room for, at least
+NUMBERS = 2**32 - 1                     # pieces that a band can tell apart
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -94,15 +98,15 @@ class Work:
         fewest = 1
         if settings.blur != "off":
             row, fewest = max(row, width * 48), min(2 * reach_of(settings.blur_sigma) + 1, height)
-        point = POINT if self.grown else POINT + 32
+        strand, point = self._bytes(settings)
         need = {
             "body": VERTEX * int(self.vertices[-1]) + TRIANGLE * int(self.triangles[-1]),
-            "strands": (end - first) * STRAND + self._points(first, end) * point,
+            "strands": (end - first) * strand + self._points(first, end) * point,
             "rows": height * row,
         }
         least = {   # of each; a face or a strand is never divided
             "body": min(need["body"], max(self.face, 1 << 16)),
-            "strands": min(need["strands"], max(STRAND + self.longest * point, 1 << 16)),
+            "strands": min(need["strands"], max(strand + self.longest * point, 1 << 16)),
             "rows": fewest * row,
         }
         spare = gpu.memory * 15 // 16 - fixed - sum(least.values())
@@ -120,7 +124,18 @@ class Work:
         face_runs = [run for run in _runs(
             (VERTEX * self.vertices + TRIANGLE * self.triangles, room["body"]),
             (16 * self.vertices, piece), (16 * self.triangles, piece)) if run[1] > run[0]]
-        return self._parts(gpu, face_runs, room["strands"], piece, first, end, body and self.body), int(rows)
+        parts = self._parts(gpu, face_runs, room["strands"], strand, point, piece, first, end, body and self.body)
+        return parts, int(rows)
+
+    def _bytes(self, settings):
+        """Bytes on the device of a strand and of each of its points."""
+        strand, point = (STRAND, POINT) if self.grown else (STRAND, POINT + 32)
+        if settings.lod:
+            colors = 0 if self.grown or len(self.scene.strands.color) < len(self.scene.strands.points) else 16
+            strand, point = strand + THIN_STRAND, point + THIN_POINT + colors
+        if settings.raster == "coverage":                   # how much light reaches it
+            point += 4
+        return strand, point
 
     def too_many(self, gpu, settings, counted, rows, parts):
         """Whether a band of the picture has more pieces of strands than fit, and must be cut.
@@ -133,24 +148,24 @@ class Work:
         if len(parts) == 1:   # nothing else will come but what is known of pixels and points
             after = height * width * (PIXEL + 80 + 4 * settings.samples) + 4 * self.points
             most = max(most, (gpu.room - after) * 7 // 8 // FRAGMENT)
-        if pieces <= min(most, gpu.largest * 7 // 8 // FRAGMENT):
+        if pieces <= min(most, gpu.largest * 7 // 8 // FRAGMENT, NUMBERS):
             return False
         if height == 1:
             raise Error(f"{gpu.name} has no room for {pieces:,} pieces of strands in a row of {width} pixels; allowed: "
                         f"a smaller picture, fewer strands, or Settings.raster 'samples'")
         return True
 
-    def _parts(self, gpu, face_runs, room, piece, first, end, body):
+    def _parts(self, gpu, face_runs, room, strand, point, piece, first, end, body):
         if not self.grown:
             before = self.before[first:end + 1]
             hair = [Part(strands=(first + a, first + b)) for a, b in _runs(
-                (STRAND * np.arange(len(before)) + (POINT + 32) * before, room), (16 * before, piece))]
+                (strand * np.arange(len(before)) + point * before, room), (16 * before, piece))]
             skin = [Part(faces=run, body=True) for run in face_runs] if body else []
             if len(hair) == len(skin) == 1:
                 return [Part(faces=skin[0].faces, strands=hair[0].strands, body=True)]
             return skin + hair or [Part()]
         parts, areas = [], [None] * len(face_runs)
-        most = max(min(room // (STRAND + POINT * self.stride), piece // (16 * self.stride)), 1)
+        most = max(min(room // (strand + point * self.stride), piece // (16 * self.stride)), 1)
         if self.scene.strands.roots == "faces":
             runs = [(int(self.triangles[b]), int(self.triangles[e])) for b, e in face_runs]
         elif len(face_runs) == 1:
@@ -175,18 +190,26 @@ class Work:
         sums = np.cumsum([0] + gpu.keep("areas", (mesh, *self.levels, str(face_runs)), build), dtype=object)
         return [int(a) for a in sums[:-1]], int(sums[-1])
 
-    def make(self, gpu, part):
-        """Bring a part onto the device -> (`Grown`, `Surface` to draw)."""
+    def make(self, gpu, part, lod=0.0):
+        """Bring a part onto the device -> (`Grown`, `Surface` to draw).
+
+        ``lod``: as in `Settings`, of what the camera sees; 0 for all strands there are.
+        """
         mesh, fur = self.scene.mesh, self.scene.strands
         surface = gpu.keep("body", (mesh, *self.levels, *part.faces), lambda: (
             tessellate(gpu, mesh, *self.levels, part.faces) if part.faces[1] > part.faces[0] else no_surface(gpu)))
         if part.strands[1] == part.strands[0]:
             strands = gpu.keep("strands", (), lambda: no_strands(gpu))
-        elif self.grown:
-            strands = gpu.keep("strands", (mesh, fur, *part.strands, *part.faces),
-                               lambda: grow(gpu, surface, fur, part.strands, part.area))
         else:
-            strands = gpu.keep("strands", (fur, *part.strands), lambda: bring(gpu, fur, part.strands))
+            what = (mesh, fur, *part.strands, *part.faces) if self.grown else (fur, *part.strands)
+
+            def whole():
+                return gpu.keep("strands", what, lambda: grow(gpu, surface, fur, part.strands, part.area)
+                                if self.grown else bring(gpu, fur, part.strands))
+
+            def thinned():   # within the outermost, so that those of another part go before anything new is made
+                return lod and thin(gpu, whole(), view_of(self.scene, 1), lod, fur.seed if self.grown else 0)
+            strands = gpu.keep("thinned", (*what, self.scene.camera, str(lod)) if lod else (), thinned) or whole()
         drawn = part.body or part.faces[1] == part.faces[0]
         return strands, surface if drawn else gpu.keep("no body", (), lambda: no_surface(gpu))
 

@@ -7,6 +7,7 @@ import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 
+import attrs
 import numpy as np
 
 from .device import choose
@@ -85,6 +86,8 @@ def draw(scene, device=None, settings=None, outputs=("color",), hashes=False):
 
 def _draw(team, scene, settings, outputs, hashes):
     began, gpus = time.perf_counter(), team.gpus[:]
+    if not np.any(scene.light.color):   # what stands before a light that is out cannot matter
+        settings = attrs.evolve(settings, shadows="off")
     digests = {}
     work = Work(gpus[0], scene)
     for gpu in gpus:
@@ -100,21 +103,24 @@ def _draw(team, scene, settings, outputs, hashes):
     def plan(gpu, strands=None, body=True):
         return work.plan(gpu, settings, bool(others), strands, body)
 
-    def visible_in(view):
+    def make(gpu, part, lod=settings.lod):
+        return work.make(gpu, part, lod)
+
+    def look(view, gpu, strands=None, body=True):
         """Depth and id of what is nearest in each sample; of the body alone where strands are transparent."""
-        def look(gpu, strands, body):
-            visible = None
-            for part in plan(gpu, strands, body)[0]:
-                hair, skin = work.make(gpu, part)
-                visible = raster(gpu, view, None if covering else hair, skin, visible)
-            return [visible]
-        if covering:
-            return team.first(lambda gpu: look(gpu, None, True)[0])
-        return team.gather("look", look, [np.minimum], work.strands)[0]
+        visible = None
+        for part in plan(gpu, strands, body)[0]:
+            visible = raster(gpu, view, *opaque(*make(gpu, part)), visible)
+        return [visible]
+
+    def opaque(hair, skin):   # no name here may outlive a part: it must go before the next one is made
+        return None if covering else hair, skin
 
     def shadows_on(gpu):
         """Shadows, or those of the frame before if only the camera has moved."""
         furred = scene.shells is not None and settings.shadows != "off"
+        # The report's methods count strands, however wide: they take all there are.
+        lod = settings.lod if settings.shadows == "length" else 0.0
 
         def build():
             bounds = shells.bounds_of(gpu, work.make_shell(gpu, settings)[0]) if furred else None
@@ -125,7 +131,7 @@ def _draw(team, scene, settings, outputs, hashes):
                 # With the body, shells are in one device's share, and there in the first part.
                 shell = work.make_shell(gpu, settings) if furred and body else None
                 for part in plan(gpu, strands, body)[0]:
-                    counted = cast(gpu, planned, *work.make(gpu, part), *counted, shell)
+                    counted = cast(gpu, planned, *make(gpu, part, lod), *counted, shell)
                     shell = None
                 return counted
 
@@ -137,12 +143,15 @@ def _draw(team, scene, settings, outputs, hashes):
             return settle(gpu, planned, *(on(gpu, array) for array in (cells, seen))), told
         # The shells count too: the light's view and grid hold all that there is.
         what = scene.mesh, scene.strands, scene.shells, scene.light, int(work.body)
-        cost = settings.shadows, settings.grid, settings.shadow_map, settings.pcf
-        return gpu.keep("shadows", (*what, *cost, int(hashes)), build)
+        cost = settings.shadows, settings.grid, settings.shadow_map, settings.pcf, str(lod)
+        camera = scene.camera if lod else None           # strands are thinned for it
+        return gpu.keep("shadows", (*what, *cost, camera, int(hashes)), build)
 
     def pictures(view, visible, gpu):
-        """{output: array} of the rows of a view, and under "seen" what its integers gave; None if they hold too much."""
-        visible, parts, shadows = on(gpu, visible), plan(gpu)[0], None
+        """{output: array} of a view's rows, and under "seen" what its integers gave; None if they hold too much."""
+        # Transparent strands aren't shared: whoever draws them looks for itself, also after another was lost.
+        visible = look(view, gpu)[0] if covering else on(gpu, visible)
+        parts, shadows = plan(gpu)[0], None
         image = through = fur = known = None
         if lit:
             shadows, told = shadows_on(gpu)
@@ -154,29 +163,31 @@ def _draw(team, scene, settings, outputs, hashes):
         if covering:
             pixels, lights = coverage.bound(gpu, visible), None
             for part in parts:
-                coverage.count(gpu, view, work.make(gpu, part)[0], pixels)
+                coverage.count(gpu, view, make(gpu, part)[0], pixels)
             counted = gpu.download(pixels)
             if work.too_many(gpu, settings, counted, rows, parts):
                 return None
             fragments = coverage.room_for(gpu, counted)
             for part in parts:
-                coverage.gather(gpu, view, work.make(gpu, part)[0], fragments)
+                coverage.gather(gpu, view, make(gpu, part)[0], fragments)
             resolved = coverage.resolve(gpu, visible, fragments, through, fur)
             through = resolved.through
             seen = one_sample(view), resolved.seen, resolved.alpha, resolved.seen_fur
-            for part in parts if lit else []:
-                hair = work.make(gpu, part)[0]
+
+            def add(hair, lights):
                 reached = coverage.reach(gpu, light, hair, shadows) if settings.shadows != "off" else None
-                lights = coverage.light(gpu, view, light, settings.specular, fragments, resolved, hair, reached, lights)
+                return coverage.light(gpu, view, light, settings.specular, fragments, resolved, hair, reached, lights)
+            for part in parts if lit else []:
+                lights = add(make(gpu, part)[0], lights)
             image = coverage.blend(gpu, lights, resolved, image) if lit else None
         if lit:
             # Part by part each sample of a pixel is added in its turn, so that the sum is the same bits.
             for sample in range(settings.samples) if len(parts) > 1 else [None]:
                 for part in parts:
-                    image = shade.color(gpu, view, light, settings.specular, visible, *work.make(gpu, part), skin,
+                    image = shade.color(gpu, view, light, settings.specular, visible, *make(gpu, part), skin,
                                         shadows, image, None if sample is None else (sample, sample + 1), through)
         for part in parts if others else []:
-            known = shade.about(gpu, *seen[:2], *work.make(gpu, part), known)
+            known = shade.about(gpu, *seen[:2], *make(gpu, part), known)
         if scene.shells and others:
             known = shells.about(gpu, seen[0], shell, seen[1], *seen[2:], known)
         if covering and others:
@@ -194,7 +205,10 @@ def _draw(team, scene, settings, outputs, hashes):
     while todo:
         top, end = todo.pop(0)
         view = band_of(whole, top, end)
-        drawn = team.first(functools.partial(pictures, view, visible_in(view)))
+        visible = None
+        if not covering:
+            visible, = team.gather("look", functools.partial(look, view), [np.minimum], work.strands)
+        drawn = team.first(functools.partial(pictures, view, visible))
         if drawn is None:
             middle = (top + end) // 2
             todo = [(top, middle), (middle, end), *todo]
@@ -212,7 +226,7 @@ def _draw(team, scene, settings, outputs, hashes):
         digests["visibility"] = hashlib.sha256(b"".join(digest.digest() for digest in seen)).hexdigest()
     seconds = time.perf_counter() - began
 
-    points = team.first(lambda gpu: [_points(gpu, work.make(gpu, part)[0]) for part in plan(gpu)[0]])
+    points = team.first(lambda gpu: [_points(gpu, make(gpu, part)[0]) for part in plan(gpu)[0]])
     stages = {}
     for of_one in team.each(lambda gpu: gpu.seconds()):   # not of those that were dropped: a lost device tells nothing
         for name, spent in of_one.items():

@@ -15,7 +15,7 @@ from .image import png, srgb_to_linear
 
 SUFFIXES = ".html", ".htm"
 FAINTEST = 1e-7        # difference that a picture of differences begins to show
-_INK = "#010203"       # in charts: the colour that becomes the page's own for text
+INK = "#010203"       # in charts: the colour that becomes the page's own for text
 
 
 def check_report(path):
@@ -72,8 +72,8 @@ def chart(width, height, **options):
     import matplotlib
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context({"text.color": _INK, "axes.edgecolor": _INK, "axes.labelcolor": _INK,
-                                "xtick.color": _INK, "ytick.color": _INK, "hatch.color": _INK, "hatch.linewidth": 0.4,
+    with matplotlib.rc_context({"text.color": INK, "axes.edgecolor": INK, "axes.labelcolor": INK,
+                                "xtick.color": INK, "ytick.color": INK, "hatch.color": INK, "hatch.linewidth": 0.4,
                                 "axes.spines.top": False, "axes.spines.right": False, "font.size": 10}):
         figure = Figure((width, height), layout="constrained")
         return figure, figure.subplots(**options)
@@ -90,7 +90,7 @@ def svg(figure, name):
         figure.savefig(stream, format="svg", transparent=True)
     text = stream.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg"):], flags=re.S)
-    return Markup(text.replace(_INK, "currentColor"))
+    return Markup(text.replace(INK, "currentColor"))
 
 
 def data_uri(color):
@@ -146,7 +146,7 @@ def _stage_chart(rows):
     axes.set_yticks(places, [row.device for row in rows])
     axes.invert_yaxis()
     axes.set_xlabel("milliseconds, median")
-    figure.legend(loc="outside upper left", ncols=5, fontsize=9, frameon=False, labelcolor=_INK)
+    figure.legend(loc="outside upper left", ncols=5, fontsize=9, frameon=False, labelcolor=INK)
     return svg(figure, "stages")
 
 
@@ -157,7 +157,7 @@ def _frame_chart(rows):
         axes.plot([1e3 * row.frame.min, 1e3 * row.frame.max], [place, place], color="#1f77b4", lw=5, alpha=0.3,
                   solid_capstyle="round")
         axes.plot(1e3 * np.array(row.frames), [place] * len(row.frames), "o", color="#1f77b4", ms=4)
-        axes.plot(1e3 * row.frame.median, place, "|", color=_INK, ms=17, mew=2)
+        axes.plot(1e3 * row.frame.median, place, "|", color=INK, ms=17, mew=2)
     axes.set_yticks(range(len(rows)), [row.device for row in rows])
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.set_xlim(left=0)

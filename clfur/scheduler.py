@@ -25,7 +25,7 @@ PIECE = 0.1         # seconds that a piece of a launch should take, so that Ctrl
 SPARE = 256 << 20   # bytes that the pool may hold beyond twice of what is in use
 
 
-def _kernel_dir():
+def kernel_dir():
     """Folder of the .cl files: the installed package clfur.cl, or cl/ beside clfur/ in a checkout."""
     try:
         return files("clfur.cl")
@@ -36,7 +36,7 @@ def _kernel_dir():
 def _text(file):
     """A kernel file with what it includes, each line under the name and number that it has in its own file."""
     lines = [f'#line 1 "{file}"']
-    for number, line in enumerate(_kernel_dir().joinpath(file).read_text().splitlines(), 1):
+    for number, line in enumerate(kernel_dir().joinpath(file).read_text().splitlines(), 1):
         if include := re.match(r'#include "(\w+\.h)"$', line):
             line = f'{_text(include[1])}#line {number + 1} "{file}"'
         lines.append(line)

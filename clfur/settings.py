@@ -29,6 +29,8 @@ class Settings:
     shadows: "length" deposits what rays of light are expected to cross; "binary", "count" and "trilinear" are the
     report's voxels; "off".  grid: cells a side, a multiple of 16.  shadow_map: texels a side of the body's shadow
     map, 0 for none.  pcf: radius in texels over which its comparisons are averaged (the report's equation 8).
+    lod: pixels, 0 to 4; strands that are thinner are drawn as fewer and wider ones, at least 1/8 of them, and points
+    within lod/4 pixels of a straight line are left out; 0: all there is.
     filtered: whether the pattern of shell fur is averaged over the pixel.  blur: where the report's Gaussian is laid
     over the picture: "off", "all", or "edges", which leaves the interior of the fur untouched.  blur_sigma: its width
     in pixels, above 0, at most 16.  Raises `clfur.Error` for anything else.
@@ -41,6 +43,7 @@ class Settings:
     shadow_map: int = checks.field(checks.whole(0, 8192), default=512)
     pcf: int = checks.field(checks.whole(0, 16), default=1)
     specular: str = checks.field(checks.choice("kajiya-kay", "half-vector"), default="kajiya-kay")
+    lod: float = checks.field(checks.real(low=0, high=4), default=0.0)
     filtered: bool = checks.field(checks.instance(bool), default=True)
     blur: str = checks.field(checks.choice("off", "all", "edges"), default="off")
     blur_sigma: float = checks.field(checks.real(above=0, high=16), default=1.0)

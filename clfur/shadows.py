@@ -8,7 +8,7 @@ import numpy as np
 from . import layout
 from .errors import Error
 from .fur import Strands, hair_bounds
-from .stages import shade, shells
+from .stages import lod, shade, shells
 from .stages.raster import raster
 from .stages.voxelize import depths_for, most_of, own_share, unit_for, voxelize
 from .stages.zscan import zscan
@@ -57,7 +57,8 @@ def plan_shadows(scene, settings, strands, body, fur=None):
     some = np.array([strands > 0] * len(hairs) + [True] * bool(fur), bool)
     if method != "off" and (depths[some] > 0).any():
         grid = grid_of(scene, settings.grid)
-        most = most_of(grid, method, *hair_bounds(scene.strands, strands)) if strands else 0
+        segments, length, area = hair_bounds(scene.strands, strands) if strands else (0, 0, 0)
+        most = most_of(grid, method, segments, length, area * (lod.WIDEST if settings.lod else 1))
         if fur:
             most += most_of(grid, "length", fur[0], 0.0, fur[1])
         unit = unit_for(most)

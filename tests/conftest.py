@@ -102,3 +102,23 @@ def comparison():
         Row("bad", "Bad driver · Chip", "crash", "the process died of SIGSEGV (after 1 of 5 frames)"),
         Row("odd", "Odd driver · Chip", "differs", "other bits in voxels", **seconds, stages=stages, picture=other,
             difference=Difference(0.25, 1 / 192, 0.01, same | {"voxels": False}))])
+
+
+@pytest.fixture
+def measured():
+    """A `clfur.Frontier` made up: 40 settings, of which a dozen that stand close together are the frontier."""
+    from clfur.compare import Spread
+    from clfur.frontier import Frontier, Point, label
+    points = []
+    for place in range(40):
+        best = place % 3 == 0 and place < 36
+        settings = clfur.Settings(samples=(1, 4, 16)[min(place // 13, 2)], grid=16 * (place + 1),
+                                  shadows=("length", "count")[place % 2])
+        seconds, error = 0.02 * 1.04**place, 0.2 * 0.96**place * (1 if best else 1.5)
+        spread = Spread(seconds, seconds * .9, seconds * 1.1)
+        points.append(Point(settings, None, label(settings), "", [seconds], spread, 200, 1600, error, error, -.01, .9,
+                            None, error / 2, best))
+    default = clfur.Settings()
+    points.append(Point(default, None, label(default), "default", [.5], Spread(.5, .5, .5), 200, 1600, .1, .1, .02,
+                        None, .03, None))
+    return Frontier("PoCL 3.0 · <b>Chip</b>", (32, 24), .004, "brute force", 0, points)

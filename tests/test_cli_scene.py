@@ -92,14 +92,18 @@ def test_blur():
         assert (settings.blur, settings.blur_sigma, settings.filtered) == (blur, sigma, True)
 
 
+def test_lod():
+    assert [load("sphere", *given)[1].lod for given in ((), ("--lod", 0.5))] == [0, 0.5]
+
+
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
-           "--types": "a.json", "--curl": "0,0", "--wave": "0,0"}
+           "--types": "a.json", "--curl": "0,0", "--wave": "0,0", "--lod": 0.5}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 1, "--noise": "0.5,8",
           "--wind": "0,0,0", "--time": 0, "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
           "--segments": 1, "--force": "0,0,0", "--force-weight": 1, "--seed": 1, "--eye": "9,9,9",
           "--target": "0,0,0", "--fov": 30, "--light": "0,-1,0", "--shadows": "off", "--grid": 16, "--samples": 1,
-          "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2}
+          "--raster": "coverage", "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2}
 
 
 def test_each_option_is_of_strands_or_of_shells_or_of_both():
@@ -146,6 +150,9 @@ def test_options_of_other_fur(clfur, tmp_path, fur, flag, value, other):
     (["--fur", "shells", "--pattern", "sine"], ["Shells.pattern is 'sine'", "uv"]),
     (["--fur", "both", "--pattern", "sine"], ["Shells.pattern is 'sine'", "uv"]),
     (["--fur", "shells", "--pattern", "sine", "--variation", "1"], ["--variation is for --pattern cells"]),
+    (["--raster", "area"], ["--raster", "'samples', 'coverage'"]),
+    (["--lod", "-0.1"], ["--lod", "4"]),
+    (["--lod", "4.5"], ["--lod", "4"]),
     (["--blur", "some"], ["--blur", "edges"]),
     (["--blur-sigma", "2"], ["--blur-sigma is for a blur", "--blur all or edges"]),
     (["--blur-sigma", "0"], ["--blur-sigma"]),

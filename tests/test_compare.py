@@ -178,8 +178,3 @@ def test_wrong_arguments_are_refused_before_anything_runs(sphere, monkeypatch, a
     monkeypatch.setattr(library, "isolated", None)
     with pytest.raises(clfur.Error, match=words):
         clfur.compare(**{"scene": scene(sphere), **arguments})
-
-
-def test_without_flip(sphere, monkeypatch):
-    monkeypatch.setitem(sys.modules, "flip_evaluator", None)
-    assert library._flip(PICTURE, PICTURE) is None

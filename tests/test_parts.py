@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 
+import attrs
 import numpy as np
 import pytest
 
@@ -18,13 +19,13 @@ SETTINGS = clfur.Settings(samples=4, grid=32, shadow_map=64)
 def scene_of(kind, mesh, body=(.3, .2, .1)):
     rng = np.random.default_rng(5)
     camera = clfur.Camera(eye=(0, .4, 3.2), size=(121, 83))
-    if kind == "curves":
+    if kind in ("curves", "striped"):
         roots = rng.normal(size=(2500, 1, 3))
         roots /= np.linalg.norm(roots, axis=-1, keepdims=True)
         counts = rng.integers(0, 12, 2500)
         points = (roots * (1 + .05 * np.arange(12))[None, :, None])[np.arange(12) < counts[:, None]]
         fur = clfur.Curves(points, counts=counts, width=rng.uniform(.002, .01, len(points)),
-                           color=rng.uniform(0, 1, (2500, 3)))
+                           color=rng.uniform(0, 1, (2500 if kind == "curves" else len(points), 3)))
     else:
         hair = clfur.HairType(segments=8, segment_length=.03, curl=(.01, 1), width=.004, length_variation=.3,
                               direction_variation=.3, color_variation=.2)
@@ -39,20 +40,22 @@ def same(one, other):
         np.testing.assert_array_equal(one.images[name], other.images[name], err_msg=name)
 
 
-@pytest.mark.parametrize("wide", [True, False], ids=["64-bit", "32-bit"])
-@pytest.mark.parametrize("kind", ["faces", 9001, "curves"])
-def test_parts_and_bands_are_the_same_bits(gpu, sphere, kind, wide):
-    scene = scene_of(kind, sphere)
-    whole = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True)
+@pytest.mark.parametrize("wide, keys", [
+    (True, {}), (False, {}), (True, {"lod": 1}), (False, {"lod": .5, "shadows": "count"})],
+    ids=["64-bit", "32-bit", "lod", "lod-count"])
+@pytest.mark.parametrize("kind", ["faces", 9001, "curves", "striped"])
+def test_parts_and_bands_are_the_same_bits(gpu, sphere, kind, wide, keys):
+    scene, settings = scene_of(kind, sphere), attrs.evolve(SETTINGS, **keys)
+    whole = clfur.draw(scene, gpu, settings, tuple(OUTPUTS), hashes=True)
     assert np.isfinite(whole.images["depth"]).mean() > .2 and whole.images["color"].std() > .05
     for memory in (1_400_000, 1_000_000):
         small = clfur.Scheduler(gpu.device, memory=memory)
         small.int64_atomics &= wide
-        parts, rows = Work(small, scene).plan(small, SETTINGS, True)
+        parts, rows = Work(small, scene).plan(small, settings, True)
         assert len(parts) > 1 and rows < 83
-        if kind != "curves" and memory == 1_000_000:
+        if kind not in ("curves", "striped") and memory == 1_000_000:
             assert len({part.faces for part in parts}) > 1
-        frame = clfur.draw(scene, small, SETTINGS, tuple(OUTPUTS), hashes=True)
+        frame = clfur.draw(scene, small, settings, tuple(OUTPUTS), hashes=True)
         same(whole, frame)
         assert 0 < frame.memory <= memory
 

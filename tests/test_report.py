@@ -37,7 +37,7 @@ def test_the_page_shows_every_device(text):
     assert text.count("<svg") == 3
     for chart in re.findall(r"<svg.*?</svg>", text, re.S):
         ElementTree.fromstring(chart)
-        assert "currentColor" in chart and report._INK not in chart
+        assert "currentColor" in chart and report.INK not in chart
     ids = re.findall(r'<(?:clipPath|path|pattern) id="([^"]*)"', text)
     assert len(ids) == len(set(ids)) > 0
 

@@ -55,7 +55,7 @@ def test_wrong_argument_count_says_so(gpu):
 def test_a_build_error_names_file_and_line(gpu, tmp_path, monkeypatch):
     (tmp_path / "common.h").write_text("")
     (tmp_path / "oops.cl").write_text("__kernel void a(__global int *o)\n{\n    o[0] = NOPE;\n}\n")
-    monkeypatch.setattr(scheduler, "_kernel_dir", lambda: tmp_path)
+    monkeypatch.setattr(scheduler, "kernel_dir", lambda: tmp_path)
     with pytest.raises(clfur.DeviceError, match=r"does not build oops\.cl: oops\.cl:3: .*NOPE"):
         gpu.launch("oops.a", 1)
 
@@ -64,7 +64,7 @@ def test_kernels_are_found_from_a_checkout_without_an_install(monkeypatch):
     def nowhere(name):
         raise ModuleNotFoundError(name)
     monkeypatch.setattr(scheduler, "files", nowhere)
-    assert (scheduler._kernel_dir() / "raster.cl").is_file()
+    assert (scheduler.kernel_dir() / "raster.cl").is_file()
 
 
 def test_an_array_too_large_for_the_device_is_refused(gpu):

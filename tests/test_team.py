@@ -21,10 +21,11 @@ def team(gpu):
     return [clfur.Scheduler(gpu.device), clfur.Scheduler(other)]
 
 
-@pytest.mark.parametrize("shadows", ["length", "binary"])
+@pytest.mark.parametrize("keys", [{}, {"shadows": "binary"}, {"lod": 1}, {"lod": 1, "shadows": "binary"}],
+                         ids=["length", "binary", "lod", "lod-binary"])
 @pytest.mark.parametrize("kind", ["faces", 9001, "curves"])
-def test_a_team_gives_the_bits_of_one(gpu, team, sphere, kind, shadows):
-    scene, settings = scene_of(kind, sphere), clfur.Settings(samples=4, grid=32, shadow_map=64, shadows=shadows)
+def test_a_team_gives_the_bits_of_one(gpu, team, sphere, kind, keys):
+    scene, settings = scene_of(kind, sphere), clfur.Settings(samples=4, grid=32, shadow_map=64, **keys)
     whole = clfur.draw(scene, gpu, settings, tuple(OUTPUTS), hashes=True)
     for _ in range(2):
         frame = clfur.draw(scene, team, settings, tuple(OUTPUTS), hashes=True)

@@ -136,7 +136,7 @@ def watch():
         return self.upload(np.full(shape, value, dtype))
 
     own.__init__, own.launch, own.full = started, recorded, full
-    scheduler._kernel_dir = lambda: Path(os.environ["CLFUR_KERNELS"])
+    scheduler.kernel_dir = lambda: Path(os.environ["CLFUR_KERNELS"])
     return launched
 
 

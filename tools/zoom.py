@@ -1,4 +1,4 @@
-"""Whether hair pops up or vanishes as the camera goes away: the picture's change from frame to frame, against the truth's.
+"""Whether hair pops up or vanishes as the camera goes away: change from frame to frame, against the truth's.
 
     python tools/zoom.py                       coverage and samples, with and without lod, on the teapot
     python tools/zoom.py --frames 60 --size 96x72 --samples 8

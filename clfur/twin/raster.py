@@ -170,13 +170,13 @@ def pixels(low, high, count):
 
 
 def half_across(half, a, b, samples):
-    """Half a width along the shorter axis, which is more on a slant, in whole sub-pixels.
+    """Half a width along the shorter axis, which is more on a slant, in sub-pixels / 2^FRACTION.
 
     In float32: width / cos(angle) = width * sqrt(1 + slope²).
     """
     du, dv = sorted((abs(b[0] - a[0]), abs(b[1] - a[1])), reverse=True)
     slope = np.float32(dv) / np.float32(du)
-    return int(np.float32(half) * np.sqrt(np.float32(1) + slope * slope))
+    return int(np.float32(half) * np.sqrt(np.float32(1) + slope * slope) * np.float32(256)) << (FRACTION - 8)
 
 
 def cover_segment(a, b, width, height, samples):
@@ -195,20 +195,20 @@ def cover_segment(a, b, width, height, samples):
     if u0 == u1:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     half_a, half_b = half_across(a[3], a, b, samples), half_across(b[3], a, b, samples)
-    half_slope = divide((half_b - half_a) << FRACTION, u1 - u0)
+    half_slope = divide(half_b - half_a, u1 - u0)
     v_slope = divide((v1 - v0) << FRACTION, u1 - u0)
     d_slope = divide((b[2] - a[2]) << FRACTION, u1 - u0)
 
     offset = offsets(samples)
     u = pixels(u0, u1, (width, height)[along])
-    most = max(half_a, half_b, SUBPIXEL // 2)
+    most = max(half_a >> FRACTION, half_b >> FRACTION, SUBPIXEL // 2)
     v = pixels(min(v0, v1) - most, max(v0, v1) + most, (width, height)[1 - along])
     su = u[:, None] * SUBPIXEL + SUBPIXEL // 2 + offset[along]           # [U, samples]
     sv = v[:, None] * SUBPIXEL + SUBPIXEL // 2 + offset[1 - along]       # [V, samples]
     on = (u0 <= su) & (su < u1)
     way = np.where(on, su - u0, 0)         # all below fits 63 bits: a slope times its way is at most the rise
     center = (v0 << FRACTION) + v_slope * way
-    half = np.maximum((half_a << FRACTION) + half_slope * way, SUBPIXEL // 2 // samples << FRACTION)
+    half = np.maximum(half_a + half_slope * way, SUBPIXEL // 2 // samples << FRACTION)
     above = (sv[None] << FRACTION) >= (center - half)[:, None]
     below = (sv[None] << FRACTION) < (center + half)[:, None]
     i, j, s = np.nonzero(on[:, None] & above & below)

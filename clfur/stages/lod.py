@@ -1,0 +1,36 @@
+"""Strands -> as few and as simple ones as a view needs."""
+
+from dataclasses import replace
+
+import numpy as np
+
+WIDEST = 6.4   # how many times as wide as it is a strand can become: 1 / widening's mean where 1/8 are kept
+
+
+def thin(gpu, strands, view, lod, seed=0):
+    """`Grown` strands without detail finer than ``lod`` > 0 pixels of a `layout.View` -> `Grown`.
+
+    A strand that would be p < lod pixels wide, at its root's width and where the nearer of its ends is, belongs to
+    those of which the share k = max(p / lod, 1/8) is kept.  It goes if its place in a fixed random order, which
+    ``seed`` and its number give, is above 1.5 k.  What stays is up to 0.8 / k times as wide, but narrower from place
+    k on, so that nothing pops up; on average all widths together remain.  Strands without width, and those that do
+    not have both ends before the eye, stay as they are.
+    Then points are left out that are within lod / 4 pixels of the line that replaces them, as large as a world unit
+    is at its nearer end, by place and by half the width; colours there may be wrong by 1/32.  A line stands for 16
+    segments at most, and for no more than a quarter of its strand's: light changes also along straight strands, and
+    `coverage` knows it at points alone.  Arrays that do not change are shared.
+    """
+    per_point = strands.color_per == 2
+    rows = strands.points.shape
+    thinned = replace(
+        strands,
+        points=gpu.empty(rows, np.float32),
+        tangents=gpu.empty(rows, np.float32),
+        spans=gpu.empty(strands.spans.shape, np.uint32),
+        colors=gpu.empty(rows, np.float32) if per_point else strands.colors,
+    )
+    gpu.launch("lod.thin", len(strands.spans), view, np.float32(lod), np.uint32(seed), np.uint32(strands.first_strand),
+               strands.points, strands.tangents, strands.spans, strands.colors, np.int32(strands.color_per),
+               thinned.points, thinned.tangents, thinned.spans,
+               thinned.colors if per_point else gpu.empty(0, np.float32))
+    return thinned

@@ -1,0 +1,263 @@
+"""Speed against accuracy: the truth that is compared to, what is tried, what is kept, and who is on the frontier."""
+
+import json
+import sys
+
+import attrs
+import numpy as np
+import pytest
+
+import clfur
+from clfur import device
+from clfur.frontier import digest, label, sweep
+
+library = sys.modules["clfur.frontier"]   # the module: clfur.frontier is its function
+WAYS = [clfur.Settings(samples=1, shadows="off"), clfur.Settings(), clfur.Settings(samples=16, grid=32)]
+TIMED = {"times", "seconds", "best"}
+
+
+def like_truth(scene, samples, seed=0, progress=None):
+    """In place of `clfur.truth.picture`."""
+    if progress:
+        progress(0.5)
+    return clfur.render(scene, settings=clfur.Settings(samples=4))
+
+
+@pytest.fixture(autouse=True)
+def cheap(tmp_path, monkeypatch):
+    """A truth that is drawn at once, and an empty cache."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(library.truth, "picture", like_truth, raising=False)
+    monkeypatch.setattr(library.truth, "VERSION", 0, raising=False)
+    monkeypatch.setattr(library, "OVER", 4)
+
+
+def scene(mesh, fur="strands", size=(32, 24), **options):
+    return clfur.Scene(mesh=mesh, camera=clfur.Camera(size=size), **options, fur={
+        "strands": clfur.Strands(inner=1, outer=1, roots=200), "none": None,
+        "shells": clfur.Shells(frequency=8)}[fur] if isinstance(fur, str) else fur)
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """[(settings, scene)] of all that is drawn from here on."""
+    calls = []
+
+    def draw(scene, gpu, settings):
+        calls.append((settings, scene))
+        return real(scene, gpu, settings)
+    real = library.draw
+    monkeypatch.setattr(library, "draw", draw)
+    return calls
+
+
+def same(one, other):
+    """Whether two frontiers are equal in all but times."""
+    points = [sorted(({name: value for name, value in attrs.asdict(point).items() if name not in TIMED}
+                      for point in found.points), key=lambda point: point["label"]) for found in (one, other)]
+    return points[0] == points[1] and one.noise == other.noise
+
+
+def test_what_is_measured(sphere):
+    told = []
+    found = clfur.frontier(scene(sphere), WAYS, repeat=2, tell=lambda *what: told.append(what))
+    assert (found.size, found.earlier, found.truth) == ((32, 24), 0, "brute force")
+    assert found.device == device.describe(device.choose("auto"))
+    by_settings = {point.settings: point for point in found.points}
+    assert set(by_settings) == set(WAYS)
+    for point in found.points:
+        assert len(point.times) == 2 and point.seconds.min <= point.seconds.median <= point.seconds.max
+        assert (point.strands, point.segments, point.layers) == (200, 1600, None)
+        assert 0 < point.error < 1 and 0 < point.flip < 1 and 0.5 < point.area < 2 and 0 < point.flicker < 1
+    assert by_settings[WAYS[2]].error < by_settings[WAYS[1]].error < by_settings[WAYS[0]].error
+    assert by_settings[WAYS[0]].bias > by_settings[WAYS[1]].bias   # without shadows it is brighter
+    assert [point.name for point in found.points if point.name] == ["default"]
+    assert by_settings[WAYS[1]].name == "default"
+    assert [what for what in told if what[0] == "pictures"] == [("pictures", n, 3) for n in range(3)]
+    assert told[-1] == ("times", 6, 6) and ("truth", 50, 100) in told
+    assert json.loads(json.dumps(found.as_dict(), allow_nan=False))["points"][0]["settings"]["samples"] in (1, 4, 16)
+
+
+def test_the_frontier_is_what_no_other_beats(sphere, monkeypatch):
+    errors = iter([.5, .4, .6, np.nan, .1, .1])
+    seconds = iter([1., 2., 3., .5, 5., 5.])
+    monkeypatch.setattr(library, "_judge", lambda *_: {
+        "error": next(errors), "rmse": 0., "bias": 0., "area": None, "flip": None, "flicker": None, "strands": 1,
+        "segments": 1})
+    monkeypatch.setattr(library, "_time", lambda *_: next(seconds))
+    ways = [clfur.Settings(grid=grid) for grid in range(16, 112, 16)]
+    found = clfur.frontier(scene(sphere), ways, repeat=1)
+    assert [point.seconds.median for point in found.points] == [.5, 1, 2, 3, 5, 5]
+    assert [point.seconds.median for point in found.best] == [1, 2, 5]
+    assert json.dumps(found.as_dict(), allow_nan=False)   # what is no number is null
+
+
+def test_candidates_take_turns(sphere, drawn):
+    clfur.frontier(scene(sphere), WAYS, repeat=2, pan=False)
+    assert [settings for settings, _ in drawn[3::2]] == WAYS * 2   # after their pictures; each is drawn once to warm up
+
+
+def test_the_same_again_but_for_times(sphere, drawn):
+    first = clfur.frontier(scene(sphere), WAYS, repeat=1)
+    count = len(drawn)
+    again = clfur.frontier(scene(sphere), WAYS, repeat=1, fresh=True)
+    assert len(drawn) == 2 * count and same(first, again) and again.earlier == 0
+    kept = clfur.frontier(scene(sphere), WAYS, repeat=1)
+    assert len(drawn) == 2 * count and same(first, kept) and kept.earlier == 3
+    assert [point.times for point in kept.points] == [point.times for point in again.points]
+    more = clfur.frontier(scene(sphere), WAYS, repeat=2)   # only what is missing
+    assert len(drawn) == 2 * count + 6 and more.earlier == 3 and {len(point.times) for point in more.points} == {2}
+    other = clfur.frontier(scene(sphere, light=clfur.Light(ambient=0.2)), WAYS[:1], repeat=1)
+    assert other.earlier == 0 and len(drawn) > 2 * count + 6
+
+
+@pytest.mark.parametrize("where", [("truth", 50), ("pictures", 1), ("pictures", 2), ("times", 1), ("times", 5)])
+def test_a_run_cut_short_goes_on(sphere, drawn, where):
+    def stop(*what):
+        if what[:2] == where:
+            raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        clfur.frontier(scene(sphere), WAYS, repeat=2, tell=stop)
+    cut = len(drawn)
+    found = clfur.frontier(scene(sphere), WAYS, repeat=2)
+    assert len(drawn) == 3 * 5 + 2 * 2 * 3                     # nothing twice
+    assert found.earlier == (where[1] if where[0] == "times" else 0) and cut <= len(drawn)
+    whole = clfur.frontier(scene(sphere), WAYS, repeat=2, fresh=True)
+    assert same(found, whole)
+
+
+def test_what_is_damaged_is_made_anew(sphere, drawn, tmp_path):
+    first = clfur.frontier(scene(sphere), WAYS, repeat=1)
+    folder, count = tmp_path / "cache/clfur/charts", len(drawn)
+    lines, = folder.glob("*.jsonl")
+    with lines.open("a") as stream:
+        stream.write('\n{"settings": {"samples": 1')        # killed while it wrote
+    assert clfur.frontier(scene(sphere), WAYS, repeat=1).earlier == 3 and len(drawn) == count
+    assert clfur.frontier(scene(sphere), WAYS, repeat=2).earlier == 3
+    assert clfur.frontier(scene(sphere), WAYS, repeat=2).earlier == 6
+    picture, = folder.glob("*.npz")
+    picture.write_bytes(picture.read_bytes()[:1000])
+    assert same(first, clfur.frontier(scene(sphere), WAYS, repeat=1, fresh=True))
+
+
+def test_without_a_pan(sphere, drawn):
+    found = clfur.frontier(scene(sphere), WAYS[:1], repeat=1, pan=False)
+    assert found.points[0].flicker is None and len(drawn) == 1 + 2
+    assert clfur.frontier(scene(sphere), WAYS[:1], repeat=1).points[0].flicker > 0
+
+
+def test_the_pan_of_the_truth(sphere):
+    """Each step, cut from one large picture, is what the camera sees that is turned by so much."""
+    there, gpu = scene(sphere), clfur.Scheduler()
+    truths, _ = library._truths(there, gpu, lambda *_: None)
+    assert truths.shape == (5, 24, 32, 4)
+    for step, truth in enumerate(truths):
+        fine = like_truth(library._moved(there, step / 4, 4), 1)
+        np.testing.assert_allclose(truth, fine.reshape(24, 4, 32, 4, 4).mean((1, 3)), atol=2e-5)
+    assert np.abs(truths[4, :, 1:] - truths[0, :, :-1]).max() < 2e-5 < np.abs(truths[1] - truths[0]).max()
+
+
+def test_noise_of_the_truth(sphere, monkeypatch):
+    random = np.random.default_rng(1)
+
+    def noisy(scene, **_):
+        width, height = scene.camera.size
+        return np.concatenate([random.normal(.5, .1, (height, width, 3)), np.ones((height, width, 1))], 2)
+    monkeypatch.setattr(library.truth, "picture", noisy)
+    truths, noise = library._truths(scene(sphere), clfur.Scheduler(), lambda *_: None)
+    level = library.measures.measure(truths[0], np.broadcast_to([.5, .5, .5, 1], truths[0].shape))["error"]
+    assert noise == pytest.approx(level, rel=.1)
+
+
+def test_shells_are_their_own_truth(sphere, drawn):
+    """In many unfiltered layers; how many a picture has is another thing to try."""
+    shells = clfur.Shells(frequency=8, length=.2)
+    found = clfur.frontier(scene(sphere, [clfur.Strands(inner=1, outer=1, roots=10), shells]),
+                           [(clfur.Settings(), 1), (clfur.Settings(), 60), clfur.Settings()], repeat=1, pan=False)
+    settings, fine = drawn[0]
+    assert (settings.filtered, fine.shells.layers, fine.strands.roots) == (False, 120, 10)
+    assert fine.camera.size == (33 * 4, 24 * 4) and "120 unfiltered layers" in found.truth
+    assert {there.shells.layers for _, there in drawn[1:]} == {1, 30, 60}
+    by_layers = {point.layers: point for point in found.points}
+    assert set(by_layers) == {1, 30, 60} and by_layers[60].error < by_layers[1].error
+    assert by_layers[1].label == "4 samples, 1 layer, length 48"
+
+
+@pytest.mark.parametrize("fur", ["strands", "shells", "none", "both"])
+def test_sweep(sphere, fur):
+    furs = {"both": [clfur.Strands(), clfur.Shells()]}
+    ways = sweep(scene(sphere, furs.get(fur, fur)))
+    assert (clfur.Settings(), 30 if fur in ("shells", "both") else None) in ways
+    assert len(ways) == len(set(ways)) == len({label(*way) for way in ways}) <= 70
+    assert len(ways) >= (10 if fur == "none" else 29)
+    assert {settings.samples for settings, _ in ways} == {1, 4, 16}
+    assert {layers for _, layers in ways} == ({8, 15, 30, 60} if fur in ("shells", "both") else {None})
+    assert {settings.grid for settings, _ in ways} == (
+        {48} if fur == "none" else {32, 48, 64, 96, 128})
+    assert {settings.filtered for settings, _ in ways} == ({True, False} if fur in ("shells", "both") else {True})
+
+
+def test_sweep_takes_the_knobs_that_there_are(sphere, monkeypatch):
+    there = {field.name for field in attrs.fields(clfur.Settings)}
+    knobs = {"raster": attrs.field(default="samples"), "lod": attrs.field(default=0)}
+    more = attrs.make_class("Settings", {name: field for name, field in knobs.items() if name not in there},
+                            bases=(clfur.Settings,), frozen=True)
+    monkeypatch.setattr(library, "Settings", more)
+    monkeypatch.setattr(library, "NAMED", {"default": more()})
+    ways = sweep(scene(sphere))
+    assert 40 <= len(ways) <= 70 and len({label(*way) for way in ways}) == len(ways)
+    good = {(s.samples, s.raster, s.lod) for s, _ in ways if (s.shadows, s.grid, s.pcf) == ("length", 64, 1)}
+    assert len(good) == 3 * 2 * 4
+    assert label(more(raster="coverage", lod=.5)) == "4 samples, coverage, length 48, lod 0.5"
+    assert {settings.raster for settings, _ in sweep(scene(sphere, "shells"))} == {"samples"}
+
+
+def test_label():
+    assert label(clfur.Settings()) == "4 samples, length 48"
+    assert label(clfur.Settings(samples=1, shadows="off", grid=96, pcf=0, shadow_map=2048, specular="half-vector",
+                                filtered=False, blur="all"), 8) == (
+        "1 sample, 8 layers, no shadows, unfiltered, map 2048, pcf 0, specular half-vector, blur all")
+
+
+def test_digest(sphere):
+    one = scene(sphere)
+    same = scene(clfur.Mesh(sphere.positions, sphere.normals, sphere.uv, sphere.faces))
+    assert digest(one) == digest(same)
+    others = [attrs.evolve(one, body_color=None), scene(sphere, size=(24, 32)), scene(sphere, "shells"),
+              scene(sphere, clfur.Strands(inner=1, outer=1, roots=200, seed=1)),
+              scene(sphere, clfur.Strands(inner=1, outer=1, roots=200, types=clfur.HairType(width=.003)))]
+    assert len({digest(each) for each in [one, *others]}) == 6
+    assert digest([1, 2], 3) != digest([1, 2, 3]) and digest("1") != digest(1)
+
+
+@pytest.mark.parametrize("arguments, words", [
+    ({"device": "abacus"}, "no OpenCL device matches 'abacus'"), ({"scene": "teapot"}, "scene is 'teapot'"),
+    ({"repeat": 0}, "repeat is 0"), ({"candidates": []}, "candidates is"), ({"candidates": ["fast"]}, "'fast'"),
+    ({"candidates": [(clfur.Settings(), 5)]}, "the scene has no shells"),
+    ({"size": (2048, 4)}, "Camera.size is 2048x4")])
+def test_wrong_arguments_are_refused_before_anything_is_drawn(sphere, monkeypatch, arguments, words):
+    monkeypatch.setattr(library, "draw", None)
+    monkeypatch.setattr(library.truth, "picture", None)
+    monkeypatch.setattr(library, "OVER", 8)
+    there = scene(sphere, size=arguments.pop("size", (32, 24)))
+    with pytest.raises(clfur.Error, match=words):
+        clfur.frontier(**{"scene": there, "candidates": WAYS, **arguments})
+
+
+def test_nothing_to_see(sphere):
+    away = clfur.Scene(mesh=sphere, camera=clfur.Camera(eye=(0, 0, 5), target=(0, 0, 9), size=(16, 12)))
+    with pytest.raises(clfur.Error, match="nothing of the scene is to be seen"):
+        clfur.frontier(away, WAYS)
+
+
+def test_a_body_alone(sphere):
+    found = clfur.frontier(scene(sphere, "none"), WAYS, repeat=1)
+    assert {point.strands for point in found.points} == {0} and all(point.error < .2 for point in found.points)
+
+
+def test_no_cache_folder(sphere, monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    monkeypatch.setattr(library.truth, "picture", None)
+    with pytest.raises(clfur.Error, match="cannot write to"):
+        clfur.frontier(scene(sphere), WAYS)
