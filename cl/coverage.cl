@@ -11,24 +11,18 @@
 #define CHAINS 8            // strands whose pieces in a pixel are remembered: these lie beside each other, not behind
 #define ONE 4294967296.0f   // of a sum of light
 #define MOST 1e8f           // light that a sum can hold
-#define BATCH 128            // fragments written together
+#define BATCH 128           // fragments written together
 #define FEW 64              // fragments that are sorted by insertion
 #define SAMPLES 16          // the most a pixel can have
 
-/* Integral of t from 0 to 1, cut off there, up to s. */
-inline float sum_to(float s)
-{
-    const float inside = s < 0.0f ? 0.0f : s;
-    return inside < 1.0f ? 0.5f * inside * inside : inside - 0.5f;
-}
-
-/* Mean share of a row that lies below an edge which runs from a to b above the row's start. */
+/* Mean share of a row that lies below an edge which runs from a to b above the row's start.  What is taken from each other
+   here is near each other: far outside of the row it is 0 or 1 without an error. */
 inline float below(float a, float b)
 {
-    const float d = b - a, middle = 0.5f * (a + b);
-    if (d < 4e-3f && d > -4e-3f)
-        return middle < 0.0f ? 0.0f : middle < 1.0f ? middle : 1.0f;
-    return (sum_to(b) - sum_to(a)) / d;
+    const float d = b - a, in_a = a < 0.0f ? 0.0f : a < 1.0f ? a : 1.0f, in_b = b < 0.0f ? 0.0f : b < 1.0f ? b : 1.0f;
+    if (d < 1e-6f && d > -1e-6f)
+        return in_a;
+    return (0.5f * (in_b - in_a) * (in_b + in_a) + ((b > 1.0f ? b : 1.0f) - (a > 1.0f ? a : 1.0f))) / d;
 }
 
 /* Where fragments go. */
@@ -82,7 +76,8 @@ inline void draw_segment(Target *to, const View *view, float4 a, float4 b, uint 
         const float middle = 0.5f * (from + until) - a.x;
         const float v0 = a.y + slope * (from - a.x), v1 = a.y + slope * (until - a.x), r = tilt * (a.w + r_step * middle);
         const int low = below_or_at((v0 < v1 ? v0 : v1) - r), high = below_or_at((v0 < v1 ? v1 : v0) + r) + 1;
-        const uint depth = DEPTH_ONE - (uint)((a.z + e_step * middle) * DEPTH_ONE);
+        const float e = a.z + e_step * middle, in_range = e > 0.0f ? e < 1.0f ? e : 1.0f : 0.0f;
+        const uint depth = DEPTH_ONE - (uint)(in_range * DEPTH_ONE);
         const int top = low > vs.x ? low : vs.x, bottom = high < vs.y ? high : vs.y;
         for (int v = top; v < bottom; ++v) {
             const int pixel = (u - us.x) * u_stride + (v - vs.x) * v_stride;
@@ -92,7 +87,8 @@ inline void draw_segment(Target *to, const View *view, float4 a, float4 b, uint 
                 atomic_inc(&to->pixels[2 * pixel + 1]);
                 continue;
             }
-            const float share = along * (below(v0 + r - v, v1 + r - v) - below(v0 - r - v, v1 - r - v));
+            const float c0 = v0 - v, c1 = v1 - v;      // exact near the strand, so that a thin one is as wide as it is
+            const float share = along * (below(c0 + r, c1 + r) - below(c0 - r, c1 - r));
             if (share > 0.0f) {
                 to->waiting[to->n] = pixel;
                 to->made[to->n++] = (ulong2)((ulong)depth << 32 | id, as_uint(share));
@@ -224,7 +220,8 @@ inline void sink(__global ulong2 *heap, uint i, uint n)
 }
 
 /* One work-item sorts the fragments of one pixel and hides one behind the other, the body and shell fur among them: C += T a c,
-   T *= 1 - a, but pieces of one strand lie beside each other.  It stops where less than 1/256 of the light is left. */
+   T *= 1 - a, but pieces of one strand lie beside each other.  Where less than 1/256 of the light is left no more strands
+   are looked at: the last one takes the rest, or what is behind them all. */
 __kernel void resolve(
     const ulong begin, const ulong end,    // work-items, see common.h
     const int samples,
@@ -293,8 +290,9 @@ __kernel void resolve(
     for (int s = 0; s < samples && furry; ++s)
         all_fur += (1.0f - through[pixel * samples + s]) / samples;
 
-    while (left || event < events) {
-        if (event < events && (!left || depths[event] <= (uint)(heap[few ? left - 1 : 0].x >> 32))) {
+    while (event < events || left) {
+        const bool more = left && kept * room > 1.0f / 256.0f;
+        if (event < events && (!more || depths[event] <= (uint)(heap[few ? left - 1 : 0].x >> 32))) {
             const int s = places[event] / 2;
             const size_t sample = pixel * samples + s;
             if (places[event] & 1) {
@@ -309,11 +307,9 @@ __kernel void resolve(
             room = 0.0f;
             for (int k = 0; k < samples; ++k)
                 room += open[k];
-            if (!(room > 0.0f))
-                break;
             continue;
         }
-        if (!left || !(kept * room > 1.0f / 256.0f))
+        if (!more)
             break;
         const ulong2 it = heap[few ? left - 1 : 0];
         --left;
@@ -353,9 +349,6 @@ __kernel void resolve(
             best = it.x;
         }
     }
-    for (; event < events; ++event)
-        if (places[event] & 1)
-            through[pixel * samples + places[event] / 2] = 0.0f;
     float rest = 0.0f;
     for (int s = 0; s < samples; ++s)
         rest += open[s];
@@ -435,10 +428,10 @@ __kernel void light(
         const float4 p = (float4)(q.xyz / q.w, 0.0f);
         const float at = place_between(points[id], points[id + 1], p);
         const float share = shaded ? reached[id] + at * (reached[id + 1] - reached[id]) : 1.0f;
-        const float4 lit = as_float((uint)fragments[i].y)
-            * (float4)(lit_hair(&lamps, &hair, id, at, p, towards_eye(&view, p), share).xyz, 1.0f);
-        const float4 in_reach = lit < MOST ? lit : MOST;
-        sum += (long4)((long)(in_reach.x * ONE), (long)(in_reach.y * ONE), (long)(in_reach.z * ONE), (long)(lit.w * ONE));
+        const float4 lit = (float4)(lit_hair(&lamps, &hair, id, at, p, towards_eye(&view, p), share).xyz, 1.0f);
+        /* Cut before it is weighted: the weights of a pixel add up to 1, so that no sum leaves its 64 bits. */
+        const float4 part_of_it = as_float((uint)fragments[i].y) * ONE * (lit < MOST ? lit : MOST);
+        sum += (long4)((long)part_of_it.x, (long)part_of_it.y, (long)part_of_it.z, (long)part_of_it.w);
     }
     lights[pixel] = sum;
 }

@@ -1,5 +1,6 @@
 /*
  * Side by side: a work-item takes LANES rays at once, so that a CPU's vectors are full; 1 on a GPU, which has its own.
+ * 32 are two vectors of 16: while one waits for a number, the other goes on.
  * A mask has all bits set in a lane of a vector that is on, and is 1 where LANES is 1.  What the inner loops use is
  * inlined by force and does without OpenCL's own functions: PoCL calls each of these, even floor, and every call saves
  * all registers.
@@ -18,6 +19,13 @@ typedef uint8 lanes_u;
 #define AS_I as_int8
 #define AS_U as_uint8
 #define AS_F as_float8
+#elif LANES == 32
+typedef float lanes __attribute__((ext_vector_type(32)));
+typedef int lanes_i __attribute__((ext_vector_type(32)));
+typedef uint lanes_u __attribute__((ext_vector_type(32)));
+#define AS_I(x) __builtin_astype(x, lanes_i)
+#define AS_U(x) __builtin_astype(x, lanes_u)
+#define AS_F(x) __builtin_astype(x, lanes)
 #else
 typedef float16 lanes;
 typedef int16 lanes_i;
@@ -90,7 +98,10 @@ INLINED bool any_lane(lanes_i mask)
 #if LANES == 1
     return mask;
 #else
-#if LANES == 16
+#if LANES == 32
+    const int16 c = mask.lo | mask.hi;
+    const int8 b = c.lo | c.hi;
+#elif LANES == 16
     const int8 b = mask.lo | mask.hi;
 #else
     const int8 b = mask;
@@ -105,7 +116,10 @@ INLINED float least_lane(lanes x)
 #if LANES == 1
     return x;
 #else
-#if LANES == 16
+#if LANES == 32
+    const float16 d = x.lo < x.hi ? x.lo : x.hi;
+    const float8 b = d.lo < d.hi ? d.lo : d.hi;
+#elif LANES == 16
     const float8 b = x.lo < x.hi ? x.lo : x.hi;
 #else
     const float8 b = x;
@@ -121,7 +135,10 @@ INLINED int most_lane(lanes_i x)
 #if LANES == 1
     return x;
 #else
-#if LANES == 16
+#if LANES == 32
+    const int16 d = x.lo > x.hi ? x.lo : x.hi;
+    const int8 b = d.lo > d.hi ? d.lo : d.hi;
+#elif LANES == 16
     const int8 b = x.lo > x.hi ? x.lo : x.hi;
 #else
     const int8 b = x;

@@ -24,17 +24,25 @@
 #define LOOKS 16        // at the table of means, at least, from the skin to the tips
 #define MOST_STEPS 20000    // tetrahedra on one way, on average: no scene that is any good has so many
 
-/* sin(2 pi x) of one quarter, |r| <= 1/4, to 1e-7 (Taylor); + and * alone, so that it is the same bits everywhere. */
+/* sin(2 pi r), |r| <= 1/4, to 1e-7 (Taylor).  Words and not a function: what is told to round each step may do so. */
+#define QUARTER(r, z) ((r) * ((6.2831853f - 41.341702f * (z) + (z) * (z) * (81.605249f - 76.705860f * (z))) \
+                              + (z) * (z) * ((z) * (z)) * (42.058694f - 15.094643f * (z))))
+
 INLINED lanes quarter(lanes r)
 {
-    const lanes z = r * r;
-    return r * (6.2831853f + z * (-41.341702f + z * (81.605249f + z * (-76.705860f + z * (42.058694f - z * 15.094643f)))));
+    return QUARTER(r, r * r);
 }
 
+/* sin(2 pi x) and cos(2 pi x); + and * alone, so that they are the same bits everywhere. */
 INLINED lanes sin_turns(lanes x)
 {
-    const lanes r = x - nearest(x);
-    return quarter(r > 0.25f ? 0.5f - r : r < -0.25f ? -0.5f - r : r);
+    const lanes y = x - 0.25f;
+    return quarter(0.25f - positive(y - nearest(y)));
+}
+
+INLINED lanes cos_turns(lanes x)
+{
+    return quarter(0.25f - positive(x - nearest(x)));
 }
 
 INLINED lanes_u mixed(lanes_u x)
@@ -180,8 +188,8 @@ INLINED lanes waves(const Shells *shells, lanes x, lanes y, lanes *by_x, lanes *
     const lanes sum = sin_turns(x) + sin_turns(y);
     const float thin = 1.0f / shells->shape.y;
     const lanes slope = sum < 0.0f ? F(-3.1415927f * thin) : F(3.1415927f * thin);
-    *by_x = slope * sin_turns(x + 0.25f);
-    *by_y = slope * sin_turns(y + 0.25f);
+    *by_x = slope * cos_turns(x);
+    *by_y = slope * cos_turns(y);
     return 1.0f - thin * (1.0f - 0.5f * positive(sum));
 }
 
@@ -236,30 +244,11 @@ INLINED lanes height_at(const Shells *shells, uint face, int sides, lanes x, lan
     return cells(shells, face, sides, x, y, moved_x * h, moved_y * h, by_x, by_y, top, fold);
 }
 
-/* Integral of smoothstep(e0, e0 + width, t) over t. */
-INLINED lanes integral(lanes t, lanes e0, lanes width, lanes narrow)
+/* Share of a place at height h that hair covers, where the fur is v high: the report's threshold and smoothstep. */
+INLINED lanes sharp_cover(const Shells *shells, lanes v, lanes h)
 {
-    const lanes u = within((t - e0) * narrow, 0.0f, 1.0f);
-    return width * (u * u * u) * (1.0f - 0.5f * u) + greater(t - e0 - width, F(0.0f));
-}
-
-/* Share of a place at height h that hair covers, where the fur is v high and its hair's tip `top`: the report's threshold
-   and smoothstep, averaged over a footprint across which v - h changes by g.  Beyond the tip the fur goes down again,
-   and beyond the `fold` before the next hair up. */
-INLINED lanes cover(const Shells *shells, lanes v, lanes h, lanes g, lanes top, lanes fold)
-{
-    const lanes width = greater((shells->shape.x - 1.0f) * h, F(1e-3f)), sharper = 1.0f / width;
-    const lanes u = within((v - h) * sharper, 0.0f, 1.0f), sharp = u * u * (3.0f - 2.0f * u);
-    const lanes_i soft = g > 1e-2f * width;
-    if (!any_lane(soft))
-        return sharp;
-    const lanes low = v - 0.5f * g, high = v + 0.5f * g;
-    const lanes_i over = high > top, under = low < fold;
-    const lanes a = integral(under ? 2.0f * fold - low : low, h, width, sharper), b = integral(over ? 2.0f * top - high : high, h, width, sharper);
-    const lanes sum = (over ? 2.0f * integral(top, h, width, sharper) - b : b)
-        + (under ? a - 2.0f * integral(fold, h, width, sharper) : -a);
-    const lanes mean = within(sum / (soft ? g : F(1.0f)), 0.0f, 1.0f);
-    return soft ? mean : sharp;
+    const lanes u = within((v - h) / greater((shells->shape.x - 1.0f) * h, F(1e-3f)), 0.0f, 1.0f);
+    return u * u * (3.0f - 2.0f * u);
 }
 
 /* What many hairs are on average at each of HEIGHTS heights: the share covered, and how often one that goes sideways
@@ -284,7 +273,7 @@ __kernel void means(
                 const lanes v = F((j + 0.5f) * step), x = way ? v : u, y = way ? u : v;
                 const lanes high = shells.kind.x ? waves(&shells, x, y, &by_x, &by_y, &top, &fold)
                     : cells(&shells, 0, 1 << 30, x + 1e3f, y + 1e3f, F(0.0f), F(0.0f), &by_x, &by_y, &top, &fold);
-                lanes here = cover(&shells, high, h, F(0.0f), top, fold);
+                lanes here = sharp_cover(&shells, high, h);
                 for (int n = 0; n < LANES && i + n < around; ++n) {
                     entered += LANE(here, n) > before ? LANE(here, n) - before : 0.0f;
                     covered += i + n < 0 || way ? 0.0f : LANE(here, n);
@@ -302,6 +291,42 @@ INLINED float2 mean_at(__global const float2 *means, float h)
     return means[k] + (at - k) * (means[k + 1] - means[k]);
 }
 
+/* Products may be added unrounded here and among march's looks: no whole number hangs on them.  Elsewhere it costs. */
+#pragma OPENCL FP_CONTRACT ON
+/* As root, in fewer steps. */
+INLINED lanes quick_root(lanes x)
+{
+    const lanes half_x = 0.5f * x;
+    lanes y = AS_F(U(0x5F375A86u) - (AS_U(x) >> 1));
+    y *= 1.5f - half_x * y * y;
+    y *= 1.5f - half_x * y * y;
+    return x * y;
+}
+
+/* Integral of smoothstep(0, 1, u) over u, and 1. */
+INLINED lanes integral(lanes u)
+{
+    const lanes c = within(u, 0.0f, 1.0f);
+    return c * c * c * (1.0f - 0.5f * c) + greater(u, F(1.0f));
+}
+
+/* The same, averaged over a footprint: all in units of the smoothstep and from its start.  The fur's height there goes
+   from u - reach to u + reach, but beyond the tip `top` it goes down again, and up beyond the `fold` before the next hair;
+   scale: 1 / (2 reach). */
+INLINED lanes cover(lanes u, lanes reach, lanes top, lanes fold, lanes scale)
+{
+    const lanes low = u - reach, high = u + reach;
+    const lanes_i over = high > top, under = low < fold;
+    lanes sum;
+    if (any_lane(over | under)) {
+        const lanes a = integral(under ? 2.0f * fold - low : low), b = integral(over ? 2.0f * top - high : high);
+        sum = (over ? 2.0f * integral(top) - b : b) + (under ? a - 2.0f * integral(fold) : -a);
+    } else {
+        sum = integral(high) - integral(low);
+    }
+    return within(sum * scale, 0.0f, 1.0f);
+}
+
 /* Share of light that many hairs let through, from h0 to h and as far as `aside` sideways.  A hair's flanks are met from
    above, from the side or both: what rays go through is the mean over all directions that flanks face of max(0, down +
    side·cos), here by a parabola through its ends, 1 % too large at most. */
@@ -315,6 +340,7 @@ INLINED float kept_by_many(__global const float2 *means, float h0, float h, floa
     return exp2(-(share < 1.0f ? side * (0.31830989f + share * (0.5f + share * 0.18169011f)) : down));
 }
 
+#pragma OPENCL FP_CONTRACT OFF
 /* What a ray needs to light the fur. */
 typedef struct {
     const Shells *shells;
@@ -476,9 +502,10 @@ __kernel void march(
     const float finer = 1.0f / (view.scale.x * sqrt((float)samples)), slabs_inverse = 1.0f / slabs;
     /* How fast the fur's height can change sideways, and with the height; 6 and 1.5 bound the noise's slope and size. */
     const float steep_here = (shells.kind.x ? 4.4428830f : 1.0f / CELL_RADIUS) / shells.shape.y;
-    const float steep = steep_here * (shells.kind.x ? 1.0f + 6.0f * shells.shape.z / shells.shape.w : 1.0f);
-    const float steep_up = 1.0f + (shells.kind.x ? 0.0f : 1.5f * steep_here * shells.shape.z);
+    const float steep_noise = steep_here * 6.0f * shells.shape.z / shells.shape.w;     // of cells at the tips, which lean
+    const float steep_up = shells.kind.x ? 0.0f : 1.5f * steep_here * shells.shape.z;
     const float steepest = 1.0f / shells.size.x;      // gradient of h
+    const float half_thin = 0.5f / shells.shape.y, thinned = 1.0f - 2.0f * half_thin, smooth = shells.shape.x - 1.0f;
     int pending = 0;
 
     for (int s = 0; s < samples; ++s) {
@@ -489,6 +516,7 @@ __kernel void march(
         lanes half_way = F(0.0f);
         cell = I(-1);
         in = I(0);
+        lanes_i by = I(-1);                // border triangle where each comes in
         rest = F(0.0f);
         lanes at_x = rest, at_y = rest, depth = rest, behind = F(-1.0f);
         lanes3 q[3] = {all_lanes((float4)(0.0f, 0.0f, 1.0f, 0.0f)), all_lanes((float4)(1.0f, 0.0f, 1.0f, 0.0f)),
@@ -506,26 +534,33 @@ __kernel void march(
             if (!enters)
                 continue;
             none = false;
-            const uint4 start = border[(uint)entry & ~BODY], f = faces[start.x];
-            const int k = start.y / 4 % 3, out = start.y % 4, slab = start.y / 12;
-            for (int n = 0, m = 0; n < 4; ++n)
-                if (n != out) {
-                    const int c = CORNER[4 * k + n], side = c < 3 ? c : c - 3;
-                    const float4 corner = curves[(side == 0 ? f.x : side == 1 ? f.y : f.z) * (slabs + 1) + slab + (c >= 3)] - eye;
-                    LANE(q[m].x, i) = corner.x;
-                    LANE(q[m].y, i) = corner.y;
-                    LANE(q[m++].z, i) = corner.z;
-                }
+            LANE_I(by, i) = (int)((uint)entry & ~BODY);
             LANE(at_x, i) = x;
             LANE(at_y, i) = y + view.rows.x;
             LANE(depth, i) = (float)(DEPTH_ONE - entry_depth) * (1.0f / DEPTH_ONE);
             LANE(behind, i) = stop_depth == NOTHING ? -1.0f : (float)(DEPTH_ONE - stop_depth) * (1.0f / DEPTH_ONE);
             LANE(rest, i) = through[sample];
-            LANE_I(cell, i) = 3 * (slabs * (int)start.x + slab) + k;
-            LANE_I(in, i) = out;
         }
         if (none)
             continue;
+        /* Most come in by the same few triangles. */
+        for (int triangle = most_lane(by); triangle >= 0; triangle = most_lane(by)) {
+            const lanes_i group = by == triangle;
+            const uint4 start = border[triangle], f = faces[start.x];
+            const int k = start.y / 4 % 3, out = start.y % 4, slab = start.y / 12;
+            for (int n = 0, m = 0; n < 4; ++n)
+                if (n != out) {
+                    const int c = CORNER[4 * k + n], side = c < 3 ? c : c - 3;
+                    const float4 corner = curves[(side == 0 ? f.x : side == 1 ? f.y : f.z) * (slabs + 1) + slab + (c >= 3)] - eye;
+                    q[m].x = group ? F(corner.x) : q[m].x;
+                    q[m].y = group ? F(corner.y) : q[m].y;
+                    q[m].z = group ? F(corner.z) : q[m].z;
+                    ++m;
+                }
+            cell = group ? I(3 * (slabs * (int)start.x + slab) + k) : cell;
+            in = group ? I(out) : in;
+            by = group ? I(-1) : by;
+        }
         {
             /* Snapped corners and rounded depths leave the point a little beside the triangle: put it in. */
             const int2 offset = PATTERN[view.size.w + s];
@@ -554,7 +589,7 @@ __kernel void march(
             wide = (view.to_screen[0].w * d.x + view.to_screen[1].w * d.y + view.to_screen[2].w * d.z) * finer;   // of a pixel, at 1
         }
         lanes red = F(0.0f), green = red, blue = red, alpha = red;
-        lanes until = F(0.5f), aside = red, before = red, slack = red;   // to the next look; since the last one
+        lanes until = F(0.5f), aside = red, uncovered_inverse = F(1.0f), slack = red;   // to the next look; since the last one
         lanes at_depth = red;              // distance where each is
         lanes_i leaves = I(0);
 
@@ -616,47 +651,53 @@ __kernel void march(
             /* What is new to the ray: space that is folded back is gone through again. */
             lanes_i running = group & (z_out > front);
             if (any_lane(running)) {
+                #pragma OPENCL FP_CONTRACT ON
                 const lanes length = z_out - z_in, shorter = 1.0f / greater(length, F(1e-30f));
                 const lanes low = within((front - z_in) * shorter, 0.0f, 1.0f);
                 const lanes high = greater(within((stop - z_in) * shorter, 0.0f, 1.0f), low);
                 const lanes rise = h_out - h_in, mx = x_out - x_in, my = y_out - y_in;
-                const lanes move = root(mx * mx + my * my + 1e-20f);
+                const lanes move = quick_root(mx * mx + my * my + 1e-20f);
                 const lanes footprint = shells.kind.w ? wide * (0.5f * (z_in + z_out)) : F(0.0f);
                 const lanes blur = footprint * second.w;
                 const lanes fade = within((blur - FAR_FROM) * (1.0f / (FAR_TO - FAR_FROM)), 0.0f, 1.0f);
                 const lanes far = fade * fade * (3.0f - 2.0f * fade);
                 const lanes measure = greater(greater(shells.size.y * positive(rise), move * (SIDEWAYS - (SIDEWAYS - 1.0f) * far)),
                                               F(1e-6f));
-                const lanes_i is_far = far > 0.0f;
+                const lanes_i is_far = far > 0.0f, passes = running;
+                const bool any_far = any_lane(running & is_far);
                 const lanes measure_inverse = 1.0f / measure, a_step = move * measure_inverse;
-                const lanes rate = (positive(rise) * steep_up + move * steep) * measure_inverse, rate_inverse = 1.0f / rate;
-                const lanes rise_step = rise * measure_inverse, mx_step = mx * measure_inverse, my_step = my * measure_inverse;
-                const lanes room = 0.5f * footprint * (up.w * steep_here + steepest);   // most of half a footprint
-                const lanes span = (high - low) * measure;
-                lanes at = F(0.0f), hidden = F(0.0f), sum_z = hidden, sum_h = hidden, sum_x = hidden, sum_y = hidden;
-                lanes sum_gx = hidden, sum_gy = hidden;
-                slack = running & is_far ? F(0.0f) : slack;
+                /* How fast fur can come nearer from one look to the next. */
+                const lanes nearer = move * (steep_here + steep_noise * (shells.kind.x ? F(1.0f) : greater(h_in, h_out))) + positive(rise) * steep_up - rise;
+                const lanes rate = greater(nearer * measure_inverse, F(1e-2f));
+                const lanes rate_inverse = lesser(measure / greater(nearer, F(1e-30f)), F(1e2f));
+                /* From here on a place is told by what was looked past since it came in here: 0 to span. */
+                const lanes z_step = length * measure_inverse, h_step = rise * measure_inverse;
+                const lanes x_step = mx * measure_inverse, y_step = my * measure_inverse;
+                const lanes z_first = z_in + low * length, h_first = h_in + low * rise;
+                const lanes x_first = x_in + low * mx, y_first = y_in + low * my, span = (high - low) * measure;
+                /* Most of half a footprint; in far fur all is near hair. */
+                const lanes room = is_far ? F(2.0f) : 0.5f * footprint * (up.w * steep_here + steepest);
+                /* Gradients across the ray. */
+                const lanes grad_xa = grad_x.x * ax + grad_x.y * ay + grad_x.z * az, grad_xu = grad_x.x * ux + grad_x.y * uy + grad_x.z * uz;
+                const lanes grad_ya = grad_y.x * ax + grad_y.y * ay + grad_y.z * az, grad_yu = grad_y.x * ux + grad_y.y * uy + grad_y.z * uz;
+                const lanes up_a = up.x * ax + up.y * ay + up.z * az, up_u = up.x * ux + up.y * uy + up.z * uz;
+                const lanes pixel = SHARP * footprint;
+                lanes hidden = F(0.0f), sum = hidden, sum_x = hidden, sum_y = hidden;
+                /* Looks that can't see hair are left out: there is none before `clear`. */
+                lanes clear = is_far ? F(0.0f) : slack * rate_inverse, next = until, looked = hidden;
+                next += clear > next ? nearest(clear - next + 0.5f) : F(0.0f);
+                if (any_far)
+                    looked = -aside / a_step;
                 while (true) {
-                    /* Looks that can't see hair are left out: it is too far off. */
-                    const lanes spare = slack * rate_inverse - until;
-                    const lanes skip = spare > 0.0f ? nearest(spare + 0.5f) : F(0.0f);
-                    const lanes next = at + until + skip;
-                    const lanes_i look = next <= span, last = (next > span) & ended;
-                    const lanes place = look ? next : span, gone = place - at;
-                    aside = running ? (skip > 0.0f ? a_step : aside + gone * a_step) : aside;
-                    slack = running ? greater(slack - gone * rate, F(0.0f)) : slack;
-                    const lanes over = next - span;
-                    until = running ? (look ? F(1.0f) : over - nearest(over - 0.5f)) : until;
-                    until = until <= 0.0f ? until + 1.0f : until;
-                    at = place;
-                    const lanes_i looks = running & (look | last);
-                    if (!any_lane(looks))
+                    /* Where to look next doesn't hang on what is left of the light, so that a processor can begin with it. */
+                    const lanes_i look = next <= span, looks = running & (look | ended);
+                    if (!any_lane(looks & (rest > 0.0f)))
                         break;
-                    const lanes along = low + at * measure_inverse;
-                    const lanes h = within(h_in + along * rise, 0.0f, 1.0f), z = z_in + along * length;
-                    const lanes x = x_in + along * mx, y = y_in + along * my;
-                    lanes moved_x = F(0.0f), moved_y = F(0.0f), by_x, by_y;
-                    if (shells.shape.z > 0.0f)
+                    const lanes at = look ? next : span, h = within(h_first + at * h_step, 0.0f, 1.0f);
+                    lanes x = x_first + at * x_step, y = y_first + at * y_step;
+                    lanes moved_x = F(0.0f), moved_y = F(0.0f), by_x, by_y, top, fold, v;
+                    if (shells.shape.z > 0.0f) {
+                        const lanes z = z_first + at * z_step;
                         for (int i = 0; i < LANES; ++i)
                             if (LANE_I(looks, i)) {
                                 const float4 where = shells.kind.x
@@ -667,69 +708,87 @@ __kernel void march(
                                 LANE(moved_x, i) = moved.x;
                                 LANE(moved_y, i) = moved.y;
                             }
-                    lanes top, fold;
-                    const lanes v = height_at(&shells, face, (int)second.z, x, y, moved_x, moved_y, h, &by_x, &by_y, &top, &fold);
-                    const lanes_i near_hair = looks & (is_far | (v + room > h));
-                    slack = looks ? (near_hair ? F(0.0f) : h - v - room) : slack;
-                    if (!any_lane(near_hair)) {
-                        before = looks ? F(0.0f) : before;
-                        aside = looks ? F(0.0f) : aside;
-                        running &= look;
+                    }
+                    if (shells.kind.x) {
+                        x += moved_x;
+                        y += moved_y;
+                        const lanes sx = x - 0.25f, sy = y - 0.25f, qx = 0.25f - positive(sx - nearest(sx)), qy = 0.25f - positive(sy - nearest(sy));
+                        by_x = QUARTER(qx, qx * qx) + QUARTER(qy, qy * qy);
+                        v = thinned + half_thin * positive(by_x);
+                    } else {
+                        v = cells(&shells, face, (int)second.z, x, y, moved_x * h, moved_y * h, &by_x, &by_y, &top, &fold);
+                    }
+                    const lanes gap = (h - room) - v, ahead = greater(gap, F(0.0f)) * rate_inverse;
+                    clear = looks ? at + ahead : clear;
+                    next = looks & look ? (at + 1.0f) + nearest(ahead - 0.5f) : next;
+                    running = looks & look;
+                    if (!any_lane(looks & (gap < 0.0f))) {
+                        uncovered_inverse = looks ? F(1.0f) : uncovered_inverse;
+                        looked = at;
                         continue;
                     }
-                    /* v - h changes across the ray by this much over a pixel, and along it by this much to the next look. */
-                    const lanes gx = by_x * grad_x.x + by_y * grad_y.x - up.x, gy = by_x * grad_x.y + by_y * grad_y.y - up.y,
-                        gz = by_x * grad_x.z + by_y * grad_y.z - up.z, along_ray = gx * dx + gy * dy + gz * dz;
-                    const lanes across_ray = greater(gx * gx + gy * gy + gz * gz - along_ray * along_ray, F(1e-20f));
-                    const lanes slope = root(across_ray), g = SHARP * footprint * slope, ahead_step = by_x * mx_step + by_y * my_step;
-                    const lanes covered = cover(&shells, v, h, g, top, fold);
+                    if (shells.kind.x) {
+                        const lanes slope = by_x < 0.0f ? F(-6.2831853f * half_thin) : F(6.2831853f * half_thin);
+                        const lanes qx = 0.25f - positive(x - nearest(x)), qy = 0.25f - positive(y - nearest(y));
+                        by_x = slope * QUARTER(qx, qx * qx);
+                        by_y = slope * QUARTER(qy, qy * qy);
+                        top = F(1.0f);
+                        fold = F(thinned);
+                    }
+                    /* v - h changes across the ray by g over a pixel. */
+                    const lanes across_a = by_x * grad_xa + by_y * grad_ya - up_a, across_u = by_x * grad_xu + by_y * grad_yu - up_u;
+                    const lanes width = greater(smooth * h, F(1e-3f));
+                    const lanes sharper = 1.0f / width, least = 1e-2f * width;
+                    const lanes g = greater(pixel * quick_root(across_a * across_a + across_u * across_u + 1e-20f), least);
+                    const lanes covered = cover((v - h) * sharper, 0.5f * sharper * g, (top - h) * sharper, (fold - h) * sharper,
+                                                width / g);
                     /* What is hidden here and was not before, of what is left: hairs go down to the skin, so that one
                        look below another hides the same again. */
-                    lanes kept = covered > before ? (1.0f - covered) / (1.0f - before) : F(1.0f);
-                    if (any_lane(looks & is_far)) {
+                    lanes kept = lesser((1.0f - covered) * uncovered_inverse, F(1.0f));
+                    if (any_far) {
                         lanes many = F(1.0f);
                         for (int i = 0; i < LANES; ++i)
                             if (LANE_I(looks, i) && LANE(far, i) > 0.0f)
-                                LANE(many, i) = kept_by_many(means, LANE(h, i) - LANE(rise_step, i), LANE(h, i), LANE(aside, i));
+                                LANE(many, i) = kept_by_many(means, LANE(h, i) - LANE(h_step, i), LANE(h, i),
+                                                             (LANE(at, i) - LANE(looked, i)) * LANE(a_step, i));
                         kept = is_far ? kept + far * (many - kept) : kept;
                     }
+                    looked = at;
                     kept = looks ? kept : F(1.0f);
-                    before = looks ? lesser(covered, F(0.999f)) : before;
-                    aside = looks ? F(0.0f) : aside;
-                    running &= look;
+                    uncovered_inverse = looks ? 1.0f / greater(1.0f - covered, F(1e-3f)) : uncovered_inverse;
                     if (!any_lane(kept < 1.0f))
                         continue;
                     /* It was met where the ramp from nothing to all was half gone through since the look before. */
-                    const lanes ramp = 1.0f / (greater((shells.shape.x - 1.0f) * h, F(1e-3f)) + g);
-                    const lanes now = (v - h + 0.5f * g) * ramp, change = (ahead_step - rise_step) * ramp;
+                    const lanes ramp = 1.0f / (width + g), now = (v - h + 0.5f * g) * ramp, change = (by_x * x_step + by_y * y_step - h_step) * ramp;
                     const lanes middle = 0.5f * (within(now - change, 0.0f, 1.0f) + within(now, 0.0f, 1.0f));
-                    lanes back = within((now - middle) / (change > 1e-6f ? change : F(1.0f)), 0.0f, 1.0f);
-                    back = ((change > 1e-6f) & !is_far) ? back : F(0.5f);
-                    kept = rest * kept < 1.0f / 256 ? F(0.0f) : kept;     // what is left would not be seen
-                    const lanes part = rest * (1.0f - kept);
+                    const lanes_i rises = (change > 1e-6f) & !is_far;
+                    const lanes back = rises ? within((now - middle) / (rises ? change : F(1.0f)), 0.0f, 1.0f) : F(0.5f);
+                    const lanes after_it = rest * kept, left_over = after_it < 1.0f / 256 ? F(0.0f) : after_it;   // less would not be seen
+                    const lanes part = rest - left_over;
                     hidden += part;
-                    sum_z += part * (z - back * length * measure_inverse);
-                    sum_h += part * within(h - back * rise_step, 0.0f, 1.0f);
-                    sum_x += part * (x - back * mx_step);
-                    sum_y += part * (y - back * my_step);
-                    sum_gx += part * (1.0f - far) * by_x;
-                    sum_gy += part * (1.0f - far) * by_y;
-                    const lanes_i halved = (rest >= 0.5f) & (rest * kept < 0.5f);
-                    half_way = halved ? z : half_way;
+                    sum += part * (at - back);
+                    if (shells.shine.w > 0.0f) {
+                        sum_x += part * (1.0f - far) * by_x;
+                        sum_y += part * (1.0f - far) * by_y;
+                    }
+                    const lanes_i halved = (rest >= 0.5f) & (left_over < 0.5f);
+                    half_way = halved ? z_first + at * z_step : half_way;
                     half_face = halved ? I(face) : half_face;
-                    rest *= kept;
-                    const lanes_i dark = looks & (rest == 0.0f);
-                    ended |= dark;
-                    running &= !dark;
+                    rest = left_over;
                 }
+                ended |= passes & (rest == 0.0f);
+                const lanes over = next - span, rest_of = over - nearest(over - 0.5f), to_next = rest_of > 0.0f ? rest_of : rest_of + 1.0f;
+                aside = passes ? (span + to_next > 1.0f ? (1.0f - to_next) * a_step : aside + span * a_step) : aside;
+                until = passes ? to_next : until;
+                slack = passes ? greater((clear - span) * rate, F(0.0f)) : slack;
                 front = group ? greater(front, z_out) : front;
                 /* Light once a tetrahedron, at the mean place of what has hidden something there. */
                 const lanes_i shown = hidden > 1e-4f;
                 if (any_lane(shown)) {
-                    const lanes scale = 1.0f / (shown ? hidden : F(1.0f)), z = scale * sum_z;
+                    const lanes scale = 1.0f / (shown ? hidden : F(1.0f)), mean = scale * sum, z = z_first + mean * z_step;
                     const float2 one = first.zw - first.xy, two = second.xy - first.xy;
                     const float area = one.x * two.y - one.y * two.x, smaller = area != 0.0f ? 1.0f / area : 0.0f;
-                    const lanes at_x = scale * sum_x - first.x, at_y = scale * sum_y - first.y;
+                    const lanes at_x = x_first + mean * x_step - first.x, at_y = y_first + mean * y_step - first.y;
                     const lanes wb = (at_x * two.y - at_y * two.x) * smaller, wc = (one.x * at_y - one.y * at_x) * smaller;
                     const lanes wa = 1.0f - wb - wc;
                     __global const float4 *ca = curves + corners.x * (slabs + 1) + slab,
@@ -738,9 +797,9 @@ __kernel void march(
                         scaled(all_lanes(normals[corners.y]), wb), scaled(all_lanes(normals[corners.z]), wc))));
                     const lanes3 t = unit(plus(scaled(all_lanes(ca[1] - ca[0]), wa), plus(
                         scaled(all_lanes(cb[1] - cb[0]), wb), scaled(all_lanes(cc[1] - cc[0]), wc))));
-                    const lanes3 slope = scaled(plus(scaled(all_lanes(grad_x), sum_gx), scaled(all_lanes(grad_y), sum_gy)), scale);
+                    const lanes3 slope = scaled(plus(scaled(all_lanes(grad_x), sum_x), scaled(all_lanes(grad_y), sum_y)), scale);
                     const lanes3 place = {eye.x + z * dx, eye.y + z * dy, eye.z + z * dz}, v = {-dx, -dy, -dz};
-                    const lanes3 color = lit(&lamp, shown, place, scale * sum_h, t, n, slope, v);
+                    const lanes3 color = lit(&lamp, shown, place, within(h_first + mean * h_step, 0.0f, 1.0f), t, n, slope, v);
                     red += shown ? hidden * color.x : F(0.0f);
                     green += shown ? hidden * color.y : F(0.0f);
                     blue += shown ? hidden * color.z : F(0.0f);

@@ -78,7 +78,7 @@ def render(given, output, outputs, device, as_json, **options):
                        "target": None if scene.camera.target is None else scene.camera.target.tolist()},
             "settings": attrs.asdict(drawn.settings), "error": drawn.error, "why": drawn.why,
             "options": of_options | {
-                name: getattr(drawn.settings, name) for name in ("samples", "shadows", "grid", "lod")}}))
+                name: getattr(drawn.settings, name) for name in ("samples", "raster", "shadows", "grid", "lod")}}))
         return
     stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in drawn.stages.items())
     left_out = [f"{count:,} {what.replace('_', ' ')}" for what, count in skipped.items() if count]

@@ -19,8 +19,9 @@ VERTEX, TRIANGLE = 64, 16 + 8 + 16      # a triangle's area, and a strand that m
 POINT, STRAND = 36, 104                 # strands of the user's come packed, with width and colour: 32 more a point
 THIN_POINT, THIN_STRAND = 32, 8         # once more for thinned ones; 16 more a point with a colour
 MESH_VERTEX, MESH_FACE = 32, 96         # the mesh itself
-PIXEL = 72                              # what is known of one where strands are transparent,
+PIXEL = 80                              # what is known of one where strands are transparent,
 PIECES = 32                             # and how many of them it has room for, at least
+NUMBERS = 2**32 - 1                     # pieces that a band can tell apart
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -132,6 +133,8 @@ class Work:
         if settings.lod and self.scene.strands is not None:
             colors = 0 if self.grown or len(self.scene.strands.color) < len(self.scene.strands.points) else 16
             strand, point = strand + THIN_STRAND, point + THIN_POINT + colors
+        if settings.raster == "coverage":                   # how much light reaches it
+            point += 4
         return strand, point
 
     def too_many(self, gpu, settings, counted, rows, parts):
@@ -145,7 +148,7 @@ class Work:
         if len(parts) == 1:   # nothing else will come but what is known of pixels and points
             after = height * width * (PIXEL + 80 + 4 * settings.samples) + 4 * self.points
             most = max(most, (gpu.room - after) * 7 // 8 // FRAGMENT)
-        if pieces <= min(most, gpu.largest * 7 // 8 // FRAGMENT):
+        if pieces <= min(most, gpu.largest * 7 // 8 // FRAGMENT, NUMBERS):
             return False
         if height == 1:
             raise Error(f"{gpu.name} has no room for {pieces:,} pieces of strands in a row of {width} pixels; allowed: "

@@ -7,6 +7,7 @@ import time
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
+import attrs
 import numpy as np
 
 from . import budget
@@ -102,6 +103,8 @@ def draw(scene, device=None, settings=None, outputs=("color",), hashes=False):
 def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
     """``bands``: [(first row, one past the last)] of the picture alone; the others hold anything."""
     began, gpus = time.perf_counter(), team.gpus[:]
+    if not np.any(scene.light.color):   # what stands before a light that is out cannot matter
+        settings = attrs.evolve(settings, shadows="off")
     digests = {}
     work = Work(gpus[0], scene)
     for gpu in gpus:
@@ -120,17 +123,15 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
     def make(gpu, part, lod=settings.lod):
         return work.make(gpu, part, lod)
 
-    def visible_in(view):
+    def look(view, gpu, strands=None, body=True):
         """Depth and id of what is nearest in each sample; of the body alone where strands are transparent."""
-        def look(gpu, strands, body):
-            visible = None
-            for part in plan(gpu, strands, body)[0]:
-                hair, skin = make(gpu, part)
-                visible = raster(gpu, view, None if covering else hair, skin, visible)
-            return [visible]
-        if covering:
-            return team.first(lambda gpu: look(gpu, None, True)[0])
-        return team.gather("look", look, [np.minimum], work.strands)[0]
+        visible = None
+        for part in plan(gpu, strands, body)[0]:
+            visible = raster(gpu, view, *opaque(*make(gpu, part)), visible)
+        return [visible]
+
+    def opaque(hair, skin):   # no name here may outlive a part: it must go before the next one is made
+        return None if covering else hair, skin
 
     def shadows_on(gpu):
         """Shadows, or those of the frame before if only the camera has moved."""
@@ -164,8 +165,10 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
         return gpu.keep("shadows", (*what, *cost, camera, int(hashes)), build)
 
     def pictures(view, visible, gpu):
-        """{output: array} of the rows of a view, and under "seen" what its integers gave; None if they hold too much."""
-        visible, parts, shadows = on(gpu, visible), plan(gpu)[0], None
+        """{output: array} of a view's rows, and under "seen" what its integers gave; None if they hold too much."""
+        # Transparent strands aren't shared: whoever draws them looks for itself, also after another was lost.
+        visible = look(view, gpu)[0] if covering else on(gpu, visible)
+        parts, shadows = plan(gpu)[0], None
         image = through = fur = known = None
         if lit:
             shadows, told = shadows_on(gpu)
@@ -187,10 +190,12 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
             resolved = coverage.resolve(gpu, visible, fragments, through, fur)
             through = resolved.through
             seen = one_sample(view), resolved.seen, resolved.alpha, resolved.seen_fur
-            for part in parts if lit else []:
-                hair = make(gpu, part)[0]
+
+            def add(hair, lights):
                 reached = coverage.reach(gpu, light, hair, shadows) if settings.shadows != "off" else None
-                lights = coverage.light(gpu, view, light, settings.specular, fragments, resolved, hair, reached, lights)
+                return coverage.light(gpu, view, light, settings.specular, fragments, resolved, hair, reached, lights)
+            for part in parts if lit else []:
+                lights = add(make(gpu, part)[0], lights)
             image = coverage.blend(gpu, lights, resolved, image) if lit else None
         if lit:
             # Part by part each sample of a pixel is added in its turn, so that the sum is the same bits.
@@ -218,7 +223,10 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
     while todo:
         top, end = todo.pop(0)
         view = band_of(whole, top, end)
-        drawn = team.first(functools.partial(pictures, view, visible_in(view)))
+        visible = None
+        if not covering:
+            visible, = team.gather("look", functools.partial(look, view), [np.minimum], work.strands)
+        drawn = team.first(functools.partial(pictures, view, visible))
         if drawn is None:
             middle = (top + end) // 2
             todo = [(top, middle), (middle, end), *todo]

@@ -61,8 +61,10 @@ class Scheduler:
             self.int64_atomics = "cl_khr_int64_extended_atomics" in self.device.extensions.split()
             self.memory = self.device.global_mem_size * 3 // 4
             # Work-items fill these by hand where a driver prefers vectors: PoCL does not vectorise loops of different
-            # lengths.
+            # lengths.  Two of 16 at once hide what each waits for; only PoCL takes vectors that OpenCL doesn't name.
             self.lanes = max((n for n in (1, 8, 16) if n <= self.device.preferred_vector_width_float), default=1)
+            if self.lanes == 16 and self.device.platform.name == "Portable Computing Language":
+                self.lanes = 32
             self.largest = self.device.max_mem_alloc_size   # bytes of one array
         if memory is not None:
             if isinstance(memory, bool) or not isinstance(memory, int) or memory < 1:

@@ -93,6 +93,21 @@ def test_budget(clfur, tmp_path):
     assert code == 0 and json.loads(out)["error"] <= 0.2
 
 
+@pytest.mark.parametrize("file", ["a.exr", "a.npz"])
+def test_transparent_strands(clfur, tmp_path, file):
+    code, out, err = clfur("render", "sphere", *SMALL, "--raster", "coverage", "--width", .002, "--json", "-o", file,
+                           "--outputs", "color,depth,id,coverage")
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    assert told["options"]["raster"] == "coverage" and "coverage" in told["stages"]
+    assert (tmp_path / file).stat().st_size > 500
+    if file == "a.npz":
+        with np.load(tmp_path / file) as saved:
+            np.testing.assert_allclose(saved["color"][..., 3], saved["coverage"], atol=1e-5)
+            partly = (saved["coverage"] > 0) & (saved["coverage"] < 1)
+            assert partly.any() and saved["id"].max() > 0
+
+
 def test_outputs(clfur, tmp_path):
     code, _, err = clfur("render", "sphere", *SMALL, "-o", "a.npz", "--outputs", "color,depth,id")
     assert (code, err) == (0, "")
@@ -149,7 +164,7 @@ def test_scene_file(clfur, tmp_path):
     assert (code, err) == (0, "making the scene\n")
     told = json.loads(out)
     assert (told["file"], told["size"], told["strands"]) == ("fur.png", [40, 30], 50)
-    assert told["options"] == {"samples": 16, "shadows": "length", "grid": 48, "lod": 0.0}
+    assert told["options"] == {"samples": 16, "raster": "samples", "shadows": "length", "grid": 48, "lod": 0.0}
     assert told["camera"] == {"eye": pytest.approx([0, 0.4, 3.2]), "target": [0, 0, 0]}
 
 
@@ -162,7 +177,7 @@ def test_scene_file_with_settings_and_no_mesh(clfur, tmp_path):
     code, out, err = clfur("render", "fur.py", "--json")
     assert (code, err) == (0, "")
     told = json.loads(out)
-    assert told["options"] == {"samples": 1, "shadows": "off", "grid": 48, "lod": 0.0}
+    assert told["options"] == {"samples": 1, "raster": "samples", "shadows": "off", "grid": 48, "lod": 0.0}
     assert (told["strands"], told["camera"]["target"]) == (1, None)
     assert told["skipped"] == {"degenerate": 0, "zero_normal": 0}
 

@@ -112,7 +112,8 @@ SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
           "--segments": 1, "--force": "0,0,0", "--force-weight": 1, "--seed": 1, "--eye": "9,9,9",
           "--target": "0,0,0", "--fov": 30, "--light": "0,-1,0", "--shadows": "off", "--grid": 16, "--samples": 1,
-          "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2, "--preset": "draft"}
+          "--raster": "coverage", "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
+          "--preset": "draft"}
 
 
 def test_each_option_is_of_strands_or_of_shells_or_of_both():
@@ -159,6 +160,7 @@ def test_options_of_other_fur(clfur, tmp_path, fur, flag, value, other):
     (["--fur", "shells", "--pattern", "sine"], ["Shells.pattern is 'sine'", "uv"]),
     (["--fur", "both", "--pattern", "sine"], ["Shells.pattern is 'sine'", "uv"]),
     (["--fur", "shells", "--pattern", "sine", "--variation", "1"], ["--variation is for --pattern cells"]),
+    (["--raster", "area"], ["--raster", "'samples', 'coverage'"]),
     (["--lod", "-0.1"], ["--lod", "4"]),
     (["--lod", "4.5"], ["--lod", "4"]),
     (["--blur", "some"], ["--blur", "edges"]),

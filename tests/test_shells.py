@@ -159,7 +159,7 @@ def test_rays_equal_the_twin(gpu, monkeypatch, name):
 
 @pytest.mark.parametrize("lanes", [1, 8, 16])
 def test_rays_are_the_same_side_by_side(gpu, monkeypatch, lanes):
-    """As GPUs and CPUs take them: one ray a work-item, or several."""
+    """As GPUs and CPUs take them: one ray a work-item, or several; the other tests take as many as a scheduler does."""
     other = clfur.Scheduler(gpu.device)
     other.lanes = lanes
     agree(drawn(other, monkeypatch, "ball", clfur.Shells(**FUR | BENT), size=(23, 17), samples=4))

@@ -77,8 +77,8 @@ def main():
         print(what)
         for name, row in zip(SCENES, guess / errors):
             print(f"   {name:16} {np.round(row, 2)}")
-    residual = np.log(predicted / errors).std(0)
-    print("residuals", np.round(residual, 2), "estimate's", np.round(np.log(estimated / errors).std(0), 2))
+    residual, own = (np.log(guess / errors).std(0) for guess in (predicted, estimated))
+    print("residuals", np.round(residual, 2), "estimate's", np.round(own, 2))
     widths, covers = np.exp(known[:, 1:]).T
     text = f'''"""What `clfur.budget` predicts by; fitted by tools/fit_budget.py on {len(found)} scenes, spheres and teapots.
 

@@ -373,7 +373,7 @@ def _see(shells, lattice, noise, means, box, eye, directions, looks):
     middle = (np.clip(now - change, 0, 1) + np.clip(now, 0, 1)) / 2
     back = np.clip((now - middle) / np.where(change > 1e-6, change, 1), 0, 1)
     back = np.where((change > 1e-6) & (far == 0), back, 0.5)
-    looks["met h"] = np.clip(h - back * looks["h step"], 0, 1)
+    looks["met h"] = h - back * looks["h step"]
     looks["met z"] = looks["z"] - back * looks["z step"]
     looks["met at"] = looks["at"] - back[:, None] * looks["at step"]
 
@@ -415,7 +415,7 @@ def _light(shells, light, half_vector, faces, curves, normals, lattice, eye, dir
         return (sums[seen] / hidden[:, None]).reshape(-1, *values.shape[1:])
     ray, tetrahedron = looks["ray"][first][seen], looks["tetrahedron"][first][seen]
     face, slab = tetrahedron // (3 * slabs), tetrahedron // 3 % slabs
-    d, h = directions[ray], mean(looks["met h"])
+    d, h = directions[ray], np.clip(mean(looks["met h"]), 0, 1)
     p = eye + mean(looks["met z"])[:, None] * d
     a, b, c = lattice[face, 0, :2], lattice[face, 0, 2:], lattice[face, 1, :2]
     sides = np.stack([b - a, c - a], 2)

@@ -1,0 +1,204 @@
+"""What cl/coverage.cl means, in float64: polygons cut out of ribbons, layers of one pixel hidden behind each other, and
+the light of what is left.
+
+``strands`` are any objects with the arrays of `Grown` as members, in NumPy.
+"""
+
+import math
+
+import numpy as np
+
+DEPTH_ONE = 1 << 30        # fixed-point depth at infinity; 0 is the near plane
+GUARD = 32768              # pixels from the origin at which ribbons are clipped
+NONE = (1 << 64) - 1       # a sample that nothing covers
+BESIDE = 8                 # strands of a pixel whose pieces are known to lie beside each other
+LEAST = 1 / 256            # share of light at which no more strands are looked at
+
+
+# --- what a strand covers -------------------------------------------------------------------------------
+
+
+def fragments(view, points, spans):
+    """Yield the ribbons' pieces in pixels: (y, x, depth in steps, id, share of the pixel's area).
+
+    view: a `View` struct. points [P, 4] x, y, z, width; spans [strands, 2] first point, points.
+    """
+    for number, a, b in segments(view, points, spans):
+        for u, v, e, share in ribbon(a, b, steep := abs(b[0] - a[0]) < abs(b[1] - a[1]), view):
+            yield *((u, v) if steep else (v, u)), DEPTH_ONE * (1 - min(max(e, 0), 1)), number, share
+
+
+def segments(view, points, spans):
+    """Yield (id, end, end) of what can be seen of every segment; an end: x, y, reversed depth, half width [pixels]."""
+    points = f64(points)
+    clip = np.c_[points[:, :3], np.ones(len(points))] @ f64(view["to_screen"])
+    half = points[:, 3] / 2 * float(view["scale"][0])
+    x, y, e, w = clip.T
+    planes = np.stack([w - e, e, GUARD * w - x, GUARD * w + x, GUARD * w - y, GUARD * w + y], 1)
+    for first, count in np.asarray(spans, np.int64):
+        for k in range(first, first + count - 1):
+            begin, end = 0.0, 1.0          # shares of the way between which it lies inside all planes
+            for p, q in zip(planes[k], planes[k + 1]):
+                if p < 0 and q < 0:
+                    end = -1.0
+                elif p < 0:
+                    begin = max(begin, p / (p - q))
+                elif q < 0:
+                    end = min(end, p / (p - q))
+            if begin >= end:
+                continue
+            ends = []
+            for t in (begin, end):
+                c, h = clip[k] + t * (clip[k + 1] - clip[k]), half[k] + t * (half[k + 1] - half[k])
+                ends.append((*(c[:3] / c[3]), min(h / c[3], GUARD)))
+            yield k, *ends
+
+
+def ribbon(a, b, steep, view):
+    """Yield (u, v, reversed depth, share) of the pixels that a ribbon covers, u along its longer axis.
+
+    Its ends, and each column's, are cut along the shorter axis.  Within a column it has one width and one depth, those
+    of the middle of what it has there.
+    """
+    if steep:
+        a, b = ((y, x, e, h) for x, y, e, h in (a, b))
+    (u0, v0, e0, h0), (u1, v1, e1, h1) = sorted((a, b), key=lambda end: end[0])
+    width, rows = int(view["size"][0]), (int(view["rows"][0]), int(view["rows"][1]))
+    us, vs = (rows, (0, width)) if steep else ((0, width), rows)
+    if u0 == u1:
+        return
+    slope = (v1 - v0) / (u1 - u0)
+    for u in range(max(math.floor(u0), us[0]), min(math.floor(u1) + 1, us[1])):
+        left, right = max(u0, u), min(u1, u + 1)
+        t = ((left + right) / 2 - u0) / (u1 - u0)
+        half = (h0 + t * (h1 - h0)) * math.sqrt(1 + slope * slope)
+        low, high = v0 + slope * (left - u0), v0 + slope * (right - u0)
+        corners = [(left, low - half), (right, high - half), (right, high + half), (left, low + half)]
+        bottom, top = min(low, high) - half, max(low, high) + half
+        for v in range(max(math.floor(bottom), vs[0]), min(math.floor(top) + 1, vs[1])):
+            if share := area_within(corners, v):
+                yield u, v, e0 + t * (e1 - e0), share
+
+
+def area_within(corners, v):
+    """Area of a polygon between v and v + 1 along its second axis (Sutherland and Hodgman 1974)."""
+    for sign, edge in (1, v), (-1, v + 1):
+        kept = []
+        for p, q in zip(corners, corners[1:] + corners[:1]):
+            by_p, by_q = sign * (p[1] - edge), sign * (q[1] - edge)
+            if by_p >= 0:
+                kept.append(p)
+            if (by_p < 0) != (by_q < 0):
+                kept.append((p[0] + (q[0] - p[0]) * by_p / (by_p - by_q), edge))
+        corners = kept
+    x0, y0 = corners[0] if corners else (0, 0)      # from a corner: what is far from the origin cancels
+    return abs(sum((p[0] - x0) * (q[1] - y0) - (q[0] - x0) * (p[1] - y0)
+                   for p, q in zip(corners, corners[1:] + corners[:1]))) / 2
+
+
+# --- one behind the other -------------------------------------------------------------------------------
+
+
+def resolve(pieces, visible, fur=None, passed=None):
+    """Hide what is in one pixel behind each other -> {name: value}.
+
+    pieces: {depth << 32 | id: share of area} of strands.  visible: [samples] the body's keys.  fur, passed: [samples]
+    keys of shells, and the share of light that these let through.  Strands hide all samples alike, since nobody knows
+    where in the pixel they are; body and shells hide their own alone.
+
+    weights: {key: share of the pixel's light} of strands.  through: [samples] share that comes from the body.  veil:
+    share of the shells' light that is not hidden.  alpha.  body, fur: shares of the pixel's light.
+    """
+    samples = len(visible)
+    layers = [(key >> 32, 2, key, area) for key, area in pieces.items()]
+    for s in range(samples):
+        body, shell = (int(keys[s]) >> 32 for keys in (visible, visible if fur is None else fur))
+        if fur is not None and passed[s] < 1:
+            layers.append((min(body, shell), 0, s, float(passed[s])))
+        if int(visible[s]) != NONE:
+            layers.append((body, 1, s, 0.0))
+
+    kept, shares = 1.0, np.full(samples, 1 / samples)      # what strands and what body and shells have left
+    through = np.ones(samples) if fur is None else f64(passed)
+    weights, beside, oldest, of = {}, [], 0, [0.0, 0.0]
+    for _, kind, what, value in sorted(layers):
+        room = shares.sum()
+        if kind < 2:
+            of[kind] += shares[what] * (1 - value) * kept
+            if kind == 1:
+                through[what] = samples * shares[what] * kept
+            shares[what] *= value
+        elif kept * room > LEAST:
+            # Pieces of one strand lie beside each other, and follow each other in number.
+            number = what & 0xFFFFFFFF
+            strand = next((each for each in beside if each[0] - 1 <= number <= each[1] + 1), None)
+            if strand is None:
+                strand = [number, number, 0.0]
+                if len(beside) < BESIDE:
+                    beside.append(strand)
+                else:
+                    beside[oldest], oldest = strand, (oldest + 1) % BESIDE
+            before, after = strand[2], min(strand[2] + value, 1)
+            strand[:] = min(strand[0], number), max(strand[1], number), after
+            left = kept * (1 - after) / (1 - before) if before < 1 else kept
+            if left * room <= LEAST:
+                left = 0.0
+            weights[what] = (kept - left) * room
+            kept = left
+    all_fur = 0.0 if fur is None else (1 - f64(passed)).sum() / samples
+    return {"weights": weights, "through": through, "veil": of[0] / all_fur if all_fur > 0 else 1.0,
+            "alpha": 1 - shares.sum() * kept, "fur": of[0], "body": of[1]}
+
+
+# --- light ----------------------------------------------------------------------------------------------
+
+
+def light(view, lamp, half_vector, y, x, weights, strands, reached=None):
+    """Light of one pixel's strands -> [4] float64: linear, premultiplied r, g, b, alpha.
+
+    weights: as from `resolve`.  A piece is lit at the place on its segment that is nearest to the pixel's middle at the
+    piece's depth.  reached: [points] share of direct light, all of it if None.
+    """
+    result, points, tangents = np.zeros(4), f64(strands.points)[:, :3], f64(strands.tangents)[:, :3]
+    colors, eye = f64(strands.colors)[:, :3], f64(view["eye"])
+    for key, weight in weights.items():
+        k, e = key & 0xFFFFFFFF, 1 - (key >> 32) / DEPTH_ONE
+        strand = int(strands.strand_of[k])
+        q = np.linalg.solve(f64(view["to_screen"]).T, [x + 0.5, y + 0.5, e, 1])
+        p = q[:3] / q[3]
+        v = unit(eye[:3] - eye[3] * p)
+        to_light, shines = -f64(lamp["direction"])[:3], 1.0
+        if lamp["position"][3]:            # a spot
+            to_light = unit(f64(lamp["position"])[:3] - p)
+            shines = float(to_light @ -f64(lamp["direction"])[:3] >= lamp["cone"][0])
+        way = points[k + 1] - points[k]
+        at = min(max(way @ (p - points[k]) / (way @ way), 0), 1) if way.any() else 0.0
+        t = unit(tangents[k] + at * (tangents[k + 1] - tangents[k]))
+        color = (colors[0] if strands.color_per == 0 else colors[strand] if strands.color_per == 1
+                 else colors[k] + at * (colors[k + 1] - colors[k]))
+        share = 1.0 if reached is None else reached[k] + at * (float(reached[k + 1]) - reached[k])
+        specular, exponent = f64(strands.types["shine"])[int(strands.uv[strand, 2]), :2]
+        if half_vector:
+            h = to_light + v
+            highlight = sine(t, unit(h)) if h @ h > 1e-12 else 0.0
+        else:
+            highlight = max(sine(t, to_light) * sine(t, v) - (t @ to_light) * (t @ v), 0)
+        direct = shines * share * f64(lamp["color"])[:3] * (color * sine(t, to_light) + specular * highlight**exponent)
+        result += weight * np.append(direct + lamp["color"][3] * color, 1)
+    return result
+
+
+def f64(array):
+    """Float64 copy of an array, so that nothing below is rounded to its type."""
+    return np.asarray(array).astype(np.float64)
+
+
+def unit(a):
+    """A vector [3] at length one."""
+    return a / math.sqrt(a @ a)
+
+
+def sine(a, b):
+    """Sine between unit vectors [3], from their cross product: right where they are parallel too."""
+    c = np.cross(a, b)
+    return math.sqrt(c @ c)
