@@ -26,7 +26,7 @@ LADDER = (
     Settings(samples=4, grid=256, raster="coverage"),
 )
 PRESETS = {"draft": LADDER[0], "preview": LADDER[2], "final": LADDER[5], "reference": LADDER[6]}
-BANDS, SHARE = 5, 0.1   # of the picture's rows that are drawn to compare
+BANDS, SHARE = 3, 0.1   # so many runs of rows, this share of the picture, are drawn to compare
 CELL = 0.6              # widths of a strand; in finer cells than that its shadow is narrower than itself
 HOPELESS = 2.0          # what is predicted to err so many times too much is not tried
 MARGIN = 1.1            # estimates are wrong by about as much: so much more is told
@@ -61,7 +61,7 @@ def choose(team, scene, settings, draw):
 
 
 def _choose(team, scene, settings, draw):
-    rungs = ladder(scene, settings.filtered)
+    rungs = ladder(scene, settings.filtered, min(min(gpu.memory // 8, gpu.largest) for gpu in team.gpus))
     most, told, late = len(rungs) - 1, "", ""
     if settings.seconds is not None:
         most, took = fastest(rungs, settings.seconds, lambda rung: _time(team, rung, draw))
@@ -98,11 +98,11 @@ def _time(team, rung, draw):
     return frame.seconds
 
 
-def ladder(scene, filtered=True):
-    """`LADDER` as it suits a scene: in no finer cells than its strands cast right shadows in."""
+def ladder(scene, filtered=True, room=1 << 32):
+    """`LADDER` as it suits a scene: no finer cells than its strands cast right shadows in, or so many bytes hold."""
     width = _hair(scene)[0]
     finest = 2 * extent(scene.mesh, scene.fur)[1] / (CELL * width) if width else 1024
-    most = max(int(min(finest, 1024)) // 16 * 16, 48)
+    most = max(int(min(finest, (room / 4) ** (1 / 3) - 1, 1024)) // 16 * 16, 16)
     return [attrs.evolve(rung, grid=min(rung.grid, most), filtered=filtered) for rung in LADDER]
 
 

@@ -1,4 +1,4 @@
-"""What `clfur.budget` predicts by: fitted by tools/fit_budget.py on 10 scenes of spheres and teapots.
+"""What `clfur.budget` predicts by; tools/fit_budget.py has fitted it to 10 scenes.
 
 COSTS: CPU time of each of `budget.LADDER`, in cheapest ones.  ERRORS: coefficients of 1, log(width of a strand in
 pixels) and log(strands that cover a pixel) for log(error) of each; the residuals' standard

@@ -195,7 +195,16 @@ def test_cells_are_no_finer_than_strands(sphere):
         return {rung.grid for rung in budget.ladder(clfur.Scene(mesh=sphere, fur=clfur.Strands(types=[hair])))}
     assert grids(0.001) == grids(0) == {rung.grid for rung in budget.LADDER} and max(grids(0.001)) == 256
     assert grids(0.05) == {48, 64, 96, 128}   # 2 times a radius of 2 / (0.6 * 0.05) = 135
-    assert grids(0.5) == {48}
+    assert grids(1) == {16}
+
+
+def test_a_small_device(gpu, sphere):
+    """Cells that do not fit are not tried: the cheap picture can be had."""
+    small = clfur.Scheduler(gpu.device, memory=12 << 20)
+    drawn = quiet(scene(sphere), small, clfur.Settings(max_error=0.06))
+    assert drawn.memory <= 12 << 20 and drawn.error <= 0.06
+    with pytest.raises(clfur.Error, match="Settings.grid 256"):
+        clfur.draw(scene(sphere), small, budget.LADDER[-1])
 
 
 @pytest.mark.parametrize("name, value", [("samples", 1), ("raster", "coverage"), ("shadows", "off"), ("grid", 64),

@@ -80,7 +80,7 @@ def main():
     residual, own = (np.log(guess / errors).std(0) for guess in (predicted, estimated))
     print("residuals", np.round(residual, 2), "estimate's", np.round(own, 2))
     widths, covers = np.exp(known[:, 1:]).T
-    text = f'''"""What `clfur.budget` predicts by; fitted by tools/fit_budget.py on {len(found)} scenes, spheres and teapots.
+    text = f'''"""What `clfur.budget` predicts by; tools/fit_budget.py has fitted it to {len(found)} scenes.
 
 COSTS: CPU time of each of `budget.LADDER`, in cheapest ones.  ERRORS: coefficients of 1, log(width of a strand in
 pixels) and log(strands that cover a pixel) for log(error) of each; the residuals' standard
