@@ -147,7 +147,7 @@ def frontier(scene, candidates=None, device=None, repeat=3, pan=True, tell=None,
         tell("pictures", number, len(ways))
         if not kept.found(way):
             kept.add(way, found=_judge(scene, gpu, way, truths, pan))
-    earlier = sum(min(len(kept.times(way)), repeat) for way in ways)
+    earlier = sum(len(kept.times(way)) for way in ways)
     for turn in range(repeat):
         for number, way in enumerate(ways):
             tell("times", turn * len(ways) + number, repeat * len(ways))

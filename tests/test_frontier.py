@@ -140,6 +140,12 @@ def test_what_is_damaged_is_made_anew(sphere, drawn, tmp_path):
     assert same(first, clfur.frontier(scene(sphere), WAYS, repeat=1, fresh=True))
 
 
+def test_all_frames_of_an_earlier_run_count(sphere):
+    clfur.frontier(scene(sphere), WAYS[:2], repeat=3)
+    found = clfur.frontier(scene(sphere), WAYS[:2], repeat=1)
+    assert found.earlier == sum(len(point.times) for point in found.points) == 6
+
+
 def test_without_a_pan(sphere, drawn):
     found = clfur.frontier(scene(sphere), WAYS[:1], repeat=1, pan=False)
     assert found.points[0].flicker is None and len(drawn) == 1 + 2
