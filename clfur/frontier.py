@@ -155,7 +155,7 @@ def frontier(scene, candidates=None, device=None, repeat=3, pan=True, tell=None,
                 kept.add(way, seconds=_time(scene, gpu, way))
     tell("times", repeat * len(ways), repeat * len(ways))
 
-    points = [_point(way, ways, kept) for way in ways]
+    points = [_point(scene, way, ways, kept) for way in ways]
     points.sort(key=lambda point: point.seconds.median)
     least = np.inf
     for place, point in enumerate(points):
@@ -304,13 +304,14 @@ def _time(scene, gpu, way):
     return draw(scene, gpu, settings).seconds
 
 
-def _point(way, ways, kept):
+def _point(scene, way, ways, kept):
     settings, layers = way
     times = kept.times(way)
     name = next((name for name, named in NAMED.items() if named == settings), "")
     several = layers is not None and len({layers for _, layers in ways}) > 1
-    return Point(settings, layers, label(settings, layers if several else None), name, times, Spread.of(times),
-                 **kept.found(way))
+    own = layers is None or layers == scene.shells.layers   # a name's settings say nothing of layers: the scene does
+    return Point(settings, layers, label(settings, layers if several else None), name if own else "", times,
+                 Spread.of(times), **kept.found(way))
 
 
 class _Kept:

@@ -187,6 +187,7 @@ def test_shells_are_their_own_truth(sphere, drawn):
     by_layers = {point.layers: point for point in found.points}
     assert set(by_layers) == {1, 30, 60} and by_layers[60].error < by_layers[1].error
     assert by_layers[1].label == "4 samples, 1 layer, length 48"
+    assert {layers: point.name for layers, point in by_layers.items()} == {1: "", 30: "default", 60: ""}
 
 
 @pytest.mark.parametrize("fur", ["strands", "shells", "none", "both"])
