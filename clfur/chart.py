@@ -98,7 +98,7 @@ def draw_chart(found, title=""):
 
 def _colors(points):
     """(colour of a point, [(text, colour)]): by the first that differs of raster, filter and shadows."""
-    ways = [lambda s: f"raster: {getattr(s, 'raster', 'samples')}",
+    ways = [lambda s: f"raster: {s.raster}",
             lambda s: "filtered" if s.filtered else "unfiltered",
             lambda s: "no shadows" if s.shadows == "off" else f"shadows: {s.shadows}"]
     text_of = next((way for way in ways if len({way(point.settings) for point in points}) > 1), ways[-1])

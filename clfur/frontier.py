@@ -87,8 +87,8 @@ def sweep(scene):
     other's worth are multiplied: samples, raster and lod all spend time on edges of strands (or, of shells: samples,
     layers and the filter), so these meet in full under good shadows.  How hair shades and in how fine a grid hardly
     depends on them, so each method meets each grid under one good raster; then the body's shadow map and its filter
-    alone.  Last come the two ends, where every knob is cheap or every knob is dear.  Knobs that this scene (or this
-    version's `Settings`) has no use for stay as they are.
+    alone.  Last come the two ends, where every knob is cheap or every knob is dear.  Knobs that this scene, or what is
+    without shadows, has no use for stay as they are.
     """
     strands, shells = scene.strands is not None, scene.shells is not None
     used = {field.name for field in attrs.fields(Settings)}
@@ -107,8 +107,9 @@ def sweep(scene):
     add(shadows=["count", "trilinear", "length"] if "grid" in used else ["length"], grid=[32, 48, 64, 96, 128])
     add(shadows=["off"])
     add(pcf=[0, 1, 3], shadow_map=[512, 2048])
-    add(samples=[1], raster=["samples", "coverage"], lod=[0, 2], shadows=["off", "length"], grid=[32],
-        shadow_map=[256], pcf=[0], layers=[8])
+    cheap = {"samples": [1], "raster": ["samples", "coverage"], "lod": [0, 2], "layers": [8]}
+    add(**cheap, shadows=["off"])
+    add(**cheap, grid=[32], shadow_map=[256], pcf=[0])
     add(samples=[4, 16], grid=[96, 128], shadow_map=[2048], layers=[60])
     found += [(settings, scene.shells.layers if shells else None) for settings in NAMED.values()]
     return list(dict.fromkeys(found))
@@ -169,13 +170,15 @@ def frontier(scene, candidates=None, device=None, repeat=3, pan=True, tell=None,
 def label(settings, layers=None):
     """What is particular to settings, in a few words: "4 samples, coverage, length 48"."""
     words = [f"{settings.samples} sample{'s' * (settings.samples > 1)}"]
-    words += ["coverage"] * (getattr(settings, "raster", "") == "coverage")
+    words += ["coverage"] * (settings.raster == "coverage")
     words += [] if layers is None else [f"{layers} layer{'s' * (layers > 1)}"]
     words.append("no shadows" if settings.shadows == "off" else f"{settings.shadows} {settings.grid}")
     words += ["unfiltered"] * (not settings.filtered)
+    told = {"samples", "raster", "shadows", "grid", "filtered"}
+    told |= {"shadow_map", "pcf"} if settings.shadows == "off" else set()   # without shadows nothing looks there
     for field in attrs.fields(Settings):
         value = getattr(settings, field.name)
-        if value != field.default and field.name not in ("samples", "raster", "shadows", "grid", "filtered"):
+        if value != field.default and field.name not in told:
             words.append(f"{field.name.replace('_', ' ').replace('shadow map', 'map')} "
                          f"{value if isinstance(value, str) else f'{value:g}'}")
     return ", ".join(words)
