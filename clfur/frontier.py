@@ -1,7 +1,6 @@
 """Speed against accuracy: what each of many settings takes and how far its pictures are from the truth."""
 
 import functools
-import hashlib
 import io
 import itertools
 import json
@@ -13,6 +12,7 @@ import attrs
 import numpy as np
 
 from . import cache, checks, measures, truth
+from .cache import digest
 from .compare import Spread, plain
 from .errors import Error
 from .render import draw
@@ -182,32 +182,6 @@ def label(settings, layers=None):
             words.append(f"{field.name.replace('_', ' ').replace('shadow map', 'map')} "
                          f"{value if isinstance(value, str) else f'{value:g}'}")
     return ", ".join(words)
-
-
-def digest(*values):
-    """SHA-256 in hex of objects of attrs, arrays, containers, numbers and texts, by what they hold."""
-    state = hashlib.sha256()
-    for text in _texts(values):
-        state.update(text)
-    return state.hexdigest()
-
-
-def _texts(value):
-    if attrs.has(type(value)):
-        yield type(value).__name__.encode()
-        for field in attrs.fields(type(value)):
-            yield from _texts((field.name, getattr(value, field.name)))
-    elif isinstance(value, np.ndarray):
-        yield f"{value.dtype.str}{value.shape}".encode()
-        yield np.ascontiguousarray(value).tobytes()
-    elif isinstance(value, dict):
-        yield from _texts(sorted(value.items()))
-    elif isinstance(value, (list, tuple)):
-        yield f"[{len(value)}".encode()
-        for part in value:
-            yield from _texts(part)
-    else:
-        yield f"{value!r};".encode()
 
 
 @functools.cache

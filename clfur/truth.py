@@ -1,13 +1,11 @@
 """What the methods approximate, by brute force and independent of the kernels."""
 
-import hashlib
 import io
 import math
 import zipfile
 from pathlib import Path
 from types import SimpleNamespace
 
-import attrs
 import numpy as np
 
 from . import cache
@@ -81,9 +79,7 @@ def cached_picture(scene, samples=8, folder=None, progress=None):
 
     A damaged file is made anew.  Raises `clfur.Error` as `picture` does, and where there is no folder to write to.
     """
-    digest = hashlib.sha256()
-    _tell(digest, [VERSION, samples, scene])
-    file = (cache.folder("truth") if folder is None else Path(folder)) / f"{digest.hexdigest()}.npz"
+    file = (cache.folder("truth") if folder is None else Path(folder)) / f"{cache.digest(VERSION, samples, scene)}.npz"
     width, height = scene.camera.size
     try:
         with np.load(file) as saved:
@@ -96,20 +92,6 @@ def cached_picture(scene, samples=8, folder=None, progress=None):
     np.savez_compressed(stream, picture=result)
     cache.write(file, stream.getvalue())
     return result
-
-
-def _tell(digest, value):
-    """Add all that a value holds to a digest."""
-    if attrs.has(type(value)):
-        value = [type(value).__name__, *attrs.astuple(value, recurse=False)]
-    if isinstance(value, (tuple, list)):
-        digest.update(f"({len(value)}".encode())
-        for each in value:
-            _tell(digest, each)
-    elif isinstance(value, np.ndarray):
-        digest.update(f"{value.dtype.str}{value.shape}".encode() + np.ascontiguousarray(value).tobytes())
-    else:
-        digest.update(f"{type(value).__name__} {value!r};".encode())
 
 
 # --- the scene ------------------------------------------------------------------------------------------

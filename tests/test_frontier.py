@@ -9,7 +9,8 @@ import pytest
 
 import clfur
 from clfur import device
-from clfur.frontier import digest, label, sweep
+from clfur.cache import digest
+from clfur.frontier import label, sweep
 
 library = sys.modules["clfur.frontier"]   # the module: clfur.frontier is its function
 WAYS = [clfur.Settings(samples=1, shadows="off"), clfur.Settings(), clfur.Settings(samples=16, grid=32)]
