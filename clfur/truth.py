@@ -17,7 +17,7 @@ from .scene import extent
 from .stages.tessellate import tessellate
 from .twin import shade, strands
 
-VERSION = 1              # of what `picture` gives: another number makes all pictures in the cache anew
+VERSION = 1              # of what `picture` gives, strands and bodies included: another makes the cache anew
 RAYS = 1 << 18           # of the picture at a time
 
 
