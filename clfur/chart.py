@@ -82,8 +82,8 @@ def draw_chart(found, title=""):
     if points:
         _limits(axes, points, found.noise)
         axes.axhline(found.noise, color=INK, lw=.8, ls=(0, (4, 4)), alpha=.6, zorder=0)
-        axes.annotate("noise of the truth", (1, found.noise), (-3, 3), ("axes fraction", "data"),
-                      "offset points", ha="right", fontsize=8, alpha=.7, annotation_clip=True)
+        axes.annotate("noise of the truth", (1, found.noise), (-3, -3), ("axes fraction", "data"),   # below all points
+                      "offset points", ha="right", va="top", fontsize=8, alpha=.7, annotation_clip=True)
         _names(axes, points)
     shapes = [Line2D([], [], marker=SHAPES[n], ls="", color="#808080", ms=7, label=f"{n} sample{'s' * (n > 1)}")
               for n in sorted({p.settings.samples for p in points})]

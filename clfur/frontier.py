@@ -122,7 +122,7 @@ def frontier(scene, candidates=None, device=None, repeat=3, pan=True, tell=None,
     module gives if None.  ``device``: as `Scheduler` takes it.  ``repeat``: warm frames of each, by turns, so that
     a busy machine favours none.  ``pan``: whether flicker is measured too.  ``tell``: called with (what is done now,
     done, in all).  What was measured is kept in clfur's cache folder, so that a run that is cut short goes on where it
-    was, and one like it needs to draw nothing; ``fresh`` begins anew.
+    was, and one like it needs to draw nothing; ``fresh`` begins anew, but with the truth that is kept.
     The truth is `clfur.truth.picture` of strands and bodies; of shells, which it does not know, the scene drawn 8 times
     as large in 120 unfiltered layers with the finest shadows.
     Raises `clfur.Error` for a device that is not there and other wrong arguments, before anything is drawn, and for a
