@@ -8,12 +8,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from . import cache
+from . import cache, checks
 from .errors import Error
 from .fur import Curves, Strands
 from .rays import Eye, Fibres, Triangles, frame_along
 from .render import schedulers
-from .scene import extent
+from .scene import Scene, extent
 from .stages.tessellate import tessellate
 from .twin import shade, strands
 
@@ -31,10 +31,11 @@ def picture(scene, samples=8, seed=0, progress=None):
     where it meets the body.  ``progress`` is called with the share that is done.  Raises `clfur.Error` for shells:
     these are judged by their own picture at many samples (tools/shells_laws.py).
     """
+    if not isinstance(scene, Scene):
+        raise Error(f"scene is {scene!r:.60}; allowed: a clfur.Scene")
     if scene.shells is not None:
         raise Error("Scene.fur has Shells; allowed: Strands or Curves, since the truth knows strands and bodies only")
-    if samples not in range(1, 65):
-        raise Error(f"samples is {samples!r}; allowed: a whole number from 1 to 64")
+    samples = checks.whole(1, 64)(samples, "samples")
     hair, skin = _geometry(scene)
     eye, to_place, near = _camera(scene)
     width, height = scene.camera.size

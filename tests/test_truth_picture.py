@@ -426,6 +426,10 @@ def test_shells_are_refused(sphere):
         truth.picture(s)
     with pytest.raises(clfur.Error, match="samples is 0; allowed: a whole number from 1 to 64"):
         truth.picture(furry(sphere), 0)
+    with pytest.raises(clfur.Error, match="samples is 8.0; allowed: a whole number from 1 to 64"):
+        truth.picture(furry(sphere), 8.0)
+    with pytest.raises(clfur.Error, match="scene is 'teapot'; allowed: a clfur.Scene"):
+        truth.picture("teapot")
 
 
 def test_the_cache_keeps_a_picture(sphere, tmp_path, monkeypatch):
