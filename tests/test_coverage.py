@@ -13,7 +13,7 @@ from test_shade import host
 from test_shadows import squares, strands_of
 
 import clfur
-from clfur import layout
+from clfur import layout, truth
 from clfur.parts import Work
 from clfur.render import OUTPUTS
 from clfur.shadows import cast_shadows
@@ -778,3 +778,20 @@ def test_a_device_that_fails_is_dropped(gpu, sphere, kernel):
     team[0].launch, team[1].launch = fails, own
     with pytest.warns(RuntimeWarning, match="goes on without a device: this device is lost"):
         same(whole, clfur.draw(scene, team, SETTINGS, hashes=True))
+
+
+def test_thin_strands_cover_what_the_truth_says(gpu):
+    """At 0.36 pixels: the area is the truth's, where opaque lines one pixel wide cover more than twice of it."""
+    rng = np.random.default_rng(5)
+    roots = rng.uniform(-1, 1, (60, 3))
+    points = roots[:, None] + np.linspace(0, 1, 5)[None, :, None] * rng.normal(0, .35, (60, 1, 3))
+    camera = clfur.Camera(eye=(0, 0, 4), size=(72, 54))
+    width = .36 * 4 / view_of(clfur.Scene(fur=clfur.Curves(points), camera=camera), 1)["scale"][0]
+    scene = clfur.Scene(fur=clfur.Curves(points, width=width), camera=camera)
+    true = truth.picture(scene, samples=16)[..., 3].sum()
+    areas = {name: clfur.render(scene, gpu, clfur.Settings(**knobs))[..., 3].sum() for name, knobs in (
+        ("coverage", {"raster": "coverage"}), ("coverage, lod", {"raster": "coverage", "lod": .3}),
+        ("lines", {"samples": 1}))}
+    assert areas["coverage"] == pytest.approx(true, rel=.02)
+    assert areas["coverage, lod"] == pytest.approx(true, rel=.02)
+    assert areas["lines"] > 2 * true
