@@ -1,4 +1,4 @@
-"""Clfur's folder in the user's cache, and what it remembers there: what the self-test said of each device."""
+"""Clfur's folder in the user's cache, names of what is kept there, and what the self-test said of each device."""
 
 import functools
 import hashlib
@@ -8,6 +8,8 @@ import os
 import tempfile
 from pathlib import Path
 
+import attrs
+import numpy as np
 import platformdirs
 
 from .errors import Error
@@ -37,6 +39,32 @@ def write(file, content):
             raise
     except OSError as error:
         raise Error(f"cannot write to {file.parent}: {error.strerror}") from None
+
+
+def digest(*values):
+    """SHA-256 in hex of objects of attrs, arrays, containers, numbers and texts, by what they hold."""
+    state = hashlib.sha256()
+    for text in _texts(values):
+        state.update(text)
+    return state.hexdigest()
+
+
+def _texts(value):
+    if attrs.has(type(value)):
+        yield type(value).__name__.encode()
+        for field in attrs.fields(type(value)):
+            yield from _texts((field.name, getattr(value, field.name)))
+    elif isinstance(value, np.ndarray):
+        yield f"{value.dtype.str}{value.shape}".encode()
+        yield np.ascontiguousarray(value).tobytes()
+    elif isinstance(value, dict):
+        yield from _texts(sorted(value.items()))
+    elif isinstance(value, (list, tuple)):
+        yield f"[{len(value)}".encode()
+        for part in value:
+            yield from _texts(part)
+    else:
+        yield f"{value!r};".encode()
 
 
 def writable():

@@ -82,8 +82,8 @@ def draw_chart(found, title=""):
     if points:
         _limits(axes, points, found.noise)
         axes.axhline(found.noise, color=INK, lw=.8, ls=(0, (4, 4)), alpha=.6, zorder=0)
-        axes.annotate("noise of the truth", (1, found.noise), (-3, 3), ("axes fraction", "data"),
-                      "offset points", ha="right", fontsize=8, alpha=.7, annotation_clip=True)
+        axes.annotate("noise of the truth", (1, found.noise), (-3, -3), ("axes fraction", "data"),   # below all points
+                      "offset points", ha="right", va="top", fontsize=8, alpha=.7, annotation_clip=True)
         _names(axes, points)
     shapes = [Line2D([], [], marker=SHAPES[n], ls="", color="#808080", ms=7, label=f"{n} sample{'s' * (n > 1)}")
               for n in sorted({p.settings.samples for p in points})]
@@ -98,7 +98,7 @@ def draw_chart(found, title=""):
 
 def _colors(points):
     """(colour of a point, [(text, colour)]): by the first that differs of raster, filter and shadows."""
-    ways = [lambda s: f"raster: {getattr(s, 'raster', 'samples')}",
+    ways = [lambda s: f"raster: {s.raster}",
             lambda s: "filtered" if s.filtered else "unfiltered",
             lambda s: "no shadows" if s.shadows == "off" else f"shadows: {s.shadows}"]
     text_of = next((way for way in ways if len({way(point.settings) for point in points}) > 1), ways[-1])

@@ -26,7 +26,7 @@ DOING = {"truth": "drawing the truth", "pictures": "measuring pictures", "times"
 @click.option("--device", metavar="DEVICE", help="As `clfur render` takes it; one alone.")
 @click.option("--repeat", type=click.IntRange(1), default=3, metavar="N", help="Warm frames of each settings.")
 @click.option("--pan/--no-pan", default=True, help="Whether to measure flicker: four more pictures of each.")
-@click.option("--fresh", is_flag=True, help="Measure all anew, and forget what earlier runs have measured.")
+@click.option("--fresh", is_flag=True, help="Forget what earlier runs have measured, all but the truth.")
 @functools.partial(scene_options, size="320x240", settings=False)
 @click.option("--json", "as_json", is_flag=True, help="Print all that was measured as JSON.")
 def chart(given, output, device, repeat, pan, fresh, as_json, **options):

@@ -1,7 +1,6 @@
 """Speed against accuracy: what each of many settings takes and how far its pictures are from the truth."""
 
 import functools
-import hashlib
 import io
 import itertools
 import json
@@ -14,6 +13,7 @@ import numpy as np
 
 from . import cache, checks, measures, truth
 from .budget import PRESETS
+from .cache import digest
 from .compare import Spread, plain
 from .errors import Error
 from .render import draw
@@ -88,8 +88,8 @@ def sweep(scene):
     other's worth are multiplied: samples, raster and lod all spend time on edges of strands (or, of shells: samples,
     layers and the filter), so these meet in full under good shadows.  How hair shades and in how fine a grid hardly
     depends on them, so each method meets each grid under one good raster; then the body's shadow map and its filter
-    alone.  Last come the two ends, where every knob is cheap or every knob is dear.  Knobs that this scene (or this
-    version's `Settings`) has no use for stay as they are.
+    alone.  Last come the two ends, where every knob is cheap or every knob is dear.  Knobs that this scene, or what is
+    without shadows, has no use for stay as they are.
     """
     strands, shells = scene.strands is not None, scene.shells is not None
     used = {field.name for field in attrs.fields(Settings)}
@@ -108,8 +108,9 @@ def sweep(scene):
     add(shadows=["count", "trilinear", "length"] if "grid" in used else ["length"], grid=[32, 48, 64, 96, 128])
     add(shadows=["off"])
     add(pcf=[0, 1, 3], shadow_map=[512, 2048])
-    add(samples=[1], raster=["samples", "coverage"], lod=[0, 2], shadows=["off", "length"], grid=[32],
-        shadow_map=[256], pcf=[0], layers=[8])
+    cheap = {"samples": [1], "raster": ["samples", "coverage"], "lod": [0, 2], "layers": [8]}
+    add(**cheap, shadows=["off"])
+    add(**cheap, grid=[32], shadow_map=[256], pcf=[0])
     add(samples=[4, 16], grid=[96, 128], shadow_map=[2048], layers=[60])
     found += [(settings, scene.shells.layers if shells else None) for settings in NAMED.values()
               if strands or settings not in PRESETS.values()]   # presets are of strands
@@ -123,7 +124,7 @@ def frontier(scene, candidates=None, device=None, repeat=3, pan=True, tell=None,
     module gives if None.  ``device``: as `Scheduler` takes it.  ``repeat``: warm frames of each, by turns, so that
     a busy machine favours none.  ``pan``: whether flicker is measured too.  ``tell``: called with (what is done now,
     done, in all).  What was measured is kept in clfur's cache folder, so that a run that is cut short goes on where it
-    was, and one like it needs to draw nothing; ``fresh`` begins anew.
+    was, and one like it needs to draw nothing; ``fresh`` begins anew, but with the truth that is kept.
     The truth is `clfur.truth.picture` of strands and bodies; of shells, which it does not know, the scene drawn 8 times
     as large in 120 unfiltered layers with the finest shadows.
     Raises `clfur.Error` for a device that is not there and other wrong arguments, before anything is drawn, and for a
@@ -149,7 +150,7 @@ def frontier(scene, candidates=None, device=None, repeat=3, pan=True, tell=None,
         tell("pictures", number, len(ways))
         if not kept.found(way):
             kept.add(way, found=_judge(scene, gpu, way, truths, pan))
-    earlier = sum(min(len(kept.times(way)), repeat) for way in ways)
+    earlier = sum(len(kept.times(way)) for way in ways)
     for turn in range(repeat):
         for number, way in enumerate(ways):
             tell("times", turn * len(ways) + number, repeat * len(ways))
@@ -157,7 +158,7 @@ def frontier(scene, candidates=None, device=None, repeat=3, pan=True, tell=None,
                 kept.add(way, seconds=_time(scene, gpu, way))
     tell("times", repeat * len(ways), repeat * len(ways))
 
-    points = [_point(way, ways, kept) for way in ways]
+    points = [_point(scene, way, ways, kept) for way in ways]
     points.sort(key=lambda point: point.seconds.median)
     least = np.inf
     for place, point in enumerate(points):
@@ -171,42 +172,18 @@ def frontier(scene, candidates=None, device=None, repeat=3, pan=True, tell=None,
 def label(settings, layers=None):
     """What is particular to settings, in a few words: "4 samples, coverage, length 48"."""
     words = [f"{settings.samples} sample{'s' * (settings.samples > 1)}"]
-    words += ["coverage"] * (getattr(settings, "raster", "") == "coverage")
+    words += ["coverage"] * (settings.raster == "coverage")
     words += [] if layers is None else [f"{layers} layer{'s' * (layers > 1)}"]
     words.append("no shadows" if settings.shadows == "off" else f"{settings.shadows} {settings.grid}")
     words += ["unfiltered"] * (not settings.filtered)
+    told = {"samples", "raster", "shadows", "grid", "filtered"}
+    told |= {"shadow_map", "pcf"} if settings.shadows == "off" else set()   # without shadows nothing looks there
     for field in attrs.fields(Settings):
         value = getattr(settings, field.name)
-        if value != field.default and field.name not in ("samples", "raster", "shadows", "grid", "filtered"):
+        if value != field.default and field.name not in told:
             words.append(f"{field.name.replace('_', ' ').replace('shadow map', 'map')} "
                          f"{value if isinstance(value, str) else f'{value:g}'}")
     return ", ".join(words)
-
-
-def digest(*values):
-    """SHA-256 in hex of objects of attrs, arrays, containers, numbers and texts, by what they hold."""
-    state = hashlib.sha256()
-    for text in _texts(values):
-        state.update(text)
-    return state.hexdigest()
-
-
-def _texts(value):
-    if attrs.has(type(value)):
-        yield type(value).__name__.encode()
-        for field in attrs.fields(type(value)):
-            yield from _texts((field.name, getattr(value, field.name)))
-    elif isinstance(value, np.ndarray):
-        yield f"{value.dtype.str}{value.shape}".encode()
-        yield np.ascontiguousarray(value).tobytes()
-    elif isinstance(value, dict):
-        yield from _texts(sorted(value.items()))
-    elif isinstance(value, (list, tuple)):
-        yield f"[{len(value)}".encode()
-        for part in value:
-            yield from _texts(part)
-    else:
-        yield f"{value!r};".encode()
 
 
 @functools.cache
@@ -306,13 +283,14 @@ def _time(scene, gpu, way):
     return draw(scene, gpu, settings).seconds
 
 
-def _point(way, ways, kept):
+def _point(scene, way, ways, kept):
     settings, layers = way
     times = kept.times(way)
     name = ", ".join(name for name, named in NAMED.items() if named == settings)
     several = layers is not None and len({layers for _, layers in ways}) > 1
-    return Point(settings, layers, label(settings, layers if several else None), name, times, Spread.of(times),
-                 **kept.found(way))
+    own = layers is None or layers == scene.shells.layers   # a name's settings say nothing of layers: the scene does
+    return Point(settings, layers, label(settings, layers if several else None), name if own else "", times,
+                 Spread.of(times), **kept.found(way))
 
 
 class _Kept:

@@ -130,9 +130,10 @@ class Work:
     def _bytes(self, settings):
         """Bytes on the device of a strand and of each of its points."""
         strand, point = (STRAND, POINT) if self.grown else (STRAND, POINT + 32)
-        if settings.lod and self.scene.strands is not None:
-            colors = 0 if self.grown or len(self.scene.strands.color) < len(self.scene.strands.points) else 16
-            strand, point = strand + THIN_STRAND, point + THIN_POINT + colors
+        if settings.lod:
+            fur = self.scene.strands
+            per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
+            strand, point = strand + THIN_STRAND, point + THIN_POINT + 16 * per_point
         if settings.raster == "coverage":                   # how much light reaches it
             point += 4
         return strand, point

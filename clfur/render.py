@@ -212,8 +212,10 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
         found = {"color": image, **(known or {})}
         bands = {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in outputs}
         if hashes:
+            # What shells let through differs in the last bits, and with it what is seen of strands among them.
             bands["seen"] = [_bytes(gpu, array) for array in (
-                (resolved.seen, resolved.alpha) if covering else (visible,))]
+                (visible,) if not covering else (visible, counted) if scene.shells else
+                (resolved.seen, resolved.alpha))]
         return bands
 
     rows = min(team.each(lambda gpu: plan(gpu)[1]))

@@ -1,25 +1,23 @@
 """What the methods approximate, by brute force and independent of the kernels."""
 
-import hashlib
 import io
 import math
 import zipfile
 from pathlib import Path
 from types import SimpleNamespace
 
-import attrs
 import numpy as np
 
-from . import cache
+from . import cache, checks
 from .errors import Error
 from .fur import Curves, Strands
 from .rays import Eye, Fibres, Triangles, frame_along
 from .render import schedulers
-from .scene import extent
+from .scene import Scene, extent
 from .stages.tessellate import tessellate
 from .twin import shade, strands
 
-VERSION = 1              # of what `picture` gives: another number makes all pictures in the cache anew
+VERSION = 1              # of what `picture` gives, strands and bodies included: another makes the cache anew
 RAYS = 1 << 18           # of the picture at a time
 
 
@@ -33,10 +31,11 @@ def picture(scene, samples=8, seed=0, progress=None):
     where it meets the body.  ``progress`` is called with the share that is done.  Raises `clfur.Error` for shells:
     these are judged by their own picture at many samples (tools/shells_laws.py).
     """
+    if not isinstance(scene, Scene):
+        raise Error(f"scene is {scene!r:.60}; allowed: a clfur.Scene")
     if scene.shells is not None:
         raise Error("Scene.fur has Shells; allowed: Strands or Curves, since the truth knows strands and bodies only")
-    if samples not in range(1, 65):
-        raise Error(f"samples is {samples!r}; allowed: a whole number from 1 to 64")
+    samples = checks.whole(1, 64)(samples, "samples")
     hair, skin = _geometry(scene)
     eye, to_place, near = _camera(scene)
     width, height = scene.camera.size
@@ -81,9 +80,7 @@ def cached_picture(scene, samples=8, folder=None, progress=None):
 
     A damaged file is made anew.  Raises `clfur.Error` as `picture` does, and where there is no folder to write to.
     """
-    digest = hashlib.sha256()
-    _tell(digest, [VERSION, samples, scene])
-    file = (cache.folder("truth") if folder is None else Path(folder)) / f"{digest.hexdigest()}.npz"
+    file = (cache.folder("truth") if folder is None else Path(folder)) / f"{cache.digest(VERSION, samples, scene)}.npz"
     width, height = scene.camera.size
     try:
         with np.load(file) as saved:
@@ -96,20 +93,6 @@ def cached_picture(scene, samples=8, folder=None, progress=None):
     np.savez_compressed(stream, picture=result)
     cache.write(file, stream.getvalue())
     return result
-
-
-def _tell(digest, value):
-    """Add all that a value holds to a digest."""
-    if attrs.has(type(value)):
-        value = [type(value).__name__, *attrs.astuple(value, recurse=False)]
-    if isinstance(value, (tuple, list)):
-        digest.update(f"({len(value)}".encode())
-        for each in value:
-            _tell(digest, each)
-    elif isinstance(value, np.ndarray):
-        digest.update(f"{value.dtype.str}{value.shape}".encode() + np.ascontiguousarray(value).tobytes())
-    else:
-        digest.update(f"{type(value).__name__} {value!r};".encode())
 
 
 # --- the scene ------------------------------------------------------------------------------------------

@@ -50,6 +50,20 @@ def test_few_points(measured, count):
     figure.draw_without_rendering()
 
 
+def test_the_noise_can_be_read(measured):
+    """Points that only the truth's noise keeps from it lie on its line."""
+    points = [attrs.evolve(point, error=.04) if point.seconds.median > .05 else point for point in measured.points]
+    slow = attrs.evolve(points[-1], name="")
+    points += [attrs.evolve(slow, seconds=attrs.evolve(slow.seconds, median=t)) for t in (.35, .4, .45)]
+    figure = chart.draw_chart(attrs.evolve(measured, points=points, noise=.0395))
+    box, axes = texts(figure)["noise of the truth"], figure.axes[0]
+    frame = axes.get_window_extent()
+    assert frame.y0 <= box.y0 and box.x1 <= frame.x1
+    for point in points:
+        x, y = axes.transData.transform((1e3 * point.seconds.median, point.error))
+        assert not (box.x0 - 5 < x < box.x1 and box.y0 - 5 < y < box.y1 + 3)
+
+
 @pytest.mark.parametrize("field, values, words", [
     ("shadows", ("length", "count"), {"shadows: length", "shadows: count"}),
     ("filtered", (True, False), {"filtered", "unfiltered"})])

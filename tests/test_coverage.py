@@ -17,7 +17,7 @@ from clfur import layout, truth
 from clfur.parts import Work
 from clfur.render import OUTPUTS
 from clfur.shadows import cast_shadows
-from clfur.stages import coverage
+from clfur.stages import coverage, shells
 from clfur.stages.raster import raster
 from clfur.stages.tessellate import no_surface, tessellate
 from clfur.twin import coverage as twin
@@ -614,6 +614,23 @@ def test_shells_under_strands(gpu):
     one, other = (clfur.render(bare, gpu, clfur.Settings(raster=name, samples=4, shadows="off")) for name in (
         "coverage", "samples"))
     np.testing.assert_allclose(one, other, atol=1e-6)
+
+
+def test_hashes_with_shells_are_of_integers_alone(gpu, monkeypatch):
+    """What shells let through comes of exp: another device may have other last bits."""
+    fur = [clfur.Strands(inner=1, outer=1, roots=60), clfur.Shells(length=.15, frequency=20, layers=12)]
+    scene = clfur.Scene(ball(.8, 2), fur, clfur.Camera(size=(31, 23)))
+    whole = shells.march
+
+    def other(*arguments):
+        image, through, seen = whole(*arguments)
+        return image, gpu.upload(gpu.download(through) * np.float32(1 - 1e-6)), seen
+    one = clfur.draw(scene, gpu, OFF, hashes=True)
+    monkeypatch.setattr(shells, "march", other)
+    two = clfur.draw(scene, gpu, OFF, hashes=True)
+    assert one.hashes == two.hashes and (one.images["color"] != two.images["color"]).any()
+    three = clfur.draw(attrs.evolve(scene, fur=[fur[1], attrs.evolve(fur[0], roots=59)]), gpu, OFF, hashes=True)
+    assert three.hashes["visibility"] != one.hashes["visibility"]
 
 
 def test_a_strand_that_crosses_the_whole_picture_and_the_near_plane(gpu):

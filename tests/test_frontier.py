@@ -9,7 +9,8 @@ import pytest
 
 import clfur
 from clfur import device
-from clfur.frontier import digest, label, sweep
+from clfur.cache import digest
+from clfur.frontier import label, sweep
 
 library = sys.modules["clfur.frontier"]   # the module: clfur.frontier is its function
 WAYS = [clfur.Settings(samples=1, shadows="off"), clfur.Settings(), clfur.Settings(samples=16, grid=32)]
@@ -140,6 +141,12 @@ def test_what_is_damaged_is_made_anew(sphere, drawn, tmp_path):
     assert same(first, clfur.frontier(scene(sphere), WAYS, repeat=1, fresh=True))
 
 
+def test_all_frames_of_an_earlier_run_count(sphere):
+    clfur.frontier(scene(sphere), WAYS[:2], repeat=3)
+    found = clfur.frontier(scene(sphere), WAYS[:2], repeat=1)
+    assert found.earlier == sum(len(point.times) for point in found.points) == 6
+
+
 def test_without_a_pan(sphere, drawn):
     found = clfur.frontier(scene(sphere), WAYS[:1], repeat=1, pan=False)
     assert found.points[0].flicker is None and len(drawn) == 1 + 2
@@ -181,6 +188,7 @@ def test_shells_are_their_own_truth(sphere, drawn):
     by_layers = {point.layers: point for point in found.points}
     assert set(by_layers) == {1, 30, 60} and by_layers[60].error < by_layers[1].error
     assert by_layers[1].label == "4 samples, 1 layer, length 48"
+    assert {layers: point.name for layers, point in by_layers.items()} == {1: "", 30: "default", 60: ""}
 
 
 @pytest.mark.parametrize("fur", ["strands", "shells", "none", "both"])
@@ -199,26 +207,21 @@ def test_sweep(sphere, fur):
     assert {settings.filtered for settings, _ in ways} == ({True, False} if fur in ("shells", "both") else {True})
 
 
-def test_sweep_takes_the_knobs_that_there_are(sphere, monkeypatch):
-    there = {field.name for field in attrs.fields(clfur.Settings)}
-    knobs = {"raster": attrs.field(default="samples"), "lod": attrs.field(default=0)}
-    more = attrs.make_class("Settings", {name: field for name, field in knobs.items() if name not in there},
-                            bases=(clfur.Settings,), frozen=True)
-    monkeypatch.setattr(library, "Settings", more)
-    monkeypatch.setattr(library, "NAMED", {"default": more()})
+def test_sweep_takes_the_knobs_that_matter(sphere):
     ways = sweep(scene(sphere))
-    assert 40 <= len(ways) <= 70 and len({label(*way) for way in ways}) == len(ways)
     good = {(s.samples, s.raster, s.lod) for s, _ in ways if (s.shadows, s.grid, s.pcf) == ("length", 64, 1)}
     assert len(good) == 3 * 2 * 4
-    assert label(more(raster="coverage", lod=.5)) == "4 samples, coverage, length 48, lod 0.5"
-    assert {settings.raster for settings, _ in sweep(scene(sphere, "shells"))} == {"samples"}
+    assert {(s.raster, s.lod) for s, _ in sweep(scene(sphere, "shells"))} == {("samples", 0)}
+    assert {(s.grid, s.shadow_map, s.pcf) for s, _ in ways if s.shadows == "off"} == {(64, 512, 1)}
 
 
 def test_label():
     assert label(clfur.Settings()) == "4 samples, length 48"
-    assert label(clfur.Settings(samples=1, shadows="off", grid=96, pcf=0, shadow_map=2048, specular="half-vector",
-                                filtered=False, blur="all"), 8) == (
-        "1 sample, 8 layers, no shadows, unfiltered, map 2048, pcf 0, specular half-vector, blur all")
+    assert label(clfur.Settings(raster="coverage", lod=.5)) == "4 samples, coverage, length 48, lod 0.5"
+    odd = clfur.Settings(samples=1, grid=96, pcf=0, shadow_map=2048, specular="half-vector", filtered=False, blur="all")
+    assert label(odd, 8) == "1 sample, 8 layers, length 96, unfiltered, map 2048, pcf 0, specular half-vector, blur all"
+    assert label(attrs.evolve(odd, shadows="off"), 8) == (
+        "1 sample, 8 layers, no shadows, unfiltered, specular half-vector, blur all")
 
 
 def test_digest(sphere):

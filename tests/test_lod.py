@@ -341,6 +341,15 @@ def test_the_frame_tells_what_was_drawn(gpu, sphere):
     assert fine.strands == 6000
 
 
+@pytest.mark.parametrize("raster", ["samples", "coverage"])
+@pytest.mark.parametrize("fur", [None, clfur.Shells(frequency=8), clfur.Curves(np.zeros((0, 2, 3)))])
+def test_without_strands_nothing_changes(gpu, sphere, fur, raster):
+    scene = clfur.Scene(mesh=sphere, fur=fur, camera=clfur.Camera(size=(16, 12)))
+    first, second = (clfur.draw(scene, gpu, clfur.Settings(raster=raster, lod=lod)) for lod in (0, 1))
+    np.testing.assert_array_equal(first.images["color"], second.images["color"])
+    assert second.strands == 0 and second.images["color"][..., 3].any()
+
+
 def test_shadows_are_those_of_what_is_seen(gpu, sphere):
     """They follow the camera where lod says so, and only there; the report's methods count all strands."""
     near = furry(sphere)

@@ -426,6 +426,10 @@ def test_shells_are_refused(sphere):
         truth.picture(s)
     with pytest.raises(clfur.Error, match="samples is 0; allowed: a whole number from 1 to 64"):
         truth.picture(furry(sphere), 0)
+    with pytest.raises(clfur.Error, match="samples is 8.0; allowed: a whole number from 1 to 64"):
+        truth.picture(furry(sphere), 8.0)
+    with pytest.raises(clfur.Error, match="scene is 'teapot'; allowed: a clfur.Scene"):
+        truth.picture("teapot")
 
 
 def test_the_cache_keeps_a_picture(sphere, tmp_path, monkeypatch):
@@ -441,6 +445,16 @@ def test_the_cache_keeps_a_picture(sphere, tmp_path, monkeypatch):
         truth.cached_picture(other, 2, tmp_path)
     truth.cached_picture(s, 3, tmp_path)
     assert len(calls) == 6 and len(list(tmp_path.iterdir())) == 6
+
+
+@pytest.mark.parametrize("light, mean", [
+    (clfur.Light(), (0.1203933774306179, 0.09167260977453122, 0.07699077996364982, 0.4537037037037037)),
+    (clfur.Light(direction=(-1, -1, -3), position=(1, 1, 3), angle=50, ambient=.1),
+     (0.1266570133198188, 0.0963866997518805, 0.08088749646861614, 0.4537037037037037))])
+def test_the_version_names_these_pictures(sphere, light, mean):
+    """What is kept is kept under `truth.VERSION`: where these numbers have changed for good, it must change too."""
+    assert truth.VERSION == 1
+    np.testing.assert_allclose(truth.picture(furry(sphere, 500, light=light), 2).mean((0, 1)), mean, rtol=1e-6)
 
 
 @pytest.mark.parametrize("damage", [b"", b"PK\x03\x04", b"nonsense", "cut", "flipped", "other shape"])
