@@ -201,7 +201,8 @@ def test_sweep(sphere, fur):
     assert {settings.samples for settings, _ in ways} == {1, 4, 16}
     assert {layers for _, layers in ways} == ({8, 15, 30, 60} if fur in ("shells", "both") else {None})
     assert {settings.grid for settings, _ in ways} == (
-        {48} if fur == "none" else {32, 48, 64, 96, 128} | ({160} if fur in ("strands", "both") else set()))
+        {48} if fur == "none" else {32, 48, 64, 96, 128} | (
+            {settings.grid for settings in clfur.PRESETS.values()} if fur in ("strands", "both") else set()))
     named = {settings for settings, _ in ways} & {*clfur.PRESETS.values()}
     assert len(named) == (4 if fur in ("strands", "both") else 0)
     assert {settings.filtered for settings, _ in ways} == ({True, False} if fur in ("shells", "both") else {True})
