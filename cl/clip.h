@@ -17,3 +17,21 @@ inline float4 cut(float4 in, float in_by, float4 out, float out_by)
 {
     return in_by > -out_by ? out + (in - out) * (out_by / (out_by - in_by)) : in + (out - in) * (in_by / (in_by - out_by));
 }
+
+/* Cut the way from a to b [clip space], with half its widths ha and hb, to what can be drawn; whether anything is left. */
+inline bool clip(float4 *a, float4 *b, float *ha, float *hb)
+{
+    for (int i = 0; i < 6; ++i) {
+        const float da = inside(*a, i), db = inside(*b, i);
+        if (!(da >= 0.0f || db >= 0.0f))
+            return false;
+        if (da < 0.0f) {
+            *ha = cut((float4)(*hb), db, (float4)(*ha), da).x;
+            *a = cut(*b, db, *a, da);
+        } else if (db < 0.0f) {
+            *hb = cut((float4)(*ha), da, (float4)(*hb), db).x;
+            *b = cut(*a, da, *b, db);
+        }
+    }
+    return a->w > 0.0f && b->w > 0.0f;
+}

@@ -3,7 +3,8 @@
  *
  * A strand is a ribbon that faces the eye, as wide as it is.  `count` counts which pixels it touches, `gather` writes for
  * each a fragment (depth, id, area), `resolve` sorts those of a pixel and hides one behind the other, and `light` lights
- * what is left of each.  Sums are taken in the order of depths or in integers: the same bits for every order of strands.
+ * what is left of each.  Sums are taken in the order of depths or in integers: the same bits in whatever order strands
+ * are drawn.
  */
 #include "clip.h"
 #include "light.h"
@@ -109,19 +110,7 @@ inline float4 on_screen(float4 c, float radius)
 /* The rare segment that leaves the guard band or crosses the near plane. */
 void draw_clipped(Target *to, const View *view, float4 a, float4 b, float ha, float hb, uint id)
 {
-    for (int i = 0; i < 6; ++i) {
-        const float da = inside(a, i), db = inside(b, i);
-        if (!(da >= 0.0f || db >= 0.0f))
-            return;
-        if (da < 0.0f) {
-            ha = cut((float4)(hb), db, (float4)(ha), da).x;
-            a = cut(b, db, a, da);
-        } else if (db < 0.0f) {
-            hb = cut((float4)(ha), da, (float4)(hb), db).x;
-            b = cut(a, da, b, db);
-        }
-    }
-    if (a.w > 0.0f && b.w > 0.0f)
+    if (clip(&a, &b, &ha, &hb))
         draw_segment(to, view, on_screen(a, ha), on_screen(b, hb), id);
 }
 

@@ -134,19 +134,7 @@ inline void draw_segment(
 void draw_clipped(volatile __global ulong *visible, const View *view, float4 a, float4 b, float ha, float hb,
                   uint id, int pass)
 {
-    for (int i = 0; i < 6; ++i) {
-        const float da = inside(a, i), db = inside(b, i);
-        if (!(da >= 0.0f || db >= 0.0f))
-            return;
-        if (da < 0.0f) {
-            ha = cut((float4)(hb), db, (float4)(ha), da).x;
-            a = cut(b, db, a, da);
-        } else if (db < 0.0f) {
-            hb = cut((float4)(ha), da, (float4)(hb), db).x;
-            b = cut(a, da, b, db);
-        }
-    }
-    if (a.w > 0.0f && b.w > 0.0f)
+    if (clip(&a, &b, &ha, &hb))
         draw_segment(visible, view, snap_clip(a, ha), snap_clip(b, hb), id, pass);
 }
 
