@@ -83,11 +83,11 @@ _SHELLS = [
 _SETTINGS = [
     click.option("--preset", type=click.Choice(list(PRESETS)),
                  help="Settings that were measured to be worth their time; options beside it count more."),
-    click.option("--raster", type=click.Choice(RASTERS), default="samples",
-                 help="Strands opaque in each sample, or transparent by the area that they cover."),
+    click.option("--raster", type=click.Choice(RASTERS), default="coverage",
+                 help="Strands transparent by the area that they cover, or opaque in each sample."),
     click.option("--shadows", type=click.Choice(SHADOWS), default="length",
                  help="How hair shades: by what rays cross, by the report's voxels, or not at all."),
-    click.option("--grid", type=int, default=48, metavar="N",
+    click.option("--grid", type=int, default=96, metavar="N",
                  help="Cells a side of the grid for shadows; a multiple of 16."),
     click.option("--samples", type=click.Choice(["1", "4", "16"]), default="4", help="Samples a pixel."),
     click.option("--lod", type=click.FloatRange(0, 4), default=0.0, metavar="PIXELS",
@@ -101,7 +101,7 @@ _SETTINGS = [
 ]
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "type_map", "types", "curl", "wave",
-                     "lod"),
+                     "raster", "lod"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 
 

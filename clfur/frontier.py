@@ -24,7 +24,7 @@ from .settings import Settings
 OVER = 8                # truth's samples a pixel, across and down
 STEPS = 4               # of the pan, each of a pixel / STEPS
 LAYERS = 120            # of the shells that count as true
-FINEST = {"samples": 1, "filtered": False, "grid": 128, "shadow_map": 2048}   # and how they are drawn
+FINEST = {"raster": "samples", "samples": 1, "filtered": False, "grid": 128, "shadow_map": 2048}   # how these are drawn
 NAMED = {"default": Settings(), **PRESETS}   # settings that a chart points at
 
 

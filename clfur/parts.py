@@ -73,6 +73,10 @@ class Work:
         """Points set aside for a run of strands."""
         return (end - first) * self.stride if self.grown else int(self.before[end] - self.before[first])
 
+    def covering(self, settings):
+        """Whether strands are drawn by the area that they cover."""
+        return settings.raster == "coverage" and self.strands > 0
+
     def plan(self, gpu, settings, others, strands=None, body=True):
         """How this fits a device -> ([`Part`], rows of the picture to draw at a time).
 
@@ -88,7 +92,7 @@ class Work:
         if settings.shadows != "off" and (self.strands or scene.shells):
             fixed += 2 * (settings.grid + 1) * settings.grid**2 * 4
         row = width * (8 * settings.samples + 16 + (60 if others else 0))
-        if settings.raster == "coverage":
+        if self.covering(settings):
             row += width * (PIXEL + 4 * settings.samples + PIECES * FRAGMENT)
         shells = 0
         if scene.shells:
@@ -134,7 +138,7 @@ class Work:
             fur = self.scene.strands
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
             strand, point = strand + THIN_STRAND, point + THIN_POINT + 16 * per_point
-        if settings.raster == "coverage":                   # how much light reaches it
+        if self.covering(settings):                         # how much light reaches it
             point += 4
         return strand, point
 

@@ -111,7 +111,7 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
         gpu.load((settings, scene.camera.size, work.faces, work.strands, work.points,
                   scene.shells and scene.shells.layers))
     others, lit = set(outputs) - {"color"}, "color" in outputs
-    covering = settings.raster == "coverage"
+    covering = work.covering(settings)
     whole = view_of(scene, settings.samples)
     width, height = scene.camera.size
     light, skin = light_of(scene.light), (0, 0, 0) if scene.body_color is None else scene.body_color

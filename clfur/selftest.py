@@ -1,13 +1,14 @@
-"""Draws a small picture that goes through every stage, and compares it with what it should be."""
+"""Draws a small picture that goes through every stage of strands, and compares it with what it should be."""
 
 from importlib.resources import files
 
+import attrs
 import numpy as np
 
 from .fur import HairType, PointForce, Strands
 from .render import draw
 from .scene import Camera, Light, Mesh, Scene
-from .settings import Settings
+from .settings import RASTERS, Settings
 
 SETTINGS = Settings(samples=4, shadows="length", grid=32, shadow_map=64)
 TOLERANCE, SHARE = 1e-3, 1e-3   # colour, linear; pixels that may miss it: sines and powers differ between drivers
@@ -30,25 +31,32 @@ def scene():
 
 
 def picture(device):
-    """The self-test as a device draws it -> {"color": float32 [48, 64, 4], and each hash as text}."""
-    drawn = draw(scene(), device, SETTINGS, hashes=True)
-    return {"color": drawn.images["color"], **drawn.hashes}
+    """The self-test as a device draws it -> {"color (RASTER)": float32 [48, 64, 4], and each hash as text}."""
+    told, furry = {}, scene()
+    for raster in RASTERS:
+        drawn = draw(furry, device, attrs.evolve(SETTINGS, raster=raster), hashes=True)
+        told |= {f"{name} ({raster})": value for name, value in (drawn.images | drawn.hashes).items()}
+    return told
 
 
 def expected():
     """The picture as it should be, with the same keys."""
     with files("clfur").joinpath("selftest.npz").open("rb") as file, np.load(file) as saved:
-        return {name: value if name == "color" else str(value) for name, value in saved.items()}
+        return {name: value if value.ndim else str(value) for name, value in saved.items()}
 
 
 def differences(drawn, right):
     """What is wrong with a picture, a text for each; none if it is right."""
-    wrong = [f"other bits in {name.replace('_', ' ')}" for name in right
-             if name != "color" and drawn[name] != right[name]]
-    off = ~(np.abs(drawn["color"] - right["color"]) <= TOLERANCE).all(-1)   # "not within": NaN is off, too
-    if off.mean() > SHARE:
-        worst = np.abs(drawn["color"] - right["color"]).max()
-        wrong.append(f"{off.mean():.1%} of the pixels have another colour, by up to {worst:.2g}")
+    wrong = []
+    for name, value in right.items():
+        if isinstance(value, str):
+            if drawn[name] != value:
+                wrong.append(f"other bits in {name.replace('_', ' ')}")
+            continue
+        off = ~(np.abs(drawn[name] - value) <= TOLERANCE).all(-1)   # "not within": NaN is off, too
+        if off.mean() > SHARE:
+            worst = np.abs(drawn[name] - value).max()
+            wrong.append(f"{off.mean():.1%} of the pixels have another {name}, by up to {worst:.2g}")
     return wrong
 
 

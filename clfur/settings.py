@@ -5,7 +5,7 @@ import attrs
 from . import checks
 from .errors import Error
 
-RASTERS = ("samples", "coverage")
+RASTERS = ("coverage", "samples")
 CHOSEN = ("samples", "raster", "shadows", "grid", "shadow_map", "pcf", "lod")   # by `Settings.max_error` and seconds
 SHADOWS = ("off", "binary", "count", "trilinear", "length")
 
@@ -24,9 +24,9 @@ def _cells(value, where):
 class Settings:
     """How a scene is drawn.
 
-    samples: 1, 4 or 16 a pixel.  raster: "samples" draws strands as opaque and at least 1/samples of a pixel wide;
-    "coverage" takes the area that each covers of each pixel, transparent and sorted by depth, and samples for the body
-    alone.  specular: "kajiya-kay", the highlight of Kajiya and Kay (1989), which has a value
+    samples: 1, 4 or 16 a pixel.  raster: "coverage" takes the area that each strand covers of each pixel, transparent
+    and sorted by depth, and samples for the body alone; "samples" draws strands as opaque and at least 1/samples of a
+    pixel wide.  specular: "kajiya-kay", the highlight of Kajiya and Kay (1989), which has a value
     in every direction, or "half-vector", the report's, which has none where the eye looks against the light.
     shadows: "length" deposits what rays of light are expected to cross; "binary", "count" and "trilinear" are the
     report's voxels; "off".  grid: cells a side, a multiple of 16.  shadow_map: texels a side of the body's shadow
@@ -43,9 +43,9 @@ class Settings:
     """
 
     samples: int = checks.field(_samples, default=4)
-    raster: str = checks.field(checks.choice(*RASTERS), default="samples")
+    raster: str = checks.field(checks.choice(*RASTERS), default="coverage")
     shadows: str = checks.field(checks.choice(*SHADOWS), default="length")
-    grid: int = checks.field(_cells, default=48)
+    grid: int = checks.field(_cells, default=96)
     shadow_map: int = checks.field(checks.whole(0, 8192), default=512)
     pcf: int = checks.field(checks.whole(0, 16), default=1)
     specular: str = checks.field(checks.choice("kajiya-kay", "half-vector"), default="kajiya-kay")

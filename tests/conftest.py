@@ -112,7 +112,7 @@ def measured():
     points = []
     for place in range(40):
         best = place % 3 == 0 and place < 36
-        settings = clfur.Settings(samples=(1, 4, 16)[min(place // 13, 2)], grid=16 * (place + 1),
+        settings = clfur.Settings(raster="samples", samples=(1, 4, 16)[min(place // 13, 2)], grid=16 * (place + 1),
                                   shadows=("length", "count")[place % 2])
         seconds, error = 0.02 * 1.04**place, 0.2 * 0.96**place * (1 if best else 1.5)
         spread = Spread(seconds, seconds * .9, seconds * 1.1)

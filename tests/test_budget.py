@@ -207,7 +207,7 @@ def test_a_small_device(gpu, sphere):
         clfur.draw(scene(sphere), small, budget.LADDER[-1])
 
 
-@pytest.mark.parametrize("name, value", [("samples", 1), ("raster", "coverage"), ("shadows", "off"), ("grid", 64),
+@pytest.mark.parametrize("name, value", [("samples", 1), ("raster", "samples"), ("shadows", "off"), ("grid", 64),
                                          ("shadow_map", 64), ("pcf", 0), ("lod", 1.0)])
 def test_what_is_chosen_cannot_be_given(name, value):
     assert name in CHOSEN

@@ -164,7 +164,7 @@ def test_scene_file(clfur, tmp_path):
     assert (code, err) == (0, "making the scene\n")
     told = json.loads(out)
     assert (told["file"], told["size"], told["strands"]) == ("fur.png", [40, 30], 50)
-    assert told["options"] == {"samples": 16, "raster": "samples", "shadows": "length", "grid": 48, "lod": 0.0}
+    assert told["options"] == {"samples": 16, "raster": "coverage", "shadows": "length", "grid": 96, "lod": 0.0}
     assert told["camera"] == {"eye": pytest.approx([0, 0.4, 3.2]), "target": [0, 0, 0]}
 
 
@@ -177,7 +177,7 @@ def test_scene_file_with_settings_and_no_mesh(clfur, tmp_path):
     code, out, err = clfur("render", "fur.py", "--json")
     assert (code, err) == (0, "")
     told = json.loads(out)
-    assert told["options"] == {"samples": 1, "raster": "samples", "shadows": "off", "grid": 48, "lod": 0.0}
+    assert told["options"] == {"samples": 1, "raster": "coverage", "shadows": "off", "grid": 96, "lod": 0.0}
     assert (told["strands"], told["camera"]["target"]) == (1, None)
     assert told["skipped"] == {"degenerate": 0, "zero_normal": 0}
 

@@ -102,17 +102,17 @@ def test_preset():
         assert load("sphere", "--preset", name)[1] == settings
     beside = load("sphere", "--preset", "final", "--grid", 32, "--blur", "all")[1]
     assert beside == attrs.evolve(PRESETS["final"], grid=32, blur="all")
-    assert load("sphere", "--grid", 48, "--preset", "final")[1].grid == 48   # also where it is the default's
+    assert load("sphere", "--grid", 96, "--preset", "final")[1].grid == 96   # also where it is the default's
 
 
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
-           "--types": "a.json", "--curl": "0,0", "--wave": "0,0", "--lod": 0.5}
+           "--types": "a.json", "--curl": "0,0", "--wave": "0,0", "--raster": "samples", "--lod": 0.5}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 1, "--noise": "0.5,8",
           "--wind": "0,0,0", "--time": 0, "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
           "--segments": 1, "--force": "0,0,0", "--force-weight": 1, "--seed": 1, "--eye": "9,9,9",
           "--target": "0,0,0", "--fov": 30, "--light": "0,-1,0", "--shadows": "off", "--grid": 16, "--samples": 1,
-          "--raster": "coverage", "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
+          "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
           "--preset": "draft"}
 
 
@@ -160,7 +160,7 @@ def test_options_of_other_fur(clfur, tmp_path, fur, flag, value, other):
     (["--fur", "shells", "--pattern", "sine"], ["Shells.pattern is 'sine'", "uv"]),
     (["--fur", "both", "--pattern", "sine"], ["Shells.pattern is 'sine'", "uv"]),
     (["--fur", "shells", "--pattern", "sine", "--variation", "1"], ["--variation is for --pattern cells"]),
-    (["--raster", "area"], ["--raster", "'samples', 'coverage'"]),
+    (["--raster", "area"], ["--raster", "'coverage', 'samples'"]),
     (["--lod", "-0.1"], ["--lod", "4"]),
     (["--lod", "4.5"], ["--lod", "4"]),
     (["--blur", "some"], ["--blur", "edges"]),

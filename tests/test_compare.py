@@ -51,7 +51,8 @@ def test_what_is_measured(found):
         assert 64 * 48 * 4 * 8 < row.memory < 1 << 30                    # at least the samples' depths and ids
         assert 30 << 20 < row.resident < 8 << 30
         if row.stages is not None:
-            assert {"tessellate", "strands", "raster", "voxelize", "zscan", "shadow_map", "shade"} == set(row.stages)
+            assert {"tessellate", "strands", "raster", "voxelize", "zscan", "shadow_map", "coverage",
+                    "shade"} == set(row.stages)
             for spread in row.stages.values():
                 assert 0 <= spread.min <= spread.median <= spread.max < row.frame.max
 

@@ -574,7 +574,7 @@ def test_without_strands_there_is_the_body_alone(gpu, fur):
     keys = dict(samples=4, shadows="off")
     one = clfur.render(scene, gpu, clfur.Settings(raster="coverage", **keys), tuple(OUTPUTS))
     fur = fur if isinstance(fur, clfur.Strands) else ()      # samples show a strand without a width, and PN faces curve
-    other = clfur.render(clfur.Scene(mesh, fur, camera), gpu, clfur.Settings(**keys), tuple(OUTPUTS))
+    other = clfur.render(clfur.Scene(mesh, fur, camera), gpu, clfur.Settings(raster="samples", **keys), tuple(OUTPUTS))
     np.testing.assert_array_equal(one["id"] == -2, one["coverage"] > 0)
     np.testing.assert_allclose(one["color"], other["color"], atol=1e-5)
     np.testing.assert_array_equal(one["coverage"], other["coverage"])
@@ -791,7 +791,7 @@ def test_thin_strands_cover_what_the_truth_says(gpu):
     true = truth.picture(scene, samples=16)[..., 3].sum()
     areas = {name: clfur.render(scene, gpu, clfur.Settings(**knobs))[..., 3].sum() for name, knobs in (
         ("coverage", {"raster": "coverage"}), ("coverage, lod", {"raster": "coverage", "lod": .3}),
-        ("lines", {"samples": 1}))}
+        ("lines", {"raster": "samples", "samples": 1}))}
     assert areas["coverage"] == pytest.approx(true, rel=.02)
     assert areas["coverage, lod"] == pytest.approx(true, rel=.02)
     assert areas["lines"] > 2 * true

@@ -187,7 +187,7 @@ def test_shells_are_their_own_truth(sphere, drawn):
     assert {there.shells.layers for _, there in drawn[1:]} == {1, 30, 60}
     by_layers = {point.layers: point for point in found.points}
     assert set(by_layers) == {1, 30, 60} and by_layers[60].error < by_layers[1].error
-    assert by_layers[1].label == "4 samples, 1 layer, length 48"
+    assert by_layers[1].label == "4 samples, coverage, 1 layer, length 96"
     assert {layers: point.name for layers, point in by_layers.items()} == {1: "", 30: "default", 60: ""}
 
 
@@ -201,7 +201,7 @@ def test_sweep(sphere, fur):
     assert {settings.samples for settings, _ in ways} == {1, 4, 16}
     assert {layers for _, layers in ways} == ({8, 15, 30, 60} if fur in ("shells", "both") else {None})
     assert {settings.grid for settings, _ in ways} == (
-        {48} if fur == "none" else {32, 48, 64, 96, 128} | (
+        {96} if fur == "none" else {32, 48, 64, 96, 128} | (
             {settings.grid for settings in clfur.PRESETS.values()} if fur in ("strands", "both") else set()))
     named = {settings for settings, _ in ways} & {*clfur.PRESETS.values()}
     assert len(named) == (4 if fur in ("strands", "both") else 0)
@@ -212,14 +212,15 @@ def test_sweep_takes_the_knobs_that_matter(sphere):
     ways = sweep(scene(sphere))
     good = {(s.samples, s.raster, s.lod) for s, _ in ways if (s.shadows, s.grid, s.pcf) == ("length", 64, 1)}
     assert len(good) == 3 * 2 * 4
-    assert {(s.raster, s.lod) for s, _ in sweep(scene(sphere, "shells"))} == {("samples", 0)}
+    assert {(s.raster, s.lod) for s, _ in sweep(scene(sphere, "shells"))} == {("coverage", 0)}
     assert {(s.grid, s.shadow_map, s.pcf) for s, _ in ways if s.shadows == "off"} == {(64, 512, 1)}
 
 
 def test_label():
-    assert label(clfur.Settings()) == "4 samples, length 48"
-    assert label(clfur.Settings(raster="coverage", lod=.5)) == "4 samples, coverage, length 48, lod 0.5"
-    odd = clfur.Settings(samples=1, grid=96, pcf=0, shadow_map=2048, specular="half-vector", filtered=False, blur="all")
+    assert label(clfur.Settings()) == "4 samples, coverage, length 96"
+    assert label(clfur.Settings(lod=.5)) == "4 samples, coverage, length 96, lod 0.5"
+    odd = clfur.Settings(samples=1, raster="samples", pcf=0, shadow_map=2048, specular="half-vector", filtered=False,
+                         blur="all")
     assert label(odd, 8) == "1 sample, 8 layers, length 96, unfiltered, map 2048, pcf 0, specular half-vector, blur all"
     assert label(attrs.evolve(odd, shadows="off"), 8) == (
         "1 sample, 8 layers, no shadows, unfiltered, specular half-vector, blur all")

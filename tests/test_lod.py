@@ -369,10 +369,12 @@ def test_shadows_are_those_of_what_is_seen(gpu, sphere):
             assert all_of.hashes["voxels"] == first.hashes["voxels"]
 
 
-def test_the_light_stays_on_average(gpu, sphere):
+@pytest.mark.parametrize("raster", ["samples", "coverage"])
+def test_the_light_stays_on_average(gpu, sphere, raster):
     """What thinned hair lets through and what it shows is what all hair does, but for its places."""
     scene = furry(sphere, eye=(0, .4, 6), body_color=(1, 1, 1))
-    whole, few = (clfur.render(scene, gpu, clfur.Settings(samples=16, lod=lod))[..., :3].mean() for lod in (0, .5))
+    whole, few = (clfur.render(scene, gpu, clfur.Settings(samples=16, raster=raster, lod=lod))[..., :3].mean()
+                  for lod in (0, .5))
     assert few == pytest.approx(whole, rel=.04)
 
 

@@ -13,7 +13,7 @@ import clfur
 from clfur.parts import Work, _runs, _share
 from clfur.render import OUTPUTS
 
-SETTINGS = clfur.Settings(samples=4, grid=32, shadow_map=64)
+SETTINGS = clfur.Settings(raster="samples", samples=4, grid=32, shadow_map=64)
 
 
 def scene_of(kind, mesh, body=(.3, .2, .1)):
@@ -104,7 +104,7 @@ def test_memory_is_checked(memory):
 def test_what_cannot_be_divided_stays_below_the_budget(gpu, fur):
     mesh = clfur.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], None, None, [[0, 1, 2]])
     scene = clfur.Scene(mesh, fur, camera=clfur.Camera(size=(64, 48)))
-    settings = clfur.Settings(samples=1, grid=16, shadow_map=16)
+    settings = clfur.Settings(raster="samples", samples=1, grid=16, shadow_map=16)
     drawn = 0
     for memory in range(300_000, 1_300_001, 100_000):
         try:
@@ -123,7 +123,7 @@ hair = clfur.HairType(segments=100, segment_length=.002, width=.003, direction_v
 scene = clfur.Scene(clfur.load_mesh("sphere"), clfur.Strands(types=[hair], roots=300_000),
                     camera=clfur.Camera(size=(320, 240)))
 gpu = clfur.Scheduler("pocl")
-frame = clfur.draw(scene, gpu, clfur.Settings(samples=1), hashes=True)
+frame = clfur.draw(scene, gpu, clfur.Settings(raster="samples", samples=1), hashes=True)
 color = hashlib.sha256(frame.images["color"].tobytes()).hexdigest()
 print(json.dumps([frame.hashes, color, frame.memory, gpu.largest, gpu.memory]))
 """

@@ -531,7 +531,7 @@ def world(scale, sphere):
 def test_tiny_and_huge_worlds(gpu, sphere, scale):
     """The same picture: float32 rounds other digits, so a snapped point may move by one sub-pixel, and few
     samples change; distances scale."""
-    settings, outputs = clfur.Settings(samples=4), ["id", "depth", "coverage"]
+    settings, outputs = clfur.Settings(raster="samples", samples=4), ["id", "depth", "coverage"]
     one, other = (clfur.render(world(s, sphere), gpu, settings, outputs) for s in (1, scale))
     same = one["id"] == other["id"]
     assert len(np.unique(one["id"])) > 30

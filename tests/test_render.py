@@ -14,7 +14,7 @@ from clfur.stages.strands import bring, grow
 from clfur.stages.tessellate import tessellate
 from clfur.views import view_of
 
-SETTINGS = clfur.Settings(samples=1)
+SETTINGS = clfur.Settings(raster="samples", samples=1)
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ def test_a_frame_with_everything_in_it(gpu, method, light, roots):
     fur = clfur.Strands(inner=1, outer=1, types=types, type_map=np.array([[(0, 0, 0), (9, 9, 9)]], np.uint8),
                         roots=roots, force=(0, -1, 0), point_forces=clfur.PointForce((1, 1, 1), 1))
     scene = clfur.Scene(mesh=mesh, fur=fur, camera=clfur.Camera(size=(21, 17)), light=clfur.Light(**light))
-    settings = clfur.Settings(samples=4, shadows=method, grid=16, shadow_map=32)
+    settings = clfur.Settings(raster="samples", samples=4, shadows=method, grid=16, shadow_map=32)
     narrow = clfur.Scheduler(gpu.device)
     narrow.int64_atomics = False
     one, other = (clfur.render(scene, on, settings, outputs=tuple(OUTPUTS)) for on in (gpu, narrow))
@@ -254,5 +254,5 @@ def test_bad_arguments_are_named(gpu, scene):
 def test_a_picture_too_large_for_the_device_is_refused(gpu, sphere):
     scene = clfur.Scene(mesh=sphere, camera=clfur.Camera(size=(16384, 480)))
     small = clfur.Scheduler(gpu.device, memory=4 << 20)
-    with pytest.raises(clfur.Error, match="4.0 MiB has no room for .*Settings.grid 48, .* a row of 16384 pixels"):
-        clfur.render(scene, small, clfur.Settings(samples=16))
+    with pytest.raises(clfur.Error, match="4.0 MiB has no room for .*Settings.grid 96, .* a row of 16384 pixels"):
+        clfur.render(scene, small, clfur.Settings(raster="samples", samples=16))

@@ -9,8 +9,8 @@ import clfur
 from clfur.parts import Work
 from clfur.render import OUTPUTS
 
-SETTINGS = clfur.Settings(samples=4, grid=32, shadow_map=64)
-ONE = clfur.Settings(samples=1, shadows="off")
+SETTINGS = clfur.Settings(raster="samples", samples=4, grid=32, shadow_map=64)
+ONE = clfur.Settings(raster="samples", samples=1, shadows="off")
 FUR = clfur.Shells(length=.2, frequency=12, layers=12, force=(0, -.8, 0))
 
 
@@ -56,7 +56,7 @@ def test_a_frame(gpu, monkeypatch):
     gpu.lanes = 1   # Oclgrind 21.10 takes parts of a vector for unset that are not
     fur = clfur.Shells(length=.5, frequency=3, layers=4, wind=(.3, 0, 0))
     scene = clfur.Scene(mesh=square(True), fur=fur, camera=clfur.Camera(eye=(0, 2, 1.5), size=(12, 9)))
-    frame = clfur.draw(scene, gpu, clfur.Settings(samples=1, grid=16, shadow_map=16), tuple(OUTPUTS))
+    frame = clfur.draw(scene, gpu, clfur.Settings(raster="samples", samples=1, grid=16, shadow_map=16), tuple(OUTPUTS))
     assert set(np.unique(frame.images["id"])) >= {-3, -1}
 
 
@@ -123,7 +123,7 @@ def test_filter_is_no_reason_to_build(gpu, ball):
 def test_outputs_of_fur_on_a_square(gpu, samples):
     """Seen from above, hairs that lean by 1 to x: depth lies in the fur, tangents lean, uv is that of the root."""
     fur = clfur.Shells(length=.5, frequency=8, noise=(0, 8), force=(1, 0, 0))
-    settings = clfur.Settings(samples=samples, shadows="off")
+    settings = clfur.Settings(raster="samples", samples=samples, shadows="off")
     images = clfur.render(from_above(square(True), fur), gpu, settings, tuple(OUTPUTS))
     of_fur = images["id"] == -3
     assert of_fur.mean() > .3 and set(np.unique(images["id"])) <= {-3, -2, -1}
@@ -227,4 +227,4 @@ def test_fur_that_does_not_fit_is_an_error(gpu, sphere):
     small = clfur.Scheduler(gpu.device, memory=200_000)
     said = r"has no room for .*shells of 0\.\d MiB, and a row of 61 pixels; allowed: smaller ones"
     with pytest.raises(clfur.Error, match=said):
-        clfur.render(scene_of(sphere), small, clfur.Settings(samples=1, shadow_map=0, shadows="off"))
+        clfur.render(scene_of(sphere), small, clfur.Settings(raster="samples", samples=1, shadow_map=0, shadows="off"))

@@ -339,7 +339,7 @@ def test_alpha_is_coverage_and_colour_is_premultiplied(gpu, samples):
     fur = clfur.Curves(rng.uniform(-1, 1, (40, 3, 3)), width=0.05, color=(0.5, 0.25, 1))
     scene = clfur.Scene(fur=fur, camera=clfur.Camera(size=(97, 61)),
                         light=clfur.Light(color=(0, 0, 0), ambient=1))
-    images = clfur.render(scene, gpu, clfur.Settings(samples=samples), ["color", "coverage"])
+    images = clfur.render(scene, gpu, clfur.Settings(raster="samples", samples=samples), ["color", "coverage"])
     alpha = images["color"][..., 3]
     np.testing.assert_array_equal(alpha, images["coverage"])
     assert set(np.unique(alpha)) <= set(np.arange(samples + 1) / samples) and 0.02 < alpha.mean() < 0.9
@@ -353,7 +353,7 @@ def test_outputs_of_a_strand_before_a_wall(gpu, samples):
     eye = np.array([0, 0, 3.0])
     strand = np.array([[(0, -1.5, 0.5), (0, 1.5, 0.5)]])
     scene = clfur.Scene(wall(half=1), clfur.Curves(strand, width=0.06), clfur.Camera(eye=eye, size=(97, 61)))
-    told = clfur.render(scene, gpu, clfur.Settings(samples=samples),
+    told = clfur.render(scene, gpu, clfur.Settings(raster="samples", samples=samples),
                         ["depth", "id", "tangent", "normal", "uv", "coverage", "color"])
     ids = told["id"]
     assert ids[30, 48] == 0 and ids[30, 40] == -2 and ids[30, 3] == -1
@@ -394,7 +394,7 @@ def test_depth_and_id_are_those_of_the_nearest_sample(gpu):
     strands = np.array([[(-1, 0.001, 0), (1, 0.001, 0)], [(0.001, -1, 0.5), (0.001, 1, 0.5)]])
     scene = clfur.Scene(fur=clfur.Curves(strands, width=np.array([[0.5, 0.5], [0.001, 0.001]])),
                         camera=clfur.Camera(eye=(0, 0, 3), size=(33, 33)))
-    told = clfur.render(scene, gpu, clfur.Settings(samples=16), ["id", "depth", "coverage"])
+    told = clfur.render(scene, gpu, clfur.Settings(raster="samples", samples=16), ["id", "depth", "coverage"])
     assert (told["id"][14:19, 16] == 1).all() and (told["coverage"][14:19, 16] == 1).all()
     np.testing.assert_allclose(told["depth"][14:19, 16], 2.5, rtol=4e-7)
     assert (told["id"][16, :12] == 0).sum() > 3
@@ -407,7 +407,7 @@ def test_colour_of_strands_and_points(gpu):
 
     def rows(color):
         scene = clfur.Scene(fur=clfur.Curves(strands, width=0.2, color=color), camera=camera, light=light)
-        image = clfur.render(scene, gpu, clfur.Settings(samples=1))
+        image = clfur.render(scene, gpu, clfur.Settings(raster="samples", samples=1))
         return [image[y, 30:67, :3] for y in (18, 42)]
     red, blue = np.float32([0.75, 0, 0]), np.float32([0, 0, 0.5])
     for row in rows(red):
@@ -429,7 +429,7 @@ def test_tiny_and_huge_worlds_have_the_same_light(gpu, ball, scale):
         mesh = clfur.Mesh(ball.positions * s, ball.normals, faces=ball.faces)
         scene = clfur.Scene(mesh, clfur.Curves(points * s, width=0.03 * s),
                             clfur.Camera(eye=np.array([0, 0.4, 3.2]) * s, size=(97, 61)))
-        return clfur.render(scene, gpu, clfur.Settings(samples=1), ["color", "id"])
+        return clfur.render(scene, gpu, clfur.Settings(raster="samples", samples=1), ["color", "id"])
     one, other = render(1), render(scale)
     same = one["id"] == other["id"]
     assert same.mean() > 0.998

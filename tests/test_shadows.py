@@ -22,7 +22,7 @@ BALD = clfur.Curves(np.zeros((0, 2, 3)))
 
 
 def settings(**keys):
-    return clfur.Settings(**dict(samples=1) | keys)
+    return clfur.Settings(raster="samples", **dict(samples=1) | keys)
 
 
 def light(*direction, **keys):

@@ -256,7 +256,7 @@ def test_the_body_is_dark_under_the_fur(gpu):
                             body_color=(1, 1, 1), camera=clfur.Camera(eye=(0, 0, 3), size=(60, 40)))
         body, view, light = tessellate(gpu, scene.mesh, 1, 1, "flat"), view_of(scene, 1), light_of(scene.light)
         visible, hair = raster(gpu, view, None, body), no_strands(gpu)
-        settings = clfur.Settings(samples=1, shadow_map=0)
+        settings = clfur.Settings(raster="samples", samples=1, shadow_map=0)
         cast = cast_shadows(gpu, scene, settings, hair, body, furred(gpu, scene.mesh, scene.shells))
         dark, full = (shade.color(gpu, view, light, "kajiya-kay", visible, hair, body, (1, 1, 1), each).get()[..., 0]
                       for each in (cast, None))
@@ -276,7 +276,7 @@ def ring(alpha, height):
 @pytest.mark.parametrize("method", ["binary", "count", "trilinear", "length"])
 def test_shells_and_strands_darken_each_other(gpu, method):
     camera = clfur.Camera(eye=(0, .6, 4), size=(80, 60))
-    settings = clfur.Settings(samples=1, shadows=method, shadow_map=0)
+    settings = clfur.Settings(raster="samples", samples=1, shadows=method, shadow_map=0)
 
     def drawn(alpha, strands_alpha, way):
         scene = clfur.Scene(mesh=ball(), fur=[clfur.Shells(length=.2, alpha=alpha), ring(strands_alpha, 1.5)],
@@ -299,7 +299,8 @@ def both(mesh):
 
 
 def hashed(scene, *arguments, **keys):
-    return clfur.draw(scene, *arguments, settings=clfur.Settings(samples=1, grid=32, **keys), hashes=True).hashes
+    settings = clfur.Settings(raster="samples", samples=1, grid=32, **keys)
+    return clfur.draw(scene, *arguments, settings=settings, hashes=True).hashes
 
 
 @pytest.mark.parametrize("method", ["binary", "length"])
@@ -310,7 +311,7 @@ def test_the_same_counts_in_parts_by_teams_and_with_narrow_atomics(gpu, sphere, 
     assert whole != hashed(bald, gpu, shadows=method)["voxels"]
     small = clfur.Scheduler(gpu.device, memory=6_000_000)
     small.int64_atomics = False
-    assert len(Work(small, scene).plan(small, clfur.Settings(grid=32, samples=1), False)[0]) > 1
+    assert len(Work(small, scene).plan(small, clfur.Settings(raster="samples", grid=32, samples=1), False)[0]) > 1
     assert hashed(scene, small, shadows=method)["voxels"] == whole
     assert hashed(scene, [gpu, small], shadows=method)["voxels"] == whole
     only = clfur.Scene(mesh=sphere, fur=scene.shells, light=scene.light, body_color=None)

@@ -2,6 +2,7 @@
 
 import threading
 
+import attrs
 import numpy as np
 import pytest
 from conftest import DEVICES
@@ -11,7 +12,7 @@ import clfur
 from clfur.render import OUTPUTS
 from clfur.team import Team, shares_of
 
-SETTINGS = clfur.Settings(samples=4, grid=32, shadow_map=64)
+SETTINGS = clfur.Settings(raster="samples", samples=4, grid=32, shadow_map=64)
 
 
 @pytest.fixture
@@ -25,7 +26,7 @@ def team(gpu):
                          ids=["length", "binary", "lod", "lod-binary"])
 @pytest.mark.parametrize("kind", ["faces", 9001, "curves"])
 def test_a_team_gives_the_bits_of_one(gpu, team, sphere, kind, keys):
-    scene, settings = scene_of(kind, sphere), clfur.Settings(samples=4, grid=32, shadow_map=64, **keys)
+    scene, settings = scene_of(kind, sphere), attrs.evolve(SETTINGS, **keys)
     whole = clfur.draw(scene, gpu, settings, tuple(OUTPUTS), hashes=True)
     for _ in range(2):
         frame = clfur.draw(scene, team, settings, tuple(OUTPUTS), hashes=True)

@@ -355,12 +355,12 @@ def test_clfur_draws_nearly_the_same(gpu, sphere):
     """The whole chain: growth, visibility, colour and shadows.  What is left is the kernels' own error."""
     s = furry(sphere)
     expected = truth.picture(s, 8)
-    drawn = clfur.render(s, gpu, clfur.Settings(samples=16, grid=96, shadow_map=1024))
+    drawn = clfur.render(s, gpu, clfur.Settings(raster="samples", samples=16, grid=96, shadow_map=1024))
     on = expected[..., 3] > 0
     bias = (drawn - expected)[on].mean(0)
     assert np.abs(bias).max() < .015 and np.sqrt(((drawn - expected)[on] ** 2).mean()) < .05
     assert drawn[..., 3].sum() == pytest.approx(expected[..., 3].sum(), rel=.01)
-    off = clfur.render(s, gpu, clfur.Settings(samples=16, shadows="off"))
+    off = clfur.render(s, gpu, clfur.Settings(raster="samples", samples=16, shadows="off"))
     assert (off - expected)[on][:, :3].mean() > .03                   # so the shadows are there
 
 

@@ -99,6 +99,8 @@ def main():
     parser.add_argument("--layers", type=int, nargs="+", default=[8, 15, 30, 60], help="of shells")
     parser.add_argument("--kinds", nargs="+", default=["curves", "grown"], choices=["curves", "grown", "shells"])
     parser.add_argument("--size", nargs="+", help="[default: 640x480; of shells also 320x240 and 1280x960]")
+    parser.add_argument("--raster", default="samples", choices=["samples", "coverage"],
+                        help="[default: samples, opaque as the lines of OpenGL]")
     parser.add_argument("--samples", type=int, default=1)
     parser.add_argument("--shadows", choices=["off", "binary", "count", "trilinear", "length"],
                         help="[default: length, off with shells]")
@@ -114,7 +116,7 @@ def main():
 
     for kind, n, size in rows_of(arguments):
         shells = kind == "shells"
-        settings = clfur.Settings(samples=arguments.samples, grid=arguments.grid,
+        settings = clfur.Settings(raster=arguments.raster, samples=arguments.samples, grid=arguments.grid,
                                   shadows=arguments.shadows or ("off" if shells else "length"))
         pixels = tuple(map(int, size.split("x")))
         scene = canonical_shells(n, pixels) if shells else canonical(n, kind, pixels)
@@ -128,8 +130,8 @@ def main():
         if arguments.save:
             clfur.save(f"{arguments.save}/{kind}-{n}-{size}.png", frames[-1].images["color"])
         row = {
-            "layers" if shells else "strands": n, "kind": kind, "size": size, "samples": arguments.samples,
-            "shadows": settings.shadows, "grid": arguments.grid,
+            "layers" if shells else "strands": n, "kind": kind, "size": size, "raster": arguments.raster,
+            "samples": arguments.samples, "shadows": settings.shadows, "grid": arguments.grid,
             "device": frames[0].device, "segments": frames[0].segments, "frames": len(frames),
             "frame": spread([f.seconds for f in frames]),
             "stages": {name: spread([f.stages[name] for f in frames]) for name in frames[0].stages},
@@ -154,8 +156,8 @@ def table(row):
     """The same for people."""
     what = "layers" if "layers" in row else "strands"
     shadows = "no shadows" if row["shadows"] == "off" else f"{row['shadows']} shadows in {row['grid']} cells"
-    lines = [f"{row[what]:,} {what}, {row['kind']}, {row['size']}, {row['samples']} sample(s), {shadows}, "
-             f"{row['device']}"]
+    lines = [f"{row[what]:,} {what}, {row['kind']}, {row['size']}, {row['raster']}, {row['samples']} a pixel, "
+             f"{shadows}, {row['device']}"]
     rows = {**row["stages"], "frame": row["frame"], **({"peer": row["peer"]} if "peer" in row else {})}
     lines += [f"  {name:12}{t['median_ms']:9.1f} ms   ({t['min_ms']:.1f} to {t['max_ms']:.1f})"
               for name, t in rows.items()]

@@ -12,6 +12,7 @@ The report's methods know no width of a hair, so that each is also shown with th
 
 import argparse
 import dataclasses
+import functools
 import math
 import statistics
 from pathlib import Path
@@ -36,6 +37,7 @@ from clfur.stages.tessellate import tessellate
 from clfur.teapot import teapot
 from clfur.views import light_of, view_of
 
+Settings = functools.partial(clfur.Settings, raster="samples", grid=48)   # as the report: opaque lines, coarse cells
 METHODS = SHADOWS[1:]
 INK = {"binary": "#7f7f7f", "count": "#d95f02", "trilinear": "#7570b3", "length": "#1b9e77"}
 FUR = (0.5, 0.28, 0.12)
@@ -87,7 +89,7 @@ def with_hair(scene, **fields):
 def figure_8(gpu, options, path):
     """Tessellation."""
     mesh = options.mesh or clfur.Mesh(*teapot(3)[:2], None, teapot(3)[3])
-    off, rows, columns = clfur.Settings(shadows="off"), [], []
+    off, rows, columns = Settings(shadows="off"), [], []
     pictures = {}
     for level in (1, 5):
         scene = furry(mesh, options, length=0.12, light=(-1, -1, -.5))
@@ -119,7 +121,7 @@ def figure_9(gpu, options, path):
     kind = np.where(v < .22, 0, np.where(v < .34, 1, np.where(v < .72, 2, 3)))
     kind[4 * np.minimum((u - .45) ** 2, (u - .55) ** 2) + (v - .46) ** 2 < .004] = 4
     keys = np.array([t.key for t in types], np.uint8)[kind]
-    camera, off = clfur.Camera((0, .9, 3.8), (0, -.05, 0), fov=42, size=options.size), clfur.Settings(shadows="off")
+    camera, off = clfur.Camera((0, .9, 3.8), (0, -.05, 0), fov=42, size=options.size), Settings(shadows="off")
     columns, images = ["the map: " + ", ".join(kinds)], []
     for level in (1, 5):
         fur = clfur.Strands(level, level, types=types, type_map=keys, force=(0, -.3, 0),
@@ -142,18 +144,18 @@ def figure_10(gpu, options, path):
                   exponent=40)
     parts = {"diffuse": with_hair(scene, specular=0), "both": scene,
              "specular": attrs.evolve(with_hair(scene, color=(0, 0, 0)), body_color=(0, 0, 0))}
-    images = [clfur.render(parts[name], gpu, clfur.Settings(shadows="off")) for name in ("diffuse", "specular", "both")]
+    images = [clfur.render(parts[name], gpu, Settings(shadows="off")) for name in ("diffuse", "specular", "both")]
     sheet(path, "Figure 10: the parts of Kajiya and Kay's model", ["diffuse", "specular", "both"], [("", images)])
 
 
 def figure_11(gpu, options, path):
     """The parts of the shadows."""
     scene = furry(options.mesh or clfur.load_mesh("teapot"), options, length=0.1, light=(1, -.7, -.5))
-    alphas = tuned(gpu, scene, options, clfur.Settings().grid)
+    alphas = tuned(gpu, scene, options, Settings().grid)
     rows = [("voxels only", []), ("map only", []), ("both", []), ("map, no z-sum", [])]
     for method in METHODS:
         ours = with_hair(scene, alpha=alphas[method])
-        voxels, both = clfur.Settings(shadows=method, shadow_map=0), clfur.Settings(shadows=method)
+        voxels, both = Settings(shadows=method, shadow_map=0), Settings(shadows=method)
         rows[0][1].append(clfur.render(ours, gpu, voxels))
         rows[1][1].append(clfur.render(with_hair(scene, alpha=1), gpu, both))
         rows[2][1].append(clfur.render(ours, gpu, both))
@@ -171,7 +173,7 @@ def figure_12(gpu, options, path):
     parts = {"no shadows": (0.5, "off", 0), "voxels only": (0.5, "length", 0), "map only": (1, "length", 1024),
              "both": (0.5, "length", 1024)}
     rows = [(form, [clfur.render(with_hair(scene, alpha=alpha), gpu,
-                                 clfur.Settings(shadows=shadows, shadow_map=texels, specular=form))
+                                 Settings(shadows=shadows, shadow_map=texels, specular=form))
                     for alpha, shadows, texels in parts.values()]) for form in ("half-vector", "kajiya-kay")]
     sheet(path, "Figure 12: the camera looks against the light", list(parts), rows)
 
@@ -185,7 +187,7 @@ def figure_13(gpu, options, path):
     k[0, 2] += options.size[0] / 4
     near = attrs.evolve(scene, camera=clfur.Camera.calibrated(scene.camera.pose, k, options.size), body_color=(1, 1, 1),
                         light=clfur.Light(scene.light.direction, ambient=0))
-    unshaded = clfur.render(near, gpu, clfur.Settings(shadows="off"))
+    unshaded = clfur.render(near, gpu, Settings(shadows="off"))
     dark = unshaded[..., :3] < 1e-3 * unshaded[..., 3:]
 
     def share(image):
@@ -197,7 +199,7 @@ def figure_13(gpu, options, path):
     rows = [("summed", []), ("each cell alone", []), ("cells, half way", [])]
     alphas = tuned(gpu, scene, options, grid)
     for method in methods:
-        settings, ours = clfur.Settings(shadows=method, shadow_map=0, grid=grid), with_hair(near, alpha=alphas[method])
+        settings, ours = Settings(shadows=method, shadow_map=0, grid=grid), with_hair(near, alpha=alphas[method])
         rows[0][1].append(share(clfur.render(ours, gpu, settings)))
         rows[1][1].append(share(unsummed(gpu, ours, settings)))
         half = cast_shadows(gpu, ours, settings, *on_device(gpu, ours)).sums.get()[grid // 2]
@@ -321,7 +323,7 @@ def tuned(gpu, scene, options, grid):
     judged = judge(gpu, scene, changed(options, queries=min(options.queries, 100), rays=100))
     alphas = {}
     for method in METHODS:
-        amount = judged.crossings(gpu, scene, clfur.Settings(shadows=method, grid=grid, shadow_map=0))
+        amount = judged.crossings(gpu, scene, Settings(shadows=method, grid=grid, shadow_map=0))
         alphas[method] = math.exp(-fitted(amount, judged.light)[0])
     return alphas | {"length": scene.strands.types[0].alpha}
 
@@ -337,7 +339,7 @@ def measure(gpu, name, mesh, count, options):
     for turn in range(options.repeat + 1):
         for method, grid in every:
             gpu.start()
-            shadows = cast_shadows(gpu, scene, clfur.Settings(shadows=method, grid=grid, shadow_map=0),
+            shadows = cast_shadows(gpu, scene, Settings(shadows=method, grid=grid, shadow_map=0),
                                    judged.strands, judged.body)
             times.setdefault((method, grid), []).append(1e3 * sum(gpu.seconds().values()))
             if turn == 0:
@@ -458,7 +460,7 @@ def light_sweep(gpu, scene, grid, options):
     last, _ = true_light(scenes[-1], judged.strands, judged.body, judged.place, judged.own, finer.footprint, finer.rays)
     lights = {}
     for method in METHODS:
-        settings = clfur.Settings(shadows=method, grid=grid, shadow_map=0)
+        settings = Settings(shadows=method, grid=grid, shadow_map=0)
         amounts = np.array([judged.crossings(gpu, each, settings) for each in scenes])
         power = .5 if method == "length" else fitted(amounts[0], judged.light)[0]
         lights[method] = np.exp(-power * amounts)
@@ -474,7 +476,7 @@ def jump(gpu, scene, grid, options):
     judged = judge(gpu, two[0], options, lit=True)
     changes = {}
     for method in METHODS:
-        settings = clfur.Settings(shadows=method, grid=grid, shadow_map=0)
+        settings = Settings(shadows=method, grid=grid, shadow_map=0)
         amounts = [judged.crossings(gpu, each, settings) for each in two]
         power = .5 if method == "length" else fitted(amounts[0], judged.light)[0]
         changes[method] = np.abs(np.exp(-power * amounts[0]) - np.exp(-power * amounts[1])).mean()
@@ -509,7 +511,7 @@ def flicker(gpu, options, path):
     small = attrs.evolve(scene, camera=frame(scene.mesh, scene.fur, (options.size[0] // 2, options.size[1] // 2)))
     middle = options.flicker_grids[len(options.flicker_grids) // 2]
     alphas = {"off": 0.5} | tuned(gpu, scene, options, middle)
-    pans = {method: pan(gpu, with_hair(small, alpha=alpha), clfur.Settings(shadows=method, grid=middle))
+    pans = {method: pan(gpu, with_hair(small, alpha=alpha), Settings(shadows=method, grid=middle))
             for method, alpha in alphas.items()}
 
     figure = Figure((11, 3.6), dpi=100, layout="constrained")
@@ -607,7 +609,7 @@ def main():
     parser.add_argument("--flicker-grids", type=whole_numbers, default=[32, 48, 96])
     parser.add_argument("--footprint", type=float, default=3, help="radius of the truth's rays in strand spacings")
     parser.add_argument("--figure-strands", type=int, default=40_000, help="in figure 12")
-    parser.add_argument("--figure-grid", type=int, default=clfur.Settings().grid, help="cells a side in figure 13")
+    parser.add_argument("--figure-grid", type=int, default=Settings().grid, help="cells a side in figure 13")
     parser.add_argument("--queries", type=int, default=400, help="places on strands")
     parser.add_argument("--rays", type=int, default=400, help="of the truth at each place, for each of two seeds")
     parser.add_argument("--repeat", type=int, default=5, help="timed runs")

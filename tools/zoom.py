@@ -23,8 +23,8 @@ KNOBS = {
     "coverage": {"raster": "coverage"},
     "coverage, lod 0.5": {"raster": "coverage", "lod": 0.5},
     "coverage, lod 1": {"raster": "coverage", "lod": 1.0},
-    "4 samples": {"samples": 4},
-    "4 samples, lod 1": {"samples": 4, "lod": 1.0},
+    "4 samples": {"raster": "samples"},
+    "4 samples, lod 1": {"raster": "samples", "lod": 1.0},
 }
 
 
