@@ -25,7 +25,7 @@ LADDER = (
     Settings(samples=4, grid=160, raster="coverage"),
     Settings(samples=4, grid=256, raster="coverage"),
 )
-PRESETS = {"draft": LADDER[0], "preview": LADDER[2], "final": LADDER[6], "reference": LADDER[7]}
+PRESETS = {"draft": LADDER[0], "preview": LADDER[3], "final": LADDER[6], "reference": LADDER[7]}
 BANDS, SHARE = 3, 0.1   # so many runs of rows, this share of the picture, are drawn to compare
 CELL = 0.6              # widths of a strand; in finer cells than that its shadow is narrower than itself
 HOPELESS = 2.0          # what is predicted to err so many times too much is not tried
