@@ -4,6 +4,7 @@ import functools
 import hashlib
 import threading
 import time
+import warnings
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
@@ -115,6 +116,15 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
     whole = view_of(scene, settings.samples)
     width, height = scene.camera.size
     light, skin = light_of(scene.light), (0, 0, 0) if scene.body_color is None else scene.body_color
+    # The report's methods count strands, however wide: they take all there are.
+    shadow_lod = settings.lod if settings.shadows == "length" else 0.0
+
+    def lit_by(lod):
+        """What light depends on that falls on strands thinned so: the camera only where they are thinned for it."""
+        return (scene.mesh, scene.strands, scene.shells, scene.light, int(work.body), settings.shadows, settings.grid,
+                settings.shadow_map, settings.pcf, str(lod), scene.camera if lod else None)
+    for gpu in gpus:
+        gpu.keep("lit", lit_by(settings.lod), dict)   # what is in it goes now, before anything new is made
 
     @functools.cache
     def plan(gpu, strands=None, body=True):
@@ -136,8 +146,6 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
     def shadows_on(gpu):
         """Shadows, or those of the frame before if only the camera has moved."""
         furred = scene.shells is not None and settings.shadows != "off"
-        # The report's methods count strands, however wide: they take all there are.
-        lod = settings.lod if settings.shadows == "length" else 0.0
 
         def build():
             bounds = shells.bounds_of(gpu, work.make_shell(gpu, settings)[0]) if furred else None
@@ -148,7 +156,7 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
                 # With the body, shells are in one device's share, and there in the first part.
                 shell = work.make_shell(gpu, settings) if furred and body else None
                 for part in plan(gpu, strands, body)[0]:
-                    counted = cast(gpu, planned, *make(gpu, part, lod), *counted, shell)
+                    counted = cast(gpu, planned, *make(gpu, part, shadow_lod), *counted, shell)
                     shell = None
                 return counted
 
@@ -158,14 +166,19 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
             told = {name: hashlib.sha256(_bytes(gpu, array)).hexdigest()
                     for name, array in told.items() if array is not None}
             return settle(gpu, planned, *(on(gpu, array) for array in (cells, seen))), told
-        # The shells count too: the light's view and grid hold all that there is.
-        what = scene.mesh, scene.strands, scene.shells, scene.light, int(work.body)
-        cost = settings.shadows, settings.grid, settings.shadow_map, settings.pcf, str(lod)
-        camera = scene.camera if lod else None           # strands are thinned for it
-        return gpu.keep("shadows", (*what, *cost, camera, int(hashes)), build)
+        return gpu.keep("shadows", (*lit_by(shadow_lod), int(hashes)), build)
+
+    def reached_on(gpu, hair, shadows):
+        """How much light reaches strands: in one part they are all there, and it stays for other rows and cameras."""
+        known = gpu.keep("lit", lit_by(settings.lod), dict) if len(plan(gpu)[0]) == 1 else {}
+        if "reached" not in known:
+            known["reached"] = coverage.reach(gpu, light, hair, shadows)
+        return known["reached"]
 
     def pictures(view, visible, gpu):
         """{output: array} of a view's rows, and under "seen" what its integers gave; None if they hold too much."""
+        if len(plan(gpu)[0]) > 1:
+            gpu.keep("lit", (), dict)   # what a smaller picture in one part has left there
         # Transparent strands aren't shared: whoever draws them looks for itself, also after another was lost.
         visible = look(view, gpu)[0] if covering else on(gpu, visible)
         parts, shadows = plan(gpu)[0], None
@@ -184,6 +197,10 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
             counted = gpu.download(pixels)
             if work.too_many(gpu, settings, counted, rows, parts):
                 return None
+            if gpu.steps and (most := int(counted[..., 1].max())) > gpu.steps // coverage.STEPS:
+                warnings.warn(f"{gpu.name} leaves out strands where more than {gpu.steps // coverage.STEPS:,} pieces "
+                              f"lie in a pixel: in one there are {most:,}; Settings.lod makes them fewer",
+                              RuntimeWarning, stacklevel=2)
             fragments = coverage.room_for(gpu, counted)
             for part in parts:
                 coverage.gather(gpu, view, make(gpu, part)[0], fragments)
@@ -192,7 +209,7 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
             seen = one_sample(view), resolved.seen, resolved.alpha, resolved.seen_fur
 
             def add(hair, lights):
-                reached = coverage.reach(gpu, light, hair, shadows) if settings.shadows != "off" else None
+                reached = reached_on(gpu, hair, shadows) if settings.shadows != "off" else None
                 return coverage.light(gpu, view, light, settings.specular, fragments, resolved, hair, reached, lights)
             for part in parts if lit else []:
                 lights = add(make(gpu, part)[0], lights)

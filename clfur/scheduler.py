@@ -66,6 +66,7 @@ class Scheduler:
             if self.lanes == 16 and self.device.platform.name == "Portable Computing Language":
                 self.lanes = 32
             self.largest = self.device.max_mem_alloc_size   # bytes of one array
+            self.steps = 65_535 if "llvmpipe" in self.device.name else None   # it ends a work-item's loops, silently
         if memory is not None:
             if isinstance(memory, bool) or not isinstance(memory, int) or memory < 1:
                 raise Error(f"Scheduler.memory is {memory!r:.60}; allowed: None or a number of bytes")

@@ -1,6 +1,7 @@
 """Strands as transparent as they are thin: the twin's values on every device, and the laws of area, order and light."""
 
 import dataclasses
+import warnings
 from types import SimpleNamespace
 
 import attrs
@@ -551,6 +552,42 @@ def test_two_runs_and_every_device_give_the_same_bits(gpu):
     check_outputs(one.images)
 
 
+@pytest.mark.parametrize("change, anew", [
+    ({}, 0), ({"camera": clfur.Camera(eye=(.5, .9, 3), size=(61, 47))}, 0), ({"light": clfur.Light((1, -1, 0))}, 1),
+    ({"fur": None}, 1), ({"body_color": None}, 1)])
+@pytest.mark.parametrize("lod", [0, 1])
+def test_light_on_strands_is_kept_while_only_the_camera_moves(gpu, change, anew, lod):
+    """For all bands of the picture, and for later frames, unless strands are thinned for the camera."""
+    scene, settings = furry("grown", size=(61, 47)), attrs.evolve(SETTINGS, lod=lod)
+    if "fur" in change:
+        change = {"fur": attrs.evolve(scene.strands, seed=9)}
+    own, names = clfur.Scheduler(gpu.device), []
+    launch = own.launch
+    own.launch = lambda name, *rest: names.append(name) or launch(name, *rest)
+    clfur.draw(scene, own, settings)
+    assert names.count("coverage.reach") == 1
+    other = attrs.evolve(scene, **change)
+    drawn = clfur.draw(other, own, settings, tuple(OUTPUTS), hashes=True)
+    assert names.count("coverage.reach") == 1 + (anew or (lod > 0 and "camera" in change))
+    right = clfur.draw(other, gpu, settings, tuple(OUTPUTS), hashes=True)
+    assert right.hashes == drawn.hashes
+    for name, image in right.images.items():
+        np.testing.assert_array_equal(drawn.images[name], image, err_msg=name)
+
+
+def test_light_on_parts_is_not_kept(gpu, sphere):
+    """Each part's is its own; and what a picture in one part has left does not count against the memory."""
+    scene = scene_of(9001, sphere)
+    small = clfur.Scheduler(gpu.device, memory=8_000_000)
+    tiny = attrs.evolve(scene, camera=clfur.Camera(eye=(0, .4, 3.2), size=(12, 8)))
+    large = attrs.evolve(scene, camera=clfur.Camera(eye=(0, .4, 3.2), size=(500, 380)))
+    assert [len(Work(small, one).plan(small, SETTINGS, False)[0]) > 1 for one in (tiny, large)] == [False, True]
+    for one in (tiny, large, tiny, large):
+        frame = clfur.draw(one, small, SETTINGS)
+        assert frame.memory <= 8_000_000
+        np.testing.assert_array_equal(frame.images["color"], clfur.render(one, gpu, SETTINGS))
+
+
 def test_any_order_of_strands_gives_the_same_bits(gpu):
     """Strands whose depths are nowhere equal."""
     strands = wild(80, 6, .8, .03)[:, :2]
@@ -689,6 +726,26 @@ def test_parts_of_strands_over_shells(gpu, sphere):
     small = clfur.Scheduler(gpu.device, memory=3_000_000)
     assert len(Work(small, scene).plan(small, SETTINGS, True)[0]) > 1
     same(whole, clfur.draw(scene, small, SETTINGS, tuple(OUTPUTS), hashes=True))
+
+
+def test_more_pieces_than_a_driver_sorts_are_told(gpu):
+    """Mesa's llvmpipe ends loops without a word."""
+    middle = np.random.default_rng(1).normal(size=(9000, 1, 3)) * .02
+    way = np.random.default_rng(2).normal(size=(9000, 1, 3)) * .2
+    fur = clfur.Curves(middle + way * np.array([-1, 1])[:, None], width=1e-4)
+    scene = clfur.Scene(fur=fur, camera=clfur.Camera(eye=(0, 0, 6), size=(24, 18)))
+    own, right = clfur.Scheduler(gpu.device), clfur.render(scene, settings=OFF)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        drawn = clfur.render(scene, own, OFF)
+    assert bool(told) == bool(own.steps) and (told or np.allclose(drawn, right, atol=1e-5))
+    own.steps = 65_535
+    with pytest.warns(RuntimeWarning, match=r"leaves out strands where more than 2,047 pieces lie in a pixel: in one"):
+        clfur.render(scene, own, OFF)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fewer = attrs.evolve(scene, fur=attrs.evolve(fur, points=fur.points[:3000], counts=fur.counts[:1500]))
+        clfur.render(fewer, own, OFF)
 
 
 def dense(size, n=3000):

@@ -9,6 +9,7 @@ from .strands import vector
 
 FRAGMENT = 16   # bytes
 TILE = 8
+STEPS = 32      # that `resolve` loops for a fragment at most, where thousands are sorted
 
 
 @dataclass(frozen=True)
