@@ -15,6 +15,7 @@ from .chart import check_chart, numbers, save_chart
 from .cli_devices import ask_drivers
 from .cli_scene import load_scene, scene_options
 from .report import spread
+from .settings import Settings
 
 DOING = {"truth": "drawing the truth", "pictures": "measuring pictures", "times": "timing frames"}
 
@@ -32,12 +33,14 @@ DOING = {"truth": "drawing the truth", "pictures": "measuring pictures", "times"
 def chart(given, output, device, repeat, pan, fresh, as_json, **options):
     """Chart speed against accuracy: what many settings take, and how far each is from the truth.
 
-    MESH is what `clfur render` takes, a mesh or a scene file.  The table tells of the settings that no others beat in
-    both time and error.  What was measured is kept: a run that is cut short goes on where it was.
+    MESH is what `clfur render` takes, a mesh or a scene file, whose settings are charted too, as "own".  The table tells
+    of the settings that no others beat in both time and error.  What was measured is kept: a run that is cut short goes
+    on where it was.
     """
     if output is not None:
         check_chart(output)
-    scene, _ = load_scene(given, options)
+    scene, settings = load_scene(given, options)
+    own = None if settings == Settings() or settings.goal else settings
     ask_drivers()
     # On stderr, and gone at the end: stdout is for what was found.
     with Progress(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
@@ -48,7 +51,7 @@ def chart(given, output, device, repeat, pan, fresh, as_json, **options):
             if doing not in tasks:
                 tasks[doing] = progress.add_task(DOING[doing], total=total)
             progress.update(tasks[doing], completed=done, total=total)
-        found = frontier(scene, device=device, repeat=repeat, pan=pan, tell=tell, fresh=fresh)
+        found = frontier(scene, device=device, repeat=repeat, pan=pan, tell=tell, fresh=fresh, own=own)
     if output is not None:
         save_chart(output, found, Path(given).stem)
     if as_json:

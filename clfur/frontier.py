@@ -33,8 +33,8 @@ class Point:
     """What one way to draw the scene takes and gives.
 
     settings: `Settings`.  layers: of the scene's shells, or None without.  label: what is particular to it, in a few
-    words.  name: of `NAMED` settings, or "".  times: seconds of each warm frame, everything done anew; seconds: their
-    `Spread`.  strands, segments: what was drawn.  error, rmse, bias, area, flip: as `measures.measure` has them;
+    words.  name: of `NAMED` settings, "own", or "".  times: seconds of each warm frame, everything done anew;
+    seconds: their `Spread`.  strands, segments: what was drawn.  error, rmse, bias, area, flip: as `measures.measure` has them;
     flicker: of `measures.flicker`, None without a pan.  best: whether no other is both faster and nearer the truth.
     """
 
@@ -117,7 +117,7 @@ def sweep(scene):
     return list(dict.fromkeys(found))
 
 
-def frontier(scene, candidates=None, device=None, repeat=3, pan=True, tell=None, fresh=False):
+def frontier(scene, candidates=None, device=None, repeat=3, pan=True, tell=None, fresh=False, own=None):
     """Draw a `Scene` in many ways and measure each against the truth -> `Frontier`.
 
     ``candidates``: `Settings`, or pairs of these and the layers of the scene's shells, in a list; what `sweep` in this
@@ -125,6 +125,7 @@ def frontier(scene, candidates=None, device=None, repeat=3, pan=True, tell=None,
     a busy machine favours none.  ``pan``: whether flicker is measured too.  ``tell``: called with (what is done now,
     done, in all).  What was measured is kept in clfur's cache folder, so that a run that is cut short goes on where it
     was, and one like it needs to draw nothing; ``fresh`` begins anew, but with the truth that is kept.
+    ``own``: `Settings` to try beside the candidates, or None; their `Point` is named "own".
     The truth is `clfur.truth.picture` of strands and bodies; of shells, which it does not know, the scene drawn 8 times
     as large in 120 unfiltered layers with the finest shadows.
     Raises `clfur.Error` for a device that is not there and other wrong arguments, before anything is drawn, and for a
@@ -133,7 +134,9 @@ def frontier(scene, candidates=None, device=None, repeat=3, pan=True, tell=None,
     if not isinstance(scene, Scene):
         raise Error(f"scene is {scene!r:.60}; allowed: a clfur.Scene")
     repeat = checks.whole(1, 10000)(repeat, "repeat")
-    ways = _checked(scene, sweep(scene) if candidates is None else candidates)
+    ways, names = _checked(scene, sweep(scene) if candidates is None else candidates), NAMED
+    if own is not None:
+        ways, names = list(dict.fromkeys([*ways, *_checked(scene, [own])])), {**NAMED, "own": own}
     width, height = scene.camera.size
     if (max(width + 1, height)) * OVER > 16384:
         raise Error(f"Camera.size is {width}x{height}; allowed in a chart: at most {16384 // OVER - 1}x"
@@ -158,7 +161,7 @@ def frontier(scene, candidates=None, device=None, repeat=3, pan=True, tell=None,
                 kept.add(way, seconds=_time(scene, gpu, way))
     tell("times", repeat * len(ways), repeat * len(ways))
 
-    points = [_point(scene, way, ways, kept) for way in ways]
+    points = [_point(scene, way, ways, names, kept) for way in ways]
     points.sort(key=lambda point: point.seconds.median)
     least = np.inf
     for place, point in enumerate(points):
@@ -283,10 +286,10 @@ def _time(scene, gpu, way):
     return draw(scene, gpu, settings).seconds
 
 
-def _point(scene, way, ways, kept):
+def _point(scene, way, ways, names, kept):
     settings, layers = way
     times = kept.times(way)
-    name = ", ".join(name for name, named in NAMED.items() if named == settings)
+    name = ", ".join(name for name, named in names.items() if named == settings)
     several = layers is not None and len({layers for _, layers in ways}) > 1
     own = layers is None or layers == scene.shells.layers   # a name's settings say nothing of layers: the scene does
     return Point(settings, layers, label(settings, layers if several else None), name if own else "", times,

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from conftest import wrong
 
-from clfur import cli_chart
+from clfur import Settings, cli_chart
 
 TINY = ["--size", "16x12", "--roots", "50", "--inner", "1", "--outer", "1"]
 library = sys.modules["clfur.frontier"]
@@ -55,7 +55,8 @@ def test_table(clfur, made):
     assert (code, err) == (0, "")
     scene, how = made[0]
     how.pop("tell")
-    assert how == {"device": "auto", "repeat": 7, "pan": True, "fresh": True} and scene.camera.size == (320, 240)
+    assert how == {"device": "auto", "repeat": 7, "pan": True, "fresh": True, "own": None}
+    assert scene.camera.size == (320, 240)
     lines = [" ".join(line.split()) for line in out.splitlines()]
     assert lines[0] == "teapot: 32x24 on PoCL 3.0 · <b>Chip</b>; 41 settings, 41 warm frames"
     assert lines[1] == "the truth: brute force, itself 0.0040 in error"
@@ -68,7 +69,15 @@ def test_table(clfur, made):
 def test_a_scene_file_brings_its_own_camera(clfur, made, tmp_path):
     (tmp_path / "fur.py").write_text("import clfur\nscene = clfur.Scene(mesh=clfur.load_mesh('sphere'))\n")
     assert clfur("chart", "fur.py")[0] == 0
-    assert made[0][0].camera.size == (640, 480) and made[0][0].strands is None
+    assert made[0][0].camera.size == (640, 480) and made[0][0].strands is None and made[0][1]["own"] is None
+
+
+@pytest.mark.parametrize("given, own", [("samples=16", Settings(samples=16)), ("max_error=.1", None)])
+def test_a_scene_files_settings_are_charted_too(clfur, made, tmp_path, given, own):
+    (tmp_path / "fur.py").write_text("import clfur\nscene = clfur.Scene(mesh=clfur.load_mesh('sphere'))\n"
+                                     f"settings = clfur.Settings({given})\n")
+    assert clfur("chart", "fur.py")[0] == 0
+    assert made[0][1]["own"] == own
 
 
 @pytest.mark.parametrize("arguments, words", [

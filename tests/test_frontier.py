@@ -147,6 +147,14 @@ def test_all_frames_of_an_earlier_run_count(sphere):
     assert found.earlier == sum(len(point.times) for point in found.points) == 6
 
 
+def test_own_settings(sphere, drawn):
+    own = clfur.Settings(samples=16, grid=48)
+    found = clfur.frontier(scene(sphere), WAYS[:1], repeat=1, pan=False, own=own)
+    assert [point.settings for point in found.points if point.name == "own"] == [own] and len(found.points) == 2
+    found = clfur.frontier(scene(sphere), WAYS, repeat=1, pan=False, own=WAYS[1])
+    assert {point.name for point in found.points} == {"", "default, own"} and len(found.points) == 3
+
+
 def test_without_a_pan(sphere, drawn):
     found = clfur.frontier(scene(sphere), WAYS[:1], repeat=1, pan=False)
     assert found.points[0].flicker is None and len(drawn) == 1 + 2
