@@ -149,9 +149,15 @@ def _labels(figure, axes, points):
 
 def _names(axes, points):
     """Rings around the settings that have a name."""
+    written = []   # where, in points
     for point in points:
         if point.name:
             place = 1e3 * point.seconds.median, point.error
             axes.plot(*place, "o", ms=16, mfc="none", mec=INK, mew=1.3, zorder=5)
-            axes.annotate(point.name, place, (0, 12), textcoords="offset points", ha="center", weight="bold", color=INK,
-                          zorder=6, fontsize=10)
+            x, y = axes.transData.transform(place) * 72 / axes.figure.dpi
+            above = 12
+            while any(abs(x - a) < 54 and abs(y + above - b) < 12 for a, b in written):
+                above += 12
+            written.append((x, y + above))
+            axes.annotate(point.name, place, (0, above), textcoords="offset points", ha="center", weight="bold",
+                          color=INK, zorder=6, fontsize=10)

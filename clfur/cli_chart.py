@@ -33,9 +33,9 @@ DOING = {"truth": "drawing the truth", "pictures": "measuring pictures", "times"
 def chart(given, output, device, repeat, pan, fresh, as_json, **options):
     """Chart speed against accuracy: what many settings take, and how far each is from the truth.
 
-    MESH is what `clfur render` takes, a mesh or a scene file, whose settings are charted too, as "own".  The table tells
-    of the settings that no others beat in both time and error.  What was measured is kept: a run that is cut short goes
-    on where it was.
+    MESH is what `clfur render` takes, a mesh or a scene file, whose settings are charted too, as "own".  The table
+    tells of the settings that no others beat in both time and error.  What was measured is kept: a run that is cut
+    short goes on where it was.
     """
     if output is not None:
         check_chart(output)

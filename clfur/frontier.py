@@ -34,8 +34,9 @@ class Point:
 
     settings: `Settings`.  layers: of the scene's shells, or None without.  label: what is particular to it, in a few
     words.  name: of `NAMED` settings, "own", or "".  times: seconds of each warm frame, everything done anew;
-    seconds: their `Spread`.  strands, segments: what was drawn.  error, rmse, bias, area, flip: as `measures.measure` has them;
-    flicker: of `measures.flicker`, None without a pan.  best: whether no other is both faster and nearer the truth.
+    seconds: their `Spread`.  strands, segments: what was drawn.  error, rmse, bias, area, flip: as `measures.measure`
+    has them; flicker: of `measures.flicker`, None without a pan.  best: whether no other is both faster and nearer
+    the truth.
     """
 
     settings: Settings
