@@ -76,7 +76,7 @@ def _choose(team, scene, settings, draw):
     why = f"tried {len(tried)} of {len(rungs)} settings on {look.rows} rows of the picture" + (told and f"; {told}")
     missed = (f"Settings.max_error is {settings.max_error:g}, but the best there is{told and ' in that time'} errs by "
               f"about {tried[best]:.3g}" if tried[best] > settings.max_error else "")
-    return Choice(rungs[best], tried[best], why, late or missed)
+    return Choice(rungs[best], tried[best], why, "; ".join(filter(None, [late, missed])))
 
 
 def fastest(rungs, seconds, time):

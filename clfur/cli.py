@@ -62,6 +62,8 @@ def render(given, output, outputs, device, as_json, **options):
         device = [part.strip() for part in device.split(",")]
     ask_drivers()
     drawn = draw(scene, device=device, outputs=outputs, settings=settings)
+    if "color" in drawn.images and not drawn.images["color"][..., 3].any():
+        warnings.warn("nothing of the scene is to be seen in the picture", stacklevel=2)
     save(output, drawn.images)
 
     skipped = {"degenerate": scene.mesh.degenerate_faces if scene.mesh else 0,

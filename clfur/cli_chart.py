@@ -81,4 +81,4 @@ def _print(found, given):
     console.print()
     console.print(table)
     if named:
-        console.print(f"beyond it: {', '.join(point.name for point in named)}", style="dim")
+        console.print(f"not on it: {', '.join(point.name for point in named)}", style="dim")

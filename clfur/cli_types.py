@@ -45,12 +45,11 @@ class Color(Numbers):
         super().__init__(3)
 
     def convert(self, value, param, ctx):
-        if isinstance(value, str) and value.startswith("#"):
-            try:
-                return from_hex(value)
-            except ValueError:
-                self.fail(f"{value!r} is neither R,G,B (linear) nor #rrggbb (sRGB)", param, ctx)
-        return super().convert(value, param, ctx)
+        try:
+            return from_hex(value) if isinstance(value, str) and value.startswith("#") else super().convert(
+                value, param, ctx)
+        except (ValueError, click.BadParameter):
+            self.fail(f"{value!r} is neither R,G,B (linear) nor #rrggbb (sRGB)", param, ctx)
 
 
 class Roots(click.ParamType):

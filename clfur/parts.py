@@ -77,11 +77,12 @@ class Work:
         """Whether strands are drawn by the area that they cover."""
         return settings.raster == "coverage" and self.strands > 0
 
-    def plan(self, gpu, settings, others, strands=None, body=True):
+    def plan(self, gpu, settings, others, strands=None, body=True, pieces=0):
         """How this fits a device -> ([`Part`], rows of the picture to draw at a time).
 
         ``others``: whether outputs but color are drawn.  ``strands``: which, (first, one past the last), if not all;
-        ``body``: whether the body is drawn, if there is one.  Raises `clfur.Error` if the least there is does not fit.
+        ``body``: whether the body is drawn, if there is one.  ``pieces``: of strands that a row is known to hold.
+        Raises `clfur.Error` if the least there is does not fit.
         """
         first, end = strands or (0, self.strands)
         scene, width, height = self.scene, *self.scene.camera.size
@@ -93,13 +94,13 @@ class Work:
             fixed += 2 * (settings.grid + 1) * settings.grid**2 * 4
         row = width * (8 * settings.samples + 16 + (60 if others else 0))
         if self.covering(settings):
-            row += width * (PIXEL + 4 * settings.samples + PIECES * FRAGMENT)
+            row += width * (PIXEL + 4 * settings.samples) + self._pieces(pieces) * FRAGMENT
         shells = 0
         if scene.shells:
             shells = size_of(scene.mesh, self._pack(settings)[0], self.topology(gpu))
             fixed += shells
             row += width * 24 * settings.samples
-        fewest = 1
+        fewest = 1                                        # rows of the picture that are blurred at a time
         if settings.blur != "off":
             row, fewest = max(row, width * 48), min(2 * reach_of(settings.blur_sigma) + 1, height)
         strand, point = self._bytes(settings)
@@ -111,20 +112,22 @@ class Work:
         least = {   # of each; a face or a strand is never divided
             "body": min(need["body"], max(self.face, 1 << 16)),
             "strands": min(need["strands"], max(strand + self.longest * point, 1 << 16)),
-            "rows": fewest * row,
+            "rows": max(row, fewest * width * 48),
         }
         spare = gpu.memory * 15 // 16 - fixed - sum(least.values())
         room = _share(spare, {name: need[name] - least[name] for name in need})
         room = {name: least[name] + room[name] for name in need}
 
         rows = min(min(room["rows"], BAND) // row, piece // (width * max(8 * settings.samples, 16)), height)
-        if rows < fewest or spare < 0:
+        if rows < 1 or spare < 0:
             furry = f"shells of {shells / 2**20:,.1f} MiB, " * bool(shells)
             lines = "a row" if fewest == 1 else f"{fewest} rows"
+            dense = f" with {pieces:,} pieces of strands" * bool(pieces)
+            smaller = "smaller ones" + ", or Settings.raster 'samples'" * bool(pieces)
             raise Error(f"{gpu.name} with {gpu.memory / 2**20:,.1f} MiB has no room for Settings.grid {settings.grid}, "
                         f"Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces of up to "
                         f"{self.face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, {furry}"
-                        f"and {lines} of {width} pixels; allowed: smaller ones")
+                        f"and {lines} of {width} pixels{dense}; allowed: {smaller}")
         face_runs = [run for run in _runs(
             (VERTEX * self.vertices + TRIANGLE * self.triangles, room["body"]),
             (16 * self.vertices, piece), (16 * self.triangles, piece)) if run[1] > run[0]]
@@ -142,23 +145,27 @@ class Work:
             point += 4
         return strand, point
 
-    def too_many(self, gpu, settings, counted, rows, parts):
-        """Whether a band of the picture has more pieces of strands than fit, and must be cut.
+    def _pieces(self, known):
+        """Pieces of strands that there is room for in a row."""
+        return max(self.scene.camera.size[0] * PIECES, known)
 
-        ``counted``: [rows of the band, width, 2] what `coverage.count` counted.  ``rows``, ``parts``: what was planned.
-        Raises `clfur.Error` for a row that does not fit.
+    def too_many(self, gpu, settings, counted, plan, known, after):
+        """Whether a band of the picture has more pieces of strands than fit, and must be cut or planned anew.
+
+        ``counted``: [rows of the band, width, 2] what `coverage.count` counted.  ``plan``: what `plan` gave for the
+        pieces ``known``.  ``after``: bytes that will be needed beside what is known of pixels.
+        Raises `clfur.Error` for a row that no plan makes room for.
         """
-        height, width = counted.shape[:2]
-        most, pieces = rows * width * PIECES, int(counted[..., 1].sum(dtype=np.int64))
-        if len(parts) == 1:   # nothing else will come but what is known of pixels and points
-            after = height * width * (PIXEL + 80 + 4 * settings.samples) + 4 * self.points
+        (parts, rows), (height, width) = plan, counted.shape[:2]
+        most, pieces = rows * self._pieces(known), int(counted[..., 1].sum(dtype=np.int64))
+        if len(parts) == 1:   # nothing else will come
+            after += height * width * (PIXEL + 80 + 4 * settings.samples)
             most = max(most, (gpu.room - after) * 7 // 8 // FRAGMENT)
-        if pieces <= min(most, gpu.largest * 7 // 8 // FRAGMENT, NUMBERS):
-            return False
-        if height == 1:
+        limit = min(gpu.largest * 7 // 8 // FRAGMENT, NUMBERS)
+        if height == 1 and pieces > limit:
             raise Error(f"{gpu.name} has no room for {pieces:,} pieces of strands in a row of {width} pixels; allowed: "
                         f"a smaller picture, fewer strands, or Settings.raster 'samples'")
-        return True
+        return pieces > min(most, limit)
 
     def _parts(self, gpu, face_runs, room, strand, point, piece, first, end, body):
         if not self.grown:

@@ -59,11 +59,12 @@ def render(scene, device=None, settings=None, outputs=None):
     """Draw a `Scene` -> float32 [height, width, 4]: linear, premultiplied, coverage in alpha.
 
     ``device``: what `Scheduler` accepts, or a `Scheduler` to keep between frames, or a list of these, which then draw
-    the frame together: they share the strands by speed, and the picture is the same.  ``outputs``: names of pictures to
-    return as {name: array} instead: "color" as above, "depth" float32 [h, w] (distance along the view axis, inf where
-    nothing is), "id" int32 [h, w] (strand, -1 nothing, -2 body, -3 shells), "tangent" and "normal" float32 [h, w, 3],
-    "uv" float32 [h, w, 2], "coverage" float32 [h, w]; all but color and coverage tell of a pixel's nearest sample.
-    Of shells they tell where half of the light from behind is gone; coverage is what color's alpha is.
+    the frame together: they share the strands' shadows by speed (and with `Settings.raster` "samples" what is seen),
+    and the picture is the same.  ``outputs``: names of pictures to return as {name: array} instead: "color" as above,
+    "depth" float32 [h, w] (distance along the view axis, inf where nothing is), "id" int32 [h, w] (strand, -1 nothing,
+    -2 body, -3 shells), "tangent" and "normal" float32 [h, w, 3], "uv" float32 [h, w, 2], "coverage" float32 [h, w].
+    All but color and coverage tell of what fills most of a pixel, with raster "samples" of its nearest sample.  Of
+    shells they tell where half of the light from behind is gone; coverage is what color's alpha is.
     Raises `clfur.Error` for an unknown device or output, and for a picture that the device cannot hold.
     """
     frame = draw(scene, device, settings, ("color",) if outputs is None else outputs)
@@ -123,12 +124,18 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
         """What light depends on that falls on strands thinned so: the camera only where they are thinned for it."""
         return (scene.mesh, scene.strands, scene.shells, scene.light, int(work.body), settings.shadows, settings.grid,
                 settings.shadow_map, settings.pcf, str(lod), scene.camera if lod else None)
+
+    def known_light(gpu):
+        """{"reached": how much light reaches strands}, if that is known; it goes with what it depends on."""
+        return gpu.keep("lit", (*lit_by(settings.lod), settings.raster), dict)
     for gpu in gpus:
-        gpu.keep("lit", lit_by(settings.lod), dict)   # what is in it goes now, before anything new is made
+        known_light(gpu)   # what is out of date goes now, before anything new is made
+    row_pieces = 0      # of strands in the fullest row that did not fit
+    cut_short = set()   # what is wrong where a device has ended a loop before its time
 
     @functools.cache
     def plan(gpu, strands=None, body=True):
-        return work.plan(gpu, settings, bool(others), strands, body)
+        return work.plan(gpu, settings, bool(others), strands, body, row_pieces)
 
     def make(gpu, part, lod=settings.lod):
         return work.make(gpu, part, lod)
@@ -170,15 +177,18 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
 
     def reached_on(gpu, hair, shadows):
         """How much light reaches strands: in one part they are all there, and it stays for other rows and cameras."""
-        known = gpu.keep("lit", lit_by(settings.lod), dict) if len(plan(gpu)[0]) == 1 else {}
+        known = known_light(gpu) if len(plan(gpu)[0]) == 1 else {}
+        if gpu.steps and work.longest * (2 * settings.pcf + 2) ** 2 > gpu.steps:
+            cut_short.add(f"{gpu.name} ends long loops: light is wrong on strands of {work.longest:,} points with "
+                          f"Settings.pcf {settings.pcf}")
         if "reached" not in known:
             known["reached"] = coverage.reach(gpu, light, hair, shadows)
         return known["reached"]
 
     def pictures(view, visible, gpu):
-        """{output: array} of a view's rows, and under "seen" what its integers gave; None if they hold too much."""
+        """{output: array} of a view's rows, and under "seen" what its integers gave; how many pieces, if too many."""
         if len(plan(gpu)[0]) > 1:
-            gpu.keep("lit", (), dict)   # what a smaller picture in one part has left there
+            known_light(gpu).clear()   # what a smaller picture in one part has left
         # Transparent strands aren't shared: whoever draws them looks for itself, also after another was lost.
         visible = look(view, gpu)[0] if covering else on(gpu, visible)
         parts, shadows = plan(gpu)[0], None
@@ -195,16 +205,16 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
             for part in parts:
                 coverage.count(gpu, view, make(gpu, part)[0], pixels)
             counted = gpu.download(pixels)
-            if work.too_many(gpu, settings, counted, rows, parts):
-                return None
-            if gpu.steps and (most := int(counted[..., 1].max())) > gpu.steps // coverage.STEPS:
-                warnings.warn(f"{gpu.name} leaves out strands where more than {gpu.steps // coverage.STEPS:,} pieces "
-                              f"lie in a pixel: in one there are {most:,}; Settings.lod makes them fewer",
-                              RuntimeWarning, stacklevel=2)
+            light_to_come = 0 if "reached" in known_light(gpu) else 4 * work.points
+            if work.too_many(gpu, settings, counted, plan(gpu), row_pieces, light_to_come):
+                return int(counted[..., 1].sum(dtype=np.int64))
             fragments = coverage.room_for(gpu, counted)
             for part in parts:
                 coverage.gather(gpu, view, make(gpu, part)[0], fragments)
             resolved = coverage.resolve(gpu, visible, fragments, through, fur)
+            if gpu.steps and coverage.steps_of(counted[..., 1], gpu.download(resolved.used)) > gpu.steps:
+                cut_short.add(f"{gpu.name} ends long loops: strands are missing where thousands lie in a pixel; "
+                              "Settings.lod makes them fewer")
             through = resolved.through
             seen = one_sample(view), resolved.seen, resolved.alpha, resolved.seen_fur
 
@@ -246,9 +256,15 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
         if not covering:
             visible, = team.gather("look", functools.partial(look, view), [np.minimum], work.strands)
         drawn = team.first(functools.partial(pictures, view, visible))
-        if drawn is None:
-            middle = (top + end) // 2
-            todo = [(top, middle), (middle, end), *todo]
+        if isinstance(drawn, int):
+            if end - top > 1:
+                middle = (top + end) // 2
+                todo = [(top, middle), (middle, end), *todo]
+                continue
+            row_pieces = drawn   # smaller parts of the scene leave room for it, or there is none
+            plan.cache_clear()
+            rows = min(team.each(lambda gpu: plan(gpu)[1]))
+            todo = [(a, min(a + rows, b)) for first, b in [(top, end), *todo] for a in range(first, b, rows)]
             continue
         for digest, band in zip(seen, drawn.pop("seen", [])):
             digest.update(band)
@@ -262,6 +278,8 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
     if hashes:
         digests["visibility"] = hashlib.sha256(b"".join(digest.digest() for digest in seen)).hexdigest()
     seconds = time.perf_counter() - began
+    for what in cut_short:
+        warnings.warn(what, RuntimeWarning, stacklevel=4)
 
     points = team.first(lambda gpu: [_points(gpu, make(gpu, part)[0]) for part in plan(gpu)[0]])
     stages = {}
@@ -274,9 +292,9 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
 
 
 def _blurred(picture, settings, rows, gpu):
-    """A picture blurred, with so many of its rows on the device at a time."""
+    """A picture blurred, with so many of its rows on the device at a time, or the fewest that it takes."""
     height, reach = len(picture), reach_of(settings.blur_sigma)
-    each, result = height if rows >= height else rows - 2 * reach, np.empty_like(picture)
+    each, result = height if rows >= height else max(rows - 2 * reach, 1), np.empty_like(picture)
     for top in range(0, height, each):
         end = min(top + each, height)
         low, high = max(top - reach, 0), min(end + reach, height)

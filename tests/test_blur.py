@@ -63,12 +63,13 @@ def test_rows_are_the_same_bits(gpu, edges):
         np.testing.assert_array_equal(strip, whole[top:end])
 
 
+@pytest.mark.parametrize("raster", ["samples", "coverage"])
 @pytest.mark.parametrize("kind", ["all", "edges"])
-def test_a_blurred_frame(gpu, sphere, kind):
+def test_a_blurred_frame(gpu, sphere, kind, raster):
     """A frame is blurred once, whole, however many bands it is drawn in; and what isn't colour is not."""
     scene = clfur.Scene(sphere, clfur.Strands(inner=3, outer=3), camera=clfur.Camera(eye=(0, .4, 3.2), size=(121, 83)))
-    sharp = clfur.draw(scene, gpu, clfur.Settings(raster="samples", grid=32, shadow_map=64), ("color", "depth"))
-    settings = clfur.Settings(raster="samples", grid=32, shadow_map=64, blur=kind, blur_sigma=2)
+    sharp = clfur.draw(scene, gpu, clfur.Settings(raster=raster, grid=32, shadow_map=64), ("color", "depth"))
+    settings = clfur.Settings(raster=raster, grid=32, shadow_map=64, blur=kind, blur_sigma=2)
     soft = clfur.draw(scene, gpu, settings, ("color", "depth"))
     np.testing.assert_array_equal(soft.images["depth"], sharp.images["depth"])
     np.testing.assert_allclose(soft.images["color"], twin.blur(sharp.images["color"], 2, kind == "edges"), atol=1e-6)

@@ -113,6 +113,8 @@ def test_it_cannot_be_had(gpu, sphere):
     with pytest.warns(UserWarning, match="^Settings.seconds is 1e-09, but the fastest frame there is takes "):
         drawn = clfur.draw(furry, gpu, clfur.Settings(seconds=1e-9))
     assert drawn.settings == budget.ladder(furry)[0]
+    with pytest.warns(UserWarning, match="^Settings.seconds is 1e-09, .*; Settings.max_error is 1e-06, but the best"):
+        clfur.draw(furry, gpu, clfur.Settings(seconds=1e-9, max_error=1e-6))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         clfur.draw(furry, gpu, clfur.Settings(max_error=0.5, seconds=1e3))

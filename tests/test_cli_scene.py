@@ -94,6 +94,7 @@ def test_blur():
 
 
 def test_lod():
+    assert load("sphere", "--shadow-map", 2048, "--pcf", 0)[1] == Settings(shadow_map=2048, pcf=0)
     assert [load("sphere", *given)[1].lod for given in ((), ("--lod", 0.5))] == [0, 0.5]
 
 
@@ -112,6 +113,7 @@ SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
           "--segments": 1, "--force": "0,0,0", "--force-weight": 1, "--seed": 1, "--eye": "9,9,9",
           "--target": "0,0,0", "--fov": 30, "--light": "0,-1,0", "--shadows": "off", "--grid": 16, "--samples": 1,
+          "--shadow-map": 64, "--pcf": 0,
           "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
           "--preset": "draft"}
 
@@ -162,6 +164,9 @@ def test_options_of_other_fur(clfur, tmp_path, fur, flag, value, other):
     (["--fur", "shells", "--pattern", "sine", "--variation", "1"], ["--variation is for --pattern cells"]),
     (["--raster", "area"], ["--raster", "'coverage', 'samples'"]),
     (["--lod", "-0.1"], ["--lod", "4"]),
+    (["--shadow-map", "-1"], ["Settings.shadow_map is -1"]),
+    (["--pcf", "17"], ["Settings.pcf is 17", "16"]),
+    (["--color", "brown"], ["--color", "#rrggbb"]),
     (["--lod", "4.5"], ["--lod", "4"]),
     (["--blur", "some"], ["--blur", "edges"]),
     (["--blur-sigma", "2"], ["--blur-sigma is for a blur", "--blur all or edges"]),

@@ -728,24 +728,23 @@ def test_parts_of_strands_over_shells(gpu, sphere):
     same(whole, clfur.draw(scene, small, SETTINGS, tuple(OUTPUTS), hashes=True))
 
 
-def test_more_pieces_than_a_driver_sorts_are_told(gpu):
-    """Mesa's llvmpipe ends loops without a word."""
-    middle = np.random.default_rng(1).normal(size=(9000, 1, 3)) * .02
-    way = np.random.default_rng(2).normal(size=(9000, 1, 3)) * .2
-    fur = clfur.Curves(middle + way * np.array([-1, 1])[:, None], width=1e-4)
+@pytest.mark.parametrize("n, width, many", [(9000, 1e-4, True), (9000, .02, False), (1500, 1e-4, False)])
+def test_more_pieces_than_a_driver_sorts_are_told(gpu, n, width, many):
+    """Mesa's llvmpipe ends loops without a word; pixels that are soon full need few."""
+    middle = np.random.default_rng(1).normal(size=(n, 1, 3)) * .02
+    way = np.random.default_rng(2).normal(size=(n, 1, 3)) * .2
+    fur = clfur.Curves(middle + way * np.array([-1, 1])[:, None], width=width)
     scene = clfur.Scene(fur=fur, camera=clfur.Camera(eye=(0, 0, 6), size=(24, 18)))
     own, right = clfur.Scheduler(gpu.device), clfur.render(scene, settings=OFF)
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        drawn = clfur.render(scene, own, OFF)
-    assert bool(told) == bool(own.steps) and (told or np.allclose(drawn, right, atol=1e-5))
-    own.steps = 65_535
-    with pytest.warns(RuntimeWarning, match=r"leaves out strands where more than 2,047 pieces lie in a pixel: in one"):
-        clfur.render(scene, own, OFF)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        fewer = attrs.evolve(scene, fur=attrs.evolve(fur, points=fur.points[:3000], counts=fur.counts[:1500]))
-        clfur.render(fewer, own, OFF)
+    for steps in (own.steps, 65_535):
+        own.steps = steps
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            drawn = clfur.render(scene, own, OFF)
+        assert bool(told) == bool(steps and many)
+        assert told or np.allclose(drawn, right, atol=1e-5)
+        for one in told:
+            assert "ends long loops" in str(one.message) and one.filename == __file__
 
 
 def dense(size, n=3000):
@@ -787,9 +786,29 @@ def test_a_row_of_too_many_pieces_is_refused(gpu):
     scene = dense((64, 1), 20_000)
     scene = clfur.Scene(fur=scene.strands, camera=clfur.Camera(eye=(0, 0, 3), fov=5, size=(64, 1)))
     small = clfur.Scheduler(gpu.device, memory=1_000_000)
+    with pytest.raises(clfur.Error, match="has no room for .* a row of 64 pixels with [0-9,]+ pieces of strands; "
+                                          "allowed: smaller ones, or Settings.raster 'samples'"):
+        clfur.render(scene, small, OFF)
+    small = clfur.Scheduler(gpu.device)
+    small.largest = 800_000
     with pytest.raises(clfur.Error, match="has no room for [0-9,]+ pieces of strands in a row of 64 pixels; allowed: "
                                           "a smaller picture, fewer strands, or Settings.raster 'samples'"):
         clfur.render(scene, small, OFF)
+
+
+def test_parts_make_room_for_a_row_of_many_pieces(gpu, sphere):
+    """A small picture of much hair: what fits in parts at all is drawn, and again and again."""
+    hair = clfur.HairType(segments=60, segment_length=.004)
+    scene = clfur.Scene(sphere, clfur.Strands(types=[hair], roots=4000), camera=clfur.Camera(size=(16, 12)))
+    whole, parts = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True), set()
+    for memory in (6_000_000, 10_000_000, 14_000_000, 16_000_000, 18_000_000):
+        small = clfur.Scheduler(gpu.device, memory=memory)
+        parts.add(min(len(Work(small, scene).plan(small, SETTINGS, True)[0]), 2))
+        for _ in range(3):
+            frame = clfur.draw(scene, small, SETTINGS, tuple(OUTPUTS), hashes=True)
+            assert frame.memory <= memory
+            same(whole, frame)
+    assert parts == {1, 2}
 
 
 def test_pieces_beyond_32_bits_are_not_counted(gpu):
@@ -798,13 +817,13 @@ def test_pieces_beyond_32_bits_are_not_counted(gpu):
     work, large = Work(gpu, scene), SimpleNamespace(name="large", room=1 << 50, largest=1 << 50)
     counted = np.zeros((2, 2, 2), np.uint32)
     counted[..., 1] = 2**30 - 1
-    parts = work.plan(gpu, OFF, False)[0]
-    assert not work.too_many(large, OFF, counted, 2, parts)
+    plan = work.plan(gpu, OFF, False)
+    assert not work.too_many(large, OFF, counted, plan, 0, 0)
     counted[..., 1] = 2**30
-    assert work.too_many(large, OFF, counted, 2, parts)
+    assert work.too_many(large, OFF, counted, plan, 0, 0)
     counted[0, :, 1] = 2**31
     with pytest.raises(clfur.Error, match="4,294,967,296 pieces of strands in a row of 2 pixels"):
-        work.too_many(large, OFF, counted[:1], 2, parts)
+        work.too_many(large, OFF, counted[:1], plan, 0, 0)
 
 
 def test_a_team_gives_the_bits_of_one(gpu, sphere):

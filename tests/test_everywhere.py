@@ -58,7 +58,7 @@ def test_frames_leave_nothing_behind(gpu):
         for i in range(n):
             fur = clfur.Strands(types=[clfur.HairType(segments=2)], roots=20 + i % 7)
             clfur.draw(clfur.Scene(mesh, fur, camera=clfur.Camera(size=(16 + i % 5, 12))), gpu,
-                       clfur.Settings(raster="samples", samples=1, grid=16, shadow_map=8))
+                       clfur.Settings(samples=1, grid=16, shadow_map=8))
         with open("/proc/self/statm") as file:
             return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     before = frames(300)

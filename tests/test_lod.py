@@ -3,6 +3,7 @@
 import hashlib
 from dataclasses import replace
 
+import attrs
 import numpy as np
 import pytest
 from conftest import DEVICES
@@ -330,14 +331,15 @@ def furry(sphere, eye=(0, .4, 3.2), **keys):
     return clfur.Scene(mesh=sphere, fur=fur, camera=clfur.Camera(eye=eye, size=(161, 121)), **keys)
 
 
-def test_the_frame_tells_what_was_drawn(gpu, sphere):
-    scene = furry(sphere)
-    whole, same, few = (clfur.draw(scene, gpu, clfur.Settings(lod=lod)) for lod in (0, 0, 2))
+@pytest.mark.parametrize("raster", ["samples", "coverage"])
+def test_the_frame_tells_what_was_drawn(gpu, sphere, raster):
+    scene, settings = furry(sphere), clfur.Settings(raster=raster)
+    whole, same, few = (clfur.draw(scene, gpu, attrs.evolve(settings, lod=lod)) for lod in (0, 0, 2))
     assert whole.strands == 6000 and whole.segments == 48_000 and "lod" not in whole.stages
     assert few.strands < 2000 and few.segments < 6 * few.strands and few.stages["lod"] > 0
     np.testing.assert_array_equal(whole.images["color"], same.images["color"])
-    fine = clfur.draw(scene, gpu, clfur.Settings(lod=1e-5), hashes=True)
-    assert fine.hashes["visibility"] == clfur.draw(scene, gpu, clfur.Settings(), hashes=True).hashes["visibility"]
+    fine = clfur.draw(scene, gpu, attrs.evolve(settings, lod=1e-5), hashes=True)
+    assert fine.hashes["visibility"] == clfur.draw(scene, gpu, settings, hashes=True).hashes["visibility"]
     assert fine.strands == 6000
 
 

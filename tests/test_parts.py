@@ -101,10 +101,11 @@ def test_memory_is_checked(memory):
 @pytest.mark.parametrize("fur", [
     clfur.Strands(inner=64, outer=64), clfur.Curves(np.linspace((0, 0, 0), (1, 1, 0), 9000)[None], width=.01)],
     ids=["a-face-of-10,000-triangles", "a-strand-of-9,000-points"])
-def test_what_cannot_be_divided_stays_below_the_budget(gpu, fur):
+@pytest.mark.parametrize("raster", ["samples", "coverage"])
+def test_what_cannot_be_divided_stays_below_the_budget(gpu, fur, raster):
     mesh = clfur.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], None, None, [[0, 1, 2]])
     scene = clfur.Scene(mesh, fur, camera=clfur.Camera(size=(64, 48)))
-    settings = clfur.Settings(raster="samples", samples=1, grid=16, shadow_map=16)
+    settings = clfur.Settings(raster=raster, samples=1, grid=16, shadow_map=16)
     drawn = 0
     for memory in range(300_000, 1_300_001, 100_000):
         try:

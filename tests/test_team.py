@@ -68,11 +68,13 @@ def test_the_faster_device_gets_more(gpu, team):
 
 
 @pytest.mark.parametrize("which", [0, 1])
-@pytest.mark.parametrize("kernel", ["voxelize.lengths", "raster.lines", "shade.color", "zscan.columns", "strands.grow"])
+@pytest.mark.parametrize("kernel", ["voxelize.lengths", "raster.lines", "shade.color", "zscan.columns", "strands.grow",
+                                    "coverage.gather", "coverage.reach"])
 def test_a_device_that_fails_is_dropped_and_its_share_redone(gpu, team, sphere, kernel, which):
     scene = scene_of("faces", sphere)
-    whole = clfur.draw(scene, gpu, SETTINGS, hashes=True)
-    clfur.draw(scene, team, SETTINGS)
+    settings = attrs.evolve(SETTINGS, raster="coverage" if kernel.startswith("coverage") else "samples")
+    whole = clfur.draw(scene, gpu, settings, hashes=True)
+    clfur.draw(scene, team, settings)
     broken, launch = team[which], team[which].launch
 
     def fails(name, size, *args):
@@ -82,14 +84,14 @@ def test_a_device_that_fails_is_dropped_and_its_share_redone(gpu, team, sphere, 
     broken.launch = fails
     for one in team:
         one.forget()
-    if which == 1 and kernel in ("shade.color", "zscan.columns"):   # what only the first one does
-        same(whole, clfur.draw(scene, team, SETTINGS, hashes=True))
+    if which == 1 and kernel.split(".")[0] in ("shade", "zscan", "coverage"):   # what only the first one does
+        same(whole, clfur.draw(scene, team, settings, hashes=True))
         return
     with pytest.warns(RuntimeWarning, match="goes on without a device: this device is lost"):
-        frame = clfur.draw(scene, team, SETTINGS, hashes=True)
+        frame = clfur.draw(scene, team, settings, hashes=True)
     assert frame.hashes == whole.hashes
     # Drivers round exp and log differently: the colours are those of whichever device has shaded.
-    alone = [clfur.render(scene, one, SETTINGS) for one in (gpu, clfur.Scheduler(team[1].device))]
+    alone = [clfur.render(scene, one, settings) for one in (gpu, clfur.Scheduler(team[1].device))]
     assert any(np.array_equal(frame.images["color"], image) for image in alone)
 
 

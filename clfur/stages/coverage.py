@@ -9,7 +9,6 @@ from .strands import vector
 
 FRAGMENT = 16   # bytes
 TILE = 8
-STEPS = 32      # that `resolve` loops for a fragment at most, where thousands are sorted
 
 
 @dataclass(frozen=True)
@@ -83,6 +82,12 @@ def resolve(gpu, visible, fragments, through=None, fur=None):
                fragments.list, resolved.used, visible, np.int32(furry), fur if furry else gpu.empty(0, np.uint64),
                resolved.through, resolved.veil, resolved.alpha, resolved.seen, resolved.seen_fur)
     return resolved
+
+
+def steps_of(counts, used):
+    """About how often `resolve` loops at most for a pixel of so many fragments, so many of which it looks at."""
+    counts, used = counts.astype(np.int64), np.minimum(used, counts)
+    return int((2 * counts + used * (12 + np.log2(np.maximum(counts, 1)))).max())
 
 
 def reach(gpu, lamp, strands, shadows):
