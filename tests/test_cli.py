@@ -175,7 +175,7 @@ def test_scene_file_with_settings_and_no_mesh(clfur, tmp_path):
         "calibrated(clfur.Camera().pose, clfur.Camera().intrinsics, (40, 30)))\n"
         "if __name__ == '__main__':\n    raise SystemExit\n")
     code, out, err = clfur("render", "fur.py", "--json")
-    assert (code, err) == (0, "")
+    assert (code, err) == (0, "clfur: warning: nothing of the scene is to be seen in the picture\n")
     told = json.loads(out)
     assert told["options"] == {"samples": 1, "raster": "coverage", "shadows": "off", "grid": 96, "lod": 0.0}
     assert (told["strands"], told["camera"]["target"]) == (1, None)
