@@ -799,7 +799,7 @@ def test_a_row_of_too_many_pieces_is_refused(gpu):
 def test_parts_make_room_for_a_row_of_many_pieces(gpu, sphere):
     """A small picture of much hair: what fits in parts at all is drawn, and again and again."""
     hair = clfur.HairType(segments=60, segment_length=.004)
-    scene = clfur.Scene(sphere, clfur.Strands(types=[hair], roots=4000), camera=clfur.Camera(size=(16, 12)))
+    scene = clfur.Scene(sphere, clfur.Strands(types=[hair], roots=4000), camera=clfur.Camera(size=(32, 24)))
     whole, parts = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True), set()
     for memory in (6_000_000, 10_000_000, 14_000_000, 16_000_000, 18_000_000):
         small = clfur.Scheduler(gpu.device, memory=memory)
