@@ -23,7 +23,7 @@ _SCENE = [
                  help="Strands, shells (a pattern in layers above the skin), or an undercoat of shells under strands."),
     click.option("--length", type=click.FloatRange(0), metavar="L",
                  help="Length of the hair in the mesh's units; shells under strands have half of it.  [default: 0.08 "
-                      "of the mesh's radius, or 0.12 for shells alone]"),
+                      "of half the mesh's diagonal, or 0.12 for shells alone]"),
     click.option("--color", type=Color(), default="0.5,0.28,0.12", metavar="COLOR",
                  help="R,G,B (linear) or '#rrggbb' (sRGB)."),
     click.option("--alpha", type=click.FloatRange(0, 1), default=0.5, metavar="0..1",
@@ -54,7 +54,7 @@ _STRANDS = [
                  help="One strand on each tessellated triangle, or N strands spread evenly."),
     click.option("--surface", type=click.Choice(["pn", "flat"]), default="pn", help="Curved or flat faces."),
     click.option("--width", type=click.FloatRange(0), metavar="W",
-                 help="Diameter of a strand in the mesh's units.  [default: 0.0012 of the mesh's radius]"),
+                 help="Diameter of a strand in the mesh's units.  [default: 0.0012 of half the mesh's diagonal]"),
     click.option("--type-map", metavar="PICTURE", help="Picture whose colours choose the hair type by uv."),
     click.option("--types", metavar="FILE",
                  help="JSON list of hair types, each with its key colour in the type map; what a type leaves "
@@ -69,8 +69,8 @@ _SHELLS = [
     click.option("--pattern", type=click.Choice(["cells", "sine"]), default="cells",
                  help="Of shells: a hair in each cell of the faces, or the report's sines, which need uv."),
     click.option("--frequency", type=click.FloatRange(0, min_open=True), metavar="F",
-                 help="Hairs of shells along a unit of length, or the report's f for sines.  [default: 60 on the "
-                      "mesh's radius, or 40 for sines]"),
+                 help="Hairs of shells along a unit of length, or the report's f for sines.  [default: 60 on "
+                      "half the mesh's diagonal, or 40 for sines]"),
     click.option("--density", type=click.FloatRange(0, 1, min_open=True), default=1.0, metavar="0..1",
                  help="How much of its cell a hair of shells fills."),
     click.option("--noise", type=Numbers(2), default="0.5,8", metavar="A,S",
