@@ -556,19 +556,19 @@ def test_two_runs_and_every_device_give_the_same_bits(gpu):
     ({}, 0), ({"camera": clfur.Camera(eye=(.5, .9, 3), size=(61, 47))}, 0), ({"light": clfur.Light((1, -1, 0))}, 1),
     ({"fur": None}, 1), ({"body_color": None}, 1)])
 @pytest.mark.parametrize("lod", [0, 1])
-def test_light_on_strands_is_kept_while_only_the_camera_moves(gpu, change, anew, lod):
+def test_light_on_strands_is_kept_while_only_the_camera_moves(gpu, monkeypatch, change, anew, lod):
     """For all bands of the picture, and for later frames, unless strands are thinned for the camera."""
     scene, settings = furry("grown", size=(61, 47)), attrs.evolve(SETTINGS, lod=lod)
     if "fur" in change:
         change = {"fur": attrs.evolve(scene.strands, seed=9)}
-    own, names = clfur.Scheduler(gpu.device), []
-    launch = own.launch
-    own.launch = lambda name, *rest: names.append(name) or launch(name, *rest)
-    clfur.draw(scene, own, settings)
+    launch, names = gpu.launch, []
+    monkeypatch.setattr(gpu, "launch", lambda name, *rest: names.append(name) or launch(name, *rest))
+    clfur.draw(scene, gpu, settings)
     assert names.count("coverage.reach") == 1
     other = attrs.evolve(scene, **change)
-    drawn = clfur.draw(other, own, settings, tuple(OUTPUTS), hashes=True)
+    drawn = clfur.draw(other, gpu, settings, tuple(OUTPUTS), hashes=True)
     assert names.count("coverage.reach") == 1 + (anew or (lod > 0 and "camera" in change))
+    gpu.forget()
     right = clfur.draw(other, gpu, settings, tuple(OUTPUTS), hashes=True)
     assert right.hashes == drawn.hashes
     for name, image in right.images.items():
@@ -729,18 +729,18 @@ def test_parts_of_strands_over_shells(gpu, sphere):
 
 
 @pytest.mark.parametrize("n, width, many", [(9000, 1e-4, True), (9000, .02, False), (1500, 1e-4, False)])
-def test_more_pieces_than_a_driver_sorts_are_told(gpu, n, width, many):
+def test_more_pieces_than_a_driver_sorts_are_told(gpu, monkeypatch, n, width, many):
     """Mesa's llvmpipe ends loops without a word; pixels that are soon full need few."""
     middle = np.random.default_rng(1).normal(size=(n, 1, 3)) * .02
     way = np.random.default_rng(2).normal(size=(n, 1, 3)) * .2
     fur = clfur.Curves(middle + way * np.array([-1, 1])[:, None], width=width)
     scene = clfur.Scene(fur=fur, camera=clfur.Camera(eye=(0, 0, 6), size=(24, 18)))
-    own, right = clfur.Scheduler(gpu.device), clfur.render(scene, settings=OFF)
-    for steps in (own.steps, 65_535):
-        own.steps = steps
+    right = clfur.render(scene, settings=OFF)
+    for steps in (gpu.steps, 65_535):
+        monkeypatch.setattr(gpu, "steps", steps)
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
-            drawn = clfur.render(scene, own, OFF)
+            drawn = clfur.render(scene, gpu, OFF)
         assert bool(told) == bool(steps and many)
         assert told or np.allclose(drawn, right, atol=1e-5)
         for one in told:
@@ -796,16 +796,17 @@ def test_a_row_of_too_many_pieces_is_refused(gpu):
         clfur.render(scene, small, OFF)
 
 
-def test_parts_make_room_for_a_row_of_many_pieces(gpu, sphere):
+def test_parts_make_room_for_a_row_of_many_pieces(gpu, monkeypatch, sphere):
     """A small picture of much hair: what fits in parts at all is drawn, and again and again."""
     hair = clfur.HairType(segments=60, segment_length=.004)
     scene = clfur.Scene(sphere, clfur.Strands(types=[hair], roots=4000), camera=clfur.Camera(size=(32, 24)))
     whole, parts = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True), set()
-    for memory in (6_000_000, 10_000_000, 14_000_000, 16_000_000, 18_000_000):
-        small = clfur.Scheduler(gpu.device, memory=memory)
-        parts.add(min(len(Work(small, scene).plan(small, SETTINGS, True)[0]), 2))
-        for _ in range(3):
-            frame = clfur.draw(scene, small, SETTINGS, tuple(OUTPUTS), hashes=True)
+    for memory in (6_000_000, 10_000_000, 16_000_000, 18_000_000):
+        monkeypatch.setattr(gpu, "memory", memory)
+        gpu.forget()
+        parts.add(min(len(Work(gpu, scene).plan(gpu, SETTINGS, True)[0]), 2))
+        for _ in range(2):
+            frame = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True)
             assert frame.memory <= memory
             same(whole, frame)
     assert parts == {1, 2}
