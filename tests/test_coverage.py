@@ -580,7 +580,7 @@ def test_light_on_parts_is_not_kept(gpu, sphere):
     scene = scene_of(9001, sphere)
     small = clfur.Scheduler(gpu.device, memory=8_000_000)
     tiny = attrs.evolve(scene, camera=clfur.Camera(eye=(0, .4, 3.2), size=(12, 8)))
-    large = attrs.evolve(scene, camera=clfur.Camera(eye=(0, .4, 3.2), size=(500, 380)))
+    large = attrs.evolve(scene, camera=clfur.Camera(eye=(0, .4, 3.2), size=(200, 150)))
     assert [len(Work(small, one).plan(small, SETTINGS, False)[0]) > 1 for one in (tiny, large)] == [False, True]
     for one in (tiny, large, tiny, large):
         frame = clfur.draw(one, small, SETTINGS)
