@@ -94,7 +94,7 @@ class Work:
             fixed += 2 * (settings.grid + 1) * settings.grid**2 * 4
         row = width * (8 * settings.samples + 16 + (60 if others else 0))
         if self.covering(settings):
-            row += width * (PIXEL + 4 * settings.samples) + self._pieces(pieces) * FRAGMENT
+            row += width * (PIXEL + 4 * settings.samples) + self._row_pieces(pieces) * FRAGMENT
         shells = 0
         if scene.shells:
             shells = size_of(scene.mesh, self._pack(settings)[0], self.topology(gpu))
@@ -145,7 +145,7 @@ class Work:
             point += 4
         return strand, point
 
-    def _pieces(self, known):
+    def _row_pieces(self, known):
         """Pieces of strands that there is room for in a row."""
         return max(self.scene.camera.size[0] * PIECES, known)
 
@@ -157,7 +157,7 @@ class Work:
         Raises `clfur.Error` for a row that no plan makes room for.
         """
         (parts, rows), (height, width) = plan, counted.shape[:2]
-        most, pieces = rows * self._pieces(known), int(counted[..., 1].sum(dtype=np.int64))
+        most, pieces = rows * self._row_pieces(known), int(counted[..., 1].sum(dtype=np.int64))
         if len(parts) == 1:   # nothing else will come
             after += height * width * (PIXEL + 80 + 4 * settings.samples)
             most = max(most, (gpu.room - after) * 7 // 8 // FRAGMENT)
