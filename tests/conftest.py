@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import clfur
-from clfur import device
-from clfur.cli import main
+from clfur.command.main import main
+from clfur.device import selection as device
 
 DEVICES = device.find()
 
@@ -85,7 +85,7 @@ def wrong(result, *words):
 @pytest.fixture
 def comparison():
     """A `clfur.Comparison` made up: two devices agree, one without times of stages, one crashed, one differs."""
-    from clfur.compare import Comparison, Difference, Row, Spread
+    from clfur.judge.compare import Comparison, Difference, Row, Spread
     picture = np.zeros((12, 16, 4), np.float32)
     picture[3:9, 4:12] = 0.5, 0.25, 0.125, 1
     other = picture.copy()
@@ -107,8 +107,8 @@ def comparison():
 @pytest.fixture
 def measured():
     """A `clfur.Frontier` made up: 40 settings, of which a dozen that stand close together are the frontier."""
-    from clfur.compare import Spread
-    from clfur.frontier import Frontier, Point, label
+    from clfur.judge.compare import Spread
+    from clfur.judge.frontier import Frontier, Point, label
     points = []
     for place in range(40):
         best = place % 3 == 0 and place < 36

@@ -7,7 +7,7 @@ import pytest
 from conftest import icosphere
 
 import clfur
-from clfur import scheduler
+from clfur.device import scheduler
 from clfur.render import OUTPUTS
 from clfur.stages.raster import raster
 from clfur.stages.strands import bring, grow

@@ -7,7 +7,7 @@ import pytest
 
 import clfur
 from clfur import layout
-from clfur.fur import hair_bounds
+from clfur.scene import hair_bounds
 from clfur.stages.strands import bring, grow
 from clfur.stages.tessellate import tessellate
 from clfur.stages.voxelize import METHODS, depths_for, most_of, unit_for, voxelize

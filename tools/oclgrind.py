@@ -25,7 +25,7 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from clfur import scheduler
+from clfur.device import scheduler
 
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 240   # seconds a stage may take
