@@ -4,9 +4,9 @@ Lengths are in the mesh's own units, angles in degrees, colours linear. The worl
 Arrays are copied on the way in and are read-only, so that a scene never changes under a renderer.
 """
 
-from .bounds import extent, fur_extent, hair_bounds
+from .bounds import bounds_of, extent, fur_extent, hair_bounds
 from .camera import Camera
-from .curves import Curves
+from .curves import Bounds, Curves
 from .light import Light
 from .mesh import Mesh
 from .scene import Scene, frame
@@ -14,6 +14,6 @@ from .shells import Shells
 from .strands import HairType, PointForce, Strands
 
 __all__ = [
-    "Camera", "Curves", "HairType", "Light", "Mesh", "PointForce", "Scene", "Shells", "Strands", "extent", "frame",
-    "fur_extent", "hair_bounds",
+    "Bounds", "Camera", "Curves", "HairType", "Light", "Mesh", "PointForce", "Scene", "Shells", "Strands", "bounds_of",
+    "extent", "frame", "fur_extent", "hair_bounds",
 ]

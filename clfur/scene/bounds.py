@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 
-from .curves import Curves
+from .curves import Bounds, Curves
 from .mesh import box, sphere
 from .shells import Shells
 from .strands import Strands
@@ -22,18 +22,32 @@ def points_to_see(mesh, fur):
     strands, _ = strands_and_shells(fur)   # shells grow on the mesh
     curved = isinstance(strands, Strands) and strands.surface == "pn"
     points = [mesh.hull if curved else mesh.positions] if mesh is not None else []
-    return points + ([strands.points] if isinstance(strands, Curves) and len(strands.points) else [])
+    return points + ([strands.on_host.points] if isinstance(strands, Curves) and len(strands.points) else [])
 
 
 @functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
 def extent(mesh, fur):
     """Return a sphere (centre float64 [3], radius float) around all that a mesh and its fur can reach."""
-    boxes = [box(points) for points in points_to_see(mesh, fur)]
+    strands, shells = strands_and_shells(fur)
+    if isinstance(strands, Curves) and strands.bounds:
+        center, radius = strands.bounds.center, strands.bounds.radius
+        return center, max(radius, _furthest(center, [mesh.positions]) + fur_extent(shells)) if mesh else radius
+    points = points_to_see(mesh, fur)
+    boxes = [box(each) for each in points]
     if not boxes:
         return np.zeros(3), 0.0
     center, _ = sphere(np.min([low for low, _ in boxes], 0), np.max([high for _, high in boxes], 0))
-    furthest = max(((points - center) ** 2).sum(1).max() for points in points_to_see(mesh, fur))
-    return center, float(np.sqrt(furthest)) + fur_extent(fur)
+    return center, _furthest(center, points) + fur_extent(fur)
+
+
+def _furthest(center, points):
+    """Return how far the furthest of arrays of points [n, 3] is from a centre."""
+    return float(np.sqrt(max(((each - center) ** 2).sum(1).max() for each in points)))
+
+
+def bounds_of(mesh, fur, strands):
+    """Return the `Bounds` of this many strands of a fur, as its Curves would need them to be drawn alike."""
+    return Bounds(*extent(mesh, fur), *hair_bounds(strands_and_shells(fur)[0], strands))
 
 
 def fur_extent(fur):
@@ -43,7 +57,7 @@ def fur_extent(fur):
     if isinstance(fur, Shells):
         return fur.length
     if isinstance(fur, Curves):
-        return float(fur.width.max()) / 2
+        return float(fur.on_host.width.max()) / 2
     if fur is None:
         return 0.0
     return max(hair.segments * hair.segment_length * (1 + hair.length_variation)
@@ -54,6 +68,9 @@ def fur_extent(fur):
 def hair_bounds(fur, strands):
     """Return (segments, length [world], length · width [world²]) that ``strands`` strands of the fur cannot exceed."""
     if isinstance(fur, Curves):
+        if fur.bounds:
+            return fur.bounds.segments, fur.bounds.length, fur.bounds.area
+        fur = fur.on_host
         d = np.linalg.norm(np.diff(fur.points, axis=0), axis=1)
         inner = np.ones(len(fur.points), bool)
         inner[np.cumsum(fur.counts, dtype=np.int64)[fur.counts > 0] - 1] = False   # a strand's end joins nothing

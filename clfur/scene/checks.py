@@ -115,6 +115,21 @@ def numbers(value, where, allowed, kinds="iuf"):
     return array
 
 
+def is_on_device(value):
+    """Whether this is an array of pyopencl's, which lies on a device: known by its members, as OpenCL is not here."""
+    return hasattr(value, "base_data") and hasattr(value, "get")
+
+
+def placed(value, where, allowed):
+    """Return `value` as an array of numbers, or as it is where it lies on a device; there it must be float32."""
+    if not is_on_device(value):
+        return numbers(value, where, allowed)
+    if value.dtype != np.float32 or not value.flags.c_contiguous:
+        raise Error(f"{where} is {value.dtype} {list(value.shape)} on a device; "
+                    "allowed there: float32 without gaps (C order)")
+    return value
+
+
 def frozen(array):
     array.flags.writeable = False
     return array
@@ -148,6 +163,14 @@ def vector(length, low=-math.inf):
 
 
 color = vector(3, low=0)
+
+
+def total(value, where):
+    """Return a sum of many: a finite float >= 0, however large."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.number)) or not (
+            0 <= value < math.inf):
+        refuse(where, value, "a finite number >= 0")
+    return float(value)
 
 
 def optional(convert):

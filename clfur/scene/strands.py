@@ -74,7 +74,7 @@ class PointForce:
     strength: float = checks.field(checks.real(), default=1.0)
 
 
-def _levels(shape, words):
+def levels(shape, words):
     """Return a converter to an int 1..64, or to a read-only int32 array whose shape ends like `shape`."""
     allowed = f"a whole number from 1 to 64, or an array {words} of them"
 
@@ -133,8 +133,8 @@ class Strands:
     Raises Error for anything else.
     """
 
-    inner: int | np.ndarray = checks.field(_levels((), "[faces]"), default=5)
-    outer: int | np.ndarray = checks.field(_levels((3,), "[faces, 3]"), default=5)
+    inner: int | np.ndarray = checks.field(levels((), "[faces]"), default=5)
+    outer: int | np.ndarray = checks.field(levels((3,), "[faces, 3]"), default=5)
     types: tuple = checks.field(checks.tuple_of(HairType), default=(HairType(),))
     type_map: np.ndarray = checks.field(checks.optional(_type_map), default=None)
     roots: str | int = checks.field(_roots, default="faces")
@@ -143,6 +143,11 @@ class Strands:
     surface: str = checks.field(checks.choice("pn", "flat"), default="pn")
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)
     type_indices: np.ndarray = attrs.field(init=False, repr=False)
+
+    @property
+    def hair_types(self):
+        """The types that there are: a tuple of HairType."""
+        return self.types
 
     def __attrs_post_init__(self):
         if not 1 <= len(self.types) <= 256:
