@@ -10,7 +10,7 @@ from pathlib import Path
 
 import attrs
 import pytest
-from conftest import wrong
+from support.command import wrong
 
 from clfur import cli_compare, cli_devices
 from clfur.isolated import Outcome

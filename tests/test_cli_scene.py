@@ -4,7 +4,7 @@ import attrs
 import click
 import numpy as np
 import pytest
-from conftest import wrong
+from support.command import wrong
 
 from clfur import PRESETS, Curves, Error, Settings, Shells, Strands, cli_scene, load_mesh
 

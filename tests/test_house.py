@@ -11,6 +11,7 @@ from clfur import layout
 
 ROOT = Path(__file__).resolve().parents[1]
 MODULES = sorted((ROOT / "clfur").rglob("*.py"))
+TESTS = sorted((ROOT / "tests").rglob("*.py"))
 KERNELS = sorted((ROOT / "cl").glob("*.cl"))
 STANDARD = {"bisect", "dataclasses", "typing", "math"}
 
@@ -97,6 +98,26 @@ def test_imports(path):
     if module in ("clfur.compare", "clfur.frontier", "clfur.report") or module.startswith("clfur.cli"):
         assert not any(name.startswith(("clfur.stages", "clfur.twin")) for name in own)
     assert module.startswith(("clfur.twin", "clfur.truth")) or not any(name.startswith("clfur.twin") for name in own)
+
+
+def shared_by_import(source):
+    """What a text of a test file imports from test files and from conftest."""
+    names = {top(name.removeprefix("tests.")) for name in imported(source, "tests")}
+    return {name for name in names if name == "conftest" or name.startswith("test_")}
+
+
+@pytest.mark.parametrize("breach", [
+    "import test_raster", "from test_raster import flat", "from conftest import DEVICES", "import conftest as c",
+    "def f():\n    from test_house import top", "importlib.import_module('test_raster')", "from . import conftest",
+    "from .test_raster import flat"])
+def test_imports_of_tests_are_seen(breach):
+    assert shared_by_import(breach) and not shared_by_import("from support.views import flat\nimport clfur")
+
+
+def test_no_test_imports_a_test():
+    """What several test files share is in tests/support; conftest holds fixtures, which nobody imports."""
+    breaches = {path.name: shared_by_import(path.read_text()) for path in TESTS}
+    assert len(TESTS) > 40 and not any(breaches.values()), breaches
 
 
 def test_scene_needs_no_opencl():
