@@ -9,7 +9,7 @@ from pathlib import Path
 import attrs
 import numpy as np
 import pytest
-from conftest import wrong
+from support.command import wrong
 
 from clfur import Settings
 

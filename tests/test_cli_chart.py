@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import wrong
+from support.command import wrong
 
 from clfur import Settings
 from clfur.command import chart as cli_chart

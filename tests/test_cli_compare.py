@@ -10,7 +10,7 @@ from pathlib import Path
 
 import attrs
 import pytest
-from conftest import wrong
+from support.command import wrong
 
 from clfur.command import compare as cli_compare
 from clfur.command import devices as cli_devices

@@ -11,6 +11,7 @@ from clfur import layout
 
 ROOT = Path(__file__).resolve().parents[1]
 MODULES = sorted((ROOT / "clfur").rglob("*.py"))
+TESTS = sorted((ROOT / "tests").rglob("*.py"))
 KERNELS = sorted((ROOT / "cl").glob("*.cl"))
 
 
@@ -38,11 +39,6 @@ def imported(source, package):
                 "import_module", "__import__") and node.args and isinstance(node.args[0], ast.Constant)):
             names.add(str(node.args[0].value))
     return names
-
-
-def imports_of(path):
-    relative = path.relative_to(ROOT)
-    return imported(path.read_text(), ".".join(relative.parent.parts))
 
 
 def top(name):
@@ -131,6 +127,26 @@ def module_of(path):
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_imports(path):
     assert not breaches(module_of(path), path.read_text())
+
+
+def shared_by_import(source):
+    """What a text of a test file imports from test files and from conftest."""
+    names = {top(name.removeprefix("tests.")) for name in imported(source, "tests")}
+    return {name for name in names if name == "conftest" or name.startswith("test_")}
+
+
+@pytest.mark.parametrize("breach", [
+    "import test_raster", "from test_raster import flat", "from conftest import DEVICES", "import conftest as c",
+    "def f():\n    from test_house import top", "importlib.import_module('test_raster')", "from . import conftest",
+    "from .test_raster import flat"])
+def test_imports_of_tests_are_seen(breach):
+    assert shared_by_import(breach) and not shared_by_import("from support.views import flat\nimport clfur")
+
+
+def test_no_test_imports_a_test():
+    """What several test files share is in tests/support; conftest holds fixtures, which nobody imports."""
+    breaches = {path.name: shared_by_import(path.read_text()) for path in TESTS}
+    assert len(TESTS) > 40 and not any(breaches.values()), breaches
 
 
 @pytest.mark.parametrize("module, source", [

@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from conftest import icosphere
+from support.scenes import icosphere
 
 import clfur
 from clfur.device import scheduler

@@ -5,8 +5,9 @@ import threading
 import attrs
 import numpy as np
 import pytest
-from conftest import DEVICES
-from test_parts import same, scene_of
+from support.devices import DEVICES
+from support.pictures import same
+from support.scenes import scene_of
 
 import clfur
 from clfur.device.team import Team, shares_of
