@@ -122,7 +122,8 @@ def sweep(scene):
 
 
 def frontier(scene: Scene, candidates: Sequence[Settings] | None = None, device: Any = None, repeat: int = 3,
-             pan: bool = True, tell: Callable | None = None, fresh: bool = False, own: Settings | None = None) -> Frontier:
+             pan: bool = True, tell: Callable | None = None, fresh: bool = False, own: Settings | None = None
+             ) -> Frontier:
     """Draw a `Scene` in many ways and measure each against the truth -> `Frontier`.
 
     ``candidates``: `Settings`, or pairs of these and the layers of the scene's shells, in a list; what `sweep` in this
