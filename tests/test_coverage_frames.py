@@ -57,7 +57,7 @@ def test_light_on_strands_is_kept_while_only_the_camera_moves(gpu, monkeypatch, 
     if "fur" in change:
         change = {"fur": attrs.evolve(scene.strands, seed=9)}
     launch, names = gpu.launch, []
-    monkeypatch.setattr(gpu, "launch", lambda name, *rest: names.append(name) or launch(name, *rest))
+    monkeypatch.setattr(gpu, "launch", lambda name, size, /, **rest: names.append(name) or launch(name, size, **rest))
     clfur.draw(scene, gpu, settings)
     assert names.count("coverage.reach") == 1
     other = attrs.evolve(scene, **change)

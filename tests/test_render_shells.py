@@ -98,9 +98,9 @@ def test_what_has_not_changed_is_kept(gpu, ball, monkeypatch, change, built):
     """A moved camera and new light on the fur build nothing; new wind bends what is there. The picture is the same."""
     fur, launched, launch = attrs.evolve(FUR, wind=(.5, 0, 0)), [], gpu.launch
 
-    def told(name, *rest):
+    def told(name, size, /, **arguments):
         launched.append(name)
-        return launch(name, *rest)
+        return launch(name, size, **arguments)
     clfur.render(scene_of(ball, fur), gpu, ONE)
     monkeypatch.setattr(gpu, "launch", told)
     later = scene_of(ball, attrs.evolve(fur, **change), eye=(1, .4, 3))

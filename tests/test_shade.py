@@ -115,6 +115,25 @@ def test_color_is_the_twins(gpu, ball, form, kind, samples, exponent):
     assert (ids < twin.BODY).any() and ((ids >= twin.BODY) & (ids < 0xFFFFFFFF)).any()
 
 
+def test_the_twin_sees_swapped_arrays(gpu, ball, monkeypatch):
+    """Two float4 arrays under each other's names are the kernel's own mistake: no signature tells them apart."""
+    launch = gpu.launch
+
+    def swapped(name, size, /, **arguments):
+        arguments["points"], arguments["tangents"] = arguments["tangents"], arguments["points"]
+        return launch(name, size, **arguments)
+    scene = furry(ball, "grown", 150)
+    view, light, visible, strands, body = picture(gpu, scene, 1)
+    meant = twin.color(view, light, False, visible.get(), on_host(strands), on_host(body), scene.body_color)
+
+    def off():
+        image = shade.color(gpu, view, light, FORMS[0], visible, strands, body, scene.body_color).get()
+        return np.nan_to_num(np.abs(image - meant), nan=1.0).max()
+    assert off() < 2.5e-5
+    monkeypatch.setattr(gpu, "launch", swapped)
+    assert off() > 0.01
+
+
 @pytest.mark.small
 @pytest.mark.parametrize("kind, form", [("all", FORMS[0]), ("strand", FORMS[1]), ("point", FORMS[0])])
 def test_a_small_picture_is_the_twins(gpu, kind, form):

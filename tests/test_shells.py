@@ -51,7 +51,7 @@ def test_a_small_preparation_equals_the_twin(gpu, monkeypatch, pattern):
 def test_means_equal_the_twin(gpu, options):
     packed, _ = stage.pack(clfur.Shells(**options), clfur.Mesh(*MESHES["ball"]), False, True)
     means = gpu.empty((stage.HEIGHTS, 2), np.float32)
-    gpu.launch("shells.means", stage.HEIGHTS, packed, np.int32(stage.AROUND), means)
+    gpu.launch("shells.means", stage.HEIGHTS, shells=packed, around=stage.AROUND, out=means)
     # At the roots a hair's edge is 1e-3 high, and places 1000 cells from the first are rounded to 6e-5.
     np.testing.assert_allclose(means.get()[1:], twin.means(packed, stage.AROUND)[1:], atol=2e-3)
     np.testing.assert_allclose(means.get()[0], twin.means(packed, stage.AROUND)[0], atol=3e-2)
@@ -130,8 +130,8 @@ def curves_of(gpu, **options):
     mesh = clfur.Mesh(*MESHES["ball"])
     packed, box = stage.pack(clfur.Shells(**options), mesh, False, True)
     curves = gpu.empty((len(mesh.positions) * (int(packed["kind"][2]) + 1), 4), np.float32)
-    gpu.launch("shells.bend", len(mesh.positions), packed, gpu.upload(stage.widen(mesh.positions)),
-               gpu.upload(stage.widen(mesh.normals)), curves)
+    gpu.launch("shells.bend", len(mesh.positions), shells=packed, positions=gpu.upload(stage.widen(mesh.positions)),
+               normals=gpu.upload(stage.widen(mesh.normals)), curves=curves)
     return curves.get().reshape(len(mesh.positions), -1, 4)[..., :3].astype(float)
 
 
@@ -260,7 +260,7 @@ def test_the_means_are_those_of_the_pattern(gpu):
         fur = clfur.Shells(pattern=pattern, density=0.8)
         packed, _ = stage.pack(fur, clfur.Mesh(*MESHES["ball"]), False, True)
         means = gpu.empty((stage.HEIGHTS, 2), np.float32)
-        gpu.launch("shells.means", stage.HEIGHTS, packed, np.int32(stage.AROUND), means)
+        gpu.launch("shells.means", stage.HEIGHTS, shells=packed, around=stage.AROUND, out=means)
         at = rng.uniform(100, 180, (200000, 2))
         v = (twin.waves(packed, at) if pattern == "sine" else twin.cells(packed, 3, 1 << 30, at))[0]
         for k in (4, 16, 32, 48, 60):

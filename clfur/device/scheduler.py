@@ -16,7 +16,7 @@ from pyopencl import tools
 
 from .. import layout
 from ..errors import DeviceError, Error
-from . import pocl
+from . import pocl, signature
 from .selection import check_process, choose, describe
 
 GROUP = 64          # work-items in a work-group
@@ -139,17 +139,36 @@ class Scheduler:
                 there.set(array)
         return there
 
+    def rows(self, array, first, end):
+        """Rows of an array, on this device: of a host array or another context's copied here, else as they are."""
+        if isinstance(array, np.ndarray):
+            return self.upload(array[first:end])
+        with self._watched("takes no data"):
+            if array.queue is not None and array.queue != self.queue:
+                array.queue.finish()
+            if array.base_data.context != self.context:
+                return self.upload(array.get()[first:end])
+            if (first, end, array.offset) == (0, len(array), 0):
+                return array
+            there = self.empty((end - first, *array.shape[1:]), array.dtype)
+            if there.size:
+                cl.enqueue_copy(self.queue, there.base_data, array.base_data, byte_count=there.nbytes,
+                                src_offset=array.offset + first * array.strides[0], dst_offset=0)
+            return there
+
     def download(self, array):
         """Copy of a device array on the host."""
         with self._watched("gives no data"):
             return array.get()
 
-    def launch(self, name, size, *args):
-        """Run kernel "stem.kernel" over ``size`` work-items; ``args`` in the order of its signature."""
+    def launch(self, name, size, /, **arguments):
+        """Run kernel "stem.kernel" over ``size`` work-items.
+
+        ``arguments``: by their names in its signature, see `signature`; TypeError, before anything is run, for one that
+        is missing, unknown or of another type than the kernel's.
+        """
         kernel = self._kernels.get(name) or self._build(name.split(".")[0])[name]
-        if len(args) != kernel.num_args - 2:
-            raise TypeError(f"{name} takes {kernel.num_args - 2} arguments, {len(args)} given")
-        args = [a.base_data if isinstance(a, cla.Array) else a for a in args]
+        values = kernel.bind(arguments)
         begin, size = 0, int(size)
         with self._watched(f"does not run {name}"):
             while begin < size:
@@ -161,8 +180,8 @@ class Scheduler:
                 end = min(begin + max(piece // GROUP, 1) * GROUP, size)
                 began = time.perf_counter()
                 # Whole groups of one size, and a kernel that ends where it should: see WORK_ITEM in common.h.
-                event = kernel(self.queue, (-(-(end - begin) // GROUP) * GROUP,), (GROUP,),
-                               np.uint64(begin), np.uint64(end), *args)
+                event = kernel.run(self.queue, (-(-(end - begin) // GROUP) * GROUP,), (GROUP,),
+                               begin, end, *values)
                 self._log.append((self._called or name.split(".")[0], event))
                 self._ahead += PIECE if rate is None else rate * (end - begin)
                 if end < size or self._ahead >= PIECE:
@@ -238,8 +257,8 @@ class Scheduler:
         return total
 
     def _build(self, stem):
-        source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind", self.lanes)
-        source += _text("common.h") + _text(f"{stem}.cl")
+        text = _text("common.h") + _text(f"{stem}.cl")
+        source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind", self.lanes) + text
         options = ["-cl-std=CL1.2"]
         if self.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
             options.append("-cl-fp32-correctly-rounded-divide-sqrt")
@@ -251,7 +270,12 @@ class Scheduler:
         except (cl.Error, MemoryError) as error:
             raise DeviceError(f"{self.name} does not build {stem}.cl: {_complaint(str(error))}") from None
         self.build_seconds += time.perf_counter() - began
-        self._kernels |= {f"{stem}.{k.function_name}": k for k in program.all_kernels()}
+        signatures = signature.read(text)
+        for kernel in program.all_kernels():
+            name, arguments = f"{stem}.{kernel.function_name}", signatures[kernel.function_name]
+            # Told so, pyopencl need not try out what each argument is: a tenth of the time.
+            kernel.set_scalar_arg_dtypes([np.uint64, np.uint64, *(argument.packed for argument in arguments)])
+            self._kernels[name] = signature.Kernel(name, arguments, kernel)
         return self._kernels
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .strands import vector
+from .strands import arrays
 
 FRAGMENT = 16   # bytes
 TILE = 8
@@ -36,13 +36,13 @@ def bound(gpu, visible):
     """How far each pixel of the body's ``visible`` can be seen into -> [rows, width, 2] uint32 depth, 0."""
     rows, width, samples = visible.shape
     pixels = gpu.empty((rows, width, 2), np.uint32)
-    gpu.launch("coverage.bound", rows * width, np.int32(samples), visible, pixels)
+    gpu.launch("coverage.bound", rows * width, samples=samples, visible=visible, pixels=pixels)
     return pixels
 
 
 def count(gpu, view, strands, pixels):
     """Add how many fragments `Grown` strands have at most in each pixel to what `bound` gave."""
-    gpu.launch("coverage.count", len(strands.spans), view, strands.points, strands.spans, pixels)
+    gpu.launch("coverage.count", len(strands.spans), view=view, pixels=pixels, **arrays(strands, "points", "spans"))
 
 
 def room_for(gpu, pixels):
@@ -59,8 +59,8 @@ def room_for(gpu, pixels):
 
 def gather(gpu, view, strands, fragments):
     """Write the fragments of `Grown` strands, in any order."""
-    gpu.launch("coverage.gather", len(strands.spans), view, strands.points, strands.spans,
-               np.uint32(strands.first_point), fragments.pixels, fragments.list)
+    gpu.launch("coverage.gather", len(strands.spans), view=view, first=strands.first_point, pixels=fragments.pixels,
+               fragments=fragments.list, **arrays(strands, "points", "spans"))
 
 
 def resolve(gpu, visible, fragments, through=None, fur=None):
@@ -78,9 +78,9 @@ def resolve(gpu, visible, fragments, through=None, fur=None):
         alpha=gpu.empty((rows, width), np.float32),
         seen=gpu.empty((rows, width, 1), np.uint64),
         seen_fur=gpu.empty((rows, width, 1), np.uint64))
-    gpu.launch("coverage.resolve", rows * width, np.int32(samples), fragments.starts, fragments.pixels,
-               fragments.list, resolved.used, visible, np.int32(furry), fur if furry else gpu.empty(0, np.uint64),
-               resolved.through, resolved.veil, resolved.alpha, resolved.seen, resolved.seen_fur)
+    gpu.launch("coverage.resolve", rows * width, samples=samples, starts=fragments.starts, pixels=fragments.pixels,
+               fragments=fragments.list, visible=visible, furry=furry, fur=fur if furry else gpu.empty(0, np.uint64),
+               **vars(resolved))
     return resolved
 
 
@@ -93,9 +93,9 @@ def steps_of(counts, used):
 def reach(gpu, lamp, strands, shadows):
     """How much direct light reaches each point of `Grown` strands -> [points] float32 0..1."""
     reached = gpu.empty(len(strands.points), np.float32)
-    gpu.launch("coverage.reach", len(strands.spans), lamp, strands.points, strands.tangents, strands.strand_of,
-               strands.normals, strands.uv, strands.types, strands.colors, shadows.shadow, shadows.grid, shadows.sums,
-               shadows.seen, shadows.map, strands.spans, reached)
+    gpu.launch("coverage.reach", len(strands.spans), lamp=lamp, reached=reached, **shadows.arrays(),
+               **arrays(strands, "points", "tangents", "strand_of", "strand_normal", "strand_uv", "types", "colors",
+                        "spans"))
     return reached
 
 
@@ -107,11 +107,11 @@ def light(gpu, view, lamp, specular, fragments, resolved, strands, reached=None,
     """
     rows, width = fragments.starts.shape
     lights = gpu.full((rows, width, 4), np.int64, 0) if lights is None else lights
-    gpu.launch("coverage.light", rows * width, view, vector((strands.first_point, len(strands.points)), np.uint32),
-               lamp, np.int32(specular == "half-vector"), fragments.pixels, resolved.used, fragments.list,
-               strands.points, strands.tangents, strands.strand_of, strands.uv, strands.types, strands.colors,
-               np.int32(strands.color_per), np.int32(reached is not None),
-               gpu.empty(0, np.float32) if reached is None else reached, lights)
+    gpu.launch("coverage.light", rows * width, view=view, part=(strands.first_point, len(strands.points)), lamp=lamp,
+               half_vector=specular == "half-vector", pixels=fragments.pixels, used=resolved.used,
+               fragments=fragments.list, shaded=reached is not None,
+               reached=gpu.empty(0, np.float32) if reached is None else reached, lights=lights,
+               **arrays(strands, "points", "tangents", "strand_of", "strand_uv", "types", "colors", "color_per"))
     return lights
 
 
@@ -119,5 +119,5 @@ def blend(gpu, lights, resolved, image=None):
     """Put the strands' light over the shells' ``image`` -> [rows, width, 4] float32, linear, premultiplied."""
     rows, width, _ = lights.shape
     image = gpu.full((rows, width, 4), np.float32, 0) if image is None else image
-    gpu.launch("coverage.blend", rows * width, lights, resolved.veil, image)
+    gpu.launch("coverage.blend", rows * width, lights=lights, veil=resolved.veil, image=image)
     return image

@@ -27,10 +27,11 @@ def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
         left = gpu.full(1, np.int32, 0)
         with gpu.called("entries"):
             entries = raster(gpu, view, None, shell, after=after)
-        gpu.launch("march.march", blocks, view, packed, light, np.int32(specular == "half-vector"), visible,
-                   entries, shell.border, pattern.faces, pattern.neighbours, shell.curves, shell.normals,
-                   pattern.lattice, pattern.noise, pattern.means, pattern.box, shadows.shadow, shadows.grid,
-                   shadows.sums, shadows.seen, shadows.map, after, through, fur, left, image)
+        gpu.launch("march.march", blocks, view=view, shells=packed, light=light,
+                   half_vector=specular == "half-vector", visible=visible, entries=entries, border=shell.border,
+                   faces=pattern.faces, neighbours=pattern.neighbours, curves=shell.curves, normals=shell.normals,
+                   lattice=pattern.lattice, noise=pattern.noise, means=pattern.means, noise_box=pattern.box,
+                   after=after, through=through, fur=fur, left=left, image=image, **shadows.arrays())
         if not int(gpu.download(left)[0]):
             break
     return image, through, fur

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from .. import layout
-from .strands import vector
 from .tessellate import widen
 
 HEIGHTS, AROUND = 64, 96     # of the table of means, and places looked at for each
@@ -131,7 +130,7 @@ def pack(shells, mesh, bare, filtered):
     if np.any(shells.wind):
         packed["gust"][:3] = np.asarray(shells.wind) / np.linalg.norm(shells.wind) / radius
         packed["gust"][3] = shells.time % 1.0
-    return packed, vector((*center, f / waves), np.float32)
+    return packed, np.array((*center, f / waves), np.float32)
 
 
 def size_of(mesh, packed, topology):
@@ -153,10 +152,11 @@ def lay(gpu, mesh, packed, box, topology):
     result = Pattern(packed, box, gpu.empty((places, 2), np.float32), gpu.empty((HEIGHTS, 2), np.float32),
                      gpu.upload(widen(topology.corners)), gpu.upload(topology.neighbours),
                      gpu.empty((n * CORNERS, 4), np.float32), gpu.upload(widen(uv)))
-    gpu.launch("shells.noise", places, packed, result.noise)
-    gpu.launch("shells.means", HEIGHTS, packed, np.int32(AROUND), result.means)
+    gpu.launch("shells.noise", places, shells=packed, out=result.noise)
+    gpu.launch("shells.means", HEIGHTS, shells=packed, around=AROUND, out=result.means)
     positions, normals = gpu.upload(widen(mesh.positions)), gpu.upload(widen(mesh.normals))
-    gpu.launch("shells.lattice", n, packed, positions, normals, result.faces, result.uv, result.lattice)
+    gpu.launch("shells.lattice", n, shells=packed, positions=positions, normals=normals, faces=result.faces,
+               uv=result.uv, out=result.lattice)
     return result
 
 
@@ -179,7 +179,7 @@ def bend(gpu, mesh, packed, pattern, topology, sides=None):
     triangles, starts = sides or border(gpu, mesh, packed, topology)
     normals, positions = gpu.upload(widen(mesh.normals)), gpu.upload(widen(mesh.positions))
     curves = gpu.empty((len(mesh.positions) * (slabs + 1), 4), np.float32)
-    gpu.launch("shells.bend", len(mesh.positions), packed, positions, normals, curves)
+    gpu.launch("shells.bend", len(mesh.positions), shells=packed, positions=positions, normals=normals, curves=curves)
     longest = mesh.longest_edge + 2 * float(packed["size"][0])
     return Shell(pattern, curves, normals, triangles, starts, longest)
 
@@ -196,9 +196,9 @@ def deposit(gpu, grid, shell, packed, method, weight, cells=None):
     step = 0.75 * min(float(grid["face"][1] * grid["face"][2]), deep)
     # Beside a spot cells are tiny: hair there may be coarser than they are, else long fur would take hours.
     parts = -(-min(int(shell.longest / step) + 2, MOST_ROWS, 4 * max(nx, ny, nz)) // ROWS)
-    gpu.launch("shells.deposit", len(pattern.faces) * parts, packed, grid, pattern.faces, shell.curves,
-               pattern.lattice, pattern.means, np.int32(parts), np.float32(deep),
-               np.int32(method == "binary"), np.uint32(weight), cells)
+    gpu.launch("shells.deposit", len(pattern.faces) * parts, shells=packed, grid=grid, faces=pattern.faces,
+               curves=shell.curves, lattice=pattern.lattice, means=pattern.means, parts=parts, deep=deep,
+               binary=method == "binary", weight=weight, cells=cells)
     return cells
 
 
@@ -226,6 +226,7 @@ def about(gpu, view, shell, visible, through, fur, known):
     """
     rows, width, _ = visible.shape
     n = len(shell.normals)
-    gpu.launch("shells.about", rows * width, view, np.int32(len(shell.curves) // n - 1), visible, fur, through,
-               shell.pattern.faces, shell.curves, shell.pattern.uv, *known.values())
+    gpu.launch("shells.about", rows * width, view=view, slabs=len(shell.curves) // n - 1, visible=visible, fur=fur,
+               through=through, faces=shell.pattern.faces, curves=shell.curves, uv=shell.pattern.uv,
+               **{f"out_{name}": array for name, array in known.items()})
     return known
