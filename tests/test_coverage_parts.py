@@ -16,24 +16,25 @@ from clfur.render import OUTPUTS
 
 
 @pytest.mark.parametrize("kind, lod", [("faces", 0), (9001, 0), ("curves", 0), ("curves", 1)])
-def test_parts_and_bands_are_the_same_bits(gpu, sphere, kind, lod):
+def test_parts_and_bands_are_the_same_bits(gpu, another, sphere, kind, lod):
     scene, settings = scene_of(kind, sphere), attrs.evolve(SETTINGS, grid=32, shadow_map=64, lod=lod)
     whole = clfur.draw(scene, gpu, settings, tuple(OUTPUTS), hashes=True)
     assert np.isfinite(whole.images["depth"]).mean() > .2 and whole.images["color"].std() > .05
-    for memory in (3_000_000, 2_000_000):
-        small = clfur.Scheduler(gpu.device, memory=memory)
+    small = another()
+    for small.memory in (3_000_000, 2_000_000):
+        small.forget()
         parts, rows = Work(small, scene).plan(small, settings, True)
         assert len(parts) > 1 and rows < 83
         frame = clfur.draw(scene, small, settings, tuple(OUTPUTS), hashes=True)
         same(whole, frame)
-        assert 0 < frame.memory <= memory
+        assert 0 < frame.memory <= small.memory
 
 
-def test_parts_of_strands_over_shells(gpu, sphere):
+def test_parts_of_strands_over_shells(gpu, another, sphere):
     scene = scene_of("faces", sphere)
     scene = clfur.Scene(sphere, [scene.strands, clfur.Shells(length=.1, frequency=9, layers=5)], scene.camera)
     whole = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True)
-    small = clfur.Scheduler(gpu.device, memory=3_000_000)
+    small = another(3_000_000)
     assert len(Work(small, scene).plan(small, SETTINGS, True)[0]) > 1
     same(whole, clfur.draw(scene, small, SETTINGS, tuple(OUTPUTS), hashes=True))
 
@@ -77,14 +78,15 @@ def recorded(gpu):
 
 
 @pytest.mark.parametrize("others", [("color",), tuple(OUTPUTS)])
-def test_bands_of_too_many_pieces_are_cut(gpu, others):
+def test_bands_of_too_many_pieces_are_cut(gpu, another, others):
     scene = dense((64, 48))
-    whole, cut = clfur.draw(scene, gpu, OFF, others, hashes=True), 0
-    for memory in range(1_300_000, 4_000_000, 300_000):
-        small = clfur.Scheduler(gpu.device, memory=memory)
-        bands = recorded(small)
+    whole, cut, small = clfur.draw(scene, gpu, OFF, others, hashes=True), 0, another()
+    bands = recorded(small)
+    for small.memory in range(1_300_000, 4_000_000, 300_000):
+        small.forget()
+        bands.clear()
         frame = clfur.draw(scene, small, OFF, others, hashes=True)
-        assert frame.memory <= memory and frame.hashes == whole.hashes
+        assert frame.memory <= small.memory and frame.hashes == whole.hashes
         for name in others:
             np.testing.assert_array_equal(frame.images[name], whole.images[name])
         rows = Work(small, scene).plan(small, OFF, others != ("color",))[1]
@@ -92,14 +94,14 @@ def test_bands_of_too_many_pieces_are_cut(gpu, others):
     assert cut
 
 
-def test_a_row_of_too_many_pieces_is_refused(gpu):
+def test_a_row_of_too_many_pieces_is_refused(another):
     scene = dense((64, 1), 20_000)
     scene = clfur.Scene(fur=scene.strands, camera=clfur.Camera(eye=(0, 0, 3), fov=5, size=(64, 1)))
-    small = clfur.Scheduler(gpu.device, memory=1_000_000)
+    small = another(1_000_000)
     with pytest.raises(clfur.Error, match="has no room for .* a row of 64 pixels with [0-9,]+ pieces of strands; "
                                           "allowed: smaller ones, or Settings.raster 'samples'"):
         clfur.render(scene, small, OFF)
-    small = clfur.Scheduler(gpu.device)
+    small = another()
     small.largest = 800_000
     with pytest.raises(clfur.Error, match="has no room for [0-9,]+ pieces of strands in a row of 64 pixels; allowed: "
                                           "a smaller picture, fewer strands, or Settings.raster 'samples'"):
@@ -137,21 +139,21 @@ def test_pieces_beyond_32_bits_are_not_counted(gpu):
         work.too_many(large, OFF, counted[:1], plan, 0, 0)
 
 
-def test_a_team_gives_the_bits_of_one(gpu, sphere):
+def test_a_team_gives_the_bits_of_one(gpu, another, sphere):
     scene = scene_of("faces", sphere)
     whole = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True)
-    team = [clfur.Scheduler(gpu.device), clfur.Scheduler(gpu.device)]
+    team = [another(), another()]
     same(whole, clfur.draw(scene, team, SETTINGS, tuple(OUTPUTS), hashes=True))
-    small = [clfur.Scheduler(gpu.device, memory=memory) for memory in (2_500_000, 3_000_000)]
+    small = [another(memory) for memory in (2_500_000, 3_000_000)]
     same(whole, clfur.draw(scene, small, SETTINGS, tuple(OUTPUTS), hashes=True))
 
 
 @pytest.mark.parametrize("kernel", ["coverage.bound", "coverage.gather", "coverage.light", "raster.body"])
-def test_a_device_that_fails_is_dropped(gpu, sphere, kernel):
+def test_a_device_that_fails_is_dropped(gpu, another, sphere, kernel):
     """What the lost one has seen of the body already is on it, and must not be used."""
     scene = scene_of("faces", sphere)
     whole = clfur.draw(scene, gpu, SETTINGS, hashes=True)
-    team = [clfur.Scheduler(gpu.device), clfur.Scheduler(gpu.device)]
+    team = [another(), another()]
     launch, last = team[0].launch, team[1].launch
 
     def fails(name, size, /, **arguments):

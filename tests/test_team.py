@@ -16,21 +16,10 @@ from clfur.render import OUTPUTS
 SETTINGS = clfur.Settings(raster="samples", samples=4, grid=32, shadow_map=64)
 
 
-@pytest.fixture(scope="module")
-def built(gpu):
-    """Schedulers of this device, and of the next there is, or of itself once more; their kernels are built once."""
-    return [clfur.Scheduler(gpu.device), clfur.Scheduler(DEVICES[(DEVICES.index(gpu.device) + 1) % len(DEVICES)])]
-
-
 @pytest.fixture
-def team(built):
-    """These as if they were new, whatever a test before has put in place of their methods."""
-    yield list(built)
-    for one in built:
-        for name in {"launch", "empty", "upload", "download", "seconds"} & set(vars(one)):
-            delattr(one, name)
-        one.pace.clear()
-        one.forget()
+def team(gpu, another):
+    """This device, and the next there is, or itself once more."""
+    return [another(), another(device=DEVICES[(DEVICES.index(gpu.device) + 1) % len(DEVICES)])]
 
 
 WAYS = {"length": {}, "binary": {"shadows": "binary"}, "lod": {"lod": 1}, "lod-binary": {"lod": 1, "shadows": "binary"}}
@@ -50,9 +39,9 @@ def test_a_team_gives_the_bits_of_one(gpu, team, sphere, kind, way):
         assert frame.device == " + ".join(one.name for one in team)
 
 
-def test_small_devices_in_a_team(gpu, sphere):
+def test_small_devices_in_a_team(gpu, another, sphere):
     scene = scene_of(9001, sphere)
-    small = [clfur.Scheduler(gpu.device, memory=memory) for memory in (1_300_000, 1_700_000)]
+    small = [another(memory) for memory in (1_300_000, 1_700_000)]
     same(clfur.draw(scene, gpu, SETTINGS, hashes=True), clfur.draw(scene, small, SETTINGS, hashes=True))
 
 
@@ -141,10 +130,10 @@ def test_when_all_fail_the_error_is_told(team, sphere):
         clfur.draw(scene_of("faces", sphere), team, SETTINGS)
 
 
-def test_one_frame_at_a_time(gpu, sphere):
+def test_one_frame_at_a_time(another, sphere):
     """A scheduler that draws in one thread is refused to another, and is free again afterwards."""
     scene, inside, go = scene_of("faces", sphere), threading.Event(), threading.Event()
-    one, launch = clfur.Scheduler(gpu.device), None
+    one = another()
     launch = one.launch
 
     def slow(name, size, /, **arguments):
