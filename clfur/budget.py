@@ -9,8 +9,7 @@ import numpy as np
 
 from . import measures
 from .fitted import COSTS, ERRORS, RANGES
-from .fur import Curves, Strands, hair_bounds
-from .scene import extent
+from .scene import Curves, Strands, extent, hair_bounds
 from .settings import CHOSEN, Settings
 from .views import view_of
 

@@ -12,17 +12,17 @@ import attrs
 import numpy as np
 
 from . import budget
-from .device import choose
+from .device.scheduler import Scheduler
+from .device.selection import choose
+from .device.team import Team
 from .errors import Error
 from .parts import Work
 from .scene import Scene
-from .scheduler import Scheduler
 from .settings import Settings
 from .shadows import cast, plan_shadows, settle
 from .stages import coverage, shade, shells
 from .stages.blur import blur, reach_of
 from .stages.raster import raster
-from .team import Team
 from .views import band_of, light_of, one_sample, view_of
 
 OUTPUTS = {"color": 4, "depth": None, "id": None, "tangent": 3, "normal": 3, "uv": 2, "coverage": None}

@@ -11,7 +11,7 @@ import pyopencl as cl
 import pytest
 
 from clfur import Error, cache
-from clfur import device as devices
+from clfur.device import selection as devices
 
 CPU, GPU, OTHER = cl.device_type.CPU, cl.device_type.GPU, cl.device_type.ACCELERATOR
 
@@ -265,7 +265,7 @@ def test_survey(no_wish):
 
 FORKS = """
 import os, sys, clfur
-from clfur import device
+from clfur.device import selection as device
 
 def draw(scene):
     return clfur.render(scene, settings=clfur.Settings(samples=1)).shape

@@ -6,9 +6,10 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from clfur import layout, scheduler, signature
-from clfur.fur import Strands
-from clfur.scene import Scene
+from clfur import layout
+from clfur.device import scheduler, signature
+from clfur.scene.scene import Scene
+from clfur.scene.strands import Strands
 from clfur.stages.raster import NONE, raster
 from clfur.stages.strands import arrays, grow
 from clfur.stages.tessellate import tessellate
