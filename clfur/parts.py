@@ -46,7 +46,7 @@ class Work:
         self.scene, mesh, fur = scene, scene.mesh, scene.strands
         self.grown = isinstance(fur, Strands)
         self.body = mesh is not None and scene.body_color is not None
-        self.levels = (fur.inner, fur.outer, fur.surface) if self.grown else (1, 1, "flat")
+        self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
         # Running sums over the faces: vertices and triangles before each, and of all.
         self.vertices, self.triangles = gpu.keep("sums", (mesh, *self.levels, self.faces), self._sums)
@@ -220,7 +220,7 @@ class Work:
                                 if self.grown else bring(gpu, fur, part.strands))
 
             def thinned():   # within the outermost, so that those of another part go before anything new is made
-                return lod and thin(gpu, whole(), view_of(self.scene, 1), lod, fur.seed if self.grown else 0)
+                return lod and thin(gpu, whole(), view_of(self.scene, 1), lod, fur.seed)
             strands = gpu.keep("thinned", (*what, self.scene.camera, str(lod)) if lod else (), thinned) or whole()
         drawn = part.body or part.faces[1] == part.faces[0]
         return strands, surface if drawn else gpu.keep("no body", (), lambda: no_surface(gpu))

@@ -139,6 +139,23 @@ class Scheduler:
                 there.set(array)
         return there
 
+    def rows(self, array, first, end):
+        """Rows of an array, on this device: of a host array or another context's copied here, else as they are."""
+        if isinstance(array, np.ndarray):
+            return self.upload(array[first:end])
+        with self._watched("takes no data"):
+            if array.queue is not None and array.queue != self.queue:
+                array.queue.finish()
+            if array.base_data.context != self.context:
+                return self.upload(array.get()[first:end])
+            if (first, end, array.offset) == (0, len(array), 0):
+                return array
+            there = self.empty((end - first, *array.shape[1:]), array.dtype)
+            if there.size:
+                cl.enqueue_copy(self.queue, there.base_data, array.base_data, byte_count=there.nbytes,
+                                src_offset=array.offset + first * array.strides[0], dst_offset=0)
+            return there
+
     def download(self, array):
         """Copy of a device array on the host."""
         with self._watched("gives no data"):

@@ -106,16 +106,18 @@ def _geometry(scene):
     mesh, fur = scene.mesh, scene.strands
     body = SimpleNamespace(positions=np.zeros((0, 3)), normals=np.zeros((0, 3)), triangles=np.zeros((0, 4), int))
     if mesh is not None and (scene.body_color is not None or isinstance(fur, Strands)):
-        levels = (fur.inner, fur.outer, fur.surface) if isinstance(fur, Strands) else (1, 1, "flat")
+        levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         body = _tessellated(mesh, *levels)
     if isinstance(fur, Strands):
         hair = _grown(fur, body)
     elif isinstance(fur, Curves):
+        fur = fur.on_host
         counts = fur.counts.astype(int)
         tangents, width, _ = strands.bring(fur.points, counts, fur.width)
+        kind = np.zeros(len(counts), int) if fur.type_of is None else fur.type_of.astype(int)
         hair = SimpleNamespace(points=np.column_stack([fur.points, width]).astype(float), tangents=tangents,
-                               counts=counts, colors=fur.color.astype(float), kind=np.zeros(len(counts), int),
-                               shine=np.array([(fur.specular, fur.exponent, fur.alpha)]))
+                               counts=counts, colors=fur.color.astype(float), kind=kind,
+                               shine=np.array([(t.specular, t.exponent, t.alpha) for t in fur.hair_types]))
     else:
         hair = SimpleNamespace(points=np.zeros((0, 4)), tangents=np.zeros((0, 3)), counts=np.zeros(0, int),
                                colors=np.zeros((1, 3)), shine=np.ones((1, 3)), kind=np.zeros(0, int))

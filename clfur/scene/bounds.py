@@ -20,7 +20,7 @@ def strands_and_shells(fur):
 def points_to_see(mesh, fur):
     """Return arrays [n, 3] of points whose hull, grown by `fur_extent`, holds all that is drawn."""
     strands, _ = strands_and_shells(fur)   # shells grow on the mesh
-    curved = isinstance(strands, Strands) and strands.surface == "pn"
+    curved = strands is not None and strands.surface == "pn"
     points = [mesh.hull if curved else mesh.positions] if mesh is not None else []
     return points + ([strands.on_host.points] if isinstance(strands, Curves) and len(strands.points) else [])
 

@@ -87,6 +87,7 @@ class Scene:
                             "allowed: a Mesh for them to grow on")
         if isinstance(strands, Strands):
             _check_uv(self.mesh, strands)
+        if strands is not None and self.mesh is not None:
             _check_levels(self.mesh, strands)
         if shells is not None and shells.pattern == "sine":
             _check_sines(self.mesh, shells)
@@ -123,10 +124,11 @@ def _check_sines(mesh, shells):
 
 
 def _check_levels(mesh, strands):
+    kind = type(strands).__name__
     for name in ("inner", "outer"):
         levels = getattr(strands, name)
         if isinstance(levels, np.ndarray) and len(levels) != len(mesh.faces):
-            raise Error(f"Strands.{name} has levels for {len(levels)} faces; "
+            raise Error(f"{kind}.{name} has levels for {len(levels)} faces; "
                         f"allowed: {len(mesh.faces)}, the faces that the mesh has kept")
     if not isinstance(strands.outer, np.ndarray):
         return
@@ -137,5 +139,5 @@ def _check_levels(mesh, strands):
     if differ.any():
         at = int(np.argmax(differ))
         one, other = order[at], order[at + 1]
-        raise Error(f"Strands.outer is {levels[at]} at face {one // 3}, edge {one % 3}, but {levels[at + 1]} "
+        raise Error(f"{kind}.outer is {levels[at]} at face {one // 3}, edge {one % 3}, but {levels[at + 1]} "
                     f"at face {other // 3}, edge {other % 3}, which is the same edge; allowed: equal levels")

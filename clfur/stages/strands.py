@@ -84,25 +84,33 @@ def bring(gpu, curves, strands=None):
     first = np.concatenate([[0], np.cumsum(counts)[:-1]]) if n else []
     width_per, color_per = (_per(len(values), len(curves.counts), len(curves.points))
                             for values in (curves.width, curves.color))
-    here = slice(None), slice(begin, end), slice(before, before + total)
-    types = np.zeros(1, layout.HairType)
-    types["shine"][0, :3] = curves.specular, curves.exponent, curves.alpha
+    here = (0, 1), (begin, end), (before, before + total)
+    types, _ = pack_types(curves.hair_types)
+    colors = gpu.rows(curves.color, *here[color_per])
+    none = gpu.empty(0, np.float32)
     grown = Grown(
         points=gpu.empty((total, 4), np.float32),
         tangents=gpu.empty((total, 4), np.float32),
         strand_of=gpu.empty(total, np.uint32),
         spans=gpu.upload(np.stack([first, counts], 1).astype(np.uint32)),
-        colors=gpu.upload(widen(curves.color[here[color_per]])),
-        normals=gpu.full((n, 4), np.float32, 0),
-        uv=gpu.full((n, 4), np.float32, 0),
+        colors=gpu.empty((len(colors), 4), np.float32) if color_per else gpu.upload(widen(gpu.download(colors))),
+        normals=gpu.empty((n, 4), np.float32),
+        uv=gpu.empty((n, 4), np.float32),
         types=gpu.upload(types),
         first_strand=begin,
         first_point=before,
         color_per=color_per,
     )
-    gpu.launch("strands.bring", n, packed=gpu.upload(curves.points[before:before + total]),
-               widths=gpu.upload(curves.width[here[width_per]]), width_per=width_per,
-               **arrays(grown, "spans", "points", "tangents", "strand_of"))
+    normals, uv = (none if each is None else gpu.rows(each, begin, end)
+                   for each in (curves.root_normal, curves.root_uv))
+    type_of = np.zeros(0) if curves.type_of is None else curves.type_of[begin:end]
+    gpu.launch("strands.bring", n, packed=gpu.rows(curves.points, *here[2]),
+               widths=gpu.rows(curves.width, *here[width_per]), width_per=width_per, packed_colors=colors,
+               root_normals=normals, has_normals=curves.root_normal is not None,
+               root_uv=uv, has_uv=curves.root_uv is not None,
+               type_of=gpu.upload(type_of.astype(np.uint32)), has_types=curves.type_of is not None,
+               **arrays(grown, "spans", "color_per", "points", "tangents", "strand_of", "colors", "strand_normal",
+                        "strand_uv"))
     return grown
 
 
