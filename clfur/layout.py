@@ -148,9 +148,9 @@ class Declared:
         return gpu.empty(shape, self.dtype) if self.fill is None else gpu.full(shape, self.dtype, self.fill)
 
 
-def array(of, dtype, width=None, fill=None):
-    """A field of `Arrays` that holds an array on the device; see `Declared`."""
-    return dataclasses.field(metadata={"declared": Declared(of, dtype, width, fill)})
+def array(of, *rest, **keys):
+    """A field of `Arrays` that holds an array on the device: a `Declared`, or what makes one."""
+    return dataclasses.field(metadata={"declared": of if isinstance(of, Declared) else Declared(of, *rest, **keys)})
 
 
 class Arrays:

@@ -10,12 +10,11 @@ from .stages.blur import reach_of
 from .stages.coverage import COUNTED, RADIANCE_SUMS, REACHED, Fragments, Resolved
 from .stages.lod import THINNED, thin
 from .stages.raster import VISIBLE
-from .stages.shade import IMAGE, About
+from .stages.shade import IMAGE, About, Shadows
 from .stages.shells import bend, border, lay, pack, size_of, topology_of
 from .stages.strands import AREA, Grown, Packed, Roots, area_of, bring, first_strand_at, grow, no_strands
 from .stages.tessellate import Source, Surface, counts_of, levels_of, no_surface, tessellate
 from .stages.voxelize import CELLS
-from .stages.zscan import SUMS
 from .views import view_of
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
@@ -95,11 +94,11 @@ class Work:
         first, end = strands or (0, self.strands)
         scene, width, height = self.scene, *self.scene.camera.size
         piece = gpu.largest * 7 // 8                      # the pool rounds arrays up, by up to a sixteenth
-        fixed = settings.shadow_map**2 * VISIBLE.bytes + self.faces * MESH_FACE
+        fixed = Shadows.bytes(sample=settings.shadow_map**2) + self.faces * MESH_FACE
         if scene.mesh is not None:
             fixed += len(scene.mesh.positions) * MESH_VERTEX
         if settings.shadows != "off" and (self.strands or scene.shells):
-            fixed += (settings.grid + 1) * settings.grid**2 * (CELLS.bytes + SUMS.bytes)
+            fixed += CELLS.bytes * settings.grid**3 + Shadows.bytes(layer=(settings.grid + 1) * settings.grid**2)
         row = width * (VISIBLE.bytes * settings.samples + IMAGE.bytes + KNOWN * bool(others))
         if self.covering(settings):
             row += width * (PIXEL + Resolved.bytes(sample=settings.samples)) + self._row_pieces(pieces) * FRAGMENT

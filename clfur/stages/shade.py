@@ -7,7 +7,9 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, Declared, array
+from .raster import VISIBLE
 from .strands import arrays
+from .zscan import SUMS
 
 IMAGE = Declared("pixel", np.float32, 4, 0)   # linear, premultiplied r, g, b, alpha
 
@@ -19,8 +21,8 @@ class Shadows(Arrays):
     shadow: np.void                             # layout.Shadow
     grid: np.void                               # layout.Grid
     seen: np.void                               # layout.View of the light
-    sums: Any = array("cell", np.float32)   # [nz + 1, ny, nx] crossings before each layer
-    map: Any = array("texel", np.uint64)        # [size, size, 1] the raster of the body
+    sums: Any = array(SUMS)                     # [nz + 1, ny, nx] crossings before each layer
+    map: Any = array(VISIBLE)                   # [size, size, 1] the raster of the body
 
     def arrays(self):
         """All of it, as arguments of a launch."""
@@ -29,7 +31,7 @@ class Shadows(Arrays):
 
 def no_shadows(gpu):
     """`Shadows` of nothing."""
-    return Shadows.empty(gpu, {"cell": 0, "texel": 0}, shadow=np.zeros((), layout.Shadow),
+    return Shadows.empty(gpu, {"layer": 0, "sample": 0}, shadow=np.zeros((), layout.Shadow),
                          grid=np.zeros((), layout.Grid), seen=np.zeros((), layout.View))
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..layout import Declared
 
-SUMS = Declared("cell", np.float32)   # crossings before each layer of cells
+SUMS = Declared("layer", np.float32)   # crossings before a cell of each layer, and behind all
 
 
 def zscan(gpu, cells, unit):
