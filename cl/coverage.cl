@@ -7,6 +7,9 @@
  * are drawn.
  */
 #include "clip.h"
+#include "lanes.h"
+#include "seen.h"
+#include "scatter.h"
 #include "light.h"
 
 #define CHAINS 8            // strands whose pieces in a pixel are remembered: these lie beside each other, not behind

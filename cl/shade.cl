@@ -3,6 +3,9 @@
  * body; and what else is known of a pixel.
  */
 
+#include "lanes.h"
+#include "seen.h"
+#include "scatter.h"
 #include "light.h"
 
 /* Weights of a triangle's corners at a point of its plane. */

@@ -9,6 +9,7 @@ from .scene import Curves, Strands
 from .stages.blur import reach_of
 from .stages.coverage import COUNTED, RADIANCE_SUMS, REACHED, Fragments, Resolved
 from .stages.lod import THINNED, thin
+from .stages.march import Rays
 from .stages.raster import VISIBLE
 from .stages.shade import IMAGE, About, Shadows
 from .stages.shells import bend, border, lay, pack, size_of, topology_of
@@ -106,7 +107,7 @@ class Work:
         if scene.shells:
             shells = size_of(scene.mesh, self._pack(settings)[0], self.topology(gpu))
             fixed += shells
-            row += width * 24 * settings.samples
+            row += width * settings.samples * (VISIBLE.bytes + Rays.bytes(sample=1))   # where they enter
         fewest = 1                                        # rows of the picture that are blurred at a time
         if settings.blur != "off":
             row, fewest = max(row, width * 3 * IMAGE.bytes), min(2 * reach_of(settings.blur_sigma) + 1, height)

@@ -20,7 +20,7 @@ from .parts import Work
 from .scene import Scene
 from .settings import Settings
 from .shadows import cast, plan_shadows, settle
-from .stages import coverage, shade, shells
+from .stages import coverage, march, shade, shells
 from .stages.blur import blur, reach_of
 from .stages.raster import raster
 from .views import band_of, light_of, one_sample, view_of
@@ -198,7 +198,7 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
             digests.update(told)
         if scene.shells:
             shell, packed = work.make_shell(gpu, settings)
-            image, through, fur = shells.march(gpu, view, shell, packed, light, settings.specular, visible, shadows)
+            image, through, fur = march.march(gpu, view, shell, packed, light, settings.specular, visible, shadows)
         seen = view, visible, through, fur
         if covering:
             pixels, lights = coverage.bound(gpu, visible), None

@@ -14,6 +14,7 @@ from clfur.stages.raster import raster
 from clfur.stages.strands import bring, grow, no_strands
 from clfur.stages.tessellate import no_surface, tessellate
 from clfur.twin import shade as twin
+from clfur.twin import vectors
 from clfur.views import light_of, view_of
 
 NONE = np.uint64(twin.NONE)
@@ -186,7 +187,7 @@ def test_light_of_a_fibre_is_the_twins(gpu, form, exponent):
         image, meant = lit(gpu, tangents, to_light, to_eye, form, (0.2, 0.5, 0.9), 0.7, exponent, ambient=0.1)
         assert np.isfinite(image).all()
         others = [to_light, to_eye] + [unit(to_light + to_eye)] * (form == "half-vector")
-        least = np.min([twin.sine(tangents, each) for each in others], 0)
+        least = np.min([vectors.sine(tangents, each) for each in others], 0)
         t = 1 + np.minimum(1 / least, SINE_AT_ZERO * 2**24)
         tolerance = 2 * 2.0**-24 * t * (1 + exponent) + np.exp(-16)
         assert (np.abs(image - meant).max(1) <= tolerance).all()

@@ -71,7 +71,7 @@ def gather(gpu, view, strands, fragments):
 def resolve(gpu, visible, fragments, through=None, fur=None):
     """Sort the fragments of each pixel and hide them behind each other -> `Resolved`.
 
-    ``visible``: [rows, width, samples] uint64, the body's.  ``through``, ``fur``: what `shells.march` gave, if there
+    ``visible``: [rows, width, samples] uint64, the body's.  ``through``, ``fur``: what `march.march` gave, if there
     are shells; ``through`` is written anew.
     """
     rows, width, samples = visible.shape

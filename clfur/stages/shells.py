@@ -1,4 +1,4 @@
-"""Shell fur: the space between the skin and the tips, and the rays that go through it."""
+"""Shell fur: the space between the skin and the tips, and the hairs that stand in it."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,8 +7,6 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, Declared, array
-from .raster import NONE, raster
-from .shade import no_shadows
 from .tessellate import widen
 from .voxelize import CELLS
 
@@ -16,7 +14,6 @@ HEIGHTS, AROUND = 64, 96     # of the table of means, and places looked at for e
 CORNERS = 5                  # float4 a face in the lattice
 SLABS = 4                    # straight pieces of a bent hair
 MOST_NOISE = 16, 256         # lattices of the noise along a side, in space and on the skin
-ENTRIES = 8                  # times that a ray may come into the fur
 ROWS, MOST_ROWS = 16, 4096   # of a face's points in the light's grid: that a work-item does, and all
 
 
@@ -55,7 +52,7 @@ class Shell(Arrays):
     curves: Any = array("curve", np.float32, 4)      # [V * (slabs + 1), 4] world: how hairs are bent at each vertex
     normals: Any = array("vertex", np.float32, 4)    # of the skin
     triangles: Any = array("border", np.uint32, 4)   # where rays come in: corners of curves, seen counter-clockwise
-    border: Any = array("border", np.uint32, 4)      # face, place in it: see march in shells.cl
+    border: Any = array("border", np.uint32, 4)      # face, place in it: see march.cl
     longest: float = 0.0                             # no side of these triangles is longer [world]
 
     @property
@@ -196,35 +193,6 @@ def bend(gpu, mesh, packed, pattern, topology, sides=None):
     return shell
 
 
-def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
-    """Take all rays through the fur -> (image, through, fur).
-
-    image: [rows, width, 4] float32, the light of the fur, premultiplied. through: [rows, width, samples] float32, the
-    share of light that comes from what ``visible`` holds. fur: [rows, width, samples] uint64, depth << 32 | face where
-    half of it is gone.
-    """
-    rows, width, samples = visible.shape
-    shadows = shadows or no_shadows(gpu)
-    image = gpu.full((rows, width, 4), np.float32, 0)
-    through, after = gpu.full(visible.shape, np.float32, 1), gpu.full(visible.shape, np.uint32, 0)
-    fur = gpu.full(visible.shape, np.uint64, NONE)
-    pattern = shell.pattern
-    across, down = (1, 1) if gpu.lanes == 1 else (4, gpu.lanes // 4)   # a work-item's pixels
-    blocks = -(-width // across) * -(-rows // down)
-    for _ in range(ENTRIES):
-        left = gpu.full(1, np.int32, 0)
-        with gpu.called("entries"):
-            entries = raster(gpu, view, None, shell, after=after)
-        gpu.launch("shells.march", blocks, view=view, shells=packed, light=light,
-                   half_vector=specular == "half-vector", visible=visible, entries=entries, border=shell.border,
-                   faces=pattern.faces, neighbours=pattern.neighbours, curves=shell.curves, normals=shell.normals,
-                   lattice=pattern.lattice, noise=pattern.noise, means=pattern.means, noise_box=pattern.box,
-                   after=after, through=through, fur=fur, left=left, image=image, **shadows.arrays())
-        if not int(gpu.download(left)[0]):
-            break
-    return image, through, fur
-
-
 def deposit(gpu, grid, shell, packed, method, weight, cells=None):
     """Put shell fur into a `layout.Grid` -> [nz, ny, nx] uint32: how often a ray of light is expected to enter hair.
 
@@ -259,7 +227,8 @@ def bounds_of(gpu, shell):
 
 
 def about(gpu, view, shell, visible, through, fur, known):
-    """Put what is known of the fur over what `shade.about` knows of ``visible``; ``through``, ``fur``: of `march`.
+    """Put what is known of the fur over what `shade.about` knows of ``visible``; ``through``, ``fur``: what
+    `march.march` gave.
 
     Where half of the nearest fur's light is gone before all else: depth, id -3, tangent, the hair's direction, normal,
     across it, and uv of its root.  coverage: what alpha is.
