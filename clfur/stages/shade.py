@@ -27,26 +27,45 @@ def no_shadows(gpu):
                    np.zeros((), layout.View), gpu.empty(0, np.uint64))
 
 
-def color(gpu, view, light, specular, visible, strands, body, body_color, shadows=None, image=None, samples=None,
-          through=None):
+def color(gpu, view, light, specular, visible, strands, body, body_color, shadows=None, image=None, through=None,
+          sums=None):
     """Light every sample and average -> [rows, width, 4] float32, linear, premultiplied, alpha = coverage.
 
     Strands by Kajiya and Kay (1989), the body by Lambert; ``specular`` as in `clfur.Settings`.  ``shadows``: `Shadows`.
-    ``strands`` and ``body`` may be a part of what is visible: it is then added to ``image``, and the sum
-    is the same bits if each of the ``samples`` (first, one past the last) is added for all parts before the next.
-    ``through``: [rows, width, samples] float32, the share of each sample's light and coverage that comes through what
-    stands before it and is in ``image`` already; all of it if None.
+    ``image``: what it is added to.  ``through``: [rows, width, samples] float32, the share of each sample's light and
+    coverage that comes through what stands before it and is in ``image`` already; all of it if None.
+    ``strands`` and ``body`` may be a part of what is visible: it is then added to ``sums``, see `blend`.
     """
     shadows = shadows or no_shadows(gpu)
-    rows, width, all_samples = visible.shape
-    image = gpu.full((rows, width, 4), np.float32, 0) if image is None else image
-    gpu.launch("shade.color", rows * width, view, _part(strands, body), vector(samples or (0, all_samples), np.int32),
+    rows, width, _ = visible.shape
+    if sums is None and image is None:
+        image = gpu.full((rows, width, 4), np.float32, 0)
+    gpu.launch("shade.color", rows * width, view, _part(strands, body),
                light, np.int32(specular == "half-vector"), visible,
                strands.points, strands.tangents, strands.strand_of, strands.normals, strands.uv, strands.types,
                strands.colors, np.int32(strands.color_per),
                body.positions, body.normals, body.triangles, vector((*body_color, 0), np.float32),
                shadows.shadow, shadows.grid, shadows.sums, shadows.seen, shadows.map,
-               np.int32(through is not None), gpu.empty(0, np.float32) if through is None else through, image)
+               np.int32(through is not None), gpu.empty(0, np.float32) if through is None else through,
+               np.int32(sums is not None), gpu.empty(0, np.int64) if sums is None else sums,
+               gpu.empty(0, np.float32) if image is None else image)
+    return image if sums is None else sums
+
+
+def no_light(gpu, visible):
+    """Sums of no light yet for the pixels of ``visible`` -> [rows, width, 4] int64, r, g, b, alpha in 2^-32."""
+    return gpu.full((*visible.shape[:2], 4), np.int64, 0)
+
+
+def blend(gpu, sums, image=None, veil=None):
+    """Put sums of light over an ``image`` -> [rows, width, 4] float32, linear, premultiplied.
+
+    ``veil``: [rows, width] float32, the share of the image's light that comes through; all of it if None.
+    """
+    rows, width, _ = sums.shape
+    image = gpu.full((rows, width, 4), np.float32, 0) if image is None else image
+    gpu.launch("shade.blend", rows * width, sums, np.int32(veil is not None),
+               gpu.empty(0, np.float32) if veil is None else veil, image)
     return image
 
 
