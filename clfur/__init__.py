@@ -1,20 +1,23 @@
 """Fur and hair on meshes, rendered with OpenCL."""
 
+from ._moved import install
 from .budget import PRESETS
-from .compare import Comparison, compare
+from .device.scheduler import Scheduler
 from .errors import DeviceError, Error
-from .frontier import Frontier, frontier
-from .fur import Curves, HairType, PointForce, Strands
-from .image import save
-from .mesh import load_mesh
+from .files.images import save
+from .files.meshes import load_mesh
+from .judge import truth
+from .judge.compare import Comparison, compare
+from .judge.frontier import Frontier, frontier
 from .render import Frame, draw, render
-from .scene import Camera, Light, Mesh, Scene
-from .scheduler import Scheduler
+from .scene import Camera, Curves, HairType, Light, Mesh, PointForce, Scene, Shells, Strands
 from .settings import Settings
-from .shell_fur import Shells
 
 __all__ = [
     "PRESETS", "Camera", "Comparison", "Curves", "DeviceError", "Error", "Frame", "Frontier", "HairType", "Light",
     "Mesh", "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "compare", "draw", "frontier",
-    "load_mesh", "render", "save",
+    "load_mesh", "render", "save", "truth",
 ]
+
+install()
+del install

@@ -1,5 +1,5 @@
 """`python -m clfur` is the `clfur` command."""
 
-from .cli import main
+from .command.main import main
 
 main()

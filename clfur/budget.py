@@ -9,8 +9,8 @@ import numpy as np
 
 from . import measures
 from .fitted import COSTS, ERRORS, RANGES
-from .fur import Curves, Strands, hair_bounds
 from .pipeline.views import Rig
+from .scene import Curves, Strands, hair_bounds
 from .settings import CHOSEN, Settings
 
 # From cheap to dear; docs/budget.md tells why these.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .image import linear_to_srgb
+from .color import linear_to_srgb
 
 
 def measure(picture, truth):

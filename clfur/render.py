@@ -6,13 +6,13 @@ from contextlib import ExitStack
 from dataclasses import replace
 
 from . import budget
-from .device import choose
+from .device.scheduler import Scheduler
+from .device.selection import choose
+from .device.team import Team
 from .errors import Error
 from .pipeline.picture import OUTPUTS, Frame, draw_frame
 from .scene import Scene
-from .scheduler import Scheduler
 from .settings import Settings
-from .team import Team
 
 __all__ = ["OUTPUTS", "Frame", "draw", "render", "schedulers"]
 

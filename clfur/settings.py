@@ -2,8 +2,8 @@
 
 import attrs
 
-from . import checks
 from .errors import Error
+from .scene import checks
 
 RASTERS = ("coverage", "samples")
 CHOSEN = ("samples", "raster", "shadows", "grid", "shadow_map", "pcf", "lod")   # by `Settings.max_error` and seconds

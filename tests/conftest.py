@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from support.devices import DEVICES
+from support.scenes import icosphere
 
 import clfur
-from clfur import device
-from clfur.cli import main
-
-DEVICES = device.find()
+from clfur.command.main import main
+from clfur.device import selection as device
 
 
 def pytest_report_header(config):
@@ -28,27 +28,6 @@ def fresh(request):
     yield
     if "gpu" in request.fixturenames:
         request.getfixturevalue("gpu").forget()
-
-
-def icosphere(subdivisions):
-    """Unit sphere of 20·4^n triangles -> (positions [V, 3], faces [F, 3])."""
-    g = (1 + 5**0.5) / 2
-    positions = [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g),
-                 (0, -1, -g), (0, 1, -g), (g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)]
-    faces = [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2),
-             (10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5),
-             (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)]
-    positions, faces = np.array(positions, float), np.array(faces)
-    for _ in range(subdivisions):
-        a, b, c = (positions[faces[:, i]] for i in range(3))
-        n, f = len(positions), len(faces)
-        middles = np.concatenate([a + b, b + c, c + a])
-        ab, bc, ca = (np.arange(f) + n + i * f for i in range(3))
-        faces = np.concatenate([np.stack(t, 1) for t in (
-            (faces[:, 0], ab, ca), (ab, faces[:, 1], bc), (ca, bc, faces[:, 2]), (ab, bc, ca))])
-        positions = np.concatenate([positions, middles])
-        positions /= np.linalg.norm(positions, axis=1, keepdims=True)
-    return positions / np.linalg.norm(positions, axis=1, keepdims=True), faces
 
 
 @pytest.fixture(scope="session")
@@ -74,18 +53,10 @@ def command(tmp_path, monkeypatch, capfd):
     return run
 
 
-def wrong(result, *words):
-    code, out, err = result
-    assert (code, out) == (2, "")
-    assert err.startswith("clfur: error: ") and err.count("\n") == 1 and err.endswith("\n"), err
-    for word in words:
-        assert word in err
-
-
 @pytest.fixture
 def comparison():
     """A `clfur.Comparison` made up: two devices agree, one without times of stages, one crashed, one differs."""
-    from clfur.compare import Comparison, Difference, Row, Spread
+    from clfur.judge.compare import Comparison, Difference, Row, Spread
     picture = np.zeros((12, 16, 4), np.float32)
     picture[3:9, 4:12] = 0.5, 0.25, 0.125, 1
     other = picture.copy()
@@ -107,8 +78,8 @@ def comparison():
 @pytest.fixture
 def measured():
     """A `clfur.Frontier` made up: 40 settings, of which a dozen that stand close together are the frontier."""
-    from clfur.compare import Spread
-    from clfur.frontier import Frontier, Point, label
+    from clfur.judge.compare import Spread
+    from clfur.judge.frontier import Frontier, Point, label
     points = []
     for place in range(40):
         best = place % 3 == 0 and place < 36

@@ -10,8 +10,8 @@ import pytest
 from matplotlib.text import Text
 
 import clfur
-from clfur import chart
-from clfur.image import load_picture
+from clfur.files.images import load_picture
+from clfur.judge import chart
 
 
 def texts(figure):

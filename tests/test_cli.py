@@ -9,7 +9,7 @@ from pathlib import Path
 import attrs
 import numpy as np
 import pytest
-from conftest import wrong
+from support.command import wrong
 
 from clfur import Settings
 
@@ -322,7 +322,7 @@ def test_a_full_disk_on_stdout_is_one_line(tmp_path):
 def test_interrupted(clfur, tmp_path, monkeypatch):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
-    monkeypatch.setattr("clfur.cli.draw", interrupt)
+    monkeypatch.setattr("clfur.command.render.draw", interrupt)
     code, out, err = clfur("render", "sphere")
     assert (code, out, err.strip()) == (130, "", "clfur: interrupted")
     assert not list(tmp_path.iterdir())
@@ -336,7 +336,7 @@ def test_help(clfur):
 
 def test_as_a_process(tmp_path):
     """The same from a shell: exit code 2, one line, no traceback."""
-    command = "from clfur.cli import main; main()"
+    command = "from clfur.command.main import main; main()"
     checkout = str(Path(__file__).parents[1])   # where clfur is when it is not installed
     done = subprocess.run([sys.executable, "-c", command, "render", "missing.obj"], check=False,
                           cwd=tmp_path, env=os.environ | {"PYTHONPATH": checkout},

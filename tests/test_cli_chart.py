@@ -10,12 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import wrong
+from support.command import wrong
 
-from clfur import Settings, cli_chart
+from clfur import Settings
+from clfur.command import chart as cli_chart
 
 TINY = ["--size", "16x12", "--roots", "50", "--inner", "1", "--outer", "1"]
-library = sys.modules["clfur.frontier"]
+library = sys.modules["clfur.judge.frontier"]
 
 
 @pytest.fixture(autouse=True)

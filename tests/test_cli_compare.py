@@ -10,10 +10,11 @@ from pathlib import Path
 
 import attrs
 import pytest
-from conftest import wrong
+from support.command import wrong
 
-from clfur import cli_compare, cli_devices
-from clfur.isolated import Outcome
+from clfur.command import compare as cli_compare
+from clfur.command import devices as cli_devices
+from clfur.judge.isolated import Outcome
 
 TINY = ["--size", "32x24", "--roots", "100", "--inner", "1", "--outer", "1", "--repeat", "1"]
 
@@ -90,7 +91,7 @@ def test_without_flip(clfur, made, comparison):
     (["--size", "0x1"], ["--size"]),
 ])
 def test_wrong_arguments(clfur, tmp_path, monkeypatch, arguments, words):
-    monkeypatch.setattr(sys.modules["clfur.compare"], "isolated", None)   # nothing is drawn
+    monkeypatch.setattr(sys.modules["clfur.judge.compare"], "isolated", None)   # nothing is drawn
     wrong(clfur("compare", *arguments), *words)
     assert not list(tmp_path.iterdir())
 

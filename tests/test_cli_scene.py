@@ -4,9 +4,10 @@ import attrs
 import click
 import numpy as np
 import pytest
-from conftest import wrong
+from support.command import wrong
 
-from clfur import PRESETS, Curves, Error, Settings, Shells, Strands, cli_scene, load_mesh
+from clfur import PRESETS, Curves, Error, Settings, Shells, Strands, load_mesh
+from clfur.command import options as cli_scene
 
 
 @click.command()

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import clfur
-from clfur import device, isolated
+from clfur.device import selection as device
+from clfur.judge import isolated
 
-library = sys.modules["clfur.compare"]   # the module: clfur.compare is its function
+library = sys.modules["clfur.judge.compare"]   # the module: clfur.compare is its function
 
 
 def scene(sphere):
@@ -94,7 +95,7 @@ def changed(pixels, by):
 
 
 def made_up(device, scene, settings, repeat):
-    """In place of `clfur.compare._measure`: what a device of this name would do."""
+    """In place of `clfur.judge.compare._measure`: what a device of this name would do."""
     isolated.tell("a frame")
     if device == "crash":
         print("LLVM ERROR: out of registers", flush=True)
@@ -104,8 +105,9 @@ def made_up(device, scene, settings, repeat):
     elif device == "error":
         raise clfur.Error("the device is out of memory")
     elif device == "resident":
-        sys.modules["clfur.compare"].draw = lambda *_, **__: clfur.Frame({"color": PICTURE}, "", 1, 2, 3, 1, {}, 5, {})
-        return sys.modules["clfur.compare"]._measure("auto", None, None, 1)
+        module = sys.modules["clfur.judge.compare"]
+        module.draw = lambda *_, **__: clfur.Frame({"color": PICTURE}, "", 1, 2, 3, 1, {}, 5, {})
+        return module._measure("auto", None, None, 1)
     return {"bits": lambda: measured(hashes={"visibility": "a", "voxels": "c"}),
             "few": lambda: changed(2, 0.5), "many": lambda: changed(3, 0.5), "faint": lambda: changed(2000, 9e-4),
             "nan": lambda: changed(3, np.nan), "stopped": lambda: measured(stages=[{"raster": 2e-9}] * 2),

@@ -11,7 +11,7 @@ import pyopencl as cl
 import pytest
 
 from clfur import Error, cache
-from clfur import device as devices
+from clfur.device import selection as devices
 
 CPU, GPU, OTHER = cl.device_type.CPU, cl.device_type.GPU, cl.device_type.ACCELERATOR
 

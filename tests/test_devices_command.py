@@ -10,9 +10,12 @@ from pathlib import Path
 import platformdirs
 import pytest
 
-from clfur import cache, cli_devices, device, vendors
-from clfur.cli import main
-from clfur.isolated import Outcome
+from clfur import cache
+from clfur.command import devices as cli_devices
+from clfur.command.main import main
+from clfur.device import selection as device
+from clfur.device import vendors
+from clfur.judge.isolated import Outcome
 
 EPYC, LONG = "[bold]EPYC[/bold] :smile:", "Processor-" * 9   # names that are markup to rich, or too long
 ROOT = Path(__file__).resolve().parents[1]
@@ -55,7 +58,7 @@ def made_up(run, monkeypatch):
     checks = {"0:0": Outcome("ok", ""), "0:1": Outcome("ok", ""), "1:0": Outcome("ok", "")}
 
     def isolated(function, *arguments, **_):
-        return Outcome("ok", machine()) if function == "clfur.device:survey" else checks[arguments[0]]
+        return Outcome("ok", machine()) if function == "clfur.device.selection:survey" else checks[arguments[0]]
     monkeypatch.setattr(cli_devices, "isolated", isolated)
     return run, checks
 
@@ -132,7 +135,7 @@ def test_two_cards_of_one_kind(made_up, monkeypatch):
     twins["platforms"][0]["devices"][0]["identity"] = ["Xeon", "1.2"]
     isolated = cli_devices.isolated
     monkeypatch.setattr(cli_devices, "isolated", lambda function, *a, **k: Outcome("ok", twins)
-                        if function == "clfur.device:survey" else isolated(function, *a, **k))
+                        if function == "clfur.device.selection:survey" else isolated(function, *a, **k))
     checks["0:0"] = Outcome("crash", None, "died")
     assert run("--check")[0] == 1 and cache.recall(["Xeon", "1.2"]) == ("crash", "died")
 

@@ -9,8 +9,8 @@ import time
 import pytest
 
 import clfur
-from clfur import device
-from clfur.isolated import isolated
+from clfur.device import selection as device
+from clfur.judge.isolated import isolated
 
 HANDLES = [(text, one) for text, one in device.handles()]
 POCL = [text for text, one in HANDLES if "pocl" in one.platform.version.lower()]
@@ -23,7 +23,7 @@ POCL = [text for text, one in HANDLES if "pocl" in one.platform.version.lower()]
 def test_neither_threads_nor_work_group_method_change_a_bit(tmp_path, text, variable, value):
     """The self-test compares visibility, voxels and shadow map by hash, and the colours."""
     (tmp_path / "cache").mkdir()   # PoCL does not tell what it has compiled by one method from another's
-    outcome = isolated("clfur.selftest:check", text, seconds=120,
+    outcome = isolated("clfur.judge.selftest:check", text, seconds=120,
                        environment={variable: value, "POCL_CACHE_DIR": str(tmp_path / "cache")})
     assert (outcome.status, outcome.value) == ("ok", ""), outcome
 
@@ -31,8 +31,8 @@ def test_neither_threads_nor_work_group_method_change_a_bit(tmp_path, text, vari
 @pytest.mark.parametrize("text", [text for text, _ in HANDLES])
 def test_an_interrupt_ends_it_in_two_seconds(tmp_path, text):
     """A frame of many seconds, whose kernels are built already: Ctrl-C ends it, and leaves no file."""
-    command = [sys.executable, "-c", "from clfur.cli import main; main()", "render", "sphere", "--roots", "1000000",
-               "--samples", "16", "--device", text, "-o", "a.png"]
+    command = [sys.executable, "-c", "from clfur.command.main import main; main()", "render", "sphere",
+               "--roots", "1000000", "--samples", "16", "--device", text, "-o", "a.png"]
     places = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     small = command + ["--roots", "70000", "--size", "300x240"]   # also by as many work-items as the large frame's
     subprocess.run(small, cwd=tmp_path, check=True, capture_output=True, env=places)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import clfur
-from clfur import device
 from clfur.cache import digest
-from clfur.frontier import label, sweep
+from clfur.device import selection as device
+from clfur.judge.frontier import label, sweep
 
-library = sys.modules["clfur.frontier"]   # the module: clfur.frontier is its function
+library = sys.modules["clfur.judge.frontier"]   # the module: clfur.frontier is its function
 WAYS = [clfur.Settings(samples=1, shadows="off"), clfur.Settings(), clfur.Settings(samples=16, grid=32)]
 TIMED = {"times", "seconds", "best"}
 

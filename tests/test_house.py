@@ -11,8 +11,8 @@ from clfur import layout
 
 ROOT = Path(__file__).resolve().parents[1]
 MODULES = sorted((ROOT / "clfur").rglob("*.py"))
+TESTS = sorted((ROOT / "tests").rglob("*.py"))
 KERNELS = sorted((ROOT / "cl").glob("*.cl"))
-STANDARD = {"bisect", "dataclasses", "typing", "math"}
 
 
 def stems(folder, suffix):
@@ -41,21 +41,16 @@ def imported(source, package):
     return names
 
 
-def imports_of(path):
-    relative = path.relative_to(ROOT)
-    return imported(path.read_text(), ".".join(relative.parent.parts))
-
-
 def top(name):
     return name.split(".")[0]
 
 
 def test_imports_are_seen():
     """The rules below are worth what `imported` sees."""
-    seen = imported("import numpy as np, os.path\nfrom . import layout\nfrom ..scheduler import Scheduler\n"
+    seen = imported("import numpy as np, os.path\nfrom . import layout\nfrom ..device.scheduler import Scheduler\n"
                     "from clfur.stages import raster\ndef f():\n    from pyopencl import tools\n"
                     "    importlib.import_module('trimesh')", "clfur.stages")
-    assert seen == {"numpy", "os.path", "clfur.stages.layout", "clfur.scheduler.Scheduler",
+    assert seen == {"numpy", "os.path", "clfur.stages.layout", "clfur.device.scheduler.Scheduler",
                     "clfur.stages.raster", "pyopencl.tools", "trimesh"}
     assert imported("from .. import layout", "clfur.stages") == {"clfur.layout"}
     assert len(MODULES) > 15 and len(KERNELS) >= 4
@@ -73,51 +68,178 @@ def test_the_stages_are_there():
     assert {"tessellate", "strands", "raster", "shade"} <= set(STAGES)
 
 
+# What each package, or module at the top, may see of clfur, and of others what not all may.  A package sees itself.
+SEES = {
+    "errors": "", "color": "", "layout": "", "twin": "", "fitted": "",
+    "scene": "errors color",
+    "settings": "errors scene",
+    "cache": "errors",
+    "measures": "color",
+    "device": "errors layout cache pyopencl",
+    "files": "errors color scene trimesh imageio OpenEXR Imath",
+    "stages": "layout",
+    "pipeline": "errors layout scene settings stages device",
+    "budget": "errors scene settings measures fitted pipeline",
+    "render": "errors scene settings device pipeline budget",
+    "judge": "errors color cache measures layout settings scene files device budget render twin stages.tessellate",
+    "command": "clfur errors color cache settings scene files device judge",
+    "_moved": "", "__main__": "command", "__init__": "*",
+}
+GUARDED = {"pyopencl", "trimesh", "imageio", "OpenEXR", "Imath"}
+STANDARD = {"bisect", "dataclasses", "typing", "math", "numpy"}   # all that stages, layout and twins may see of others
+
+
+def seen_of(name):
+    """What of clfur a full name belongs to: "clfur.stages.raster.raster" -> "stages"; "clfur" for its public names."""
+    parts = name.split(".")
+    known = len(parts) > 1 and (ROOT / "clfur" / parts[1]).with_suffix(".py").is_file() or (
+        len(parts) > 1 and (ROOT / "clfur" / parts[1]).is_dir())
+    return parts[1] if known else "clfur"
+
+
+def breaches(module, source):
+    """What a module's text ("clfur.stages.raster", ...) imports that it may not."""
+    place = module.split(".")[1]
+    allowed = set(SEES[place].split()) | {place}
+    names = imported(source, module.rpartition(".")[0])
+    if "*" in allowed:
+        return []
+    wrong = [name for name in names if top(name) in GUARDED - allowed or top(name) in ("tests", "tools", "conftest")]
+    if place in ("stages", "layout", "twin"):
+        wrong += [name for name in names if top(name) not in STANDARD | {"clfur"}]
+    for name in names:
+        if top(name) == "clfur" and seen_of(name) not in allowed and not any(
+                f"{name}.".startswith(f"clfur.{each}.") for each in allowed if "." in each):
+            wrong.append(name)
+    # Only the truth is judged by twins, and its rays by nothing at all.
+    if place == "judge" and module != "clfur.judge.truth":
+        wrong += [name for name in names if name.startswith(("clfur.twin", "clfur.stages"))]
+    if module == "clfur.judge.rays":
+        wrong += [name for name in names if top(name) == "clfur"]
+    return wrong
+
+
+def module_of(path):
+    name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    return f"{name}.__init__" if name == "clfur" else name
+
+
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_imports(path):
-    module, names = ".".join(path.relative_to(ROOT).with_suffix("").parts), imports_of(path)
-    tops = {top(name) for name in names}
-    own = {name for name in names if top(name) == "clfur"}
-
-    assert not tops & {"tests", "tools", "conftest"}
-    if module not in ("clfur.device", "clfur.scheduler"):
-        assert "pyopencl" not in tops
-    if module != "clfur.mesh":
-        assert "trimesh" not in tops
-    if module != "clfur.image":
-        assert not tops & {"imageio", "OpenEXR"}
-    if module.startswith("clfur.twin."):
-        assert tops <= {"numpy", "math"}
-    if module in ("clfur.truth", "clfur.rays"):   # no kernel that draws, counts or lights is judged by itself
-        assert {name for name in own if name.startswith("clfur.stages")} <= {"clfur.stages.tessellate.tessellate"}
-        assert module == "clfur.truth" or not own
-    if module.startswith("clfur.stages."):
-        assert tops - {"clfur"} <= {"numpy"} | STANDARD
-        assert all(f"{name}.".startswith(("clfur.layout.", "clfur.stages.")) for name in own)
-    if module in ("clfur.compare", "clfur.frontier", "clfur.report") or module.startswith("clfur.cli"):
-        assert not any(name.startswith(("clfur.stages", "clfur.twin")) for name in own)
-    assert module.startswith(("clfur.twin", "clfur.truth")) or not any(name.startswith("clfur.twin") for name in own)
+    assert not breaches(module_of(path), path.read_text())
 
 
-def test_scene_needs_no_opencl():
-    """Nothing that scene.py imports, nor what that imports, touches pyopencl."""
-    seen, todo = set(), {"clfur.scene"}
-    while todo:
-        module = todo.pop()
-        path = ROOT.joinpath(*module.split(".")).with_suffix(".py")
-        if module in seen or not path.is_file():
-            continue
-        seen.add(module)
-        names = imports_of(path)
-        assert "pyopencl" not in {top(name) for name in names}, f"{module} imports pyopencl"
-        todo |= {part for name in names if top(name) == "clfur" for part in (name, name.rpartition(".")[0])}
-    assert {"clfur.scene", "clfur.errors"} <= seen
+def shared_by_import(source):
+    """What a text of a test file imports from test files and from conftest."""
+    names = {top(name.removeprefix("tests.")) for name in imported(source, "tests")}
+    return {name for name in names if name == "conftest" or name.startswith("test_")}
+
+
+@pytest.mark.parametrize("breach", [
+    "import test_raster", "from test_raster import flat", "from conftest import DEVICES", "import conftest as c",
+    "def f():\n    from test_house import top", "importlib.import_module('test_raster')", "from . import conftest",
+    "from .test_raster import flat"])
+def test_imports_of_tests_are_seen(breach):
+    assert shared_by_import(breach) and not shared_by_import("from support.views import flat\nimport clfur")
+
+
+def test_no_test_imports_a_test():
+    """What several test files share is in tests/support; conftest holds fixtures, which nobody imports."""
+    breaches = {path.name: shared_by_import(path.read_text()) for path in TESTS}
+    assert len(TESTS) > 40 and not any(breaches.values()), breaches
+
+
+@pytest.mark.parametrize("module, source", [
+    ("clfur.scene.mesh", "from ..device import choose"), ("clfur.scene.mesh", "import pyopencl"),
+    ("clfur.render", "from .stages import raster"), ("clfur.render", "import pyopencl as cl"),
+    ("clfur.stages.raster", "from ..scene import Mesh"), ("clfur.stages.raster", "import attrs"),
+    ("clfur.twin.raster", "from .. import layout"), ("clfur.twin.raster", "import scipy"),
+    ("clfur.files.meshes", "from ..render import draw"), ("clfur.scene.mesh", "def f():\n    import trimesh"),
+    ("clfur.judge.truth", "from ..stages.raster import raster"), ("clfur.judge.truth", "from ..stages import raster"),
+    ("clfur.judge.frontier", "from ..twin import shade"), ("clfur.judge.rays", "from ..scene import Mesh"),
+    ("clfur.command.render", "from ..pipeline import plan"), ("clfur.device.team", "from ..scene import Mesh"),
+    ("clfur.layout", "from . import settings"), ("clfur.cache", "from tests import support"),
+    ("clfur.settings", "from clfur import render")])
+def test_a_forbidden_import_is_found(module, source):
+    assert breaches(module, source)
+
+
+def test_what_is_allowed_is_no_breach():
+    assert not breaches("clfur.judge.truth", "from ..stages.tessellate import tessellate\nfrom ..twin import shade")
+    assert not breaches("clfur.files.meshes", "import trimesh\nfrom ..scene import Mesh\nfrom .teapot import teapot")
+    assert not breaches("clfur.command.render", "from .. import draw, save\nfrom .options import load_scene")
+
+
+def functions(source):
+    """(name, lines, whether it is within another function) of each function of a text; its docstring does not count."""
+    def walk(node, within):
+        for child in ast.iter_child_nodes(node):
+            is_function = isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef))
+            if is_function:
+                doc = child.body[0] if ast.get_docstring(child) else None
+                lines = child.end_lineno - child.lineno + 1 - (doc.end_lineno - doc.lineno + 1 if doc else 0)
+                yield child.name, lines, within
+            yield from walk(child, within or is_function)
+    return list(walk(ast.parse(source), False))
+
+
+def without_comments(source):
+    """A text of OpenCL C with as many lines, and nothing in the place of comments."""
+    return re.sub(r"/\*.*?\*/|//[^\n]*", lambda comment: "\n" * comment[0].count("\n"), source, flags=re.S)
+
+
+def kernel_bodies(source):
+    """(name, lines) of each function of a text of OpenCL C: its body stands between braces in the first column."""
+    source = without_comments(source)
+    found = re.finditer(r"^[^\s#/{}][^;{}]*?\b(\w+)\([^;{}]*\)\s*^\{\n(.*?)^\}", source, re.S | re.M)
+    return [(match[1], match[2].count("\n")) for match in found]
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_functions_fit_on_a_screen(path):
+    assert not [name for name, lines, _ in functions(path.read_text()) if lines > 60]
+
+
+@pytest.mark.parametrize("path", [path for path in MODULES if path.parent.name == "pipeline"],
+                         ids=lambda path: path.name)
+def test_no_closures_in_the_pipeline(path):
+    """What a function reads stands among its arguments."""
+    source = path.read_text()
+    assert not [name for name, _, within in functions(source) if within] and not lambdas(source)
+
+
+def lambdas(source):
+    """Lines of a text that make a function within a function without a name."""
+    return [node.lineno for outer in ast.walk(ast.parse(source)) if isinstance(outer, ast.FunctionDef)
+            for node in ast.walk(outer) if isinstance(node, ast.Lambda)]
+
+
+@pytest.mark.parametrize("path", [*KERNELS, *sorted((ROOT / "cl").glob("*.h"))], ids=lambda path: path.name)
+def test_kernels_fit_on_two_screens(path):
+    bodies = kernel_bodies(path.read_text())
+    assert not [name for name, lines in bodies if lines > 150 and name != "march"]
+    assert path.suffix == ".h" or bodies
+
+
+def test_long_functions_and_closures_are_found():
+    long = "def f():\n" + "    x = 1\n" * 60
+    assert functions(long) == [("f", 61, False)]
+    assert functions('class A:\n    def f(self):\n        """One\n        two."""\n        def g(): pass\n') == [
+        ("f", 2, False), ("g", 1, True)]
+    assert lambdas("def f():\n    return sorted(x, key=lambda y: -y)") == [2] and not lambdas("f = lambda: 1")
+    kernel = ("/* Text. */\n__kernel void f(\n    int a)   // (see; there)\n{\n" + "    a;\n" * 151
+              + "}\ninline int g(void)\n{\n    {\n    }\n}\n")
+    assert kernel_bodies(kernel) == [("f", 151), ("g", 2)]
+
+
+def test_the_top_is_small():
+    assert len(list((ROOT / "clfur").glob("*.py"))) <= 12
 
 
 @pytest.mark.parametrize("path", KERNELS, ids=lambda path: path.name)
 def test_no_vectors_of_three_in_buffers(path):
     """OpenCL stores a float3 in four floats: host and device would disagree."""
-    text = re.sub(r"/\*.*?\*/|//[^\n]*", "", path.read_text(), flags=re.S)
+    text = without_comments(path.read_text())
     three = re.compile(r"\b(?:__global|__constant|__local|global|constant|local)\b[^,;(){}]*\b[a-z]+3\b")
     assert three.search("volatile __global const float3 *p")
     assert not three.search("__global float4 *p, float3 q")

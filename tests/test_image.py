@@ -6,9 +6,10 @@ import imageio.v3
 import numpy as np
 import pytest
 
-from clfur import image as pictures
+from clfur.color import linear_to_srgb, srgb_to_linear
 from clfur.errors import Error
-from clfur.image import check_writable, linear_to_srgb, load_picture, save, srgb_to_linear
+from clfur.files import images as pictures
+from clfur.files.images import check_writable, load_picture, save
 
 HEIGHT, WIDTH = 5, 7
 

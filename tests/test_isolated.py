@@ -6,7 +6,7 @@ import time
 import pytest
 
 import clfur
-from clfur.isolated import isolated
+from clfur.judge.isolated import isolated
 
 HERE = __name__
 
@@ -43,7 +43,7 @@ def sleep(seconds):
 
 
 def count(n, pause):
-    from clfur.isolated import tell
+    from clfur.judge.isolated import tell
     for i in range(n):
         time.sleep(pause)
         tell(i)
@@ -63,7 +63,7 @@ def child_that_sleeps():
     import subprocess
     import sys
 
-    from clfur.isolated import tell
+    from clfur.judge.isolated import tell
     child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
     tell(child.pid)
     time.sleep(600)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import attrs
 import numpy as np
 import pytest
-from conftest import DEVICES
+from support.devices import DEVICES
 
 import clfur
 from clfur import layout

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from clfur.image import linear_to_srgb
+from clfur.color import linear_to_srgb
 from clfur.measures import flicker, measure
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from clfur.errors import Error
-from clfur.mesh import load_mesh
+from clfur.files.meshes import load_mesh
+from clfur.files.teapot import teapot
 from clfur.scene import Mesh
-from clfur.teapot import teapot
 
 POSITIONS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0.5], [0, 1, 0]], np.float32)
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -328,6 +328,6 @@ def test_teapot_normals():
 
 
 def test_built_in_models_need_no_trimesh():
-    code = ("import sys; from clfur.mesh import load_mesh; load_mesh('teapot'); load_mesh('sphere'); "
+    code = ("import sys; from clfur.files.meshes import load_mesh; load_mesh('teapot'); load_mesh('sphere'); "
             "sys.exit('trimesh' in sys.modules)")
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -8,36 +8,14 @@ import sys
 import attrs
 import numpy as np
 import pytest
+from support.pictures import same
+from support.scenes import scene_of
 
 import clfur
 from clfur.parts import Work, _runs, _share
 from clfur.render import OUTPUTS
 
 SETTINGS = clfur.Settings(raster="samples", samples=4, grid=32, shadow_map=64)
-
-
-def scene_of(kind, mesh, body=(.3, .2, .1)):
-    rng = np.random.default_rng(5)
-    camera = clfur.Camera(eye=(0, .4, 3.2), size=(121, 83))
-    if kind in ("curves", "striped"):
-        roots = rng.normal(size=(2500, 1, 3))
-        roots /= np.linalg.norm(roots, axis=-1, keepdims=True)
-        counts = rng.integers(0, 12, 2500)
-        points = (roots * (1 + .05 * np.arange(12))[None, :, None])[np.arange(12) < counts[:, None]]
-        fur = clfur.Curves(points, counts=counts, width=rng.uniform(.002, .01, len(points)),
-                           color=rng.uniform(0, 1, (2500 if kind == "curves" else len(points), 3)))
-    else:
-        hair = clfur.HairType(segments=8, segment_length=.03, curl=(.01, 1), width=.004, length_variation=.3,
-                              direction_variation=.3, color_variation=.2)
-        fur = clfur.Strands(types=[hair], roots=kind, seed=3, inner=3, outer=3)
-    return clfur.Scene(mesh=mesh, fur=fur, camera=camera, body_color=body)
-
-
-def same(one, other):
-    assert one.hashes == other.hashes and set(one.hashes) == {"visibility", "voxels", "shadow_map"}
-    assert (one.triangles, one.strands, one.segments) == (other.triangles, other.strands, other.segments)
-    for name in one.images:
-        np.testing.assert_array_equal(one.images[name], other.images[name], err_msg=name)
 
 
 @pytest.mark.parametrize("wide, keys", [

@@ -1,10 +1,11 @@
 """The raster: the twin's bits on every device, and the laws of coverage, depth and clipping."""
 
 from fractions import Fraction
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.stages import body_on, strands_on
+from support.views import CUBE, flat, pack, perspective
 
 import clfur
 from clfur import layout
@@ -13,7 +14,6 @@ from clfur.twin import raster as twin
 from clfur.views import view_of
 
 DEPTH_ONE, SUBPIXEL, BODY = (layout.CONSTANTS[name] for name in ("DEPTH_ONE", "SUBPIXEL", "BODY"))
-CUBE = np.array([[[-1, -1, -1], [1, 1, 1]]], np.float32)     # one strand that makes a scene's extent known
 
 
 @pytest.fixture(scope="module")
@@ -22,32 +22,6 @@ def fallback(gpu):
     other = clfur.Scheduler(gpu.device)
     other.int64_atomics = False
     return other
-
-
-def flat(width, height, samples):
-    """A view whose world is the picture: x, y in pixels, z the reversed depth, widths in pixels."""
-    view = np.zeros((), layout.View)
-    view["to_screen"] = view["to_world"] = np.eye(4)
-    view["eye"] = 0, 0, 1, 0
-    view["size"] = width, height, samples, layout.pattern_start(samples)
-    view["scale"][0] = 1
-    view["scale"][1] = SUBPIXEL / 2 / samples
-    view["rows"][1] = height
-    return view
-
-
-def perspective(width, height, samples, **camera):
-    """What a camera at (0, 0.4, 3.2) sees of the cube from -1 to 1."""
-    camera = clfur.Camera(size=(width, height), **camera)
-    return view_of(clfur.Scene(fur=clfur.Curves(CUBE, width=0), camera=camera), samples)
-
-
-def pack(strands):
-    """Strands, each [points, 4] x, y, z, width -> points [P, 4] float32, spans [strands, 2] uint32."""
-    counts = np.array([len(s) for s in strands], np.uint32)
-    points = np.concatenate([*(np.reshape(s, (-1, 4)) for s in strands), np.zeros((0, 4))])
-    first = np.cumsum(counts) - counts
-    return points.astype(np.float32), np.stack([first, counts], 1).astype(np.uint32)
 
 
 def surface(positions, triangles):
@@ -65,9 +39,7 @@ def draw(gpu, view, strands=(), body=None):
 
 def on_device(gpu, points, spans, body=None):
     """Strands and body as the stage takes them; None for none."""
-    grown = SimpleNamespace(points=gpu.upload(points), spans=gpu.upload(spans), first_point=0) if len(spans) else None
-    return grown, body and SimpleNamespace(longest=np.inf, positions=gpu.upload(body[0]), triangles=gpu.upload(body[1]),
-                                           first_triangle=0)
+    return strands_on(gpu, points, spans) if len(spans) else None, body and body_on(gpu, *body)
 
 
 def judged(gpu, view, strands=(), body=None):

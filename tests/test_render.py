@@ -4,10 +4,10 @@ import sys
 
 import numpy as np
 import pytest
-from conftest import icosphere
+from support.scenes import icosphere
 
 import clfur
-from clfur import scheduler
+from clfur.device import scheduler
 from clfur.render import OUTPUTS
 from clfur.stages.raster import raster
 from clfur.stages.strands import bring, grow

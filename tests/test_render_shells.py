@@ -3,7 +3,7 @@
 import attrs
 import numpy as np
 import pytest
-from conftest import icosphere
+from support.scenes import icosphere
 
 import clfur
 from clfur.parts import Work
@@ -93,7 +93,7 @@ def test_teams_are_the_same_bits(gpu, ball):
     ({"length": .25}, {"bend", "lattice", "means", "noise"}),
     ({"frequency": 9}, {"bend", "lattice", "means", "noise"}),
     ({"seed": 9}, {"bend", "lattice", "means", "noise"}),
-], ids=lambda value: "-".join(value))
+], ids=lambda value: "-".join(sorted(value)))
 def test_what_has_not_changed_is_kept(gpu, ball, monkeypatch, change, built):
     """A moved camera and new light on the fur build nothing; new wind bends what is there. The picture is the same."""
     fur, launched, launch = attrs.evolve(FUR, wind=(.5, 0, 0)), [], gpu.launch

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import clfur
-from clfur import report
+from clfur.judge import report
 
 
 @pytest.fixture

@@ -6,10 +6,9 @@ import re
 import numpy as np
 import pytest
 
+from clfur.color import srgb_to_linear
 from clfur.errors import Error
-from clfur.fur import Curves, HairType, PointForce, Strands
-from clfur.image import srgb_to_linear
-from clfur.scene import Camera, Light, Mesh, Scene, frame
+from clfur.scene import Camera, Curves, HairType, Light, Mesh, PointForce, Scene, Strands, frame
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FACES = np.array([[0, 1, 2], [0, 2, 3]])

@@ -5,8 +5,9 @@ import pyopencl as cl
 import pytest
 
 import clfur
-from clfur import layout, scheduler
-from clfur.scheduler import Scheduler
+from clfur import layout
+from clfur.device import scheduler
+from clfur.device.scheduler import Scheduler
 
 
 @pytest.mark.parametrize("name", layout.STRUCTS)

@@ -6,7 +6,8 @@ import attrs
 import numpy as np
 import pytest
 
-from clfur import cli_devices, selftest
+from clfur.command import devices as cli_devices
+from clfur.judge import selftest
 
 RIGHT = selftest.expected()
 

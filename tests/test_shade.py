@@ -1,11 +1,11 @@
 """Shading: the twin's values on every device, and the laws of light."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import icosphere
+from support.scenes import icosphere
+from support.stages import on_host
 
 import clfur
 from clfur import layout
@@ -22,12 +22,6 @@ BOTH = pytest.mark.parametrize("form", FORMS)
 
 # sqrt(1 - c²) where it should be 0, of a cosine that is wrong by two roundings of 2^-24.
 SINE_AT_ZERO = 5e-4
-
-
-def host(arrays):
-    """A `Grown` or `Surface` with NumPy arrays."""
-    return SimpleNamespace(**{f.name: getattr(value, "get", lambda value=value: value)()
-                              for f in dataclasses.fields(arrays) for value in [getattr(arrays, f.name)]})
 
 
 def unit(a):
@@ -63,8 +57,8 @@ def lit(gpu, tangents, to_light, to_eye, form="kajiya-kay", color=(0, 0, 0), spe
         types=bring(gpu, clfur.Curves(np.zeros((0, 2, 3)), specular=specular, exponent=exponent)).types)
     keys = np.where(ids < 0, NONE, (1 << 29 << 32) + 2 * ids.astype(np.uint64))[None]
     image = shade.color(gpu, view, lamp, form, gpu.upload(keys), fur, no_surface(gpu), (0, 0, 0)).get()[0]
-    bare = host(no_surface(gpu))
-    return image, twin.color(view, lamp, form == "half-vector", keys, host(fur), bare, (0, 0, 0))[0]
+    bare = on_host(no_surface(gpu))
+    return image, twin.color(view, lamp, form == "half-vector", keys, on_host(fur), bare, (0, 0, 0))[0]
 
 
 # --- the twin's values ----------------------------------------------------------------------------------
@@ -109,7 +103,7 @@ def test_color_is_the_twins(gpu, ball, form, kind, samples, exponent):
     scene = furry(ball, kind, exponent)
     view, light, visible, strands, body = picture(gpu, scene, samples)
     image = shade.color(gpu, view, light, form, visible, strands, body, scene.body_color).get()
-    meant = twin.color(view, light, form == "half-vector", visible.get(), host(strands), host(body),
+    meant = twin.color(view, light, form == "half-vector", visible.get(), on_host(strands), on_host(body),
                        scene.body_color)
     assert np.isfinite(image).all()
     off = np.abs(image - meant).max(2)
@@ -131,7 +125,7 @@ def test_a_small_picture_is_the_twins(gpu, kind, form):
                         clfur.Curves(points, width=0.05, color=colors), clfur.Camera(size=(23, 17)))
     view, light, visible, strands, body = picture(gpu, scene, 4)
     image = shade.color(gpu, view, light, form, visible, strands, body, scene.body_color).get()
-    keys, fur, skin = visible.get(), host(strands), host(body)
+    keys, fur, skin = visible.get(), on_host(strands), on_host(body)
     np.testing.assert_allclose(
         image, twin.color(view, light, form == "half-vector", keys, fur, skin, scene.body_color), rtol=0, atol=2.5e-5)
     told, meant = shade.about(gpu, view, visible, strands, body), twin.about(view, keys, fur, skin)
@@ -148,7 +142,7 @@ def test_about_is_the_twins(gpu, ball, kind, samples):
     scene = furry(ball, kind, 150)
     view, _, visible, strands, body = picture(gpu, scene, samples)
     told = {name: array.get() for name, array in shade.about(gpu, view, visible, strands, body).items()}
-    meant = twin.about(view, visible.get(), host(strands), host(body))
+    meant = twin.about(view, visible.get(), on_host(strands), on_host(body))
     assert set(told) == set(meant)
     np.testing.assert_array_equal(told["id"], meant["id"])
     np.testing.assert_array_equal(told["coverage"], meant["coverage"].astype(np.float32))

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import DEVICES, icosphere
+from support.devices import DEVICES
+from support.scenes import icosphere, squares, strands_of
 
 import clfur
 from clfur import truth
@@ -13,7 +14,7 @@ from clfur.scene import extent
 from clfur.shadows import cast_shadows
 from clfur.stages import shade
 from clfur.stages.raster import raster
-from clfur.stages.strands import bring, grow, no_strands
+from clfur.stages.strands import bring, no_strands
 from clfur.stages.tessellate import tessellate
 from clfur.views import grid_of, light_of, light_view_of, view_of
 
@@ -41,22 +42,6 @@ def light_on(gpu, scene, **keys):
     pose = scene.camera.pose
     places = (on_film * out["depth"][y, x, None] * (1, -1, -1)) @ pose[:3, :3].T + pose[:3, 3]
     return out["color"][y, x, 0].astype(float) / full[y, x], places, out["id"][y, x]
-
-
-def strands_of(gpu, scene):
-    """The scene's strands on the device."""
-    fur = scene.fur
-    if isinstance(fur, clfur.Curves):
-        return bring(gpu, fur)
-    return grow(gpu, tessellate(gpu, scene.mesh, fur.inner, fur.outer, fur.surface), fur)
-
-
-def squares(*sizes_and_heights):
-    """Level squares around the y axis: half a side and height of each, facing up."""
-    corners = np.array([(-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1)], float)
-    positions = np.concatenate([corners * size + (0, height, 0) for size, height in sizes_and_heights])
-    faces = np.array([(0, 2, 1), (0, 3, 2)])
-    return clfur.Mesh(positions, faces=np.concatenate([faces + 4 * i for i in range(len(sizes_and_heights))]))
 
 
 def mat(n, length=.2, half=1.0, height=1.0, seed=0, **keys):

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from clfur.errors import Error
-from clfur.fur import Curves, HairType, Strands
 from clfur.render import draw
-from clfur.scene import Camera, Mesh, Scene, extent, frame
+from clfur.scene import Camera, Curves, HairType, Mesh, Scene, Strands, extent, frame
+from clfur.scene.shells import Shells
 from clfur.settings import Settings
-from clfur.shell_fur import Shells
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FACES = np.array([[0, 1, 2], [0, 2, 3]])

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from conftest import icosphere
+from support.scenes import icosphere
 
 import clfur
 from clfur.scene import frame

@@ -7,7 +7,8 @@ import sys
 
 import numpy as np
 import pytest
-from conftest import DEVICES, icosphere
+from support.devices import DEVICES
+from support.scenes import icosphere
 
 import clfur
 from clfur.parts import Work

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import icosphere
+from support.scenes import icosphere
 
 import clfur
 from clfur import HairType, PointForce, Strands

@@ -5,12 +5,13 @@ import threading
 import attrs
 import numpy as np
 import pytest
-from conftest import DEVICES
-from test_parts import same, scene_of
+from support.devices import DEVICES
+from support.pictures import same
+from support.scenes import scene_of
 
 import clfur
+from clfur.device.team import Team, shares_of
 from clfur.render import OUTPUTS
-from clfur.team import Team, shares_of
 
 SETTINGS = clfur.Settings(raster="samples", samples=4, grid=32, shadow_map=64)
 

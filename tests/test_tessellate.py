@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import icosphere
+from support.scenes import icosphere
 
 import clfur
 from clfur.stages.tessellate import tessellate

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from clfur.truth import transmittance
+from clfur.judge.truth import transmittance
 
 UP = np.array([0.0, 0, 1])       # towards the light, unless a test turns everything
 

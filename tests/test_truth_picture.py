@@ -7,8 +7,8 @@ import pytest
 
 import clfur
 from clfur import truth
+from clfur.judge.rays import Eye, Fibres, frame_along
 from clfur.parts import Part, Work
-from clfur.rays import Eye, Fibres, frame_along
 
 FAR, PIXELS = 1000.0, 100.0                   # an eye so far away that a unit is 100 pixels everywhere
 UP_LIGHT = clfur.Light(direction=(0, -1, 0), color=(1, 1, 1), ambient=0)

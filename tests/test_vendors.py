@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from clfur import Error, cache, vendors
+from clfur import Error, cache
+from clfur.device import vendors
 
 ROOT = Path(__file__).resolve().parents[1]
 INTEL = b"/prefix with space/lib/libintelocl.so"

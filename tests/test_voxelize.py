@@ -1,13 +1,12 @@
 """voxelize against its twin, exactly, and what must hold for any hair: mass is kept, no counter can overflow."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
+from support.stages import strands_on
 
 import clfur
 from clfur import layout
-from clfur.fur import hair_bounds
+from clfur.scene import hair_bounds
 from clfur.stages.strands import bring, grow
 from clfur.stages.tessellate import tessellate
 from clfur.stages.voxelize import METHODS, depths_for, most_of, unit_for, voxelize
@@ -43,17 +42,9 @@ def spot_grid(inside=False):
     return grid_of(scene_of(None, direction=(-1, -2, -3), position=position, angle=50), 32)
 
 
-def on_device(gpu, points, spans, kinds):
-    """Strands as the stage takes them; one type per strand."""
-    uv = np.zeros((len(spans), 4), np.float32)
-    uv[:, 2] = kinds
-    return SimpleNamespace(points=gpu.upload(np.asarray(points, np.float32).reshape(-1, 4)),
-                           spans=gpu.upload(np.asarray(spans, np.uint32).reshape(-1, 2)), uv=gpu.upload(uv))
-
-
 def counted(gpu, grid, strands, method, weights=WEIGHTS):
     """Cells of (points, spans, kinds) on the device: [nz, ny, nx] uint32."""
-    return voxelize(gpu, grid, on_device(gpu, *strands), method, weights).get()
+    return voxelize(gpu, grid, strands_on(gpu, *strands), method, weights).get()
 
 
 def random_strands(seed, low, high, step, n=150, points=6):
@@ -131,7 +122,7 @@ def test_neither_order_nor_groups_nor_runs_change_a_count(gpu, method):
         np.testing.assert_array_equal(cells, counted(gpu, grid, (back, back_spans, kinds), method))
     # Work-groups of any size.
     for group in (1, 7, 30):
-        again, there = gpu.full(cells.shape, np.uint32, 0), on_device(gpu, points, spans, kinds)
+        again, there = gpu.full(cells.shape, np.uint32, 0), strands_on(gpu, points, spans, kinds)
         kernel = gpu._kernels["voxelize.lengths" if method == "length" else "voxelize.fragments"]
         last = (again.data,) if method == "length" else (np.int32(METHODS.index(method)), again.data)
         kernel(gpu.queue, (-(-len(spans) // group) * group,), (group,), np.uint64(0), np.uint64(len(spans)),

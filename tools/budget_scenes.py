@@ -7,7 +7,7 @@ import numpy as np
 
 import clfur
 from clfur import cache, measures, truth
-from clfur.frontier import digest
+from clfur.judge.frontier import digest
 from clfur.scene import frame
 
 SAMPLES = 6   # of each of two truths, squared, a pixel

@@ -26,7 +26,8 @@ from sheets import line, save, sheet, size_of, write
 
 import clfur
 from clfur import truth
-from clfur.image import srgb_to_linear
+from clfur.color import srgb_to_linear
+from clfur.files.teapot import teapot
 from clfur.scene import frame
 from clfur.settings import SHADOWS
 from clfur.shadows import cast_shadows
@@ -34,7 +35,6 @@ from clfur.stages import shade
 from clfur.stages.raster import raster
 from clfur.stages.strands import grow
 from clfur.stages.tessellate import tessellate
-from clfur.teapot import teapot
 from clfur.views import light_of, view_of
 
 Settings = functools.partial(clfur.Settings, raster="samples", grid=48)   # as the report: opaque lines, coarse cells

@@ -25,7 +25,7 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from clfur import scheduler
+from clfur.device import scheduler
 
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 240   # seconds a stage may take
@@ -258,8 +258,8 @@ def main():
         return 2
     began = time.monotonic()
     stages = sorted(path.stem for path in (ROOT / "cl").glob("*.cl"))
-    files = {stage: [ROOT / "tests" / f"test_{stage}.py"] for stage in stages}
-    others = sorted(set((ROOT / "tests").glob("test_*.py")) - {file for file, in files.values()})
+    files = {stage: sorted((ROOT / "tests").glob(f"test_{stage}*.py")) for stage in stages}
+    others = sorted(set((ROOT / "tests").glob("test_*.py")).difference(*files.values()))
     files = {"whole frames": others} | files   # the longest first
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(os.cpu_count()) as pool:
         folder = Path(folder)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from clfur import selftest
+from clfur.judge import selftest
 
 if __name__ == "__main__":
     target = Path(selftest.__file__).with_suffix(".npz")

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from clfur.image import linear_to_srgb
+from clfur.color import linear_to_srgb
 
 KILOBYTES = 300                                            # no figure is larger
 

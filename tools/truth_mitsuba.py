@@ -16,7 +16,8 @@ import mitsuba
 import numpy as np
 
 import clfur
-from clfur import rays, truth
+from clfur import truth
+from clfur.judge import rays
 
 ALLOWED = 5e-4           # Mitsuba's float32, and its shadows' small step away from a surface
 

@@ -17,7 +17,7 @@ from rich.progress import track
 
 import clfur
 from clfur import truth
-from clfur.image import linear_to_srgb
+from clfur.color import linear_to_srgb
 
 KNOBS = {
     "coverage": {"raster": "coverage"},

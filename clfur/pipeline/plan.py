@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import Error
-from ..fur import Curves, Strands
+from ..scene import Curves, Strands
 from ..stages.blur import reach_of
 from ..stages.coverage import FRAGMENT
 from ..stages.shells import pack, size_of, topology_of

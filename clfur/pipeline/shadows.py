@@ -7,7 +7,7 @@ import numpy as np
 
 from .. import layout
 from ..errors import Error
-from ..fur import Strands, hair_bounds
+from ..scene import Strands, hair_bounds
 from ..stages import lod, shade, shells
 from ..stages.raster import raster
 from ..stages.voxelize import depths_for, most_of, own_share, unit_for, voxelize

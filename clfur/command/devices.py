@@ -1,0 +1,172 @@
+"""`clfur devices`: what OpenCL devices there are, whether they draw right, and why a driver is not there."""
+
+import hashlib
+import json
+import os
+import re
+
+import click
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from .. import cache
+from ..device import vendors
+from ..errors import Error
+from ..judge.isolated import isolated
+
+LOADING, CHECKING = 60, 180   # seconds; PoCL compiles every kernel on the first run
+
+
+@click.command()
+@click.option("--check", is_flag=True, help="Draw a small picture on each device and say whether it is right; "
+              "auto then passes over devices that fail.")
+@click.option("--why", is_flag=True, help="Tell of every driver that OpenCL looks at, and why it does not load.")
+@click.option("--json", "as_json", is_flag=True, help="Print the same as one JSON object.")
+def devices(check, why, as_json):
+    """List the OpenCL devices: what to give --device, and which one is taken without it.
+
+    With --check, the exit code is 1 if a device fails.
+    """
+    if check and why:
+        raise click.UsageError("--check and --why are two questions: ask one at a time")
+    if why:
+        return _why(as_json)
+    found = survey()
+    failures = _check(found) if check else {}
+    if as_json:
+        print(json.dumps(found))
+    else:
+        _table(found)
+    return int(bool(failures))
+
+
+def survey():
+    """`device.survey` from a process of its own: a driver that crashes while it loads must not end the command."""
+    outcome = isolated("clfur.device.selection:survey", seconds=LOADING)
+    if outcome.status == "error":
+        raise Error(outcome.message)
+    if outcome.status != "ok":
+        raise Error(f"OpenCL does not start: {outcome.message}; clfur devices --why tells of each driver")
+    if not any(platform["devices"] for platform in outcome.value["platforms"]):
+        raise Error('there is no OpenCL device; pip install "pyopencl[pocl]" brings one for the CPU, and '
+                    "clfur devices --why tells of each driver")
+    return outcome.value
+
+
+def ask_drivers():
+    """Raise `clfur.Error` if a driver crashes while it loads; asks once for each set of drivers, and remembers.
+
+    Before OpenCL starts in this process, which would die of it without a word.
+    """
+    listed = vendors.vendors()[0]
+    state = [(v, os.stat(v.library).st_mtime_ns if os.path.isfile(v.library) else None) for v in listed]
+    name = hashlib.sha256(repr(state).encode()).hexdigest()[:16]
+    try:
+        if (cache.folder("loaded") / name).is_file():
+            return
+    except Error:   # no cache folder: ask each time
+        pass
+    survey()
+    try:
+        cache.write(cache.folder("loaded") / name, b"")
+    except Error:   # asked again next time
+        pass
+
+
+def _each(found):
+    return [device for platform in found["platforms"] for device in platform["devices"]]
+
+
+def _check(found):
+    """Check each device, remember it, and update what was found -> {identity: verdict} of those that fail."""
+    failures = {}
+    for device in _each(found):
+        click.echo(f"{device['device']}: checking {device['description']} ...", err=True)
+        outcome = isolated("clfur.judge.selftest:check", device["number"], seconds=CHECKING)
+        message = outcome.value if outcome.status == "ok" else outcome.message
+        verdict = {"ok": "wrong" if message else "pass", "error": "wrong"}.get(outcome.status, outcome.status)
+        device["check"] = {"verdict": verdict, "message": message}
+        click.echo(f"{device['device']}: {verdict}{message and f': {message}'}", err=True)
+        identity = tuple(device["identity"])
+        if identity in failures:   # of two cards of one kind, the one that fails counts
+            continue
+        if verdict != "pass":
+            failures[identity] = verdict
+        try:
+            cache.remember(device["identity"], verdict, message)
+        except Error as error:
+            click.echo(f"{device['device']}: this is not remembered: {error}", err=True)
+    # What auto takes may be another device now.
+    again = survey()
+    found["auto"], found["default"] = again["auto"], again["default"]
+    return failures
+
+
+def _table(found):
+    checked = any(device["check"] for device in _each(found))
+    table = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))   # fits in 80 columns
+    table.add_column("--device,\ntype", no_wrap=True)
+    table.add_column("platform, version,\ndriver, device", overflow="fold")
+    table.add_column("units", justify="right")
+    table.add_column("memory,\nlargest", justify="right", no_wrap=True)
+    table.add_column("fp64")
+    table.add_column("64-bit\natomics")
+    if checked:
+        table.add_column("check")
+    for platform in found["platforms"]:
+        # What follows the version is how PoCL was built.
+        title = f"{platform['name']}\n{re.split(',|  ', platform['version'])[0]}"
+        if not platform["devices"]:
+            table.add_row("-", f"{title}\nno device", *("-" * (4 + checked)))
+        for d in platform["devices"]:
+            row = [f"{d['device']}\n{d['type']}", f"{title}\ndriver {d['driver']}\n{d['short_name']}",
+                   str(d["compute_units"]), f"{_size(d['memory'])}\n{_size(d['largest_allocation'])}",
+                   _yes(d["fp64"]), _yes(d["int64_atomics"])]
+            table.add_row(*row, *([d["check"]["verdict"] if d["check"] else "-"] if checked else []))
+        table.add_section()
+    # Names are not markup, whatever they hold.
+    Console(markup=False, highlight=False, emoji=False).print(table)
+    print()
+    for device in _each(found):
+        if device["check"] and device["check"]["message"]:
+            print(f"{device['device']} {device['check']['verdict']}: {device['check']['message']}")
+    print(_sentence(found))
+
+
+def _sentence(found):
+    """Which device is taken without --device, and why."""
+    auto, default = found["auto"], found["default"]
+    sentence = f"auto takes {auto['device']}: {auto['why']}"
+    if default["by"] == "auto":
+        return sentence
+    taken = f"takes {default['device']}" if default["device"] else "fits no device"
+    return f"{default['by']}={default['text']} decides: it {taken}\nwithout it {sentence}"
+
+
+def _why(as_json):
+    listed, lines = vendors.vendors()
+    rows = []
+    for vendor in listed:
+        outcome = isolated("clfur.device.selection:probe", vendor, seconds=LOADING,
+                           environment={"OCL_ICD_VENDORS": vendor.place})
+        status, message = outcome.value if outcome.status == "ok" else (outcome.status, outcome.message)
+        rows.append({"file": vendor.place, "library": vendor.library, "origin": vendor.origin,
+                     "status": status, "message": message})
+        if not as_json:
+            print(f"{vendor.place} ({vendor.origin})\n    {status}: {message}")
+    if as_json:
+        print(json.dumps({"drivers": rows, "notes": lines}))
+        return
+    for line in lines:
+        print(line)
+    if not listed:
+        print("OpenCL's loader looks at no driver at all")
+
+
+def _size(number):
+    return f"{number / 2**30:.1f} GiB"
+
+
+def _yes(there):
+    return "yes" if there else "no"

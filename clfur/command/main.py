@@ -1,0 +1,52 @@
+"""The `clfur` command."""
+
+import sys
+import warnings
+
+import click
+
+from .. import Error
+from .chart import chart
+from .compare import compare
+from .devices import devices
+from .render import render
+
+
+@click.group(invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="clfur")
+@click.pass_context
+def clfur(context):
+    """Fur and hair on meshes, rendered with OpenCL."""
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
+
+
+clfur.add_command(render)
+clfur.add_command(chart)
+clfur.add_command(compare)
+clfur.add_command(devices)
+
+
+def main(arguments=None):
+    """Run the command and exit; what the user got wrong is one line on stderr and exit code 2."""
+    for stream in (sys.stdout, sys.stderr):   # a device's name need not be ASCII
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    warnings.showwarning = lambda message, *_, **__: print("clfur: warning:", message, file=sys.stderr)
+    try:
+        code = clfur.main(arguments, prog_name="clfur", standalone_mode=False)
+    except (click.Abort, KeyboardInterrupt):
+        print("clfur: interrupted", file=sys.stderr)
+        code = 130
+    except OSError as error:   # of stdout itself: a full disk, a closed pipe
+        print(f"clfur: error: {error.strerror}", file=sys.stderr)
+        sys.stdout = None
+        code = 2
+    except MemoryError:
+        print("clfur: error: out of memory: ask for a smaller picture, fewer samples or fewer strands", file=sys.stderr)
+        code = 2
+    except (Error, click.ClickException) as error:
+        message = error.format_message() if isinstance(error, click.ClickException) else str(error)
+        print("clfur: error:", " ".join(message.split()), file=sys.stderr)
+        code = 2
+    sys.exit(code or 0)

@@ -1,0 +1,281 @@
+"""What the commands that draw have in common: their options, and the scene that these or a file describe."""
+
+import contextlib
+import json
+import math
+import runpy
+import sys
+import traceback
+from pathlib import Path
+
+import attrs
+import click
+from click.core import ParameterSource
+
+from .. import PRESETS, Camera, Error, HairType, Light, Scene, Settings, Shells, Strands, load_mesh
+from ..files.images import load_picture
+from ..scene import frame
+from ..settings import CHOSEN, RASTERS, SHADOWS
+from .types import Color, Numbers, Roots, Size, from_hex
+
+_SCENE = [
+    click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
+                 help="Strands, shells (a pattern in layers above the skin), or an undercoat of shells under strands."),
+    click.option("--length", type=click.FloatRange(0), metavar="L",
+                 help="Length of the hair in the mesh's units; shells under strands have half of it.  [default: 0.08 "
+                      "of half the mesh's diagonal, or 0.12 for shells alone]"),
+    click.option("--color", type=Color(), default="0.5,0.28,0.12", metavar="COLOR",
+                 help="R,G,B (linear) or '#rrggbb' (sRGB)."),
+    click.option("--alpha", type=click.FloatRange(0, 1), default=0.5, metavar="0..1",
+                 help="How much light one hair lets through."),
+    click.option("--variation", type=click.FloatRange(0, 1), default=0.3, metavar="0..1",
+                 help="How much strands differ in length, direction and colour, and shells' hairs in length."),
+    click.option("--segments", type=click.IntRange(0, 255), default=8, metavar="N",
+                 help="Segments a strand; 0 is bald."),
+    click.option("--force", type=Numbers(3), default="0,-1,0", metavar="X,Y,Z", help="What pulls the hair."),
+    click.option("--force-weight", type=float, default=0.2, metavar="W",
+                 help="How much a segment gives way to it; a hair of shells does so as much as half of all segments."),
+    click.option("--seed", type=int, default=0, metavar="N", help="Of all that is random."),
+    click.option("--eye", type=Numbers(3), metavar="X,Y,Z",
+                 help="The camera's place.  [default: where it sees the whole mesh]"),
+    click.option("--target", type=Numbers(3), metavar="X,Y,Z",
+                 help="What it looks at.  [default: the mesh's centre]"),
+    click.option("--fov", type=click.FloatRange(0, 180, min_open=True, max_open=True), default=45.0, metavar="DEG",
+                 help="Vertical field of view."),
+    click.option("--light", type=Numbers(3), default="1,-1,-0.6", metavar="X,Y,Z",
+                 help="The way the light travels."),
+]
+_STRANDS = [
+    click.option("--inner", type=click.IntRange(1, 64), default=5, metavar="N",
+                 help="Tessellation level within a face; 5 and 5 give 37 strands a face."),
+    click.option("--outer", type=click.IntRange(1, 64), default=5, metavar="N",
+                 help="Tessellation level of the edges."),
+    click.option("--roots", type=Roots(), default="faces", metavar="faces|N",
+                 help="One strand on each tessellated triangle, or N strands spread evenly."),
+    click.option("--surface", type=click.Choice(["pn", "flat"]), default="pn", help="Curved or flat faces."),
+    click.option("--width", type=click.FloatRange(0), metavar="W",
+                 help="Diameter of a strand in the mesh's units.  [default: 0.0012 of half the mesh's diagonal]"),
+    click.option("--type-map", metavar="PICTURE", help="Picture whose colours choose the hair type by uv."),
+    click.option("--types", metavar="FILE",
+                 help="JSON list of hair types, each with its key colour in the type map; what a type leaves "
+                      "out is taken from the options."),
+    click.option("--curl", type=Numbers(2), default="0,0", metavar="RADIUS,TURNS", help="Curl of the strands."),
+    click.option("--wave", type=Numbers(2), default="0,0", metavar="AMPLITUDE,PERIODS",
+                 help="Wave of the strands."),
+]
+_SHELLS = [
+    click.option("--layers", type=click.IntRange(1, 1000), default=30, metavar="N",
+                 help="Layers of shells, from the skin to the tips."),
+    click.option("--pattern", type=click.Choice(["cells", "sine"]), default="cells",
+                 help="Of shells: a hair in each cell of the faces, or the report's sines, which need uv."),
+    click.option("--frequency", type=click.FloatRange(0, min_open=True), metavar="F",
+                 help="Hairs of shells along a unit of length, or the report's f for sines.  [default: 60 on "
+                      "half the mesh's diagonal, or 40 for sines]"),
+    click.option("--density", type=click.FloatRange(0, 1, min_open=True), default=1.0, metavar="0..1",
+                 help="How much of its cell a hair of shells fills."),
+    click.option("--noise", type=Numbers(2), default="0.5,8", metavar="A,S",
+                 help="How far hairs of shells are displaced and the size of the waves, both in hairs."),
+    click.option("--wind", type=Numbers(3), default="0,0,0", metavar="X,Y,Z", help="Wind over shells; it gusts."),
+    click.option("--time", type=float, default=0.0, metavar="SECONDS", help="When the wind is looked at."),
+    click.option("--shading", type=click.Choice(["kajiya-kay", "turned"]), default="kajiya-kay",
+                 help="Light on shells: by the hair's direction, or by the report's turned normals."),
+]
+_SETTINGS = [
+    click.option("--preset", type=click.Choice(list(PRESETS)),
+                 help="Settings that were measured to be worth their time; options beside it count more."),
+    click.option("--raster", type=click.Choice(RASTERS), default="coverage",
+                 help="Strands transparent by the area that they cover, or opaque in each sample."),
+    click.option("--shadows", type=click.Choice(SHADOWS), default="length",
+                 help="How hair shades: by what rays cross, by the report's voxels, or not at all."),
+    click.option("--grid", type=int, default=96, metavar="N",
+                 help="Cells a side of the grid for shadows; a multiple of 16."),
+    click.option("--shadow-map", type=int, default=512, metavar="N",
+                 help="Texels a side of the body's shadow map; 0: none."),
+    click.option("--pcf", type=int, default=1, metavar="N", help="Radius in texels over which it is averaged."),
+    click.option("--samples", type=click.Choice(["1", "4", "16"]), default="4", help="Samples a pixel."),
+    click.option("--lod", type=click.FloatRange(0, 4), default=0.0, metavar="PIXELS",
+                 help="Draw strands thinner than this as fewer, wider ones of fewer segments; 0: all as they are."),
+    click.option("--specular", type=click.Choice(["kajiya-kay", "half-vector"]), default="kajiya-kay",
+                 help="Form of the highlight."),
+    click.option("--blur", type=click.Choice(["off", "all", "edges"]), default="off",
+                 help="Blur the picture: all of it, or the edges of the fur alone."),
+    click.option("--blur-sigma", type=click.FloatRange(0, 16, min_open=True), default=1.0, metavar="PIXELS",
+                 help="How wide the blur is."),
+]
+# Names of the options that only one kind of fur has.
+_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "type_map", "types", "curl", "wave",
+                     "raster", "lod"),
+         "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
+
+
+def scene_options(command, size="640x480", settings=True):
+    """Give a command the options that `load_scene` reads: a size like this, and those of `Settings` or none."""
+    sized = click.option("--size", type=Size(), default=size, metavar="WxH", help="Size of the picture in pixels.")
+    for option in reversed([sized] + _SCENE + _STRANDS + _SHELLS + (_SETTINGS if settings else [])):
+        command = option(command)
+    return command
+
+
+def is_scene_file(given):
+    """Whether a command's argument names a Python file that sets a scene, not a mesh."""
+    return Path(given).suffix.lower() == ".py"
+
+
+def load_scene(given, options):
+    """(Scene, Settings) of a command's argument, a mesh or a scene file, and of its `scene_options`, {name: value}.
+
+    Raises `clfur.Error` for what cannot be loaded, and click.UsageError for options that have no say: the
+    scene file sets them itself, or they are of another fur than is chosen.
+    """
+    context = click.get_current_context()
+    flags = {option.name: option.opts[0] for option in context.command.params if option.name in options
+             and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE}
+    settings = _settings(flags, options)
+    if not is_scene_file(given):
+        _check_fur(flags, options)
+        _check_blur(flags, settings)
+        return _scene(load_mesh(given), options), settings
+    scene, own_settings = _run(given)
+    # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
+    for name, flag in flags.items():
+        if own_settings or not (hasattr(settings, name) or name == "preset"):
+            raise click.UsageError(f"{flag}: {given} sets this itself; change it there")
+    _check_blur(flags, settings)
+    return scene, own_settings or settings
+
+
+def _settings(flags, options):
+    """The `Settings` of the options; raises click.UsageError where some of those given, {name: flag}, have no say."""
+    own = {field.name: options[field.name] for field in attrs.fields(Settings) if field.name in options}
+    if own:
+        own["samples"] = int(own["samples"])
+    goal = next((flags[name] for name in ("seconds", "max_error") if name in flags), None)
+    if beside := goal and next((flags[name] for name in (*CHOSEN, "preset") if name in flags), None):
+        raise click.UsageError(f"{goal} chooses what {beside} sets; allowed: one of them")
+    if preset := options.get("preset"):
+        return attrs.evolve(PRESETS[preset], **{name: value for name, value in own.items() if name in flags})
+    return Settings(**own)
+
+
+def _check_fur(flags, options):
+    """Raise click.UsageError for one of the options given, {name: flag}, that the fur which is drawn has no use for."""
+    for fur, names in _ONLY.items():
+        for name in names if options["fur"] not in (fur, "both") else ():
+            if name in flags:
+                raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
+                                       f"allowed: with --fur {fur} or --fur both")
+    if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
+        raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
+                               "allowed: with --pattern cells or --fur both")
+
+
+def _check_blur(flags, settings):
+    """Raise click.UsageError for the width of a blur that there is not."""
+    if "blur_sigma" in flags and settings.blur == "off":
+        raise click.UsageError("--blur-sigma is for a blur, but --blur is off; allowed: with --blur all or edges")
+
+
+def _run(path):
+    """(scene, settings or None) that a Python file sets; raises `clfur.Error` naming the file and the line."""
+    if not Path(path).is_file():
+        raise Error(f"{path}: {'is a folder' if Path(path).is_dir() else 'no such file'}; allowed: a scene file")
+    try:
+        with contextlib.redirect_stdout(sys.stderr):   # stdout is the command's own
+            there = runpy.run_path(path)
+    except (Exception, SystemExit) as error:
+        lines = [place.lineno for place in traceback.extract_tb(error.__traceback__) if place.filename == path]
+        line = error.lineno if isinstance(error, SyntaxError) and error.filename == path else lines[-1] if lines else 0
+        kind = "" if isinstance(error, Error) else f"{type(error).__name__}: "
+        raise Error(f"{path}, line {line}: {kind}{error.msg if isinstance(error, SyntaxError) else error}") from error
+    scene, settings = there.get("scene"), there.get("settings")
+    if not isinstance(scene, Scene):
+        raise Error(f"{path} sets {f'scene = {scene!r:.60}' if 'scene' in there else 'no scene'}; "
+                    f"allowed: scene = clfur.Scene(...)")
+    if not isinstance(settings, Settings | None):
+        raise Error(f"{path} sets settings = {settings!r:.60}; allowed: settings = clfur.Settings(...), or none")
+    return scene, settings
+
+
+def _scene(mesh, options):
+    """The scene of a mesh that the options describe."""
+    _, radius = mesh.bounds
+    kind, length = options["fur"], options["length"]
+    if length is None:
+        length = (0.12 if kind == "shells" else 0.08) * radius
+    fur = []
+    if kind != "strands":
+        fur.append(_shells(options, length / 2 if kind == "both" else length, radius))
+    if kind != "shells":
+        fur.append(_strands(options, length, radius))
+
+    camera = frame(mesh, fur, options["size"], options["fov"])
+    if options["eye"] or options["target"]:
+        target = options["target"] or tuple(camera.target)
+        eye = options["eye"] or tuple(camera.eye + target - camera.target)
+        aside, up = math.hypot(eye[0] - target[0], eye[2] - target[2]), abs(eye[1] - target[1])
+        upright = aside > 1e-3 * up
+        camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
+                        fov=options["fov"], size=options["size"])
+    return Scene(mesh=mesh, fur=fur, camera=camera, light=Light(direction=options["light"]))
+
+
+def _shells(options, length, radius):
+    """The `Shells` of this length on a mesh of this radius that the options describe."""
+    frequency = options["frequency"]
+    if frequency is None:
+        frequency = 60 / radius if options["pattern"] == "cells" else 40.0
+    # Half of what strands bend: hairs that stand upright go into the skin if they are bent by more than 1.
+    weight = 0.5 * options["force_weight"] * options["segments"]
+    return Shells(
+        length=length, frequency=frequency, length_variation=options["variation"],
+        force=[weight * part for part in options["force"]],
+        **{name: options[name] for name in ("layers", "pattern", "density", "noise", "wind", "time", "shading", "color",
+                                            "alpha", "seed")})
+
+
+def _strands(options, length, radius):
+    """The `Strands` of this length on a mesh of this radius that the options describe."""
+    hair = {
+        "color": options["color"],
+        "segments": options["segments"],
+        "segment_length": length / max(options["segments"], 1),
+        "width": 0.0012 * radius if options["width"] is None else options["width"],
+        "force_weight": options["force_weight"],
+        "curl": options["curl"],
+        "wave": options["wave"],
+        "alpha": options["alpha"],
+        **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), options["variation"]),
+    }
+    if options["type_map"] is not None and options["types"] is None:
+        raise click.UsageError("--type-map needs --types, the hair types that its colours mean")
+    return Strands(
+        types=[HairType(**hair)] if options["types"] is None else _hair_types(options["types"], hair),
+        type_map=None if options["type_map"] is None else load_picture(options["type_map"]),
+        **{name: options[name] for name in ("inner", "outer", "roots", "surface", "force", "seed")})
+
+
+def _hair_types(path, defaults):
+    """The hair types of a JSON file; raises `clfur.Error` naming the file, the type and the field."""
+    try:
+        listed = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
+        raise Error(f"{path} is not JSON: {error}") from None
+    if not isinstance(listed, list) or not all(isinstance(fields, dict) for fields in listed):
+        raise Error(f'{path} must hold a list of objects, such as [{{"key": [255, 0, 0], "segments": 10}}]')
+    allowed = [field.name for field in attrs.fields(HairType) if field.init]
+    types = []
+    for number, fields in enumerate(listed):
+        where = f"{path}, type {number}"
+        if unknown := [name for name in fields if name not in allowed]:
+            raise Error(f"{where}: unknown field {unknown[0]!r}; allowed: {', '.join(allowed)}")
+        try:
+            if isinstance(texture := fields.get("color_texture"), str):
+                fields["color_texture"] = load_picture(Path(path).parent / texture)
+            if isinstance(color := fields.get("color"), str):
+                fields["color"] = from_hex(color)
+            types.append(HairType(**{**defaults, **fields}))
+        except ValueError as error:   # clfur.Error is one
+            raise Error(f"{where}: {error}") from None
+    return types

@@ -1,0 +1,80 @@
+"""`clfur render`: a mesh with fur, or a scene file, to a picture."""
+
+import json
+import warnings
+from pathlib import Path
+
+import attrs
+import click
+
+from .. import draw, save
+from ..files.images import check_writable
+from ..judge.frontier import label
+from .devices import ask_drivers
+from .options import is_scene_file, load_scene, scene_options
+from .types import Names
+
+
+@click.command(context_settings={"show_default": True})
+@click.argument("given", metavar="MESH")
+@click.option("-o", "--output", metavar="FILE",
+              help="PNG (sRGB), EXR (linear) or NPZ (arrays).  [default: the mesh's name, .png]")
+@scene_options
+@click.option("--outputs", type=Names(), default="color", metavar="NAMES",
+              help="What to save: color, depth, id, tangent, normal, uv, coverage; PNG holds color alone.")
+@click.option("--max-error", type=click.FloatRange(0, min_open=True), metavar="E",
+              help="Choose the cheapest samples, raster, shadows, grid and lod that err by no more, such as 0.05: root "
+                   "mean square of sRGB, 0 to 1, against the true picture.")
+@click.option("--budget", "seconds", type=click.FloatRange(0, min_open=True), metavar="SECONDS",
+              help="Choose the best whose frame takes no longer; the frames that this tries are not counted.")
+@click.option("--device", metavar="DEVICE",
+              help="cpu, gpu, gpu:1, part of a name such as pocl, or 1:0; several with commas share a frame.  "
+                   "[default: CLFUR_DEVICE, PYOPENCL_CTX or the best there is]")
+@click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
+def render(given, output, outputs, device, as_json, **options):
+    """Draw MESH with fur and save the picture.
+
+    MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.  Or it is a
+    Python file (.py) that sets `scene`, a clfur.Scene, and maybe `settings`, a clfur.Settings.
+    """
+    output = Path(given).stem + ".png" if output is None else output
+    check_writable(output)
+    output = Path(output)
+    if output.suffix.lower() == ".png" and set(outputs) != {"color"}:
+        raise click.UsageError(f"{output} can hold the output color alone; .exr and .npz hold others")
+    for read in (given, options["type_map"], options["types"]):
+        if read and output.exists() and Path(read).exists() and output.samefile(read):
+            raise click.UsageError(f"{output} is read by this command and would be overwritten: name another with -o")
+    scene, settings = load_scene(given, options)
+    if device and "," in device:
+        device = [part.strip() for part in device.split(",")]
+    ask_drivers()
+    drawn = draw(scene, device=device, outputs=outputs, settings=settings)
+    if "color" in drawn.images and not drawn.images["color"][..., 3].any():
+        warnings.warn("nothing of the scene is to be seen in the picture", stacklevel=2)
+    save(output, drawn.images)
+
+    skipped = {"degenerate": scene.mesh.degenerate_faces if scene.mesh else 0,
+               "zero_normal": scene.mesh.zero_normal_faces if scene.mesh else 0}
+    shells = scene.shells
+    if as_json:
+        of_options = {} if is_scene_file(given) else {name: options[name] for name in ("fov", "light", "alpha", "seed")}
+        print(json.dumps({
+            "file": str(output), "size": scene.camera.size, "device": drawn.device,
+            "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
+            "shells": shells and {name: getattr(shells, name) for name in ("layers", "length", "frequency", "pattern")},
+            "seconds": drawn.seconds, "stages": drawn.stages, "skipped": skipped,
+            "camera": {"eye": scene.camera.pose[:3, 3].tolist(),
+                       "target": None if scene.camera.target is None else scene.camera.target.tolist()},
+            "settings": attrs.asdict(drawn.settings), "error": drawn.error, "why": drawn.why,
+            "options": of_options | {
+                name: getattr(drawn.settings, name) for name in ("samples", "raster", "shadows", "grid", "lod")}}))
+        return
+    stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in drawn.stages.items())
+    left_out = [f"{count:,} {what.replace('_', ' ')}" for what, count in skipped.items() if count]
+    fur = [f"{shells.layers} layers of shells"] if shells else []
+    fur += [f"{drawn.strands:,} strands, {drawn.segments:,} segments"] if scene.strands or not shells else []
+    print(f"{output}: {drawn.triangles:,} triangles, {', '.join(fur)} "
+          f"in {drawn.seconds:.2f} s on {drawn.device} ({stages})"
+          + (f"; skipped faces: {', '.join(left_out)}" if left_out else "")
+          + (f"; {label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""))

@@ -1,0 +1,82 @@
+"""What the options of the commands take: numbers, sizes, colours, names."""
+
+import click
+
+from ..color import srgb_to_linear
+
+
+class Numbers(click.ParamType):
+    """Numbers with commas between them, such as 0,-1,0."""
+
+    def __init__(self, count):
+        self.count = count
+        self.name = "numbers"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        try:
+            numbers = tuple(float(part) for part in value.split(","))
+        except ValueError:
+            numbers = ()
+        if len(numbers) != self.count:
+            self.fail(f"{value!r} is not {self.count} numbers with commas between them", param, ctx)
+        return numbers
+
+
+class Size(click.ParamType):
+    """Width and height in pixels, such as 640x480."""
+
+    name = "size"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        parts = value.lower().split("x")
+        if len(parts) != 2 or not all(part.isdecimal() and len(part) < 6 and 1 <= int(part) <= 16384 for part in parts):
+            self.fail(f"{value!r} is not WIDTHxHEIGHT of 1 to 16384 pixels each, such as 640x480", param, ctx)
+        return tuple(map(int, parts))
+
+
+class Color(Numbers):
+    """Linear R,G,B or sRGB #rrggbb."""
+
+    def __init__(self):
+        super().__init__(3)
+
+    def convert(self, value, param, ctx):
+        try:
+            return from_hex(value) if isinstance(value, str) and value.startswith("#") else super().convert(
+                value, param, ctx)
+        except (ValueError, click.BadParameter):
+            self.fail(f"{value!r} is neither R,G,B (linear) nor #rrggbb (sRGB)", param, ctx)
+
+
+class Roots(click.ParamType):
+    """The word faces, or a number of strands."""
+
+    name = "roots"
+
+    def convert(self, value, param, ctx):
+        if value == "faces" or isinstance(value, int):
+            return value
+        if not value.isdecimal() or len(value) > 10:
+            self.fail(f"{value!r} is neither 'faces' nor a number of strands", param, ctx)
+        return int(value)
+
+
+class Names(click.ParamType):
+    """Names with commas between them."""
+
+    name = "names"
+
+    def convert(self, value, param, ctx):
+        return value if isinstance(value, tuple) else tuple(part.strip() for part in value.split(","))
+
+
+def from_hex(text):
+    """Linear colour of sRGB "#rrggbb"; raises ValueError."""
+    digits = text[1:]
+    if len(text) != 7 or text[0] != "#" or not all(d in "0123456789abcdefABCDEF" for d in digits):
+        raise ValueError(f"{text!r} is not a colour such as #ccaa88")
+    return tuple(float(c) for c in srgb_to_linear([int(digits[i:i + 2], 16) / 255 for i in (0, 2, 4)]))

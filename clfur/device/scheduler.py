@@ -1,0 +1,266 @@
+"""Owns the context, queue, programs and buffers; launches kernels and times them; knows no fur."""
+
+import math
+import re
+import threading
+import time
+import warnings
+from contextlib import contextmanager
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pyopencl as cl
+import pyopencl.array as cla
+from pyopencl import tools
+
+from .. import layout
+from ..errors import DeviceError, Error
+from . import pocl
+from .selection import check_process, choose, describe
+
+GROUP = 64          # work-items in a work-group
+FIRST = 1024        # work-items in the first piece of a launch
+MOST = 65_472       # work-items in any piece: PoCL compiles a kernel anew for 2^16 and more
+PIECE = 0.1         # seconds that a piece of a launch should take, so that Ctrl-C need not wait long
+SPARE = 256 << 20   # bytes that the pool may hold beyond twice of what is in use
+
+
+def kernel_dir():
+    """Folder of the .cl files: the installed package clfur.cl, or cl/ beside clfur/ in a checkout."""
+    try:
+        return files("clfur.cl")
+    except ModuleNotFoundError:
+        return Path(__file__).resolve().parents[2] / "cl"
+
+
+def _text(file):
+    """A kernel file with what it includes, each line under the name and number that it has in its own file."""
+    lines = [f'#line 1 "{file}"']
+    for number, line in enumerate(kernel_dir().joinpath(file).read_text().splitlines(), 1):
+        if include := re.match(r'#include "(\w+\.h)"$', line):
+            line = f'{_text(include[1])}#line {number + 1} "{file}"'
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+class Scheduler:
+    """One OpenCL device made ready: keep it, and programs, buffers and unchanged stages stay warm.
+
+    ``device`` is whatever `clfur.device.choose` accepts.  ``memory``: bytes that arrays may take on the device in all,
+    three quarters of what it has if None; a scene that needs more is drawn part by part.  One thread at a time can
+    draw with a scheduler.  Raises `clfur.Error` if there is no such device, for an array that the device cannot hold,
+    and (`DeviceError`) for what goes wrong on the device.
+    """
+
+    def __init__(self, device=None, memory=None):
+        self.device = choose(device)
+        self.name = describe(self.device)
+        pocl.name_processor(self.device)
+        with self._watched("does not start"):
+            self.context = cl.Context([self.device])
+            self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
+            self.int64_atomics = "cl_khr_int64_extended_atomics" in self.device.extensions.split()
+            self.memory = self.device.global_mem_size * 3 // 4
+            # Work-items fill these by hand where a driver prefers vectors: PoCL does not vectorise loops of different
+            # lengths.  Two of 16 at once hide what each waits for; only PoCL takes vectors that OpenCL doesn't name.
+            self.lanes = max((n for n in (1, 8, 16) if n <= self.device.preferred_vector_width_float), default=1)
+            if self.lanes == 16 and self.device.platform.name == "Portable Computing Language":
+                self.lanes = 32
+            self.largest = self.device.max_mem_alloc_size   # bytes of one array
+            self.steps = 65_535 if "llvmpipe" in self.device.name else None   # it ends a work-item's loops, silently
+        if memory is not None:
+            if isinstance(memory, bool) or not isinstance(memory, int) or memory < 1:
+                raise Error(f"Scheduler.memory is {memory!r:.60}; allowed: None or a number of bytes")
+            self.memory = min(memory, self.memory)
+        self.build_seconds = 0.0   # that building programs has taken so far
+        self.pace = {}             # strands a second by what was done, for those who share work out
+        self.peak = 0              # most bytes that arrays have taken at once since `start`
+        self._pool = tools.MemoryPool(tools.ImmediateAllocator(self.queue))
+        self._kernels = {}
+        self._kept = {}
+        self._log = []
+        self._called = None
+        self._busy = threading.Lock()
+        self._stopped = False
+        self._load = None
+        self._rates = {}           # seconds a work-item of each kernel takes
+        self._ahead = 0.0          # seconds of work that the device may have before it
+
+    @contextmanager
+    def _watched(self, doing):
+        """Make one readable error of what the driver raises."""
+        try:
+            yield
+        except (cl.Error, MemoryError) as error:
+            raise DeviceError(f"{self.name} {doing}: {' '.join(str(error).split())[:300]}") from None
+
+    def empty(self, shape, dtype):
+        """Uninitialised device array, taken from the pool."""
+        check_process()
+        shape = (shape,) if np.isscalar(shape) else tuple(shape)
+        nbytes = math.prod(map(int, shape)) * np.dtype(dtype).itemsize
+        if nbytes > self.largest:
+            raise Error(f"an array of {nbytes / 2**20:,.0f} MiB {shape} is more than {self.name} can hold "
+                        f"in one piece ({self.largest / 2**20:,.0f} MiB)")
+        if self._pool.managed_bytes + nbytes > self.memory:
+            self._pool.free_held()
+        try:
+            # OpenCL has no empty buffers: an empty array is the empty start of a small one.
+            whole = cla.empty(self.queue, (max(shape[0], 1), *shape[1:]), dtype, allocator=self._pool)
+        except (cl.MemoryError, cl.LogicError, MemoryError):   # a logic error: rounded up beyond the largest piece
+            raise DeviceError(f"{self.name} is out of memory for {nbytes / 2**20:,.0f} MiB {shape}; arrays hold "
+                              f"{self._pool.active_bytes / 2**20:,.0f} MiB") from None
+        except cl.Error as error:
+            raise DeviceError(f"{self.name} gives no memory: {error}") from None
+        self.peak = max(self.peak, self._pool.active_bytes)
+        return whole if shape[0] else whole[:0]
+
+    def full(self, shape, dtype, value):
+        """Device array filled with one value."""
+        there = self.empty(shape, dtype)
+        if there.size:   # by the driver: pyopencl's own fill would compile a kernel for it
+            pattern = np.dtype(dtype).type(value)
+            with self._watched("does not fill an array"):
+                cl.enqueue_fill_buffer(self.queue, there.base_data, pattern, 0, there.nbytes)
+        return there
+
+    @property
+    def room(self):
+        """Bytes that arrays may still take on the device."""
+        return self.memory - self._pool.active_bytes
+
+    def upload(self, array):
+        """Copy of a host array on the device."""
+        array = np.ascontiguousarray(array)
+        there = self.empty(array.shape, array.dtype)
+        if array.size:
+            with self._watched("takes no data"):
+                there.set(array)
+        return there
+
+    def download(self, array):
+        """Copy of a device array on the host."""
+        with self._watched("gives no data"):
+            return array.get()
+
+    def launch(self, name, size, *args):
+        """Run kernel "stem.kernel" over ``size`` work-items; ``args`` in the order of its signature."""
+        kernel = self._kernels.get(name) or self._build(name.split(".")[0])[name]
+        if len(args) != kernel.num_args - 2:
+            raise TypeError(f"{name} takes {kernel.num_args - 2} arguments, {len(args)} given")
+        args = [a.base_data if isinstance(a, cla.Array) else a for a in args]
+        begin, size = 0, int(size)
+        with self._watched(f"does not run {name}"):
+            while begin < size:
+                if self._stopped:
+                    raise Error(f"{self.name} was told to stop")
+                # A driver can't be interrupted, so a launch is done in pieces, and all but the last are waited for.
+                rate, alone = self._rates.get(name), not self._ahead
+                piece = FIRST if rate is None else min(int(PIECE / rate), MOST)
+                end = min(begin + max(piece // GROUP, 1) * GROUP, size)
+                began = time.perf_counter()
+                # Whole groups of one size, and a kernel that ends where it should: see WORK_ITEM in common.h.
+                event = kernel(self.queue, (-(-(end - begin) // GROUP) * GROUP,), (GROUP,),
+                               np.uint64(begin), np.uint64(end), *args)
+                self._log.append((self._called or name.split(".")[0], event))
+                self._ahead += PIECE if rate is None else rate * (end - begin)
+                if end < size or self._ahead >= PIECE:
+                    event.wait()
+                    if alone or rate is None:
+                        # Sky is done in no time, but fur may begin in the next piece: a rate falls slowly.
+                        self._rates[name] = max((time.perf_counter() - began) / (end - begin), (rate or 0) / 2, 1e-10)
+                    self._ahead = 0.0
+                begin = end
+
+    def load(self, key):
+        """Tell what launches' lengths depend on: while it stays equal they are taken to be as long as they were."""
+        if key != self._load:
+            self._load = key
+            self._rates.clear()
+
+    def keep(self, name, key, build):
+        """``build()``, or what it gave last time under this name if ``key`` holds the very same objects."""
+        last_key, value = self._kept.get(name, (None, None))
+        if last_key is None or len(last_key) != len(key) or not all(a is b or (type(a) in (int, str) and a == b)
+                                                for a, b in zip(last_key, key)):
+            self._kept.pop(name, None)
+            value = None   # the old arrays go before new ones are made
+            value = build()
+            self._kept[name] = (tuple(key), value)
+        return value
+
+    def forget(self):
+        """Drop every kept stage, so that the next frame is built from the beginning."""
+        self._kept.clear()
+
+    @contextmanager
+    def frame(self):
+        """One frame: nothing else may draw with this scheduler meanwhile, and `seconds` and `peak` count anew."""
+        check_process()
+        if not self._busy.acquire(blocking=False):
+            raise Error(f"this Scheduler ({self.name}) is drawing in another thread; allowed: one for each thread")
+        try:
+            self._stopped = False
+            self.start()
+            yield
+        finally:
+            self._busy.release()
+
+    def stop(self):
+        """Let the frame that is being drawn in another thread end with an error, soon."""
+        self._stopped = True
+
+    def start(self):
+        """Begin a new frame: from here on `seconds` and `peak` count anew."""
+        self._log.clear()
+        self.peak = self._pool.active_bytes
+        # Frames of ever new sizes leave ever new pieces in the pool.
+        if self._pool.managed_bytes > 2 * self._pool.active_bytes + SPARE:
+            self._pool.free_held()
+
+    @contextmanager
+    def called(self, name):
+        """Count the launches within under this name instead of their kernel file's."""
+        self._called = name
+        try:
+            yield
+        finally:
+            self._called = None
+
+    def seconds(self):
+        """Seconds on the device since `start`, by kernel file: {"strands": 0.007, ...}; waits for them."""
+        total = {}
+        with self._watched("does not finish"):
+            self.queue.finish()
+            for name, event in self._log:
+                total[name] = total.get(name, 0.0) + 1e-9 * (event.profile.end - event.profile.start)
+        return total
+
+    def _build(self, stem):
+        source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind", self.lanes)
+        source += _text("common.h") + _text(f"{stem}.cl")
+        options = ["-cl-std=CL1.2"]
+        if self.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
+            options.append("-cl-fp32-correctly-rounded-divide-sqrt")
+        began = time.perf_counter()
+        try:
+            with warnings.catch_warnings():   # Intel's compiler reports that it has compiled
+                warnings.simplefilter("ignore", cl.CompilerWarning)
+                program = cl.Program(self.context, source).build(options=options)
+        except (cl.Error, MemoryError) as error:
+            raise DeviceError(f"{self.name} does not build {stem}.cl: {_complaint(str(error))}") from None
+        self.build_seconds += time.perf_counter() - began
+        self._kernels |= {f"{stem}.{k.function_name}": k for k in program.all_kernels()}
+        return self._kernels
+
+
+def _complaint(log):
+    """What a compiler's log complains about: "raster.cl:12: ..." if it names a place, or its first line of an error."""
+    lines = [" ".join(line.split()) for line in log.splitlines() if line.strip()]
+    errors = [line for line in lines if "error" in line.lower()] or lines or ["it says nothing"]
+    for line in errors:
+        if place := re.search(r"(\w+\.(?:cl|h))[:(](\d+)[\d:,)]*", line):
+            what = re.sub(r"^\s*(fatal )?error:\s*", "", line[place.end():], flags=re.IGNORECASE)
+            return f"{place[1]}:{place[2]}: {what.strip()}"[:300]
+    return errors[0][:300]

@@ -1,0 +1,262 @@
+"""Finds, describes and chooses OpenCL devices."""
+
+import os
+import re
+
+import pyopencl as cl
+
+from .. import cache
+from ..errors import Error
+from . import vendors
+
+_TYPES = {"gpu": cl.device_type.GPU, "cpu": cl.device_type.CPU}
+
+
+def find():
+    """All OpenCL devices (pyopencl.Device), in platform and then device order; maybe none."""
+    return [device for devices in _platforms() for device in devices]
+
+
+def choose(device=None):
+    """The OpenCL device that ``device`` means, or CLFUR_DEVICE, PYOPENCL_CTX or the best one if it is None.
+
+    Accepts what `pick` does, and a pyopencl.Device, which comes back as it is.
+    Raises `clfur.Error` if there is no such device.
+    """
+    _start()
+    if isinstance(device, cl.Device):
+        return device
+    if device is not None and not isinstance(device, str):
+        raise Error(f"device must be text such as 'pocl', or a pyopencl.Device, not {device!r}")
+    source, wish = _wish() if device is None else ("", device)
+    platforms = _platforms()
+    try:
+        return pick(wish, platforms, _failed(platforms) if wish.strip().lower().startswith("auto") else ())
+    except Error as error:
+        raise Error(f"{source}: {error}" if source else str(error)) from None
+
+
+def pick(text, platforms, failed=()):
+    """The device that ``text`` means among ``platforms``, a list of lists of devices.
+
+    "auto", "cpu", "gpu", or a part of the platform's name or version or else of the device's name, in any
+    case; ":1" after it takes the second match in the order of "auto" (GPU, CPU, others; PoCL first).
+    "1:0" and "1" are numbers of platform and device.  "auto" takes the devices that ``failed`` their self-test last.
+    Raises `clfur.Error` if there is no such device.
+    """
+    if not any(platforms):
+        # PoCL without a folder for its kernel cache is there, but shows no device.
+        hint = "; PoCL also needs a cache folder it can write to" if platforms else ""
+        raise Error(f'there is no OpenCL device; pip install "pyopencl[pocl]" brings one for the CPU{hint}')
+    matches = _matches(text, platforms, failed)
+    if not matches:
+        there = ", ".join(f"{handle} ({describe(device)})" for handle, device in handles(platforms))
+        raise Error(f"no OpenCL device matches {text!r}; there is {there}")
+    return matches[0]
+
+
+def handles(platforms=None):
+    """(text, device) for each device of ``platforms``, or of all there are: a short text that means it to `pick`."""
+    platforms = _platforms() if platforms is None else platforms
+    found = []
+    for p, devices in enumerate(platforms):
+        for d, device in enumerate(devices):
+            short = "pocl" if _is_pocl(device) else re.match(r"\w*", device.platform.name.lower())[0]
+            place = next((n for n, match in enumerate(_matches(short, platforms)) if match is device), None)
+            found.append((f"{p}:{d}" if place is None else f"{short}:{place}" if place else short, device))
+    return found
+
+
+def describe(device):
+    """Short text for people, such as "PoCL 3.0 · Intel Xeon (2 units)": driver, processor, compute units."""
+    if _is_pocl(device):
+        driver = re.search(r"pocl *[\d.]*", device.platform.version, re.IGNORECASE)[0].replace("pocl", "PoCL")
+    else:
+        driver = f"{device.platform.name} {device.driver_version}"
+    units = device.max_compute_units
+    return f"{_tidy(driver)} · {_short_name(device)} ({units} unit{'s' * (units != 1)})"
+
+
+def reason(platforms, failed=()):
+    """Why "auto" takes the device that it takes, in a few words: "no GPU; PoCL before other CPU drivers"."""
+    best = pick("auto", platforms, failed)
+    devices = _matches("auto", platforms)
+    if len(devices) == 1:
+        return "it is the only device" + "; it failed its check, though" * (best in failed)
+    skipped = [handle for handle, device in handles(platforms)
+               if device in failed and best not in failed and _rank(device) <= _rank(best)]
+    rivals = [device for device in devices if best in failed or device not in failed]
+    kinds, kind = [_rank(device)[0] for device in rivals], _rank(best)[0]
+    words = [f"{', '.join(skipped)} failed the check"] if skipped else []
+    if best in failed:
+        words.append("all failed their check")
+    if kind == 0 and max(kinds) > 0:
+        words.append("GPU before CPU")
+    elif kind and not skipped:
+        words.append(("", "no GPU", "no GPU or CPU")[kind])
+    named = ("GPU", "CPU", "device")[kind]
+    same = [device for device in rivals if _rank(device)[0] == kind]
+    if _is_pocl(best) and not all(map(_is_pocl, same)):
+        words.append(f"PoCL before other {named} drivers")
+    if (alike := sum(_rank(device) == _rank(best) for device in rivals)) > 1:
+        words.append(f"the first of {alike} {'PoCL devices' if _is_pocl(best) else f'{named}s'}")
+    return "; ".join(words) or "the best there is"
+
+
+def survey():
+    """All there is to tell of this machine's OpenCL, as what JSON can hold: see `clfur devices --json`."""
+    found = _found()
+    platforms = [devices for _, devices in found]
+    named, failed = handles(platforms), _failed(platforms)
+    handle_of = {id(device): handle for handle, device in named}
+    source, wish = _wish()
+    default = auto = None
+    if named:
+        auto = {"device": handle_of[id(pick("auto", platforms, failed))], "why": reason(platforms, failed)}
+        matches = _matches(wish, platforms, failed)
+        default = {"by": source or "auto", "text": wish, "device": handle_of[id(matches[0])] if matches else None}
+    return {"auto": auto, "default": default, "platforms": [
+        {"name": platform.name, "version": platform.version, "vendor": platform.vendor, "devices": [
+            {"device": handle_of[id(device)], "number": f"{p}:{d}", **_facts(device)}
+            for d, device in enumerate(devices)]}
+        for p, (platform, devices) in enumerate(found)]}
+
+
+def probe(vendor):
+    """What becomes of one `vendors.Vendor` -> (status, one line).
+
+    In a process of its own where OCL_ICD_VENDORS is its place: its driver may crash.
+    """
+    if trouble := vendors.trouble(vendor):
+        return trouble
+    found = _found()
+    devices = [describe(device) for _, devices in found for device in devices]
+    if devices:
+        return "loaded", f"{len(devices)} device{'s' * (len(devices) != 1)}: {', '.join(devices)}"
+    if not found:
+        return "no platform", "the driver loads, but shows no platform"
+    hints = {"rusticl": "RUSTICL_ENABLE must name its drivers, such as llvmpipe or radeonsi",
+             "portable": "PoCL needs a folder that it can write to: HOME, XDG_CACHE_HOME or POCL_CACHE_DIR",
+             "clover": "Mesa's Clover drives some older AMD GPUs only"}
+    names = ", ".join(platform.name for platform, _ in found)
+    hint = next((f"; {hint}" for name, hint in hints.items() if name in names.lower()), "")
+    return "no device", f"{names} is there, but has no device{hint}"
+
+
+_started = None   # the process that has started OpenCL
+
+
+def check_process():
+    """Raises `clfur.Error` in a process forked from one that had started OpenCL: drivers hang there."""
+    if _started not in (None, os.getpid()):
+        raise Error('OpenCL does not survive a fork: start processes by "spawn", as '
+                    'multiprocessing.get_context("spawn") does')
+
+
+def _start():
+    """Before the first use of OpenCL in this process."""
+    global _started
+    check_process()
+    if _started is None:
+        vendors.prepare()
+        if not cache.writable():   # pyopencl would raise; it reads its own PYOPENCL_NO_CACHE when it is imported
+            cl._PYOPENCL_NO_CACHE = True
+        _started = os.getpid()
+
+
+def _wish():
+    """(variable, text) of the device that the user's environment names; ("", "auto") without."""
+    return next(((name, os.environ[name]) for name in ("CLFUR_DEVICE", "PYOPENCL_CTX")
+                 if os.environ.get(name, "").strip()), ("", "auto"))
+
+
+def _platforms():
+    """The devices of each OpenCL platform: a list of lists."""
+    return [devices for _, devices in _found()]
+
+
+def _found():
+    """Each OpenCL platform and its devices: a list of (platform, list)."""
+    _start()
+    try:
+        return [(platform, _devices(platform)) for platform in cl.get_platforms()]
+    except cl.Error as error:
+        if "PLATFORM_NOT_FOUND_KHR" in str(error):
+            return []
+        raise Error(f"OpenCL does not start: {error}") from None
+
+
+def _devices(platform):
+    try:
+        return platform.get_devices()
+    except cl.Error:   # a driver that finds none, or that fails, must not hide the others
+        return []
+
+
+def _matches(text, platforms, failed=()):
+    """The devices that ``text`` means, the best first; maybe none."""
+    text = text.strip().lower()
+    if numbers := re.fullmatch(r"(\d+)(?::(\d+))?", text):
+        platform, device = (int(number or 0) for number in numbers.groups())
+        return platforms[platform][device:device + 1] if platform < len(platforms) else []
+    name, first = text, 0
+    if numbered := re.fullmatch(r"(.+):(\d+)", text):
+        name, first = numbered[1], int(numbered[2])
+    devices = sorted((device for platform in platforms for device in platform), key=_rank)   # stable
+    if name == "auto":
+        found = sorted(devices, key=lambda device: device in failed)
+    elif name in _TYPES:
+        found = [d for d in devices if d.type & _TYPES[name]]
+    else:
+        # The platform goes first: "intel" is Intel's driver where there is one, not PoCL on Intel's CPU.
+        found = ([d for d in devices if name in f"{d.platform.name}\n{d.platform.version}".lower()]
+                 or [d for d in devices if name in d.name.lower()]) if name else []
+    return found[first:]
+
+
+def _identity(device):
+    """What tells a device and its driver from others, on this machine."""
+    return [device.platform.name, device.platform.version, device.name, device.driver_version]
+
+
+def _failed(platforms):
+    """The devices whose last self-test is remembered to have failed."""
+    return [device for devices in platforms for device in devices
+            if (cache.recall(_identity(device)) or ("pass",))[0] != "pass"]
+
+
+def _facts(device):
+    """What `survey` tells of a device; sizes in bytes."""
+    check = cache.recall(_identity(device))
+    return {
+        "name": device.name,
+        "short_name": _short_name(device),
+        "type": next((name.upper() for name, kind in _TYPES.items() if device.type & kind), "other"),
+        "driver": device.driver_version,
+        "compute_units": device.max_compute_units,
+        "memory": device.global_mem_size,
+        "largest_allocation": device.max_mem_alloc_size,
+        "fp64": bool(device.double_fp_config),
+        "int64_atomics": "cl_khr_int64_extended_atomics" in device.extensions.split(),
+        "description": describe(device),
+        "identity": _identity(device),
+        "check": check and {"verdict": check[0], "message": check[1]},
+    }
+
+
+def _is_pocl(device):
+    return "pocl" in device.platform.version.lower()
+
+
+def _rank(device):
+    kind = 0 if device.type & cl.device_type.GPU else 1 if device.type & cl.device_type.CPU else 2
+    return kind, not _is_pocl(device)
+
+
+def _short_name(device):
+    # PoCL puts its own name and the compiler's for the processor ahead of the processor's name.
+    return _tidy(re.sub(r"^(pthread|basic|cpu)-([a-z0-9_-]+-(?=[A-Z]))?", "", device.name))
+
+
+def _tidy(text):
+    return " ".join(re.sub(r"\((R|TM|C)\)|\bProcessor\b", "", text, flags=re.IGNORECASE).split())

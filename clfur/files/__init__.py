@@ -1,0 +1,1 @@
+"""Files: meshes and pictures.  Nothing else sees trimesh, imageio or OpenEXR."""

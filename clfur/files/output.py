@@ -1,0 +1,60 @@
+"""Output files: tested before the work, and written whole or not at all."""
+
+import os
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..errors import Error
+
+
+def output_path(path, suffixes):
+    """The path as a Path; raises Error unless it has one of these suffixes and names a file in a folder that is."""
+    if not isinstance(path, (str, os.PathLike)):
+        raise Error(f"save path is {path!r}; allowed: a file's name")
+    path = Path(path)
+    if path.suffix.lower() not in suffixes:
+        raise Error(f"{path}: {path.suffix or 'no suffix'} is not supported; allowed: {', '.join(suffixes)}")
+    if os.path.isdir(path):
+        raise Error(f"{path}: is a folder; allowed: a file")
+    if not os.path.isdir(path.parent):
+        raise Error(f"{path}: there is no folder {path.parent}")
+    return path
+
+
+def check_writable(path, suffixes):
+    """Raise Error unless a file with one of these suffixes could be written to this path; leaves nothing behind."""
+    path = output_path(path, suffixes)
+    try:
+        _reserve(path).unlink()  # the one sure test: permissions may lie, as for root on a read-only disk
+    except OSError as error:
+        raise Error(f"{path}: cannot be written: {error.strerror}") from None
+
+
+@contextmanager
+def whole(path):
+    """Give a name to write to that becomes ``path`` at the end; if the block raises, nothing is left."""
+    temporary = None
+    try:
+        temporary = _reserve(path)
+        yield temporary
+        os.replace(temporary, path)
+    except Error:
+        raise
+    except Exception as error:  # whatever a writer fails with, the user gets one line
+        raise Error(f"{path}: cannot be written: {reason(error)}") from error
+    finally:
+        if temporary and temporary.exists():
+            temporary.unlink()
+
+
+def reason(error):
+    """What an exception says, in one line."""
+    text = getattr(error, "strerror", None) or str(error).strip() or type(error).__name__
+    return text.splitlines()[0]
+
+
+def _reserve(path):
+    """An empty file beside ``path``, so that replacing it is one step and keeps the usual permissions."""
+    temporary = path.with_name(f".{path.stem}-{os.urandom(4).hex()}{path.suffix.lower()}")
+    with open(temporary, "xb"):
+        return temporary

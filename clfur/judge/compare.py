@@ -1,0 +1,228 @@
+"""The same frames on many devices: seconds, memory and the pictures' differences, each device in its own process."""
+
+import re
+import statistics
+import tempfile
+import time
+from pathlib import Path
+
+import attrs
+import numpy as np
+
+from ..device.scheduler import Scheduler
+from ..device.selection import choose, describe, handles
+from ..errors import Error
+from ..measures import flip
+from ..render import draw
+from ..scene import Scene, checks
+from ..settings import Settings
+from .isolated import isolated, tell
+
+BEYOND = 1e-3   # colours further apart than this, in linear light, count as different ...
+SHARE = 1e-3    # ... of which a picture may hold this share and still agree
+
+
+@attrs.frozen
+class Spread:
+    """Median, least and most of some numbers."""
+
+    median: float
+    min: float
+    max: float
+
+    @classmethod
+    def of(cls, values):
+        return cls(statistics.median(values), min(values), max(values))
+
+
+@attrs.frozen
+class Difference:
+    """How a picture differs from the reference's.
+
+    largest: difference of any channel, linear.  share: of pixels that differ by more than 1e-3.  flip: mean FLIP error
+    over black, 0 to 1, or None without the package flip_evaluator.  same: {integer stage: whether its bits are equal}.
+    """
+
+    largest: float
+    share: float
+    flip: float | None
+    same: dict
+
+
+@attrs.frozen(eq=False)
+class Row:
+    """What one device made of the frames.
+
+    device: text that means it.  name: its description.  status: "ok", "differs" (from the reference), "error", "crash"
+    or "hang".  message: one line of why it is not ok, or "".  The rest is None where there is no picture:
+    frames: seconds of each warm frame, everything done anew.  frame: their spread.  stages: {name: `Spread` of seconds
+    on the device}, None also where the driver's times cannot be true.  first: seconds from making the scheduler to the
+    first picture, without any cache on disk; build: of these, building programs.  memory: most bytes that arrays took
+    on the device.  resident: most bytes that the process held in memory.  strands_per_second: by the median frame.
+    difference: `Difference`.  picture: float32 [h, w, 4].
+    """
+
+    device: str
+    name: str
+    status: str
+    message: str = ""
+    frames: list | None = None
+    frame: Spread | None = None
+    stages: dict | None = None
+    first: float | None = None
+    build: float | None = None
+    memory: int | None = None
+    resident: int | None = None
+    strands_per_second: float | None = None
+    difference: Difference | None = None
+    picture: np.ndarray | None = attrs.field(default=None, repr=False)
+
+
+@attrs.frozen(eq=False)
+class Comparison:
+    """What `compare` found.
+
+    reference: the device whose picture the others are compared to; None where none gave one.  size: of the picture.
+    settings: `Settings` of all.  triangles, strands, segments: what the reference drew.  repeat: warm frames a device.
+    rows: a `Row` a device.
+    """
+
+    reference: str | None
+    size: tuple
+    settings: Settings
+    triangles: int | None
+    strands: int | None
+    segments: int | None
+    repeat: int
+    rows: list
+
+    @property
+    def agree(self):
+        """Whether every device gave the picture, and all the same one."""
+        return all(row.status == "ok" for row in self.rows)
+
+    def as_dict(self):
+        """All but the pictures, as what JSON can hold; numbers that are not finite become None."""
+        return plain(attrs.asdict(self, filter=lambda field, _: field.name != "picture") | {"agree": self.agree})
+
+
+def compare(scene, devices="all", settings=None, repeat=5, reference=None, seconds=300, tell=None):
+    """Draw the same frames of a `Scene` on many devices, one after another -> `Comparison`.
+
+    ``devices``: "all", or texts as `Scheduler` takes them, in a list or with commas between.  ``repeat``: warm frames
+    a device.  ``reference``: the device to compare to; otherwise the one that "auto" means, if it is among them and
+    works, or else the first that works.  ``seconds`` that a frame may take; a driver that takes longer, or crashes,
+    costs its own row alone.  ``tell``: called with (device, frames done, frames in all) as they go on.
+    Raises `clfur.Error` for a device that is not there, before anything is drawn, and for other wrong arguments.
+    """
+    for value, kind, where in (scene, Scene, "scene"), (settings, Settings | None, "settings"):
+        if not isinstance(value, kind):
+            raise Error(f"{where} is {value!r:.60}; allowed: a clfur.{where.capitalize()}")
+    settings = settings or Settings()
+    if settings.goal:
+        raise Error(f"Settings.{settings.goal} is given; allowed in a comparison: none, since each device would choose "
+                    f"settings of its own")
+    repeat = checks.whole(1, 10000)(repeat, "repeat")
+    chosen = _chosen(devices)
+    best = [handle for handle, device in chosen if device == choose(reference or "auto")]
+    if reference and not best:
+        raise Error(f"reference is {reference!r}; allowed: one of the devices compared: {', '.join(dict(chosen))}")
+
+    rows, measured = [], {}
+    for handle, device in chosen:
+        outcome, message = _in_its_process(handle, scene, settings, repeat, seconds, tell)
+        measured[handle] = outcome.value
+        rows.append(Row(handle, describe(device), outcome.status, message))
+    reference = next((handle for handle in best + list(measured) if measured[handle]), None)
+    rows = [_row(row, measured[row.device], measured[reference]) if measured[row.device] else row for row in rows]
+    drawn = measured[reference]["drawn"] if reference else (None,) * 3
+    return Comparison(reference, scene.camera.size, settings, *drawn, repeat, rows)
+
+
+def _chosen(devices):
+    """[(text, device)] of what `compare` takes, each device once; raises `clfur.Error` where there is none such."""
+    if not isinstance(devices, (str, list, tuple)):
+        raise Error(f"devices is {devices!r:.60}; allowed: 'all', or names of devices")
+    there = handles()
+    if devices == "all":
+        choose("auto")   # raises where there is none at all
+        return there
+    names = devices.split(",") if isinstance(devices, str) else devices
+    wanted = [choose(name) for name in names]
+    if not wanted:
+        raise Error("devices is empty; allowed: 'all', or names of devices")
+    texts = {device: text for text, device in there}
+    return [(texts[device], device) for device in dict.fromkeys(wanted)]
+
+
+def _in_its_process(handle, scene, settings, repeat, seconds, heard):
+    """(Outcome of `_measure`, one line of why it failed or "")."""
+    done, frames = 0, repeat + 2
+
+    def count(_=None):
+        nonlocal done
+        done += 1
+        if heard:
+            heard(handle, done, frames)
+    if heard:
+        heard(handle, 0, frames)
+    with tempfile.TemporaryDirectory(prefix="clfur-") as caches:   # empty, so that the first frame is a first frame
+        outcome = isolated(f"{__name__}:_measure", handle, scene, settings, repeat, seconds=seconds, tell=count,
+                           environment=dict.fromkeys(("XDG_CACHE_HOME", "POCL_CACHE_DIR", "CUDA_CACHE_PATH"), caches))
+    return outcome, "" if outcome.status == "ok" else f"{outcome.message} (after {done} of {frames} frames)"
+
+
+def _measure(device, scene, settings, repeat):
+    """In a process of its own: draw the frames on one device -> what `_row` reads."""
+    began = time.perf_counter()
+    gpu = Scheduler(device)
+    draw(scene, gpu, settings)
+    first, build = time.perf_counter() - began, gpu.build_seconds
+    tell("the first frame")
+    gpu.forget()
+    known = draw(scene, gpu, settings, hashes=True)   # also warms up; hashing takes time, so it is none of the frames
+    tell("the frame with hashes")
+    frames = []
+    for _ in range(repeat):
+        gpu.forget()
+        frames.append(draw(scene, gpu, settings))
+        tell("a frame")
+    # Not getrusage's ru_maxrss: that starts with what the parent held when it made this process.
+    resident = 1024 * int(re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())[1])
+    return {"drawn": (known.triangles, known.strands, known.segments), "hashes": known.hashes,
+            "picture": frames[-1].images["color"], "first": first, "build": build, "resident": resident,
+            "frames": [f.seconds for f in frames], "stages": [f.stages for f in frames],
+            "memory": max(f.memory for f in frames)}
+
+
+def _row(row, own, other):
+    """The row of a device that gave its picture, compared to the reference's."""
+    apart = np.abs(own["picture"].astype(np.float64) - other["picture"]).max(axis=2)
+    apart[np.isnan(apart)] = np.inf
+    difference = Difference(float(apart.max()), float((apart > BEYOND).mean()), flip(other["picture"], own["picture"]),
+                            {name: own["hashes"].get(name) == bits for name, bits in other["hashes"].items()})
+    wrong = [f"other bits in {name}" for name, same in difference.same.items() if not same]
+    if difference.share > SHARE:
+        wrong.append(f"{difference.share:.2%} of the pixels are beyond {BEYOND:g}")
+    frame = Spread.of(own["frames"])
+    return attrs.evolve(
+        row, status="differs" if wrong else "ok", message=", ".join(wrong), frames=own["frames"], frame=frame,
+        stages=_stages(own["stages"], own["frames"]), first=own["first"], build=own["build"], memory=own["memory"],
+        resident=own["resident"], strands_per_second=own["drawn"][1] / frame.median, difference=difference,
+        picture=own["picture"])
+
+
+def _stages(stages, frames):
+    """{stage: Spread of seconds}, or None where their sums cannot be true: some drivers' clocks stand still."""
+    if not all(1e-3 * seconds < sum(times.values()) < 1.1 * seconds for times, seconds in zip(stages, frames)):
+        return None
+    return {name: Spread.of([times[name] for times in stages]) for name in stages[0]}
+
+
+def plain(value):
+    """What JSON can hold of dicts, lists and numbers: what is not finite becomes None."""
+    if isinstance(value, dict):
+        return {name: plain(part) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(part) for part in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,126 @@
+"""Calls a function in a process of its own, so that a driver's crash or hang costs no more than that call."""
+
+import importlib
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import Error
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of the call.
+
+    status: "ok", "error" (it raised), "crash" (its process died) or "hang" (it took longer than allowed).
+    value: what it returned, or None.  message: one line of why there is no value, or "".
+    """
+
+    status: str
+    value: Any = None
+    message: str = ""
+
+
+def isolated(function, *arguments, seconds, tell=None, environment=None):
+    """Call ``function`` ("package.module:name") with ``arguments`` in a fresh process -> `Outcome`.
+
+    ``tell``: called here with each object that the function there sends by ``isolated.tell(object)``.  ``seconds``: it
+    may take, from one such object to the next.  ``environment``: variables to change there, {name: text}.
+    The process and what it started are gone when this returns, or raises.  Raises `clfur.Error` for arguments that
+    cannot be sent to it.
+    """
+    try:
+        call = pickle.dumps((function, arguments, sys.path))
+    except Exception as error:   # pickle raises whatever it met
+        raise Error(f"cannot be sent to another process: {' '.join(str(error).split())}") from error
+    with tempfile.TemporaryDirectory(prefix="clfur-") as folder:
+        told, errors = Path(folder, "told"), Path(folder, "stderr")
+        Path(folder, "call").write_bytes(call)
+        told.touch()
+        with errors.open("wb") as stderr:
+            child = subprocess.Popen(
+                [sys.executable, "-c", "import sys; sys.path[:0] = sys.argv[2:]; "
+                 "from clfur.judge.isolated import _serve; _serve(sys.argv[1])",
+                 folder, str(Path(__file__).parents[2])],
+                stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr, start_new_session=True,
+                env={**os.environ, **(environment or {})})
+        try:
+            value, status = _listen(child, told, seconds, tell)
+        finally:
+            try:
+                os.killpg(child.pid, signal.SIGKILL)
+            except ProcessLookupError:
+                pass
+            child.wait()
+        if status == "hang":
+            return Outcome("hang", None, f"no answer in {seconds:g} s")
+        if status == "ok":
+            return Outcome("ok", value)
+        if status == "error":
+            return Outcome("error", None, value)
+        last = errors.read_text(errors="replace").split("\n")
+        said = next((" ".join(line.split()) for line in reversed(last) if line.strip()), "")
+        code = child.returncode
+        died = f"died of {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
+        return Outcome("crash", None, f"the process {died}" + (f": {said}" if said else ""))
+
+
+def _listen(child, told, seconds, tell):
+    """(value, status) of the child: what it writes to the file ``told``, until it has written all or has died."""
+    heard = time.monotonic()
+    with told.open("rb") as stream:
+        while True:
+            ended = child.poll() is not None   # asked before reading: what it wrote last is not missed
+            place = stream.tell()
+            try:
+                kind, value = pickle.load(stream)
+            except (EOFError, pickle.UnpicklingError):   # nothing new, or half of it
+                stream.seek(place)
+                if ended:
+                    return None, "crash"
+                if time.monotonic() - heard > seconds:
+                    return None, "hang"
+                time.sleep(0.02)
+                continue
+            heard = time.monotonic()
+            if kind != "told":
+                return value, kind
+            if tell:
+                tell(value)
+
+
+_stream = None   # of the process that serves a call
+
+
+def tell(value):
+    """Send an object to the process that called `isolated`; there it reaches ``tell``."""
+    _send("told", value)
+
+
+def _send(kind, value):
+    if _stream:
+        _stream.write(pickle.dumps((kind, value)))
+        _stream.flush()
+
+
+def _serve(folder):
+    """Do the call that lies in a folder."""
+    global _stream
+    function, arguments, path = pickle.loads(Path(folder, "call").read_bytes())
+    sys.path[:] = path
+    _stream = Path(folder, "told").open("ab")
+    module, name = function.split(":")
+    try:
+        _send("ok", getattr(importlib.import_module(module), name)(*arguments))
+    except Error as error:
+        _send("error", str(error))
+    except Exception as error:
+        _send("error", f"{type(error).__name__}: {' '.join(str(error).split())[:500]}")
+    os._exit(0)   # drivers may crash at exit, after all is done

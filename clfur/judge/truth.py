@@ -1,0 +1,325 @@
+"""What the methods approximate, by brute force and independent of the kernels."""
+
+import io
+import math
+import zipfile
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+
+from .. import cache
+from ..errors import Error
+from ..render import schedulers
+from ..scene import Curves, Scene, Strands, checks, extent
+from ..stages.tessellate import tessellate
+from ..twin import shade, strands
+from .rays import Eye, Fibres, Triangles, frame_along
+
+VERSION = 1              # of what `picture` gives, strands and bodies included: another makes the cache anew
+RAYS = 1 << 18           # of the picture at a time
+
+
+def picture(scene, samples=8, seed=0, progress=None):
+    """The picture that `clfur.render` approximates -> float64 [height, width, 4], as `render` has it.
+
+    ``samples`` squared rays a pixel, one at random (by ``seed``) in each of as many squares, are averaged: a box filter
+    over the pixel.  Each sees what is nearest: strands of their real width (ribbons that face the eye), or the body.
+    The light there is Kajiya and Kay's, or Lambert's on the body.  Of direct light one ray towards the light leaves the
+    product of the alphas of all strands that it crosses (round, of their real width, the own one left out), and nothing
+    where it meets the body.  ``progress`` is called with the share that is done.  Raises `clfur.Error` for shells:
+    these are judged by their own picture at many samples (tools/shells_laws.py).
+    """
+    if not isinstance(scene, Scene):
+        raise Error(f"scene is {scene!r:.60}; allowed: a clfur.Scene")
+    if scene.shells is not None:
+        raise Error("Scene.fur has Shells; allowed: Strands or Curves, since the truth knows strands and bodies only")
+    samples = checks.whole(1, 64)(samples, "samples")
+    hair, skin = _geometry(scene)
+    eye, to_place, near = _camera(scene)
+    width, height = scene.camera.size
+    corners = np.array([(x, y, 1) for x in (0, width) for y in (0, height)]) @ to_place.T
+    window = corners[:, :2].min(0), corners[:, :2].max(0)
+    seen_hair, seen_skin = _before(eye, hair, skin, near, window)
+    light = _Light(scene, hair, skin)
+
+    result = np.zeros((height, width, 4))
+    rows = max(RAYS // (width * samples**2), 1)
+    for top in range(0, height, rows):
+        end = min(top + rows, height)
+        pixels = np.concatenate([_in_row(row, width, samples, seed) for row in range(top, end)])
+        places = (np.column_stack([pixels, np.ones(len(pixels))]) @ to_place.T)[:, :2]
+        lit = np.zeros((len(places), 4))
+        depth, fibre = seen_hair.seen(places)
+        body_depth, triangle = seen_skin.seen(places)
+        nearer = np.flatnonzero(depth < body_depth)
+        bare = np.flatnonzero((body_depth <= depth) & (triangle >= 0))
+        lit[nearer, 3] = lit[bare, 3] = 1
+        p, fibre = eye.points(places[nearer], depth[nearer]), fibre[nearer]
+        lit[nearer, :3] = light.on_hair(p, _towards(eye, p), fibre, seen_hair.share(places[nearer], fibre))
+        p = eye.points(places[bare], body_depth[bare])
+        lit[bare, :3] = light.on_skin(p, _towards(eye, p), triangle[bare])
+        result[top:end] = lit.reshape(end - top, width, samples**2, 4).mean(2)
+        if progress:
+            progress(end / height)
+    return result
+
+
+def noise_of(scene, samples=8, seed=0, progress=None):
+    """One estimate of the standard error of each number of `picture`, from it and another seed -> [height, width, 4].
+
+    Its root mean square over many pixels is that of the picture's error.
+    """
+    one, other = (picture(scene, samples, seed + k, progress) for k in (0, 1))
+    return np.abs(one - other) / math.sqrt(2)
+
+
+def cached_picture(scene, samples=8, folder=None, progress=None):
+    """`picture` with seed 0, kept in ``folder`` (clfur's in the user's cache if None) under what the scene is.
+
+    A damaged file is made anew.  Raises `clfur.Error` as `picture` does, and where there is no folder to write to.
+    """
+    file = (cache.folder("truth") if folder is None else Path(folder)) / f"{cache.digest(VERSION, samples, scene)}.npz"
+    width, height = scene.camera.size
+    try:
+        with np.load(file) as saved:
+            kept = saved["picture"]
+        if kept.shape == (height, width, 4) and kept.dtype == np.float64:
+            return kept
+    except (OSError, ValueError, LookupError, EOFError, zipfile.BadZipFile, zipfile.zlib.error):   # none, or damaged
+        pass
+    result, stream = picture(scene, samples, progress=progress), io.BytesIO()
+    np.savez_compressed(stream, picture=result)
+    cache.write(file, stream.getvalue())
+    return result
+
+
+# --- the scene ------------------------------------------------------------------------------------------
+
+
+def _geometry(scene):
+    """(strands, body) of a scene: with the members of `Grown` and `Surface`, but strands are the float64 twin's.
+
+    The strands have besides: first [n] each segment's first point, owner [n] its strand, and starts, ends [n]: whether
+    the strand starts or ends with it.
+    """
+    mesh, fur = scene.mesh, scene.strands
+    body = SimpleNamespace(positions=np.zeros((0, 3)), normals=np.zeros((0, 3)), triangles=np.zeros((0, 4), int))
+    if mesh is not None and (scene.body_color is not None or isinstance(fur, Strands)):
+        levels = (fur.inner, fur.outer, fur.surface) if isinstance(fur, Strands) else (1, 1, "flat")
+        body = _tessellated(mesh, *levels)
+    if isinstance(fur, Strands):
+        hair = _grown(fur, body)
+    elif isinstance(fur, Curves):
+        counts = fur.counts.astype(int)
+        tangents, width, _ = strands.bring(fur.points, counts, fur.width)
+        hair = SimpleNamespace(points=np.column_stack([fur.points, width]).astype(float), tangents=tangents,
+                               counts=counts, colors=fur.color.astype(float), kind=np.zeros(len(counts), int),
+                               shine=np.array([(fur.specular, fur.exponent, fur.alpha)]))
+    else:
+        hair = SimpleNamespace(points=np.zeros((0, 4)), tangents=np.zeros((0, 3)), counts=np.zeros(0, int),
+                               colors=np.zeros((1, 3)), shine=np.ones((1, 3)), kind=np.zeros(0, int))
+    hair.spans = np.stack([np.cumsum(hair.counts) - hair.counts, hair.counts], 1)
+    hair.first, hair.owner = _segments(hair.spans)
+    hair.starts = hair.first == hair.spans[hair.owner, 0]
+    hair.ends = hair.first + 2 == hair.spans[hair.owner].sum(1)
+    if scene.body_color is None:
+        body.triangles = body.triangles[:0]
+    return hair, body
+
+
+def _tessellated(mesh, inner, outer, surface):
+    """The surface that carries the strands, from a device, whose bits are the same on all.
+
+    The twin's would do but for this: next to a triangle's side the last bit tells which triangle a root stands on, and
+    0.2 % of 20,000 strands on a teapot of 234,000 triangles would stand on another one than `render`'s.
+    """
+    gpu, = schedulers(None)
+    with gpu.frame():
+        made = tessellate(gpu, mesh, inner, outer, surface)
+        positions, normals, uv = (gpu.download(each).astype(float) for each in (made.positions, made.normals, made.uv))
+        return SimpleNamespace(positions=positions[:, :3], normals=normals[:, :3], uv=uv[:, :2], unit=made.unit,
+                               triangles=gpu.download(made.triangles).astype(int))
+
+
+def _grown(fur, body):
+    skin = body.positions, body.normals, body.uv, body.triangles[:, :3]
+    if fur.roots == "faces":
+        roots = strands.roots_on_faces(*skin)
+    else:
+        x, y, z = strands.twice_areas(body.positions * body.unit, skin[3]).T
+        area = np.sqrt(x * x + y * y + z * z)
+        *roots, _ = strands.roots_by_area(*skin, np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed)
+    points, tangents, counts, colors, kind = strands.grow(
+        *roots, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed)
+    there = np.arange(points.shape[1]) < counts[:, None]
+    width = np.broadcast_to(np.array([t.width for t in fur.types])[kind][:, None], there.shape)
+    return SimpleNamespace(points=np.column_stack([points[there], width[there]]), tangents=tangents[there],
+                           counts=counts, colors=colors, kind=kind,
+                           shine=np.array([(t.specular, t.exponent, t.alpha) for t in fur.types]))
+
+
+def _before(eye, hair, skin, near, window):
+    """(`Fibres`, `Triangles`) of a scene before an eye."""
+    fibres = Fibres(eye, hair.points[hair.first], hair.points[hair.first + 1], hair.starts, hair.ends, near, window)
+    return fibres, Triangles(eye, skin.positions[skin.triangles[:, :3]], near, window)
+
+
+def _camera(scene):
+    """(eye, the matrix from pixels to places, least distance ahead that is seen)."""
+    camera = scene.camera
+    center, radius = extent(scene.mesh, scene.fur)
+    eye = Eye(camera.pose[:3, 3], camera.pose[:3, :3].T * np.array([[1], [-1], [-1]]), False)
+    distance = eye.frame(center)[2]
+    radius = radius or abs(distance) or 1.0
+    return eye, np.linalg.inv(camera.intrinsics), max(distance - 1.01 * radius, 1e-3 * radius)   # as views.view_of
+
+
+def _in_row(row, width, samples, seed):
+    """Where the rays of a row pass, in pixels: [width * samples², 2], the same whatever is drawn with it."""
+    down, across = np.divmod(np.arange(samples**2), samples)
+    within = np.random.default_rng((seed, row)).random((width, samples**2, 2)) + np.stack([across, down], 1)
+    return (within / samples + np.stack([np.arange(width), np.full(width, row)], 1)[:, None]).reshape(-1, 2)
+
+
+def _towards(eye, p):
+    return shade.unit(eye.origin - p)
+
+
+# --- light ----------------------------------------------------------------------------------------------
+
+
+class _Light:
+    """The light on places of a scene."""
+
+    def __init__(self, scene, hair, skin):
+        self.light, self.hair, self.skin, self.body_color = scene.light, hair, skin, scene.body_color
+        spot, direction = self.light.position is not None, self.light.direction
+        _, radius = extent(scene.mesh, scene.fur)
+        self.eye = Eye(self.light.position if spot else np.zeros(3), frame_along(direction), not spot)
+        near = 1e-6 * (radius or 1.0)
+        if spot:
+            window = np.array([[-1], [1]]) * np.full(2, math.tan(math.radians(self.light.angle) / 2))
+        else:
+            places = self.eye.places(self.eye.frame(np.concatenate([hair.points[:, :3], skin.positions])))
+            grown = hair.points[:, 3].max(initial=0)
+            window = places.min(0, initial=np.inf) - grown, places.max(0, initial=-np.inf) + grown
+        self.fibres, self.triangles = _before(self.eye, hair, skin, near, window)
+        with np.errstate(divide="ignore"):
+            self.depth = np.log(hair.shine[hair.kind[hair.owner], 2])     # of a crossing; alpha 0 lets nothing through
+        self.bias = 1e-7 * radius                                         # a place on the body is not before itself
+
+    def on_hair(self, p, v, fibre, share):
+        """Light [n, 3] from places p of segments, a share of the way along them, towards v."""
+        hair, first, strand = self.hair, self.hair.first[fibre], self.hair.owner[fibre]
+        t = hair.tangents[first] + share[:, None] * (hair.tangents[first + 1] - hair.tangents[first])
+        length = np.linalg.norm(t, axis=1, keepdims=True)
+        t = np.where(length > 1e-15, t / np.where(length > 1e-15, length, 1), hair.tangents[first])
+        color = shade.strand_color(hair, first, strand, share)
+        specular, exponent, _ = hair.shine[hair.kind[strand]].T[..., None]
+        to_light, direct = self._reaching(p)
+        some = np.flatnonzero(direct.any(1))
+        direct[some] *= self._left(p[some], np.full(len(some), -1), strand[some])[:, None]
+        return shade.fibre(color, specular, exponent, False, t, to_light, v, direct, self.light.ambient)
+
+    def on_skin(self, p, v, triangle):
+        """Light [n, 3] from places p of triangles towards v."""
+        n, _ = shade.on_body(self.skin, triangle, p, v)
+        to_light, direct = self._reaching(p)
+        direct *= np.maximum(shade.dot(n, to_light), 0)[:, None]
+        some = np.flatnonzero(direct.any(1))
+        direct[some] *= self._left(p[some], triangle[some], np.full(len(some), -1))[:, None]
+        return self.body_color * (direct + self.light.ambient)
+
+    def _reaching(self, p):
+        """(unit vectors to the light, its colour where nothing is in its way) [n, 3]."""
+        light = self.light
+        direct = np.repeat(light.color[None].astype(float), len(p), 0)
+        if light.position is None:
+            return np.broadcast_to(-light.direction, p.shape), direct
+        to_light = shade.unit(light.position - p)
+        direct[-to_light @ light.direction < math.cos(math.radians(light.angle) / 2)] = 0
+        return to_light, direct
+
+    def _left(self, p, triangle, strand):
+        """Share of light that one ray [n] leaves at places p, which lie on a triangle or a strand (-1: not)."""
+        if not len(p):
+            return np.zeros(0)
+        framed = self.eye.frame(p)
+        places, z = self.eye.places(framed), framed[:, 2]
+        share = np.where(self.triangles.any_before(places, z - self.bias, triangle), 0.0, 1.0)
+        if (self.depth < 0).any():
+            some = np.flatnonzero(share)
+            share[some] = np.exp(self.fibres.sum_before(
+                places[some], z[some], strand[some], self.hair.owner, self.depth))
+        return share
+
+
+# --- light in hair alone --------------------------------------------------------------------------------
+
+
+def transmittance(points, spans, alphas, towards_light, queries, own, footprint, rays=64, seed=0):
+    """How much light reaches places in hair: the mean of alpha^crossings over rays of light in a footprint.
+
+    ``points``: [P, 4] x, y, z, width; ``spans``: [strands, 2] first point, points; ``alphas``: what one hair lets
+    through, a number or [strands].  ``towards_light``: unit [3].  ``queries``: [Q, 3] with ``own`` [Q] the strand
+    that each lies on (not counted), or -1.  Each of ``rays`` rays starts in the query's plane across the light,
+    uniformly within ``footprint`` [world] of it; a single ray would see only the gaps between hairs.  Hairs are
+    round fibres of their real width.  -> [Q] float64.
+    """
+    points, spans = np.asarray(points, float), np.asarray(spans, np.int64)
+    alphas = np.broadcast_to(np.asarray(alphas, float), len(spans))
+    z = -np.asarray(towards_light, float)
+    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x /= np.linalg.norm(x)
+    frame = np.stack([x, np.cross(z, x), z], 1)              # across, across, the way the light travels
+
+    first, owner = _segments(spans)
+    a, b = points[first, :3] @ frame, points[first + 1, :3] @ frame
+    radius = (points[first, 3] + points[first + 1, 3]) / 4
+    places = np.asarray(queries, float) @ frame
+
+    # Segments by square bins of the plane across the light, so that a query looks only at its neighbours.
+    bin_size = max(footprint, np.abs(b - a)[:, :2].max(initial=0), 1e-9)
+    low = np.floor((np.minimum(a, b)[:, :2] - radius[:, None] - footprint) / bin_size).astype(np.int64)
+    high = np.floor((np.maximum(a, b)[:, :2] + radius[:, None] + footprint) / bin_size).astype(np.int64)
+    entries, keys = [], []
+    for dx in range(int((high - low)[:, 0].max(initial=0)) + 1):
+        for dy in range(int((high - low)[:, 1].max(initial=0)) + 1):
+            here = np.flatnonzero((low[:, 0] + dx <= high[:, 0]) & (low[:, 1] + dy <= high[:, 1]))
+            entries.append(here)
+            keys.append(_key(low[here] + (dx, dy)))
+    entries, keys = np.concatenate(entries), np.concatenate(keys)
+    order = np.argsort(keys, kind="stable")
+    entries, keys = entries[order], keys[order]
+
+    random = np.random.default_rng(seed)
+    result = np.ones(len(places))
+    query_keys = _key(np.floor(places[:, :2] / bin_size).astype(np.int64))
+    starts, ends = np.searchsorted(keys, query_keys), np.searchsorted(keys, query_keys, "right")
+    for q, (place, start, end) in enumerate(zip(places, starts, ends)):
+        near = entries[start:end]
+        near = near[(owner[near] != own[q]) & (np.minimum(a[near, 2], b[near, 2]) < place[2])]
+        r, angle = footprint * np.sqrt(random.random(rays)), 2 * math.pi * random.random(rays)
+        ray = place[:2] + np.stack([r * np.cos(angle), r * np.sin(angle)], 1)
+        d = b[near] - a[near]
+        e = ray[:, None] - a[near, :2]                       # [rays, near, 2]
+        square = (d[:, :2] ** 2).sum(1)
+        square[square == 0] = np.inf                         # along the light: no ray crosses it
+        t = (e * d[:, :2]).sum(2) / square
+        aside = np.abs(e[..., 0] * d[:, 1] - e[..., 1] * d[:, 0]) / np.sqrt(square)
+        hit = (t >= 0) & (t < 1) & np.isfinite(square) & (aside < radius[near]) & (a[near, 2] + t * d[:, 2] < place[2])
+        result[q] = np.exp(hit @ np.log(np.maximum(alphas[owner[near]], 1e-300))).mean()
+    return result
+
+
+def _segments(spans):
+    """Every segment's (first point, strand)."""
+    counts = np.maximum(spans[:, 1] - 1, 0)
+    owner = np.repeat(np.arange(len(spans)), counts)
+    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return spans[owner, 0] + within, owner
+
+
+def _key(bins):
+    return bins[:, 0] * (1 << 32) + bins[:, 1]

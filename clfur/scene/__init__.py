@@ -1,0 +1,19 @@
+"""What to draw: meshes, cameras, lights and fur, as frozen classes that check themselves when they are made.
+
+Lengths are in the mesh's own units, angles in degrees, colours linear. The world is right-handed with +Y up.
+Arrays are copied on the way in and are read-only, so that a scene never changes under a renderer.
+"""
+
+from .bounds import bounds_of, extent, fur_extent, hair_bounds
+from .camera import Camera
+from .curves import Bounds, Curves
+from .light import Light
+from .mesh import Mesh
+from .scene import Scene, frame
+from .shells import Shells
+from .strands import HairType, PointForce, Strands
+
+__all__ = [
+    "Bounds", "Camera", "Curves", "HairType", "Light", "Mesh", "PointForce", "Scene", "Shells", "Strands", "bounds_of",
+    "extent", "frame", "fur_extent", "hair_bounds",
+]

@@ -1,0 +1,84 @@
+"""How far a mesh and its fur can reach: what cameras, grids and counters must have room for."""
+
+import functools
+
+import numpy as np
+
+from .curves import Bounds, Curves
+from .mesh import box, sphere
+from .shells import Shells
+from .strands import Strands
+
+
+def strands_and_shells(fur):
+    """Return (Strands, Curves or None; Shells or None) of what `_fur` gave."""
+    parts = fur if isinstance(fur, tuple) else (fur,)
+    return (next((part for part in parts if isinstance(part, (Strands, Curves))), None),
+            next((part for part in parts if isinstance(part, Shells)), None))
+
+
+def points_to_see(mesh, fur):
+    """Return arrays [n, 3] of points whose hull, grown by `fur_extent`, holds all that is drawn."""
+    strands, _ = strands_and_shells(fur)   # shells grow on the mesh
+    curved = isinstance(strands, Strands) and strands.surface == "pn"
+    points = [mesh.hull if curved else mesh.positions] if mesh is not None else []
+    return points + ([strands.on_host.points] if isinstance(strands, Curves) and len(strands.points) else [])
+
+
+@functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
+def extent(mesh, fur):
+    """Return a sphere (centre float64 [3], radius float) around all that a mesh and its fur can reach."""
+    strands, shells = strands_and_shells(fur)
+    if isinstance(strands, Curves) and strands.bounds:
+        center, radius = strands.bounds.center, strands.bounds.radius
+        return center, max(radius, _furthest(center, [mesh.positions]) + fur_extent(shells)) if mesh else radius
+    points = points_to_see(mesh, fur)
+    boxes = [box(each) for each in points]
+    if not boxes:
+        return np.zeros(3), 0.0
+    center, _ = sphere(np.min([low for low, _ in boxes], 0), np.max([high for _, high in boxes], 0))
+    return center, _furthest(center, points) + fur_extent(fur)
+
+
+def _furthest(center, points):
+    """Return how far the furthest of arrays of points [n, 3] is from a centre."""
+    return float(np.sqrt(max(((each - center) ** 2).sum(1).max() for each in points)))
+
+
+def bounds_of(mesh, fur, strands):
+    """Return the `Bounds` of this many strands of a fur, as its Curves would need them to be drawn alike."""
+    return Bounds(*extent(mesh, fur), *hair_bounds(strands_and_shells(fur)[0], strands))
+
+
+def fur_extent(fur):
+    """Return how far fur, or each of a tuple, can reach beyond the points it is made of or grows on, in world units."""
+    if isinstance(fur, tuple):
+        return max(map(fur_extent, fur), default=0.0)
+    if isinstance(fur, Shells):
+        return fur.length
+    if isinstance(fur, Curves):
+        return float(fur.on_host.width.max()) / 2
+    if fur is None:
+        return 0.0
+    return max(hair.segments * hair.segment_length * (1 + hair.length_variation)
+               + 2 * hair.curl[0] + hair.wave[0] + hair.width / 2 for hair in fur.types)
+
+
+@functools.lru_cache(maxsize=2)
+def hair_bounds(fur, strands):
+    """Return (segments, length [world], length · width [world²]) that ``strands`` strands of the fur cannot exceed."""
+    if isinstance(fur, Curves):
+        if fur.bounds:
+            return fur.bounds.segments, fur.bounds.length, fur.bounds.area
+        fur = fur.on_host
+        d = np.linalg.norm(np.diff(fur.points, axis=0), axis=1)
+        inner = np.ones(len(fur.points), bool)
+        inner[np.cumsum(fur.counts, dtype=np.int64)[fur.counts > 0] - 1] = False   # a strand's end joins nothing
+        length = float(d[inner[:-1]].sum(dtype=float))
+        return len(fur.points), length, length * float(fur.width.max())
+    types = fur.types
+    # Curl and wave hold a point within this reach of its axis; from one point to the next it may cross all of it.
+    lengths = [t.segments * (t.segment_length * (1 + t.length_variation) + 2 * (2 * t.curl[0] + t.wave[0]))
+               for t in types]
+    return (strands * max(t.segments for t in types), strands * max(lengths),
+            strands * max(length * t.width for length, t in zip(lengths, types)))

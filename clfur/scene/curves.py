@@ -1,0 +1,188 @@
+"""Strands that the user brings."""
+
+import functools
+
+import attrs
+import numpy as np
+
+from ..errors import Error
+from . import checks
+from .strands import HairType, levels
+
+PLACED = "points", "width", "color", "root_uv", "root_normal"   # arrays that may be on a device
+
+
+def _points(value, where):
+    allowed = "an array [strands, points, 3], or [total, 3] with counts, of numbers"
+    array = checks.placed(value, where, allowed)
+    if array.ndim not in (2, 3) or array.shape[-1] != 3:
+        checks.refuse(where, value, allowed)
+    return array if checks.is_on_device(array) else checks.float32(array, where)
+
+
+def _counts(value, where):
+    allowed = "an array [strands] of whole numbers >= 0"
+    array = checks.numbers(value, where, allowed, kinds="iu")
+    if array.ndim != 1 or (array.size and (int(array.min()) < 0 or int(array.max()) >= 2**32)):
+        checks.refuse(where, value, allowed)
+    return checks.frozen(array.astype(np.uint32))
+
+
+def _values(value, where):
+    return checks.placed(value, where, "numbers >= 0")
+
+
+def _of_roots(columns):
+    """Return a converter to float32 [strands, columns], or an array of this shape on a device."""
+
+    allowed = f"None or an array [strands, {columns}] of numbers"
+
+    def convert(value, where):
+        array = checks.placed(value, where, allowed)
+        if array.ndim != 2 or array.shape[1] != columns:
+            checks.refuse(where, value, allowed)
+        return array if checks.is_on_device(array) else checks.float32(array, where)
+
+    return convert
+
+
+def _type_of(value, where):
+    allowed = "None or an array [strands] of whole numbers from 0 to 255"
+    array = checks.numbers(value, where, allowed, kinds="iu")
+    if array.ndim != 1 or (array.size and not 0 <= int(array.min()) <= int(array.max()) <= 255):
+        checks.refuse(where, value, allowed)
+    return checks.frozen(array.astype(np.uint8))
+
+
+@attrs.frozen(eq=False)
+class Bounds:
+    """What strands cannot exceed: what cameras, the light's grid and its counters must have room for.
+
+    center [3], radius: a sphere that holds all of them, and the mesh that they stand on. segments, length (world),
+    area (world squared): of all strands together, how many segments they have, how long they are, and their length
+    times their width. Raises Error for anything else.
+    """
+
+    center: np.ndarray = checks.field(checks.vector(3))
+    radius: float = checks.field(checks.real(low=0))
+    segments: int = checks.field(checks.whole(0, 2**63))
+    length: float = checks.field(checks.total)
+    area: float = checks.field(checks.total)
+
+
+@attrs.frozen(eq=False)
+class Curves:
+    """Strands that the user brings, as polylines.
+
+    points: [strands, points, 3], or [total, 3] with counts [strands] when strands differ in length; the root
+    comes first. width: diameter in world units >= 0: one, [strands], or one for each point ([total], or
+    [strands, points]). color: linear RGB >= 0, shaped like width with [..., 3]. No strands at all are allowed.
+    types: what strands look like and how much light they let through: HairType objects, up to 256, of which nothing
+    that makes hair grow is used; or None, and specular (strength >= 0), exponent (of the highlight, > 0) and alpha
+    (0..1, how much light one hair lets through) say it for all. type_of: [strands] which of types each is of, needed
+    where there are several. root_uv: [strands, 2], for the output "uv". root_normal: [strands, 3] unit normals of the
+    skin at the roots, by which its shadow does not fall on hair that lies on it. inner, outer, surface: how the mesh
+    under them is tessellated, as in Strands. seed: by which `Settings.lod` chooses strands. bounds: what they cannot
+    exceed, or None to measure it.
+
+    points, width, color, root_uv and root_normal may be float32 arrays on an OpenCL device (pyopencl.array.Array),
+    which are drawn without a copy by a `Scheduler` of the same context. Their values are not checked, and without
+    bounds they are read back once.
+
+    As stored: `points` float32 [total, 3], `counts` uint32 [strands], `uniform` the points per strand where
+    all have the same, else None, `width` float32 [1], [strands] or [total], `color` float32 [1, 3],
+    [strands, 3] or [total, 3]. Raises Error for other shapes and values, and for a width or colour
+    that could be meant per strand or per point.
+    """
+
+    points: np.ndarray = checks.field(_points)
+    counts: np.ndarray = checks.field(checks.optional(_counts), default=None)
+    width: np.ndarray = checks.field(_values, default=0.002)
+    color: np.ndarray = checks.field(_values, default=(0.8, 0.6, 0.4))
+    specular: float = checks.field(checks.real(low=0), default=0.3)
+    exponent: float = checks.field(checks.real(above=0), default=150.0)
+    alpha: float = checks.field(checks.real(low=0, high=1), default=0.5)
+    types: tuple = checks.field(checks.optional(checks.tuple_of(HairType)), default=None)
+    type_of: np.ndarray = checks.field(checks.optional(_type_of), default=None)
+    root_uv: np.ndarray = checks.field(checks.optional(_of_roots(2)), default=None)
+    root_normal: np.ndarray = checks.field(checks.optional(_of_roots(3)), default=None)
+    inner: int | np.ndarray = checks.field(levels((), "[faces]"), default=1)
+    outer: int | np.ndarray = checks.field(levels((3,), "[faces, 3]"), default=1)
+    surface: str = checks.field(checks.choice("pn", "flat"), default="flat")
+    seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)
+    bounds: Bounds | None = checks.field(checks.instance(Bounds, none=True), default=None)
+    uniform: int | None = attrs.field(init=False)
+
+    def __attrs_post_init__(self):
+        points, counts = self.points, self.counts
+        if points.ndim == 3:
+            if counts is not None:
+                checks.refuse("Curves.counts", counts, "None when points is [strands, points, 3]")
+            counts = checks.frozen(np.full(len(points), points.shape[1], np.uint32))
+            points = points.reshape(points.shape[0] * points.shape[1], 3)
+        elif counts is None:
+            checks.refuse("Curves.counts", counts, "an array [strands] when points is [total, 3]")
+        elif int(counts.sum(dtype=np.uint64)) != len(points):
+            raise Error(f"Curves.counts add up to {counts.sum(dtype=np.uint64)}; "
+                        f"allowed: {len(points)}, the number of points")
+        same = not len(counts) or bool((counts == counts[0]).all())
+        uniform = (int(counts[0]) if len(counts) else 0) if same else None
+        sizes = len(counts), len(points), uniform
+        for name, value in [
+            ("points", points),
+            ("counts", counts),
+            ("uniform", uniform),
+            ("width", _spread(self.width, (), *sizes, "Curves.width")),
+            ("color", _spread(self.color, (3,), *sizes, "Curves.color")),
+        ]:
+            object.__setattr__(self, name, value)
+        self._check_types(len(counts))
+
+    def _check_types(self, strands):
+        for name in ("type_of", "root_uv", "root_normal"):
+            if (value := getattr(self, name)) is not None and len(value) != strands:
+                raise Error(f"Curves.{name} has {len(value)} rows; allowed: {strands}, one for each strand")
+        if self.types is not None and not 1 <= len(self.types) <= 256:
+            raise Error(f"Curves.types has {len(self.types)} types; allowed: 1 to 256")
+        kinds = len(self.hair_types)
+        if self.type_of is None and kinds > 1:
+            raise Error(f"Curves.type_of is None but Curves.types has {kinds} types; "
+                        "allowed: an array [strands] of their numbers")
+        if self.type_of is not None and len(self.type_of) and int(self.type_of.max()) >= kinds:
+            raise Error(f"Curves.type_of has {int(self.type_of.max())}; allowed: 0 to {kinds - 1}, as there are "
+                        f"{kinds} types")
+
+    @functools.cached_property
+    def hair_types(self):
+        """The types that there are, also where none are given: a tuple of HairType."""
+        return self.types or (HairType(specular=self.specular, exponent=self.exponent, alpha=self.alpha),)
+
+    @functools.cached_property
+    def on_host(self):
+        """The same Curves with no array on a device."""
+        there = {name: getattr(self, name) for name in PLACED if checks.is_on_device(getattr(self, name))}
+        return attrs.evolve(self, **{name: array.get() for name, array in there.items()}) if there else self
+
+
+def _spread(values, tail, strands, total, uniform, where):
+    """Return values as float32 [1, *tail], [strands, *tail] or [total, *tail]; anything else is an Error."""
+    shapes = {tail: "for all", (1, *tail): "for all", (strands, *tail): "per strand",
+              (total, *tail): "per point"}
+    if uniform is not None:
+        shapes[(strands, uniform, *tail)] = "per point"
+    allowed = "one for all, " + " or ".join(
+        f"{list(shape)} {meaning}" for shape, meaning in shapes.items() if meaning != "for all"
+    )
+    on_device = checks.is_on_device(values)
+    if values.shape not in shapes or (not on_device and values.dtype.kind == "f" and np.isnan(values).any()):
+        checks.refuse(where, values, allowed + ", of finite numbers >= 0")
+    if strands == total != 1 and values.shape == (strands, *tail) and strands and uniform != 1:
+        raise Error(f"{where} of shape {list(values.shape)} could be per strand or per point, as there are "
+                    f"as many points as strands; allowed: one for all")
+    if on_device:
+        return values.reshape(values.size // int(np.prod(tail, dtype=int)), *tail)
+    values = checks.float32(values, where).reshape(-1, *tail)
+    if (values < 0).any():
+        checks.refuse(where, values, "finite numbers >= 0")
+    # No strands need no values, but an empty array would be trouble for every buffer down the line.
+    return values if len(values) else checks.frozen(np.zeros((1, *tail), np.float32))

@@ -1,0 +1,207 @@
+"""Triangle meshes, welded so that fur has no seams."""
+
+import functools
+
+import attrs
+import numpy as np
+
+from ..errors import Error
+from . import checks
+
+
+def _uv_array(value, where):
+    allowed = "None, an array [vertices, 2] or an array [faces, 3, 2] of numbers"
+    if value is None:
+        return None
+    array = checks.numbers(value, where, allowed)
+    if array.shape[1:] not in ((2,), (3, 2)):
+        checks.refuse(where, value, allowed)
+    return array
+
+
+def _first_of_equal_rows(rows):
+    """Return, for each row of rows [n, 3], the index of the first row with the same numbers: int64 [n]."""
+    order = np.lexsort(rows.T)  # stable: among equal rows the first stays first
+    ordered = rows[order]
+    new = np.ones(len(rows), bool)
+    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    first = np.empty(len(rows), np.int64)
+    first[order] = order[new][np.cumsum(new) - 1]
+    return first
+
+
+def _sums(values, index, count):
+    """Return the sums of values [n, 3] by index [n]: float64 [count, 3]."""
+    return np.stack([np.bincount(index, values[:, k], count) for k in range(3)], axis=1)
+
+
+@attrs.frozen(eq=False)
+class Mesh:
+    """A triangle mesh with smooth normals, welded so that it has no seams.
+
+    positions: [V, 3] finite numbers.
+    normals: None or [V, 3]; need not be unit length; where zero, not finite or None, they are computed.
+    uv: None, [V, 2] per vertex or [F, 3, 2] per corner; (0, 0) is the lower left corner of a picture (as in
+    OBJ files), and pictures repeat outside 0..1.
+    faces: [F, 3] whole numbers 0 to V-1, counter-clockwise seen from outside. Required.
+
+    As stored: `positions` float32 [P, 3] holds each position once (files split vertices where uv or normals
+    jump, and fur would part there), in the order given, without those that no face uses. `normals`
+    float32 [P, 3] are unit: the mean of the given ones at that position, or of the faces' weighted by area.
+    `uv` float32 [F', 3, 2] is kept by corner (zeros where none was given: see `has_uv`), `faces` is
+    uint32 [F', 3]. Faces without area and faces at a point where all normals cancel are left out;
+    `degenerate_faces` and `zero_normal_faces` count them, and `kept_faces` int64 [F'] says which of the
+    given faces the stored ones are. Raises Error for other shapes, NaN or infinity, indices out of range,
+    and when no face is left.
+    """
+
+    positions: np.ndarray = checks.field(checks.rows(3))
+    normals: np.ndarray = checks.field(checks.optional(checks.rows(3)), default=None)
+    uv: np.ndarray = checks.field(_uv_array, default=None)
+    faces: np.ndarray = checks.field(checks.rows(3, kinds="iu"), default=None)
+    has_uv: bool = attrs.field(init=False)
+    degenerate_faces: int = attrs.field(init=False)
+    zero_normal_faces: int = attrs.field(init=False)
+    kept_faces: np.ndarray = attrs.field(init=False, repr=False)
+
+    def __attrs_post_init__(self):
+        given = checks.float32(self.positions, "Mesh.positions") + np.float32(0)  # + 0 turns -0.0 into 0.0
+        faces = self.faces.astype(np.int64)
+        corner_uv = self._check(given, self.faces)
+
+        # Weld: from here on a vertex is called by the index of the first given one at the same position.
+        first = _first_of_equal_rows(given)
+        welded = first[faces]
+        normal, longest = _face_normals(given, welded)
+        twice_area = np.sqrt((normal**2).sum(axis=1))
+        has_area = twice_area > 2e-12 * longest**2
+        degenerate = len(faces) - int(has_area.sum())
+
+        keep = np.flatnonzero(has_area)
+        normals = self._vertex_normals(first, faces[keep], normal[keep])
+        has_normals = (normals[welded[keep]] != 0).any(axis=2).all(axis=1)
+        zero_normal = len(keep) - int(has_normals.sum())
+        keep = keep[has_normals]
+        if not len(keep):
+            raise Error(
+                f"Mesh.faces has no face that can be drawn: of {len(faces)}, {degenerate} are degenerate and "
+                f"{zero_normal} have a zero normal; allowed: at least one face with an area and normals"
+            )
+
+        used, stored_faces = np.unique(welded[keep], return_inverse=True)
+        uv = np.zeros((len(keep), 3, 2), np.float32) if corner_uv is None else corner_uv[keep]
+        self._store(
+            positions=checks.frozen(given[used]),
+            normals=checks.frozen(normals[used].astype(np.float32)),
+            uv=checks.frozen(uv),
+            faces=checks.frozen(stored_faces.reshape(-1, 3).astype(np.uint32)),
+            has_uv=corner_uv is not None,
+            degenerate_faces=degenerate,
+            zero_normal_faces=zero_normal,
+            kept_faces=checks.frozen(keep),
+        )
+
+    def _store(self, **fields):
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
+
+    def _check(self, positions, faces):
+        """Check how the given arrays fit together; return uv by corner, float32 [F, 3, 2], or None."""
+        if not len(faces):
+            raise Error("Mesh.faces is empty; allowed: at least one face")
+        if int(faces.min()) < 0 or int(faces.max()) >= len(positions):
+            worst = int(faces.min()) if int(faces.min()) < 0 else int(faces.max())
+            raise Error(
+                f"Mesh.faces has the index {worst}; allowed: 0 to {len(positions) - 1}, "
+                f"since there are {len(positions)} positions"
+            )
+        if self.normals is not None and len(self.normals) != len(positions):
+            checks.refuse("Mesh.normals", self.normals, f"None or [{len(positions)}, 3], one for each position")
+        if self.uv is None:
+            return None
+        allowed = f"None, [{len(positions)}, 2] per vertex or [{len(faces)}, 3, 2] per corner"
+        if self.uv.shape not in ((len(positions), 2), (len(faces), 3, 2)):
+            checks.refuse("Mesh.uv", self.uv, allowed)
+        uv = checks.float32(self.uv, "Mesh.uv")
+        return uv[faces] if uv.ndim == 2 else uv
+
+    def _vertex_normals(self, first, faces, face_normals):
+        """Return unit normals float64 [V, 3], at the first given vertex of each position, else zero.
+
+        first: [V] the first vertex at the same position. faces: [K, 3] as given. face_normals: [K, 3] of
+        length proportional to the area. Where normals cancel to rounding error the result is zero.
+        """
+        count = len(first)
+        corner = first[faces].ravel()
+        by_area = np.repeat(face_normals, 3, axis=0)
+        areas = np.bincount(corner, np.sqrt((by_area**2).sum(axis=1)), count)
+        result = _unit_unless_cancelled(_sums(by_area, corner, count), areas)
+        if self.normals is None:
+            return result
+        used = np.unique(faces)
+        with np.errstate(invalid="ignore"):
+            given = self.normals[used].astype(np.float64)
+        size = np.abs(given).max(axis=1, keepdims=True)
+        good = (np.isfinite(size) & (size > 0)).ravel()
+        given = given[good] / size[good]  # first by the largest part: no square can overflow or vanish
+        given /= np.sqrt((given**2).sum(axis=1, keepdims=True))
+        corner = first[used][good]
+        mean = _unit_unless_cancelled(_sums(given, corner, count), np.bincount(corner, minlength=count))
+        return np.where((mean != 0).any(axis=1, keepdims=True), mean, result)
+
+    @functools.cached_property
+    def hull(self):
+        """Points whose convex hull holds the curved (PN) surface, float64 [n, 3] (Vlachos et al. 2001)."""
+        return _hull(self)
+
+    @functools.cached_property
+    def area(self):
+        """Area of all faces, flat, in world units squared."""
+        return float(np.sqrt((_face_normals(self.positions, self.faces)[0] ** 2).sum(axis=1)).sum() / 2)
+
+    @functools.cached_property
+    def longest_edge(self):
+        """Length of the longest side of a face, flat."""
+        return float(_face_normals(self.positions, self.faces)[1].max())
+
+    @functools.cached_property
+    def bounds(self):
+        """The sphere around the box of the positions: (centre float64 [3], radius float)."""
+        return sphere(*box(self.positions))
+
+
+def _hull(mesh):
+    """Control points of the mesh's PN triangles, float64 [10 F, 3]: their convex hull holds the surface."""
+    p = mesh.positions.astype(np.float64)[mesh.faces]   # [F, 3, 3]
+    n = mesh.normals.astype(np.float64)[mesh.faces]
+    sides = []
+    for shift in (1, 2):
+        d = np.roll(p, -shift, axis=1) - p
+        sides.append(p + (d - (d * n).sum(2, keepdims=True) * n) / 3)
+    middle = np.concatenate(sides, 1).mean(1, keepdims=True) * 1.5 - p.mean(1, keepdims=True) / 2
+    return np.concatenate([p, *sides, middle], 1).reshape(-1, 3)
+
+
+def _face_normals(positions, faces):
+    """Return (cross products of two edges float64 [F, 3], longest edges float64 [F])."""
+    corners = positions.astype(np.float64)[faces]
+    edges = np.roll(corners, -1, axis=1) - corners
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    return normal, np.sqrt((edges**2).sum(axis=2)).max(axis=1)
+
+
+def _unit_unless_cancelled(sums, weights):
+    """Return the sums [n, 3] as unit vectors, zero where they are rounding errors against weights [n]."""
+    length = np.sqrt((sums**2).sum(axis=1))
+    good = length > 1e-6 * weights
+    return np.where(good, 1, 0)[:, None] * sums / np.where(good, length, 1)[:, None]
+
+
+def box(positions):
+    """Return the (low, high) corners, float64 [3] each, of positions [n, 3], n >= 1."""
+    columns = [positions[:, i] for i in range(3)]   # ten times as fast as a reduction over the first axis
+    return np.array([c.min() for c in columns], np.float64), np.array([c.max() for c in columns], np.float64)
+
+
+def sphere(low, high):
+    return (low + high) / 2, float(np.sqrt(((high - low) ** 2).sum()) / 2)

@@ -1,0 +1,146 @@
+"""All that a picture shows, and a camera that sees all of it."""
+
+import math
+
+import attrs
+import numpy as np
+
+from ..errors import Error
+from . import checks
+from .bounds import extent, fur_extent, points_to_see, strands_and_shells
+from .camera import Camera, size_of
+from .curves import Curves
+from .light import Light
+from .mesh import Mesh
+from .shells import Shells
+from .strands import Strands
+
+MOST_PERIODS = 1 << 16, 1 << 12   # of the sines of shell fur: from uv 0, where float32 is exact enough, and on a face
+
+
+def _fur(value, where):
+    """Return what `Scene.fur` takes; a list becomes a tuple, which `extent` can remember."""
+    fur = tuple(value) if isinstance(value, (tuple, list)) else value
+    parts = fur if isinstance(fur, tuple) else () if fur is None else (fur,)
+    strands, shells = ([part for part in parts if isinstance(part, kind)] for kind in ((Strands, Curves), Shells))
+    if len(strands) > 1 or len(shells) > 1 or len(strands) + len(shells) < len(parts):
+        checks.refuse(where, value, "None, Strands, Curves, Shells, or a list of one Shells and one Strands or Curves")
+    return fur
+
+
+def frame(mesh, fur, size=(640, 480), fov=45, direction=(0.45, 0.3, 1.0)):
+    """Return a Camera that sees all of a mesh and its fur.
+
+    mesh: Mesh, or None with Curves. fur: what `Scene` takes. size: (width, height) in pixels. fov: vertical, degrees.
+    direction: [3] from the centre of what is drawn to the camera, which comes as near as it can. Raises Error as
+    Scene does for its fur, and as Camera does.
+    """
+    fur = _fur(fur, "frame fur")
+    size = size_of(size, "frame size")
+    fov = checks.real(above=0, below=180)(fov, "frame fov")
+    direction = checks.direction(direction, "frame direction")
+    center, _ = extent(mesh, fur)
+    up = (0, 1, 0) if abs(direction[1]) < 0.999 else (0, 0, -1)
+    axes = Camera(eye=center + direction, target=center, up=up, fov=fov, size=size).pose[:3, :3]
+    tall = math.tan(math.radians(fov) / 2)
+    slopes = np.array([tall * size[0] / size[1], tall])
+    # The four planes of the view, each pushed out to its furthest point: where they meet is the nearest eye.
+    offsets = np.concatenate([points - center for points in points_to_see(mesh, fur)] or [np.zeros((1, 3))]) @ axes
+    margin = fur_extent(fur) * np.sqrt(1 + slopes**2)
+    one = (offsets[:, :2] + slopes * offsets[:, 2:]).max(0) + margin
+    other = (-offsets[:, :2] + slopes * offsets[:, 2:]).max(0) + margin
+    distance = 1.05 * float(((one + other) / (2 * slopes)).max()) or 1.0
+    target = center + axes[:, :2] @ ((one - other) / 2)
+    return Camera(eye=target + distance * direction, target=target, up=up, fov=fov, size=size)
+
+
+@attrs.frozen(eq=False)
+class Scene:
+    """All that a picture shows.
+
+    mesh: Mesh or None. fur: Strands or Shells (which need a mesh), Curves, a list of Shells (undercoat) and one of
+    Strands and Curves (guard hairs), or None; a mesh or fur is required. camera: Camera, or None to frame all of it.
+    light: Light. body_color: linear RGB >= 0 of the mesh itself, or None to leave it undrawn. Raises Error where the
+    parts don't fit: a type_map, color_texture or pattern "sine" on a mesh without uv, levels for another number of
+    faces, or an edge whose two faces give it different levels.
+
+    A list is stored as a tuple. `strands` are the Strands or Curves of `fur`, `shells` its Shells, or None.
+    """
+
+    mesh: Mesh = checks.field(checks.instance(Mesh, none=True), default=None)
+    fur: Strands | Curves | Shells | tuple = checks.field(_fur, default=None)
+    camera: Camera = checks.field(checks.instance(Camera, none=True), default=None)
+    light: Light = checks.field(checks.instance(Light), default=Light())
+    body_color: np.ndarray = checks.field(checks.optional(checks.color), default=(0.30, 0.20, 0.12))
+    strands: Strands | Curves = attrs.field(init=False, repr=False)
+    shells: Shells = attrs.field(init=False, repr=False)
+
+    @property
+    def lights(self):
+        """All lights, in a tuple."""
+        return (self.light,)
+
+    def __attrs_post_init__(self):
+        strands, shells = strands_and_shells(self.fur)
+        object.__setattr__(self, "strands", strands)
+        object.__setattr__(self, "shells", shells)
+        if self.mesh is None and strands is None and shells is None:
+            raise Error("Scene.mesh and Scene.fur are None; allowed: at least one of them")
+        for fur in (strands, shells):
+            if isinstance(fur, (Strands, Shells)) and self.mesh is None:
+                raise Error(f"Scene.mesh is None but Scene.fur has {type(fur).__name__}; "
+                            "allowed: a Mesh for them to grow on")
+        if isinstance(strands, Strands):
+            _check_uv(self.mesh, strands)
+            _check_levels(self.mesh, strands)
+        if shells is not None and shells.pattern == "sine":
+            _check_sines(self.mesh, shells)
+        _, radius = extent(self.mesh, self.fur)
+        if radius and not 1e-6 <= radius <= checks.LARGEST:
+            raise Error(f"Scene is {2 * radius:.3g} across; allowed: 2e-06 to 2e+09, where float32 is exact enough")
+        place = self.light.position
+        if place is not None and np.linalg.norm(place - extent(self.mesh, self.fur)[0]) > 1e3 * (radius or 1):
+            raise Error(f"Light.position is {checks.shown(place)}; allowed: at most 1000 radii of the scene away, "
+                        f"or no position: light that is all but parallel")
+        if self.camera is None:
+            object.__setattr__(self, "camera", frame(self.mesh, self.fur))
+
+
+def _check_uv(mesh, strands):
+    if mesh.has_uv:
+        return
+    if strands.type_map is not None:
+        raise Error("Strands.type_map is looked up by uv but Scene.mesh has none; allowed: a mesh with uv")
+    if any(hair.color_texture is not None for hair in strands.types):
+        raise Error("HairType.color_texture is looked up by uv but Scene.mesh has none; "
+                    "allowed: a mesh with uv")
+
+
+def _check_sines(mesh, shells):
+    if not mesh.has_uv:
+        raise Error("Shells.pattern is 'sine', which is made from uv, but Scene.mesh has none; "
+                    "allowed: 'cells', or a mesh with uv")
+    periods = np.abs(mesh.uv * (2.0, 1.0)).max(), np.ptp(mesh.uv * (2.0, 1.0), axis=1).max()
+    most = min(limit / each for limit, each in zip(MOST_PERIODS, periods) if each) if any(periods) else np.inf
+    if shells.frequency > most:
+        raise Error(f"Shells.frequency is {shells.frequency:g}, of sines over uv up to {np.abs(mesh.uv).max():g}; "
+                    f"allowed with these uv: at most {most:.6g}")
+
+
+def _check_levels(mesh, strands):
+    for name in ("inner", "outer"):
+        levels = getattr(strands, name)
+        if isinstance(levels, np.ndarray) and len(levels) != len(mesh.faces):
+            raise Error(f"Strands.{name} has levels for {len(levels)} faces; "
+                        f"allowed: {len(mesh.faces)}, the faces that the mesh has kept")
+    if not isinstance(strands.outer, np.ndarray):
+        return
+    edges = np.sort(mesh.faces[:, [[1, 2], [2, 0], [0, 1]]].astype(np.int64), axis=2).reshape(-1, 2)
+    order = np.lexsort(edges.T)
+    levels = strands.outer.reshape(-1)[order]
+    differ = (edges[order][1:] == edges[order][:-1]).all(axis=1) & (levels[1:] != levels[:-1])
+    if differ.any():
+        at = int(np.argmax(differ))
+        one, other = order[at], order[at + 1]
+        raise Error(f"Strands.outer is {levels[at]} at face {one // 3}, edge {one % 3}, but {levels[at + 1]} "
+                    f"at face {other // 3}, edge {other % 3}, which is the same edge; allowed: equal levels")

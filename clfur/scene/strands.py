@@ -1,0 +1,186 @@
+"""Strands that grow on a mesh, and the types of hair that they are of."""
+
+import attrs
+import numpy as np
+
+from ..color import srgb_to_linear
+from ..errors import Error
+from . import checks
+
+
+def _radius_and_count(value, where):
+    """Return (size >= 0, number) as a tuple: the form of `HairType.curl` and `HairType.wave`."""
+    size, number = (float(each) for each in checks.vector(2)(value, where))
+    if size < 0:
+        checks.refuse(where, value, "two finite numbers, the first >= 0")
+    return size, number
+
+
+def _texture(value, where):
+    allowed = "None or a picture [h, w, 3]: uint8 (sRGB), or linear floats >= 0"
+    pixels = checks.pixels(value, where, "uf", allowed)
+    if pixels.dtype == np.uint8:
+        return checks.frozen(np.ascontiguousarray(srgb_to_linear(pixels)))
+    if pixels.dtype.kind != "f":
+        checks.refuse(where, value, allowed)
+    linear = checks.float32(pixels, where)
+    if (linear < 0).any():
+        checks.refuse(where, value, allowed)
+    return linear
+
+
+def _key(value, where):
+    allowed = "None or (red, green, blue), whole numbers from 0 to 255"
+    if not isinstance(value, (tuple, list, np.ndarray)) or len(value) != 3:
+        checks.refuse(where, value, allowed)
+    return tuple(checks.whole(0, 255)(part, where) for part in value)
+
+
+@attrs.frozen(eq=False)
+class HairType:
+    """What a kind of hair looks like and how it grows.
+
+    color: linear RGB >= 0. color_texture: None or [h, w, 3] that multiplies it, looked up at the root's uv;
+    uint8 is read as sRGB, floats as linear; stored as linear float32. segments: 0..255, 0 is bald.
+    segment_length: world units. force_weight: how much of the force is added to the direction each segment.
+    width: diameter in world units. curl: (radius, turns). wave: (amplitude, periods). length_variation,
+    direction_variation, color_variation: 0..1, how much strands differ (a direction_variation above .57 lets some
+    grow inwards). specular: strength >= 0. exponent: of the highlight, > 0. alpha: 0..1, how much light one hair
+    lets through. key: None or the 8-bit (r, g, b) that means this type in `Strands.type_map`. Raises Error otherwise.
+    """
+
+    color: np.ndarray = checks.field(checks.color, default=(0.8, 0.6, 0.4))
+    color_texture: np.ndarray = checks.field(checks.optional(_texture), default=None)
+    segments: int = checks.field(checks.whole(0, 255), default=8)
+    segment_length: float = checks.field(checks.real(low=0), default=0.02)
+    force_weight: float = checks.field(checks.real(), default=1.0)
+    width: float = checks.field(checks.real(low=0), default=0.002)
+    curl: tuple = checks.field(_radius_and_count, default=(0.0, 0.0))
+    wave: tuple = checks.field(_radius_and_count, default=(0.0, 0.0))
+    length_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
+    direction_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
+    color_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
+    specular: float = checks.field(checks.real(low=0), default=0.3)
+    exponent: float = checks.field(checks.real(above=0), default=150.0)
+    alpha: float = checks.field(checks.real(low=0, high=1), default=0.5)
+    key: tuple = checks.field(checks.optional(_key), default=None)
+
+
+@attrs.frozen(eq=False)
+class PointForce:
+    """A force away from `position` [3] of size strength · exp(−distance); negative strength attracts."""
+
+    position: np.ndarray = checks.field(checks.vector(3))
+    strength: float = checks.field(checks.real(), default=1.0)
+
+
+def levels(shape, words):
+    """Return a converter to an int 1..64, or to a read-only int32 array whose shape ends like `shape`."""
+    allowed = f"a whole number from 1 to 64, or an array {words} of them"
+
+    def convert(value, where):
+        if not isinstance(value, (np.ndarray, list, tuple)):
+            return checks.whole(1, 64)(value, where)
+        array = checks.numbers(value, where, allowed, kinds="iu")
+        if array.ndim != 1 + len(shape) or array.shape[1:] != shape:
+            checks.refuse(where, value, allowed)
+        bad = (array < 1) | (array > 64)
+        if bad.any():
+            index = np.unravel_index(np.argmax(bad), array.shape)
+            checks.refuse(f"{where}[{', '.join(str(i) for i in index)}]", int(array[index]), allowed)
+        return checks.frozen(np.array(array, dtype=np.int32, order="C"))
+
+    return convert
+
+
+def _type_map(value, where):
+    allowed = "None or a picture [h, w, 3] of dtype uint8"
+    pixels = checks.pixels(value, where, "u", allowed)
+    if pixels.dtype != np.uint8:
+        checks.refuse(where, value, allowed)
+    return checks.frozen(np.array(pixels, order="C"))
+
+
+def _roots(value, where):
+    if isinstance(value, str) and value == "faces":
+        return value
+    try:
+        return checks.whole(0, 2**31 - 1)(value, where)
+    except Error:
+        checks.refuse(where, value, f"'faces' or a whole number from 0 to {2**31 - 1}")
+
+
+def _packed(rgb):
+    """Return 8-bit colours [..., 3] as one number each: uint32 [...], 0xRRGGBB."""
+    rgb = np.asarray(rgb, dtype=np.uint32)
+    return rgb[..., 0] << 16 | rgb[..., 1] << 8 | rgb[..., 2]
+
+
+@attrs.frozen(eq=False)
+class Strands:
+    """Fur grown on a mesh: where the strands have their roots, and what makes them grow.
+
+    inner: tessellation level 1..64, or one for each of the mesh's faces, [F].
+    outer: the level of the edges, or [F, 3] of them: outer[f, 0] is the edge between corners 1 and 2 of
+    face f, outer[f, 1] between 2 and 0, outer[f, 2] between 0 and 1 (as in OpenGL). F counts the faces that
+    the Mesh kept. types: one HairType, or up to 256. type_map: None, or a picture uint8 [h, w, 3] that
+    chooses the type by uv, every colour of which must be the `key` of a type; without it there must be one
+    type. roots: "faces" for one strand in each tessellated triangle, or how many to spread evenly by area.
+    force: added to the growing direction of all strands; point_forces: PointForce objects, added to it.
+    surface: "pn" for curved PN triangles, or "flat". seed: of all that is random, 0..2**32-1.
+
+    `type_indices` uint8 [h, w] is the index into `types` of every pixel of the map (None without a map).
+    Raises Error for anything else.
+    """
+
+    inner: int | np.ndarray = checks.field(levels((), "[faces]"), default=5)
+    outer: int | np.ndarray = checks.field(levels((3,), "[faces, 3]"), default=5)
+    types: tuple = checks.field(checks.tuple_of(HairType), default=(HairType(),))
+    type_map: np.ndarray = checks.field(checks.optional(_type_map), default=None)
+    roots: str | int = checks.field(_roots, default="faces")
+    force: np.ndarray = checks.field(checks.vector(3), default=(0.0, -1.0, 0.0))
+    point_forces: tuple = checks.field(checks.tuple_of(PointForce), default=())
+    surface: str = checks.field(checks.choice("pn", "flat"), default="pn")
+    seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)
+    type_indices: np.ndarray = attrs.field(init=False, repr=False)
+
+    @property
+    def hair_types(self):
+        """The types that there are: a tuple of HairType."""
+        return self.types
+
+    def __attrs_post_init__(self):
+        if not 1 <= len(self.types) <= 256:
+            raise Error(f"Strands.types has {len(self.types)} types; allowed: 1 to 256")
+        if self.type_map is None and len(self.types) > 1:
+            raise Error(
+                f"Strands.type_map is None but Strands.types has {len(self.types)} types; "
+                "allowed: one type without a type_map"
+            )
+        indices = None if self.type_map is None else self._types_of_pixels()
+        object.__setattr__(self, "type_indices", indices)
+
+    def _types_of_pixels(self):
+        keys = [hair.key for hair in self.types]
+        if None in keys:
+            raise Error(f"HairType.key of Strands.types[{keys.index(None)}] is None; "
+                        "allowed: (r, g, b) for every type when there is a type_map")
+        if len(set(keys)) < len(keys):
+            twice = next(key for key in keys if keys.count(key) > 1)
+            raise Error(f"HairType.key {twice} is that of more than one of Strands.types; "
+                        "allowed: distinct keys")
+        packed_keys = _packed(keys)
+        order = np.argsort(packed_keys)
+        pixels = _packed(self.type_map)
+        place = np.minimum(np.searchsorted(packed_keys[order], pixels), len(keys) - 1)
+        indices = order[place]
+        unlisted = packed_keys[indices] != pixels
+        if unlisted.any():
+            colors, counts = np.unique(pixels[unlisted], return_counts=True)
+            colors = [int(color) for color in colors[np.argsort(-counts, kind="stable")]]
+            names = ", ".join(str((c >> 16, c >> 8 & 255, c & 255)) for c in colors[:8])
+            more = f" and {len(colors) - 8} more" if len(colors) > 8 else ""
+            known = ", ".join(str(key) for key in keys[:8]) + (", ..." if len(keys) > 8 else "")
+            raise Error(f"Strands.type_map has colours that are no type's key: {names}{more}; "
+                        f"allowed: {known}")
+        return checks.frozen(indices.astype(np.uint8))
