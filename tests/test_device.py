@@ -265,7 +265,7 @@ def test_survey(no_wish):
 
 FORKS = """
 import os, sys, clfur
-from clfur import device
+from clfur.device import selection as device
 
 def draw(scene):
     return clfur.render(scene, settings=clfur.Settings(samples=1)).shape
