@@ -21,12 +21,22 @@ def let_go(plan, gpu):
     """Make a device ready for a frame: before anything new is made, it lets go of what this frame has no use for."""
     gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
               plan.scene.shells and plan.scene.shells.layers))
-    light = light_on_strands(gpu, plan)
+    light_on_strands(gpu, plan)
     for name, used in ("body", plan.faces), ("strands", plan.strands), ("thinned", plan.strands and plan.settings.lod):
         if not used:
             gpu.keep(name, (), dict)
-    if len(plan.parts(gpu)) > 1:
-        light.clear()   # what a smaller picture in one part has left
+    if len(plan.parts(gpu)) > 1 and not plan.keeps_light(gpu):
+        light_on_strands(gpu, plan).clear()   # what a smaller picture in one part has left
+
+
+def let_go_of_parts(gpu, plan, parts, others):
+    """Go from some parts of the scene to others, for which less may be left: what is there of parts that aren't of these goes."""
+    light = light_on_strands(gpu, plan)
+    for part in set(light) - set(others):
+        del light[part]
+    if parts != others:
+        for name in "body", "strands", "thinned":
+            gpu.keep(name, (), dict)
 
 
 def body(gpu, plan, part):

@@ -155,8 +155,7 @@ class Coverage:
                         build.tally(gpu, plan, part)
             sums = gpu.download(coverage.row_sums(gpu, pixels)).astype(np.int64)
             self._counted = Counted(gpu, top, end, pixels, sums, plan.cut_counted(gpu, sums), visible)
-            if len(self._counted.cut.parts) > 1:
-                build.light_on_strands(gpu, plan).clear()
+            build.let_go_of_parts(gpu, plan, parts, self._counted.cut.parts)
         return self._counted
 
     def _shade_hair(self, gpu, band, front, part, shadows, sums, known):
@@ -178,12 +177,12 @@ class Coverage:
         return known
 
     def _transmittance(self, gpu, band, part, hair, shadows):
-        """How much light reaches the strands of a part; in one part they are all there, and it stays for other rows and
-        cameras."""
+        """How much light reaches the strands of a part; it stays for other rows and cameras where there is room."""
         plan = self.plan
         if plan.settings.shadows == "off":
             return None
-        known = build.light_on_strands(gpu, plan) if len(band.counted.cut.parts) == 1 else {}
+        one = len(band.counted.cut.parts) == 1
+        known = build.light_on_strands(gpu, plan) if one or plan.keeps_light(gpu) else {}
         if gpu.steps and plan.longest * (2 * plan.settings.pcf + 2) ** 2 > gpu.steps:
             self.warnings.add(f"{gpu.name} ends long loops: light is wrong on strands of {plan.longest:,} points with "
                               f"Settings.pcf {plan.settings.pcf}")

@@ -21,6 +21,7 @@ from ..stages.tessellate import counts_of, levels_of, tessellate
 VERTEX, TRIANGLE = 64, 16 + 8 + 16      # a triangle's area, and a strand that may stand on it, counted below
 POINT, STRAND = 36, 104                 # strands of the user's come packed, with width and colour: 32 more a point
 THIN_POINT, THIN_STRAND = 32, 8         # once more for thinned ones; 16 more a point with a colour
+LIGHT = 4                               # how much of it reaches a point
 MESH_VERTEX, MESH_FACE = 32, 96         # the mesh itself
 IMAGE, SUMS, OUTPUTS = 16, 32, 60       # of a pixel: its colour, its sum of light, all else that can be told of it
 PIXEL = 40                              # what is known of one where strands are transparent,
@@ -178,7 +179,7 @@ class Plan:
         Raises `clfur.Error` if the least there is does not fit.
         """
         first, end = strands or (0, self.strands)
-        strand, point = self._bytes()
+        strand, point = self._bytes(gpu)
         width, height = self.scene.camera.size
         if self.settings.blur != "off":
             blurred = min(2 * reach_of(self.settings.blur_sigma) + 1, height) * 3 * IMAGE * width
@@ -190,7 +191,7 @@ class Plan:
             "strands": min(need["strands"], max(strand + self.longest * point, 1 << 16)),
             "rows": row,
         }
-        spare = gpu.memory * 15 // 16 - self._fixed - sum(least.values())
+        spare = gpu.memory * 15 // 16 - self._fixed - sum(least.values()) - LIGHT * self.points * self.keeps_light(gpu)
         room = _share(spare, {name: need[name] - least[name] for name in need})
         room = {name: least[name] + room[name] for name in need}
         if spare < 0 or width * max(8 * self.settings.samples, SUMS) > _largest(gpu):
@@ -226,15 +227,20 @@ class Plan:
             fixed += 2 * (settings.grid + 1) * settings.grid**2 * 4
         return fixed
 
-    def _bytes(self):
+    def keeps_light(self, gpu):
+        """Whether there is room for how much light reaches all points of strands, so that each is asked once for all bands
+        of the picture, and for frames in which only the camera moves."""
+        return self.uses_coverage and self.settings.shadows != "off" and LIGHT * self.points <= gpu.memory // 8
+
+    def _bytes(self, gpu):
         """Bytes on the device of a strand and of each of its points."""
         strand, point = (STRAND, POINT) if self.grown else (STRAND, POINT + 32)
         if self.settings.lod:
             fur = self.scene.strands
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
             strand, point = strand + THIN_STRAND, point + THIN_POINT + 16 * per_point
-        if self.uses_coverage:                              # how much light reaches it
-            point += 4
+        if self.uses_coverage and not self.keeps_light(gpu):
+            point += LIGHT
         return strand, point
 
     # --- parts --------------------------------------------------------------------------------------------------
@@ -247,7 +253,7 @@ class Plan:
             (16 * self._vertices, piece), (16 * self._triangles, piece)) if run[1] > run[0]]
         if self.grown:
             return self._parts_that_grow(gpu, face_runs, room["strands"], first, end, body)
-        strand, point = self._bytes()
+        strand, point = self._bytes(gpu)
         before = self._before[first:end + 1]
         hair = [Part(strands=(first + a, first + b)) for a, b in _runs(
             (strand * np.arange(len(before)) + point * before, room["strands"]), (16 * before, piece))]
@@ -257,7 +263,7 @@ class Plan:
         return bodies + hair or [Part()]
 
     def _parts_that_grow(self, gpu, face_runs, room, first, end, body):
-        strand, point = self._bytes()
+        strand, point = self._bytes(gpu)
         parts, areas = [], [None] * len(face_runs)
         most = max(min(room // (strand + point * self.stride), _largest(gpu) // (16 * self.stride)), 1)
         if self.scene.strands.roots == "faces":
