@@ -2,11 +2,14 @@
  * Strands as transparent as they are thin: how much of each pixel each of them covers, in the order of their depths.
  *
  * A strand is a ribbon that faces the eye, as wide as it is.  `count` counts which pixels it touches, `number` tells where
- * those of each pixel go, `gather` writes for each a fragment (depth, id, area), `resolve` sorts those of a pixel and hides one behind the other, and `light` lights
- * what is left of each.  Sums are taken in the order of depths or in integers: the same bits in whatever order strands
- * are drawn.
+ * in memory a pixel's go, `gather` writes a fragment (depth, id, area) for each, `resolve` sorts those of a pixel and hides one
+ * behind the other, and `light` lights what is left of each.  Sums are taken in the order of depths or in integers: the same
+ * bits in whatever order strands are drawn.
  */
 #include "clip.h"
+#include "lanes.h"
+#include "seen.h"
+#include "scatter.h"
 #include "light.h"
 #include "sums.h"
 

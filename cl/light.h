@@ -1,48 +1,4 @@
-/* What a sample sees, and the light that reaches it: shade.cl, coverage.cl and shells.cl use this. */
-
-/* The world point that a sample sees. */
-inline float4 seen_point(const View *view, int x, int y, int s, uint depth)
-{
-    const int2 offset = PATTERN[view->size.w + s];
-    const float px = x + 0.5f + offset.x * (1.0f / SUBPIXEL), py = y + 0.5f + offset.y * (1.0f / SUBPIXEL);
-    const float e = (float)(DEPTH_ONE - depth) / DEPTH_ONE;
-    const float4 q = view->to_world[0] * px + view->to_world[1] * py + view->to_world[2] * e + view->to_world[3];
-    return (float4)(q.xyz / q.w, 0.0f);
-}
-
-/* Unit vector from the point towards the eye. */
-inline float4 towards_eye(const View *view, float4 p)
-{
-    const float4 eye = (float4)(view->eye.xyz, 0.0f);
-    return unit_or(eye - view->eye.w * p, (float4)(0.0f, 0.0f, 1.0f, 0.0f));
-}
-
-inline float sine(float cosine)
-{
-    const float square = 1.0f - cosine * cosine;
-    return sqrt(square > 0.0f ? square : 0.0f);
-}
-
-/* Kajiya and Kay's light from one fibre: t its tangent, l towards the light, v towards the eye. Their own highlight
-   is the cone of mirror directions; the report's takes the half vector, which has no value at l = -v. */
-inline float4 fibre(float4 color, float specular, float exponent, int half_vector,
-                    float4 t, float4 l, float4 v, float4 light)
-{
-    const float tl = dot3(t, l), tv = dot3(t, v);
-    float highlight, shine = 0.0f;
-    if (half_vector) {
-        const float4 h = l + v;
-        const float length = sqrt(dot3(h, h));
-        highlight = length > 1e-6f ? sine(dot3(t, h) / length) : 0.0f;
-    } else {
-        highlight = sine(tl) * sine(tv) - tl * tv;
-        highlight = highlight > 0.0f ? highlight : 0.0f;
-    }
-    /* highlight^exponent, left out where it is below exp(-16): a power costs more than all the rest here. */
-    if ((1.0f - highlight) * exponent < 16.0f)
-        shine = specular * exp2(exponent * log2(highlight));
-    return light * (color * sine(tl) + shine) + light.w * color;
-}
+/* The light that reaches a place, and what hair sends on: shade.cl, coverage.cl and march.cl use this, and scatter.h before it. */
 
 /* Share of light that the hair before p lets through: the light's running sums, read between four columns and two
    layers; full light outside the grid. `own` is what the strand that p lies on adds to its own sum: by its width at

@@ -27,9 +27,9 @@
 #endif
 
 /* Offer (depth, id) to a sample. The plain read only spares the atomic where it could not win, and may be out of date:
-   what it reads can only have become smaller since. With 64-bit atomics one minimum does it; without, pass 0 settles the depths and
-   pass 1 the smallest id at each depth. Both leave the same bits: depth in the high word, id in the low. */
-inline void put(volatile __global ulong *visible, size_t sample, uint depth, uint id, int pass)
+   what it reads can only have become smaller since. With 64-bit atomics one minimum does it; without, phase 0 settles the depths and
+   phase 1 the smallest id at each depth. Both leave the same bits: depth in the high word, id in the low. */
+inline void put(volatile __global ulong *visible, size_t sample, uint depth, uint id, int phase)
 {
 #if INT64_ATOMICS
     const ulong key = ((ulong)depth << 32) | id;
@@ -37,7 +37,7 @@ inline void put(volatile __global ulong *visible, size_t sample, uint depth, uin
         atom_min(&visible[sample], key);
 #else
     volatile __global uint *word = (volatile __global uint *)&visible[sample];
-    if (pass == 0) {
+    if (phase == 0) {
         if (depth < PEEK(&word[1]) && atomic_min(&word[1], depth) > depth)
             atomic_max(&word[0], NOTHING);                 // an id from an earlier launch lies behind
     } else if (depth == PEEK(&word[1]) && id < PEEK(&word[0])) {
@@ -70,7 +70,7 @@ inline int first_pixel(int u, int offset)
 /* Half-open in both directions: samples with u in [u0, u1) along the longer axis, and across it within half the
    width there, [v - r, v + r), measured along the shorter axis; at least a sample's share of a pixel. */
 inline void draw_segment(
-    volatile __global ulong *visible, const View *view, int4 a, int4 b, uint id, int pass)
+    volatile __global ulong *visible, const View *view, int4 a, int4 b, uint id, int phase)
 {
     const bool steep = abs(b.x - a.x) < abs(b.y - a.y);
     if (steep) {
@@ -115,12 +115,12 @@ inline void draw_segment(
                 const long low = v - least;
                 const uint row = (uint)(low >> 32);
                 if ((uint)low >= gap && row < (uint)v_size)
-                    put(visible, at + row * v_stride, (uint)(d >> FRACTION), id, pass);
+                    put(visible, at + row * v_stride, (uint)(d >> FRACTION), id, phase);
             } else {
                 const long half_width = max(r, least);
                 const int low = max((int)((v - half_width) >> 32), 0), high = min((int)((v + half_width) >> 32), v_size);
                 for (int row = low; row < high; ++row)
-                    put(visible, at + row * v_stride, (uint)(d >> FRACTION), id, pass);
+                    put(visible, at + row * v_stride, (uint)(d >> FRACTION), id, phase);
             }
             v += v_step * SUBPIXEL;
             r += r_step * SUBPIXEL;
@@ -132,10 +132,10 @@ inline void draw_segment(
 
 /* The rare segment that leaves the guard band or crosses the near plane. */
 void draw_clipped(volatile __global ulong *visible, const View *view, float4 a, float4 b, float ha, float hb,
-                  uint id, int pass)
+                  uint id, int phase)
 {
     if (clip(&a, &b, &ha, &hb))
-        draw_segment(visible, view, snap_clip(a, ha), snap_clip(b, hb), id, pass);
+        draw_segment(visible, view, snap_clip(a, ha), snap_clip(b, hb), id, phase);
 }
 
 /* One work-item draws one strand, projecting each point once. */
@@ -145,7 +145,7 @@ __kernel void lines(
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
     const uint first,                      // added to the number of a segment's first point to make its id
-    const int pass,
+    const int phase,
     volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
     WORK_ITEM(strand);
@@ -162,9 +162,9 @@ __kernel void lines(
             sb = snap((float4)(b.xyz, min(hb, GUARD * b.w)) / b.w);
         if (k) {
             if (sa.w != CLIPPED && sb.w != CLIPPED)
-                draw_segment(visible, &view, sa, sb, first + span.x + k - 1, pass);
+                draw_segment(visible, &view, sa, sb, first + span.x + k - 1, phase);
             else
-                draw_clipped(visible, &view, a, b, ha, hb, first + span.x + k - 1, pass);
+                draw_clipped(visible, &view, a, b, ha, hb, first + span.x + k - 1, phase);
         }
         a = b;
         sa = sb;
@@ -193,7 +193,7 @@ inline long edge_bias(int4 p, int4 q)
 
 /* `after`: depth that a sample's fragment must lie behind, if `front`, which also leaves out what faces away. */
 inline void draw_triangle(volatile __global ulong *visible, const View *view, int2 rows, int4 a, int4 b, int4 c, uint id,
-                          int pass, int front, __global const uint *after)
+                          int phase, int front, __global const uint *after)
 {
     long area = edge(a, b, c.x, c.y);
     if (area == 0 || (front && area > 0))                  // counter-clockwise is clockwise where y points down
@@ -227,7 +227,7 @@ inline void draw_triangle(volatile __global ulong *visible, const View *view, in
                     const size_t sample = ((size_t)(y - view->rows.x) * view->size.x + x) * samples + s;
                     const uint depth = (uint)clamp(a.z + ((long)d >> 14), (long)nearest, (long)farthest);
                     if (!front || depth > after[sample])
-                        put(visible, sample, depth, id, pass);
+                        put(visible, sample, depth, id, phase);
                 }
                 ec -= (long)(b.y - a.y) * SUBPIXEL;
                 ea -= (long)(c.y - b.y) * SUBPIXEL;
@@ -240,7 +240,7 @@ inline void draw_triangle(volatile __global ulong *visible, const View *view, in
 
 /* The rare triangle that leaves the guard band or crosses the near plane: clip it to a polygon and fan that. */
 void draw_triangle_clipped(volatile __global ulong *visible, const View *view, int2 rows, float4 a, float4 b, float4 c,
-                           uint id, int pass, int front, __global const uint *after)
+                           uint id, int phase, int front, __global const uint *after)
 {
     float4 polygon[9], next[9];
     int n = 3;
@@ -268,7 +268,7 @@ void draw_triangle_clipped(volatile __global ulong *visible, const View *view, i
             return;
     for (int j = 1; j + 1 < n; ++j)
         draw_triangle(visible, view, rows, snap_clip(polygon[0], 0.0f), snap_clip(polygon[j], 0.0f),
-                      snap_clip(polygon[j + 1], 0.0f), id, pass, front, after);
+                      snap_clip(polygon[j + 1], 0.0f), id, phase, front, after);
 }
 
 /* One work-item draws what one band of the picture shows of one triangle of the body: a large one is no long job. */
@@ -282,7 +282,7 @@ __kernel void body(
     const int band,                        // rows of a band
     const int front,                       // 1: only triangles that face the eye, behind `after`
     __global const uint *after,            // [rows, width, samples] depth, if front
-    const int pass,
+    const int phase,
     volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
     WORK_ITEM(item);
@@ -295,7 +295,7 @@ __kernel void body(
     const float4 c = to_screen(&view, positions[v.z]);
     if (within_guard(a) && within_guard(b) && within_guard(c))
         draw_triangle(visible, &view, rows, snap((float4)(a.xyz, 0.0f) / a.w), snap((float4)(b.xyz, 0.0f) / b.w),
-                      snap((float4)(c.xyz, 0.0f) / c.w), BODY | (first + t), pass, front, after);
+                      snap((float4)(c.xyz, 0.0f) / c.w), BODY | (first + t), phase, front, after);
     else
-        draw_triangle_clipped(visible, &view, rows, a, b, c, BODY | (first + t), pass, front, after);
+        draw_triangle_clipped(visible, &view, rows, a, b, c, BODY | (first + t), phase, front, after);
 }

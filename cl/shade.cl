@@ -3,6 +3,9 @@
  * body; and what else is known of a pixel.
  */
 
+#include "lanes.h"
+#include "seen.h"
+#include "scatter.h"
 #include "light.h"
 #include "sums.h"
 

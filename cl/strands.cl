@@ -254,19 +254,34 @@ __kernel void grow(
     strand_of[first + segments] = i;
 }
 
-/* One strand of the user's: packed points -> points with width, tangents from the neighbours. */
+/* One strand of the user's: packed arrays -> those of grown strands, tangents from the neighbouring points. */
 __kernel void bring(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float *packed,          // [points, 3]
     __global const uint2 *spans,           // [strands] first point, points
     __global const float *widths,          // one, [strands] or [points]
     const int width_per,                   // 0: one for all, 1: each strand, 2: each point
+    __global const float *packed_colors,   // [strands, 3] or [points, 3], none where one is for all
+    const int color_per,                   // as width_per
+    __global const float *root_normals,    // [strands, 3]; none where has_normals is 0
+    const int has_normals,
+    __global const float *root_uv,         // [strands, 2]; none where has_uv is 0
+    const int has_uv,
+    __global const uint *type_of,          // [strands]; none where has_types is 0
+    const int has_types,
     __global float4 *points,               // [points] x, y, z, width
     __global float4 *tangents,             // [points] unit
-    __global uint *strand_of)              // [points]
+    __global uint *strand_of,              // [points]
+    __global float4 *colors,               // [strands] or [points] linear r, g, b; not written where one is for all
+    __global float4 *strand_normal,        // [strands] of the skin at the root, 0: not known
+    __global float4 *strand_uv)            // [strands] u, v, type
 {
     WORK_ITEM(i);
     const uint first = spans[i].x, count = spans[i].y;
+    strand_normal[i] = has_normals ? (float4)(vload3(i, root_normals), 0.0f) : (float4)(0.0f);
+    strand_uv[i] = (float4)(has_uv ? vload2(i, root_uv) : (float2)(0.0f), has_types ? type_of[i] : 0.0f, 0.0f);
+    if (color_per == 1)
+        colors[i] = (float4)(vload3(i, packed_colors), 0.0f);
     float4 before, here, next, tangent = (float4)(0.0f, 1.0f, 0.0f, 0.0f);
     for (uint k = 0; k < count; ++k) {
         const uint p = first + k;
@@ -277,6 +292,8 @@ __kernel void bring(
         points[p] = (float4)(here.xyz, widths[width_per == 0 ? 0 : width_per == 1 ? i : p]);
         tangents[p] = tangent;
         strand_of[p] = i;
+        if (color_per == 2)
+            colors[p] = (float4)(vload3(p, packed_colors), 0.0f);
         before = here;
         here = next;
     }

@@ -34,7 +34,7 @@ def test_shells(clfur, fur):
     assert (code, err) == (0, "")
     told = json.loads(out)
     assert (told["shells"]["layers"], told["shells"]["frequency"], told["shells"]["pattern"]) == (7, 9, "cells")
-    assert (told["strands"] > 0) == (fur == "both") and {"shells", "entries"} <= set(told["stages"])
+    assert (told["strands"] > 0) == (fur == "both") and {"shells", "entries", "march"} <= set(told["stages"])
     with np.load("fur.npz") as drawn:
         assert (drawn["id"] == -3).any() and drawn["color"][..., 3].max() > .9
     code, out, err = clfur("render", "sphere", "--fur", fur, "--size", "32x24", "--samples", 1)

@@ -11,7 +11,7 @@ import clfur
 from clfur import truth
 from clfur.parts import Work
 from clfur.render import OUTPUTS
-from clfur.stages import shells
+from clfur.stages import march
 from clfur.views import view_of
 
 
@@ -57,7 +57,7 @@ def test_light_on_strands_is_kept_while_only_the_camera_moves(gpu, monkeypatch, 
     if "fur" in change:
         change = {"fur": attrs.evolve(scene.strands, seed=9)}
     launch, names = gpu.launch, []
-    monkeypatch.setattr(gpu, "launch", lambda name, *rest: names.append(name) or launch(name, *rest))
+    monkeypatch.setattr(gpu, "launch", lambda name, size, /, **rest: names.append(name) or launch(name, size, **rest))
     clfur.draw(scene, gpu, settings)
     assert names.count("coverage.reach") == 1
     other = attrs.evolve(scene, **change)
@@ -152,13 +152,13 @@ def test_hashes_with_shells_are_of_integers_alone(gpu, monkeypatch):
     """What shells let through comes of exp: another device may have other last bits."""
     fur = [clfur.Strands(inner=1, outer=1, roots=60), clfur.Shells(length=.15, frequency=20, layers=12)]
     scene = clfur.Scene(ball(.8, 2), fur, clfur.Camera(size=(31, 23)))
-    whole = shells.march
+    whole = march.march
 
     def other(*arguments):
         image, through, seen = whole(*arguments)
         return image, gpu.upload(gpu.download(through) * np.float32(1 - 1e-6)), seen
     one = clfur.draw(scene, gpu, OFF, hashes=True)
-    monkeypatch.setattr(shells, "march", other)
+    monkeypatch.setattr(march, "march", other)
     two = clfur.draw(scene, gpu, OFF, hashes=True)
     assert one.hashes == two.hashes and (one.images["color"] != two.images["color"]).any()
     three = clfur.draw(attrs.evolve(scene, fur=[fur[1], attrs.evolve(fur[0], roots=59)]), gpu, OFF, hashes=True)

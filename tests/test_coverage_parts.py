@@ -68,10 +68,10 @@ def recorded(gpu):
     """Rows of each band that is begun."""
     bands, bound = [], gpu.launch
 
-    def launch(name, size, *args):
+    def launch(name, size, /, **arguments):
         if name == "coverage.bound":
             bands.append(size)
-        bound(name, size, *args)
+        bound(name, size, **arguments)
     gpu.launch = launch
     return bands
 
@@ -154,14 +154,14 @@ def test_a_device_that_fails_is_dropped(gpu, sphere, kernel):
     team = [clfur.Scheduler(gpu.device), clfur.Scheduler(gpu.device)]
     launch, last = team[0].launch, team[1].launch
 
-    def fails(name, size, *args):
+    def fails(name, size, /, **arguments):
         if name == kernel:
             raise clfur.DeviceError("this device is lost")
-        launch(name, size, *args)
+        launch(name, size, **arguments)
 
-    def own(name, size, *args):
-        assert all(array.queue is team[1].queue for array in args if hasattr(array, "queue")), name
-        last(name, size, *args)
+    def own(name, size, /, **arguments):
+        assert all(array.queue is team[1].queue for array in arguments.values() if hasattr(array, "queue")), name
+        last(name, size, **arguments)
     team[0].launch, team[1].launch = fails, own
     with pytest.warns(RuntimeWarning, match="goes on without a device: this device is lost"):
         same(whole, clfur.draw(scene, team, SETTINGS, hashes=True))

@@ -6,7 +6,7 @@ import pytest
 
 import clfur
 from clfur import layout
-from clfur.device import scheduler
+from clfur.device import scheduler, signature
 from clfur.device.scheduler import Scheduler
 
 
@@ -46,11 +46,6 @@ def test_no_two_samples_share_a_row_or_a_column(samples):
 
 def test_the_patterns_follow_each_other():
     assert [layout.pattern_start(n) for n in (1, 4, 16)] == [0, 1, 5]
-
-
-def test_wrong_argument_count_says_so(gpu):
-    with pytest.raises(TypeError, match="raster.lines takes 6 arguments, 1 given"):
-        gpu.launch("raster.lines", 1, np.int32(0))
 
 
 def test_a_build_error_names_file_and_line(gpu, tmp_path, monkeypatch):
@@ -109,8 +104,8 @@ def test_seconds_add_up_by_kernel_file(gpu):
     gpu.start()
     assert gpu.seconds() == {}
     sums, total = gpu.upload(np.arange(10, dtype=np.uint64)), gpu.empty(1, np.uint64)
-    gpu.launch("strands.scan_sums", 1, np.uint32(10), sums, total)
-    gpu.launch("strands.scan_sums", 1, np.uint32(10), sums, total)
+    gpu.launch("strands.scan_sums", 1, n=10, sums=sums, total=total)
+    gpu.launch("strands.scan_sums", 1, n=10, sums=sums, total=total)
     seconds = gpu.seconds()
     assert set(seconds) == {"strands"} and 0 < seconds["strands"] < 10
     gpu.start()
@@ -122,8 +117,6 @@ def test_no_wait_is_long_where_fur_follows_sky(monkeypatch):
     clock, pending, waits = [0.0], [0.0], []
 
     class Kernel:
-        num_args = 2
-
         def __call__(self, queue, sizes, group, begin, end):
             begin, end = int(begin), int(end)
             slow = max(min(end, 4_000_000) - max(begin, 3_000_000), 0)
@@ -136,7 +129,7 @@ def test_no_wait_is_long_where_fur_follows_sky(monkeypatch):
             pending[0] = 0.0
     monkeypatch.setattr(scheduler.time, "perf_counter", lambda: clock[0])
     gpu = Scheduler()
-    gpu._kernels["made.up"] = Kernel()
+    gpu._kernels["made.up"] = signature.Kernel("made.up", [], Kernel())
     gpu.launch("made.up", 5_000_000)
     assert max(*waits, pending[0]) < 0.7                            # one piece of the most that there is
     assert sum(wait > 1.5 * scheduler.PIECE for wait in waits) <= 2   # and then they are what they should be

@@ -14,6 +14,7 @@ from clfur.stages.raster import raster
 from clfur.stages.strands import bring, grow, no_strands
 from clfur.stages.tessellate import no_surface, tessellate
 from clfur.twin import shade as twin
+from clfur.twin import vectors
 from clfur.views import light_of, view_of
 
 NONE = np.uint64(twin.NONE)
@@ -114,6 +115,25 @@ def test_color_is_the_twins(gpu, ball, form, kind, samples, exponent):
     assert (ids < twin.BODY).any() and ((ids >= twin.BODY) & (ids < 0xFFFFFFFF)).any()
 
 
+def test_the_twin_sees_swapped_arrays(gpu, ball, monkeypatch):
+    """Two float4 arrays under each other's names are the kernel's own mistake: no signature tells them apart."""
+    launch = gpu.launch
+
+    def swapped(name, size, /, **arguments):
+        arguments["points"], arguments["tangents"] = arguments["tangents"], arguments["points"]
+        return launch(name, size, **arguments)
+    scene = furry(ball, "grown", 150)
+    view, light, visible, strands, body = picture(gpu, scene, 1)
+    meant = twin.color(view, light, False, visible.get(), on_host(strands), on_host(body), scene.body_color)
+
+    def off():
+        image = shade.color(gpu, view, light, FORMS[0], visible, strands, body, scene.body_color).get()
+        return np.nan_to_num(np.abs(image - meant), nan=1.0).max()
+    assert off() < 2.5e-5
+    monkeypatch.setattr(gpu, "launch", swapped)
+    assert off() > 0.01
+
+
 @pytest.mark.small
 @pytest.mark.parametrize("kind, form", [("all", FORMS[0]), ("strand", FORMS[1]), ("point", FORMS[0])])
 def test_a_small_picture_is_the_twins(gpu, kind, form):
@@ -167,7 +187,7 @@ def test_light_of_a_fibre_is_the_twins(gpu, form, exponent):
         image, meant = lit(gpu, tangents, to_light, to_eye, form, (0.2, 0.5, 0.9), 0.7, exponent, ambient=0.1)
         assert np.isfinite(image).all()
         others = [to_light, to_eye] + [unit(to_light + to_eye)] * (form == "half-vector")
-        least = np.min([twin.sine(tangents, each) for each in others], 0)
+        least = np.min([vectors.sine(tangents, each) for each in others], 0)
         t = 1 + np.minimum(1 / least, SINE_AT_ZERO * 2**24)
         tolerance = 2 * 2.0**-24 * t * (1 + exponent) + np.exp(-16)
         assert (np.abs(image - meant).max(1) <= tolerance).all()

@@ -368,9 +368,9 @@ def test_a_spot_in_long_fur_takes_no_hours(gpu, monkeypatch):
     """The points of a face are bounded by the grid, not by how near the light comes."""
     launched, launch = {}, gpu.launch
 
-    def told(name, size, *rest):
+    def told(name, size, /, **arguments):
         launched[name] = size
-        return launch(name, size, *rest)
+        return launch(name, size, **arguments)
     monkeypatch.setattr(gpu, "launch", told)
     mesh = patch()
     scene = clfur.Scene(mesh=mesh, fur=clfur.Shells(length=10, frequency=2), light=lamp(0, -1, 0, position=(0, 5, 0)))

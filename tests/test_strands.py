@@ -89,10 +89,10 @@ def running_areas(gpu, surface):
     n = len(surface.triangles)
     blocks = -(-n // CONSTANTS["SCAN"])
     sums, areas = gpu.empty(blocks, np.uint64), gpu.empty(n, np.uint64)
-    mesh = surface.positions, surface.triangles, np.uint32(n), surface.unit
-    gpu.launch("strands.sum_areas", blocks, *mesh, sums)
-    gpu.launch("strands.scan_sums", 1, np.uint32(blocks), sums, gpu.empty(1, np.uint64))
-    gpu.launch("strands.scan_areas", blocks, *mesh, sums, areas)
+    mesh = {"positions": surface.positions, "triangles": surface.triangles, "n": n, "unit": surface.unit, "sums": sums}
+    gpu.launch("strands.sum_areas", blocks, **mesh)
+    gpu.launch("strands.scan_sums", 1, n=blocks, sums=sums, total=gpu.empty(1, np.uint64))
+    gpu.launch("strands.scan_areas", blocks, areas=areas, **mesh)
     return areas.get()
 
 

@@ -78,10 +78,10 @@ def test_a_device_that_fails_is_dropped_and_its_share_redone(gpu, team, sphere, 
     clfur.draw(scene, team, settings)
     broken, launch = team[which], team[which].launch
 
-    def fails(name, size, *args):
+    def fails(name, size, /, **arguments):
         if name == kernel:
             raise clfur.DeviceError("this device is lost")
-        launch(name, size, *args)
+        launch(name, size, **arguments)
     broken.launch = fails
     for one in team:
         one.forget()
@@ -103,7 +103,7 @@ def test_a_lost_device_is_asked_nothing_more(team, sphere, which, kind):
     team = [clfur.Scheduler(one.device, memory=1_000_000) for one in team]
     scene, lost = scene_of(kind, sphere), team[which]
 
-    def fails(*_):
+    def fails(*_, **__):
         raise clfur.DeviceError("this device is lost")
     lost.launch = lost.empty = lost.upload = lost.download = lost.seconds = fails
     with pytest.warns(RuntimeWarning, match="goes on without a device: this device is lost"):
@@ -115,7 +115,7 @@ def test_a_lost_device_is_asked_nothing_more(team, sphere, which, kind):
 
 @pytest.mark.filterwarnings("ignore:goes on without")
 def test_when_all_fail_the_error_is_told(team, sphere):
-    def fails(*_):
+    def fails(*_, **__):
         raise clfur.DeviceError("no power")
     for one in team:
         one.launch = fails
@@ -129,10 +129,10 @@ def test_one_frame_at_a_time(gpu, sphere):
     one, launch = clfur.Scheduler(gpu.device), None
     launch = one.launch
 
-    def slow(name, size, *args):
+    def slow(name, size, /, **arguments):
         inside.set()
         assert go.wait(60)
-        launch(name, size, *args)
+        launch(name, size, **arguments)
     one.launch = slow
     thread = threading.Thread(target=clfur.render, args=(scene, one, SETTINGS))
     thread.start()

@@ -7,6 +7,7 @@ from support.scenes import icosphere
 import clfur
 from clfur.stages.tessellate import tessellate
 from clfur.twin import tessellate as twin
+from clfur.twin import vectors
 
 # Errors against float64 on a mesh of radius 1, in float32 steps of 2^-23 = 1.2e-7; in brackets the largest
 # measured on four drivers.  The cubic adds ten terms [2.8e-7].  The quadratic normal is divided by its length
@@ -227,7 +228,7 @@ def test_flat_stays_in_the_plane_of_the_face(gpu):
     mesh = lumpy()
     positions, _, _, _, triangles = on_host(tessellate(gpu, mesh, 7, 5, "flat"))
     face = face_of(triangles)
-    normal = twin.unit(twice_areas(mesh.positions.astype(float), mesh.faces))
+    normal = vectors.unit(twice_areas(mesh.positions.astype(float), mesh.faces))
     height = ((positions - mesh.positions[mesh.faces[face, 0]]) * normal[face]).sum(1)
     np.testing.assert_allclose(height, 0, rtol=0, atol=POSITION)
     curved = on_host(tessellate(gpu, mesh, 7, 5, "pn"))[0]

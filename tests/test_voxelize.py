@@ -7,7 +7,7 @@ from support.stages import strands_on
 import clfur
 from clfur import layout
 from clfur.scene import hair_bounds
-from clfur.stages.strands import bring, grow
+from clfur.stages.strands import arrays, bring, grow
 from clfur.stages.tessellate import tessellate
 from clfur.stages.voxelize import METHODS, depths_for, most_of, unit_for, voxelize
 from clfur.twin import voxelize as twin
@@ -124,10 +124,11 @@ def test_neither_order_nor_groups_nor_runs_change_a_count(gpu, method):
     for group in (1, 7, 30):
         again, there = gpu.full(cells.shape, np.uint32, 0), strands_on(gpu, points, spans, kinds)
         kernel = gpu._kernels["voxelize.lengths" if method == "length" else "voxelize.fragments"]
-        last = (again.data,) if method == "length" else (np.int32(METHODS.index(method)), again.data)
-        kernel(gpu.queue, (-(-len(spans) // group) * group,), (group,), np.uint64(0), np.uint64(len(spans)),
-               grid, there.points.data, there.spans.data, there.uv.data,
-               gpu.upload(WEIGHTS).data, *last)
+        given = {"grid": grid, "weights": gpu.upload(WEIGHTS), "cells": again,
+                 **arrays(there, "points", "spans", "strand_uv")}
+        given |= {} if method == "length" else {"method": METHODS.index(method)}
+        kernel.run(gpu.queue, (-(-len(spans) // group) * group,), (group,), np.uint64(0), np.uint64(len(spans)),
+                   *kernel.bind(given))
         np.testing.assert_array_equal(cells, again.get())
 
 

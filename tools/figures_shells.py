@@ -10,8 +10,7 @@ from shells_laws import OVER, Furred, before
 
 import clfur
 from clfur.scene import frame
-from clfur.stages import shade
-from clfur.stages import shells as stage
+from clfur.stages import march, shade
 from clfur.stages.raster import raster
 from clfur.stages.tessellate import tessellate
 from clfur.views import light_of, view_of
@@ -160,7 +159,7 @@ def marched(gpu, options, path):
              "layers of a sphere, cells, without noise and shadows, one sample, median of 9 runs in turn.  *drawn*: "
              "`raster.body` alone, of the triangles of 30 layers that face the eye.  *drawn and lit*: also "
              "`shade.color` of each layer, which finds a pixel's place and lights it; neither looks at the fur's "
-             "pattern nor adds layers up.  *marched*: `entries` and `shells`, the fur with all that belongs to it.", "",
+             "pattern nor adds layers up.  *marched*: `entries` and `march`, the fur with all that belongs to it.", "",
              line("faces", "size", "drawn", "drawn and lit", "marched", "of it entries"),
              line("--:", "---", ("--:",) * 4)]
     for subdivisions in (3, 5):
@@ -182,9 +181,9 @@ def marched(gpu, options, path):
                     shade.color(gpu, view, light, "kajiya-kay", seen, shells.skin, layer, FUR)
                 drawn = gpu.seconds()
                 gpu.start()
-                stage.march(gpu, view, shells.shell, shells.packed, light, "kajiya-kay", visible)
+                march.march(gpu, view, shells.shell, shells.packed, light, "kajiya-kay", visible)
                 spent = gpu.seconds()
-                times.append((drawn["raster"], drawn["raster"] + drawn["shade"], spent["entries"] + spent["shells"],
+                times.append((drawn["raster"], drawn["raster"] + drawn["shade"], spent["entries"] + spent["march"],
                               spent["entries"]))
             medians = [f"{1e3 * statistics.median(column):.1f}" for column in zip(*times[2:])]
             lines.append(line(f"{len(mesh.faces):,}", f"{size[0]}×{size[1]}", medians))

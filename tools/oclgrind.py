@@ -127,10 +127,10 @@ def watch():
         assert hasattr(self, "_pool")
         self._pool = Buffers(self.context)
 
-    def recorded(self, name, size, *args, **kwargs):
+    def recorded(self, name, size, /, **arguments):
         if np.all(size):
             launched.add((name, bool(self.int64_atomics)))
-        return launch(self, name, size, *args, **kwargs)
+        return launch(self, name, size, **arguments)
 
     def full(self, shape, dtype, value):   # to Oclgrind a buffer that the driver has filled is not written
         return self.upload(np.full(shape, value, dtype))
@@ -164,7 +164,8 @@ def launch_planted():
     watch()
     for path in sorted((ROOT / "tests" / "planted").glob("*.cl")):
         gpu = scheduler.Scheduler()
-        gpu.launch(f"{path.stem}.{path.stem}", 64, gpu.empty(64, np.uint32), gpu.upload(np.arange(64, dtype=np.uint32)))
+        gpu.launch(f"{path.stem}.{path.stem}", 64, unwritten=gpu.empty(64, np.uint32),
+                   numbers=gpu.upload(np.arange(64, dtype=np.uint32)))
         gpu.queue.finish()
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 import clfur
 from clfur.scene import Camera, Light, frame
-from clfur.stages import shade
+from clfur.stages import march, shade
 from clfur.stages import shells as stage
 from clfur.stages.raster import raster
 from clfur.stages.strands import no_strands
@@ -60,7 +60,7 @@ class Furred:
         scene = clfur.Scene(mesh=self.mesh, fur=self.fur, camera=camera, light=Light(direction=(1, -1, -0.6)))
         view, light = view_of(scene, samples), light_of(scene.light)
         visible = raster(self.gpu, view, None, self.body)
-        image, through, _ = stage.march(self.gpu, view, self.shell, packed, light, "kajiya-kay", visible)
+        image, through, _ = march.march(self.gpu, view, self.shell, packed, light, "kajiya-kay", visible)
         image, through = image.get().astype(float), through.get().astype(float)
         for s in range(samples):
             behind = shade.color(self.gpu, view, light, "kajiya-kay", visible, self.skin, self.body, scene.body_color,

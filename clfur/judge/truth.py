@@ -3,6 +3,7 @@
 import io
 import math
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,14 +14,15 @@ from ..errors import Error
 from ..render import schedulers
 from ..scene import Curves, Scene, Strands, checks, extent
 from ..stages.tessellate import tessellate
-from ..twin import shade, strands
+from ..twin import scatter, shade, strands
+from ..twin.vectors import dot, unit
 from .rays import Eye, Fibres, Triangles, frame_along
 
 VERSION = 1              # of what `picture` gives, strands and bodies included: another makes the cache anew
 RAYS = 1 << 18           # of the picture at a time
 
 
-def picture(scene, samples=8, seed=0, progress=None):
+def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | None = None) -> np.ndarray:
     """The picture that `clfur.render` approximates -> float64 [height, width, 4], as `render` has it.
 
     ``samples`` squared rays a pixel, one at random (by ``seed``) in each of as many squares, are averaged: a box filter
@@ -106,16 +108,18 @@ def _geometry(scene):
     mesh, fur = scene.mesh, scene.strands
     body = SimpleNamespace(positions=np.zeros((0, 3)), normals=np.zeros((0, 3)), triangles=np.zeros((0, 4), int))
     if mesh is not None and (scene.body_color is not None or isinstance(fur, Strands)):
-        levels = (fur.inner, fur.outer, fur.surface) if isinstance(fur, Strands) else (1, 1, "flat")
+        levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         body = _tessellated(mesh, *levels)
     if isinstance(fur, Strands):
         hair = _grown(fur, body)
     elif isinstance(fur, Curves):
+        fur = fur.on_host
         counts = fur.counts.astype(int)
         tangents, width, _ = strands.bring(fur.points, counts, fur.width)
+        kind = np.zeros(len(counts), int) if fur.type_of is None else fur.type_of.astype(int)
         hair = SimpleNamespace(points=np.column_stack([fur.points, width]).astype(float), tangents=tangents,
-                               counts=counts, colors=fur.color.astype(float), kind=np.zeros(len(counts), int),
-                               shine=np.array([(fur.specular, fur.exponent, fur.alpha)]))
+                               counts=counts, colors=fur.color.astype(float), kind=kind,
+                               shine=np.array([(t.specular, t.exponent, t.alpha) for t in fur.hair_types]))
     else:
         hair = SimpleNamespace(points=np.zeros((0, 4)), tangents=np.zeros((0, 3)), counts=np.zeros(0, int),
                                colors=np.zeros((1, 3)), shine=np.ones((1, 3)), kind=np.zeros(0, int))
@@ -183,7 +187,7 @@ def _in_row(row, width, samples, seed):
 
 
 def _towards(eye, p):
-    return shade.unit(eye.origin - p)
+    return unit(eye.origin - p)
 
 
 # --- light ----------------------------------------------------------------------------------------------
@@ -220,13 +224,13 @@ class _Light:
         to_light, direct = self._reaching(p)
         some = np.flatnonzero(direct.any(1))
         direct[some] *= self._left(p[some], np.full(len(some), -1), strand[some])[:, None]
-        return shade.fibre(color, specular, exponent, False, t, to_light, v, direct, self.light.ambient)
+        return scatter.fibre(color, specular, exponent, False, t, to_light, v, direct, self.light.ambient)
 
     def on_skin(self, p, v, triangle):
         """Light [n, 3] from places p of triangles towards v."""
         n, _ = shade.on_body(self.skin, triangle, p, v)
         to_light, direct = self._reaching(p)
-        direct *= np.maximum(shade.dot(n, to_light), 0)[:, None]
+        direct *= np.maximum(dot(n, to_light), 0)[:, None]
         some = np.flatnonzero(direct.any(1))
         direct[some] *= self._left(p[some], triangle[some], np.full(len(some), -1))[:, None]
         return self.body_color * (direct + self.light.ambient)
@@ -237,7 +241,7 @@ class _Light:
         direct = np.repeat(light.color[None].astype(float), len(p), 0)
         if light.position is None:
             return np.broadcast_to(-light.direction, p.shape), direct
-        to_light = shade.unit(light.position - p)
+        to_light = unit(light.position - p)
         direct[-to_light @ light.direction < math.cos(math.radians(light.angle) / 2)] = 0
         return to_light, direct
 

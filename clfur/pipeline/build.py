@@ -132,7 +132,7 @@ def _grow(gpu, plan, part):
 
 def _thin(gpu, plan, part, what, lod):
     fur = plan.scene.strands
-    return thin(gpu, _whole(gpu, plan, part, what), plan.rig.view, lod, fur.seed if plan.grown else 0)
+    return thin(gpu, _whole(gpu, plan, part, what), plan.rig.view, lod, fur.seed)
 
 
 def _bend(gpu, mesh, packed, box, topology, laid, walls):

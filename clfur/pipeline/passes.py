@@ -58,7 +58,7 @@ class Samples:
         return Band((top, end), view, build.on(gpu, visible))
 
     def hide(self, gpu, band, through, shell_front):
-        """`Front` of a band, behind shell fur as `shells.march` has it."""
+        """`Front` of a band, behind shell fur as `march.march` has it."""
         return Front(band.view, band.visible, through, shell_front, {})
 
     def shade(self, gpu, band, front, shadows, image):
@@ -103,7 +103,7 @@ class Coverage:
         return Band((top, until), view, visible, counted)
 
     def hide(self, gpu, band, through, shell_front):
-        """`Front` of a band: strands and shell fur, as `shells.march` has it, hidden behind each other and the body."""
+        """`Front` of a band: strands and shell fur, as `march.march` has it, hidden behind each other and the body."""
         counted, (top, end) = band.counted, band.rows
         rows = top - counted.first, end - counted.first
         pieces = int(counted.sums[slice(*rows)].sum())

@@ -70,10 +70,10 @@ class Plan:
         mesh, fur = self.scene.mesh, self.scene.strands
         self.grown = isinstance(fur, Strands)
         self.body = mesh is not None and self.scene.body_color is not None
-        self.levels = (fur.inner, fur.outer, fur.surface) if self.grown else (1, 1, "flat")
+        self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
         # Running sums: vertices and triangles before each face, points before each of the user's strands, and of all.
-        self._vertices, self._triangles = _sums(fur if self.grown else None, self.faces)
+        self._vertices, self._triangles = _sums(fur, self.faces)
         self._before = _points_of(fur) if isinstance(fur, Curves) else np.zeros(1, np.int64)
         self.triangles = int(self._triangles[-1])
         if self.grown:
@@ -309,8 +309,8 @@ def _topology(mesh):
 
 @functools.lru_cache(maxsize=2)
 def _sums(fur, faces):
-    """Vertices and triangles before each of so many faces, and of all, where `Strands` grow on them or none."""
-    levels = (fur.inner, fur.outer) if fur else (1, 1)
+    """Vertices and triangles before each of so many faces, and of all, as these strands have them divided."""
+    levels = (1, 1) if fur is None else (fur.inner, fur.outer)
     vertices, triangles = counts_of(levels_of(*levels, faces)) if faces else ([], [])
     return _before(vertices), _before(triangles)
 

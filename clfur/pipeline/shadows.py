@@ -7,7 +7,7 @@ import numpy as np
 
 from .. import layout
 from ..errors import Error
-from ..scene import Strands, hair_bounds
+from ..scene import hair_bounds
 from ..stages import lod, shade, shells
 from ..stages.raster import raster
 from ..stages.voxelize import depths_for, most_of, own_share, unit_for, voxelize
@@ -51,7 +51,7 @@ def plan_shadows(rig, strands, body, fur=None):
     scene, settings = rig.scene, rig.settings
     method, grid, seen, weights, unit = settings.shadows, None, None, None, 0
     shadow = np.zeros((), layout.Shadow)
-    hairs = scene.strands.types if isinstance(scene.strands, Strands) else [scene.strands] if scene.strands else []
+    hairs = scene.strands.hair_types if scene.strands else []
     depths = depths_for([hair.alpha for hair in hairs], method)
     if fur:
         depths = np.append(depths, shells_depth(scene.shells.alpha, method))

@@ -153,12 +153,12 @@ class Curves:
                         f"{kinds} types")
 
     @functools.cached_property
-    def hair_types(self):
+    def hair_types(self) -> tuple[HairType, ...]:
         """The types that there are, also where none are given: a tuple of HairType."""
         return self.types or (HairType(specular=self.specular, exponent=self.exponent, alpha=self.alpha),)
 
     @functools.cached_property
-    def on_host(self):
+    def on_host(self) -> "Curves":
         """The same Curves with no array on a device."""
         there = {name: getattr(self, name) for name in PLACED if checks.is_on_device(getattr(self, name))}
         return attrs.evolve(self, **{name: array.get() for name, array in there.items()}) if there else self

@@ -1,6 +1,8 @@
 """All that a picture shows, and a camera that sees all of it."""
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import attrs
 import numpy as np
@@ -28,7 +30,8 @@ def _fur(value, where):
     return fur
 
 
-def frame(mesh, fur, size=(640, 480), fov=45, direction=(0.45, 0.3, 1.0)):
+def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: float = 45,
+          direction: Sequence[float] = (0.45, 0.3, 1.0)) -> Camera:
     """Return a Camera that sees all of a mesh and its fur.
 
     mesh: Mesh, or None with Curves. fur: what `Scene` takes. size: (width, height) in pixels. fov: vertical, degrees.
@@ -92,6 +95,7 @@ class Scene:
                             "allowed: a Mesh for them to grow on")
         if isinstance(strands, Strands):
             _check_uv(self.mesh, strands)
+        if strands is not None and self.mesh is not None:
             _check_levels(self.mesh, strands)
         if shells is not None and shells.pattern == "sine":
             _check_sines(self.mesh, shells)
@@ -128,10 +132,11 @@ def _check_sines(mesh, shells):
 
 
 def _check_levels(mesh, strands):
+    kind = type(strands).__name__
     for name in ("inner", "outer"):
         levels = getattr(strands, name)
         if isinstance(levels, np.ndarray) and len(levels) != len(mesh.faces):
-            raise Error(f"Strands.{name} has levels for {len(levels)} faces; "
+            raise Error(f"{kind}.{name} has levels for {len(levels)} faces; "
                         f"allowed: {len(mesh.faces)}, the faces that the mesh has kept")
     if not isinstance(strands.outer, np.ndarray):
         return
@@ -142,5 +147,5 @@ def _check_levels(mesh, strands):
     if differ.any():
         at = int(np.argmax(differ))
         one, other = order[at], order[at + 1]
-        raise Error(f"Strands.outer is {levels[at]} at face {one // 3}, edge {one % 3}, but {levels[at + 1]} "
+        raise Error(f"{kind}.outer is {levels[at]} at face {one // 3}, edge {one % 3}, but {levels[at + 1]} "
                     f"at face {other // 3}, edge {other % 3}, which is the same edge; allowed: equal levels")

@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 
-from .strands import vector
-
 
 def reach_of(sigma):
     """Pixels to each side that a blur of this many reaches."""
@@ -25,7 +23,7 @@ def blur(gpu, image, sigma, edges, rows=None):
     weights = gpu.upload((weights / weights.sum()).astype(np.float32))
     flat, result = gpu.empty(image.shape, np.float32), gpu.empty((end - first, width, 4), np.float32)
     for size, source, target in ((width, height, 0, 0), image, flat), ((width, height, first, 1), flat, result):
-        gpu.launch("blur.along", target.size // 4, vector(size, np.int32), np.int32(reach), weights, source, target)
+        gpu.launch("blur.along", target.size // 4, size=size, radius=reach, weights=weights, image=source, out=target)
     if edges:
-        gpu.launch("blur.edges", (end - first) * width, np.uint32(first * width), image, result)
+        gpu.launch("blur.edges", (end - first) * width, first=first * width, image=image, blurred=result)
     return result

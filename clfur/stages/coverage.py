@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from .. import layout
-from .strands import vector
+from .strands import arrays
 
 FRAGMENT = 16   # bytes
 TILE = 8       # as in coverage.cl
@@ -37,20 +37,20 @@ def bound(gpu, visible):
     """How far each pixel of the body's ``visible`` can be seen into -> [rows, width, 2] uint32 depth, 0."""
     rows, width, samples = visible.shape
     pixels = gpu.empty((rows, width, 2), np.uint32)
-    gpu.launch("coverage.bound", rows * width, np.int32(samples), visible, pixels)
+    gpu.launch("coverage.bound", rows * width, samples=samples, visible=visible, pixels=pixels)
     return pixels
 
 
 def count(gpu, view, strands, pixels):
     """Add how many fragments `Grown` strands have at most in each pixel to what `bound` gave."""
-    gpu.launch("coverage.count", len(strands.spans), view, strands.points, strands.spans, pixels)
+    gpu.launch("coverage.count", len(strands.spans), view=view, pixels=pixels, **arrays(strands, "points", "spans"))
 
 
 def row_sums(gpu, counted):
     """How many fragments each row has of what `count` counted -> [rows] uint64."""
     rows, width, _ = counted.shape
     sums = gpu.empty(rows, np.uint64)
-    gpu.launch("coverage.sum_rows", rows, np.uint32(width), counted, sums)
+    gpu.launch("coverage.sum_rows", rows, width=width, counted=counted, sums=sums)
     return sums
 
 
@@ -58,28 +58,28 @@ def allocate(gpu, counted, pieces, rows=None):
     """Empty `Fragments` for so many ``pieces`` that `count` counted in all; ``rows``: where, (first, one past the last)."""
     first, end = rows or (0, len(counted))
     width = counted.shape[1]
-    size, first_pixel = vector((width, end - first), np.int32), np.uint32(first * width)
+    band = {"size": (width, end - first), "first": first * width, "counted": counted}
     blocks = -(-(-(-width // TILE) * -(-(end - first) // TILE) * TILE**2) // layout.CONSTANTS["SCAN"])
     sums, total = gpu.empty(blocks, np.uint64), gpu.empty(1, np.uint64)
-    gpu.launch("coverage.sum_tiles", blocks, size, first_pixel, counted, sums)
+    gpu.launch("coverage.sum_tiles", blocks, **band, sums=sums)
     with gpu.called("coverage"):
-        gpu.launch("strands.scan_sums", 1, np.uint32(blocks), sums, total)
+        gpu.launch("strands.scan_sums", 1, n=blocks, sums=sums, total=total)
     fragments = Fragments(gpu.empty((end - first, width), np.uint32), gpu.empty((end - first, width, 2), np.uint32),
                           gpu.empty((pieces, 2), np.uint64))
-    gpu.launch("coverage.number", blocks, size, first_pixel, counted, sums, fragments.starts, fragments.pixels)
+    gpu.launch("coverage.number", blocks, **band, sums=sums, starts=fragments.starts, pixels=fragments.pixels)
     return fragments
 
 
 def gather(gpu, view, strands, fragments):
     """Write the fragments of `Grown` strands, in any order."""
-    gpu.launch("coverage.gather", len(strands.spans), view, strands.points, strands.spans,
-               np.uint32(strands.first_point), fragments.pixels, fragments.list)
+    gpu.launch("coverage.gather", len(strands.spans), view=view, first=strands.first_point, pixels=fragments.pixels,
+               fragments=fragments.list, **arrays(strands, "points", "spans"))
 
 
 def resolve(gpu, visible, fragments, through=None, fur=None):
     """Sort the fragments of each pixel and hide them behind each other -> `Resolved`.
 
-    ``visible``: [rows, width, samples] uint64, the body's.  ``through``, ``fur``: what `shells.march` gave, if there
+    ``visible``: [rows, width, samples] uint64, the body's.  ``through``, ``fur``: what `march.march` gave, if there
     are shells; ``through`` is written anew.
     """
     rows, width, samples = visible.shape
@@ -91,9 +91,9 @@ def resolve(gpu, visible, fragments, through=None, fur=None):
         alpha=gpu.empty((rows, width), np.float32),
         seen=gpu.empty((rows, width, 1), np.uint64),
         seen_fur=gpu.empty((rows, width, 1), np.uint64))
-    gpu.launch("coverage.resolve", rows * width, np.int32(samples), fragments.starts, fragments.pixels,
-               fragments.list, resolved.used, visible, np.int32(furry), fur if furry else gpu.empty(0, np.uint64),
-               resolved.through, resolved.veil, resolved.alpha, resolved.seen, resolved.seen_fur)
+    gpu.launch("coverage.resolve", rows * width, samples=samples, starts=fragments.starts, pixels=fragments.pixels,
+               fragments=fragments.list, visible=visible, furry=furry, fur=fur if furry else gpu.empty(0, np.uint64),
+               **vars(resolved))
     return resolved
 
 
@@ -106,9 +106,9 @@ def steps_of(counts, used):
 def reach(gpu, lamp, strands, shadows):
     """How much direct light reaches each point of `Grown` strands -> [points] float32 0..1."""
     reached = gpu.empty(len(strands.points), np.float32)
-    gpu.launch("coverage.reach", len(strands.spans), lamp, strands.points, strands.tangents, strands.strand_of,
-               strands.normals, strands.uv, strands.types, strands.colors, shadows.shadow, shadows.grid, shadows.sums,
-               shadows.seen, shadows.map, strands.spans, reached)
+    gpu.launch("coverage.reach", len(strands.spans), lamp=lamp, reached=reached, **shadows.arrays(),
+               **arrays(strands, "points", "tangents", "strand_of", "strand_normal", "strand_uv", "types", "colors",
+                        "spans"))
     return reached
 
 
@@ -120,9 +120,9 @@ def light(gpu, view, lamp, specular, fragments, resolved, strands, reached=None,
     """
     rows, width = fragments.starts.shape
     sums = gpu.full((rows, width, 4), np.int64, 0) if sums is None else sums
-    gpu.launch("coverage.light", rows * width, view, vector((strands.first_point, len(strands.points)), np.uint32),
-               lamp, np.int32(specular == "half-vector"), fragments.pixels, resolved.used, fragments.list,
-               strands.points, strands.tangents, strands.strand_of, strands.uv, strands.types, strands.colors,
-               np.int32(strands.color_per), np.int32(reached is not None),
-               gpu.empty(0, np.float32) if reached is None else reached, sums)
+    gpu.launch("coverage.light", rows * width, view=view, part=(strands.first_point, len(strands.points)), lamp=lamp,
+               half_vector=specular == "half-vector", pixels=fragments.pixels, used=resolved.used,
+               fragments=fragments.list, shaded=reached is not None,
+               reached=gpu.empty(0, np.float32) if reached is None else reached, radiance_sums=sums,
+               **arrays(strands, "points", "tangents", "strand_of", "strand_uv", "types", "colors", "color_per"))
     return sums

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from .strands import arrays
+
 WIDEST = 6.4   # how many times as wide as it is a strand can become: 1 / widening's mean where 1/8 are kept
 
 
@@ -29,8 +31,8 @@ def thin(gpu, strands, view, lod, seed=0):
         spans=gpu.empty(strands.spans.shape, np.uint32),
         colors=gpu.empty(rows, np.float32) if per_point else strands.colors,
     )
-    gpu.launch("lod.thin", len(strands.spans), view, np.float32(lod), np.uint32(seed), np.uint32(strands.first_strand),
-               strands.points, strands.tangents, strands.spans, strands.colors, np.int32(strands.color_per),
-               thinned.points, thinned.tangents, thinned.spans,
-               thinned.colors if per_point else gpu.empty(0, np.float32))
+    gpu.launch("lod.thin", len(strands.spans), view=view, lod=lod, seed=seed,
+               out_points=thinned.points, out_tangents=thinned.tangents, out_spans=thinned.spans,
+               out_colors=thinned.colors if per_point else gpu.empty((0, 4), np.float32),
+               **arrays(strands, "first_strand", "points", "tangents", "spans", "colors", "color_per"))
     return thinned

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from .strands import arrays
+
 NONE = (1 << 64) - 1   # nothing there: depth and id NOTHING
 
 
@@ -17,16 +19,16 @@ def raster(gpu, view, strands=None, body=None, visible=None, after=None):
     rows = int(view["rows"][1] - view["rows"][0])
     bands = _bands(view, body)
     visible = gpu.full((rows, width, samples), np.uint64, NONE) if visible is None else visible
-    front, after = np.int32(after is not None), gpu.empty(0, np.uint32) if after is None else after
-    for one_pass in range(1 if gpu.int64_atomics else 2):
+    front, after = after is not None, gpu.empty(0, np.uint32) if after is None else after
+    for phase in range(1 if gpu.int64_atomics else 2):
         if body is not None:
             n = len(body.triangles)
-            gpu.launch("raster.body", n * bands, view, body.positions, body.triangles, np.uint32(n),
-                       np.uint32(body.first_triangle), np.int32(-(-rows // bands)), front, after,
-                       np.int32(one_pass), visible)
+            gpu.launch("raster.body", n * bands, view=view, positions=body.positions, triangles=body.triangles, n=n,
+                       first=body.first_triangle, band=-(-rows // bands), front=front, after=after, phase=phase,
+                       visible=visible)
         if strands is not None:
-            gpu.launch("raster.lines", len(strands.spans), view, strands.points, strands.spans,
-                       np.uint32(strands.first_point), np.int32(one_pass), visible)
+            gpu.launch("raster.lines", len(strands.spans), view=view, first=strands.first_point, phase=phase,
+                       visible=visible, **arrays(strands, "points", "spans"))
     return visible
 
 

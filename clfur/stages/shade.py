@@ -1,12 +1,12 @@
 """Visible samples -> the lit picture, and what else is known of its pixels."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from .. import layout
-from .strands import vector
+from .strands import arrays
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,10 @@ class Shadows:
     sums: Any         # [nz + 1, ny, nx] float32 crossings before each layer
     seen: Any         # layout.View of the light
     map: Any          # [size, size, 1] uint64, the raster of the body
-    hashes: dict = field(default_factory=dict)   # SHA-256 of counts and map, where asked for
+
+    def arrays(self):
+        """All of it, as arguments of a launch."""
+        return vars(self)
 
 
 def no_shadows(gpu):
@@ -40,15 +43,14 @@ def color(gpu, view, light, specular, visible, strands, body, body_color, shadow
     rows, width, _ = visible.shape
     if sums is None and image is None:
         image = gpu.full((rows, width, 4), np.float32, 0)
-    gpu.launch("shade.color", rows * width, view, _part(strands, body),
-               light, np.int32(specular == "half-vector"), visible,
-               strands.points, strands.tangents, strands.strand_of, strands.normals, strands.uv, strands.types,
-               strands.colors, np.int32(strands.color_per),
-               body.positions, body.normals, body.triangles, vector((*body_color, 0), np.float32),
-               shadows.shadow, shadows.grid, shadows.sums, shadows.seen, shadows.map,
-               np.int32(through is not None), gpu.empty(0, np.float32) if through is None else through,
-               np.int32(sums is not None), gpu.empty(0, np.int64) if sums is None else sums,
-               gpu.empty(0, np.float32) if image is None else image)
+    gpu.launch("shade.color", rows * width, view=view, part=_part(strands, body),
+               light=light, half_vector=specular == "half-vector", visible=visible,
+               positions=body.positions, normals=body.normals, triangles=body.triangles, body_color=(*body_color, 0),
+               veiled=through is not None, through=gpu.empty(0, np.float32) if through is None else through,
+               more=sums is not None, radiance_sums=gpu.empty((0, 4), np.int64) if sums is None else sums,
+               image=gpu.empty((0, 4), np.float32) if image is None else image, **shadows.arrays(),
+               **arrays(strands, "points", "tangents", "strand_of", "strand_normal", "strand_uv", "types", "colors",
+                        "color_per"))
     return image if sums is None else sums
 
 
@@ -64,8 +66,8 @@ def blend(gpu, sums, image=None, veil=None):
     """
     rows, width, _ = sums.shape
     image = gpu.full((rows, width, 4), np.float32, 0) if image is None else image
-    gpu.launch("shade.blend", rows * width, sums, np.int32(veil is not None),
-               gpu.empty(0, np.float32) if veil is None else veil, image)
+    gpu.launch("shade.blend", rows * width, radiance_sums=sums, veiled=veil is not None,
+               veil=gpu.empty(0, np.float32) if veil is None else veil, image=image)
     return image
 
 
@@ -85,12 +87,13 @@ def about(gpu, view, visible, strands, body, result=None):
         "uv": gpu.full((rows, width, 4), np.float32, 0),
         "coverage": gpu.full((rows, width), np.float32, 0),
     }
-    gpu.launch("shade.about", rows * width, view, _part(strands, body), np.uint32(strands.first_strand), visible,
-               strands.points, strands.tangents, strands.strand_of, strands.uv,
-               body.positions, body.normals, body.uv, body.triangles, *result.values())
+    gpu.launch("shade.about", rows * width, view=view, part=_part(strands, body), visible=visible,
+               positions=body.positions, normals=body.normals, uv=body.uv, triangles=body.triangles,
+               **{f"out_{name}": array for name, array in result.items()},
+               **arrays(strands, "first_strand", "points", "tangents", "strand_of", "strand_uv"))
     return result
 
 
 def _part(strands, body):
     """Which ids are theirs: first point and points, first triangle and triangles."""
-    return vector((strands.first_point, len(strands.points), body.first_triangle, len(body.triangles)), np.uint32)
+    return strands.first_point, len(strands.points), body.first_triangle, len(body.triangles)

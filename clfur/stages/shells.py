@@ -1,4 +1,4 @@
-"""Shell fur: the space between the skin and the tips, and the rays that go through it."""
+"""Shell fur: the space between the skin and the tips, and the hairs that stand in it."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -6,16 +6,12 @@ from typing import Any
 import numpy as np
 
 from .. import layout
-from .raster import NONE, raster
-from .shade import no_shadows
-from .strands import vector
 from .tessellate import widen
 
 HEIGHTS, AROUND = 64, 96     # of the table of means, and places looked at for each
 CORNERS = 5                  # float4 a face in the lattice
 SLABS = 4                    # straight pieces of a bent hair
 MOST_NOISE = 16, 256         # lattices of the noise along a side, in space and on the skin
-ENTRIES = 8                  # times that a ray may come into the fur
 ROWS, MOST_ROWS = 16, 4096   # of a face's points in the light's grid: that a work-item does, and all
 
 
@@ -50,7 +46,7 @@ class Shell:
     curves: Any        # [V * (slabs + 1), 4] float32 world: how hairs are bent at each vertex
     normals: Any       # [V, 4] float32 of the skin
     triangles: Any     # [B, 4] uint32 where rays come in: corners of curves, seen counter-clockwise
-    border: Any        # [B, 4] uint32 face, place in it: see march in shells.cl
+    border: Any        # [B, 4] uint32 face, place in it: see march.cl
     longest: float     # no side of these triangles is longer [world]
 
     @property
@@ -134,7 +130,7 @@ def pack(shells, mesh, bare, filtered):
     if np.any(shells.wind):
         packed["gust"][:3] = np.asarray(shells.wind) / np.linalg.norm(shells.wind) / radius
         packed["gust"][3] = shells.time % 1.0
-    return packed, vector((*center, f / waves), np.float32)
+    return packed, np.array((*center, f / waves), np.float32)
 
 
 def size_of(mesh, packed, topology):
@@ -156,10 +152,11 @@ def lay(gpu, mesh, packed, box, topology):
     result = Pattern(packed, box, gpu.empty((places, 2), np.float32), gpu.empty((HEIGHTS, 2), np.float32),
                      gpu.upload(widen(topology.corners)), gpu.upload(topology.neighbours),
                      gpu.empty((n * CORNERS, 4), np.float32), gpu.upload(widen(uv)))
-    gpu.launch("shells.noise", places, packed, result.noise)
-    gpu.launch("shells.means", HEIGHTS, packed, np.int32(AROUND), result.means)
+    gpu.launch("shells.noise", places, shells=packed, out=result.noise)
+    gpu.launch("shells.means", HEIGHTS, shells=packed, around=AROUND, out=result.means)
     positions, normals = gpu.upload(widen(mesh.positions)), gpu.upload(widen(mesh.normals))
-    gpu.launch("shells.lattice", n, packed, positions, normals, result.faces, result.uv, result.lattice)
+    gpu.launch("shells.lattice", n, shells=packed, positions=positions, normals=normals, faces=result.faces,
+               uv=result.uv, out=result.lattice)
     return result
 
 
@@ -182,37 +179,9 @@ def bend(gpu, mesh, packed, pattern, topology, sides=None):
     triangles, starts = sides or border(gpu, mesh, packed, topology)
     normals, positions = gpu.upload(widen(mesh.normals)), gpu.upload(widen(mesh.positions))
     curves = gpu.empty((len(mesh.positions) * (slabs + 1), 4), np.float32)
-    gpu.launch("shells.bend", len(mesh.positions), packed, positions, normals, curves)
+    gpu.launch("shells.bend", len(mesh.positions), shells=packed, positions=positions, normals=normals, curves=curves)
     longest = mesh.longest_edge + 2 * float(packed["size"][0])
     return Shell(pattern, curves, normals, triangles, starts, longest)
-
-
-def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
-    """Take all rays through the fur -> (image, through, fur).
-
-    image: [rows, width, 4] float32, the light of the fur, premultiplied. through: [rows, width, samples] float32, the
-    share of light that comes from what ``visible`` holds. fur: [rows, width, samples] uint64, depth << 32 | face where
-    half of it is gone.
-    """
-    rows, width, samples = visible.shape
-    shadows = shadows or no_shadows(gpu)
-    image = gpu.full((rows, width, 4), np.float32, 0)
-    through, after = gpu.full(visible.shape, np.float32, 1), gpu.full(visible.shape, np.uint32, 0)
-    fur = gpu.full(visible.shape, np.uint64, NONE)
-    pattern = shell.pattern
-    across, down = (1, 1) if gpu.lanes == 1 else (4, gpu.lanes // 4)   # a work-item's pixels
-    blocks = -(-width // across) * -(-rows // down)
-    for _ in range(ENTRIES):
-        left = gpu.full(1, np.int32, 0)
-        with gpu.called("entries"):
-            entries = raster(gpu, view, None, shell, after=after)
-        gpu.launch("shells.march", blocks, view, packed, light, np.int32(specular == "half-vector"), visible,
-                   entries, shell.border, pattern.faces, pattern.neighbours, shell.curves, shell.normals,
-                   pattern.lattice, pattern.noise, pattern.means, pattern.box, shadows.shadow, shadows.grid,
-                   shadows.sums, shadows.seen, shadows.map, after, through, fur, left, image)
-        if not int(gpu.download(left)[0]):
-            break
-    return image, through, fur
 
 
 def deposit(gpu, grid, shell, packed, method, weight, cells=None):
@@ -227,9 +196,9 @@ def deposit(gpu, grid, shell, packed, method, weight, cells=None):
     step = 0.75 * min(float(grid["face"][1] * grid["face"][2]), deep)
     # Beside a spot cells are tiny: hair there may be coarser than they are, else long fur would take hours.
     parts = -(-min(int(shell.longest / step) + 2, MOST_ROWS, 4 * max(nx, ny, nz)) // ROWS)
-    gpu.launch("shells.deposit", len(pattern.faces) * parts, packed, grid, pattern.faces, shell.curves,
-               pattern.lattice, pattern.means, np.int32(parts), np.float32(deep),
-               np.int32(method == "binary"), np.uint32(weight), cells)
+    gpu.launch("shells.deposit", len(pattern.faces) * parts, shells=packed, grid=grid, faces=pattern.faces,
+               curves=shell.curves, lattice=pattern.lattice, means=pattern.means, parts=parts, deep=deep,
+               binary=method == "binary", weight=weight, cells=cells)
     return cells
 
 
@@ -249,13 +218,15 @@ def bounds_of(gpu, shell):
 
 
 def about(gpu, view, shell, visible, through, fur, known):
-    """Put what is known of the fur over what `shade.about` knows of ``visible``; ``through``, ``fur``: of `march`.
+    """Put what is known of the fur over what `shade.about` knows of ``visible``; ``through``, ``fur``: what
+    `march.march` gave.
 
     Where half of the nearest fur's light is gone before all else: depth, id -3, tangent, the hair's direction, normal,
     across it, and uv of its root.  coverage: what alpha is.
     """
     rows, width, _ = visible.shape
     n = len(shell.normals)
-    gpu.launch("shells.about", rows * width, view, np.int32(len(shell.curves) // n - 1), visible, fur, through,
-               shell.pattern.faces, shell.curves, shell.pattern.uv, *known.values())
+    gpu.launch("shells.about", rows * width, view=view, slabs=len(shell.curves) // n - 1, visible=visible, fur=fur,
+               through=through, faces=shell.pattern.faces, curves=shell.curves, uv=shell.pattern.uv,
+               **{f"out_{name}": array for name, array in known.items()})
     return known

@@ -27,6 +27,13 @@ class Grown:
     color_per: int = 1      # what has a colour of its own: 0 everything together, 1 each strand, 2 each point
 
 
+def arrays(strands, *names):
+    """What of `Grown` strands has these names in kernels, as arguments of a launch: normals and uv are strand_normal
+    and strand_uv there."""
+    own = {"strand_normal": "normals", "strand_uv": "uv"}
+    return {name: getattr(strands, own.get(name, name)) for name in names}
+
+
 def grow(gpu, surface, fur, strands=None, area=None):
     """Grow `clfur.Strands` on a tessellated `Surface` -> `Grown`.
 
@@ -56,11 +63,12 @@ def grow(gpu, surface, fur, strands=None, area=None):
         first_strand=begin,
         first_point=begin * stride,
     )
-    gpu.launch("strands.grow", n, root, direction, uv, grown.types,
-               gpu.upload(indices.astype(np.uint32)), vector(indices.shape[::-1], np.int32), gpu.upload(texels),
-               vector((*fur.force, 0), np.float32), gpu.upload(point_forces), np.uint32(len(point_forces)),
-               np.uint32(fur.seed), np.uint32(begin), np.uint32(stride),
-               grown.points, grown.tangents, grown.strand_of, grown.spans, grown.colors, grown.uv)
+    gpu.launch("strands.grow", n, root=root, root_direction=direction, root_uv=uv,
+               type_map=gpu.upload(indices.astype(np.uint32)), map_size=indices.shape[::-1], texels=gpu.upload(texels),
+               force=(*fur.force, 0), point_forces=gpu.upload(point_forces), n_point_forces=len(point_forces),
+               seed=fur.seed, stride=stride,
+               **arrays(grown, "first_strand", "types", "points", "tangents", "strand_of", "spans", "colors",
+                        "strand_uv"))
     return grown
 
 
@@ -76,25 +84,33 @@ def bring(gpu, curves, strands=None):
     first = np.concatenate([[0], np.cumsum(counts)[:-1]]) if n else []
     width_per, color_per = (_per(len(values), len(curves.counts), len(curves.points))
                             for values in (curves.width, curves.color))
-    here = slice(None), slice(begin, end), slice(before, before + total)
-    types = np.zeros(1, layout.HairType)
-    types["shine"][0, :3] = curves.specular, curves.exponent, curves.alpha
+    here = (0, 1), (begin, end), (before, before + total)
+    types, _ = pack_types(curves.hair_types)
+    colors = gpu.rows(curves.color, *here[color_per])
+    none = gpu.empty(0, np.float32)
     grown = Grown(
         points=gpu.empty((total, 4), np.float32),
         tangents=gpu.empty((total, 4), np.float32),
         strand_of=gpu.empty(total, np.uint32),
         spans=gpu.upload(np.stack([first, counts], 1).astype(np.uint32)),
-        colors=gpu.upload(widen(curves.color[here[color_per]])),
-        normals=gpu.full((n, 4), np.float32, 0),
-        uv=gpu.full((n, 4), np.float32, 0),
+        colors=gpu.empty((len(colors), 4), np.float32) if color_per else gpu.upload(widen(gpu.download(colors))),
+        normals=gpu.empty((n, 4), np.float32),
+        uv=gpu.empty((n, 4), np.float32),
         types=gpu.upload(types),
         first_strand=begin,
         first_point=before,
         color_per=color_per,
     )
-    gpu.launch("strands.bring", n, gpu.upload(curves.points[before:before + total]), grown.spans,
-               gpu.upload(curves.width[here[width_per]]), np.int32(width_per),
-               grown.points, grown.tangents, grown.strand_of)
+    normals, uv = (none if each is None else gpu.rows(each, begin, end)
+                   for each in (curves.root_normal, curves.root_uv))
+    type_of = np.zeros(0) if curves.type_of is None else curves.type_of[begin:end]
+    gpu.launch("strands.bring", n, packed=gpu.rows(curves.points, *here[2]),
+               widths=gpu.rows(curves.width, *here[width_per]), width_per=width_per, packed_colors=colors,
+               root_normals=normals, has_normals=curves.root_normal is not None,
+               root_uv=uv, has_uv=curves.root_uv is not None,
+               type_of=gpu.upload(type_of.astype(np.uint32)), has_types=curves.type_of is not None,
+               **arrays(grown, "spans", "color_per", "points", "tangents", "strand_of", "colors", "strand_normal",
+                        "strand_uv"))
     return grown
 
 
@@ -127,44 +143,45 @@ def pack_types(types):
     return packed, np.concatenate(texels or [np.zeros((1, 4), np.float32)])
 
 
-def vector(values, dtype):
-    """A kernel argument of the OpenCL type int2, float4, ..."""
-    return np.array(values, dtype)
-
-
 def _turn(turns, segments):
     angle = 2 * np.pi * turns / max(segments, 1)
     return np.cos(angle), np.sin(angle)
 
 
 def _roots_on_faces(gpu, surface, fur, begin, n, _):
-    roots = tuple(gpu.empty((n, 4), np.float32) for _ in range(3))
-    gpu.launch("strands.roots_on_faces", n, surface.positions, surface.normals, surface.uv, surface.triangles,
-               np.uint32(begin - surface.first_triangle), *roots)
-    return roots
+    roots = _no_roots(gpu, n)
+    gpu.launch("strands.roots_on_faces", n, positions=surface.positions, normals=surface.normals, uv=surface.uv,
+               triangles=surface.triangles, first=begin - surface.first_triangle, **roots)
+    return tuple(roots.values())
 
 
 def _roots_by_area(gpu, surface, fur, begin, n, area):
-    triangles = np.uint32(len(surface.triangles))
-    roots = tuple(gpu.empty((n, 4), np.float32) for _ in range(3))
+    triangles = len(surface.triangles)
+    roots = _no_roots(gpu, n)
     sums, total = _sum_areas(gpu, surface)
-    areas = gpu.empty(int(triangles), np.uint64)
-    gpu.launch("strands.scan_areas", len(sums), surface.positions, surface.triangles, triangles, surface.unit, sums,
-               areas)
+    areas = gpu.empty(triangles, np.uint64)
+    gpu.launch("strands.scan_areas", len(sums), positions=surface.positions, triangles=surface.triangles, n=triangles,
+               unit=surface.unit, sums=sums, areas=areas)
     before, whole = (0, total) if area is None else (area[0], gpu.upload(np.array([area[1]], np.uint64)))
-    gpu.launch("strands.roots_by_area", n, surface.positions, surface.normals, surface.uv, surface.triangles,
-               areas, triangles, np.uint64(before), whole, np.uint32(fur.seed), np.uint32(begin), np.uint32(fur.roots),
-               *roots)
-    return roots
+    gpu.launch("strands.roots_by_area", n, positions=surface.positions, normals=surface.normals, uv=surface.uv,
+               triangles=surface.triangles, areas=areas, n_triangles=triangles, before=before, whole=whole,
+               seed=fur.seed, first=begin, n=fur.roots, **roots)
+    return tuple(roots.values())
+
+
+def _no_roots(gpu, n):
+    """Room for what the kernels of roots write."""
+    return {name: gpu.empty((n, 4), np.float32) for name in ("root", "direction", "root_uv")}
 
 
 def _sum_areas(gpu, surface):
     """(areas of all triangles before each SCAN of them, [1] area of all), uint64."""
-    triangles = np.uint32(len(surface.triangles))
-    blocks = -(-int(triangles) // layout.CONSTANTS["SCAN"])
+    triangles = len(surface.triangles)
+    blocks = -(-triangles // layout.CONSTANTS["SCAN"])
     sums, total = gpu.empty(blocks, np.uint64), gpu.empty(1, np.uint64)
-    gpu.launch("strands.sum_areas", blocks, surface.positions, surface.triangles, triangles, surface.unit, sums)
-    gpu.launch("strands.scan_sums", 1, np.uint32(blocks), sums, total)
+    gpu.launch("strands.sum_areas", blocks, positions=surface.positions, triangles=surface.triangles, n=triangles,
+               unit=surface.unit, sums=sums)
+    gpu.launch("strands.scan_sums", 1, n=blocks, sums=sums, total=total)
     return sums, total
 
 

@@ -72,12 +72,13 @@ def tessellate(gpu, mesh, inner=1, outer=1, surface="pn", faces=None):
         first_triangle=before,
     )
     gpu.launch("tessellate.vertices", end - begin,
-               gpu.upload(widen(mesh.positions)), gpu.upload(widen(mesh.normals)),
-               gpu.upload(widen(mesh.uv[begin:end].reshape(-1, 2))), gpu.upload(widen(mesh.faces[begin:end])),
-               device_levels, device_first, np.int32(surface == "pn"),
-               result.positions, result.normals, result.uv, result.barycentric)
-    gpu.launch("tessellate.triangles", end - begin, device_levels, device_first,
-               gpu.upload(first_triangle.astype(np.uint32)), result.triangles)
+               positions=gpu.upload(widen(mesh.positions)), normals=gpu.upload(widen(mesh.normals)),
+               corner_uv=gpu.upload(widen(mesh.uv[begin:end].reshape(-1, 2))),
+               faces=gpu.upload(widen(mesh.faces[begin:end])),
+               levels=device_levels, first=device_first, curved=surface == "pn", out_positions=result.positions,
+               out_normals=result.normals, out_uv=result.uv, out_barycentric=result.barycentric)
+    gpu.launch("tessellate.triangles", end - begin, levels=device_levels, first_vertex=device_first,
+               first_triangle=gpu.upload(first_triangle.astype(np.uint32)), out_triangles=result.triangles)
     return result
 
 

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+from .strands import arrays
+
 METHODS = ("binary", "count", "trilinear", "length")
 
 
@@ -16,12 +18,12 @@ def voxelize(gpu, grid, strands, method, weights, cells=None):
     """
     nx, ny, nz, _ = (int(n) for n in grid["size"])
     cells = gpu.full((nz, ny, nx), np.uint32, 0) if cells is None else cells
-    arguments = strands.points, strands.spans, strands.uv, gpu.upload(weights)
+    given = {"grid": grid, "weights": gpu.upload(weights), "cells": cells,
+             **arrays(strands, "points", "spans", "strand_uv")}
     if method == "length":
-        gpu.launch("voxelize.lengths", len(strands.spans), grid, *arguments, cells)
+        gpu.launch("voxelize.lengths", len(strands.spans), **given)
     else:
-        gpu.launch("voxelize.fragments", len(strands.spans), grid, *arguments,
-                   np.int32(METHODS.index(method)), cells)
+        gpu.launch("voxelize.fragments", len(strands.spans), method=METHODS.index(method), **given)
     return cells
 
 

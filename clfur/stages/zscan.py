@@ -10,5 +10,5 @@ def zscan(gpu, cells, unit):
     """
     nz, ny, nx = cells.shape
     sums = gpu.empty((nz + 1, ny, nx), np.float32)
-    gpu.launch("zscan.columns", nx * ny // 16, cells, np.uint32(nz), np.uint32(nx * ny), np.float32(1 / unit), sums)
+    gpu.launch("zscan.columns", nx * ny // 16, cells=cells, layers=nz, layer=nx * ny, scale=1 / unit, sums=sums)
     return sums

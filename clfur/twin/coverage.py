@@ -8,6 +8,9 @@ import math
 
 import numpy as np
 
+from .scatter import fibre
+from .vectors import f64, unit
+
 DEPTH_ONE = 1 << 30        # fixed-point depth at infinity; 0 is the near plane
 GUARD = 32768              # pixels from the origin at which ribbons are clipped
 NONE = (1 << 64) - 1       # a sample that nothing covers
@@ -178,27 +181,8 @@ def light(view, lamp, half_vector, y, x, weights, strands, reached=None):
                  else colors[k] + at * (colors[k + 1] - colors[k]))
         share = 1.0 if reached is None else reached[k] + at * (float(reached[k + 1]) - reached[k])
         specular, exponent = f64(strands.types["shine"])[int(strands.uv[strand, 2]), :2]
-        if half_vector:
-            h = to_light + v
-            highlight = sine(t, unit(h)) if h @ h > 1e-12 else 0.0
-        else:
-            highlight = max(sine(t, to_light) * sine(t, v) - (t @ to_light) * (t @ v), 0)
-        direct = shines * share * f64(lamp["color"])[:3] * (color * sine(t, to_light) + specular * highlight**exponent)
-        result += weight * np.append(direct + lamp["color"][3] * color, 1)
+        direct = shines * share * f64(lamp["color"])[:3]
+        rgb = fibre(color[None], specular, exponent, half_vector, *(way[None] for way in (t, to_light, v)), direct,
+                    lamp["color"][3])
+        result += weight * np.append(rgb, 1)
     return result
-
-
-def f64(array):
-    """Float64 copy of an array, so that nothing below is rounded to its type."""
-    return np.asarray(array).astype(np.float64)
-
-
-def unit(a):
-    """A vector [3] at length one."""
-    return a / math.sqrt(a @ a)
-
-
-def sine(a, b):
-    """Sine between unit vectors [3], from their cross product: right where they are parallel too."""
-    c = np.cross(a, b)
-    return math.sqrt(c @ c)

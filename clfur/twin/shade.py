@@ -5,6 +5,9 @@
 
 import numpy as np
 
+from .scatter import fibre
+from .vectors import dot, f64, merge, mix, unit
+
 SUBPIXEL = 256
 DEPTH_ONE = 1 << 30
 NONE = (1 << 64) - 1
@@ -71,28 +74,6 @@ def about(view, visible, strands, body):
 # --- geometry -------------------------------------------------------------------------------------------
 
 
-def f64(array):
-    """Float64 copy of an array, so that nothing below is rounded to its type."""
-    return np.asarray(array).astype(np.float64)
-
-
-def dot(a, b):
-    """Scalar products of vectors [..., 3]."""
-    return (a * b).sum(-1)
-
-
-def unit(a):
-    """Vectors [..., 3] at length one."""
-    return a / np.linalg.norm(a, axis=-1, keepdims=True)
-
-
-def merge(first, one, other):
-    """An array that takes its rows from `one` where `first` [n], else from `other`, in order."""
-    result = np.empty((len(first), *one.shape[1:]), np.result_type(one, other))
-    result[first], result[~first] = one, other
-    return result
-
-
 def seen(view, visible):
     """Covered samples -> (mask like visible, ids [n], points [n, 3], unit vectors v to the eye [n, 3]).
 
@@ -115,11 +96,6 @@ def on_strand(strands, k, p):
     share = np.clip(dot(b - a, p - a) / dot(b - a, b - a), 0, 1)
     t = f64(strands.tangents)[:, :3]
     return k, np.asarray(strands.strand_of)[k].astype(int), share, unit(mix(t[k], t[k + 1], share))
-
-
-def mix(a, b, share):
-    """Rows between a and b [n, k] at a share [n] of the way."""
-    return a + (b - a) * share[:, None]
 
 
 def strand_color(strands, k, strand, share):
@@ -145,27 +121,3 @@ def on_body(body, triangle, p, v):
     weights = np.stack([1 - at_b - at_c, at_b, at_c], 1)
     n = unit((weights[..., None] * f64(body.normals)[corners, :3]).sum(1))
     return np.where(dot(n, v)[:, None] < 0, -n, n), weights
-
-
-# --- light ----------------------------------------------------------------------------------------------
-
-
-def sine(a, b):
-    """Sine between unit vectors, from their cross product: right where they are parallel too."""
-    return np.linalg.norm(np.cross(a, b), axis=-1)
-
-
-def highlight(half_vector, t, to_light, v):
-    """Cosine between the eye and the cone of mirror directions (Kajiya and Kay 1989), or sine between fibre
-    and half vector (the report's equation 5), 0 where there is none: [n] from unit vectors [n, 3]."""
-    if half_vector:
-        h = to_light + v
-        length = np.linalg.norm(h, axis=-1)
-        return np.where(length > 1e-6, np.linalg.norm(np.cross(t, h), axis=-1) / np.maximum(length, 1e-6), 0)
-    return np.maximum(sine(t, to_light) * sine(t, v) - dot(t, to_light) * dot(t, v), 0)
-
-
-def fibre(color, specular, exponent, half_vector, t, to_light, v, light, ambient):
-    """Light from fibres [n, 3]: diffuse and highlight (the report's section 2.2), and ambient."""
-    shine = specular * highlight(half_vector, t, to_light, v)[:, None] ** exponent
-    return light * (color * sine(t, to_light)[:, None] + shine) + ambient * color

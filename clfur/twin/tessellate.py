@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from .vectors import unit
+
 # The domain as OpenGL draws it: an equilateral triangle about the origin, corners counter-clockwise.
 DOMAIN = np.array([[1, 0], [-0.5, 0.75**0.5], [-0.5, -(0.75**0.5)]])
 
@@ -127,11 +129,6 @@ def strip(outside, within):
             result.append((outside[a], outside[a + 1], within[b]))
             a += 1
     return result
-
-
-def unit(v):
-    """Vectors [..., 3] at length one."""
-    return v / np.linalg.norm(v, axis=-1, keepdims=True)
 
 
 def flat_triangle(

@@ -1,0 +1,585 @@
+/*
+ * Rays through shell fur.
+ *
+ * The space between the skin and the tips is divided into prisms over the faces, in `slabs` one above the other, each of
+ * three tetrahedra, so that a place in the fur is linear along a ray in each of them.  A ray walks from one to the next
+ * (Maria, Horna and Aveneau, "Efficient ray traversal of constrained Delaunay tetrahedralization", 2017) and looks at
+ * the fur wherever it has passed one more layer, or as much sideways.  Corners of a face are taken in the order of their
+ * numbers, so that neighbours divide the side between them alike.
+ */
+#include "lanes.h"
+#include "seen.h"
+#include "scatter.h"
+#include "light.h"
+#include "pattern.h"
+
+#define SIDEWAYS 8.0f    // looks on the way across one x or y, down to one where hairs are seen on average
+#define SHARP 0.85f     // of a pixel's width counts as footprint: least error against 8 x 8 samples (tools/shells_laws.py)
+#define FAR_FROM 0.3f   // pixels that are so many sides of a cell wide begin to see hairs on average,
+#define FAR_TO 0.9f     // and those of so many see nothing else
+#define MOST_STEPS 20000    // tetrahedra on one way, on average: no scene that is any good has so many
+
+/* Products may be added unrounded here and among march's looks: no whole number hangs on them.  Elsewhere it costs. */
+#pragma OPENCL FP_CONTRACT ON
+/* As root, in fewer steps. */
+INLINED lanes quick_root(lanes x)
+{
+    const lanes half_x = 0.5f * x;
+    lanes y = AS_F(U(0x5F375A86u) - (AS_U(x) >> 1));
+    y *= 1.5f - half_x * y * y;
+    y *= 1.5f - half_x * y * y;
+    return x * y;
+}
+
+/* Integral of smoothstep(0, 1, u) over u, and 1. */
+INLINED lanes integral(lanes u)
+{
+    const lanes c = within(u, 0.0f, 1.0f);
+    return c * c * c * (1.0f - 0.5f * c) + greater(u, F(1.0f));
+}
+
+/* The same, averaged over a footprint: all in units of the smoothstep and from its start.  The fur's height there goes
+   from u - reach to u + reach, but beyond the tip `top` it goes down again, and up beyond the `fold` before the next hair;
+   scale: 1 / (2 reach). */
+INLINED lanes cover(lanes u, lanes reach, lanes top, lanes fold, lanes scale)
+{
+    const lanes low = u - reach, high = u + reach;
+    const lanes_i over = high > top, under = low < fold;
+    lanes sum;
+    if (any_lane(over | under)) {
+        const lanes a = integral(under ? 2.0f * fold - low : low), b = integral(over ? 2.0f * top - high : high);
+        sum = (over ? 2.0f * integral(top) - b : b) + (under ? a - 2.0f * integral(fold) : -a);
+    } else {
+        sum = integral(high) - integral(low);
+    }
+    return within(sum * scale, 0.0f, 1.0f);
+}
+
+/* Share of light that many hairs let through, from h0 to h and as far as `aside` sideways.  A hair's flanks are met from
+   above, from the side or both: what rays go through is the mean over all directions that flanks face of max(0, down +
+   side·cos), here by a parabola through its ends, 1 % too large at most. */
+INLINED float kept_by_many(__global const float2 *means, float h0, float h, float aside)
+{
+    const float2 a = mean_at(means, h0), b = mean_at(means, h);
+    const float before = a.x < 0.999f ? a.x : 0.999f, now = b.x < 0.999f ? b.x : 0.999f;
+    const float down = now > before ? log2((1.0f - before) / (1.0f - now)) : 0.0f;
+    const float side = 4.5323601f * b.y * aside / (1.0f - 0.5f * (before + now));    // pi / log(2)
+    const float share = side > 0.0f ? down / side : 2.0f;
+    return exp2(-(share < 1.0f ? side * (0.31830989f + share * (0.5f + share * 0.18169011f)) : down));
+}
+
+#pragma OPENCL FP_CONTRACT OFF
+/* What a ray needs to light the fur. */
+typedef struct {
+    const Shells *shells;
+    const Light *light;
+    const Shadow *shadow;
+    const Grid *grid;
+    __global const float *sums;
+    const View *seen;
+    __global const ulong *map;
+    int half_vector;
+} Lamp;
+
+/* Light from places p at heights h: t the hair's direction, n the skin's normal, slope the fur's gradient in the world, v
+   the way to the eye.  Kajiya and Kay's hair, or the report's turned normals: those of the height field.  Both fade
+   to the roots. */
+INLINED lanes3 lit(const Lamp *lamp, lanes_i lanes_on, lanes3 p, lanes h, lanes3 t, lanes3 n, lanes3 slope, lanes3 v)
+{
+    const Shells *shells = lamp->shells;
+    lanes3 l = all_lanes(-lamp->light->direction);
+    lanes part = F(1.0f);
+    if (lamp->light->position.w > 0.0f) {
+        const lanes3 to_light = {lamp->light->position.x - p.x, lamp->light->position.y - p.y, lamp->light->position.z - p.z};
+        const lanes inside = -dots(unit(to_light), all_lanes(lamp->light->direction));
+        l = unit(to_light);
+        part = inside >= lamp->light->cone.x ? F(1.0f) : F(0.0f);
+    }
+    if (lamp->shadow->body.x || lamp->shadow->hair.x > 0.0f)
+        for (int i = 0; i < LANES; ++i)
+            if (LANE_I(lanes_on, i) && LANE(part, i) > 0.0f) {
+                const float4 place = (float4)(LANE(p.x, i), LANE(p.y, i), LANE(p.z, i), 0.0f);
+                if (lamp->shadow->body.x)
+                    LANE(part, i) *= past_body(lamp->seen, lamp->map, lamp->shadow->body.y, place,
+                        (float4)(LANE(n.x, i), LANE(n.y, i), LANE(n.z, i), 0.0f), 5.0f, 1.0f + 2 * lamp->shadow->body.y);
+                if (lamp->shadow->hair.x > 0.0f)
+                    LANE(part, i) *= through_hair(lamp->grid, lamp->sums, lamp->shadow->hair.x, (float2)(0.0f), place);
+            }
+    const lanes3 share = fibres(shells, lamp->half_vector, lanes_on, t, n, slope, l, v);
+    const float4 direct = lamp->light->color;
+    const lanes fade = shells->color.w + (1.0f - shells->color.w) * h;
+    const lanes3 color = {
+        fade * (part * direct.x * share.x + direct.w * shells->color.x),
+        fade * (part * direct.y * share.y + direct.w * shells->color.y),
+        fade * (part * direct.z * share.z + direct.w * shells->color.z)};
+    return color;
+}
+
+/* Corners of the tetrahedra of a prism (0 1 2 below, 3 4 5 above them), and which way a ray leaves them that leaves out
+   one of these: 4 · tetrahedron + the corner left out there; SIDE + 2 · side + 1 for the upper half of it, to the
+   neighbour across that side (0: corners 1 2, 1: 0 2, 2: 0 1); DOWN, UP. */
+#define SIDE 16
+#define DOWN 24
+#define UP 25
+__constant uchar CORNER[12] = {
+    0, 1, 2, 5,
+    0, 1, 4, 5,
+    0, 3, 4, 5,
+};
+__constant uchar WAY[12] = {
+    SIDE, SIDE + 2, 4 + 2, DOWN,
+    SIDE + 1, 8 + 1, 2, SIDE + 4,
+    UP, 4 + 1, SIDE + 3, SIDE + 5,
+};
+/* Where a ray comes in by the lower and the upper half of each side: as above. */
+__constant uchar BEHIND[6] = {0, 4 + 0, 1, 8 + 2, 4 + 3, 8 + 3};
+
+inline uint depth_of(const View *view, float4 p)
+{
+    const float4 q = to_screen(view, p);
+    return DEPTH_ONE - (uint)clamp(q.z / q.w * (float)DEPTH_ONE, 0.0f, (float)DEPTH_ONE);
+}
+
+/* From the eye to what samples see, as seen_point. */
+INLINED lanes3 from_eye(const View *view, float4 eye, lanes x, lanes y, lanes e)
+{
+    const float4 a = view->to_world[0], b = view->to_world[1], c = view->to_world[2], d = view->to_world[3];
+    const lanes w = 1.0f / (a.w * x + b.w * y + c.w * e + d.w);
+    const lanes3 p = {(a.x * x + b.x * y + c.x * e + d.x) * w - eye.x, (a.y * x + b.y * y + c.y * e + d.y) * w - eye.y,
+                      (a.z * x + b.z * y + c.z * e + d.z) * w - eye.z};
+    return p;
+}
+
+/* Weights of a tetrahedron's corners where a ray goes through the side that leaves out corner `out`, from the areas
+   that pairs of corners span with the ray. */
+INLINED void weights(lanes_i out, const lanes e[6], lanes w[4])
+{
+    /* e: 01 02 03 12 13 23 */
+    const lanes_i a = out == 0, b = out == 1, c = out == 2;
+    w[0] = a ? F(0.0f) : b ? e[5] : c ? e[4] : e[3];
+    w[1] = a ? e[5] : b ? F(0.0f) : c ? -e[2] : -e[1];
+    w[2] = a ? -e[4] : b ? -e[2] : c ? F(0.0f) : e[0];
+    w[3] = a ? e[3] : b ? e[1] : c ? e[0] : F(0.0f);
+    const lanes sum = (w[0] + w[1]) + (w[2] + w[3]);
+    const lanes_i flat = sum == 0.0f;
+    const lanes scale = 1.0f / (flat ? F(1.0f) : sum);
+    for (int i = 0; i < 4; ++i)
+        w[i] = flat ? F(0.25f) : w[i] * scale;
+}
+
+/* Rays in every lane: direction, and two axes across it. */
+typedef struct {
+    lanes dx, dy, dz, ax, ay, az, ux, uy, uz;
+} Rays;
+
+/* Where rays come in by triangles of the border [-1: not at all]: the triangles' corners seen from the eye, the cell and the
+   corner left out.  Most come in by the same few triangles. */
+INLINED void come_in(lanes_i by, __global const uint4 *border, __global const uint4 *faces, __global const float4 *curves,
+                     int slabs, float4 eye, lanes3 q[3], lanes_i *cell, lanes_i *in)
+{
+    for (int triangle = most_lane(by); triangle >= 0; triangle = most_lane(by)) {
+        const lanes_i group = by == triangle;
+        const uint4 start = border[triangle], f = faces[start.x];
+        const int k = start.y / 4 % 3, out = start.y % 4, slab = start.y / 12;
+        for (int n = 0, m = 0; n < 4; ++n)
+            if (n != out) {
+                const int c = CORNER[4 * k + n], side = c < 3 ? c : c - 3;
+                const float4 corner = curves[(side == 0 ? f.x : side == 1 ? f.y : f.z) * (slabs + 1) + slab + (c >= 3)] - eye;
+                q[m].x = group ? F(corner.x) : q[m].x;
+                q[m].y = group ? F(corner.y) : q[m].y;
+                q[m].z = group ? F(corner.z) : q[m].z;
+                ++m;
+            }
+        *cell = group ? I(3 * (slabs * (int)start.x + slab) + k) : *cell;
+        *in = group ? I(out) : *in;
+        by = group ? I(-1) : by;
+    }
+}
+
+/* Rays through places p seen from the eye, which snapped corners and rounded depths leave a little beside the triangles
+   with corners q: they are put in. */
+INLINED Rays rays_through(const lanes3 q[3], lanes3 p)
+{
+    const lanes3 a = plus(q[0], scaled(p, F(-1.0f))), b = plus(q[1], scaled(p, F(-1.0f))), c = plus(q[2], scaled(p, F(-1.0f)));
+    const lanes3 n = crosses(plus(b, scaled(a, F(-1.0f))), plus(c, scaled(a, F(-1.0f))));
+    const lanes smaller = 1.0f / greater(dots(n, n), F(1e-37f));
+    const lanes wa = greater(dots(crosses(b, c), n) * smaller, F(1e-3f)),
+        wb = greater(dots(crosses(c, a), n) * smaller, F(1e-3f)), wc = greater(dots(crosses(a, b), n) * smaller, F(1e-3f));
+    const lanes3 d = unit(plus(scaled(q[0], wa), plus(scaled(q[1], wb), scaled(q[2], wc))));
+    /* Two axes across the ray (Duff et al. 2017). */
+    const lanes sign = d.z >= 0.0f ? F(1.0f) : F(-1.0f), u = -1.0f / (sign + d.z), uv = d.x * d.y * u;
+    const Rays rays = {d.x, d.y, d.z, 1.0f + sign * d.x * d.x * u, sign * uv, -sign * d.x, uv, sign + d.y * d.y * u, -d.y};
+    return rays;
+}
+
+/* The cells, -1: none, that rays go on into which leave a cell by the side that leaves out corner `out`; the corners left
+   out there; -1 where it is another face. */
+INLINED void onwards(int here, int slabs, int4 neighbours, lanes_i out, lanes_i *onto, lanes_i *entry, lanes_i *fresh)
+{
+    const int k = here % 3, slab = here / 3 % slabs;
+    *onto = I(-1);
+    *entry = *fresh = I(0);
+    for (int i = 0; i < 4; ++i) {
+        const int way = WAY[4 * k + i];
+        int there = -1, by = 0, other = 0;
+        if (way < SIDE) {
+            there = here - k + way / 4;
+            by = way % 4;
+        } else if (way == UP) {
+            there = slab + 1 == slabs ? -1 : here - k + 3;
+            by = 3;
+        } else if (way == DOWN) {
+            there = slab == 0 ? -1 : here - k - 3 + 2;
+        } else {
+            const int side = (way - SIDE) / 2;
+            const int across = side == 0 ? neighbours.x : side == 1 ? neighbours.y : neighbours.z;
+            const int behind = across < 0 ? 0 : BEHIND[2 * (across & 3) + (way - SIDE) % 2];
+            there = across < 0 ? -1 : 3 * (slabs * (across >> 2) + slab) + behind / 4;
+            by = behind % 4;
+            other = 1;
+        }
+        *onto = out == i ? I(there) : *onto;
+        *entry = out == i ? I(by) : *entry;
+        *fresh = out == i ? I(-other) : *fresh;
+    }
+}
+
+/* One work-item takes the samples of LANES pixels through the fur, from where they enter it to where they leave it, meet
+   what is drawn, or see no further; and adds their light to the picture. */
+__kernel void march(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const View view,
+    const Shells shells,
+    const Light light,
+    const int half_vector,
+    __global const ulong *visible,         // [rows, width, samples] what else is drawn
+    __global const ulong *entries,         // [rows, width, samples] where they enter: depth << 32 | BODY | border triangle
+    __global const uint4 *border,          // [B] face; 4 · (3 · slab + tetrahedron) + corner left out; -; -
+    __global const uint4 *faces,           // [F] corners in the order of their numbers
+    __global const int4 *neighbours,       // [F] 4 · face + its side, across each side; -1: none
+    __global const float4 *curves,         // [V, slabs + 1]
+    __global const float4 *normals,        // [V]
+    __global const float4 *lattice,        // [F, CORNERS]
+    __global const float2 *noise,
+    __global const float2 *means,          // [HEIGHTS]
+    const float4 noise_box,                // origin of the noise, its lattices a unit of length
+    const Shadow shadow,
+    const Grid grid,
+    __global const float *sums,
+    const View seen,
+    __global const ulong *map,
+    __global uint *after,                  // [rows, width, samples] depth where they came in last; NOTHING: they are done
+    __global float *through,               // [rows, width, samples] share of light that comes from behind
+    __global ulong *fur,                   // [rows, width, samples] depth << 32 | face where half of it is gone
+    volatile __global int *left,           // samples that are not done
+    __global float4 *image)                // [rows, width]
+{
+    WORK_ITEM(item);
+    const int rows = view.rows.y - view.rows.x, across_blocks = (view.size.x + BLOCK_X - 1) / BLOCK_X;
+    const int block_x = item % across_blocks * BLOCK_X, block_y = item / across_blocks * BLOCK_Y;
+    const int samples = view.size.z, slabs = shells.kind.z;
+    const Lamp lamp = {&shells, &light, &shadow, &grid, sums, &seen, map, half_vector};
+    const float4 eye = (float4)(view.eye.xyz, 0.0f);
+    const float finer = 1.0f / (view.scale.x * sqrt((float)samples)), slabs_inverse = 1.0f / slabs;
+    /* How fast the fur's height can change sideways, and with the height; 6 and 1.5 bound the noise's slope and size. */
+    const float steep_here = (shells.kind.x ? 4.4428830f : 1.0f / CELL_RADIUS) / shells.shape.y;
+    const float steep_noise = steep_here * 6.0f * shells.shape.z / shells.shape.w;     // of cells at the tips, which lean
+    const float steep_up = shells.kind.x ? 0.0f : 1.5f * steep_here * shells.shape.z;
+    const float steepest = 1.0f / shells.size.x;      // gradient of h
+    const float half_thin = 0.5f / shells.shape.y, thinned = 1.0f - 2.0f * half_thin, smooth = shells.shape.x - 1.0f;
+    int pending = 0;
+
+    for (int s = 0; s < samples; ++s) {
+        /* Where each ray is. */
+        lanes rest, front = F(0.0f);       // share of light that is left; how far what is new begins
+        lanes_i cell, in;                  // 3 · (slabs · face + slab) + tetrahedron, -1: at rest; corner left out
+        lanes_i half_face = I(-1);
+        lanes half_way = F(0.0f);
+        cell = I(-1);
+        in = I(0);
+        lanes_i by = I(-1);                // border triangle where each comes in
+        rest = F(0.0f);
+        lanes at_x = rest, at_y = rest, depth = rest, behind = F(-1.0f);
+        lanes3 q[3] = {all_lanes((float4)(0.0f, 0.0f, 1.0f, 0.0f)), all_lanes((float4)(1.0f, 0.0f, 1.0f, 0.0f)),
+                       all_lanes((float4)(0.0f, 1.0f, 1.0f, 0.0f))};
+        bool none = true;
+        for (int i = 0; i < LANES; ++i) {
+            const int x = block_x + i % BLOCK_X, y = block_y + i / BLOCK_X;
+            if (x >= view.size.x || y >= rows)
+                continue;
+            const size_t sample = ((size_t)y * view.size.x + x) * samples + s;
+            const ulong entry = entries[sample];
+            const uint stop_depth = (uint)(visible[sample] >> 32), entry_depth = (uint)(entry >> 32);
+            const bool enters = (uint)entry != NOTHING && entry_depth < stop_depth;
+            after[sample] = enters ? entry_depth : NOTHING;   // fur that stands in other fur comes after it
+            if (!enters)
+                continue;
+            none = false;
+            LANE_I(by, i) = (int)((uint)entry & ~BODY);
+            LANE(at_x, i) = x;
+            LANE(at_y, i) = y + view.rows.x;
+            LANE(depth, i) = (float)(DEPTH_ONE - entry_depth) * (1.0f / DEPTH_ONE);
+            LANE(behind, i) = stop_depth == NOTHING ? -1.0f : (float)(DEPTH_ONE - stop_depth) * (1.0f / DEPTH_ONE);
+            LANE(rest, i) = through[sample];
+        }
+        if (none)
+            continue;
+        come_in(by, border, faces, curves, slabs, eye, q, &cell, &in);
+        at_x += 0.5f + PATTERN[view.size.w + s].x * (1.0f / SUBPIXEL);
+        at_y += 0.5f + PATTERN[view.size.w + s].y * (1.0f / SUBPIXEL);
+        const Rays rays = rays_through(q, from_eye(&view, eye, at_x, at_y, depth));
+        const lanes dx = rays.dx, dy = rays.dy, dz = rays.dz, ax = rays.ax, ay = rays.ay, az = rays.az, ux = rays.ux, uy = rays.uy,
+            uz = rays.uz;
+        const lanes3 d = {dx, dy, dz};
+        const lanes stop = behind >= 0.0f ? dots(from_eye(&view, eye, at_x, at_y, behind), d) : F(INFINITY);
+        const lanes wide = (view.to_screen[0].w * dx + view.to_screen[1].w * dy + view.to_screen[2].w * dz) * finer;   // of a pixel, at 1
+        lanes red = F(0.0f), green = red, blue = red, alpha = red;
+        lanes until = F(0.5f), aside = red, uncovered_inverse = F(1.0f), slack = red;   // to the next look; since the last one
+        lanes at_depth = red;              // distance where each is
+        lanes_i leaves = I(0);
+
+        for (int step = 0; step < MOST_STEPS * LANES; ++step) {
+            /* The tetrahedron of the ray that has come least far, and all rays in it. */
+            const lanes waiting = cell >= 0 ? at_depth : F(INFINITY);
+            const lanes_i next_ones = (cell >= 0) & (waiting == least_lane(waiting));
+            const int here = most_lane(next_ones ? cell : I(-1));
+            if (here < 0)
+                break;
+            const lanes_i group = cell == here;
+            const int k = here % 3, slab = here / 3 % slabs, face = here / 3 / slabs;
+            const uint4 corners = faces[face];
+            const float4 first = lattice[CORNERS * face], second = lattice[CORNERS * face + 1];
+            const float4 grad_x = lattice[CORNERS * face + 2], grad_y = lattice[CORNERS * face + 3];
+            const float4 up = lattice[CORNERS * face + 4];
+            lanes fx[4], fy[4], ahead[4], e[6], w[4];
+            float top[4], px[4], py[4];
+            for (int i = 0; i < 4; ++i) {
+                const int c = CORNER[4 * k + i], side = c < 3 ? c : c - 3;
+                const float4 q = curves[(side == 0 ? corners.x : side == 1 ? corners.y : corners.z) * (slabs + 1) + slab
+                                        + (c >= 3)] - eye;
+                fx[i] = q.x * ax + q.y * ay + q.z * az;
+                fy[i] = q.x * ux + q.y * uy + q.z * uz;
+                ahead[i] = q.x * dx + q.y * dy + q.z * dz;
+                top[i] = c >= 3;
+                px[i] = side == 0 ? first.x : side == 1 ? first.z : second.x;
+                py[i] = side == 0 ? first.y : side == 1 ? first.w : second.y;
+            }
+            e[0] = fx[0] * fy[1] - fy[0] * fx[1];
+            e[1] = fx[0] * fy[2] - fy[0] * fx[2];
+            e[2] = fx[0] * fy[3] - fy[0] * fx[3];
+            e[3] = fx[1] * fy[2] - fy[1] * fx[2];
+            e[4] = fx[1] * fy[3] - fy[1] * fx[3];
+            e[5] = fx[2] * fy[3] - fy[2] * fx[3];
+            /* A side holds the ray if that goes round its corners the same way; two sides do, one of them the one where
+               it has come in. Both tetrahedra at a side take its edges alike, to the bit. */
+            const lanes_i n0 = e[0] < 0.0f, n1 = e[1] < 0.0f, n2 = e[2] < 0.0f, n3 = e[3] < 0.0f, n4 = e[4] < 0.0f,
+                n5 = e[5] < 0.0f;
+            lanes_i out = (in + 1) & 3;
+            out = ((n0 == n3) & (n0 != n1) & (in != 3)) ? I(3) : out;
+            out = ((n0 == n4) & (n0 != n2) & (in != 2)) ? I(2) : out;
+            out = ((n1 == n5) & (n1 != n2) & (in != 1)) ? I(1) : out;
+            out = ((n3 == n5) & (n3 != n4) & (in != 0)) ? I(0) : out;
+
+            weights(in, e, w);
+            const lanes z_in = w[0] * ahead[0] + w[1] * ahead[1] + w[2] * ahead[2] + w[3] * ahead[3];
+            const lanes h_in = (slab + (w[0] * top[0] + w[1] * top[1] + w[2] * top[2] + w[3] * top[3])) * slabs_inverse;
+            const lanes x_in = w[0] * px[0] + w[1] * px[1] + w[2] * px[2] + w[3] * px[3];
+            const lanes y_in = w[0] * py[0] + w[1] * py[1] + w[2] * py[2] + w[3] * py[3];
+            weights(out, e, w);
+            const lanes z_out = w[0] * ahead[0] + w[1] * ahead[1] + w[2] * ahead[2] + w[3] * ahead[3];
+            const lanes h_out = (slab + (w[0] * top[0] + w[1] * top[1] + w[2] * top[2] + w[3] * top[3])) * slabs_inverse;
+            const lanes x_out = w[0] * px[0] + w[1] * px[1] + w[2] * px[2] + w[3] * px[3];
+            const lanes y_out = w[0] * py[0] + w[1] * py[1] + w[2] * py[2] + w[3] * py[3];
+            const lanes_i down = slab == 0 && k == 0 ? out == 3 : I(0);
+            lanes_i ended = group & ((z_out >= stop) | down);
+
+            /* What is new to the ray: space that is folded back is gone through again. */
+            lanes_i running = group & (z_out > front);
+            if (any_lane(running)) {
+                #pragma OPENCL FP_CONTRACT ON
+                const lanes length = z_out - z_in, shorter = 1.0f / greater(length, F(1e-30f));
+                const lanes low = within((front - z_in) * shorter, 0.0f, 1.0f);
+                const lanes high = greater(within((stop - z_in) * shorter, 0.0f, 1.0f), low);
+                const lanes rise = h_out - h_in, mx = x_out - x_in, my = y_out - y_in;
+                const lanes move = quick_root(mx * mx + my * my + 1e-20f);
+                const lanes footprint = shells.kind.w ? wide * (0.5f * (z_in + z_out)) : F(0.0f);
+                const lanes blur = footprint * second.w;
+                const lanes fade = within((blur - FAR_FROM) * (1.0f / (FAR_TO - FAR_FROM)), 0.0f, 1.0f);
+                const lanes far = fade * fade * (3.0f - 2.0f * fade);
+                const lanes measure = greater(greater(shells.size.y * positive(rise), move * (SIDEWAYS - (SIDEWAYS - 1.0f) * far)),
+                                              F(1e-6f));
+                const lanes_i is_far = far > 0.0f, passes = running;
+                const bool any_far = any_lane(running & is_far);
+                const lanes measure_inverse = 1.0f / measure, a_step = move * measure_inverse;
+                /* How fast fur can come nearer from one look to the next. */
+                const lanes nearer = move * (steep_here + steep_noise * (shells.kind.x ? F(1.0f) : greater(h_in, h_out))) + positive(rise) * steep_up - rise;
+                const lanes rate = greater(nearer * measure_inverse, F(1e-2f));
+                const lanes rate_inverse = lesser(measure / greater(nearer, F(1e-30f)), F(1e2f));
+                /* From here on a place is told by what was looked past since it came in here: 0 to span. */
+                const lanes z_step = length * measure_inverse, h_step = rise * measure_inverse;
+                const lanes x_step = mx * measure_inverse, y_step = my * measure_inverse;
+                const lanes z_first = z_in + low * length, h_first = h_in + low * rise;
+                const lanes x_first = x_in + low * mx, y_first = y_in + low * my, span = (high - low) * measure;
+                /* Most of half a footprint; in far fur all is near hair. */
+                const lanes room = is_far ? F(2.0f) : 0.5f * footprint * (up.w * steep_here + steepest);
+                /* Gradients across the ray. */
+                const lanes grad_xa = grad_x.x * ax + grad_x.y * ay + grad_x.z * az, grad_xu = grad_x.x * ux + grad_x.y * uy + grad_x.z * uz;
+                const lanes grad_ya = grad_y.x * ax + grad_y.y * ay + grad_y.z * az, grad_yu = grad_y.x * ux + grad_y.y * uy + grad_y.z * uz;
+                const lanes up_a = up.x * ax + up.y * ay + up.z * az, up_u = up.x * ux + up.y * uy + up.z * uz;
+                const lanes pixel = SHARP * footprint;
+                lanes hidden = F(0.0f), sum = hidden, sum_x = hidden, sum_y = hidden;
+                /* Looks that can't see hair are left out: there is none before `clear`. */
+                lanes clear = is_far ? F(0.0f) : slack * rate_inverse, next = until, looked = hidden;
+                next += clear > next ? nearest(clear - next + 0.5f) : F(0.0f);
+                if (any_far)
+                    looked = -aside / a_step;
+                while (true) {
+                    /* Where to look next doesn't hang on what is left of the light, so that a processor can begin with it. */
+                    const lanes_i look = next <= span, looks = running & (look | ended);
+                    if (!any_lane(looks & (rest > 0.0f)))
+                        break;
+                    const lanes at = look ? next : span, h = within(h_first + at * h_step, 0.0f, 1.0f);
+                    lanes x = x_first + at * x_step, y = y_first + at * y_step;
+                    lanes moved_x = F(0.0f), moved_y = F(0.0f), by_x, by_y, top, fold, v;
+                    if (shells.shape.z > 0.0f) {
+                        const lanes z = z_first + at * z_step;
+                        for (int i = 0; i < LANES; ++i)
+                            if (LANE_I(looks, i)) {
+                                const float4 where = shells.kind.x
+                                    ? (float4)(LANE(x, i), LANE(y, i), 0.0f, 0.0f) / shells.shape.w
+                                    : (eye + LANE(z, i) * (float4)(LANE(dx, i), LANE(dy, i), LANE(dz, i), 0.0f)
+                                       - (float4)(noise_box.xyz, 0.0f)) * noise_box.w;
+                                const float2 moved = shells.shape.z * noise_at(&shells, noise, where);
+                                LANE(moved_x, i) = moved.x;
+                                LANE(moved_y, i) = moved.y;
+                            }
+                    }
+                    if (shells.kind.x) {
+                        x += moved_x;
+                        y += moved_y;
+                        const lanes sx = x - 0.25f, sy = y - 0.25f, qx = 0.25f - positive(sx - nearest(sx)), qy = 0.25f - positive(sy - nearest(sy));
+                        by_x = QUARTER(qx, qx * qx) + QUARTER(qy, qy * qy);
+                        v = thinned + half_thin * positive(by_x);
+                    } else {
+                        v = cells(&shells, face, (int)second.z, x, y, moved_x * h, moved_y * h, &by_x, &by_y, &top, &fold);
+                    }
+                    const lanes gap = (h - room) - v, ahead = greater(gap, F(0.0f)) * rate_inverse;
+                    clear = looks ? at + ahead : clear;
+                    next = looks & look ? (at + 1.0f) + nearest(ahead - 0.5f) : next;
+                    running = looks & look;
+                    if (!any_lane(looks & (gap < 0.0f))) {
+                        uncovered_inverse = looks ? F(1.0f) : uncovered_inverse;
+                        looked = at;
+                        continue;
+                    }
+                    if (shells.kind.x) {
+                        const lanes slope = by_x < 0.0f ? F(-6.2831853f * half_thin) : F(6.2831853f * half_thin);
+                        const lanes qx = 0.25f - positive(x - nearest(x)), qy = 0.25f - positive(y - nearest(y));
+                        by_x = slope * QUARTER(qx, qx * qx);
+                        by_y = slope * QUARTER(qy, qy * qy);
+                        top = F(1.0f);
+                        fold = F(thinned);
+                    }
+                    /* v - h changes across the ray by g over a pixel. */
+                    const lanes across_a = by_x * grad_xa + by_y * grad_ya - up_a, across_u = by_x * grad_xu + by_y * grad_yu - up_u;
+                    const lanes width = greater(smooth * h, F(1e-3f));
+                    const lanes sharper = 1.0f / width, least = 1e-2f * width;
+                    const lanes g = greater(pixel * quick_root(across_a * across_a + across_u * across_u + 1e-20f), least);
+                    const lanes covered = cover((v - h) * sharper, 0.5f * sharper * g, (top - h) * sharper, (fold - h) * sharper,
+                                                width / g);
+                    /* What is hidden here and was not before, of what is left: hairs go down to the skin, so that one
+                       look below another hides the same again. */
+                    lanes kept = lesser((1.0f - covered) * uncovered_inverse, F(1.0f));
+                    if (any_far) {
+                        lanes many = F(1.0f);
+                        for (int i = 0; i < LANES; ++i)
+                            if (LANE_I(looks, i) && LANE(far, i) > 0.0f)
+                                LANE(many, i) = kept_by_many(means, LANE(h, i) - LANE(h_step, i), LANE(h, i),
+                                                             (LANE(at, i) - LANE(looked, i)) * LANE(a_step, i));
+                        kept = is_far ? kept + far * (many - kept) : kept;
+                    }
+                    looked = at;
+                    kept = looks ? kept : F(1.0f);
+                    uncovered_inverse = looks ? 1.0f / greater(1.0f - covered, F(1e-3f)) : uncovered_inverse;
+                    if (!any_lane(kept < 1.0f))
+                        continue;
+                    /* It was met where the ramp from nothing to all was half gone through since the look before. */
+                    const lanes ramp = 1.0f / (width + g), now = (v - h + 0.5f * g) * ramp, change = (by_x * x_step + by_y * y_step - h_step) * ramp;
+                    const lanes middle = 0.5f * (within(now - change, 0.0f, 1.0f) + within(now, 0.0f, 1.0f));
+                    const lanes_i rises = (change > 1e-6f) & !is_far;
+                    const lanes back = rises ? within((now - middle) / (rises ? change : F(1.0f)), 0.0f, 1.0f) : F(0.5f);
+                    const lanes after_it = rest * kept, left_over = after_it < 1.0f / 256 ? F(0.0f) : after_it;   // less would not be seen
+                    const lanes part = rest - left_over;
+                    hidden += part;
+                    sum += part * (at - back);
+                    if (shells.shine.w > 0.0f) {
+                        sum_x += part * (1.0f - far) * by_x;
+                        sum_y += part * (1.0f - far) * by_y;
+                    }
+                    const lanes_i halved = (rest >= 0.5f) & (left_over < 0.5f);
+                    half_way = halved ? z_first + at * z_step : half_way;
+                    half_face = halved ? I(face) : half_face;
+                    rest = left_over;
+                }
+                ended |= passes & (rest == 0.0f);
+                const lanes over = next - span, rest_of = over - nearest(over - 0.5f), to_next = rest_of > 0.0f ? rest_of : rest_of + 1.0f;
+                aside = passes ? (span + to_next > 1.0f ? (1.0f - to_next) * a_step : aside + span * a_step) : aside;
+                until = passes ? to_next : until;
+                slack = passes ? greater((clear - span) * rate, F(0.0f)) : slack;
+                front = group ? greater(front, z_out) : front;
+                /* Light once a tetrahedron, at the mean place of what has hidden something there. */
+                const lanes_i shown = hidden > 1e-4f;
+                if (any_lane(shown)) {
+                    const lanes scale = 1.0f / (shown ? hidden : F(1.0f)), mean = scale * sum, z = z_first + mean * z_step;
+                    const float2 one = first.zw - first.xy, two = second.xy - first.xy;
+                    const float area = one.x * two.y - one.y * two.x, smaller = area != 0.0f ? 1.0f / area : 0.0f;
+                    const lanes at_x = x_first + mean * x_step - first.x, at_y = y_first + mean * y_step - first.y;
+                    const lanes wb = (at_x * two.y - at_y * two.x) * smaller, wc = (one.x * at_y - one.y * at_x) * smaller;
+                    const lanes wa = 1.0f - wb - wc;
+                    __global const float4 *ca = curves + corners.x * (slabs + 1) + slab,
+                        *cb = curves + corners.y * (slabs + 1) + slab, *cc = curves + corners.z * (slabs + 1) + slab;
+                    const lanes3 n = unit(plus(scaled(all_lanes(normals[corners.x]), wa), plus(
+                        scaled(all_lanes(normals[corners.y]), wb), scaled(all_lanes(normals[corners.z]), wc))));
+                    const lanes3 t = unit(plus(scaled(all_lanes(ca[1] - ca[0]), wa), plus(
+                        scaled(all_lanes(cb[1] - cb[0]), wb), scaled(all_lanes(cc[1] - cc[0]), wc))));
+                    const lanes3 slope = scaled(plus(scaled(all_lanes(grad_x), sum_x), scaled(all_lanes(grad_y), sum_y)), scale);
+                    const lanes3 place = {eye.x + z * dx, eye.y + z * dy, eye.z + z * dz}, v = {-dx, -dy, -dz};
+                    const lanes3 color = lit(&lamp, shown, place, within(h_first + mean * h_step, 0.0f, 1.0f), t, n, slope, v);
+                    red += shown ? hidden * color.x : F(0.0f);
+                    green += shown ? hidden * color.y : F(0.0f);
+                    blue += shown ? hidden * color.z : F(0.0f);
+                    alpha += shown ? hidden : F(0.0f);
+                }
+            }
+
+            /* On into the next tetrahedra. */
+            at_depth = group ? z_out : at_depth;
+            lanes_i onto, entry, fresh;
+            onwards(here, slabs, neighbours[face], out, &onto, &entry, &fresh);
+            const lanes_i stays = ended & !(shells.noise.w & down & (z_out < stop));
+            leaves = group ? (onto < 0) & !stays : leaves;
+            cell = group ? (ended ? I(-1) : onto) : cell;
+            in = group ? entry : in;
+            slack = (group & (fresh != 0)) ? F(0.0f) : slack;
+        }
+        for (int i = 0; i < LANES; ++i) {
+            const int x = block_x + i % BLOCK_X, y = block_y + i / BLOCK_X;
+            const size_t pixel = (size_t)y * view.size.x + x, sample = pixel * samples + s;
+            if (x >= view.size.x || y >= rows || after[sample] == NOTHING)
+                continue;
+            const float left_over = LANE(rest, i);
+            if (LANE_I(leaves, i) && left_over > 0.0f)
+                ++pending;
+            else
+                after[sample] = NOTHING;
+            through[sample] = left_over;
+            if (LANE_I(half_face, i) >= 0) {
+                const float4 d = (float4)(LANE(dx, i), LANE(dy, i), LANE(dz, i), 0.0f);
+                fur[sample] = (ulong)depth_of(&view, eye + LANE(half_way, i) * d) << 32 | (uint)LANE_I(half_face, i);
+            }
+            image[pixel] += (float4)(LANE(red, i), LANE(green, i), LANE(blue, i), LANE(alpha, i)) * (1.0f / samples);
+        }
+    }
+    if (pending)
+        atomic_add(left, pending);
+}

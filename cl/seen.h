@@ -1,0 +1,18 @@
+/* What a sample sees, and from where: shade.cl, coverage.cl, shells.cl and march.cl use this. */
+
+/* The world point that a sample sees. */
+inline float4 seen_point(const View *view, int x, int y, int s, uint depth)
+{
+    const int2 offset = PATTERN[view->size.w + s];
+    const float px = x + 0.5f + offset.x * (1.0f / SUBPIXEL), py = y + 0.5f + offset.y * (1.0f / SUBPIXEL);
+    const float e = (float)(DEPTH_ONE - depth) / DEPTH_ONE;
+    const float4 q = view->to_world[0] * px + view->to_world[1] * py + view->to_world[2] * e + view->to_world[3];
+    return (float4)(q.xyz / q.w, 0.0f);
+}
+
+/* Unit vector from the point towards the eye. */
+inline float4 towards_eye(const View *view, float4 p)
+{
+    const float4 eye = (float4)(view->eye.xyz, 0.0f);
+    return unit_or(eye - view->eye.w * p, (float4)(0.0f, 0.0f, 1.0f, 0.0f));
+}

@@ -1,0 +1,273 @@
+"""What cl/march.cl means, in float64: a ray meets all tetrahedra of the fur, whose pieces of it are then put in order.
+
+That is the walk of the kernel where the fur does not fold back or run through itself.
+"""
+
+import numpy as np
+
+from .scatter import fibre, surface
+from .shells import HEIGHTS, cover, height_at
+from .vectors import dot, f64, unit
+
+DEPTH_ONE = 1 << 30
+NONE = (1 << 64) - 1
+BODY = 1 << 31
+PATTERNS = {   # in 1/16 pixel from the pixel's centre: the standard patterns of Direct3D 11
+    1: [(0, 0)],
+    4: [(-2, -6), (6, -2), (-6, 2), (2, 6)],
+    16: [(1, 1), (-1, -3), (-3, 2), (4, -1), (-5, -2), (2, 5), (5, 3), (3, -5),
+         (-2, 6), (0, -7), (-4, -6), (-6, 4), (-8, 0), (7, -4), (6, 7), (-7, -8)],
+}
+SIDEWAYS = 8.0
+SHARP = 0.85
+FAR_FROM, FAR_TO = 0.3, 0.9
+TETRAHEDRA = np.array([(0, 1, 2, 5), (0, 1, 4, 5), (0, 3, 4, 5)])   # of a prism: 0 1 2 below, 3 4 5 above them
+
+
+def march(view, shells, light, half_vector, visible, rounds, border, faces, curves, normals, lattice, noise, means, box,
+          direct=1.0):
+    """Take all rays through the fur -> (image [rows, width, 4], through, place, face).
+
+    rounds: [rows, width, samples] uint64 each, the border triangles where rays come in, by order.  border: [B, 2].
+    faces: [F, 3].  curves: [V, slabs + 1, 3].  lattice: [F, 4, 4].  noise: [z, y, x, 2].  box: origin of the noise and
+    its lattices a unit of length.  direct: share of the light that shadows leave.  place: [rows, width, samples, 3]
+    where half of the light is gone, and face the face there, -1 if it is not gone.
+    """
+    rows, width, samples = visible.shape
+    slabs, bare = int(shells["kind"][2]), bool(shells["noise"][3])
+    curves, normals, lattice, eye = f64(curves), f64(normals), f64(lattice), f64(view["eye"])[:3]
+    tetrahedra, corners = _tetrahedra(faces, curves, slabs)
+    widening = f64(view["to_screen"])[:3, 3] / float(view["scale"][0]) / np.sqrt(samples)   # of a pixel, along the view
+
+    rest, done = np.ones(visible.size), np.zeros(visible.size, bool)
+    half, half_face = np.zeros((visible.size, 3)), np.full(visible.size, -1)
+    image = np.zeros((visible.size, 4))
+    for entries in rounds:
+        entries, pieces, rays, directions = entries.ravel(), [], [], []
+        for sample in np.flatnonzero((entries != NONE) & ~done):
+            depth, stop_depth = (int(keys.ravel()[sample] >> np.uint64(32)) for keys in (entries, visible))
+            if depth >= stop_depth:
+                done[sample] = True
+                continue
+            p = _seen(view, sample, samples, width, depth)
+            p = _put_in(p, border[int(entries[sample]) & ~BODY & 0xFFFFFFFF], faces, curves)
+            d = unit(p - eye)
+            stop = np.inf if stop_depth == 0xFFFFFFFF else (_seen(view, sample, samples, width, stop_depth) - eye) @ d
+            chain, end = _chain(tetrahedra, eye, d, np.linalg.norm(p - eye), stop, slabs)
+            done[sample] = not (end == "out" or end == "skin" and bare)
+            if len(chain[0]):
+                pieces.append(_looks(shells, lattice, corners, chain, end, d @ widening, stop, slabs, len(rays)))
+                rays.append(sample)
+                directions.append(d)
+        if not rays:
+            continue
+        rays, directions = np.array(rays), np.array(directions)
+        looks = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+        _see(shells, lattice, noise, means, f64(box), eye, directions, looks)
+        part = _hide(looks, rays, rest, half, half_face, slabs)
+        done |= rest == 0
+        image[rays] += _light(shells, light, half_vector, faces, curves, normals, lattice, eye, directions, looks, part,
+                              slabs, direct)
+    return (image.reshape(rows, width, samples, 4).mean(2), rest.reshape(visible.shape),
+            half.reshape(*visible.shape, 3), half_face.reshape(visible.shape))
+
+
+def depth_of(view, p):
+    """Depth of places [n, 3], not yet rounded."""
+    q = np.concatenate([p, np.ones((len(p), 1))], 1) @ f64(view["to_screen"])
+    return DEPTH_ONE * (1 - np.clip(q[:, 2] / q[:, 3], 0, 1))
+
+
+def _tetrahedra(faces, curves, slabs):
+    """(matrices [T, 4, 4] from places (p, 1) to the corners' weights, corners [T, 4] 0..5).
+
+    Their number is 3 · (slabs · face + slab) + row of TETRAHEDRA.
+    """
+    faces = np.asarray(faces)[:, :3].astype(np.int64)
+    corners = np.tile(TETRAHEDRA, (len(faces) * slabs, 1))
+    face, slab = np.arange(len(corners)) // (3 * slabs), np.arange(len(corners)) // 3 % slabs
+    q = curves[faces[face[:, None], corners % 3], slab[:, None] + corners // 3]
+    places = np.concatenate([np.swapaxes(q, 1, 2), np.ones((len(q), 1, 4))], 1)
+    return np.linalg.inv(places), corners
+
+
+def _seen(view, sample, samples, width, depth):
+    """The world point that a sample sees at a depth."""
+    x, y, s = sample // samples % width, sample // samples // width + int(view["rows"][0]), sample % samples
+    dx, dy = PATTERNS[samples][s]
+    q = np.array([x + 0.5 + dx / 16, y + 0.5 + dy / 16, 1 - depth / DEPTH_ONE, 1]) @ f64(view["to_world"])
+    return q[:3] / q[3]
+
+
+def _put_in(p, start, faces, curves):
+    """The point moved into the border triangle that it belongs to, and a thousandth away from its sides."""
+    face, place = int(start[0]), int(start[1])
+    corners = np.delete(TETRAHEDRA[place // 4 % 3], place % 4)
+    a, b, c = curves[np.asarray(faces)[face, corners % 3].astype(np.int64), place // 12 + corners // 3]
+    n = np.cross(b - a, c - a)
+    w = np.array([np.cross(b - p, c - p) @ n, np.cross(c - p, a - p) @ n, np.cross(a - p, b - p) @ n]) / (n @ n)
+    w = np.maximum(w, 1e-3)
+    return w @ np.array([a, b, c]) / w.sum()
+
+
+def _chain(tetrahedra, eye, d, entry, stop, slabs):
+    """Pieces of a ray from its entry on -> ((tetrahedra, z in, z out, weights in, weights out), how they end)."""
+    at_eye, by_z = tetrahedra[:, :, :3] @ eye + tetrahedra[:, :, 3], tetrahedra[:, :, :3] @ d
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = -at_eye / by_z
+    starts = np.where(by_z > 0, crossing, -np.inf)
+    ends = np.where(by_z < 0, crossing, np.inf)
+    z_in, z_out, left = starts.max(1), ends.min(1), ends.argmin(1)
+    tiny = 1e-7 * entry
+    which = np.flatnonzero((z_out - z_in > 1e-9 * entry) & (z_out > entry + tiny))
+    which = which[np.argsort(z_in[which])]
+    end, count, at = "out", 0, entry
+    for t in which:
+        if z_in[t] > at + 10 * tiny:
+            break
+        count, at = count + 1, max(at, z_out[t])
+        if z_out[t] >= stop:
+            end = "stop"
+            break
+        if t % (3 * slabs) == 0 and left[t] == 3:
+            end = "skin"
+            break
+    which = which[:count]
+    weights = [at_eye[which] + z[which, None] * by_z[which] for z in (z_in, z_out)]
+    return (which, z_in[which], z_out[which], *weights), end
+
+
+def _looks(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
+    """Where a ray looks at the fur: {name: [looks]}.  wide: of a pixel at distance 1."""
+    t, z_in, z_out, *weights = chain
+    face, slab, corner = t // (3 * slabs), t // 3 % slabs, corners[t]
+    h_in, h_out = ((slab + (w * (corner >= 3)).sum(1)) / slabs for w in weights)
+    at = np.concatenate([lattice[face, 0].reshape(-1, 2, 2), lattice[face, 1, None, :2]], 1)
+    at = np.take_along_axis(at, corner[:, :, None] % 3, 1)
+    at_in, at_out = ((w[:, :, None] * at).sum(1) for w in weights)
+    rise, across = h_out - h_in, at_out - at_in
+    move = np.linalg.norm(across, axis=1)
+    footprint = wide * (z_in + z_out) / 2 * bool(shells["kind"][3])
+    blur = footprint * lattice[face, 1, 3]
+    fade = np.clip((blur - FAR_FROM) / (FAR_TO - FAR_FROM), 0, 1)
+    far = fade * fade * (3 - 2 * fade)
+    measure = np.maximum(float(shells["size"][1]) * np.abs(rise), move * (SIDEWAYS - (SIDEWAYS - 1) * far))
+    measure = np.maximum(measure, 1e-6)
+    high = np.clip((stop - z_in) / (z_out - z_in), 0, 1)
+    passed = np.concatenate([[0], np.cumsum(high * measure)])
+    gone = np.concatenate([[0], np.cumsum(high * move)])
+    when = np.arange(0.5, passed[-1], 1.0)
+    piece = np.searchsorted(passed, when, side="left") - 1
+    along = (when - passed[piece]) / measure[piece]
+    if end != "out":
+        piece, along = np.append(piece, len(t) - 1), np.append(along, high[-1])
+    sideways = gone[piece] + along * move[piece]
+    return {"ray": np.full(len(piece), ray), "tetrahedron": t[piece], "face": face[piece],
+            "h": np.clip(h_in[piece] + along * rise[piece], 0, 1), "z": z_in[piece] + along * (z_out - z_in)[piece],
+            "at": at_in[piece] + along[:, None] * across[piece],
+            "z step": ((z_out - z_in) / measure)[piece], "h step": (rise / measure)[piece],
+            "at step": (across / measure[:, None])[piece], "aside": np.diff(sideways, prepend=0),
+            "far": far[piece], "footprint": footprint[piece]}
+
+
+def _see(shells, lattice, noise, means, box, eye, directions, looks):
+    """Add to the looks what they see: the share covered, that which many hairs keep, and how far back it was met."""
+    face, h, d, far = looks["face"], looks["h"], directions[looks["ray"]], looks["far"]
+    looks["where"] = where = eye + looks["z"][:, None] * d
+    v, grad, top, fold = height_at(shells, noise, face, lattice[face, 1, 2], looks["at"], (where - box[:3]) * box[3], h)
+    slope = grad[:, :1] * lattice[face, 2, :3] + grad[:, 1:] * lattice[face, 3, :3]
+    falls = slope - lattice[face, 4, :3]                     # gradient of v - h
+    across = falls - dot(falls, d)[:, None] * d
+    steep = np.sqrt(np.maximum(dot(across, across), 1e-20))
+    g = SHARP * looks["footprint"] * steep
+    looks["covered"] = cover(shells, v, h, g, top, fold)
+    looks["many"] = np.where(far > 0, kept_by_many(means, h - looks["h step"], h, looks["aside"]), 1)
+    looks["slope"] = (1 - far)[:, None] * slope
+
+    # Met where the ramp from nothing to all was half gone through since the look before.
+    ramp = np.maximum((float(shells["shape"][0]) - 1) * h, 1e-3) + g
+    now, change = (v - h + g / 2) / ramp, (dot(grad, looks["at step"]) - looks["h step"]) / ramp
+    middle = (np.clip(now - change, 0, 1) + np.clip(now, 0, 1)) / 2
+    back = np.clip((now - middle) / np.where(change > 1e-6, change, 1), 0, 1)
+    back = np.where((change > 1e-6) & (far == 0), back, 0.5)
+    looks["met h"] = h - back * looks["h step"]
+    looks["met z"] = looks["z"] - back * looks["z step"]
+    looks["met at"] = looks["at"] - back[:, None] * looks["at step"]
+
+
+def _hide(looks, rays, rest, half, half_face, slabs):
+    """What each look hides of the light from behind; writes what is left, and where half of it is gone, of samples."""
+    counts = np.bincount(looks["ray"], minlength=len(rays))
+    first = np.cumsum(counts) - counts
+    part, before, left, over = np.zeros(len(looks["ray"])), np.zeros(len(rays)), rest[rays], np.zeros(len(rays), bool)
+    for n in range(counts.max(initial=0)):
+        on = np.flatnonzero((counts > n) & ~over)
+        look = first[on] + n
+        covered = looks["covered"][look]
+        kept = np.where(covered > before[on], (1 - covered) / (1 - before[on]), 1)
+        kept += looks["far"][look] * (looks["many"][look] - kept)
+        before[on] = np.minimum(covered, 0.999)
+        now = left[on] * kept
+        now[now < 1 / 256] = 0
+        part[look] = left[on] - now
+        halved = (left[on] >= 0.5) & (now < 0.5)
+        half[rays[on[halved]]] = looks["where"][look[halved]]
+        half_face[rays[on[halved]]] = looks["face"][look[halved]]
+        left[on] = now
+        over[on] = now == 0
+    rest[rays] = left
+    return part
+
+
+def _light(shells, light, half_vector, faces, curves, normals, lattice, eye, directions, looks, part, slabs, direct):
+    """Light [rays, 4] of the fur, once a tetrahedron: at the mean place of what it hides."""
+    key = looks["ray"].astype(np.int64) << 40 | looks["tetrahedron"]
+    _, first, group = np.unique(key, return_index=True, return_inverse=True)
+    hidden = np.bincount(group, part)
+    seen = hidden > 1e-4
+    hidden = hidden[seen]
+
+    def mean(values):
+        sums = np.stack([np.bincount(group, part * column) for column in values.reshape(len(part), -1).T], 1)
+        return (sums[seen] / hidden[:, None]).reshape(-1, *values.shape[1:])
+    ray, tetrahedron = looks["ray"][first][seen], looks["tetrahedron"][first][seen]
+    face, slab = tetrahedron // (3 * slabs), tetrahedron // 3 % slabs
+    d, h = directions[ray], np.clip(mean(looks["met h"]), 0, 1)
+    p = eye + mean(looks["met z"])[:, None] * d
+    a, b, c = lattice[face, 0, :2], lattice[face, 0, 2:], lattice[face, 1, :2]
+    sides = np.stack([b - a, c - a], 2)
+    flat = np.linalg.det(sides) == 0
+    sides[flat] = np.eye(2)
+    other = np.linalg.solve(sides, (mean(looks["met at"]) - a)[..., None])[..., 0]
+    other[flat] = 0
+    weights = np.concatenate([1 - other.sum(1, keepdims=True), other], 1)[..., None]
+    corners = np.asarray(faces)[face, :3].astype(np.int64)
+    n = unit((weights * normals[corners]).sum(1))
+    t = unit((weights * (curves[corners, slab[:, None] + 1] - curves[corners, slab[:, None]])).sum(1))
+
+    to_light = np.broadcast_to(-f64(light["direction"])[:3], p.shape)
+    strength = np.broadcast_to(f64(light["color"])[:3] * direct, p.shape)
+    if light["position"][3] > 0:
+        to_light = unit(f64(light["position"])[:3] - p)
+        strength = strength * (to_light @ -f64(light["direction"])[:3] >= float(light["cone"][0]))[:, None]
+    color, ambient = f64(shells["color"])[:3], float(light["color"][3])
+    specular, exponent, _, turned = f64(shells["shine"])
+    if turned:
+        n = unit(n - float(shells["size"][0]) * mean(looks["slope"]))
+        rgb = surface(color, specular, exponent, n, to_light, -d, strength, ambient)
+    else:
+        rgb = fibre(color, specular, exponent, half_vector, t, to_light, -d, strength, ambient)
+    root = float(shells["color"][3])
+    rgb = rgb * (root + (1 - root) * h)[:, None]
+    values = hidden[:, None] * np.concatenate([rgb, np.ones((len(rgb), 1))], 1)
+    return np.stack([np.bincount(ray, column, len(directions)) for column in values.T], 1)
+
+
+def kept_by_many(means, h0, h, aside):
+    """Share of light that many hairs let through, from height h0 to h and `aside` sideways."""
+    at = np.arange(HEIGHTS) / (HEIGHTS - 1)
+    before, now = (np.minimum(np.interp(x, at, f64(means)[:, 0]), 0.999) for x in (h0, h))
+    down = np.where(now > before, np.log((1 - before) / (1 - np.maximum(now, before))), 0)
+    side = np.pi * np.interp(h, at, f64(means)[:, 1]) * aside / (1 - (before + now) / 2)
+    share = np.where(side > 0, down / np.where(side > 0, side, 1), 2)
+    return np.exp(-np.where(share < 1, side * (1 / np.pi + share * (0.5 + share * (0.5 - 1 / np.pi))), down))

@@ -1,0 +1,205 @@
+"""Rays through shell fur: the twin's values on every device."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from support.furred import BENT, FUR, MESHES, SINE, noise_shape
+
+import clfur
+from clfur.scene import frame
+from clfur.stages import march as stage
+from clfur.stages import shells
+from clfur.stages.raster import raster
+from clfur.stages.shade import no_shadows
+from clfur.stages.tessellate import tessellate
+from clfur.twin import march as twin
+from clfur.views import light_of, view_of
+
+LAMP = clfur.Light((1, -1, -0.6))
+
+
+@dataclasses.dataclass
+class Drawn:
+    """What the device has drawn, and what it was drawn from."""
+
+    view: np.ndarray
+    packed: np.ndarray
+    shell: shells.Shell
+    visible: np.ndarray
+    rounds: list
+    image: np.ndarray
+    through: np.ndarray
+    fur: np.ndarray
+    light: np.ndarray
+
+
+def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, bare=False, form="kajiya-kay",
+          lamp=LAMP, camera=None, shadows=None):
+    mesh = clfur.Mesh(*MESHES[mesh]) if isinstance(mesh, str) else mesh
+    camera = camera or frame(mesh, fur, size, direction=(0.3, 0.5, 1))
+    scene = clfur.Scene(mesh=mesh, fur=fur, camera=camera, light=lamp)
+    view, light = view_of(scene, samples), light_of(lamp)
+    packed, box = shells.pack(fur, mesh, bare, filtered)
+    topology = shells.topology_of(mesh.faces)
+    shell = shells.bend(gpu, mesh, packed, shells.lay(gpu, mesh, packed, box, topology), topology)
+    body = None if bare else tessellate(gpu, mesh, 1, 1, "flat")
+    visible = raster(gpu, view, None, body) if body else gpu.full((size[1], size[0], samples), np.uint64, twin.NONE)
+    rounds = []
+
+    def watched(*arguments, **named):
+        rounds.append(raster(*arguments, **named))
+        return rounds[-1]
+    monkeypatch.setattr(stage, "raster", watched)
+    image, through, after = stage.march(gpu, view, shell, packed, light, form, visible, shadows)
+    return Drawn(view, packed, shell, visible.get(), [entries.get() for entries in rounds], image.get(), through.get(),
+                 after.get(), light)
+
+
+def by_twin(it, form="kajiya-kay", direct=1.0):
+    """The twin's picture of what the device's stages have prepared."""
+    pattern, packed, slabs = it.shell.pattern, it.packed, int(it.packed["kind"][2])
+    return twin.march(
+        it.view, packed, it.light, form == "half-vector", it.visible, it.rounds, it.shell.border.get(),
+        pattern.faces.get(), it.shell.curves.get()[:, :3].reshape(-1, slabs + 1, 3), it.shell.normals.get()[:, :3],
+        pattern.lattice.get().reshape(-1, 5, 4), pattern.noise.get().reshape(*noise_shape(packed), 2),
+        pattern.means.get(), pattern.box, direct)
+
+
+# --- the twin's values ----------------------------------------------------------------------------------
+
+# The kernel's root is right to 5e-6, and so are its rays: hairs' edges are some hundred times as steep.
+CLOSE = 1e-3
+# Where a rounding error decides (a ray by another way past an edge, a look that is left out as too far from hair).
+FLIPS, FLIP = 0.01, 0.5
+
+CASES = {
+    "cells": ("ball", FUR, {}),
+    "cells, unfiltered": ("ball", FUR, {"filtered": False}),
+    "cells, 4 samples": ("ball", FUR, {"samples": 4}),
+    "cells, bent": ("ball", FUR | BENT, {}),
+    "cells, no noise": ("ball", FUR | {"noise": (0, 8)}, {}),
+    "cells, large noise": ("ball", FUR | {"noise": (2, 3)}, {}),
+    "cells, turned, bent": ("ball", FUR | BENT | {"shading": "turned"}, {}),
+    "cells, half vector": ("ball", FUR, {"form": "half-vector"}),
+    "cells, from far": ("ball", FUR | {"frequency": 40.0}, {}),
+    "cells, thin, no skin": ("ball", FUR | {"density": 0.5}, {"bare": True}),
+    "cells, long, no skin": ("ball", FUR | BENT | {"length": 0.6}, {"bare": True, "samples": 4}),
+    "cells, spot light": ("ball", FUR, {"lamp": clfur.Light((-1, -1, -1), position=(2, 2, 2), angle=35)}),
+    "sine": ("ball", SINE, {}),
+    "sine, unfiltered, 4 samples": ("ball", SINE, {"filtered": False, "samples": 4}),
+    "sine, bent, turned": ("ball", SINE | BENT | {"shading": "turned"}, {}),
+    "sine, thin, no noise": ("ball", SINE | {"density": 0.5, "noise": (0, 8)}, {}),
+    "open": ("quad", FUR, {}),
+    "open, bent, no skin": ("quad", FUR | BENT, {"bare": True}),
+    "open, sine": ("quad", SINE, {"samples": 4}),
+    "two": ("pair", FUR | {"density": 0.6}, {}),
+    "two, no skin": ("pair", FUR | {"density": 0.6}, {"bare": True}),
+}
+
+
+def agree(it, form="kajiya-kay", direct=1.0):
+    """The device's picture is the twin's -> the twin's image."""
+    image, through, place, face = by_twin(it, form, direct)
+    assert it.image.dtype == it.through.dtype == np.float32 and it.fur.dtype == np.uint64
+    assert (image[..., 3] > 0).mean() > 0.1, "there is little fur in this picture"
+    for mine, its in ((it.image, image), (it.through, through)):
+        off = np.abs(mine - its)
+        assert (off > CLOSE).mean() <= FLIPS, f"{(off > CLOSE).sum()} of {off.size} differ, by up to {off.max():.3g}"
+        assert off.max() <= FLIP and np.median(off) <= 2e-5
+    # Where half of the light is gone: there or not, the depth of it, and on which face.
+    halved = it.fur != twin.NONE
+    assert (halved != (face >= 0)).mean() <= FLIPS / 2
+    both = halved & (face >= 0)
+    assert ((it.fur[both] & np.uint64(0xFFFFFFFF)).astype(int) != face[both]).mean() <= FLIPS
+    off = np.abs((it.fur[both] >> np.uint64(32)).astype(float) - twin.depth_of(it.view, place[both]))
+    assert (off > 3e-5 * twin.DEPTH_ONE).mean() <= FLIPS
+    return image
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_rays_equal_the_twin(gpu, monkeypatch, name):
+    mesh, options, how = CASES[name]
+    it = drawn(gpu, monkeypatch, mesh, clfur.Shells(**options), **how)
+    if mesh == "pair" or mesh == "ball" and "bare" in how:
+        assert sum(entries.min() != twin.NONE for entries in it.rounds) > 1, "no ray comes in twice"
+    agree(it, how.get("form", "kajiya-kay"))
+
+
+@pytest.mark.parametrize("lanes", [1, 8, 16])
+def test_rays_are_the_same_side_by_side(gpu, monkeypatch, lanes):
+    """As GPUs and CPUs take them: one ray a work-item, or several; the other tests take as many as a scheduler does."""
+    other = clfur.Scheduler(gpu.device)
+    other.lanes = lanes
+    agree(drawn(other, monkeypatch, "ball", clfur.Shells(**FUR | BENT), size=(23, 17), samples=4))
+
+
+def test_rays_side_by_side_go_as_far_as_one_alone(gpu, monkeypatch):
+    """Thin fur of very many faces, along which each ray has a way of its own, longer than all rays' share of 20,000."""
+    n, across = 600, 24
+    x, z = (a.ravel() for a in np.meshgrid(np.linspace(-.3, .3, across + 1), np.linspace(-1, 1, n + 1)))
+    i = (np.arange(across) + (across + 1) * np.arange(n)[:, None]).ravel()
+    faces = np.concatenate([np.stack([i, i + across + 1, i + 1], 1),
+                            np.stack([i + 1, i + across + 1, i + across + 2], 1)])
+    positions = np.stack([x, 0 * x, z], 1)
+    mesh = clfur.Mesh(positions, np.repeat([(0.0, 1, 0)], len(x), 0), None, faces)
+    fur = clfur.Shells(length=.3, frequency=20, density=.03, layers=4, wind=(.2, 0, 0))
+    camera, seen = clfur.Camera(eye=(0, .2, 2), target=(0, .1, 0), size=(16, 12), fov=10), []
+    for lanes in (1, gpu.lanes if gpu.steps else 16):   # llvmpipe's 16 would be ended after 65,535 steps together
+        other = clfur.Scheduler(gpu.device)
+        other.lanes = lanes
+        seen.append(drawn(other, monkeypatch, mesh, fur, size=(16, 12), camera=camera, bare=True).through)
+    assert (seen[0] < .9).mean() > .3
+    assert (np.abs(seen[0] - seen[1]) > CLOSE).mean() <= FLIPS
+
+
+def test_rays_that_meet_nothing(gpu, monkeypatch):
+    """A camera that looks past all fur sees none; and what stands before the fur hides it."""
+    fur, mesh = clfur.Shells(**FUR), clfur.Mesh(*MESHES["ball"])
+    away = clfur.Camera(eye=(0, 0, 4), target=(0, 0, 8), size=(12, 9))
+    it = drawn(gpu, monkeypatch, mesh, fur, camera=away, size=(12, 9), bare=True)
+    assert not it.image.any() and (it.through == 1).all() and (it.fur == twin.NONE).all()
+    camera = clfur.Camera(eye=(0, 0, 4), size=(12, 9))
+    view = view_of(clfur.Scene(mesh=mesh, fur=fur, camera=camera), 1)
+    before = gpu.full((9, 12, 1), np.uint64, 5 << 32)
+    image, through, after = stage.march(gpu, view, it.shell, it.packed, it.light, "kajiya-kay", before)
+    assert not image.get().any() and (through.get() == 1).all() and (after.get() == twin.NONE).all()
+
+
+def test_no_hair_where_the_eye_stands_in_the_fur(gpu, monkeypatch):
+    """An eye within the fur sees no front of it: a picture all the same, and no number that is none."""
+    camera = clfur.Camera(eye=(0, 0, 1.1), target=(0.3, 0.2, 0.9), size=(16, 12))
+    it = drawn(gpu, monkeypatch, "ball", clfur.Shells(**FUR), camera=camera, size=(16, 12))
+    assert np.isfinite(it.image).all() and (it.through >= 0).all() and (it.through <= 1).all()
+
+
+def test_shadows_reach_the_fur(gpu, monkeypatch):
+    """A grid of one cell with the same crossings everywhere leaves the same share of the light to all hairs."""
+    lamp = clfur.Light((1, -1, -0.6), ambient=0.0)
+    shadows = no_shadows(gpu)
+    shadow, grid = shadows.shadow.copy(), shadows.grid.copy()
+    shadow["hair"][0] = 0.5
+    grid["to_grid"][:3, :2] = 0
+    grid["to_grid"][3] = 0.5, 0.5, 0.5, 1
+    grid["size"][:3] = 1
+    shadows = dataclasses.replace(shadows, shadow=shadow, grid=grid, sums=gpu.full((2, 1, 1), np.float32, 3))
+    it = drawn(gpu, monkeypatch, "ball", clfur.Shells(**FUR), lamp=lamp, shadows=shadows)
+    agree(it, direct=np.exp(-1.5))
+
+
+# --- under Oclgrind --------------------------------------------------------------------------------------
+
+
+@pytest.mark.small
+@pytest.mark.parametrize("pattern", ["cells", "sine"])
+def test_small(gpu, monkeypatch, pattern):
+    """All that draws, as small as it can be."""
+    monkeypatch.setattr(shells, "AROUND", 4)
+    gpu = clfur.Scheduler(gpu.device)
+    gpu.lanes = 1   # Oclgrind 21.10 takes parts of a vector for unset that are not
+    fur = clfur.Shells(length=0.4, layers=2, frequency=1.0, pattern=pattern, noise=(0.3, 8), wind=(0.3, 0, 0))
+    it = drawn(gpu, monkeypatch, "quad", fur, size=(5, 4), bare=True)
+    image, through, *_ = by_twin(it)
+    assert image[..., 3].max() > 0.1
+    np.testing.assert_allclose(it.image, image, atol=CLOSE)
+    np.testing.assert_allclose(it.through, through, atol=CLOSE)
