@@ -99,7 +99,7 @@ def _time(team, rung, draw):
 
 
 def ladder(rig, filtered=True, room=1 << 32):
-    """`LADDER` as it suits the scene of a `Rig`: no finer cells than its strands cast right shadows in, or so many bytes hold."""
+    """`LADDER` as it suits a `Rig`: no finer cells than its strands cast right shadows in, or so many bytes hold."""
     width = _hair(rig.scene)[0]
     finest = 2 * rig.radius / (CELL * width) if width else 1024
     most = max(int(min(finest, (room / 4) ** (1 / 3) - 1, 1024)) // 16 * 16, 16)

@@ -1,7 +1,7 @@
 """What a frame is drawn of, made on the device.  All of it costs: the body is tessellated, strands grow.
 
-A device keeps the last of each, so that what hasn't changed is there already (`Scheduler.keep`): of the faces and strands one
-part, where they are cut into several.  What is made within a `keep` is of things that are out of date gone before.
+A device keeps the last of each, so that what hasn't changed is there already (`Scheduler.keep`): one part of the faces
+and strands, where they are cut into several.  Whatever is out of date goes before anything is made in its place.
 """
 
 import functools
@@ -9,7 +9,7 @@ import hashlib
 
 import numpy as np
 
-from ..stages import coverage, shells
+from ..stages import shells
 from ..stages.lod import thin
 from ..stages.raster import raster
 from ..stages.strands import bring, grow, no_strands
@@ -30,7 +30,7 @@ def let_go(plan, gpu):
 
 
 def let_go_of_parts(gpu, plan, parts, others):
-    """Go from some parts of the scene to others, for which less may be left: what is there of parts that aren't of these goes."""
+    """Go from some parts of the scene to others, for which less may be left: what is there of the former goes."""
     light = light_on_strands(gpu, plan)
     for part in set(light) - set(others):
         del light[part]
@@ -51,12 +51,13 @@ def hair(gpu, plan, part, lod):
     scene = plan.scene
     what = (scene.mesh, scene.strands, *part.strands, *(part.faces if plan.grown else ()))
     if lod:
-        return gpu.keep("thinned", (*what, scene.camera, str(lod)), functools.partial(_thin, gpu, plan, part, what, lod))
+        return gpu.keep("thinned", (*what, scene.camera, str(lod)),
+                        functools.partial(_thin, gpu, plan, part, what, lod))
     return _whole(gpu, plan, part, what)
 
 
 def tally(gpu, plan, part):
-    """(strands that are not bald, segments) that are drawn of a part; it is remembered, and then nothing grows for it."""
+    """(strands that are not bald, segments) that are drawn of a part; remembered: nothing grows for it again."""
     scene, lod = plan.scene, plan.settings.lod
     known = gpu.keep("tallies", (scene.mesh, scene.strands, str(lod), scene.camera if lod else None), dict)
     if part not in known:

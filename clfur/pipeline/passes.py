@@ -1,8 +1,8 @@
 """The two ways to draw strands: opaque, in samples, or as much of each pixel as they cover.
 
-A pass takes some rows of the picture through four steps: `look` tells how many rows fit and what each of their samples sees;
-`hide` what of that is in front, after shell fur has been taken into account; `shade` lights it; `hashed` gives its bits.
-Parts of the scene are gone through forwards and backwards in turn, so that the last one of a step is there for the next.
+A pass takes some rows of the picture through four steps: `look` tells how many rows fit and what each of their samples
+sees; `hide` what of that is in front, with shell fur taken into account; `shade` lights it; `hashed` gives its bits.
+Parts of the scene are gone through forwards and backwards in turn: the last one of a step is there for the next.
 """
 
 import functools
@@ -115,8 +115,8 @@ class Coverage:
         if gpu.steps and coverage.steps_of(self._counts(gpu, band), gpu.download(resolved.used)) > gpu.steps:
             self.warnings.add(f"{gpu.name} ends long loops: strands are missing where thousands lie in a pixel; "
                               "Settings.lod makes them fewer")
-        return Front(one_sample(band.view), resolved.seen, resolved.alpha, resolved.seen_fur, {"coverage": resolved.alpha},
-                     fragments, resolved)
+        return Front(one_sample(band.view), resolved.seen, resolved.alpha, resolved.seen_fur,
+                     {"coverage": resolved.alpha}, fragments, resolved)
 
     def shade(self, gpu, band, front, shadows, image):
         """Light what is in front -> (image over ``image``, {other output: array}), None and {} where not asked for."""

@@ -138,8 +138,10 @@ class Picture:
         for of_one in team.each(_seconds):   # not of those that were dropped: a lost device tells nothing
             for name, spent in of_one.items():
                 stages[name] = stages.get(name, 0.0) + spent
-        return Frame(self._images, " + ".join(gpu.name for gpu in team.gpus), plan.triangles if plan.body else 0, strands,
-                     segments, seconds, stages, sum(gpu.peak for gpu in team.gpus), self.digests, plan.settings)
+        names, memory = " + ".join(gpu.name for gpu in team.gpus), sum(gpu.peak for gpu in team.gpus)
+        triangles = plan.triangles if plan.body else 0
+        return Frame(self._images, names, triangles, strands, segments, seconds, stages, memory, self.digests,
+                     plan.settings)
 
     def _tally(self, gpu):
         found = [build.tally(gpu, self.plan, part) for part in self.plan.parts(gpu)]

@@ -60,8 +60,8 @@ class Cut:
 class Plan:
     """What a frame takes, and how it fits a device.
 
-    wants_color, others: whether the outputs are color, and more.  faces, strands, points, triangles: how many there are.
-    body: whether there is one.
+    wants_color, others: whether color is an output, and whether others are.  faces, triangles, strands, points: how
+    many there are.  body: whether there is one.
     """
 
     def __init__(self, rig, outputs):
@@ -126,7 +126,7 @@ class Plan:
         return int(min(min(self.cut(gpu).rows, BAND) // (3 * IMAGE * width), height))
 
     def parts(self, gpu, strands=None, body=True):
-        """[`Part`] of the scene, or of a share: some ``strands``, (first, one past the last), with or without ``body``."""
+        """[`Part`] of the scene or a share: some ``strands``, (first, one past the last), with ``body`` or without."""
         return self.cut(gpu, strands, body).parts
 
     def cut(self, gpu, strands=None, body=True):
@@ -142,11 +142,11 @@ class Plan:
         """`Cut` for rows of which is known how many pieces of strands each has, [rows] int64."""
         width, fullest = self.scene.camera.size[0], int(sums.max())
         if fullest > min(_largest(gpu) // FRAGMENT, NUMBERS):
-            raise Error(f"{gpu.name} has no room for {fullest:,} pieces of strands in a row of {width} pixels; allowed: "
-                        f"a smaller picture, fewer strands, or Settings.raster 'samples'")
+            raise Error(f"{gpu.name} has no room for {fullest:,} pieces of strands in a row of {width} pixels; "
+                        f"allowed: a smaller picture, fewer strands, or Settings.raster 'samples'")
         counted, row = len(sums) * width * COUNTED, width * self._pixel(True)
-        return self._cut(gpu, counted + len(sums) * row + FRAGMENT * int(sums.sum()), counted + row + FRAGMENT * fullest,
-                         pieces=fullest)
+        rows = counted + len(sums) * row + FRAGMENT * int(sums.sum())
+        return self._cut(gpu, rows, counted + row + FRAGMENT * fullest, pieces=fullest)
 
     def rows_counted(self, gpu, cut, sums, top):
         """How many of these rows fit at a time from row ``top`` of them on."""
@@ -228,8 +228,8 @@ class Plan:
         return fixed
 
     def keeps_light(self, gpu):
-        """Whether there is room for how much light reaches all points of strands, so that each is asked once for all bands
-        of the picture, and for frames in which only the camera moves."""
+        """Whether there is room for how much light reaches all points of strands: then they are asked once for all
+        bands of the picture, and for frames in which only the camera moves."""
         return self.uses_coverage and self.settings.shadows != "off" and LIGHT * self.points <= gpu.memory // 8
 
     def _bytes(self, gpu):

@@ -44,8 +44,9 @@ def shells_depth(alpha, method):
 
 
 def plan_shadows(rig, strands, body, fur=None):
-    """`Plan` for this many strands of a `Rig`, and whether there is a body; raises `clfur.Error` if counters could overflow.
+    """`Plan` for a `Rig`, this many strands, and whether there is a body.
 
+    Raises `clfur.Error` if counters could overflow.
     ``fur``: `stages.shells.bounds_of` the scene's shells, if they are to cast shadows.
     """
     scene, settings = rig.scene, rig.settings

@@ -55,7 +55,7 @@ def row_sums(gpu, counted):
 
 
 def allocate(gpu, counted, pieces, rows=None):
-    """Empty `Fragments` for so many ``pieces`` that `count` counted in all; ``rows``: where, (first, one past the last)."""
+    """Empty `Fragments` for so many ``pieces``, all that `count` counted in ``rows``, (first, one past the last)."""
     first, end = rows or (0, len(counted))
     width = counted.shape[1]
     band = {"size": (width, end - first), "first": first * width, "counted": counted}
