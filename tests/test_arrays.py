@@ -191,7 +191,8 @@ def test_the_plan_counts_all_of_fragments(gpu, mesh):
         return fragments, resolved, sums, shade.blend(gpu, sums, veil=resolved.veil)
     taken, (fragments, resolved, *_) = most(gpu, make)
     samples = parts.VISIBLE.bytes * 4 + coverage.Resolved.bytes(sample=4)
-    counted = 200 * 150 * (parts.PIXEL + samples + parts.IMAGE.bytes) + parts.FRAGMENT * len(fragments.list)
+    counted = 200 * 150 * (
+        parts.PIXEL + samples + parts.IMAGE.bytes + parts.RADIANCE_SUMS.bytes + parts.COUNTED.bytes) + parts.FRAGMENT * len(fragments.list)
     assert bytes_of(fragments, resolved) < counted and .8 * counted < taken < room(counted)
 
 
