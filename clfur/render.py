@@ -17,7 +17,7 @@ from .device.selection import choose
 from .device.team import Team
 from .errors import Error
 from .parts import Work
-from .scene import Scene
+from .scene import Scene, highlighted
 from .settings import Settings
 from .shadows import cast, plan_shadows, settle
 from .stages import coverage, march, shade, shells
@@ -94,12 +94,15 @@ def draw(scene, device=None, settings=None, outputs=("color",), hashes=False):
         for gpu in gpus:
             frames.enter_context(gpu.frame())
         team = Team(gpus)
+        drawn = scene
+        if settings.specular is not None:   # as once all looks had it
+            drawn = attrs.evolve(scene, fur=highlighted(scene.fur, settings.specular))
         if not settings.goal:
-            return _draw(team, scene, settings, outputs, hashes)
-        chosen = budget.choose(team, scene, settings, functools.partial(_draw, team, scene))
+            return _draw(team, drawn, settings, outputs, hashes)
+        chosen = budget.choose(team, scene, settings, functools.partial(_draw, team, drawn))
         for gpu in team.gpus:
             gpu.start()
-        return replace(_draw(team, scene, chosen.settings, outputs, hashes), error=chosen.error, why=chosen.why)
+        return replace(_draw(team, drawn, chosen.settings, outputs, hashes), error=chosen.error, why=chosen.why)
 
 
 def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
@@ -198,7 +201,7 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
             digests.update(told)
         if scene.shells:
             shell, packed = work.make_shell(gpu, settings)
-            image, through, fur = march.march(gpu, view, shell, packed, light, settings.specular, visible, shadows)
+            image, through, fur = march.march(gpu, view, shell, packed, light, visible, shadows)
         seen = view, visible, through, fur
         if covering:
             pixels, lights = coverage.bound(gpu, visible), None
@@ -220,7 +223,7 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
 
             def add(hair, lights):
                 reached = reached_on(gpu, hair, shadows) if settings.shadows != "off" else None
-                return coverage.light(gpu, view, light, settings.specular, fragments, resolved, hair, reached, lights)
+                return coverage.light(gpu, view, light, fragments, resolved, hair, reached, lights)
             for part in parts if lit else []:
                 lights = add(make(gpu, part)[0], lights)
             image = coverage.blend(gpu, lights, resolved, image) if lit else None
@@ -228,7 +231,7 @@ def _draw(team, scene, settings, outputs=("color",), hashes=False, bands=None):
             # Part by part each sample of a pixel is added in its turn, so that the sum is the same bits.
             for sample in range(settings.samples) if len(parts) > 1 else [None]:
                 for part in parts:
-                    image = shade.color(gpu, view, light, settings.specular, visible, *make(gpu, part), skin,
+                    image = shade.color(gpu, view, light, visible, *make(gpu, part), skin,
                                         shadows, image, None if sample is None else (sample, sample + 1), through)
         for part in parts if others else []:
             known = shade.about(gpu, *seen[:2], *make(gpu, part), known)

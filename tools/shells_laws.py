@@ -60,10 +60,10 @@ class Furred:
         scene = clfur.Scene(mesh=self.mesh, fur=self.fur, camera=camera, light=Light(direction=(1, -1, -0.6)))
         view, light = view_of(scene, samples), light_of(scene.light)
         visible = raster(self.gpu, view, None, self.body)
-        image, through, _ = march.march(self.gpu, view, self.shell, packed, light, "kajiya-kay", visible)
+        image, through, _ = march.march(self.gpu, view, self.shell, packed, light, visible)
         image, through = image.get().astype(float), through.get().astype(float)
         for s in range(samples):
-            behind = shade.color(self.gpu, view, light, "kajiya-kay", visible, self.skin, self.body, scene.body_color,
+            behind = shade.color(self.gpu, view, light, visible, self.skin, self.body, scene.body_color,
                                  samples=(s, s + 1))
             image += through[..., s:s + 1] * behind.get()
         return image

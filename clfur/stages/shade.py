@@ -30,11 +30,10 @@ def no_shadows(gpu):
                    np.zeros((), layout.View), gpu.empty(0, np.uint64))
 
 
-def color(gpu, view, light, specular, visible, strands, body, body_color, shadows=None, image=None, samples=None,
-          through=None):
+def color(gpu, view, light, visible, strands, body, body_color, shadows=None, image=None, samples=None, through=None):
     """Light every sample and average -> [rows, width, 4] float32, linear, premultiplied, alpha = coverage.
 
-    Strands by Kajiya and Kay (1989), the body by Lambert; ``specular`` as in `clfur.Settings`.  ``shadows``: `Shadows`.
+    Strands by their types' looks, the body by Lambert.  ``shadows``: `Shadows`.
     ``strands`` and ``body`` may be a part of what is visible: it is then added to ``image``, and the sum
     is the same bits if each of the ``samples`` (first, one past the last) is added for all parts before the next.
     ``through``: [rows, width, samples] float32, the share of each sample's light and coverage that comes through what
@@ -44,7 +43,7 @@ def color(gpu, view, light, specular, visible, strands, body, body_color, shadow
     rows, width, all_samples = visible.shape
     image = gpu.full((rows, width, 4), np.float32, 0) if image is None else image
     gpu.launch("shade.color", rows * width, view=view, part=_part(strands, body), which=samples or (0, all_samples),
-               light=light, half_vector=specular == "half-vector", visible=visible,
+               light=light, visible=visible,
                positions=body.positions, normals=body.normals, triangles=body.triangles, body_color=(*body_color, 0),
                veiled=through is not None, through=gpu.empty(0, np.float32) if through is None else through,
                image=image, **shadows.arrays(),
