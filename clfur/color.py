@@ -1,9 +1,11 @@
 """Colours as files code them, and as linear light."""
 
+from typing import Any
+
 import numpy as np
 
 
-def srgb_to_linear(values):
+def srgb_to_linear(values: Any) -> np.ndarray:
     """Return linear light of sRGB-coded values.
 
     values: array of any shape; uint8 is 0..255, floats are 0..1. Returns float32 of the same shape.
@@ -17,7 +19,7 @@ def srgb_to_linear(values):
     return linear.astype(np.float32)
 
 
-def linear_to_srgb(values):
+def linear_to_srgb(values: Any) -> np.ndarray:
     """Return sRGB-coded values of linear light, both 0..1 (others are clipped): float32 of the same shape.
 
     The exact two-part curve of IEC 61966-2-1, the inverse of `srgb_to_linear`.

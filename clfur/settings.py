@@ -69,6 +69,6 @@ class Settings:
                                 f"it; allowed: one of them")
 
     @property
-    def goal(self):
+    def goal(self) -> str | None:
         """Name of the field by which the others are chosen: "seconds", "max_error", or None."""
         return next((name for name in ("seconds", "max_error") if getattr(self, name) is not None), None)

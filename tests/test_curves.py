@@ -182,6 +182,15 @@ def test_arrays_on_a_device_must_fit_too(gpu):
         clfur.Curves(gpu.upload(whisk().reshape(-1, 3)))
 
 
+def test_as_many_points_as_strands():
+    """Values are of strands where their shape says so."""
+    points, counts = np.zeros((4, 3)), [2, 0, 2, 0]
+    curves = clfur.Curves(points, counts, width=np.ones((4, 1)), color=np.ones((4, 1, 3)))
+    assert curves.width.shape == (4,) and curves.color.shape == (4, 3)
+    with pytest.raises(clfur.Error, match=r"could be per strand or per point.*or \[4, 1\] per strand"):
+        clfur.Curves(points, counts, width=np.ones(4))
+
+
 def test_levels_must_fit_the_mesh(sphere):
     with pytest.raises(clfur.Error, match="Curves.inner has levels for 3 faces"):
         clfur.Scene(sphere, clfur.Curves(whisk(), inner=[1, 2, 3]))

@@ -1,5 +1,6 @@
 """The same picture however a driver runs the kernels; an end in time when it is interrupted; nothing left behind."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -16,15 +17,14 @@ HANDLES = [(text, one) for text, one in device.handles()]
 POCL = [text for text, one in HANDLES if "pocl" in one.platform.version.lower()]
 
 
-@pytest.mark.parametrize("variable, value", [
-    ("POCL_MAX_PTHREAD_COUNT", "1"), ("POCL_MAX_PTHREAD_COUNT", "2"),
-    ("POCL_WORK_GROUP_METHOD", "loops"), ("POCL_WORK_GROUP_METHOD", "loopvec")])
+@pytest.mark.parametrize("threads, method", [("1", "loops"), ("2", "loopvec")])
 @pytest.mark.parametrize("text", POCL)
-def test_neither_threads_nor_work_group_method_change_a_bit(tmp_path, text, variable, value):
-    """The self-test compares visibility, voxels and shadow map by hash, and the colours."""
+def test_neither_threads_nor_work_group_method_change_a_bit(tmp_path, text, threads, method):
+    """The self-test compares visibility, voxels and shadow map by hash, and the colours: each is judged alone."""
     (tmp_path / "cache").mkdir()   # PoCL does not tell what it has compiled by one method from another's
     outcome = isolated("clfur.judge.selftest:check", text, seconds=120,
-                       environment={variable: value, "POCL_CACHE_DIR": str(tmp_path / "cache")})
+                       environment={"POCL_MAX_PTHREAD_COUNT": threads, "POCL_WORK_GROUP_METHOD": method,
+                                    "POCL_CACHE_DIR": str(tmp_path / "cache")})
     assert (outcome.status, outcome.value) == ("ok", ""), outcome
 
 
@@ -51,7 +51,10 @@ def test_an_interrupt_ends_it_in_two_seconds(tmp_path, text):
 
 
 def test_frames_leave_nothing_behind(gpu):
-    """Resident memory over 1,000 frames of ever other sizes: less than a tenth of 5 MB, what 10,000 may leave."""
+    """Resident memory over 300 frames of ever other sizes: 3 MB in 10,000 frames would fail.
+
+    Python's collector leaves cycles for hundreds of frames; they are no leak, so it runs before each look.
+    """
     mesh = clfur.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], None, None, [[0, 1, 2]])
 
     def frames(n):
@@ -59,10 +62,11 @@ def test_frames_leave_nothing_behind(gpu):
             fur = clfur.Strands(types=[clfur.HairType(segments=2)], roots=20 + i % 7)
             clfur.draw(clfur.Scene(mesh, fur, camera=clfur.Camera(size=(16 + i % 5, 12))), gpu,
                        clfur.Settings(samples=1, grid=16, shadow_map=8))
+        gc.collect()
         with open("/proc/self/statm") as file:
             return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    before = frames(300)
-    assert frames(1000) - before < 5e5
+    before = frames(100)
+    assert frames(300) - before < 1e5
 
 
 def test_a_scheduler_does_not_survive_a_fork(gpu):

@@ -16,17 +16,31 @@ from clfur.render import OUTPUTS
 SETTINGS = clfur.Settings(raster="samples", samples=4, grid=32, shadow_map=64)
 
 
+@pytest.fixture(scope="module")
+def built(gpu):
+    """Schedulers of this device, and of the next there is, or of itself once more; their kernels are built once."""
+    return [clfur.Scheduler(gpu.device), clfur.Scheduler(DEVICES[(DEVICES.index(gpu.device) + 1) % len(DEVICES)])]
+
+
 @pytest.fixture
-def team(gpu):
-    """This device, and the next there is, or itself once more."""
-    other = DEVICES[(DEVICES.index(gpu.device) + 1) % len(DEVICES)]
-    return [clfur.Scheduler(gpu.device), clfur.Scheduler(other)]
+def team(built):
+    """These as if they were new, whatever a test before has put in place of their methods."""
+    yield list(built)
+    for one in built:
+        for name in {"launch", "empty", "upload", "download", "seconds"} & set(vars(one)):
+            delattr(one, name)
+        one.pace.clear()
+        one.forget()
 
 
-@pytest.mark.parametrize("keys", [{}, {"shadows": "binary"}, {"lod": 1}, {"lod": 1, "shadows": "binary"}],
-                         ids=["length", "binary", "lod", "lod-binary"])
-@pytest.mark.parametrize("kind", ["faces", 9001, "curves"])
-def test_a_team_gives_the_bits_of_one(gpu, team, sphere, kind, keys):
+WAYS = {"length": {}, "binary": {"shadows": "binary"}, "lod": {"lod": 1}, "lod-binary": {"lod": 1, "shadows": "binary"}}
+
+
+@pytest.mark.parametrize("kind, way", [("faces", "length"), (9001, "length"), ("curves", "length"), (9001, "binary"),
+                                       ("faces", "lod"), ("curves", "lod"), ("faces", "lod-binary")])
+def test_a_team_gives_the_bits_of_one(gpu, team, sphere, kind, way):
+    """How strands are shared out does not hang on how their shadow is counted."""
+    keys = WAYS[way]
     scene, settings = scene_of(kind, sphere), attrs.evolve(SETTINGS, **keys)
     whole = clfur.draw(scene, gpu, settings, tuple(OUTPUTS), hashes=True)
     for _ in range(2):
@@ -92,15 +106,17 @@ def test_a_device_that_fails_is_dropped_and_its_share_redone(gpu, team, sphere, 
         frame = clfur.draw(scene, team, settings, hashes=True)
     assert frame.hashes == whole.hashes
     # Drivers round exp and log differently: the colours are those of whichever device has shaded.
-    alone = [clfur.render(scene, one, settings) for one in (gpu, clfur.Scheduler(team[1].device))]
+    del broken.launch
+    alone = [clfur.render(scene, one, settings) for one in (gpu, team[1])]
     assert any(np.array_equal(frame.images["color"], image) for image in alone)
 
 
 @pytest.mark.parametrize("kind", ["faces", 9001])
 @pytest.mark.parametrize("which", [0, 1])
-def test_a_lost_device_is_asked_nothing_more(team, sphere, which, kind):
+def test_a_lost_device_is_asked_nothing_more(team, monkeypatch, sphere, which, kind):
     """As after a GPU's reset, when even waiting for it fails; also while the parts of a small one are planned."""
-    team = [clfur.Scheduler(one.device, memory=1_000_000) for one in team]
+    for one in team:
+        monkeypatch.setattr(one, "memory", 1_000_000)
     scene, lost = scene_of(kind, sphere), team[which]
 
     def fails(*_, **__):
@@ -108,7 +124,9 @@ def test_a_lost_device_is_asked_nothing_more(team, sphere, which, kind):
     lost.launch = lost.empty = lost.upload = lost.download = lost.seconds = fails
     with pytest.warns(RuntimeWarning, match="goes on without a device: this device is lost"):
         frame = clfur.draw(scene, team, SETTINGS, hashes=True)
-    left = clfur.Scheduler(team[1 - which].device)   # whose colours these are
+    left = team[1 - which]   # whose colours these are
+    left.forget()
+    monkeypatch.undo()
     same(clfur.draw(scene, left, SETTINGS, hashes=True), frame)
     assert frame.device == team[1 - which].name
 

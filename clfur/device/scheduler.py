@@ -5,9 +5,11 @@ import re
 import threading
 import time
 import warnings
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
@@ -53,7 +55,7 @@ class Scheduler:
     and (`DeviceError`) for what goes wrong on the device.
     """
 
-    def __init__(self, device=None, memory=None):
+    def __init__(self, device: Any = None, memory: int | None = None) -> None:
         self.device = choose(device)
         self.name = describe(self.device)
         pocl.name_processor(self.device)
@@ -95,7 +97,7 @@ class Scheduler:
         except (cl.Error, MemoryError) as error:
             raise DeviceError(f"{self.name} {doing}: {' '.join(str(error).split())[:300]}") from None
 
-    def empty(self, shape, dtype):
+    def empty(self, shape: int | Sequence[int], dtype: Any) -> cla.Array:
         """Uninitialised device array, taken from the pool."""
         check_process()
         shape = (shape,) if np.isscalar(shape) else tuple(shape)
@@ -116,7 +118,7 @@ class Scheduler:
         self.peak = max(self.peak, self._pool.active_bytes)
         return whole if shape[0] else whole[:0]
 
-    def full(self, shape, dtype, value):
+    def full(self, shape: int | Sequence[int], dtype: Any, value: Any) -> cla.Array:
         """Device array filled with one value."""
         there = self.empty(shape, dtype)
         if there.size:   # by the driver: pyopencl's own fill would compile a kernel for it
@@ -126,11 +128,11 @@ class Scheduler:
         return there
 
     @property
-    def room(self):
+    def room(self) -> int:
         """Bytes that arrays may still take on the device."""
         return self.memory - self._pool.active_bytes
 
-    def upload(self, array):
+    def upload(self, array: np.ndarray) -> cla.Array:
         """Copy of a host array on the device."""
         array = np.ascontiguousarray(array)
         there = self.empty(array.shape, array.dtype)
@@ -139,7 +141,7 @@ class Scheduler:
                 there.set(array)
         return there
 
-    def rows(self, array, first, end):
+    def rows(self, array: Any, first: int, end: int) -> cla.Array:
         """Rows of an array, on this device: of a host array or another context's copied here, else as they are."""
         if isinstance(array, np.ndarray):
             return self.upload(array[first:end])
@@ -156,12 +158,12 @@ class Scheduler:
                                 src_offset=array.offset + first * array.strides[0], dst_offset=0)
             return there
 
-    def download(self, array):
+    def download(self, array: cla.Array) -> np.ndarray:
         """Copy of a device array on the host."""
         with self._watched("gives no data"):
             return array.get()
 
-    def launch(self, name, size, /, **arguments):
+    def launch(self, name: str, size: int, /, **arguments: Any) -> None:
         """Run kernel "stem.kernel" over ``size`` work-items.
 
         ``arguments``: by their names in its signature, see `signature`; TypeError, before anything is run, for one that
@@ -192,13 +194,13 @@ class Scheduler:
                     self._ahead = 0.0
                 begin = end
 
-    def load(self, key):
+    def load(self, key: Any) -> None:
         """Tell what launches' lengths depend on: while it stays equal they are taken to be as long as they were."""
         if key != self._load:
             self._load = key
             self._rates.clear()
 
-    def keep(self, name, key, build):
+    def keep(self, name: str, key: tuple, build: Callable[[], Any]) -> Any:
         """``build()``, or what it gave last time under this name if ``key`` holds the very same objects."""
         last_key, value = self._kept.get(name, (None, None))
         if last_key is None or len(last_key) != len(key) or not all(a is b or (type(a) in (int, str) and a == b)
@@ -209,12 +211,12 @@ class Scheduler:
             self._kept[name] = (tuple(key), value)
         return value
 
-    def forget(self):
+    def forget(self) -> None:
         """Drop every kept stage, so that the next frame is built from the beginning."""
         self._kept.clear()
 
     @contextmanager
-    def frame(self):
+    def frame(self) -> Iterator[None]:
         """One frame: nothing else may draw with this scheduler meanwhile, and `seconds` and `peak` count anew."""
         check_process()
         if not self._busy.acquire(blocking=False):
@@ -226,11 +228,11 @@ class Scheduler:
         finally:
             self._busy.release()
 
-    def stop(self):
+    def stop(self) -> None:
         """Let the frame that is being drawn in another thread end with an error, soon."""
         self._stopped = True
 
-    def start(self):
+    def start(self) -> None:
         """Begin a new frame: from here on `seconds` and `peak` count anew."""
         self._log.clear()
         self.peak = self._pool.active_bytes
@@ -239,7 +241,7 @@ class Scheduler:
             self._pool.free_held()
 
     @contextmanager
-    def called(self, name):
+    def called(self, name: str) -> Iterator[None]:
         """Count the launches within under this name instead of their kernel file's."""
         self._called = name
         try:
@@ -247,7 +249,7 @@ class Scheduler:
         finally:
             self._called = None
 
-    def seconds(self):
+    def seconds(self) -> dict[str, float]:
         """Seconds on the device since `start`, by kernel file: {"strands": 0.007, ...}; waits for them."""
         total = {}
         with self._watched("does not finish"):

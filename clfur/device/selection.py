@@ -2,6 +2,7 @@
 
 import os
 import re
+from typing import Any
 
 import pyopencl as cl
 
@@ -12,12 +13,12 @@ from . import vendors
 _TYPES = {"gpu": cl.device_type.GPU, "cpu": cl.device_type.CPU}
 
 
-def find():
+def find() -> list[cl.Device]:
     """All OpenCL devices (pyopencl.Device), in platform and then device order; maybe none."""
     return [device for devices in _platforms() for device in devices]
 
 
-def choose(device=None):
+def choose(device: Any = None) -> cl.Device:
     """The OpenCL device that ``device`` means, or CLFUR_DEVICE, PYOPENCL_CTX or the best one if it is None.
 
     Accepts what `pick` does, and a pyopencl.Device, which comes back as it is.
@@ -67,7 +68,7 @@ def handles(platforms=None):
     return found
 
 
-def describe(device):
+def describe(device: cl.Device) -> str:
     """Short text for people, such as "PoCL 3.0 · Intel Xeon (2 units)": driver, processor, compute units."""
     if _is_pocl(device):
         driver = re.search(r"pocl *[\d.]*", device.platform.version, re.IGNORECASE)[0].replace("pocl", "PoCL")

@@ -25,7 +25,7 @@ EXR_CHANNELS = {
 }
 
 
-def save(path, image):
+def save(path: str | os.PathLike, image: np.ndarray | dict[str, np.ndarray]) -> None:
     """Write a picture to a .png, .exr or .npz file, by suffix: all of it or nothing.
 
     path: str or path-like. image: float [h, w, 4] linear premultiplied (or [h, w, 3]), or the dict of outputs
@@ -47,12 +47,12 @@ def save(path, image):
         write(temporary, outputs)
 
 
-def check_writable(path):
+def check_writable(path: str | os.PathLike) -> None:
     """Raise Error unless `save` could write to this path; leaves nothing behind."""
     output.check_writable(path, WRITERS)
 
 
-def png(color):
+def png(color: np.ndarray) -> bytes:
     """The bytes of a PNG file, 8-bit sRGB with straight alpha: of a float picture as `save` takes it."""
     import imageio.v3
 
@@ -123,7 +123,7 @@ def _npz(path, outputs):
 WRITERS = {".png": _png, ".exr": _exr, ".npz": _npz}
 
 
-def load_picture(path):
+def load_picture(path: str | os.PathLike) -> np.ndarray:
     """Return a picture file's pixels as stored, without alpha: uint8 [h, w, 3], the top row first.
 
     path: str or path-like, of any format with 8 bits a channel that imageio reads (PNG, JPEG, ...).

@@ -20,7 +20,7 @@ MAX_BYTES = 2**30  # of a file, and of what a file's header may ask for
 MAX_FACES = 2**26  # of all the instances in a file together
 
 
-def load_mesh(path):
+def load_mesh(path: str | os.PathLike) -> Mesh:
     """Return the Mesh of a file, or of a built-in name: "sphere" or "teapot".
 
     path: str or path-like; obj, ply, stl, off, glb or gltf, by suffix. Normals and uv are kept (missing

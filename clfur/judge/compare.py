@@ -4,6 +4,7 @@ import re
 import statistics
 import tempfile
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import attrs
@@ -31,7 +32,7 @@ class Spread:
     max: float
 
     @classmethod
-    def of(cls, values):
+    def of(cls, values: Sequence[float]) -> "Spread":
         return cls(statistics.median(values), min(values), max(values))
 
 
@@ -97,16 +98,17 @@ class Comparison:
     rows: list
 
     @property
-    def agree(self):
+    def agree(self) -> bool:
         """Whether every device gave the picture, and all the same one."""
         return all(row.status == "ok" for row in self.rows)
 
-    def as_dict(self):
+    def as_dict(self) -> dict:
         """All but the pictures, as what JSON can hold; numbers that are not finite become None."""
         return plain(attrs.asdict(self, filter=lambda field, _: field.name != "picture") | {"agree": self.agree})
 
 
-def compare(scene, devices="all", settings=None, repeat=5, reference=None, seconds=300, tell=None):
+def compare(scene: Scene, devices: str | Sequence[str] = "all", settings: Settings | None = None, repeat: int = 5,
+            reference: str | None = None, seconds: float = 300, tell: Callable | None = None) -> Comparison:
     """Draw the same frames of a `Scene` on many devices, one after another -> `Comparison`.
 
     ``devices``: "all", or texts as `Scheduler` takes them, in a list or with commas between.  ``repeat``: warm frames

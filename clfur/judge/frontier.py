@@ -6,7 +6,9 @@ import itertools
 import json
 import zipfile
 import zlib
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import attrs
 import numpy as np
@@ -74,11 +76,11 @@ class Frontier:
     points: list
 
     @property
-    def best(self):
+    def best(self) -> list[Point]:
         """The points that no other beats in both time and error, the fastest first."""
         return [point for point in self.points if point.best]
 
-    def as_dict(self):
+    def as_dict(self) -> dict:
         """All of it, as what JSON can hold; numbers that are not finite become None."""
         return plain(attrs.asdict(self))
 
@@ -119,7 +121,9 @@ def sweep(scene):
     return list(dict.fromkeys(found))
 
 
-def frontier(scene, candidates=None, device=None, repeat=3, pan=True, tell=None, fresh=False, own=None):
+def frontier(scene: Scene, candidates: Sequence[Settings] | None = None, device: Any = None, repeat: int = 3,
+             pan: bool = True, tell: Callable | None = None, fresh: bool = False, own: Settings | None = None
+             ) -> Frontier:
     """Draw a `Scene` in many ways and measure each against the truth -> `Frontier`.
 
     ``candidates``: `Settings`, or pairs of these and the layers of the scene's shells, in a list; what `sweep` in this

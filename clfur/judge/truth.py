@@ -3,6 +3,7 @@
 import io
 import math
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,7 +22,7 @@ VERSION = 1              # of what `picture` gives, strands and bodies included:
 RAYS = 1 << 18           # of the picture at a time
 
 
-def picture(scene, samples=8, seed=0, progress=None):
+def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | None = None) -> np.ndarray:
     """The picture that `clfur.render` approximates -> float64 [height, width, 4], as `render` has it.
 
     ``samples`` squared rays a pixel, one at random (by ``seed``) in each of as many squares, are averaged: a box filter

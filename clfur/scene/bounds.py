@@ -1,11 +1,12 @@
 """How far a mesh and its fur can reach: what cameras, grids and counters must have room for."""
 
 import functools
+from typing import Any
 
 import numpy as np
 
 from .curves import Bounds, Curves
-from .mesh import box, sphere
+from .mesh import Mesh, box, sphere
 from .shells import Shells
 from .strands import Strands
 
@@ -26,7 +27,7 @@ def points_to_see(mesh, fur):
 
 
 @functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
-def extent(mesh, fur):
+def extent(mesh: Mesh | None, fur: Any) -> tuple[np.ndarray, float]:
     """Return a sphere (centre float64 [3], radius float) around all that a mesh and its fur can reach."""
     strands, shells = strands_and_shells(fur)
     if isinstance(strands, Curves) and strands.bounds:
@@ -45,12 +46,12 @@ def _furthest(center, points):
     return float(np.sqrt(max(((each - center) ** 2).sum(1).max() for each in points)))
 
 
-def bounds_of(mesh, fur, strands):
+def bounds_of(mesh: Mesh | None, fur: Any, strands: int) -> Bounds:
     """Return the `Bounds` of this many strands of a fur, as its Curves would need them to be drawn alike."""
     return Bounds(*extent(mesh, fur), *hair_bounds(strands_and_shells(fur)[0], strands))
 
 
-def fur_extent(fur):
+def fur_extent(fur: Any) -> float:
     """Return how far fur, or each of a tuple, can reach beyond the points it is made of or grows on, in world units."""
     if isinstance(fur, tuple):
         return max(map(fur_extent, fur), default=0.0)
@@ -65,7 +66,7 @@ def fur_extent(fur):
 
 
 @functools.lru_cache(maxsize=2)
-def hair_bounds(fur, strands):
+def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]:
     """Return (segments, length [world], length · width [world²]) that ``strands`` strands of the fur cannot exceed."""
     if isinstance(fur, Curves):
         if fur.bounds:

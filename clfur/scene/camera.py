@@ -1,6 +1,8 @@
 """Cameras: a pinhole at a place, or one that was calibrated."""
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import attrs
 import numpy as np
@@ -57,7 +59,7 @@ class Camera:
         object.__setattr__(self, "intrinsics", checks.frozen(intrinsics))
 
     @classmethod
-    def calibrated(cls, pose, intrinsics, size):
+    def calibrated(cls, pose: Any, intrinsics: Any, size: Sequence[int]) -> "Camera":
         """Return the camera of a calibration.
 
         pose: [4, 4] camera to world, right-handed, a rotation and a translation; the camera looks along its

@@ -76,7 +76,7 @@ class Curves(Looking):
     """Strands that the user brings, as polylines.
 
     points: [strands, points, 3], or [total, 3] with counts [strands] when strands differ in length; the root
-    comes first. width: diameter in world units >= 0: one, [strands], or one for each point ([total], or
+    comes first. width: diameter in world units >= 0: one, [strands] or [strands, 1], or one for each point ([total], or
     [strands, points]). color: linear RGB >= 0, shaped like width with [..., 3]. No strands at all are allowed.
     types: what strands look like and how much light they let through: HairType objects, up to 256, of which nothing
     that makes hair grow is used; or None, and look (a Kajiya; or specular and exponent, to make one) and alpha (0..1,
@@ -153,12 +153,12 @@ class Curves(Looking):
                         f"{kinds} types")
 
     @functools.cached_property
-    def hair_types(self):
+    def hair_types(self) -> tuple[HairType, ...]:
         """The types that there are, also where none are given: a tuple of HairType."""
         return self.types or (HairType(look=self.look, alpha=self.alpha),)
 
     @functools.cached_property
-    def on_host(self):
+    def on_host(self) -> "Curves":
         """The same Curves with no array on a device."""
         there = {name: getattr(self, name) for name in PLACED if checks.is_on_device(getattr(self, name))}
         return attrs.evolve(self, **{name: array.get() for name, array in there.items()}) if there else self
@@ -166,7 +166,7 @@ class Curves(Looking):
 
 def _spread(values, tail, strands, total, uniform, where):
     """Return values as float32 [1, *tail], [strands, *tail] or [total, *tail]; anything else is an Error."""
-    shapes = {tail: "for all", (1, *tail): "for all", (strands, *tail): "per strand",
+    shapes = {tail: "for all", (1, *tail): "for all", (strands, *tail): "per strand", (strands, 1, *tail): "per strand",
               (total, *tail): "per point"}
     if uniform is not None:
         shapes[(strands, uniform, *tail)] = "per point"
@@ -178,7 +178,7 @@ def _spread(values, tail, strands, total, uniform, where):
         checks.refuse(where, values, allowed + ", of finite numbers >= 0")
     if strands == total != 1 and values.shape == (strands, *tail) and strands and uniform != 1:
         raise Error(f"{where} of shape {list(values.shape)} could be per strand or per point, as there are "
-                    f"as many points as strands; allowed: one for all")
+                    f"as many points as strands; allowed: one for all, or {[strands, 1, *tail]} per strand")
     if on_device:
         return values.reshape(values.size // int(np.prod(tail, dtype=int)), *tail)
     values = checks.float32(values, where).reshape(-1, *tail)

@@ -150,22 +150,22 @@ class Mesh:
         return np.where((mean != 0).any(axis=1, keepdims=True), mean, result)
 
     @functools.cached_property
-    def hull(self):
+    def hull(self) -> np.ndarray:
         """Points whose convex hull holds the curved (PN) surface, float64 [n, 3] (Vlachos et al. 2001)."""
         return _hull(self)
 
     @functools.cached_property
-    def area(self):
+    def area(self) -> float:
         """Area of all faces, flat, in world units squared."""
         return float(np.sqrt((_face_normals(self.positions, self.faces)[0] ** 2).sum(axis=1)).sum() / 2)
 
     @functools.cached_property
-    def longest_edge(self):
+    def longest_edge(self) -> float:
         """Length of the longest side of a face, flat."""
         return float(_face_normals(self.positions, self.faces)[1].max())
 
     @functools.cached_property
-    def bounds(self):
+    def bounds(self) -> tuple[np.ndarray, float]:
         """The sphere around the box of the positions: (centre float64 [3], radius float)."""
         return sphere(*box(self.positions))
 

@@ -1,6 +1,8 @@
 """All that a picture shows, and a camera that sees all of it."""
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import attrs
 import numpy as np
@@ -28,7 +30,8 @@ def _fur(value, where):
     return fur
 
 
-def frame(mesh, fur, size=(640, 480), fov=45, direction=(0.45, 0.3, 1.0)):
+def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: float = 45,
+          direction: Sequence[float] = (0.45, 0.3, 1.0)) -> Camera:
     """Return a Camera that sees all of a mesh and its fur.
 
     mesh: Mesh, or None with Curves. fur: what `Scene` takes. size: (width, height) in pixels. fov: vertical, degrees.

@@ -145,7 +145,7 @@ class Strands:
     type_indices: np.ndarray = attrs.field(init=False, repr=False)
 
     @property
-    def hair_types(self):
+    def hair_types(self) -> tuple[HairType, ...]:
         """The types that there are: a tuple of HairType."""
         return self.types
 
