@@ -7,12 +7,12 @@ from support.scenes import squares, strands_of
 from support.stages import on_host
 
 import clfur
-from clfur.shadows import cast_shadows
-from clfur.stages import coverage
+from clfur.pipeline.shadows import cast_shadows
+from clfur.pipeline.views import light_of, view_of
+from clfur.stages import coverage, shade
 from clfur.stages.raster import raster
 from clfur.stages.tessellate import no_surface, tessellate
 from clfur.twin import coverage as twin
-from clfur.views import light_of, view_of
 
 
 def stages_of(gpu, scene, samples=4):
@@ -21,7 +21,7 @@ def stages_of(gpu, scene, samples=4):
     visible = raster(gpu, view, None, tessellate(gpu, scene.mesh) if scene.body_color is not None else no_surface(gpu))
     pixels = coverage.bound(gpu, visible)
     coverage.count(gpu, view, strands, pixels)
-    fragments = coverage.room_for(gpu, pixels.get())
+    fragments = coverage.allocate(gpu, pixels, int(pixels.get()[..., 1].sum()))
     coverage.gather(gpu, view, strands, fragments)
     return view, visible, strands, fragments, coverage.resolve(gpu, visible, fragments)
 
@@ -37,7 +37,7 @@ def test_light_is_the_twins(gpu, kind, form, n, shaded, lamp):
     reached = np.random.default_rng(3).random(len(strands.points)).astype(np.float32) if shaded else None
     lights = coverage.light(gpu, view, light_of(lamp), fragments, resolved, strands,
                             gpu.upload(reached) if shaded else None)
-    image = coverage.blend(gpu, lights, resolved).get()
+    image = shade.blend(gpu, lights, veil=resolved.veil).get()
     pieces, there = pieces_of(fragments, resolved.used), on_host(strands)
     meant = np.zeros_like(image, float)
     for pixel in np.unique(pieces["pixel"]):

@@ -7,6 +7,7 @@ import pytest
 from support.furred import BENT, FUR, MESHES, SINE, noise_shape
 
 import clfur
+from clfur.pipeline.views import light_of, view_of
 from clfur.scene import frame
 from clfur.stages import march as stage
 from clfur.stages import shells
@@ -14,7 +15,6 @@ from clfur.stages.raster import raster
 from clfur.stages.shade import no_shadows
 from clfur.stages.tessellate import tessellate
 from clfur.twin import march as twin
-from clfur.views import light_of, view_of
 
 LAMP = clfur.Light((1, -1, -0.6))
 

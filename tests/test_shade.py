@@ -9,13 +9,13 @@ from support.stages import on_host
 
 import clfur
 from clfur import layout
+from clfur.pipeline.views import light_of, view_of
 from clfur.stages import shade
 from clfur.stages.raster import raster
 from clfur.stages.strands import bring, grow, no_strands
 from clfur.stages.tessellate import no_surface, tessellate
 from clfur.twin import shade as twin
 from clfur.twin import vectors
-from clfur.views import light_of, view_of
 
 NONE = np.uint64(twin.NONE)
 FORMS = ["kajiya-kay", "half-vector"]

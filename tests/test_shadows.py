@@ -10,13 +10,13 @@ from support.scenes import icosphere, squares, strands_of
 
 import clfur
 from clfur import truth
+from clfur.pipeline.shadows import cast_shadows
+from clfur.pipeline.views import grid_of, light_of, light_view_of, view_of
 from clfur.scene import extent
-from clfur.shadows import cast_shadows
 from clfur.stages import shade
 from clfur.stages.raster import raster
 from clfur.stages.strands import bring, no_strands
 from clfur.stages.tessellate import tessellate
-from clfur.views import grid_of, light_of, light_view_of, view_of
 
 METHODS = ("binary", "count", "trilinear", "length")
 BALD = clfur.Curves(np.zeros((0, 2, 3)))

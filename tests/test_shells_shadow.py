@@ -8,11 +8,12 @@ import sys
 import numpy as np
 import pytest
 from support.devices import DEVICES
+from support.plans import plan_of
 from support.scenes import icosphere
 
 import clfur
-from clfur.parts import Work
-from clfur.shadows import cast_shadows, shells_depth
+from clfur.pipeline.shadows import cast_shadows, shells_depth
+from clfur.pipeline.views import grid_of, light_of, view_of
 from clfur.stages import shade
 from clfur.stages import shells as stage
 from clfur.stages.raster import raster
@@ -20,7 +21,6 @@ from clfur.stages.strands import no_strands
 from clfur.stages.tessellate import tessellate
 from clfur.stages.voxelize import most_of
 from clfur.twin import shells as twin
-from clfur.views import grid_of, light_of, view_of
 
 UNIT = 1 << 12
 
@@ -312,7 +312,8 @@ def test_the_same_counts_in_parts_by_teams_and_with_narrow_atomics(gpu, sphere, 
     assert whole != hashed(bald, gpu, shadows=method)["voxels"]
     small = clfur.Scheduler(gpu.device, memory=6_000_000)
     small.int64_atomics = False
-    assert len(Work(small, scene).plan(small, clfur.Settings(raster="samples", grid=32, samples=1), False)[0]) > 1
+    settings = clfur.Settings(raster="samples", grid=32, samples=1)
+    assert len(plan_of(scene, settings, ["color"]).parts(small)) > 1
     assert hashed(scene, small, shadows=method)["voxels"] == whole
     assert hashed(scene, [gpu, small], shadows=method)["voxels"] == whole
     only = clfur.Scene(mesh=sphere, fur=scene.shells, light=scene.light, body_color=None)

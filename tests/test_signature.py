@@ -8,11 +8,11 @@ import pytest
 from clfur.fur import Strands
 
 from clfur import layout, scheduler, signature
+from clfur.pipeline.views import view_of
 from clfur.scene import Scene
 from clfur.stages.raster import NONE, raster
 from clfur.stages.strands import arrays, grow
 from clfur.stages.tessellate import tessellate
-from clfur.views import view_of
 
 KERNELS = sorted(scheduler.kernel_dir().glob("*.cl"), key=lambda path: path.name)
 TEXT = """

@@ -46,7 +46,7 @@ def test_a_team_gives_the_bits_of_one(gpu, team, sphere, kind, way):
     for _ in range(2):
         frame = clfur.draw(scene, team, settings, tuple(OUTPUTS), hashes=True)
         same(whole, frame)
-        assert all({"look", "cast"} <= set(one.pace) for one in team)
+        assert all({"rasterize", "accumulate"} <= set(one.pace) for one in team)
         assert frame.device == " + ".join(one.name for one in team)
 
 

@@ -28,14 +28,14 @@ import clfur
 from clfur import truth
 from clfur.color import srgb_to_linear
 from clfur.files.teapot import teapot
+from clfur.pipeline.shadows import cast_shadows
+from clfur.pipeline.views import light_of, view_of
 from clfur.scene import frame
 from clfur.settings import SHADOWS
-from clfur.shadows import cast_shadows
 from clfur.stages import shade
 from clfur.stages.raster import raster
 from clfur.stages.strands import grow
 from clfur.stages.tessellate import tessellate
-from clfur.views import light_of, view_of
 
 Settings = functools.partial(clfur.Settings, raster="samples", grid=48)   # as the report: opaque lines, coarse cells
 METHODS = SHADOWS[1:]

@@ -9,11 +9,11 @@ from sheets import line, sheet, size_of, write
 from shells_laws import OVER, Furred, before
 
 import clfur
+from clfur.pipeline.views import light_of, view_of
 from clfur.scene import frame
 from clfur.stages import march, shade
 from clfur.stages.raster import raster
 from clfur.stages.tessellate import tessellate
-from clfur.views import light_of, view_of
 
 FUR = (0.5, 0.28, 0.12)
 LIGHT = clfur.Light(direction=(1, -1, -.6))

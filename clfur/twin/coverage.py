@@ -14,6 +14,7 @@ from .vectors import f64, unit
 DEPTH_ONE = 1 << 30        # fixed-point depth at infinity; 0 is the near plane
 GUARD = 32768              # pixels from the origin at which ribbons are clipped
 NONE = (1 << 64) - 1       # a sample that nothing covers
+TILE = 8                   # pixels a side of the tiles in whose order pixels lie in memory
 BESIDE = 8                 # strands of a pixel whose pieces are known to lie beside each other
 LEAST = 1 / 256            # share of light at which no more strands are looked at
 
@@ -29,6 +30,17 @@ def fragments(view, points, spans):
     for number, a, b in segments(view, points, spans):
         for u, v, e, share in ribbon(a, b, steep := abs(b[0] - a[0]) < abs(b[1] - a[1]), view):
             yield *((u, v) if steep else (v, u)), DEPTH_ONE * (1 - min(max(e, 0), 1)), number, share
+
+
+def numbers(counts):
+    """Where the fragments of each pixel begin, [rows, width], if these have ``counts``: tiles lie row by row, and so do
+    the pixels in each."""
+    rows, columns = np.indices(counts.shape)
+    order = np.lexsort([place.ravel() for place in (columns, rows, columns // TILE, rows // TILE)])
+    in_order = counts.ravel()[order]
+    starts = np.empty(counts.size, np.int64)
+    starts[order] = np.cumsum(in_order) - in_order
+    return starts.reshape(counts.shape)
 
 
 def segments(view, points, spans):
