@@ -438,7 +438,7 @@ __kernel void reach(
     __global float *reached)               // [points] 0..1
 {
     WORK_ITEM(strand);
-    const Lamps lamps = {&lamp, &shadow, &grid, &seen, sums, map, 0};
+    const Lamps lamps = {&lamp, &shadow, &grid, &seen, sums, map};
     const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, 0};
     for (uint k = 0; k < spans[strand].y; ++k) {
         const uint id = spans[strand].x + k;
@@ -452,7 +452,6 @@ __kernel void light(
     const View view,
     const uint2 part,                      // first point's id, points
     const Light lamp,
-    const int half_vector,                 // 0: Kajiya and Kay's highlight, 1: the report's
     __global const uint2 *pixels,          // [rows, width] depth; end of its fragments
     __global const uint *used,             // [rows, width] those that are seen
     __global const ulong2 *fragments,      // depth << 32 | id; share of the pixel's light
@@ -468,7 +467,7 @@ __kernel void light(
     __global long4 *radiance_sums)         // [rows, width] r, g, b, alpha in 1/ONE
 {
     WORK_ITEM(pixel);
-    const Lamps lamps = {&lamp, 0, 0, 0, 0, 0, half_vector};
+    const Lamps lamps = {&lamp, 0, 0, 0, 0, 0};
     const Hair hair = {points, tangents, strand_of, 0, strand_uv, types, colors, color_per};
     const float x = pixel % view.size.x + 0.5f, y = view.rows.x + (int)(pixel / view.size.x) + 0.5f;
     const uint last = pixels[pixel].y, first = last - used[pixel];

@@ -14,6 +14,9 @@ CONSTANTS = {
     "SCAN": 256,            # values one work-item sums in a prefix scan
 }
 
+# How hair scatters light, as the last of `shine` tells; scatter.h has a way for each.
+MODELS = {"kajiya-kay": 0, "half-vector": 1, "turned": 2}
+
 # Sample positions in 1/16 pixel from the pixel's centre: no two share a row or a column, so an edge near an
 # axis has as many steps as samples.  4 and 16 are Direct3D's standard patterns.
 PATTERNS = {
@@ -40,7 +43,7 @@ HairType = np.dtype([
     ("shape", *_float4),              # segment_length, width [world], force_weight, direction_variation
     ("curl", *_float4),               # radius [world], cos and sin of the angle a segment, length_variation
     ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment, -
-    ("shine", *_float4),              # specular, exponent, alpha, -
+    ("shine", *_float4),              # two numbers of its model, in most specular and exponent; alpha; MODELS
     ("counts", *_int4),               # segments; texture's first texel, width, height (width 0: none)
 ])
 
@@ -68,7 +71,7 @@ Shells = np.dtype([                   # fur as a height field on the skin, drawn
     ("size", *_float4),                  # length [world], layers, frequency, length_variation
     ("shape", *_float4),                 # sharpness, density, noise [hairs], size of its waves [hairs]
     ("color", *_float4),                 # linear r, g, b; share of light at the roots
-    ("shine", *_float4),                 # specular, exponent, alpha, 1: turned normals
+    ("shine", *_float4),                 # as of HairType
     ("kind", *_int4),                    # pattern: 0 cells, 1 sine; seed; slabs that a hair bends in; 1: filtered
     ("noise", *_int4),                   # lattice of the noise in x, y, z; 1: no skin is drawn
     ("bend", *_float4),                  # what bends hairs all the time, -
@@ -77,6 +80,11 @@ Shells = np.dtype([                   # fur as a height field on the skin, drawn
 ])
 
 STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Shells": Shells}
+
+
+def shine(look, alpha, model=None):
+    """Member `shine` of what has a look; of another of the MODELS than the look's, if that is named."""
+    return *look.numbers, alpha, MODELS[model or look.model]
 
 
 def _c_struct(name, dtype):
@@ -102,6 +110,7 @@ def preamble(int64_atomics, checked=False, lanes=1):
     table = ", ".join(f"(int2)({x * step}, {y * step})" for x, y in patterns)
     return "".join([
         *(f"#define {name} {value:#x}{'u' if value >> 31 else ''}\n" for name, value in CONSTANTS.items()),
+        *(f"#define {name.upper().replace('-', '_')} {value}\n" for name, value in MODELS.items()),
         f"#define INT64_ATOMICS {int(int64_atomics)}\n",
         f"#define CHECKED {int(checked)}\n",
         f"#define LANES {lanes}\n",

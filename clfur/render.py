@@ -5,13 +5,15 @@ import threading
 from contextlib import ExitStack
 from dataclasses import replace
 
+import attrs
+
 from . import budget
 from .device.scheduler import Scheduler
 from .device.selection import choose
 from .device.team import Team
 from .errors import Error
 from .pipeline.picture import OUTPUTS, Frame, draw_frame
-from .scene import Scene
+from .scene import Scene, highlighted
 from .settings import Settings
 
 __all__ = ["OUTPUTS", "Frame", "draw", "render", "schedulers"]
@@ -56,12 +58,15 @@ def draw(scene, device=None, settings=None, outputs=("color",), hashes=False):
         for gpu in gpus:
             frames.enter_context(gpu.frame())
         team = Team(gpus)
+        drawn = scene
+        if settings.specular is not None:   # as once all looks had it
+            drawn = attrs.evolve(scene, fur=highlighted(scene.fur, settings.specular))
         if not settings.goal:
-            return draw_frame(team, scene, settings, outputs, hashes)
-        chosen = budget.choose(team, scene, settings, functools.partial(draw_frame, team, scene))
+            return draw_frame(team, drawn, settings, outputs, hashes)
+        chosen = budget.choose(team, scene, settings, functools.partial(draw_frame, team, drawn))
         for gpu in team.gpus:
             gpu.start()
-        return replace(draw_frame(team, scene, chosen.settings, outputs, hashes), error=chosen.error, why=chosen.why)
+        return replace(draw_frame(team, drawn, chosen.settings, outputs, hashes), error=chosen.error, why=chosen.why)
 
 
 def schedulers(device):

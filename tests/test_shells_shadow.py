@@ -259,7 +259,7 @@ def test_the_body_is_dark_under_the_fur(gpu):
         visible, hair = raster(gpu, view, None, body), no_strands(gpu)
         settings = clfur.Settings(raster="samples", samples=1, shadow_map=0)
         cast = cast_shadows(gpu, scene, settings, hair, body, furred(gpu, scene.mesh, scene.shells))
-        dark, full = (shade.color(gpu, view, light, "kajiya-kay", visible, hair, body, (1, 1, 1), each).get()[..., 0]
+        dark, full = (shade.color(gpu, view, light, visible, hair, body, (1, 1, 1), each).get()[..., 0]
                       for each in (cast, None))
         share = (dark[full > .2] / full[full > .2]).mean()
         assert share == pytest.approx(1) if alpha == 1 else .05 < share < .6

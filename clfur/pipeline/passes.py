@@ -162,7 +162,7 @@ class Coverage:
         plan = self.plan
         hair = build.hair(gpu, plan, part, plan.settings.lod)
         if plan.wants_color:
-            coverage.light(gpu, band.view, plan.rig.lights[0], plan.settings.specular, front.fragments, front.resolved,
+            coverage.light(gpu, band.view, plan.rig.lights[0], front.fragments, front.resolved,
                            hair, self._transmittance(gpu, band, part, hair, shadows), sums)
         if plan.others:
             known = shade.about(gpu, front.view, front.keys, hair, no_surface(gpu), known)
@@ -214,5 +214,5 @@ class Counted:
 
 def _light(gpu, plan, view, visible, hair, body, shadows, image, through, sums):
     skin = (0, 0, 0) if plan.scene.body_color is None else plan.scene.body_color
-    return shade.color(gpu, view, plan.rig.lights[0], plan.settings.specular, visible, hair, body, skin, shadows, image,
+    return shade.color(gpu, view, plan.rig.lights[0], visible, hair, body, skin, shadows, image,
                        through, sums)
