@@ -86,7 +86,7 @@ def grow(scene, device=None):
         raise Error("scene has no Strands; allowed: one with Strands in its fur")
     gpu = schedulers(device)[0]
     with gpu.frame():
-        return curves_of(gpu, Plan(Rig.of(scene, Settings(shadows="off")), ()))
+        return curves_of(gpu, Plan(Rig.of(scene, Settings(shadows="off", shadow_map=0)), ()))
 
 
 def schedulers(device):
