@@ -16,8 +16,6 @@
 #define CHAINS 8            // strands whose pieces in a pixel are remembered: these lie beside each other, not behind
 #define BATCH 128           // fragments written together
 #define FEW 64              // fragments that are sorted by insertion
-#define SAMPLES 16          // the most a pixel can have
-#define TILE 8              // pixels a side of a tile; SCAN pixels are whole tiles
 
 /* Mean share of a row that lies below an edge which runs from a to b above the row's start.  What is taken from each other
    here is near each other: far outside of the row it is 0 or 1 without an error. */
@@ -345,7 +343,7 @@ __kernel void resolve(
         all_fur += (1.0f - through[pixel * samples + s]) / samples;
 
     while (event < events || left) {
-        const bool more = left && kept * room > 1.0f / 256.0f;
+        const bool more = left && kept * room > UNSEEN;
         if (event < events && (!more || depths[event] <= (uint)(heap[few ? left - 1 : 0].x >> 32))) {
             const int s = places[event] / 2;
             const size_t sample = pixel * samples + s;
@@ -393,7 +391,7 @@ __kernel void resolve(
         const float hidden = before < 1.0f ? kept * (sum - before) / (1.0f - before) : 0.0f;
         kept -= hidden;
         float weight = hidden * room;
-        if (!(kept * room > 1.0f / 256.0f)) {
+        if (!(kept * room > UNSEEN)) {
             weight += kept * room;
             kept = 0.0f;
         }

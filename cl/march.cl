@@ -100,7 +100,7 @@ INLINED lanes3 lit(const Lamp *lamp, lanes_i lanes_on, lanes3 p, lanes h, lanes3
                 const float4 place = (float4)(LANE(p.x, i), LANE(p.y, i), LANE(p.z, i), 0.0f);
                 if (lamp->shadow->body.x)
                     LANE(part, i) *= past_body(lamp->seen, lamp->map, lamp->shadow->body.y, place,
-                        (float4)(LANE(n.x, i), LANE(n.y, i), LANE(n.z, i), 0.0f), 5.0f, 1.0f + 2 * lamp->shadow->body.y);
+                        (float4)(LANE(n.x, i), LANE(n.y, i), LANE(n.z, i), 0.0f), HAIR_STEEPEST, HAIR_BIAS(lamp->shadow->body.y));
                 if (lamp->shadow->hair.x > 0.0f)
                     LANE(part, i) *= through_hair(lamp->grid, lamp->sums, lamp->shadow->hair.x, (float2)(0.0f), place);
             }
@@ -232,8 +232,8 @@ INLINED void onwards(int here, int slabs, int4 neighbours, lanes_i out, lanes_i 
         } else {
             const int side = (way - SIDE) / 2;
             const int across = side == 0 ? neighbours.x : side == 1 ? neighbours.y : neighbours.z;
-            const int behind = across < 0 ? 0 : BEHIND[2 * (across & 3) + (way - SIDE) % 2];
-            there = across < 0 ? -1 : 3 * (slabs * (across >> 2) + slab) + behind / 4;
+            const int behind = across < 0 ? 0 : BEHIND[2 * (across & ((1 << SIDE_BITS) - 1)) + (way - SIDE) % 2];
+            there = across < 0 ? -1 : 3 * (slabs * (across >> SIDE_BITS) + slab) + behind / 4;
             by = behind % 4;
             other = 1;
         }
@@ -254,7 +254,7 @@ __kernel void march(
     __global const ulong *entries,         // [rows, width, samples] where they enter: depth << 32 | BODY | border triangle
     __global const uint4 *border,          // [B] face; 4 · (3 · slab + tetrahedron) + corner left out; -; -
     __global const uint4 *faces,           // [F] corners in the order of their numbers
-    __global const int4 *neighbours,       // [F] 4 · face + its side, across each side; -1: none
+    __global const int4 *neighbours,       // [F] face << SIDE_BITS | its side, across each side; -1: none
     __global const float4 *curves,         // [V, slabs + 1]
     __global const float4 *normals,        // [V]
     __global const float4 *lattice,        // [F, CORNERS]
@@ -507,7 +507,7 @@ __kernel void march(
                     const lanes middle = 0.5f * (within(now - change, 0.0f, 1.0f) + within(now, 0.0f, 1.0f));
                     const lanes_i rises = (change > 1e-6f) & !is_far;
                     const lanes back = rises ? within((now - middle) / (rises ? change : F(1.0f)), 0.0f, 1.0f) : F(0.5f);
-                    const lanes after_it = rest * kept, left_over = after_it < 1.0f / 256 ? F(0.0f) : after_it;   // less would not be seen
+                    const lanes after_it = rest * kept, left_over = after_it < UNSEEN ? F(0.0f) : after_it;
                     const lanes part = rest - left_over;
                     hidden += part;
                     sum += part * (at - back);

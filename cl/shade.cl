@@ -165,7 +165,7 @@ __kernel void about(
     if (is_body) {
         const uint4 t = triangles[id];
         float4 b;
-        out_id[pixel] = -2;
+        out_id[pixel] = ID_BODY;
         out_normal[pixel] = body_normal(positions, normals, t, p, v, &b);
         out_uv[pixel] = b.x * uv[t.x] + b.y * uv[t.y] + b.z * uv[t.z];
     } else {

@@ -10,7 +10,7 @@ from ..layout import Arrays, Declared, array
 from .shade import no_light
 from .strands import arrays
 
-TILE = 8       # as in coverage.cl
+TILE = layout.CONSTANTS["TILE"]
 COUNTED = Declared("pixel", np.uint32, 2)                 # depth of what hides strands, fragments
 REACHED = Declared("point", np.float32)                   # share of direct light, 0..1
 

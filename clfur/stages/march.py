@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..layout import Arrays, array
+from ..layout import Arrays, array, block
 from .raster import NONE, raster
 from .shade import IMAGE, no_shadows
 
@@ -32,7 +32,7 @@ def march(gpu, view, shell, packed, light, visible, shadows=None):
     shadows = shadows or no_shadows(gpu)
     image, rays = IMAGE.empty(gpu, (rows, width)), Rays.empty(gpu, {"sample": visible.shape})
     pattern = shell.pattern
-    across, down = (1, 1) if gpu.lanes == 1 else (4, gpu.lanes // 4)   # a work-item's pixels
+    across, down = block(gpu.lanes)
     blocks = -(-width // across) * -(-rows // down)
     for _ in range(ENTRIES):
         left = gpu.full(1, np.int32, 0)

@@ -41,7 +41,7 @@ class About(Arrays):
     """What is known of pixels, see `about`."""
 
     depth: Any = array("pixel", np.float32, None, np.inf)
-    id: Any = array("pixel", np.int32, None, -1)
+    id: Any = array("pixel", np.int32, None, layout.CONSTANTS["ID_NOTHING"])
     tangent: Any = array("pixel", np.float32, 4, 0)
     normal: Any = array("pixel", np.float32, 4, 0)
     uv: Any = array("pixel", np.float32, 4, 0)
