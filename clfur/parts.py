@@ -7,20 +7,28 @@ import numpy as np
 from .errors import Error
 from .scene import Curves, Strands
 from .stages.blur import reach_of
-from .stages.coverage import FRAGMENT
-from .stages.lod import thin
+from .stages.coverage import COUNTED, RADIANCE_SUMS, REACHED, Fragments, Resolved
+from .stages.lod import THINNED, thin
+from .stages.march import Rays
+from .stages.raster import VISIBLE
+from .stages.shade import IMAGE, About, Shadows
 from .stages.shells import bend, border, lay, pack, size_of, topology_of
-from .stages.strands import area_of, bring, first_strand_at, grow, no_strands
-from .stages.tessellate import counts_of, levels_of, no_surface, tessellate
+from .stages.strands import AREA, Grown, Packed, Roots, area_of, bring, first_strand_at, grow, no_strands
+from .stages.tessellate import Source, Surface, counts_of, levels_of, no_surface, tessellate
+from .stages.voxelize import CELLS
 from .views import view_of
 
-# Bytes on the device, of all arrays that stages make; see their dataclasses.
-VERTEX, TRIANGLE = 64, 16 + 8 + 16      # a triangle's area, and a strand that may stand on it, counted below
-POINT, STRAND = 36, 104                 # strands of the user's come packed, with width and colour: 32 more a point
-THIN_POINT, THIN_STRAND = 32, 8         # once more for thinned ones; 16 more a point with a colour
-MESH_VERTEX, MESH_FACE = 32, 96         # the mesh itself
-PIXEL = 80                              # what is known of one where strands are transparent,
-PIECES = 32                             # and how many of them it has room for, at least
+# Bytes on the device, of all arrays that stages make, as they declare them.
+VERTEX, TRIANGLE = Surface.bytes(vertex=1), Surface.bytes(triangle=1) + AREA.bytes
+POINT, STRAND = Grown.bytes(point=1), Grown.bytes(strand=1, color=1) + Roots.bytes(strand=1)
+PACKED = Packed.bytes(point=1, width=1, color=1) + Grown.bytes(color=1)   # more a point, of strands of the user's
+THIN_POINT, THIN_STRAND = Grown.bytes(*THINNED, point=1), Grown.bytes(*THINNED, strand=1)
+THIN_COLOR = Grown.bytes("colors", color=1)                               # where points have colours
+MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
+PIXEL = COUNTED.bytes + Fragments.bytes(pixel=1) + Resolved.bytes(pixel=1) + RADIANCE_SUMS.bytes
+FRAGMENT = Fragments.bytes(fragment=1)
+KNOWN = About.bytes(pixel=1)            # of a pixel but its colour
+PIECES = 32                             # of strands that there is room for in each pixel, at least
 NUMBERS = 2**32 - 1                     # pieces that a band can tell apart
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
@@ -87,22 +95,22 @@ class Work:
         first, end = strands or (0, self.strands)
         scene, width, height = self.scene, *self.scene.camera.size
         piece = gpu.largest * 7 // 8                      # the pool rounds arrays up, by up to a sixteenth
-        fixed = settings.shadow_map**2 * 8 + self.faces * MESH_FACE
+        fixed = Shadows.bytes(sample=settings.shadow_map**2) + self.faces * MESH_FACE
         if scene.mesh is not None:
             fixed += len(scene.mesh.positions) * MESH_VERTEX
         if settings.shadows != "off" and (self.strands or scene.shells):
-            fixed += 2 * (settings.grid + 1) * settings.grid**2 * 4
-        row = width * (8 * settings.samples + 16 + (60 if others else 0))
+            fixed += CELLS.bytes * settings.grid**3 + Shadows.bytes(layer=(settings.grid + 1) * settings.grid**2)
+        row = width * (VISIBLE.bytes * settings.samples + IMAGE.bytes + KNOWN * bool(others))
         if self.covering(settings):
-            row += width * (PIXEL + 4 * settings.samples) + self._row_pieces(pieces) * FRAGMENT
+            row += width * (PIXEL + Resolved.bytes(sample=settings.samples)) + self._row_pieces(pieces) * FRAGMENT
         shells = 0
         if scene.shells:
             shells = size_of(scene.mesh, self._pack(settings)[0], self.topology(gpu))
             fixed += shells
-            row += width * 24 * settings.samples
+            row += width * settings.samples * (VISIBLE.bytes + Rays.bytes(sample=1))   # where they enter
         fewest = 1                                        # rows of the picture that are blurred at a time
         if settings.blur != "off":
-            row, fewest = max(row, width * 48), min(2 * reach_of(settings.blur_sigma) + 1, height)
+            row, fewest = max(row, width * 3 * IMAGE.bytes), min(2 * reach_of(settings.blur_sigma) + 1, height)
         strand, point = self._bytes(settings)
         need = {
             "body": VERTEX * int(self.vertices[-1]) + TRIANGLE * int(self.triangles[-1]),
@@ -112,13 +120,14 @@ class Work:
         least = {   # of each; a face or a strand is never divided
             "body": min(need["body"], max(self.face, 1 << 16)),
             "strands": min(need["strands"], max(strand + self.longest * point, 1 << 16)),
-            "rows": max(row, fewest * width * 48),
+            "rows": max(row, fewest * width * 3 * IMAGE.bytes),
         }
         spare = gpu.memory * 15 // 16 - fixed - sum(least.values())
         room = _share(spare, {name: need[name] - least[name] for name in need})
         room = {name: least[name] + room[name] for name in need}
 
-        rows = min(min(room["rows"], BAND) // row, piece // (width * max(8 * settings.samples, 16)), height)
+        largest = width * max(VISIBLE.bytes * settings.samples, IMAGE.bytes)
+        rows = min(min(room["rows"], BAND) // row, piece // largest, height)
         if rows < 1 or spare < 0:
             furry = f"shells of {shells / 2**20:,.1f} MiB, " * bool(shells)
             lines = "a row" if fewest == 1 else f"{fewest} rows"
@@ -136,13 +145,13 @@ class Work:
 
     def _bytes(self, settings):
         """Bytes on the device of a strand and of each of its points."""
-        strand, point = (STRAND, POINT) if self.grown else (STRAND, POINT + 32)
+        strand, point = (STRAND, POINT) if self.grown else (STRAND, POINT + PACKED)
         if settings.lod:
             fur = self.scene.strands
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
-            strand, point = strand + THIN_STRAND, point + THIN_POINT + 16 * per_point
+            strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
         if self.covering(settings):                         # how much light reaches it
-            point += 4
+            point += REACHED.bytes
         return strand, point
 
     def _row_pieces(self, known):
@@ -159,7 +168,7 @@ class Work:
         (parts, rows), (height, width) = plan, counted.shape[:2]
         most, pieces = rows * self._row_pieces(known), int(counted[..., 1].sum(dtype=np.int64))
         if len(parts) == 1:   # nothing else will come
-            after += height * width * (PIXEL + 80 + 4 * settings.samples)
+            after += height * width * (PIXEL + IMAGE.bytes + KNOWN + Resolved.bytes(sample=settings.samples))
             most = max(most, (gpu.room - after) * 7 // 8 // FRAGMENT)
         limit = min(gpu.largest * 7 // 8 // FRAGMENT, NUMBERS)
         if height == 1 and pieces > limit:

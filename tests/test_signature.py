@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pyopencl as cl
 import pytest
-from clfur.fur import Strands
 
-from clfur import layout, scheduler, signature
-from clfur.scene import Scene
+from clfur import layout
+from clfur.device import scheduler, signature
+from clfur.scene.scene import Scene
+from clfur.scene.strands import Strands
 from clfur.stages.raster import NONE, raster
 from clfur.stages.strands import arrays, grow
 from clfur.stages.tessellate import tessellate

@@ -5,37 +5,42 @@ from typing import Any
 
 import numpy as np
 
+from ..layout import Arrays, Declared, array
+from .shade import IMAGE
 from .strands import arrays
 
-FRAGMENT = 16   # bytes
 TILE = 8
+COUNTED = Declared("pixel", np.uint32, 2)                 # depth of what hides strands, fragments
+RADIANCE_SUMS = Declared("pixel", np.int64, 4, 0)         # r, g, b, alpha in 2^-32
+REACHED = Declared("point", np.float32)                   # share of direct light, 0..1
 
 
 @dataclass(frozen=True)
-class Fragments:
+class Fragments(Arrays):
     """What strands cover of each pixel: those of a pixel are starts[pixel] to pixels[pixel, 1]."""
 
-    starts: Any    # [rows, width] uint32
-    pixels: Any    # [rows, width, 2] uint32 depth of what hides strands, end of the pixel's fragments
-    list: Any      # [n, 2] uint64 depth << 32 | id, see `raster`; float32 share of the pixel's area, then of its light
+    starts: Any = array("pixel", np.uint32)
+    pixels: Any = array("pixel", np.uint32, 2)    # depth of what hides strands, end of the pixel's fragments
+    list: Any = array("fragment", np.uint64, 2)   # depth << 32 | id, see `raster`; float32 share of the pixel's area,
+                                                  # then of its light
 
 
 @dataclass(frozen=True)
-class Resolved:
+class Resolved(Arrays):
     """What is seen of fragments, and of what is behind them."""
 
-    used: Any       # [rows, width] uint32 fragments that are seen: the last of each pixel, the nearest last of all
-    through: Any    # [rows, width, samples] float32 share of each sample's light that comes from the body
-    veil: Any       # [rows, width] float32 share of the shells' light that strands before them let through
-    alpha: Any      # [rows, width] float32 share of light that does not come from behind everything
-    seen: Any       # [rows, width, 1] uint64 depth << 32 | id of the strand or body that fills most of a pixel
-    seen_fur: Any   # [rows, width, 1] uint64 depth << 32 | face, where shells do
+    used: Any = array("pixel", np.uint32)           # fragments that are seen: the last ones, the nearest last of all
+    through: Any = array("sample", np.float32, None, 1)   # share of its light that comes from the body
+    veil: Any = array("pixel", np.float32)          # share of the shells' light that strands before them let through
+    alpha: Any = array("pixel", np.float32)         # share of light that does not come from behind everything
+    seen: Any = array("pixel", np.uint64, 1)        # depth << 32 | id of the strand or body that fills most of it
+    seen_fur: Any = array("pixel", np.uint64, 1)    # depth << 32 | face, where shells do
 
 
 def bound(gpu, visible):
     """How far each pixel of the body's ``visible`` can be seen into -> [rows, width, 2] uint32 depth, 0."""
     rows, width, samples = visible.shape
-    pixels = gpu.empty((rows, width, 2), np.uint32)
+    pixels = COUNTED.empty(gpu, (rows, width))
     gpu.launch("coverage.bound", rows * width, samples=samples, visible=visible, pixels=pixels)
     return pixels
 
@@ -53,8 +58,8 @@ def room_for(gpu, pixels):
     tiles.reshape(tiles.shape[0] * TILE, -1)[:rows, :width] = counts
     ends = np.cumsum(tiles.swapaxes(1, 2), dtype=np.int64).reshape(-1, tiles.shape[2], TILE, TILE).swapaxes(1, 2)
     starts = (ends - tiles).reshape(tiles.shape[0] * TILE, -1)[:rows, :width].astype(np.uint32)
-    return Fragments(gpu.upload(starts), gpu.upload(np.stack([pixels[..., 0], starts], -1)),
-                     gpu.empty((int(counts.sum(dtype=np.int64)), 2), np.uint64))
+    return Fragments.empty(gpu, {"fragment": int(counts.sum(dtype=np.int64))}, starts=gpu.upload(starts),
+                           pixels=gpu.upload(np.stack([pixels[..., 0], starts], -1)))
 
 
 def gather(gpu, view, strands, fragments):
@@ -71,13 +76,8 @@ def resolve(gpu, visible, fragments, through=None, fur=None):
     """
     rows, width, samples = visible.shape
     furry = through is not None
-    resolved = Resolved(
-        used=gpu.empty((rows, width), np.uint32),
-        through=through if furry else gpu.full(visible.shape, np.float32, 1),
-        veil=gpu.empty((rows, width), np.float32),
-        alpha=gpu.empty((rows, width), np.float32),
-        seen=gpu.empty((rows, width, 1), np.uint64),
-        seen_fur=gpu.empty((rows, width, 1), np.uint64))
+    known = {"through": through} if furry else {}
+    resolved = Resolved.empty(gpu, {"pixel": (rows, width), "sample": visible.shape}, **known)
     gpu.launch("coverage.resolve", rows * width, samples=samples, starts=fragments.starts, pixels=fragments.pixels,
                fragments=fragments.list, visible=visible, furry=furry, fur=fur if furry else gpu.empty(0, np.uint64),
                **vars(resolved))
@@ -92,7 +92,7 @@ def steps_of(counts, used):
 
 def reach(gpu, lamp, strands, shadows):
     """How much direct light reaches each point of `Grown` strands -> [points] float32 0..1."""
-    reached = gpu.empty(len(strands.points), np.float32)
+    reached = REACHED.empty(gpu, len(strands.points))
     gpu.launch("coverage.reach", len(strands.spans), lamp=lamp, reached=reached, **shadows.arrays(),
                **arrays(strands, "points", "tangents", "strand_of", "strand_normal", "strand_uv", "types", "colors",
                         "spans"))
@@ -106,7 +106,7 @@ def light(gpu, view, lamp, specular, fragments, resolved, strands, reached=None,
     light if None.
     """
     rows, width = fragments.starts.shape
-    lights = gpu.full((rows, width, 4), np.int64, 0) if lights is None else lights
+    lights = RADIANCE_SUMS.empty(gpu, (rows, width)) if lights is None else lights
     gpu.launch("coverage.light", rows * width, view=view, part=(strands.first_point, len(strands.points)), lamp=lamp,
                half_vector=specular == "half-vector", pixels=fragments.pixels, used=resolved.used,
                fragments=fragments.list, shaded=reached is not None,
@@ -118,6 +118,6 @@ def light(gpu, view, lamp, specular, fragments, resolved, strands, reached=None,
 def blend(gpu, lights, resolved, image=None):
     """Put the strands' light over the shells' ``image`` -> [rows, width, 4] float32, linear, premultiplied."""
     rows, width, _ = lights.shape
-    image = gpu.full((rows, width, 4), np.float32, 0) if image is None else image
+    image = IMAGE.empty(gpu, (rows, width)) if image is None else image
     gpu.launch("coverage.blend", rows * width, lights=lights, veil=resolved.veil, image=image)
     return image
