@@ -101,12 +101,12 @@ __kernel void roots_on_faces(
     __global const uint4 *triangles,       // [first + strands]
     const uint first,                      // triangle of the first strand
     __global float4 *root,                 // [strands]
-    __global float4 *direction,            // [strands] unit
+    __global float4 *root_direction,       // [strands] unit
     __global float4 *root_uv)              // [strands] u, v, -, -
 {
     WORK_ITEM(i);
     const float third = 1.0f / 3.0f;
-    put_root(positions, normals, uv, triangles[first + i], third, third, third, &root[i], &direction[i], &root_uv[i]);
+    put_root(positions, normals, uv, triangles[first + i], third, third, third, &root[i], &root_direction[i], &root_uv[i]);
 }
 
 /* Strand i of n stands at a random place of the i-th n-th of the surface's area. The triangles here may be a run of
@@ -125,7 +125,7 @@ __kernel void roots_by_area(
     const uint first,                      // number of the first strand
     const uint n,                          // strands in all
     __global float4 *root,                 // [strands here]
-    __global float4 *direction,
+    __global float4 *root_direction,
     __global float4 *root_uv)
 {
     WORK_ITEM(here);
@@ -150,7 +150,7 @@ __kernel void roots_by_area(
         b = 1.0f - b;
     }
     put_root(positions, normals, uv, triangles[low], 1.0f - a - b, a, b,
-             &root[here], &direction[here], &root_uv[here]);
+             &root[here], &root_direction[here], &root_uv[here]);
 }
 
 /* Bilinear texel with wrap-around; v runs up, rows run down. */

@@ -85,12 +85,11 @@ __kernel void vertices(
     __global const float4 *corner_uv,      // [F, 3] u, v, -, -
     __global const uint4 *faces,           // [F] three vertices, -
     __global const int4 *levels,           // [F] outer[0..2], inner: 1..64, inner already rounded up to 2
-    __global const uint *first,            // [F + 1] first vertex of each face's part of the result
+    __global const uint *first_vertex,     // [F + 1] of each face's part of the result
     const int curved,
-    __global float4 *out_positions,        // [first[F]]
+    __global float4 *out_positions,        // [first_vertex[F]]
     __global float4 *out_normals,
-    __global float4 *out_uv,
-    __global float4 *out_barycentric)      // place in the face, weights of its three corners
+    __global float4 *out_uv)
 {
     WORK_ITEM(f);
     const uint index[3] = {faces[f].x, faces[f].y, faces[f].z};
@@ -103,7 +102,7 @@ __kernel void vertices(
     const Patch patch = make_patch(p, n);
     const int4 level = levels[f];
     const int inner = level.w;
-    uint at = first[f];
+    uint at = first_vertex[f];
 
     for (int k = 0; 2 * k <= inner; ++k) {
         const bool point = k > 0 && inner == 2 * k;
@@ -131,7 +130,6 @@ __kernel void vertices(
                 out_positions[at] = position;
                 out_normals[at] = normal;
                 out_uv[at] = b[0] * uv[0] + b[1] * uv[1] + b[2] * uv[2];
-                out_barycentric[at] = (float4)(b[0], b[1], b[2], 0.0f);
             }
         }
     }

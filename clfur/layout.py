@@ -1,4 +1,7 @@
-"""The one contract between host and device: constants, sample patterns and structs, written once."""
+"""The one contract between host and device: constants, sample patterns, structs and arrays, written once."""
+
+import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -119,3 +122,77 @@ def least_half_width(samples):
 def pattern_start(samples):
     """First row in PATTERN of the pattern with this many samples a pixel."""
     return sum(n for n in PATTERNS if n < samples)
+
+
+@dataclasses.dataclass(frozen=True)
+class Declared:
+    """An array on the device before there is one.
+
+    of: what it has a row for, "point", "pixel" or the like.  dtype, width: of a row, of so many values; None: of one.
+    fill: the value that it is filled with at first, nothing if None.
+    """
+
+    of: str
+    dtype: Any
+    width: int | None = None
+    fill: Any = None
+
+    @property
+    def bytes(self):
+        """Bytes of a row."""
+        return np.dtype(self.dtype).itemsize * (self.width or 1)
+
+    def empty(self, gpu, rows):
+        """The array itself, with so many rows, a number or several: [*rows, width]."""
+        shape = (*(rows if isinstance(rows, tuple) else (rows,)), *[self.width] * bool(self.width))
+        return gpu.empty(shape, self.dtype) if self.fill is None else gpu.full(shape, self.dtype, self.fill)
+
+
+def array(of, *rest, **keys):
+    """A field of `Arrays` that holds an array on the device: a `Declared`, or what makes one."""
+    return dataclasses.field(metadata={"declared": of if isinstance(of, Declared) else Declared(of, *rest, **keys)})
+
+
+class Arrays:
+    """Base of the dataclasses that hold arrays on the device: each is declared, with `array`, and annotated Any.
+
+    Raises TypeError for a class with a field of Any that is not declared, and for an object whose arrays are not as
+    they are declared, or of which two with rows of the same have another number of them; an empty one may stand for
+    none.
+    """
+
+    def __init_subclass__(cls):
+        own = {name: getattr(cls, name, None) for name in cls.__annotations__}
+        declared = {name: each.metadata["declared"] for name, each in own.items()
+                    if isinstance(each, dataclasses.Field) and "declared" in each.metadata}
+        for name, kind in cls.__annotations__.items():
+            if (kind is Any) != (name in declared):
+                raise TypeError(f"{cls.__name__}.{name} is of {kind}; allowed: Any with layout.array, or another type")
+        cls.declared = {**getattr(cls, "declared", {}), **declared}
+
+    def __post_init__(self):
+        rows = {}
+        for name, value in vars(self).items():
+            known = self.declared.get(name)
+            if known is None:
+                if hasattr(value, "base_data"):
+                    raise TypeError(f"{type(self).__name__}.{name} is an array on the device that is not declared")
+                continue
+            shape, end = value.shape, (known.width,) if known.width else ()
+            before = shape[:len(shape) - len(end)]
+            if value.size and rows.setdefault(known.of, before) != before or (
+                    value.dtype != known.dtype or shape[len(before):] != end):
+                raise TypeError(f"{type(self).__name__}.{name} is {value.dtype} {list(shape)}; allowed: "
+                                f"{np.dtype(known.dtype)} {[*rows.get(known.of, before), *end]}")
+
+    @classmethod
+    def empty(cls, gpu, rows, **given):
+        """One of this class: its arrays as declared, with so many ``rows``, {"point": 7, ...}, but those ``given``."""
+        made = {name: known.empty(gpu, rows[known.of]) for name, known in cls.declared.items() if name not in given}
+        return cls(**made, **given)
+
+    @classmethod
+    def bytes(cls, *names, **rows):
+        """Bytes on the device of its arrays, all or those of these ``names``, that have rows of these, so many of each:
+        ``bytes(point=7)``."""
+        return sum(cls.declared[name].bytes * rows.get(cls.declared[name].of, 0) for name in names or cls.declared)

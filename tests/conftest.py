@@ -22,6 +22,36 @@ def gpu(request):
     return clfur.Scheduler(DEVICES[request.param])
 
 
+@pytest.fixture(scope="session")
+def idle():
+    """Schedulers that no test uses at the moment: {(device, what their kernels are built for): [Scheduler]}."""
+    return {}
+
+
+@pytest.fixture
+def another(gpu, idle):
+    """Gives further schedulers of the device, or of ``device``, each as if it were new: building kernels takes time.
+
+    ``built``: attributes that kernels are built by, int64_atomics and lanes.
+    """
+    lent = []
+
+    def lend(memory=None, device=None, **built):
+        key = device or gpu.device, *sorted(built.items())
+        one = idle[key].pop() if idle.get(key) else clfur.Scheduler(key[0])
+        lent.append((key, one, dict(vars(one))))
+        vars(one).update(built)
+        one.memory = min(memory or one.memory, one.memory)
+        return one
+    yield lend
+    for key, one, before in lent:
+        vars(one).clear()
+        vars(one).update(before)
+        one.pace.clear()
+        one.forget()
+        idle.setdefault(key, []).append(one)
+
+
 @pytest.fixture(autouse=True)
 def fresh(request):
     """Each test starts without stages kept from the one before."""

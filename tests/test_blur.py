@@ -65,7 +65,7 @@ def test_rows_are_the_same_bits(gpu, edges):
 
 @pytest.mark.parametrize("raster", ["samples", "coverage"])
 @pytest.mark.parametrize("kind", ["all", "edges"])
-def test_a_blurred_frame(gpu, sphere, kind, raster):
+def test_a_blurred_frame(gpu, another, sphere, kind, raster):
     """A frame is blurred once, whole, however many bands it is drawn in; and what isn't colour is not."""
     scene = clfur.Scene(sphere, clfur.Strands(inner=3, outer=3), camera=clfur.Camera(eye=(0, .4, 3.2), size=(121, 83)))
     sharp = clfur.draw(scene, gpu, clfur.Settings(raster=raster, grid=32, shadow_map=64), ("color", "depth"))
@@ -76,7 +76,7 @@ def test_a_blurred_frame(gpu, sphere, kind, raster):
     assert "blur" in soft.stages and "blur" not in sharp.stages
 
     memory = 1_000_000 if raster == "samples" else 3_000_000
-    small = clfur.Scheduler(gpu.device, memory=memory)
+    small = another(memory)
     banded = clfur.draw(scene, small, settings, ("color", "depth"))
     assert banded.memory <= memory
     np.testing.assert_array_equal(banded.images["color"], soft.images["color"])

@@ -77,12 +77,12 @@ def test_max_error(gpu, sphere):
     assert told == sorted(told, reverse=True)
 
 
-def test_the_same_every_time(gpu, sphere):
+def test_the_same_every_time(gpu, another, sphere):
     first, again, other = (quiet(scene(sphere), device, clfur.Settings(max_error=0.07)) for device in (
-        gpu, gpu, clfur.Scheduler(gpu.device)))
+        gpu, gpu, another()))
     assert first.settings == again.settings == other.settings and first.error == again.error == other.error
     assert np.array_equal(first.images["color"], other.images["color"])
-    together = quiet(scene(sphere), [gpu, clfur.Scheduler(gpu.device)], clfur.Settings(max_error=0.07))
+    together = quiet(scene(sphere), [gpu, another()], clfur.Settings(max_error=0.07))
     assert (together.settings, together.error) == (first.settings, first.error)
 
 
@@ -201,9 +201,9 @@ def test_cells_are_no_finer_than_strands(sphere):
     assert grids(1) == {16}
 
 
-def test_a_small_device(gpu, sphere):
+def test_a_small_device(another, sphere):
     """Cells that do not fit are not tried: the cheap picture can be had."""
-    small = clfur.Scheduler(gpu.device, memory=12 << 20)
+    small = another(12 << 20)
     drawn = quiet(scene(sphere), small, clfur.Settings(max_error=0.06))
     assert drawn.memory <= 12 << 20 and drawn.error <= 0.06
     with pytest.raises(clfur.Error, match="Settings.grid 256"):

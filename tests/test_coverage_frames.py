@@ -70,10 +70,10 @@ def test_light_on_strands_is_kept_while_only_the_camera_moves(gpu, monkeypatch, 
         np.testing.assert_array_equal(drawn.images[name], image, err_msg=name)
 
 
-def test_light_on_parts_is_their_own(gpu, sphere):
+def test_light_on_parts_is_their_own(gpu, another, sphere):
     """What a picture in one part has left does not count against the memory of one in several, nor the other way."""
     scene = scene_of(9001, sphere)
-    small = clfur.Scheduler(gpu.device, memory=6_000_000)
+    small = another(6_000_000)
     names, parts = recorded(small), []
     tiny = attrs.evolve(scene, camera=clfur.Camera(eye=(0, .4, 3.2), size=(12, 8)))
     large = attrs.evolve(scene, camera=clfur.Camera(eye=(0, .4, 3.2), size=(200, 150)))

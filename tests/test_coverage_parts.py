@@ -17,25 +17,27 @@ from clfur.render import OUTPUTS
 
 
 @pytest.mark.parametrize("kind, lod", [("faces", 0), (9001, 0), ("curves", 0), ("curves", 1)])
-def test_parts_and_bands_are_the_same_bits(gpu, sphere, kind, lod):
+def test_parts_and_bands_are_the_same_bits(gpu, another, sphere, kind, lod):
     scene, settings = scene_of(kind, sphere), attrs.evolve(SETTINGS, grid=32, shadow_map=64, lod=lod)
     whole = clfur.draw(scene, gpu, settings, tuple(OUTPUTS), hashes=True)
     assert np.isfinite(whole.images["depth"]).mean() > .2 and whole.images["color"].std() > .05
-    for memory in (3_000_000, 2_000_000):
-        small = clfur.Scheduler(gpu.device, memory=memory)
-        names = recorded(small)
+    small = another()
+    names = recorded(small)
+    for small.memory in (3_000_000, 2_000_000):
+        small.forget()
+        names.clear()
         frame = clfur.draw(scene, small, settings, tuple(OUTPUTS), hashes=True)
         same(whole, frame)
-        assert 0 < frame.memory <= memory
+        assert 0 < frame.memory <= small.memory
         bands = names.count("coverage.resolve")
         assert 1 < bands < names.count("coverage.gather")   # several parts in each
 
 
-def test_parts_of_strands_over_shells(gpu, sphere):
+def test_parts_of_strands_over_shells(gpu, another, sphere):
     scene = scene_of("faces", sphere)
     scene = clfur.Scene(sphere, [scene.strands, clfur.Shells(length=.1, frequency=9, layers=5)], scene.camera)
     whole = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True)
-    small = clfur.Scheduler(gpu.device, memory=3_000_000)
+    small = another(3_000_000)
     assert len(plan_of(scene, SETTINGS).parts(small)) > 1
     same(whole, clfur.draw(scene, small, SETTINGS, tuple(OUTPUTS), hashes=True))
 
@@ -67,21 +69,21 @@ def dense(size, n=3000):
 
 
 @pytest.mark.parametrize("others", [("color",), tuple(OUTPUTS)])
-def test_bands_are_cut_by_what_was_counted(gpu, others):
+def test_bands_are_cut_by_what_was_counted(gpu, another, others):
     """Each is tried once, and as large as fits: one more row and it would be too large."""
-    scene, cuts = dense((64, 48)), set()
-    whole = clfur.draw(scene, gpu, OFF, others, hashes=True)
-    for memory in range(900_000, 4_000_000, 300_000):
-        small = clfur.Scheduler(gpu.device, memory=memory)
-        bands, launch = [], small.launch
+    scene, cuts, small, bands = dense((64, 48)), set(), another(), []
+    whole, launch = clfur.draw(scene, gpu, OFF, others, hashes=True), small.launch
 
-        def told(name, size, /, launch=launch, bands=bands, **arguments):
-            if name == "coverage.resolve":
-                bands.append((size // 64, len(arguments["fragments"])))
-            launch(name, size, **arguments)
-        small.launch = told
+    def noted(name, size, /, **arguments):
+        if name == "coverage.resolve":
+            bands.append((size // 64, len(arguments["fragments"])))
+        launch(name, size, **arguments)
+    small.launch = noted
+    for small.memory in range(900_000, 4_000_000, 300_000):
+        small.forget()
+        bands.clear()
         frame = clfur.draw(scene, small, OFF, others, hashes=True)
-        assert frame.memory <= memory and frame.hashes == whole.hashes
+        assert frame.memory <= small.memory and frame.hashes == whole.hashes
         for name in others:
             np.testing.assert_array_equal(frame.images[name], whole.images[name])
         assert sum(rows for rows, _ in bands) == 48
@@ -113,14 +115,14 @@ def test_bands_are_as_large_as_fits(gpu, seed):
         assert top == 48
 
 
-def test_a_row_of_too_many_pieces_is_refused(gpu):
+def test_a_row_of_too_many_pieces_is_refused(another):
     scene = dense((64, 1), 20_000)
     scene = clfur.Scene(fur=scene.strands, camera=clfur.Camera(eye=(0, 0, 3), fov=5, size=(64, 1)))
-    small = clfur.Scheduler(gpu.device, memory=1_000_000)
+    small = another(1_000_000)
     with pytest.raises(clfur.Error, match="has no room for .* a row of 64 pixels with [0-9,]+ pieces of strands; "
                                           "allowed: smaller ones, or Settings.raster 'samples'"):
         clfur.render(scene, small, OFF)
-    small = clfur.Scheduler(gpu.device)
+    small = another()
     small.largest = 800_000
     with pytest.raises(clfur.Error, match="has no room for [0-9,]+ pieces of strands in a row of 64 pixels; allowed: "
                                           "a smaller picture, fewer strands, or Settings.raster 'samples'"):
@@ -191,21 +193,21 @@ def test_the_body_is_drawn_without_growing_hair(gpu, sphere):
     assert set(names) == {"strands.bring"}
 
 
-def test_a_team_gives_the_bits_of_one(gpu, sphere):
+def test_a_team_gives_the_bits_of_one(gpu, another, sphere):
     scene = scene_of("faces", sphere)
     whole = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True)
-    team = [clfur.Scheduler(gpu.device), clfur.Scheduler(gpu.device)]
+    team = [another(), another()]
     same(whole, clfur.draw(scene, team, SETTINGS, tuple(OUTPUTS), hashes=True))
-    small = [clfur.Scheduler(gpu.device, memory=memory) for memory in (2_500_000, 3_000_000)]
+    small = [another(memory) for memory in (2_500_000, 3_000_000)]
     same(whole, clfur.draw(scene, small, SETTINGS, tuple(OUTPUTS), hashes=True))
 
 
 @pytest.mark.parametrize("kernel", ["coverage.bound", "coverage.gather", "coverage.light", "raster.body"])
-def test_a_device_that_fails_is_dropped(gpu, sphere, kernel):
+def test_a_device_that_fails_is_dropped(gpu, another, sphere, kernel):
     """What the lost one has seen of the body already is on it, and must not be used."""
     scene = scene_of("faces", sphere)
     whole = clfur.draw(scene, gpu, SETTINGS, hashes=True)
-    team = [clfur.Scheduler(gpu.device), clfur.Scheduler(gpu.device)]
+    team = [another(), another()]
     launch, last = team[0].launch, team[1].launch
 
     def fails(name, size, /, **arguments):

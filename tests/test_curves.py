@@ -104,14 +104,14 @@ def test_a_root_normal_keeps_the_skins_shadow_off(gpu, sphere):
 
 @pytest.mark.parametrize("body", [False, True])
 @pytest.mark.parametrize("memory", [None, 1_500_000])
-def test_arrays_on_the_device_draw_the_same_bits(gpu, sphere, body, memory):
-    device = gpu if memory is None else clfur.Scheduler(gpu.device, memory=memory)
+def test_arrays_on_the_device_draw_the_same_bits(gpu, another, sphere, body, memory):
+    device = gpu if memory is None else another(memory)
     host = everything(whisk(3000 if memory else 60), inner=2, outer=2, surface="pn")
     placed = attrs.evolve(host, **{name: device.upload(getattr(host, name)) for name in (
         "points", "width", "color", "root_uv", "root_normal")})
     assert placed.uniform == 5 and placed.points.shape == host.points.shape
     # Those of another scheduler are brought over.
-    other = attrs.evolve(placed, points=clfur.Scheduler(gpu.device).upload(host.points.reshape(-1, 5, 3)), counts=None)
+    other = attrs.evolve(placed, points=another().upload(host.points.reshape(-1, 5, 3)), counts=None)
     mesh = sphere if body else None
     settings = clfur.Settings(grid=16, shadow_map=64)
     drawn = [clfur.render(scene_of(curves, mesh=mesh), device, settings, OUTPUTS) for curves in (host, placed, other)]

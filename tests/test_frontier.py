@@ -24,9 +24,15 @@ def like_truth(scene, samples, seed=0, progress=None):
     return clfur.render(scene, settings=clfur.Settings(samples=4))
 
 
+@pytest.fixture(scope="module")
+def gpu():
+    return clfur.Scheduler()
+
+
 @pytest.fixture(autouse=True)
-def cheap(tmp_path, monkeypatch):
-    """A truth that is drawn at once, and an empty cache."""
+def cheap(tmp_path, monkeypatch, gpu):
+    """A truth that is drawn at once, an empty cache, and one scheduler, whose kernels are built once."""
+    monkeypatch.setattr(library, "Scheduler", lambda name: gpu if device.choose(name) == gpu.device else None)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(library.truth, "picture", like_truth, raising=False)
     monkeypatch.setattr(library.truth, "VERSION", 0, raising=False)
@@ -161,9 +167,9 @@ def test_without_a_pan(sphere, drawn):
     assert clfur.frontier(scene(sphere), WAYS[:1], repeat=1).points[0].flicker > 0
 
 
-def test_the_pan_of_the_truth(sphere):
+def test_the_pan_of_the_truth(sphere, gpu):
     """Each step, cut from one large picture, is what the camera sees that is turned by so much."""
-    there, gpu = scene(sphere), clfur.Scheduler()
+    there = scene(sphere)
     truths, _ = library._truths(there, gpu, lambda *_: None)
     assert truths.shape == (5, 24, 32, 4)
     for step, truth in enumerate(truths):
@@ -172,14 +178,14 @@ def test_the_pan_of_the_truth(sphere):
     assert np.abs(truths[4, :, 1:] - truths[0, :, :-1]).max() < 2e-5 < np.abs(truths[1] - truths[0]).max()
 
 
-def test_noise_of_the_truth(sphere, monkeypatch):
+def test_noise_of_the_truth(sphere, monkeypatch, gpu):
     random = np.random.default_rng(1)
 
     def noisy(scene, **_):
         width, height = scene.camera.size
         return np.concatenate([random.normal(.5, .1, (height, width, 3)), np.ones((height, width, 1))], 2)
     monkeypatch.setattr(library.truth, "picture", noisy)
-    truths, noise = library._truths(scene(sphere), clfur.Scheduler(), lambda *_: None)
+    truths, noise = library._truths(scene(sphere), gpu, lambda *_: None)
     level = library.measures.measure(truths[0], np.broadcast_to([.5, .5, .5, 1], truths[0].shape))["error"]
     assert noise == pytest.approx(level, rel=.1)
 

@@ -352,7 +352,7 @@ def test_without_strands_nothing_changes(gpu, sphere, fur, raster):
     assert second.strands == 0 and second.images["color"][..., 3].any()
 
 
-def test_shadows_are_those_of_what_is_seen(gpu, sphere):
+def test_shadows_are_those_of_what_is_seen(gpu, another, sphere):
     """They follow the camera where lod says so, and only there; the report's methods count all strands."""
     near = furry(sphere)
     camera = clfur.Camera(eye=(0, .4, 30), size=(161, 121))
@@ -362,7 +362,7 @@ def test_shadows_are_those_of_what_is_seen(gpu, sphere):
         first, second = (clfur.draw(scene, gpu, settings, hashes=True) for scene in (near, far))
         assert ("voxelize" in second.stages) == cast_anew
         assert (first.hashes["voxels"] != second.hashes["voxels"]) == cast_anew
-        alone = clfur.draw(far, clfur.Scheduler(gpu.device), settings, hashes=True)
+        alone = clfur.draw(far, another(), settings, hashes=True)
         assert alone.hashes == second.hashes
         np.testing.assert_array_equal(alone.images["color"], second.images["color"])
         if shadows == "count":

@@ -127,14 +127,12 @@ def test_rays_equal_the_twin(gpu, monkeypatch, name):
 
 
 @pytest.mark.parametrize("lanes", [1, 8, 16])
-def test_rays_are_the_same_side_by_side(gpu, monkeypatch, lanes):
+def test_rays_are_the_same_side_by_side(another, monkeypatch, lanes):
     """As GPUs and CPUs take them: one ray a work-item, or several; the other tests take as many as a scheduler does."""
-    other = clfur.Scheduler(gpu.device)
-    other.lanes = lanes
-    agree(drawn(other, monkeypatch, "ball", clfur.Shells(**FUR | BENT), size=(23, 17), samples=4))
+    agree(drawn(another(lanes=lanes), monkeypatch, "ball", clfur.Shells(**FUR | BENT), size=(23, 17), samples=4))
 
 
-def test_rays_side_by_side_go_as_far_as_one_alone(gpu, monkeypatch):
+def test_rays_side_by_side_go_as_far_as_one_alone(gpu, another, monkeypatch):
     """Thin fur of very many faces, along which each ray has a way of its own, longer than all rays' share of 20,000."""
     n, across = 600, 24
     x, z = (a.ravel() for a in np.meshgrid(np.linspace(-.3, .3, across + 1), np.linspace(-1, 1, n + 1)))
@@ -146,9 +144,8 @@ def test_rays_side_by_side_go_as_far_as_one_alone(gpu, monkeypatch):
     fur = clfur.Shells(length=.3, frequency=20, density=.03, layers=4, wind=(.2, 0, 0))
     camera, seen = clfur.Camera(eye=(0, .2, 2), target=(0, .1, 0), size=(16, 12), fov=10), []
     for lanes in (1, gpu.lanes if gpu.steps else 16):   # llvmpipe's 16 would be ended after 65,535 steps together
-        other = clfur.Scheduler(gpu.device)
-        other.lanes = lanes
-        seen.append(drawn(other, monkeypatch, mesh, fur, size=(16, 12), camera=camera, bare=True).through)
+        it = drawn(another(lanes=lanes), monkeypatch, mesh, fur, size=(16, 12), camera=camera, bare=True)
+        seen.append(it.through)
     assert (seen[0] < .9).mean() > .3
     assert (np.abs(seen[0] - seen[1]) > CLOSE).mean() <= FLIPS
 

@@ -29,35 +29,35 @@ WAYS = {"64-bit": (True, {}), "32-bit": (False, {}), "lod": (True, {"lod": 1}),
 @pytest.mark.parametrize("kind, way", [
     *((kind, "64-bit") for kind in ("faces", 9001, "curves", "striped")), ("faces", "32-bit"), ("striped", "32-bit"),
     ("faces", "lod-count"), (9001, "lod"), ("curves", "lod"), ("striped", "lod-count")])
-def test_parts_and_bands_are_the_same_bits(gpu, sphere, kind, way):
+def test_parts_and_bands_are_the_same_bits(gpu, another, sphere, kind, way):
     """How strands are divided into parts does not hang on atomics; each kind is thinned in one way or another."""
     wide, keys = WAYS[way]
     scene, settings = scene_of(kind, sphere), attrs.evolve(SETTINGS, **keys)
     whole = clfur.draw(scene, gpu, settings, tuple(OUTPUTS), hashes=True)
     assert np.isfinite(whole.images["depth"]).mean() > .2 and whole.images["color"].std() > .05
-    for memory in (1_400_000, 1_000_000):
-        small = clfur.Scheduler(gpu.device, memory=memory)
-        small.int64_atomics &= wide
+    small = another() if wide else another(int64_atomics=False)
+    for small.memory in (1_400_000, 1_000_000):
+        small.forget()
         plan = plan_of(scene, settings)
         parts = plan.parts(small)
         assert len(parts) > 1 and plan.rows(small) < 83
-        if kind not in ("curves", "striped") and memory == 1_000_000:
+        if kind not in ("curves", "striped") and small.memory == 1_000_000:
             assert len({part.faces for part in parts}) > 1
         frame = clfur.draw(scene, small, settings, tuple(OUTPUTS), hashes=True)
         same(whole, frame)
-        assert 0 < frame.memory <= memory
+        assert 0 < frame.memory <= small.memory
 
 
 @pytest.mark.parametrize("kind", ["faces", 5000])
-def test_parts_without_a_body(gpu, sphere, kind):
+def test_parts_without_a_body(gpu, another, sphere, kind):
     scene = scene_of(kind, sphere, body=None)
-    small = clfur.Scheduler(gpu.device, memory=1_000_000)
+    small = another(1_000_000)
     np.testing.assert_array_equal(clfur.render(scene, small, SETTINGS), clfur.render(scene, gpu, SETTINGS))
 
 
 @pytest.mark.parametrize("kind, strands", [("faces", None), (7001, 7001), ("curves", 2500)])
-def test_every_strand_and_face_is_in_one_part(gpu, sphere, kind, strands):
-    small = clfur.Scheduler(gpu.device, memory=1_000_000)
+def test_every_strand_and_face_is_in_one_part(another, sphere, kind, strands):
+    small = another(1_000_000)
     plan = plan_of(scene_of(kind, sphere), SETTINGS)
     parts = plan.parts(small)
     runs = sorted(part.strands for part in parts if part.strands[1] > part.strands[0])

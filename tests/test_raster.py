@@ -16,12 +16,10 @@ from clfur.twin import raster as twin
 DEPTH_ONE, SUBPIXEL, BODY = (layout.CONSTANTS[name] for name in ("DEPTH_ONE", "SUBPIXEL", "BODY"))
 
 
-@pytest.fixture(scope="module")
-def fallback(gpu):
+@pytest.fixture
+def fallback(another):
     """The same device without 64-bit atomics."""
-    other = clfur.Scheduler(gpu.device)
-    other.int64_atomics = False
-    return other
+    return another(int64_atomics=False)
 
 
 def surface(positions, triangles):

@@ -38,14 +38,13 @@ def test_two_runs_and_a_kept_scheduler_give_the_same_bits(gpu, scene):
 
 
 @pytest.mark.parametrize("samples", [1, 4])
-def test_every_device_sees_the_same_bits(gpu, scene, samples):
+def test_every_device_sees_the_same_bits(gpu, another, scene, samples):
     hair = clfur.HairType(segments=9, segment_length=.03, width=.004, curl=(.02, 2), wave=(.01, 3), force_weight=.3,
                           length_variation=.3, direction_variation=.4)
     fur = clfur.Strands(inner=4, outer=3, types=hair, force=(.1, -1, 0), point_forces=clfur.PointForce((1, 1, 1), 2),
                         roots=7001)
     curly = clfur.Scene(mesh=scene.mesh, fur=fur, camera=clfur.Camera(eye=(.3, .9, 1.6), size=(641, 479)))
-    narrow = clfur.Scheduler(gpu.device)
-    narrow.int64_atomics = False
+    narrow = another(int64_atomics=False)
     for scene in curly, crossed():
         first, *others = (visible_of(scene, on, samples) for on in (gpu, narrow, clfur.Scheduler()))
         for other in others:
@@ -78,7 +77,7 @@ def visible_of(scene, gpu, samples):
 @pytest.mark.parametrize("method, light, roots", [
     ("length", {"position": (1, 2, 2), "direction": (-1, -2, -2), "angle": 60}, 90),
     ("trilinear", {"direction": (-1, -.4, -.5)}, "faces")])
-def test_a_frame_with_everything_in_it(gpu, method, light, roots):
+def test_a_frame_with_everything_in_it(gpu, another, method, light, roots):
     """Every stage and every output, also without 64-bit atomics: the same bits."""
     positions, faces = icosphere(1)
     mesh = clfur.Mesh(positions, positions, np.abs(positions[faces][..., :2]), faces)
@@ -90,8 +89,7 @@ def test_a_frame_with_everything_in_it(gpu, method, light, roots):
                         roots=roots, force=(0, -1, 0), point_forces=clfur.PointForce((1, 1, 1), 1))
     scene = clfur.Scene(mesh=mesh, fur=fur, camera=clfur.Camera(size=(21, 17)), light=clfur.Light(**light))
     settings = clfur.Settings(raster="samples", samples=4, shadows=method, grid=16, shadow_map=32)
-    narrow = clfur.Scheduler(gpu.device)
-    narrow.int64_atomics = False
+    narrow = another(int64_atomics=False)
     one, other = (clfur.render(scene, on, settings, outputs=tuple(OUTPUTS)) for on in (gpu, narrow))
     assert {-2, -1} < set(np.unique(one["id"]))
     for name in OUTPUTS:
@@ -251,8 +249,8 @@ def test_bad_arguments_are_named(gpu, scene):
         clfur.Settings(samples=2)
 
 
-def test_a_picture_too_large_for_the_device_is_refused(gpu, sphere):
+def test_a_picture_too_large_for_the_device_is_refused(another, sphere):
     scene = clfur.Scene(mesh=sphere, camera=clfur.Camera(size=(16384, 480)))
-    small = clfur.Scheduler(gpu.device, memory=4 << 20)
+    small = another(4 << 20)
     with pytest.raises(clfur.Error, match="4.0 MiB has no room for .*Settings.grid 96, .* a row of 16384 pixels"):
         clfur.render(scene, small, clfur.Settings(raster="samples", samples=16))

@@ -62,12 +62,12 @@ def test_a_frame(gpu, monkeypatch):
 
 @pytest.mark.parametrize("fur", ["shells", "both"])
 @pytest.mark.parametrize("body", [(.3, .2, .1), None], ids=["body", "bare"])
-def test_parts_and_bands_are_the_same_bits(gpu, ball, fur, body):
+def test_parts_and_bands_are_the_same_bits(gpu, another, ball, fur, body):
     scene = scene_of(ball, FUR if fur == "shells" else [FUR, hairs(inner=6, outer=6)], body)
     whole = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True)
     assert (whole.images["id"] == -3).mean() > .1 and whole.images["color"].std() > .05
     memory = 1_000_000 if fur == "both" else 700_000
-    small = clfur.Scheduler(gpu.device, memory=memory)
+    small = another(memory)
     plan = plan_of(scene, SETTINGS)
     assert plan.rows(small) < 47 and (len(plan.parts(small)) > 1 or fur == "shells")
     frame = clfur.draw(scene, small, SETTINGS, tuple(OUTPUTS), hashes=True)
@@ -75,10 +75,10 @@ def test_parts_and_bands_are_the_same_bits(gpu, ball, fur, body):
     assert 0 < frame.memory <= memory
 
 
-def test_teams_are_the_same_bits(gpu, ball):
+def test_teams_are_the_same_bits(gpu, another, ball):
     scene = scene_of(ball, [FUR, hairs(inner=4, outer=4)])
     alone = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True)
-    team = [clfur.Scheduler(gpu.device) for _ in range(2)]
+    team = [another(), another()]
     for _ in range(2):
         same(alone, clfur.draw(scene, team, SETTINGS, tuple(OUTPUTS), hashes=True))
 
@@ -224,8 +224,8 @@ def test_stages_and_blur(gpu, ball):
     assert untouched[np.hypot(y - 23, x - 30) < 10].all() and not untouched.all()
 
 
-def test_fur_that_does_not_fit_is_an_error(gpu, sphere):
-    small = clfur.Scheduler(gpu.device, memory=200_000)
+def test_fur_that_does_not_fit_is_an_error(another, sphere):
+    small = another(200_000)
     said = r"has no room for .*shells of 0\.\d MiB, and a row of 61 pixels; allowed: smaller ones"
     with pytest.raises(clfur.Error, match=said):
         clfur.render(scene_of(sphere), small, clfur.Settings(raster="samples", samples=1, shadow_map=0, shadows="off"))

@@ -305,13 +305,12 @@ def hashed(scene, *arguments, **keys):
 
 
 @pytest.mark.parametrize("method", ["binary", "length"])
-def test_the_same_counts_in_parts_by_teams_and_with_narrow_atomics(gpu, sphere, method):
+def test_the_same_counts_in_parts_by_teams_and_with_narrow_atomics(gpu, another, sphere, method):
     scene = both(sphere)
     whole = hashed(scene, gpu, shadows=method)["voxels"]
     bald = clfur.Scene(mesh=sphere, fur=scene.strands, light=scene.light)
     assert whole != hashed(bald, gpu, shadows=method)["voxels"]
-    small = clfur.Scheduler(gpu.device, memory=6_000_000)
-    small.int64_atomics = False
+    small = another(6_000_000, int64_atomics=False)
     settings = clfur.Settings(raster="samples", grid=32, samples=1)
     assert len(plan_of(scene, settings, ["color"]).parts(small)) > 1
     assert hashed(scene, small, shadows=method)["voxels"] == whole

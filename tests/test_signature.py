@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pyopencl as cl
 import pytest
-from clfur.fur import Strands
 
-from clfur import layout, scheduler, signature
+from clfur import layout
+from clfur.device import scheduler, signature
 from clfur.pipeline.views import view_of
-from clfur.scene import Scene
+from clfur.scene.scene import Scene
+from clfur.scene.strands import Strands
 from clfur.stages.raster import NONE, raster
 from clfur.stages.strands import arrays, grow
 from clfur.stages.tessellate import tessellate

@@ -33,8 +33,7 @@ def lumpy():
 def surface_of(gpu, positions, normals, uv, triangles):
     """A `Surface` from arrays [V, 3], [V, 3], [V, 2], [T, 3]."""
     rows = [gpu.upload(widen(np.array(a, np.float32))) for a in (positions, normals, uv)]
-    return Surface(*rows, barycentric=gpu.full((len(positions), 4), np.float32, 0),
-                   triangles=gpu.upload(widen(np.array(triangles, np.uint32))), unit=np.float32(2.0**15))
+    return Surface(*rows, triangles=gpu.upload(widen(np.array(triangles, np.uint32))), unit=np.float32(2.0**15))
 
 
 def tufts(gpu, normals, uv=None, roots=None):

@@ -16,21 +16,10 @@ from clfur.render import OUTPUTS
 SETTINGS = clfur.Settings(raster="samples", samples=4, grid=32, shadow_map=64)
 
 
-@pytest.fixture(scope="module")
-def built(gpu):
-    """Schedulers of this device, and of the next there is, or of itself once more; their kernels are built once."""
-    return [clfur.Scheduler(gpu.device), clfur.Scheduler(DEVICES[(DEVICES.index(gpu.device) + 1) % len(DEVICES)])]
-
-
 @pytest.fixture
-def team(built):
-    """These as if they were new, whatever a test before has put in place of their methods."""
-    yield list(built)
-    for one in built:
-        for name in {"launch", "empty", "upload", "download", "seconds"} & set(vars(one)):
-            delattr(one, name)
-        one.pace.clear()
-        one.forget()
+def team(gpu, another):
+    """This device, and the next there is, or itself once more."""
+    return [another(), another(device=DEVICES[(DEVICES.index(gpu.device) + 1) % len(DEVICES)])]
 
 
 WAYS = {"length": {}, "binary": {"shadows": "binary"}, "lod": {"lod": 1}, "lod-binary": {"lod": 1, "shadows": "binary"}}
@@ -50,9 +39,9 @@ def test_a_team_gives_the_bits_of_one(gpu, team, sphere, kind, way):
         assert frame.device == " + ".join(one.name for one in team)
 
 
-def test_small_devices_in_a_team(gpu, sphere):
+def test_small_devices_in_a_team(gpu, another, sphere):
     scene = scene_of(9001, sphere)
-    small = [clfur.Scheduler(gpu.device, memory=memory) for memory in (1_300_000, 1_700_000)]
+    small = [another(memory) for memory in (1_300_000, 1_700_000)]
     same(clfur.draw(scene, gpu, SETTINGS, hashes=True), clfur.draw(scene, small, SETTINGS, hashes=True))
 
 
@@ -80,6 +69,19 @@ def test_the_faster_device_gets_more(gpu, team):
     team[0].pace["look"], team[1].pace["look"] = 3e6, 1e6
     assert Team(team).gather("look", draw, [np.add], 1000)[0] == 1000
     assert sorted((one is team[0], n, body) for one, n, body in given) == [(False, 250, False), (True, 750, True)]
+
+
+def test_arrays_are_not_left_on_another_device(gpu, team):
+    """Who asks for them may have been dropped: then the one that is left must begin anew."""
+    one, other = team
+    together = Team(team)
+    together.gpus.remove(one)
+
+    def draw(gpu, strands, body):
+        return [gpu.full(1, np.uint64, 7)]
+    assert together.gather("look", draw, [np.add], 10, other)[0].get()[0] == 7
+    with pytest.raises(clfur.DeviceError, match="was lost"):
+        together.gather("look", draw, [np.add], 10, one)
 
 
 @pytest.mark.parametrize("which", [0, 1])
@@ -141,10 +143,10 @@ def test_when_all_fail_the_error_is_told(team, sphere):
         clfur.draw(scene_of("faces", sphere), team, SETTINGS)
 
 
-def test_one_frame_at_a_time(gpu, sphere):
+def test_one_frame_at_a_time(another, sphere):
     """A scheduler that draws in one thread is refused to another, and is free again afterwards."""
     scene, inside, go = scene_of("faces", sphere), threading.Event(), threading.Event()
-    one, launch = clfur.Scheduler(gpu.device), None
+    one = another()
     launch = one.launch
 
     def slow(name, size, /, **arguments):

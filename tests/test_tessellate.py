@@ -18,12 +18,17 @@ OUTER = [(1, 1, 1), (2, 1, 1), (1, 3, 1), (1, 1, 64), (2, 2, 2), (5, 5, 5), (2, 
          (13, 64, 63), (64, 64, 64)]
 
 
-def on_host(surface):
-    """A `Surface` as float64 and int arrays (positions, normals, uv, barycentric, triangles)."""
-    positions, normals, uv, barycentric = (getattr(surface, name).get().astype(float) for name in (
-        "positions", "normals", "uv", "barycentric"))
-    triangles = surface.triangles.get().astype(int)
-    return positions[:, :3], normals[:, :3], uv[:, :2], barycentric[:, :3], triangles
+def divided(gpu, mesh, *levels):
+    """`tessellate` as float64 and int arrays: positions, normals, uv, barycentric place in the face, triangles."""
+    surface = tessellate(gpu, mesh, *levels)
+    positions, normals, uv = (getattr(surface, name).get().astype(float) for name in ("positions", "normals", "uv"))
+    # What a face makes of the uv 1 at one corner and 0 at the others is that corner's weight.
+    place = np.empty((len(uv), 3))
+    for columns in (slice(0, 2), slice(1, 3)):
+        marked = clfur.Mesh(mesh.positions, mesh.normals, np.tile(np.eye(3)[:, columns], (len(mesh.faces), 1, 1)),
+                            mesh.faces)
+        place[:, columns] = tessellate(gpu, marked, *levels).uv.get()[:, :2]
+    return positions[:, :3], normals[:, :3], uv[:, :2], place, surface.triangles.get().astype(int)
 
 
 def one_triangle(copies=1):
@@ -94,7 +99,7 @@ def test_known_numbers_of_triangles(gpu, inner, outer, triangles):
 @pytest.mark.small
 def test_inner_one_is_two_unless_all_levels_are_one(gpu):
     mesh = one_triangle()
-    one, two = (on_host(tessellate(gpu, mesh, inner, np.array([(2, 1, 1)]))) for inner in (1, 2))
+    one, two = (divided(gpu, mesh, inner, np.array([(2, 1, 1)])) for inner in (1, 2))
     for a, b in zip(one, two):
         np.testing.assert_array_equal(a, b)
 
@@ -104,8 +109,7 @@ def test_every_inner_level(gpu, outer):
     """Counts by the rules; the same vertices, triangles and order as the twin; a partition of the domain."""
     mesh, inner = one_triangle(64), np.arange(1, 65)
     outers = np.tile(outer, (64, 1))
-    surface = tessellate(gpu, mesh, inner, outers, "flat")
-    _, _, _, place, triangles = on_host(surface)
+    _, _, _, place, triangles = divided(gpu, mesh, inner, outers, "flat")
     expected = [counts_by_the_rules(n, outer) for n in inner]
     assert np.bincount(triangles[:, 3]).tolist() == [t for _, t in expected]
     assert len(place) == sum(v for v, _ in expected)
@@ -127,7 +131,7 @@ def test_every_inner_level(gpu, outer):
 
 @pytest.mark.small
 def test_outer_level_i_divides_the_side_opposite_corner_i(gpu):
-    place = on_host(tessellate(gpu, one_triangle(), 4, np.array([(2, 3, 5)])))[3]
+    place = divided(gpu, one_triangle(), 4, np.array([(2, 3, 5)]))[3]
     for corner, segments in enumerate((2, 3, 5)):
         along = np.sort(place[place[:, corner] == 0][:, corner - 1])
         np.testing.assert_allclose(along, np.arange(segments + 1) / segments, rtol=0, atol=PLACE)
@@ -141,7 +145,7 @@ def test_positions_normals_and_uv_equal_the_twin(gpu, make, surface):
     mesh = make()
     outer = random_edge_levels(mesh, 13, seed=5)
     inner = np.random.default_rng(6).integers(1, 14, len(mesh.faces))
-    device = on_host(tessellate(gpu, mesh, inner, outer, surface))
+    device = divided(gpu, mesh, inner, outer, surface)
     host = twin.tessellate(mesh.positions, mesh.normals, mesh.uv, mesh.faces, inner, outer, surface == "pn")
     np.testing.assert_array_equal(device[4], host[4])
     scale = np.abs(mesh.positions).max()
@@ -180,8 +184,7 @@ def test_watertight_for_any_levels(gpu, sphere, surface, highest):
 @pytest.mark.parametrize("surface", ["flat", "pn"])
 def test_triangles_turn_the_same_way_as_their_face(gpu, sphere, surface):
     inner = np.arange(len(sphere.faces)) % 11 + 1
-    positions, normals, _, _, triangles = on_host(
-        tessellate(gpu, sphere, inner, random_edge_levels(sphere, 11, 2), surface))
+    positions, normals, _, _, triangles = divided(gpu, sphere, inner, random_edge_levels(sphere, 11, 2), surface)
     face_normals = twice_areas(sphere.positions.astype(float), sphere.faces)
     agree = (twice_areas(positions, triangles) * face_normals[triangles[:, 3]]).sum(1)
     assert agree.min() > 0
@@ -198,7 +201,7 @@ def test_curved_triangles_converge_to_the_sphere(gpu):
         positions, faces = icosphere(subdivisions)
         mesh = clfur.Mesh(positions, positions, faces=faces)
         for surface in ("flat", "pn"):
-            p, n, *_ = on_host(tessellate(gpu, mesh, 8, 8, surface))
+            p, n, *_ = divided(gpu, mesh, 8, 8, surface)
             radius = np.linalg.norm(p, axis=1)
             missed[surface].append(np.abs(radius - 1).max())
         missed["normal"].append(np.linalg.norm(n - p / radius[:, None], axis=1).max())
@@ -215,7 +218,7 @@ def test_curved_triangles_converge_to_the_sphere(gpu):
 @pytest.mark.small
 def test_curved_triangles_go_through_corners_with_their_normals(gpu):
     mesh = lumpy()
-    positions, normals, _, place, triangles = on_host(tessellate(gpu, mesh, 5, 4, "pn"))
+    positions, normals, _, place, triangles = divided(gpu, mesh, 5, 4, "pn")
     face = face_of(triangles)
     corners = place.max(1) == 1
     vertex = mesh.faces[face[corners], place[corners].argmax(1)]
@@ -226,12 +229,12 @@ def test_curved_triangles_go_through_corners_with_their_normals(gpu):
 
 def test_flat_stays_in_the_plane_of_the_face(gpu):
     mesh = lumpy()
-    positions, _, _, _, triangles = on_host(tessellate(gpu, mesh, 7, 5, "flat"))
+    positions, _, _, _, triangles = divided(gpu, mesh, 7, 5, "flat")
     face = face_of(triangles)
     normal = vectors.unit(twice_areas(mesh.positions.astype(float), mesh.faces))
     height = ((positions - mesh.positions[mesh.faces[face, 0]]) * normal[face]).sum(1)
     np.testing.assert_allclose(height, 0, rtol=0, atol=POSITION)
-    curved = on_host(tessellate(gpu, mesh, 7, 5, "pn"))[0]
+    curved = divided(gpu, mesh, 7, 5, "pn")[0]
     assert np.abs(((curved - mesh.positions[mesh.faces[face, 0]]) * normal[face]).sum(1)).max() > 0.05
 
 
@@ -242,7 +245,7 @@ def test_uv_is_linear_and_each_corner_keeps_its_own_over_a_seam(gpu, surface):
     faces = np.array([(0, 1, 2), (0, 2, 3)])
     uv = np.array([[(0, 0), (1, 0), (1, 1)], [(7, 3), (6, 3), (7, 5)]], float)     # a seam along 0-2
     mesh = clfur.Mesh(positions, uv=uv, faces=faces)
-    xyz, _, uv_at, place, triangles = on_host(tessellate(gpu, mesh, 6, 4, surface))
+    xyz, _, uv_at, place, triangles = divided(gpu, mesh, 6, 4, surface)
     face = face_of(triangles)
     np.testing.assert_allclose(uv_at, np.einsum("vc,vcx->vx", place, uv[face]), rtol=0, atol=1e-6)
     if surface == "flat":
@@ -263,7 +266,7 @@ def test_the_same_bits_twice_and_for_a_face_alone(gpu):
     inner = np.random.default_rng(4).integers(1, 7, len(mesh.faces))
     surface = tessellate(gpu, mesh, inner, outer)
     again = tessellate(gpu, mesh, inner, outer)
-    for name in ("positions", "normals", "uv", "barycentric", "triangles"):
+    for name in ("positions", "normals", "uv", "triangles"):
         np.testing.assert_array_equal(getattr(surface, name).get(), getattr(again, name).get())
     some = [3, 17, 41]
     part = clfur.Mesh(mesh.positions, mesh.normals, mesh.uv[some], mesh.faces[some])
@@ -286,7 +289,7 @@ def test_one_number_is_the_same_as_that_number_for_every_face(gpu):
 def test_small_and_large_worlds(gpu, scale):
     small = lumpy()
     mesh = clfur.Mesh(small.positions.astype(float) * scale, small.normals, small.uv, small.faces)
-    device = on_host(tessellate(gpu, mesh, 5, 4))
+    device = divided(gpu, mesh, 5, 4)
     host = twin.tessellate(mesh.positions, mesh.normals, mesh.uv, mesh.faces, 5, 4, True)
     np.testing.assert_allclose(device[0] / scale, host[0] / scale, rtol=0, atol=1.3 * POSITION)
     np.testing.assert_allclose(device[1], host[1], rtol=0, atol=NORMAL)

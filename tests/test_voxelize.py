@@ -127,8 +127,7 @@ def test_neither_order_nor_groups_nor_runs_change_a_count(gpu, method):
         given = {"grid": grid, "weights": gpu.upload(WEIGHTS), "cells": again,
                  **arrays(there, "points", "spans", "strand_uv")}
         given |= {} if method == "length" else {"method": METHODS.index(method)}
-        kernel.run(gpu.queue, (-(-len(spans) // group) * group,), (group,), np.uint64(0), np.uint64(len(spans)),
-                   *kernel.bind(given))
+        kernel.run(gpu.queue, (-(-len(spans) // group) * group,), (group,), 0, len(spans), *kernel.bind(given))
         np.testing.assert_array_equal(cells, again.get())
 
 

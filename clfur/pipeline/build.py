@@ -148,7 +148,7 @@ def _lighting(gpu, team, plan, hashes):
     shadows = plan_shadows(plan.rig, plan.strands, plan.body, bounds)
     add = np.maximum if plan.settings.shadows == "binary" else np.add
     cells, texels = team.gather("accumulate", functools.partial(_accumulate, plan, shadows, furred), [add, np.minimum],
-                                plan.strands)
+                                plan.strands, gpu)
     digests = {name: hashlib.sha256(bytes_of(gpu, array)).hexdigest() for name, array in
                (("voxels", cells), ("shadow_map", texels)) if hashes and array is not None}
     return settle(gpu, shadows, on(gpu, cells), on(gpu, texels)), digests

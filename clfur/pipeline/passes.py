@@ -54,7 +54,7 @@ class Samples:
         end = min(top + min(self.team.each(self.plan.rows)), end)
         view = band_of(self.plan.rig.view, top, end)
         visible, = self.team.gather("rasterize", functools.partial(build.rasterize, self.plan, view), [np.minimum],
-                                    self.plan.strands)
+                                    self.plan.strands, gpu)
         return Band((top, end), view, build.on(gpu, visible))
 
     def hide(self, gpu, band, through, shell_front):
@@ -65,7 +65,7 @@ class Samples:
         """Light what is in front -> (image over ``image``, {other output: array}), None and {} where not asked for."""
         plan, known = self.plan, None
         parts = plan.parts(gpu)
-        sums = shade.no_light(gpu, band.visible) if plan.wants_color and len(parts) > 1 else None
+        sums = shade.no_light(gpu, *band.visible.shape[:2]) if plan.wants_color and len(parts) > 1 else None
         for part in reversed(parts):
             if len(parts) > 1:
                 build.tally(gpu, plan, part)
@@ -121,7 +121,7 @@ class Coverage:
     def shade(self, gpu, band, front, shadows, image):
         """Light what is in front -> (image over ``image``, {other output: array}), None and {} where not asked for."""
         plan, parts, known = self.plan, band.counted.cut.parts, None
-        sums = shade.no_light(gpu, band.visible) if plan.wants_color else None
+        sums = shade.no_light(gpu, *band.visible.shape[:2]) if plan.wants_color else None
         for part in reversed(parts):
             if part.hairy:
                 known = self._shade_hair(gpu, band, front, part, shadows, sums, known)

@@ -12,20 +12,26 @@ import numpy as np
 from ..errors import Error
 from ..scene import Curves, Strands
 from ..stages.blur import reach_of
-from ..stages.coverage import FRAGMENT
+from ..stages.coverage import COUNTED, REACHED, Fragments, Resolved
+from ..stages.lod import THINNED
+from ..stages.march import Rays
+from ..stages.raster import VISIBLE
+from ..stages.shade import IMAGE, RADIANCE_SUMS, About, Shadows
 from ..stages.shells import pack, size_of, topology_of
-from ..stages.strands import area_of, first_strand_at
-from ..stages.tessellate import counts_of, levels_of, tessellate
+from ..stages.strands import AREA, Grown, Packed, Roots, area_of, first_strand_at
+from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
+from ..stages.voxelize import CELLS
 
-# Bytes on the device, of all arrays that stages make; see their dataclasses.
-VERTEX, TRIANGLE = 64, 16 + 8 + 16      # a triangle's area, and a strand that may stand on it, counted below
-POINT, STRAND = 36, 104                 # strands of the user's come packed, with width and colour: 32 more a point
-THIN_POINT, THIN_STRAND = 32, 8         # once more for thinned ones; 16 more a point with a colour
-LIGHT = 4                               # how much of it reaches a point
-MESH_VERTEX, MESH_FACE = 32, 96         # the mesh itself
-IMAGE, SUMS, OUTPUTS = 16, 32, 60       # of a pixel: its colour, its sum of light, all else that can be told of it
-PIXEL = 40                              # what is known of one where strands are transparent,
-COUNTED = 8                             # and while they are counted
+# Bytes on the device, of all arrays that stages make, as they declare them.
+VERTEX, TRIANGLE = Surface.bytes(vertex=1), Surface.bytes(triangle=1) + AREA.bytes
+POINT, STRAND = Grown.bytes(point=1), Grown.bytes(strand=1, color=1) + Roots.bytes(strand=1)
+PACKED = Packed.bytes(point=1, width=1, color=1) + Grown.bytes(color=1)   # more a point, of strands of the user's
+THIN_POINT, THIN_STRAND = Grown.bytes(*THINNED, point=1), Grown.bytes(*THINNED, strand=1)
+THIN_COLOR = Grown.bytes("colors", color=1)                               # where points have colours
+MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
+OUTPUTS = About.bytes(pixel=1)          # of a pixel but its colour
+PIXEL = Fragments.bytes(pixel=1) + Resolved.bytes(pixel=1)   # what is known of one where strands are transparent
+FRAGMENT = Fragments.bytes(fragment=1)
 NUMBERS = 2**32 - 1                     # pieces that a band can tell apart
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
@@ -118,12 +124,12 @@ class Plan:
         drawn by what they cover, what it takes to count them."""
         width, height = self.scene.camera.size
         room = min(self.cut(gpu).rows, BAND) // (width * self._pixel(False))
-        return int(min(room, _largest(gpu) // (width * max(8 * self.settings.samples, SUMS)), height))
+        return int(min(room, _largest(gpu) // self._largest_row, height))
 
     def rows_to_blur(self, gpu):
         """How many rows of the picture can be blurred at a time, with those around them."""
         width, height = self.scene.camera.size
-        return int(min(min(self.cut(gpu).rows, BAND) // (3 * IMAGE * width), height))
+        return int(min(min(self.cut(gpu).rows, BAND) // (3 * IMAGE.bytes * width), height))
 
     def parts(self, gpu, strands=None, body=True):
         """[`Part`] of the scene or a share: some ``strands``, (first, one past the last), with ``body`` or without."""
@@ -144,7 +150,7 @@ class Plan:
         if fullest > min(_largest(gpu) // FRAGMENT, NUMBERS):
             raise Error(f"{gpu.name} has no room for {fullest:,} pieces of strands in a row of {width} pixels; "
                         f"allowed: a smaller picture, fewer strands, or Settings.raster 'samples'")
-        counted, row = len(sums) * width * COUNTED, width * self._pixel(True)
+        counted, row = len(sums) * width * COUNTED.bytes, width * self._pixel(True)
         rows = counted + len(sums) * row + FRAGMENT * int(sums.sum())
         return self._cut(gpu, rows, counted + row + FRAGMENT * fullest, pieces=fullest)
 
@@ -153,23 +159,29 @@ class Plan:
         width = self.scene.camera.size[0]
         row, pieces = width * self._pixel(True), np.cumsum(sums[top:])
         rows = np.arange(1, len(pieces) + 1)
-        fits = ((row * rows + FRAGMENT * pieces <= cut.rows - len(sums) * width * COUNTED) & (row * rows <= BAND)
+        fits = ((row * rows + FRAGMENT * pieces <= cut.rows - len(sums) * width * COUNTED.bytes) & (row * rows <= BAND)
                 & (pieces <= min(_largest(gpu) // FRAGMENT, NUMBERS))
-                & (width * max(8 * self.settings.samples, SUMS) * rows <= _largest(gpu)))
+                & (self._largest_row * rows <= _largest(gpu)))
         return max(int(fits.sum()), 1)
+
+    @property
+    def _largest_row(self):
+        """Bytes of a row of the largest array of pixels or samples."""
+        return self.scene.camera.size[0] * max(VISIBLE.bytes * self.settings.samples, RADIANCE_SUMS.bytes)
 
     def _pixel(self, counted):
         """Bytes on the device of a pixel that is drawn, without the pieces of strands in it; ``counted``: after these
         are counted where they must be."""
         samples = self.settings.samples
-        pixel = 8 * samples
+        pixel = VISIBLE.bytes * samples
         if self.uses_coverage and not counted:
-            return max(pixel + COUNTED, 4 * COUNTED)   # what is counted stays: no more of the room than a quarter
+            # What is counted stays: no more of the room than a quarter.
+            return max(pixel + COUNTED.bytes, 4 * COUNTED.bytes)
         if self.uses_coverage:
-            pixel += PIXEL + 4 * samples
+            pixel += PIXEL + Resolved.bytes(sample=samples)
         if self.scene.shells:
-            pixel += 24 * samples
-        return pixel + IMAGE + SUMS + OUTPUTS * self.others
+            pixel += VISIBLE.bytes * samples + Rays.bytes(sample=samples)   # where they enter
+        return pixel + IMAGE.bytes + RADIANCE_SUMS.bytes + OUTPUTS * self.others
 
     # --- memory -------------------------------------------------------------------------------------------------
 
@@ -182,8 +194,8 @@ class Plan:
         strand, point = self._bytes(gpu)
         width, height = self.scene.camera.size
         if self.settings.blur != "off":
-            blurred = min(2 * reach_of(self.settings.blur_sigma) + 1, height) * 3 * IMAGE * width
-            rows, row = max(rows, 3 * IMAGE * width * height), max(row, blurred)
+            blurred = min(2 * reach_of(self.settings.blur_sigma) + 1, height) * 3 * IMAGE.bytes * width
+            rows, row = max(rows, 3 * IMAGE.bytes * width * height), max(row, blurred)
         need = {"body": int(self._bytes_of_faces[-1]), "rows": rows,
                 "strands": (end - first) * strand + self._points(first, end) * point}
         least = {   # of each; a face or a strand is never divided
@@ -191,10 +203,11 @@ class Plan:
             "strands": min(need["strands"], max(strand + self.longest * point, 1 << 16)),
             "rows": row,
         }
-        spare = gpu.memory * 15 // 16 - self._fixed - sum(least.values()) - LIGHT * self.points * self.keeps_light(gpu)
+        kept = REACHED.bytes * self.points * self.keeps_light(gpu)
+        spare = gpu.memory * 15 // 16 - self._fixed - sum(least.values()) - kept
         room = _share(spare, {name: need[name] - least[name] for name in need})
         room = {name: least[name] + room[name] for name in need}
-        if spare < 0 or width * max(8 * self.settings.samples, SUMS) > _largest(gpu):
+        if spare < 0 or self._largest_row > _largest(gpu):
             raise Error(self._too_much(gpu, pieces))
         return Cut(self._parts(gpu, room, first, end, body and self.body), room["rows"])
 
@@ -220,27 +233,27 @@ class Plan:
     def _fixed(self):
         """Bytes on the device of what is never divided."""
         scene, settings = self.scene, self.settings
-        fixed = settings.shadow_map**2 * 8 + self.faces * MESH_FACE + self._shells
+        fixed = Shadows.bytes(sample=settings.shadow_map**2) + self.faces * MESH_FACE + self._shells
         if scene.mesh is not None:
             fixed += len(scene.mesh.positions) * MESH_VERTEX
         if settings.shadows != "off" and (self.strands or scene.shells):
-            fixed += 2 * (settings.grid + 1) * settings.grid**2 * 4
+            fixed += CELLS.bytes * settings.grid**3 + Shadows.bytes(layer=(settings.grid + 1) * settings.grid**2)
         return fixed
 
     def keeps_light(self, gpu):
         """Whether there is room for how much light reaches all points of strands: then they are asked once for all
         bands of the picture, and for frames in which only the camera moves."""
-        return self.uses_coverage and self.settings.shadows != "off" and LIGHT * self.points <= gpu.memory // 8
+        return self.uses_coverage and self.settings.shadows != "off" and REACHED.bytes * self.points <= gpu.memory // 8
 
     def _bytes(self, gpu):
         """Bytes on the device of a strand and of each of its points."""
-        strand, point = (STRAND, POINT) if self.grown else (STRAND, POINT + 32)
+        strand, point = (STRAND, POINT) if self.grown else (STRAND, POINT + PACKED)
         if self.settings.lod:
             fur = self.scene.strands
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
-            strand, point = strand + THIN_STRAND, point + THIN_POINT + 16 * per_point
+            strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
         if self.uses_coverage and not self.keeps_light(gpu):
-            point += LIGHT
+            point += REACHED.bytes
         return strand, point
 
     # --- parts --------------------------------------------------------------------------------------------------

@@ -96,8 +96,8 @@ def settle(gpu, plan, cells, seen):
     none = shade.no_shadows(gpu)
     return shade.Shadows(plan.shadow,
                          none.grid if cells is None else plan.grid,
-                         none.sums if cells is None else zscan(gpu, cells, plan.unit),
                          none.seen if seen is None else plan.seen,
+                         none.sums if cells is None else zscan(gpu, cells, plan.unit),
                          none.map if seen is None else seen)
 
 

@@ -6,37 +6,41 @@ from typing import Any
 import numpy as np
 
 from .. import layout
+from ..layout import Arrays, Declared, array
+from .shade import no_light
 from .strands import arrays
 
-FRAGMENT = 16   # bytes
 TILE = 8       # as in coverage.cl
+COUNTED = Declared("pixel", np.uint32, 2)                 # depth of what hides strands, fragments
+REACHED = Declared("point", np.float32)                   # share of direct light, 0..1
 
 
 @dataclass(frozen=True)
-class Fragments:
+class Fragments(Arrays):
     """What strands cover of each pixel: those of a pixel are starts[pixel] to pixels[pixel, 1]."""
 
-    starts: Any    # [rows, width] uint32
-    pixels: Any    # [rows, width, 2] uint32 depth of what hides strands, end of the pixel's fragments
-    list: Any      # [n, 2] uint64 depth << 32 | id, see `raster`; float32 share of the pixel's area, then of its light
+    starts: Any = array("pixel", np.uint32)
+    pixels: Any = array("pixel", np.uint32, 2)    # depth of what hides strands, end of the pixel's fragments
+    list: Any = array("fragment", np.uint64, 2)   # depth << 32 | id, see `raster`; float32 share of the pixel's area,
+                                                  # then of its light
 
 
 @dataclass(frozen=True)
-class Resolved:
+class Resolved(Arrays):
     """What is seen of fragments, and of what is behind them."""
 
-    used: Any       # [rows, width] uint32 fragments that are seen: the last of each pixel, the nearest last of all
-    through: Any    # [rows, width, samples] float32 share of each sample's light that comes from the body
-    veil: Any       # [rows, width] float32 share of the shells' light that strands before them let through
-    alpha: Any      # [rows, width] float32 share of light that does not come from behind everything
-    seen: Any       # [rows, width, 1] uint64 depth << 32 | id of the strand or body that fills most of a pixel
-    seen_fur: Any   # [rows, width, 1] uint64 depth << 32 | face, where shells do
+    used: Any = array("pixel", np.uint32)           # fragments that are seen: the last ones, the nearest last of all
+    through: Any = array("sample", np.float32, None, 1)   # share of its light that comes from the body
+    veil: Any = array("pixel", np.float32)          # share of the shells' light that strands before them let through
+    alpha: Any = array("pixel", np.float32)         # share of light that does not come from behind everything
+    seen: Any = array("pixel", np.uint64, 1)        # depth << 32 | id of the strand or body that fills most of it
+    seen_fur: Any = array("pixel", np.uint64, 1)    # depth << 32 | face, where shells do
 
 
 def bound(gpu, visible):
     """How far each pixel of the body's ``visible`` can be seen into -> [rows, width, 2] uint32 depth, 0."""
     rows, width, samples = visible.shape
-    pixels = gpu.empty((rows, width, 2), np.uint32)
+    pixels = COUNTED.empty(gpu, (rows, width))
     gpu.launch("coverage.bound", rows * width, samples=samples, visible=visible, pixels=pixels)
     return pixels
 
@@ -64,8 +68,7 @@ def allocate(gpu, counted, pieces, rows=None):
     gpu.launch("coverage.sum_tiles", blocks, **band, sums=sums)
     with gpu.called("coverage"):
         gpu.launch("strands.scan_sums", 1, n=blocks, sums=sums, total=total)
-    fragments = Fragments(gpu.empty((end - first, width), np.uint32), gpu.empty((end - first, width, 2), np.uint32),
-                          gpu.empty((pieces, 2), np.uint64))
+    fragments = Fragments.empty(gpu, {"pixel": (end - first, width), "fragment": pieces})
     gpu.launch("coverage.number", blocks, **band, sums=sums, starts=fragments.starts, pixels=fragments.pixels)
     return fragments
 
@@ -84,13 +87,8 @@ def resolve(gpu, visible, fragments, through=None, fur=None):
     """
     rows, width, samples = visible.shape
     furry = through is not None
-    resolved = Resolved(
-        used=gpu.empty((rows, width), np.uint32),
-        through=through if furry else gpu.full(visible.shape, np.float32, 1),
-        veil=gpu.empty((rows, width), np.float32),
-        alpha=gpu.empty((rows, width), np.float32),
-        seen=gpu.empty((rows, width, 1), np.uint64),
-        seen_fur=gpu.empty((rows, width, 1), np.uint64))
+    known = {"through": through} if furry else {}
+    resolved = Resolved.empty(gpu, {"pixel": (rows, width), "sample": visible.shape}, **known)
     gpu.launch("coverage.resolve", rows * width, samples=samples, starts=fragments.starts, pixels=fragments.pixels,
                fragments=fragments.list, visible=visible, furry=furry, fur=fur if furry else gpu.empty(0, np.uint64),
                **vars(resolved))
@@ -105,7 +103,7 @@ def steps_of(counts, used):
 
 def reach(gpu, lamp, strands, shadows):
     """How much direct light reaches each point of `Grown` strands -> [points] float32 0..1."""
-    reached = gpu.empty(len(strands.points), np.float32)
+    reached = REACHED.empty(gpu, len(strands.points))
     gpu.launch("coverage.reach", len(strands.spans), lamp=lamp, reached=reached, **shadows.arrays(),
                **arrays(strands, "points", "tangents", "strand_of", "strand_normal", "strand_uv", "types", "colors",
                         "spans"))
@@ -119,7 +117,7 @@ def light(gpu, view, lamp, specular, fragments, resolved, strands, reached=None,
     light if None.
     """
     rows, width = fragments.starts.shape
-    sums = gpu.full((rows, width, 4), np.int64, 0) if sums is None else sums
+    sums = no_light(gpu, rows, width) if sums is None else sums
     gpu.launch("coverage.light", rows * width, view=view, part=(strands.first_point, len(strands.points)), lamp=lamp,
                half_vector=specular == "half-vector", pixels=fragments.pixels, used=resolved.used,
                fragments=fragments.list, shaded=reached is not None,

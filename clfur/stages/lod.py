@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from .strands import arrays
+from .strands import Grown, arrays
 
+THINNED = "points", "tangents", "spans"   # arrays that are made anew, and colors where each point has one
 WIDEST = 6.4   # how many times as wide as it is a strand can become: 1 / widening's mean where 1/8 are kept
 
 
@@ -23,14 +24,8 @@ def thin(gpu, strands, view, lod, seed=0):
     `coverage` knows it at points alone.  Arrays that do not change are shared.
     """
     per_point = strands.color_per == 2
-    rows = strands.points.shape
-    thinned = replace(
-        strands,
-        points=gpu.empty(rows, np.float32),
-        tangents=gpu.empty(rows, np.float32),
-        spans=gpu.empty(strands.spans.shape, np.uint32),
-        colors=gpu.empty(rows, np.float32) if per_point else strands.colors,
-    )
+    thinned = replace(strands, **{name: Grown.declared[name].empty(gpu, len(getattr(strands, name)))
+                                  for name in (*THINNED, *["colors"] * per_point)})
     gpu.launch("lod.thin", len(strands.spans), view=view, lod=lod, seed=seed,
                out_points=thinned.points, out_tangents=thinned.tangents, out_spans=thinned.spans,
                out_colors=thinned.colors if per_point else gpu.empty((0, 4), np.float32),

@@ -1,11 +1,24 @@
 """Rays that go through shell fur -> its light, and how much of what is behind it they see."""
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
+from ..layout import Arrays, array
 from .raster import NONE, raster
-from .shade import no_shadows
+from .shade import IMAGE, no_shadows
 
 ENTRIES = 8                  # times that a ray may come into the fur
+
+
+@dataclass(frozen=True)
+class Rays(Arrays):
+    """How far the rays of a picture's samples have come."""
+
+    after: Any = array("sample", np.uint32, None, 0)      # depth where they came in last; NOTHING: they are done
+    through: Any = array("sample", np.float32, None, 1)   # share of light that comes from behind
+    fur: Any = array("sample", np.uint64, None, NONE)     # depth << 32 | face where half of it is gone
 
 
 def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
@@ -17,21 +30,19 @@ def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
     """
     rows, width, samples = visible.shape
     shadows = shadows or no_shadows(gpu)
-    image = gpu.full((rows, width, 4), np.float32, 0)
-    through, after = gpu.full(visible.shape, np.float32, 1), gpu.full(visible.shape, np.uint32, 0)
-    fur = gpu.full(visible.shape, np.uint64, NONE)
+    image, rays = IMAGE.empty(gpu, (rows, width)), Rays.empty(gpu, {"sample": visible.shape})
     pattern = shell.pattern
     across, down = (1, 1) if gpu.lanes == 1 else (4, gpu.lanes // 4)   # a work-item's pixels
     blocks = -(-width // across) * -(-rows // down)
     for _ in range(ENTRIES):
         left = gpu.full(1, np.int32, 0)
         with gpu.called("entries"):
-            entries = raster(gpu, view, None, shell, after=after)
+            entries = raster(gpu, view, None, shell, after=rays.after)
         gpu.launch("march.march", blocks, view=view, shells=packed, light=light,
                    half_vector=specular == "half-vector", visible=visible, entries=entries, border=shell.border,
                    faces=pattern.faces, neighbours=pattern.neighbours, curves=shell.curves, normals=shell.normals,
                    lattice=pattern.lattice, noise=pattern.noise, means=pattern.means, noise_box=pattern.box,
-                   after=after, through=through, fur=fur, left=left, image=image, **shadows.arrays())
+                   left=left, image=image, **vars(rays), **shadows.arrays())
         if not int(gpu.download(left)[0]):
             break
-    return image, through, fur
+    return image, rays.through, rays.fur

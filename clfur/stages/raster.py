@@ -2,9 +2,11 @@
 
 import numpy as np
 
+from ..layout import Declared
 from .strands import arrays
 
-NONE = (1 << 64) - 1   # nothing there: depth and id NOTHING
+NONE = (1 << 64) - 1                                  # nothing there: depth and id NOTHING
+VISIBLE = Declared("sample", np.uint64, None, NONE)   # depth << 32 | id
 
 
 def raster(gpu, view, strands=None, body=None, visible=None, after=None):
@@ -18,7 +20,7 @@ def raster(gpu, view, strands=None, body=None, visible=None, after=None):
     width, _, samples, _ = (int(n) for n in view["size"])
     rows = int(view["rows"][1] - view["rows"][0])
     bands = _bands(view, body)
-    visible = gpu.full((rows, width, samples), np.uint64, NONE) if visible is None else visible
+    visible = VISIBLE.empty(gpu, (rows, width, samples)) if visible is None else visible
     front, after = after is not None, gpu.empty(0, np.uint32) if after is None else after
     for phase in range(1 if gpu.int64_atomics else 2):
         if body is not None:

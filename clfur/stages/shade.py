@@ -6,18 +6,24 @@ from typing import Any
 import numpy as np
 
 from .. import layout
+from ..layout import Arrays, Declared, array
+from .raster import VISIBLE
 from .strands import arrays
+from .zscan import SUMS
+
+IMAGE = Declared("pixel", np.float32, 4, 0)         # linear, premultiplied r, g, b, alpha
+RADIANCE_SUMS = Declared("pixel", np.int64, 4, 0)   # r, g, b, alpha in 2^-32
 
 
 @dataclass(frozen=True)
-class Shadows:
+class Shadows(Arrays):
     """What stands between the light and a place."""
 
-    shadow: Any       # layout.Shadow
-    grid: Any         # layout.Grid
-    sums: Any         # [nz + 1, ny, nx] float32 crossings before each layer
-    seen: Any         # layout.View of the light
-    map: Any          # [size, size, 1] uint64, the raster of the body
+    shadow: np.void                             # layout.Shadow
+    grid: np.void                               # layout.Grid
+    seen: np.void                               # layout.View of the light
+    sums: Any = array(SUMS)                     # [nz + 1, ny, nx] crossings before each layer
+    map: Any = array(VISIBLE)                   # [size, size, 1] the raster of the body
 
     def arrays(self):
         """All of it, as arguments of a launch."""
@@ -26,8 +32,20 @@ class Shadows:
 
 def no_shadows(gpu):
     """`Shadows` of nothing."""
-    return Shadows(np.zeros((), layout.Shadow), np.zeros((), layout.Grid), gpu.empty(0, np.float32),
-                   np.zeros((), layout.View), gpu.empty(0, np.uint64))
+    return Shadows.empty(gpu, {"layer": 0, "sample": 0}, shadow=np.zeros((), layout.Shadow),
+                         grid=np.zeros((), layout.Grid), seen=np.zeros((), layout.View))
+
+
+@dataclass(frozen=True)
+class About(Arrays):
+    """What is known of pixels, see `about`."""
+
+    depth: Any = array("pixel", np.float32, None, np.inf)
+    id: Any = array("pixel", np.int32, None, -1)
+    tangent: Any = array("pixel", np.float32, 4, 0)
+    normal: Any = array("pixel", np.float32, 4, 0)
+    uv: Any = array("pixel", np.float32, 4, 0)
+    coverage: Any = array("pixel", np.float32, None, 0)
 
 
 def color(gpu, view, light, specular, visible, strands, body, body_color, shadows=None, image=None, through=None,
@@ -42,7 +60,7 @@ def color(gpu, view, light, specular, visible, strands, body, body_color, shadow
     shadows = shadows or no_shadows(gpu)
     rows, width, _ = visible.shape
     if sums is None and image is None:
-        image = gpu.full((rows, width, 4), np.float32, 0)
+        image = IMAGE.empty(gpu, (rows, width))
     gpu.launch("shade.color", rows * width, view=view, part=_part(strands, body),
                light=light, half_vector=specular == "half-vector", visible=visible,
                positions=body.positions, normals=body.normals, triangles=body.triangles, body_color=(*body_color, 0),
@@ -54,9 +72,9 @@ def color(gpu, view, light, specular, visible, strands, body, body_color, shadow
     return image if sums is None else sums
 
 
-def no_light(gpu, visible):
-    """Sums of no light yet for the pixels of ``visible`` -> [rows, width, 4] int64, r, g, b, alpha in 2^-32."""
-    return gpu.full((*visible.shape[:2], 4), np.int64, 0)
+def no_light(gpu, rows, width):
+    """Sums of no light yet -> [rows, width, 4] int64, r, g, b, alpha in 2^-32."""
+    return RADIANCE_SUMS.empty(gpu, (rows, width))
 
 
 def blend(gpu, sums, image=None, veil=None):
@@ -65,7 +83,7 @@ def blend(gpu, sums, image=None, veil=None):
     ``veil``: [rows, width] float32, the share of the image's light that comes through; all of it if None.
     """
     rows, width, _ = sums.shape
-    image = gpu.full((rows, width, 4), np.float32, 0) if image is None else image
+    image = IMAGE.empty(gpu, (rows, width)) if image is None else image
     gpu.launch("shade.blend", rows * width, radiance_sums=sums, veiled=veil is not None,
                veil=gpu.empty(0, np.float32) if veil is None else veil, image=image)
     return image
@@ -79,14 +97,7 @@ def about(gpu, view, visible, strands, body, result=None):
     ``strands`` and ``body`` may be a part of what is visible: what it knows is added to ``result``.
     """
     rows, width, _ = visible.shape
-    result = result or {
-        "depth": gpu.full((rows, width), np.float32, np.inf),
-        "id": gpu.full((rows, width), np.int32, -1),
-        "tangent": gpu.full((rows, width, 4), np.float32, 0),
-        "normal": gpu.full((rows, width, 4), np.float32, 0),
-        "uv": gpu.full((rows, width, 4), np.float32, 0),
-        "coverage": gpu.full((rows, width), np.float32, 0),
-    }
+    result = result or vars(About.empty(gpu, {"pixel": (rows, width)}))
     gpu.launch("shade.about", rows * width, view=view, part=_part(strands, body), visible=visible,
                positions=body.positions, normals=body.normals, uv=body.uv, triangles=body.triangles,
                **{f"out_{name}": array for name, array in result.items()},

@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 
 from .. import layout
+from ..layout import Arrays, Declared, array
 from .tessellate import widen
+from .voxelize import CELLS
 
 HEIGHTS, AROUND = 64, 96     # of the table of means, and places looked at for each
 CORNERS = 5                  # float4 a face in the lattice
@@ -15,39 +17,43 @@ MOST_NOISE = 16, 256         # lattices of the noise along a side, in space and 
 ROWS, MOST_ROWS = 16, 4096   # of a face's points in the light's grid: that a work-item does, and all
 
 
+SKIN = Declared("vertex", np.float32, 4)   # the mesh's positions, while hairs are bent
+
+
 @dataclass(frozen=True)
 class Topology:
-    """How the faces of a mesh hang together; corners in the order of their numbers."""
+    """How the faces of a mesh hang together, on the host; corners in the order of their numbers."""
 
-    corners: Any       # [F, 3] uint32
-    neighbours: Any    # [F, 4] int32 4 · face + its side, across each side (0: corners 1 2, 1: 0 2, 2: 0 1), or -1; -
-    order: Any         # [F, 3] which of the face's own corners these are
+    corners: np.ndarray       # [F, 3] uint32
+    neighbours: np.ndarray    # [F, 4] int32 4 · face + its side, across each side (0: corners 1 2, 1: 0 2, 2: 0 1),
+                              # or -1; -
+    order: np.ndarray         # [F, 3] which of the face's own corners these are
 
 
 @dataclass(frozen=True)
-class Pattern:
+class Pattern(Arrays):
     """Where the hairs of shell fur stand."""
 
-    packed: Any        # layout.Shells
-    box: Any           # float4: origin of the noise, its lattices a unit of length
-    noise: Any         # [places, 2] float32
-    means: Any         # [HEIGHTS, 2] float32 share covered, hairs entered going sideways by 1
-    faces: Any         # [F, 4] uint32 corners in the order of their numbers
-    neighbours: Any    # [F, 4] int32, see Topology
-    lattice: Any       # [F * CORNERS, 4] float32, see shells.cl
-    uv: Any            # [F * 3, 4] float32 u, v of the faces' corners in that order, 0 where the mesh has none
+    packed: np.void                                  # layout.Shells
+    box: np.ndarray                                  # float4: origin of the noise, its lattices a unit of length
+    noise: Any = array("place", np.float32, 2)
+    means: Any = array("height", np.float32, 2)      # share covered, hairs entered going sideways by 1
+    faces: Any = array("face", np.uint32, 4)         # corners in the order of their numbers
+    neighbours: Any = array("face", np.int32, 4)     # see Topology
+    lattice: Any = array("lattice", np.float32, 4)   # [F * CORNERS, 4], see shells.cl
+    uv: Any = array("corner", np.float32, 4)         # [F * 3, 4] of the faces' corners, 0 where the mesh has none
 
 
 @dataclass(frozen=True)
-class Shell:
+class Shell(Arrays):
     """Shell fur on the device, ready for rays."""
 
     pattern: Pattern
-    curves: Any        # [V * (slabs + 1), 4] float32 world: how hairs are bent at each vertex
-    normals: Any       # [V, 4] float32 of the skin
-    triangles: Any     # [B, 4] uint32 where rays come in: corners of curves, seen counter-clockwise
-    border: Any        # [B, 4] uint32 face, place in it: see march.cl
-    longest: float     # no side of these triangles is longer [world]
+    curves: Any = array("curve", np.float32, 4)      # [V * (slabs + 1), 4] world: how hairs are bent at each vertex
+    normals: Any = array("vertex", np.float32, 4)    # of the skin
+    triangles: Any = array("border", np.uint32, 4)   # where rays come in: corners of curves, seen counter-clockwise
+    border: Any = array("border", np.uint32, 4)      # face, place in it: see march.cl
+    longest: float = 0.0                             # no side of these triangles is longer [world]
 
     @property
     def positions(self):
@@ -133,26 +139,29 @@ def pack(shells, mesh, bare, filtered):
     return packed, np.array((*center, f / waves), np.float32)
 
 
+def _rows_of(packed, vertices, faces):
+    """How much of what there is in a `Pattern` and a `Shell`: {"place": 64, ...}, but for the border."""
+    nx, ny, nz, _ = (4 * int(n) for n in packed["noise"])
+    return {"place": nx * ny * (1 if packed["kind"][0] else nz), "height": HEIGHTS, "face": faces, "corner": 3 * faces,
+            "lattice": CORNERS * faces, "vertex": vertices, "curve": vertices * (int(packed["kind"][2]) + 1)}
+
+
 def size_of(mesh, packed, topology):
     """Bytes on the device of a `Shell`, and what it takes to make it."""
-    n, faces, slabs, bare = len(mesh.positions), len(mesh.faces), int(packed["kind"][2]), int(packed["noise"][3])
-    nx, ny, nz, _ = (4 * int(n) for n in packed["noise"])
-    sides = faces * (1 + bare) + 2 * slabs * int((topology.neighbours[:, :3] < 0).sum())
-    return (n * 16 * (slabs + 3) + faces * (32 + 48 + 16 * CORNERS) + sides * 32
-            + nx * ny * (1 if packed["kind"][0] else nz) * 8 + HEIGHTS * 8)
+    slabs, bare = int(packed["kind"][2]), int(packed["noise"][3])
+    rows = _rows_of(packed, len(mesh.positions), len(mesh.faces))
+    sides = len(mesh.faces) * (1 + bare) + 2 * slabs * int((topology.neighbours[:, :3] < 0).sum())
+    return Pattern.bytes(**rows) + Shell.bytes(border=sides, **rows) + SKIN.bytes * len(mesh.positions)
 
 
 def lay(gpu, mesh, packed, box, topology):
     """Lay the pattern of `layout.Shells` on a mesh -> `Pattern`."""
-    nx, ny, nz, _ = (4 * int(n) for n in packed["noise"])
-    sine = int(packed["kind"][0])
-    places = nx * ny * (1 if sine else nz)
     uv = np.take_along_axis(mesh.uv, topology.order[..., None], 1).reshape(-1, 2)
     n = len(topology.corners)
-    result = Pattern(packed, box, gpu.empty((places, 2), np.float32), gpu.empty((HEIGHTS, 2), np.float32),
-                     gpu.upload(widen(topology.corners)), gpu.upload(topology.neighbours),
-                     gpu.empty((n * CORNERS, 4), np.float32), gpu.upload(widen(uv)))
-    gpu.launch("shells.noise", places, shells=packed, out=result.noise)
+    rows = _rows_of(packed, len(mesh.positions), n)
+    result = Pattern.empty(gpu, rows, packed=packed, box=box, faces=gpu.upload(widen(topology.corners)),
+                           neighbours=gpu.upload(topology.neighbours), uv=gpu.upload(widen(uv)))
+    gpu.launch("shells.noise", rows["place"], shells=packed, out=result.noise)
     gpu.launch("shells.means", HEIGHTS, shells=packed, around=AROUND, out=result.means)
     positions, normals = gpu.upload(widen(mesh.positions)), gpu.upload(widen(mesh.normals))
     gpu.launch("shells.lattice", n, shells=packed, positions=positions, normals=normals, faces=result.faces,
@@ -175,13 +184,13 @@ def _outward(mesh):
 
 def bend(gpu, mesh, packed, pattern, topology, sides=None):
     """Bend the hairs of a pattern -> `Shell`; ``sides``: what `border` gave, if it is there already."""
-    slabs = int(packed["kind"][2])
     triangles, starts = sides or border(gpu, mesh, packed, topology)
-    normals, positions = gpu.upload(widen(mesh.normals)), gpu.upload(widen(mesh.positions))
-    curves = gpu.empty((len(mesh.positions) * (slabs + 1), 4), np.float32)
-    gpu.launch("shells.bend", len(mesh.positions), shells=packed, positions=positions, normals=normals, curves=curves)
-    longest = mesh.longest_edge + 2 * float(packed["size"][0])
-    return Shell(pattern, curves, normals, triangles, starts, longest)
+    shell = Shell.empty(gpu, _rows_of(packed, len(mesh.positions), len(mesh.faces)), pattern=pattern,
+                        normals=gpu.upload(widen(mesh.normals)), triangles=triangles, border=starts,
+                        longest=mesh.longest_edge + 2 * float(packed["size"][0]))
+    gpu.launch("shells.bend", len(mesh.positions), shells=packed, positions=gpu.upload(widen(mesh.positions)),
+               normals=shell.normals, curves=shell.curves)
+    return shell
 
 
 def deposit(gpu, grid, shell, packed, method, weight, cells=None):
@@ -191,7 +200,7 @@ def deposit(gpu, grid, shell, packed, method, weight, cells=None):
     see `bounds_of`.  ``cells``: counts to add to.
     """
     nx, ny, nz, _ = (int(n) for n in grid["size"])
-    cells = gpu.full((nz, ny, nx), np.uint32, 0) if cells is None else cells
+    cells = CELLS.empty(gpu, (nz, ny, nx)) if cells is None else cells
     pattern, deep = shell.pattern, 1 / float(np.linalg.norm(grid["to_grid"][:3, 2]))
     step = 0.75 * min(float(grid["face"][1] * grid["face"][2]), deep)
     # Beside a spot cells are tiny: hair there may be coarser than they are, else long fur would take hours.

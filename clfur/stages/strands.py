@@ -7,24 +7,48 @@ from typing import Any
 import numpy as np
 
 from .. import layout
+from ..layout import Arrays, array
 from .tessellate import widen
+
+AREA = layout.Declared("triangle", np.uint64)   # running sums of triangles' areas, by which roots are spread
 
 
 @dataclass(frozen=True)
-class Grown:
+class Grown(Arrays):
     """Strands on the device: runs of points, told apart by ``spans``."""
 
-    points: Any       # [P, 4] float32 x, y, z, width [world]
-    tangents: Any     # [P, 4] float32 unit
-    strand_of: Any    # [P] uint32
-    spans: Any        # [strands, 2] uint32 first point, points
-    colors: Any       # [1 | strands | P, 4] float32 linear r, g, b, -
-    normals: Any      # [strands, 4] float32 unit, of the skin at the root; 0 where it is not known
-    uv: Any           # [strands, 4] float32 root's u, v, index of its type, -
-    types: Any        # [types] layout.HairType
+    points: Any = array("point", np.float32, 4)     # x, y, z, width [world]
+    tangents: Any = array("point", np.float32, 4)   # unit
+    strand_of: Any = array("point", np.uint32)
+    spans: Any = array("strand", np.uint32, 2)      # first point, points
+    colors: Any = array("color", np.float32, 4)     # linear r, g, b, -; see ``color_per``
+    normals: Any = array("strand", np.float32, 4)   # unit, of the skin at the root; 0 where it is not known
+    uv: Any = array("strand", np.float32, 4)        # root's u, v, index of its type, -
+    types: Any = array("type", layout.HairType)
     first_strand: int = 0   # number of the first of these strands among all
     first_point: int = 0    # and of the first of these points
     color_per: int = 1      # what has a colour of its own: 0 everything together, 1 each strand, 2 each point
+
+
+@dataclass(frozen=True)
+class Roots(Arrays):
+    """Where strands begin to grow."""
+
+    root: Any = array("strand", np.float32, 4)
+    root_direction: Any = array("strand", np.float32, 4)   # unit: the skin's normal
+    root_uv: Any = array("strand", np.float32, 4)          # u, v, -, -
+
+
+@dataclass(frozen=True)
+class Packed(Arrays):
+    """Strands of the user's, as `Curves` has them; an empty array where there is none."""
+
+    packed: Any = array("point", np.float32, 3)
+    widths: Any = array("width", np.float32)               # one, each strand's or each point's
+    packed_colors: Any = array("color", np.float32, 3)     # likewise
+    root_normals: Any = array("strand", np.float32, 3)
+    root_uv: Any = array("strand", np.float32, 2)
+    type_of: Any = array("strand", np.uint32)
 
 
 def arrays(strands, *names):
@@ -45,25 +69,15 @@ def grow(gpu, surface, fur, strands=None, area=None):
     make = _roots_on_faces if fur.roots == "faces" else _roots_by_area
     first = surface.first_triangle if fur.roots == "faces" else 0
     begin, end = strands or (first, first + len(surface.triangles) if fur.roots == "faces" else fur.roots)
-    root, direction, uv = make(gpu, surface, fur, begin, end - begin, area)
     n = end - begin
+    roots = make(gpu, surface, fur, begin, n, area)
     types, texels = pack_types(fur.types)
     indices = fur.type_indices if fur.type_map is not None else np.zeros((1, 1))
     stride = max(t.segments for t in fur.types) + 1
     point_forces = np.array([[*f.position, f.strength] for f in fur.point_forces], np.float32).reshape(-1, 4)
-    grown = Grown(
-        points=gpu.empty((n * stride, 4), np.float32),
-        tangents=gpu.empty((n * stride, 4), np.float32),
-        strand_of=gpu.empty(n * stride, np.uint32),
-        spans=gpu.empty((n, 2), np.uint32),
-        colors=gpu.empty((n, 4), np.float32),
-        normals=direction,
-        uv=gpu.empty((n, 4), np.float32),
-        types=gpu.upload(types),
-        first_strand=begin,
-        first_point=begin * stride,
-    )
-    gpu.launch("strands.grow", n, root=root, root_direction=direction, root_uv=uv,
+    grown = Grown.empty(gpu, {"point": n * stride, "strand": n, "color": n}, normals=roots.root_direction,
+                        types=gpu.upload(types), first_strand=begin, first_point=begin * stride)
+    gpu.launch("strands.grow", n, **vars(roots),
                type_map=gpu.upload(indices.astype(np.uint32)), map_size=indices.shape[::-1], texels=gpu.upload(texels),
                force=(*fur.force, 0), point_forces=gpu.upload(point_forces), n_point_forces=len(point_forces),
                seed=fur.seed, stride=stride,
@@ -86,29 +100,22 @@ def bring(gpu, curves, strands=None):
                             for values in (curves.width, curves.color))
     here = (0, 1), (begin, end), (before, before + total)
     types, _ = pack_types(curves.hair_types)
-    colors = gpu.rows(curves.color, *here[color_per])
-    none = gpu.empty(0, np.float32)
-    grown = Grown(
-        points=gpu.empty((total, 4), np.float32),
-        tangents=gpu.empty((total, 4), np.float32),
-        strand_of=gpu.empty(total, np.uint32),
-        spans=gpu.upload(np.stack([first, counts], 1).astype(np.uint32)),
-        colors=gpu.empty((len(colors), 4), np.float32) if color_per else gpu.upload(widen(gpu.download(colors))),
-        normals=gpu.empty((n, 4), np.float32),
-        uv=gpu.empty((n, 4), np.float32),
-        types=gpu.upload(types),
-        first_strand=begin,
-        first_point=before,
-        color_per=color_per,
+    has = {"has_normals": curves.root_normal is not None, "has_uv": curves.root_uv is not None,
+           "has_types": curves.type_of is not None}
+    packed = Packed(
+        packed=gpu.rows(curves.points, *here[2]),
+        widths=gpu.rows(curves.width, *here[width_per]),
+        packed_colors=gpu.rows(curves.color, *here[color_per]),
+        root_normals=gpu.rows(curves.root_normal, begin, end) if has["has_normals"] else gpu.empty((0, 3), np.float32),
+        root_uv=gpu.rows(curves.root_uv, begin, end) if has["has_uv"] else gpu.empty((0, 2), np.float32),
+        type_of=gpu.upload((curves.type_of[begin:end] if has["has_types"] else np.zeros(0)).astype(np.uint32)),
     )
-    normals, uv = (none if each is None else gpu.rows(each, begin, end)
-                   for each in (curves.root_normal, curves.root_uv))
-    type_of = np.zeros(0) if curves.type_of is None else curves.type_of[begin:end]
-    gpu.launch("strands.bring", n, packed=gpu.rows(curves.points, *here[2]),
-               widths=gpu.rows(curves.width, *here[width_per]), width_per=width_per, packed_colors=colors,
-               root_normals=normals, has_normals=curves.root_normal is not None,
-               root_uv=uv, has_uv=curves.root_uv is not None,
-               type_of=gpu.upload(type_of.astype(np.uint32)), has_types=curves.type_of is not None,
+    one = {} if color_per else {"colors": gpu.upload(widen(gpu.download(packed.packed_colors)))}
+    grown = Grown.empty(
+        gpu, {"point": total, "strand": n, "color": len(packed.packed_colors)}, **one,
+        spans=gpu.upload(np.stack([first, counts], 1).astype(np.uint32)), types=gpu.upload(types),
+        first_strand=begin, first_point=before, color_per=color_per)
+    gpu.launch("strands.bring", n, width_per=width_per, **has, **vars(packed),
                **arrays(grown, "spans", "color_per", "points", "tangents", "strand_of", "colors", "strand_normal",
                         "strand_uv"))
     return grown
@@ -116,9 +123,7 @@ def bring(gpu, curves, strands=None):
 
 def no_strands(gpu):
     """`Grown` without a strand."""
-    rows = gpu.empty((0, 4), np.float32)
-    return Grown(points=rows, tangents=rows, strand_of=gpu.empty(0, np.uint32), spans=gpu.empty((0, 2), np.uint32),
-                 colors=rows, normals=rows, uv=rows, types=gpu.empty(0, layout.HairType))
+    return Grown.empty(gpu, {"point": 0, "strand": 0, "color": 0, "type": 0})
 
 
 def _per(length, strands, points):
@@ -149,29 +154,24 @@ def _turn(turns, segments):
 
 
 def _roots_on_faces(gpu, surface, fur, begin, n, _):
-    roots = _no_roots(gpu, n)
+    roots = Roots.empty(gpu, {"strand": n})
     gpu.launch("strands.roots_on_faces", n, positions=surface.positions, normals=surface.normals, uv=surface.uv,
-               triangles=surface.triangles, first=begin - surface.first_triangle, **roots)
-    return tuple(roots.values())
+               triangles=surface.triangles, first=begin - surface.first_triangle, **vars(roots))
+    return roots
 
 
 def _roots_by_area(gpu, surface, fur, begin, n, area):
     triangles = len(surface.triangles)
-    roots = _no_roots(gpu, n)
+    roots = Roots.empty(gpu, {"strand": n})
     sums, total = _sum_areas(gpu, surface)
-    areas = gpu.empty(triangles, np.uint64)
+    areas = AREA.empty(gpu, triangles)
     gpu.launch("strands.scan_areas", len(sums), positions=surface.positions, triangles=surface.triangles, n=triangles,
                unit=surface.unit, sums=sums, areas=areas)
     before, whole = (0, total) if area is None else (area[0], gpu.upload(np.array([area[1]], np.uint64)))
     gpu.launch("strands.roots_by_area", n, positions=surface.positions, normals=surface.normals, uv=surface.uv,
                triangles=surface.triangles, areas=areas, n_triangles=triangles, before=before, whole=whole,
-               seed=fur.seed, first=begin, n=fur.roots, **roots)
-    return tuple(roots.values())
-
-
-def _no_roots(gpu, n):
-    """Room for what the kernels of roots write."""
-    return {name: gpu.empty((n, 4), np.float32) for name in ("root", "direction", "root_uv")}
+               seed=fur.seed, first=begin, n=fur.roots, **vars(roots))
+    return roots
 
 
 def _sum_areas(gpu, surface):

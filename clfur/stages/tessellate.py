@@ -5,19 +5,33 @@ from typing import Any
 
 import numpy as np
 
+from ..layout import Arrays, array
+
 
 @dataclass(frozen=True)
-class Surface:
+class Surface(Arrays):
     """A tessellated mesh on the device."""
 
-    positions: Any     # [V, 4] float32 world
-    normals: Any       # [V, 4] float32 unit
-    uv: Any            # [V, 4] float32 u, v, -, -
-    barycentric: Any   # [V, 4] float32 place in the mesh's face
-    triangles: Any     # [T, 4] uint32 three vertices counter-clockwise, face of the mesh
-    unit: float        # scale of lengths that makes areas whole numbers
-    longest: float = np.inf   # no side of a triangle is longer [world]
-    first_triangle: int = 0   # number of the first of these triangles among all of the mesh
+    positions: Any = array("vertex", np.float32, 4)    # world
+    normals: Any = array("vertex", np.float32, 4)      # unit
+    uv: Any = array("vertex", np.float32, 4)           # u, v, -, -
+    triangles: Any = array("triangle", np.uint32, 4)   # three vertices counter-clockwise, face of the mesh
+    unit: float = 1.0                                  # scale of lengths that makes areas whole numbers
+    longest: float = np.inf                            # no side of a triangle is longer [world]
+    first_triangle: int = 0                            # number of the first of these triangles among all of the mesh
+
+
+@dataclass(frozen=True)
+class Source(Arrays):
+    """What a mesh is divided by, on the device."""
+
+    positions: Any = array("mesh_vertex", np.float32, 4)
+    normals: Any = array("mesh_vertex", np.float32, 4)
+    corner_uv: Any = array("corner", np.float32, 4)    # of the faces, three each
+    faces: Any = array("face", np.uint32, 4)           # three vertices, -
+    levels: Any = array("face", np.int32, 4)           # see `levels_of`
+    first_vertex: Any = array("end", np.uint32)        # that each face gives, and the end of all
+    first_triangle: Any = array("end", np.uint32)
 
 
 def levels_of(inner, outer, faces):
@@ -58,34 +72,33 @@ def tessellate(gpu, mesh, inner=1, outer=1, surface="pn", faces=None):
     first_triangle = np.concatenate([[0], np.cumsum(triangles[begin:end])])
     n_vertices, n_triangles = int(first_vertex[-1]), int(first_triangle[-1])
 
-    device_levels = gpu.upload(levels)
-    device_first = gpu.upload(first_vertex.astype(np.uint32))
-    result = Surface(
-        positions=gpu.empty((n_vertices, 4), np.float32),
-        normals=gpu.empty((n_vertices, 4), np.float32),
-        uv=gpu.empty((n_vertices, 4), np.float32),
-        barycentric=gpu.empty((n_vertices, 4), np.float32),
-        triangles=gpu.empty((n_triangles, 4), np.uint32),
+    source = Source(
+        positions=gpu.upload(widen(mesh.positions)),
+        normals=gpu.upload(widen(mesh.normals)),
+        corner_uv=gpu.upload(widen(mesh.uv[begin:end].reshape(-1, 2))),
+        faces=gpu.upload(widen(mesh.faces[begin:end])),
+        levels=gpu.upload(levels),
+        first_vertex=gpu.upload(first_vertex.astype(np.uint32)),
+        first_triangle=gpu.upload(first_triangle.astype(np.uint32)),
+    )
+    result = Surface.empty(
+        gpu, {"vertex": n_vertices, "triangle": n_triangles},
         unit=np.float32(2.0**28 / np.sqrt(mesh.area)),
         # A side of a curved triangle is longer than that of a flat one, by far less than twice.
         longest=2 * mesh.longest_edge / min(np.min(inner), np.min(outer)),
         first_triangle=before,
     )
-    gpu.launch("tessellate.vertices", end - begin,
-               positions=gpu.upload(widen(mesh.positions)), normals=gpu.upload(widen(mesh.normals)),
-               corner_uv=gpu.upload(widen(mesh.uv[begin:end].reshape(-1, 2))),
-               faces=gpu.upload(widen(mesh.faces[begin:end])),
-               levels=device_levels, first=device_first, curved=surface == "pn", out_positions=result.positions,
-               out_normals=result.normals, out_uv=result.uv, out_barycentric=result.barycentric)
-    gpu.launch("tessellate.triangles", end - begin, levels=device_levels, first_vertex=device_first,
-               first_triangle=gpu.upload(first_triangle.astype(np.uint32)), out_triangles=result.triangles)
+    gpu.launch("tessellate.vertices", end - begin, positions=source.positions, normals=source.normals,
+               corner_uv=source.corner_uv, faces=source.faces, levels=source.levels, first_vertex=source.first_vertex,
+               curved=surface == "pn", out_positions=result.positions, out_normals=result.normals, out_uv=result.uv)
+    gpu.launch("tessellate.triangles", end - begin, levels=source.levels, first_vertex=source.first_vertex,
+               first_triangle=source.first_triangle, out_triangles=result.triangles)
     return result
 
 
 def no_surface(gpu):
     """`Surface` without a triangle."""
-    rows = [gpu.empty((0, 4), np.float32) for _ in range(4)]
-    return Surface(*rows, triangles=gpu.empty((0, 4), np.uint32), unit=np.float32(1))
+    return Surface.empty(gpu, {"vertex": 0, "triangle": 0})
 
 
 def widen(array):

@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 
+from ..layout import Declared
 from .strands import arrays
 
+CELLS = Declared("cell", np.uint32, None, 0)   # amounts of crossings
 METHODS = ("binary", "count", "trilinear", "length")
 
 
@@ -17,7 +19,7 @@ def voxelize(gpu, grid, strands, method, weights, cells=None):
     adds; see `unit_for` and `depths_for`.  ``cells``: counts to add to.
     """
     nx, ny, nz, _ = (int(n) for n in grid["size"])
-    cells = gpu.full((nz, ny, nx), np.uint32, 0) if cells is None else cells
+    cells = CELLS.empty(gpu, (nz, ny, nx)) if cells is None else cells
     given = {"grid": grid, "weights": gpu.upload(weights), "cells": cells,
              **arrays(strands, "points", "spans", "strand_uv")}
     if method == "length":

@@ -2,6 +2,10 @@
 
 import numpy as np
 
+from ..layout import Declared
+
+SUMS = Declared("layer", np.float32)   # crossings before a cell of each layer, and behind all
+
 
 def zscan(gpu, cells, unit):
     """Sum [nz, ny, nx] uint32 along z -> [nz + 1, ny, nx] float32: crossings before each layer, and behind all.
@@ -9,6 +13,6 @@ def zscan(gpu, cells, unit):
     nx · ny must be a multiple of 16; ``unit`` is the amount of one crossing.
     """
     nz, ny, nx = cells.shape
-    sums = gpu.empty((nz + 1, ny, nx), np.float32)
+    sums = SUMS.empty(gpu, (nz + 1, ny, nx))
     gpu.launch("zscan.columns", nx * ny // 16, cells=cells, layers=nz, layer=nx * ny, scale=1 / unit, sums=sums)
     return sums

@@ -1,0 +1,210 @@
+"""Arrays on the device are what they are declared to be, and the memory plan counts them all."""
+
+import importlib
+import re
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from support.scenes import icosphere
+
+import clfur
+from clfur import layout
+from clfur.pipeline import plan as parts
+from clfur.pipeline.views import view_of
+from clfur.stages import coverage, shade, shells, strands, tessellate
+from clfur.stages.lod import thin
+from clfur.stages.raster import raster
+
+ROOT = Path(__file__).resolve().parents[1]
+STAGES = [importlib.import_module(f"clfur.stages.{path.stem}")
+          for path in sorted((ROOT / "clfur/stages").glob("*.py")) if path.stem != "__init__"]
+ROWS = {"point": 20, "strand": 5, "color": 5, "type": 2}
+
+
+# --- what is declared -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("body", [
+    "extra: Any", "extra: Any = None", "extra: Any = field(default=None)", "extra: int = layout.array('point', 'f4')"])
+def test_an_array_that_is_not_declared_is_an_error_at_import(body):
+    source = ("from dataclasses import dataclass, field\nfrom typing import Any\nfrom clfur import layout\n@dataclass\n"
+              f"class Wrong(layout.Arrays):\n    points: Any = layout.array('point', 'f4', 4)\n    {body}\n")
+    with pytest.raises(TypeError, match=r"Wrong\.extra is of .*; allowed: Any with layout\.array, or another type"):
+        exec(source, {})
+    exec(source.replace(body, "extra: int = 5"), {})
+
+
+@pytest.mark.parametrize("name, shape, dtype, allowed", [
+    ("points", (20, 4), np.float64, "float32 [20, 4]"), ("points", (20, 3), np.float32, "float32 [20, 4]"),
+    ("points", 80, np.float32, "float32 [4]"), ("strand_of", (20, 1), np.uint32, "uint32 [20]"),
+    ("strand_of", 19, np.uint32, "uint32 [20]"), ("spans", (0, 4), np.uint32, "uint32 [0, 2]"),
+    ("types", 2, layout.Light, None)])
+def test_an_array_unlike_its_declaration_is_refused(gpu, name, shape, dtype, allowed):
+    grown = strands.Grown.empty(gpu, ROWS)
+    with pytest.raises(TypeError, match=rf"Grown\.{name} is .*; allowed: ") as error:
+        replace(grown, **{name: gpu.empty(shape, dtype)})
+    assert allowed is None or allowed in str(error.value)
+    with pytest.raises(TypeError, match=r"Grown\.first_point is an array on the device that is not declared"):
+        replace(grown, first_point=gpu.empty(1, np.uint32))
+
+
+def test_arrays_are_made_as_declared(gpu):
+    made = coverage.Resolved.empty(gpu, {"pixel": (3, 5), "sample": (3, 5, 4)}, veil=gpu.full((3, 5), np.float32, 7))
+    shapes = {name: (getattr(made, name).shape, getattr(made, name).dtype) for name in coverage.Resolved.declared}
+    assert shapes == {
+        "used": ((3, 5), np.uint32), "through": ((3, 5, 4), np.float32), "veil": ((3, 5), np.float32),
+        "alpha": ((3, 5), np.float32), "seen": ((3, 5, 1), np.uint64), "seen_fur": ((3, 5, 1), np.uint64)}
+    assert (made.through.get() == 1).all() and (made.veil.get() == 7).all()
+    assert bytes_of(made) == coverage.Resolved.bytes(pixel=15, sample=60)
+    assert coverage.Resolved.bytes("through", "seen", pixel=15, sample=60) == 15 * 8 + 60 * 4
+
+
+# --- the memory plan --------------------------------------------------------------------------------------
+
+
+def bytes_of(*made):
+    """What the arrays of some objects take on the device."""
+    return sum(getattr(each, field.name).nbytes for each in made for field in fields(each)
+               if hasattr(getattr(each, field.name), "base_data"))
+
+
+def uncounted(modules, texts):
+    """Names of what some modules declare whose bytes no text asks for."""
+    declared = {name for module in modules for name, value in vars(module).items()
+                if isinstance(value, layout.Declared)
+                or (isinstance(value, type) and issubclass(value, layout.Arrays) and value is not layout.Arrays)}
+    return {name for name in declared if not any(re.search(rf"\b{name}\.bytes\b", text) for text in texts)}
+
+
+def test_all_that_is_declared_is_counted():
+    """Shadows hold what SUMS and VISIBLE declare."""
+    texts = [path.read_text() for path in (ROOT / "clfur").rglob("*.py")]
+    assert uncounted(STAGES, texts) <= {"SUMS"}
+    planted = type("planted", (), {"Extra": dataclass(type("Extra", (layout.Arrays,), {
+        "__annotations__": {"points": Any}, "points": layout.array("point", np.float32, 4)}))})
+    assert uncounted([planted], texts) == {"Extra"}
+
+
+def kept(gpu, mesh, curves=False):
+    """(strands, how many points and strands they are, what the plan counts for them)."""
+    kind = clfur.HairType(segments=9, segment_length=.01)
+    if curves:
+        points = np.random.default_rng(2).normal(size=(5000, 30, 3))
+        fur = clfur.Curves(points, color=np.abs(points) % 1)
+        made = strands.bring(gpu, fur)
+    else:
+        fur = clfur.Strands(roots=20_000, types=[kind])
+        made = strands.grow(gpu, tessellate.tessellate(gpu, mesh), fur)
+    return made, parts.POINT * len(made.points) + parts.STRAND * len(made.spans) + parts.PACKED * len(
+        made.points) * curves
+
+
+@pytest.fixture
+def mesh():
+    positions, faces = icosphere(2)
+    return clfur.Mesh(positions, positions, np.abs(positions[faces][..., :2]), faces)
+
+
+def most(gpu, make):
+    """Bytes that arrays took at once, at most, while something was made and after that."""
+    gpu.forget()
+    gpu.start()
+    before = gpu.peak
+    made = make()
+    return gpu.peak - before, made
+
+
+def room(nbytes):
+    """The pool rounds each array up by a sixteenth at most; and there are some small ones."""
+    return nbytes * 17 / 16 + 50_000
+
+
+def check_counts(gpu, mesh, curves):
+    """All that is made of strands against the plan."""
+    taken, (made, counted) = most(gpu, lambda: kept(gpu, mesh, curves))
+    assert bytes_of(made) <= counted
+    assert .5 * counted < taken < room(counted)
+    scene = clfur.Scene(mesh, camera=clfur.Camera(eye=(0, 0, 300)))
+    taken, thinned = most(gpu, lambda: thin(gpu, made, view_of(scene, 1), 1.0))
+    more = parts.THIN_POINT * len(made.points) + parts.THIN_STRAND * len(made.spans) + (
+        parts.THIN_COLOR * len(made.points) * (made.color_per == 2))
+    assert .9 * more < taken < room(more) and len(thinned.points) == len(made.points)
+
+
+@pytest.mark.parametrize("curves", [False, True], ids=["grown", "curves"])
+def test_the_plan_counts_all_of_strands(gpu, mesh, curves):
+    check_counts(gpu, mesh, curves)
+
+
+@pytest.mark.parametrize("curves", [False, True], ids=["grown", "curves"])
+def test_an_array_more_than_the_plan_counts_is_seen(gpu, mesh, monkeypatch, curves):
+    """Planted: a class with an array of rows that the plan has not heard of."""
+    @dataclass(frozen=True, kw_only=True)
+    class Longer(strands.Grown):
+        knots: Any = layout.array("knot", np.float32, 4)
+
+    def empty(gpu, rows, **given):
+        return Longer(**vars(right(gpu, rows, **given)),
+                      knots=Longer.declared["knots"].empty(gpu, rows["point"]))
+    right = strands.Grown.empty
+    monkeypatch.setattr(strands.Grown, "empty", empty)
+    with pytest.raises(AssertionError):
+        check_counts(gpu, mesh, curves)
+
+
+def test_a_temporary_more_than_the_plan_counts_is_seen(gpu, mesh, monkeypatch):
+    """Planted: an array that no class declares, while strands grow."""
+    launch = gpu.launch
+
+    def wasteful(name, size, /, **arguments):
+        gpu.empty((size, 100), np.float32)
+        launch(name, size, **arguments)
+    monkeypatch.setattr(gpu, "launch", wasteful)
+    with pytest.raises(AssertionError):
+        check_counts(gpu, mesh, False)
+
+
+def test_the_plan_counts_all_of_a_surface(gpu, mesh):
+    taken, made = most(gpu, lambda: tessellate.tessellate(gpu, mesh, 20, 20))
+    counted = parts.VERTEX * len(made.positions) + parts.TRIANGLE * len(made.triangles)
+    mesh_bytes = parts.MESH_VERTEX * len(mesh.positions) + parts.MESH_FACE * len(mesh.faces)
+    assert bytes_of(made) <= counted and .7 * counted < taken < room(counted + mesh_bytes)
+    taken, area = most(gpu, lambda: strands.grow(gpu, made, clfur.Strands(roots=1, types=clfur.HairType(segments=1))))
+    assert taken < room(strands.AREA.bytes * len(made.triangles))
+
+
+def test_the_plan_counts_all_of_fragments(gpu, mesh):
+    scene = clfur.Scene(mesh, clfur.Strands(roots=3000), clfur.Camera(size=(200, 150)))
+    grown, view = strands.grow(gpu, tessellate.tessellate(gpu, mesh), scene.strands), view_of(scene, 4)
+
+    def make():
+        visible = raster(gpu, view)
+        pixels = coverage.bound(gpu, visible)
+        coverage.count(gpu, view, grown, pixels)
+        fragments = coverage.allocate(gpu, pixels, int(pixels.get()[..., 1].sum()))
+        coverage.gather(gpu, view, grown, fragments)
+        resolved = coverage.resolve(gpu, visible, fragments)
+        sums = coverage.light(gpu, view, np.zeros((), layout.Light), "kajiya-kay", fragments, resolved, grown)
+        return fragments, resolved, sums, shade.blend(gpu, sums, veil=resolved.veil)
+    taken, (fragments, resolved, *_) = most(gpu, make)
+    samples = parts.VISIBLE.bytes * 4 + coverage.Resolved.bytes(sample=4)
+    counted = 200 * 150 * (
+        parts.PIXEL + samples + parts.IMAGE.bytes + parts.RADIANCE_SUMS.bytes + parts.COUNTED.bytes) + parts.FRAGMENT * len(fragments.list)
+    assert bytes_of(fragments, resolved) < counted and .8 * counted < taken < room(counted)
+
+
+@pytest.mark.parametrize("options", [{}, {"pattern": "sine"}, {"wind": (.5, 0, 0)}], ids=str)
+def test_the_plan_counts_all_of_shells(gpu, mesh, options):
+    topology = shells.topology_of(mesh.faces)
+    packed, box = shells.pack(clfur.Shells(**options), mesh, True, True)
+
+    def make():
+        pattern = shells.lay(gpu, mesh, packed, box, topology)
+        return shells.bend(gpu, mesh, packed, pattern, topology)
+    taken, shell = most(gpu, make)
+    counted = shells.size_of(mesh, packed, topology)
+    assert bytes_of(shell, shell.pattern) + shells.SKIN.bytes * len(mesh.positions) == counted
+    assert .8 * counted < taken < room(counted)
