@@ -1,20 +1,19 @@
 /*
  * Strands as transparent as they are thin: how much of each pixel each of them covers, in the order of their depths.
  *
- * A strand is a ribbon that faces the eye, as wide as it is.  `count` counts which pixels it touches, `gather` writes for
- * each a fragment (depth, id, area), `resolve` sorts those of a pixel and hides one behind the other, and `light` lights
- * what is left of each.  Sums are taken in the order of depths or in integers: the same bits in whatever order strands
- * are drawn.
+ * A strand is a ribbon that faces the eye, as wide as it is.  `count` counts which pixels it touches, `number` tells where
+ * in memory a pixel's go, `gather` writes a fragment (depth, id, area) for each, `resolve` sorts those of a pixel and hides one
+ * behind the other, and `light` lights what is left of each.  Sums are taken in the order of depths or in integers: the same
+ * bits in whatever order strands are drawn.
  */
 #include "clip.h"
 #include "lanes.h"
 #include "seen.h"
 #include "scatter.h"
 #include "light.h"
+#include "sums.h"
 
 #define CHAINS 8            // strands whose pieces in a pixel are remembered: these lie beside each other, not behind
-#define ONE 4294967296.0f   // of a sum of light
-#define MOST 1e8f           // light that a sum can hold
 #define BATCH 128           // fragments written together
 #define FEW 64              // fragments that are sorted by insertion
 
@@ -169,7 +168,69 @@ __kernel void count(
     draw_strand(&to, &view, points, spans[strand], 0);
 }
 
-/* The same, and writes the fragments. */
+/* One work-item sums the fragments of one row. */
+__kernel void sum_rows(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const uint width,
+    __global const uint2 *counted,         // [rows, width] depth; fragments
+    __global ulong *sums)                  // [rows]
+{
+    WORK_ITEM(row);
+    ulong sum = 0;
+    for (uint x = 0; x < width; ++x)
+        sum += counted[row * width + x].y;
+    sums[row] = sum;
+}
+
+/* Run over the pixels of one block, SCAN of them, tile by tile: so those that are near each other lie near each other in
+   memory, and a strand writes to fewer pages of it.  `sum`: fragments before them -> those before the next block. */
+inline ulong over_tiles(uint block, int2 size, __global const uint2 *counted, ulong sum, int numbering,
+                        __global uint *starts, __global uint2 *pixels)
+{
+    const int across = (size.x + TILE - 1) / TILE, tiles = across * ((size.y + TILE - 1) / TILE), each = SCAN / (TILE * TILE);
+    for (int tile = (int)block * each; tile < min(((int)block + 1) * each, tiles); ++tile) {
+        const int left = tile % across * TILE, top = tile / across * TILE;
+        for (int y = top; y < min(top + TILE, size.y); ++y)
+            for (int x = left; x < min(left + TILE, size.x); ++x) {
+                const size_t pixel = (size_t)y * size.x + x;
+                const uint2 here = counted[pixel];
+                if (numbering) {
+                    starts[pixel] = (uint)sum;
+                    pixels[pixel] = (uint2)(here.x, (uint)sum);
+                }
+                sum += here.y;
+            }
+    }
+    return sum;
+}
+
+/* Prefix sum of fragments over pixels in three steps, as that of areas in strands.cl: one work-item sums a block; one runs
+   over these sums (strands.scan_sums); one numbers the pixels of a block. */
+__kernel void sum_tiles(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const int2 size,                       // of the band of rows: width, rows
+    const uint first,                      // its first pixel
+    __global const uint2 *counted,         // [first + rows * width] depth; fragments
+    __global ulong *sums)                  // [ceil(tiles * TILE² / SCAN)]
+{
+    WORK_ITEM(block);
+    sums[block] = over_tiles(block, size, counted + first, 0, 0, 0, 0);
+}
+
+__kernel void number(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const int2 size,                       // of the band of rows: width, rows
+    const uint first,                      // its first pixel
+    __global const uint2 *counted,         // [first + rows * width] depth; fragments
+    __global const ulong *sums,            // [ceil(tiles * TILE² / SCAN)] fragments before each block
+    __global uint *starts,                 // [rows, width] a pixel's first fragment
+    __global uint2 *pixels)                // [rows, width] depth; a pixel's first fragment
+{
+    WORK_ITEM(block);
+    over_tiles(block, size, counted + first, sums[block], 1, starts, pixels);
+}
+
+/* As `count`, and writes the fragments. */
 __kernel void gather(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
@@ -375,7 +436,7 @@ __kernel void reach(
     __global float *reached)               // [points] 0..1
 {
     WORK_ITEM(strand);
-    const Lamps lamps = {&lamp, &shadow, &grid, &seen, sums, map, 0};
+    const Lamps lamps = {&lamp, &shadow, &grid, &seen, sums, map};
     const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, 0};
     for (uint k = 0; k < spans[strand].y; ++k) {
         const uint id = spans[strand].x + k;
@@ -389,7 +450,6 @@ __kernel void light(
     const View view,
     const uint2 part,                      // first point's id, points
     const Light lamp,
-    const int half_vector,                 // 0: Kajiya and Kay's highlight, 1: the report's
     __global const uint2 *pixels,          // [rows, width] depth; end of its fragments
     __global const uint *used,             // [rows, width] those that are seen
     __global const ulong2 *fragments,      // depth << 32 | id; share of the pixel's light
@@ -402,14 +462,14 @@ __kernel void light(
     const int color_per,
     const int shaded,                      // 1: something stands before the light
     __global const float *reached,         // [points] share of direct light, if so
-    __global long4 *lights)                // [rows, width] r, g, b, alpha in 1/ONE: integers add up alike in any order
+    __global long4 *radiance_sums)         // [rows, width] r, g, b, alpha in 1/ONE
 {
     WORK_ITEM(pixel);
-    const Lamps lamps = {&lamp, 0, 0, 0, 0, 0, half_vector};
+    const Lamps lamps = {&lamp, 0, 0, 0, 0, 0};
     const Hair hair = {points, tangents, strand_of, 0, strand_uv, types, colors, color_per};
     const float x = pixel % view.size.x + 0.5f, y = view.rows.x + (int)(pixel / view.size.x) + 0.5f;
     const uint last = pixels[pixel].y, first = last - used[pixel];
-    long4 sum = lights[pixel];
+    long4 sum = radiance_sums[pixel];
     for (uint i = last; i-- > first;) {
         const uint id = (uint)fragments[i].x - part.x;
         if (id >= part.y)
@@ -419,21 +479,8 @@ __kernel void light(
         const float4 p = (float4)(q.xyz / q.w, 0.0f);
         const float at = place_between(points[id], points[id + 1], p);
         const float share = shaded ? reached[id] + at * (reached[id + 1] - reached[id]) : 1.0f;
-        const float4 lit = (float4)(lit_hair(&lamps, &hair, id, at, p, towards_eye(&view, p), share).xyz, 1.0f);
-        /* Cut before it is weighted: the weights of a pixel add up to 1, so that no sum leaves its 64 bits. */
-        const float4 part_of_it = as_float((uint)fragments[i].y) * ONE * (lit < MOST ? lit : MOST);
-        sum += (long4)((long)part_of_it.x, (long)part_of_it.y, (long)part_of_it.z, (long)part_of_it.w);
+        const float4 lit = lit_hair(&lamps, &hair, id, at, p, towards_eye(&view, p), share);
+        sum += in_integers(as_float((uint)fragments[i].y), (float4)(lit.xyz, 1.0f));
     }
-    lights[pixel] = sum;
-}
-
-/* One work-item puts the light of one pixel's strands over that of shells. */
-__kernel void blend(
-    const ulong begin, const ulong end,    // work-items, see common.h
-    __global const long4 *lights,          // [rows, width]
-    __global const float *veil,            // [rows, width]
-    __global float4 *image)                // [rows, width] premultiplied linear r, g, b, coverage
-{
-    WORK_ITEM(pixel);
-    image[pixel] = veil[pixel] * image[pixel] + convert_float4(lights[pixel]) * (1.0f / ONE);
+    radiance_sums[pixel] = sum;
 }

@@ -84,7 +84,6 @@ typedef struct {
     const View *seen;                      // by the light
     __global const float *sums;            // [nz + 1, ny, nx] crossings before each layer of the grid
     __global const ulong *map;             // [seen.size] nearest body
-    int half_vector;                       // 0: Kajiya and Kay's highlight, 1: the report's
 } Lamps;
 
 /* Strands: see strands.cl. */
@@ -141,5 +140,5 @@ inline float4 lit_hair(const Lamps *lamps, const Hair *hair, uint id, float at, 
     const float4 t = unit_or(between(hair->tangents[id], hair->tangents[id + 1], at), hair->tangents[id]);
     const float4 c = hair->color_per == 0 ? hair->colors[0] : hair->color_per == 1 ? hair->colors[strand]
         : between(hair->colors[id], hair->colors[id + 1], at);
-    return fibre(c, shine.x, shine.y, lamps->half_vector, t, l, v, direct);
+    return fibre(shine, c, t, l, v, direct);
 }

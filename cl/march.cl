@@ -78,7 +78,6 @@ typedef struct {
     __global const float *sums;
     const View *seen;
     __global const ulong *map;
-    int half_vector;
 } Lamp;
 
 /* Light from places p at heights h: t the hair's direction, n the skin's normal, slope the fur's gradient in the world, v
@@ -105,7 +104,7 @@ INLINED lanes3 lit(const Lamp *lamp, lanes_i lanes_on, lanes3 p, lanes h, lanes3
                 if (lamp->shadow->hair.x > 0.0f)
                     LANE(part, i) *= through_hair(lamp->grid, lamp->sums, lamp->shadow->hair.x, (float2)(0.0f), place);
             }
-    const lanes3 share = fibres(shells, lamp->half_vector, lanes_on, t, n, slope, l, v);
+    const lanes3 share = fibres(shells, lanes_on, t, n, slope, l, v);
     const float4 direct = lamp->light->color;
     const lanes fade = shells->color.w + (1.0f - shells->color.w) * h;
     const lanes3 color = {
@@ -251,7 +250,6 @@ __kernel void march(
     const View view,
     const Shells shells,
     const Light light,
-    const int half_vector,
     __global const ulong *visible,         // [rows, width, samples] what else is drawn
     __global const ulong *entries,         // [rows, width, samples] where they enter: depth << 32 | BODY | border triangle
     __global const uint4 *border,          // [B] face; 4 · (3 · slab + tetrahedron) + corner left out; -; -
@@ -278,7 +276,7 @@ __kernel void march(
     const int rows = view.rows.y - view.rows.x, across_blocks = (view.size.x + BLOCK_X - 1) / BLOCK_X;
     const int block_x = item % across_blocks * BLOCK_X, block_y = item / across_blocks * BLOCK_Y;
     const int samples = view.size.z, slabs = shells.kind.z;
-    const Lamp lamp = {&shells, &light, &shadow, &grid, sums, &seen, map, half_vector};
+    const Lamp lamp = {&shells, &light, &shadow, &grid, sums, &seen, map};
     const float4 eye = (float4)(view.eye.xyz, 0.0f);
     const float finer = 1.0f / (view.scale.x * sqrt((float)samples)), slabs_inverse = 1.0f / slabs;
     /* How fast the fur's height can change sideways, and with the height; 6 and 1.5 bound the noise's slope and size. */
@@ -286,6 +284,7 @@ __kernel void march(
     const float steep_noise = steep_here * 6.0f * shells.shape.z / shells.shape.w;     // of cells at the tips, which lean
     const float steep_up = shells.kind.x ? 0.0f : 1.5f * steep_here * shells.shape.z;
     const float steepest = 1.0f / shells.size.x;      // gradient of h
+    const bool turned = (int)shells.shine.w == TURNED;
     const float half_thin = 0.5f / shells.shape.y, thinned = 1.0f - 2.0f * half_thin, smooth = shells.shape.x - 1.0f;
     int pending = 0;
 
@@ -512,7 +511,7 @@ __kernel void march(
                     const lanes part = rest - left_over;
                     hidden += part;
                     sum += part * (at - back);
-                    if (shells.shine.w > 0.0f) {
+                    if (turned) {
                         sum_x += part * (1.0f - far) * by_x;
                         sum_y += part * (1.0f - far) * by_y;
                     }

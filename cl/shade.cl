@@ -7,6 +7,7 @@
 #include "seen.h"
 #include "scatter.h"
 #include "light.h"
+#include "sums.h"
 
 /* Weights of a triangle's corners at a point of its plane. */
 inline float4 barycentric(float4 a, float4 b, float4 c, float4 p)
@@ -36,15 +37,13 @@ inline uint own(uint id, uint first, uint n)
     return min(id - first, n);
 }
 
-/* One work-item lights samples of one pixel, those of one part of the scene, and adds their share of the average:
-   premultiplied linear r, g, b and coverage. */
+/* One work-item lights the samples of one pixel, those of one part of the scene, and adds their average, premultiplied linear
+   r, g, b and coverage, to the picture, or to sums where more is to come: other parts, or strands. */
 __kernel void color(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint4 part,                      // first point's id, points, first triangle's id, triangles
-    const int2 which,                      // samples: first, one past the last
     const Light light,
-    const int half_vector,                 // 0: Kajiya and Kay's highlight, 1: the report's
     __global const ulong *visible,         // [rows, width, samples] depth << 32 | id
     __global const float4 *points,         // strands: see strands.cl
     __global const float4 *tangents,
@@ -65,15 +64,17 @@ __kernel void color(
     __global const ulong *map,             // [seen.size] nearest body
     const int veiled,                      // 1: something lets only a share of the light through
     __global const float *through,         // [rows, width, samples] that share
-    __global float4 *image)                // [rows, width]
+    const int more,                        // 1: more is to come
+    __global long4 *radiance_sums,         // [rows, width] in 1/ONE, if so
+    __global float4 *image)                // [rows, width], if not
 {
     WORK_ITEM(pixel);
     const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
-    const float weight = 1.0f / samples;   // a power of two: the sum is the same bits, part by part or at once
-    const Lamps lamps = {&light, &shadow, &grid, &seen, sums, map, half_vector};
+    const float weight = 1.0f / samples;
+    const Lamps lamps = {&light, &shadow, &grid, &seen, sums, map};
     const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, color_per};
-    float4 sum = image[pixel];
-    for (int s = which.x; s < which.y; ++s) {
+    long4 sum = 0;
+    for (int s = 0; s < samples; ++s) {
         const ulong key = visible[pixel * samples + s];
         const bool is_body = (uint)key & BODY;
         const uint id = is_body ? own((uint)key & ~BODY, part.z, part.w) : own((uint)key, part.x, part.y);
@@ -99,9 +100,25 @@ __kernel void color(
             lit = lit_hair(&lamps, &hair, id, place_between(points[id], points[id + 1], p), p, v,
                            reaching(&lamps, &hair, id, p));
         }
-        sum += (veiled ? weight * through[pixel * samples + s] : weight) * (float4)(lit.xyz, 1.0f);
+        sum += in_integers(veiled ? weight * through[pixel * samples + s] : weight, (float4)(lit.xyz, 1.0f));
     }
-    image[pixel] = sum;
+    if (more)
+        radiance_sums[pixel] += sum;
+    else
+        image[pixel] += in_floats(sum);
+}
+
+/* One work-item puts the sums of one pixel over what is in the picture. */
+__kernel void blend(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    __global const long4 *radiance_sums,   // [rows, width] in 1/ONE
+    const int veiled,                      // 1: they let only a share of the picture through
+    __global const float *veil,            // [rows, width] that share
+    __global float4 *image)                // [rows, width] premultiplied linear r, g, b, coverage
+{
+    WORK_ITEM(pixel);
+    const float4 behind = veiled ? veil[pixel] * image[pixel] : image[pixel];
+    image[pixel] = behind + in_floats(radiance_sums[pixel]);
 }
 
 /* One work-item tells what the nearest covered sample of one pixel sees, if this part of the scene holds it. */

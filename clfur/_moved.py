@@ -11,6 +11,7 @@ from importlib.machinery import ModuleSpec
 
 MOVED = {
     "checks": "scene.checks", "fur": "scene", "shell_fur": "scene.shells",
+    "parts": "pipeline.plan", "shadows": "pipeline.shadows", "views": "pipeline.views",
     "mesh": "files.meshes", "teapot": "files.teapot", "image": "files.images",
     "scheduler": "device.scheduler", "team": "device.team", "vendors": "device.vendors",
     "rays": "judge.rays", "isolated": "judge.isolated",

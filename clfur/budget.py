@@ -9,9 +9,9 @@ import numpy as np
 
 from . import measures
 from .fitted import COSTS, ERRORS, RANGES
-from .scene import Curves, Strands, extent, hair_bounds
+from .pipeline.views import Rig
+from .scene import Curves, Strands, hair_bounds
 from .settings import CHOSEN, Settings
-from .views import view_of
 
 # From cheap to dear; docs/budget.md tells why these.
 LADDER = (
@@ -47,10 +47,11 @@ def choose(team, scene, settings, draw):
     It is kept on the team's first device for the very same mesh, fur and light, a camera that sees strands about as
     wide (by half an octave), and the same goals.
     """
-    seen = round(2 * math.log2(features(scene, 0)[0]))
+    rig = Rig.of(scene)
+    seen = round(2 * math.log2(features(rig, 0)[0]))
     what = scene.mesh, scene.strands, scene.shells, scene.light, str(scene.camera.size), seen
     goals = str([settings.max_error, settings.seconds, settings.filtered, scene.body_color is None])
-    choice = team.gpus[0].keep("choice", (*what, goals), lambda: _choose(team, scene, settings, draw))
+    choice = team.gpus[0].keep("choice", (*what, goals), lambda: _choose(team, rig, settings, draw))
     if choice.warning:
         warnings.warn(choice.warning, stacklevel=3)
     # Taste does not depend on the choice, and may have changed.
@@ -59,15 +60,15 @@ def choose(team, scene, settings, draw):
     return replace(choice, settings=attrs.evolve(choice.settings, **taste))
 
 
-def _choose(team, scene, settings, draw):
-    rungs = ladder(scene, settings.filtered, min(min(gpu.memory // 8, gpu.largest) for gpu in team.gpus))
+def _choose(team, rig, settings, draw):
+    rungs = ladder(rig, settings.filtered, min(min(gpu.memory // 8, gpu.largest) for gpu in team.gpus))
     most, told, late = len(rungs) - 1, "", ""
     if settings.seconds is not None:
         most, took = fastest(rungs, settings.seconds, lambda rung: _time(team, rung, draw))
         told = f"its frame took {took:.3g} s of {settings.seconds:g}"
         late = (f"Settings.seconds is {settings.seconds:g}, but the fastest frame there is takes {took:.3g}"
                 if took > settings.seconds else "")
-    look = Look(scene, rungs, draw)
+    look = Look(rig, rungs, draw)
     if settings.max_error is None:
         return Choice(rungs[most], look.error(most), told, late)
     tried = look.cheapest(settings.max_error, most)
@@ -97,28 +98,26 @@ def _time(team, rung, draw):
     return frame.seconds
 
 
-def ladder(scene, filtered=True, room=1 << 32):
-    """`LADDER` as it suits a scene: no finer cells than its strands cast right shadows in, or so many bytes hold."""
-    width = _hair(scene)[0]
-    finest = 2 * extent(scene.mesh, scene.fur)[1] / (CELL * width) if width else 1024
+def ladder(rig, filtered=True, room=1 << 32):
+    """`LADDER` as it suits a `Rig`: no finer cells than its strands cast right shadows in, or so many bytes hold."""
+    width = _hair(rig.scene)[0]
+    finest = 2 * rig.radius / (CELL * width) if width else 1024
     most = max(int(min(finest, (room / 4) ** (1 / 3) - 1, 1024)) // 16 * 16, 16)
     return [attrs.evolve(rung, grid=min(rung.grid, most), filtered=filtered) for rung in LADDER]
 
 
-def features(scene, strands):
+def features(rig, strands):
     """(width of a strand in pixels, how many of ``strands`` cover a pixel of the ball around the scene), both > 0."""
-    width, length = _hair(scene)
-    radius, pixels = extent(scene.mesh, scene.fur)[1], _pixels(scene)
-    covered = strands * length * width / (math.pi * radius**2 or 1)
+    (width, length), pixels = _hair(rig.scene), _pixels(rig)
+    covered = strands * length * width / (math.pi * rig.radius**2 or 1)
     (least, most), (thin, dense) = RANGES   # of what was fitted: beyond, nothing is known
     return (min(max(width * pixels, least), most) if width else 1.0, min(max(covered, thin), dense))
 
 
-def _pixels(scene):
+def _pixels(rig):
     """How many pixels a world unit is in the middle of the scene."""
-    center, radius = extent(scene.mesh, scene.fur)
-    view = view_of(scene, 1)
-    return float(view["scale"][0]) / max(float(view["to_screen"].T[3] @ [*center, 1]), radius / 8, 1e-9)
+    distance = float(rig.view["to_screen"].T[3] @ [*rig.center, 1])
+    return float(rig.view["scale"][0]) / max(distance, rig.radius / 8, 1e-9)
 
 
 def _hair(scene):
@@ -138,15 +137,15 @@ class Look:
     rows: how many.
     """
 
-    def __init__(self, scene, rungs, draw):
-        self.rungs, self.bands = rungs, bands(scene)
+    def __init__(self, rig, rungs, draw):
+        self.rungs, self.bands = rungs, bands(rig)
         self.rows = sum(end - top for top, end in self.bands)
-        self._draw, self._scene = draw, scene
+        self._draw = draw
         self._finest, strands = self._picture(rungs[-1])
         self._found = {}
         self.expected = np.zeros(len(rungs))   # of what has no strands nothing is known, but how its pictures differ
-        if scene.strands is not None:
-            self.expected = predicted(*features(scene, strands))
+        if rig.scene.strands is not None:
+            self.expected = predicted(*features(rig, strands))
 
     def _picture(self, settings):
         frame = self._draw(settings, bands=self.bands)
@@ -177,14 +176,14 @@ def predicted(width, covered):
     return np.exp(np.array(ERRORS) @ [1, math.log(width), math.log(covered)])
 
 
-def bands(scene):
+def bands(rig):
     """[(first row, one past the last)] of a tenth of the picture, spread over where the scene is."""
-    height = scene.camera.size[1]
+    scene, height = rig.scene, rig.scene.camera.size[1]
     points = scene.mesh.positions if scene.mesh is not None else scene.strands.points
-    x, y, _, w = view_of(scene, 1)["to_screen"].T @ np.column_stack([points, np.ones(len(points))]).T
+    x, y, _, w = rig.view["to_screen"].T @ np.column_stack([points, np.ones(len(points))]).T
     seen = y[w > 0] / w[w > 0]
     top, end = np.percentile(seen, (1, 99)) if len(seen) else (0, height)
-    hair = _hair(scene)[1] * _pixels(scene)
+    hair = _hair(scene)[1] * _pixels(rig)
     top, end = np.clip([top - hair, end + hair], 0, height)
     each = max(round(SHARE * height / BANDS), 1)
     found = []

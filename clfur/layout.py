@@ -12,6 +12,7 @@ CONSTANTS = {
     "NOTHING": 0xFFFFFFFF,  # depth and id of a sample that nothing covers
     "BODY": 0x80000000,     # id of a body triangle = BODY | triangle; of a strand segment = its first point
     "SCAN": 256,            # values one work-item sums in a prefix scan
+    "TILE": 8,              # pixels a side of a tile of fragments; SCAN pixels are whole tiles
     "ID_NOTHING": -1,       # output "id" of a pixel where nothing is; strands are numbered from 0
     "ID_BODY": -2,
     "ID_SHELLS": -3,
@@ -23,6 +24,10 @@ CONSTANTS = {
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
+
+# How hair scatters light, as the last of `shine` tells; scatter.h has a way for each.
+MODELS = {"kajiya-kay": 0, "half-vector": 1, "turned": 2}
+CONSTANTS |= {name.upper().replace("-", "_"): number for name, number in MODELS.items()}
 
 # Sample positions in 1/16 pixel from the pixel's centre: no two share a row or a column, so an edge near an
 # axis has as many steps as samples.  4 and 16 are Direct3D's standard patterns.
@@ -55,7 +60,7 @@ HairType = np.dtype([
     ("shape", *_float4),              # segment_length, width [world], force_weight, direction_variation
     ("curl", *_float4),               # radius [world], cos and sin of the angle a segment, length_variation
     ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment, -
-    ("shine", *_float4),              # specular, exponent, alpha, -
+    ("shine", *_float4),              # two numbers of its model, in most specular and exponent; alpha; MODELS
     ("counts", *_int4),               # segments; texture's first texel, width, height (width 0: none)
 ])
 
@@ -83,7 +88,7 @@ Shells = np.dtype([                   # fur as a height field on the skin, drawn
     ("size", *_float4),                  # length [world], layers, frequency, length_variation
     ("shape", *_float4),                 # sharpness, density, noise [hairs], size of its waves [hairs]
     ("color", *_float4),                 # linear r, g, b; share of light at the roots
-    ("shine", *_float4),                 # specular, exponent, alpha, 1: turned normals
+    ("shine", *_float4),                 # as of HairType
     ("kind", *_int4),                    # pattern: 0 cells, 1 sine; seed; slabs that a hair bends in; 1: filtered
     ("noise", *_int4),                   # lattice of the noise in x, y, z; 1: no skin is drawn
     ("bend", *_float4),                  # what bends hairs all the time, -
@@ -92,6 +97,11 @@ Shells = np.dtype([                   # fur as a height field on the skin, drawn
 ])
 
 STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Shells": Shells}
+
+
+def shine(look, alpha, model=None):
+    """Member `shine` of what has a look; of another of the MODELS than the look's, if that is named."""
+    return *look.numbers, alpha, MODELS[model or look.model]
 
 
 def _c_struct(name, dtype):

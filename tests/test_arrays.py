@@ -11,11 +11,12 @@ import pytest
 from support.scenes import icosphere
 
 import clfur
-from clfur import layout, parts
-from clfur.stages import coverage, shells, strands, tessellate
+from clfur import layout
+from clfur.pipeline import plan as parts
+from clfur.pipeline.views import view_of
+from clfur.stages import coverage, shade, shells, strands, tessellate
 from clfur.stages.lod import thin
 from clfur.stages.raster import raster
-from clfur.views import view_of
 
 ROOT = Path(__file__).resolve().parents[1]
 STAGES = [importlib.import_module(f"clfur.stages.{path.stem}")
@@ -183,14 +184,15 @@ def test_the_plan_counts_all_of_fragments(gpu, mesh):
         visible = raster(gpu, view)
         pixels = coverage.bound(gpu, visible)
         coverage.count(gpu, view, grown, pixels)
-        fragments = coverage.room_for(gpu, pixels.get())
+        fragments = coverage.allocate(gpu, pixels, int(pixels.get()[..., 1].sum()))
         coverage.gather(gpu, view, grown, fragments)
         resolved = coverage.resolve(gpu, visible, fragments)
-        sums = coverage.light(gpu, view, np.zeros((), layout.Light), "kajiya-kay", fragments, resolved, grown)
-        return fragments, resolved, sums, coverage.blend(gpu, sums, resolved)
+        sums = coverage.light(gpu, view, np.zeros((), layout.Light), fragments, resolved, grown)
+        return fragments, resolved, sums, shade.blend(gpu, sums, veil=resolved.veil)
     taken, (fragments, resolved, *_) = most(gpu, make)
     samples = parts.VISIBLE.bytes * 4 + coverage.Resolved.bytes(sample=4)
-    counted = 200 * 150 * (parts.PIXEL + samples + parts.IMAGE.bytes) + parts.FRAGMENT * len(fragments.list)
+    pixel = parts.PIXEL + samples + parts.IMAGE.bytes + parts.RADIANCE_SUMS.bytes + parts.COUNTED.bytes
+    counted = 200 * 150 * pixel + parts.FRAGMENT * len(fragments.list)
     assert bytes_of(fragments, resolved) < counted and .8 * counted < taken < room(counted)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 import clfur
 from clfur import budget, measures, truth
+from clfur.pipeline.views import Rig
 from clfur.settings import CHOSEN
 
 GOALS = 0.3, 0.12, 0.09, 0.07, 0.05, 0.03
@@ -25,7 +26,7 @@ def scene(mesh, fur="strands", size=(64, 48), eye=(0, 0.4, 3.2), **options):
 
 def place_of(settings, drawn):
     """Where settings stand on the ladder of a scene."""
-    return budget.ladder(drawn).index(settings)
+    return budget.ladder(Rig.of(drawn)).index(settings)
 
 
 @pytest.fixture
@@ -33,12 +34,12 @@ def frames(monkeypatch):
     """[(settings, bands)] of all that is drawn from here on."""
     import sys
     render, calls = sys.modules["clfur.render"], []
-    real = render._draw
+    real = render.draw_frame
 
     def draw(team, scene, settings, *rest, bands=None):
         calls.append((settings, bands))
         return real(team, scene, settings, *rest, bands=bands)
-    monkeypatch.setattr(render, "_draw", draw)
+    monkeypatch.setattr(render, "draw_frame", draw)
     return calls
 
 
@@ -71,7 +72,7 @@ def test_max_error(gpu, sphere):
         assert np.array_equal(drawn.images["color"], clfur.render(furry, gpu, drawn.settings))
         error = measures.error(drawn.images["color"], true)
         assert 0.6 * drawn.error < error < 1.15 * drawn.error
-        assert drawn.error <= goal or drawn.settings == budget.ladder(furry)[-1]
+        assert drawn.error <= goal or drawn.settings == budget.ladder(Rig.of(furry))[-1]
     assert places == sorted(places) and places[0] == 0 and len(set(places)) >= 3
     assert told == sorted(told, reverse=True)
 
@@ -109,10 +110,10 @@ def test_it_cannot_be_had(gpu, sphere):
     furry = scene(sphere)
     with pytest.warns(UserWarning, match=r"^Settings.max_error is 1e-06, but the best there is errs by about 0\.0\d+$"):
         drawn = clfur.draw(furry, gpu, clfur.Settings(max_error=1e-6))
-    assert drawn.settings == budget.ladder(furry)[-1] and drawn.error > 1e-6
+    assert drawn.settings == budget.ladder(Rig.of(furry))[-1] and drawn.error > 1e-6
     with pytest.warns(UserWarning, match="^Settings.seconds is 1e-09, but the fastest frame there is takes "):
         drawn = clfur.draw(furry, gpu, clfur.Settings(seconds=1e-9))
-    assert drawn.settings == budget.ladder(furry)[0]
+    assert drawn.settings == budget.ladder(Rig.of(furry))[0]
     with pytest.warns(UserWarning, match="^Settings.seconds is 1e-09, .*; Settings.max_error is 1e-06, but the best"):
         clfur.draw(furry, gpu, clfur.Settings(seconds=1e-9, max_error=1e-6))
     with warnings.catch_warnings():
@@ -124,7 +125,7 @@ def test_it_cannot_be_had(gpu, sphere):
 def test_seconds(gpu, sphere, monkeypatch, seconds, place):
     """The dearest that its own time allows, with max_error too; a wrong prediction only costs a try."""
     furry, goal = scene(sphere), clfur.Settings(seconds=seconds)
-    rungs, times = budget.ladder(furry), [0.1, 0.3, 0.4, 0.5, *[9] * 9]
+    rungs, times = budget.ladder(Rig.of(furry)), [0.1, 0.3, 0.4, 0.5, *[9] * 9]
     monkeypatch.setattr(budget, "_time", lambda team, rung, draw: times[rungs.index(rung)])
     drawn = quiet(furry, gpu, goal)
     assert place_of(drawn.settings, furry) == place and drawn.why.startswith(f"its frame took {times[place]:g} s of")
@@ -178,7 +179,7 @@ def test_other_furs(gpu, sphere, fur):
                                          (100, (0, 0, 0.1)), (100, (0, 9, 0.1))])
 def test_bands(sphere, height, eye):
     """About a tenth of the rows, in order, and within the picture."""
-    found = budget.bands(scene(sphere, size=(8, height), eye=eye))
+    found = budget.bands(Rig.of(scene(sphere, size=(8, height), eye=eye)))
     rows = [row for top, end in found for row in range(top, end)]
     assert rows and rows == sorted(set(rows)) and 0 <= rows[0] and rows[-1] < height
     assert len(rows) <= max(0.13 * height, 5)
@@ -188,13 +189,13 @@ def test_bands_lie_on_the_fur(sphere):
     """Where the scene is small in its picture, the rows are there."""
     furry = scene(sphere, size=(64, 480), eye=(0, 0, 20))
     covered = clfur.render(furry, settings=clfur.Settings(samples=1))[..., 3].any(1)
-    assert all(covered[top:end].any() for top, end in budget.bands(furry)) and covered.mean() < 0.3
+    assert all(covered[top:end].any() for top, end in budget.bands(Rig.of(furry))) and covered.mean() < 0.3
 
 
 def test_cells_are_no_finer_than_strands(sphere):
     def grids(width):
         hair = clfur.HairType(width=width, segments=1, segment_length=1)
-        return {rung.grid for rung in budget.ladder(clfur.Scene(mesh=sphere, fur=clfur.Strands(types=[hair])))}
+        return {rung.grid for rung in budget.ladder(Rig.of(clfur.Scene(mesh=sphere, fur=clfur.Strands(types=[hair]))))}
     assert grids(0.001) == grids(0) == {rung.grid for rung in budget.LADDER} and max(grids(0.001)) == 256
     assert grids(0.05) == {48, 64, 96, 128}   # 2 times a radius of 2 / (0.6 * 0.05) = 135
     assert grids(1) == {16}

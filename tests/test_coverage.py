@@ -10,9 +10,9 @@ from support.stages import strands_on
 from support.views import flat, pack, perspective
 
 from clfur import layout
+from clfur.pipeline.views import band_of
 from clfur.stages import coverage
 from clfur.twin import coverage as twin
-from clfur.views import band_of
 
 DEPTH_ONE, BODY = layout.CONSTANTS["DEPTH_ONE"], layout.CONSTANTS["BODY"]
 
@@ -26,11 +26,30 @@ def gathered(gpu, view, points, spans, visible=None):
     pixels = coverage.bound(gpu, gpu.upload(visible))
     coverage.count(gpu, view, strands, pixels)
     counted = pixels.get()
-    fragments = coverage.room_for(gpu, counted)
+    fragments = coverage.allocate(gpu, pixels, int(counted[..., 1].sum()))
     coverage.gather(gpu, view, strands, fragments)
     written = fragments.pixels.get()[..., 1] - fragments.starts.get()
     assert (written <= counted[..., 1]).all(), "more was gathered than counted"
     return fragments, pieces_of(fragments)
+
+
+@pytest.mark.parametrize("rows, width, band", [
+    pytest.param(11, 19, None, marks=pytest.mark.small), pytest.param(9, 5, (3, 8), marks=pytest.mark.small),
+    (1, 1, None), (8, 32, None), (16, 64, (8, 16)), (241, 317, None), (97, 640, (0, 1)), (97, 640, (13, 96))])
+@pytest.mark.parametrize("most", [0, 1, 40])
+def test_numbers_are_the_twins(gpu, rows, width, band, most):
+    """A prefix sum in the order of tiles, of all rows or of a band of them."""
+    counted = np.random.default_rng(rows).integers(0, most + 1, (rows, width, 2)).astype(np.uint32)
+    first, end = band or (0, rows)
+    meant = twin.numbers(counted[first:end, :, 1].astype(np.int64))
+    there = gpu.upload(counted)
+    sums = coverage.row_sums(gpu, there).get()
+    np.testing.assert_array_equal(sums, counted[..., 1].sum(1, dtype=np.uint64))
+    pieces = int(sums[first:end].sum())
+    fragments = coverage.allocate(gpu, there, pieces, band)
+    np.testing.assert_array_equal(fragments.starts.get(), meant)
+    np.testing.assert_array_equal(fragments.pixels.get(), np.stack([counted[first:end, :, 0], meant], -1))
+    assert fragments.list.shape == (pieces, 2)
 
 
 def areas(gpu, view, strands):

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from support.coverage import OFF, SETTINGS, ball, furry, wild
 from support.pictures import same
+from support.plans import recorded
 from support.scenes import scene_of
 
 import clfur
 from clfur import truth
-from clfur.parts import Work
+from clfur.pipeline.views import view_of
 from clfur.render import OUTPUTS
 from clfur.stages import march
-from clfur.views import view_of
 
 
 def check_outputs(out):
@@ -70,17 +70,21 @@ def test_light_on_strands_is_kept_while_only_the_camera_moves(gpu, monkeypatch, 
         np.testing.assert_array_equal(drawn.images[name], image, err_msg=name)
 
 
-def test_light_on_parts_is_not_kept(gpu, another, sphere):
-    """Each part's is its own; and what a picture in one part has left does not count against the memory."""
+def test_light_on_parts_is_their_own(gpu, another, sphere):
+    """What a picture in one part has left does not count against the memory of one in several, nor the other way."""
     scene = scene_of(9001, sphere)
-    small = another(8_000_000)
+    small = another(6_000_000)
+    names, parts = recorded(small), []
     tiny = attrs.evolve(scene, camera=clfur.Camera(eye=(0, .4, 3.2), size=(12, 8)))
     large = attrs.evolve(scene, camera=clfur.Camera(eye=(0, .4, 3.2), size=(200, 150)))
-    assert [len(Work(small, one).plan(small, SETTINGS, False)[0]) > 1 for one in (tiny, large)] == [False, True]
-    for one in (tiny, large, tiny, large):
+    for one in (tiny, large, tiny, large, large):
+        names.clear()
         frame = clfur.draw(one, small, SETTINGS)
-        assert frame.memory <= 8_000_000
+        assert frame.memory <= 6_000_000
         np.testing.assert_array_equal(frame.images["color"], clfur.render(one, gpu, SETTINGS))
+        parts.append(names.count("coverage.gather") // names.count("coverage.resolve"))
+    assert parts == [1, parts[1], 1, parts[1], parts[1]] and parts[1] > 1
+    assert names.count("coverage.reach") == 0   # known of all parts for the picture before
 
 
 def test_any_order_of_strands_gives_the_same_bits(gpu):

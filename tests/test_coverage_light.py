@@ -7,12 +7,12 @@ from support.scenes import squares, strands_of
 from support.stages import on_host
 
 import clfur
-from clfur.shadows import cast_shadows
-from clfur.stages import coverage
+from clfur.pipeline.shadows import cast_shadows
+from clfur.pipeline.views import light_of, view_of
+from clfur.stages import coverage, shade
 from clfur.stages.raster import raster
 from clfur.stages.tessellate import no_surface, tessellate
 from clfur.twin import coverage as twin
-from clfur.views import light_of, view_of
 
 
 def stages_of(gpu, scene, samples=4):
@@ -21,7 +21,7 @@ def stages_of(gpu, scene, samples=4):
     visible = raster(gpu, view, None, tessellate(gpu, scene.mesh) if scene.body_color is not None else no_surface(gpu))
     pixels = coverage.bound(gpu, visible)
     coverage.count(gpu, view, strands, pixels)
-    fragments = coverage.room_for(gpu, pixels.get())
+    fragments = coverage.allocate(gpu, pixels, int(pixels.get()[..., 1].sum()))
     coverage.gather(gpu, view, strands, fragments)
     return view, visible, strands, fragments, coverage.resolve(gpu, visible, fragments)
 
@@ -32,18 +32,18 @@ def stages_of(gpu, scene, samples=4):
 @pytest.mark.parametrize("lamp", [LAMP, clfur.Light((-1, -1, -1), position=(1, 1, 1), angle=30)], ids=["far", "spot"])
 def test_light_is_the_twins(gpu, kind, form, n, shaded, lamp):
     """Measured: 9e-7; a highlight's power and strands seen from their ends may give 2e-5, see test_shade.py."""
-    scene = furry(kind, n, (13, 11) if n == 4 else (41, 31))
+    scene = furry(kind, n, (13, 11) if n == 4 else (41, 31), form)
     view, _, strands, fragments, resolved = stages_of(gpu, scene)
     reached = np.random.default_rng(3).random(len(strands.points)).astype(np.float32) if shaded else None
-    lights = coverage.light(gpu, view, light_of(lamp), form, fragments, resolved, strands,
+    lights = coverage.light(gpu, view, light_of(lamp), fragments, resolved, strands,
                             gpu.upload(reached) if shaded else None)
-    image = coverage.blend(gpu, lights, resolved).get()
+    image = shade.blend(gpu, lights, veil=resolved.veil).get()
     pieces, there = pieces_of(fragments, resolved.used), on_host(strands)
     meant = np.zeros_like(image, float)
     for pixel in np.unique(pieces["pixel"]):
         y, x = divmod(int(pixel), image.shape[1])
         weights = {d << 32 | k: w for _, k, d, w in pieces[pieces["pixel"] == pixel].tolist()}
-        meant[y, x] = twin.light(view, light_of(lamp), form == "half-vector", y, x, weights, there, reached)
+        meant[y, x] = twin.light(view, light_of(lamp), y, x, weights, there, reached)
     assert (meant[..., 3] > 0).mean() > .05 and meant[..., :3].max() > .05
     np.testing.assert_allclose(image, meant, rtol=0, atol=2e-5)
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from support.coverage import OFF, SETTINGS
 from support.pictures import same
+from support.plans import plan_of, recorded
 from support.scenes import scene_of
 
 import clfur
-from clfur.parts import Work
+from clfur.pipeline import build
 from clfur.render import OUTPUTS
 
 
@@ -21,13 +22,15 @@ def test_parts_and_bands_are_the_same_bits(gpu, another, sphere, kind, lod):
     whole = clfur.draw(scene, gpu, settings, tuple(OUTPUTS), hashes=True)
     assert np.isfinite(whole.images["depth"]).mean() > .2 and whole.images["color"].std() > .05
     small = another()
+    names = recorded(small)
     for small.memory in (3_000_000, 2_000_000):
         small.forget()
-        parts, rows = Work(small, scene).plan(small, settings, True)
-        assert len(parts) > 1 and rows < 83
+        names.clear()
         frame = clfur.draw(scene, small, settings, tuple(OUTPUTS), hashes=True)
         same(whole, frame)
         assert 0 < frame.memory <= small.memory
+        bands = names.count("coverage.resolve")
+        assert 1 < bands < names.count("coverage.gather")   # several parts in each
 
 
 def test_parts_of_strands_over_shells(gpu, another, sphere):
@@ -35,7 +38,7 @@ def test_parts_of_strands_over_shells(gpu, another, sphere):
     scene = clfur.Scene(sphere, [scene.strands, clfur.Shells(length=.1, frequency=9, layers=5)], scene.camera)
     whole = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True)
     small = another(3_000_000)
-    assert len(Work(small, scene).plan(small, SETTINGS, True)[0]) > 1
+    assert len(plan_of(scene, SETTINGS).parts(small)) > 1
     same(whole, clfur.draw(scene, small, SETTINGS, tuple(OUTPUTS), hashes=True))
 
 
@@ -65,33 +68,51 @@ def dense(size, n=3000):
     return clfur.Scene(fur=clfur.Curves(points, width=.01), camera=clfur.Camera(eye=(0, 0, 3), size=size))
 
 
-def recorded(gpu):
-    """Rows of each band that is begun."""
-    bands, bound = [], gpu.launch
-
-    def launch(name, size, /, **arguments):
-        if name == "coverage.bound":
-            bands.append(size)
-        bound(name, size, **arguments)
-    gpu.launch = launch
-    return bands
-
-
 @pytest.mark.parametrize("others", [("color",), tuple(OUTPUTS)])
-def test_bands_of_too_many_pieces_are_cut(gpu, another, others):
-    scene = dense((64, 48))
-    whole, cut, small = clfur.draw(scene, gpu, OFF, others, hashes=True), 0, another()
-    bands = recorded(small)
-    for small.memory in range(1_300_000, 4_000_000, 300_000):
+def test_bands_are_cut_by_what_was_counted(gpu, another, others):
+    """Each is tried once, and as large as fits: one more row and it would be too large."""
+    scene, cuts, small, bands = dense((64, 48)), set(), another(), []
+    whole, launch = clfur.draw(scene, gpu, OFF, others, hashes=True), small.launch
+
+    def noted(name, size, /, **arguments):
+        if name == "coverage.resolve":
+            bands.append((size // 64, len(arguments["fragments"])))
+        launch(name, size, **arguments)
+    small.launch = noted
+    for small.memory in range(900_000, 4_000_000, 300_000):
         small.forget()
         bands.clear()
         frame = clfur.draw(scene, small, OFF, others, hashes=True)
         assert frame.memory <= small.memory and frame.hashes == whole.hashes
         for name in others:
             np.testing.assert_array_equal(frame.images[name], whole.images[name])
-        rows = Work(small, scene).plan(small, OFF, others != ("color",))[1]
-        cut += len(bands) > -(-48 // rows)
-    assert cut
+        assert sum(rows for rows, _ in bands) == 48
+        cuts.add(len(bands))
+    assert len(cuts) > 2 and 1 in cuts
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_bands_are_as_large_as_fits(gpu, seed):
+    """And their pieces too, whatever there is in each row."""
+    rng = np.random.default_rng(seed)
+    plan, width = plan_of(dense((64, 48)), attrs.evolve(OFF, samples=(1, 4, 16)[seed % 3])), 64
+    sums = rng.integers(0, 10 ** rng.integers(1, 6), 48) * (rng.random(48) < .7)
+    for memory in 2_000_000, 8_000_000, 64_000_000:
+        device = SimpleNamespace(name="made up", memory=memory, largest=memory // 2)
+        try:
+            cut = plan.cut_counted(device, sums)
+        except clfur.Error:
+            assert sums.max() * 16 > memory // 8
+            continue
+        top = 0
+        while top < 48:
+            rows = plan.rows_counted(device, cut, sums, top)
+            pieces = [16 * int(sums[top:top + n].sum()) for n in (rows, rows + 1)]
+            bytes_of = [48 * width * 8 + n * width * plan._pixel(True) + p for n, p in zip((rows, rows + 1), pieces)]
+            assert bytes_of[0] <= cut.rows and pieces[0] <= device.largest
+            assert top + rows >= 48 or bytes_of[1] > cut.rows or pieces[1] > device.largest * .87
+            top += rows
+        assert top == 48
 
 
 def test_a_row_of_too_many_pieces_is_refused(another):
@@ -113,30 +134,63 @@ def test_parts_make_room_for_a_row_of_many_pieces(gpu, monkeypatch, sphere):
     hair = clfur.HairType(segments=60, segment_length=.004)
     scene = clfur.Scene(sphere, clfur.Strands(types=[hair], roots=4000), camera=clfur.Camera(size=(32, 24)))
     whole, parts = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True), set()
+    names = []
+    launch = gpu.launch
+    monkeypatch.setattr(gpu, "launch", lambda name, size, /, **rest: names.append(name) or launch(name, size, **rest))
     for memory in (6_000_000, 10_000_000, 16_000_000, 18_000_000):
         monkeypatch.setattr(gpu, "memory", memory)
         gpu.forget()
-        parts.add(min(len(Work(gpu, scene).plan(gpu, SETTINGS, True)[0]), 2))
         for _ in range(2):
+            names.clear()
             frame = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True)
             assert frame.memory <= memory
             same(whole, frame)
-    assert parts == {1, 2}
+            parts.add(names.count("coverage.gather") > names.count("coverage.resolve"))
+    assert parts == {False, True}
 
 
-def test_pieces_beyond_32_bits_are_not_counted(gpu):
+def test_pieces_beyond_32_bits_are_not_counted():
     """A device that holds more than 64 GiB of them would take their numbers for others."""
-    scene = dense((2, 2), 5)
-    work, large = Work(gpu, scene), SimpleNamespace(name="large", room=1 << 50, largest=1 << 50)
-    counted = np.zeros((2, 2, 2), np.uint32)
-    counted[..., 1] = 2**30 - 1
-    plan = work.plan(gpu, OFF, False)
-    assert not work.too_many(large, OFF, counted, plan, 0, 0)
-    counted[..., 1] = 2**30
-    assert work.too_many(large, OFF, counted, plan, 0, 0)
-    counted[0, :, 1] = 2**31
+    plan, large = plan_of(dense((2, 4), 5), OFF), SimpleNamespace(name="large", memory=1 << 50, largest=1 << 50)
+    sums = np.full(4, 2**31 - 1)
+    cut = plan.cut_counted(large, sums)
+    assert plan.rows_counted(large, cut, sums, 0) == 2
+    assert plan.rows_counted(large, plan.cut_counted(large, sums + 1), sums + 1, 0) == 1
     with pytest.raises(clfur.Error, match="4,294,967,296 pieces of strands in a row of 2 pixels"):
-        work.too_many(large, OFF, counted[:1], plan, 0, 0)
+        plan.cut_counted(large, np.array([1, 2**32]))
+
+
+def test_strands_grow_as_rarely_as_can_be(gpu, sphere):
+    """Once for each part and step: all cast their shadow and are counted, and in each band they are written and lit.
+    The last part of a step is there for the next; none grows to be told how many there are, none for the body."""
+    scene = scene_of(9001, sphere)
+    small = clfur.Scheduler(gpu.device, memory=2_500_000)
+    names = recorded(small)
+    for outputs in ("color",), tuple(OUTPUTS):
+        for _ in range(2):
+            names.clear()
+            clfur.draw(scene, small, SETTINGS, outputs)
+            bands = names.count("coverage.resolve")
+            parts, counted = names.count("coverage.gather") // bands, names.count("coverage.count")
+            assert parts > 1 and bands > 1 and names.count("coverage.light") == bands * parts
+            assert names.count("strands.grow") <= names.count("voxelize.lengths") + counted + bands * (2 * parts - 1)
+
+
+def test_the_body_is_drawn_without_growing_hair(gpu, sphere):
+    """What needs the body alone never asks for hair, and hair that stands on nothing never for the body."""
+    small = clfur.Scheduler(gpu.device, memory=2_000_000)
+    names = recorded(small)
+    for kind in "faces", 9001, "curves":
+        plan = plan_of(scene_of(kind, sphere), SETTINGS)
+        parts = plan.parts(small)   # asks for areas
+        assert kind == "curves" or len(parts) > 1
+        names.clear()
+        build.rasterize_body(small, plan, plan.rig.view)
+        assert "raster.body" in names and not any(name.startswith("strands.") for name in names)
+    names.clear()
+    for part in parts:
+        build.hair(small, plan, part, 0)
+    assert set(names) == {"strands.bring"}
 
 
 def test_a_team_gives_the_bits_of_one(gpu, another, sphere):

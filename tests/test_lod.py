@@ -10,12 +10,12 @@ from support.devices import DEVICES
 
 import clfur
 from clfur import layout
-from clfur.shadows import cast, plan_shadows
+from clfur.pipeline.shadows import cast, plan_shadows
+from clfur.pipeline.views import Rig, view_of
 from clfur.stages.lod import WIDEST, thin
 from clfur.stages.strands import bring, grow
 from clfur.stages.tessellate import tessellate
 from clfur.twin import lod as twin
-from clfur.views import view_of
 
 
 def flat_view(pixels):
@@ -392,13 +392,13 @@ def test_counters_of_shadows_do_not_overflow(gpu):
         return clfur.Scene(fur=clfur.Curves(points, width=1), camera=clfur.Camera(eye=(0, 0, 900), size=(32, 24)),
                            light=clfur.Light(direction=(0, -1, 0)))
     settings = clfur.Settings(lod=4, grid=128)
-    side = float(plan_shadows(scene(points), settings, n, False).grid["face"][1])
+    side = float(plan_shadows(Rig.of(scene(points), settings), n, False).grid["face"][1])
     points[chosen] = (side / 2, 0, side / 2)             # the middle of a column
     points[chosen, 0, 0] -= side / 4
     points[chosen, 1, 0] += side / 4
     points[chosen, :, 1] = np.linspace(-.5, .5, chosen.sum())[:, None]
     hair = scene(points)
-    plan, whole = (plan_shadows(hair, each, n, False) for each in (settings, clfur.Settings(grid=128)))
+    plan, whole = (plan_shadows(Rig.of(hair, each), n, False) for each in (settings, clfur.Settings(grid=128)))
     assert float(plan.grid["face"][1]) == side
 
     grown = bring(gpu, hair.strands)

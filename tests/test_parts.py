@@ -9,11 +9,15 @@ import attrs
 import numpy as np
 import pytest
 from support.pictures import same
+from support.plans import plan_of
 from support.scenes import scene_of
 
 import clfur
-from clfur.parts import Work, _runs, _share
+from clfur.pipeline import build
+from clfur.pipeline.plan import _runs, _share
+from clfur.pipeline.views import band_of
 from clfur.render import OUTPUTS
+from clfur.stages.raster import raster
 
 SETTINGS = clfur.Settings(raster="samples", samples=4, grid=32, shadow_map=64)
 
@@ -34,8 +38,9 @@ def test_parts_and_bands_are_the_same_bits(gpu, another, sphere, kind, way):
     small = another() if wide else another(int64_atomics=False)
     for small.memory in (1_400_000, 1_000_000):
         small.forget()
-        parts, rows = Work(small, scene).plan(small, settings, True)
-        assert len(parts) > 1 and rows < 83
+        plan = plan_of(scene, settings)
+        parts = plan.parts(small)
+        assert len(parts) > 1 and plan.rows(small) < 83
         if kind not in ("curves", "striped") and small.memory == 1_000_000:
             assert len({part.faces for part in parts}) > 1
         frame = clfur.draw(scene, small, settings, tuple(OUTPUTS), hashes=True)
@@ -53,10 +58,10 @@ def test_parts_without_a_body(gpu, another, sphere, kind):
 @pytest.mark.parametrize("kind, strands", [("faces", None), (7001, 7001), ("curves", 2500)])
 def test_every_strand_and_face_is_in_one_part(another, sphere, kind, strands):
     small = another(1_000_000)
-    work = Work(small, scene_of(kind, sphere))
-    parts, _ = work.plan(small, SETTINGS, True)
+    plan = plan_of(scene_of(kind, sphere), SETTINGS)
+    parts = plan.parts(small)
     runs = sorted(part.strands for part in parts if part.strands[1] > part.strands[0])
-    assert runs[0][0] == 0 and runs[-1][1] == work.strands == (strands or work.triangles[-1])
+    assert runs[0][0] == 0 and runs[-1][1] == plan.strands == (strands or plan.triangles)
     assert all(one[1] == other[0] for one, other in zip(runs, runs[1:]))
     faces = sorted(part.faces for part in parts if part.body)
     assert faces[0][0] == 0 and faces[-1][1] == len(sphere.faces)
@@ -127,12 +132,9 @@ def test_strands_in_arrays_larger_than_a_device_takes():
 
 @pytest.mark.parametrize("rows", [1, 7])
 def test_a_band_is_what_the_whole_is_there(gpu, sphere, rows):
-    from clfur.stages.raster import raster
-    from clfur.views import band_of, view_of
-    scene = scene_of("faces", sphere)
-    work = Work(gpu, scene)
-    drawn = work.make(gpu, work.plan(gpu, SETTINGS, False)[0][0])
-    view = view_of(scene, 4)
+    plan = plan_of(scene_of("faces", sphere), SETTINGS)
+    part, = plan.parts(gpu)
+    drawn, view = (build.hair(gpu, plan, part, 0), build.body(gpu, plan, part)), plan.rig.view
     whole = raster(gpu, view, *drawn).get()
     for top in range(0, 83, 23):
         band = raster(gpu, band_of(view, top, min(top + rows, 83)), *drawn).get()

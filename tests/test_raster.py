@@ -9,9 +9,9 @@ from support.views import CUBE, flat, pack, perspective
 
 import clfur
 from clfur import layout
+from clfur.pipeline.views import view_of
 from clfur.stages.raster import NONE, raster
 from clfur.twin import raster as twin
-from clfur.views import view_of
 
 DEPTH_ONE, SUBPIXEL, BODY = (layout.CONSTANTS[name] for name in ("DEPTH_ONE", "SUBPIXEL", "BODY"))
 

@@ -8,11 +8,11 @@ from support.scenes import icosphere
 
 import clfur
 from clfur.device import scheduler
+from clfur.pipeline.views import view_of
 from clfur.render import OUTPUTS
 from clfur.stages.raster import raster
 from clfur.stages.strands import bring, grow
 from clfur.stages.tessellate import tessellate
-from clfur.views import view_of
 
 SETTINGS = clfur.Settings(raster="samples", samples=1)
 

@@ -3,10 +3,10 @@
 import attrs
 import numpy as np
 import pytest
+from support.plans import plan_of
 from support.scenes import icosphere
 
 import clfur
-from clfur.parts import Work
 from clfur.render import OUTPUTS
 
 SETTINGS = clfur.Settings(raster="samples", samples=4, grid=32, shadow_map=64)
@@ -68,8 +68,8 @@ def test_parts_and_bands_are_the_same_bits(gpu, another, ball, fur, body):
     assert (whole.images["id"] == -3).mean() > .1 and whole.images["color"].std() > .05
     memory = 1_000_000 if fur == "both" else 700_000
     small = another(memory)
-    parts, rows = Work(small, scene).plan(small, SETTINGS, True)
-    assert rows < 47 and (len(parts) > 1 or fur == "shells")
+    plan = plan_of(scene, SETTINGS)
+    assert plan.rows(small) < 47 and (len(plan.parts(small)) > 1 or fur == "shells")
     frame = clfur.draw(scene, small, SETTINGS, tuple(OUTPUTS), hashes=True)
     same(whole, frame)
     assert 0 < frame.memory <= memory

@@ -8,11 +8,12 @@ import sys
 import numpy as np
 import pytest
 from support.devices import DEVICES
+from support.plans import plan_of
 from support.scenes import icosphere
 
 import clfur
-from clfur.parts import Work
-from clfur.shadows import cast_shadows, shells_depth
+from clfur.pipeline.shadows import cast_shadows, shells_depth
+from clfur.pipeline.views import grid_of, light_of, view_of
 from clfur.stages import shade
 from clfur.stages import shells as stage
 from clfur.stages.raster import raster
@@ -20,7 +21,6 @@ from clfur.stages.strands import no_strands
 from clfur.stages.tessellate import tessellate
 from clfur.stages.voxelize import most_of
 from clfur.twin import shells as twin
-from clfur.views import grid_of, light_of, view_of
 
 UNIT = 1 << 12
 
@@ -259,7 +259,7 @@ def test_the_body_is_dark_under_the_fur(gpu):
         visible, hair = raster(gpu, view, None, body), no_strands(gpu)
         settings = clfur.Settings(raster="samples", samples=1, shadow_map=0)
         cast = cast_shadows(gpu, scene, settings, hair, body, furred(gpu, scene.mesh, scene.shells))
-        dark, full = (shade.color(gpu, view, light, "kajiya-kay", visible, hair, body, (1, 1, 1), each).get()[..., 0]
+        dark, full = (shade.color(gpu, view, light, visible, hair, body, (1, 1, 1), each).get()[..., 0]
                       for each in (cast, None))
         share = (dark[full > .2] / full[full > .2]).mean()
         assert share == pytest.approx(1) if alpha == 1 else .05 < share < .6
@@ -311,7 +311,8 @@ def test_the_same_counts_in_parts_by_teams_and_with_narrow_atomics(gpu, another,
     bald = clfur.Scene(mesh=sphere, fur=scene.strands, light=scene.light)
     assert whole != hashed(bald, gpu, shadows=method)["voxels"]
     small = another(6_000_000, int64_atomics=False)
-    assert len(Work(small, scene).plan(small, clfur.Settings(raster="samples", grid=32, samples=1), False)[0]) > 1
+    settings = clfur.Settings(raster="samples", grid=32, samples=1)
+    assert len(plan_of(scene, settings, ["color"]).parts(small)) > 1
     assert hashed(scene, small, shadows=method)["voxels"] == whole
     assert hashed(scene, [gpu, small], shadows=method)["voxels"] == whole
     only = clfur.Scene(mesh=sphere, fur=scene.shells, light=scene.light, body_color=None)

@@ -8,12 +8,12 @@ import pytest
 
 from clfur import layout
 from clfur.device import scheduler, signature
+from clfur.pipeline.views import view_of
 from clfur.scene.scene import Scene
 from clfur.scene.strands import Strands
 from clfur.stages.raster import NONE, raster
 from clfur.stages.strands import arrays, grow
 from clfur.stages.tessellate import tessellate
-from clfur.views import view_of
 
 KERNELS = sorted(scheduler.kernel_dir().glob("*.cl"), key=lambda path: path.name)
 TEXT = """

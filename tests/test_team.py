@@ -35,7 +35,7 @@ def test_a_team_gives_the_bits_of_one(gpu, team, sphere, kind, way):
     for _ in range(2):
         frame = clfur.draw(scene, team, settings, tuple(OUTPUTS), hashes=True)
         same(whole, frame)
-        assert all({"look", "cast"} <= set(one.pace) for one in team)
+        assert all({"rasterize", "accumulate"} <= set(one.pace) for one in team)
         assert frame.device == " + ".join(one.name for one in team)
 
 
@@ -69,6 +69,19 @@ def test_the_faster_device_gets_more(gpu, team):
     team[0].pace["look"], team[1].pace["look"] = 3e6, 1e6
     assert Team(team).gather("look", draw, [np.add], 1000)[0] == 1000
     assert sorted((one is team[0], n, body) for one, n, body in given) == [(False, 250, False), (True, 750, True)]
+
+
+def test_arrays_are_not_left_on_another_device(gpu, team):
+    """Who asks for them may have been dropped: then the one that is left must begin anew."""
+    one, other = team
+    together = Team(team)
+    together.gpus.remove(one)
+
+    def draw(gpu, strands, body):
+        return [gpu.full(1, np.uint64, 7)]
+    assert together.gather("look", draw, [np.add], 10, other)[0].get()[0] == 7
+    with pytest.raises(clfur.DeviceError, match="was lost"):
+        together.gather("look", draw, [np.add], 10, one)
 
 
 @pytest.mark.parametrize("which", [0, 1])

@@ -4,11 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from support.plans import plan_of
 
 import clfur
 from clfur import truth
 from clfur.judge.rays import Eye, Fibres, frame_along
-from clfur.parts import Part, Work
+from clfur.pipeline import build
+from clfur.pipeline.plan import Part
 
 FAR, PIXELS = 1000.0, 100.0                   # an eye so far away that a unit is 100 pixels everywhere
 UP_LIGHT = clfur.Light(direction=(0, -1, 0), color=(1, 1, 1), ambient=0)
@@ -369,7 +371,8 @@ def test_strands_stand_where_the_device_has_them(gpu, sphere, roots):
     """Every one of them: none stands on the next triangle for a last bit."""
     s = furry(sphere, roots)
     hair, _ = truth._geometry(s)
-    grown, _ = Work(gpu, s).make(gpu, Part((0, len(sphere.faces)), (0, len(hair.counts))))
+    part = Part((0, len(sphere.faces)), (0, len(hair.counts)))
+    grown = build.hair(gpu, plan_of(s, clfur.Settings()), part, 0)
     points, spans = gpu.download(grown.points), gpu.download(grown.spans)
     np.testing.assert_array_equal(spans[:, 1], hair.counts)
     for strand in range(len(spans)):

@@ -6,12 +6,12 @@ from support.stages import strands_on
 
 import clfur
 from clfur import layout
+from clfur.pipeline.views import grid_of
 from clfur.scene import hair_bounds
 from clfur.stages.strands import arrays, bring, grow
 from clfur.stages.tessellate import tessellate
 from clfur.stages.voxelize import METHODS, depths_for, most_of, unit_for, voxelize
 from clfur.twin import voxelize as twin
-from clfur.views import grid_of
 
 WEIGHTS = np.array([65536, 777, 3, 0], np.uint32)       # of four types
 

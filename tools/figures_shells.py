@@ -9,11 +9,11 @@ from sheets import line, sheet, size_of, write
 from shells_laws import OVER, Furred, before
 
 import clfur
+from clfur.pipeline.views import light_of, view_of
 from clfur.scene import frame
 from clfur.stages import march, shade
 from clfur.stages.raster import raster
 from clfur.stages.tessellate import tessellate
-from clfur.views import light_of, view_of
 
 FUR = (0.5, 0.28, 0.12)
 LIGHT = clfur.Light(direction=(1, -1, -.6))
@@ -178,10 +178,10 @@ def marched(gpu, options, path):
                 gpu.start()
                 for layer in grown:
                     seen = raster(gpu, view, None, layer, after=facing)
-                    shade.color(gpu, view, light, "kajiya-kay", seen, shells.skin, layer, FUR)
+                    shade.color(gpu, view, light, seen, shells.skin, layer, FUR)
                 drawn = gpu.seconds()
                 gpu.start()
-                march.march(gpu, view, shells.shell, shells.packed, light, "kajiya-kay", visible)
+                march.march(gpu, view, shells.shell, shells.packed, light, visible)
                 spent = gpu.seconds()
                 times.append((drawn["raster"], drawn["raster"] + drawn["shade"], spent["entries"] + spent["march"],
                               spent["entries"]))

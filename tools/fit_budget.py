@@ -13,6 +13,7 @@ from budget_scenes import costs_of, error_of, furry, truths_of
 
 import clfur
 from clfur import budget, measures
+from clfur.pipeline.views import Rig
 
 PALE = {"color": (0.8, 0.75, 0.6), "light": (1, -0.2, 0.3)}
 SCENES = {   # mesh, strands, width in pixels, length in radii
@@ -31,9 +32,9 @@ SCENES = {   # mesh, strands, width in pixels, length in radii
 
 def measured(scene, gpu, repeat):
     """{what: of each rung} of a scene; also its features."""
-    truths, rungs = truths_of(scene), budget.ladder(scene)
+    truths, rungs = truths_of(scene), budget.ladder(Rig.of(scene))
     frames = [clfur.draw(scene, gpu, rung) for rung in rungs]
-    finest, bands = frames[-1].images["color"], budget.bands(scene)
+    finest, bands = frames[-1].images["color"], budget.bands(Rig.of(scene))
 
     def rows(picture):
         return np.concatenate([picture[top:end] for top, end in bands])
@@ -41,7 +42,7 @@ def measured(scene, gpu, repeat):
         "error": np.array([error_of(frame.images["color"], truths) for frame in frames]),
         "apart": np.array([measures.error(rows(frame.images["color"]), rows(finest)) for frame in frames]),
         "cost": costs_of(scene, rungs, gpu, repeat),
-        "features": budget.features(scene, frames[-1].strands), "grid": rungs[-1].grid}
+        "features": budget.features(Rig.of(scene), frames[-1].strands), "grid": rungs[-1].grid}
 
 
 def fit(found):

@@ -14,6 +14,7 @@ from budget_scenes import costs_of, error_of, furry, truths_of
 
 import clfur
 from clfur import budget
+from clfur.pipeline.views import Rig
 
 GOALS = 0.03, 0.05, 0.08
 
@@ -64,10 +65,10 @@ def main():
         truths = truths_of(scene)
         if arguments.truth:
             continue
-        rungs = budget.ladder(scene)
+        rungs = budget.ladder(Rig.of(scene))
         errors = [error_of(clfur.render(scene, gpu, rung), truths) for rung in rungs]
         costs = costs_of(scene, rungs, gpu, arguments.repeat)
-        width = budget.features(scene, 1)[0]
+        width = budget.features(Rig.of(scene), 1)[0]
         goals = [goal for goal in GOALS if min(errors) <= goal]
         for goal in goals:
             drawn = clfur.draw(scene, gpu, clfur.Settings(max_error=goal))

@@ -13,13 +13,13 @@ import attrs
 import numpy as np
 
 import clfur
+from clfur.pipeline.views import light_of, view_of
 from clfur.scene import Camera, Light, frame
 from clfur.stages import march, shade
 from clfur.stages import shells as stage
-from clfur.stages.raster import raster
+from clfur.stages.raster import NONE, raster
 from clfur.stages.strands import no_strands
 from clfur.stages.tessellate import tessellate
-from clfur.views import light_of, view_of
 
 SIZE = 80, 60
 OVER = 8                                         # truth's samples a pixel, across and down
@@ -60,11 +60,13 @@ class Furred:
         scene = clfur.Scene(mesh=self.mesh, fur=self.fur, camera=camera, light=Light(direction=(1, -1, -0.6)))
         view, light = view_of(scene, samples), light_of(scene.light)
         visible = raster(self.gpu, view, None, self.body)
-        image, through, _ = march.march(self.gpu, view, self.shell, packed, light, "kajiya-kay", visible)
-        image, through = image.get().astype(float), through.get().astype(float)
+        image, through, _ = march.march(self.gpu, view, self.shell, packed, light, visible)
+        image, through, keys = image.get().astype(float), through.get().astype(float), visible.get()
         for s in range(samples):
-            behind = shade.color(self.gpu, view, light, "kajiya-kay", visible, self.skin, self.body, scene.body_color,
-                                 samples=(s, s + 1))
+            alone = np.full_like(keys, NONE)
+            alone[..., s] = keys[..., s]
+            behind = shade.color(self.gpu, view, light, self.gpu.upload(alone), self.skin, self.body,
+                                 scene.body_color)
             image += through[..., s:s + 1] * behind.get()
         return image
 

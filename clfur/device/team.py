@@ -15,18 +15,21 @@ class Team:
     def __init__(self, gpus):
         self.gpus = list(gpus)
 
-    def gather(self, name, draw, merges, strands):
+    def gather(self, name, draw, merges, strands, to=None):
         """What ``draw(gpu, (first, one past the last), body)`` gives for all strands and the body -> list of arrays.
 
         One device's arrays stay on it.  Those of several are brought to the host and merged, each by its ufunc of
         ``merges``, which must not depend on the order; None where there is none.  Devices share the strands
         in proportion to the speed at which they did ``name`` last.  What a device that fails had to do is done by the
-        others; raises its `DeviceError` if there are none.
+        others; raises its `DeviceError` if there are none.  ``to``: the device that goes on with the arrays; raises
+        `DeviceError` if it has been dropped and they would stay on another.
         """
         merged, todo = None, [(0, strands, True)]
         while todo:
             begin, end, body = todo.pop()
             if len(self.gpus) == 1 and merged is None and not todo:
+                if to not in (None, *self.gpus):
+                    raise DeviceError(f"{to.name} was lost")
                 return draw(self.gpus[0], (begin, end), body)
             gpus = self.gpus[:]
             paces = self._paces(name, draw, begin, end)

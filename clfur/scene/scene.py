@@ -78,6 +78,11 @@ class Scene:
     strands: Strands | Curves = attrs.field(init=False, repr=False)
     shells: Shells = attrs.field(init=False, repr=False)
 
+    @property
+    def lights(self):
+        """All lights, in a tuple."""
+        return (self.light,)
+
     def __attrs_post_init__(self):
         strands, shells = strands_and_shells(self.fur)
         object.__setattr__(self, "strands", strands)

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
+from .. import layout
 from ..layout import Arrays, Declared, array
-from .shade import IMAGE
+from .shade import no_light
 from .strands import arrays
 
-TILE = 8
+TILE = layout.CONSTANTS["TILE"]
 COUNTED = Declared("pixel", np.uint32, 2)                 # depth of what hides strands, fragments
-RADIANCE_SUMS = Declared("pixel", np.int64, 4, 0)         # r, g, b, alpha in 2^-32
 REACHED = Declared("point", np.float32)                   # share of direct light, 0..1
 
 
@@ -50,16 +50,27 @@ def count(gpu, view, strands, pixels):
     gpu.launch("coverage.count", len(strands.spans), view=view, pixels=pixels, **arrays(strands, "points", "spans"))
 
 
-def room_for(gpu, pixels):
-    """Empty `Fragments` for what `count` counted, ``pixels`` [rows, width, 2] here on the host."""
-    # Pixels that are near each other lie near each other in memory: a strand writes to fewer pages of it.
-    (rows, width), counts = pixels.shape[:2], pixels[..., 1]
-    tiles = np.zeros((-(-rows // TILE), TILE, -(-width // TILE), TILE), np.int64)
-    tiles.reshape(tiles.shape[0] * TILE, -1)[:rows, :width] = counts
-    ends = np.cumsum(tiles.swapaxes(1, 2), dtype=np.int64).reshape(-1, tiles.shape[2], TILE, TILE).swapaxes(1, 2)
-    starts = (ends - tiles).reshape(tiles.shape[0] * TILE, -1)[:rows, :width].astype(np.uint32)
-    return Fragments.empty(gpu, {"fragment": int(counts.sum(dtype=np.int64))}, starts=gpu.upload(starts),
-                           pixels=gpu.upload(np.stack([pixels[..., 0], starts], -1)))
+def row_sums(gpu, counted):
+    """How many fragments each row has of what `count` counted -> [rows] uint64."""
+    rows, width, _ = counted.shape
+    sums = gpu.empty(rows, np.uint64)
+    gpu.launch("coverage.sum_rows", rows, width=width, counted=counted, sums=sums)
+    return sums
+
+
+def allocate(gpu, counted, pieces, rows=None):
+    """Empty `Fragments` for so many ``pieces``, all that `count` counted in ``rows``, (first, one past the last)."""
+    first, end = rows or (0, len(counted))
+    width = counted.shape[1]
+    band = {"size": (width, end - first), "first": first * width, "counted": counted}
+    blocks = -(-(-(-width // TILE) * -(-(end - first) // TILE) * TILE**2) // layout.CONSTANTS["SCAN"])
+    sums, total = gpu.empty(blocks, np.uint64), gpu.empty(1, np.uint64)
+    gpu.launch("coverage.sum_tiles", blocks, **band, sums=sums)
+    with gpu.called("coverage"):
+        gpu.launch("strands.scan_sums", 1, n=blocks, sums=sums, total=total)
+    fragments = Fragments.empty(gpu, {"pixel": (end - first, width), "fragment": pieces})
+    gpu.launch("coverage.number", blocks, **band, sums=sums, starts=fragments.starts, pixels=fragments.pixels)
+    return fragments
 
 
 def gather(gpu, view, strands, fragments):
@@ -99,25 +110,17 @@ def reach(gpu, lamp, strands, shadows):
     return reached
 
 
-def light(gpu, view, lamp, specular, fragments, resolved, strands, reached=None, lights=None):
-    """Light the fragments of `Grown` strands -> [rows, width, 4] int64, r, g, b, alpha in 2^-32.
+def light(gpu, view, lamp, fragments, resolved, strands, reached=None, sums=None):
+    """Light the fragments of `Grown` strands -> [rows, width, 4] int64, r, g, b, alpha in 2^-32, see `shade.blend`.
 
-    ``strands`` may be a part of them all: what it shows is added to ``lights``.  ``reached``: what `reach` gave; all
+    ``strands`` may be a part of them all: what it shows is added to ``sums``.  ``reached``: what `reach` gave; all
     light if None.
     """
     rows, width = fragments.starts.shape
-    lights = RADIANCE_SUMS.empty(gpu, (rows, width)) if lights is None else lights
+    sums = no_light(gpu, rows, width) if sums is None else sums
     gpu.launch("coverage.light", rows * width, view=view, part=(strands.first_point, len(strands.points)), lamp=lamp,
-               half_vector=specular == "half-vector", pixels=fragments.pixels, used=resolved.used,
+               pixels=fragments.pixels, used=resolved.used,
                fragments=fragments.list, shaded=reached is not None,
-               reached=gpu.empty(0, np.float32) if reached is None else reached, lights=lights,
+               reached=gpu.empty(0, np.float32) if reached is None else reached, radiance_sums=sums,
                **arrays(strands, "points", "tangents", "strand_of", "strand_uv", "types", "colors", "color_per"))
-    return lights
-
-
-def blend(gpu, lights, resolved, image=None):
-    """Put the strands' light over the shells' ``image`` -> [rows, width, 4] float32, linear, premultiplied."""
-    rows, width, _ = lights.shape
-    image = IMAGE.empty(gpu, (rows, width)) if image is None else image
-    gpu.launch("coverage.blend", rows * width, lights=lights, veil=resolved.veil, image=image)
-    return image
+    return sums

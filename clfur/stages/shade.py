@@ -11,7 +11,8 @@ from .raster import VISIBLE
 from .strands import arrays
 from .zscan import SUMS
 
-IMAGE = Declared("pixel", np.float32, 4, 0)   # linear, premultiplied r, g, b, alpha
+IMAGE = Declared("pixel", np.float32, 4, 0)         # linear, premultiplied r, g, b, alpha
+RADIANCE_SUMS = Declared("pixel", np.int64, 4, 0)   # r, g, b, alpha in 2^-32
 
 
 @dataclass(frozen=True)
@@ -47,26 +48,43 @@ class About(Arrays):
     coverage: Any = array("pixel", np.float32, None, 0)
 
 
-def color(gpu, view, light, specular, visible, strands, body, body_color, shadows=None, image=None, samples=None,
-          through=None):
+def color(gpu, view, light, visible, strands, body, body_color, shadows=None, image=None, through=None, sums=None):
     """Light every sample and average -> [rows, width, 4] float32, linear, premultiplied, alpha = coverage.
 
-    Strands by Kajiya and Kay (1989), the body by Lambert; ``specular`` as in `clfur.Settings`.  ``shadows``: `Shadows`.
-    ``strands`` and ``body`` may be a part of what is visible: it is then added to ``image``, and the sum
-    is the same bits if each of the ``samples`` (first, one past the last) is added for all parts before the next.
-    ``through``: [rows, width, samples] float32, the share of each sample's light and coverage that comes through what
-    stands before it and is in ``image`` already; all of it if None.
+    Strands by their types' looks, the body by Lambert.  ``shadows``: `Shadows`.
+    ``image``: what it is added to.  ``through``: [rows, width, samples] float32, the share of each sample's light and
+    coverage that comes through what stands before it and is in ``image`` already; all of it if None.
+    ``strands`` and ``body`` may be a part of what is visible: it is then added to ``sums``, see `blend`.
     """
     shadows = shadows or no_shadows(gpu)
-    rows, width, all_samples = visible.shape
-    image = IMAGE.empty(gpu, (rows, width)) if image is None else image
-    gpu.launch("shade.color", rows * width, view=view, part=_part(strands, body), which=samples or (0, all_samples),
-               light=light, half_vector=specular == "half-vector", visible=visible,
+    rows, width, _ = visible.shape
+    if sums is None and image is None:
+        image = IMAGE.empty(gpu, (rows, width))
+    gpu.launch("shade.color", rows * width, view=view, part=_part(strands, body),
+               light=light, visible=visible,
                positions=body.positions, normals=body.normals, triangles=body.triangles, body_color=(*body_color, 0),
                veiled=through is not None, through=gpu.empty(0, np.float32) if through is None else through,
-               image=image, **shadows.arrays(),
+               more=sums is not None, radiance_sums=gpu.empty((0, 4), np.int64) if sums is None else sums,
+               image=gpu.empty((0, 4), np.float32) if image is None else image, **shadows.arrays(),
                **arrays(strands, "points", "tangents", "strand_of", "strand_normal", "strand_uv", "types", "colors",
                         "color_per"))
+    return image if sums is None else sums
+
+
+def no_light(gpu, rows, width):
+    """Sums of no light yet -> [rows, width, 4] int64, r, g, b, alpha in 2^-32."""
+    return RADIANCE_SUMS.empty(gpu, (rows, width))
+
+
+def blend(gpu, sums, image=None, veil=None):
+    """Put sums of light over an ``image`` -> [rows, width, 4] float32, linear, premultiplied.
+
+    ``veil``: [rows, width] float32, the share of the image's light that comes through; all of it if None.
+    """
+    rows, width, _ = sums.shape
+    image = IMAGE.empty(gpu, (rows, width)) if image is None else image
+    gpu.launch("shade.blend", rows * width, radiance_sums=sums, veiled=veil is not None,
+               veil=gpu.empty(0, np.float32) if veil is None else veil, image=image)
     return image
 
 

@@ -121,7 +121,7 @@ def pack(shells, mesh, bare, filtered):
     packed["size"] = shells.length, shells.layers, f, shells.length_variation
     packed["shape"] = shells.sharpness, shells.density, strength, waves
     packed["color"] = *shells.color, shells.root_shade
-    packed["shine"] = shells.specular, shells.exponent, shells.alpha, shells.shading == "turned"
+    packed["shine"] = layout.shine(shells.look, shells.alpha, "turned" if shells.shading == "turned" else None)
     sine = shells.pattern == "sine"
     # The noise is as large as the pattern needs it: the report's finding.
     most = MOST_NOISE[sine]

@@ -14,6 +14,7 @@ from .vectors import f64, unit
 DEPTH_ONE = 1 << 30        # fixed-point depth at infinity; 0 is the near plane
 GUARD = 32768              # pixels from the origin at which ribbons are clipped
 NONE = (1 << 64) - 1       # a sample that nothing covers
+TILE = 8                   # pixels a side of the tiles in whose order pixels lie in memory
 BESIDE = 8                 # strands of a pixel whose pieces are known to lie beside each other
 LEAST = 1 / 256            # share of light at which no more strands are looked at
 
@@ -29,6 +30,17 @@ def fragments(view, points, spans):
     for number, a, b in segments(view, points, spans):
         for u, v, e, share in ribbon(a, b, steep := abs(b[0] - a[0]) < abs(b[1] - a[1]), view):
             yield *((u, v) if steep else (v, u)), DEPTH_ONE * (1 - min(max(e, 0), 1)), number, share
+
+
+def numbers(counts):
+    """Where the fragments of each pixel begin, [rows, width], if these have ``counts``: tiles lie row by row, and so do
+    the pixels in each."""
+    rows, columns = np.indices(counts.shape)
+    order = np.lexsort([place.ravel() for place in (columns, rows, columns // TILE, rows // TILE)])
+    in_order = counts.ravel()[order]
+    starts = np.empty(counts.size, np.int64)
+    starts[order] = np.cumsum(in_order) - in_order
+    return starts.reshape(counts.shape)
 
 
 def segments(view, points, spans):
@@ -156,7 +168,7 @@ def resolve(pieces, visible, fur=None, passed=None):
 # --- light ----------------------------------------------------------------------------------------------
 
 
-def light(view, lamp, half_vector, y, x, weights, strands, reached=None):
+def light(view, lamp, y, x, weights, strands, reached=None):
     """Light of one pixel's strands -> [4] float64: linear, premultiplied r, g, b, alpha.
 
     weights: as from `resolve`.  A piece is lit at the place on its segment that is nearest to the pixel's middle at the
@@ -180,9 +192,8 @@ def light(view, lamp, half_vector, y, x, weights, strands, reached=None):
         color = (colors[0] if strands.color_per == 0 else colors[strand] if strands.color_per == 1
                  else colors[k] + at * (colors[k + 1] - colors[k]))
         share = 1.0 if reached is None else reached[k] + at * (float(reached[k + 1]) - reached[k])
-        specular, exponent = f64(strands.types["shine"])[int(strands.uv[strand, 2]), :2]
+        shine = f64(strands.types["shine"])[int(strands.uv[strand, 2])]
         direct = shines * share * f64(lamp["color"])[:3]
-        rgb = fibre(color[None], specular, exponent, half_vector, *(way[None] for way in (t, to_light, v)), direct,
-                    lamp["color"][3])
+        rgb = fibre(*(each[None] for each in (color, shine, t, to_light, v)), direct, lamp["color"][3])
         result += weight * np.append(rgb, 1)
     return result

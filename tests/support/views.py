@@ -4,7 +4,7 @@ import numpy as np
 
 import clfur
 from clfur import layout
-from clfur.views import view_of
+from clfur.pipeline.views import view_of
 
 SUBPIXEL = layout.CONSTANTS["SUBPIXEL"]
 CUBE = np.array([[[-1, -1, -1], [1, 1, 1]]], np.float32)     # one strand that makes a scene's extent known

@@ -1,17 +1,51 @@
 """Cameras and lights -> the matrices that the kernels see with."""
 
 import math
+from dataclasses import dataclass
+from typing import Any
 
+import attrs
 import numpy as np
 
-from . import layout
-from .scene import extent
+from .. import layout
+from ..scene import Scene, extent
+from ..settings import Settings
 
 
-def view_of(scene, samples):
-    """The scene's camera as a `layout.View`; its near plane stands just before all that can be seen."""
+@dataclass(frozen=True)
+class Rig:
+    """A scene and all that looks at it, made once a frame; whatever needs a view or a size is handed this."""
+
+    scene: Scene
+    settings: Settings    # shadows are off where no light shines: what stands before one that is out cannot matter
+    center: Any           # [3] of a ball around all that is drawn,
+    radius: float         # and its radius [world]
+    view: Any             # layout.View: the whole picture
+    lights: tuple         # layout.Light of each light of the scene,
+    light_views: tuple    # its layout.View, None without a shadow map,
+    grids: tuple          # and its layout.Grid, None without shadows
+
+    @classmethod
+    def of(cls, scene, settings=Settings()):
+        """The `Rig` of a scene and how it is drawn."""
+        if not any(np.any(light.color) for light in scene.lights):
+            settings = attrs.evolve(settings, shadows="off")
+        ball, shadows = extent(scene.mesh, scene.fur), settings.shadows != "off"
+        return cls(
+            scene, settings, *ball, view_of(scene, settings.samples, ball),
+            lights=tuple(light_of(light) for light in scene.lights),
+            light_views=tuple(light_view_of(scene, settings.shadow_map, light, ball)
+                              if shadows and settings.shadow_map else None for light in scene.lights),
+            grids=tuple(grid_of(scene, settings.grid, light, ball) if shadows else None for light in scene.lights))
+
+
+def view_of(scene, samples, ball=None):
+    """The scene's camera as a `layout.View`; its near plane stands just before all that can be seen.
+
+    ``ball``: what `extent` tells of the scene, where that is known already; below too.
+    """
     camera = scene.camera
-    center, radius = extent(scene.mesh, scene.fur)
+    center, radius = ball or extent(scene.mesh, scene.fur)
     pose, k = camera.pose, camera.intrinsics
     # Camera axes right, down, forward: forward is the distance that "depth" tells.
     world_to_camera = np.diag([1.0, -1.0, -1.0, 1.0]) @ np.linalg.inv(pose)
@@ -36,60 +70,64 @@ def light_of(light):
     return packed
 
 
-def light_view_of(scene, size):
-    """What the light sees, as a `layout.View` of size² pixels with one sample each: parallel rays, or a spot's."""
-    to_light, radius, distance, half = _light(scene)
+def light_view_of(scene, size, light=None, ball=None):
+    """What a light sees, as a `layout.View` of size² pixels with one sample each: parallel rays, or a spot's.
+
+    ``light``: a `clfur.Light`, the scene's first if None; below too.
+    """
+    light = light or scene.lights[0]
+    to_light, radius, distance, half = _light(light, ball or extent(scene.mesh, scene.fur))
     to_screen = np.zeros((4, 4))
     near, far = distance - radius, distance + radius
     scale = size / (2 * half)
-    if scene.light.position is None:
+    if light.position is None:
         to_screen[:2] = scale * to_light[:2]
         to_screen[:2, 3] += size / 2
         to_screen[2] = -to_light[2] / (far - near)          # e falls from 1 at near to 0 at far
         to_screen[2, 3] += far / (far - near)
         to_screen[3, 3] = 1
-        eye = *-scene.light.direction, 0
+        eye = *-light.direction, 0
     else:
         to_screen[:2] = scale * to_light[:2] + size / 2 * to_light[2]
         to_screen[2, 3] = near
         to_screen[3] = to_light[2]
-        eye = *scene.light.position, 1
+        eye = *light.position, 1
     return _view(to_screen, eye, (size, size), 1, scale)
 
 
-def grid_of(scene, cells):
-    """The cells³ that hold all of the scene, seen from the light, as a `layout.Grid`.
+def grid_of(scene, cells, light=None, ball=None):
+    """The cells³ that hold all of the scene, seen from a light, as a `layout.Grid`.
 
     They fit a ball around the scene, so that their size does not change while the light turns.
     """
-    to_light, radius, distance, half = _light(scene)
+    light = light or scene.lights[0]
+    to_light, radius, distance, half = _light(light, ball or extent(scene.mesh, scene.fur))
     side = 2 * half / cells
     packed = np.zeros((), layout.Grid)
     to_grid = np.zeros((4, 4))
     to_grid[:2] = to_light[:2] / side
     to_grid[2] = to_light[2] * cells / (2 * radius)
     to_grid[2, 3] -= (distance - radius) * cells / (2 * radius)
-    if scene.light.position is None:
+    if light.position is None:
         to_grid[:2, 3] += cells / 2
         to_grid[3, 3] = 1
-        packed["light"][:3] = -scene.light.direction
+        packed["light"][:3] = -light.direction
     else:
         to_grid[:2] += cells / 2 * to_light[2]
         to_grid[3] = to_light[2]
-        packed["light"] = *scene.light.position, 1
+        packed["light"] = *light.position, 1
     packed["to_grid"] = to_grid.T
     packed["size"][:3] = cells
-    packed["face"][:3] = side * side, side, 1 if scene.light.position is None else distance - radius
+    packed["face"][:3] = side * side, side, 1 if light.position is None else distance - radius
     return packed
 
 
-def _light(scene):
+def _light(light, ball):
     """(world -> axes of the light [4, 4], radius, distance of the centre along the light, half a side).
 
     Half a side is that of the square that the light must see: in world units, or for a spot at distance 1.
     """
-    light = scene.light
-    center, radius = extent(scene.mesh, scene.fur)
+    center, radius = ball
     radius = 1.001 * radius or 1.0                       # nothing lies on the border
     to_light = np.eye(4)
     to_light[:3, :3] = _axes(light.direction)

@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from . import layout
-from .errors import Error
-from .scene import hair_bounds
-from .stages import lod, shade, shells
-from .stages.raster import raster
-from .stages.voxelize import depths_for, most_of, own_share, unit_for, voxelize
-from .stages.zscan import zscan
-from .views import grid_of, light_view_of
+from .. import layout
+from ..errors import Error
+from ..scene import hair_bounds
+from ..stages import lod, shade, shells
+from ..stages.raster import raster
+from ..stages.voxelize import depths_for, most_of, own_share, unit_for, voxelize
+from ..stages.zscan import zscan
+from .views import Rig
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,13 @@ def shells_depth(alpha, method):
     return x + x * x / 2 if method == "length" else depths_for([alpha], method)[0]
 
 
-def plan_shadows(scene, settings, strands, body, fur=None):
-    """`Plan` for this many strands, and whether there is a body; raises `clfur.Error` if counters could overflow.
+def plan_shadows(rig, strands, body, fur=None):
+    """`Plan` for a `Rig`, this many strands, and whether there is a body.
 
+    Raises `clfur.Error` if counters could overflow.
     ``fur``: `stages.shells.bounds_of` the scene's shells, if they are to cast shadows.
     """
+    scene, settings = rig.scene, rig.settings
     method, grid, seen, weights, unit = settings.shadows, None, None, None, 0
     shadow = np.zeros((), layout.Shadow)
     hairs = scene.strands.hair_types if scene.strands else []
@@ -56,7 +58,7 @@ def plan_shadows(scene, settings, strands, body, fur=None):
         depths = np.append(depths, shells_depth(scene.shells.alpha, method))
     some = np.array([strands > 0] * len(hairs) + [True] * bool(fur), bool)
     if method != "off" and (depths[some] > 0).any():
-        grid = grid_of(scene, settings.grid)
+        grid = rig.grids[0]
         segments, length, area = hair_bounds(scene.strands, strands) if strands else (0, 0, 0)
         most = most_of(grid, method, segments, length, area * (lod.WIDEST if settings.lod else 1))
         if fur:
@@ -68,7 +70,7 @@ def plan_shadows(scene, settings, strands, body, fur=None):
                         f"alpha or a spot with a wider angle, so that 32-bit counters can hold the hair's shadow")
         shadow["hair"] = depths.max(), *own_share(grid, method), method == "length"
     if method != "off" and body and settings.shadow_map:
-        seen = light_view_of(scene, settings.shadow_map)
+        seen = rig.light_views[0]
         shadow["body"][:2] = 1, settings.pcf
     return Plan(grid, seen, method, weights, unit, shadow)
 
@@ -102,5 +104,5 @@ def settle(gpu, plan, cells, seen):
 def cast_shadows(gpu, scene, settings, strands, body, shell=None):
     """The shadows of whole strands and a whole body, and of shells as in `cast` -> `shade.Shadows`."""
     bounds = shells.bounds_of(gpu, shell[0]) if shell else None
-    plan = plan_shadows(scene, settings, len(strands.spans), len(body.triangles), bounds)
+    plan = plan_shadows(Rig.of(scene, settings), len(strands.spans), len(body.triangles), bounds)
     return settle(gpu, plan, *cast(gpu, plan, strands, body, shell=shell))

@@ -1,0 +1,165 @@
+"""What a frame is drawn of, made on the device.  All of it costs: the body is tessellated, strands grow.
+
+A device keeps the last of each, so that what hasn't changed is there already (`Scheduler.keep`): one part of the faces
+and strands, where they are cut into several.  Whatever is out of date goes before anything is made in its place.
+"""
+
+import functools
+import hashlib
+
+import numpy as np
+
+from ..stages import shells
+from ..stages.lod import thin
+from ..stages.raster import raster
+from ..stages.strands import bring, grow, no_strands
+from ..stages.tessellate import no_surface, tessellate
+from .shadows import cast, plan_shadows, settle
+
+
+def let_go(plan, gpu):
+    """Make a device ready for a frame: before anything new is made, it lets go of what this frame has no use for."""
+    gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
+              plan.scene.shells and plan.scene.shells.layers))
+    light_on_strands(gpu, plan)
+    for name, used in ("body", plan.faces), ("strands", plan.strands), ("thinned", plan.strands and plan.settings.lod):
+        if not used:
+            gpu.keep(name, (), dict)
+    if len(plan.parts(gpu)) > 1 and not plan.keeps_light(gpu):
+        light_on_strands(gpu, plan).clear()   # what a smaller picture in one part has left
+
+
+def let_go_of_parts(gpu, plan, parts, others):
+    """Go from some parts of the scene to others, for which less may be left: what is there of the former goes."""
+    light = light_on_strands(gpu, plan)
+    for part in set(light) - set(others):
+        del light[part]
+    if parts != others:
+        for name in "body", "strands", "thinned":
+            gpu.keep(name, (), dict)
+
+
+def body(gpu, plan, part):
+    """The `Surface` of a part that is drawn; one without a triangle if its faces are only grown on."""
+    return _surface(gpu, plan, part.faces) if part.body else gpu.keep("no body", (), functools.partial(no_surface, gpu))
+
+
+def hair(gpu, plan, part, lod):
+    """`Grown` strands of a part: ``lod`` as in `Settings`, of what the camera sees; 0 for all strands there are."""
+    if not part.hairy:
+        return gpu.keep("no strands", (), functools.partial(no_strands, gpu))
+    scene = plan.scene
+    what = (scene.mesh, scene.strands, *part.strands, *(part.faces if plan.grown else ()))
+    if lod:
+        return gpu.keep("thinned", (*what, scene.camera, str(lod)),
+                        functools.partial(_thin, gpu, plan, part, what, lod))
+    return _whole(gpu, plan, part, what)
+
+
+def tally(gpu, plan, part):
+    """(strands that are not bald, segments) that are drawn of a part; remembered: nothing grows for it again."""
+    scene, lod = plan.scene, plan.settings.lod
+    known = gpu.keep("tallies", (scene.mesh, scene.strands, str(lod), scene.camera if lod else None), dict)
+    if part not in known:
+        points = gpu.download(hair(gpu, plan, part, lod).spans)[:, 1].astype(np.int64)
+        known[part] = int((points > 0).sum()), int(np.maximum(points - 1, 0).sum())
+    return known[part]
+
+
+def light_on_strands(gpu, plan):
+    """{part: how much light reaches its strands}, as far as known; it goes with what it depends on."""
+    return gpu.keep("light on strands", (*plan.lit_by(plan.settings.lod), plan.settings.raster), dict)
+
+
+def shell(gpu, plan):
+    """Shell fur -> (`Shell`, `layout.Shells`)."""
+    mesh, topology, (packed, box) = plan.scene.mesh, plan.topology, plan.packed_shells
+    laid = str([box.tolist(), packed["size"].tolist(), packed["shape"].tolist(), packed["kind"][:2].tolist(),
+                packed["noise"][:3].tolist()])
+    walls = int(packed["kind"][2]), int(packed["noise"][3])
+    bent = str([packed[name].tolist() for name in ("bend", "wind", "gust")])
+    return gpu.keep("shell", (mesh, laid, *walls, bent), functools.partial(
+        _bend, gpu, mesh, packed, box, topology, (mesh, laid), (mesh, *walls))), packed
+
+
+def rasterize(plan, view, gpu, strands=None, is_body=True):
+    """[Depth and id of what is nearest in each sample] of some strands and the body: a share of `Team.gather`."""
+    visible = None
+    for part in plan.parts(gpu, strands, is_body):
+        visible = raster(gpu, view, hair(gpu, plan, part, plan.settings.lod), body(gpu, plan, part), visible)
+    return [visible]
+
+
+def rasterize_body(gpu, plan, view):
+    """Depth and id of the body where it is nearest in each sample."""
+    visible = raster(gpu, view)
+    for part in plan.parts(gpu):
+        if part.body:
+            visible = raster(gpu, view, None, body(gpu, plan, part), visible)
+    return visible
+
+
+def lighting(gpu, team, plan, hashes):
+    """(`Shadows` before all lights, {what: SHA-256 of its bits} if ``hashes``), those of the frame before if only the
+    camera has moved; a team's devices share the strands."""
+    return gpu.keep("shadows", (*plan.lit_by(plan.shadow_lod), int(hashes)),
+                    functools.partial(_lighting, gpu, team, plan, hashes))
+
+
+def on(gpu, array):
+    """An array on the device: it is there already, or comes from the host; None stays None."""
+    return gpu.upload(array) if isinstance(array, np.ndarray) else array
+
+
+def bytes_of(gpu, array):
+    """The bits of an array, on the host."""
+    return np.ascontiguousarray(array if isinstance(array, np.ndarray) else gpu.download(array))
+
+
+def _surface(gpu, plan, faces):
+    return gpu.keep("body", (plan.scene.mesh, *plan.levels, *faces),
+                    functools.partial(tessellate, gpu, plan.scene.mesh, *plan.levels, faces))
+
+
+def _whole(gpu, plan, part, what):
+    return gpu.keep("strands", what, functools.partial(_grow, gpu, plan, part))
+
+
+def _grow(gpu, plan, part):
+    if plan.grown:
+        return grow(gpu, _surface(gpu, plan, part.faces), plan.scene.strands, part.strands, part.area)
+    return bring(gpu, plan.scene.strands, part.strands)
+
+
+def _thin(gpu, plan, part, what, lod):
+    fur = plan.scene.strands
+    return thin(gpu, _whole(gpu, plan, part, what), plan.rig.view, lod, fur.seed)
+
+
+def _bend(gpu, mesh, packed, box, topology, laid, walls):
+    pattern = gpu.keep("pattern", laid, functools.partial(shells.lay, gpu, mesh, packed, box, topology))
+    sides = gpu.keep("border", walls, functools.partial(shells.border, gpu, mesh, packed, topology))
+    return shells.bend(gpu, mesh, packed, pattern, topology, sides)
+
+
+def _lighting(gpu, team, plan, hashes):
+    furred = plan.scene.shells is not None and plan.settings.shadows != "off"
+    bounds = shells.bounds_of(gpu, shell(gpu, plan)[0]) if furred else None
+    shadows = plan_shadows(plan.rig, plan.strands, plan.body, bounds)
+    add = np.maximum if plan.settings.shadows == "binary" else np.add
+    cells, texels = team.gather("accumulate", functools.partial(_accumulate, plan, shadows, furred), [add, np.minimum],
+                                plan.strands, gpu)
+    digests = {name: hashlib.sha256(bytes_of(gpu, array)).hexdigest() for name, array in
+               (("voxels", cells), ("shadow_map", texels)) if hashes and array is not None}
+    return settle(gpu, shadows, on(gpu, cells), on(gpu, texels)), digests
+
+
+def _accumulate(plan, shadows, furred, gpu, strands, is_body):
+    """(cells, shadow map) of a share of what stands before the light."""
+    counted = None, None
+    # With the body, shells are in one device's share, and there in the first part.
+    fur = shell(gpu, plan) if furred and is_body else None
+    for part in plan.parts(gpu, strands, is_body):
+        counted = cast(gpu, shadows, hair(gpu, plan, part, plan.shadow_lod), body(gpu, plan, part), *counted, fur)
+        fur = None
+    return counted

@@ -1,0 +1,152 @@
+"""One frame under way: bands of rows drawn and put together."""
+
+import functools
+import hashlib
+import time
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..settings import Settings
+from ..stages import march, shells
+from ..stages.blur import blur, reach_of
+from . import build
+from .passes import Coverage, Samples
+from .plan import Plan
+from .views import Rig
+
+OUTPUTS = {"color": 4, "depth": None, "id": None, "tangent": 3, "normal": 3, "uv": 2, "coverage": None}
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A picture, and what it took.
+
+    images: {output: array}; see `render`.  triangles, strands, segments: what was drawn.  device: its name, or
+    those of all that did not fail.  seconds: the whole frame, reading back included.  stages: {kernel file: seconds
+    on the device}.
+    memory: most bytes that its arrays took on the device at once.  hashes: SHA-256 of what integer stages gave,
+    {"visibility": ..., "voxels": ..., "shadow_map": ...}, if asked for.  settings: what it was drawn with.  error: what
+    `Settings.max_error` limits, as far as can be told without the truth; why: how the settings were chosen, in a line;
+    None and "" if they were given.
+    """
+
+    images: dict
+    device: str
+    triangles: int
+    strands: int
+    segments: int
+    seconds: float
+    stages: dict
+    memory: int
+    hashes: dict
+    settings: Settings | None = None
+    error: float | None = None
+    why: str = ""
+
+
+def draw_frame(team, scene, settings, outputs=("color",), hashes=False, bands=None):
+    """A `Frame` of a scene by a `Team` -> `Frame`.
+
+    ``bands``: [(first row, one past the last)] of the picture alone; the others hold anything.
+    """
+    began = time.perf_counter()
+    plan = Plan(Rig.of(scene, settings), outputs)
+    picture = Picture(team, plan, outputs, hashes)
+    team.each(functools.partial(build.let_go, plan))
+    for top, end in bands or [(0, scene.camera.size[1])]:
+        while top < end:
+            top = picture.put(*team.first(functools.partial(draw_band, picture, top, end)))
+    if plan.wants_color and plan.settings.blur != "off":
+        team.first(picture.blur)
+    seconds = time.perf_counter() - began
+    for what in picture.warnings:
+        warnings.warn(what, RuntimeWarning, stacklevel=4)
+    return picture.frame(seconds)
+
+
+def draw_band(picture, top, end, gpu):
+    """Rows of a picture from ``top`` on, as many as fit the device, ``end`` at most
+    -> ((first, one past the last), {output: array [rows, width(, n)]}, [bits to hash])."""
+    plan, strands, shadows = picture.plan, picture.strands, None
+    if plan.wants_color:
+        shadows, digests = build.lighting(gpu, picture.team, plan, picture.hashes)
+        picture.digests |= digests
+    band = strands.look(gpu, top, end)
+    image = through = shell_front = None
+    if plan.scene.shells:
+        shell = build.shell(gpu, plan)
+        image, through, shell_front = march.march(gpu, band.view, *shell, plan.rig.lights[0],
+                                                   band.visible, shadows)
+    front = strands.hide(gpu, band, through, shell_front)
+    image, known = strands.shade(gpu, band, front, shadows, image)
+    if plan.scene.shells and plan.others:
+        shells.about(gpu, front.view, shell[0], front.keys, front.through, front.shell_front, known)
+    return picture.read(gpu, band, front, {"color": image, **known, **front.outputs})
+
+
+class Picture:
+    """What there is of a frame so far."""
+
+    def __init__(self, team, plan, outputs, hashes):
+        self.team, self.plan, self.outputs, self.hashes = team, plan, outputs, hashes
+        self.warnings = set()   # what is wrong where a device has ended a loop before its time
+        self.digests, self._images = {}, {}
+        self.strands = (Coverage if plan.uses_coverage else Samples)(plan, team, self.warnings)
+        self._seen = [hashlib.sha256() for _ in range(self.strands.digests)]
+
+    def read(self, gpu, band, front, found):
+        """What `draw_band` gives: the outputs that are ``found``, on the host."""
+        images = {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in self.outputs}
+        return band.rows, images, self.strands.hashed(gpu, band, front) if self.hashes else []
+
+    def put(self, rows, images, bits):
+        """Put rows where they belong -> the row after them."""
+        height = self.plan.scene.camera.size[1]
+        for digest, each in zip(self._seen, bits):
+            digest.update(each)
+        for name, image in images.items():
+            if len(image) == height:
+                self._images[name] = image
+            else:   # each into its place at once: to join them in the end would take twice the memory
+                whole = self._images.setdefault(name, np.empty((height, *image.shape[1:]), image.dtype))
+                whole[slice(*rows)] = image
+        return rows[1]
+
+    def blur(self, gpu):
+        """Blur the colour, with as many rows on the device at a time as fit."""
+        picture, settings, rows = self._images["color"], self.plan.settings, self.plan.rows_to_blur(gpu)
+        height, reach = len(picture), reach_of(settings.blur_sigma)
+        each, result = height if rows >= height else max(rows - 2 * reach, 1), np.empty_like(picture)
+        for top in range(0, height, each):
+            end = min(top + each, height)
+            low, high = max(top - reach, 0), min(end + reach, height)
+            strip = gpu.upload(picture[low:high])
+            result[top:end] = gpu.download(
+                blur(gpu, strip, settings.blur_sigma, settings.blur == "edges", (top - low, end - low)))
+        self._images["color"] = result
+
+    def frame(self, seconds):
+        """The `Frame`, after so many seconds."""
+        plan, team = self.plan, self.team
+        if self.hashes:
+            whole = b"".join(digest.digest() for digest in self._seen)
+            self.digests["visibility"] = hashlib.sha256(whole).hexdigest()
+        strands, segments = team.first(self._tally)
+        stages = {}
+        for of_one in team.each(_seconds):   # not of those that were dropped: a lost device tells nothing
+            for name, spent in of_one.items():
+                stages[name] = stages.get(name, 0.0) + spent
+        names, memory = " + ".join(gpu.name for gpu in team.gpus), sum(gpu.peak for gpu in team.gpus)
+        triangles = plan.triangles if plan.body else 0
+        return Frame(self._images, names, triangles, strands, segments, seconds, stages, memory, self.digests,
+                     plan.settings)
+
+    def _tally(self, gpu):
+        found = [build.tally(gpu, self.plan, part) for part in self.plan.parts(gpu)]
+        return sum(strands for strands, _ in found), sum(segments for _, segments in found)
+
+
+def _seconds(gpu):
+    return gpu.seconds()

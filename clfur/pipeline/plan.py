@@ -1,0 +1,371 @@
+"""How a scene is cut to fit a device: how much there is of everything, in which parts and bands.  On the host alone.
+
+One thing is asked of a device: where strands are spread by area and the faces do not fit it at once, the areas of runs
+of faces, in its integers (`Plan._areas`).  It costs a tessellation of the mesh, and is kept.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import Error
+from ..scene import Curves, Strands
+from ..stages.blur import reach_of
+from ..stages.coverage import COUNTED, REACHED, Fragments, Resolved
+from ..stages.lod import THINNED
+from ..stages.march import Rays
+from ..stages.raster import VISIBLE
+from ..stages.shade import IMAGE, RADIANCE_SUMS, About, Shadows
+from ..stages.shells import pack, size_of, topology_of
+from ..stages.strands import AREA, Grown, Packed, Roots, area_of, first_strand_at
+from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
+from ..stages.voxelize import CELLS
+
+# Bytes on the device, of all arrays that stages make, as they declare them.
+VERTEX, TRIANGLE = Surface.bytes(vertex=1), Surface.bytes(triangle=1) + AREA.bytes
+POINT, STRAND = Grown.bytes(point=1), Grown.bytes(strand=1, color=1) + Roots.bytes(strand=1)
+PACKED = Packed.bytes(point=1, width=1, color=1) + Grown.bytes(color=1)   # more a point, of strands of the user's
+THIN_POINT, THIN_STRAND = Grown.bytes(*THINNED, point=1), Grown.bytes(*THINNED, strand=1)
+THIN_COLOR = Grown.bytes("colors", color=1)                               # where points have colours
+MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
+OUTPUTS = About.bytes(pixel=1)          # of a pixel but its colour
+PIXEL = Fragments.bytes(pixel=1) + Resolved.bytes(pixel=1)   # what is known of one where strands are transparent
+FRAGMENT = Fragments.bytes(fragment=1)
+NUMBERS = 2**32 - 1                     # pieces that a band can tell apart
+BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
+
+
+@dataclass(frozen=True)
+class Part:
+    """Faces and strands that are on the device together.
+
+    faces, strands: (first, one past the last).  area: (integer area before these faces, of all), where there are more
+    faces and roots are spread by area.  body: whether the faces are drawn, not only grown on.
+    """
+
+    faces: tuple = (0, 0)
+    strands: tuple = (0, 0)
+    area: tuple | None = None
+    body: bool = False
+
+    @property
+    def hairy(self):
+        """Whether it has strands."""
+        return self.strands[1] > self.strands[0]
+
+
+@dataclass(frozen=True)
+class Cut:
+    """How a device's memory is divided: [`Part`], and bytes for the rows of the picture that are drawn at a time."""
+
+    parts: list
+    rows: int
+
+
+class Plan:
+    """What a frame takes, and how it fits a device.
+
+    wants_color, others: whether color is an output, and whether others are.  faces, triangles, strands, points: how
+    many there are.  body: whether there is one.
+    """
+
+    def __init__(self, rig, outputs):
+        self.rig, self.scene, self.settings = rig, rig.scene, rig.settings
+        self.wants_color, self.others = "color" in outputs, bool(set(outputs) - {"color"})
+        mesh, fur = self.scene.mesh, self.scene.strands
+        self.grown = isinstance(fur, Strands)
+        self.body = mesh is not None and self.scene.body_color is not None
+        self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
+        self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
+        # Running sums: vertices and triangles before each face, points before each of the user's strands, and of all.
+        self._vertices, self._triangles = _sums(fur, self.faces)
+        self._before = _points_of(fur) if isinstance(fur, Curves) else np.zeros(1, np.int64)
+        self.triangles = int(self._triangles[-1])
+        if self.grown:
+            self.strands = self.triangles if fur.roots == "faces" else fur.roots
+            self.stride = max(t.segments for t in fur.types) + 1
+        else:
+            self.strands = len(self._before) - 1
+        self.points = self._points(0, self.strands)
+        # What cannot be divided: bytes of the largest face, points of the longest strand.
+        self._bytes_of_faces = VERTEX * self._vertices + TRIANGLE * self._triangles
+        self._face = int(np.diff(self._bytes_of_faces).max(initial=0))
+        self.longest = self.stride if self.grown else int(np.diff(self._before).max(initial=0))
+        self._cuts = {}
+        if self.points >= 2**31 or self.triangles >= 2**31:
+            raise Error(f"the scene has {self.points:,} points of strands and {self.triangles:,} triangles; "
+                        f"allowed: fewer than {2**31:,} of each")
+
+    @property
+    def uses_coverage(self):
+        """Whether strands are drawn by the area that they cover."""
+        return self.settings.raster == "coverage" and self.strands > 0
+
+    @property
+    def shadow_lod(self):
+        """Which strands cast shadows, as `Settings.lod`: the report's methods count them, however wide, so all."""
+        return self.settings.lod if self.settings.shadows == "length" else 0.0
+
+    def lit_by(self, lod):
+        """What light depends on that falls on strands thinned so, as a key of `Scheduler.keep`."""
+        scene, settings = self.scene, self.settings
+        return (scene.mesh, scene.strands, scene.shells, *scene.lights, int(self.body), settings.shadows, settings.grid,
+                settings.shadow_map, settings.pcf, str(lod), scene.camera if lod else None)
+
+    def _points(self, first, end):
+        """Points set aside for a run of strands."""
+        return (end - first) * self.stride if self.grown else int(self._before[end] - self._before[first])
+
+    # --- rows ---------------------------------------------------------------------------------------------------
+
+    def rows(self, gpu):
+        """How many rows of the picture fit a device at a time: all that is told of their pixels, or, where strands are
+        drawn by what they cover, what it takes to count them."""
+        width, height = self.scene.camera.size
+        room = min(self.cut(gpu).rows, BAND) // (width * self._pixel(False))
+        return int(min(room, _largest(gpu) // self._largest_row, height))
+
+    def rows_to_blur(self, gpu):
+        """How many rows of the picture can be blurred at a time, with those around them."""
+        width, height = self.scene.camera.size
+        return int(min(min(self.cut(gpu).rows, BAND) // (3 * IMAGE.bytes * width), height))
+
+    def parts(self, gpu, strands=None, body=True):
+        """[`Part`] of the scene or a share: some ``strands``, (first, one past the last), with ``body`` or without."""
+        return self.cut(gpu, strands, body).parts
+
+    def cut(self, gpu, strands=None, body=True):
+        """`Cut` of the scene or a share of it, see `parts`, before the pieces of strands in pixels are counted."""
+        known = gpu, strands, body
+        if known not in self._cuts:
+            width, height = self.scene.camera.size
+            row = width * self._pixel(False)
+            self._cuts[known] = self._cut(gpu, height * row, row, strands, body)
+        return self._cuts[known]
+
+    def cut_counted(self, gpu, sums):
+        """`Cut` for rows of which is known how many pieces of strands each has, [rows] int64."""
+        width, fullest = self.scene.camera.size[0], int(sums.max())
+        if fullest > min(_largest(gpu) // FRAGMENT, NUMBERS):
+            raise Error(f"{gpu.name} has no room for {fullest:,} pieces of strands in a row of {width} pixels; "
+                        f"allowed: a smaller picture, fewer strands, or Settings.raster 'samples'")
+        counted, row = len(sums) * width * COUNTED.bytes, width * self._pixel(True)
+        rows = counted + len(sums) * row + FRAGMENT * int(sums.sum())
+        return self._cut(gpu, rows, counted + row + FRAGMENT * fullest, pieces=fullest)
+
+    def rows_counted(self, gpu, cut, sums, top):
+        """How many of these rows fit at a time from row ``top`` of them on."""
+        width = self.scene.camera.size[0]
+        row, pieces = width * self._pixel(True), np.cumsum(sums[top:])
+        rows = np.arange(1, len(pieces) + 1)
+        fits = ((row * rows + FRAGMENT * pieces <= cut.rows - len(sums) * width * COUNTED.bytes) & (row * rows <= BAND)
+                & (pieces <= min(_largest(gpu) // FRAGMENT, NUMBERS))
+                & (self._largest_row * rows <= _largest(gpu)))
+        return max(int(fits.sum()), 1)
+
+    @property
+    def _largest_row(self):
+        """Bytes of a row of the largest array of pixels or samples."""
+        return self.scene.camera.size[0] * max(VISIBLE.bytes * self.settings.samples, RADIANCE_SUMS.bytes)
+
+    def _pixel(self, counted):
+        """Bytes on the device of a pixel that is drawn, without the pieces of strands in it; ``counted``: after these
+        are counted where they must be."""
+        samples = self.settings.samples
+        pixel = VISIBLE.bytes * samples
+        if self.uses_coverage and not counted:
+            # What is counted stays: no more of the room than a quarter.
+            return max(pixel + COUNTED.bytes, 4 * COUNTED.bytes)
+        if self.uses_coverage:
+            pixel += PIXEL + Resolved.bytes(sample=samples)
+        if self.scene.shells:
+            pixel += VISIBLE.bytes * samples + Rays.bytes(sample=samples)   # where they enter
+        return pixel + IMAGE.bytes + RADIANCE_SUMS.bytes + OUTPUTS * self.others
+
+    # --- memory -------------------------------------------------------------------------------------------------
+
+    def _cut(self, gpu, rows, row, strands=None, body=True, pieces=0):
+        """`Cut` for a picture that takes ``rows`` bytes in all and ``row`` at least, in a row of so many ``pieces``.
+
+        Raises `clfur.Error` if the least there is does not fit.
+        """
+        first, end = strands or (0, self.strands)
+        strand, point = self._bytes(gpu)
+        width, height = self.scene.camera.size
+        if self.settings.blur != "off":
+            blurred = min(2 * reach_of(self.settings.blur_sigma) + 1, height) * 3 * IMAGE.bytes * width
+            rows, row = max(rows, 3 * IMAGE.bytes * width * height), max(row, blurred)
+        need = {"body": int(self._bytes_of_faces[-1]), "rows": rows,
+                "strands": (end - first) * strand + self._points(first, end) * point}
+        least = {   # of each; a face or a strand is never divided
+            "body": min(need["body"], max(self._face, 1 << 16)),
+            "strands": min(need["strands"], max(strand + self.longest * point, 1 << 16)),
+            "rows": row,
+        }
+        kept = REACHED.bytes * self.points * self.keeps_light(gpu)
+        spare = gpu.memory * 15 // 16 - self._fixed - sum(least.values()) - kept
+        room = _share(spare, {name: need[name] - least[name] for name in need})
+        room = {name: least[name] + room[name] for name in need}
+        if spare < 0 or self._largest_row > _largest(gpu):
+            raise Error(self._too_much(gpu, pieces))
+        return Cut(self._parts(gpu, room, first, end, body and self.body), room["rows"])
+
+    def _too_much(self, gpu, pieces):
+        settings, (width, height) = self.settings, self.scene.camera.size
+        fewest = 1 if settings.blur == "off" else min(2 * reach_of(settings.blur_sigma) + 1, height)
+        furry = f"shells of {self._shells / 2**20:,.1f} MiB, " * bool(self._shells)
+        lines = "a row" if fewest == 1 else f"{fewest} rows"
+        dense = f" with {pieces:,} pieces of strands" * bool(pieces)
+        smaller = "smaller ones" + ", or Settings.raster 'samples'" * bool(pieces)
+        return (f"{gpu.name} with {gpu.memory / 2**20:,.1f} MiB has no room for Settings.grid {settings.grid}, "
+                f"Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces of up to "
+                f"{self._face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, {furry}"
+                f"and {lines} of {width} pixels{dense}; allowed: {smaller}")
+
+    @functools.cached_property
+    def _shells(self):
+        """Bytes on the device of shell fur."""
+        scene = self.scene
+        return size_of(scene.mesh, self.packed_shells[0], self.topology) if scene.shells else 0
+
+    @functools.cached_property
+    def _fixed(self):
+        """Bytes on the device of what is never divided."""
+        scene, settings = self.scene, self.settings
+        fixed = Shadows.bytes(sample=settings.shadow_map**2) + self.faces * MESH_FACE + self._shells
+        if scene.mesh is not None:
+            fixed += len(scene.mesh.positions) * MESH_VERTEX
+        if settings.shadows != "off" and (self.strands or scene.shells):
+            fixed += CELLS.bytes * settings.grid**3 + Shadows.bytes(layer=(settings.grid + 1) * settings.grid**2)
+        return fixed
+
+    def keeps_light(self, gpu):
+        """Whether there is room for how much light reaches all points of strands: then they are asked once for all
+        bands of the picture, and for frames in which only the camera moves."""
+        return self.uses_coverage and self.settings.shadows != "off" and REACHED.bytes * self.points <= gpu.memory // 8
+
+    def _bytes(self, gpu):
+        """Bytes on the device of a strand and of each of its points."""
+        strand, point = (STRAND, POINT) if self.grown else (STRAND, POINT + PACKED)
+        if self.settings.lod:
+            fur = self.scene.strands
+            per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
+            strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
+        if self.uses_coverage and not self.keeps_light(gpu):
+            point += REACHED.bytes
+        return strand, point
+
+    # --- parts --------------------------------------------------------------------------------------------------
+
+    def _parts(self, gpu, room, first, end, body):
+        """[`Part`] of some strands, ``first`` to ``end``, and of the ``body``, each within its ``room``."""
+        piece = _largest(gpu)
+        face_runs = [run for run in _runs(
+            (self._bytes_of_faces, room["body"]),
+            (16 * self._vertices, piece), (16 * self._triangles, piece)) if run[1] > run[0]]
+        if self.grown:
+            return self._parts_that_grow(gpu, face_runs, room["strands"], first, end, body)
+        strand, point = self._bytes(gpu)
+        before = self._before[first:end + 1]
+        hair = [Part(strands=(first + a, first + b)) for a, b in _runs(
+            (strand * np.arange(len(before)) + point * before, room["strands"]), (16 * before, piece))]
+        bodies = [Part(faces=run, body=True) for run in face_runs] if body else []
+        if len(hair) == len(bodies) == 1:
+            return [Part(faces=bodies[0].faces, strands=hair[0].strands, body=True)]
+        return bodies + hair or [Part()]
+
+    def _parts_that_grow(self, gpu, face_runs, room, first, end, body):
+        strand, point = self._bytes(gpu)
+        parts, areas = [], [None] * len(face_runs)
+        most = max(min(room // (strand + point * self.stride), _largest(gpu) // (16 * self.stride)), 1)
+        if self.scene.strands.roots == "faces":
+            runs = [(int(self._triangles[b]), int(self._triangles[e])) for b, e in face_runs]
+        elif len(face_runs) == 1:
+            runs = [(0, self.strands)]
+        else:
+            before, total = self._areas(gpu, face_runs)
+            areas = [(a, total) for a in before]
+            fur = self.scene.strands
+            edges = [first_strand_at(a, fur, total) if self.strands else 0 for a in before] + [self.strands]
+            runs = list(zip(edges, edges[1:]))
+        for faces, area, (begin, until) in zip(face_runs, areas, runs):
+            pieces = _pieces(max(begin, first), min(until, end), most) or ([(first, first)] if body else [])
+            parts += [Part(faces, piece, area, body and n == 0) for n, piece in enumerate(pieces)]
+        return parts or [Part()]
+
+    def _areas(self, gpu, face_runs):
+        """(area before each run of faces, area of all), in the integers of strands.cl."""
+        found = gpu.keep("areas", (self.scene.mesh, *self.levels, str(face_runs)),
+                         functools.partial(_areas_of, gpu, self.scene.mesh, self.levels, face_runs))
+        sums = np.cumsum([0] + found, dtype=object)
+        return [int(a) for a in sums[:-1]], int(sums[-1])
+
+    # --- shells -------------------------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def topology(self):
+        """`Topology` of the mesh, on the host."""
+        return _topology(self.scene.mesh)
+
+    @functools.cached_property
+    def packed_shells(self):
+        """What `stages.shells.pack` gives of the scene's shells."""
+        scene = self.scene
+        return pack(scene.shells, scene.mesh, scene.body_color is None, self.settings.filtered)
+
+
+@functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
+def _topology(mesh):
+    return topology_of(mesh.faces)
+
+
+@functools.lru_cache(maxsize=2)
+def _sums(fur, faces):
+    """Vertices and triangles before each of so many faces, and of all, as these strands have them divided."""
+    levels = (1, 1) if fur is None else (fur.inner, fur.outer)
+    vertices, triangles = counts_of(levels_of(*levels, faces)) if faces else ([], [])
+    return _before(vertices), _before(triangles)
+
+
+@functools.lru_cache(maxsize=2)
+def _points_of(curves):
+    return _before(curves.counts)
+
+
+def _areas_of(gpu, mesh, levels, face_runs):
+    return [int(gpu.download(area_of(gpu, tessellate(gpu, mesh, *levels, run)))[0]) for run in face_runs]
+
+
+def _largest(gpu):
+    """Bytes of the largest array: the pool rounds them up, by up to a sixteenth."""
+    return gpu.largest * 7 // 8
+
+
+def _share(room, need):
+    """Divide bytes among what needs them: all get the same, those that need less leave theirs to the others."""
+    given = {}
+    for left, name in zip(range(len(need), 0, -1), sorted(need, key=need.get)):
+        given[name] = max(min(need[name], room // left), 0)
+        room -= given[name]
+    return given
+
+
+def _before(counts):
+    """Running sums: what lies before each, and all."""
+    return np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
+
+
+def _pieces(begin, end, most):
+    """[(first, one past the last)] of at most so many each."""
+    return [(at, min(at + most, end)) for at in range(begin, end, most)]
+
+
+def _runs(*limits):
+    """[(first, one past the last)], each of at least one, in which no running sum grows by more than its limit."""
+    runs, at, n = [], 0, len(limits[0][0]) - 1
+    while at < n:
+        end = min(int(np.searchsorted(sums, sums[at] + limit, "right")) - 1 for sums, limit in limits)
+        runs.append((at, max(end, at + 1)))
+        at = runs[-1][1]
+    return runs

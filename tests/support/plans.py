@@ -1,0 +1,21 @@
+"""How a scene is cut to fit a device, and what a device was made to do."""
+
+from clfur.pipeline.plan import Plan
+from clfur.pipeline.views import Rig
+from clfur.render import OUTPUTS
+
+
+def plan_of(scene, settings, outputs=tuple(OUTPUTS)):
+    """The `Plan` of a frame."""
+    return Plan(Rig.of(scene, settings), outputs)
+
+
+def recorded(gpu):
+    """Names of the kernels that a device is made to run from here on."""
+    names, launch = [], gpu.launch
+
+    def told(name, size, /, **arguments):
+        names.append(name)
+        launch(name, size, **arguments)
+    gpu.launch = told
+    return names
