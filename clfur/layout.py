@@ -12,7 +12,7 @@ CONSTANTS = {
     "NOTHING": 0xFFFFFFFF,  # depth and id of a sample that nothing covers
     "BODY": 0x80000000,     # id of a body triangle = BODY | triangle; of a strand segment = its first point
     "SCAN": 256,            # values one work-item sums in a prefix scan
-    "TILE": 8,              # pixels a side of a tile of fragments; SCAN pixels are whole tiles
+    "TILE": 8,              # pixels a side of a tile, whose pieces of strands lie together; SCAN pixels are whole tiles
     "ID_NOTHING": -1,       # output "id" of a pixel where nothing is; strands are numbered from 0
     "ID_BODY": -2,
     "ID_SHELLS": -3,
@@ -27,7 +27,6 @@ CONSTANTS = {
 
 # How hair scatters light, as the last of `shine` tells; scatter.h has a way for each.
 MODELS = {"kajiya-kay": 0, "half-vector": 1, "turned": 2}
-CONSTANTS |= {name.upper().replace("-", "_"): number for name, number in MODELS.items()}
 
 # Sample positions in 1/16 pixel from the pixel's centre: no two share a row or a column, so an edge near an
 # axis has as many steps as samples.  4 and 16 are Direct3D's standard patterns.
@@ -139,6 +138,7 @@ def preamble(int64_atomics, checked=False, lanes=1):
     table = ", ".join(f"(int2)({x * step}, {y * step})" for x, y in patterns)
     return "".join([
         *(f"#define {name} {_c_number(value)}\n" for name, value in CONSTANTS.items()),
+        *(f"#define {name.upper().replace('-', '_')} {value}\n" for name, value in MODELS.items()),
         f"#define INT64_ATOMICS {int(int64_atomics)}\n",
         f"#define CHECKED {int(checked)}\n",
         "#define LANES {}\n#define BLOCK_X {}\n#define BLOCK_Y {}\n".format(lanes, *block(lanes)),

@@ -92,9 +92,9 @@ def rasterize(plan, view, gpu, strands=None, is_body=True):
 
 def rasterize_body(gpu, plan, view):
     """Depth and id of the body where it is nearest in each sample."""
-    visible = raster(gpu, view)
+    visible = None
     for part in plan.parts(gpu):
-        if part.body:
+        if part.body or visible is None:
             visible = raster(gpu, view, None, body(gpu, plan, part), visible)
     return visible
 

@@ -70,10 +70,10 @@ def draw_band(picture, top, end, gpu):
     """Rows of a picture from ``top`` on, as many as fit the device, ``end`` at most
     -> ((first, one past the last), {output: array [rows, width(, n)]}, [bits to hash])."""
     plan, strands, shadows = picture.plan, picture.strands, None
+    band = strands.look(gpu, top, end)
     if plan.wants_color:
         shadows, digests = build.lighting(gpu, picture.team, plan, picture.hashes)
         picture.digests |= digests
-    band = strands.look(gpu, top, end)
     image = through = shell_front = None
     if plan.scene.shells:
         shell = build.shell(gpu, plan)
