@@ -5,6 +5,8 @@
    for another size of work-group, and PoCL also for a start elsewhere than at 0. */
 #define WORK_ITEM(i) const size_t i = begin + get_global_id(0); if (i >= end) return
 
+#define UNSEEN (1.0f / 256)   // share of light that would not be seen: what is behind so little is left out
+
 inline float dot3(float4 a, float4 b)
 {
     return (a.x * b.x + a.y * b.y) + a.z * b.z;

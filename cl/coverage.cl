@@ -16,8 +16,6 @@
 #define CHAINS 8            // strands whose pieces in a pixel are remembered: these lie beside each other, not behind
 #define BATCH 128           // fragments written together
 #define FEW 64              // fragments that are sorted by insertion
-#define SAMPLES 16          // the most a pixel can have
-#define TILE 8              // pixels a side of a tile; SCAN pixels are whole tiles
 
 /* Mean share of a row that lies below an edge which runs from a to b above the row's start.  What is taken from each other
    here is near each other: far outside of the row it is 0 or 1 without an error. */
@@ -345,7 +343,7 @@ __kernel void resolve(
         all_fur += (1.0f - through[pixel * samples + s]) / samples;
 
     while (event < events || left) {
-        const bool more = left && kept * room > 1.0f / 256.0f;
+        const bool more = left && kept * room > UNSEEN;
         if (event < events && (!more || depths[event] <= (uint)(heap[few ? left - 1 : 0].x >> 32))) {
             const int s = places[event] / 2;
             const size_t sample = pixel * samples + s;
@@ -393,7 +391,7 @@ __kernel void resolve(
         const float hidden = before < 1.0f ? kept * (sum - before) / (1.0f - before) : 0.0f;
         kept -= hidden;
         float weight = hidden * room;
-        if (!(kept * room > 1.0f / 256.0f)) {
+        if (!(kept * room > UNSEEN)) {
             weight += kept * room;
             kept = 0.0f;
         }
@@ -438,7 +436,7 @@ __kernel void reach(
     __global float *reached)               // [points] 0..1
 {
     WORK_ITEM(strand);
-    const Lamps lamps = {&lamp, &shadow, &grid, &seen, sums, map, 0};
+    const Lamps lamps = {&lamp, &shadow, &grid, &seen, sums, map};
     const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, 0};
     for (uint k = 0; k < spans[strand].y; ++k) {
         const uint id = spans[strand].x + k;
@@ -452,7 +450,6 @@ __kernel void light(
     const View view,
     const uint2 part,                      // first point's id, points
     const Light lamp,
-    const int half_vector,                 // 0: Kajiya and Kay's highlight, 1: the report's
     __global const uint2 *pixels,          // [rows, width] depth; end of its fragments
     __global const uint *used,             // [rows, width] those that are seen
     __global const ulong2 *fragments,      // depth << 32 | id; share of the pixel's light
@@ -468,7 +465,7 @@ __kernel void light(
     __global long4 *radiance_sums)         // [rows, width] r, g, b, alpha in 1/ONE
 {
     WORK_ITEM(pixel);
-    const Lamps lamps = {&lamp, 0, 0, 0, 0, 0, half_vector};
+    const Lamps lamps = {&lamp, 0, 0, 0, 0, 0};
     const Hair hair = {points, tangents, strand_of, 0, strand_uv, types, colors, color_per};
     const float x = pixel % view.size.x + 0.5f, y = view.rows.x + (int)(pixel / view.size.x) + 0.5f;
     const uint last = pixels[pixel].y, first = last - used[pixel];

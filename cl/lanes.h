@@ -39,13 +39,6 @@ typedef uint16 lanes_u;
 #define U(x) ((lanes_u)(x))
 #define LANE(v, i) (((float *)&(v))[i])
 #define LANE_I(v, i) (((int *)&(v))[i])
-#if LANES == 1
-#define BLOCK_X 1        // pixels whose rays go together
-#define BLOCK_Y 1
-#else
-#define BLOCK_X 4
-#define BLOCK_Y (LANES / 4)
-#endif
 #if CHECKED
 #define INLINED inline   // Oclgrind doesn't know what clang leaves where it has inlined what gives a struct
 #else

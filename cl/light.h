@@ -27,6 +27,9 @@ inline float through_hair(const Grid *grid, __global const float *sums, float de
     return exp2(-1.44269504f * depth * max(crossings - own.x / c.w - own.y, 0.0f));
 }
 
+#define HAIR_STEEPEST 5.0f                        // of `past_body`, for hair: by the skin's normal at its root
+#define HAIR_BIAS(radius) (1.0f + 2 * (radius))
+
 /* Share of light that the body lets through to p: the report's equation 8, over (2r + 1)² texels around. What is seen
    there is held against the plane through p across n, the normal of what is drawn there or of the skin at a strand's
    root, so that a slope does not shade itself; no steeper than `steepest` texels deep a texel, and level where n is 0.
@@ -81,7 +84,6 @@ typedef struct {
     const View *seen;                      // by the light
     __global const float *sums;            // [nz + 1, ny, nx] crossings before each layer of the grid
     __global const ulong *map;             // [seen.size] nearest body
-    int half_vector;                       // 0: Kajiya and Kay's highlight, 1: the report's
 } Lamps;
 
 /* Strands: see strands.cl. */
@@ -115,7 +117,7 @@ inline float reaching(const Lamps *lamps, const Hair *hair, uint id, float4 p)
     const float through = hair->types[(int)hair->strand_uv[strand].z].shine.z;
     float share = 1.0f;
     if (shadow->body.x)
-        share = past_body(lamps->seen, lamps->map, shadow->body.y, p, hair->strand_normal[strand], 5.0f, 1.0f + 2 * shadow->body.y);
+        share = past_body(lamps->seen, lamps->map, shadow->body.y, p, hair->strand_normal[strand], HAIR_STEEPEST, HAIR_BIAS(shadow->body.y));
     if (shadow->hair.x > 0.0f && share > 0.0f) {
         /* Of this type a crossing counts only so much of what one of the darkest does. */
         float depth = 1.0f - through;
@@ -138,5 +140,5 @@ inline float4 lit_hair(const Lamps *lamps, const Hair *hair, uint id, float at, 
     const float4 t = unit_or(between(hair->tangents[id], hair->tangents[id + 1], at), hair->tangents[id]);
     const float4 c = hair->color_per == 0 ? hair->colors[0] : hair->color_per == 1 ? hair->colors[strand]
         : between(hair->colors[id], hair->colors[id + 1], at);
-    return fibre(c, shine.x, shine.y, lamps->half_vector, t, l, v, direct);
+    return fibre(shine, c, t, l, v, direct);
 }

@@ -3,8 +3,6 @@
  * a straight line comes near enough to are left out.  One work-item thins one strand.
  */
 
-#define LEAST 0.125f                                    // share of the strands that is always kept
-#define SOFT 1.5f                                       // from share k to SOFT * k widths fade to 0: no strand pops up
 #define PARTS 4u                                        // a strand keeps so many segments: light changes along straight ones
 #define REACH 16u                                       // segments that one may stand for
 
@@ -14,13 +12,13 @@ inline float place_of(uint strand, uint seed)
     return ((random3(strand, seed, 4).x >> 9) + 0.5f) * 0x1p-23f;
 }
 
-/* By how much a strand's width grows where the share k of all is kept: 1/k or so up to place k, 0 from SOFT * k on. Its
+/* By how much a strand's width grows where the share k of all is kept: 1/k or so up to place k, 0 from LOD_SOFT * k on. Its
    mean over all places is 1 for every k. */
 inline float widening(float place, float k)
 {
     if (k >= 1.0f)
         return 1.0f;
-    const float end = SOFT * k, fade = end - k;
+    const float end = LOD_SOFT * k, fade = end - k;
     const float mean = end <= 1.0f ? 0.5f * (k + end) : k + (1.0f - k) * (2.0f * end - k - 1.0f) / (2.0f * fade);
     return clamp((end - place) / fade, 0.0f, 1.0f) / mean;
 }
@@ -72,7 +70,7 @@ __kernel void thin(
     /* The end that is nearer to the eye decides. What has no width or is not before the eye stays. */
     const float4 root = points[first];
     const float w = min(to_screen(&view, root).w, to_screen(&view, points[last]).w), width = root.w * view.scale.x / w;
-    const float k = w > 0.0f && root.w > 0.0f && width < lod ? max(width / lod, LEAST) : 1.0f;
+    const float k = w > 0.0f && root.w > 0.0f && width < lod ? max(width / lod, LOD_LEAST) : 1.0f;
     const float wider = widening(place_of(first_strand + (uint)i, seed), k);
     if (!(wider > 0.0f))
         return;

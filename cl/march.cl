@@ -78,7 +78,6 @@ typedef struct {
     __global const float *sums;
     const View *seen;
     __global const ulong *map;
-    int half_vector;
 } Lamp;
 
 /* Light from places p at heights h: t the hair's direction, n the skin's normal, slope the fur's gradient in the world, v
@@ -101,11 +100,11 @@ INLINED lanes3 lit(const Lamp *lamp, lanes_i lanes_on, lanes3 p, lanes h, lanes3
                 const float4 place = (float4)(LANE(p.x, i), LANE(p.y, i), LANE(p.z, i), 0.0f);
                 if (lamp->shadow->body.x)
                     LANE(part, i) *= past_body(lamp->seen, lamp->map, lamp->shadow->body.y, place,
-                        (float4)(LANE(n.x, i), LANE(n.y, i), LANE(n.z, i), 0.0f), 5.0f, 1.0f + 2 * lamp->shadow->body.y);
+                        (float4)(LANE(n.x, i), LANE(n.y, i), LANE(n.z, i), 0.0f), HAIR_STEEPEST, HAIR_BIAS(lamp->shadow->body.y));
                 if (lamp->shadow->hair.x > 0.0f)
                     LANE(part, i) *= through_hair(lamp->grid, lamp->sums, lamp->shadow->hair.x, (float2)(0.0f), place);
             }
-    const lanes3 share = fibres(shells, lamp->half_vector, lanes_on, t, n, slope, l, v);
+    const lanes3 share = fibres(shells, lanes_on, t, n, slope, l, v);
     const float4 direct = lamp->light->color;
     const lanes fade = shells->color.w + (1.0f - shells->color.w) * h;
     const lanes3 color = {
@@ -233,8 +232,8 @@ INLINED void onwards(int here, int slabs, int4 neighbours, lanes_i out, lanes_i 
         } else {
             const int side = (way - SIDE) / 2;
             const int across = side == 0 ? neighbours.x : side == 1 ? neighbours.y : neighbours.z;
-            const int behind = across < 0 ? 0 : BEHIND[2 * (across & 3) + (way - SIDE) % 2];
-            there = across < 0 ? -1 : 3 * (slabs * (across >> 2) + slab) + behind / 4;
+            const int behind = across < 0 ? 0 : BEHIND[2 * (across & ((1 << SIDE_BITS) - 1)) + (way - SIDE) % 2];
+            there = across < 0 ? -1 : 3 * (slabs * (across >> SIDE_BITS) + slab) + behind / 4;
             by = behind % 4;
             other = 1;
         }
@@ -251,12 +250,11 @@ __kernel void march(
     const View view,
     const Shells shells,
     const Light light,
-    const int half_vector,
     __global const ulong *visible,         // [rows, width, samples] what else is drawn
     __global const ulong *entries,         // [rows, width, samples] where they enter: depth << 32 | BODY | border triangle
     __global const uint4 *border,          // [B] face; 4 · (3 · slab + tetrahedron) + corner left out; -; -
     __global const uint4 *faces,           // [F] corners in the order of their numbers
-    __global const int4 *neighbours,       // [F] 4 · face + its side, across each side; -1: none
+    __global const int4 *neighbours,       // [F] face << SIDE_BITS | its side, across each side; -1: none
     __global const float4 *curves,         // [V, slabs + 1]
     __global const float4 *normals,        // [V]
     __global const float4 *lattice,        // [F, CORNERS]
@@ -278,7 +276,7 @@ __kernel void march(
     const int rows = view.rows.y - view.rows.x, across_blocks = (view.size.x + BLOCK_X - 1) / BLOCK_X;
     const int block_x = item % across_blocks * BLOCK_X, block_y = item / across_blocks * BLOCK_Y;
     const int samples = view.size.z, slabs = shells.kind.z;
-    const Lamp lamp = {&shells, &light, &shadow, &grid, sums, &seen, map, half_vector};
+    const Lamp lamp = {&shells, &light, &shadow, &grid, sums, &seen, map};
     const float4 eye = (float4)(view.eye.xyz, 0.0f);
     const float finer = 1.0f / (view.scale.x * sqrt((float)samples)), slabs_inverse = 1.0f / slabs;
     /* How fast the fur's height can change sideways, and with the height; 6 and 1.5 bound the noise's slope and size. */
@@ -286,6 +284,7 @@ __kernel void march(
     const float steep_noise = steep_here * 6.0f * shells.shape.z / shells.shape.w;     // of cells at the tips, which lean
     const float steep_up = shells.kind.x ? 0.0f : 1.5f * steep_here * shells.shape.z;
     const float steepest = 1.0f / shells.size.x;      // gradient of h
+    const bool turned = (int)shells.shine.w == TURNED;
     const float half_thin = 0.5f / shells.shape.y, thinned = 1.0f - 2.0f * half_thin, smooth = shells.shape.x - 1.0f;
     int pending = 0;
 
@@ -508,11 +507,11 @@ __kernel void march(
                     const lanes middle = 0.5f * (within(now - change, 0.0f, 1.0f) + within(now, 0.0f, 1.0f));
                     const lanes_i rises = (change > 1e-6f) & !is_far;
                     const lanes back = rises ? within((now - middle) / (rises ? change : F(1.0f)), 0.0f, 1.0f) : F(0.5f);
-                    const lanes after_it = rest * kept, left_over = after_it < 1.0f / 256 ? F(0.0f) : after_it;   // less would not be seen
+                    const lanes after_it = rest * kept, left_over = after_it < UNSEEN ? F(0.0f) : after_it;
                     const lanes part = rest - left_over;
                     hidden += part;
                     sum += part * (at - back);
-                    if (shells.shine.w > 0.0f) {
+                    if (turned) {
                         sum_x += part * (1.0f - far) * by_x;
                         sum_y += part * (1.0f - far) * by_y;
                     }

@@ -4,8 +4,6 @@
  *   h        height, 0 on the skin and 1 at the longest tips
  *   x, y     place in the pattern, on every face linear: "cells" are triangles with sides of 1, "sine" has periods of 1
  */
-#define CORNERS 5       // float4 a face in `lattice`
-#define HEIGHTS 64      // of the table of means
 #define CELL_RADIUS 0.62f   // of a hair at its root, in sides of a cell: it reaches just beyond the cell's corners
 
 /* sin(2 pi r), |r| <= 1/4, to 1e-7 (Taylor).  Words and not a function: what is told to round each step may do so. */

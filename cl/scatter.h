@@ -8,25 +8,27 @@ inline float sine(float cosine)
     return sqrt(square > 0.0f ? square : 0.0f);
 }
 
-/* Kajiya and Kay's light from one fibre: t its tangent, l towards the light, v towards the eye. Their own highlight
-   is the cone of mirror directions; the report's takes the half vector, which has no value at l = -v. */
-inline float4 fibre(float4 color, float specular, float exponent, int half_vector,
-                    float4 t, float4 l, float4 v, float4 light)
+/* Light from one fibre that looks as `shine` tells: t its tangent, l towards the light, v towards the eye.  Kajiya and Kay's
+   own highlight is the cone of mirror directions; the report's takes the half vector, which has no value at l = -v. */
+inline float4 fibre(float4 shine, float4 color, float4 t, float4 l, float4 v, float4 light)
 {
     const float tl = dot3(t, l), tv = dot3(t, v);
-    float highlight, shine = 0.0f;
-    if (half_vector) {
+    float mirror, bright = 0.0f;
+    switch ((int)shine.w) {
+    case HALF_VECTOR: {
         const float4 h = l + v;
         const float length = sqrt(dot3(h, h));
-        highlight = length > 1e-6f ? sine(dot3(t, h) / length) : 0.0f;
-    } else {
-        highlight = sine(tl) * sine(tv) - tl * tv;
-        highlight = highlight > 0.0f ? highlight : 0.0f;
+        mirror = length > 1e-6f ? sine(dot3(t, h) / length) : 0.0f;
+        break;
     }
-    /* highlight^exponent, left out where it is below exp(-16): a power costs more than all the rest here. */
-    if ((1.0f - highlight) * exponent < 16.0f)
-        shine = specular * exp2(exponent * log2(highlight));
-    return light * (color * sine(tl) + shine) + light.w * color;
+    default:   // KAJIYA_KAY
+        mirror = sine(tl) * sine(tv) - tl * tv;
+        mirror = mirror > 0.0f ? mirror : 0.0f;
+    }
+    /* mirror^exponent, left out where it is below exp(-16): a power costs more than all the rest here. */
+    if ((1.0f - mirror) * shine.y < 16.0f)
+        bright = shine.x * exp2(shine.y * log2(mirror));
+    return light * (color * sine(tl) + bright) + light.w * color;
 }
 
 /* sqrt(1 - c^2) */
@@ -35,24 +37,28 @@ INLINED lanes sines(lanes c)
     return root(greater(1.0f - c * c, F(1e-12f)));
 }
 
-/* The same of fur that is drawn in layers, without ambient light, of light that is 1: n the skin's normal, slope the fur's
+/* The same of shell fur, side by side, of light that is 1 and without the ambient: n the skin's normal, slope the fur's
    gradient in the world.  Or the report's turned normals: those of the height field. */
-INLINED lanes3 fibres(const Shells *shells, int half_vector, lanes_i on, lanes3 t, lanes3 n, lanes3 slope, lanes3 l, lanes3 v)
+INLINED lanes3 fibres(const Shells *shells, lanes_i on, lanes3 t, lanes3 n, lanes3 slope, lanes3 l, lanes3 v)
 {
     lanes bright, mirror, shine = F(0.0f);
-    if (shells->shine.w > 0.0f) {
+    const lanes tl = dots(t, l);
+    switch ((int)shells->shine.w) {
+    case TURNED: {
         const lanes3 turned = unit(plus(n, scaled(slope, F(-shells->size.x))));
         bright = greater(dots(turned, l), F(0.0f));
         mirror = bright > 0.0f ? dots(turned, unit(plus(l, v))) : F(0.0f);
-    } else {
-        const lanes tl = dots(t, l), tv = dots(t, v);
+        break;
+    }
+    case HALF_VECTOR: {
+        const lanes3 middle = plus(l, v);
         bright = sines(tl);
-        if (half_vector) {
-            const lanes3 middle = plus(l, v);
-            mirror = dots(middle, middle) > 1e-12f ? sines(dots(t, unit(middle))) : F(0.0f);
-        } else {
-            mirror = bright * sines(tv) - tl * tv;
-        }
+        mirror = dots(middle, middle) > 1e-12f ? sines(dots(t, unit(middle))) : F(0.0f);
+        break;
+    }
+    default:   // KAJIYA_KAY
+        bright = sines(tl);
+        mirror = bright * sines(dots(t, v)) - tl * dots(t, v);
     }
     mirror = within(mirror, 0.0f, 1.0f);
     const lanes_i shines = (1.0f - mirror) * shells->shine.y < 16.0f;   // elsewhere it is below exp(-16)

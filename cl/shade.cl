@@ -44,7 +44,6 @@ __kernel void color(
     const View view,
     const uint4 part,                      // first point's id, points, first triangle's id, triangles
     const Light light,
-    const int half_vector,                 // 0: Kajiya and Kay's highlight, 1: the report's
     __global const ulong *visible,         // [rows, width, samples] depth << 32 | id
     __global const float4 *points,         // strands: see strands.cl
     __global const float4 *tangents,
@@ -72,7 +71,7 @@ __kernel void color(
     WORK_ITEM(pixel);
     const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
     const float weight = 1.0f / samples;
-    const Lamps lamps = {&light, &shadow, &grid, &seen, sums, map, half_vector};
+    const Lamps lamps = {&light, &shadow, &grid, &seen, sums, map};
     const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, color_per};
     long4 sum = 0;
     for (int s = 0; s < samples; ++s) {
@@ -166,7 +165,7 @@ __kernel void about(
     if (is_body) {
         const uint4 t = triangles[id];
         float4 b;
-        out_id[pixel] = -2;
+        out_id[pixel] = ID_BODY;
         out_normal[pixel] = body_normal(positions, normals, t, p, v, &b);
         out_uv[pixel] = b.x * uv[t.x] + b.y * uv[t.y] + b.z * uv[t.z];
     } else {

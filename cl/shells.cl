@@ -10,7 +10,6 @@
 #include "seen.h"
 #include "pattern.h"
 
-#define ROWS 16         // of a face's points in the light's grid that a work-item does
 #define LOOKS 16        // at the table of means, at least, from the skin to the tips
 
 /* The way hairs are bent at each vertex: places at heights 0, 1/slabs .. 1, all steps equally long, so that layers keep
@@ -182,7 +181,7 @@ __kernel void deposit(
         near = min(near, min(min(wa, wb), wc));
         far = max(far, max(max(wa, wb), wc));
     }
-    const float step = 0.75f * min(grid.face.y * max(near, grid.face.z), deep);
+    const float step = POINT_STEP * min(grid.face.y * max(near, grid.face.z), deep);
     const int rows = (int)min(sqrt(square) / step, parts * ROWS - 1.0f) + 1;
     const int heights = (int)min(shells.size.x / (slabs * step), parts * ROWS - 1.0f) + 1;
     if (first_row >= rows || far < grid.face.z || beyond)
@@ -255,7 +254,7 @@ __kernel void about(
     __global const float4 *curves,         // [V, slabs + 1]
     __global const float4 *uv,             // [F * 3] u, v of these corners
     __global float *out_depth,             // [rows, width] distance along the view axis
-    __global int *out_id,                  // -3
+    __global int *out_id,                  // ID_SHELLS
     __global float4 *out_tangent,          // unit: the hair's direction
     __global float4 *out_normal,           // unit, towards the eye: across the hair
     __global float4 *out_uv,               // of the root
@@ -312,7 +311,7 @@ __kernel void about(
     }
     const float4 tangent = unit_or(along, v);
     out_depth[pixel] = to_screen(&view, p).w;
-    out_id[pixel] = -3;
+    out_id[pixel] = ID_SHELLS;
     out_tangent[pixel] = tangent;
     out_normal[pixel] = unit_or(v - dot3(v, tangent) * tangent, v);
     out_uv[pixel] = root_uv;

@@ -19,7 +19,7 @@ __kernel void fragments(
     __global const uint2 *spans,           // [strands] first point, points
     __global const float4 *strand_uv,      // [strands] -, -, type
     __global const uint *weights,          // [types] what one fragment adds
-    const int method,                      // 0: binary, 1: count, 2: count, trilinear
+    const int method,                      // METHOD_BINARY, METHOD_COUNT or METHOD_TRILINEAR
     volatile __global uint *cells)         // [nz, ny, nx]
 {
     WORK_ITEM(strand);
@@ -45,7 +45,7 @@ __kernel void fragments(
         for (int u = begin; u < end; ++u) {
             const int along = u * SUBPIXEL + SUBPIXEL / 2 - p.x;
             const int v = p.y + (int)((v_step * along) >> FRACTION), z = p.z + (int)((z_step * along) >> FRACTION);
-            if (method == 2) {
+            if (method == METHOD_TRILINEAR) {
                 /* The four cells whose centres surround the fragment; the parts add up to the whole. */
                 const int v0 = (v - SUBPIXEL / 2) >> 8, z0 = (z - SUBPIXEL / 2) >> 8;
                 const uint fv = (v - SUBPIXEL / 2) & 255, fz = (z - SUBPIXEL / 2) & 255;
@@ -57,7 +57,7 @@ __kernel void fragments(
                 add(cells, &grid, steep ? v0 + 1 : u, steep ? u : v0 + 1, z0 + 1, both);
             } else {
                 const int x = steep ? v >> 8 : u, y = steep ? u : v >> 8;
-                if (method == 1)
+                if (method == METHOD_COUNT)
                     add(cells, &grid, x, y, z >> 8, weight);
                 else if (in_grid(&grid, x, y, z >> 8))
                     atomic_max(&cells[((size_t)(z >> 8) * grid.size.y + y) * grid.size.x + x], weight);

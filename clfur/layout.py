@@ -12,7 +12,21 @@ CONSTANTS = {
     "NOTHING": 0xFFFFFFFF,  # depth and id of a sample that nothing covers
     "BODY": 0x80000000,     # id of a body triangle = BODY | triangle; of a strand segment = its first point
     "SCAN": 256,            # values one work-item sums in a prefix scan
+    "TILE": 8,              # pixels a side of a tile, whose pieces of strands lie together; SCAN pixels are whole tiles
+    "ID_NOTHING": -1,       # output "id" of a pixel where nothing is; strands are numbered from 0
+    "ID_BODY": -2,
+    "ID_SHELLS": -3,
+    "CORNERS": 5,           # float4 a face in the lattice of shell fur
+    "HEIGHTS": 64,          # of its table of means
+    "SIDE_BITS": 2,         # of a neighbour's side: face << SIDE_BITS | side
+    "ROWS": 16,             # of a face's points in the light's grid that a work-item does,
+    "POINT_STEP": 0.75,     # which stand no further apart than so many sides of a cell
+    "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
+    "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
+
+# How hair scatters light, as the last of `shine` tells; scatter.h has a way for each.
+MODELS = {"kajiya-kay": 0, "half-vector": 1, "turned": 2}
 
 # Sample positions in 1/16 pixel from the pixel's centre: no two share a row or a column, so an edge near an
 # axis has as many steps as samples.  4 and 16 are Direct3D's standard patterns.
@@ -22,6 +36,11 @@ PATTERNS = {
     16: [(1, 1), (-1, -3), (-3, 2), (4, -1), (-5, -2), (2, 5), (5, 3), (3, -5),
          (-2, 6), (0, -7), (-4, -6), (-6, 4), (-8, 0), (7, -4), (6, 7), (-7, -8)],
 }
+
+CONSTANTS["SAMPLES"] = max(PATTERNS)   # the most a pixel can have
+
+METHODS = "binary", "count", "trilinear", "length"   # of `Settings.shadows`: how hair is put into the light's grid
+CONSTANTS |= {f"METHOD_{name.upper()}": number for number, name in enumerate(METHODS)}
 
 # Every member is made of 16-byte vectors, so there is no padding for host and device to disagree on.
 _float4, _int4 = (np.float32, 4), (np.int32, 4)
@@ -40,7 +59,7 @@ HairType = np.dtype([
     ("shape", *_float4),              # segment_length, width [world], force_weight, direction_variation
     ("curl", *_float4),               # radius [world], cos and sin of the angle a segment, length_variation
     ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment, -
-    ("shine", *_float4),              # specular, exponent, alpha, -
+    ("shine", *_float4),              # two numbers of its model, in most specular and exponent; alpha; MODELS
     ("counts", *_int4),               # segments; texture's first texel, width, height (width 0: none)
 ])
 
@@ -68,7 +87,7 @@ Shells = np.dtype([                   # fur as a height field on the skin, drawn
     ("size", *_float4),                  # length [world], layers, frequency, length_variation
     ("shape", *_float4),                 # sharpness, density, noise [hairs], size of its waves [hairs]
     ("color", *_float4),                 # linear r, g, b; share of light at the roots
-    ("shine", *_float4),                 # specular, exponent, alpha, 1: turned normals
+    ("shine", *_float4),                 # as of HairType
     ("kind", *_int4),                    # pattern: 0 cells, 1 sine; seed; slabs that a hair bends in; 1: filtered
     ("noise", *_int4),                   # lattice of the noise in x, y, z; 1: no skin is drawn
     ("bend", *_float4),                  # what bends hairs all the time, -
@@ -77,6 +96,11 @@ Shells = np.dtype([                   # fur as a height field on the skin, drawn
 ])
 
 STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Shells": Shells}
+
+
+def shine(look, alpha, model=None):
+    """Member `shine` of what has a look; of another of the MODELS than the look's, if that is named."""
+    return *look.numbers, alpha, MODELS[model or look.model]
 
 
 def _c_struct(name, dtype):
@@ -90,6 +114,18 @@ def _c_struct(name, dtype):
             f"typedef char {name}_is_whole[sizeof({name}) == {dtype.itemsize} ? 1 : -1];\n")
 
 
+def _c_number(value):
+    """A constant in C: a float, an int, or a uint where it is too large for one."""
+    if isinstance(value, float) or value < 0:
+        return f"{value}f" if value >= 0 else f"({value})"
+    return f"{value:#x}" + "u" * (value >> 31)
+
+
+def block(lanes):
+    """Pixels, across and down, whose rays go through shell fur together, one a lane."""
+    return (1, 1) if lanes == 1 else (4, lanes // 4)
+
+
 def preamble(int64_atomics, checked=False, lanes=1):
     """The C text that every program starts with.
 
@@ -101,10 +137,11 @@ def preamble(int64_atomics, checked=False, lanes=1):
     step = CONSTANTS["SUBPIXEL"] // 16
     table = ", ".join(f"(int2)({x * step}, {y * step})" for x, y in patterns)
     return "".join([
-        *(f"#define {name} {value:#x}{'u' if value >> 31 else ''}\n" for name, value in CONSTANTS.items()),
+        *(f"#define {name} {_c_number(value)}\n" for name, value in CONSTANTS.items()),
+        *(f"#define {name.upper().replace('-', '_')} {value}\n" for name, value in MODELS.items()),
         f"#define INT64_ATOMICS {int(int64_atomics)}\n",
         f"#define CHECKED {int(checked)}\n",
-        f"#define LANES {lanes}\n",
+        "#define LANES {}\n#define BLOCK_X {}\n#define BLOCK_Y {}\n".format(lanes, *block(lanes)),
         *(_c_struct(name, dtype) for name, dtype in STRUCTS.items()),
         f"__constant int2 PATTERN[] = {{{table}}};\n",
     ])

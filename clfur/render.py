@@ -5,16 +5,21 @@ import threading
 from contextlib import ExitStack
 from dataclasses import replace
 
+import attrs
+
 from . import budget
 from .device.scheduler import Scheduler
 from .device.selection import choose
 from .device.team import Team
 from .errors import Error
+from .pipeline.grown import curves_of
 from .pipeline.picture import OUTPUTS, Frame, draw_frame
-from .scene import Scene
+from .pipeline.plan import Plan
+from .pipeline.views import Rig
+from .scene import Scene, Strands, highlighted
 from .settings import Settings
 
-__all__ = ["OUTPUTS", "Frame", "draw", "render", "schedulers"]
+__all__ = ["OUTPUTS", "Frame", "draw", "grow", "render", "schedulers"]
 
 
 def render(scene, device=None, settings=None, outputs=None):
@@ -46,8 +51,7 @@ def draw(scene, device=None, settings=None, outputs=("color",), hashes=False):
     for name in outputs if isinstance(outputs, (tuple, list)) else [outputs]:
         if not isinstance(name, str) or name not in OUTPUTS:
             raise Error(f"there is no output {name!r}; allowed: {', '.join(OUTPUTS)}")
-    if not isinstance(scene, Scene):
-        raise Error(f"scene is {scene!r:.60}; allowed: a clfur.Scene")
+    _check_scene(scene)
     settings = Settings() if settings is None else settings
     if not isinstance(settings, Settings):
         raise Error(f"settings is {settings!r:.60}; allowed: a clfur.Settings")
@@ -56,12 +60,33 @@ def draw(scene, device=None, settings=None, outputs=("color",), hashes=False):
         for gpu in gpus:
             frames.enter_context(gpu.frame())
         team = Team(gpus)
+        drawn = scene
+        if settings.specular is not None:   # as once all looks had it
+            drawn = attrs.evolve(scene, fur=highlighted(scene.fur, settings.specular))
         if not settings.goal:
-            return draw_frame(team, scene, settings, outputs, hashes)
-        chosen = budget.choose(team, scene, settings, functools.partial(draw_frame, team, scene))
+            return draw_frame(team, drawn, settings, outputs, hashes)
+        chosen = budget.choose(team, scene, settings, functools.partial(draw_frame, team, drawn))
         for gpu in team.gpus:
             gpu.start()
-        return replace(draw_frame(team, scene, chosen.settings, outputs, hashes), error=chosen.error, why=chosen.why)
+        return replace(draw_frame(team, drawn, chosen.settings, outputs, hashes), error=chosen.error, why=chosen.why)
+
+
+def _check_scene(scene):
+    if not isinstance(scene, Scene):
+        raise Error(f"scene is {scene!r:.60}; allowed: a clfur.Scene")
+
+
+def grow(scene, device=None):
+    """Grow the strands of a `Scene` -> `Curves` on the host, which drawn in their place give the same picture.
+
+    ``device``: as for `render`; of several the first grows them.  Raises `clfur.Error` for a scene without `Strands`.
+    """
+    _check_scene(scene)
+    if not isinstance(scene.strands, Strands):
+        raise Error("scene has no Strands; allowed: one with Strands in its fur")
+    gpu = schedulers(device)[0]
+    with gpu.frame():
+        return curves_of(gpu, Plan(Rig.of(scene, Settings(shadows="off", shadow_map=0)), ()))
 
 
 def schedulers(device):

@@ -1,5 +1,7 @@
 """What a picture may cost."""
 
+import warnings
+
 import attrs
 
 from .errors import Error
@@ -26,8 +28,7 @@ class Settings:
 
     samples: 1, 4 or 16 a pixel.  raster: "coverage" takes the area that each strand covers of each pixel, transparent
     and sorted by depth, and samples for the body alone; "samples" draws strands as opaque and at least 1/samples of a
-    pixel wide.  specular: "kajiya-kay", the highlight of Kajiya and Kay (1989), which has a value
-    in every direction, or "half-vector", the report's, which has none where the eye looks against the light.
+    pixel wide.
     shadows: "length" deposits what rays of light are expected to cross; "binary", "count" and "trilinear" are the
     report's voxels; "off".  grid: cells a side, a multiple of 16.  shadow_map: texels a side of the body's shadow
     map, 0 for none.  pcf: radius in texels over which its comparisons are averaged (the report's equation 8).
@@ -39,6 +40,7 @@ class Settings:
     max_error: None, or how wrong the picture may be: root mean square of the difference of sRGB-coded values (0 to 1)
     to the true picture.  seconds: None, or how long a frame may take.  Where either is given, samples, raster, shadows,
     grid, shadow_map, pcf and lod are chosen (see `clfur.draw`), and may not be given here.
+    specular: the highlight of all hair, whatever its look; goes away (DeprecationWarning): see `clfur.Kajiya`.
     Raises `clfur.Error` for anything else.
     """
 
@@ -48,7 +50,7 @@ class Settings:
     grid: int = checks.field(_cells, default=96)
     shadow_map: int = checks.field(checks.whole(0, 8192), default=512)
     pcf: int = checks.field(checks.whole(0, 16), default=1)
-    specular: str = checks.field(checks.choice("kajiya-kay", "half-vector"), default="kajiya-kay")
+    specular: str | None = checks.field(checks.optional(checks.choice("kajiya-kay", "half-vector")), default=None)
     lod: float = checks.field(checks.real(low=0, high=4), default=0.0)
     filtered: bool = checks.field(checks.instance(bool), default=True)
     blur: str = checks.field(checks.choice("off", "all", "edges"), default="off")
@@ -57,6 +59,9 @@ class Settings:
     seconds: float | None = checks.field(checks.optional(checks.real(above=0)), default=None)
 
     def __attrs_post_init__(self):
+        if self.specular is not None:
+            warnings.warn(f"Settings.specular goes away: give hair look=clfur.Kajiya(highlight={self.specular!r})",
+                          DeprecationWarning, stacklevel=3)
         if goal := self.goal:
             for field in attrs.fields(Settings):
                 if field.name in CHOSEN and getattr(self, field.name) != field.default:

@@ -187,12 +187,12 @@ def test_the_plan_counts_all_of_fragments(gpu, mesh):
         fragments = coverage.allocate(gpu, pixels, int(pixels.get()[..., 1].sum()))
         coverage.gather(gpu, view, grown, fragments)
         resolved = coverage.resolve(gpu, visible, fragments)
-        sums = coverage.light(gpu, view, np.zeros((), layout.Light), "kajiya-kay", fragments, resolved, grown)
+        sums = coverage.light(gpu, view, np.zeros((), layout.Light), fragments, resolved, grown)
         return fragments, resolved, sums, shade.blend(gpu, sums, veil=resolved.veil)
     taken, (fragments, resolved, *_) = most(gpu, make)
     samples = parts.VISIBLE.bytes * 4 + coverage.Resolved.bytes(sample=4)
-    counted = 200 * 150 * (
-        parts.PIXEL + samples + parts.IMAGE.bytes + parts.RADIANCE_SUMS.bytes + parts.COUNTED.bytes) + parts.FRAGMENT * len(fragments.list)
+    pixel = parts.PIXEL + samples + parts.IMAGE.bytes + parts.RADIANCE_SUMS.bytes + parts.COUNTED.bytes
+    counted = 200 * 150 * pixel + parts.FRAGMENT * len(fragments.list)
     assert bytes_of(fragments, resolved) < counted and .8 * counted < taken < room(counted)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.command import wrong
 
-from clfur import PRESETS, Curves, Error, Settings, Shells, Strands, load_mesh
+from clfur import PRESETS, Curves, Error, Kajiya, Settings, Shells, Strands, load_mesh
 from clfur.command import options as cli_scene
 
 
@@ -194,3 +194,15 @@ def test_scene_files_may_hold_any_fur(tmp_path, monkeypatch):
     (tmp_path / "fur.py").write_text(text.replace("clfur.Shells(), ", "3, "))
     with pytest.raises(Error, match="fur.py, line 2: Scene.fur is "):
         load("fur.py")
+
+
+def test_the_highlight_is_the_looks(tmp_path, monkeypatch):
+    """Of all fur, also of a scene file's and of types in JSON; settings know nothing of it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "types.json").write_text('[{"specular": 0.9}]')
+    scene, settings = load("sphere", "--fur", "both", "--types", "types.json", "--specular", "half-vector")
+    assert settings.specular is None and scene.shells.look == Kajiya(highlight="half-vector")
+    assert scene.strands.types[0].look == Kajiya(specular=.9, highlight="half-vector")
+    (tmp_path / "fur.py").write_text("import clfur\nscene = clfur.Scene(clfur.load_mesh('sphere'), clfur.Shells())\n")
+    assert load("fur.py", "--specular", "half-vector")[0].shells.look.highlight == "half-vector"
+    assert load("fur.py")[0].shells.look.highlight == "kajiya-kay"

@@ -32,10 +32,10 @@ def stages_of(gpu, scene, samples=4):
 @pytest.mark.parametrize("lamp", [LAMP, clfur.Light((-1, -1, -1), position=(1, 1, 1), angle=30)], ids=["far", "spot"])
 def test_light_is_the_twins(gpu, kind, form, n, shaded, lamp):
     """Measured: 9e-7; a highlight's power and strands seen from their ends may give 2e-5, see test_shade.py."""
-    scene = furry(kind, n, (13, 11) if n == 4 else (41, 31))
+    scene = furry(kind, n, (13, 11) if n == 4 else (41, 31), form)
     view, _, strands, fragments, resolved = stages_of(gpu, scene)
     reached = np.random.default_rng(3).random(len(strands.points)).astype(np.float32) if shaded else None
-    lights = coverage.light(gpu, view, light_of(lamp), form, fragments, resolved, strands,
+    lights = coverage.light(gpu, view, light_of(lamp), fragments, resolved, strands,
                             gpu.upload(reached) if shaded else None)
     image = shade.blend(gpu, lights, veil=resolved.veil).get()
     pieces, there = pieces_of(fragments, resolved.used), on_host(strands)
@@ -43,7 +43,7 @@ def test_light_is_the_twins(gpu, kind, form, n, shaded, lamp):
     for pixel in np.unique(pieces["pixel"]):
         y, x = divmod(int(pixel), image.shape[1])
         weights = {d << 32 | k: w for _, k, d, w in pieces[pieces["pixel"] == pixel].tolist()}
-        meant[y, x] = twin.light(view, light_of(lamp), form == "half-vector", y, x, weights, there, reached)
+        meant[y, x] = twin.light(view, light_of(lamp), y, x, weights, there, reached)
     assert (meant[..., 3] > 0).mean() > .05 and meant[..., :3].max() > .05
     np.testing.assert_allclose(image, meant, rtol=0, atol=2e-5)
 

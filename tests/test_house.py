@@ -254,6 +254,63 @@ def test_no_struct_has_room_for_disagreement():
             assert struct[member].shape[-1] == 4 and struct[member].base.itemsize == 4, f"{name}.{member}"
 
 
+def number(expression):
+    """The value of a text of numbers and operators alone, or None."""
+    try:
+        tree = ast.parse(expression.strip(), mode="eval")
+        plain = (ast.Expression, ast.Constant, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop)
+        if all(isinstance(node, plain) for node in ast.walk(tree)):
+            return float(eval(compile(tree, "", "eval")))
+    except (SyntaxError, TypeError, ValueError):
+        pass
+
+
+def defined_in_c(text):
+    """{name: value} of the numbers that a text of OpenCL C defines."""
+    found = re.findall(r"^#define (\w+) (.+)$", without_comments(text), re.M)
+    values = {name: number(re.sub(r"(?<=[\d.])[fFuUlL]+\b", "", value)) for name, value in found}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def defined_in_python(source):
+    """{name: value} of the numbers that a module gives names to."""
+    values = {}
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.Assign):
+            target, given = node.targets[0], node.value
+            several = isinstance(target, ast.Tuple) and isinstance(given, ast.Tuple)
+            for name, value in zip(target.elts, given.elts) if several else [(target, given)]:
+                if isinstance(name, ast.Name) and number(ast.unparse(value)) is not None:
+                    values[name.id] = number(ast.unparse(value))
+    return values
+
+
+def twice(kernels, modules):
+    """Names of constants that both a kernel and a module define."""
+    here = {pair for text in kernels for pair in defined_in_c(text).items()}
+    return sorted(name for name, _ in here & {pair for source in modules for pair in defined_in_python(source).items()})
+
+
+def test_constants_stand_once():
+    """What host and device both need is in `layout.CONSTANTS`; twins have copies of their own, on purpose."""
+    kernels = [path.read_text() for path in (ROOT / "cl").iterdir() if path.suffix in (".cl", ".h")]
+    modules = [path.read_text() for path in MODULES if path.parent.name != "twin"]
+    assert twice(kernels, modules) == []
+    assert twice(kernels, [*modules, "FRACTION, OTHER = 24, 5"]) == ["FRACTION"]
+    defined = {name for text in kernels for name in defined_in_c(text)}
+    assert {"FRACTION", "UNSEEN"} <= defined and not defined & layout.CONSTANTS.keys()
+
+
+@pytest.mark.parametrize("kernel, source", [
+    ("#define ROWS 16         // of points", "ROWS, MOST_ROWS = 16, 4096"), ("#define STEP 0.75f", "STEP = .75"),
+    ("#define FLAG 0x80u", "FLAG = 1 << 7   # a bit"), ("#define LESS (1.0f / 256)", "LESS = 1 / 256"),
+    ("#define NONE (-2)", "NONE = -2")])
+def test_constants_that_stand_twice_are_found(kernel, source):
+    assert len(twice([kernel], ["import math", source])) == 1
+    assert not twice([kernel], [source.lower()]) and not twice([kernel], [re.sub(r"\d+", "3", source)])
+    assert not twice([re.sub(r" .*", " OTHER", kernel)], [source])
+
+
 def ours():
     """The files that git tracks; without git, those of the known folders."""
     try:

@@ -119,7 +119,7 @@ def test_twin(gpu, sphere, kind, lod):
     if kind == "grown":
         grown, view, seed = grown_fur(gpu, sphere), near_view(2.5), 3
     else:
-        fur = wild(2000)
+        fur = wild(600)
         grown, seed = bring(gpu, fur), 2**32 - 1
         view = near_view() if kind == "wild" else flat_view(90)
     grown = replace(grown, first_strand=77)

@@ -34,8 +34,8 @@ class Drawn:
     light: np.ndarray
 
 
-def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, bare=False, form="kajiya-kay",
-          lamp=LAMP, camera=None, shadows=None):
+def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, bare=False, lamp=LAMP, camera=None,
+          shadows=None):
     mesh = clfur.Mesh(*MESHES[mesh]) if isinstance(mesh, str) else mesh
     camera = camera or frame(mesh, fur, size, direction=(0.3, 0.5, 1))
     scene = clfur.Scene(mesh=mesh, fur=fur, camera=camera, light=lamp)
@@ -51,16 +51,16 @@ def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, 
         rounds.append(raster(*arguments, **named))
         return rounds[-1]
     monkeypatch.setattr(stage, "raster", watched)
-    image, through, after = stage.march(gpu, view, shell, packed, light, form, visible, shadows)
+    image, through, after = stage.march(gpu, view, shell, packed, light, visible, shadows)
     return Drawn(view, packed, shell, visible.get(), [entries.get() for entries in rounds], image.get(), through.get(),
                  after.get(), light)
 
 
-def by_twin(it, form="kajiya-kay", direct=1.0):
+def by_twin(it, direct=1.0):
     """The twin's picture of what the device's stages have prepared."""
     pattern, packed, slabs = it.shell.pattern, it.packed, int(it.packed["kind"][2])
     return twin.march(
-        it.view, packed, it.light, form == "half-vector", it.visible, it.rounds, it.shell.border.get(),
+        it.view, packed, it.light, it.visible, it.rounds, it.shell.border.get(),
         pattern.faces.get(), it.shell.curves.get()[:, :3].reshape(-1, slabs + 1, 3), it.shell.normals.get()[:, :3],
         pattern.lattice.get().reshape(-1, 5, 4), pattern.noise.get().reshape(*noise_shape(packed), 2),
         pattern.means.get(), pattern.box, direct)
@@ -81,7 +81,7 @@ CASES = {
     "cells, no noise": ("ball", FUR | {"noise": (0, 8)}, {}),
     "cells, large noise": ("ball", FUR | {"noise": (2, 3)}, {}),
     "cells, turned, bent": ("ball", FUR | BENT | {"shading": "turned"}, {}),
-    "cells, half vector": ("ball", FUR, {"form": "half-vector"}),
+    "cells, half vector": ("ball", FUR | {"look": clfur.Kajiya(highlight="half-vector")}, {}),
     "cells, from far": ("ball", FUR | {"frequency": 40.0}, {}),
     "cells, thin, no skin": ("ball", FUR | {"density": 0.5}, {"bare": True}),
     "cells, long, no skin": ("ball", FUR | BENT | {"length": 0.6}, {"bare": True, "samples": 4}),
@@ -98,9 +98,9 @@ CASES = {
 }
 
 
-def agree(it, form="kajiya-kay", direct=1.0):
+def agree(it, direct=1.0):
     """The device's picture is the twin's -> the twin's image."""
-    image, through, place, face = by_twin(it, form, direct)
+    image, through, place, face = by_twin(it, direct)
     assert it.image.dtype == it.through.dtype == np.float32 and it.fur.dtype == np.uint64
     assert (image[..., 3] > 0).mean() > 0.1, "there is little fur in this picture"
     for mine, its in ((it.image, image), (it.through, through)):
@@ -123,7 +123,7 @@ def test_rays_equal_the_twin(gpu, monkeypatch, name):
     it = drawn(gpu, monkeypatch, mesh, clfur.Shells(**options), **how)
     if mesh == "pair" or mesh == "ball" and "bare" in how:
         assert sum(entries.min() != twin.NONE for entries in it.rounds) > 1, "no ray comes in twice"
-    agree(it, how.get("form", "kajiya-kay"))
+    agree(it)
 
 
 @pytest.mark.parametrize("lanes", [1, 8, 16])
@@ -159,7 +159,7 @@ def test_rays_that_meet_nothing(gpu, monkeypatch):
     camera = clfur.Camera(eye=(0, 0, 4), size=(12, 9))
     view = view_of(clfur.Scene(mesh=mesh, fur=fur, camera=camera), 1)
     before = gpu.full((9, 12, 1), np.uint64, 5 << 32)
-    image, through, after = stage.march(gpu, view, it.shell, it.packed, it.light, "kajiya-kay", before)
+    image, through, after = stage.march(gpu, view, it.shell, it.packed, it.light, before)
     assert not image.get().any() and (through.get() == 1).all() and (after.get() == twin.NONE).all()
 
 

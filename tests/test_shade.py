@@ -55,11 +55,11 @@ def lit(gpu, tangents, to_light, to_eye, form="kajiya-kay", color=(0, 0, 0), spe
         strand_of=gpu.upload(np.repeat(np.arange(n, dtype=np.uint32), 2)),
         spans=gpu.upload(np.stack([2 * np.arange(n), np.full(n, 2)], 1).astype(np.uint32)),
         colors=gpu.upload(np.array([[*color, 0]], np.float32)), color_per=0, uv=gpu.full((n, 4), np.float32, 0),
-        types=bring(gpu, clfur.Curves(np.zeros((0, 2, 3)), specular=specular, exponent=exponent)).types)
+        types=bring(gpu, clfur.Curves(np.zeros((0, 2, 3)), look=clfur.Kajiya(specular, exponent, form))).types)
     keys = np.where(ids < 0, NONE, (1 << 29 << 32) + 2 * ids.astype(np.uint64))[None]
-    image = shade.color(gpu, view, lamp, form, gpu.upload(keys), fur, no_surface(gpu), (0, 0, 0)).get()[0]
+    image = shade.color(gpu, view, lamp, gpu.upload(keys), fur, no_surface(gpu), (0, 0, 0)).get()[0]
     bare = on_host(no_surface(gpu))
-    return image, twin.color(view, lamp, form == "half-vector", keys, on_host(fur), bare, (0, 0, 0))[0]
+    return image, twin.color(view, lamp, keys, on_host(fur), bare, (0, 0, 0))[0]
 
 
 # --- the twin's values ----------------------------------------------------------------------------------
@@ -71,7 +71,7 @@ def ball(sphere):
     return clfur.Mesh(sphere.positions * 0.5, sphere.normals, uv, sphere.faces)
 
 
-def picture(gpu, scene, samples, specular="kajiya-kay"):
+def picture(gpu, scene, samples):
     """The stages' results for a scene: view, light, visible, strands, body, as `clfur.render` has them."""
     view = view_of(scene, samples)
     body = tessellate(gpu, scene.mesh, *((2, 2) if isinstance(scene.fur, clfur.Strands) else ()))
@@ -79,14 +79,15 @@ def picture(gpu, scene, samples, specular="kajiya-kay"):
     return view, light_of(scene.light), raster(gpu, view, strands, body), strands, body
 
 
-def furry(ball, kind, exponent):
+def furry(ball, kind, exponent, form="kajiya-kay"):
     rng = np.random.default_rng(1)
     steps = rng.normal(size=(300, 4, 3)) * 0.15
     points = np.concatenate([rng.uniform(-1, 1, (300, 1, 3)), steps], 1).cumsum(1)
     colors = {"all": rng.random(3), "strand": rng.random((300, 3)), "point": rng.random((300, 5, 3))}
-    types = clfur.HairType(width=0.02, segment_length=0.03, exponent=exponent, color_variation=0.5)
+    look = clfur.Kajiya(0.3, exponent, form)
+    types = clfur.HairType(width=0.02, segment_length=0.03, look=look, color_variation=0.5)
     fur = (clfur.Strands(inner=2, outer=2, types=types) if kind == "grown"
-           else clfur.Curves(points, width=0.02, color=colors[kind], exponent=exponent, specular=0.3))
+           else clfur.Curves(points, width=0.02, color=colors[kind], look=look))
     return clfur.Scene(ball, fur, clfur.Camera(size=(97, 61)), clfur.Light((-1, -0.3, -0.5), (1, 0.8, 0.6)))
 
 
@@ -101,11 +102,10 @@ def test_color_is_the_twins(gpu, ball, form, kind, samples, exponent):
     turns sharply, or is seen from its end, that is some 1e-5 of its tangent, and where it is parallel to the light
     the sine takes the root of its rounding.  The power multiplies a highlight's relative error by the exponent.
     """
-    scene = furry(ball, kind, exponent)
+    scene = furry(ball, kind, exponent, form)
     view, light, visible, strands, body = picture(gpu, scene, samples)
-    image = shade.color(gpu, view, light, form, visible, strands, body, scene.body_color).get()
-    meant = twin.color(view, light, form == "half-vector", visible.get(), on_host(strands), on_host(body),
-                       scene.body_color)
+    image = shade.color(gpu, view, light, visible, strands, body, scene.body_color).get()
+    meant = twin.color(view, light, visible.get(), on_host(strands), on_host(body), scene.body_color)
     assert np.isfinite(image).all()
     off = np.abs(image - meant).max(2)
     assert off.max() < 2e-5 + 2e-8 * exponent
@@ -124,10 +124,10 @@ def test_the_twin_sees_swapped_arrays(gpu, ball, monkeypatch):
         return launch(name, size, **arguments)
     scene = furry(ball, "grown", 150)
     view, light, visible, strands, body = picture(gpu, scene, 1)
-    meant = twin.color(view, light, False, visible.get(), on_host(strands), on_host(body), scene.body_color)
+    meant = twin.color(view, light, visible.get(), on_host(strands), on_host(body), scene.body_color)
 
     def off():
-        image = shade.color(gpu, view, light, FORMS[0], visible, strands, body, scene.body_color).get()
+        image = shade.color(gpu, view, light, visible, strands, body, scene.body_color).get()
         return np.nan_to_num(np.abs(image - meant), nan=1.0).max()
     assert off() < 2.5e-5
     monkeypatch.setattr(gpu, "launch", swapped)
@@ -142,12 +142,13 @@ def test_a_small_picture_is_the_twins(gpu, kind, form):
     points = np.concatenate([rng.uniform(-1, 1, (20, 1, 3)), rng.normal(size=(20, 3, 3)) * 0.2], 1).cumsum(1)
     colors = {"all": rng.random(3), "strand": rng.random((20, 3)), "point": rng.random((20, 4, 3))}[kind]
     scene = clfur.Scene(clfur.Mesh(positions * 0.5, positions, rng.random((20, 3, 2)), faces),
-                        clfur.Curves(points, width=0.05, color=colors), clfur.Camera(size=(23, 17)))
+                        clfur.Curves(points, width=0.05, color=colors, look=clfur.Kajiya(highlight=form)),
+                        clfur.Camera(size=(23, 17)))
     view, light, visible, strands, body = picture(gpu, scene, 4)
-    image = shade.color(gpu, view, light, form, visible, strands, body, scene.body_color).get()
+    image = shade.color(gpu, view, light, visible, strands, body, scene.body_color).get()
     keys, fur, skin = visible.get(), on_host(strands), on_host(body)
     np.testing.assert_allclose(
-        image, twin.color(view, light, form == "half-vector", keys, fur, skin, scene.body_color), rtol=0, atol=2.5e-5)
+        image, twin.color(view, light, keys, fur, skin, scene.body_color), rtol=0, atol=2.5e-5)
     told, meant = shade.about(gpu, view, visible, strands, body), twin.about(view, keys, fur, skin)
     assert {-2, -1} < set(np.unique(meant["id"]))
     for name, tolerance in ("id", 0), ("coverage", 1e-7), ("tangent", 3e-5), ("normal", 8e-5), ("uv", 5e-6):

@@ -234,7 +234,7 @@ def test_outside_of_grid_and_map_all_is_lit(gpu):
     cast = cast_shadows(gpu, small, settings(), bring(gpu, small.fur), tessellate(gpu, small.mesh, 1, 1, "flat"))
     body, view = tessellate(gpu, large.mesh, 1, 1, "flat"), view_of(large, 1)
     visible = raster(gpu, view, None, body)
-    images = [shade.color(gpu, view, light_of(large.light), "kajiya-kay", visible, no_strands(gpu), body, (1, 1, 1),
+    images = [shade.color(gpu, view, light_of(large.light), visible, no_strands(gpu), body, (1, 1, 1),
                           each).get() for each in (cast, None)]
     _, places, _ = light_on(gpu, large, shadows="off")
     share = images[0][visible.get()[..., 0] != 2**64 - 1][:, 0]
@@ -260,7 +260,7 @@ def test_lookups_at_and_beyond_the_borders(gpu, lamp, pcf):
     visible = raster(gpu, view, strands, body)
     coarse = cast_shadows(gpu, small, settings(grid=16, shadow_map=16, pcf=pcf), bring(gpu, small.fur),
                           tessellate(gpu, small.mesh, 1, 1, "flat"))
-    dark, full = (shade.color(gpu, view, light_of(large.light), "kajiya-kay", visible, strands, body, (1, 1, 1),
+    dark, full = (shade.color(gpu, view, light_of(large.light), visible, strands, body, (1, 1, 1),
                               each).get() for each in (coarse, None))
     assert np.isfinite(dark).all() and (dark <= full).all() and (dark[..., :3] < full[..., :3]).any()
     ids = visible.get()[..., 0] & np.uint64(0xFFFFFFFF)
@@ -276,7 +276,7 @@ def test_missing_shadow_data_reads_as_light(gpu):
     whole = cast_shadows(gpu, whole, settings(), bring(gpu, hair), body)
 
     def seen(shadows):
-        return shade.color(gpu, view, light_of(scene.light), "kajiya-kay", visible, no_strands(gpu), body, (1, 1, 1),
+        return shade.color(gpu, view, light_of(scene.light), visible, no_strands(gpu), body, (1, 1, 1),
                            shadows).get()
     full = seen(None)
     assert full[..., 0].max() == 1

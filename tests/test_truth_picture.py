@@ -49,8 +49,7 @@ def mesh(*quads):
 # --- coverage -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("slope", [0, .3, 1, -4])
-@pytest.mark.parametrize("width", [.1, .36, 3])
+@pytest.mark.parametrize("width, slope", [(.1, 0), (.1, -4), (.36, .3), (.36, 1), (3, 0), (3, .3)])
 def test_a_strand_covers_its_area(width, slope):
     """Ends within the picture; the area of a rectangle, however thin."""
     along = np.array([1, slope, 0]) / math.hypot(1, slope) * .2
@@ -63,16 +62,16 @@ def test_a_strand_covers_its_area(width, slope):
 
 
 def test_coverage_has_no_bias():
-    """The mean of many thin strands at random: one varies by .8 %, their mean by .1 %."""
+    """The mean of many thin strands at random: one varies by .8 %, their mean by .15 %."""
     rng = np.random.default_rng(1)
-    angle, total = rng.uniform(0, 2 * math.pi, 60), 0
-    middle = rng.uniform(-.01, .01, (60, 3))
-    along = np.stack([np.cos(angle), np.sin(angle), np.zeros(60)], 1) * .1
-    for k in range(60):
+    angle, total = rng.uniform(0, 2 * math.pi, 30), 0
+    middle = rng.uniform(-.01, .01, (30, 3))
+    along = np.stack([np.cos(angle), np.sin(angle), np.zeros(30)], 1) * .1
+    for k in range(30):
         strand = straight([(middle[k] - along[k], middle[k] + along[k])], .36)
         s = clfur.Scene(fur=strand, camera=camera((24, 24)), light=FLAT)
         total += truth.picture(s, 16, k)[..., 3].sum()
-    assert total / 60 == pytest.approx(20 * .36, rel=2.5e-3)
+    assert total / 30 == pytest.approx(20 * .36, rel=2.5e-3)
 
 
 def test_strands_off_the_axis_keep_their_solid_angle():

@@ -74,7 +74,7 @@ def unsummed(gpu, scene, settings):
     packed["hair"] = math.log(2) * np.count_nonzero(cells) / cells.sum(dtype=float), 0, 0, 0
     shadows = dataclasses.replace(shadows, shadow=packed, sums=gpu.upload(np.concatenate([cells, 0 * cells[:1]])))
     view = view_of(scene, settings.samples)
-    return shade.color(gpu, view, light_of(scene.light), settings.specular, raster(gpu, view, strands, body), strands,
+    return shade.color(gpu, view, light_of(scene.light), raster(gpu, view, strands, body), strands,
                        body, scene.body_color, shadows).get()
 
 
@@ -166,14 +166,14 @@ def figure_11(gpu, options, path):
 
 def figure_12(gpu, options, path):
     """The camera against the light."""
-    scene = furry(options.mesh or clfur.load_mesh("teapot"), options, options.figure_strands, length=0.08, specular=.5,
-                  exponent=40, color=(.3, .17, .07))
+    scene = furry(options.mesh or clfur.load_mesh("teapot"), options, options.figure_strands, length=0.08,
+                  color=(.3, .17, .07))
     camera = scene.camera
     scene = attrs.evolve(scene, light=clfur.Light(direction=camera.eye - camera.target))
     parts = {"no shadows": (0.5, "off", 0), "voxels only": (0.5, "length", 0), "map only": (1, "length", 1024),
              "both": (0.5, "length", 1024)}
-    rows = [(form, [clfur.render(with_hair(scene, alpha=alpha), gpu,
-                                 Settings(shadows=shadows, shadow_map=texels, specular=form))
+    rows = [(form, [clfur.render(with_hair(scene, alpha=alpha, look=clfur.Kajiya(.5, 40, form)), gpu,
+                                 Settings(shadows=shadows, shadow_map=texels))
                     for alpha, shadows, texels in parts.values()]) for form in ("half-vector", "kajiya-kay")]
     sheet(path, "Figure 12: the camera looks against the light", list(parts), rows)
 

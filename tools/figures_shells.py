@@ -178,10 +178,10 @@ def marched(gpu, options, path):
                 gpu.start()
                 for layer in grown:
                     seen = raster(gpu, view, None, layer, after=facing)
-                    shade.color(gpu, view, light, "kajiya-kay", seen, shells.skin, layer, FUR)
+                    shade.color(gpu, view, light, seen, shells.skin, layer, FUR)
                 drawn = gpu.seconds()
                 gpu.start()
-                march.march(gpu, view, shells.shell, shells.packed, light, "kajiya-kay", visible)
+                march.march(gpu, view, shells.shell, shells.packed, light, visible)
                 spent = gpu.seconds()
                 times.append((drawn["raster"], drawn["raster"] + drawn["shade"], spent["entries"] + spent["march"],
                               spent["entries"]))

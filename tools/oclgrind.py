@@ -195,7 +195,7 @@ class Run:
 def tests_of(name, folder, kernels, files, *options):
     """Run the small tests of some files."""
     return Run(name, folder, kernels, "-m", "pytest", "-p", "oclgrind", "-p", "no:cacheprovider", "--capture=sys", "-q",
-               "--maxfail=9", "-m", "small", *options, *map(str, files))
+               "-n0", "--maxfail=9", "-m", "small", *options, *map(str, files))
 
 
 def copy_of_kernels(folder):

@@ -60,12 +60,12 @@ class Furred:
         scene = clfur.Scene(mesh=self.mesh, fur=self.fur, camera=camera, light=Light(direction=(1, -1, -0.6)))
         view, light = view_of(scene, samples), light_of(scene.light)
         visible = raster(self.gpu, view, None, self.body)
-        image, through, _ = march.march(self.gpu, view, self.shell, packed, light, "kajiya-kay", visible)
+        image, through, _ = march.march(self.gpu, view, self.shell, packed, light, visible)
         image, through, keys = image.get().astype(float), through.get().astype(float), visible.get()
         for s in range(samples):
             alone = np.full_like(keys, NONE)
             alone[..., s] = keys[..., s]
-            behind = shade.color(self.gpu, view, light, "kajiya-kay", self.gpu.upload(alone), self.skin, self.body,
+            behind = shade.color(self.gpu, view, light, self.gpu.upload(alone), self.skin, self.body,
                                  scene.body_color)
             image += through[..., s:s + 1] * behind.get()
         return image

@@ -14,7 +14,7 @@ from click.core import ParameterSource
 
 from .. import PRESETS, Camera, Error, HairType, Light, Scene, Settings, Shells, Strands, load_mesh
 from ..files.images import load_picture
-from ..scene import frame
+from ..scene import frame, highlighted
 from ..settings import CHOSEN, RASTERS, SHADOWS
 from .types import Color, Numbers, Roots, Size, from_hex
 
@@ -141,12 +141,15 @@ def load_scene(given, options):
         if own_settings or not (hasattr(settings, name) or name == "preset"):
             raise click.UsageError(f"{flag}: {given} sets this itself; change it there")
     _check_blur(flags, settings)
+    if "specular" in flags:
+        scene = attrs.evolve(scene, fur=highlighted(scene.fur, options["specular"]))
     return scene, own_settings or settings
 
 
 def _settings(flags, options):
     """The `Settings` of the options; raises click.UsageError where some of those given, {name: flag}, have no say."""
-    own = {field.name: options[field.name] for field in attrs.fields(Settings) if field.name in options}
+    own = {field.name: options[field.name] for field in attrs.fields(Settings)
+           if field.name in options and field.name != "specular"}   # which is their looks'
     if own:
         own["samples"] = int(own["samples"])
     goal = next((flags[name] for name in ("seconds", "max_error") if name in flags), None)
@@ -207,6 +210,7 @@ def _scene(mesh, options):
         fur.append(_shells(options, length / 2 if kind == "both" else length, radius))
     if kind != "shells":
         fur.append(_strands(options, length, radius))
+    fur = highlighted(tuple(fur), options.get("specular", "kajiya-kay"))
 
     camera = frame(mesh, fur, options["size"], options["fov"])
     if options["eye"] or options["target"]:
@@ -264,7 +268,7 @@ def _hair_types(path, defaults):
         raise Error(f"{path} is not JSON: {error}") from None
     if not isinstance(listed, list) or not all(isinstance(fields, dict) for fields in listed):
         raise Error(f'{path} must hold a list of objects, such as [{{"key": [255, 0, 0], "segments": 10}}]')
-    allowed = [field.name for field in attrs.fields(HairType) if field.init]
+    allowed = [field.alias for field in attrs.fields(HairType) if field.init and field.alias != "look"]
     types = []
     for number, fields in enumerate(listed):
         where = f"{path}, type {number}"

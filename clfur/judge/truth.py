@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from .. import cache
+from .. import cache, layout
 from ..errors import Error
 from ..render import schedulers
 from ..scene import Curves, Scene, Strands, checks, extent
@@ -27,10 +27,10 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
 
     ``samples`` squared rays a pixel, one at random (by ``seed``) in each of as many squares, are averaged: a box filter
     over the pixel.  Each sees what is nearest: strands of their real width (ribbons that face the eye), or the body.
-    The light there is Kajiya and Kay's, or Lambert's on the body.  Of direct light one ray towards the light leaves the
-    product of the alphas of all strands that it crosses (round, of their real width, the own one left out), and nothing
-    where it meets the body.  ``progress`` is called with the share that is done.  Raises `clfur.Error` for shells:
-    these are judged by their own picture at many samples (tools/shells_laws.py).
+    The light there is as hair's look has it, or Lambert's on the body.  Of direct light a ray towards the light leaves
+    the product of the alphas of all strands that it crosses (round, of their real width, the own one left out), and
+    nothing where it meets the body.  ``progress`` is called with the share that is done.  Raises `clfur.Error` for
+    shells: these are judged by their own picture at many samples (tools/shells_laws.py).
     """
     if not isinstance(scene, Scene):
         raise Error(f"scene is {scene!r:.60}; allowed: a clfur.Scene")
@@ -119,10 +119,10 @@ def _geometry(scene):
         kind = np.zeros(len(counts), int) if fur.type_of is None else fur.type_of.astype(int)
         hair = SimpleNamespace(points=np.column_stack([fur.points, width]).astype(float), tangents=tangents,
                                counts=counts, colors=fur.color.astype(float), kind=kind,
-                               shine=np.array([(t.specular, t.exponent, t.alpha) for t in fur.hair_types]))
+                               shine=np.array([layout.shine(t.look, t.alpha) for t in fur.hair_types]))
     else:
         hair = SimpleNamespace(points=np.zeros((0, 4)), tangents=np.zeros((0, 3)), counts=np.zeros(0, int),
-                               colors=np.zeros((1, 3)), shine=np.ones((1, 3)), kind=np.zeros(0, int))
+                               colors=np.zeros((1, 3)), shine=np.ones((1, 4)), kind=np.zeros(0, int))
     hair.spans = np.stack([np.cumsum(hair.counts) - hair.counts, hair.counts], 1)
     hair.first, hair.owner = _segments(hair.spans)
     hair.starts = hair.first == hair.spans[hair.owner, 0]
@@ -160,7 +160,7 @@ def _grown(fur, body):
     width = np.broadcast_to(np.array([t.width for t in fur.types])[kind][:, None], there.shape)
     return SimpleNamespace(points=np.column_stack([points[there], width[there]]), tangents=tangents[there],
                            counts=counts, colors=colors, kind=kind,
-                           shine=np.array([(t.specular, t.exponent, t.alpha) for t in fur.types]))
+                           shine=np.array([layout.shine(t.look, t.alpha) for t in fur.types]))
 
 
 def _before(eye, hair, skin, near, window):
@@ -220,11 +220,10 @@ class _Light:
         length = np.linalg.norm(t, axis=1, keepdims=True)
         t = np.where(length > 1e-15, t / np.where(length > 1e-15, length, 1), hair.tangents[first])
         color = shade.strand_color(hair, first, strand, share)
-        specular, exponent, _ = hair.shine[hair.kind[strand]].T[..., None]
         to_light, direct = self._reaching(p)
         some = np.flatnonzero(direct.any(1))
         direct[some] *= self._left(p[some], np.full(len(some), -1), strand[some])[:, None]
-        return scatter.fibre(color, specular, exponent, False, t, to_light, v, direct, self.light.ambient)
+        return scatter.fibre(color, hair.shine[hair.kind[strand]], t, to_light, v, direct, self.light.ambient)
 
     def on_skin(self, p, v, triangle):
         """Light [n, 3] from places p of triangles towards v."""

@@ -163,7 +163,7 @@ class Coverage:
         plan = self.plan
         hair = build.hair(gpu, plan, part, plan.settings.lod)
         if plan.wants_color:
-            coverage.light(gpu, band.view, plan.rig.lights[0], plan.settings.specular, front.fragments, front.resolved,
+            coverage.light(gpu, band.view, plan.rig.lights[0], front.fragments, front.resolved,
                            hair, self._transmittance(gpu, band, part, hair, shadows), sums)
         if plan.others:
             known = shade.about(gpu, front.view, front.keys, hair, no_surface(gpu), known)
@@ -215,5 +215,4 @@ class Counted:
 
 def _light(gpu, plan, view, visible, hair, body, shadows, image, through, sums):
     body_color = (0, 0, 0) if plan.scene.body_color is None else plan.scene.body_color
-    return shade.color(gpu, view, plan.rig.lights[0], plan.settings.specular, visible, hair, body, body_color, shadows,
-                       image, through, sums)
+    return shade.color(gpu, view, plan.rig.lights[0], visible, hair, body, body_color, shadows, image, through, sums)

@@ -77,7 +77,7 @@ def draw_band(picture, top, end, gpu):
     image = through = shell_front = None
     if plan.scene.shells:
         shell = build.shell(gpu, plan)
-        image, through, shell_front = march.march(gpu, band.view, *shell, plan.rig.lights[0], plan.settings.specular,
+        image, through, shell_front = march.march(gpu, band.view, *shell, plan.rig.lights[0],
                                                    band.visible, shadows)
     front = strands.resolve(gpu, band, through, shell_front)
     image, known = strands.shade(gpu, band, front, shadows, image)

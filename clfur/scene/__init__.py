@@ -8,12 +8,13 @@ from .bounds import bounds_of, extent, fur_extent, hair_bounds
 from .camera import Camera
 from .curves import Bounds, Curves
 from .light import Light
+from .look import Kajiya, highlighted
 from .mesh import Mesh
 from .scene import Scene, frame
 from .shells import Shells
 from .strands import HairType, PointForce, Strands
 
 __all__ = [
-    "Bounds", "Camera", "Curves", "HairType", "Light", "Mesh", "PointForce", "Scene", "Shells", "Strands", "bounds_of",
-    "extent", "frame", "fur_extent", "hair_bounds",
+    "Bounds", "Camera", "Curves", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Shells", "Strands",
+    "bounds_of", "extent", "frame", "fur_extent", "hair_bounds", "highlighted",
 ]

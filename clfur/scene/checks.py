@@ -30,7 +30,7 @@ def field(convert, **options):
     """Return the attrs field that holds `convert(value, where)`, where `where` is "Class.field"."""
 
     def converter(value, instance, field):
-        return convert(value, f"{type(instance).__name__}.{field.name}")
+        return convert(value, f"{type(instance).__name__}.{field.alias}")
 
     return attrs.field(converter=attrs.Converter(converter, takes_self=True, takes_field=True), **options)
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..errors import Error
 from . import checks
+from .look import Looking
 from .strands import HairType, levels
 
 PLACED = "points", "width", "color", "root_uv", "root_normal"   # arrays that may be on a device
@@ -71,15 +72,15 @@ class Bounds:
 
 
 @attrs.frozen(eq=False)
-class Curves:
+class Curves(Looking):
     """Strands that the user brings, as polylines.
 
     points: [strands, points, 3], or [total, 3] with counts [strands] when strands differ in length; the root
     comes first. width: diameter in world units >= 0: one, [strands] or [strands, 1], or one for each point ([total], or
     [strands, points]). color: linear RGB >= 0, shaped like width with [..., 3]. No strands at all are allowed.
     types: what strands look like and how much light they let through: HairType objects, up to 256, of which nothing
-    that makes hair grow is used; or None, and specular (strength >= 0), exponent (of the highlight, > 0) and alpha
-    (0..1, how much light one hair lets through) say it for all. type_of: [strands] which of types each is of, needed
+    that makes hair grow is used; or None, and look (a Kajiya; or specular and exponent, to make one) and alpha (0..1,
+    how much light one hair lets through) say it for all. type_of: [strands] which of types each is of, needed
     where there are several. root_uv: [strands, 2], for the output "uv". root_normal: [strands, 3] unit normals of the
     skin at the roots, by which its shadow does not fall on hair that lies on it. inner, outer, surface: how the mesh
     under them is tessellated, as in Strands. seed: by which `Settings.lod` chooses strands. bounds: what they cannot
@@ -99,8 +100,6 @@ class Curves:
     counts: np.ndarray = checks.field(checks.optional(_counts), default=None)
     width: np.ndarray = checks.field(_values, default=0.002)
     color: np.ndarray = checks.field(_values, default=(0.8, 0.6, 0.4))
-    specular: float = checks.field(checks.real(low=0), default=0.3)
-    exponent: float = checks.field(checks.real(above=0), default=150.0)
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5)
     types: tuple = checks.field(checks.optional(checks.tuple_of(HairType)), default=None)
     type_of: np.ndarray = checks.field(checks.optional(_type_of), default=None)
@@ -114,6 +113,7 @@ class Curves:
     uniform: int | None = attrs.field(init=False)
 
     def __attrs_post_init__(self):
+        super().__attrs_post_init__()
         points, counts = self.points, self.counts
         if points.ndim == 3:
             if counts is not None:
@@ -155,7 +155,7 @@ class Curves:
     @functools.cached_property
     def hair_types(self) -> tuple[HairType, ...]:
         """The types that there are, also where none are given: a tuple of HairType."""
-        return self.types or (HairType(specular=self.specular, exponent=self.exponent, alpha=self.alpha),)
+        return self.types or (HairType(look=self.look, alpha=self.alpha),)
 
     @functools.cached_property
     def on_host(self) -> "Curves":

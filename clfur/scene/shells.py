@@ -4,6 +4,7 @@ import attrs
 import numpy as np
 
 from . import checks
+from .look import Looking
 
 
 def _noise(value, where):
@@ -14,7 +15,7 @@ def _noise(value, where):
 
 
 @attrs.frozen(eq=False)
-class Shells:
+class Shells(Looking):
     """Fur that is a pattern on the skin, drawn in layers from the roots to the tips; an eye within it sees none.
 
     length: height of the fur, world units, > 0. layers: 1..1000 steps between skin and tips. pattern: "cells", one hair
@@ -23,9 +24,9 @@ class Shells:
     every face at least one and at most 4096²; of "sine", f. sharpness > 1: where the smoothstep of a hair's edge ends,
     times its start. density: above 0, at most 1, how much of its cell a hair fills. noise: (how far hairs are moved,
     >= 0, size of the noise's waves, >= 1), both in hairs. length_variation: 0..1, how much hairs differ ("cells" only).
-    color: linear RGB >= 0. specular: strength >= 0. exponent: of the highlight, > 0. alpha: 0..1, how much light one
-    hair lets through. root_shade: 0..1, the share of light at the roots; it rises to 1 at the tips. shading:
-    "kajiya-kay", by the hair's direction, or "turned", by the report's turned normals.
+    color: linear RGB >= 0. look: how hair scatters light, a Kajiya; or specular and exponent, to make one. alpha: 0..1,
+    how much light one hair lets through. root_shade: 0..1, the share of light at the roots; it rises to 1 at the tips.
+    shading: "kajiya-kay", by the hair's direction, or "turned", by the report's turned normals.
 
     wind, force, acceleration: [3]. At height h of 0..1 a hair goes along n + h · (wind, which gusts with time, + force
     − acceleration) for the normal n; force is gravity and the like, acceleration that of the object itself.
@@ -41,8 +42,6 @@ class Shells:
     noise: tuple = checks.field(_noise, default=(0.5, 8.0))
     length_variation: float = checks.field(checks.real(low=0, high=1), default=0.3)
     color: np.ndarray = checks.field(checks.color, default=(0.8, 0.6, 0.4))
-    specular: float = checks.field(checks.real(low=0), default=0.3)
-    exponent: float = checks.field(checks.real(above=0), default=150.0)
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5)
     root_shade: float = checks.field(checks.real(low=0, high=1), default=0.6)
     shading: str = checks.field(checks.choice("kajiya-kay", "turned"), default="kajiya-kay")

@@ -6,6 +6,7 @@ import numpy as np
 from ..color import srgb_to_linear
 from ..errors import Error
 from . import checks
+from .look import Looking
 
 
 def _radius_and_count(value, where):
@@ -37,7 +38,7 @@ def _key(value, where):
 
 
 @attrs.frozen(eq=False)
-class HairType:
+class HairType(Looking):
     """What a kind of hair looks like and how it grows.
 
     color: linear RGB >= 0. color_texture: None or [h, w, 3] that multiplies it, looked up at the root's uv;
@@ -45,8 +46,9 @@ class HairType:
     segment_length: world units. force_weight: how much of the force is added to the direction each segment.
     width: diameter in world units. curl: (radius, turns). wave: (amplitude, periods). length_variation,
     direction_variation, color_variation: 0..1, how much strands differ (a direction_variation above .57 lets some
-    grow inwards). specular: strength >= 0. exponent: of the highlight, > 0. alpha: 0..1, how much light one hair
-    lets through. key: None or the 8-bit (r, g, b) that means this type in `Strands.type_map`. Raises Error otherwise.
+    grow inwards). look: how it scatters light, a Kajiya; or specular and exponent, to make one. alpha: 0..1, how much
+    light one hair lets through. key: None or the 8-bit (r, g, b) that means this type in `Strands.type_map`. Raises
+    Error otherwise.
     """
 
     color: np.ndarray = checks.field(checks.color, default=(0.8, 0.6, 0.4))
@@ -60,8 +62,6 @@ class HairType:
     length_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
     direction_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
     color_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
-    specular: float = checks.field(checks.real(low=0), default=0.3)
-    exponent: float = checks.field(checks.real(above=0), default=150.0)
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5)
     key: tuple = checks.field(checks.optional(_key), default=None)
 

@@ -10,7 +10,7 @@ from ..layout import Arrays, Declared, array
 from .shade import no_light
 from .strands import arrays
 
-TILE = 8       # as in coverage.cl
+TILE = layout.CONSTANTS["TILE"]
 COUNTED = Declared("pixel", np.uint32, 2)                 # depth of what hides strands, fragments
 REACHED = Declared("point", np.float32)                   # share of direct light, 0..1
 
@@ -110,7 +110,7 @@ def reach(gpu, lamp, strands, shadows):
     return reached
 
 
-def light(gpu, view, lamp, specular, fragments, resolved, strands, reached=None, sums=None):
+def light(gpu, view, lamp, fragments, resolved, strands, reached=None, sums=None):
     """Light the fragments of `Grown` strands -> [rows, width, 4] int64, r, g, b, alpha in 2^-32, see `shade.blend`.
 
     ``strands`` may be a part of them all: what it shows is added to ``sums``.  ``reached``: what `reach` gave; all
@@ -119,7 +119,7 @@ def light(gpu, view, lamp, specular, fragments, resolved, strands, reached=None,
     rows, width = fragments.starts.shape
     sums = no_light(gpu, rows, width) if sums is None else sums
     gpu.launch("coverage.light", rows * width, view=view, part=(strands.first_point, len(strands.points)), lamp=lamp,
-               half_vector=specular == "half-vector", pixels=fragments.pixels, used=resolved.used,
+               pixels=fragments.pixels, used=resolved.used,
                fragments=fragments.list, shaded=reached is not None,
                reached=gpu.empty(0, np.float32) if reached is None else reached, radiance_sums=sums,
                **arrays(strands, "points", "tangents", "strand_of", "strand_uv", "types", "colors", "color_per"))

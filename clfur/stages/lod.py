@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from .. import layout
 from .strands import Grown, arrays
 
 THINNED = "points", "tangents", "spans"   # arrays that are made anew, and colors where each point has one
-WIDEST = 6.4   # how many times as wide as it is a strand can become: 1 / widening's mean where 1/8 are kept
+# How many times as wide as it is a strand can become: 1 / widening's mean where the least are kept.
+WIDEST = 2 / (layout.CONSTANTS["LOD_LEAST"] * (1 + layout.CONSTANTS["LOD_SOFT"]))
 
 
 def thin(gpu, strands, view, lod, seed=0):

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..layout import Arrays, array
+from ..layout import Arrays, array, block
 from .raster import NONE, raster
 from .shade import IMAGE, no_shadows
 
@@ -21,7 +21,7 @@ class Rays(Arrays):
     fur: Any = array("sample", np.uint64, None, NONE)     # depth << 32 | face where half of it is gone
 
 
-def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
+def march(gpu, view, shell, packed, light, visible, shadows=None):
     """Take all rays through the fur -> (image, through, fur).
 
     image: [rows, width, 4] float32, the light of the fur, premultiplied. through: [rows, width, samples] float32, the
@@ -32,17 +32,16 @@ def march(gpu, view, shell, packed, light, specular, visible, shadows=None):
     shadows = shadows or no_shadows(gpu)
     image, rays = IMAGE.empty(gpu, (rows, width)), Rays.empty(gpu, {"sample": visible.shape})
     pattern = shell.pattern
-    across, down = (1, 1) if gpu.lanes == 1 else (4, gpu.lanes // 4)   # a work-item's pixels
+    across, down = block(gpu.lanes)
     blocks = -(-width // across) * -(-rows // down)
     for _ in range(ENTRIES):
         left = gpu.full(1, np.int32, 0)
         with gpu.called("entries"):
             entries = raster(gpu, view, None, shell, after=rays.after)
-        gpu.launch("march.march", blocks, view=view, shells=packed, light=light,
-                   half_vector=specular == "half-vector", visible=visible, entries=entries, border=shell.border,
-                   faces=pattern.faces, neighbours=pattern.neighbours, curves=shell.curves, normals=shell.normals,
-                   lattice=pattern.lattice, noise=pattern.noise, means=pattern.means, noise_box=pattern.box,
-                   left=left, image=image, **vars(rays), **shadows.arrays())
+        gpu.launch("march.march", blocks, view=view, shells=packed, light=light, visible=visible, entries=entries,
+                   border=shell.border, faces=pattern.faces, neighbours=pattern.neighbours, curves=shell.curves,
+                   normals=shell.normals, lattice=pattern.lattice, noise=pattern.noise, means=pattern.means,
+                   noise_box=pattern.box, left=left, image=image, **vars(rays), **shadows.arrays())
         if not int(gpu.download(left)[0]):
             break
     return image, rays.through, rays.fur

@@ -41,18 +41,17 @@ class About(Arrays):
     """What is known of pixels, see `about`."""
 
     depth: Any = array("pixel", np.float32, None, np.inf)
-    id: Any = array("pixel", np.int32, None, -1)
+    id: Any = array("pixel", np.int32, None, layout.CONSTANTS["ID_NOTHING"])
     tangent: Any = array("pixel", np.float32, 4, 0)
     normal: Any = array("pixel", np.float32, 4, 0)
     uv: Any = array("pixel", np.float32, 4, 0)
     coverage: Any = array("pixel", np.float32, None, 0)
 
 
-def color(gpu, view, light, specular, visible, strands, body, body_color, shadows=None, image=None, through=None,
-          sums=None):
+def color(gpu, view, light, visible, strands, body, body_color, shadows=None, image=None, through=None, sums=None):
     """Light every sample and average -> [rows, width, 4] float32, linear, premultiplied, alpha = coverage.
 
-    Strands by Kajiya and Kay (1989), the body by Lambert; ``specular`` as in `clfur.Settings`.  ``shadows``: `Shadows`.
+    Strands by their types' looks, the body by Lambert.  ``shadows``: `Shadows`.
     ``image``: what it is added to.  ``through``: [rows, width, samples] float32, the share of each sample's light and
     coverage that comes through what stands before it and is in ``image`` already; all of it if None.
     ``strands`` and ``body`` may be a part of what is visible: it is then added to ``sums``, see `blend`.
@@ -62,7 +61,7 @@ def color(gpu, view, light, specular, visible, strands, body, body_color, shadow
     if sums is None and image is None:
         image = IMAGE.empty(gpu, (rows, width))
     gpu.launch("shade.color", rows * width, view=view, part=_part(strands, body),
-               light=light, half_vector=specular == "half-vector", visible=visible,
+               light=light, visible=visible,
                positions=body.positions, normals=body.normals, triangles=body.triangles, body_color=(*body_color, 0),
                veiled=through is not None, through=gpu.empty(0, np.float32) if through is None else through,
                more=sums is not None, radiance_sums=gpu.empty((0, 4), np.int64) if sums is None else sums,

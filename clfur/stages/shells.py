@@ -10,11 +10,11 @@ from ..layout import Arrays, Declared, array
 from .tessellate import widen
 from .voxelize import CELLS
 
-HEIGHTS, AROUND = 64, 96     # of the table of means, and places looked at for each
-CORNERS = 5                  # float4 a face in the lattice
+HEIGHTS, CORNERS, ROWS = (layout.CONSTANTS[name] for name in ("HEIGHTS", "CORNERS", "ROWS"))
+AROUND = 96                  # places looked at for each height of the table of means
 SLABS = 4                    # straight pieces of a bent hair
 MOST_NOISE = 16, 256         # lattices of the noise along a side, in space and on the skin
-ROWS, MOST_ROWS = 16, 4096   # of a face's points in the light's grid: that a work-item does, and all
+MOST_ROWS = 4096             # of a face's points in the light's grid
 
 
 SKIN = Declared("vertex", np.float32, 4)   # the mesh's positions, while hairs are bent
@@ -25,8 +25,8 @@ class Topology:
     """How the faces of a mesh hang together, on the host; corners in the order of their numbers."""
 
     corners: np.ndarray       # [F, 3] uint32
-    neighbours: np.ndarray    # [F, 4] int32 4 · face + its side, across each side (0: corners 1 2, 1: 0 2, 2: 0 1),
-                              # or -1; -
+    neighbours: np.ndarray    # [F, 4] int32 face << SIDE_BITS | its side, across each side (0: corners 1 2,
+                              # 1: 0 2, 2: 0 1), or -1; -
     order: np.ndarray         # [F, 3] which of the face's own corners these are
 
 
@@ -77,7 +77,8 @@ def topology_of(faces):
     pair = np.bincount(number)[number] == 2
     one, other = by_key[pair & first], by_key[pair & ~first]
     neighbours = np.full(len(key), -1, np.int64)
-    neighbours[one], neighbours[other] = other // 3 * 4 + other % 3, one // 3 * 4 + one % 3
+    numbers = np.arange(len(key)) // 3 << layout.CONSTANTS["SIDE_BITS"] | np.arange(len(key)) % 3
+    neighbours[one], neighbours[other] = numbers[other], numbers[one]
     return Topology(corners.astype(np.uint32), widen(neighbours.reshape(-1, 3).astype(np.int32)), order)
 
 
@@ -120,7 +121,7 @@ def pack(shells, mesh, bare, filtered):
     packed["size"] = shells.length, shells.layers, f, shells.length_variation
     packed["shape"] = shells.sharpness, shells.density, strength, waves
     packed["color"] = *shells.color, shells.root_shade
-    packed["shine"] = shells.specular, shells.exponent, shells.alpha, shells.shading == "turned"
+    packed["shine"] = layout.shine(shells.look, shells.alpha, "turned" if shells.shading == "turned" else None)
     sine = shells.pattern == "sine"
     # The noise is as large as the pattern needs it: the report's finding.
     most = MOST_NOISE[sine]
@@ -202,7 +203,7 @@ def deposit(gpu, grid, shell, packed, method, weight, cells=None):
     nx, ny, nz, _ = (int(n) for n in grid["size"])
     cells = CELLS.empty(gpu, (nz, ny, nx)) if cells is None else cells
     pattern, deep = shell.pattern, 1 / float(np.linalg.norm(grid["to_grid"][:3, 2]))
-    step = 0.75 * min(float(grid["face"][1] * grid["face"][2]), deep)
+    step = layout.CONSTANTS["POINT_STEP"] * min(float(grid["face"][1] * grid["face"][2]), deep)
     # Beside a spot cells are tiny: hair there may be coarser than they are, else long fur would take hours.
     parts = -(-min(int(shell.longest / step) + 2, MOST_ROWS, 4 * max(nx, ny, nz)) // ROWS)
     gpu.launch("shells.deposit", len(pattern.faces) * parts, shells=packed, grid=grid, faces=pattern.faces,

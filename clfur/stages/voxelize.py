@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 
-from ..layout import Declared
+from ..layout import METHODS, Declared
 from .strands import arrays
 
 CELLS = Declared("cell", np.uint32, None, 0)   # amounts of crossings
-METHODS = ("binary", "count", "trilinear", "length")
 
 
 def voxelize(gpu, grid, strands, method, weights, cells=None):

@@ -168,7 +168,7 @@ def resolve(pieces, visible, fur=None, passed=None):
 # --- light ----------------------------------------------------------------------------------------------
 
 
-def light(view, lamp, half_vector, y, x, weights, strands, reached=None):
+def light(view, lamp, y, x, weights, strands, reached=None):
     """Light of one pixel's strands -> [4] float64: linear, premultiplied r, g, b, alpha.
 
     weights: as from `resolve`.  A piece is lit at the place on its segment that is nearest to the pixel's middle at the
@@ -192,9 +192,8 @@ def light(view, lamp, half_vector, y, x, weights, strands, reached=None):
         color = (colors[0] if strands.color_per == 0 else colors[strand] if strands.color_per == 1
                  else colors[k] + at * (colors[k + 1] - colors[k]))
         share = 1.0 if reached is None else reached[k] + at * (float(reached[k + 1]) - reached[k])
-        specular, exponent = f64(strands.types["shine"])[int(strands.uv[strand, 2]), :2]
+        shine = f64(strands.types["shine"])[int(strands.uv[strand, 2])]
         direct = shines * share * f64(lamp["color"])[:3]
-        rgb = fibre(color[None], specular, exponent, half_vector, *(way[None] for way in (t, to_light, v)), direct,
-                    lamp["color"][3])
+        rgb = fibre(*(each[None] for each in (color, shine, t, to_light, v)), direct, lamp["color"][3])
         result += weight * np.append(rgb, 1)
     return result

@@ -5,7 +5,7 @@ That is the walk of the kernel where the fur does not fold back or run through i
 
 import numpy as np
 
-from .scatter import fibre, surface
+from .scatter import TURNED, fibre, surface
 from .shells import HEIGHTS, cover, height_at
 from .vectors import dot, f64, unit
 
@@ -24,7 +24,7 @@ FAR_FROM, FAR_TO = 0.3, 0.9
 TETRAHEDRA = np.array([(0, 1, 2, 5), (0, 1, 4, 5), (0, 3, 4, 5)])   # of a prism: 0 1 2 below, 3 4 5 above them
 
 
-def march(view, shells, light, half_vector, visible, rounds, border, faces, curves, normals, lattice, noise, means, box,
+def march(view, shells, light, visible, rounds, border, faces, curves, normals, lattice, noise, means, box,
           direct=1.0):
     """Take all rays through the fur -> (image [rows, width, 4], through, place, face).
 
@@ -66,7 +66,7 @@ def march(view, shells, light, half_vector, visible, rounds, border, faces, curv
         _see(shells, lattice, noise, means, f64(box), eye, directions, looks)
         part = _hide(looks, rays, rest, half, half_face, slabs)
         done |= rest == 0
-        image[rays] += _light(shells, light, half_vector, faces, curves, normals, lattice, eye, directions, looks, part,
+        image[rays] += _light(shells, light, faces, curves, normals, lattice, eye, directions, looks, part,
                               slabs, direct)
     return (image.reshape(rows, width, samples, 4).mean(2), rest.reshape(visible.shape),
             half.reshape(*visible.shape, 3), half_face.reshape(visible.shape))
@@ -219,7 +219,7 @@ def _hide(looks, rays, rest, half, half_face, slabs):
     return part
 
 
-def _light(shells, light, half_vector, faces, curves, normals, lattice, eye, directions, looks, part, slabs, direct):
+def _light(shells, light, faces, curves, normals, lattice, eye, directions, looks, part, slabs, direct):
     """Light [rays, 4] of the fur, once a tetrahedron: at the mean place of what it hides."""
     key = looks["ray"].astype(np.int64) << 40 | looks["tetrahedron"]
     _, first, group = np.unique(key, return_index=True, return_inverse=True)
@@ -251,12 +251,12 @@ def _light(shells, light, half_vector, faces, curves, normals, lattice, eye, dir
         to_light = unit(f64(light["position"])[:3] - p)
         strength = strength * (to_light @ -f64(light["direction"])[:3] >= float(light["cone"][0]))[:, None]
     color, ambient = f64(shells["color"])[:3], float(light["color"][3])
-    specular, exponent, _, turned = f64(shells["shine"])
-    if turned:
+    shine = np.broadcast_to(f64(shells["shine"]), (len(p), 4))
+    if shine[0, 3] == TURNED:
         n = unit(n - float(shells["size"][0]) * mean(looks["slope"]))
-        rgb = surface(color, specular, exponent, n, to_light, -d, strength, ambient)
+        rgb = surface(color, shine, n, to_light, -d, strength, ambient)
     else:
-        rgb = fibre(color, specular, exponent, half_vector, t, to_light, -d, strength, ambient)
+        rgb = fibre(color, shine, t, to_light, -d, strength, ambient)
     root = float(shells["color"][3])
     rgb = rgb * (root + (1 - root) * h)[:, None]
     values = hidden[:, None] * np.concatenate([rgb, np.ones((len(rgb), 1))], 1)

@@ -20,11 +20,10 @@ PATTERNS = {   # in 1/16 pixel from the pixel's centre: the standard patterns of
 }
 
 
-def color(view, light, half_vector, visible, strands, body, body_color):
+def color(view, light, visible, strands, body, body_color):
     """Light every sample and average -> [height, width, 4] float64: linear, premultiplied, coverage in alpha.
 
-    view, light: structs. half_vector: the report's highlight, or Kajiya and Kay's. visible: [height, width,
-    samples] uint64, depth << 32 | id.
+    view, light: structs. visible: [height, width, samples] uint64, depth << 32 | id.
     """
     lit = np.zeros((*visible.shape, 4))
     light_color, ambient = f64(light["color"])[:3], float(light["color"][3])
@@ -36,8 +35,7 @@ def color(view, light, half_vector, visible, strands, body, body_color):
     k, strand, share, t = on_strand(strands, number[fur], p[fur])
     shine = f64(np.asarray(strands.types)["shine"])[f64(strands.uv)[strand, 2].astype(int)]
     base = strand_color(strands, k, strand, share)
-    rgb[fur] = fibre(base, shine[:, 0:1], shine[:, 1:2], half_vector, t, to_light[fur], v[fur],
-                     light_color, ambient)
+    rgb[fur] = fibre(base, shine, t, to_light[fur], v[fur], light_color, ambient)
     n, _ = on_body(body, number[~fur] - BODY, p[~fur], v[~fur])
     lambert = np.maximum(dot(n, to_light[~fur]), 0)[:, None]
     rgb[~fur] = f64(body_color)[:3] * (light_color * lambert + ambient)

@@ -3,6 +3,7 @@
 import numpy as np
 
 import clfur
+from clfur.scene import highlighted
 from clfur.twin import coverage as twin
 
 from .scenes import icosphere
@@ -38,11 +39,12 @@ def ball(half=.5, subdivisions=1):
     return clfur.Mesh(positions * half, positions, np.abs(positions[faces][..., :2]), faces)
 
 
-def furry(kind, n=60, size=(41, 31), **keys):
+def furry(kind, n=60, size=(41, 31), highlight="kajiya-kay", **keys):
     rng = np.random.default_rng(1)
     strands = wild(n, 2, .8, .04)
     colors = {"all": rng.random(3), "strand": rng.random((n, 3)), "point": rng.random((n, 5, 3))}
     fur = clfur.Strands(inner=2, outer=2, types=clfur.HairType(width=.01, segment_length=.05, color_variation=.5,
                                                                segments=4)) if kind == "grown" else (
         clfur.Curves(strands[..., :3], width=strands[..., 3], color=colors[kind], specular=.3))
+    fur = highlighted(fur, highlight)
     return clfur.Scene(ball(), fur, **{"camera": clfur.Camera(size=size), "light": LAMP, **keys})

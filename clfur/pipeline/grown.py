@@ -1,0 +1,29 @@
+"""Strands that have grown on a device, read back."""
+
+import numpy as np
+
+from ..scene import Curves, bounds_of
+from . import build
+
+
+def curves_of(gpu, plan):
+    """The strands of a plan's scene as `Curves` on the host, which draw the same picture."""
+    scene, fur = plan.scene, plan.scene.strands
+    found = [_read(gpu, build.hair(gpu, plan, part, 0)) for part in plan.parts(gpu) if part.hairy]
+    counts, points, colors, root_uv, normals = (np.concatenate(each) for each in zip(*found)) if found else (
+        np.zeros(0, np.uint32), *(np.zeros((0, 4), np.float32) for _ in range(4)))
+    width = np.zeros(len(counts), np.float32)   # a strand's is one for all of its points
+    width[counts > 0] = points[(np.cumsum(counts) - counts)[counts > 0], 3]
+    return Curves(
+        points[:, :3], counts, width=width[:, None], color=colors[:, None, :3], types=fur.types,
+        type_of=root_uv[:, 2].astype(np.uint8), root_uv=root_uv[:, :2], root_normal=normals[:, :3],
+        inner=fur.inner, outer=fur.outer, surface=fur.surface, seed=fur.seed,
+        bounds=bounds_of(scene.mesh, scene.fur, plan.strands))
+
+
+def _read(gpu, hair):
+    """(points of each strand, then the arrays of points, colours, root uv and root normals) of what is on a device."""
+    first, counts = gpu.download(hair.spans).T.astype(np.int64)
+    rows = np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts)
+    return (counts, gpu.download(hair.points)[rows],
+            *(gpu.download(array) for array in (hair.colors, hair.uv, hair.normals)))
