@@ -70,7 +70,7 @@ def draw_band(picture, top, end, gpu):
     """Rows of a picture from ``top`` on, as many as fit the device, ``end`` at most
     -> ((first, one past the last), {output: array [rows, width(, n)]}, [bits to hash])."""
     plan, strands, shadows = picture.plan, picture.strands, None
-    band = strands.look(gpu, top, end)
+    band = strands.rasterize(gpu, top, end)
     if plan.wants_color:
         shadows, digests = build.lighting(gpu, picture.team, plan, picture.hashes)
         picture.digests |= digests
@@ -79,7 +79,7 @@ def draw_band(picture, top, end, gpu):
         shell = build.shell(gpu, plan)
         image, through, shell_front = march.march(gpu, band.view, *shell, plan.rig.lights[0],
                                                    band.visible, shadows)
-    front = strands.hide(gpu, band, through, shell_front)
+    front = strands.resolve(gpu, band, through, shell_front)
     image, known = strands.shade(gpu, band, front, shadows, image)
     if plan.scene.shells and plan.others:
         shells.about(gpu, front.view, shell[0], front.keys, front.through, front.shell_front, known)
