@@ -169,7 +169,7 @@ def test_strands_grow_as_rarely_as_can_be(gpu, sphere):
     for outputs in ("color",), tuple(OUTPUTS):
         for _ in range(2):
             names.clear()
-            clfur.draw(scene, small, SETTINGS, outputs)
+            assert clfur.draw(scene, small, SETTINGS, outputs).memory <= 2_500_000
             bands = names.count("coverage.resolve")
             parts, counted = names.count("coverage.gather") // bands, names.count("coverage.count")
             assert parts > 1 and bands > 1 and names.count("coverage.light") == bands * parts

@@ -197,6 +197,13 @@ def test_positional_arguments_are_refused(gpu):
         gpu.launch("strands.scan_sums", 1, 10, gpu.empty(10, np.uint64), gpu.empty(1, np.uint64))
 
 
+def test_arrays_of_another_context_are_refused(gpu, another):
+    """PoCL and rusticl would run, without waiting for what the other device still does to it."""
+    foreign = another().upload(np.arange(10, dtype=np.uint64))
+    with pytest.raises(TypeError, match=r"strands.scan_sums: sums is an array of another Scheduler"):
+        gpu.launch("strands.scan_sums", 1, n=10, sums=foreign, total=gpu.empty(1, np.uint64))
+
+
 def test_nothing_runs_before_all_is_checked(gpu):
     sums, total = gpu.upload(np.arange(10, dtype=np.uint64)), gpu.full(1, np.uint64, 5)
     for wrong in ({"n": 10.5}, {"total": gpu.empty(1, np.float32)}, {"begin": 0}):

@@ -183,6 +183,9 @@ class Scheduler:
         """
         kernel = self._kernels.get(name) or self._build(name.split(".")[0])[name]
         values = kernel.bind(arguments)
+        for argument, array in arguments.items():   # PoCL and rusticl take another context's, and wait for nothing
+            if isinstance(array, cla.Array) and array.queue is not self.queue and array.context != self.context:
+                raise TypeError(f"{name}: {argument} is an array of another Scheduler; allowed: this one's")
         begin, size = 0, int(size)
         with self._watched(f"does not run {name}"):
             while begin < size:

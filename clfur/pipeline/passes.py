@@ -1,8 +1,9 @@
 """The two ways to draw strands: opaque, in samples, or as much of each pixel as they cover.
 
-A pass takes some rows of the picture through four steps: `look` tells how many rows fit and what each of their samples
-sees; `hide` what of that is in front, with shell fur taken into account; `shade` lights it; `hashed` gives its bits.
-Parts of the scene are gone through forwards and backwards in turn: the last one of a step is there for the next.
+A pass takes some rows of the picture through four steps: `rasterize` tells how many rows fit and what each of their
+samples sees; `resolve` what of that is in front, with shell fur taken into account; `shade` lights it; `hashed` gives
+its bits.  Parts of the scene are gone through forwards and backwards in turn: the last one of a step is there for the
+next.
 """
 
 import functools
@@ -49,7 +50,7 @@ class Samples:
     def __init__(self, plan, team, warnings):
         self.plan, self.team = plan, team
 
-    def look(self, gpu, top, end):
+    def rasterize(self, gpu, top, end):
         """`Band` of as many rows as fit each device, ``top`` to ``end`` at most; the devices share the strands."""
         end = min(top + min(self.team.each(self.plan.rows)), end)
         view = band_of(self.plan.rig.view, top, end)
@@ -57,7 +58,7 @@ class Samples:
                                     self.plan.strands, gpu)
         return Band((top, end), view, build.on(gpu, visible))
 
-    def hide(self, gpu, band, through, shell_front):
+    def resolve(self, gpu, band, through, shell_front):
         """`Front` of a band, behind shell fur as `march.march` has it."""
         return Front(band.view, band.visible, through, shell_front, {})
 
@@ -92,17 +93,17 @@ class Coverage:
     def __init__(self, plan, team, warnings):
         self.plan, self.warnings, self._counted = plan, warnings, None
 
-    def look(self, gpu, top, end):
+    def rasterize(self, gpu, top, end):
         """`Band` of as many rows as fit the device, by the pieces of strands that were counted in each."""
         counted = self._count(gpu, top, end)
         until = min(top + self.plan.rows_counted(gpu, counted.cut, counted.sums, top - counted.first), end)
         view = band_of(self.plan.rig.view, top, until)
-        visible, counted.visible = counted.visible, None
-        if (top, until) != (counted.first, counted.end):
+        visible, counted.visible = counted.visible if until - top == len(counted.sums) else None, None
+        if visible is None:   # the body was seen in more rows than fit with what strands cover of them
             visible = build.rasterize_body(gpu, self.plan, view)
         return Band((top, until), view, visible, counted)
 
-    def hide(self, gpu, band, through, shell_front):
+    def resolve(self, gpu, band, through, shell_front):
         """`Front` of a band: strands and shell fur, as `march.march` has it, hidden behind each other and the body."""
         counted, (top, end) = band.counted, band.rows
         rows = top - counted.first, end - counted.first
@@ -213,5 +214,5 @@ class Counted:
 
 
 def _light(gpu, plan, view, visible, hair, body, lighting, image, through, sums):
-    skin = (0, 0, 0) if plan.scene.body_color is None else plan.scene.body_color
-    return shade.color(gpu, view, lighting, visible, hair, body, skin, image, through, sums)
+    body_color = (0, 0, 0) if plan.scene.body_color is None else plan.scene.body_color
+    return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, through, sums)

@@ -71,16 +71,16 @@ def draw_band(picture, top, end, gpu):
     """Rows of a picture from ``top`` on, as many as fit the device, ``end`` at most
     -> ((first, one past the last), {output: array [rows, width(, n)]}, [bits to hash])."""
     plan, strands, lighting = picture.plan, picture.strands, None
-    band = strands.look(gpu, top, end)
+    band = strands.rasterize(gpu, top, end)
     if plan.wants_color:
         lighting, digests = build.lighting(gpu, picture.team, plan, picture.hashes)
         picture.digests |= digests
     image = through = shell_front = None
     if plan.scene.shells:
         shell = build.shell(gpu, plan)
-        lit_by = lighting or unshadowed(gpu, *plan.rig.lights)
-        image, through, shell_front = march.march(gpu, band.view, *shell, lit_by, band.visible)
-    front = strands.hide(gpu, band, through, shell_front)
+        light = lighting or unshadowed(gpu, *plan.rig.lights)   # which the other outputs do not see
+        image, through, shell_front = march.march(gpu, band.view, *shell, light, band.visible)
+    front = strands.resolve(gpu, band, through, shell_front)
     image, known = strands.shade(gpu, band, front, lighting, image)
     if plan.scene.shells and plan.others:
         shells.about(gpu, front.view, shell[0], front.keys, front.through, front.shell_front, known)

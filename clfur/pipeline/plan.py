@@ -19,7 +19,7 @@ from ..stages.march import Rays
 from ..stages.raster import VISIBLE
 from ..stages.shade import IMAGE, RADIANCE_SUMS, About
 from ..stages.shells import pack, size_of, topology_of
-from ..stages.strands import AREA, Grown, Packed, Roots, area_of, first_strand_at
+from ..stages.strands import AREA, Grown, Packed, Roots, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.voxelize import CELLS
 
@@ -294,9 +294,9 @@ class Plan:
         elif len(face_runs) == 1:
             runs = [(0, self.strands)]
         else:
-            before, total = self._areas(gpu, face_runs)
+            sums, fur = self._areas(gpu, face_runs), self.scene.strands
+            before, total = [int(sums[b]) for b, _ in face_runs], int(sums[-1])
             areas = [(a, total) for a in before]
-            fur = self.scene.strands
             edges = [first_strand_at(a, fur, total) if self.strands else 0 for a in before] + [self.strands]
             runs = list(zip(edges, edges[1:]))
         for faces, area, (begin, until) in zip(face_runs, areas, runs):
@@ -305,11 +305,9 @@ class Plan:
         return parts or [Part()]
 
     def _areas(self, gpu, face_runs):
-        """(area before each run of faces, area of all), in the integers of strands.cl."""
-        found = gpu.keep("areas", (self.scene.mesh, *self.levels, str(face_runs)),
-                         functools.partial(_areas_of, gpu, self.scene.mesh, self.levels, face_runs))
-        sums = np.cumsum([0] + found, dtype=object)
-        return [int(a) for a in sums[:-1]], int(sums[-1])
+        """Area before each face, and of all, in the integers of strands.cl; asked for some runs of them at a time."""
+        return gpu.keep("areas", (self.scene.mesh, *self.levels), functools.partial(
+            _areas_of, gpu, self.scene.mesh, self.levels, face_runs, self._triangles))
 
     # --- shells -------------------------------------------------------------------------------------------------
 
@@ -343,8 +341,15 @@ def _points_of(curves):
     return _before(curves.counts)
 
 
-def _areas_of(gpu, mesh, levels, face_runs):
-    return [int(gpu.download(area_of(gpu, tessellate(gpu, mesh, *levels, run)))[0]) for run in face_runs]
+def _areas_of(gpu, mesh, levels, face_runs, triangles):
+    for name in "body", "strands", "thinned":   # of another scene; these areas take as much as a part of a body
+        gpu.keep(name, (), dict)
+    sums = np.zeros(len(triangles), np.uint64)
+    for begin, end in face_runs:
+        within = gpu.download(area_sums(gpu, tessellate(gpu, mesh, *levels, (begin, end)))[0])
+        last = (triangles[begin + 1:end + 1] - triangles[begin]).astype(np.int64) - 1   # triangle of each face
+        sums[begin + 1:end + 1] = sums[begin] + within[last]
+    return sums
 
 
 def _largest(gpu):

@@ -64,7 +64,7 @@ def grow(gpu, surface, fur, strands=None, area=None):
     A root stands in the middle of every triangle, or ``fur.roots`` of them uniformly by area (in strata: strand
     i in the i-th part of the area).  The growth loop is the report's (section 2.1.3), each strand alone.
     ``strands``: which, (first, one past the last), if not all.  ``area``: (of the triangles before those of the
-    surface, of all triangles), if the surface is a part of the whole; see `area_of`.
+    surface, of all triangles), if the surface is a part of the whole; see `area_sums`.
     """
     make = _roots_on_faces if fur.roots == "faces" else _roots_by_area
     first = surface.first_triangle if fur.roots == "faces" else 0
@@ -163,10 +163,7 @@ def _roots_on_faces(gpu, surface, fur, begin, n, _):
 def _roots_by_area(gpu, surface, fur, begin, n, area):
     triangles = len(surface.triangles)
     roots = Roots.empty(gpu, {"strand": n})
-    sums, total = _sum_areas(gpu, surface)
-    areas = AREA.empty(gpu, triangles)
-    gpu.launch("strands.scan_areas", len(sums), positions=surface.positions, triangles=surface.triangles, n=triangles,
-               unit=surface.unit, sums=sums, areas=areas)
+    areas, total = area_sums(gpu, surface)
     before, whole = (0, total) if area is None else (area[0], gpu.upload(np.array([area[1]], np.uint64)))
     gpu.launch("strands.roots_by_area", n, positions=surface.positions, normals=surface.normals, uv=surface.uv,
                triangles=surface.triangles, areas=areas, n_triangles=triangles, before=before, whole=whole,
@@ -174,20 +171,16 @@ def _roots_by_area(gpu, surface, fur, begin, n, area):
     return roots
 
 
-def _sum_areas(gpu, surface):
-    """(areas of all triangles before each SCAN of them, [1] area of all), uint64."""
+def area_sums(gpu, surface):
+    """The integer areas by which roots are spread -> (of the triangles up to each, [T] uint64; of all, [1] uint64)."""
     triangles = len(surface.triangles)
     blocks = -(-triangles // layout.CONSTANTS["SCAN"])
-    sums, total = gpu.empty(blocks, np.uint64), gpu.empty(1, np.uint64)
-    gpu.launch("strands.sum_areas", blocks, positions=surface.positions, triangles=surface.triangles, n=triangles,
-               unit=surface.unit, sums=sums)
+    sums, total, areas = gpu.empty(blocks, np.uint64), gpu.empty(1, np.uint64), AREA.empty(gpu, triangles)
+    mesh = {"positions": surface.positions, "triangles": surface.triangles, "n": triangles, "unit": surface.unit}
+    gpu.launch("strands.sum_areas", blocks, sums=sums, **mesh)
     gpu.launch("strands.scan_sums", 1, n=blocks, sums=sums, total=total)
-    return sums, total
-
-
-def area_of(gpu, surface):
-    """[1] uint64: the integer area by which roots are spread."""
-    return _sum_areas(gpu, surface)[1]
+    gpu.launch("strands.scan_areas", blocks, sums=sums, areas=areas, **mesh)
+    return areas, total
 
 
 def first_strand_at(place, fur, total):
