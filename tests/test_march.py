@@ -122,7 +122,7 @@ def agree(it, direct=1.0):
 def test_rays_equal_the_twin(gpu, monkeypatch, name):
     mesh, options, how = CASES[name]
     it = drawn(gpu, monkeypatch, mesh, clfur.Shells(**options), **how)
-    if mesh == "pair" or mesh == "ball" and "bare" in how:
+    if mesh == "pair" or (mesh == "ball" and "bare" in how):
         assert sum(entries.min() != twin.NONE for entries in it.rounds) > 1, "no ray comes in twice"
     agree(it)
 
