@@ -416,10 +416,10 @@ __kernel void resolve(
     seen_fur[pixel] = is_fur ? nearest_fur : ~0ul;
 }
 
-/* One work-item tells how much direct light reaches one point of a strand: the same from wherever it is seen. */
-__kernel void reach(
+/* One work-item tells what share of each light's direct light reaches the points of one strand: the same from wherever they
+   are seen. */
+__kernel void transmittance(
     const ulong begin, const ulong end,    // work-items, see common.h
-    const Light lamp,
     __global const float4 *points,         // strands: see strands.cl
     __global const float4 *tangents,
     __global const uint *strand_of,
@@ -427,20 +427,26 @@ __kernel void reach(
     __global const float4 *strand_uv,
     __global const HairType *types,
     __global const float4 *colors,
-    const Shadow shadow,
-    const Grid grid,
-    __global const float *sums,
-    const View seen,
-    __global const ulong *map,
+    const int n_lights,
+    __global const Light *lights,          // see light.h
+    __global const Shadow *shadows,
+    __global const Grid *grids,
+    __global const View *light_views,
+    __global const float *crossings,
+    __global const ulong *shadow_maps,
     __global const uint2 *spans,           // [strands] first point, points
-    __global float *reached)               // [points] 0..1
+    const uint n_points,
+    __global float *reaching)              // [n_lights, n_points] 0..1
 {
     WORK_ITEM(strand);
-    const Lamps lamps = {&lamp, &shadow, &grid, &seen, sums, map};
+    const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, 0};
-    for (uint k = 0; k < spans[strand].y; ++k) {
-        const uint id = spans[strand].x + k;
-        reached[id] = reaching(&lamps, &hair, id, (float4)(points[id].xyz, 0.0f));
+    for (int i = 0; i < n_lights; ++i) {
+        const Obstacles obstacles = obstacles_of(&lighting, i);
+        for (uint k = 0; k < spans[strand].y; ++k) {
+            const uint id = spans[strand].x + k;
+            reaching[(size_t)i * n_points + id] = transmittance_at(&obstacles, &hair, id, (float4)(points[id].xyz, 0.0f));
+        }
     }
 }
 
@@ -449,7 +455,6 @@ __kernel void light(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 part,                      // first point's id, points
-    const Light lamp,
     __global const uint2 *pixels,          // [rows, width] depth; end of its fragments
     __global const uint *used,             // [rows, width] those that are seen
     __global const ulong2 *fragments,      // depth << 32 | id; share of the pixel's light
@@ -460,27 +465,34 @@ __kernel void light(
     __global const HairType *types,
     __global const float4 *colors,
     const int color_per,
-    const int shaded,                      // 1: something stands before the light
-    __global const float *reached,         // [points] share of direct light, if so
+    const int n_lights,
+    __global const Light *lights,
+    const int shaded,                      // 1: something stands before them
+    __global const float *reaching,        // [n_lights, points] share of direct light, if so
     __global long4 *radiance_sums)         // [rows, width] r, g, b, alpha in 1/ONE
 {
     WORK_ITEM(pixel);
-    const Lamps lamps = {&lamp, 0, 0, 0, 0, 0};
     const Hair hair = {points, tangents, strand_of, 0, strand_uv, types, colors, color_per};
     const float x = pixel % view.size.x + 0.5f, y = view.rows.x + (int)(pixel / view.size.x) + 0.5f;
     const uint last = pixels[pixel].y, first = last - used[pixel];
     long4 sum = radiance_sums[pixel];
-    for (uint i = last; i-- > first;) {
-        const uint id = (uint)fragments[i].x - part.x;
-        if (id >= part.y)
-            continue;
-        const float e = (float)(DEPTH_ONE - (uint)(fragments[i].x >> 32)) / DEPTH_ONE;
-        const float4 q = view.to_world[0] * x + view.to_world[1] * y + view.to_world[2] * e + view.to_world[3];
-        const float4 p = (float4)(q.xyz / q.w, 0.0f);
-        const float at = place_between(points[id], points[id + 1], p);
-        const float share = shaded ? reached[id] + at * (reached[id + 1] - reached[id]) : 1.0f;
-        const float4 lit = lit_hair(&lamps, &hair, id, at, p, towards_eye(&view, p), share);
-        sum += in_integers(as_float((uint)fragments[i].y), (float4)(lit.xyz, 1.0f));
+    /* Light by light: what one needs of a fragment fits the registers. */
+    for (int k = 0; k < n_lights; ++k) {
+        const Light light = lights[k];
+        __global const float *share = reaching + (size_t)k * part.y;
+        for (uint i = last; i-- > first;) {
+            const uint id = (uint)fragments[i].x - part.x;
+            if (id >= part.y)
+                continue;
+            const float e = (float)(DEPTH_ONE - (uint)(fragments[i].x >> 32)) / DEPTH_ONE;
+            const float4 q = view.to_world[0] * x + view.to_world[1] * y + view.to_world[2] * e + view.to_world[3];
+            const float4 p = (float4)(q.xyz / q.w, 0.0f);
+            const float at = place_between(points[id], points[id + 1], p);
+            const Fibre here = fibre_at(&hair, id, at);
+            const float4 lit = shade_fibre(&light, &here, p, towards_eye(&view, p),
+                                           shaded ? share[id] + at * (share[id + 1] - share[id]) : 1.0f);
+            sum += in_integers(as_float((uint)fragments[i].y), (float4)(lit.xyz, k ? 0.0f : 1.0f));
+        }
     }
     radiance_sums[pixel] = sum;
 }

@@ -1,10 +1,63 @@
-/* The light that reaches a place, and what hair sends on: shade.cl, coverage.cl and march.cl use this, and scatter.h before it. */
+/*
+ * The lights, what hair and body let through of each, and what hair sends on: shade.cl, coverage.cl and march.cl use this,
+ * and scatter.h before it.
+ */
 
-/* Share of light that the hair before p lets through: the light's running sums, read between four columns and two
+/* Lights, and what stands before each. */
+typedef struct {
+    int n;
+    __global const Light *lights;          // [n]
+    __global const Shadow *shadows;        // [n] how what follows is looked up
+    __global const Grid *grids;            // [n]
+    __global const View *light_views;      // [n]
+    __global const float *crossings;       // [nz + 1, ny, nx] before each layer of a grid; one grid's after the other
+    __global const ulong *shadow_maps;     // [size] nearest body in a view; one view's after the other
+} Lighting;
+
+/* What stands before one of them: a copy, so that what a loop looks up again and again is at hand. */
+typedef struct {
+    Shadow shadow;
+    Grid grid;
+    View view;
+    __global const float *crossings;
+    __global const ulong *shadow_map;
+} Obstacles;
+
+/* Where in the arrays of all lights that of one begins: two halves of 64 bits. */
+inline ulong place_of(int2 halves)
+{
+    return (ulong)as_uint(halves.y) << 32 | as_uint(halves.x);
+}
+
+inline Obstacles obstacles_of(const Lighting *lighting, int i)
+{
+    Obstacles obstacles;
+    obstacles.shadow = lighting->shadows[i];
+    obstacles.grid = lighting->grids[i];
+    obstacles.view = lighting->light_views[i];
+    obstacles.crossings = lighting->crossings + place_of(obstacles.shadow.place.xy);
+    obstacles.shadow_map = lighting->shadow_maps + place_of(obstacles.shadow.place.zw);
+    return obstacles;
+}
+
+/* A light's colour where it reaches p, and its ambient; l: unit, towards it. */
+inline float4 light_at(const Light *light, float4 p, float4 *l)
+{
+    float4 direct = light->color;
+    *l = -light->direction;
+    if (light->position.w > 0.0f) {
+        *l = unit_or((float4)(light->position.xyz - p.xyz, 0.0f), *l);
+        direct.xyz *= -dot3(*l, light->direction) >= light->cone.x ? 1.0f : 0.0f;
+    }
+    return direct;
+}
+
+/* Share of a light that the hair before p lets through: the light's running sums, read between four columns and two
    layers; full light outside the grid. `own` is what the strand that p lies on adds to its own sum: by its width at
    w = 1, and whatever that is. */
-inline float through_hair(const Grid *grid, __global const float *sums, float depth, float2 own, float4 p)
+inline float through_hair(const Obstacles *obstacles, float2 own, float4 p)
 {
+    const Grid *grid = &obstacles->grid;
     const float4 c = ((grid->to_grid[0] * p.x + grid->to_grid[1] * p.y) + grid->to_grid[2] * p.z) + grid->to_grid[3];
     if (!(c.w > 0.0f))
         return 1.0f;
@@ -18,44 +71,45 @@ inline float through_hair(const Grid *grid, __global const float *sums, float de
     const float left = x0 >= 0 ? 1.0f - fx : 0.0f, right = x0 + 1 < nx ? fx : 0.0f;
     const float front = y0 >= 0 ? 1.0f - fy : 0.0f, back = y0 + 1 < ny ? fy : 0.0f;
     const int xa = max(x0, 0), xb = min(x0 + 1, nx - 1), ya = max(y0, 0), yb = min(y0 + 1, ny - 1);
-    __global const float *near = sums + (size_t)z0 * nx * ny, *far = near + nx * ny;
+    __global const float *near = obstacles->crossings + (size_t)z0 * nx * ny, *far = near + nx * ny;
     const float4 weights = (float4)(left * front, right * front, left * back, right * back);
     const float4 before = (float4)(near[ya * nx + xa], near[ya * nx + xb], near[yb * nx + xa], near[yb * nx + xb]);
     const float4 behind = (float4)(far[ya * nx + xa], far[ya * nx + xb], far[yb * nx + xa], far[yb * nx + xb]);
     const float4 there = weights * (before + fz * (behind - before));
     const float crossings = (there.x + there.y) + (there.z + there.w);
-    return exp2(-1.44269504f * depth * max(crossings - own.x / c.w - own.y, 0.0f));
+    return exp2(-1.44269504f * obstacles->shadow.hair.x * max(crossings - own.x / c.w - own.y, 0.0f));
 }
 
 #define HAIR_STEEPEST 5.0f                        // of `past_body`, for hair: by the skin's normal at its root
 #define HAIR_BIAS(radius) (1.0f + 2 * (radius))
 
-/* Share of light that the body lets through to p: the report's equation 8, over (2r + 1)² texels around. What is seen
+/* Share of a light that the body lets through to p: the report's equation 8, over (2r + 1)² texels around. What is seen
    there is held against the plane through p across n, the normal of what is drawn there or of the skin at a strand's
    root, so that a slope does not shade itself; no steeper than `steepest` texels deep a texel, and level where n is 0.
    bias: in texels. */
-inline float past_body(const View *seen, __global const ulong *map, int radius, float4 p, float4 n, float steepest,
-                       float bias)
+inline float past_body(const Obstacles *obstacles, float4 p, float4 n, float steepest, float bias)
 {
-    const float4 c = to_screen(seen, p);
+    const View *view = &obstacles->view;
+    const int radius = obstacles->shadow.body.y;
+    const float4 c = to_screen(view, p);
     if (!(c.w > 0.0f))
         return 1.0f;
     const float x = c.x / c.w, y = c.y / c.w, e = c.z / c.w;
     /* Projection takes the plane (n, -n·p) to a plane of (x, y, e): a x + b y + c e + d = 0. */
     const float4 plane = (float4)(n.xyz, -dot3(n, p));
-    const float along_e = dot(plane, seen->to_world[2]), texel = seen->eye.w > 0.0f ? e / seen->scale.x : 1.0f / seen->size.x;
+    const float along_e = dot(plane, view->to_world[2]), texel = view->eye.w > 0.0f ? e / view->scale.x : 1.0f / view->size.x;
     const float limit = steepest * texel, flat = fabs(along_e) > 0.0f ? -1.0f / along_e : 0.0f;
-    const float dx = clamp(dot(plane, seen->to_world[0]) * flat, -limit, limit);
-    const float dy = clamp(dot(plane, seen->to_world[1]) * flat, -limit, limit);
+    const float dx = clamp(dot(plane, view->to_world[0]) * flat, -limit, limit);
+    const float dy = clamp(dot(plane, view->to_world[1]) * flat, -limit, limit);
     const int x0 = (int)floor(x), y0 = (int)floor(y);
     /* In depth steps: what lies nearer to the light than the plane by more than the bias. */
     const float nearest = e + bias * texel + dx * (x0 + 0.5f - x) + dy * (y0 + 0.5f - y);
     const long plane_at = (long)(nearest * DEPTH_ONE), x_step = (long)(dx * DEPTH_ONE), y_step = (long)(dy * DEPTH_ONE);
     int dark = 0;
-    for (int j = max(-radius, -y0); j <= min(radius, seen->size.y - 1 - y0); ++j) {
-        __global const ulong *row = map + (long)(y0 + j) * seen->size.x + x0;
-        for (int i = max(-radius, -x0); i <= min(radius, seen->size.x - 1 - x0); ++i)
-            dark += (long)(row[i] >> 32) + plane_at + i * x_step + j * y_step < DEPTH_ONE;
+    for (int j = max(-radius, -y0); j <= min(radius, view->size.y - 1 - y0); ++j) {
+        __global const ulong *row = obstacles->shadow_map + (long)(y0 + j) * view->size.x + x0;
+        for (int k = max(-radius, -x0); k <= min(radius, view->size.x - 1 - x0); ++k)
+            dark += (long)(row[k] >> 32) + plane_at + k * x_step + j * y_step < DEPTH_ONE;
     }
     return 1.0f - (float)dark / ((2 * radius + 1) * (2 * radius + 1));
 }
@@ -76,16 +130,6 @@ inline float place_between(float4 a, float4 b, float4 p)
     return at < 0.0f ? 0.0f : at < 1.0f ? at : 1.0f;
 }
 
-/* The light, and what stands before it. */
-typedef struct {
-    const Light *light;
-    const Shadow *shadow;
-    const Grid *grid;
-    const View *seen;                      // by the light
-    __global const float *sums;            // [nz + 1, ny, nx] crossings before each layer of the grid
-    __global const ulong *map;             // [seen.size] nearest body
-} Lamps;
-
 /* Strands: see strands.cl. */
 typedef struct {
     __global const float4 *points, *tangents;
@@ -97,48 +141,47 @@ typedef struct {
     int color_per;                         // 0: one for all, 1: each strand, 2: each point
 } Hair;
 
-/* The light's colour where it reaches p, and its ambient; l: unit, towards it. */
-inline float4 direct_at(const Light *light, float4 p, float4 *l)
+/* Share of a light that body and other hair let through to place p of a strand, near its point id. */
+inline float transmittance_at(const Obstacles *obstacles, const Hair *hair, uint id, float4 p)
 {
-    float4 direct = light->color;
-    *l = -light->direction;
-    if (light->position.w > 0.0f) {
-        *l = unit_or((float4)(light->position.xyz - p.xyz, 0.0f), *l);
-        direct.xyz *= -dot3(*l, light->direction) >= light->cone.x ? 1.0f : 0.0f;
-    }
-    return direct;
-}
-
-/* Share of direct light that body and other hair let through to place p of a strand, near its point id. */
-inline float reaching(const Lamps *lamps, const Hair *hair, uint id, float4 p)
-{
-    const Shadow *shadow = lamps->shadow;
+    const Shadow shadow = obstacles->shadow;
     const uint strand = hair->strand_of[id];
     const float through = hair->types[(int)hair->strand_uv[strand].z].shine.z;
     float share = 1.0f;
-    if (shadow->body.x)
-        share = past_body(lamps->seen, lamps->map, shadow->body.y, p, hair->strand_normal[strand], HAIR_STEEPEST, HAIR_BIAS(shadow->body.y));
-    if (shadow->hair.x > 0.0f && share > 0.0f) {
+    if (shadow.body.x)
+        share = past_body(obstacles, p, hair->strand_normal[strand], HAIR_STEEPEST, HAIR_BIAS(shadow.body.y));
+    if (shadow.hair.x > 0.0f && share > 0.0f) {
         /* Of this type a crossing counts only so much of what one of the darkest does. */
         float depth = 1.0f - through;
-        if (!(shadow->hair.w > 0.0f))
+        if (!(shadow.hair.w > 0.0f))
             depth = -log(max(through, 1e-6f));
-        const float2 own = (float2)(shadow->hair.y * hair->points[id].w, shadow->hair.z) * (depth / shadow->hair.x);
-        share *= through_hair(lamps->grid, lamps->sums, shadow->hair.x, own, p);
+        const float2 own = (float2)(shadow.hair.y * hair->points[id].w, shadow.hair.z) * (depth / shadow.hair.x);
+        share *= through_hair(obstacles, own, p);
     }
     return share;
 }
 
-/* Light from a segment that begins at point id, a share `at` of the way along it, at place p, to the eye at v; `share`:
-   of direct light that reaches it. */
-inline float4 lit_hair(const Lamps *lamps, const Hair *hair, uint id, float at, float4 p, float4 v, float share)
+/* What a strand is like at a place. */
+typedef struct {
+    float4 shine, color, tangent;
+} Fibre;
+
+/* A segment that begins at point id, a share `at` of the way along it. */
+inline Fibre fibre_at(const Hair *hair, uint id, float at)
 {
     const uint strand = hair->strand_of[id];
-    const float4 shine = hair->types[(int)hair->strand_uv[strand].z].shine;
-    float4 l, direct = direct_at(lamps->light, p, &l);
-    direct.xyz *= share;
-    const float4 t = unit_or(between(hair->tangents[id], hair->tangents[id + 1], at), hair->tangents[id]);
-    const float4 c = hair->color_per == 0 ? hair->colors[0] : hair->color_per == 1 ? hair->colors[strand]
+    Fibre here;
+    here.shine = hair->types[(int)hair->strand_uv[strand].z].shine;
+    here.tangent = unit_or(between(hair->tangents[id], hair->tangents[id + 1], at), hair->tangents[id]);
+    here.color = hair->color_per == 0 ? hair->colors[0] : hair->color_per == 1 ? hair->colors[strand]
         : between(hair->colors[id], hair->colors[id + 1], at);
-    return fibre(shine, c, t, l, v, direct);
+    return here;
+}
+
+/* What a fibre at place p sends to the eye at v of a light, of whose direct light such a share reaches it. */
+inline float4 shade_fibre(const Light *light, const Fibre *here, float4 p, float4 v, float share)
+{
+    float4 l, direct = light_at(light, p, &l);
+    direct.xyz *= share;
+    return fibre(here->shine, here->color, here->tangent, l, v, direct);
 }

@@ -69,49 +69,47 @@ INLINED float kept_by_many(__global const float2 *means, float h0, float h, floa
 }
 
 #pragma OPENCL FP_CONTRACT OFF
-/* What a ray needs to light the fur. */
-typedef struct {
-    const Shells *shells;
-    const Light *light;
-    const Shadow *shadow;
-    const Grid *grid;
-    __global const float *sums;
-    const View *seen;
-    __global const ulong *map;
-} Lamp;
+/* Share of a light that hair and body let through to places p over skin with normals n, where rays are `on`. */
+INLINED lanes let_through(const Lighting *lighting, int i, lanes_i on, lanes3 p, lanes3 n, lanes share)
+{
+    if (lighting->shadows[i].body.x || lighting->shadows[i].hair.x > 0.0f) {
+        const Obstacles obstacles = obstacles_of(lighting, i);
+        for (int k = 0; k < LANES; ++k)
+            if (LANE_I(on, k) && LANE(share, k) > 0.0f) {
+                const float4 place = (float4)(LANE(p.x, k), LANE(p.y, k), LANE(p.z, k), 0.0f);
+                if (obstacles.shadow.body.x)
+                    LANE(share, k) *= past_body(&obstacles, place, (float4)(LANE(n.x, k), LANE(n.y, k), LANE(n.z, k), 0.0f),
+                                                HAIR_STEEPEST, HAIR_BIAS(obstacles.shadow.body.y));
+                if (obstacles.shadow.hair.x > 0.0f)
+                    LANE(share, k) *= through_hair(&obstacles, (float2)(0.0f), place);
+            }
+    }
+    return share;
+}
 
 /* Light from places p at heights h: t the hair's direction, n the skin's normal, slope the fur's gradient in the world, v
-   the way to the eye.  Kajiya and Kay's hair, or the report's turned normals: those of the height field.  Both fade
-   to the roots. */
-INLINED lanes3 lit(const Lamp *lamp, lanes_i lanes_on, lanes3 p, lanes h, lanes3 t, lanes3 n, lanes3 slope, lanes3 v)
+   the way to the eye.  It fades to the roots. */
+INLINED lanes3 lit(const Lighting *lighting, const Shells *shells, lanes_i on, lanes3 p, lanes h, lanes3 t, lanes3 n, lanes3 slope,
+                   lanes3 v)
 {
-    const Shells *shells = lamp->shells;
-    lanes3 l = all_lanes(-lamp->light->direction);
-    lanes part = F(1.0f);
-    if (lamp->light->position.w > 0.0f) {
-        const lanes3 to_light = {lamp->light->position.x - p.x, lamp->light->position.y - p.y, lamp->light->position.z - p.z};
-        const lanes inside = -dots(unit(to_light), all_lanes(lamp->light->direction));
-        l = unit(to_light);
-        part = inside >= lamp->light->cone.x ? F(1.0f) : F(0.0f);
+    lanes3 sum = {F(0.0f), F(0.0f), F(0.0f)};
+    for (int i = 0; i < lighting->n; ++i) {
+        const Light light = lighting->lights[i];
+        lanes3 l = all_lanes(-light.direction);
+        lanes part = F(1.0f);
+        if (light.position.w > 0.0f) {
+            const lanes3 to_light = {light.position.x - p.x, light.position.y - p.y, light.position.z - p.z};
+            l = unit(to_light);
+            part = -dots(l, all_lanes(light.direction)) >= light.cone.x ? F(1.0f) : F(0.0f);
+        }
+        part = let_through(lighting, i, on, p, n, part);
+        const lanes3 share = fibres(shells, on, t, n, slope, l, v);
+        const float4 direct = light.color;
+        sum.x += part * direct.x * share.x + direct.w * shells->color.x;
+        sum.y += part * direct.y * share.y + direct.w * shells->color.y;
+        sum.z += part * direct.z * share.z + direct.w * shells->color.z;
     }
-    if (lamp->shadow->body.x || lamp->shadow->hair.x > 0.0f)
-        for (int i = 0; i < LANES; ++i)
-            if (LANE_I(lanes_on, i) && LANE(part, i) > 0.0f) {
-                const float4 place = (float4)(LANE(p.x, i), LANE(p.y, i), LANE(p.z, i), 0.0f);
-                if (lamp->shadow->body.x)
-                    LANE(part, i) *= past_body(lamp->seen, lamp->map, lamp->shadow->body.y, place,
-                        (float4)(LANE(n.x, i), LANE(n.y, i), LANE(n.z, i), 0.0f), HAIR_STEEPEST, HAIR_BIAS(lamp->shadow->body.y));
-                if (lamp->shadow->hair.x > 0.0f)
-                    LANE(part, i) *= through_hair(lamp->grid, lamp->sums, lamp->shadow->hair.x, (float2)(0.0f), place);
-            }
-    const lanes3 share = fibres(shells, lanes_on, t, n, slope, l, v);
-    const float4 direct = lamp->light->color;
-    const lanes fade = shells->color.w + (1.0f - shells->color.w) * h;
-    const lanes3 color = {
-        fade * (part * direct.x * share.x + direct.w * shells->color.x),
-        fade * (part * direct.y * share.y + direct.w * shells->color.y),
-        fade * (part * direct.z * share.z + direct.w * shells->color.z)};
-    return color;
+    return scaled(sum, shells->color.w + (1.0f - shells->color.w) * h);
 }
 
 /* Corners of the tetrahedra of a prism (0 1 2 below, 3 4 5 above them), and which way a ray leaves them that leaves out
@@ -249,7 +247,6 @@ __kernel void march(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const Shells shells,
-    const Light light,
     __global const ulong *visible,         // [rows, width, samples] what else is drawn
     __global const ulong *entries,         // [rows, width, samples] where they enter: depth << 32 | BODY | border triangle
     __global const uint4 *border,          // [B] face; 4 · (3 · slab + tetrahedron) + corner left out; -; -
@@ -261,11 +258,13 @@ __kernel void march(
     __global const float2 *noise,
     __global const float2 *means,          // [HEIGHTS]
     const float4 noise_box,                // origin of the noise, its lattices a unit of length
-    const Shadow shadow,
-    const Grid grid,
-    __global const float *sums,
-    const View seen,
-    __global const ulong *map,
+    const int n_lights,
+    __global const Light *lights,          // see light.h
+    __global const Shadow *shadows,
+    __global const Grid *grids,
+    __global const View *light_views,
+    __global const float *crossings,
+    __global const ulong *shadow_maps,
     __global uint *after,                  // [rows, width, samples] depth where they came in last; NOTHING: they are done
     __global float *through,               // [rows, width, samples] share of light that comes from behind
     __global ulong *fur,                   // [rows, width, samples] depth << 32 | face where half of it is gone
@@ -276,7 +275,7 @@ __kernel void march(
     const int rows = view.rows.y - view.rows.x, across_blocks = (view.size.x + BLOCK_X - 1) / BLOCK_X;
     const int block_x = item % across_blocks * BLOCK_X, block_y = item / across_blocks * BLOCK_Y;
     const int samples = view.size.z, slabs = shells.kind.z;
-    const Lamp lamp = {&shells, &light, &shadow, &grid, sums, &seen, map};
+    const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const float4 eye = (float4)(view.eye.xyz, 0.0f);
     const float finer = 1.0f / (view.scale.x * sqrt((float)samples)), slabs_inverse = 1.0f / slabs;
     /* How fast the fur's height can change sideways, and with the height; 6 and 1.5 bound the noise's slope and size. */
@@ -543,7 +542,7 @@ __kernel void march(
                         scaled(all_lanes(cb[1] - cb[0]), wb), scaled(all_lanes(cc[1] - cc[0]), wc))));
                     const lanes3 slope = scaled(plus(scaled(all_lanes(grad_x), sum_x), scaled(all_lanes(grad_y), sum_y)), scale);
                     const lanes3 place = {eye.x + z * dx, eye.y + z * dy, eye.z + z * dz}, v = {-dx, -dy, -dz};
-                    const lanes3 color = lit(&lamp, shown, place, within(h_first + mean * h_step, 0.0f, 1.0f), t, n, slope, v);
+                    const lanes3 color = lit(&lighting, &shells, shown, place, within(h_first + mean * h_step, 0.0f, 1.0f), t, n, slope, v);
                     red += shown ? hidden * color.x : F(0.0f);
                     green += shown ? hidden * color.y : F(0.0f);
                     blue += shown ? hidden * color.z : F(0.0f);

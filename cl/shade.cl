@@ -31,10 +31,27 @@ inline float4 body_normal(__global const float4 *positions, __global const float
     return dot3(n, v) < 0.0f ? -n : n;
 }
 
-/* Number of an id among those that a part of the scene holds, or the number of those if it isn't its. */
-inline uint own(uint id, uint first, uint n)
+/* Number of what a sample shows, among the triangles or segments that a part of the scene holds; NOTHING if it shows none
+   of these. */
+inline uint shown(ulong key, uint4 part)
 {
-    return min(id - first, n);
+    const bool is_body = (uint)key & BODY;
+    const uint id = is_body ? ((uint)key & ~BODY) - part.z : (uint)key - part.x;   // wraps round below the first
+    return (uint)key == NOTHING || id >= (is_body ? part.w : part.y) ? NOTHING : id;
+}
+
+/* A light where it falls on place p of the body, with its ambient; n: the normal there, unit and on the eye's side, face: that
+   of the face, of any length. */
+inline float4 light_on_body(const Light *light, const Obstacles *obstacles, float4 p, float4 n, float4 face)
+{
+    float4 l, direct = light_at(light, p, &l);
+    float share = max(dot3(n, l), 0.0f);
+    if (obstacles->shadow.body.x && share > 0.0f)
+        share *= past_body(obstacles, p, unit_or(face, n), 64.0f, 1.0f);
+    if (obstacles->shadow.hair.x > 0.0f && share > 0.0f)
+        share *= through_hair(obstacles, (float2)(0.0f), p);
+    direct.xyz *= share;
+    return direct + direct.w;
 }
 
 /* One work-item lights the samples of one pixel, those of one part of the scene, and adds their average, premultiplied linear
@@ -43,7 +60,6 @@ __kernel void color(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint4 part,                      // first point's id, points, first triangle's id, triangles
-    const Light light,
     __global const ulong *visible,         // [rows, width, samples] depth << 32 | id
     __global const float4 *points,         // strands: see strands.cl
     __global const float4 *tangents,
@@ -57,11 +73,13 @@ __kernel void color(
     __global const float4 *normals,
     __global const uint4 *triangles,
     const float4 body_color,
-    const Shadow shadow,
-    const Grid grid,
-    __global const float *sums,            // [nz + 1, ny, nx] crossings before each layer of the grid
-    const View seen,                       // by the light
-    __global const ulong *map,             // [seen.size] nearest body
+    const int n_lights,
+    __global const Light *lights,          // see light.h
+    __global const Shadow *shadows,
+    __global const Grid *grids,
+    __global const View *light_views,
+    __global const float *crossings,
+    __global const ulong *shadow_maps,
     const int veiled,                      // 1: something lets only a share of the light through
     __global const float *through,         // [rows, width, samples] that share
     const int more,                        // 1: more is to come
@@ -71,36 +89,39 @@ __kernel void color(
     WORK_ITEM(pixel);
     const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
     const float weight = 1.0f / samples;
-    const Lamps lamps = {&light, &shadow, &grid, &seen, sums, map};
+    const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, color_per};
+    /* Of many pixels nothing is to be lit: what stands before the lights is not fetched for them. */
+    bool empty = true;
+    for (int s = 0; s < samples; ++s)
+        empty &= shown(visible[pixel * samples + s], part) == NOTHING || (veiled && !(through[pixel * samples + s] > 0.0f));
+    if (empty)
+        return;
     long4 sum = 0;
-    for (int s = 0; s < samples; ++s) {
-        const ulong key = visible[pixel * samples + s];
-        const bool is_body = (uint)key & BODY;
-        const uint id = is_body ? own((uint)key & ~BODY, part.z, part.w) : own((uint)key, part.x, part.y);
-        if ((uint)key == NOTHING || id == (is_body ? part.w : part.y)
-            || (veiled && !(through[pixel * samples + s] > 0.0f)))
-            continue;
-        const float4 p = seen_point(&view, x, y, s, (uint)(key >> 32)), v = towards_eye(&view, p);
-        float4 lit;
-        if (is_body) {
-            float4 weights;
-            float4 l, direct = direct_at(&light, p, &l);
-            const uint4 t = triangles[id];
-            const float4 n = body_normal(positions, normals, t, p, v, &weights);
-            float share = max(dot3(n, l), 0.0f);
-            if (shadow.body.x && share > 0.0f)
-                share *= past_body(&seen, map, shadow.body.y, p, unit_or(
-                    cross3(positions[t.y] - positions[t.x], positions[t.z] - positions[t.x]), n), 64.0f, 1.0f);
-            if (shadow.hair.x > 0.0f && share > 0.0f)
-                share *= through_hair(&grid, sums, shadow.hair.x, (float2)(0.0f), p);
-            direct.xyz *= share;
-            lit = body_color * (direct + light.color.w);
-        } else {
-            lit = lit_hair(&lamps, &hair, id, place_between(points[id], points[id + 1], p), p, v,
-                           reaching(&lamps, &hair, id, p));
+    /* Light by light: what one needs of a sample fits the registers. */
+    for (int i = 0; i < n_lights; ++i) {
+        const Light light = lights[i];
+        const Obstacles obstacles = obstacles_of(&lighting, i);
+        for (int s = 0; s < samples; ++s) {
+            const ulong key = visible[pixel * samples + s];
+            const uint id = shown(key, part);
+            if (id == NOTHING || (veiled && !(through[pixel * samples + s] > 0.0f)))
+                continue;
+            const float4 p = seen_point(&view, x, y, s, (uint)(key >> 32)), v = towards_eye(&view, p);
+            float4 lit;
+            if ((uint)key & BODY) {
+                float4 weights;
+                const uint4 t = triangles[id];
+                const float4 n = body_normal(positions, normals, t, p, v, &weights);
+                const float4 face = cross3(positions[t.y] - positions[t.x], positions[t.z] - positions[t.x]);
+                lit = body_color * light_on_body(&light, &obstacles, p, n, face);
+            } else {
+                const Fibre here = fibre_at(&hair, id, place_between(points[id], points[id + 1], p));
+                lit = shade_fibre(&light, &here, p, v, transmittance_at(&obstacles, &hair, id, p));
+            }
+            const float share = veiled ? weight * through[pixel * samples + s] : weight;
+            sum += in_integers(share, (float4)(lit.xyz, i ? 0.0f : 1.0f));
         }
-        sum += in_integers(veiled ? weight * through[pixel * samples + s] : weight, (float4)(lit.xyz, 1.0f));
     }
     if (more)
         radiance_sums[pixel] += sum;
@@ -156,13 +177,12 @@ __kernel void about(
         }
     }
     out_coverage[pixel] = (float)covered / samples;
-    const bool is_body = (uint)key & BODY;
-    const uint id = is_body ? own((uint)key & ~BODY, part.z, part.w) : own((uint)key, part.x, part.y);
-    if ((uint)key == NOTHING || id == (is_body ? part.w : part.y))
+    const uint id = shown(key, part);
+    if (id == NOTHING)
         return;
     const float4 p = seen_point(&view, x, y, nearest, (uint)(key >> 32)), v = towards_eye(&view, p);
     out_depth[pixel] = to_screen(&view, p).w;
-    if (is_body) {
+    if ((uint)key & BODY) {
         const uint4 t = triangles[id];
         float4 b;
         out_id[pixel] = ID_BODY;

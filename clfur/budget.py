@@ -49,7 +49,7 @@ def choose(team, scene, settings, draw):
     """
     rig = Rig.of(scene)
     seen = round(2 * math.log2(features(rig, 0)[0]))
-    what = scene.mesh, scene.strands, scene.shells, scene.light, str(scene.camera.size), seen
+    what = scene.mesh, scene.strands, scene.shells, *scene.lights, str(scene.camera.size), seen
     goals = str([settings.max_error, settings.seconds, settings.filtered, scene.body_color is None])
     choice = team.gpus[0].keep("choice", (*what, goals), lambda: _choose(team, rig, settings, draw))
     if choice.warning:

@@ -71,9 +71,10 @@ Light = np.dtype([
 ])
 
 # method: 1 if a type's optical depth is 1 - alpha, 0 if it is -ln(alpha).
-Shadow = np.dtype([                   # how a place is looked up in the light's grid and map
+Shadow = np.dtype([                   # how a place is looked up in a light's grid and map
     ("hair", *_float4),               # optical depth of one crossing, own share: a width's, a fragment's; method
     ("body", *_int4),                 # 1: there is a shadow map; filter radius in texels, -, -
+    ("place", *_int4),                # where its cells and its texels begin: low and high 32 bits of each
 ])
 
 Grid = np.dtype([                     # cells seen from the light: world -> (x·w, y·w, z, w), cells

@@ -15,6 +15,7 @@ from clfur import layout
 from clfur.pipeline import plan as parts
 from clfur.pipeline.views import view_of
 from clfur.stages import coverage, shade, shells, strands, tessellate
+from clfur.stages.lighting import unshadowed
 from clfur.stages.lod import thin
 from clfur.stages.raster import raster
 
@@ -80,7 +81,7 @@ def uncounted(modules, texts):
 
 
 def test_all_that_is_declared_is_counted():
-    """Shadows hold what SUMS and VISIBLE declare."""
+    """Lighting holds what SUMS and VISIBLE declare."""
     texts = [path.read_text() for path in (ROOT / "clfur").rglob("*.py")]
     assert uncounted(STAGES, texts) <= {"SUMS"}
     planted = type("planted", (), {"Extra": dataclass(type("Extra", (layout.Arrays,), {
@@ -187,7 +188,7 @@ def test_the_plan_counts_all_of_fragments(gpu, mesh):
         fragments = coverage.allocate(gpu, pixels, int(pixels.get()[..., 1].sum()))
         coverage.gather(gpu, view, grown, fragments)
         resolved = coverage.resolve(gpu, visible, fragments)
-        sums = coverage.light(gpu, view, np.zeros((), layout.Light), fragments, resolved, grown)
+        sums = coverage.light(gpu, view, unshadowed(gpu, np.zeros((), layout.Light)), fragments, resolved, grown)
         return fragments, resolved, sums, shade.blend(gpu, sums, veil=resolved.veil)
     taken, (fragments, resolved, *_) = most(gpu, make)
     samples = parts.VISIBLE.bytes * 4 + coverage.Resolved.bytes(sample=4)

@@ -59,10 +59,10 @@ def test_light_on_strands_is_kept_while_only_the_camera_moves(gpu, monkeypatch, 
     launch, names = gpu.launch, []
     monkeypatch.setattr(gpu, "launch", lambda name, size, /, **rest: names.append(name) or launch(name, size, **rest))
     clfur.draw(scene, gpu, settings)
-    assert names.count("coverage.reach") == 1
+    assert names.count("coverage.transmittance") == 1
     other = attrs.evolve(scene, **change)
     drawn = clfur.draw(other, gpu, settings, tuple(OUTPUTS), hashes=True)
-    assert names.count("coverage.reach") == 1 + (anew or (lod > 0 and "camera" in change))
+    assert names.count("coverage.transmittance") == 1 + (anew or (lod > 0 and "camera" in change))
     gpu.forget()
     right = clfur.draw(other, gpu, settings, tuple(OUTPUTS), hashes=True)
     assert right.hashes == drawn.hashes
@@ -84,7 +84,7 @@ def test_light_on_parts_is_their_own(gpu, another, sphere):
         np.testing.assert_array_equal(frame.images["color"], clfur.render(one, gpu, SETTINGS))
         parts.append(names.count("coverage.gather") // names.count("coverage.resolve"))
     assert parts == [1, parts[1], 1, parts[1], parts[1]] and parts[1] > 1
-    assert names.count("coverage.reach") == 0   # known of all parts for the picture before
+    assert names.count("coverage.transmittance") == 0   # known of all parts for the picture before
 
 
 def test_any_order_of_strands_gives_the_same_bits(gpu):

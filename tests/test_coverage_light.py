@@ -10,6 +10,7 @@ import clfur
 from clfur.pipeline.shadows import cast_shadows
 from clfur.pipeline.views import light_of, view_of
 from clfur.stages import coverage, shade
+from clfur.stages.lighting import unshadowed
 from clfur.stages.raster import raster
 from clfur.stages.tessellate import no_surface, tessellate
 from clfur.twin import coverage as twin
@@ -34,16 +35,16 @@ def test_light_is_the_twins(gpu, kind, form, n, shaded, lamp):
     """Measured: 9e-7; a highlight's power and strands seen from their ends may give 2e-5, see test_shade.py."""
     scene = furry(kind, n, (13, 11) if n == 4 else (41, 31), form)
     view, _, strands, fragments, resolved = stages_of(gpu, scene)
-    reached = np.random.default_rng(3).random(len(strands.points)).astype(np.float32) if shaded else None
-    lights = coverage.light(gpu, view, light_of(lamp), fragments, resolved, strands,
-                            gpu.upload(reached) if shaded else None)
+    reaching = np.random.default_rng(3).random((1, len(strands.points))).astype(np.float32) if shaded else None
+    lights = coverage.light(gpu, view, unshadowed(gpu, light_of(lamp)), fragments, resolved, strands,
+                            gpu.upload(reaching) if shaded else None)
     image = shade.blend(gpu, lights, veil=resolved.veil).get()
     pieces, there = pieces_of(fragments, resolved.used), on_host(strands)
     meant = np.zeros_like(image, float)
     for pixel in np.unique(pieces["pixel"]):
         y, x = divmod(int(pixel), image.shape[1])
         weights = {d << 32 | k: w for _, k, d, w in pieces[pieces["pixel"] == pixel].tolist()}
-        meant[y, x] = twin.light(view, light_of(lamp), y, x, weights, there, reached)
+        meant[y, x] = twin.light(view, [light_of(lamp)], y, x, weights, there, reaching)
     assert (meant[..., 3] > 0).mean() > .05 and meant[..., :3].max() > .05
     np.testing.assert_allclose(image, meant, rtol=0, atol=2e-5)
 
@@ -74,16 +75,16 @@ def test_light_reaches_what_nothing_stands_before(gpu):
     settings = clfur.Settings(shadow_map=64, grid=32)
     scene = clfur.Scene(squares((.8, 0)), line, light=clfur.Light((0, -1, 0)))
     strands = strands_of(gpu, scene)
-    shadows = cast_shadows(gpu, scene, settings, strands, tessellate(gpu, scene.mesh))
-    reached = coverage.reach(gpu, light_of(scene.light), strands, shadows).get()
-    np.testing.assert_allclose(reached, [1, 1, 0, 0], atol=1e-3)
+    lighting = cast_shadows(gpu, scene, settings, strands, tessellate(gpu, scene.mesh))
+    reaching = coverage.transmittance(gpu, strands, lighting).get()
+    np.testing.assert_allclose(reaching, [[1, 1, 0, 0]], atol=1e-3)
     rng = np.random.default_rng(5)
     coat = rng.uniform((-1, .7, -1), (1, .8, 1), (2000, 1, 3)) + rng.normal(size=(2000, 2, 3)) * (.1, 0, .1)
     hair = np.concatenate([coat, np.array([places[:2], places[2:]])])
     scene = clfur.Scene(fur=clfur.Curves(hair, width=.01, alpha=.5), light=clfur.Light((0, -1, 0)))
     strands = strands_of(gpu, scene)
-    shadows = cast_shadows(gpu, scene, settings, strands, no_surface(gpu))
-    above, *below = coverage.reach(gpu, light_of(scene.light), strands, shadows).get()[-4:]
+    lighting = cast_shadows(gpu, scene, settings, strands, no_surface(gpu))
+    above, *below = coverage.transmittance(gpu, strands, lighting).get()[0, -4:]
     assert above > .98 and .1 < max(below) < .9 and max(below) - min(below) < .2
 
 

@@ -19,8 +19,8 @@ def stems(folder, suffix):
     return {path.stem for path in (ROOT / folder).glob(f"*{suffix}")} - {"__init__"}
 
 
-SHARED = {"scatter", "vectors"}   # what several twins use
-STAGES = sorted(stems("cl", ".cl") | stems("clfur/stages", ".py") | stems("clfur/twin", ".py") - SHARED)
+SHARED = {"lighting", "scatter", "vectors"}   # what several stages or twins use
+STAGES = sorted(stems("cl", ".cl") | (stems("clfur/stages", ".py") | stems("clfur/twin", ".py")) - SHARED)
 
 
 def imported(source, package):

@@ -10,7 +10,7 @@ from support.devices import DEVICES
 
 import clfur
 from clfur import layout
-from clfur.pipeline.shadows import cast, plan_shadows
+from clfur.pipeline.shadows import accumulate, plan_shadows
 from clfur.pipeline.views import Rig, view_of
 from clfur.stages.lod import WIDEST, thin
 from clfur.stages.strands import bring, grow
@@ -392,23 +392,23 @@ def test_counters_of_shadows_do_not_overflow(gpu):
         return clfur.Scene(fur=clfur.Curves(points, width=1), camera=clfur.Camera(eye=(0, 0, 900), size=(32, 24)),
                            light=clfur.Light(direction=(0, -1, 0)))
     settings = clfur.Settings(lod=4, grid=128)
-    side = float(plan_shadows(Rig.of(scene(points), settings), n, False).grid["face"][1])
+    side = float(plan_shadows(Rig.of(scene(points), settings), n, False)[0].grid["face"][1])
     points[chosen] = (side / 2, 0, side / 2)             # the middle of a column
     points[chosen, 0, 0] -= side / 4
     points[chosen, 1, 0] += side / 4
     points[chosen, :, 1] = np.linspace(-.5, .5, chosen.sum())[:, None]
     hair = scene(points)
-    plan, whole = (plan_shadows(Rig.of(hair, each), n, False) for each in (settings, clfur.Settings(grid=128)))
+    (plan,), (whole,) = (plan_shadows(Rig.of(hair, each), n, False) for each in (settings, clfur.Settings(grid=128)))
     assert float(plan.grid["face"][1]) == side
 
     grown = bring(gpu, hair.strands)
     thinned = thin(gpu, grown, view_of(hair, 4), settings.lod)
     np.testing.assert_allclose(factors(grown, thinned)[chosen], WIDEST, rtol=1e-6)
-    cells, _ = cast(gpu, plan, thinned, None)
+    cells, _ = accumulate(gpu, [plan], thinned, None)
     column = cells.get().sum(0, dtype=np.uint64).max()
     crossings = chosen.sum() * side / 2 * WIDEST / side**2
-    assert column == pytest.approx(crossings * plan.unit, rel=.02)
-    assert column < 2**32 < crossings * whole.unit
+    assert column == pytest.approx(crossings * plan.crossing_unit, rel=.02)
+    assert column < 2**32 < crossings * whole.crossing_unit
 
 
 @pytest.mark.parametrize("wrong", [-1, 4.1, float("nan"), "1", True, None])

@@ -7,12 +7,13 @@ import pytest
 from support.furred import BENT, FUR, MESHES, SINE, noise_shape
 
 import clfur
+from clfur import layout
 from clfur.pipeline.views import light_of, view_of
 from clfur.scene import frame
 from clfur.stages import march as stage
 from clfur.stages import shells
+from clfur.stages.lighting import light_up, unshadowed
 from clfur.stages.raster import raster
-from clfur.stages.shade import no_shadows
 from clfur.stages.tessellate import tessellate
 from clfur.twin import march as twin
 
@@ -35,7 +36,7 @@ class Drawn:
 
 
 def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, bare=False, lamp=LAMP, camera=None,
-          shadows=None):
+          lighting=None):
     mesh = clfur.Mesh(*MESHES[mesh]) if isinstance(mesh, str) else mesh
     camera = camera or frame(mesh, fur, size, direction=(0.3, 0.5, 1))
     scene = clfur.Scene(mesh=mesh, fur=fur, camera=camera, light=lamp)
@@ -51,7 +52,7 @@ def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, 
         rounds.append(raster(*arguments, **named))
         return rounds[-1]
     monkeypatch.setattr(stage, "raster", watched)
-    image, through, after = stage.march(gpu, view, shell, packed, light, visible, shadows)
+    image, through, after = stage.march(gpu, view, shell, packed, lighting or unshadowed(gpu, light), visible)
     return Drawn(view, packed, shell, visible.get(), [entries.get() for entries in rounds], image.get(), through.get(),
                  after.get(), light)
 
@@ -60,7 +61,7 @@ def by_twin(it, direct=1.0):
     """The twin's picture of what the device's stages have prepared."""
     pattern, packed, slabs = it.shell.pattern, it.packed, int(it.packed["kind"][2])
     return twin.march(
-        it.view, packed, it.light, it.visible, it.rounds, it.shell.border.get(),
+        it.view, packed, [it.light], it.visible, it.rounds, it.shell.border.get(),
         pattern.faces.get(), it.shell.curves.get()[:, :3].reshape(-1, slabs + 1, 3), it.shell.normals.get()[:, :3],
         pattern.lattice.get().reshape(-1, 5, 4), pattern.noise.get().reshape(*noise_shape(packed), 2),
         pattern.means.get(), pattern.box, direct)
@@ -159,7 +160,7 @@ def test_rays_that_meet_nothing(gpu, monkeypatch):
     camera = clfur.Camera(eye=(0, 0, 4), size=(12, 9))
     view = view_of(clfur.Scene(mesh=mesh, fur=fur, camera=camera), 1)
     before = gpu.full((9, 12, 1), np.uint64, 5 << 32)
-    image, through, after = stage.march(gpu, view, it.shell, it.packed, it.light, before)
+    image, through, after = stage.march(gpu, view, it.shell, it.packed, unshadowed(gpu, it.light), before)
     assert not image.get().any() and (through.get() == 1).all() and (after.get() == twin.NONE).all()
 
 
@@ -173,14 +174,14 @@ def test_no_hair_where_the_eye_stands_in_the_fur(gpu, monkeypatch):
 def test_shadows_reach_the_fur(gpu, monkeypatch):
     """A grid of one cell with the same crossings everywhere leaves the same share of the light to all hairs."""
     lamp = clfur.Light((1, -1, -0.6), ambient=0.0)
-    shadows = no_shadows(gpu)
-    shadow, grid = shadows.shadow.copy(), shadows.grid.copy()
+    shadow, grid = np.zeros((), layout.Shadow), np.zeros((), layout.Grid)
     shadow["hair"][0] = 0.5
     grid["to_grid"][:3, :2] = 0
     grid["to_grid"][3] = 0.5, 0.5, 0.5, 1
     grid["size"][:3] = 1
-    shadows = dataclasses.replace(shadows, shadow=shadow, grid=grid, sums=gpu.full((2, 1, 1), np.float32, 3))
-    it = drawn(gpu, monkeypatch, "ball", clfur.Shells(**FUR), lamp=lamp, shadows=shadows)
+    crossings = gpu.full((2, 1, 1), np.float32, 3)
+    lighting = light_up(gpu, [light_of(lamp)], [shadow], [grid], [None], [crossings], [None])
+    it = drawn(gpu, monkeypatch, "ball", clfur.Shells(**FUR), lamp=lamp, lighting=lighting)
     agree(it, direct=np.exp(-1.5))
 
 

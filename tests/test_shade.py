@@ -11,6 +11,7 @@ import clfur
 from clfur import layout
 from clfur.pipeline.views import light_of, view_of
 from clfur.stages import shade
+from clfur.stages.lighting import unshadowed
 from clfur.stages.raster import raster
 from clfur.stages.strands import bring, grow, no_strands
 from clfur.stages.tessellate import no_surface, tessellate
@@ -57,9 +58,9 @@ def lit(gpu, tangents, to_light, to_eye, form="kajiya-kay", color=(0, 0, 0), spe
         colors=gpu.upload(np.array([[*color, 0]], np.float32)), color_per=0, uv=gpu.full((n, 4), np.float32, 0),
         types=bring(gpu, clfur.Curves(np.zeros((0, 2, 3)), look=clfur.Kajiya(specular, exponent, form))).types)
     keys = np.where(ids < 0, NONE, (1 << 29 << 32) + 2 * ids.astype(np.uint64))[None]
-    image = shade.color(gpu, view, lamp, gpu.upload(keys), fur, no_surface(gpu), (0, 0, 0)).get()[0]
+    image = shade.color(gpu, view, unshadowed(gpu, lamp), gpu.upload(keys), fur, no_surface(gpu), (0, 0, 0)).get()[0]
     bare = on_host(no_surface(gpu))
-    return image, twin.color(view, lamp, keys, on_host(fur), bare, (0, 0, 0))[0]
+    return image, twin.color(view, [lamp], keys, on_host(fur), bare, (0, 0, 0))[0]
 
 
 # --- the twin's values ----------------------------------------------------------------------------------
@@ -104,8 +105,8 @@ def test_color_is_the_twins(gpu, ball, form, kind, samples, exponent):
     """
     scene = furry(ball, kind, exponent, form)
     view, light, visible, strands, body = picture(gpu, scene, samples)
-    image = shade.color(gpu, view, light, visible, strands, body, scene.body_color).get()
-    meant = twin.color(view, light, visible.get(), on_host(strands), on_host(body), scene.body_color)
+    image = shade.color(gpu, view, unshadowed(gpu, light), visible, strands, body, scene.body_color).get()
+    meant = twin.color(view, [light], visible.get(), on_host(strands), on_host(body), scene.body_color)
     assert np.isfinite(image).all()
     off = np.abs(image - meant).max(2)
     assert off.max() < 2e-5 + 2e-8 * exponent
@@ -124,10 +125,10 @@ def test_the_twin_sees_swapped_arrays(gpu, ball, monkeypatch):
         return launch(name, size, **arguments)
     scene = furry(ball, "grown", 150)
     view, light, visible, strands, body = picture(gpu, scene, 1)
-    meant = twin.color(view, light, visible.get(), on_host(strands), on_host(body), scene.body_color)
+    meant = twin.color(view, [light], visible.get(), on_host(strands), on_host(body), scene.body_color)
 
     def off():
-        image = shade.color(gpu, view, light, visible, strands, body, scene.body_color).get()
+        image = shade.color(gpu, view, unshadowed(gpu, light), visible, strands, body, scene.body_color).get()
         return np.nan_to_num(np.abs(image - meant), nan=1.0).max()
     assert off() < 2.5e-5
     monkeypatch.setattr(gpu, "launch", swapped)
@@ -145,10 +146,10 @@ def test_a_small_picture_is_the_twins(gpu, kind, form):
                         clfur.Curves(points, width=0.05, color=colors, look=clfur.Kajiya(highlight=form)),
                         clfur.Camera(size=(23, 17)))
     view, light, visible, strands, body = picture(gpu, scene, 4)
-    image = shade.color(gpu, view, light, visible, strands, body, scene.body_color).get()
+    image = shade.color(gpu, view, unshadowed(gpu, light), visible, strands, body, scene.body_color).get()
     keys, fur, skin = visible.get(), on_host(strands), on_host(body)
     np.testing.assert_allclose(
-        image, twin.color(view, light, keys, fur, skin, scene.body_color), rtol=0, atol=2.5e-5)
+        image, twin.color(view, [light], keys, fur, skin, scene.body_color), rtol=0, atol=2.5e-5)
     told, meant = shade.about(gpu, view, visible, strands, body), twin.about(view, keys, fur, skin)
     assert {-2, -1} < set(np.unique(meant["id"]))
     for name, tolerance in ("id", 0), ("coverage", 1e-7), ("tangent", 3e-5), ("normal", 8e-5), ("uv", 5e-6):

@@ -9,11 +9,12 @@ from support.devices import DEVICES
 from support.scenes import icosphere, squares, strands_of
 
 import clfur
-from clfur import truth
+from clfur import layout, truth
 from clfur.pipeline.shadows import cast_shadows
 from clfur.pipeline.views import grid_of, light_of, light_view_of, view_of
 from clfur.scene import extent
 from clfur.stages import shade
+from clfur.stages.lighting import unshadowed
 from clfur.stages.raster import raster
 from clfur.stages.strands import bring, no_strands
 from clfur.stages.tessellate import tessellate
@@ -234,8 +235,8 @@ def test_outside_of_grid_and_map_all_is_lit(gpu):
     cast = cast_shadows(gpu, small, settings(), bring(gpu, small.fur), tessellate(gpu, small.mesh, 1, 1, "flat"))
     body, view = tessellate(gpu, large.mesh, 1, 1, "flat"), view_of(large, 1)
     visible = raster(gpu, view, None, body)
-    images = [shade.color(gpu, view, light_of(large.light), visible, no_strands(gpu), body, (1, 1, 1),
-                          each).get() for each in (cast, None)]
+    images = [shade.color(gpu, view, each, visible, no_strands(gpu), body, (1, 1, 1)).get()
+              for each in (cast, unshadowed(gpu, light_of(large.light)))]
     _, places, _ = light_on(gpu, large, shadows="off")
     share = images[0][visible.get()[..., 0] != 2**64 - 1][:, 0]
     assert len(share) == len(places)
@@ -260,8 +261,8 @@ def test_lookups_at_and_beyond_the_borders(gpu, lamp, pcf):
     visible = raster(gpu, view, strands, body)
     coarse = cast_shadows(gpu, small, settings(grid=16, shadow_map=16, pcf=pcf), bring(gpu, small.fur),
                           tessellate(gpu, small.mesh, 1, 1, "flat"))
-    dark, full = (shade.color(gpu, view, light_of(large.light), visible, strands, body, (1, 1, 1),
-                              each).get() for each in (coarse, None))
+    dark, full = (shade.color(gpu, view, each, visible, strands, body, (1, 1, 1)).get()
+                  for each in (coarse, unshadowed(gpu, light_of(large.light))))
     assert np.isfinite(dark).all() and (dark <= full).all() and (dark[..., :3] < full[..., :3]).any()
     ids = visible.get()[..., 0] & np.uint64(0xFFFFFFFF)
     assert (ids < 80).any() and (dark[ids < 80] == full[ids < 80]).all(1).any()      # some strands lie beside
@@ -275,17 +276,16 @@ def test_missing_shadow_data_reads_as_light(gpu):
     whole = clfur.Scene(mesh=scene.mesh, fur=hair, light=scene.light)
     whole = cast_shadows(gpu, whole, settings(), bring(gpu, hair), body)
 
-    def seen(shadows):
-        return shade.color(gpu, view, light_of(scene.light), visible, no_strands(gpu), body, (1, 1, 1),
-                           shadows).get()
-    full = seen(None)
+    def seen(lighting):
+        return shade.color(gpu, view, lighting, visible, no_strands(gpu), body, (1, 1, 1)).get()
+    full = seen(unshadowed(gpu, light_of(scene.light)))
     assert full[..., 0].max() == 1
-    empty_map = gpu.full(whole.map.shape, np.uint64, 2**64 - 1)
-    empty_sums = gpu.full(whole.sums.shape, np.float32, 0)
-    np.testing.assert_array_equal(seen(replace(whole, map=empty_map, sums=empty_sums)), full)
-    np.testing.assert_array_equal(seen(shade.no_shadows(gpu)), full)
-    no_view = replace(whole, seen=np.zeros_like(whole.seen), grid=np.zeros_like(whole.grid))
-    np.testing.assert_array_equal(seen(no_view), full)       # w = 0 everywhere
+    empty_maps = gpu.full(whole.shadow_maps.shape, np.uint64, 2**64 - 1)
+    empty_sums = gpu.full(whole.crossings.shape, np.float32, 0)
+    np.testing.assert_array_equal(seen(replace(whole, shadow_maps=empty_maps, crossings=empty_sums)), full)
+    no_views = replace(whole, light_views=gpu.upload(np.zeros(1, layout.View)),
+                       grids=gpu.upload(np.zeros(1, layout.Grid)))
+    np.testing.assert_array_equal(seen(no_views), full)      # w = 0 everywhere
     assert seen(whole)[..., 0].mean() < .9 * full[..., 0].mean()
 
 

@@ -16,6 +16,7 @@ from clfur.pipeline.shadows import cast_shadows, shells_depth
 from clfur.pipeline.views import grid_of, light_of, view_of
 from clfur.stages import shade
 from clfur.stages import shells as stage
+from clfur.stages.lighting import unshadowed
 from clfur.stages.raster import raster
 from clfur.stages.strands import no_strands
 from clfur.stages.tessellate import tessellate
@@ -260,8 +261,8 @@ def test_the_body_is_dark_under_the_fur(gpu):
         visible, hair = raster(gpu, view, None, body), no_strands(gpu)
         settings = clfur.Settings(raster="samples", samples=1, shadow_map=0)
         cast = cast_shadows(gpu, scene, settings, hair, body, furred(gpu, scene.mesh, scene.shells))
-        dark, full = (shade.color(gpu, view, light, visible, hair, body, (1, 1, 1), each).get()[..., 0]
-                      for each in (cast, None))
+        dark, full = (shade.color(gpu, view, each, visible, hair, body, (1, 1, 1)).get()[..., 0]
+                      for each in (cast, unshadowed(gpu, light)))
         share = (dark[full > .2] / full[full > .2]).mean()
         assert share == pytest.approx(1) if alpha == 1 else .05 < share < .6
 

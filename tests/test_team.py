@@ -86,7 +86,7 @@ def test_arrays_are_not_left_on_another_device(gpu, team):
 
 @pytest.mark.parametrize("which", [0, 1])
 @pytest.mark.parametrize("kernel", ["voxelize.lengths", "raster.lines", "shade.color", "zscan.columns", "strands.grow",
-                                    "coverage.gather", "coverage.reach"])
+                                    "coverage.gather", "coverage.transmittance"])
 def test_a_device_that_fails_is_dropped_and_its_share_redone(gpu, team, sphere, kernel, which):
     scene = scene_of("faces", sphere)
     settings = attrs.evolve(SETTINGS, raster="coverage" if kernel.startswith("coverage") else "samples")

@@ -29,7 +29,7 @@ from clfur import truth
 from clfur.color import srgb_to_linear
 from clfur.files.teapot import teapot
 from clfur.pipeline.shadows import cast_shadows
-from clfur.pipeline.views import light_of, view_of
+from clfur.pipeline.views import view_of
 from clfur.scene import frame
 from clfur.settings import SHADOWS
 from clfur.stages import shade
@@ -68,14 +68,14 @@ def on_device(gpu, scene):
 def unsummed(gpu, scene, settings):
     """The picture without the sum along the light: a place sees its own cells; the mean one halves the light."""
     strands, body = on_device(gpu, scene)
-    shadows = cast_shadows(gpu, scene, settings, strands, body)
-    cells = np.diff(shadows.sums.get(), axis=0)
-    packed = shadows.shadow.copy()
+    lighting = cast_shadows(gpu, scene, settings, strands, body)
+    cells = np.diff(lighting.crossings.get(), axis=0)
+    packed = lighting.shadows.get()
     packed["hair"] = math.log(2) * np.count_nonzero(cells) / cells.sum(dtype=float), 0, 0, 0
-    shadows = dataclasses.replace(shadows, shadow=packed, sums=gpu.upload(np.concatenate([cells, 0 * cells[:1]])))
+    lighting = dataclasses.replace(lighting, shadows=gpu.upload(packed),
+                                   crossings=gpu.upload(np.concatenate([cells, 0 * cells[:1]])))
     view = view_of(scene, settings.samples)
-    return shade.color(gpu, view, light_of(scene.light), raster(gpu, view, strands, body), strands,
-                       body, scene.body_color, shadows).get()
+    return shade.color(gpu, view, lighting, raster(gpu, view, strands, body), strands, body, scene.body_color).get()
 
 
 def with_hair(scene, **fields):
@@ -202,7 +202,7 @@ def figure_13(gpu, options, path):
         settings, ours = Settings(shadows=method, shadow_map=0, grid=grid), with_hair(near, alpha=alphas[method])
         rows[0][1].append(share(clfur.render(ours, gpu, settings)))
         rows[1][1].append(share(unsummed(gpu, ours, settings)))
-        half = cast_shadows(gpu, ours, settings, *on_device(gpu, ours)).sums.get()[grid // 2]
+        half = cast_shadows(gpu, ours, settings, *on_device(gpu, ours)).crossings.get()[grid // 2]
         rows[2][1].append(blocks(np.exp(-math.log(2) * half / half[half > 0].mean()), options.size))
     sheet(path, f"Figure 13: the light that each voxelization lets through, {grid} cells a side, magnified",
           [f"{m}, alpha {alphas[m]:.4g}" for m in methods], rows)
@@ -232,9 +232,9 @@ def places(points, spans, count, seed=0):
     return place[:, :3].astype(float), own, place[:, 3].astype(float)
 
 
-def crossings(shadows, place, width):
-    """Fragments or crossings before each place, [Q] float64, as through_hair in cl/shade.cl finds them."""
-    sums, grid = shadows.sums.get().astype(float), shadows.grid
+def crossings(lighting, place, width):
+    """Fragments or crossings before each place, [Q] float64, as through_hair in cl/light.h finds them of one light."""
+    sums, grid = lighting.crossings.get().astype(float), lighting.grids.get()[0]
     to_grid = grid["to_grid"].astype(float).T
     c = place @ to_grid[:, :3].T + to_grid[:, 3]
     size = np.array(sums.shape[::-1]) - (0, 0, 1)
@@ -247,7 +247,7 @@ def crossings(shadows, place, width):
             cx, cy = np.clip(x0 + i, 0, size[0] - 1), np.clip(y0 + j, 0, size[1] - 1)
             column = sums[z0, cy, cx] * (1 - (z - z0)) + sums[z0 + 1, cy, cx] * (z - z0)
             total += inside * column * abs(1 - i - (x - x0)) * abs(1 - j - (y - y0))
-    _, per_width, per_fragment, _ = shadows.shadow["hair"]
+    _, per_width, per_fragment, _ = lighting.shadows.get()[0]["hair"]
     return np.maximum(total - per_width * width / c[:, 3] - per_fragment, 0)
 
 
@@ -339,12 +339,12 @@ def measure(gpu, name, mesh, count, options):
     for turn in range(options.repeat + 1):
         for method, grid in every:
             gpu.start()
-            shadows = cast_shadows(gpu, scene, Settings(shadows=method, grid=grid, shadow_map=0),
-                                   judged.strands, judged.body)
+            lighting = cast_shadows(gpu, scene, Settings(shadows=method, grid=grid, shadow_map=0),
+                                    judged.strands, judged.body)
             times.setdefault((method, grid), []).append(1e3 * sum(gpu.seconds().values()))
             if turn == 0:
-                amount = crossings(shadows, judged.place, judged.width)
-                wrong = np.exp(-float(shadows.shadow["hair"][0]) * amount) - light
+                amount = crossings(lighting, judged.place, judged.width)
+                wrong = np.exp(-float(lighting.shadows.get()[0]["hair"][0]) * amount) - light
                 power, best = fitted(amount, light)
                 rows[method, grid] = {
                     "error": np.abs(wrong).mean(), "bias": wrong.mean(), "lit": np.abs(wrong[lit]).mean(),

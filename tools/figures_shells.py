@@ -12,6 +12,7 @@ import clfur
 from clfur.pipeline.views import light_of, view_of
 from clfur.scene import frame
 from clfur.stages import march, shade
+from clfur.stages.lighting import unshadowed
 from clfur.stages.raster import raster
 from clfur.stages.tessellate import tessellate
 
@@ -171,17 +172,17 @@ def marched(gpu, options, path):
                  for h in heights]
         for size in ((320, 240), (640, 480), (1280, 960)):
             scene = clfur.Scene(mesh=mesh, fur=fur, camera=clfur.Camera(size=size), light=LIGHT)
-            view, light = view_of(scene, 1), light_of(LIGHT)
+            view, lighting = view_of(scene, 1), unshadowed(gpu, light_of(LIGHT))
             visible, times = raster(gpu, view, None, shells.body), []
             facing = gpu.full(visible.shape, np.uint32, 0)   # behind nothing, and towards the eye
             for _ in range(11):
                 gpu.start()
                 for layer in grown:
                     seen = raster(gpu, view, None, layer, after=facing)
-                    shade.color(gpu, view, light, seen, shells.skin, layer, FUR)
+                    shade.color(gpu, view, lighting, seen, shells.skin, layer, FUR)
                 drawn = gpu.seconds()
                 gpu.start()
-                march.march(gpu, view, shells.shell, shells.packed, light, visible)
+                march.march(gpu, view, shells.shell, shells.packed, lighting, visible)
                 spent = gpu.seconds()
                 times.append((drawn["raster"], drawn["raster"] + drawn["shade"], spent["entries"] + spent["march"],
                               spent["entries"]))

@@ -17,6 +17,7 @@ from clfur.pipeline.views import light_of, view_of
 from clfur.scene import Camera, Light, frame
 from clfur.stages import march, shade
 from clfur.stages import shells as stage
+from clfur.stages.lighting import unshadowed
 from clfur.stages.raster import NONE, raster
 from clfur.stages.strands import no_strands
 from clfur.stages.tessellate import tessellate
@@ -58,14 +59,14 @@ class Furred:
         packed = self.packed.copy()
         packed["kind"][3], packed["size"][1] = filtered, layers
         scene = clfur.Scene(mesh=self.mesh, fur=self.fur, camera=camera, light=Light(direction=(1, -1, -0.6)))
-        view, light = view_of(scene, samples), light_of(scene.light)
+        view, lighting = view_of(scene, samples), unshadowed(self.gpu, light_of(scene.light))
         visible = raster(self.gpu, view, None, self.body)
-        image, through, _ = march.march(self.gpu, view, self.shell, packed, light, visible)
+        image, through, _ = march.march(self.gpu, view, self.shell, packed, lighting, visible)
         image, through, keys = image.get().astype(float), through.get().astype(float), visible.get()
         for s in range(samples):
             alone = np.full_like(keys, NONE)
             alone[..., s] = keys[..., s]
-            behind = shade.color(self.gpu, view, light, self.gpu.upload(alone), self.skin, self.body,
+            behind = shade.color(self.gpu, view, lighting, self.gpu.upload(alone), self.skin, self.body,
                                  scene.body_color)
             image += through[..., s:s + 1] * behind.get()
         return image

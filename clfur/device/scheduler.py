@@ -158,6 +158,18 @@ class Scheduler:
                                 src_offset=array.offset + first * array.strides[0], dst_offset=0)
             return there
 
+    def joined(self, arrays, dtype):
+        """Device arrays, None for none, one after the other -> [all their values]; one alone is not copied."""
+        arrays = [array for array in arrays if array is not None]
+        if len(arrays) == 1:
+            return arrays[0]
+        there, at = self.empty(sum(array.size for array in arrays), dtype), 0
+        with self._watched("takes no data"):
+            for array in arrays:
+                cl.enqueue_copy(self.queue, there.base_data, array.base_data, byte_count=array.nbytes, dst_offset=at)
+                at += array.nbytes
+        return there
+
     def download(self, array: cla.Array) -> np.ndarray:
         """Copy of a device array on the host."""
         with self._watched("gives no data"):

@@ -43,7 +43,7 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     corners = np.array([(x, y, 1) for x in (0, width) for y in (0, height)]) @ to_place.T
     window = corners[:, :2].min(0), corners[:, :2].max(0)
     seen_hair, seen_skin = _before(eye, hair, skin, near, window)
-    light = _Light(scene, hair, skin)
+    lights = [_Light(scene, light, hair, skin) for light in scene.lights]
 
     result = np.zeros((height, width, 4))
     rows = max(RAYS // (width * samples**2), 1)
@@ -58,9 +58,10 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
         bare = np.flatnonzero((body_depth <= depth) & (triangle >= 0))
         lit[nearer, 3] = lit[bare, 3] = 1
         p, fibre = eye.points(places[nearer], depth[nearer]), fibre[nearer]
-        lit[nearer, :3] = light.on_hair(p, _towards(eye, p), fibre, seen_hair.share(places[nearer], fibre))
+        v, share = _towards(eye, p), seen_hair.share(places[nearer], fibre)
+        lit[nearer, :3] = sum(light.on_hair(p, v, fibre, share) for light in lights)
         p = eye.points(places[bare], body_depth[bare])
-        lit[bare, :3] = light.on_skin(p, _towards(eye, p), triangle[bare])
+        lit[bare, :3] = sum(light.on_skin(p, _towards(eye, p), triangle[bare]) for light in lights)
         result[top:end] = lit.reshape(end - top, width, samples**2, 4).mean(2)
         if progress:
             progress(end / height)
@@ -194,10 +195,10 @@ def _towards(eye, p):
 
 
 class _Light:
-    """The light on places of a scene."""
+    """One light of a scene on places in it."""
 
-    def __init__(self, scene, hair, skin):
-        self.light, self.hair, self.skin, self.body_color = scene.light, hair, skin, scene.body_color
+    def __init__(self, scene, light, hair, skin):
+        self.light, self.hair, self.skin, self.body_color = light, hair, skin, scene.body_color
         spot, direction = self.light.position is not None, self.light.direction
         _, radius = extent(scene.mesh, scene.fur)
         self.eye = Eye(self.light.position if spot else np.zeros(3), frame_along(direction), not spot)

@@ -14,7 +14,7 @@ from ..stages.lod import thin
 from ..stages.raster import raster
 from ..stages.strands import bring, grow, no_strands
 from ..stages.tessellate import no_surface, tessellate
-from .shadows import cast, plan_shadows, settle
+from .shadows import accumulate, finish, plan_shadows
 
 
 def let_go(plan, gpu):
@@ -100,9 +100,9 @@ def rasterize_body(gpu, plan, view):
 
 
 def lighting(gpu, team, plan, hashes):
-    """(`Shadows` before all lights, {what: SHA-256 of its bits} if ``hashes``), those of the frame before if only the
-    camera has moved; a team's devices share the strands."""
-    return gpu.keep("shadows", (*plan.lit_by(plan.shadow_lod), int(hashes)),
+    """(`Lighting`, {what: SHA-256 of its bits} if ``hashes``), that of the frame before if only the camera has moved; a
+    team's devices share the strands."""
+    return gpu.keep("lighting", (*plan.lit_by(plan.shadow_lod), int(hashes)),
                     functools.partial(_lighting, gpu, team, plan, hashes))
 
 
@@ -146,20 +146,33 @@ def _lighting(gpu, team, plan, hashes):
     furred = plan.scene.shells is not None and plan.settings.shadows != "off"
     bounds = shells.bounds_of(gpu, shell(gpu, plan)[0]) if furred else None
     shadows = plan_shadows(plan.rig, plan.strands, plan.body, bounds)
-    add = np.maximum if plan.settings.shadows == "binary" else np.add
-    cells, texels = team.gather("accumulate", functools.partial(_accumulate, plan, shadows, furred), [add, np.minimum],
-                                plan.strands, gpu)
-    digests = {name: hashlib.sha256(bytes_of(gpu, array)).hexdigest() for name, array in
-               (("voxels", cells), ("shadow_map", texels)) if hashes and array is not None}
-    return settle(gpu, shadows, on(gpu, cells), on(gpu, texels)), digests
+    n, add = len(shadows), np.maximum if plan.settings.shadows == "binary" else np.add
+    counted = list(team.gather("accumulate", functools.partial(_accumulate, plan, shadows, furred),
+                               [add] * n + [np.minimum] * n, plan.strands, gpu))
+    digests = {}
+    for name, arrays in ("voxels", counted[:n]), ("shadow_map", counted[n:]):
+        if hashes and any(array is not None for array in arrays):
+            digests[name] = _digest(gpu, arrays)
+    for i, array in enumerate(counted):
+        counted[i] = on(gpu, array)
+    return finish(gpu, shadows, counted), digests
+
+
+def _digest(gpu, arrays):
+    """SHA-256 in hex of the bits of arrays, one after the other."""
+    state = hashlib.sha256()
+    for array in arrays:
+        if array is not None:
+            state.update(bytes_of(gpu, array))
+    return state.hexdigest()
 
 
 def _accumulate(plan, shadows, furred, gpu, strands, is_body):
-    """(cells, shadow map) of a share of what stands before the light."""
-    counted = None, None
+    """[Cells and shadow maps] of a share of what stands before the lights."""
+    counted = None
     # With the body, shells are in one device's share, and there in the first part.
     fur = shell(gpu, plan) if furred and is_body else None
     for part in plan.parts(gpu, strands, is_body):
-        counted = cast(gpu, shadows, hair(gpu, plan, part, plan.shadow_lod), body(gpu, plan, part), *counted, fur)
+        counted = accumulate(gpu, shadows, hair(gpu, plan, part, plan.shadow_lod), body(gpu, plan, part), counted, fur)
         fur = None
     return counted

@@ -62,7 +62,7 @@ class Samples:
         """`Front` of a band, behind shell fur as `march.march` has it."""
         return Front(band.view, band.visible, through, shell_front, {})
 
-    def shade(self, gpu, band, front, shadows, image):
+    def shade(self, gpu, band, front, lighting, image):
         """Light what is in front -> (image over ``image``, {other output: array}), None and {} where not asked for."""
         plan, known = self.plan, None
         parts = plan.parts(gpu)
@@ -72,7 +72,7 @@ class Samples:
                 build.tally(gpu, plan, part)
             if plan.wants_color:
                 lit = _light(gpu, plan, band.view, band.visible, build.hair(gpu, plan, part, plan.settings.lod),
-                             build.body(gpu, plan, part), shadows, image, front.through, sums)
+                             build.body(gpu, plan, part), lighting, image, front.through, sums)
             if plan.others:
                 known = shade.about(gpu, front.view, front.keys, build.hair(gpu, plan, part, plan.settings.lod),
                                     build.body(gpu, plan, part), known)
@@ -119,16 +119,16 @@ class Coverage:
         return Front(one_sample(band.view), resolved.seen, resolved.alpha, resolved.seen_fur,
                      {"coverage": resolved.alpha}, fragments, resolved)
 
-    def shade(self, gpu, band, front, shadows, image):
+    def shade(self, gpu, band, front, lighting, image):
         """Light what is in front -> (image over ``image``, {other output: array}), None and {} where not asked for."""
         plan, parts, known = self.plan, band.counted.cut.parts, None
         sums = shade.no_light(gpu, *band.visible.shape[:2]) if plan.wants_color else None
         for part in reversed(parts):
             if part.hairy:
-                known = self._shade_hair(gpu, band, front, part, shadows, sums, known)
+                known = self._shade_hair(gpu, band, front, part, lighting, sums, known)
         for part in parts:
             if part.body:
-                known = self._shade_body(gpu, band, front, part, shadows, sums, known)
+                known = self._shade_body(gpu, band, front, part, lighting, sums, known)
         if plan.wants_color:
             image = shade.blend(gpu, sums, image, front.resolved.veil)
         return image, known or {}
@@ -159,25 +159,25 @@ class Coverage:
             build.let_go_of_parts(gpu, plan, parts, self._counted.cut.parts)
         return self._counted
 
-    def _shade_hair(self, gpu, band, front, part, shadows, sums, known):
+    def _shade_hair(self, gpu, band, front, part, lighting, sums, known):
         plan = self.plan
         hair = build.hair(gpu, plan, part, plan.settings.lod)
         if plan.wants_color:
-            coverage.light(gpu, band.view, plan.rig.lights[0], front.fragments, front.resolved,
-                           hair, self._transmittance(gpu, band, part, hair, shadows), sums)
+            coverage.light(gpu, band.view, lighting, front.fragments, front.resolved, hair,
+                           self._transmittance(gpu, band, part, hair, lighting), sums)
         if plan.others:
             known = shade.about(gpu, front.view, front.keys, hair, no_surface(gpu), known)
         return known
 
-    def _shade_body(self, gpu, band, front, part, shadows, sums, known):
+    def _shade_body(self, gpu, band, front, part, lighting, sums, known):
         plan, body, none = self.plan, build.body(gpu, self.plan, part), no_strands(gpu)
         if plan.wants_color:
-            _light(gpu, plan, band.view, band.visible, none, body, shadows, None, front.resolved.through, sums)
+            _light(gpu, plan, band.view, band.visible, none, body, lighting, None, front.resolved.through, sums)
         if plan.others:
             known = shade.about(gpu, front.view, front.keys, none, body, known)
         return known
 
-    def _transmittance(self, gpu, band, part, hair, shadows):
+    def _transmittance(self, gpu, band, part, hair, lighting):
         """How much light reaches the strands of a part; it stays for other rows and cameras where there is room."""
         plan = self.plan
         if plan.settings.shadows == "off":
@@ -188,7 +188,7 @@ class Coverage:
             self.warnings.add(f"{gpu.name} ends long loops: light is wrong on strands of {plan.longest:,} points with "
                               f"Settings.pcf {plan.settings.pcf}")
         if part not in known:
-            known[part] = coverage.reach(gpu, plan.rig.lights[0], hair, shadows)
+            known[part] = coverage.transmittance(gpu, hair, lighting)
         return known[part]
 
     def _pixels(self, gpu, band):
@@ -213,6 +213,6 @@ class Counted:
     visible: Any      # of the body in all of these rows, until it is taken
 
 
-def _light(gpu, plan, view, visible, hair, body, shadows, image, through, sums):
+def _light(gpu, plan, view, visible, hair, body, lighting, image, through, sums):
     body_color = (0, 0, 0) if plan.scene.body_color is None else plan.scene.body_color
-    return shade.color(gpu, view, plan.rig.lights[0], visible, hair, body, body_color, shadows, image, through, sums)
+    return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, through, sums)

@@ -11,6 +11,7 @@ import numpy as np
 from ..settings import Settings
 from ..stages import march, shells
 from ..stages.blur import blur, reach_of
+from ..stages.lighting import unshadowed
 from . import build
 from .passes import Coverage, Samples
 from .plan import Plan
@@ -69,18 +70,18 @@ def draw_frame(team, scene, settings, outputs=("color",), hashes=False, bands=No
 def draw_band(picture, top, end, gpu):
     """Rows of a picture from ``top`` on, as many as fit the device, ``end`` at most
     -> ((first, one past the last), {output: array [rows, width(, n)]}, [bits to hash])."""
-    plan, strands, shadows = picture.plan, picture.strands, None
+    plan, strands, lighting = picture.plan, picture.strands, None
     band = strands.rasterize(gpu, top, end)
     if plan.wants_color:
-        shadows, digests = build.lighting(gpu, picture.team, plan, picture.hashes)
+        lighting, digests = build.lighting(gpu, picture.team, plan, picture.hashes)
         picture.digests |= digests
     image = through = shell_front = None
     if plan.scene.shells:
         shell = build.shell(gpu, plan)
-        image, through, shell_front = march.march(gpu, band.view, *shell, plan.rig.lights[0],
-                                                   band.visible, shadows)
+        light = lighting or unshadowed(gpu, *plan.rig.lights)   # which the other outputs do not see
+        image, through, shell_front = march.march(gpu, band.view, *shell, light, band.visible)
     front = strands.resolve(gpu, band, through, shell_front)
-    image, known = strands.shade(gpu, band, front, shadows, image)
+    image, known = strands.shade(gpu, band, front, lighting, image)
     if plan.scene.shells and plan.others:
         shells.about(gpu, front.view, shell[0], front.keys, front.through, front.shell_front, known)
     return picture.read(gpu, band, front, {"color": image, **known, **front.outputs})

@@ -12,11 +12,12 @@ import numpy as np
 from ..errors import Error
 from ..scene import Curves, Strands
 from ..stages.blur import reach_of
-from ..stages.coverage import COUNTED, REACHED, Fragments, Resolved
+from ..stages.coverage import COUNTED, TRANSMITTANCE, Fragments, Resolved
+from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
 from ..stages.raster import VISIBLE
-from ..stages.shade import IMAGE, RADIANCE_SUMS, About, Shadows
+from ..stages.shade import IMAGE, RADIANCE_SUMS, About
 from ..stages.shells import pack, size_of, topology_of
 from ..stages.strands import AREA, Grown, Packed, Roots, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
@@ -203,7 +204,7 @@ class Plan:
             "strands": min(need["strands"], max(strand + self.longest * point, 1 << 16)),
             "rows": row,
         }
-        kept = REACHED.bytes * self.points * self.keeps_light(gpu)
+        kept = self._light * self.points * self.keeps_light(gpu)
         spare = gpu.memory * 15 // 16 - self._fixed - sum(least.values()) - kept
         room = _share(spare, {name: need[name] - least[name] for name in need})
         room = {name: least[name] + room[name] for name in need}
@@ -233,17 +234,26 @@ class Plan:
     def _fixed(self):
         """Bytes on the device of what is never divided."""
         scene, settings = self.scene, self.settings
-        fixed = Shadows.bytes(sample=settings.shadow_map**2) + self.faces * MESH_FACE + self._shells
+        fixed = self.faces * MESH_FACE + self._shells
         if scene.mesh is not None:
             fixed += len(scene.mesh.positions) * MESH_VERTEX
+        casting = sum(bool(np.any(light.color)) for light in scene.lights)   # the others are out
+        maps = casting * (1 + (casting > 1))                                 # several are put together from as many
+        fixed += maps * Lighting.bytes(sample=settings.shadow_map**2)
         if settings.shadows != "off" and (self.strands or scene.shells):
-            fixed += CELLS.bytes * settings.grid**3 + Shadows.bytes(layer=(settings.grid + 1) * settings.grid**2)
+            layers = Lighting.bytes(layer=(settings.grid + 1) * settings.grid**2)
+            fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
         return fixed
+
+    @property
+    def _light(self):
+        """Bytes on the device of how much light, of all lights, reaches a point of strands."""
+        return TRANSMITTANCE.bytes * len(self.scene.lights)
 
     def keeps_light(self, gpu):
         """Whether there is room for how much light reaches all points of strands: then they are asked once for all
         bands of the picture, and for frames in which only the camera moves."""
-        return self.uses_coverage and self.settings.shadows != "off" and REACHED.bytes * self.points <= gpu.memory // 8
+        return self.uses_coverage and self.settings.shadows != "off" and self._light * self.points <= gpu.memory // 8
 
     def _bytes(self, gpu):
         """Bytes on the device of a strand and of each of its points."""
@@ -253,7 +263,7 @@ class Plan:
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
             strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
         if self.uses_coverage and not self.keeps_light(gpu):
-            point += REACHED.bytes
+            point += self._light
         return strand, point
 
     # --- parts --------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""What stands before the light: hair in a grid of cells, the body in a shadow map."""
+"""What stands before the lights: hair in a grid of cells, the body in a shadow map, of each light."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,7 +8,8 @@ import numpy as np
 from .. import layout
 from ..errors import Error
 from ..scene import hair_bounds
-from ..stages import lod, shade, shells
+from ..stages import lod, shells
+from ..stages.lighting import light_up
 from ..stages.raster import raster
 from ..stages.voxelize import depths_for, most_of, own_share, unit_for, voxelize
 from ..stages.zscan import zscan
@@ -17,18 +18,19 @@ from .views import Rig
 
 @dataclass(frozen=True)
 class Plan:
-    """How a scene's shadows are cast, before anything is.
+    """How a light's shadow is cast, before anything is.
 
-    grid, seen: `layout.Grid` and `layout.View` of the light, or None where there is no hair or no body to cast shadows.
-    method: as in `Settings.shadows`.  weights: [types] what a crossing of each adds; of shells: the last.  unit: what
-    one amounts to.  shadow: `layout.Shadow`.
+    light: `layout.Light`.  grid, light_view: `layout.Grid` and `layout.View` of it, or None where there is no hair or
+    no body to cast a shadow.  method: as in `Settings.shadows`.  weights: [types] what a crossing of each adds; of
+    shells: the last.  crossing_unit: what one amounts to.  shadow: `layout.Shadow`.
     """
 
+    light: Any
     grid: Any
-    seen: Any
+    light_view: Any
     method: str
     weights: Any
-    unit: int
+    crossing_unit: int
     shadow: Any
 
 
@@ -44,21 +46,24 @@ def shells_depth(alpha, method):
 
 
 def plan_shadows(rig, strands, body, fur=None):
-    """`Plan` for a `Rig`, this many strands, and whether there is a body.
+    """[`Plan`] of each light of a `Rig`, for this many strands, and whether there is a body.
 
     Raises `clfur.Error` if counters could overflow.
     ``fur``: `stages.shells.bounds_of` the scene's shells, if they are to cast shadows.
     """
+    return [_plan(rig, *of_light, strands, body, fur) for of_light in zip(rig.lights, rig.grids, rig.light_views)]
+
+
+def _plan(rig, light, grid, light_view, strands, body, fur):
+    """`Plan` of one light."""
     scene, settings = rig.scene, rig.settings
-    method, grid, seen, weights, unit = settings.shadows, None, None, None, 0
-    shadow = np.zeros((), layout.Shadow)
+    method, weights, unit, shadow = settings.shadows, None, 0, np.zeros((), layout.Shadow)
     hairs = scene.strands.hair_types if scene.strands else []
     depths = depths_for([hair.alpha for hair in hairs], method)
     if fur:
         depths = np.append(depths, shells_depth(scene.shells.alpha, method))
     some = np.array([strands > 0] * len(hairs) + [True] * bool(fur), bool)
-    if method != "off" and (depths[some] > 0).any():
-        grid = rig.grids[0]
+    if grid is not None and (depths[some] > 0).any():
         segments, length, area = hair_bounds(scene.strands, strands) if strands else (0, 0, 0)
         most = most_of(grid, method, segments, length, area * (lod.WIDEST if settings.lod else 1))
         if fur:
@@ -69,40 +74,50 @@ def plan_shadows(rig, strands, body, fur=None):
             raise Error(f"Settings.grid is {settings.grid}; allowed: fewer cells, less hair, hair types of more equal "
                         f"alpha or a spot with a wider angle, so that 32-bit counters can hold the hair's shadow")
         shadow["hair"] = depths.max(), *own_share(grid, method), method == "length"
-    if method != "off" and body and settings.shadow_map:
-        seen = rig.light_views[0]
+    else:
+        grid = None
+    if light_view is not None and body:
         shadow["body"][:2] = 1, settings.pcf
-    return Plan(grid, seen, method, weights, unit, shadow)
+    else:
+        light_view = None
+    return Plan(light, grid, light_view, method, weights, unit, shadow)
 
 
-def cast(gpu, plan, strands, body, cells=None, seen=None, shell=None):
-    """Put strands and body, or a part of them, before the light -> (cells, map), each None if it isn't planned.
+def accumulate(gpu, plans, strands, body, counted=None, shell=None):
+    """Put strands and body, or a part of them, before all lights -> [cells of each light, then shadow map of each];
+    None where none is planned.
 
-    ``cells``, ``seen``: what is there already.  ``shell``: `stages.shells.Shell` and its `layout.Shells`, which are put
-    there once in all.
+    ``counted``: what is there already, as it is given back.  ``shell``: `stages.shells.Shell` and its `layout.Shells`,
+    which are put there once in all.
     """
-    if plan.grid is not None:
-        cells = voxelize(gpu, plan.grid, strands, plan.method, plan.weights, cells)
-        if shell is not None:
-            cells = shells.deposit(gpu, plan.grid, *shell, plan.method, plan.weights[-1], cells)
-    if plan.seen is not None:
-        with gpu.called("shadow_map"):
-            seen = raster(gpu, plan.seen, None, body, seen)
-    return cells, seen
+    n = len(plans)
+    counted = list(counted or [None] * (2 * n))
+    for i, plan in enumerate(plans):
+        if plan.grid is not None:
+            counted[i] = voxelize(gpu, plan.grid, strands, plan.method, plan.weights, counted[i])
+            if shell is not None:
+                counted[i] = shells.deposit(gpu, plan.grid, *shell, plan.method, plan.weights[-1], counted[i])
+        if plan.light_view is not None:
+            with gpu.called("shadow_map"):
+                counted[n + i] = raster(gpu, plan.light_view, None, body, counted[n + i])
+    return counted
 
 
-def settle(gpu, plan, cells, seen):
-    """What `cast` gave in the end -> `shade.Shadows`."""
-    none = shade.no_shadows(gpu)
-    return shade.Shadows(plan.shadow,
-                         none.grid if cells is None else plan.grid,
-                         none.seen if seen is None else plan.seen,
-                         none.sums if cells is None else zscan(gpu, cells, plan.unit),
-                         none.map if seen is None else seen)
+def finish(gpu, plans, counted):
+    """What `accumulate` gave in the end, which it takes from the list -> `Lighting`."""
+    crossings = []
+    for i, plan in enumerate(plans):   # cells go as soon as they are summed
+        cells, counted[i] = counted[i], None
+        crossings.append(None if cells is None else zscan(gpu, cells, plan.crossing_unit))
+        del cells
+    maps = counted[len(plans):]
+    return light_up(gpu, [plan.light for plan in plans], [plan.shadow for plan in plans],
+                    [plan.grid for plan in plans], [plan.light_view for plan in plans], crossings, maps)
 
 
 def cast_shadows(gpu, scene, settings, strands, body, shell=None):
-    """The shadows of whole strands and a whole body, and of shells as in `cast` -> `shade.Shadows`."""
+    """The lights of a scene, and the shadows of whole strands, a whole body, and shells as in `accumulate`
+    -> `Lighting`."""
     bounds = shells.bounds_of(gpu, shell[0]) if shell else None
-    plan = plan_shadows(Rig.of(scene, settings), len(strands.spans), len(body.triangles), bounds)
-    return settle(gpu, plan, *cast(gpu, plan, strands, body, shell=shell))
+    plans = plan_shadows(Rig.of(scene, settings), len(strands.spans), len(body.triangles), bounds)
+    return finish(gpu, plans, accumulate(gpu, plans, strands, body, shell=shell))

@@ -22,8 +22,8 @@ class Rig:
     radius: float         # and its radius [world]
     view: Any             # layout.View: the whole picture
     lights: tuple         # layout.Light of each light of the scene,
-    light_views: tuple    # its layout.View, None without a shadow map,
-    grids: tuple          # and its layout.Grid, None without shadows
+    light_views: tuple    # its layout.View, None without a shadow map or where it is out,
+    grids: tuple          # and its layout.Grid, None without shadows or where it is out
 
     @classmethod
     def of(cls, scene, settings=Settings()):
@@ -35,8 +35,10 @@ class Rig:
             scene, settings, *ball, view_of(scene, settings.samples, ball),
             lights=tuple(light_of(light) for light in scene.lights),
             light_views=tuple(light_view_of(scene, settings.shadow_map, light, ball)
-                              if shadows and settings.shadow_map else None for light in scene.lights),
-            grids=tuple(grid_of(scene, settings.grid, light, ball) if shadows else None for light in scene.lights))
+                              if shadows and settings.shadow_map and np.any(light.color) else None
+                              for light in scene.lights),
+            grids=tuple(grid_of(scene, settings.grid, light, ball) if shadows and np.any(light.color) else None
+                        for light in scene.lights))
 
 
 def view_of(scene, samples, ball=None):

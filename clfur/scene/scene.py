@@ -30,6 +30,14 @@ def _fur(value, where):
     return fur
 
 
+def _lights(value, where):
+    """Return what `Scene.light` takes; a list becomes a tuple."""
+    lights = value if isinstance(value, (tuple, list)) else (value,)
+    if not lights or not all(isinstance(light, Light) for light in lights):
+        checks.refuse(where, value, "an object of class Light, or a list of them")
+    return tuple(lights) if isinstance(value, list) else value
+
+
 def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: float = 45,
           direction: Sequence[float] = (0.45, 0.3, 1.0)) -> Camera:
     """Return a Camera that sees all of a mesh and its fur.
@@ -63,17 +71,18 @@ class Scene:
 
     mesh: Mesh or None. fur: Strands or Shells (which need a mesh), Curves, a list of Shells (undercoat) and one of
     Strands and Curves (guard hairs), or None; a mesh or fur is required. camera: Camera, or None to frame all of it.
-    light: Light. body_color: linear RGB >= 0 of the mesh itself, or None to leave it undrawn. Raises Error where the
-    parts don't fit: a type_map, color_texture or pattern "sine" on a mesh without uv, levels for another number of
-    faces, or an edge whose two faces give it different levels.
+    light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself, or None to leave it
+    undrawn. Raises Error where the parts don't fit: a type_map, color_texture or pattern "sine" on a mesh without uv,
+    levels for another number of faces, or an edge whose two faces give it different levels.
 
-    A list is stored as a tuple. `strands` are the Strands or Curves of `fur`, `shells` its Shells, or None.
+    A list is stored as a tuple. `lights` are all lights, always in a tuple; `strands` are the Strands or Curves of
+    `fur`, `shells` its Shells, or None.
     """
 
     mesh: Mesh = checks.field(checks.instance(Mesh, none=True), default=None)
     fur: Strands | Curves | Shells | tuple = checks.field(_fur, default=None)
     camera: Camera = checks.field(checks.instance(Camera, none=True), default=None)
-    light: Light = checks.field(checks.instance(Light), default=Light())
+    light: Light | tuple = checks.field(_lights, default=Light())
     body_color: np.ndarray = checks.field(checks.optional(checks.color), default=(0.30, 0.20, 0.12))
     strands: Strands | Curves = attrs.field(init=False, repr=False)
     shells: Shells = attrs.field(init=False, repr=False)
@@ -81,7 +90,7 @@ class Scene:
     @property
     def lights(self):
         """All lights, in a tuple."""
-        return (self.light,)
+        return self.light if isinstance(self.light, tuple) else (self.light,)
 
     def __attrs_post_init__(self):
         strands, shells = strands_and_shells(self.fur)
@@ -102,10 +111,11 @@ class Scene:
         _, radius = extent(self.mesh, self.fur)
         if radius and not 1e-6 <= radius <= checks.LARGEST:
             raise Error(f"Scene is {2 * radius:.3g} across; allowed: 2e-06 to 2e+09, where float32 is exact enough")
-        place = self.light.position
-        if place is not None and np.linalg.norm(place - extent(self.mesh, self.fur)[0]) > 1e3 * (radius or 1):
-            raise Error(f"Light.position is {checks.shown(place)}; allowed: at most 1000 radii of the scene away, "
-                        f"or no position: light that is all but parallel")
+        center, _ = extent(self.mesh, self.fur)
+        for place in (light.position for light in self.lights if light.position is not None):
+            if np.linalg.norm(place - center) > 1e3 * (radius or 1):
+                raise Error(f"Light.position is {checks.shown(place)}; allowed: at most 1000 radii of the scene away, "
+                            f"or no position: light that is all but parallel")
         if self.camera is None:
             object.__setattr__(self, "camera", frame(self.mesh, self.fur))
 

@@ -12,7 +12,7 @@ from .strands import arrays
 
 TILE = layout.CONSTANTS["TILE"]
 COUNTED = Declared("pixel", np.uint32, 2)                 # depth of what hides strands, fragments
-REACHED = Declared("point", np.float32)                   # share of direct light, 0..1
+TRANSMITTANCE = Declared("point", np.float32)             # share of a light's direct light, 0..1
 
 
 @dataclass(frozen=True)
@@ -101,26 +101,27 @@ def steps_of(counts, used):
     return int((2 * counts + used * (12 + np.log2(np.maximum(counts, 1)))).max())
 
 
-def reach(gpu, lamp, strands, shadows):
-    """How much direct light reaches each point of `Grown` strands -> [points] float32 0..1."""
-    reached = REACHED.empty(gpu, len(strands.points))
-    gpu.launch("coverage.reach", len(strands.spans), lamp=lamp, reached=reached, **shadows.arrays(),
+def transmittance(gpu, strands, lighting):
+    """Share of each light's direct light that reaches points of `Grown` strands -> [lights, points] float32 0..1."""
+    n_points = len(strands.points)
+    reaching = TRANSMITTANCE.empty(gpu, (len(lighting.lights), n_points))
+    gpu.launch("coverage.transmittance", len(strands.spans), n_points=n_points, reaching=reaching, **lighting.arrays(),
                **arrays(strands, "points", "tangents", "strand_of", "strand_normal", "strand_uv", "types", "colors",
                         "spans"))
-    return reached
+    return reaching
 
 
-def light(gpu, view, lamp, fragments, resolved, strands, reached=None, sums=None):
+def light(gpu, view, lighting, fragments, resolved, strands, reaching=None, sums=None):
     """Light the fragments of `Grown` strands -> [rows, width, 4] int64, r, g, b, alpha in 2^-32, see `shade.blend`.
 
-    ``strands`` may be a part of them all: what it shows is added to ``sums``.  ``reached``: what `reach` gave; all
-    light if None.
+    ``strands`` may be a part of them all: what it shows is added to ``sums``.  ``reaching``: what
+    `transmittance` gave; all light if None.
     """
     rows, width = fragments.starts.shape
     sums = no_light(gpu, rows, width) if sums is None else sums
-    gpu.launch("coverage.light", rows * width, view=view, part=(strands.first_point, len(strands.points)), lamp=lamp,
-               pixels=fragments.pixels, used=resolved.used,
-               fragments=fragments.list, shaded=reached is not None,
-               reached=gpu.empty(0, np.float32) if reached is None else reached, radiance_sums=sums,
+    gpu.launch("coverage.light", rows * width, view=view, part=(strands.first_point, len(strands.points)),
+               pixels=fragments.pixels, used=resolved.used, fragments=fragments.list,
+               n_lights=len(lighting.lights), lights=lighting.lights, shaded=reaching is not None,
+               reaching=gpu.empty(0, np.float32) if reaching is None else reaching, radiance_sums=sums,
                **arrays(strands, "points", "tangents", "strand_of", "strand_uv", "types", "colors", "color_per"))
     return sums

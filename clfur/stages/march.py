@@ -7,7 +7,7 @@ import numpy as np
 
 from ..layout import Arrays, array, block
 from .raster import NONE, raster
-from .shade import IMAGE, no_shadows
+from .shade import IMAGE
 
 ENTRIES = 8                  # times that a ray may come into the fur
 
@@ -21,7 +21,7 @@ class Rays(Arrays):
     fur: Any = array("sample", np.uint64, None, NONE)     # depth << 32 | face where half of it is gone
 
 
-def march(gpu, view, shell, packed, light, visible, shadows=None):
+def march(gpu, view, shell, packed, lighting, visible):
     """Take all rays through the fur -> (image, through, fur).
 
     image: [rows, width, 4] float32, the light of the fur, premultiplied. through: [rows, width, samples] float32, the
@@ -29,7 +29,6 @@ def march(gpu, view, shell, packed, light, visible, shadows=None):
     half of it is gone.
     """
     rows, width, samples = visible.shape
-    shadows = shadows or no_shadows(gpu)
     image, rays = IMAGE.empty(gpu, (rows, width)), Rays.empty(gpu, {"sample": visible.shape})
     pattern = shell.pattern
     across, down = block(gpu.lanes)
@@ -38,10 +37,10 @@ def march(gpu, view, shell, packed, light, visible, shadows=None):
         left = gpu.full(1, np.int32, 0)
         with gpu.called("entries"):
             entries = raster(gpu, view, None, shell, after=rays.after)
-        gpu.launch("march.march", blocks, view=view, shells=packed, light=light, visible=visible, entries=entries,
+        gpu.launch("march.march", blocks, view=view, shells=packed, visible=visible, entries=entries,
                    border=shell.border, faces=pattern.faces, neighbours=pattern.neighbours, curves=shell.curves,
                    normals=shell.normals, lattice=pattern.lattice, noise=pattern.noise, means=pattern.means,
-                   noise_box=pattern.box, left=left, image=image, **vars(rays), **shadows.arrays())
+                   noise_box=pattern.box, left=left, image=image, **vars(rays), **lighting.arrays())
         if not int(gpu.download(left)[0]):
             break
     return image, rays.through, rays.fur

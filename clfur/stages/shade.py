@@ -7,33 +7,10 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, Declared, array
-from .raster import VISIBLE
 from .strands import arrays
-from .zscan import SUMS
 
 IMAGE = Declared("pixel", np.float32, 4, 0)         # linear, premultiplied r, g, b, alpha
 RADIANCE_SUMS = Declared("pixel", np.int64, 4, 0)   # r, g, b, alpha in 2^-32
-
-
-@dataclass(frozen=True)
-class Shadows(Arrays):
-    """What stands between the light and a place."""
-
-    shadow: np.void                             # layout.Shadow
-    grid: np.void                               # layout.Grid
-    seen: np.void                               # layout.View of the light
-    sums: Any = array(SUMS)                     # [nz + 1, ny, nx] crossings before each layer
-    map: Any = array(VISIBLE)                   # [size, size, 1] the raster of the body
-
-    def arrays(self):
-        """All of it, as arguments of a launch."""
-        return vars(self)
-
-
-def no_shadows(gpu):
-    """`Shadows` of nothing."""
-    return Shadows.empty(gpu, {"layer": 0, "sample": 0}, shadow=np.zeros((), layout.Shadow),
-                         grid=np.zeros((), layout.Grid), seen=np.zeros((), layout.View))
 
 
 @dataclass(frozen=True)
@@ -48,24 +25,22 @@ class About(Arrays):
     coverage: Any = array("pixel", np.float32, None, 0)
 
 
-def color(gpu, view, light, visible, strands, body, body_color, shadows=None, image=None, through=None, sums=None):
+def color(gpu, view, lighting, visible, strands, body, body_color, image=None, through=None, sums=None):
     """Light every sample and average -> [rows, width, 4] float32, linear, premultiplied, alpha = coverage.
 
-    Strands by their types' looks, the body by Lambert.  ``shadows``: `Shadows`.
+    Strands by their types' looks, the body by Lambert.
     ``image``: what it is added to.  ``through``: [rows, width, samples] float32, the share of each sample's light and
     coverage that comes through what stands before it and is in ``image`` already; all of it if None.
     ``strands`` and ``body`` may be a part of what is visible: it is then added to ``sums``, see `blend`.
     """
-    shadows = shadows or no_shadows(gpu)
     rows, width, _ = visible.shape
     if sums is None and image is None:
         image = IMAGE.empty(gpu, (rows, width))
-    gpu.launch("shade.color", rows * width, view=view, part=_part(strands, body),
-               light=light, visible=visible,
+    gpu.launch("shade.color", rows * width, view=view, part=_part(strands, body), visible=visible,
                positions=body.positions, normals=body.normals, triangles=body.triangles, body_color=(*body_color, 0),
                veiled=through is not None, through=gpu.empty(0, np.float32) if through is None else through,
                more=sums is not None, radiance_sums=gpu.empty((0, 4), np.int64) if sums is None else sums,
-               image=gpu.empty((0, 4), np.float32) if image is None else image, **shadows.arrays(),
+               image=gpu.empty((0, 4), np.float32) if image is None else image, **lighting.arrays(),
                **arrays(strands, "points", "tangents", "strand_of", "strand_normal", "strand_uv", "types", "colors",
                         "color_per"))
     return image if sums is None else sums

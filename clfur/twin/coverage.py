@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from .lighting import light_at
 from .scatter import fibre
 from .vectors import f64, unit
 
@@ -168,11 +169,11 @@ def resolve(pieces, visible, fur=None, passed=None):
 # --- light ----------------------------------------------------------------------------------------------
 
 
-def light(view, lamp, y, x, weights, strands, reached=None):
+def light(view, lights, y, x, weights, strands, reaching=None):
     """Light of one pixel's strands -> [4] float64: linear, premultiplied r, g, b, alpha.
 
     weights: as from `resolve`.  A piece is lit at the place on its segment that is nearest to the pixel's middle at the
-    piece's depth.  reached: [points] share of direct light, all of it if None.
+    piece's depth.  lights: [n] structs.  reaching: [n, points] share of their direct light, all of it if None.
     """
     result, points, tangents = np.zeros(4), f64(strands.points)[:, :3], f64(strands.tangents)[:, :3]
     colors, eye = f64(strands.colors)[:, :3], f64(view["eye"])
@@ -182,18 +183,16 @@ def light(view, lamp, y, x, weights, strands, reached=None):
         q = np.linalg.solve(f64(view["to_screen"]).T, [x + 0.5, y + 0.5, e, 1])
         p = q[:3] / q[3]
         v = unit(eye[:3] - eye[3] * p)
-        to_light, shines = -f64(lamp["direction"])[:3], 1.0
-        if lamp["position"][3]:            # a spot
-            to_light = unit(f64(lamp["position"])[:3] - p)
-            shines = float(to_light @ -f64(lamp["direction"])[:3] >= lamp["cone"][0])
         way = points[k + 1] - points[k]
         at = min(max(way @ (p - points[k]) / (way @ way), 0), 1) if way.any() else 0.0
         t = unit(tangents[k] + at * (tangents[k + 1] - tangents[k]))
         color = (colors[0] if strands.color_per == 0 else colors[strand] if strands.color_per == 1
                  else colors[k] + at * (colors[k + 1] - colors[k]))
-        share = 1.0 if reached is None else reached[k] + at * (float(reached[k + 1]) - reached[k])
-        shine = f64(strands.types["shine"])[int(strands.uv[strand, 2])]
-        direct = shines * share * f64(lamp["color"])[:3]
-        rgb = fibre(*(each[None] for each in (color, shine, t, to_light, v)), direct, lamp["color"][3])
+        fibres = [each[None] for each in (color, f64(strands.types["shine"])[int(strands.uv[strand, 2])], t)]
+        rgb = np.zeros(3)
+        for n, lamp in enumerate(lights):
+            to_light, direct, ambient = light_at(lamp, p[None])
+            share = 1.0 if reaching is None else reaching[n][k] + at * (float(reaching[n][k + 1]) - reaching[n][k])
+            rgb += fibre(*fibres, to_light, v[None], share * direct, ambient)[0]
         result += weight * np.append(rgb, 1)
     return result

@@ -5,6 +5,7 @@ That is the walk of the kernel where the fur does not fold back or run through i
 
 import numpy as np
 
+from .lighting import light_at
 from .scatter import TURNED, fibre, surface
 from .shells import HEIGHTS, cover, height_at
 from .vectors import dot, f64, unit
@@ -24,14 +25,14 @@ FAR_FROM, FAR_TO = 0.3, 0.9
 TETRAHEDRA = np.array([(0, 1, 2, 5), (0, 1, 4, 5), (0, 3, 4, 5)])   # of a prism: 0 1 2 below, 3 4 5 above them
 
 
-def march(view, shells, light, visible, rounds, border, faces, curves, normals, lattice, noise, means, box,
+def march(view, shells, lights, visible, rounds, border, faces, curves, normals, lattice, noise, means, box,
           direct=1.0):
     """Take all rays through the fur -> (image [rows, width, 4], through, place, face).
 
     rounds: [rows, width, samples] uint64 each, the border triangles where rays come in, by order.  border: [B, 2].
     faces: [F, 3].  curves: [V, slabs + 1, 3].  lattice: [F, 4, 4].  noise: [z, y, x, 2].  box: origin of the noise and
-    its lattices a unit of length.  direct: share of the light that shadows leave.  place: [rows, width, samples, 3]
-    where half of the light is gone, and face the face there, -1 if it is not gone.
+    its lattices a unit of length.  lights: [n] structs.  direct: share of their light that shadows leave.
+    place: [rows, width, samples, 3] where half of the light is gone, and face the face there, -1 if it is not gone.
     """
     rows, width, samples = visible.shape
     slabs, bare = int(shells["kind"][2]), bool(shells["noise"][3])
@@ -66,7 +67,7 @@ def march(view, shells, light, visible, rounds, border, faces, curves, normals, 
         _see(shells, lattice, noise, means, f64(box), eye, directions, looks)
         part = _hide(looks, rays, rest, half, half_face, slabs)
         done |= rest == 0
-        image[rays] += _light(shells, light, faces, curves, normals, lattice, eye, directions, looks, part,
+        image[rays] += _light(shells, lights, faces, curves, normals, lattice, eye, directions, looks, part,
                               slabs, direct)
     return (image.reshape(rows, width, samples, 4).mean(2), rest.reshape(visible.shape),
             half.reshape(*visible.shape, 3), half_face.reshape(visible.shape))
@@ -219,7 +220,7 @@ def _hide(looks, rays, rest, half, half_face, slabs):
     return part
 
 
-def _light(shells, light, faces, curves, normals, lattice, eye, directions, looks, part, slabs, direct):
+def _light(shells, lights, faces, curves, normals, lattice, eye, directions, looks, part, slabs, direct):
     """Light [rays, 4] of the fur, once a tetrahedron: at the mean place of what it hides."""
     key = looks["ray"].astype(np.int64) << 40 | looks["tetrahedron"]
     _, first, group = np.unique(key, return_index=True, return_inverse=True)
@@ -245,18 +246,14 @@ def _light(shells, light, faces, curves, normals, lattice, eye, directions, look
     n = unit((weights * normals[corners]).sum(1))
     t = unit((weights * (curves[corners, slab[:, None] + 1] - curves[corners, slab[:, None]])).sum(1))
 
-    to_light = np.broadcast_to(-f64(light["direction"])[:3], p.shape)
-    strength = np.broadcast_to(f64(light["color"])[:3] * direct, p.shape)
-    if light["position"][3] > 0:
-        to_light = unit(f64(light["position"])[:3] - p)
-        strength = strength * (to_light @ -f64(light["direction"])[:3] >= float(light["cone"][0]))[:, None]
-    color, ambient = f64(shells["color"])[:3], float(light["color"][3])
-    shine = np.broadcast_to(f64(shells["shine"]), (len(p), 4))
-    if shine[0, 3] == TURNED:
-        n = unit(n - float(shells["size"][0]) * mean(looks["slope"]))
-        rgb = surface(color, shine, n, to_light, -d, strength, ambient)
-    else:
-        rgb = fibre(color, shine, t, to_light, -d, strength, ambient)
+    color, shine = f64(shells["color"])[:3], np.broadcast_to(f64(shells["shine"]), (len(p), 4))
+    rgb, turned = np.zeros(p.shape), unit(n - float(shells["size"][0]) * mean(looks["slope"]))
+    for light in lights:
+        to_light, strength, ambient = light_at(light, p)
+        if shine[0, 3] == TURNED:
+            rgb += surface(color, shine, turned, to_light, -d, direct * strength, ambient)
+        else:
+            rgb += fibre(color, shine, t, to_light, -d, direct * strength, ambient)
     root = float(shells["color"][3])
     rgb = rgb * (root + (1 - root) * h)[:, None]
     values = hidden[:, None] * np.concatenate([rgb, np.ones((len(rgb), 1))], 1)

@@ -5,6 +5,7 @@
 
 import numpy as np
 
+from .lighting import light_at
 from .scatter import fibre
 from .vectors import dot, f64, merge, mix, unit
 
@@ -20,25 +21,25 @@ PATTERNS = {   # in 1/16 pixel from the pixel's centre: the standard patterns of
 }
 
 
-def color(view, light, visible, strands, body, body_color):
+def color(view, lights, visible, strands, body, body_color):
     """Light every sample and average -> [height, width, 4] float64: linear, premultiplied, coverage in alpha.
 
-    view, light: structs. visible: [height, width, samples] uint64, depth << 32 | id.
+    view, lights [n]: structs. visible: [height, width, samples] uint64, depth << 32 | id.
     """
     lit = np.zeros((*visible.shape, 4))
-    light_color, ambient = f64(light["color"])[:3], float(light["color"][3])
     on, number, p, v = seen(view, visible)
     fur = number < BODY
-    to_light = np.broadcast_to(-f64(light["direction"])[:3], p.shape)
 
-    rgb = np.empty(p.shape)
+    rgb = np.zeros(p.shape)
     k, strand, share, t = on_strand(strands, number[fur], p[fur])
     shine = f64(np.asarray(strands.types)["shine"])[f64(strands.uv)[strand, 2].astype(int)]
     base = strand_color(strands, k, strand, share)
-    rgb[fur] = fibre(base, shine, t, to_light[fur], v[fur], light_color, ambient)
     n, _ = on_body(body, number[~fur] - BODY, p[~fur], v[~fur])
-    lambert = np.maximum(dot(n, to_light[~fur]), 0)[:, None]
-    rgb[~fur] = f64(body_color)[:3] * (light_color * lambert + ambient)
+    for light in lights:
+        to_light, direct, ambient = light_at(light, p)
+        rgb[fur] += fibre(base, shine, t, to_light[fur], v[fur], direct[fur], ambient)
+        lambert = np.maximum(dot(n, to_light[~fur]), 0)[:, None]
+        rgb[~fur] += f64(body_color)[:3] * (direct[~fur] * lambert + ambient)
 
     lit[on] = np.concatenate([rgb, np.ones((len(rgb), 1))], 1)
     return lit.mean(2)
