@@ -88,7 +88,7 @@ def test_root_uv_is_told(gpu):
 
 
 def test_a_root_normal_keeps_the_skins_shadow_off(gpu, sphere):
-    """Hair that lies on a sphere which the light grazes is shaded by the skin it lies on, unless that is known."""
+    """Hair that lies on a sphere which the light grazes is shaded by the body it lies on, unless that is known."""
     rng = np.random.default_rng(0)
     normals = rng.normal(size=(3000, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
