@@ -95,7 +95,7 @@ def test_rows_to_be_timed_are_in_the_picture(height, eye):
     assume(math.dist(eye, (0, 0, 0)) > 1e-3)
     scene = Scene(fur=Curves(CUBE), camera=Camera(eye=eye, target=(0, 0, 0), up=(.1, .2, .97), size=(8, height)))
     rows = [row for first, end in budget.bands(Rig.of(scene)) for row in range(first, end)]
-    assert rows and rows == sorted(set(rows)) and 0 <= rows[0] and rows[-1] < height
+    assert rows and rows == sorted(set(rows)) and rows[0] >= 0 and rows[-1] < height
     assert len(rows) <= max(.1 * height + budget.BANDS / 2, budget.BANDS)
 
 
