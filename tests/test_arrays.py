@@ -44,11 +44,11 @@ def test_an_array_that_is_not_declared_is_an_error_at_import(body):
     ("strand_of", 19, np.uint32, "uint32 [20]"), ("spans", (0, 4), np.uint32, "uint32 [0, 2]"),
     ("types", 2, layout.Light, None)])
 def test_an_array_unlike_its_declaration_is_refused(gpu, name, shape, dtype, allowed):
-    grown = strands.Grown.empty(gpu, ROWS)
-    with pytest.raises(TypeError, match=rf"Grown\.{name} is .*; allowed: ") as error:
+    grown = strands.DeviceStrands.empty(gpu, ROWS)
+    with pytest.raises(TypeError, match=rf"DeviceStrands\.{name} is .*; allowed: ") as error:
         replace(grown, **{name: gpu.empty(shape, dtype)})
     assert allowed is None or allowed in str(error.value)
-    with pytest.raises(TypeError, match=r"Grown\.first_point is an array on the device that is not declared"):
+    with pytest.raises(TypeError, match=r"DeviceStrands\.first_point is an array on the device that is not declared"):
         replace(grown, first_point=gpu.empty(1, np.uint32))
 
 
@@ -144,14 +144,14 @@ def test_the_plan_counts_all_of_strands(gpu, mesh, curves):
 def test_an_array_more_than_the_plan_counts_is_seen(gpu, mesh, monkeypatch, curves):
     """Planted: a class with an array of rows that the plan has not heard of."""
     @dataclass(frozen=True, kw_only=True)
-    class Longer(strands.Grown):
+    class Longer(strands.DeviceStrands):
         knots: Any = layout.array("knot", np.float32, 4)
 
     def empty(gpu, rows, **given):
         return Longer(**vars(right(gpu, rows, **given)),
                       knots=Longer.declared["knots"].empty(gpu, rows["point"]))
-    right = strands.Grown.empty
-    monkeypatch.setattr(strands.Grown, "empty", empty)
+    right = strands.DeviceStrands.empty
+    monkeypatch.setattr(strands.DeviceStrands, "empty", empty)
     with pytest.raises(AssertionError):
         check_counts(gpu, mesh, curves)
 

@@ -101,7 +101,7 @@ def cached_picture(scene, samples=8, folder=None, progress=None):
 
 
 def _geometry(scene):
-    """(strands, body) of a scene: with the members of `Grown` and `Surface`, but strands are the float64 twin's.
+    """(strands, body) of a scene, with the members of `DeviceStrands` and `Surface`; strands are the float64 twin's.
 
     The strands have besides: first [n] each segment's first point, owner [n] its strand, and starts, ends [n]: whether
     the strand starts or ends with it.

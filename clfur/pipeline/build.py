@@ -45,7 +45,7 @@ def body(gpu, plan, part):
 
 
 def hair(gpu, plan, part, lod):
-    """`Grown` strands of a part: ``lod`` as in `Settings`, of what the camera sees; 0 for all strands there are."""
+    """`DeviceStrands` of a part: ``lod`` as in `Settings`, of what the camera sees; 0 for all strands there are."""
     if not part.hairy:
         return gpu.keep("no strands", (), functools.partial(no_strands, gpu))
     scene = plan.scene

@@ -10,7 +10,7 @@ VISIBLE = Declared("sample", np.uint64, None, NONE)   # depth << 32 | id
 
 
 def raster(gpu, view, strands=None, body=None, visible=None, after=None):
-    """Draw `Grown` strands as lines and a `Surface` as triangles -> [rows, width, samples] uint64.
+    """Draw `DeviceStrands` as lines and a `Surface` as triangles -> [rows, width, samples] uint64.
 
     A sample holds depth << 32 | id: depth in 1/DEPTH_ONE (0 at the near plane), id the number of a segment's
     first point or BODY | triangle.  Strands are as wide as their width projects, but at least 1/samples of a

@@ -14,7 +14,7 @@ AREA = layout.Declared("triangle", np.uint64)   # running sums of triangles' are
 
 
 @dataclass(frozen=True)
-class Grown(Arrays):
+class DeviceStrands(Arrays):
     """Strands on the device: runs of points, told apart by ``spans``."""
 
     points: Any = array("point", np.float32, 4)     # x, y, z, width [world]
@@ -52,14 +52,14 @@ class Packed(Arrays):
 
 
 def arrays(strands, *names):
-    """What of `Grown` strands has these names in kernels, as arguments of a launch: normals and uv are strand_normal
+    """What of `DeviceStrands` has these names in kernels, as arguments of a launch: normals and uv are strand_normal
     and strand_uv there."""
     own = {"strand_normal": "normals", "strand_uv": "uv"}
     return {name: getattr(strands, own.get(name, name)) for name in names}
 
 
 def grow(gpu, surface, fur, strands=None, area=None):
-    """Grow `clfur.Strands` on a tessellated `Surface` -> `Grown`.
+    """Grow `clfur.Strands` on a tessellated `Surface` -> `DeviceStrands`.
 
     A root stands in the middle of every triangle, or ``fur.roots`` of them uniformly by area (in strata: strand
     i in the i-th part of the area).  The growth loop is the report's (section 2.1.3), each strand alone.
@@ -75,7 +75,7 @@ def grow(gpu, surface, fur, strands=None, area=None):
     indices = fur.type_indices if fur.type_map is not None else np.zeros((1, 1))
     stride = max(t.segments for t in fur.types) + 1
     point_forces = np.array([[*f.position, f.strength] for f in fur.point_forces], np.float32).reshape(-1, 4)
-    grown = Grown.empty(gpu, {"point": n * stride, "strand": n, "color": n}, normals=roots.root_direction,
+    grown = DeviceStrands.empty(gpu, {"point": n * stride, "strand": n, "color": n}, normals=roots.root_direction,
                         types=gpu.upload(types), first_strand=begin, first_point=begin * stride)
     gpu.launch("strands.grow", n, **vars(roots),
                type_map=gpu.upload(indices.astype(np.uint32)), map_size=indices.shape[::-1], texels=gpu.upload(texels),
@@ -87,7 +87,7 @@ def grow(gpu, surface, fur, strands=None, area=None):
 
 
 def bring(gpu, curves, strands=None):
-    """Put `clfur.Curves` on the device -> `Grown`; tangents come from neighbouring points.
+    """Put `clfur.Curves` on the device -> `DeviceStrands`; tangents come from neighbouring points.
 
     ``strands``: which, (first, one past the last), if not all.
     """
@@ -111,7 +111,7 @@ def bring(gpu, curves, strands=None):
         type_of=gpu.upload((curves.type_of[begin:end] if has["has_types"] else np.zeros(0)).astype(np.uint32)),
     )
     one = {} if color_per else {"colors": gpu.upload(widen(gpu.download(packed.packed_colors)))}
-    grown = Grown.empty(
+    grown = DeviceStrands.empty(
         gpu, {"point": total, "strand": n, "color": len(packed.packed_colors)}, **one,
         spans=gpu.upload(np.stack([first, counts], 1).astype(np.uint32)), types=gpu.upload(types),
         first_strand=begin, first_point=before, color_per=color_per)
@@ -122,8 +122,8 @@ def bring(gpu, curves, strands=None):
 
 
 def no_strands(gpu):
-    """`Grown` without a strand."""
-    return Grown.empty(gpu, {"point": 0, "strand": 0, "color": 0, "type": 0})
+    """`DeviceStrands` without a strand."""
+    return DeviceStrands.empty(gpu, {"point": 0, "strand": 0, "color": 0, "type": 0})
 
 
 def _per(length, strands, points):

@@ -11,7 +11,7 @@ CELLS = Declared("cell", np.uint32, None, 0)   # amounts of crossings
 
 
 def voxelize(gpu, grid, strands, method, weights, cells=None):
-    """Put `Grown` strands into a `layout.Grid` -> [nz, ny, nx] uint32.
+    """Put `DeviceStrands` into a `layout.Grid` -> [nz, ny, nx] uint32.
 
     ``method``: the report's "binary", "count" or "trilinear" (section 2.3.1), or "length", which deposits how often a
     ray of light is expected to cross the hair.  ``weights``: [types] uint32, what one fragment or one crossing
