@@ -255,7 +255,7 @@ __kernel void grow(
 }
 
 /* One strand of the user's: packed arrays -> those of grown strands, tangents from the neighbouring points. */
-__kernel void bring(
+__kernel void unpack_curves(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float *packed,          // [points, 3]
     __global const uint2 *spans,           // [strands] first point, points

@@ -54,10 +54,10 @@ def choose(team, scene, settings, draw):
     choice = team.gpus[0].keep("choice", (*what, goals), lambda: _choose(team, rig, settings, draw))
     if choice.warning:
         warnings.warn(choice.warning, stacklevel=3)
-    # Taste does not depend on the choice, and may have changed.
-    taste = {field.name: getattr(settings, field.name) for field in attrs.fields(Settings)
+    # What is fixed does not depend on the choice, and may have changed.
+    fixed = {field.name: getattr(settings, field.name) for field in attrs.fields(Settings)
              if field.name not in (*CHOSEN, "max_error", "seconds")}
-    return replace(choice, settings=attrs.evolve(choice.settings, **taste))
+    return replace(choice, settings=attrs.evolve(choice.settings, **fixed))
 
 
 def _choose(team, rig, settings, draw):

@@ -95,7 +95,7 @@ def kept(gpu, mesh, curves=False):
     if curves:
         points = np.random.default_rng(2).normal(size=(5000, 30, 3))
         fur = clfur.Curves(points, color=np.abs(points) % 1)
-        made = strands.bring(gpu, fur)
+        made = strands.upload_curves(gpu, fur)
     else:
         fur = clfur.Strands(roots=20_000, types=[kind])
         made = strands.grow(gpu, tessellate.tessellate(gpu, mesh), fur)

@@ -8,9 +8,9 @@ import clfur
 from clfur import layout
 from clfur.pipeline.views import grid_of
 from clfur.scene import hair_bounds
-from clfur.stages.strands import arrays, bring, grow
+from clfur.stages.strands import arrays, grow, upload_curves
 from clfur.stages.tessellate import tessellate
-from clfur.stages.voxelize import METHODS, depths_for, most_of, unit_for, voxelize
+from clfur.stages.voxelize import METHODS, crossing_unit_for, depths_for, most_of, voxelize
 from clfur.twin import voxelize as twin
 
 WEIGHTS = np.array([65536, 777, 3, 0], np.uint32)       # of four types
@@ -261,11 +261,11 @@ def test_types_weigh_their_own(gpu):
 
 
 def test_the_unit_is_the_largest_that_cannot_overflow():
-    assert unit_for(0) == unit_for(65535) == 65536
+    assert crossing_unit_for(0) == crossing_unit_for(65535) == 65536
     for most in (65536, 1e6, 3.3e7, 2**31, 2**32 - 1):
-        assert 2**31 <= most * unit_for(most) < 2**32 or unit_for(most) == 65536
-        assert np.log2(unit_for(most)) % 1 == 0
-    assert unit_for(2**32) == unit_for(1e30) == unit_for(np.inf) == 0
+        assert 2**31 <= most * crossing_unit_for(most) < 2**32 or crossing_unit_for(most) == 65536
+        assert np.log2(crossing_unit_for(most)) % 1 == 0
+    assert crossing_unit_for(2**32) == crossing_unit_for(1e30) == crossing_unit_for(np.inf) == 0
 
 
 def sums_and_bounds(gpu, scene, strands, cells):
@@ -273,7 +273,7 @@ def sums_and_bounds(gpu, scene, strands, cells):
     grid, n, result = grid_of(scene, cells), len(strands.spans), {}
     for method in METHODS:
         most = most_of(grid, method, *hair_bounds(scene.fur, n))
-        unit = unit_for(most)
+        unit = crossing_unit_for(most)
         assert unit
         counted = voxelize(gpu, grid, strands, method, np.full(len(strands.types), unit, np.uint32)).get()
         result[method] = counted.sum(dtype=np.uint64) / unit, most, unit
@@ -330,7 +330,7 @@ def test_strands_brought_along_cannot_exceed_their_bound(gpu, light, cells):
     kept = np.concatenate([np.arange(first, first + n) for first, n in spans])
     curves = clfur.Curves(points[kept, :3], counts=spans[:, 1], width=points[kept, 3])
     scene = scene_of(curves, **LIGHTS[light])
-    for method, (total, most, unit) in sums_and_bounds(gpu, scene, bring(gpu, curves), cells).items():
+    for method, (total, most, unit) in sums_and_bounds(gpu, scene, upload_curves(gpu, curves), cells).items():
         assert 0 < total <= most and most * unit < 2**32, method
 
 
@@ -344,7 +344,7 @@ def test_at_a_spots_border_strands_cannot_exceed_the_bound(gpu):
     curves = clfur.Curves(np.repeat([[start, end]], 200, 0), width=.001)
     scene = scene_of(curves, **light)
     assert grid_of(scene, 128)["face"][2] == pytest.approx(near, rel=1e-3)
-    for method, (total, most, _) in sums_and_bounds(gpu, scene, bring(gpu, curves), 128).items():
+    for method, (total, most, _) in sums_and_bounds(gpu, scene, upload_curves(gpu, curves), 128).items():
         assert 0 < total <= most, method
 
 
@@ -354,7 +354,7 @@ def test_hair_beside_the_lamp_adds_nothing_elsewhere(gpu, near):
     points = np.array([[(0, 0, -near), (near, 0, -2 * near), (0, 0, -.5)]])
     curves = clfur.Curves(points, width=.002)
     scene = scene_of(curves, direction=(0, 0, -1), position=(0, 0, 0))
-    for method, (total, most, _) in sums_and_bounds(gpu, scene, bring(gpu, curves), 64).items():
+    for method, (total, most, _) in sums_and_bounds(gpu, scene, upload_curves(gpu, curves), 64).items():
         assert total <= most, method
         assert total < 64, method                # the grid's diagonal; measured 24 crossings of the one strand at most
 
@@ -368,12 +368,12 @@ def test_a_million_strands_in_one_column(gpu):
     points[:] = .5 * side
     points[:, 0, 0], points[:, 1, 0] = .4 * side, .6 * side       # across the middle of a cell
     curves = clfur.Curves(points, width=.01)
-    strands = bring(gpu, curves)
+    strands = upload_curves(gpu, curves)
     scene = scene_of(curves, direction=(0, 0, -1))
     assert grid_of(scene, 64)["face"][1] == pytest.approx(side, rel=.01)
     for method in METHODS:
         most = most_of(grid, method, *hair_bounds(curves, n))
-        unit = unit_for(most)
+        unit = crossing_unit_for(most)
         assert most * unit < 2**32
         cells = voxelize(gpu, grid, strands, method, np.array([unit], np.uint32)).get()
         total = cells.sum(dtype=np.uint64)

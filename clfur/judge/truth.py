@@ -116,7 +116,7 @@ def _geometry(scene):
     elif isinstance(fur, Curves):
         fur = fur.on_host
         counts = fur.counts.astype(int)
-        tangents, width, _ = strands.bring(fur.points, counts, fur.width)
+        tangents, width, _ = strands.unpack_curves(fur.points, counts, fur.width)
         kind = np.zeros(len(counts), int) if fur.type_of is None else fur.type_of.astype(int)
         hair = SimpleNamespace(points=np.column_stack([fur.points, width]).astype(float), tangents=tangents,
                                counts=counts, colors=fur.color.astype(float), kind=kind,

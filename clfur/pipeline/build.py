@@ -12,7 +12,7 @@ import numpy as np
 from ..stages import shells
 from ..stages.lod import thin
 from ..stages.raster import raster
-from ..stages.strands import bring, grow, no_strands
+from ..stages.strands import grow, no_strands, upload_curves
 from ..stages.tessellate import no_surface, tessellate
 from .shadows import accumulate, finish, plan_shadows
 
@@ -128,7 +128,7 @@ def _whole(gpu, plan, part, what):
 def _grow(gpu, plan, part):
     if plan.grown:
         return grow(gpu, _surface(gpu, plan, part.faces), plan.scene.strands, part.strands, part.area)
-    return bring(gpu, plan.scene.strands, part.strands)
+    return upload_curves(gpu, plan.scene.strands, part.strands)
 
 
 def _thin(gpu, plan, part, what, lod):

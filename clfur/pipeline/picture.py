@@ -10,7 +10,7 @@ import numpy as np
 
 from ..settings import Settings
 from ..stages import march, shells
-from ..stages.blur import blur, reach_of
+from ..stages.blur import blur, blur_radius
 from ..stages.lighting import unshadowed
 from . import build
 from .passes import Coverage, Samples
@@ -118,7 +118,7 @@ class Picture:
     def blur(self, gpu):
         """Blur the colour, with as many rows on the device at a time as fit."""
         picture, settings, rows = self._images["color"], self.plan.settings, self.plan.rows_to_blur(gpu)
-        height, reach = len(picture), reach_of(settings.blur_sigma)
+        height, reach = len(picture), blur_radius(settings.blur_sigma)
         each, result = height if rows >= height else max(rows - 2 * reach, 1), np.empty_like(picture)
         for top in range(0, height, each):
             end = min(top + each, height)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import Error
 from ..scene import Curves, Strands
-from ..stages.blur import reach_of
+from ..stages.blur import blur_radius
 from ..stages.coverage import COUNTED, TRANSMITTANCE, Fragments, Resolved
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
@@ -195,7 +195,7 @@ class Plan:
         strand, point = self._bytes(gpu)
         width, height = self.scene.camera.size
         if self.settings.blur != "off":
-            blurred = min(2 * reach_of(self.settings.blur_sigma) + 1, height) * 3 * IMAGE.bytes * width
+            blurred = min(2 * blur_radius(self.settings.blur_sigma) + 1, height) * 3 * IMAGE.bytes * width
             rows, row = max(rows, 3 * IMAGE.bytes * width * height), max(row, blurred)
         need = {"body": int(self._bytes_of_faces[-1]), "rows": rows,
                 "strands": (end - first) * strand + self._points(first, end) * point}
@@ -214,7 +214,7 @@ class Plan:
 
     def _too_much(self, gpu, pieces):
         settings, (width, height) = self.settings, self.scene.camera.size
-        fewest = 1 if settings.blur == "off" else min(2 * reach_of(settings.blur_sigma) + 1, height)
+        fewest = 1 if settings.blur == "off" else min(2 * blur_radius(settings.blur_sigma) + 1, height)
         furry = f"shells of {self._shells / 2**20:,.1f} MiB, " * bool(self._shells)
         lines = "a row" if fewest == 1 else f"{fewest} rows"
         dense = f" with {pieces:,} pieces of strands" * bool(pieces)

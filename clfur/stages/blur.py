@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 
-def reach_of(sigma):
+def blur_radius(sigma):
     """Pixels to each side that a blur of this many reaches."""
     return math.ceil(3 * sigma)
 
@@ -18,7 +18,7 @@ def blur(gpu, image, sigma, edges, rows=None):
     """
     height, width, _ = image.shape
     first, end = rows or (0, height)
-    reach = reach_of(sigma)
+    reach = blur_radius(sigma)
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
     weights = gpu.upload((weights / weights.sum()).astype(np.float32))
     flat, result = gpu.empty(image.shape, np.float32), gpu.empty((end - first, width, 4), np.float32)

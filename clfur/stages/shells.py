@@ -7,7 +7,7 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, Declared, array
-from .tessellate import widen
+from .tessellate import as_float4
 from .voxelize import CELLS
 
 HEIGHTS, CORNERS, ROWS = (layout.CONSTANTS[name] for name in ("HEIGHTS", "CORNERS", "ROWS"))
@@ -79,7 +79,7 @@ def topology_of(faces):
     neighbours = np.full(len(key), -1, np.int64)
     numbers = np.arange(len(key)) // 3 << layout.CONSTANTS["SIDE_BITS"] | np.arange(len(key)) % 3
     neighbours[one], neighbours[other] = numbers[other], numbers[one]
-    return Topology(corners.astype(np.uint32), widen(neighbours.reshape(-1, 3).astype(np.int32)), order)
+    return Topology(corners.astype(np.uint32), as_float4(neighbours.reshape(-1, 3).astype(np.int32)), order)
 
 
 def border_of(faces, topology, slabs, bare):
@@ -110,7 +110,7 @@ def border_of(faces, topology, slabs, bare):
                 corners.append(np.where(along, triangle, triangle[:, ::-1]))
                 starts.append((open_, np.full(len(open_), 4 * (3 * slab + tetrahedron) + missing)))
     starts = np.concatenate([np.stack([face, place, 0 * face, 0 * face], 1) for face, place in starts])
-    return widen(np.concatenate(corners).astype(np.uint32)), starts.astype(np.uint32)
+    return as_float4(np.concatenate(corners).astype(np.uint32)), starts.astype(np.uint32)
 
 
 def pack(shells, mesh, bare, filtered):
@@ -160,11 +160,11 @@ def lay(gpu, mesh, packed, box, topology):
     uv = np.take_along_axis(mesh.uv, topology.order[..., None], 1).reshape(-1, 2)
     n = len(topology.corners)
     rows = _rows_of(packed, len(mesh.positions), n)
-    result = Pattern.empty(gpu, rows, packed=packed, box=box, faces=gpu.upload(widen(topology.corners)),
-                           neighbours=gpu.upload(topology.neighbours), uv=gpu.upload(widen(uv)))
+    result = Pattern.empty(gpu, rows, packed=packed, box=box, faces=gpu.upload(as_float4(topology.corners)),
+                           neighbours=gpu.upload(topology.neighbours), uv=gpu.upload(as_float4(uv)))
     gpu.launch("shells.noise", rows["place"], shells=packed, out=result.noise)
     gpu.launch("shells.means", HEIGHTS, shells=packed, around=AROUND, out=result.means)
-    positions, normals = gpu.upload(widen(mesh.positions)), gpu.upload(widen(mesh.normals))
+    positions, normals = gpu.upload(as_float4(mesh.positions)), gpu.upload(as_float4(mesh.normals))
     gpu.launch("shells.lattice", n, shells=packed, positions=positions, normals=normals, faces=result.faces,
                uv=result.uv, out=result.lattice)
     return result
@@ -187,9 +187,9 @@ def bend(gpu, mesh, packed, pattern, topology, sides=None):
     """Bend the hairs of a pattern -> `Shell`; ``sides``: what `border` gave, if it is there already."""
     triangles, starts = sides or border(gpu, mesh, packed, topology)
     shell = Shell.empty(gpu, _rows_of(packed, len(mesh.positions), len(mesh.faces)), pattern=pattern,
-                        normals=gpu.upload(widen(mesh.normals)), triangles=triangles, border=starts,
+                        normals=gpu.upload(as_float4(mesh.normals)), triangles=triangles, border=starts,
                         longest=mesh.longest_edge + 2 * float(packed["size"][0]))
-    gpu.launch("shells.bend", len(mesh.positions), shells=packed, positions=gpu.upload(widen(mesh.positions)),
+    gpu.launch("shells.bend", len(mesh.positions), shells=packed, positions=gpu.upload(as_float4(mesh.positions)),
                normals=shell.normals, curves=shell.curves)
     return shell
 

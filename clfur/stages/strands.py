@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, array
-from .tessellate import widen
+from .tessellate import as_float4
 
 AREA = layout.Declared("triangle", np.uint64)   # running sums of triangles' areas, by which roots are spread
 
@@ -75,8 +75,9 @@ def grow(gpu, surface, fur, strands=None, area=None):
     indices = fur.type_indices if fur.type_map is not None else np.zeros((1, 1))
     stride = max(t.segments for t in fur.types) + 1
     point_forces = np.array([[*f.position, f.strength] for f in fur.point_forces], np.float32).reshape(-1, 4)
-    grown = DeviceStrands.empty(gpu, {"point": n * stride, "strand": n, "color": n}, normals=roots.root_direction,
-                        types=gpu.upload(types), first_strand=begin, first_point=begin * stride)
+    grown = DeviceStrands.empty(
+        gpu, {"point": n * stride, "strand": n, "color": n}, normals=roots.root_direction,
+        types=gpu.upload(types), first_strand=begin, first_point=begin * stride)
     gpu.launch("strands.grow", n, **vars(roots),
                type_map=gpu.upload(indices.astype(np.uint32)), map_size=indices.shape[::-1], texels=gpu.upload(texels),
                force=(*fur.force, 0), point_forces=gpu.upload(point_forces), n_point_forces=len(point_forces),
@@ -86,7 +87,7 @@ def grow(gpu, surface, fur, strands=None, area=None):
     return grown
 
 
-def bring(gpu, curves, strands=None):
+def upload_curves(gpu, curves, strands=None):
     """Put `clfur.Curves` on the device -> `DeviceStrands`; tangents come from neighbouring points.
 
     ``strands``: which, (first, one past the last), if not all.
@@ -110,12 +111,12 @@ def bring(gpu, curves, strands=None):
         root_uv=gpu.rows(curves.root_uv, begin, end) if has["has_uv"] else gpu.empty((0, 2), np.float32),
         type_of=gpu.upload((curves.type_of[begin:end] if has["has_types"] else np.zeros(0)).astype(np.uint32)),
     )
-    one = {} if color_per else {"colors": gpu.upload(widen(gpu.download(packed.packed_colors)))}
+    one = {} if color_per else {"colors": gpu.upload(as_float4(gpu.download(packed.packed_colors)))}
     grown = DeviceStrands.empty(
         gpu, {"point": total, "strand": n, "color": len(packed.packed_colors)}, **one,
         spans=gpu.upload(np.stack([first, counts], 1).astype(np.uint32)), types=gpu.upload(types),
         first_strand=begin, first_point=before, color_per=color_per)
-    gpu.launch("strands.bring", n, width_per=width_per, **has, **vars(packed),
+    gpu.launch("strands.unpack_curves", n, width_per=width_per, **has, **vars(packed),
                **arrays(grown, "spans", "color_per", "points", "tangents", "strand_of", "colors", "strand_normal",
                         "strand_uv"))
     return grown
@@ -144,7 +145,7 @@ def pack_types(types):
         row["counts"] = t.segments, sum(map(len, texels)), 0, 0
         if t.color_texture is not None:
             row["counts"][2:] = t.color_texture.shape[1::-1]
-            texels.append(widen(t.color_texture.reshape(-1, 3)))
+            texels.append(as_float4(t.color_texture.reshape(-1, 3)))
     return packed, np.concatenate(texels or [np.zeros((1, 4), np.float32)])
 
 

@@ -73,10 +73,10 @@ def tessellate(gpu, mesh, inner=1, outer=1, surface="pn", faces=None):
     n_vertices, n_triangles = int(first_vertex[-1]), int(first_triangle[-1])
 
     source = Source(
-        positions=gpu.upload(widen(mesh.positions)),
-        normals=gpu.upload(widen(mesh.normals)),
-        corner_uv=gpu.upload(widen(mesh.uv[begin:end].reshape(-1, 2))),
-        faces=gpu.upload(widen(mesh.faces[begin:end])),
+        positions=gpu.upload(as_float4(mesh.positions)),
+        normals=gpu.upload(as_float4(mesh.normals)),
+        corner_uv=gpu.upload(as_float4(mesh.uv[begin:end].reshape(-1, 2))),
+        faces=gpu.upload(as_float4(mesh.faces[begin:end])),
         levels=gpu.upload(levels),
         first_vertex=gpu.upload(first_vertex.astype(np.uint32)),
         first_triangle=gpu.upload(first_triangle.astype(np.uint32)),
@@ -101,7 +101,7 @@ def no_surface(gpu):
     return Surface.empty(gpu, {"vertex": 0, "triangle": 0})
 
 
-def widen(array):
+def as_float4(array):
     """[N, <4] -> [N, 4] with zeros: the device reads vectors of four."""
     wide = np.zeros((len(array), 4), array.dtype)
     wide[:, :array.shape[1]] = array

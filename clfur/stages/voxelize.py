@@ -15,7 +15,7 @@ def voxelize(gpu, grid, strands, method, weights, cells=None):
 
     ``method``: the report's "binary", "count" or "trilinear" (section 2.3.1), or "length", which deposits how often a
     ray of light is expected to cross the hair.  ``weights``: [types] uint32, what one fragment or one crossing
-    adds; see `unit_for` and `depths_for`.  ``cells``: counts to add to.
+    adds; see `crossing_unit_for` and `depths_for`.  ``cells``: counts to add to.
     """
     nx, ny, nz, _ = (int(n) for n in grid["size"])
     cells = CELLS.empty(gpu, (nz, ny, nx)) if cells is None else cells
@@ -28,7 +28,7 @@ def voxelize(gpu, grid, strands, method, weights, cells=None):
     return cells
 
 
-def unit_for(most):
+def crossing_unit_for(most):
     """The amount that stands for one fragment or crossing, when all hair together has at most ``most`` of them.
 
     It is the largest power of two, 2^16 at most, with most · unit below 2^32: then no cell and no running sum can
@@ -56,7 +56,7 @@ def depths_for(alphas, method):
     return 1 - alphas if method == "length" else -np.log(np.maximum(alphas, 1e-6))
 
 
-def own_share(grid, method):
+def self_shadow(grid, method):
     """What a strand adds on average to the sum read at its own axis: (per width [world], per fragment).
 
     Half of it lies before the axis.  Across, read between four columns, a strand weighs 2/3 of a cell's side where it
