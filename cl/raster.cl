@@ -83,9 +83,9 @@ inline void draw_segment(
     const int du = b.x - a.x;
     const int2 columns = (int2)(0, view->size.x), us = steep ? view->rows.xy : columns, vs = steep ? columns : view->rows.xy;
     const int v_size = vs.y - vs.x;
-    const int samples = view->size.z, reach = max(a.w, b.w) / 2 * 3 + SUBPIXEL;
+    const int samples = view->size.z, margin = max(a.w, b.w) / 2 * 3 + SUBPIXEL;
     if (du == 0 || b.x < us.x * SUBPIXEL || a.x >= us.y * SUBPIXEL
-        || max(a.y, b.y) + reach < vs.x * SUBPIXEL || min(a.y, b.y) - reach >= vs.y * SUBPIXEL)
+        || max(a.y, b.y) + margin < vs.x * SUBPIXEL || min(a.y, b.y) - margin >= vs.y * SUBPIXEL)
         return;
 
     /* Measured along the shorter axis a slanted strand is thicker, by up to sqrt(2); most are thin all the same. */

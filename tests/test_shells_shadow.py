@@ -23,7 +23,7 @@ from clfur.stages.tessellate import tessellate
 from clfur.stages.voxelize import most_of
 from clfur.twin import shells as twin
 
-UNIT = 1 << 12
+CROSSING_UNIT = 1 << 12
 
 
 def ball(subdivisions=2):
@@ -53,16 +53,16 @@ def furred(gpu, mesh, fur, filtered=True):
     return stage.bend(gpu, mesh, packed, pattern, topology, stage.border(gpu, mesh, packed, topology)), packed
 
 
-def deposited(gpu, scene, cells=48, method="length", unit=UNIT):
+def deposited(gpu, scene, cells=48, method="length", crossing_unit=CROSSING_UNIT):
     """-> (cells [nz, ny, nx] int64, grid, shell, packed)"""
     grid = grid_of(scene, cells)
     shell, packed = furred(gpu, scene.mesh, scene.shells)
-    return stage.deposit(gpu, grid, shell, packed, method, unit).get().astype(np.int64), grid, shell, packed
+    return stage.deposit(gpu, grid, shell, packed, method, crossing_unit).get().astype(np.int64), grid, shell, packed
 
 
-def area_in(cells, grid, unit=UNIT):
+def area_in(cells, grid, crossing_unit=CROSSING_UNIT):
     """Area that hair shows to parallel light [world²]."""
-    return cells.sum() / unit * float(grid["face"][0])
+    return cells.sum() / crossing_unit * float(grid["face"][0])
 
 
 SHAPES = {"fine": {"length": .12, "frequency": 40}, "long": {"length": .2, "frequency": 30},
@@ -102,7 +102,7 @@ def check_twin(gpu, scene, cells, method="length"):
     pattern, slabs = shell.pattern, int(packed["kind"][2])
     expected = twin.deposit(packed, grid, pattern.faces.get()[:, :3], shell.curves.get().reshape(-1, slabs + 1, 4),
                             pattern.lattice.get().reshape(-1, stage.CORNERS, 4), pattern.means.get(), parts, deep,
-                            method == "binary", UNIT)
+                            method == "binary", CROSSING_UNIT)
     assert got.sum() > 0
     np.testing.assert_array_equal(got, expected)
 
@@ -132,7 +132,7 @@ def test_a_level_patch_shows_its_table(gpu, direction, length):
         lattice = shell.pattern.lattice.get().reshape(-1, stage.CORNERS, 4)
         expected = 4 * np.mean([amount(means, each, direction, length) for each in lattice.astype(float)])
         # Heights of 3/4 cell and 16 looks at the table.  Rounding: half a unit for each work-item.
-        rounding = len(lattice) * 40 / UNIT * float(grid["face"][0])
+        rounding = len(lattice) * 40 / CROSSING_UNIT * float(grid["face"][0])
         assert abs(area_in(got, grid) - expected) < .01 * expected + rounding, (n, cells)
         if direction == (0, -1, 0):
             assert expected == pytest.approx(4 * means[0, 0], rel=.002)
@@ -198,9 +198,9 @@ class Fur:
         return (p / self.weights(p)[1].sum(1, keepdims=True) * (1 + h * self.length)).reshape(len(places), rays, 3)
 
 
-def read(cells, grid, p, unit=UNIT):
+def read(cells, grid, p, crossing_unit=CROSSING_UNIT):
     """Crossings before places [N, 3], between four columns and two layers."""
-    sums = np.concatenate([np.zeros((1, *cells.shape[1:])), np.cumsum(cells, 0)]) / unit
+    sums = np.concatenate([np.zeros((1, *cells.shape[1:])), np.cumsum(cells, 0)]) / crossing_unit
     m = grid["to_grid"].astype(float)
     x, y, z = ((p @ m[:3] + m[3])[:, :3] - (.5, .5, 0)).T
     result = 0
@@ -344,7 +344,7 @@ def test_counters_hold_what_shells_can_add(gpu, fur, lit):
     scene = clfur.Scene(mesh=ball(1), fur=clfur.Shells(**FURS[fur]), light=LIGHTS[lit])
     got, grid, shell, _ = deposited(gpu, scene, 16)
     pieces, area = stage.bounds_of(gpu, shell)
-    assert got.sum() / UNIT < most_of(grid, "length", pieces, 0.0, area)
+    assert got.sum() / CROSSING_UNIT < most_of(grid, "length", pieces, 0.0, area)
 
 
 def test_more_fur_than_counters_hold_is_an_error(gpu, sphere):

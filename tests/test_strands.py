@@ -33,7 +33,8 @@ def lumpy():
 def surface_of(gpu, positions, normals, uv, triangles):
     """A `Surface` from arrays [V, 3], [V, 3], [V, 2], [T, 3]."""
     rows = [gpu.upload(as_float4(np.array(a, np.float32))) for a in (positions, normals, uv)]
-    return Surface(*rows, triangles=gpu.upload(as_float4(np.array(triangles, np.uint32))), unit=np.float32(2.0**15))
+    return Surface(*rows, triangles=gpu.upload(as_float4(np.array(triangles, np.uint32))),
+                   area_scale=np.float32(2.0**15))
 
 
 def tufts(gpu, normals, uv=None, roots=None):
@@ -88,7 +89,8 @@ def running_areas(gpu, surface):
     n = len(surface.triangles)
     blocks = -(-n // CONSTANTS["SCAN"])
     sums, areas = gpu.empty(blocks, np.uint64), gpu.empty(n, np.uint64)
-    mesh = {"positions": surface.positions, "triangles": surface.triangles, "n": n, "unit": surface.unit, "sums": sums}
+    mesh = {"positions": surface.positions, "triangles": surface.triangles, "n": n,
+            "area_scale": surface.area_scale, "sums": sums}
     gpu.launch("strands.sum_areas", blocks, **mesh)
     gpu.launch("strands.scan_sums", 1, n=blocks, sums=sums, total=gpu.empty(1, np.uint64))
     gpu.launch("strands.scan_areas", blocks, areas=areas, **mesh)
@@ -198,10 +200,10 @@ def test_running_sums_of_areas(gpu):
         corners, normals, uv, triangles = scattered_triangles(n)
         surface = surface_of(gpu, corners, normals, uv, triangles)
         areas = np.diff(running_areas(gpu, surface).astype(np.int64), prepend=0)
-        expected = np.linalg.norm(twin.twice_areas(corners, triangles), axis=1) * float(surface.unit) ** 2
+        expected = np.linalg.norm(twin.twice_areas(corners, triangles), axis=1) * float(surface.area_scale) ** 2
         # Thin triangles cancel in the cross product: 2^-24 of their longest sides' square is lost.
         sides = (corners[triangles] - corners[np.roll(triangles, 1, axis=1)]).astype(float)
-        lost = 4e-7 * (sides**2).sum((1, 2)) * float(surface.unit) ** 2 + 1
+        lost = 4e-7 * (sides**2).sum((1, 2)) * float(surface.area_scale) ** 2 + 1
         assert (np.abs(areas - expected) <= lost).all()
         assert (areas[::10] == 0).all()
 
@@ -245,7 +247,7 @@ def test_as_many_roots_as_equal_triangles_is_one_in_each(gpu):
     corners = [(x, y, 0) for i in range(600) for x, y in ((0, i), (i % 2, i), (0, i + 1))]
     normals, uv = np.tile(UP, (1800, 1)), np.repeat(np.arange(600), 3)[:, None] * (1, 0)
     surface = surface_of(gpu, corners, normals, uv, np.arange(1800).reshape(-1, 3))
-    surface = replace(surface, unit=np.float32(1))
+    surface = replace(surface, area_scale=np.float32(1))
     np.testing.assert_array_equal(running_areas(gpu, surface), np.arange(1, 601) // 2)
     chosen = grow(gpu, surface, Strands(types=HairType(segments=1), roots=300)).uv[:, 0]
     np.testing.assert_array_equal(np.rint(chosen), np.arange(1, 600, 2))

@@ -269,14 +269,14 @@ def test_the_unit_is_the_largest_that_cannot_overflow():
 
 
 def sums_and_bounds(gpu, scene, strands, cells):
-    """{method: (all cells in units, most_of, unit)} of strands on the device."""
+    """{method: (all cells in units, most_of, crossing_unit)} of strands on the device."""
     grid, n, result = grid_of(scene, cells), len(strands.spans), {}
     for method in METHODS:
         most = most_of(grid, method, *hair_bounds(scene.fur, n))
-        unit = crossing_unit_for(most)
-        assert unit
-        counted = voxelize(gpu, grid, strands, method, np.full(len(strands.types), unit, np.uint32)).get()
-        result[method] = counted.sum(dtype=np.uint64) / unit, most, unit
+        crossing_unit = crossing_unit_for(most)
+        assert crossing_unit
+        counted = voxelize(gpu, grid, strands, method, np.full(len(strands.types), crossing_unit, np.uint32)).get()
+        result[method] = counted.sum(dtype=np.uint64) / crossing_unit, most, crossing_unit
     return result
 
 
@@ -302,8 +302,9 @@ def test_grown_hair_cannot_exceed_its_bound(gpu, sphere, fur, cells, pull):
     segments, length, area = hair_bounds(fur, 60)
     assert segments >= 60 * hair.segments
     assert lengths <= length * (1 + 1e-5) and lengths * hair.width <= area * (1 + 1e-5)
-    for method, (total, most, unit) in sums_and_bounds(gpu, clfur.Scene(mesh=sphere, fur=fur), strands, cells).items():
-        assert 0 < total <= most and most * unit < 2**32, method
+    scene = clfur.Scene(mesh=sphere, fur=fur)
+    for method, (total, most, crossing_unit) in sums_and_bounds(gpu, scene, strands, cells).items():
+        assert 0 < total <= most and most * crossing_unit < 2**32, method
 
 
 def test_types_of_any_length_are_bounded_by_the_largest(gpu, sphere):
@@ -311,8 +312,9 @@ def test_types_of_any_length_are_bounded_by_the_largest(gpu, sphere):
              for n, length, width in ((20, .001, .02), (2, .2, .001), (0, 9, 9))]
     fur = clfur.Strands(types=types, type_map=np.array([[(20, 0, 0), (2, 0, 0), (0, 0, 0)]], np.uint8), roots=300)
     strands = grow(gpu, tessellate(gpu, sphere, 1, 1), fur)
-    for method, (total, most, unit) in sums_and_bounds(gpu, clfur.Scene(mesh=sphere, fur=fur), strands, 64).items():
-        assert 0 < total <= most and most * unit < 2**32, method
+    scene = clfur.Scene(mesh=sphere, fur=fur)
+    for method, (total, most, crossing_unit) in sums_and_bounds(gpu, scene, strands, 64).items():
+        assert 0 < total <= most and most * crossing_unit < 2**32, method
 
 
 LIGHTS = {
@@ -330,8 +332,8 @@ def test_strands_brought_along_cannot_exceed_their_bound(gpu, light, cells):
     kept = np.concatenate([np.arange(first, first + n) for first, n in spans])
     curves = clfur.Curves(points[kept, :3], counts=spans[:, 1], width=points[kept, 3])
     scene = scene_of(curves, **LIGHTS[light])
-    for method, (total, most, unit) in sums_and_bounds(gpu, scene, upload_curves(gpu, curves), cells).items():
-        assert 0 < total <= most and most * unit < 2**32, method
+    for method, (total, most, crossing_unit) in sums_and_bounds(gpu, scene, upload_curves(gpu, curves), cells).items():
+        assert 0 < total <= most and most * crossing_unit < 2**32, method
 
 
 def test_at_a_spots_border_strands_cannot_exceed_the_bound(gpu):
@@ -360,7 +362,7 @@ def test_hair_beside_the_lamp_adds_nothing_elsewhere(gpu, near):
 
 
 def test_a_million_strands_in_one_column(gpu):
-    """All of 10^6 strands in one cell: the sum is exact, as long as the unit is the one that the bound gives."""
+    """All of 10^6 strands in one cell: the sum is exact, as long as the crossing unit is that of the bound."""
     n = 10**6
     points = np.empty((n, 2, 3), np.float32)
     grid = grid_of(scene_of(None, direction=(0, 0, -1)), 64)
@@ -373,15 +375,15 @@ def test_a_million_strands_in_one_column(gpu):
     assert grid_of(scene, 64)["face"][1] == pytest.approx(side, rel=.01)
     for method in METHODS:
         most = most_of(grid, method, *hair_bounds(curves, n))
-        unit = crossing_unit_for(most)
-        assert most * unit < 2**32
-        cells = voxelize(gpu, grid, strands, method, np.array([unit], np.uint32)).get()
+        crossing_unit = crossing_unit_for(most)
+        assert most * crossing_unit < 2**32
+        cells = voxelize(gpu, grid, strands, method, np.array([crossing_unit], np.uint32)).get()
         total = cells.sum(dtype=np.uint64)
         if method == "length":
             assert np.count_nonzero(cells) == 1
-            assert total / unit == pytest.approx(n * .2 * .01 / side, rel=.5 / unit + 1e-3)
+            assert total / crossing_unit == pytest.approx(n * .2 * .01 / side, rel=.5 / crossing_unit + 1e-3)
         else:
-            assert total == (unit if method == "binary" else n * unit)
+            assert total == (crossing_unit if method == "binary" else n * crossing_unit)
 
 
 def test_hair_that_could_overflow_is_refused(gpu, sphere):

@@ -143,7 +143,8 @@ def _tessellated(mesh, inner, outer, surface):
     with gpu.frame():
         made = tessellate(gpu, mesh, inner, outer, surface)
         positions, normals, uv = (gpu.download(each).astype(float) for each in (made.positions, made.normals, made.uv))
-        return SimpleNamespace(positions=positions[:, :3], normals=normals[:, :3], uv=uv[:, :2], unit=made.unit,
+        return SimpleNamespace(positions=positions[:, :3], normals=normals[:, :3], uv=uv[:, :2],
+                               area_scale=made.area_scale,
                                triangles=gpu.download(made.triangles).astype(int))
 
 
@@ -152,7 +153,7 @@ def _grown(fur, body):
     if fur.roots == "faces":
         roots = strands.roots_on_faces(*skin)
     else:
-        x, y, z = strands.twice_areas(body.positions * body.unit, skin[3]).T
+        x, y, z = strands.twice_areas(body.positions * body.area_scale, skin[3]).T
         area = np.sqrt(x * x + y * y + z * z)
         *roots, _ = strands.roots_by_area(*skin, np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed)
     points, tangents, counts, colors, kind = strands.grow(

@@ -44,6 +44,6 @@ def _bands(view, body):
     if body is None or not len(body.triangles):
         return 1
     nearest = view["to_screen"][3, 2] if view["eye"][3] else 1     # of all that is seen, in w
-    reach = body.longest * view["scale"][0] / nearest + 1          # pixels that the longest side can span
-    visits = min(reach, width) * min(reach, rows) * samples
+    longest = body.longest * view["scale"][0] / nearest + 1        # pixels that the longest side can span
+    visits = min(longest, width) * min(longest, rows) * samples
     return int(min(max(-(-visits // 2**14), 1), rows))

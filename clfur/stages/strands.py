@@ -15,14 +15,14 @@ AREA = layout.Declared("triangle", np.uint64)   # running sums of triangles' are
 
 @dataclass(frozen=True)
 class DeviceStrands(Arrays):
-    """Strands on the device: runs of points, told apart by ``spans``."""
+    """Strands on the device: runs of points, which ``spans`` divides."""
 
     points: Any = array("point", np.float32, 4)     # x, y, z, width [world]
     tangents: Any = array("point", np.float32, 4)   # unit
     strand_of: Any = array("point", np.uint32)
     spans: Any = array("strand", np.uint32, 2)      # first point, points
     colors: Any = array("color", np.float32, 4)     # linear r, g, b, -; see ``color_per``
-    normals: Any = array("strand", np.float32, 4)   # unit, of the skin at the root; 0 where it is not known
+    normals: Any = array("strand", np.float32, 4)   # unit, of the body at the root; 0 where it is not known
     uv: Any = array("strand", np.float32, 4)        # root's u, v, index of its type, -
     types: Any = array("type", layout.HairType)
     first_strand: int = 0   # number of the first of these strands among all
@@ -35,7 +35,7 @@ class Roots(Arrays):
     """Where strands begin to grow."""
 
     root: Any = array("strand", np.float32, 4)
-    root_direction: Any = array("strand", np.float32, 4)   # unit: the skin's normal
+    root_direction: Any = array("strand", np.float32, 4)   # unit: the body's normal
     root_uv: Any = array("strand", np.float32, 4)          # u, v, -, -
 
 
@@ -54,8 +54,8 @@ class Packed(Arrays):
 def arrays(strands, *names):
     """What of `DeviceStrands` has these names in kernels, as arguments of a launch: normals and uv are strand_normal
     and strand_uv there."""
-    own = {"strand_normal": "normals", "strand_uv": "uv"}
-    return {name: getattr(strands, own.get(name, name)) for name in names}
+    renamed = {"strand_normal": "normals", "strand_uv": "uv"}
+    return {name: getattr(strands, renamed.get(name, name)) for name in names}
 
 
 def grow(gpu, surface, fur, strands=None, area=None):
@@ -177,7 +177,8 @@ def area_sums(gpu, surface):
     triangles = len(surface.triangles)
     blocks = -(-triangles // layout.CONSTANTS["SCAN"])
     sums, total, areas = gpu.empty(blocks, np.uint64), gpu.empty(1, np.uint64), AREA.empty(gpu, triangles)
-    mesh = {"positions": surface.positions, "triangles": surface.triangles, "n": triangles, "unit": surface.unit}
+    mesh = {"positions": surface.positions, "triangles": surface.triangles, "n": triangles,
+            "area_scale": surface.area_scale}
     gpu.launch("strands.sum_areas", blocks, sums=sums, **mesh)
     gpu.launch("strands.scan_sums", 1, n=blocks, sums=sums, total=total)
     gpu.launch("strands.scan_areas", blocks, sums=sums, areas=areas, **mesh)

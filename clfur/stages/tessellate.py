@@ -16,7 +16,7 @@ class Surface(Arrays):
     normals: Any = array("vertex", np.float32, 4)      # unit
     uv: Any = array("vertex", np.float32, 4)           # u, v, -, -
     triangles: Any = array("triangle", np.uint32, 4)   # three vertices counter-clockwise, face of the mesh
-    unit: float = 1.0                                  # scale of lengths that makes areas whole numbers
+    area_scale: float = 1.0                            # scale of lengths that makes areas whole numbers
     longest: float = np.inf                            # no side of a triangle is longer [world]
     first_triangle: int = 0                            # number of the first of these triangles among all of the mesh
 
@@ -83,7 +83,7 @@ def tessellate(gpu, mesh, inner=1, outer=1, surface="pn", faces=None):
     )
     result = Surface.empty(
         gpu, {"vertex": n_vertices, "triangle": n_triangles},
-        unit=np.float32(2.0**28 / np.sqrt(mesh.area)),
+        area_scale=np.float32(2.0**28 / np.sqrt(mesh.area)),
         # A side of a curved triangle is longer than that of a flat one, by far less than twice.
         longest=2 * mesh.longest_edge / min(np.min(inner), np.min(outer)),
         first_triangle=before,

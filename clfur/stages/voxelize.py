@@ -31,13 +31,13 @@ def voxelize(gpu, grid, strands, method, weights, cells=None):
 def crossing_unit_for(most):
     """The amount that stands for one fragment or crossing, when all hair together has at most ``most`` of them.
 
-    It is the largest power of two, 2^16 at most, with most · unit below 2^32: then no cell and no running sum can
+    It is the largest power of two, 2^16 at most, with most · amount below 2^32: then no cell and no running sum can
     overflow, even if all hair lies in one column; 0 if even 1 might.
     """
-    unit = 1 << 16
-    while unit and most * unit >= 1 << 32:
-        unit >>= 1
-    return unit
+    crossing_unit = 1 << 16
+    while crossing_unit and most * crossing_unit >= 1 << 32:
+        crossing_unit >>= 1
+    return crossing_unit
 
 
 def most_of(grid, method, segments, length, area):
