@@ -207,5 +207,5 @@ def test_the_plan_counts_all_of_shells(gpu, mesh, options):
         return shells.bend(gpu, mesh, packed, pattern, topology)
     taken, shell = most(gpu, make)
     counted = shells.size_of(mesh, packed, topology)
-    assert bytes_of(shell, shell.pattern) + shells.SKIN.bytes * len(mesh.positions) == counted
+    assert bytes_of(shell, shell.pattern) + shells.POSITIONS.bytes * len(mesh.positions) == counted
     assert .8 * counted < taken < room(counted)

@@ -88,7 +88,7 @@ def check_twin(gpu, grown, view, lod, seed):
         grown.first_strand, grown.first_point, grown.color_per)
     np.testing.assert_array_equal(thinned.spans.get()[:, 0], grown.spans.get()[:, 0])
     to_screen, scale = view["to_screen"].astype(float).T, float(view["scale"][0])
-    told = []
+    checked = []
     for number, (before, after) in enumerate(zip(strands_of(grown), strands_of(thinned))):
         colors = None if before[2] is None else before[2][:, :3].astype(float)
         factor, kept = twin.thin(to_screen, scale, before[0], grown.first_strand + number, seed, lod, colors)
@@ -100,8 +100,8 @@ def check_twin(gpu, grown, view, lod, seed):
         # A factor is one minus a place, over a mean: rounded to a few 2^-24 of the largest.
         np.testing.assert_allclose(after[0][:, 3], factor * before[0][kept, 3], rtol=1e-6,
                                    atol=4e-6 * before[0][:, 3].max(initial=0))
-        told.append((len(before[0]), len(kept), factor))
-    return np.array(told)
+        checked.append((len(before[0]), len(kept), factor))
+    return np.array(checked)
 
 
 @pytest.mark.small
@@ -109,8 +109,8 @@ def check_twin(gpu, grown, view, lod, seed):
 @pytest.mark.parametrize("lod", [.25, 4])
 def test_twin_small(gpu, lod, per_point):
     fur = wild(60, 20, per_point=per_point)
-    told = check_twin(gpu, upload_curves(gpu, fur), near_view(), lod, 0)
-    assert (told[:, 1] < told[:, 0]).any() and (told[:, 0] == 0).any()
+    checked = check_twin(gpu, upload_curves(gpu, fur), near_view(), lod, 0)
+    assert (checked[:, 1] < checked[:, 0]).any() and (checked[:, 0] == 0).any()
 
 
 @pytest.mark.parametrize("lod", [.6, 1, 4])
@@ -123,9 +123,9 @@ def test_twin(gpu, sphere, kind, lod):
         grown, seed = upload_curves(gpu, fur), 2**32 - 1
         view = near_view() if kind == "wild" else flat_view(90)
     grown = replace(grown, first_strand=77)
-    told = check_twin(gpu, grown, view, lod, seed)
-    assert (told[:, 1] < told[:, 0]).any()
-    assert (told[:, 2] > 1).any() and (told[told[:, 0] > 0, 2] == 0).any()
+    checked = check_twin(gpu, grown, view, lod, seed)
+    assert (checked[:, 1] < checked[:, 0]).any()
+    assert (checked[:, 2] > 1).any() and (checked[checked[:, 0] > 0, 2] == 0).any()
 
 
 # --- fewer and wider ------------------------------------------------------------------------------------
@@ -419,11 +419,11 @@ def test_lod_is_checked(wrong):
 
 def test_every_device_gives_the_same_bits():
     fur = wild(3000)
-    told = set()
+    digests = set()
     for device in DEVICES:
         gpu = clfur.Scheduler(device)
         thinned = thin(gpu, upload_curves(gpu, fur), near_view(), 1)
-        told.add(hashlib.sha256(b"".join(
+        digests.add(hashlib.sha256(b"".join(
             np.concatenate([part.ravel() for part in strand]).tobytes()
             for strand in strands_of(thinned) if len(strand[0]))).hexdigest())
-    assert len(told) == 1
+    assert len(digests) == 1

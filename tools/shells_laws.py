@@ -61,14 +61,14 @@ class Furred:
         scene = clfur.Scene(mesh=self.mesh, fur=self.fur, camera=camera, light=Light(direction=(1, -1, -0.6)))
         view, lighting = view_of(scene, samples), unshadowed(self.gpu, light_of(scene.light))
         visible = raster(self.gpu, view, None, self.body)
-        image, through, _ = march.march(self.gpu, view, self.shell, packed, lighting, visible)
-        image, through, keys = image.get().astype(float), through.get().astype(float), visible.get()
+        image, transmittance, _ = march.march(self.gpu, view, self.shell, packed, lighting, visible)
+        image, transmittance, keys = image.get().astype(float), transmittance.get().astype(float), visible.get()
         for s in range(samples):
             alone = np.full_like(keys, NONE)
             alone[..., s] = keys[..., s]
             behind = shade.color(self.gpu, view, lighting, self.gpu.upload(alone), self.skin, self.body,
                                  scene.body_color)
-            image += through[..., s:s + 1] * behind.get()
+            image += transmittance[..., s:s + 1] * behind.get()
         return image
 
     def truth(self, camera, shift=0, layers=30):

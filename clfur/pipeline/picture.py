@@ -83,7 +83,7 @@ def draw_band(picture, top, end, gpu):
     front = strands.resolve(gpu, band, through, shell_front)
     image, known = strands.shade(gpu, band, front, lighting, image)
     if plan.scene.shells and plan.others:
-        shells.about(gpu, front.view, shell[0], front.keys, front.through, front.shell_front, known)
+        shells.outputs(gpu, front.view, shell[0], front.keys, front.through, front.shell_front, known)
     return picture.read(gpu, band, front, {"color": image, **known, **front.outputs})
 
 

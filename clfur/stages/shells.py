@@ -17,7 +17,7 @@ MOST_NOISE = 16, 256         # lattices of the noise along a side, in space and 
 MOST_ROWS = 4096             # of a face's points in the light's grid
 
 
-SKIN = Declared("vertex", np.float32, 4)   # the mesh's positions, while hairs are bent
+POSITIONS = Declared("vertex", np.float32, 4)   # of the mesh, while hairs are bent
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def size_of(mesh, packed, topology):
     slabs, bare = int(packed["kind"][2]), int(packed["noise"][3])
     rows = _rows_of(packed, len(mesh.positions), len(mesh.faces))
     sides = len(mesh.faces) * (1 + bare) + 2 * slabs * int((topology.neighbours[:, :3] < 0).sum())
-    return Pattern.bytes(**rows) + Shell.bytes(border=sides, **rows) + SKIN.bytes * len(mesh.positions)
+    return Pattern.bytes(**rows) + Shell.bytes(border=sides, **rows) + POSITIONS.bytes * len(mesh.positions)
 
 
 def lay(gpu, mesh, packed, box, topology):
@@ -227,16 +227,18 @@ def bounds_of(gpu, shell):
     return len(corners), float((0.5 * (side + ab * ac)).sum())
 
 
-def about(gpu, view, shell, visible, through, fur, known):
-    """Put what is known of the fur over what `shade.about` knows of ``visible``; ``through``, ``fur``: what
-    `march.march` gave.
+def outputs(gpu, view, shell, visible, transmittance, shell_front, known):
+    """Put the outputs (AOVs) of the fur over those of ``visible``.
 
     Where half of the nearest fur's light is gone before all else: depth, id -3, tangent, the hair's direction, normal,
-    across it, and uv of its root.  coverage: what alpha is.
+    across it, and uv of its root.  coverage: what alpha is.  ``transmittance``: [rows, width, samples] float32, the
+    share of light that comes from what ``visible`` holds.  ``shell_front``: [rows, width, samples] uint64, what
+    `march.march` gave, or `coverage.resolve` where strands are transparent.
+    ``known``: {name: [rows, width(, n)]}, what `shade` gave.
     """
     rows, width, _ = visible.shape
     n = len(shell.normals)
-    gpu.launch("shells.about", rows * width, view=view, slabs=len(shell.curves) // n - 1, visible=visible, fur=fur,
-               through=through, faces=shell.pattern.faces, curves=shell.curves, uv=shell.pattern.uv,
-               **{f"out_{name}": array for name, array in known.items()})
+    gpu.launch("shells.outputs", rows * width, view=view, slabs=len(shell.curves) // n - 1, visible=visible,
+               shell_front=shell_front, transmittance=transmittance, faces=shell.pattern.faces, curves=shell.curves,
+               uv=shell.pattern.uv, **{f"out_{name}": array for name, array in known.items()})
     return known
