@@ -78,7 +78,7 @@ LIGHTS = {"slanted": beam(1, -1, -.6), "along": beam(0, 0, -1), "below": beam(.2
 
 
 @pytest.mark.parametrize("fur, light", [*((fur, "slanted") for fur in FURS), ("bent", "along"), ("bent", "below"),
-                                      ("bent", "spot"), ("straight", "near")])
+                                        ("bent", "spot"), ("straight", "near")])
 def test_twin(gpu, fur, light):
     check_twin(gpu, clfur.Scene(mesh=ball(1), fur=clfur.Shells(**FURS[fur]), light=LIGHTS[light]), 16)
 

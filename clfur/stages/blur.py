@@ -1,16 +1,17 @@
 """Picture -> the same, blurred: all of it, or where fur ends."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 
-def blur_radius(sigma):
+def blur_radius(sigma: float) -> int:
     """Pixels to each side that a blur of this many reaches."""
     return math.ceil(3 * sigma)
 
 
-def blur(gpu, image, sigma, edges, rows=None):
+def blur(gpu: Any, image: Any, sigma: float, edges: bool, rows: tuple[int, int] | None = None) -> Any:
     """Lay a Gaussian of ``sigma`` pixels, cut off at 3 sigma, over an image -> [rows, width, 4] float32.
 
     image: [h, w, 4] float32, linear and premultiplied, on the device.  ``edges``: only where coverage changes within

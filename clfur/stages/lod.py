@@ -1,6 +1,7 @@
 """Strands -> as few and as simple ones as a view needs."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ THINNED = "points", "tangents", "spans"   # arrays that are made anew, and color
 WIDEST = 2 / (layout.CONSTANTS["LOD_LEAST"] * (1 + layout.CONSTANTS["LOD_SOFT"]))
 
 
-def thin(gpu, strands, view, lod, seed=0):
+def thin(gpu: Any, strands: DeviceStrands, view: np.void, lod: float, seed: int = 0) -> DeviceStrands:
     """`DeviceStrands` without detail finer than ``lod`` > 0 pixels of a `layout.View` -> `DeviceStrands`.
 
     A strand that would be p < lod pixels wide, at its root's width and where the nearer of its ends is, belongs to

@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 
 from ..layout import Arrays, array, block
+from .lighting import Lighting
 from .raster import NONE, raster
 from .shade import IMAGE
+from .shells import Shell
 
 ENTRIES = 8                  # times that a ray may come into the fur
 
@@ -21,9 +23,12 @@ class Rays(Arrays):
     shell_front: Any = array("sample", np.uint64, None, NONE)   # depth << 32 | face where half of it is gone
 
 
-def march(gpu, view, shell, packed, lighting, visible):
+def march(gpu: Any, view: np.void, shell: Shell, packed: np.void, lighting: Lighting,
+          visible: Any) -> tuple[Any, Any, Any]:
     """Take all rays through the fur -> (image, shell_transmittance, shell_front).
 
+    ``view``: a `layout.View`.  ``packed``: the shell's `layout.Shells`.  ``visible``: [rows, width, samples] uint64,
+    what `raster` gives of all else.
     image: [rows, width, 4] float32, the light of the fur, premultiplied.  shell_transmittance: [rows, width, samples]
     float32, the share of light that comes from what ``visible`` holds.  shell_front: [rows, width, samples] uint64,
     depth << 32 | face where half of it is gone.

@@ -63,7 +63,7 @@ class Shell(Arrays):
     first_triangle = 0
 
 
-def topology_of(faces):
+def topology_of(faces: np.ndarray) -> Topology:
     """`Topology` of faces [F, 3]; a side that is not that of just two faces has no neighbour."""
     order = np.argsort(faces, 1, kind="stable")
     corners = np.take_along_axis(faces, order, 1).astype(np.int64)
@@ -82,10 +82,10 @@ def topology_of(faces):
     return Topology(corners.astype(np.uint32), as_float4(neighbours.reshape(-1, 3).astype(np.int32)), order)
 
 
-def border_of(faces, topology, slabs, bare):
+def border_of(faces: np.ndarray, topology: Topology, slabs: int, bare: bool) -> tuple[np.ndarray, np.ndarray]:
     """Triangles by which rays come into the fur -> (corners [B, 4], starts [B, 4]) uint32, see `Shell`.
 
-    ``faces``: those of the topology, counter-clockwise seen from the tips.
+    ``faces``: [F, 3], those of the topology, counter-clockwise seen from the tips.
     Those at the tips, the sides of the fur where the mesh ends, and with ``bare`` the skin itself, from within.
     """
     faces, n = faces.astype(np.int64), slabs + 1
@@ -113,7 +113,7 @@ def border_of(faces, topology, slabs, bare):
     return as_float4(np.concatenate(corners).astype(np.uint32)), starts.astype(np.uint32)
 
 
-def pack(shells, mesh, bare, filtered):
+def pack(shells: Any, mesh: Any, bare: bool, filtered: bool) -> tuple[np.void, np.ndarray]:
     """`clfur.Shells` -> (`layout.Shells`, float4 of the noise's place)."""
     packed = np.zeros((), layout.Shells)
     center, radius = mesh.bounds
@@ -147,7 +147,7 @@ def _rows_of(packed, vertices, faces):
             "lattice": CORNERS * faces, "vertex": vertices, "curve": vertices * (int(packed["kind"][2]) + 1)}
 
 
-def size_of(mesh, packed, topology):
+def size_of(mesh: Any, packed: np.void, topology: Topology) -> int:
     """Bytes on the device of a `Shell`, and what it takes to make it."""
     slabs, bare = int(packed["kind"][2]), int(packed["noise"][3])
     rows = _rows_of(packed, len(mesh.positions), len(mesh.faces))
@@ -155,7 +155,7 @@ def size_of(mesh, packed, topology):
     return Pattern.bytes(**rows) + Shell.bytes(border=sides, **rows) + POSITIONS.bytes * len(mesh.positions)
 
 
-def lay(gpu, mesh, packed, box, topology):
+def lay(gpu: Any, mesh: Any, packed: np.void, box: np.ndarray, topology: Topology) -> Pattern:
     """Lay the pattern of `layout.Shells` on a mesh -> `Pattern`."""
     uv = np.take_along_axis(mesh.uv, topology.order[..., None], 1).reshape(-1, 2)
     n = len(topology.corners)
@@ -170,8 +170,8 @@ def lay(gpu, mesh, packed, box, topology):
     return result
 
 
-def border(gpu, mesh, packed, topology):
-    """What `border_of` gives, on the device -> (corners [B, 4], starts [B, 4])."""
+def border(gpu: Any, mesh: Any, packed: np.void, topology: Topology) -> tuple[Any, Any]:
+    """What `border_of` gives, on the device -> (corners [B, 4], starts [B, 4]) uint32."""
     slabs, bare = int(packed["kind"][2]), int(packed["noise"][3])
     return tuple(gpu.upload(each) for each in border_of(_outward(mesh), topology, slabs, bare))
 
@@ -183,7 +183,8 @@ def _outward(mesh):
     return np.where(against[:, None], mesh.faces[:, ::-1], mesh.faces)
 
 
-def bend(gpu, mesh, packed, pattern, topology, sides=None):
+def bend(gpu: Any, mesh: Any, packed: np.void, pattern: Pattern, topology: Topology,
+         sides: tuple[Any, Any] | None = None) -> Shell:
     """Bend the hairs of a pattern -> `Shell`; ``sides``: what `border` gave, if it is there already."""
     triangles, starts = sides or border(gpu, mesh, packed, topology)
     shell = Shell.empty(gpu, _rows_of(packed, len(mesh.positions), len(mesh.faces)), pattern=pattern,
@@ -194,11 +195,12 @@ def bend(gpu, mesh, packed, pattern, topology, sides=None):
     return shell
 
 
-def deposit(gpu, grid, shell, packed, method, weight, cells=None):
+def deposit(gpu: Any, grid: np.void, shell: Shell, packed: np.void, method: str, weight: int,
+            cells: Any = None) -> Any:
     """Put shell fur into a `layout.Grid` -> [nz, ny, nx] uint32: how often a ray of light is expected to enter hair.
 
     ``method``: "binary", where a cell that holds hair is crossed once, or another.  ``weight``: what one crossing adds;
-    see `bounds_of`.  ``cells``: counts to add to.
+    see `bounds_of`.  ``cells``: [nz, ny, nx] uint32 to add to.
     """
     nx, ny, nz, _ = (int(n) for n in grid["size"])
     cells = CELLS.empty(gpu, (nz, ny, nx)) if cells is None else cells
@@ -212,7 +214,7 @@ def deposit(gpu, grid, shell, packed, method, weight, cells=None):
     return cells
 
 
-def bounds_of(gpu, shell):
+def bounds_of(gpu: Any, shell: Shell) -> tuple[int, float]:
     """(pieces, area [world²]) that shell fur cannot exceed across any light, as `clfur.fur.hair_bounds` of strands."""
     pattern = shell.pattern
     lattice, means = gpu.download(pattern.lattice).reshape(-1, 4 * CORNERS).astype(float), gpu.download(pattern.means)
@@ -227,8 +229,9 @@ def bounds_of(gpu, shell):
     return len(corners), float((0.5 * (side + ab * ac)).sum())
 
 
-def outputs(gpu, view, shell, visible, transmittance, shell_front, known):
-    """Put the outputs (AOVs) of the fur over those of ``visible``.
+def outputs(gpu: Any, view: np.void, shell: Shell, visible: Any, transmittance: Any, shell_front: Any,
+            known: dict[str, Any]) -> dict[str, Any]:
+    """Put the outputs (AOVs) of the fur over those of ``visible``, [rows, width, samples] uint64.
 
     Where half of the nearest fur's light is gone before all else: depth, id -3, tangent, the hair's direction, normal,
     across it, and uv of its root.  coverage: what alpha is.  ``transmittance``: [rows, width, samples] float32, the

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, array
-from .tessellate import as_float4
+from .tessellate import Surface, as_float4
 
 AREA = layout.Declared("triangle", np.uint64)   # running sums of triangles' areas, by which roots are spread
 
@@ -51,14 +51,15 @@ class Packed(Arrays):
     type_of: Any = array("strand", np.uint32)
 
 
-def arrays(strands, *names):
+def arrays(strands: DeviceStrands, *names: str) -> dict[str, Any]:
     """What of `DeviceStrands` has these names in kernels, as arguments of a launch: normals and uv are strand_normal
     and strand_uv there."""
     renamed = {"strand_normal": "normals", "strand_uv": "uv"}
     return {name: getattr(strands, renamed.get(name, name)) for name in names}
 
 
-def grow(gpu, surface, fur, strands=None, area=None):
+def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None = None,
+         area: tuple[int, int] | None = None) -> DeviceStrands:
     """Grow `clfur.Strands` on a tessellated `Surface` -> `DeviceStrands`.
 
     A root stands in the middle of every triangle, or ``fur.roots`` of them uniformly by area (in strata: strand
@@ -66,11 +67,11 @@ def grow(gpu, surface, fur, strands=None, area=None):
     ``strands``: which, (first, one past the last), if not all.  ``area``: (of the triangles before those of the
     surface, of all triangles), if the surface is a part of the whole; see `area_sums`.
     """
-    make = _roots_on_faces if fur.roots == "faces" else _roots_by_area
+    roots_of = _roots_on_faces if fur.roots == "faces" else _roots_by_area
     first = surface.first_triangle if fur.roots == "faces" else 0
     begin, end = strands or (first, first + len(surface.triangles) if fur.roots == "faces" else fur.roots)
     n = end - begin
-    roots = make(gpu, surface, fur, begin, n, area)
+    roots = roots_of(gpu, surface, fur, begin, n, area)
     types, texels = pack_types(fur.types)
     indices = fur.type_indices if fur.type_map is not None else np.zeros((1, 1))
     stride = max(t.segments for t in fur.types) + 1
@@ -87,7 +88,7 @@ def grow(gpu, surface, fur, strands=None, area=None):
     return grown
 
 
-def upload_curves(gpu, curves, strands=None):
+def upload_curves(gpu: Any, curves: Any, strands: tuple[int, int] | None = None) -> DeviceStrands:
     """Put `clfur.Curves` on the device -> `DeviceStrands`; tangents come from neighbouring points.
 
     ``strands``: which, (first, one past the last), if not all.
@@ -122,7 +123,7 @@ def upload_curves(gpu, curves, strands=None):
     return grown
 
 
-def no_strands(gpu):
+def no_strands(gpu: Any) -> DeviceStrands:
     """`DeviceStrands` without a strand."""
     return DeviceStrands.empty(gpu, {"point": 0, "strand": 0, "color": 0, "type": 0})
 
@@ -132,7 +133,7 @@ def _per(length, strands, points):
     return 0 if length == 1 else 1 if length == strands else 2
 
 
-def pack_types(types):
+def pack_types(types: Any) -> tuple[np.ndarray, np.ndarray]:
     """`clfur.HairType`s -> ([types] layout.HairType, texels of their textures [N, 4] float32)."""
     packed = np.zeros(len(types), layout.HairType)
     texels = []
@@ -172,7 +173,7 @@ def _roots_by_area(gpu, surface, fur, begin, n, area):
     return roots
 
 
-def area_sums(gpu, surface):
+def area_sums(gpu: Any, surface: Surface) -> tuple[Any, Any]:
     """The integer areas by which roots are spread -> (of the triangles up to each, [T] uint64; of all, [1] uint64)."""
     triangles = len(surface.triangles)
     blocks = -(-triangles // layout.CONSTANTS["SCAN"])
@@ -185,7 +186,7 @@ def area_sums(gpu, surface):
     return areas, total
 
 
-def first_strand_at(place, fur, total):
+def first_strand_at(place: int, fur: Any, total: int) -> int:
     """The first of ``fur.roots`` strands that stands at or behind a place in the area, as strands.cl has it: strand i
     stands at a random place of the i-th part of ``total``, so that these places never fall."""
     share, rest = divmod(total, fur.roots)
