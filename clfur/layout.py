@@ -1,7 +1,7 @@
 """The one contract between host and device: constants, sample patterns, structs and arrays, written once."""
 
 import dataclasses
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -199,6 +199,8 @@ class Arrays:
     none.
     """
 
+    declared: ClassVar[dict[str, Declared]]
+
     def __init_subclass__(cls):
         own = {name: getattr(cls, name, None) for name in cls.__annotations__}
         declared = {name: each.metadata["declared"] for name, each in own.items()
@@ -218,7 +220,7 @@ class Arrays:
                 continue
             shape, end = value.shape, (known.width,) if known.width else ()
             before = shape[:len(shape) - len(end)]
-            if value.size and rows.setdefault(known.of, before) != before or (
+            if (value.size and rows.setdefault(known.of, before) != before) or (
                     value.dtype != known.dtype or shape[len(before):] != end):
                 raise TypeError(f"{type(self).__name__}.{name} is {value.dtype} {list(shape)}; allowed: "
                                 f"{np.dtype(known.dtype)} {[*rows.get(known.of, before), *end]}")

@@ -1,5 +1,6 @@
 """Scenes that do not fit the device at once: drawn part by part and band by band, they are the same bits."""
 
+import itertools
 import json
 import os
 import subprocess
@@ -62,10 +63,10 @@ def test_every_strand_and_face_is_in_one_part(another, sphere, kind, strands):
     parts = plan.parts(small)
     runs = sorted(part.strands for part in parts if part.strands[1] > part.strands[0])
     assert runs[0][0] == 0 and runs[-1][1] == plan.strands == (strands or plan.triangles)
-    assert all(one[1] == other[0] for one, other in zip(runs, runs[1:]))
+    assert all(one[1] == other[0] for one, other in itertools.pairwise(runs))
     faces = sorted(part.faces for part in parts if part.body)
     assert faces[0][0] == 0 and faces[-1][1] == len(sphere.faces)
-    assert all(one[1] == other[0] for one, other in zip(faces, faces[1:]))
+    assert all(one[1] == other[0] for one, other in itertools.pairwise(faces))
 
 
 def test_memory_is_shared_out():
@@ -122,10 +123,10 @@ print(json.dumps([frame.hashes, color, frame.memory, gpu.largest, gpu.memory]))
 
 def test_strands_in_arrays_larger_than_a_device_takes():
     """PoCL with 1 GB, 256 MB a piece: 170,000 strands of 100 segments have 17 million points, 275 MB in one array."""
-    told = [json.loads(subprocess.run([sys.executable, "-c", LIMITED], env=os.environ | limit, check=True,
-                                      capture_output=True, text=True).stdout.splitlines()[-1])
-            for limit in ({}, {"POCL_MEMORY_LIMIT": "1"})]
-    (hashes, color, whole, _, _), (again, color_again, parts, largest, memory) = told
+    results = [json.loads(subprocess.run([sys.executable, "-c", LIMITED], env=os.environ | limit, check=True,
+                                         capture_output=True, text=True).stdout.splitlines()[-1])
+               for limit in ({}, {"POCL_MEMORY_LIMIT": "1"})]
+    (hashes, color, whole, _, _), (again, color_again, parts, largest, memory) = results
     assert (hashes, color) == (again, color_again)
     assert largest <= 2**28 < 170_000 * 101 * 16 and parts <= memory and parts < whole
 

@@ -83,7 +83,7 @@ def findings(text):
 
 def lines(found):
     """The same for people."""
-    return [f"  {what} in {kernel}, {' and '.join(places) or 'place not told'} ({times} times)"
+    return [f"  {what} in {kernel}, {' and '.join(places) or 'place unknown'} ({times} times)"
             for (what, kernel, places), times in found.most_common()]
 
 
@@ -118,8 +118,8 @@ class Buffers:
 def watch():
     """Make schedulers hide nothing from Oclgrind; gives the set that fills with (kernel launched, 64-bit atomics)."""
     launched = set()
-    own = scheduler.Scheduler
-    start, launch = own.__init__, own.launch
+    real = scheduler.Scheduler
+    start, launch = real.__init__, real.launch
 
     def started(self, *args, **kwargs):
         start(self, *args, **kwargs)
@@ -135,7 +135,12 @@ def watch():
     def full(self, shape, dtype, value):   # to Oclgrind a buffer that the driver has filled is not written
         return self.upload(np.full(shape, value, dtype))
 
-    own.__init__, own.launch, own.full = started, recorded, full
+    def joined(self, arrays, dtype):   # nor one that it has copied
+        there = [array for array in arrays if array is not None]
+        return there[0] if len(there) == 1 else self.upload(np.concatenate(
+            [np.zeros(0, dtype), *(self.download(array).ravel() for array in there)]))
+
+    real.__init__, real.launch, real.full, real.joined = started, recorded, full, joined
     scheduler.kernel_dir = lambda: Path(os.environ["CLFUR_KERNELS"])
     return launched
 
@@ -187,8 +192,8 @@ class Run:
             self.output, self.code = f"{(error.stdout or b'').decode()}\nnot done after {LIMIT} s", None
         self.name, self.seconds = name, time.monotonic() - began
         self.found = findings(log.read_text())
-        told = log.with_suffix(".json")
-        self.tests, self.launched = json.loads(told.read_text()) if told.exists() else (0, [])
+        counts = log.with_suffix(".json")
+        self.tests, self.launched = json.loads(counts.read_text()) if counts.exists() else (0, [])
         self.clean = self.code == 0 and not self.found
 
 
@@ -214,7 +219,7 @@ def missed_of_the_planted(folder):
         shutil.copy(path, kernels)
         caught = [(match[1], f"{path.name}:{number}") for number, line in enumerate(path.read_text().splitlines(), 1)
                   if (match := re.search(r"// caught: (.*)", line))]
-        assert caught, f"{path.name} does not tell what is to be caught"
+        assert caught, f"{path.name} does not say what is to be caught"
         expected += caught
     run = Run("planted", folder, kernels, __file__, "launch-planted")
     missed = [f"{what}, {place}" for what, place in expected if not said(run.found, what, place)]

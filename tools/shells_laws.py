@@ -52,7 +52,7 @@ class Furred:
         topology = stage.topology_of(mesh.faces)
         pattern = stage.lay(gpu, mesh, self.packed, box, topology)
         self.shell = stage.bend(gpu, mesh, self.packed, pattern, topology)
-        self.skin = no_strands(gpu)
+        self.no_hair = no_strands(gpu)
 
     def draw(self, camera, filtered, samples=1, layers=30):
         """Linear premultiplied picture [height, width, 4] float64."""
@@ -66,7 +66,7 @@ class Furred:
         for s in range(samples):
             alone = np.full_like(keys, NONE)
             alone[..., s] = keys[..., s]
-            behind = shade.color(self.gpu, view, lighting, self.gpu.upload(alone), self.skin, self.body,
+            behind = shade.color(self.gpu, view, lighting, self.gpu.upload(alone), self.no_hair, self.body,
                                  scene.body_color)
             image += transmittance[..., s:s + 1] * behind.get()
         return image
@@ -100,9 +100,9 @@ def before(mesh, fur, apart, size=SIZE):
     inside = np.isfinite(t) & (t > 0)
     for i, j in ((a, b), (b, c), (c, a)):
         inside &= (np.cross(j - i, p - i) * n).sum(1) >= 0
-    skin = t[inside].max()
+    surface = t[inside].max()
     focal = size[1] / 2 / np.tan(np.radians(45) / 2)
-    away = skin + fur.length + spacing(mesh, fur) * focal / apart
+    away = surface + fur.length + spacing(mesh, fur) * focal / apart
     return Camera(eye=center + away * TOWARDS, target=center, fov=45, size=size)
 
 

@@ -1,5 +1,6 @@
 """`clfur devices`: what OpenCL devices there are, whether they draw right, and why a driver is not there."""
 
+import contextlib
 import hashlib
 import json
 import os
@@ -21,7 +22,7 @@ LOADING, CHECKING = 60, 180   # seconds; PoCL compiles every kernel on the first
 @click.command()
 @click.option("--check", is_flag=True, help="Draw a small picture on each device and say whether it is right; "
               "auto then passes over devices that fail.")
-@click.option("--why", is_flag=True, help="Tell of every driver that OpenCL looks at, and why it does not load.")
+@click.option("--why", is_flag=True, help="List every driver that OpenCL looks at, and why it does not load.")
 @click.option("--json", "as_json", is_flag=True, help="Print the same as one JSON object.")
 def devices(check, why, as_json):
     """List the OpenCL devices: what to give --device, and which one is taken without it.
@@ -68,10 +69,8 @@ def ask_drivers():
     except Error:   # no cache folder: ask each time
         pass
     survey()
-    try:
+    with contextlib.suppress(Error):   # asked again next time
         cache.write(cache.folder("loaded") / name, b"")
-    except Error:   # asked again next time
-        pass
 
 
 def _each(found):

@@ -98,7 +98,7 @@ def accumulate(gpu, plans, strands, body, counted=None, shell=None):
             if shell is not None:
                 counted[i] = shells.deposit(gpu, plan.grid, *shell, plan.method, plan.weights[-1], counted[i])
         if plan.light_view is not None:
-            with gpu.called("shadow_map"):
+            with gpu.labelled("shadow_map"):
                 counted[n + i] = raster(gpu, plan.light_view, None, body, counted[n + i])
     return counted
 

@@ -33,14 +33,14 @@ def march(gpu: Any, view: np.void, shell: Shell, packed: np.void, lighting: Ligh
     float32, the share of light that comes from what ``visible`` holds.  shell_front: [rows, width, samples] uint64,
     depth << 32 | face where half of it is gone.
     """
-    rows, width, samples = visible.shape
+    rows, width, _samples = visible.shape
     image, rays = IMAGE.empty(gpu, (rows, width)), Rays.empty(gpu, {"sample": visible.shape})
     pattern = shell.pattern
     across, down = block(gpu.lanes)
     blocks = -(-width // across) * -(-rows // down)
     for _ in range(ENTRIES):
         left = gpu.full(1, np.int32, 0)
-        with gpu.called("entries"):
+        with gpu.labelled("entries"):
             entries = raster(gpu, view, None, shell, after=rays.after)
         gpu.launch("march.march", blocks, view=view, shells=packed, visible=visible, entries=entries,
                    border=shell.border, faces=pattern.faces, neighbours=pattern.neighbours, curves=shell.curves,

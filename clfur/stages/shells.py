@@ -77,12 +77,12 @@ def topology_of(faces: np.ndarray) -> Topology:
     pair = np.bincount(number)[number] == 2
     one, other = by_key[pair & first], by_key[pair & ~first]
     neighbours = np.full(len(key), -1, np.int64)
-    numbers = np.arange(len(key)) // 3 << layout.CONSTANTS["SIDE_BITS"] | np.arange(len(key)) % 3
+    numbers = np.arange(len(key)) // 3 << int(layout.CONSTANTS["SIDE_BITS"]) | np.arange(len(key)) % 3
     neighbours[one], neighbours[other] = numbers[other], numbers[one]
     return Topology(corners.astype(np.uint32), as_float4(neighbours.reshape(-1, 3).astype(np.int32)), order)
 
 
-def border_of(faces: np.ndarray, topology: Topology, slabs: int, bare: bool) -> tuple[np.ndarray, np.ndarray]:
+def border_of(faces: np.ndarray, topology: Topology, slabs: int, bare: int) -> tuple[np.ndarray, np.ndarray]:
     """Triangles by which rays come into the fur -> (corners [B, 4], starts [B, 4]) uint32, see `Shell`.
 
     ``faces``: [F, 3], those of the topology, counter-clockwise seen from the tips.
@@ -109,13 +109,13 @@ def border_of(faces: np.ndarray, topology: Topology, slabs: int, bare: bool) -> 
             for triangle, (tetrahedron, missing) in zip((lower, upper), places[side]):
                 corners.append(np.where(along, triangle, triangle[:, ::-1]))
                 starts.append((open_, np.full(len(open_), 4 * (3 * slab + tetrahedron) + missing)))
-    starts = np.concatenate([np.stack([face, place, 0 * face, 0 * face], 1) for face, place in starts])
-    return as_float4(np.concatenate(corners).astype(np.uint32)), starts.astype(np.uint32)
+    rows = np.concatenate([np.stack([face, place, 0 * face, 0 * face], 1) for face, place in starts])
+    return as_float4(np.concatenate(corners).astype(np.uint32)), rows.astype(np.uint32)
 
 
 def pack(shells: Any, mesh: Any, bare: bool, filtered: bool) -> tuple[np.void, np.ndarray]:
     """`clfur.Shells` -> (`layout.Shells`, float4 of the noise's place)."""
-    packed = np.zeros((), layout.Shells)
+    packed: Any = np.zeros((), layout.Shells)
     center, radius = mesh.bounds
     f, (strength, waves) = shells.frequency, shells.noise
     packed["size"] = shells.length, shells.layers, f, shells.length_variation

@@ -97,7 +97,7 @@ def upload_curves(gpu: Any, curves: Any, strands: tuple[int, int] | None = None)
     counts = curves.counts[begin:end].astype(np.uint32)
     before = int(curves.counts[:begin].sum(dtype=np.int64))
     n, total = len(counts), int(counts.sum(dtype=np.int64))
-    first = np.concatenate([[0], np.cumsum(counts)[:-1]]) if n else []
+    first: Any = np.concatenate([[0], np.cumsum(counts)[:-1]]) if n else []
     width_per, color_per = (_per(len(values), len(curves.counts), len(curves.points))
                             for values in (curves.width, curves.color))
     here = (0, 1), (begin, end), (before, before + total)
@@ -136,7 +136,7 @@ def _per(length, strands, points):
 def pack_types(types: Any) -> tuple[np.ndarray, np.ndarray]:
     """`clfur.HairType`s -> ([types] layout.HairType, texels of their textures [N, 4] float32)."""
     packed = np.zeros(len(types), layout.HairType)
-    texels = []
+    texels: list[np.ndarray] = []
     for row, t in zip(packed, types):
         row["color"] = *t.color, t.color_variation
         row["shape"] = t.segment_length, t.width, t.force_weight, t.direction_variation

@@ -27,10 +27,10 @@ def pieces_of(fragments, used=None):
     return np.sort(result, order=("pixel", "id"))
 
 
-def wild(n, seed, reach=1.4, width=.1):
+def wild(n, seed, extent=1.4, width=.1):
     """Strands through all that a camera sees, behind it too: [n, 5, 4]."""
     rng = np.random.default_rng(seed)
-    steps = np.concatenate([rng.uniform(-reach, reach, (n, 1, 3)), rng.normal(size=(n, 4, 3)) * .25], 1)
+    steps = np.concatenate([rng.uniform(-extent, extent, (n, 1, 3)), rng.normal(size=(n, 4, 3)) * .25], 1)
     return np.concatenate([steps.cumsum(1), rng.uniform(0, width, (n, 5, 1))], 2)
 
 
