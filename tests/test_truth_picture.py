@@ -206,11 +206,11 @@ def test_strands_on_the_body_get_light_from_their_roots_on():
     light = clfur.Light(direction=(0, -1, -.2), color=(1, 1, 1), ambient=0)
     s = clfur.Scene(mesh=mesh(quad(0, 0, 0, down=(0, 0, -1))), fur=fur, body_color=(0, 0, 0), light=light,
                     camera=clfur.Camera(eye=(0, 1, 2), size=(60, 40)))
-    hair, skin = truth._geometry(s)
-    sun = truth._Light(s, light, hair, skin)
+    hair, body = truth._geometry(s)
+    sun = truth._Light(s, light, hair, body)
     p = hair.points[hair.first[::3], :3]                             # the roots themselves
-    assert (sun._left(p, np.full(len(p), -1), hair.owner[::3]) == 1).all()
-    assert (sun._left(p - (0, .001, 0), np.full(len(p), -1), hair.owner[::3]) == 0).all()
+    assert (sun._transmittance(p, np.full(len(p), -1), hair.owner[::3]) == 1).all()
+    assert (sun._transmittance(p - (0, .001, 0), np.full(len(p), -1), hair.owner[::3]) == 0).all()
     assert truth.picture(s, 4)[..., 0].max() > .1
 
 

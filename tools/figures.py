@@ -6,7 +6,7 @@
     python tools/figures.py --only chart --mesh FILE   the chart with one more mesh
 
 `chart` holds the light that each method lets through, at random places on strands, against clfur.truth.  The sums are
-those of the device; they are read back, and looked up in NumPy as cl/shade.cl's through_hair does, own share included.
+those of the device; they are read back, and looked up as through_hair of cl/light.h does, self-shadow included.
 The report's methods know no width of a hair, so that each is also shown with the alpha that fits it best to the truth.
 """
 

@@ -28,8 +28,8 @@ def furry(mesh, options, light=LIGHT, body_color=None, **fields):
     size = size_of(mesh)
     fields = {"color": FUR, "length": .12, "frequency": 60 / size} | fields
     fur = clfur.Shells(**fields | {"length": fields["length"] * size})
-    skin = body_color or tuple(fur.root_shade * np.array(FUR))
-    return clfur.Scene(mesh=mesh, fur=fur, camera=frame(mesh, fur, options.size), light=light, body_color=skin)
+    color = body_color or tuple(fur.root_shade * np.array(FUR))
+    return clfur.Scene(mesh=mesh, fur=fur, camera=frame(mesh, fur, options.size), light=light, body_color=color)
 
 
 def near(scene, times, place=(.5, .5)):
@@ -178,8 +178,8 @@ def marched(gpu, options, path):
             for _ in range(11):
                 gpu.start()
                 for layer in grown:
-                    seen = raster(gpu, view, None, layer, after=facing)
-                    shade.color(gpu, view, lighting, seen, shells.skin, layer, FUR)
+                    front = raster(gpu, view, None, layer, after=facing)
+                    shade.color(gpu, view, lighting, front, shells.no_hair, layer, FUR)
                 drawn = gpu.seconds()
                 gpu.start()
                 march.march(gpu, view, shells.shell, shells.packed, lighting, visible)

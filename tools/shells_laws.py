@@ -52,7 +52,7 @@ class Furred:
         topology = stage.topology_of(mesh.faces)
         pattern = stage.lay(gpu, mesh, self.packed, box, topology)
         self.shell = stage.bend(gpu, mesh, self.packed, pattern, topology)
-        self.skin = no_strands(gpu)
+        self.no_hair = no_strands(gpu)
 
     def draw(self, camera, filtered, samples=1, layers=30):
         """Linear premultiplied picture [height, width, 4] float64."""
@@ -61,14 +61,14 @@ class Furred:
         scene = clfur.Scene(mesh=self.mesh, fur=self.fur, camera=camera, light=Light(direction=(1, -1, -0.6)))
         view, lighting = view_of(scene, samples), unshadowed(self.gpu, light_of(scene.light))
         visible = raster(self.gpu, view, None, self.body)
-        image, through, _ = march.march(self.gpu, view, self.shell, packed, lighting, visible)
-        image, through, keys = image.get().astype(float), through.get().astype(float), visible.get()
+        image, transmittance, _ = march.march(self.gpu, view, self.shell, packed, lighting, visible)
+        image, transmittance, keys = image.get().astype(float), transmittance.get().astype(float), visible.get()
         for s in range(samples):
             alone = np.full_like(keys, NONE)
             alone[..., s] = keys[..., s]
-            behind = shade.color(self.gpu, view, lighting, self.gpu.upload(alone), self.skin, self.body,
+            behind = shade.color(self.gpu, view, lighting, self.gpu.upload(alone), self.no_hair, self.body,
                                  scene.body_color)
-            image += through[..., s:s + 1] * behind.get()
+            image += transmittance[..., s:s + 1] * behind.get()
         return image
 
     def truth(self, camera, shift=0, layers=30):

@@ -49,8 +49,8 @@ class Tubes(rays.Fibres):
 class FallingOff(truth._Light):
     """Light of which a spot's falls off with the square of the distance, as Mitsuba's."""
 
-    def _reaching(self, p):
-        to_light, direct = super()._reaching(p)
+    def _unshadowed(self, p):
+        to_light, direct = super()._unshadowed(p)
         place = self.light.position
         return to_light, direct if place is None else direct / ((p - place)**2).sum(1, keepdims=True)
 

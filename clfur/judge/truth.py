@@ -37,13 +37,13 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     if scene.shells is not None:
         raise Error("Scene.fur has Shells; allowed: Strands or Curves, since the truth knows strands and bodies only")
     samples = checks.whole(1, 64)(samples, "samples")
-    hair, skin = _geometry(scene)
+    hair, body = _geometry(scene)
     eye, to_place, near = _camera(scene)
     width, height = scene.camera.size
     corners = np.array([(x, y, 1) for x in (0, width) for y in (0, height)]) @ to_place.T
     window = corners[:, :2].min(0), corners[:, :2].max(0)
-    seen_hair, seen_skin = _before(eye, hair, skin, near, window)
-    lights = [_Light(scene, light, hair, skin) for light in scene.lights]
+    fibres, triangles = _before(eye, hair, body, near, window)
+    lights = [_Light(scene, light, hair, body) for light in scene.lights]
 
     result = np.zeros((height, width, 4))
     rows = max(RAYS // (width * samples**2), 1)
@@ -51,18 +51,18 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
         end = min(top + rows, height)
         pixels = np.concatenate([_in_row(row, width, samples, seed) for row in range(top, end)])
         places = (np.column_stack([pixels, np.ones(len(pixels))]) @ to_place.T)[:, :2]
-        lit = np.zeros((len(places), 4))
-        depth, fibre = seen_hair.seen(places)
-        body_depth, triangle = seen_skin.seen(places)
+        radiance = np.zeros((len(places), 4))
+        depth, fibre = fibres.seen(places)
+        body_depth, triangle = triangles.seen(places)
         nearer = np.flatnonzero(depth < body_depth)
         bare = np.flatnonzero((body_depth <= depth) & (triangle >= 0))
-        lit[nearer, 3] = lit[bare, 3] = 1
+        radiance[nearer, 3] = radiance[bare, 3] = 1
         p, fibre = eye.points(places[nearer], depth[nearer]), fibre[nearer]
-        v, share = _towards(eye, p), seen_hair.share(places[nearer], fibre)
-        lit[nearer, :3] = sum(light.on_hair(p, v, fibre, share) for light in lights)
+        v, share = _towards(eye, p), fibres.share(places[nearer], fibre)
+        radiance[nearer, :3] = sum(light.on_hair(p, v, fibre, share) for light in lights)
         p = eye.points(places[bare], body_depth[bare])
-        lit[bare, :3] = sum(light.on_skin(p, _towards(eye, p), triangle[bare]) for light in lights)
-        result[top:end] = lit.reshape(end - top, width, samples**2, 4).mean(2)
+        radiance[bare, :3] = sum(light.on_body(p, _towards(eye, p), triangle[bare]) for light in lights)
+        result[top:end] = radiance.reshape(end - top, width, samples**2, 4).mean(2)
         if progress:
             progress(end / height)
     return result
@@ -148,13 +148,13 @@ def _tessellated(mesh, inner, outer, surface):
 
 
 def _grown(fur, body):
-    skin = body.positions, body.normals, body.uv, body.triangles[:, :3]
+    arrays = body.positions, body.normals, body.uv, body.triangles[:, :3]
     if fur.roots == "faces":
-        roots = strands.roots_on_faces(*skin)
+        roots = strands.roots_on_faces(*arrays)
     else:
-        x, y, z = strands.twice_areas(body.positions * body.unit, skin[3]).T
+        x, y, z = strands.twice_areas(body.positions * body.unit, arrays[3]).T
         area = np.sqrt(x * x + y * y + z * z)
-        *roots, _ = strands.roots_by_area(*skin, np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed)
+        *roots, _ = strands.roots_by_area(*arrays, np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed)
     points, tangents, counts, colors, kind = strands.grow(
         *roots, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed)
     there = np.arange(points.shape[1]) < counts[:, None]
@@ -164,10 +164,10 @@ def _grown(fur, body):
                            shine=np.array([layout.shine(t.look, t.alpha) for t in fur.types]))
 
 
-def _before(eye, hair, skin, near, window):
+def _before(eye, hair, body, near, window):
     """(`Fibres`, `Triangles`) of a scene before an eye."""
     fibres = Fibres(eye, hair.points[hair.first], hair.points[hair.first + 1], hair.starts, hair.ends, near, window)
-    return fibres, Triangles(eye, skin.positions[skin.triangles[:, :3]], near, window)
+    return fibres, Triangles(eye, body.positions[body.triangles[:, :3]], near, window)
 
 
 def _camera(scene):
@@ -197,8 +197,8 @@ def _towards(eye, p):
 class _Light:
     """One light of a scene on places in it."""
 
-    def __init__(self, scene, light, hair, skin):
-        self.light, self.hair, self.skin, self.body_color = light, hair, skin, scene.body_color
+    def __init__(self, scene, light, hair, body):
+        self.light, self.hair, self.body, self.body_color = light, hair, body, scene.body_color
         spot, direction = self.light.position is not None, self.light.direction
         _, radius = extent(scene.mesh, scene.fur)
         self.eye = Eye(self.light.position if spot else np.zeros(3), frame_along(direction), not spot)
@@ -206,10 +206,10 @@ class _Light:
         if spot:
             window = np.array([[-1], [1]]) * np.full(2, math.tan(math.radians(self.light.angle) / 2))
         else:
-            places = self.eye.places(self.eye.frame(np.concatenate([hair.points[:, :3], skin.positions])))
+            places = self.eye.places(self.eye.frame(np.concatenate([hair.points[:, :3], body.positions])))
             grown = hair.points[:, 3].max(initial=0)
             window = places.min(0, initial=np.inf) - grown, places.max(0, initial=-np.inf) + grown
-        self.fibres, self.triangles = _before(self.eye, hair, skin, near, window)
+        self.fibres, self.triangles = _before(self.eye, hair, body, near, window)
         with np.errstate(divide="ignore"):
             self.depth = np.log(hair.shine[hair.kind[hair.owner], 2])     # of a crossing; alpha 0 lets nothing through
         self.bias = 1e-7 * radius                                         # a place on the body is not before itself
@@ -221,21 +221,21 @@ class _Light:
         length = np.linalg.norm(t, axis=1, keepdims=True)
         t = np.where(length > 1e-15, t / np.where(length > 1e-15, length, 1), hair.tangents[first])
         color = shade.strand_color(hair, first, strand, share)
-        to_light, direct = self._reaching(p)
+        to_light, direct = self._unshadowed(p)
         some = np.flatnonzero(direct.any(1))
-        direct[some] *= self._left(p[some], np.full(len(some), -1), strand[some])[:, None]
+        direct[some] *= self._transmittance(p[some], np.full(len(some), -1), strand[some])[:, None]
         return scatter.fibre(color, hair.shine[hair.kind[strand]], t, to_light, v, direct, self.light.ambient)
 
-    def on_skin(self, p, v, triangle):
+    def on_body(self, p, v, triangle):
         """Light [n, 3] from places p of triangles towards v."""
-        n, _ = shade.on_body(self.skin, triangle, p, v)
-        to_light, direct = self._reaching(p)
+        n, _ = shade.on_body(self.body, triangle, p, v)
+        to_light, direct = self._unshadowed(p)
         direct *= np.maximum(dot(n, to_light), 0)[:, None]
         some = np.flatnonzero(direct.any(1))
-        direct[some] *= self._left(p[some], triangle[some], np.full(len(some), -1))[:, None]
+        direct[some] *= self._transmittance(p[some], triangle[some], np.full(len(some), -1))[:, None]
         return self.body_color * (direct + self.light.ambient)
 
-    def _reaching(self, p):
+    def _unshadowed(self, p):
         """(unit vectors to the light, its colour where nothing is in its way) [n, 3]."""
         light = self.light
         direct = np.repeat(light.color[None].astype(float), len(p), 0)
@@ -245,25 +245,25 @@ class _Light:
         direct[-to_light @ light.direction < math.cos(math.radians(light.angle) / 2)] = 0
         return to_light, direct
 
-    def _left(self, p, triangle, strand):
-        """Share of light that one ray [n] leaves at places p, which lie on a triangle or a strand (-1: not)."""
+    def _transmittance(self, p, triangle, strand):
+        """Share of light that one ray [n] brings to places p, which lie on a triangle or a strand (-1: not)."""
         if not len(p):
             return np.zeros(0)
         framed = self.eye.frame(p)
         places, z = self.eye.places(framed), framed[:, 2]
-        share = np.where(self.triangles.any_before(places, z - self.bias, triangle), 0.0, 1.0)
+        result = np.where(self.triangles.any_before(places, z - self.bias, triangle), 0.0, 1.0)
         if (self.depth < 0).any():
-            some = np.flatnonzero(share)
-            share[some] = np.exp(self.fibres.sum_before(
+            some = np.flatnonzero(result)
+            result[some] = np.exp(self.fibres.sum_before(
                 places[some], z[some], strand[some], self.hair.owner, self.depth))
-        return share
+        return result
 
 
 # --- light in hair alone --------------------------------------------------------------------------------
 
 
 def transmittance(points, spans, alphas, towards_light, queries, own, footprint, rays=64, seed=0):
-    """How much light reaches places in hair: the mean of alpha^crossings over rays of light in a footprint.
+    """How much light hair lets through to places in it: the mean of alpha^crossings over rays of light in a footprint.
 
     ``points``: [P, 4] x, y, z, width; ``spans``: [strands, 2] first point, points; ``alphas``: what one hair lets
     through, a number or [strands].  ``towards_light``: unit [3].  ``queries``: [Q, 3] with ``own`` [Q] the strand

@@ -1,12 +1,15 @@
 """Strands that have grown on a device, read back."""
 
+from typing import Any
+
 import numpy as np
 
 from ..scene import Curves, bounds_of
 from . import build
+from .plan import Plan
 
 
-def curves_of(gpu, plan):
+def curves_of(gpu: Any, plan: Plan) -> Curves:
     """The strands of a plan's scene as `Curves` on the host, which draw the same picture."""
     scene, fur = plan.scene, plan.scene.strands
     found = [_read(gpu, build.hair(gpu, plan, part, 0)) for part in plan.parts(gpu) if part.hairy]

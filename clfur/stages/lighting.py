@@ -1,5 +1,6 @@
 """The lights on the device, and what stands before each: one class for all that light anything."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,22 +23,24 @@ class Lighting(Arrays):
     crossings: Any = array(SUMS)          # [nz + 1, ny, nx] before each layer of a grid; one grid's after the other
     shadow_maps: Any = array(VISIBLE)     # [size, size] the raster of the body in a view; one view's after the other
 
-    def arrays(self):
+    def arrays(self) -> dict:
         """All of it, as arguments of a launch."""
         return {"n_lights": len(self.lights), **vars(self)}
 
 
-def unshadowed(gpu, *lights):
+def unshadowed(gpu: Any, *lights: np.void) -> Lighting:
     """`Lighting` of `layout.Light`s before which nothing stands."""
     none = [None] * len(lights)
-    return light_up(gpu, lights, none, none, none, none, none)
+    return lighting_of(gpu, lights, none, none, none, none, none)
 
 
-def light_up(gpu, lights, shadows, grids, light_views, crossings, shadow_maps):
+def lighting_of(gpu: Any, lights: Sequence, shadows: list, grids: list, light_views: list, crossings: list,
+                shadow_maps: list) -> Lighting:
     """`Lighting` of what there is of each light, None where there is none.
 
     lights: [`layout.Light`].  shadows: [`layout.Shadow`].  grids: [`layout.Grid`], crossings: what `zscan` gives for
-    each.  light_views: [`layout.View`], shadow_maps: what `raster` gives for each.
+    each, [nz + 1, ny, nx] float32.  light_views: [`layout.View`], shadow_maps: what `raster` gives for each, [size,
+    size, 1] uint64.
     """
     shadows = _packed(shadows, layout.Shadow)
     for first, arrays in ((0, crossings), (2, shadow_maps)):
