@@ -31,10 +31,13 @@ inline float4 body_normal(__global const float4 *positions, __global const float
     return dot3(n, v) < 0.0f ? -n : n;
 }
 
-/* Number of an id among the n that a part of the scene holds, from `first` on; n if it is another part's. */
-inline uint local_id(uint id, uint first, uint n)
+/* Number of what a sample shows, among the triangles or segments that a part of the scene holds; NOTHING if it shows none
+   of these. */
+inline uint local_id(ulong key, uint4 part)
 {
-    return min(id - first, n);
+    const bool is_body = (uint)key & BODY;
+    const uint id = is_body ? ((uint)key & ~BODY) - part.z : (uint)key - part.x;   // wraps round below the first
+    return (uint)key == NOTHING || id >= (is_body ? part.w : part.y) ? NOTHING : id;
 }
 
 /* A light where it falls on place p of the body, with its ambient; n: the normal there, unit and on the eye's side, face: that
@@ -88,6 +91,13 @@ __kernel void color(
     const float weight = 1.0f / samples;
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, color_per};
+    /* Of many pixels nothing is to be lit: what stands before the lights is not fetched for them. */
+    bool empty = true;
+    for (int s = 0; s < samples; ++s)
+        empty &= local_id(visible[pixel * samples + s], part) == NOTHING
+            || (attenuated && !(sample_transmittance[pixel * samples + s] > 0.0f));
+    if (empty)
+        return;
     long4 sum = 0;
     /* Light by light: what one needs of a sample fits the registers. */
     for (int i = 0; i < n_lights; ++i) {
@@ -95,14 +105,12 @@ __kernel void color(
         const Obstacles obstacles = obstacles_of(&lighting, i);
         for (int s = 0; s < samples; ++s) {
             const ulong key = visible[pixel * samples + s];
-            const bool is_body = (uint)key & BODY;
-            const uint id = is_body ? local_id((uint)key & ~BODY, part.z, part.w) : local_id((uint)key, part.x, part.y);
-            if ((uint)key == NOTHING || id == (is_body ? part.w : part.y)
-                || (attenuated && !(sample_transmittance[pixel * samples + s] > 0.0f)))
+            const uint id = local_id(key, part);
+            if (id == NOTHING || (attenuated && !(sample_transmittance[pixel * samples + s] > 0.0f)))
                 continue;
             const float4 p = seen_point(&view, x, y, s, (uint)(key >> 32)), v = towards_eye(&view, p);
             float4 radiance;
-            if (is_body) {
+            if ((uint)key & BODY) {
                 float4 weights;
                 const uint4 t = triangles[id];
                 const float4 n = body_normal(positions, normals, t, p, v, &weights);
@@ -171,13 +179,12 @@ __kernel void outputs(
         }
     }
     out_coverage[pixel] = (float)covered / samples;
-    const bool is_body = (uint)key & BODY;
-    const uint id = is_body ? local_id((uint)key & ~BODY, part.z, part.w) : local_id((uint)key, part.x, part.y);
-    if ((uint)key == NOTHING || id == (is_body ? part.w : part.y))
+    const uint id = local_id(key, part);
+    if (id == NOTHING)
         return;
     const float4 p = seen_point(&view, x, y, nearest, (uint)(key >> 32)), v = towards_eye(&view, p);
     out_depth[pixel] = to_screen(&view, p).w;
-    if (is_body) {
+    if ((uint)key & BODY) {
         const uint4 t = triangles[id];
         float4 b;
         out_id[pixel] = ID_BODY;

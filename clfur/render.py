@@ -2,8 +2,10 @@
 
 import functools
 import threading
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from typing import Any
 
 import attrs
 
@@ -16,13 +18,14 @@ from .pipeline.grown import curves_of
 from .pipeline.picture import OUTPUTS, Frame, draw_frame
 from .pipeline.plan import Plan
 from .pipeline.views import Rig
-from .scene import Scene, Strands, highlighted
+from .scene import Curves, Scene, Strands, highlighted
 from .settings import Settings
 
 __all__ = ["OUTPUTS", "Frame", "draw", "grow", "render", "schedulers"]
 
 
-def render(scene, device=None, settings=None, outputs=None):
+def render(scene: Scene, device: Any = None, settings: Settings | None = None,
+           outputs: Sequence[str] | None = None) -> Any:
     """Draw a `Scene` -> float32 [height, width, 4]: linear, premultiplied, coverage in alpha.
 
     ``device``: what `Scheduler` accepts, or a `Scheduler` to keep between frames, or a list of these, which then draw
@@ -38,7 +41,8 @@ def render(scene, device=None, settings=None, outputs=None):
     return frame.images["color"] if outputs is None else frame.images
 
 
-def draw(scene, device=None, settings=None, outputs=("color",), hashes=False):
+def draw(scene: Scene, device: Any = None, settings: Settings | None = None, outputs: Sequence[str] = ("color",),
+         hashes: bool = False) -> Frame:
     """Draw a `Scene` and tell what it took -> `Frame`; arguments and errors as for `render`.
 
     ``hashes``: also hash the bits of the integer stages, which are the same on every device.
@@ -76,7 +80,7 @@ def _check_scene(scene):
         raise Error(f"scene is {scene!r:.60}; allowed: a clfur.Scene")
 
 
-def grow(scene, device=None):
+def grow(scene: Scene, device: Any = None) -> Curves:
     """Grow the strands of a `Scene` -> `Curves` on the host, which drawn in their place give the same picture.
 
     ``device``: as for `render`; of several the first grows them.  Raises `clfur.Error` for a scene without `Strands`.
@@ -89,7 +93,7 @@ def grow(scene, device=None):
         return curves_of(gpu, Plan(Rig.of(scene, Settings(shadows="off", shadow_map=0)), ()))
 
 
-def schedulers(device):
+def schedulers(device: Any) -> list[Scheduler]:
     """The `Scheduler`s that ``device`` means; one or, for a list, several different ones."""
     several = device if isinstance(device, (list, tuple)) else [device]
     gpus = [one if isinstance(one, Scheduler) else _scheduler(one) for one in several]

@@ -93,7 +93,7 @@ STANDARD = {"bisect", "dataclasses", "typing", "math", "numpy"}   # all that sta
 def seen_of(name):
     """What of clfur a full name belongs to: "clfur.stages.raster.raster" -> "stages"; "clfur" for its public names."""
     parts = name.split(".")
-    known = len(parts) > 1 and (ROOT / "clfur" / parts[1]).with_suffix(".py").is_file() or (
+    known = (len(parts) > 1 and (ROOT / "clfur" / parts[1]).with_suffix(".py").is_file()) or (
         len(parts) > 1 and (ROOT / "clfur" / parts[1]).is_dir())
     return parts[1] if known else "clfur"
 

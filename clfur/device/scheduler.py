@@ -5,7 +5,7 @@ import re
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
@@ -76,17 +76,17 @@ class Scheduler:
                 raise Error(f"Scheduler.memory is {memory!r:.60}; allowed: None or a number of bytes")
             self.memory = min(memory, self.memory)
         self.build_seconds = 0.0   # that building programs has taken so far
-        self.pace = {}             # strands a second by what was done, for those who share work out
+        self.pace: dict[str, float] = {}             # strands a second by what was done, for those who share work out
         self.peak = 0              # most bytes that arrays have taken at once since `start`
         self._pool = tools.MemoryPool(tools.ImmediateAllocator(self.queue))
-        self._kernels = {}
-        self._kept = {}
-        self._log = []
-        self._called = None
+        self._kernels: dict[str, signature.Kernel] = {}
+        self._kept: dict[str, tuple] = {}
+        self._log: list[tuple] = []
+        self._called: str | None = None
         self._busy = threading.Lock()
         self._stopped = False
         self._load = None
-        self._rates = {}           # seconds a work-item of each kernel takes
+        self._rates: dict[str, float] = {}           # seconds a work-item of each kernel takes
         self._ahead = 0.0          # seconds of work that the device may have before it
 
     @contextmanager
@@ -97,7 +97,7 @@ class Scheduler:
         except (cl.Error, MemoryError) as error:
             raise DeviceError(f"{self.name} {doing}: {' '.join(str(error).split())[:300]}") from None
 
-    def empty(self, shape: int | Sequence[int], dtype: Any) -> cla.Array:
+    def empty(self, shape: Any, dtype: Any) -> cla.Array:
         """Uninitialised device array, taken from the pool."""
         check_process()
         shape = (shape,) if np.isscalar(shape) else tuple(shape)
@@ -118,13 +118,13 @@ class Scheduler:
         self.peak = max(self.peak, self._pool.active_bytes)
         return whole if shape[0] else whole[:0]
 
-    def full(self, shape: int | Sequence[int], dtype: Any, value: Any) -> cla.Array:
+    def full(self, shape: Any, dtype: Any, value: Any) -> cla.Array:
         """Device array filled with one value."""
         there = self.empty(shape, dtype)
         if there.size:   # by the driver: pyopencl's own fill would compile a kernel for it
             pattern = np.dtype(dtype).type(value)
             with self._watched("does not fill an array"):
-                cl.enqueue_fill_buffer(self.queue, there.base_data, pattern, 0, there.nbytes)
+                cl.enqueue_fill_buffer(self.queue, _buffer(there), pattern, 0, there.nbytes)
         return there
 
     @property
@@ -154,7 +154,7 @@ class Scheduler:
                 return array
             there = self.empty((end - first, *array.shape[1:]), array.dtype)
             if there.size:
-                cl.enqueue_copy(self.queue, there.base_data, array.base_data, byte_count=there.nbytes,
+                cl.enqueue_copy(self.queue, _buffer(there), array.base_data, byte_count=there.nbytes,
                                 src_offset=array.offset + first * array.strides[0], dst_offset=0)
             return there
 
@@ -166,7 +166,7 @@ class Scheduler:
         there, at = self.empty(sum(array.size for array in arrays), dtype), 0
         with self._watched("takes no data"):
             for array in arrays:
-                cl.enqueue_copy(self.queue, there.base_data, array.base_data, byte_count=array.nbytes, dst_offset=at)
+                cl.enqueue_copy(self.queue, _buffer(there), array.base_data, byte_count=array.nbytes, dst_offset=at)
                 at += array.nbytes
         return there
 
@@ -266,7 +266,7 @@ class Scheduler:
 
     def seconds(self) -> dict[str, float]:
         """Seconds on the device since `start`, by kernel file: {"strands": 0.007, ...}; waits for them."""
-        total = {}
+        total: dict[str, float] = {}
         with self._watched("does not finish"):
             self.queue.finish()
             for name, event in self._log:
@@ -294,6 +294,11 @@ class Scheduler:
             kernel.set_scalar_arg_dtypes([np.uint64, np.uint64, *(argument.packed for argument in arguments)])
             self._kernels[name] = signature.Kernel(name, arguments, kernel)
         return self._kernels
+
+
+def _buffer(array) -> Any:
+    """The memory that an array lies in."""
+    return array.base_data
 
 
 def _complaint(log):

@@ -71,7 +71,7 @@ def handles(platforms=None):
 def describe(device: cl.Device) -> str:
     """Short text for people, such as "PoCL 3.0 · Intel Xeon (2 units)": driver, processor, compute units."""
     if _is_pocl(device):
-        driver = re.search(r"pocl *[\d.]*", device.platform.version, re.IGNORECASE)[0].replace("pocl", "PoCL")
+        driver = re.findall(r"pocl *[\d.]*", device.platform.version, re.IGNORECASE)[0].replace("pocl", "PoCL")
     else:
         driver = f"{device.platform.name} {device.driver_version}"
     units = device.max_compute_units

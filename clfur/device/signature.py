@@ -71,7 +71,7 @@ class Argument:
     already, None for a buffer.
     """
 
-    packed = np.void
+    packed: type | None = np.void
 
     def refused(self, value):
         """The error for a value that does not fit."""

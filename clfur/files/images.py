@@ -34,7 +34,7 @@ def save(path: str | os.PathLike, image: np.ndarray | dict[str, np.ndarray]) -> 
     is unsigned there, so -1 reads 4294967295. NPZ holds the arrays as they are, a plain one as `color`.
     Raises Error for another suffix, other shapes, and where the file cannot be written.
     """
-    path = output_path(path, WRITERS)
+    file = output_path(path, WRITERS)
     outputs = image if isinstance(image, dict) else {"color": image}
     outputs = {name: np.asarray(array) for name, array in outputs.items()}
     if "color" in outputs:
@@ -42,8 +42,8 @@ def save(path: str | os.PathLike, image: np.ndarray | dict[str, np.ndarray]) -> 
         if color.ndim != 3 or color.shape[2] not in (3, 4) or 0 in color.shape or color.dtype.kind != "f":
             raise Error(f"save color is {color.dtype} {list(color.shape)}; "
                         "allowed: floats [h, w, 4] or [h, w, 3]")
-    write = WRITERS[path.suffix.lower()]
-    with whole(path) as temporary:
+    write = WRITERS[file.suffix.lower()]
+    with whole(file) as temporary:
         write(temporary, outputs)
 
 

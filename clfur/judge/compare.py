@@ -137,8 +137,8 @@ def compare(scene: Scene, devices: str | Sequence[str] = "all", settings: Settin
         rows.append(Row(handle, describe(device), outcome.status, message))
     reference = next((handle for handle in best + list(measured) if measured[handle]), None)
     rows = [_row(row, measured[row.device], measured[reference]) if measured[row.device] else row for row in rows]
-    drawn = measured[reference]["drawn"] if reference else (None,) * 3
-    return Comparison(reference, scene.camera.size, settings, *drawn, repeat, rows)
+    triangles, strands, segments = measured[reference]["drawn"] if reference else (None,) * 3
+    return Comparison(reference, scene.camera.size, settings, triangles, strands, segments, repeat, rows)
 
 
 def _chosen(devices):

@@ -48,7 +48,8 @@ def _furthest(center, points):
 
 def bounds_of(mesh: Mesh | None, fur: Any, strands: int) -> Bounds:
     """Return the `Bounds` of this many strands of a fur, as its Curves would need them to be drawn alike."""
-    return Bounds(*extent(mesh, fur), *hair_bounds(strands_and_shells(fur)[0], strands))
+    segments, length, area = hair_bounds(strands_and_shells(fur)[0], strands)
+    return Bounds(*extent(mesh, fur), segments, length, area)
 
 
 def fur_extent(fur: Any) -> float:

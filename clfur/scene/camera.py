@@ -32,11 +32,11 @@ class Camera:
     three alone. One made by `calibrated` has None for eye, target, up and fov.
     """
 
-    eye: np.ndarray = checks.field(checks.vector(3), default=(0.0, 0.4, 3.2))
-    target: np.ndarray = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))
-    up: np.ndarray = checks.field(checks.vector(3), default=(0.0, 1.0, 0.0))
+    eye: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.4, 3.2))
+    target: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))
+    up: checks.Given = checks.field(checks.vector(3), default=(0.0, 1.0, 0.0))
     fov: float = checks.field(checks.real(above=0, below=180), default=45.0)
-    size: tuple = checks.field(size_of, default=(640, 480))
+    size: checks.Given = checks.field(size_of, default=(640, 480))
     pose: np.ndarray = attrs.field(init=False, repr=False)
     intrinsics: np.ndarray = attrs.field(init=False, repr=False)
 

@@ -5,12 +5,14 @@ A converter takes a value and `where`, the name of the field it is for; `field` 
 
 import math
 import operator
+from typing import Any
 
 import attrs
 import numpy as np
 
 from ..errors import Error
 
+Given = Any   # type of a field that takes more than it holds: a list becomes an array or a tuple, read-only
 LARGEST = 1e9   # of single numbers: their squares' squares must stay finite on the device
 
 

@@ -64,7 +64,7 @@ class Bounds:
     times their width. Raises Error for anything else.
     """
 
-    center: np.ndarray = checks.field(checks.vector(3))
+    center: checks.Given = checks.field(checks.vector(3))
     radius: float = checks.field(checks.real(low=0))
     segments: int = checks.field(checks.whole(0, 2**63))
     length: float = checks.field(checks.total)
@@ -96,17 +96,17 @@ class Curves(Looking):
     that could be meant per strand or per point.
     """
 
-    points: np.ndarray = checks.field(_points)
-    counts: np.ndarray = checks.field(checks.optional(_counts), default=None)
-    width: np.ndarray = checks.field(_values, default=0.002)
-    color: np.ndarray = checks.field(_values, default=(0.8, 0.6, 0.4))
+    points: checks.Given = checks.field(_points)
+    counts: checks.Given = checks.field(checks.optional(_counts), default=None)
+    width: checks.Given = checks.field(_values, default=0.002)
+    color: checks.Given = checks.field(_values, default=(0.8, 0.6, 0.4))
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5)
-    types: tuple = checks.field(checks.optional(checks.tuple_of(HairType)), default=None)
-    type_of: np.ndarray = checks.field(checks.optional(_type_of), default=None)
-    root_uv: np.ndarray = checks.field(checks.optional(_of_roots(2)), default=None)
-    root_normal: np.ndarray = checks.field(checks.optional(_of_roots(3)), default=None)
-    inner: int | np.ndarray = checks.field(levels((), "[faces]"), default=1)
-    outer: int | np.ndarray = checks.field(levels((3,), "[faces, 3]"), default=1)
+    types: checks.Given = checks.field(checks.optional(checks.tuple_of(HairType)), default=None)
+    type_of: checks.Given = checks.field(checks.optional(_type_of), default=None)
+    root_uv: checks.Given = checks.field(checks.optional(_of_roots(2)), default=None)
+    root_normal: checks.Given = checks.field(checks.optional(_of_roots(3)), default=None)
+    inner: checks.Given = checks.field(levels((), "[faces]"), default=1)
+    outer: checks.Given = checks.field(levels((3,), "[faces, 3]"), default=1)
     surface: str = checks.field(checks.choice("pn", "flat"), default="flat")
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)
     bounds: Bounds | None = checks.field(checks.instance(Bounds, none=True), default=None)

@@ -1,7 +1,6 @@
 """Lights."""
 
 import attrs
-import numpy as np
 
 from . import checks
 
@@ -15,8 +14,8 @@ class Light:
     Raises Error otherwise.
     """
 
-    direction: np.ndarray = checks.field(checks.direction, default=(-1.0, -1.0, -1.0))
-    color: np.ndarray = checks.field(checks.color, default=(1.0, 1.0, 1.0))
+    direction: checks.Given = checks.field(checks.direction, default=(-1.0, -1.0, -1.0))
+    color: checks.Given = checks.field(checks.color, default=(1.0, 1.0, 1.0))
     ambient: float = checks.field(checks.real(low=0), default=0.1)
-    position: np.ndarray = checks.field(checks.optional(checks.vector(3)), default=None)
+    position: checks.Given = checks.field(checks.optional(checks.vector(3)), default=None)
     angle: float = checks.field(checks.real(low=0.5, below=180), default=60.0)

@@ -55,10 +55,10 @@ class Mesh:
     and when no face is left.
     """
 
-    positions: np.ndarray = checks.field(checks.rows(3))
-    normals: np.ndarray = checks.field(checks.optional(checks.rows(3)), default=None)
-    uv: np.ndarray = checks.field(_uv_array, default=None)
-    faces: np.ndarray = checks.field(checks.rows(3, kinds="iu"), default=None)
+    positions: checks.Given = checks.field(checks.rows(3))
+    normals: checks.Given = checks.field(checks.optional(checks.rows(3)), default=None)
+    uv: checks.Given = checks.field(_uv_array, default=None)
+    faces: checks.Given = checks.field(checks.rows(3, kinds="iu"), default=None)
     has_uv: bool = attrs.field(init=False)
     degenerate_faces: int = attrs.field(init=False)
     zero_normal_faces: int = attrs.field(init=False)

@@ -49,10 +49,10 @@ def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: fl
     fur = _fur(fur, "frame fur")
     size = size_of(size, "frame size")
     fov = checks.real(above=0, below=180)(fov, "frame fov")
-    direction = checks.direction(direction, "frame direction")
+    towards = checks.direction(direction, "frame direction")
     center, _ = extent(mesh, fur)
-    up = (0, 1, 0) if abs(direction[1]) < 0.999 else (0, 0, -1)
-    axes = Camera(eye=center + direction, target=center, up=up, fov=fov, size=size).pose[:3, :3]
+    up = (0, 1, 0) if abs(towards[1]) < 0.999 else (0, 0, -1)
+    axes = Camera(eye=center + towards, target=center, up=up, fov=fov, size=size).pose[:3, :3]
     tall = math.tan(math.radians(fov) / 2)
     slopes = np.array([tall * size[0] / size[1], tall])
     # The four planes of the view, each pushed out to its furthest point: where they meet is the nearest eye.
@@ -62,7 +62,7 @@ def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: fl
     other = (-offsets[:, :2] + slopes * offsets[:, 2:]).max(0) + margin
     distance = 1.05 * float(((one + other) / (2 * slopes)).max()) or 1.0
     target = center + axes[:, :2] @ ((one - other) / 2)
-    return Camera(eye=target + distance * direction, target=target, up=up, fov=fov, size=size)
+    return Camera(eye=target + distance * towards, target=target, up=up, fov=fov, size=size)
 
 
 @attrs.frozen(eq=False)
@@ -79,16 +79,16 @@ class Scene:
     `fur`, `shells` its Shells, or None.
     """
 
-    mesh: Mesh = checks.field(checks.instance(Mesh, none=True), default=None)
-    fur: Strands | Curves | Shells | tuple = checks.field(_fur, default=None)
-    camera: Camera = checks.field(checks.instance(Camera, none=True), default=None)
-    light: Light | tuple = checks.field(_lights, default=Light())
-    body_color: np.ndarray = checks.field(checks.optional(checks.color), default=(0.30, 0.20, 0.12))
+    mesh: Mesh | None = checks.field(checks.instance(Mesh, none=True), default=None)
+    fur: checks.Given = checks.field(_fur, default=None)
+    camera: checks.Given = checks.field(checks.instance(Camera, none=True), default=None)
+    light: checks.Given = checks.field(_lights, default=Light())
+    body_color: checks.Given = checks.field(checks.optional(checks.color), default=(0.30, 0.20, 0.12))
     strands: Strands | Curves = attrs.field(init=False, repr=False)
     shells: Shells = attrs.field(init=False, repr=False)
 
     @property
-    def lights(self):
+    def lights(self) -> tuple[Light, ...]:
         """All lights, in a tuple."""
         return self.light if isinstance(self.light, tuple) else (self.light,)
 

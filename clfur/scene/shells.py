@@ -1,7 +1,6 @@
 """Shell fur: hair as a pattern in layers above a mesh, for fur too short and dense to grow strand by strand."""
 
 import attrs
-import numpy as np
 
 from . import checks
 from .look import Looking
@@ -39,14 +38,14 @@ class Shells(Looking):
     pattern: str = checks.field(checks.choice("cells", "sine"), default="cells")
     sharpness: float = checks.field(checks.real(above=1), default=1.4)
     density: float = checks.field(checks.real(high=1, above=0), default=1.0)
-    noise: tuple = checks.field(_noise, default=(0.5, 8.0))
+    noise: checks.Given = checks.field(_noise, default=(0.5, 8.0))
     length_variation: float = checks.field(checks.real(low=0, high=1), default=0.3)
-    color: np.ndarray = checks.field(checks.color, default=(0.8, 0.6, 0.4))
+    color: checks.Given = checks.field(checks.color, default=(0.8, 0.6, 0.4))
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5)
     root_shade: float = checks.field(checks.real(low=0, high=1), default=0.6)
     shading: str = checks.field(checks.choice("kajiya-kay", "turned"), default="kajiya-kay")
-    wind: np.ndarray = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))
-    force: np.ndarray = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))
-    acceleration: np.ndarray = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))
+    wind: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))
+    force: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))
+    acceleration: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))
     time: float = checks.field(checks.real(), default=0.0)
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)

@@ -51,26 +51,26 @@ class HairType(Looking):
     Error otherwise.
     """
 
-    color: np.ndarray = checks.field(checks.color, default=(0.8, 0.6, 0.4))
-    color_texture: np.ndarray = checks.field(checks.optional(_texture), default=None)
+    color: checks.Given = checks.field(checks.color, default=(0.8, 0.6, 0.4))
+    color_texture: checks.Given = checks.field(checks.optional(_texture), default=None)
     segments: int = checks.field(checks.whole(0, 255), default=8)
     segment_length: float = checks.field(checks.real(low=0), default=0.02)
     force_weight: float = checks.field(checks.real(), default=1.0)
     width: float = checks.field(checks.real(low=0), default=0.002)
-    curl: tuple = checks.field(_radius_and_count, default=(0.0, 0.0))
-    wave: tuple = checks.field(_radius_and_count, default=(0.0, 0.0))
+    curl: checks.Given = checks.field(_radius_and_count, default=(0.0, 0.0))
+    wave: checks.Given = checks.field(_radius_and_count, default=(0.0, 0.0))
     length_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
     direction_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
     color_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5)
-    key: tuple = checks.field(checks.optional(_key), default=None)
+    key: checks.Given = checks.field(checks.optional(_key), default=None)
 
 
 @attrs.frozen(eq=False)
 class PointForce:
     """A force away from `position` [3] of size strength · exp(−distance); negative strength attracts."""
 
-    position: np.ndarray = checks.field(checks.vector(3))
+    position: checks.Given = checks.field(checks.vector(3))
     strength: float = checks.field(checks.real(), default=1.0)
 
 
@@ -133,13 +133,13 @@ class Strands:
     Raises Error for anything else.
     """
 
-    inner: int | np.ndarray = checks.field(levels((), "[faces]"), default=5)
-    outer: int | np.ndarray = checks.field(levels((3,), "[faces, 3]"), default=5)
-    types: tuple = checks.field(checks.tuple_of(HairType), default=(HairType(),))
-    type_map: np.ndarray = checks.field(checks.optional(_type_map), default=None)
+    inner: checks.Given = checks.field(levels((), "[faces]"), default=5)
+    outer: checks.Given = checks.field(levels((3,), "[faces, 3]"), default=5)
+    types: checks.Given = checks.field(checks.tuple_of(HairType), default=(HairType(),))
+    type_map: checks.Given = checks.field(checks.optional(_type_map), default=None)
     roots: str | int = checks.field(_roots, default="faces")
-    force: np.ndarray = checks.field(checks.vector(3), default=(0.0, -1.0, 0.0))
-    point_forces: tuple = checks.field(checks.tuple_of(PointForce), default=())
+    force: checks.Given = checks.field(checks.vector(3), default=(0.0, -1.0, 0.0))
+    point_forces: checks.Given = checks.field(checks.tuple_of(PointForce), default=())
     surface: str = checks.field(checks.choice("pn", "flat"), default="pn")
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)
     type_indices: np.ndarray = attrs.field(init=False, repr=False)

@@ -117,24 +117,25 @@ def transmittance(gpu: Any, strands: Grown, lighting: Lighting) -> Any:
     """Share of each light's direct light that gets through to points of strands -> [lights, points] float32 0..1."""
     n_points = len(strands.points)
     result = TRANSMITTANCE.empty(gpu, (len(lighting.lights), n_points))
-    gpu.launch("coverage.transmittance", len(strands.spans), n_points=n_points, out_transmittance=result,
+    gpu.launch("coverage.transmittance", len(strands.spans), n_points=n_points, transmittances=result,
                **lighting.arrays(), **arrays(strands, "points", "tangents", "strand_of", "strand_normal", "strand_uv",
                                              "types", "colors", "spans"))
     return result
 
 
 def light(gpu: Any, view: np.void, lighting: Lighting, fragments: Fragments, resolved: Resolved, strands: Grown,
-          transmittance: Any = None, sums: Any = None) -> Any:
+          transmittances: Any = None, sums: Any = None) -> Any:
     """Light the fragments of strands -> [rows, width, 4] int64, r, g, b, alpha in 2^-32, see `shade.blend`.
 
     ``strands`` may be a part of them all: what it shows is added to ``sums``, an array like the result.
-    ``transmittance``: [lights, points] float32, what `transmittance` gave; all light if None.
+    ``transmittances``: [lights, points] float32, what `transmittance` gave; all light if None.
     """
     rows, width = fragments.starts.shape
     sums = no_light(gpu, rows, width) if sums is None else sums
     gpu.launch("coverage.light", rows * width, view=view, part=(strands.first_point, len(strands.points)),
                pixels=fragments.pixels, used=resolved.used, weights=resolved.weights,
-               n_lights=len(lighting.lights), lights=lighting.lights, shadowed=transmittance is not None,
-               transmittance=gpu.empty(0, np.float32) if transmittance is None else transmittance, radiance_sums=sums,
+               n_lights=len(lighting.lights), lights=lighting.lights, shadowed=transmittances is not None,
+               transmittances=gpu.empty(0, np.float32) if transmittances is None else transmittances,
+               radiance_sums=sums,
                **arrays(strands, "points", "tangents", "strand_of", "strand_uv", "types", "colors", "color_per"))
     return sums

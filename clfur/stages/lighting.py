@@ -1,6 +1,5 @@
 """The lights on the device, and what stands before each: one class for all that light anything."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,8 +33,8 @@ def unshadowed(gpu: Any, *lights: np.void) -> Lighting:
     return lighting_of(gpu, lights, none, none, none, none, none)
 
 
-def lighting_of(gpu: Any, lights: Sequence, shadows: list, grids: list, light_views: list, crossings: list,
-                shadow_maps: list) -> Lighting:
+def lighting_of(gpu: Any, lights: tuple | list, shadows: list, grids: list, light_views: list,
+                crossings: list, shadow_maps: list) -> Lighting:
     """`Lighting` of what there is of each light, None where there is none.
 
     lights: [`layout.Light`].  shadows: [`layout.Shadow`].  grids: [`layout.Grid`], crossings: what `zscan` gives for

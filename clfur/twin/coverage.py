@@ -172,11 +172,11 @@ def resolve(pieces, visible, shell_front=None, shell_transmittance=None):
 # --- light ----------------------------------------------------------------------------------------------
 
 
-def light(view, lights, y, x, weights, strands, transmittance=None):
+def light(view, lights, y, x, weights, strands, transmittances=None):
     """Light of one pixel's strands -> [4] float64: linear, premultiplied r, g, b, alpha.
 
     weights: as from `resolve`.  A piece is lit at the place on its segment that is nearest to the pixel's middle at the
-    piece's depth.  lights: [n] structs.  transmittance: [n, points] share of their direct light, all if None.
+    piece's depth.  lights: [n] structs.  transmittances: [n, points] share of their direct light, all if None.
     """
     result, points, tangents = np.zeros(4), f64(strands.points)[:, :3], f64(strands.tangents)[:, :3]
     colors, eye = f64(strands.colors)[:, :3], f64(view["eye"])
@@ -195,8 +195,8 @@ def light(view, lights, y, x, weights, strands, transmittance=None):
         rgb = np.zeros(3)
         for n, one in enumerate(lights):
             to_light, direct, ambient = light_at(one, p[None])
-            if transmittance is not None:
-                there = transmittance[n]
+            if transmittances is not None:
+                there = transmittances[n]
                 direct = (there[k] + at * (float(there[k + 1]) - there[k])) * direct
             rgb += fibre(*fibres, to_light, v[None], direct, ambient)[0]
         result += weight * np.append(rgb, 1)
