@@ -28,7 +28,7 @@ PRESETS = {"draft": LADDER[0], "preview": LADDER[3], "final": LADDER[6], "refere
 BANDS, SHARE = 3, 0.1   # so many runs of rows, this share of the picture, are drawn to compare
 CELL = 0.6              # widths of a strand; in finer cells than that its shadow is narrower than itself
 HOPELESS = 2.0          # what is predicted to err so many times too much is not tried
-MARGIN = 1.1            # estimates are wrong by about as much: so much more is told
+MARGIN = 1.1            # estimates are wrong by about as much: so much is added to each
 
 
 @dataclass(frozen=True)
@@ -48,34 +48,35 @@ def choose(team, scene, settings, draw):
     wide (by half an octave), and the same goals.
     """
     rig = Rig.of(scene)
-    seen = round(2 * math.log2(features(rig, 0)[0]))
-    what = scene.mesh, scene.strands, scene.shells, *scene.lights, str(scene.camera.size), seen
+    half_octaves = round(2 * math.log2(features(rig, 0)[0]))   # of a strand's width in pixels
+    what = scene.mesh, scene.strands, scene.shells, *scene.lights, str(scene.camera.size), half_octaves
     goals = str([settings.max_error, settings.seconds, settings.filtered, scene.body_color is None])
     choice = team.gpus[0].keep("choice", (*what, goals), lambda: _choose(team, rig, settings, draw))
     if choice.warning:
         warnings.warn(choice.warning, stacklevel=3)
-    # Taste does not depend on the choice, and may have changed.
-    taste = {field.name: getattr(settings, field.name) for field in attrs.fields(Settings)
+    # What is not chosen stays as it is given, and may have changed.
+    fixed = {field.name: getattr(settings, field.name) for field in attrs.fields(Settings)
              if field.name not in (*CHOSEN, "max_error", "seconds")}
-    return replace(choice, settings=attrs.evolve(choice.settings, **taste))
+    return replace(choice, settings=attrs.evolve(choice.settings, **fixed))
 
 
 def _choose(team, rig, settings, draw):
     rungs = ladder(rig, settings.filtered, min(min(gpu.memory // 8, gpu.largest) for gpu in team.gpus))
-    most, told, late = len(rungs) - 1, "", ""
+    most, timing, late = len(rungs) - 1, "", ""
     if settings.seconds is not None:
         most, took = fastest(rungs, settings.seconds, lambda rung: _time(team, rung, draw))
-        told = f"its frame took {took:.3g} s of {settings.seconds:g}"
+        timing = f"its frame took {took:.3g} s of {settings.seconds:g}"
         late = (f"Settings.seconds is {settings.seconds:g}, but the fastest frame there is takes {took:.3g}"
                 if took > settings.seconds else "")
-    look = Look(rig, rungs, draw)
+    preview = Preview(rig, rungs, draw)
     if settings.max_error is None:
-        return Choice(rungs[most], look.error(most), told, late)
-    tried = look.cheapest(settings.max_error, most)
+        return Choice(rungs[most], preview.error(most), timing, late)
+    tried = preview.cheapest(settings.max_error, most)
     best = max(tried)   # what was tried last, the dearest
-    why = f"tried {len(tried)} of {len(rungs)} settings on {look.rows} rows of the picture" + (told and f"; {told}")
-    missed = (f"Settings.max_error is {settings.max_error:g}, but the best there is{told and ' in that time'} errs by "
-              f"about {tried[best]:.3g}" if tried[best] > settings.max_error else "")
+    why = (f"tried {len(tried)} of {len(rungs)} settings on {preview.rows} rows of the picture"
+           + (timing and f"; {timing}"))
+    missed = (f"Settings.max_error is {settings.max_error:g}, but the best there is{timing and ' in that time'} errs "
+              f"by about {tried[best]:.3g}" if tried[best] > settings.max_error else "")
     return Choice(rungs[best], tried[best], why, "; ".join(filter(None, [late, missed])))
 
 
@@ -131,7 +132,7 @@ def _hair(scene):
     return 0.0, 0.0
 
 
-class Look:
+class Preview:
     """Some rows of the picture with the finest rung, and how far others are from these.
 
     rows: how many.
@@ -179,10 +180,10 @@ def predicted(width, covered):
 def bands(rig):
     """[(first row, one past the last)] of a tenth of the picture, spread over where the scene is."""
     scene, height = rig.scene, rig.scene.camera.size[1]
-    points = scene.mesh.positions if scene.mesh is not None else scene.strands.points
+    points = scene.mesh.positions if scene.mesh is not None else scene.strands.on_host.points
     _x, y, _, w = rig.view["to_screen"].T @ np.column_stack([points, np.ones(len(points))]).T
-    seen = y[w > 0] / w[w > 0]
-    top, end = np.percentile(seen, (1, 99)) if len(seen) else (0, height)
+    rows = y[w > 0] / w[w > 0]
+    top, end = np.percentile(rows, (1, 99)) if len(rows) else (0, height)
     hair = _hair(scene)[1] * _pixels(rig)
     top, end = np.clip([top - hair, end + hair], 0, height)
     each = max(round(SHARE * height / BANDS), 1)

@@ -57,6 +57,8 @@ def _texts(value):
     elif isinstance(value, np.ndarray):
         yield f"{value.dtype.str}{value.shape}".encode()
         yield np.ascontiguousarray(value).tobytes()
+    elif hasattr(value, "base_data"):   # an array on a device
+        yield from _texts(value.get())
     elif isinstance(value, dict):
         yield from _texts(sorted(value.items()))
     elif isinstance(value, (list, tuple)):
@@ -75,10 +77,10 @@ def writable():
 
 
 def recall(identity):
-    """What `remember` was told of this device -> (verdict, message), or None."""
+    """What `remember` kept of this device -> (verdict, message), or None."""
     try:
-        told = json.loads(_file(identity).read_bytes())
-        verdict, message = told["verdict"], told["message"]
+        record = json.loads(_file(identity).read_bytes())
+        verdict, message = record["verdict"], record["message"]
     except (OSError, ValueError, LookupError, TypeError):   # none yet, or damaged; clfur.Error is a ValueError
         return None
     return (verdict, message) if verdict in VERDICTS and isinstance(message, str) else None
@@ -87,7 +89,7 @@ def recall(identity):
 def remember(identity, verdict, message=""):
     """Keep what the self-test said of a device: one of `VERDICTS`, and a line.
 
-    identity: texts that tell the device and its driver's version from others; clfur's own version is added.
+    identity: texts that distinguish the device and its driver's version from others; clfur's own version is added.
     Raises `clfur.Error` if the folder cannot be written.
     """
     write(_file(identity), json.dumps({"device": identity, "verdict": verdict, "message": message}).encode())

@@ -62,20 +62,20 @@ def test_the_ladder():
 
 
 def test_max_error(gpu, sphere):
-    """A smaller one is never cheaper, the picture is that of the settings told, and it is as near as told."""
+    """A smaller one is never cheaper, the picture is that of the settings chosen, and it errs as Frame.error says."""
     furry = scene(sphere)
-    true, places, told = truth.picture(furry, samples=6), [], []
+    true, places, errors = truth.picture(furry, samples=6), [], []
     for goal in GOALS:
         drawn = quiet(furry, gpu, clfur.Settings(max_error=goal))
         places.append(place_of(drawn.settings, furry))
-        told.append(drawn.error)
+        errors.append(drawn.error)
         assert drawn.settings.goal is None and drawn.why
         assert np.array_equal(drawn.images["color"], clfur.render(furry, gpu, drawn.settings))
         error = measures.error(drawn.images["color"], true)
         assert 0.6 * drawn.error < error < 1.15 * drawn.error
         assert drawn.error <= goal or drawn.settings == budget.ladder(Rig.of(furry))[-1]
     assert places == sorted(places) and places[0] == 0 and len(set(places)) >= 3
-    assert told == sorted(told, reverse=True)
+    assert errors == sorted(errors, reverse=True)
 
 
 def test_the_same_every_time(gpu, another, sphere):
@@ -157,13 +157,13 @@ def test_cheapest_is_monotone(monkeypatch):
     """Whatever is predicted and found: a smaller error never means a cheaper rung."""
     random = np.random.default_rng(1)
     for _ in range(300):
-        look, found = object.__new__(budget.Look), random.random(6)
-        look.expected = random.random(6)
-        monkeypatch.setattr(look, "error", found.__getitem__, raising=False)
-        chosen = [max(look.cheapest(goal, 5)) for goal in np.linspace(1, 1e-3, 40)]
+        preview, found = object.__new__(budget.Preview), random.random(6)
+        preview.expected = random.random(6)
+        monkeypatch.setattr(preview, "error", found.__getitem__, raising=False)
+        chosen = [max(preview.cheapest(goal, 5)) for goal in np.linspace(1, 1e-3, 40)]
         assert chosen == sorted(chosen)
         for goal in (0.2, 0.6):
-            tried = look.cheapest(goal, 5)
+            tried = preview.cheapest(goal, 5)
             assert all(error > goal for error in list(tried.values())[:-1])
 
 

@@ -32,9 +32,9 @@ def test_shells(clfur, fur):
     code, out, err = clfur("render", "sphere", "--fur", fur, "--size", "64x48", "--samples", 1, "--frequency", 9,
                            "--layers", 7, "--json", "--outputs", "color,id", "-o", "fur.npz", *sparse)
     assert (code, err) == (0, "")
-    told = json.loads(out)
-    assert (told["shells"]["layers"], told["shells"]["frequency"], told["shells"]["pattern"]) == (7, 9, "cells")
-    assert (told["strands"] > 0) == (fur == "both") and {"shells", "entries", "march"} <= set(told["stages"])
+    result = json.loads(out)
+    assert (result["shells"]["layers"], result["shells"]["frequency"], result["shells"]["pattern"]) == (7, 9, "cells")
+    assert (result["strands"] > 0) == (fur == "both") and {"shells", "entries", "march"} <= set(result["stages"])
     with np.load("fur.npz") as drawn:
         assert (drawn["id"] == -3).any() and drawn["color"][..., 3].max() > .9
     code, out, err = clfur("render", "sphere", "--fur", fur, "--size", "32x24", "--samples", 1)
@@ -45,13 +45,13 @@ def test_json(clfur, tmp_path):
     code, out, err = clfur("render", "sphere", *SMALL, "--roots", 500, "--segments", 3, "--json",
                            "-o", "a.png")
     assert (code, err) == (0, "")
-    told = json.loads(out)
+    result = json.loads(out)
     assert {"file", "size", "device", "triangles", "strands", "segments", "seconds", "stages",
-            "skipped"} <= set(told)
-    assert (told["file"], told["size"]) == ("a.png", [64, 48])
-    assert (told["strands"], told["segments"]) == (500, 1500)
-    assert told["triangles"] > 0 and told["seconds"] > 0 and all(s >= 0 for s in told["stages"].values())
-    assert told["skipped"] == {"degenerate": 0, "zero_normal": 0}
+            "skipped"} <= set(result)
+    assert (result["file"], result["size"]) == ("a.png", [64, 48])
+    assert (result["strands"], result["segments"]) == (500, 1500)
+    assert result["triangles"] > 0 and result["seconds"] > 0 and all(s >= 0 for s in result["stages"].values())
+    assert result["skipped"] == {"degenerate": 0, "zero_normal": 0}
     assert (tmp_path / "a.png").stat().st_size > 500
 
 
@@ -62,27 +62,28 @@ def test_max_error(clfur):
     """What was chosen, how wrong it is and why; the same as the settings given one by one."""
     code, out, err = clfur("render", "sphere", *FURRY, "--max-error", ".07", "--blur", "edges", "-o", "a.npz", "--json")
     assert (code, err) == (0, "")
-    told = json.loads(out)
-    assert 0.02 < told["error"] <= 0.07 and told["why"].startswith("tried ") and told["settings"]["max_error"] is None
-    assert set(told["settings"]) == {field.name for field in attrs.fields(Settings)}
-    assert told["options"]["grid"] == told["settings"]["grid"] and told["settings"]["blur"] == "edges"
+    result = json.loads(out)
+    assert 0.02 < result["error"] <= 0.07 and result["why"].startswith("tried ")
+    assert result["settings"]["max_error"] is None
+    assert set(result["settings"]) == {field.name for field in attrs.fields(Settings)}
+    assert result["options"]["grid"] == result["settings"]["grid"] and result["settings"]["blur"] == "edges"
     given = [part for name in ("samples", "raster", "lod", "grid", "blur")
-             for part in (f"--{name}", told["settings"][name])]
-    assert (told["settings"]["pcf"], told["settings"]["shadow_map"]) == (1, 512)
+             for part in (f"--{name}", result["settings"][name])]
+    assert (result["settings"]["pcf"], result["settings"]["shadow_map"]) == (1, 512)
     assert clfur("render", "sphere", *FURRY, *given, "-o", "b.npz")[0] == 0
     with np.load("a.npz") as one, np.load("b.npz") as other:
         assert np.array_equal(one["color"], other["color"])
     code, out, err = clfur("render", "sphere", *FURRY, "--max-error", "0.3")
     assert (code, err) == (0, "") and "; 1 sample, length 48, map 256, pcf 0, lod 1: error about 0." in out
     code, out, err = clfur("render", "sphere", *FURRY, "--json")
-    told = json.loads(out)
-    assert (told["error"], told["why"], told["settings"]["samples"]) == (None, "", 4)
+    result = json.loads(out)
+    assert (result["error"], result["why"], result["settings"]["samples"]) == (None, "", 4)
 
 
 def test_budget(clfur, tmp_path):
     code, out, err = clfur("render", "sphere", *FURRY, "--budget", "100", "--json")
-    told = json.loads(out)
-    assert (code, err) == (0, "") and told["why"].startswith("its frame took 0.") and told["settings"]["grid"] > 100
+    result = json.loads(out)
+    assert (code, err) == (0, "") and result["why"].startswith("its frame took 0.") and result["settings"]["grid"] > 100
     code, out, err = clfur("render", "sphere", *FURRY, "--budget", "1e-6", "--json")
     assert code == 0 and json.loads(out)["settings"]["samples"] == 1
     assert err.startswith("clfur: warning: Settings.seconds is 1e-06, but the fastest") and err.count("\n") == 1
@@ -98,8 +99,8 @@ def test_transparent_strands(clfur, tmp_path, file):
     code, out, err = clfur("render", "sphere", *SMALL, "--raster", "coverage", "--width", .002, "--json", "-o", file,
                            "--outputs", "color,depth,id,coverage")
     assert (code, err) == (0, "")
-    told = json.loads(out)
-    assert told["options"]["raster"] == "coverage" and "coverage" in told["stages"]
+    result = json.loads(out)
+    assert result["options"]["raster"] == "coverage" and "coverage" in result["stages"]
     assert (tmp_path / file).stat().st_size > 500
     if file == "a.npz":
         with np.load(tmp_path / file) as saved:
@@ -145,8 +146,8 @@ def test_hair_types(clfur, tmp_path):
     fur = "--type-map", "map.png", "--types", "types.json", "--json"
     code, out, err = clfur("render", "sphere", *SMALL, *fur)
     assert (code, err) == (0, "")
-    told = json.loads(out)
-    assert told["segments"] == 5 * told["strands"] > 0
+    result = json.loads(out)
+    assert result["segments"] == 5 * result["strands"] > 0
 
 
 SCENE_FILE = """
@@ -162,10 +163,10 @@ def test_scene_file(clfur, tmp_path):
     (tmp_path / "fur.py").write_text(SCENE_FILE)
     code, out, err = clfur("render", "fur.py", "--samples", "16", "--json")
     assert (code, err) == (0, "making the scene\n")
-    told = json.loads(out)
-    assert (told["file"], told["size"], told["strands"]) == ("fur.png", [40, 30], 50)
-    assert told["options"] == {"samples": 16, "raster": "coverage", "shadows": "length", "grid": 96, "lod": 0.0}
-    assert told["camera"] == {"eye": pytest.approx([0, 0.4, 3.2]), "target": [0, 0, 0]}
+    result = json.loads(out)
+    assert (result["file"], result["size"], result["strands"]) == ("fur.png", [40, 30], 50)
+    assert result["options"] == {"samples": 16, "raster": "coverage", "shadows": "length", "grid": 96, "lod": 0.0}
+    assert result["camera"] == {"eye": pytest.approx([0, 0.4, 3.2]), "target": [0, 0, 0]}
 
 
 def test_scene_file_with_settings_and_no_mesh(clfur, tmp_path):
@@ -176,10 +177,10 @@ def test_scene_file_with_settings_and_no_mesh(clfur, tmp_path):
         "if __name__ == '__main__':\n    raise SystemExit\n")
     code, out, err = clfur("render", "fur.py", "--json")
     assert (code, err) == (0, "clfur: warning: nothing of the scene is to be seen in the picture\n")
-    told = json.loads(out)
-    assert told["options"] == {"samples": 1, "raster": "coverage", "shadows": "off", "grid": 96, "lod": 0.0}
-    assert (told["strands"], told["camera"]["target"]) == (1, None)
-    assert told["skipped"] == {"degenerate": 0, "zero_normal": 0}
+    result = json.loads(out)
+    assert result["options"] == {"samples": 1, "raster": "coverage", "shadows": "off", "grid": 96, "lod": 0.0}
+    assert (result["strands"], result["camera"]["target"]) == (1, None)
+    assert result["skipped"] == {"degenerate": 0, "zero_normal": 0}
 
 
 @pytest.mark.parametrize("text, options, words", [

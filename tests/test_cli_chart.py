@@ -43,12 +43,12 @@ def test_chart(clfur, tmp_path, monkeypatch):
     monkeypatch.setattr(library, "sweep", lambda scene: sweep(scene)[::4])
     code, out, err = clfur("chart", "sphere", *TINY, "--repeat", "1", "--no-pan", "-o", "a.html", "--json")
     assert (code, err) == (0, "")
-    told = json.loads(out)
-    assert (told["scene"], told["chart"], told["size"], told["earlier"]) == ("sphere", "a.html", [16, 12], 0)
-    assert len(told["points"]) >= 8 and any(point["best"] for point in told["points"])
-    assert {point["strands"] for point in told["points"]} >= {50}
+    result = json.loads(out)
+    assert (result["scene"], result["chart"], result["size"], result["earlier"]) == ("sphere", "a.html", [16, 12], 0)
+    assert len(result["points"]) >= 8 and any(point["best"] for point in result["points"])
+    assert {point["strands"] for point in result["points"]} >= {50}
     code, out, err = clfur("chart", "sphere", *TINY, "--repeat", "1", "--no-pan", "-o", "a.png", "--json")
-    assert code == 0 and json.loads(out)["earlier"] == len(told["points"])
+    assert code == 0 and json.loads(out)["earlier"] == len(result["points"])
     assert "sphere: speed against accuracy" in (tmp_path / "a.html").read_text(encoding="utf-8")
     assert {file.name for file in tmp_path.iterdir()} == {"a.html", "a.png"}
 
@@ -75,12 +75,12 @@ def test_a_scene_file_brings_its_own_camera(clfur, made, tmp_path):
     assert made[0][0].camera.size == (640, 480) and made[0][0].strands is None and made[0][1]["own"] is None
 
 
-@pytest.mark.parametrize("given, own", [("samples=16", Settings(samples=16)), ("max_error=.1", None)])
-def test_a_scene_files_settings_are_charted_too(clfur, made, tmp_path, given, own):
+@pytest.mark.parametrize("given, expected", [("samples=16", Settings(samples=16)), ("max_error=.1", None)])
+def test_a_scene_files_settings_are_charted_too(clfur, made, tmp_path, given, expected):
     (tmp_path / "fur.py").write_text("import clfur\nscene = clfur.Scene(mesh=clfur.load_mesh('sphere'))\n"
                                      f"settings = clfur.Settings({given})\n")
     assert clfur("chart", "fur.py")[0] == 0
-    assert made[0][1]["own"] == own
+    assert made[0][1]["own"] == expected
 
 
 @pytest.mark.parametrize("arguments, words", [

@@ -26,11 +26,11 @@ def test_compare(clfur, tmp_path):
         "fur=clfur.Strands(inner=1, outer=1, roots=100), camera=clfur.Camera(size=(32, 24)))\n")
     code, out, err = clfur("compare", "fur.py", "--devices", "auto", "--repeat", "1", "-o", "a.html", "--json")
     assert (code, err) == (0, "")
-    told = json.loads(out)
-    assert (told["scene"], told["report"], told["agree"]) == ("fur.py", "a.html", True)
-    assert (told["size"], told["strands"], told["settings"]["samples"], told["repeat"]) == ([32, 24], 100, 1, 1)
-    assert [row["status"] for row in told["rows"]] == ["ok"]
-    assert told["rows"][0]["difference"]["same"]["voxels"] is True
+    result = json.loads(out)
+    assert (result["scene"], result["report"], result["agree"]) == ("fur.py", "a.html", True)
+    assert (result["size"], result["strands"], result["settings"]["samples"], result["repeat"]) == ([32, 24], 100, 1, 1)
+    assert [row["status"] for row in result["rows"]] == ["ok"]
+    assert result["rows"][0]["difference"]["same"]["voxels"] is True
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "fur on 1 device<" in page and page.count("<img") == 2
     assert {file.name for file in tmp_path.iterdir()} == {"fur.py", "a.html"}

@@ -123,8 +123,8 @@ def test_each_option_is_of_strands_or_of_shells_or_of_both():
     flags = [option.opts[0] for option in described.params if isinstance(option, click.Option)]
     assert sorted(flags) == sorted([*STRANDS, *SHELLS, *SHARED])
     for fur in ("strands", "shells"):
-        own = {"strands": STRANDS, "shells": SHELLS}[fur]
-        for flag, value in ({**own, **SHARED, "--fur": fur}).items():
+        alone = {"strands": STRANDS, "shells": SHELLS}[fur]
+        for flag, value in ({**alone, **SHARED, "--fur": fur}).items():
             if flag not in ("--type-map", "--types"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}

@@ -22,9 +22,9 @@ def scene(sphere):
 
 @pytest.fixture(scope="module")
 def found(sphere):
-    """(Comparison of all devices that there are, what it told while it went on)"""
-    told = []
-    return clfur.compare(scene(sphere), repeat=3, tell=lambda *what: told.append(what)), told
+    """(Comparison of all devices that there are, the progress that it reported)"""
+    progress = []
+    return clfur.compare(scene(sphere), repeat=3, tell=lambda *what: progress.append(what)), progress
 
 
 def test_all_devices_give_the_same_picture(found, sphere):
@@ -63,10 +63,10 @@ def test_it_tells_how_far_it_is(found):
 
 
 def test_as_dict_is_json(found):
-    told = json.loads(json.dumps(found[0].as_dict(), allow_nan=False))
-    assert told["agree"] is True and told["reference"] == found[0].reference
-    assert told["settings"]["samples"] == 4
-    row = told["rows"][0]
+    result = json.loads(json.dumps(found[0].as_dict(), allow_nan=False))
+    assert result["agree"] is True and result["reference"] == found[0].reference
+    assert result["settings"]["samples"] == 4
+    row = result["rows"][0]
     assert set(row) == {"device", "name", "status", "message", "frames", "frame", "stages", "first", "build", "memory",
                         "resident", "strands_per_second", "difference"}
     assert set(row["frame"]) == {"median", "min", "max"} and len(row["frames"]) == 3
@@ -96,7 +96,7 @@ def changed(pixels, by):
 
 def made_up(device, scene, settings, repeat):
     """In place of `clfur.judge.compare._measure`: what a device of this name would do."""
-    isolated.tell("a frame")
+    isolated.send("a frame")
     if device == "crash":
         print("LLVM ERROR: out of registers", flush=True)
         os.kill(os.getpid(), signal.SIGABRT)

@@ -250,11 +250,11 @@ def test_survey(no_wish):
     Platform = Made(name="Clover", version="1.1", vendor="Mesa")
     real = [(device.platform, [device]) for device in devices.find()]
     no_wish.setattr(devices, "_found", lambda: [(Platform, []), *real])
-    told = json.loads(json.dumps(devices.survey()))
-    assert told["platforms"][0] == {"name": "Clover", "version": "1.1", "vendor": "Mesa", "devices": []}
-    assert told["default"] == {"by": "auto", "text": "auto", "device": told["auto"]["device"]}
+    surveyed = json.loads(json.dumps(devices.survey()))
+    assert surveyed["platforms"][0] == {"name": "Clover", "version": "1.1", "vendor": "Mesa", "devices": []}
+    assert surveyed["default"] == {"by": "auto", "text": "auto", "device": surveyed["auto"]["device"]}
     for number, (_, (device,)) in enumerate(real, 1):
-        listed, = told["platforms"][number]["devices"]
+        listed, = surveyed["platforms"][number]["devices"]
         assert (listed["number"], listed["name"], listed["check"]) == (f"{number}:0", device.name, None)
         assert listed["memory"] == device.global_mem_size and listed["compute_units"] == device.max_compute_units
     no_wish.setenv("CLFUR_DEVICE", "abacus")

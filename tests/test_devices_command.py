@@ -101,9 +101,9 @@ def test_json(made_up):
 def test_check_passes(made_up):
     code, out, err = made_up[0]("--check")
     assert code == 0
-    assert err.splitlines() == [line for name, told in (
+    assert err.splitlines() == [line for name, driver in (
         ("pocl", EPYC), ("pocl:1", "Xeon"), ("a", LONG))
-        for line in (f"{name}: checking driver · {told} ...", f"{name}: pass")]
+        for line in (f"{name}: checking driver · {driver} ...", f"{name}: pass")]
     assert words(out).count(" pass ") == 3
     assert cache.recall(["Xeon", "1.2"]) == ("pass", "")
 
@@ -198,12 +198,12 @@ def test_why(run, monkeypatch, tmp_path):
     code, out, err = run("--why", "--json")
     assert (code, err) == (0, "")
     rows = json.loads(out)["drivers"]
-    told = {Path(row["file"]).stem: (row["status"], row["message"])
-            for row in rows if Path(row["file"]).parent == folder}
-    assert {name: status for name, (status, _) in told.items()} == {
+    checked = {Path(row["file"]).stem: (row["status"], row["message"])
+               for row in rows if Path(row["file"]).parent == folder}
+    assert {name: status for name, (status, _) in checked.items()} == {
         "bare": "library not found", "empty": "empty file", "math": "symbol missing",
         "missing": "library not found", "text": "not a library"}
-    assert "/no/such/lib.so" in told["missing"][1] and "clGetExtensionFunctionAddress" in told["math"][1]
+    assert "/no/such/lib.so" in checked["missing"][1] and "clGetExtensionFunctionAddress" in checked["math"][1]
     bundled = [row for row in rows if row["origin"] == "comes with pyopencl"]
     assert [row["status"] for row in bundled] == ["loaded"] and "1 device: PoCL" in bundled[0]["message"]
     code, out, _ = run("--why")

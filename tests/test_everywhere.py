@@ -21,7 +21,7 @@ POCL = [text for text, one in HANDLES if "pocl" in one.platform.version.lower()]
 @pytest.mark.parametrize("text", POCL)
 def test_neither_threads_nor_work_group_method_change_a_bit(tmp_path, text, threads, method):
     """The self-test compares visibility, voxels and shadow map by hash, and the colours: each is judged alone."""
-    (tmp_path / "cache").mkdir()   # PoCL does not tell what it has compiled by one method from another's
+    (tmp_path / "cache").mkdir()   # PoCL does not distinguish what it has compiled by one method from another's
     outcome = isolated("clfur.judge.selftest:check", text, seconds=120,
                        environment={"POCL_MAX_PTHREAD_COUNT": threads, "POCL_WORK_GROUP_METHOD": method,
                                     "POCL_CACHE_DIR": str(tmp_path / "cache")})

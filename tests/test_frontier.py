@@ -66,8 +66,8 @@ def same(one, other):
 
 
 def test_what_is_measured(sphere):
-    told = []
-    found = clfur.frontier(scene(sphere), WAYS, repeat=2, tell=lambda *what: told.append(what))
+    progress = []
+    found = clfur.frontier(scene(sphere), WAYS, repeat=2, tell=lambda *what: progress.append(what))
     assert (found.size, found.earlier, found.truth) == ((32, 24), 0, "brute force")
     assert found.device == device.describe(device.choose("auto"))
     by_settings = {point.settings: point for point in found.points}
@@ -80,8 +80,8 @@ def test_what_is_measured(sphere):
     assert by_settings[WAYS[0]].bias > by_settings[WAYS[1]].bias   # without shadows it is brighter
     assert [point.name for point in found.points if point.name] == ["default"]
     assert by_settings[WAYS[1]].name == "default"
-    assert [what for what in told if what[0] == "pictures"] == [("pictures", n, 3) for n in range(3)]
-    assert told[-1] == ("times", 6, 6) and ("truth", 50, 100) in told
+    assert [what for what in progress if what[0] == "pictures"] == [("pictures", n, 3) for n in range(3)]
+    assert progress[-1] == ("times", 6, 6) and ("truth", 50, 100) in progress
     assert json.loads(json.dumps(found.as_dict(), allow_nan=False))["points"][0]["settings"]["samples"] in (1, 4, 16)
 
 

@@ -44,10 +44,10 @@ def sleep(seconds):
 
 
 def count(n, pause):
-    from clfur.judge.isolated import tell
+    from clfur.judge.isolated import send
     for i in range(n):
         time.sleep(pause)
-        tell(i)
+        send(i)
     return "done"
 
 
@@ -64,9 +64,9 @@ def child_that_sleeps():
     import subprocess
     import sys
 
-    from clfur.judge.isolated import tell
+    from clfur.judge.isolated import send
     child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
-    tell(child.pid)
+    send(child.pid)
     time.sleep(600)
 
 
@@ -99,7 +99,7 @@ def test_hang_ends_in_time():
 
 def test_what_is_told_arrives_in_order_and_extends_the_time():
     heard = []
-    outcome = call("count", 5, 1, seconds=4, tell=heard.append)   # 5 s in all
+    outcome = call("count", 5, 1, seconds=4, receive=heard.append)   # 5 s in all
     assert outcome.value == "done" and heard == [0, 1, 2, 3, 4]
 
 
@@ -109,7 +109,7 @@ def test_environment():
 
 def test_nothing_is_left_running():
     pids = []
-    assert call("child_that_sleeps", seconds=3, tell=pids.append).status == "hang"
+    assert call("child_that_sleeps", seconds=3, receive=pids.append).status == "hang"
     for _ in range(50):
         try:
             state = Path(f"/proc/{pids[0]}/stat").read_text().split(") ")[1][0]

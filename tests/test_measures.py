@@ -1,4 +1,4 @@
-"""What is told of a picture against the truth: numbers worked out by hand."""
+"""What is measured of a picture against the truth: numbers worked out by hand."""
 
 import sys
 

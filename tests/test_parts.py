@@ -123,10 +123,10 @@ print(json.dumps([frame.hashes, color, frame.memory, gpu.largest, gpu.memory]))
 
 def test_strands_in_arrays_larger_than_a_device_takes():
     """PoCL with 1 GB, 256 MB a piece: 170,000 strands of 100 segments have 17 million points, 275 MB in one array."""
-    runs = [json.loads(subprocess.run([sys.executable, "-c", LIMITED], env=os.environ | limit, check=True,
-                                      capture_output=True, text=True).stdout.splitlines()[-1])
-            for limit in ({}, {"POCL_MEMORY_LIMIT": "1"})]
-    (hashes, color, whole, _, _), (again, color_again, parts, largest, memory) = runs
+    results = [json.loads(subprocess.run([sys.executable, "-c", LIMITED], env=os.environ | limit, check=True,
+                                         capture_output=True, text=True).stdout.splitlines()[-1])
+               for limit in ({}, {"POCL_MEMORY_LIMIT": "1"})]
+    (hashes, color, whole, _, _), (again, color_again, parts, largest, memory) = results
     assert (hashes, color) == (again, color_again)
     assert largest <= 2**28 < 170_000 * 101 * 16 and parts <= memory and parts < whole
 

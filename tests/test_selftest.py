@@ -49,9 +49,9 @@ def test_other_colours_are_wrong(pixels, off, wrong, raster):
     name = f"color ({raster})"
     color = RIGHT[name].copy()
     color.reshape(-1, 4)[:pixels, 1] += off
-    told = selftest.differences({**RIGHT, name: color}, RIGHT)
-    assert bool(told) == wrong
-    assert not told or f"of the pixels have another {name}" in told[0]
+    found = selftest.differences({**RIGHT, name: color}, RIGHT)
+    assert bool(found) == wrong
+    assert not found or f"of the pixels have another {name}" in found[0]
 
 
 def test_it_is_small_and_quick(gpu):

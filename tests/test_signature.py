@@ -75,7 +75,7 @@ def test_what_cannot_be_checked_is_no_argument(wrong):
 
 @pytest.mark.parametrize("path", KERNELS, ids=lambda path: path.name)
 def test_the_driver_reads_the_same(gpu, path):
-    """Where a driver tells names and types of arguments, they are those that were read."""
+    """Where a driver reports names and types of arguments, they are those that were read."""
     text = scheduler._text("common.h") + scheduler._text(path.name)
     program = cl.Program(gpu.context, layout.preamble(gpu.int64_atomics, lanes=gpu.lanes) + text)
     kernels = program.build(["-cl-std=CL1.2", "-cl-kernel-arg-info"]).all_kernels()
@@ -85,12 +85,12 @@ def test_the_driver_reads_the_same(gpu, path):
         expected = [("begin", "ulong"), ("end", "ulong"), *((a.name, c_type(a)) for a in read[kernel.function_name])]
         assert kernel.num_args == len(expected)
         try:
-            told = [(kernel.get_arg_info(i, info.NAME), kernel.get_arg_info(i, info.TYPE_NAME))
-                    for i in range(kernel.num_args)]
+            reported = [(kernel.get_arg_info(i, info.NAME), kernel.get_arg_info(i, info.TYPE_NAME))
+                        for i in range(kernel.num_args)]
         except cl.RuntimeError:   # not every driver does
             assert "Portable" not in gpu.device.platform.name
             continue
-        assert told == expected
+        assert reported == expected
 
 
 def test_what_fits_is_taken(kernel, fitting):
@@ -125,7 +125,7 @@ def test_wrong_names_are_refused(kernel, fitting, change, message):
 U32, I32 = "a whole number from 0 to 4294967295", "a whole number from -2147483648 to 2147483647"
 
 
-@pytest.mark.parametrize("name, value, told, allowed", [
+@pytest.mark.parametrize("name, value, shown, allowed", [
     ("count", "7", "'7'", I32), ("count", None, "None", I32), ("count", 2**31, "2147483648", I32),
     ("count", -2**31 - 1, "-2147483649", I32), ("count", 7.5, "7.5", I32), ("count", math.nan, "nan", I32),
     ("count", math.inf, "inf", I32), ("count", 1j, "1j", I32), ("count", (7,), "(7,)", I32),
@@ -146,14 +146,14 @@ U32, I32 = "a whole number from 0 to 4294967295", "a whole number from -21474836
     ("points", np.zeros((3, 4), np.float32), "float32 [3, 4] on the host", "a device array of float32 [..., 4]"),
     ("points", 5, "5", "a device array of float32 [..., 4]"), ("types", None, "None", "a device array of HairType"),
 ])
-def test_wrong_values_are_refused(kernel, fitting, name, value, told, allowed):
+def test_wrong_values_are_refused(kernel, fitting, name, value, shown, allowed):
     with pytest.raises(TypeError) as error:
         kernel.bind({**fitting, name: value})
-    assert str(error.value).startswith(f"made.all_kinds: {name} is {told}")
+    assert str(error.value).startswith(f"made.all_kinds: {name} is {shown}")
     assert f"; allowed: {allowed}" in str(error.value)
 
 
-@pytest.mark.parametrize("name, shape, dtype, told, allowed", [
+@pytest.mark.parametrize("name, shape, dtype, shown, allowed", [
     ("points", (3, 4), np.uint32, "uint32 [3, 4]", "float32 [..., 4]"),
     ("points", (3, 4), np.float64, "float64 [3, 4]", "float32 [..., 4]"),
     ("points", (4, 3), np.float32, "float32 [4, 3]", "float32 [..., 4]"),
@@ -163,10 +163,10 @@ def test_wrong_values_are_refused(kernel, fitting, name, value, told, allowed):
     ("cells", 5, np.int32, "int32 [5]", "uint32"), ("cells", 0, np.float32, "float32 [0]", "uint32"),
     ("types", 1, layout.Light, "Light [1]", "HairType"), ("types", 96, np.uint8, "uint8 [96]", "HairType"),
 ])
-def test_wrong_arrays_are_refused(gpu, kernel, fitting, name, shape, dtype, told, allowed):
+def test_wrong_arrays_are_refused(gpu, kernel, fitting, name, shape, dtype, shown, allowed):
     with pytest.raises(TypeError) as error:
         kernel.bind({**fitting, name: gpu.empty(shape, dtype)})
-    expected = f"{name} is a device array of {told}; allowed: a device array of {allowed}"
+    expected = f"{name} is a device array of {shown}; allowed: a device array of {allowed}"
     assert str(error.value) == f"made.all_kinds: {expected}"
 
 

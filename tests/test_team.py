@@ -66,8 +66,8 @@ def test_the_faster_device_gets_more(gpu, team):
     def draw(one, strands, body):
         given.append((one, strands[1] - strands[0], body))
         return [one.upload(np.array([strands[1] - strands[0]]))]
-    team[0].pace["look"], team[1].pace["look"] = 3e6, 1e6
-    assert Team(team).gather("look", draw, [np.add], 1000)[0] == 1000
+    team[0].pace["rasterize"], team[1].pace["rasterize"] = 3e6, 1e6
+    assert Team(team).gather("rasterize", draw, [np.add], 1000)[0] == 1000
     assert sorted((one is team[0], n, body) for one, n, body in given) == [(False, 250, False), (True, 750, True)]
 
 
@@ -79,9 +79,9 @@ def test_arrays_are_not_left_on_another_device(gpu, team):
 
     def draw(gpu, strands, body):
         return [gpu.full(1, np.uint64, 7)]
-    assert together.gather("look", draw, [np.add], 10, other)[0].get()[0] == 7
+    assert together.gather("rasterize", draw, [np.add], 10, other)[0].get()[0] == 7
     with pytest.raises(clfur.DeviceError, match="was lost"):
-        together.gather("look", draw, [np.add], 10, one)
+        together.gather("rasterize", draw, [np.add], 10, one)
 
 
 @pytest.mark.parametrize("which", [0, 1])

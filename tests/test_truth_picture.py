@@ -134,7 +134,7 @@ def test_parallel_rays_see_what_a_far_eye_sees(width):
     for eye, scale in ((far, 1e-5), (parallel, 1.0)):
         window = places.min(0) * scale, places.max(0) * scale
         fibres = Fibres(eye, points[:-1], points[1:], first, last, 1.0, window)
-        depth, which = fibres.seen(places * scale)
+        depth, which = fibres.nearest(places * scale)
         on = which >= 0
         found.append(on)
         back = eye.frame(eye.points(places[on] * scale, depth[on]))
@@ -222,8 +222,8 @@ def test_a_spot_lights_its_cone():
     picture = truth.picture(s, 8)
     radius = math.tan(math.radians(10))
     # The integral of r dr / sqrt(1 + r²), all around.
-    lit = 2 * math.pi * (math.sqrt(1 + radius**2) - 1) * PIXELS**2
-    assert picture[..., 0].sum() == pytest.approx(lit, rel=2e-3)
+    total = 2 * math.pi * (math.sqrt(1 + radius**2) - 1) * PIXELS**2
+    assert picture[..., 0].sum() == pytest.approx(total, rel=2e-3)
 
 
 # --- the same picture by loops --------------------------------------------------------------------------
@@ -278,7 +278,7 @@ def loops(scene, samples, seed):
     for row in range(height):
         for at, (x, y) in enumerate(truth._in_row(row, width, samples, seed)):
             d = axes @ ((k @ (x, y, 1)) * (1, -1, -1))
-            best, seen = np.inf, None
+            best, nearest = np.inf, None
             for n, points in strands:
                 for i, (a, b) in enumerate(itertools.pairwise(points)):
                     _, s = closest(eye, d, a, b)
@@ -288,17 +288,17 @@ def loops(scene, samples, seed):
                     q = a + s * (b - a)
                     t = (q - eye) @ d / (d @ d)
                     if 0 < t < best and np.linalg.norm(eye + t * d - q) < radius:
-                        best, seen = t, ("hair", n, points, i, s)
+                        best, nearest = t, ("hair", n, points, i, s)
             for n, c in enumerate(corners):
                 hit = on_triangle(eye, d, c)
                 if hit and 0 < hit[0] < best:
-                    best, seen = hit[0], ("body", n, hit[1])
-            if not seen:
+                    best, nearest = hit[0], ("body", n, hit[1])
+            if not nearest:
                 continue
             p, v = eye + best * d, -d / np.linalg.norm(d)
             to_light = light_on(p)
-            if seen[0] == "hair":
-                _, n, points, i, s = seen
+            if nearest[0] == "hair":
+                _, n, points, i, s = nearest
                 chord = [points[min(j + 1, len(points) - 1)] - points[max(j - 1, 0)] for j in (i, i + 1)]
                 t0, t1 = (c / np.linalg.norm(c) for c in chord)
                 t = t0 + s * (t1 - t0)
@@ -309,7 +309,7 @@ def loops(scene, samples, seed):
                 rgb = light.color * left(p, n, -1) * (color * math.sqrt(1 - tl**2) + fur.specular * shine)
                 rgb = rgb + light.ambient * color
             else:
-                _, n, weights = seen
+                _, n, weights = nearest
                 normal = weights @ normals[n]
                 normal /= np.linalg.norm(normal)
                 if normal @ v < 0:
@@ -406,17 +406,17 @@ def test_rays_are_spread_over_a_pixel(samples):
 
 
 def test_bands_do_not_matter(sphere, monkeypatch):
-    told, s = [], furry(sphere, 300)
-    whole = truth.picture(s, 2, progress=told.append)
-    assert told[-1] == 1
+    shares, s = [], furry(sphere, 300)
+    whole = truth.picture(s, 2, progress=shares.append)
+    assert shares[-1] == 1
     monkeypatch.setattr(truth, "RAYS", 48 * 4 * 5)
-    told.clear()
-    np.testing.assert_array_equal(truth.picture(s, 2, progress=told.append), whole)
-    assert len(told) == 8 and told == sorted(told) and told[-1] == 1
+    shares.clear()
+    np.testing.assert_array_equal(truth.picture(s, 2, progress=shares.append), whole)
+    assert len(shares) == 8 and shares == sorted(shares) and shares[-1] == 1
 
 
 def test_noise_is_that_of_the_picture(sphere):
-    """What two seeds tell of the error at 2 x 2 is the distance to a picture with many more rays."""
+    """What two seeds say of the error at 2 x 2 is the distance to a picture with many more rays."""
     s = furry(sphere, 1000)
     error = truth.picture(s, 2) - truth.picture(s, 16)
     noise = truth.noise_of(s, 2)

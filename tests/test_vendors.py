@@ -117,8 +117,8 @@ def test_two_at_once(place):
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     running = [subprocess.Popen([sys.executable, "-c", code, str(place)], env=environment, stdout=subprocess.PIPE)
                for _ in range(6)]
-    told = {process.communicate(timeout=60)[0] for process in running}
-    assert len(told) == 1 and b"clfur-intel.icd" in told.pop() and all(p.returncode == 0 for p in running)
+    outputs = {process.communicate(timeout=60)[0] for process in running}
+    assert len(outputs) == 1 and b"clfur-intel.icd" in outputs.pop() and all(p.returncode == 0 for p in running)
     assert len(list((place / "vendors").iterdir())) == 1
 
 

@@ -6,8 +6,9 @@
     python tools/figures.py --only chart --mesh FILE   the chart with one more mesh
 
 `chart` holds the light that each method lets through, at random places on strands, against clfur.truth.  The sums are
-those of the device; they are read back, and looked up as through_hair of cl/light.h does, self-shadow included.
-The report's methods know no width of a hair, so that each is also shown with the alpha that fits it best to the truth.
+those of the device; they are read back, and looked up in NumPy as cl/light.h's through_hair does, what each place adds
+itself included.  The report's methods know no width of a hair, so that each is also shown with the alpha that fits it
+best to the truth.
 """
 
 import argparse
@@ -98,13 +99,13 @@ def figure_8(gpu, options, path):
         positions, triangles = body.positions.get()[:, :3], body.triangles.get()[:, :3]
         edges = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
         wires = clfur.Curves(positions[edges], width=0.002 * size_of(mesh), color=(0, 0, 0), specular=0)
-        skin = clfur.Mesh(positions, body.normals.get()[:, :3], None, triangles)
-        skin = clfur.Scene(mesh=skin, fur=wires, camera=scene.camera, light=scene.light, body_color=(.7, .6, .5))
+        bare = clfur.Mesh(positions, body.normals.get()[:, :3], None, triangles)
+        bare = clfur.Scene(mesh=bare, fur=wires, camera=scene.camera, light=scene.light, body_color=(.7, .6, .5))
         fur = clfur.draw(scene, gpu, off)
-        pictures[level] = clfur.render(skin, gpu, off), fur.images["color"]
+        pictures[level] = clfur.render(bare, gpu, off), fur.images["color"]
         columns.append(f"inner {level}, outer {level}: {fur.triangles:,} triangles, {fur.strands:,} strands")
     times = len(triangles) / len(mesh.faces)
-    rows = [("skin", [pictures[1][0], pictures[5][0]]), ("strands", [pictures[1][1], pictures[5][1]])]
+    rows = [("body", [pictures[1][0], pictures[5][0]]), ("strands", [pictures[1][1], pictures[5][1]])]
     sheet(path, f"Figure 8: tessellation gives {times:g} times the triangles and strands", columns, rows)
 
 
@@ -131,9 +132,9 @@ def figure_9(gpu, options, path):
         columns.append(f"{level}/{level}: {drawn.strands:,} strands")
         images.append(drawn.images["color"])
     # The map as the camera sees it on the bare sphere, from the uv of each pixel.
-    seen = clfur.render(clfur.Scene(mesh=mesh, camera=camera), gpu, off, ("uv", "coverage"))
-    across, down = np.moveaxis((seen["uv"] * (256, -128)).astype(int) % (256, 128), 2, 0)
-    there = seen["coverage"][..., None] > 0
+    outputs = clfur.render(clfur.Scene(mesh=mesh, camera=camera), gpu, off, ("uv", "coverage"))
+    across, down = np.moveaxis((outputs["uv"] * (256, -128)).astype(int) % (256, 128), 2, 0)
+    there = outputs["coverage"][..., None] > 0
     images.insert(0, np.concatenate([there * srgb_to_linear(keys[down, across]), there], 2))
     sheet(path, "Figure 9: hair types by a map, on the given and on the tessellated faces", columns, [("", images)])
 
@@ -224,12 +225,12 @@ def blocks(values, size):
 def places(points, spans, count, seed=0):
     """Random places on strands -> ([count, 3], their strand, its width there)."""
     random = np.random.default_rng(seed)
-    own = random.choice(np.flatnonzero(spans[:, 1] > 1), count)
-    along = random.random(count) * (spans[own, 1] - 1)
-    first = spans[own, 0] + along.astype(int)
+    strand = random.choice(np.flatnonzero(spans[:, 1] > 1), count)
+    along = random.random(count) * (spans[strand, 1] - 1)
+    first = spans[strand, 0] + along.astype(int)
     at = (along % 1)[:, None]
     place = points[first] * (1 - at) + points[first + 1] * at
-    return place[:, :3].astype(float), own, place[:, 3].astype(float)
+    return place[:, :3].astype(float), strand, place[:, 3].astype(float)
 
 
 def crossings(lighting, place, width):
@@ -274,7 +275,7 @@ class Judged:
     strands: object
     body: object
     place: np.ndarray    # [Q, 3]
-    own: np.ndarray      # [Q] strand
+    strand: np.ndarray   # [Q] that each place is on
     width: np.ndarray    # [Q]
     light: np.ndarray    # [Q] by brute force, mean of two seeds
     noise: float         # mean error of light from chance
@@ -287,21 +288,21 @@ class Judged:
 def judge(gpu, scene, options, lit=False):
     """`Judged` of a scene; with lit, only at places that the body does not hide."""
     strands, body = on_device(gpu, scene)
-    place, own, width = places(strands.points.get(), strands.spans.get(), options.queries)
+    place, strand, width = places(strands.points.get(), strands.spans.get(), options.queries)
     if lit:
         keep = ~hidden(body, place, -scene.light.direction)
-        place, own, width = place[keep], own[keep], width[keep]
-    light, noise = true_light(scene, strands, body, place, own, options.footprint, options.rays)
-    return Judged(strands, body, place, own, width, light, noise)
+        place, strand, width = place[keep], strand[keep], width[keep]
+    light, noise = true_light(scene, strands, body, place, strand, options.footprint, options.rays)
+    return Judged(strands, body, place, strand, width, light, noise)
 
 
-def true_light(scene, strands, body, place, own, spacings, rays):
+def true_light(scene, strands, body, place, strand, spacings, rays):
     """(light at each place by brute force, mean of two seeds; its mean error from chance)."""
     triangles = body.triangles.get()[:, :3]
     a, b, c = (body.positions.get()[triangles[:, k], :3].astype(float) for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
     one, other = (truth.transmittance(strands.points.get(), strands.spans.get(), scene.strands.types[0].alpha,
-                                      -scene.light.direction, place, own,
+                                      -scene.light.direction, place, strand,
                                       spacings * math.sqrt(area / len(strands.spans)), rays, seed) for seed in (0, 1))
     return (one + other) / 2, float(np.abs(one - other).mean() / 2)
 
@@ -457,7 +458,8 @@ def light_sweep(gpu, scene, grid, options):
     start, finer = scene.light.direction, changed(options, rays=4 * options.rays)
     scenes = [attrs.evolve(scene, light=clfur.Light(turned(start, 2 / grid * k / STEPS))) for k in range(STEPS + 1)]
     judged = judge(gpu, scene, finer, lit=True)
-    last, _ = true_light(scenes[-1], judged.strands, judged.body, judged.place, judged.own, finer.footprint, finer.rays)
+    last, _ = true_light(scenes[-1], judged.strands, judged.body, judged.place, judged.strand, finer.footprint,
+                         finer.rays)
     lights = {}
     for method in METHODS:
         settings = Settings(shadows=method, grid=grid, shadow_map=0)

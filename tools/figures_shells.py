@@ -1,4 +1,4 @@
-"""The second report's illustrations of shell fur on scenes of ours, and how fur looks from far and in few layers."""
+"""The second report's illustrations of shell fur on scenes of ours, and fur from far and in few layers."""
 
 import statistics
 
@@ -28,8 +28,8 @@ def furry(mesh, options, light=LIGHT, body_color=None, **fields):
     size = size_of(mesh)
     fields = {"color": FUR, "length": .12, "frequency": 60 / size} | fields
     fur = clfur.Shells(**fields | {"length": fields["length"] * size})
-    color = body_color or tuple(fur.root_shade * np.array(FUR))
-    return clfur.Scene(mesh=mesh, fur=fur, camera=frame(mesh, fur, options.size), light=light, body_color=color)
+    body_color = body_color or tuple(fur.root_shade * np.array(FUR))
+    return clfur.Scene(mesh=mesh, fur=fur, camera=frame(mesh, fur, options.size), light=light, body_color=body_color)
 
 
 def near(scene, times, place=(.5, .5)):
@@ -159,7 +159,7 @@ def marched(gpu, options, path):
              f"`python tools/figures.py --only march` on {gpu.device.name.strip()}: milliseconds on the device for 30 "
              "layers of a sphere, cells, without noise and shadows, one sample, median of 9 runs in turn.  *drawn*: "
              "`raster.body` alone, of the triangles of 30 layers that face the eye.  *drawn and lit*: also "
-             "`shade.color` of each layer, which finds a pixel's place and lights it; neither looks at the fur's "
+             "`shade.color` of each layer, which finds a pixel's place and lights it; neither reads the fur's "
              "pattern nor adds layers up.  *marched*: `entries` and `march`, the fur with all that belongs to it.", "",
              line("faces", "size", "drawn", "drawn and lit", "marched", "of it entries"),
              line("--:", "---", ("--:",) * 4)]
@@ -178,8 +178,8 @@ def marched(gpu, options, path):
             for _ in range(11):
                 gpu.start()
                 for layer in grown:
-                    front = raster(gpu, view, None, layer, after=facing)
-                    shade.color(gpu, view, lighting, front, shells.no_hair, layer, FUR)
+                    visible_layer = raster(gpu, view, None, layer, after=facing)
+                    shade.color(gpu, view, lighting, visible_layer, shells.no_hair, layer, FUR)
                 drawn = gpu.seconds()
                 gpu.start()
                 march.march(gpu, view, shells.shell, shells.packed, lighting, visible)

@@ -49,7 +49,7 @@ def fit(found):
     """(costs, coefficients [rungs, 3] of log(error) by 1, log width, log cover) of `measured` scenes."""
     known = np.array([[1, *np.log(each["features"])] for each in found])
     wanted = np.log([each["error"] for each in found])
-    ridge = np.diag([0, 0.3, 0.3])   # few scenes: what they do not tell is taken to have no influence
+    ridge = np.diag([0, 0.3, 0.3])   # few scenes: what they leave open is taken to have no influence
     coefficients = np.linalg.solve(known.T @ known + ridge, known.T @ wanted).T
     costs = np.exp(np.mean([np.log(each["cost"] / each["cost"][0]) for each in found], 0))
     return costs, coefficients
@@ -78,8 +78,8 @@ def main():
         print(what)
         for name, row in zip(SCENES, guess / errors):
             print(f"   {name:16} {np.round(row, 2)}")
-    residual, own = (np.log(guess / errors).std(0) for guess in (predicted, estimated))
-    print("residuals", np.round(residual, 2), "estimate's", np.round(own, 2))
+    residual, of_estimate = (np.log(guess / errors).std(0) for guess in (predicted, estimated))
+    print("residuals", np.round(residual, 2), "estimate's", np.round(of_estimate, 2))
     widths, covers = np.exp(known[:, 1:]).T
     text = f'''"""What `clfur.budget` predicts by; tools/fit_budget.py has fitted it to {len(found)} scenes.
 

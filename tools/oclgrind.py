@@ -83,7 +83,7 @@ def findings(text):
 
 def lines(found):
     """The same for people."""
-    return [f"  {what} in {kernel}, {' and '.join(places) or 'place not told'} ({times} times)"
+    return [f"  {what} in {kernel}, {' and '.join(places) or 'place unknown'} ({times} times)"
             for (what, kernel, places), times in found.most_common()]
 
 
@@ -118,8 +118,8 @@ class Buffers:
 def watch():
     """Make schedulers hide nothing from Oclgrind; gives the set that fills with (kernel launched, 64-bit atomics)."""
     launched = set()
-    own = scheduler.Scheduler
-    start, launch = own.__init__, own.launch
+    real = scheduler.Scheduler
+    start, launch = real.__init__, real.launch
 
     def started(self, *args, **kwargs):
         start(self, *args, **kwargs)
@@ -140,7 +140,7 @@ def watch():
         return there[0] if len(there) == 1 else self.upload(np.concatenate(
             [np.zeros(0, dtype), *(self.download(array).ravel() for array in there)]))
 
-    own.__init__, own.launch, own.full, own.joined = started, recorded, full, joined
+    real.__init__, real.launch, real.full, real.joined = started, recorded, full, joined
     scheduler.kernel_dir = lambda: Path(os.environ["CLFUR_KERNELS"])
     return launched
 
@@ -192,8 +192,8 @@ class Run:
             self.output, self.code = f"{(error.stdout or b'').decode()}\nnot done after {LIMIT} s", None
         self.name, self.seconds = name, time.monotonic() - began
         self.found = findings(log.read_text())
-        told = log.with_suffix(".json")
-        self.tests, self.launched = json.loads(told.read_text()) if told.exists() else (0, [])
+        counts = log.with_suffix(".json")
+        self.tests, self.launched = json.loads(counts.read_text()) if counts.exists() else (0, [])
         self.clean = self.code == 0 and not self.found
 
 
@@ -219,7 +219,7 @@ def missed_of_the_planted(folder):
         shutil.copy(path, kernels)
         caught = [(match[1], f"{path.name}:{number}") for number, line in enumerate(path.read_text().splitlines(), 1)
                   if (match := re.search(r"// caught: (.*)", line))]
-        assert caught, f"{path.name} does not tell what is to be caught"
+        assert caught, f"{path.name} does not say what is to be caught"
         expected += caught
     run = Run("planted", folder, kernels, __file__, "launch-planted")
     missed = [f"{what}, {place}" for what, place in expected if not said(run.found, what, place)]

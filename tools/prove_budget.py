@@ -34,7 +34,7 @@ def scenes(path=None):
     else:
         one, other = made(trimesh.creation.cone(0.6, 1.2)), made(trimesh.creation.cylinder(0.5, 1.2))
         names = ["cone", "cylinder"]
-    told = (
+    cases = (
         ("sphere, short", "sphere", 30_000, 0.2, 0.08, {}),
         ("teapot, dense", "teapot", 40_000, 0.4, 0.2, {}),
         ("box, medium", box, 10_000, 0.8, 0.25, {}),
@@ -48,18 +48,19 @@ def scenes(path=None):
         (f"{names[1]}, very dense", other, 80_000, 0.25, 0.15, {}),
         ("capsule, pale curls", capsule, 20_000, 0.5, 0.3, {
             "segments": 16, "color": (0.8, 0.75, 0.6), "curl": (0.02, 3), "light": (0.3, -1, 0.2)}))
-    return [(name, furry(*what, size=(200, 150), **how)) for name, *what, how in told]
+    return [(name, furry(*what, size=(200, 150), **how)) for name, *what, how in cases]
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--mesh")
     parser.add_argument("--truth", action="store_true")
-    parser.add_argument("--repeat", type=int, default=3, help="warm frames of each settings, by turns")
+    parser.add_argument("--repeat", type=int, default=3, help="warm frames of each settings, taken in turn")
     arguments = parser.parse_args()
     gpu, met, dear, asked = clfur.Scheduler(), 0, 0, 0
     warnings.simplefilter("ignore")
-    print("| scene | px wide | errors of the ladder | CPU ms | max_error | chosen | its error (told) | best | cost |\n"
+    print("| scene | px wide | errors of the ladder | CPU ms | max_error | chosen | its error (estimated) | best | "
+          "cost |\n"
           "|---|--:|---|---|--:|--:|--:|--:|--:|")
     for name, scene in scenes(arguments.mesh):
         truths = truths_of(scene)

@@ -100,9 +100,9 @@ def before(mesh, fur, apart, size=SIZE):
     inside = np.isfinite(t) & (t > 0)
     for i, j in ((a, b), (b, c), (c, a)):
         inside &= (np.cross(j - i, p - i) * n).sum(1) >= 0
-    skin = t[inside].max()
+    surface = t[inside].max()
     focal = size[1] / 2 / np.tan(np.radians(45) / 2)
-    away = skin + fur.length + spacing(mesh, fur) * focal / apart
+    away = surface + fur.length + spacing(mesh, fur) * focal / apart
     return Camera(eye=center + away * TOWARDS, target=center, fov=45, size=size)
 
 

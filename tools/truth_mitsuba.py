@@ -1,10 +1,10 @@
-"""Draws furry scenes with Mitsuba 3, an independent renderer, and compares what is seen and lit with clfur.truth.
+"""Draws furry scenes with Mitsuba 3, an independent renderer, and compares what is visible and lit with clfur.truth.
 
     pip install mitsuba && python tools/truth_mitsuba.py
 
 What each ray sees (hair, body or nothing), as shares of every pixel; and the body's light behind opaque hair and body,
 from a distant light and from a spot.  Mitsuba's linear curves are tubes that end in balls, so here the truth's are,
-too; what ribbons, as the truth has them, give is told beside it.  Noise comes from a second seed of each.  Exits 1
+too; what ribbons, as the truth has them, give stands beside it.  Noise comes from a second seed of each.  Exits 1
 where a mean differs by more than 4 of its standard errors and 0.05 %, or pixels by more than 1.15 of their noise.
 """
 
@@ -78,9 +78,9 @@ def by_mitsuba(scene, samples, seed):
     """The picture of a scene, float64 [h, w, 4], by Mitsuba."""
     hair, body = truth._geometry(scene)
     width, height = scene.camera.size
-    seen = scene.light.ambient > 0                        # else lit
+    shares = scene.light.ambient > 0                      # what each ray sees; else the light on it
     with tempfile.TemporaryDirectory() as folder:
-        curves, skin = os.path.join(folder, "hair.txt"), os.path.join(folder, "body.ply")
+        curves, surface = os.path.join(folder, "hair.txt"), os.path.join(folder, "body.ply")
         with open(curves, "w") as file:
             for first, count in hair.spans:
                 for x, y, z, w in hair.points[first:first + count].tolist():
@@ -92,14 +92,14 @@ def by_mitsuba(scene, samples, seed):
         parts["vertex_normals"] = body.normals.astype(np.float32).ravel()
         parts["faces"] = body.triangles[:, :3].astype(np.uint32).ravel()
         parts.update()
-        mesh.write_ply(skin)
+        mesh.write_ply(surface)
 
         def matte(color):
             return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": color}}}
         camera = scene.camera
         light = {"type": "constant"}
         integrator = {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0, "hide_emitters": True}
-        if seen:
+        if shares:
             integrator = {"type": "aov", "aovs": "albedo:albedo", "direct": integrator}
         elif scene.light.position is None:
             light = {"type": "directional", "direction": scene.light.direction.tolist(),
@@ -119,11 +119,11 @@ def by_mitsuba(scene, samples, seed):
                 "film": {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"},
                          "pixel_format": "rgba", "component_format": "float32"},
                 "sampler": {"type": "stratified", "sample_count": samples**2}},
-            "body": {"type": "ply", "filename": skin, "bsdf": matte(scene.body_color.tolist())},
+            "body": {"type": "ply", "filename": surface, "bsdf": matte(scene.body_color.tolist())},
             "hair": {"type": "linearcurve", "filename": curves,
                      "bsdf": matte(scene.fur.types[0].color.tolist())}})
         picture = np.array(mitsuba.render(drawn, spp=samples**2, seed=seed)).astype(np.float64)
-    return np.concatenate([picture[..., 4:7], picture[..., 3:4]], 2) if seen else picture[..., :4]
+    return np.concatenate([picture[..., 4:7], picture[..., 3:4]], 2) if shares else picture[..., :4]
 
 
 def main():

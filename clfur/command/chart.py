@@ -34,24 +34,25 @@ def chart(given, output, device, repeat, pan, fresh, as_json, **options):
     """Chart speed against accuracy: what many settings take, and how far each is from the truth.
 
     MESH is what `clfur render` takes, a mesh or a scene file, whose settings are charted too, as "own".  The table
-    tells of the settings that no others beat in both time and error.  What was measured is kept: a run that is cut
+    lists the settings that no others beat in both time and error.  What was measured is kept: a run that is cut
     short goes on where it was.
     """
     if output is not None:
         check_chart(output)
     scene, settings = load_scene(given, options)
-    own = None if settings == Settings() or settings.goal else settings
+    given_settings = None if settings == Settings() or settings.goal else settings
     ask_drivers()
     # On stderr, and gone at the end: stdout is for what was found.
     with Progress(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
                   console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:
         tasks = {}
 
-        def tell(doing, done, total):
+        def show(doing, done, total):
             if doing not in tasks:
                 tasks[doing] = progress.add_task(DOING[doing], total=total)
             progress.update(tasks[doing], completed=done, total=total)
-        found = frontier(scene, device=device, repeat=repeat, pan=pan, tell=tell, fresh=fresh, own=own)
+        found = frontier(scene, device=device, repeat=repeat, pan=pan, tell=show, fresh=fresh,
+                         own=given_settings)
     if output is not None:
         save_chart(output, found, Path(given).stem)
     if as_json:
@@ -61,7 +62,7 @@ def chart(given, output, device, repeat, pan, fresh, as_json, **options):
 
 
 def _print(found, given):
-    """Tell people what was found."""
+    """Print what was found, for people."""
     console = Console(highlight=False, markup=False,   # what is no terminal has no width either
                       **({} if sys.stdout.isatty() else {"width": 120}))
     frames = sum(len(point.times) for point in found.points)

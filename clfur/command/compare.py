@@ -28,7 +28,7 @@ NO_FLIP = 'needs pip install "clfur[report]"'
 @scene_options
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
 def compare(given, devices, repeat, output, as_json, **options):
-    """Draw the same frames on each device, and tell times, memory and the pictures' differences.
+    """Draw the same frames on each device, and report times, memory and the pictures' differences.
 
     MESH is what `clfur render` takes, a mesh or a scene file.  Each device has a process of its own, so that a driver
     that crashes or hangs costs one row.  Exit code 0 if all devices give the same picture, else 1.
@@ -43,11 +43,11 @@ def compare(given, devices, repeat, output, as_json, **options):
                   disable=not sys.stderr.isatty()) as progress:
         tasks = {}
 
-        def tell(device, done, frames):
+        def show(device, done, frames):
             if device not in tasks:
                 tasks[device] = progress.add_task(device, total=frames)
             progress.update(tasks[device], completed=done)
-        found = compare_devices(scene, devices, settings, repeat, tell=tell)
+        found = compare_devices(scene, devices, settings, repeat, tell=show)
     if output is not None:
         save_report(output, found, Path(given).stem)
     if as_json:
@@ -58,7 +58,7 @@ def compare(given, devices, repeat, output, as_json, **options):
 
 
 def _print(found, given):
-    """Tell people what was found."""
+    """Print what was found, for people."""
     console = Console(highlight=False, markup=False,   # what is no terminal has no width either
                       **({} if sys.stdout.isatty() else {"width": 120}))
     strands = "" if found.strands is None else f", {found.strands:,} strands, {found.segments:,} segments"

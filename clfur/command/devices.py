@@ -22,7 +22,7 @@ LOADING, CHECKING = 60, 180   # seconds; PoCL compiles every kernel on the first
 @click.command()
 @click.option("--check", is_flag=True, help="Draw a small picture on each device and say whether it is right; "
               "auto then passes over devices that fail.")
-@click.option("--why", is_flag=True, help="Tell of every driver that OpenCL looks at, and why it does not load.")
+@click.option("--why", is_flag=True, help="List every driver that OpenCL looks at, and why it does not load.")
 @click.option("--json", "as_json", is_flag=True, help="Print the same as one JSON object.")
 def devices(check, why, as_json):
     """List the OpenCL devices: what to give --device, and which one is taken without it.

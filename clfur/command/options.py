@@ -20,7 +20,7 @@ from .types import Color, Numbers, Roots, Size, from_hex
 
 _SCENE = [
     click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
-                 help="Strands, shells (a pattern in layers above the skin), or an undercoat of shells under strands."),
+                 help="Strands, shells (a pattern in layers above the body), or an undercoat of shells under strands."),
     click.option("--length", type=click.FloatRange(0), metavar="L",
                  help="Length of the hair in the mesh's units; shells under strands have half of it.  [default: 0.08 "
                       "of half the mesh's diagonal, or 0.12 for shells alone]"),
@@ -65,7 +65,7 @@ _STRANDS = [
 ]
 _SHELLS = [
     click.option("--layers", type=click.IntRange(1, 1000), default=30, metavar="N",
-                 help="Layers of shells, from the skin to the tips."),
+                 help="Layers of shells, from the body to the tips."),
     click.option("--pattern", type=click.Choice(["cells", "sine"]), default="cells",
                  help="Of shells: a hair in each cell of the faces, or the report's sines, which need uv."),
     click.option("--frequency", type=click.FloatRange(0, min_open=True), metavar="F",
@@ -76,7 +76,7 @@ _SHELLS = [
     click.option("--noise", type=Numbers(2), default="0.5,8", metavar="A,S",
                  help="How far hairs of shells are displaced and the size of the waves, both in hairs."),
     click.option("--wind", type=Numbers(3), default="0,0,0", metavar="X,Y,Z", help="Wind over shells; it gusts."),
-    click.option("--time", type=float, default=0.0, metavar="SECONDS", help="When the wind is looked at."),
+    click.option("--time", type=float, default=0.0, metavar="SECONDS", help="The moment of the wind, which gusts."),
     click.option("--shading", type=click.Choice(["kajiya-kay", "turned"]), default="kajiya-kay",
                  help="Light on shells: by the hair's direction, or by the report's turned normals."),
 ]
@@ -135,29 +135,29 @@ def load_scene(given, options):
         _check_fur(flags, options)
         _check_blur(flags, settings)
         return _scene(load_mesh(given), options), settings
-    scene, own_settings = _run(given)
+    scene, given_settings = _run(given)
     # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
     for name, flag in flags.items():
-        if own_settings or not (hasattr(settings, name) or name == "preset"):
+        if given_settings or not (hasattr(settings, name) or name == "preset"):
             raise click.UsageError(f"{flag}: {given} sets this itself; change it there")
     _check_blur(flags, settings)
     if "specular" in flags:
         scene = attrs.evolve(scene, fur=highlighted(scene.fur, options["specular"]))
-    return scene, own_settings or settings
+    return scene, given_settings or settings
 
 
 def _settings(flags, options):
     """The `Settings` of the options; raises click.UsageError where some of those given, {name: flag}, have no say."""
-    own = {field.name: options[field.name] for field in attrs.fields(Settings)
-           if field.name in options and field.name != "specular"}   # which is their looks'
-    if own:
-        own["samples"] = int(own["samples"])
+    values = {field.name: options[field.name] for field in attrs.fields(Settings)
+              if field.name in options and field.name != "specular"}   # which is their looks'
+    if values:
+        values["samples"] = int(values["samples"])
     goal = next((flags[name] for name in ("seconds", "max_error") if name in flags), None)
     if beside := goal and next((flags[name] for name in (*CHOSEN, "preset") if name in flags), None):
         raise click.UsageError(f"{goal} chooses what {beside} sets; allowed: one of them")
     if preset := options.get("preset"):
-        return attrs.evolve(PRESETS[preset], **{name: value for name, value in own.items() if name in flags})
-    return Settings(**own)
+        return attrs.evolve(PRESETS[preset], **{name: value for name, value in values.items() if name in flags})
+    return Settings(**values)
 
 
 def _check_fur(flags, options):
@@ -228,7 +228,7 @@ def _shells(options, length, radius):
     frequency = options["frequency"]
     if frequency is None:
         frequency = 60 / radius if options["pattern"] == "cells" else 40.0
-    # Half of what strands bend: hairs that stand upright go into the skin if they are bent by more than 1.
+    # Half of what strands bend: hairs that stand upright go into the body if they are bent by more than 1.
     weight = 0.5 * options["force_weight"] * options["segments"]
     return Shells(
         length=length, frequency=frequency, length_variation=options["variation"],

@@ -48,7 +48,7 @@ def rename(place):
 
 
 def features():
-    """Names of the processor's features, as Linux tells them."""
+    """Names of the processor's features, as Linux reports them."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

@@ -82,7 +82,7 @@ class Scheduler:
         self._kernels: dict[str, signature.Kernel] = {}
         self._kept: dict[str, tuple] = {}
         self._log: list[tuple] = []
-        self._called: str | None = None
+        self._label: str | None = None
         self._busy = threading.Lock()
         self._stopped = False
         self._load = None
@@ -199,7 +199,7 @@ class Scheduler:
                 # Whole groups of one size, and a kernel that ends where it should: see WORK_ITEM in common.h.
                 event = kernel.run(self.queue, (-(-(end - begin) // GROUP) * GROUP,), (GROUP,),
                                begin, end, *values)
-                self._log.append((self._called or name.split(".")[0], event))
+                self._log.append((self._label or name.split(".")[0], event))
                 self._ahead += PIECE if rate is None else rate * (end - begin)
                 if end < size or self._ahead >= PIECE:
                     event.wait()
@@ -210,7 +210,7 @@ class Scheduler:
                 begin = end
 
     def load(self, key: Any) -> None:
-        """Tell what launches' lengths depend on: while it stays equal they are taken to be as long as they were."""
+        """Set what the lengths of launches depend on: while the key stays equal, they are taken to be as they were."""
         if key != self._load:
             self._load = key
             self._rates.clear()
@@ -256,13 +256,13 @@ class Scheduler:
             self._pool.free_held()
 
     @contextmanager
-    def called(self, name: str) -> Iterator[None]:
+    def labelled(self, name: str) -> Iterator[None]:
         """Count the launches within under this name instead of their kernel file's."""
-        self._called = name
+        self._label = name
         try:
             yield
         finally:
-            self._called = None
+            self._label = None
 
     def seconds(self) -> dict[str, float]:
         """Seconds on the device since `start`, by kernel file: {"strands": 0.007, ...}; waits for them."""

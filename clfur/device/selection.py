@@ -105,7 +105,7 @@ def reason(platforms, failed=()):
 
 
 def survey():
-    """All there is to tell of this machine's OpenCL, as what JSON can hold: see `clfur devices --json`."""
+    """All that is known of this machine's OpenCL, as what JSON can hold: see `clfur devices --json`."""
     found = _found()
     platforms = [devices for _, devices in found]
     named, failed = handles(platforms), _failed(platforms)
@@ -216,7 +216,7 @@ def _matches(text, platforms, failed=()):
 
 
 def _identity(device):
-    """What tells a device and its driver from others, on this machine."""
+    """Texts that distinguish a device and its driver from others on this machine."""
     return [device.platform.name, device.platform.version, device.name, device.driver_version]
 
 
@@ -227,7 +227,7 @@ def _failed(platforms):
 
 
 def _facts(device):
-    """What `survey` tells of a device; sizes in bytes."""
+    """What `survey` has of a device; sizes in bytes."""
     check = cache.recall(_identity(device))
     return {
         "name": device.name,

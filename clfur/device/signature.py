@@ -9,7 +9,7 @@ from pyopencl.array import Array
 from .. import layout
 
 NUMBERS = {"int": np.int32, "uint": np.uint32, "long": np.int64, "ulong": np.uint64, "float": np.float32}
-OWN = [("ulong", "begin"), ("ulong", "end")]   # the first arguments of every kernel: the scheduler's, see common.h
+RANGE = [("ulong", "begin"), ("ulong", "end")]   # the first arguments of every kernel: the scheduler's, see common.h
 
 _COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
 _KERNEL = re.compile(r"__kernel\s+void\s+(\w+)\s*\(([^)]*)\)")
@@ -44,7 +44,7 @@ def read(text):
     kernels = {}
     for name, inside in _KERNEL.findall(_COMMENT.sub("", text)):
         found = [_ARGUMENT.fullmatch(" ".join(each.split())) for each in inside.split(",")]
-        if not all(found) or [(f[2], f[5]) for f in found[:2]] != OWN:
+        if not all(found) or [(f[2], f[5]) for f in found[:2]] != RANGE:
             raise TypeError(f"{name}({' '.join(inside.split())}) cannot be read; allowed: 'const ulong begin, const "
                             f"ulong end', then arguments of {', '.join([*NUMBERS, *layout.STRUCTS])}, or vectors")
         kernels[name] = [_argument(*each.groups()) for each in found[2:]]
@@ -52,7 +52,7 @@ def read(text):
 
 
 def _argument(in_memory, base, width, pointer, name):
-    """An argument of the kind that its declaration tells."""
+    """An argument of the kind that its declaration states."""
     known = base in NUMBERS or (base in layout.STRUCTS and width is None)
     if not known or bool(in_memory) != bool(pointer):
         raise TypeError(f"argument {name} is of {base}{width or ''}{pointer or ''}; allowed: "
@@ -75,7 +75,7 @@ class Argument:
 
     def refused(self, value):
         """The error for a value that does not fit."""
-        return TypeError(f"{self.name} is {_told(value)}; allowed: {self.allowed}")
+        return TypeError(f"{self.name} is {_shown(value)}; allowed: {self.allowed}")
 
 
 class Buffer(Argument):
@@ -148,7 +148,7 @@ class Struct(Argument):
         raise self.refused(value)
 
 
-def _told(value):
+def _shown(value):
     """What an error says of a value."""
     if isinstance(value, Array):
         return (f"a device array of {_dtype(value.dtype)} {list(value.shape)}"

@@ -1,4 +1,4 @@
-"""Tells which drivers OpenCL's loader looks at, and adds Intel's from PyPI to them; needs no OpenCL itself."""
+"""Finds which drivers OpenCL's loader looks at, and adds Intel's from PyPI to them; needs no OpenCL itself."""
 
 import ctypes
 import hashlib
@@ -12,15 +12,15 @@ from .. import cache
 from ..errors import Error
 
 SYSTEM = "/etc/OpenCL/vendors"
-OWN = "clfur-intel.icd"
+ADDED = "clfur-intel.icd"
 
 
 @dataclass(frozen=True)
 class Vendor:
-    """A driver that the loader is told of.
+    """A driver that the loader knows of.
 
     place: what OCL_ICD_VENDORS must be for this driver alone, an .icd file or a library.  library: what is to be
-    loaded, "" if the file does not tell.  origin: who put it there.
+    loaded, "" if the file names none.  origin: who put it there.
     """
 
     place: str
@@ -46,7 +46,7 @@ def prepare():
         return None
     files = {file.name: _read(file) or b"" for file in there}
     try:
-        os.environ["OCL_ICD_VENDORS"] = str(_write({**files, OWN: os.fsencode(library)}))
+        os.environ["OCL_ICD_VENDORS"] = str(_write({**files, ADDED: os.fsencode(library)}))
     except Error as error:   # all other drivers work without
         return f"intel-opencl-rt is installed, but the loader is not told of it: {error}"
     return None
@@ -78,7 +78,7 @@ def vendors():
         if not found:
             lines.append(f"there are no .icd files in {_system_folder()}")
         if given:
-            found.append(_vendor(Path(given, OWN), "intel-opencl-rt, added by clfur"))
+            found.append(_vendor(Path(given, ADDED), "intel-opencl-rt, added by clfur"))
     return found + [_vendor(file, "comes with pyopencl") for file in _bundled()], lines
 
 
@@ -112,7 +112,7 @@ def _vendor(file, origin):
 
 def _added(system):
     """Intel's driver from PyPI, if it is to be added to these; None if it is not installed or there already."""
-    # "/" tells a path, which may name nothing; the loader searches for other names.
+    # "/" marks a path, which may name nothing; the loader searches for other names.
     named = [v.library for v in system if Path(v.library).name.startswith("libintelocl.so")]
     return None if any("/" not in library or Path(library).is_file() for library in named) else _intel()
 

@@ -60,13 +60,13 @@ def draw_chart(found, title=""):
     points = [point for point in found.points if np.isfinite(point.error) and point.error > 0]
     color_of, legend = _colors(points)
     for point in points:
-        look = {"marker": SHAPES[point.settings.samples], "ls": "", "color": color_of(point)}
+        style = {"marker": SHAPES[point.settings.samples], "ls": "", "color": color_of(point)}
         if point.best:
-            axes.plot([1e3 * point.seconds.min, 1e3 * point.seconds.max], [point.error] * 2, color=look["color"],
+            axes.plot([1e3 * point.seconds.min, 1e3 * point.seconds.max], [point.error] * 2, color=style["color"],
                       lw=1, alpha=.5, zorder=2)
-            axes.plot(1e3 * point.seconds.median, point.error, ms=9, mec=INK, mew=.8, zorder=4, **look)
+            axes.plot(1e3 * point.seconds.median, point.error, ms=9, mec=INK, mew=.8, zorder=4, **style)
         else:
-            axes.plot(1e3 * point.seconds.median, point.error, ms=7, mec="none", alpha=.45, zorder=1, **look)
+            axes.plot(1e3 * point.seconds.median, point.error, ms=7, mec="none", alpha=.45, zorder=1, **style)
     best = [point for point in points if point.best]
     axes.step([1e3 * p.seconds.median for p in best], [p.error for p in best], where="post", color=INK, lw=1, zorder=3)
     axes.set(xscale="log", yscale="log", xlabel="milliseconds a frame, everything done anew",

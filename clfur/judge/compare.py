@@ -17,7 +17,7 @@ from ..measures import flip
 from ..render import draw
 from ..scene import Scene, checks
 from ..settings import Settings
-from .isolated import isolated, tell
+from .isolated import isolated, send
 
 BEYOND = 1e-3   # colours further apart than this, in linear light, count as different ...
 SHARE = 1e-3    # ... of which a picture may hold this share and still agree
@@ -157,19 +157,19 @@ def _chosen(devices):
     return [(texts[device], device) for device in dict.fromkeys(wanted)]
 
 
-def _in_its_process(handle, scene, settings, repeat, seconds, heard):
+def _in_its_process(handle, scene, settings, repeat, seconds, progress):
     """(Outcome of `_measure`, one line of why it failed or "")."""
     done, frames = 0, repeat + 2
 
     def count(_=None):
         nonlocal done
         done += 1
-        if heard:
-            heard(handle, done, frames)
-    if heard:
-        heard(handle, 0, frames)
+        if progress:
+            progress(handle, done, frames)
+    if progress:
+        progress(handle, 0, frames)
     with tempfile.TemporaryDirectory(prefix="clfur-") as caches:   # empty, so that the first frame is a first frame
-        outcome = isolated(f"{__name__}:_measure", handle, scene, settings, repeat, seconds=seconds, tell=count,
+        outcome = isolated(f"{__name__}:_measure", handle, scene, settings, repeat, seconds=seconds, receive=count,
                            environment=dict.fromkeys(("XDG_CACHE_HOME", "POCL_CACHE_DIR", "CUDA_CACHE_PATH"), caches))
     return outcome, "" if outcome.status == "ok" else f"{outcome.message} (after {done} of {frames} frames)"
 
@@ -180,15 +180,15 @@ def _measure(device, scene, settings, repeat):
     gpu = Scheduler(device)
     draw(scene, gpu, settings)
     first, build = time.perf_counter() - began, gpu.build_seconds
-    tell("the first frame")
+    send("the first frame")
     gpu.forget()
     known = draw(scene, gpu, settings, hashes=True)   # also warms up; hashing takes time, so it is none of the frames
-    tell("the frame with hashes")
+    send("the frame with hashes")
     frames = []
     for _ in range(repeat):
         gpu.forget()
         frames.append(draw(scene, gpu, settings))
-        tell("a frame")
+        send("a frame")
     # Not getrusage's ru_maxrss: that starts with what the parent held when it made this process.
     resident = 1024 * int(re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())[1])
     return {"drawn": (known.triangles, known.strands, known.segments), "hashes": known.hashes,
@@ -197,21 +197,22 @@ def _measure(device, scene, settings, repeat):
             "memory": max(f.memory for f in frames)}
 
 
-def _row(row, own, other):
+def _row(row, measured, reference):
     """The row of a device that gave its picture, compared to the reference's."""
-    apart = np.abs(own["picture"].astype(np.float64) - other["picture"]).max(axis=2)
+    apart = np.abs(measured["picture"].astype(np.float64) - reference["picture"]).max(axis=2)
     apart[np.isnan(apart)] = np.inf
-    difference = Difference(float(apart.max()), float((apart > BEYOND).mean()), flip(other["picture"], own["picture"]),
-                            {name: own["hashes"].get(name) == bits for name, bits in other["hashes"].items()})
+    difference = Difference(float(apart.max()), float((apart > BEYOND).mean()),
+                            flip(reference["picture"], measured["picture"]),
+                            {name: measured["hashes"].get(name) == bits for name, bits in reference["hashes"].items()})
     wrong = [f"other bits in {name}" for name, same in difference.same.items() if not same]
     if difference.share > SHARE:
         wrong.append(f"{difference.share:.2%} of the pixels are beyond {BEYOND:g}")
-    frame = Spread.of(own["frames"])
+    frame = Spread.of(measured["frames"])
     return attrs.evolve(
-        row, status="differs" if wrong else "ok", message=", ".join(wrong), frames=own["frames"], frame=frame,
-        stages=_stages(own["stages"], own["frames"]), first=own["first"], build=own["build"], memory=own["memory"],
-        resident=own["resident"], strands_per_second=own["drawn"][1] / frame.median, difference=difference,
-        picture=own["picture"])
+        row, status="differs" if wrong else "ok", message=", ".join(wrong), frames=measured["frames"], frame=frame,
+        stages=_stages(measured["stages"], measured["frames"]), first=measured["first"],
+        build=measured["build"], memory=measured["memory"], resident=measured["resident"],
+        strands_per_second=measured["drawn"][1] / frame.median, difference=difference, picture=measured["picture"])
 
 
 def _stages(stages, frames):

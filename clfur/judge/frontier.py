@@ -127,10 +127,10 @@ def frontier(scene: Scene, candidates: Sequence[Settings] | None = None, device:
     """Draw a `Scene` in many ways and measure each against the truth -> `Frontier`.
 
     ``candidates``: `Settings`, or pairs of these and the layers of the scene's shells, in a list; what `sweep` in this
-    module gives if None.  ``device``: as `Scheduler` takes it.  ``repeat``: warm frames of each, by turns, so that
-    a busy machine favours none.  ``pan``: whether flicker is measured too.  ``tell``: called with (what is done now,
-    done, in all).  What was measured is kept in clfur's cache folder, so that a run that is cut short goes on where it
-    was, and one like it needs to draw nothing; ``fresh`` begins anew, but with the truth that is kept.
+    module gives if None.  ``device``: as `Scheduler` takes it.  ``repeat``: warm frames of each, taken in turn, so
+    that a busy machine favours none.  ``pan``: whether flicker is measured too.  ``tell``: called with (what is done
+    now, done, in all).  What was measured is kept in clfur's cache folder, so that a run that is cut short goes on
+    where it was, and one like it needs to draw nothing; ``fresh`` begins anew, but with the truth that is kept.
     ``own``: `Settings` to try beside the candidates, or None; their `Point` is named "own".
     The truth is `clfur.truth.picture` of strands and bodies; of shells, which it does not know, the scene drawn 8 times
     as large in 120 unfiltered layers with the finest shadows.
@@ -148,24 +148,24 @@ def frontier(scene: Scene, candidates: Sequence[Settings] | None = None, device:
         raise Error(f"Camera.size is {width}x{height}; allowed in a chart: at most {16384 // OVER - 1}x"
                     f"{16384 // OVER}, since the truth is drawn {OVER} times as large")
     gpu = Scheduler(device)
-    tell = tell or (lambda *_: None)
-    truths, noise = _truths(scene, gpu, tell)
+    progress = tell or (lambda *_: None)
+    truths, noise = _truths(scene, gpu, progress)
     if not truths[..., 3].any():
         raise Error("nothing of the scene is to be seen in the picture; allowed: a camera that looks at it")
     flips = measures.flip(truths[0], truths[0]) is not None
     kept = _Kept(digest(scene, OVER, _sources(), gpu.name, gpu.device.driver_version, pan, flips), fresh)
 
     for number, way in enumerate(ways):
-        tell("pictures", number, len(ways))
+        progress("pictures", number, len(ways))
         if not kept.found(way):
             kept.add(way, found=_judge(scene, gpu, way, truths, pan))
     earlier = sum(len(kept.times(way)) for way in ways)
     for turn in range(repeat):
         for number, way in enumerate(ways):
-            tell("times", turn * len(ways) + number, repeat * len(ways))
+            progress("times", turn * len(ways) + number, repeat * len(ways))
             if len(kept.times(way)) <= turn:
                 kept.add(way, seconds=_time(scene, gpu, way))
-    tell("times", repeat * len(ways), repeat * len(ways))
+    progress("times", repeat * len(ways), repeat * len(ways))
 
     points = [_point(scene, way, ways, names, kept) for way in ways]
     points.sort(key=lambda point: point.seconds.median)
@@ -185,11 +185,11 @@ def label(settings, layers=None):
     words += [] if layers is None else [f"{layers} layer{'s' * (layers > 1)}"]
     words.append("no shadows" if settings.shadows == "off" else f"{settings.shadows} {settings.grid}")
     words += ["unfiltered"] * (not settings.filtered)
-    told = {"samples", "raster", "shadows", "grid", "filtered"}
-    told |= {"shadow_map", "pcf"} if settings.shadows == "off" else set()   # without shadows nothing looks there
+    written = {"samples", "raster", "shadows", "grid", "filtered"}
+    written |= {"shadow_map", "pcf"} if settings.shadows == "off" else set()   # without shadows nothing reads these
     for field in attrs.fields(Settings):
         value = getattr(settings, field.name)
-        if value != field.default and field.name not in told:
+        if value != field.default and field.name not in written:
             words.append(f"{field.name.replace('_', ' ').replace('shadow map', 'map')} "
                          f"{value if isinstance(value, str) else f'{value:g}'}")
     return ", ".join(words)
@@ -208,9 +208,9 @@ def _checked(scene, ways):
     allowed = "Settings, or pairs of Settings and layers of shells (1 to 1000), in a list"
     if not isinstance(ways, (list, tuple)) or not len(ways):
         checks.refuse("candidates", ways, allowed)
-    own, found = scene.shells and scene.shells.layers, []
+    given_layers, found = scene.shells and scene.shells.layers, []
     for way in ways:
-        settings, layers = way if isinstance(way, tuple) and len(way) == 2 else (way, own)
+        settings, layers = way if isinstance(way, tuple) and len(way) == 2 else (way, given_layers)
         if not isinstance(settings, Settings) or settings.goal or (layers is not None and not scene.shells):
             checks.refuse("candidates", way, allowed if scene.shells else "Settings, since the scene has no shells")
         if scene.shells:
@@ -237,7 +237,7 @@ def _moved(scene, pixels, over=1, wider=0):
     return attrs.evolve(scene, camera=Camera.calibrated(scene.camera.pose, k, ((width + wider) * over, height * over)))
 
 
-def _truths(scene, gpu, tell):
+def _truths(scene, gpu, progress):
     """(truth at each step of the pan float32 [STEPS + 1, h, w, 4], its noise)."""
     known = digest(scene, OVER, STEPS, *((LAYERS, FINEST, _sources()) if scene.shells else (truth.VERSION,)))
     file = cache.folder("charts") / f"truth-{known[:32]}.npz"
@@ -246,16 +246,16 @@ def _truths(scene, gpu, tell):
             return there["truths"], float(there["noise"])
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):   # none yet, or damaged
         pass
-    cache.write(file, b"")   # before the work: what cannot be kept is told now
-    tell("truth", 0, 100)
+    cache.write(file, b"")   # before the work: if nothing can be kept, that is said now
+    progress("truth", 0, 100)
     # One picture holds every step: large enough that a step is a whole number of its pixels, and one pixel wider.
     large = _moved(scene, 1, OVER, 1)
     if scene.shells:
         fine = draw(_layered(large, LAYERS), gpu, Settings(**FINEST)).images["color"]
     else:
-        fine = truth.picture(large, samples=1, progress=lambda share: tell("truth", round(100 * share), 100))
+        fine = truth.picture(large, samples=1, progress=lambda share: progress("truth", round(100 * share), 100))
     width, height = scene.camera.size
-    tell("truth", 100, 100)
+    progress("truth", 100, 100)
     starts = [OVER - step * OVER // STEPS for step in range(STEPS + 1)]
     parts = [fine[:, start:start + width * OVER].reshape(height, OVER, width, OVER, 4) for start in starts]
     truths = np.array([part.mean((1, 3)) for part in parts], np.float32)
@@ -297,8 +297,9 @@ def _point(scene, way, ways, names, kept):
     times = kept.times(way)
     name = ", ".join(name for name, named in names.items() if named == settings)
     several = layers is not None and len({layers for _, layers in ways}) > 1
-    own = layers is None or layers == scene.shells.layers   # a name's settings say nothing of layers: the scene does
-    return Point(settings, layers, label(settings, layers if several else None), name if own else "", times,
+    # A name's settings say nothing of layers: the scene does.
+    as_named = layers is None or layers == scene.shells.layers
+    return Point(settings, layers, label(settings, layers if several else None), name if as_named else "", times,
                  Spread.of(times), **kept.found(way))
 
 
@@ -312,13 +313,13 @@ class _Kept:
         self.lines = {}
         for line in self.file.read_text().split("\n"):
             try:
-                told = json.loads(line)
+                record = json.loads(line)
             except ValueError:   # the last line of a run that was killed while it wrote
                 continue
-            self._take(told)
+            self._take(record)
 
-    def _take(self, told):
-        self.lines.setdefault(self._name(told["settings"], told["layers"]), []).append(told)
+    def _take(self, record):
+        self.lines.setdefault(self._name(record["settings"], record["layers"]), []).append(record)
 
     def _name(self, settings, layers):
         return json.dumps([settings, layers], sort_keys=True)
@@ -336,10 +337,10 @@ class _Kept:
         return self._of(way, "seconds")
 
     def add(self, way, **what):
-        told = {"settings": attrs.asdict(way[0]), "layers": way[1], **what}
+        record = {"settings": attrs.asdict(way[0]), "layers": way[1], **what}
         try:
             with self.file.open("a") as stream:
-                stream.write("\n" + json.dumps(told) + "\n")
+                stream.write("\n" + json.dumps(record) + "\n")
         except OSError as error:
             raise Error(f"cannot write to {self.file}: {error.strerror}") from None
-        self._take(told)
+        self._take(record)

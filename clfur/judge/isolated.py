@@ -29,11 +29,11 @@ class Outcome:
     message: str = ""
 
 
-def isolated(function, *arguments, seconds, tell=None, environment=None):
+def isolated(function, *arguments, seconds, receive=None, environment=None):
     """Call ``function`` ("package.module:name") with ``arguments`` in a fresh process -> `Outcome`.
 
-    ``tell``: called here with each object that the function there sends by ``isolated.tell(object)``.  ``seconds``: it
-    may take, from one such object to the next.  ``environment``: variables to change there, {name: text}.
+    ``receive``: called here with each object that the function there sends by ``isolated.send(object)``.  ``seconds``:
+    it may take, from one such object to the next.  ``environment``: variables to change there, {name: text}.
     The process and what it started are gone when this returns, or raises.  Raises `clfur.Error` for arguments that
     cannot be sent to it.
     """
@@ -42,9 +42,9 @@ def isolated(function, *arguments, seconds, tell=None, environment=None):
     except Exception as error:   # pickle raises whatever it met
         raise Error(f"cannot be sent to another process: {' '.join(str(error).split())}") from error
     with tempfile.TemporaryDirectory(prefix="clfur-") as folder:
-        told, errors = Path(folder, "told"), Path(folder, "stderr")
+        answers, errors = Path(folder, "answers"), Path(folder, "stderr")
         Path(folder, "call").write_bytes(call)
-        told.touch()
+        answers.touch()
         with errors.open("wb") as stderr:
             child = subprocess.Popen(
                 [sys.executable, "-c", "import sys; sys.path[:0] = sys.argv[2:]; "
@@ -53,7 +53,7 @@ def isolated(function, *arguments, seconds, tell=None, environment=None):
                 stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr, start_new_session=True,
                 env={**os.environ, **(environment or {})})
         try:
-            value, status = _listen(child, told, seconds, tell)
+            value, status = _listen(child, answers, seconds, receive)
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(child.pid, signal.SIGKILL)
@@ -71,10 +71,10 @@ def isolated(function, *arguments, seconds, tell=None, environment=None):
         return Outcome("crash", None, f"the process {died}" + (f": {said}" if said else ""))
 
 
-def _listen(child, told, seconds, tell):
-    """(value, status) of the child: what it writes to the file ``told``, until it has written all or has died."""
+def _listen(child, answers, seconds, receive):
+    """(value, status) of the child: what it writes to the file ``answers``, until it has written all or has died."""
     heard = time.monotonic()
-    with told.open("rb") as stream:
+    with answers.open("rb") as stream:
         while True:
             ended = child.poll() is not None   # asked before reading: what it wrote last is not missed
             place = stream.tell()
@@ -89,18 +89,18 @@ def _listen(child, told, seconds, tell):
                 time.sleep(0.02)
                 continue
             heard = time.monotonic()
-            if kind != "told":
+            if kind != "sent":
                 return value, kind
-            if tell:
-                tell(value)
+            if receive:
+                receive(value)
 
 
 _stream = None   # of the process that serves a call
 
 
-def tell(value):
-    """Send an object to the process that called `isolated`; there it reaches ``tell``."""
-    _send("told", value)
+def send(value):
+    """Send an object to the process that called `isolated`; there it reaches ``receive``."""
+    _send("sent", value)
 
 
 def _send(kind, value):
@@ -114,7 +114,7 @@ def _serve(folder):
     global _stream
     function, arguments, path = pickle.loads(Path(folder, "call").read_bytes())
     sys.path[:] = path
-    _stream = Path(folder, "told").open("ab")   # noqa: SIM115, open to the end
+    _stream = Path(folder, "answers").open("ab")   # noqa: SIM115, open to the end
     module, name = function.split(":")
     try:
         _send("ok", getattr(importlib.import_module(module), name)(*arguments))

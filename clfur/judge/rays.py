@@ -7,14 +7,14 @@ import numpy as np
 PAIRS = 1 << 17          # of rays and things at a time: their arrays stay in a processor's cache
 CELLS_EACH = 4           # bins for each thing
 MOST_CELLS = 1 << 24
-ACROSS = 4               # bins that a thing reaches over at most, on average
+ACROSS = 4               # bins that a thing covers at most, on average
 
 
 @dataclass(frozen=True)
 class Eye:
     """Where rays come from: all from ``origin`` [3], or side by side along the last of ``axes``.
 
-    axes: [3, 3] rows, a right-handed frame whose last axis is the way ahead.  A ray is told by its place [2]: where it
+    axes: [3, 3] rows, a right-handed frame whose last axis is the way ahead.  A ray is given by its place [2]: where it
     passes through the plane at distance 1, or through any plane across if they are parallel.
     """
 
@@ -47,7 +47,7 @@ class Fibres:
     """Round straight fibres between two points each, before an eye.
 
     ``a``, ``b``: [n, 4] ends in the world and the diameter there.  ``first``, ``last``: [n] whether a strand starts or
-    ends there; elsewhere it goes on, and what `seen` takes for its joint is a ball.  ``near``: least distance ahead.
+    ends there; elsewhere it goes on, and what `nearest` takes for its joint is a ball.  ``near``: least distance ahead.
     ``window``: (low [2], high [2]), the places that rays may have.
     """
 
@@ -94,7 +94,7 @@ class Fibres:
             met &= t >= self.near
         return met, t, share
 
-    def seen(self, places):
+    def nearest(self, places):
         """The nearest fibre on each ray [n, 2] -> (distance ahead [n], infinite where there is none; fibre [n])."""
         return _nearest(self.bins, places, lambda ray, fibre: self.meet(places, ray, fibre, True)[:2])
 
@@ -102,13 +102,13 @@ class Fibres:
         """How far along its fibre each ray passes: 0 at a, 1 at b."""
         return self.meet(places, np.arange(len(places)), fibre, True)[2]
 
-    def sum_before(self, places, z, own, owner, value):
-        """Sum of ``value`` [n] of the fibres that each ray meets before a distance z ahead, but those of its ``own``
-        ``owner`` [n] (-1: none)."""
+    def sum_before(self, places, z, excluded, owner, value):
+        """Sum of ``value`` [n] of the fibres that each ray meets before a distance z ahead, but those
+        whose ``owner`` is the ray's ``excluded`` [n] (-1: none)."""
         total = np.zeros(len(places))
         for ray, fibre in self.bins.pairs(places):
             met, t, _ = self.meet(places, ray, fibre, False)
-            met &= (t < z[ray]) & (owner[fibre] != own[ray])
+            met &= (t < z[ray]) & (owner[fibre] != excluded[ray])
             first = ray[0]
             sums = np.bincount(ray[met] - first, value[fibre[met]], ray[-1] + 1 - first)
             total[first:ray[-1] + 1] += sums
@@ -150,16 +150,16 @@ class Triangles:
             met &= z >= self.near
         return met, z
 
-    def seen(self, places):
-        """The nearest triangle on each ray [n, 2] -> as `Fibres.seen`."""
+    def nearest(self, places):
+        """The nearest triangle on each ray [n, 2] -> as `Fibres.nearest`."""
         return _nearest(self.bins, places, lambda ray, triangle: self.meet(places, ray, triangle))
 
-    def any_before(self, places, z, own):
-        """Whether each ray meets a triangle, but its ``own`` (-1: none), before a distance z ahead."""
+    def any_before(self, places, z, excluded):
+        """Whether each ray meets a triangle, but the ``excluded`` [n] one (-1: none), before a distance z ahead."""
         found = np.zeros(len(places), bool)
         for ray, triangle in self.bins.pairs(places):
             met, t = self.meet(places, ray, triangle)
-            found[ray[met & (t < z[ray]) & (triangle != own[ray])]] = True
+            found[ray[met & (t < z[ray]) & (triangle != excluded[ray])]] = True
         return found
 
 
@@ -186,16 +186,16 @@ def _cut(p, q, near, eye):
 
 
 def _half(p, radius, eye):
-    """How far, in places, balls [n] reach from their middle: along either axis."""
+    """How far, in places, balls [n] extend from their middle: along either axis."""
     if eye.parallel:
         return radius
     z2, r2 = p[:, 2] ** 2, radius**2
     safe = z2 > 1.0001 * r2
     most = np.zeros(len(p))
     for k in (0, 1):
-        reach = radius * np.sqrt(np.maximum(p[:, k] ** 2 + z2 - r2, 0))
+        root = radius * np.sqrt(np.maximum(p[:, k] ** 2 + z2 - r2, 0))
         for sign in (-1, 1):
-            at = (p[:, k] * p[:, 2] + sign * reach) / np.where(safe, z2 - r2, 1)
+            at = (p[:, k] * p[:, 2] + sign * root) / np.where(safe, z2 - r2, 1)
             most = np.maximum(most, np.abs(at - p[:, k] / p[:, 2]))
     return np.where(safe, most, np.inf)
 

@@ -16,7 +16,7 @@ from ..files.output import check_writable, output_path, whole
 
 SUFFIXES = ".html", ".htm"
 FAINTEST = 1e-7        # difference that a picture of differences begins to show
-INK = "#010203"       # in charts: the colour that becomes the page's own for text
+INK = "#010203"       # in charts: the colour that becomes that of the page's text
 
 
 def check_report(path):
@@ -95,7 +95,7 @@ def svg(figure, name):
 
 
 def data_uri(color):
-    """A float picture as `clfur.save` takes it, as the address of a PNG that is its own content."""
+    """A float picture as `clfur.save` takes it, as the address of a PNG that holds the picture itself."""
     return "data:image/png;base64," + base64.b64encode(png(color)).decode()
 
 
@@ -138,12 +138,12 @@ def _stage_chart(rows):
         axes.barh(places, widths, 0.62, ends, color=colors[number % len(colors)], label=name)
         ends += widths
     rest = np.maximum([1e3 * row.frame.median for row in rows] - ends, 0)
-    told = np.array([row.stages is not None for row in rows])
-    for mask, label, look in (
-            (told, "rest: host, reading back", {"color": "#9a9a9a"}),
-            (~told, "whole frame: the driver reports no times", {"color": "#9a9a9a66", "hatch": "///"})):
+    timed = np.array([row.stages is not None for row in rows])
+    for mask, label, style in (
+            (timed, "rest: host, reading back", {"color": "#9a9a9a"}),
+            (~timed, "whole frame: the driver reports no times", {"color": "#9a9a9a66", "hatch": "///"})):
         if mask.any():
-            axes.barh(places[mask], rest[mask], 0.62, ends[mask], label=label, **look)
+            axes.barh(places[mask], rest[mask], 0.62, ends[mask], label=label, **style)
     axes.set_yticks(places, [row.device for row in rows])
     axes.invert_yaxis()
     axes.set_xlabel("milliseconds, median")

@@ -31,11 +31,11 @@ def scene():
 
 def picture(device):
     """The self-test as a device draws it -> {"color (RASTER)": float32 [48, 64, 4], and each hash as text}."""
-    told, furry = {}, scene()
+    result, furry = {}, scene()
     for raster in RASTERS:
         drawn = draw(furry, device, attrs.evolve(SETTINGS, raster=raster), hashes=True)
-        told |= {f"{name} ({raster})": value for name, value in (drawn.images | drawn.hashes).items()}
-    return told
+        result |= {f"{name} ({raster})": value for name, value in (drawn.images | drawn.hashes).items()}
+    return result
 
 
 def expected():

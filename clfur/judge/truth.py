@@ -28,9 +28,9 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     ``samples`` squared rays a pixel, one at random (by ``seed``) in each of as many squares, are averaged: a box filter
     over the pixel.  Each sees what is nearest: strands of their real width (ribbons that face the eye), or the body.
     The light there is as hair's look has it, or Lambert's on the body.  Of direct light a ray towards the light leaves
-    the product of the alphas of all strands that it crosses (round, of their real width, the own one left out), and
-    nothing where it meets the body.  ``progress`` is called with the share that is done.  Raises `clfur.Error` for
-    shells: these are judged by their own picture at many samples (tools/shells_laws.py).
+    the product of the alphas of all strands that it crosses (round, of their real width, all but the one it starts on),
+    and nothing where it meets the body.  ``progress`` is called with the share that is done.  Raises `clfur.Error`
+    for shells: these are judged by their own picture at many samples (tools/shells_laws.py).
     """
     if not isinstance(scene, Scene):
         raise Error(f"scene is {scene!r:.60}; allowed: a clfur.Scene")
@@ -51,18 +51,18 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
         end = min(top + rows, height)
         pixels = np.concatenate([_in_row(row, width, samples, seed) for row in range(top, end)])
         places = (np.column_stack([pixels, np.ones(len(pixels))]) @ to_place.T)[:, :2]
-        radiance = np.zeros((len(places), 4))
-        depth, fibre = fibres.seen(places)
-        body_depth, triangle = triangles.seen(places)
+        color = np.zeros((len(places), 4))
+        depth, fibre = fibres.nearest(places)
+        body_depth, triangle = triangles.nearest(places)
         nearer = np.flatnonzero(depth < body_depth)
         bare = np.flatnonzero((body_depth <= depth) & (triangle >= 0))
-        radiance[nearer, 3] = radiance[bare, 3] = 1
+        color[nearer, 3] = color[bare, 3] = 1
         p, fibre = eye.points(places[nearer], depth[nearer]), fibre[nearer]
         v, share = _towards(eye, p), fibres.share(places[nearer], fibre)
-        radiance[nearer, :3] = sum(light.on_hair(p, v, fibre, share) for light in lights)
+        color[nearer, :3] = sum(light.on_hair(p, v, fibre, share) for light in lights)
         p = eye.points(places[bare], body_depth[bare])
-        radiance[bare, :3] = sum(light.on_body(p, _towards(eye, p), triangle[bare]) for light in lights)
-        result[top:end] = radiance.reshape(end - top, width, samples**2, 4).mean(2)
+        color[bare, :3] = sum(light.on_body(p, _towards(eye, p), triangle[bare]) for light in lights)
+        result[top:end] = color.reshape(end - top, width, samples**2, 4).mean(2)
         if progress:
             progress(end / height)
     return result
@@ -136,8 +136,8 @@ def _geometry(scene):
 def _tessellated(mesh, inner, outer, surface):
     """The surface that carries the strands, from a device, whose bits are the same on all.
 
-    The twin's would do but for this: next to a triangle's side the last bit tells which triangle a root stands on, and
-    0.2 % of 20,000 strands on a teapot of 234,000 triangles would stand on another one than `render`'s.
+    The twin's would do but for this: next to a triangle's side the last bit decides which triangle a root stands on,
+    and 0.2 % of 20,000 strands on a teapot of 234,000 triangles would stand on another one than `render`'s.
     """
     gpu, = schedulers(None)
     with gpu.frame():
@@ -148,13 +148,13 @@ def _tessellated(mesh, inner, outer, surface):
 
 
 def _grown(fur, body):
-    arrays = body.positions, body.normals, body.uv, body.triangles[:, :3]
+    surface = body.positions, body.normals, body.uv, body.triangles[:, :3]
     if fur.roots == "faces":
-        roots = strands.roots_on_faces(*arrays)
+        roots = strands.roots_on_faces(*surface)
     else:
-        x, y, z = strands.twice_areas(body.positions * body.unit, arrays[3]).T
+        x, y, z = strands.twice_areas(body.positions * body.unit, surface[3]).T
         area = np.sqrt(x * x + y * y + z * z)
-        *roots, _ = strands.roots_by_area(*arrays, np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed)
+        *roots, _ = strands.roots_by_area(*surface, np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed)
     points, tangents, counts, colors, kind = strands.grow(
         *roots, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed)
     there = np.arange(points.shape[1]) < counts[:, None]
@@ -246,24 +246,24 @@ class _Light:
         return to_light, direct
 
     def _transmittance(self, p, triangle, strand):
-        """Share of light that one ray [n] brings to places p, which lie on a triangle or a strand (-1: not)."""
+        """Share of the light [n] that is left at places p, which lie on a triangle or a strand (-1: not)."""
         if not len(p):
             return np.zeros(0)
         framed = self.eye.frame(p)
         places, z = self.eye.places(framed), framed[:, 2]
-        result = np.where(self.triangles.any_before(places, z - self.bias, triangle), 0.0, 1.0)
+        share = np.where(self.triangles.any_before(places, z - self.bias, triangle), 0.0, 1.0)
         if (self.depth < 0).any():
-            some = np.flatnonzero(result)
-            result[some] = np.exp(self.fibres.sum_before(
+            some = np.flatnonzero(share)
+            share[some] = np.exp(self.fibres.sum_before(
                 places[some], z[some], strand[some], self.hair.owner, self.depth))
-        return result
+        return share
 
 
 # --- light in hair alone --------------------------------------------------------------------------------
 
 
 def transmittance(points, spans, alphas, towards_light, queries, own, footprint, rays=64, seed=0):
-    """How much light hair lets through to places in it: the mean of alpha^crossings over rays of light in a footprint.
+    """How much light reaches places in hair: the mean of alpha^crossings over rays of light in a footprint.
 
     ``points``: [P, 4] x, y, z, width; ``spans``: [strands, 2] first point, points; ``alphas``: what one hair lets
     through, a number or [strands].  ``towards_light``: unit [3].  ``queries``: [Q, 3] with ``own`` [Q] the strand

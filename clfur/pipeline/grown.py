@@ -18,7 +18,7 @@ def curves_of(gpu: Any, plan: Plan) -> Curves:
     width = np.zeros(len(counts), np.float32)   # a strand's is one for all of its points
     width[counts > 0] = points[(np.cumsum(counts) - counts)[counts > 0], 3]
     return Curves(
-        points[:, :3], counts, width=width[:, None], color=colors[:, None, :3], types=fur.types,
+        points=points[:, :3], counts=counts, width=width[:, None], color=colors[:, None, :3], types=fur.types,
         type_of=root_uv[:, 2].astype(np.uint8), root_uv=root_uv[:, :2], root_normal=normals[:, :3],
         inner=fur.inner, outer=fur.outer, surface=fur.surface, seed=fur.seed,
         bounds=bounds_of(scene.mesh, scene.fur, plan.strands))

@@ -4,6 +4,7 @@ import functools
 import hashlib
 import time
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,7 +51,7 @@ class Frame:
     why: str = ""
 
 
-def draw_frame(team: Team, scene: Scene, settings: Settings, outputs: tuple = ("color",), hashes: bool = False,
+def draw_frame(team: Team, scene: Scene, settings: Settings, outputs: Sequence[str] = ("color",), hashes: bool = False,
                bands: list | None = None) -> Frame:
     """A `Frame` of a scene by a `Team` -> `Frame`.
 
@@ -94,10 +95,11 @@ def draw_band(picture: "Picture", top: int, end: int, gpu: Any) -> tuple:
 class Picture:
     """What there is of a frame so far."""
 
-    def __init__(self, team: Team, plan: Plan, outputs: tuple, hashes: bool) -> None:
+    def __init__(self, team: Team, plan: Plan, outputs: Sequence[str], hashes: bool) -> None:
         self.team, self.plan, self.outputs, self.hashes = team, plan, outputs, hashes
-        self.warnings = set()   # what is wrong where a device has ended a loop before its time
-        self.digests, self._images = {}, {}
+        self.warnings: set[str] = set()   # what is wrong where a device has ended a loop before its time
+        self.digests: dict[str, str] = {}
+        self._images: dict[str, np.ndarray] = {}
         self.strands = (Coverage if plan.uses_coverage else Samples)(plan, team, self.warnings)
         self._visibility = [hashlib.sha256() for _ in range(self.strands.digests)]
 
@@ -139,7 +141,7 @@ class Picture:
             whole = b"".join(digest.digest() for digest in self._visibility)
             self.digests["visibility"] = hashlib.sha256(whole).hexdigest()
         strands, segments = team.first(self._tally)
-        stages = {}
+        stages: dict[str, float] = {}
         for of_one in team.each(_seconds):   # not of those that were dropped: a lost device tells nothing
             for name, spent in of_one.items():
                 stages[name] = stages.get(name, 0.0) + spent

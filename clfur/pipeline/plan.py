@@ -6,6 +6,7 @@ of faces, in its integers (`Plan._areas`).  It costs a tessellation of the mesh,
 
 import functools
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -74,7 +75,7 @@ class Plan:
     many there are.  body: whether there is one.
     """
 
-    def __init__(self, rig: Rig, outputs: tuple) -> None:
+    def __init__(self, rig: Rig, outputs: Sequence[str]) -> None:
         self.rig, self.scene, self.settings = rig, rig.scene, rig.settings
         self.wants_color, self.others = "color" in outputs, bool(set(outputs) - {"color"})
         mesh, fur = self.scene.mesh, self.scene.strands
@@ -86,8 +87,8 @@ class Plan:
         self._vertices, self._triangles = _sums(fur, self.faces)
         self._before = _points_of(fur) if isinstance(fur, Curves) else np.zeros(1, np.int64)
         self.triangles = int(self._triangles[-1])
-        if self.grown:
-            self.strands = self.triangles if fur.roots == "faces" else fur.roots
+        if isinstance(fur, Strands):
+            self.strands = self.triangles if fur.roots == "faces" else int(fur.roots)
             self.stride = max(t.segments for t in fur.types) + 1
         else:
             self.strands = len(self._before) - 1
@@ -96,7 +97,7 @@ class Plan:
         self._bytes_of_faces = VERTEX * self._vertices + TRIANGLE * self._triangles
         self._face = int(np.diff(self._bytes_of_faces).max(initial=0))
         self.longest = self.stride if self.grown else int(np.diff(self._before).max(initial=0))
-        self._cuts = {}
+        self._cuts: dict[tuple, Cut] = {}
         if self.points >= 2**31 or self.triangles >= 2**31:
             raise Error(f"the scene has {self.points:,} points of strands and {self.triangles:,} triangles; "
                         f"allowed: fewer than {2**31:,} of each")

@@ -32,7 +32,7 @@ class ShadowPlan:
     grid: np.void | None
     light_view: np.void | None
     method: str
-    weights: np.ndarray | None
+    weights: Any
     crossing_unit: int
     shadow: np.void
 
@@ -89,7 +89,7 @@ def _plan(rig, light, grid, light_view, strands, body, shell_bounds):
 
 
 def accumulate(gpu: Any, plans: list[ShadowPlan], strands: Grown, body: Surface, counted: list | None = None,
-               shell: tuple | None = None) -> list:
+               shell: tuple[shells.Shell, np.void] | None = None) -> list:
     """Put strands and body, or a part of them, before all lights -> [cells of each light, then shadow map of each];
     None where none is planned.
 
@@ -105,7 +105,7 @@ def accumulate(gpu: Any, plans: list[ShadowPlan], strands: Grown, body: Surface,
             if shell is not None:
                 counted[i] = shells.deposit(gpu, plan.grid, *shell, plan.method, plan.weights[-1], counted[i])
         if plan.light_view is not None:
-            with gpu.called("shadow_map"):
+            with gpu.labelled("shadow_map"):
                 counted[n + i] = raster(gpu, plan.light_view, None, body, counted[n + i])
     return counted
 
@@ -123,9 +123,9 @@ def finish(gpu: Any, plans: list[ShadowPlan], counted: list) -> Lighting:
 
 
 def cast_shadows(gpu: Any, scene: Scene, settings: Settings, strands: Grown, body: Surface,
-                 shell: tuple | None = None) -> Lighting:
+                 shell: tuple[shells.Shell, np.void] | None = None) -> Lighting:
     """The lights of a scene, and the shadows of whole strands, a whole body, and shells as in `accumulate`
     -> `Lighting`."""
     bounds = shells.bounds_of(gpu, shell[0]) if shell else None
-    plans = plan_shadows(Rig.of(scene, settings), len(strands.spans), len(body.triangles), bounds)
+    plans = plan_shadows(Rig.of(scene, settings), len(strands.spans), len(body.triangles) > 0, bounds)
     return finish(gpu, plans, accumulate(gpu, plans, strands, body, shell=shell))

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import attrs
 import numpy as np
@@ -62,7 +63,7 @@ def view_of(scene: Scene, samples: int, ball: tuple | None = None) -> np.void:
 
 def light_of(light: Light) -> np.void:
     """A `clfur.Light` as a `layout.Light`."""
-    packed = np.zeros((), layout.Light)
+    packed: Any = np.zeros((), layout.Light)
     packed["direction"][:3] = light.direction
     packed["color"] = *light.color, light.ambient
     if light.position is not None:
@@ -104,7 +105,7 @@ def grid_of(scene: Scene, cells: int, light: Light | None = None, ball: tuple | 
     light = light or scene.lights[0]
     to_light, radius, distance, half = _frame_of(light, ball or extent(scene.mesh, scene.fur))
     side = 2 * half / cells
-    packed = np.zeros((), layout.Grid)
+    packed: Any = np.zeros((), layout.Grid)
     to_grid = np.zeros((4, 4))
     to_grid[:2] = to_light[:2] / side
     to_grid[2] = to_light[2] * cells / (2 * radius)

@@ -1,4 +1,4 @@
-"""How far a mesh and its fur can reach: what cameras, grids and counters must have room for."""
+"""How far a mesh and its fur extend at most: what cameras, grids and counters must have room for."""
 
 import functools
 from typing import Any
@@ -28,7 +28,7 @@ def points_to_see(mesh, fur):
 
 @functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
 def extent(mesh: Mesh | None, fur: Any) -> tuple[np.ndarray, float]:
-    """Return a sphere (centre float64 [3], radius float) around all that a mesh and its fur can reach."""
+    """Return a sphere (centre float64 [3], radius float) around a mesh and all that its fur can fill."""
     strands, shells = strands_and_shells(fur)
     if isinstance(strands, Curves) and strands.bounds:
         center, radius = strands.bounds.center, strands.bounds.radius
@@ -53,7 +53,7 @@ def bounds_of(mesh: Mesh | None, fur: Any, strands: int) -> Bounds:
 
 
 def fur_extent(fur: Any) -> float:
-    """Return how far fur, or each of a tuple, can reach beyond the points it is made of or grows on, in world units."""
+    """Return how far fur, or each of a tuple, extends beyond the points it is made of or grows on, in world units."""
     if isinstance(fur, tuple):
         return max(map(fur_extent, fur), default=0.0)
     if isinstance(fur, Shells):
@@ -79,7 +79,7 @@ def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]
         length = float(d[inner[:-1]].sum(dtype=float))
         return len(fur.points), length, length * float(fur.width.max())
     types = fur.types
-    # Curl and wave hold a point within this reach of its axis; from one point to the next it may cross all of it.
+    # Curl and wave hold a point within this distance of its axis; from one point to the next it may cross all of it.
     lengths = [t.segments * (t.segment_length * (1 + t.length_variation) + 2 * (2 * t.curl[0] + t.wave[0]))
                for t in types]
     return (strands * max(t.segments for t in types), strands * max(lengths),

@@ -82,7 +82,7 @@ class Curves(Looking):
     that makes hair grow is used; or None, and look (a Kajiya; or specular and exponent, to make one) and alpha (0..1,
     how much light one hair lets through) say it for all. type_of: [strands] which of types each is of, needed
     where there are several. root_uv: [strands, 2], for the output "uv". root_normal: [strands, 3] unit normals of the
-    skin at the roots, by which its shadow does not fall on hair that lies on it. inner, outer, surface: how the mesh
+    mesh at the roots, by which its shadow does not fall on hair that lies on it. inner, outer, surface: how the mesh
     under them is tessellated, as in Strands. seed: by which `Settings.lod` chooses strands. bounds: what they cannot
     exceed, or None to measure it.
 

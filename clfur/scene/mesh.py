@@ -69,7 +69,7 @@ class Mesh:
         faces = self.faces.astype(np.int64)
         corner_uv = self._check(given, self.faces)
 
-        # Weld: from here on a vertex is called by the index of the first given one at the same position.
+        # Weld: from here on a vertex has the index of the first given one at the same position.
         first = _first_of_equal_rows(given)
         welded = first[faces]
         normal, longest = _face_normals(given, welded)

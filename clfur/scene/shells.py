@@ -15,9 +15,9 @@ def _noise(value, where):
 
 @attrs.frozen(eq=False)
 class Shells(Looking):
-    """Fur that is a pattern on the skin, drawn in layers from the roots to the tips; an eye within it sees none.
+    """Fur that is a pattern on the mesh, drawn in layers from the roots to the tips; an eye within it sees none.
 
-    length: height of the fur, world units, > 0. layers: 1..1000 steps between skin and tips. pattern: "cells", one hair
+    length: height of the fur, world units, > 0. layers: 1..1000 steps from roots to tips. pattern: "cells", one hair
     in each cell of every face, on any mesh; or "sine", the report's |sin(2fs) + sin(ft)| with s = 2πu and t = 2πv, on a
     mesh with uv. frequency > 0: of "cells", hairs along a unit of length, so that a unit of area holds its square and
     every face at least one and at most 4096²; of "sine", f. sharpness > 1: where the smoothstep of a hair's edge ends,

@@ -74,7 +74,7 @@ def allocate(gpu: Any, counted: Any, pieces: int, rows: tuple[int, int] | None =
     blocks = -(-(-(-width // TILE) * -(-(end - first) // TILE) * TILE**2) // layout.CONSTANTS["SCAN"])
     sums, total = gpu.empty(blocks, np.uint64), gpu.empty(1, np.uint64)
     gpu.launch("coverage.sum_tiles", blocks, **band, sums=sums)
-    with gpu.called("coverage"):
+    with gpu.labelled("coverage"):
         gpu.launch("strands.scan_sums", 1, n=blocks, sums=sums, total=total)
     fragments = Fragments.empty(gpu, {"pixel": (end - first, width), "fragment": pieces})
     gpu.launch("coverage.number", blocks, **band, sums=sums, starts=fragments.starts, pixels=fragments.pixels)

@@ -41,13 +41,13 @@ def lighting_of(gpu: Any, lights: tuple | list, shadows: list, grids: list, ligh
     each, [nz + 1, ny, nx] float32.  light_views: [`layout.View`], shadow_maps: what `raster` gives for each, [size,
     size, 1] uint64.
     """
-    shadows = _packed(shadows, layout.Shadow)
+    packed = _packed(shadows, layout.Shadow)
     for first, arrays in ((0, crossings), (2, shadow_maps)):
         sizes = [0 if array is None else array.size for array in arrays]
         begins = np.cumsum([0] + sizes[:-1], dtype=np.uint64)
         halves = np.stack([begins & np.uint64(0xFFFFFFFF), begins >> np.uint64(32)], 1)
-        shadows["place"][:, first:first + 2] = halves.astype(np.uint32).view(np.int32)
-    return Lighting(gpu.upload(_packed(lights, layout.Light)), gpu.upload(shadows),
+        packed["place"][:, first:first + 2] = halves.astype(np.uint32).view(np.int32)
+    return Lighting(gpu.upload(_packed(lights, layout.Light)), gpu.upload(packed),
                     gpu.upload(_packed(grids, layout.Grid)), gpu.upload(_packed(light_views, layout.View)),
                     gpu.joined(crossings, SUMS.dtype), gpu.joined(shadow_maps, VISIBLE.dtype))
 

@@ -35,7 +35,7 @@ def march(gpu, view, shell, packed, lighting, visible):
     blocks = -(-width // across) * -(-rows // down)
     for _ in range(ENTRIES):
         left = gpu.full(1, np.int32, 0)
-        with gpu.called("entries"):
+        with gpu.labelled("entries"):
             entries = raster(gpu, view, None, shell, after=rays.after)
         gpu.launch("march.march", blocks, view=view, shells=packed, visible=visible, entries=entries,
                    border=shell.border, faces=pattern.faces, neighbours=pattern.neighbours, curves=shell.curves,

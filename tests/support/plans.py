@@ -14,8 +14,8 @@ def recorded(gpu):
     """Names of the kernels that a device is made to run from here on."""
     names, launch = [], gpu.launch
 
-    def record(name, size, /, **arguments):
+    def launched(name, size, /, **arguments):
         names.append(name)
         launch(name, size, **arguments)
-    gpu.launch = record
+    gpu.launch = launched
     return names
