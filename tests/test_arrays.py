@@ -53,14 +53,16 @@ def test_an_array_unlike_its_declaration_is_refused(gpu, name, shape, dtype, all
 
 
 def test_arrays_are_made_as_declared(gpu):
-    made = coverage.Resolved.empty(gpu, {"pixel": (3, 5), "sample": (3, 5, 4)}, veil=gpu.full((3, 5), np.float32, 7))
+    made = coverage.Resolved.empty(gpu, {"pixel": (3, 5), "sample": (3, 5, 4), "fragment": 6},
+                                   strand_transmittance=gpu.full((3, 5), np.float32, 7))
     shapes = {name: (getattr(made, name).shape, getattr(made, name).dtype) for name in coverage.Resolved.declared}
     assert shapes == {
-        "used": ((3, 5), np.uint32), "through": ((3, 5, 4), np.float32), "veil": ((3, 5), np.float32),
-        "alpha": ((3, 5), np.float32), "seen": ((3, 5, 1), np.uint64), "seen_fur": ((3, 5, 1), np.uint64)}
-    assert (made.through.get() == 1).all() and (made.veil.get() == 7).all()
-    assert bytes_of(made) == coverage.Resolved.bytes(pixel=15, sample=60)
-    assert coverage.Resolved.bytes("through", "seen", pixel=15, sample=60) == 15 * 8 + 60 * 4
+        "weights": ((6, 2), np.uint64), "used": ((3, 5), np.uint32), "body_transmittance": ((3, 5, 4), np.float32),
+        "strand_transmittance": ((3, 5), np.float32), "alpha": ((3, 5), np.float32), "front": ((3, 5, 1), np.uint64),
+        "shell_front": ((3, 5, 1), np.uint64)}
+    assert (made.body_transmittance.get() == 1).all() and (made.strand_transmittance.get() == 7).all()
+    assert bytes_of(made) == coverage.Resolved.bytes(pixel=15, sample=60, fragment=6)
+    assert coverage.Resolved.bytes("body_transmittance", "front", pixel=15, sample=60) == 15 * 8 + 60 * 4
 
 
 # --- the memory plan --------------------------------------------------------------------------------------
@@ -189,12 +191,13 @@ def test_the_plan_counts_all_of_fragments(gpu, mesh):
         coverage.gather(gpu, view, grown, fragments)
         resolved = coverage.resolve(gpu, visible, fragments)
         sums = coverage.light(gpu, view, unshadowed(gpu, np.zeros((), layout.Light)), fragments, resolved, grown)
-        return fragments, resolved, sums, shade.blend(gpu, sums, veil=resolved.veil)
+        return fragments, resolved, sums, shade.blend(gpu, sums, strand_transmittance=resolved.strand_transmittance)
     taken, (fragments, resolved, *_) = most(gpu, make)
     samples = parts.VISIBLE.bytes * 4 + coverage.Resolved.bytes(sample=4)
     pixel = parts.PIXEL + samples + parts.IMAGE.bytes + parts.RADIANCE_SUMS.bytes + parts.COUNTED.bytes
-    counted = 200 * 150 * pixel + parts.FRAGMENT * len(fragments.list)
-    assert bytes_of(fragments, resolved) < counted and .8 * counted < taken < room(counted)
+    counted = 200 * 150 * pixel + parts.FRAGMENT * len(fragments.areas)
+    assert resolved.weights is fragments.areas
+    assert bytes_of(fragments, resolved) - resolved.weights.nbytes < counted and .8 * counted < taken < room(counted)
 
 
 @pytest.mark.parametrize("options", [{}, {"pattern": "sine"}, {"wind": (.5, 0, 0)}], ids=str)

@@ -12,7 +12,7 @@ from clfur.pipeline.views import light_of, view_of
 from clfur.scene import frame
 from clfur.stages import march as stage
 from clfur.stages import shells
-from clfur.stages.lighting import light_up, unshadowed
+from clfur.stages.lighting import lighting_of, unshadowed
 from clfur.stages.raster import raster
 from clfur.stages.tessellate import tessellate
 from clfur.twin import march as twin
@@ -183,7 +183,7 @@ def test_shadows_reach_the_fur(gpu, monkeypatch):
     grid["to_grid"][3] = 0.5, 0.5, 0.5, 1
     grid["size"][:3] = 1
     crossings = gpu.full((2, 1, 1), np.float32, 3)
-    lighting = light_up(gpu, [light_of(light)], [shadow], [grid], [None], [crossings], [None])
+    lighting = lighting_of(gpu, [light_of(light)], [shadow], [grid], [None], [crossings], [None])
     it = drawn(gpu, monkeypatch, "ball", clfur.Shells(**FUR), light=light, lighting=lighting)
     agree(it, direct=np.exp(-1.5))
 

@@ -152,11 +152,11 @@ def test_a_light_that_is_out_casts_no_shadows(gpu, scene):
                        light=clfur.Light(color=(0, 0, 0), ambient=.3))
     frame = clfur.draw(dark, gpu, SETTINGS)
     assert not {"voxelize", "zscan", "shadow_map"} & set(frame.stages)
-    lit = clfur.Scene(mesh=scene.mesh, fur=scene.fur, camera=scene.camera,
+    dim = clfur.Scene(mesh=scene.mesh, fur=scene.fur, camera=scene.camera,
                       light=clfur.Light(color=(0, 0, 1e-30), ambient=.3))
-    frame_lit = clfur.draw(lit, gpu, SETTINGS)
-    assert "voxelize" in frame_lit.stages
-    assert np.array_equal(frame.images["color"], frame_lit.images["color"]) and frame.images["color"].any()
+    frame_dim = clfur.draw(dim, gpu, SETTINGS)
+    assert "voxelize" in frame_dim.stages
+    assert np.array_equal(frame.images["color"], frame_dim.images["color"]) and frame.images["color"].any()
 
 
 def test_a_calibrated_camera_draws_the_same(gpu, scene):
