@@ -15,7 +15,7 @@ from ..stages import shells
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
 from ..stages.raster import raster
-from ..stages.strands import Grown, bring, grow, no_strands
+from ..stages.strands import DeviceStrands, grow, no_strands, upload_curves
 from ..stages.tessellate import Surface, no_surface, tessellate
 from .plan import Part, Plan
 from .shadows import accumulate, finish, plan_shadows
@@ -48,8 +48,8 @@ def body(gpu: Any, plan: Plan, part: Part) -> Surface:
     return _surface(gpu, plan, part.faces) if part.body else gpu.keep("no body", (), functools.partial(no_surface, gpu))
 
 
-def hair(gpu: Any, plan: Plan, part: Part, lod: float) -> Grown:
-    """`Grown` strands of a part: ``lod`` as in `Settings`, of what the camera sees; 0 for all strands there are."""
+def hair(gpu: Any, plan: Plan, part: Part, lod: float) -> DeviceStrands:
+    """`DeviceStrands` of a part: ``lod`` as in `Settings`, of what the camera sees; 0 for all strands there are."""
     if not part.hairy:
         return gpu.keep("no strands", (), functools.partial(no_strands, gpu))
     scene = plan.scene
@@ -136,7 +136,7 @@ def _whole(gpu, plan, part, what):
 def _grow(gpu, plan, part):
     if plan.grown:
         return grow(gpu, _surface(gpu, plan, part.faces), plan.scene.strands, part.strands, part.area)
-    return bring(gpu, plan.scene.strands, part.strands)
+    return upload_curves(gpu, plan.scene.strands, part.strands)
 
 
 def _thin(gpu, plan, part, what, lod):

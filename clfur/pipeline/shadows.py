@@ -12,9 +12,9 @@ from ..settings import Settings
 from ..stages import lod, shells
 from ..stages.lighting import Lighting, lighting_of
 from ..stages.raster import raster
-from ..stages.strands import Grown
+from ..stages.strands import DeviceStrands
 from ..stages.tessellate import Surface
-from ..stages.voxelize import depths_for, most_of, own_share, unit_for, voxelize
+from ..stages.voxelize import crossing_unit_for, depths_for, most_of, self_shadow, voxelize
 from ..stages.zscan import zscan
 from .views import Rig
 
@@ -73,12 +73,12 @@ def _plan(rig, light, grid, light_view, strands, body, shell_bounds):
         if shell_bounds:
             pieces, area = shell_bounds
             most += most_of(grid, "length", pieces, 0.0, area)
-        crossing_unit = unit_for(most)
+        crossing_unit = crossing_unit_for(most)
         weights = np.rint(crossing_unit * depths / depths.max()).astype(np.uint32)
         if min(weights[depths > 0]) < 4:
             raise Error(f"Settings.grid is {settings.grid}; allowed: fewer cells, less hair, hair types of more equal "
                         f"alpha or a spot with a wider angle, so that 32-bit counters can hold the hair's shadow")
-        shadow["hair"] = depths.max(), *own_share(grid, method), method == "length"
+        shadow["hair"] = depths.max(), *self_shadow(grid, method), method == "length"
     else:
         grid = None
     if light_view is not None and body:
@@ -88,7 +88,7 @@ def _plan(rig, light, grid, light_view, strands, body, shell_bounds):
     return ShadowPlan(light, grid, light_view, method, weights, crossing_unit, shadow)
 
 
-def accumulate(gpu: Any, plans: list[ShadowPlan], strands: Grown, body: Surface, counted: list | None = None,
+def accumulate(gpu: Any, plans: list[ShadowPlan], strands: DeviceStrands, body: Surface, counted: list | None = None,
                shell: tuple[shells.Shell, np.void] | None = None) -> list:
     """Put strands and body, or a part of them, before all lights -> [cells of each light, then shadow map of each];
     None where none is planned.
@@ -122,7 +122,7 @@ def finish(gpu: Any, plans: list[ShadowPlan], counted: list) -> Lighting:
                        [plan.grid for plan in plans], [plan.light_view for plan in plans], crossings, maps)
 
 
-def cast_shadows(gpu: Any, scene: Scene, settings: Settings, strands: Grown, body: Surface,
+def cast_shadows(gpu: Any, scene: Scene, settings: Settings, strands: DeviceStrands, body: Surface,
                  shell: tuple[shells.Shell, np.void] | None = None) -> Lighting:
     """The lights of a scene, and the shadows of whole strands, a whole body, and shells as in `accumulate`
     -> `Lighting`."""

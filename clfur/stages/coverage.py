@@ -9,7 +9,7 @@ from .. import layout
 from ..layout import Arrays, Declared, array
 from .lighting import Lighting
 from .shade import no_light
-from .strands import Grown, arrays
+from .strands import DeviceStrands, arrays
 
 TILE = layout.CONSTANTS["TILE"]
 COUNTED = Declared("pixel", np.uint32, 2)                 # depth of what hides strands, fragments
@@ -50,7 +50,7 @@ def bound(gpu: Any, visible: Any) -> Any:
     return pixels
 
 
-def count(gpu: Any, view: np.void, strands: Grown, pixels: Any) -> None:
+def count(gpu: Any, view: np.void, strands: DeviceStrands, pixels: Any) -> None:
     """Add how many fragments strands have at most in each pixel to what `bound` gave, [rows, width, 2] uint32."""
     gpu.launch("coverage.count", len(strands.spans), view=view, pixels=pixels, **arrays(strands, "points", "spans"))
 
@@ -81,7 +81,7 @@ def allocate(gpu: Any, counted: Any, pieces: int, rows: tuple[int, int] | None =
     return fragments
 
 
-def gather(gpu: Any, view: np.void, strands: Grown, fragments: Fragments) -> None:
+def gather(gpu: Any, view: np.void, strands: DeviceStrands, fragments: Fragments) -> None:
     """Write the fragments of strands, in any order."""
     gpu.launch("coverage.gather", len(strands.spans), view=view, first=strands.first_point, pixels=fragments.pixels,
                areas=fragments.areas, **arrays(strands, "points", "spans"))
@@ -113,7 +113,7 @@ def steps_of(counts: np.ndarray, used: np.ndarray) -> int:
     return int((2 * counts + used * (12 + np.log2(np.maximum(counts, 1)))).max())
 
 
-def transmittance(gpu: Any, strands: Grown, lighting: Lighting) -> Any:
+def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
     """Share of each light's direct light that gets through to points of strands -> [lights, points] float32 0..1."""
     n_points = len(strands.points)
     result = TRANSMITTANCE.empty(gpu, (len(lighting.lights), n_points))
@@ -123,7 +123,7 @@ def transmittance(gpu: Any, strands: Grown, lighting: Lighting) -> Any:
     return result
 
 
-def light(gpu: Any, view: np.void, lighting: Lighting, fragments: Fragments, resolved: Resolved, strands: Grown,
+def light(gpu: Any, view: np.void, lighting: Lighting, fragments: Fragments, resolved: Resolved, strands: DeviceStrands,
           transmittances: Any = None, sums: Any = None) -> Any:
     """Light the fragments of strands -> [rows, width, 4] int64, r, g, b, alpha in 2^-32, see `shade.blend`.
 

@@ -8,7 +8,7 @@ import numpy as np
 from .. import layout
 from ..layout import Arrays, Declared, array
 from .lighting import Lighting
-from .strands import Grown, arrays
+from .strands import DeviceStrands, arrays
 from .tessellate import Surface
 
 IMAGE = Declared("pixel", np.float32, 4, 0)         # linear, premultiplied r, g, b, alpha
@@ -27,7 +27,7 @@ class Outputs(Arrays):
     coverage: Any = array("pixel", np.float32, None, 0)
 
 
-def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: Grown, body: Surface,
+def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: DeviceStrands, body: Surface,
           body_color: tuple, image: Any = None, sample_transmittance: Any = None, sums: Any = None) -> Any:
     """Light every sample and average -> [rows, width, 4] float32, linear, premultiplied, alpha = coverage.
 
@@ -72,7 +72,8 @@ def blend(gpu: Any, sums: Any, image: Any = None, strand_transmittance: Any = No
     return image
 
 
-def outputs(gpu: Any, view: np.void, visible: Any, strands: Grown, body: Surface, result: dict | None = None) -> dict:
+def outputs(gpu: Any, view: np.void, visible: Any, strands: DeviceStrands, body: Surface,
+            result: dict | None = None) -> dict:
     """What the nearest covered sample of each pixel sees -> {name: [rows, width(, 4)]}.
 
     visible: [rows, width, samples] uint64, see `raster`.
