@@ -27,8 +27,8 @@
 #endif
 
 /* Offer (depth, id) to a sample. The plain read only spares the atomic where it could not win, and may be out of date:
-   what it reads can only have become smaller since. With 64-bit atomics one minimum does it; without, phase 0 settles the depths and
-   phase 1 the smallest id at each depth. Both leave the same bits: depth in the high word, id in the low. */
+   what it reads can only have become smaller since. With 64-bit atomics one minimum does it; without, phase 0 finds the
+   depths and phase 1 the smallest id at each depth. Both leave the same bits: depth in the high word, id in the low. */
 inline void put(volatile __global ulong *visible, size_t sample, uint depth, uint id, int phase)
 {
 #if INT64_ATOMICS
