@@ -436,7 +436,7 @@ __kernel void transmittance(
     __global const ulong *shadow_maps,
     __global const uint2 *spans,           // [strands] first point, points
     const uint n_points,
-    __global float *reaching)              // [n_lights, n_points] 0..1
+    __global float *transmittances)              // [n_lights, n_points] 0..1
 {
     WORK_ITEM(strand);
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
@@ -445,7 +445,7 @@ __kernel void transmittance(
         const Obstacles obstacles = obstacles_of(&lighting, i);
         for (uint k = 0; k < spans[strand].y; ++k) {
             const uint id = spans[strand].x + k;
-            reaching[(size_t)i * n_points + id] = transmittance_at(&obstacles, &hair, id, (float4)(points[id].xyz, 0.0f));
+            transmittances[(size_t)i * n_points + id] = transmittance_at(&obstacles, &hair, id, (float4)(points[id].xyz, 0.0f));
         }
     }
 }
@@ -468,7 +468,7 @@ __kernel void light(
     const int n_lights,
     __global const Light *lights,
     const int shaded,                      // 1: something stands before them
-    __global const float *reaching,        // [n_lights, points] share of direct light, if so
+    __global const float *transmittances,        // [n_lights, points] share of direct light, if so
     __global long4 *radiance_sums)         // [rows, width] r, g, b, alpha in 1/ONE
 {
     WORK_ITEM(pixel);
@@ -479,7 +479,7 @@ __kernel void light(
     /* Light by light: what one needs of a fragment fits the registers. */
     for (int k = 0; k < n_lights; ++k) {
         const Light light = lights[k];
-        __global const float *share = reaching + (size_t)k * part.y;
+        __global const float *share = transmittances + (size_t)k * part.y;
         for (uint i = last; i-- > first;) {
             const uint id = (uint)fragments[i].x - part.x;
             if (id >= part.y)

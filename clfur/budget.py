@@ -180,8 +180,8 @@ def predicted(width, covered):
 def bands(rig):
     """[(first row, one past the last)] of a tenth of the picture, spread over where the scene is."""
     scene, height = rig.scene, rig.scene.camera.size[1]
-    points = scene.mesh.positions if scene.mesh is not None else scene.strands.points
-    x, y, _, w = rig.view["to_screen"].T @ np.column_stack([points, np.ones(len(points))]).T
+    points = scene.mesh.positions if scene.mesh is not None else scene.strands.on_host.points
+    _x, y, _, w = rig.view["to_screen"].T @ np.column_stack([points, np.ones(len(points))]).T
     rows = y[w > 0] / w[w > 0]
     top, end = np.percentile(rows, (1, 99)) if len(rows) else (0, height)
     hair = _hair(scene)[1] * _pixels(rig)

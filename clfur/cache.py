@@ -57,6 +57,8 @@ def _texts(value):
     elif isinstance(value, np.ndarray):
         yield f"{value.dtype.str}{value.shape}".encode()
         yield np.ascontiguousarray(value).tobytes()
+    elif hasattr(value, "base_data"):   # an array on a device
+        yield from _texts(value.get())
     elif isinstance(value, dict):
         yield from _texts(sorted(value.items()))
     elif isinstance(value, (list, tuple)):

@@ -218,7 +218,7 @@ class Arrays:
                 continue
             shape, end = value.shape, (known.width,) if known.width else ()
             before = shape[:len(shape) - len(end)]
-            if value.size and rows.setdefault(known.of, before) != before or (
+            if (value.size and rows.setdefault(known.of, before) != before) or (
                     value.dtype != known.dtype or shape[len(before):] != end):
                 raise TypeError(f"{type(self).__name__}.{name} is {value.dtype} {list(shape)}; allowed: "
                                 f"{np.dtype(known.dtype)} {[*rows.get(known.of, before), *end]}")

@@ -173,7 +173,7 @@ def test_the_plan_counts_all_of_a_surface(gpu, mesh):
     counted = parts.VERTEX * len(made.positions) + parts.TRIANGLE * len(made.triangles)
     mesh_bytes = parts.MESH_VERTEX * len(mesh.positions) + parts.MESH_FACE * len(mesh.faces)
     assert bytes_of(made) <= counted and .7 * counted < taken < room(counted + mesh_bytes)
-    taken, area = most(gpu, lambda: strands.grow(gpu, made, clfur.Strands(roots=1, types=clfur.HairType(segments=1))))
+    taken, _area = most(gpu, lambda: strands.grow(gpu, made, clfur.Strands(roots=1, types=clfur.HairType(segments=1))))
     assert taken < room(strands.AREA.bytes * len(made.triangles))
 
 

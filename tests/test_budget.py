@@ -1,5 +1,6 @@
 """What `Settings(max_error=)` and `Settings(seconds=)` choose: cheap enough, near enough, and the same every time."""
 
+import itertools
 import warnings
 
 import attrs
@@ -52,12 +53,12 @@ def quiet(*arguments, **options):
 def test_the_ladder():
     """It goes up, and the presets are rungs of it; what is fitted is of each rung."""
     assert len(set(budget.LADDER)) == len(budget.LADDER) == len(budget.COSTS) == len(budget.ERRORS)
-    assert budget.COSTS == sorted(budget.COSTS) and budget.COSTS[0] == 1
+    assert sorted(budget.COSTS) == budget.COSTS and budget.COSTS[0] == 1
     assert list(clfur.PRESETS) == ["draft", "preview", "final", "reference"]
     places = [budget.LADDER.index(settings) for settings in clfur.PRESETS.values()]
     assert places == sorted(places)
     typical = budget.predicted(0.3, 4)
-    assert all(0.01 < finer <= 1.02 * coarser < 0.2 for coarser, finer in zip(typical, typical[1:]))
+    assert all(0.01 < finer <= 1.02 * coarser < 0.2 for coarser, finer in itertools.pairwise(typical))
 
 
 def test_max_error(gpu, sphere):
@@ -181,7 +182,7 @@ def test_bands(sphere, height, eye):
     """About a tenth of the rows, in order, and within the picture."""
     found = budget.bands(Rig.of(scene(sphere, size=(8, height), eye=eye)))
     rows = [row for top, end in found for row in range(top, end)]
-    assert rows and rows == sorted(set(rows)) and 0 <= rows[0] and rows[-1] < height
+    assert rows and rows == sorted(set(rows)) and rows[0] >= 0 and rows[-1] < height
     assert len(rows) <= max(0.13 * height, 5)
 
 

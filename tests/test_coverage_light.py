@@ -15,6 +15,8 @@ from clfur.stages.raster import raster
 from clfur.stages.tessellate import no_surface, tessellate
 from clfur.twin import coverage as twin
 
+SPOT = clfur.Light((-1, -1, -1), position=(1, 1, 1), angle=30)
+
 
 def stages_of(gpu, scene, samples=4):
     """(view, the body's visible, strands, `Fragments`, `Resolved`) of a scene."""
@@ -30,21 +32,22 @@ def stages_of(gpu, scene, samples=4):
 @pytest.mark.parametrize("kind, form, n, shaded", [
     pytest.param("point", "kajiya-kay", 4, True, marks=pytest.mark.small), ("all", "kajiya-kay", 60, False),
     ("strand", "half-vector", 60, True), ("grown", "kajiya-kay", 0, True)])
-@pytest.mark.parametrize("lamp", [LAMP, clfur.Light((-1, -1, -1), position=(1, 1, 1), angle=30)], ids=["far", "spot"])
-def test_light_is_the_twins(gpu, kind, form, n, shaded, lamp):
+@pytest.mark.parametrize("lamps", [[LAMP], [SPOT], [LAMP, SPOT]], ids=["far", "spot", "both"])
+def test_light_is_the_twins(gpu, kind, form, n, shaded, lamps):
     """Measured: 9e-7; a highlight's power and strands seen from their ends may give 2e-5, see test_shade.py."""
     scene = furry(kind, n, (13, 11) if n == 4 else (41, 31), form)
     view, _, strands, fragments, resolved = stages_of(gpu, scene)
-    reaching = np.random.default_rng(3).random((1, len(strands.points))).astype(np.float32) if shaded else None
-    lights = coverage.light(gpu, view, unshadowed(gpu, light_of(lamp)), fragments, resolved, strands,
-                            gpu.upload(reaching) if shaded else None)
-    image = shade.blend(gpu, lights, veil=resolved.veil).get()
+    shares = np.random.default_rng(3).random((len(lamps), len(strands.points))).astype(np.float32) if shaded else None
+    lights = [light_of(lamp) for lamp in lamps]
+    sums = coverage.light(gpu, view, unshadowed(gpu, *lights), fragments, resolved, strands,
+                          gpu.upload(shares) if shaded else None)
+    image = shade.blend(gpu, sums, veil=resolved.veil).get()
     pieces, there = pieces_of(fragments, resolved.used), on_host(strands)
     meant = np.zeros_like(image, float)
     for pixel in np.unique(pieces["pixel"]):
         y, x = divmod(int(pixel), image.shape[1])
         weights = {d << 32 | k: w for _, k, d, w in pieces[pieces["pixel"] == pixel].tolist()}
-        meant[y, x] = twin.light(view, [light_of(lamp)], y, x, weights, there, reaching)
+        meant[y, x] = twin.light(view, lights, y, x, weights, there, shares)
     assert (meant[..., 3] > 0).mean() > .05 and meant[..., :3].max() > .05
     np.testing.assert_allclose(image, meant, rtol=0, atol=2e-5)
 
@@ -76,8 +79,8 @@ def test_light_reaches_what_nothing_stands_before(gpu):
     scene = clfur.Scene(squares((.8, 0)), line, light=clfur.Light((0, -1, 0)))
     strands = strands_of(gpu, scene)
     lighting = cast_shadows(gpu, scene, settings, strands, tessellate(gpu, scene.mesh))
-    reaching = coverage.transmittance(gpu, strands, lighting).get()
-    np.testing.assert_allclose(reaching, [[1, 1, 0, 0]], atol=1e-3)
+    shares = coverage.transmittance(gpu, strands, lighting).get()
+    np.testing.assert_allclose(shares, [[1, 1, 0, 0]], atol=1e-3)
     rng = np.random.default_rng(5)
     coat = rng.uniform((-1, .7, -1), (1, .8, 1), (2000, 1, 3)) + rng.normal(size=(2000, 2, 3)) * (.1, 0, .1)
     hair = np.concatenate([coat, np.array([places[:2], places[2:]])])

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import clfur
+from clfur.cache import digest
 from clfur.scene import Bounds, extent, hair_bounds
 from clfur.stages.strands import bring
 
@@ -125,6 +126,13 @@ def test_bounds_on_a_device_are_measured(gpu):
     placed = attrs.evolve(host, points=gpu.upload(host.points))
     assert hair_bounds(placed, 60) == hair_bounds(host, 60)
     np.testing.assert_array_equal(extent(None, placed)[0], extent(None, host)[0])
+
+
+def test_what_is_kept_of_a_scene_goes_by_what_is_on_the_device(gpu):
+    """Charts are kept under a hash of the scene."""
+    host = clfur.Curves(whisk(), width=.02)
+    placed, other = (attrs.evolve(host, points=gpu.upload(points)) for points in (host.points, host.points + 1))
+    assert digest(placed) == digest(host) != digest(other)
 
 
 def test_bounds_are_taken_as_given(gpu, sphere):

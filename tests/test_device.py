@@ -253,7 +253,7 @@ def test_survey(no_wish):
     surveyed = json.loads(json.dumps(devices.survey()))
     assert surveyed["platforms"][0] == {"name": "Clover", "version": "1.1", "vendor": "Mesa", "devices": []}
     assert surveyed["default"] == {"by": "auto", "text": "auto", "device": surveyed["auto"]["device"]}
-    for number, (platform, (device,)) in enumerate(real, 1):
+    for number, (_, (device,)) in enumerate(real, 1):
         listed, = surveyed["platforms"][number]["devices"]
         assert (listed["number"], listed["name"], listed["check"]) == (f"{number}:0", device.name, None)
         assert listed["memory"] == device.global_mem_size and listed["compute_units"] == device.max_compute_units

@@ -24,7 +24,8 @@ def ball():
     return clfur.Mesh(positions * .7, positions, np.abs(positions[faces][..., :2]), faces)
 
 
-def same_picture(gpu, scene, settings=clfur.Settings(grid=16, shadow_map=64), device=None):
+def same_picture(gpu, scene, settings=None, device=None):
+    settings = settings or clfur.Settings(grid=16, shadow_map=64)
     grown = clfur.grow(scene, gpu)
     one, other = (clfur.render(each, device or gpu, settings, OUTPUTS)
                   for each in (scene, attrs.evolve(scene, fur=[SHELLS, grown] if scene.shells else grown)))

@@ -2,6 +2,7 @@
 
 import os
 import time
+from pathlib import Path
 
 import pytest
 
@@ -111,7 +112,7 @@ def test_nothing_is_left_running():
     assert call("child_that_sleeps", seconds=3, receive=pids.append).status == "hang"
     for _ in range(50):
         try:
-            state = open(f"/proc/{pids[0]}/stat").read().split(") ")[1][0]
+            state = Path(f"/proc/{pids[0]}/stat").read_text().split(") ")[1][0]
         except (FileNotFoundError, ProcessLookupError):
             return
         if state == "Z":

@@ -1,6 +1,7 @@
 """lod against its twin, and against what must hold for every head of hair seen from everywhere."""
 
 import hashlib
+import itertools
 from dataclasses import replace
 
 import attrs
@@ -235,7 +236,7 @@ def test_points_left_out_are_near_their_line(gpu, sphere, lod):
             before, after = before.astype(float), after.astype(float)
             kept = [int(np.flatnonzero((before[:, :3] == p[:3]).all(1))[0]) for p in after]
             assert kept[0] == 0 and kept[-1] == len(before) - 1 and (np.diff(kept) > 0).all()
-            for a, b in zip(kept, kept[1:]):
+            for a, b in itertools.pairwise(kept):
                 way, off = (before[b] - before[a])[:3], (before[a + 1:b] - before[a])[:, :3]
                 if not len(off):
                     continue

@@ -18,6 +18,7 @@ from clfur.stages.tessellate import tessellate
 from clfur.twin import march as twin
 
 LAMP = clfur.Light((1, -1, -0.6))
+SPOT = clfur.Light((-1, -1, -1), position=(2, 2, 2), angle=35)
 
 
 @dataclasses.dataclass
@@ -32,7 +33,7 @@ class Drawn:
     image: np.ndarray
     through: np.ndarray
     fur: np.ndarray
-    light: np.ndarray
+    lights: list
 
 
 def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, bare=False, lamp=LAMP, camera=None,
@@ -40,7 +41,7 @@ def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, 
     mesh = clfur.Mesh(*MESHES[mesh]) if isinstance(mesh, str) else mesh
     camera = camera or frame(mesh, fur, size, direction=(0.3, 0.5, 1))
     scene = clfur.Scene(mesh=mesh, fur=fur, camera=camera, light=lamp)
-    view, light = view_of(scene, samples), light_of(lamp)
+    view, lights = view_of(scene, samples), [light_of(light) for light in scene.lights]
     packed, box = shells.pack(fur, mesh, bare, filtered)
     topology = shells.topology_of(mesh.faces)
     shell = shells.bend(gpu, mesh, packed, shells.lay(gpu, mesh, packed, box, topology), topology)
@@ -52,16 +53,16 @@ def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, 
         rounds.append(raster(*arguments, **named))
         return rounds[-1]
     monkeypatch.setattr(stage, "raster", watched)
-    image, through, after = stage.march(gpu, view, shell, packed, lighting or unshadowed(gpu, light), visible)
+    image, through, after = stage.march(gpu, view, shell, packed, lighting or unshadowed(gpu, *lights), visible)
     return Drawn(view, packed, shell, visible.get(), [entries.get() for entries in rounds], image.get(), through.get(),
-                 after.get(), light)
+                 after.get(), lights)
 
 
 def by_twin(it, direct=1.0):
     """The twin's picture of what the device's stages have prepared."""
     pattern, packed, slabs = it.shell.pattern, it.packed, int(it.packed["kind"][2])
     return twin.march(
-        it.view, packed, [it.light], it.visible, it.rounds, it.shell.border.get(),
+        it.view, packed, it.lights, it.visible, it.rounds, it.shell.border.get(),
         pattern.faces.get(), it.shell.curves.get()[:, :3].reshape(-1, slabs + 1, 3), it.shell.normals.get()[:, :3],
         pattern.lattice.get().reshape(-1, 5, 4), pattern.noise.get().reshape(*noise_shape(packed), 2),
         pattern.means.get(), pattern.box, direct)
@@ -86,7 +87,9 @@ CASES = {
     "cells, from far": ("ball", FUR | {"frequency": 40.0}, {}),
     "cells, thin, no skin": ("ball", FUR | {"density": 0.5}, {"bare": True}),
     "cells, long, no skin": ("ball", FUR | BENT | {"length": 0.6}, {"bare": True, "samples": 4}),
-    "cells, spot light": ("ball", FUR, {"lamp": clfur.Light((-1, -1, -1), position=(2, 2, 2), angle=35)}),
+    "cells, spot light": ("ball", FUR, {"lamp": SPOT}),
+    "cells, two lights": ("ball", FUR, {"lamp": [LAMP, SPOT]}),
+    "sine, turned, two lights": ("ball", SINE | {"shading": "turned"}, {"lamp": [SPOT, LAMP]}),
     "sine": ("ball", SINE, {}),
     "sine, unfiltered, 4 samples": ("ball", SINE, {"filtered": False, "samples": 4}),
     "sine, bent, turned": ("ball", SINE | BENT | {"shading": "turned"}, {}),
@@ -122,7 +125,7 @@ def agree(it, direct=1.0):
 def test_rays_equal_the_twin(gpu, monkeypatch, name):
     mesh, options, how = CASES[name]
     it = drawn(gpu, monkeypatch, mesh, clfur.Shells(**options), **how)
-    if mesh == "pair" or mesh == "ball" and "bare" in how:
+    if mesh == "pair" or (mesh == "ball" and "bare" in how):
         assert sum(entries.min() != twin.NONE for entries in it.rounds) > 1, "no ray comes in twice"
     agree(it)
 
@@ -160,7 +163,7 @@ def test_rays_that_meet_nothing(gpu, monkeypatch):
     camera = clfur.Camera(eye=(0, 0, 4), size=(12, 9))
     view = view_of(clfur.Scene(mesh=mesh, fur=fur, camera=camera), 1)
     before = gpu.full((9, 12, 1), np.uint64, 5 << 32)
-    image, through, after = stage.march(gpu, view, it.shell, it.packed, unshadowed(gpu, it.light), before)
+    image, through, after = stage.march(gpu, view, it.shell, it.packed, unshadowed(gpu, *it.lights), before)
     assert not image.get().any() and (through.get() == 1).all() and (after.get() == twin.NONE).all()
 
 

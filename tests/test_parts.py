@@ -1,5 +1,6 @@
 """Scenes that do not fit the device at once: drawn part by part and band by band, they are the same bits."""
 
+import itertools
 import json
 import os
 import subprocess
@@ -62,10 +63,10 @@ def test_every_strand_and_face_is_in_one_part(another, sphere, kind, strands):
     parts = plan.parts(small)
     runs = sorted(part.strands for part in parts if part.strands[1] > part.strands[0])
     assert runs[0][0] == 0 and runs[-1][1] == plan.strands == (strands or plan.triangles)
-    assert all(one[1] == other[0] for one, other in zip(runs, runs[1:]))
+    assert all(one[1] == other[0] for one, other in itertools.pairwise(runs))
     faces = sorted(part.faces for part in parts if part.body)
     assert faces[0][0] == 0 and faces[-1][1] == len(sphere.faces)
-    assert all(one[1] == other[0] for one, other in zip(faces, faces[1:]))
+    assert all(one[1] == other[0] for one, other in itertools.pairwise(faces))
 
 
 def test_memory_is_shared_out():

@@ -116,6 +116,21 @@ def test_color_is_the_twins(gpu, ball, form, kind, samples, exponent):
     assert (ids < twin.BODY).any() and ((ids >= twin.BODY) & (ids < 0xFFFFFFFF)).any()
 
 
+@pytest.mark.parametrize("kind", ["point", "grown"])
+def test_several_lights_are_the_twins(gpu, ball, kind):
+    """A distant light, a spot and one that is out but for its ambient."""
+    scene = furry(ball, kind, 40)
+    view, light, visible, strands, body = picture(gpu, scene, 4)
+    lights = [light, light_of(clfur.Light((1, -1, -1), (.2, .4, 1), .05, position=(-1, 1, 1.5), angle=50)),
+              light_of(clfur.Light((0, -1, 0), (0, 0, 0), .3))]
+    image = shade.color(gpu, view, unshadowed(gpu, *lights), visible, strands, body, scene.body_color).get()
+    meant = twin.color(view, lights, visible.get(), on_host(strands), on_host(body), scene.body_color)
+    off = np.abs(image - meant).max(2)
+    edge = off > 6e-5                     # a place on the border of the spot's cone may be within or not
+    assert edge.mean() < 1e-3 and np.quantile(off, .99) < 5e-6
+    np.testing.assert_array_equal(image[..., 3], meant[..., 3])
+
+
 def test_the_twin_sees_swapped_arrays(gpu, ball, monkeypatch):
     """Two float4 arrays under each other's names are the kernel's own mistake: no signature tells them apart."""
     launch = gpu.launch

@@ -335,7 +335,7 @@ def test_length_flickers_less_than_half_as_much_as_count(gpu):
     frames = {m: [] for m in ("count", "length")}
     for k in range(7):
         for method, kept in frames.items():
-            share, places, _ = light_on(gpu, furry(turn=.7 + k / grid / 2), shadows=method, grid=grid)
+            share, _places, _ = light_on(gpu, furry(turn=.7 + k / grid / 2), shadows=method, grid=grid)
             kept.append(share)
     flicker = {m: np.abs(np.diff(kept, 2, axis=0)).mean() for m, kept in frames.items()}
     assert np.std(frames["length"]) > .05                    # it does not win by showing nothing

@@ -1,5 +1,6 @@
 """Whole pictures of the truth against what can be worked out by hand, and against a ray tracer made of loops."""
 
+import itertools
 import math
 
 import numpy as np
@@ -262,7 +263,7 @@ def loops(scene, samples, seed):
                 return 0
         share = 1.0
         for n, points in strands:
-            for a, b in zip(points, points[1:]):
+            for a, b in itertools.pairwise(points):
                 t, s = closest(p, d, a, b)
                 if n != strand and 0 <= s < 1 and 0 < t < end and np.linalg.norm(
                         p + t * d - a - s * (b - a)) < radius:
@@ -279,7 +280,7 @@ def loops(scene, samples, seed):
             d = axes @ ((k @ (x, y, 1)) * (1, -1, -1))
             best, nearest = np.inf, None
             for n, points in strands:
-                for i, (a, b) in enumerate(zip(points, points[1:])):
+                for i, (a, b) in enumerate(itertools.pairwise(points)):
                     _, s = closest(eye, d, a, b)
                     if (s < 0 and i == 0) or (s > 1 and i == len(points) - 2):
                         continue

@@ -1,5 +1,6 @@
 """`clfur devices`: what OpenCL devices there are, whether they draw right, and why a driver is not there."""
 
+import contextlib
 import hashlib
 import json
 import os
@@ -68,10 +69,8 @@ def ask_drivers():
     except Error:   # no cache folder: ask each time
         pass
     survey()
-    try:
+    with contextlib.suppress(Error):   # asked again next time
         cache.write(cache.folder("loaded") / name, b"")
-    except Error:   # asked again next time
-        pass
 
 
 def _each(found):

@@ -1,5 +1,6 @@
 """Several devices that draw one frame together: each some of the strands, merged to the same bits."""
 
+import itertools
 import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -115,4 +116,4 @@ def shares_of(begin, end, paces):
     edges = [begin]
     for n in range(len(paces)):
         edges.append(begin + round((end - begin) * (sum(paces[:n + 1]) / sum(paces))))
-    return list(zip(edges, edges[1:]))
+    return list(itertools.pairwise(edges))

@@ -1,5 +1,6 @@
 """Calls a function in a process of its own, so that a driver's crash or hang costs no more than that call."""
 
+import contextlib
 import importlib
 import os
 import pickle
@@ -54,10 +55,8 @@ def isolated(function, *arguments, seconds, receive=None, environment=None):
         try:
             value, status = _listen(child, answers, seconds, receive)
         finally:
-            try:
+            with contextlib.suppress(ProcessLookupError):
                 os.killpg(child.pid, signal.SIGKILL)
-            except ProcessLookupError:
-                pass
             child.wait()
         if status == "hang":
             return Outcome("hang", None, f"no answer in {seconds:g} s")
@@ -115,7 +114,7 @@ def _serve(folder):
     global _stream
     function, arguments, path = pickle.loads(Path(folder, "call").read_bytes())
     sys.path[:] = path
-    _stream = Path(folder, "answers").open("ab")
+    _stream = Path(folder, "answers").open("ab")   # noqa: SIM115, open to the end
     module, name = function.split(":")
     try:
         _send("ok", getattr(importlib.import_module(module), name)(*arguments))

@@ -5,6 +5,7 @@ of faces, in its integers (`Plan._areas`).  It costs a tessellation of the mesh,
 """
 
 import functools
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -298,7 +299,7 @@ class Plan:
             before, total = [int(sums[b]) for b, _ in face_runs], int(sums[-1])
             areas = [(a, total) for a in before]
             edges = [first_strand_at(a, fur, total) if self.strands else 0 for a in before] + [self.strands]
-            runs = list(zip(edges, edges[1:]))
+            runs = list(itertools.pairwise(edges))
         for faces, area, (begin, until) in zip(face_runs, areas, runs):
             pieces = _pieces(max(begin, first), min(until, end), most) or ([(first, first)] if body else [])
             parts += [Part(faces, piece, area, body and n == 0) for n, piece in enumerate(pieces)]

@@ -104,24 +104,25 @@ def steps_of(counts, used):
 def transmittance(gpu, strands, lighting):
     """Share of each light's direct light that reaches points of `Grown` strands -> [lights, points] float32 0..1."""
     n_points = len(strands.points)
-    reaching = TRANSMITTANCE.empty(gpu, (len(lighting.lights), n_points))
-    gpu.launch("coverage.transmittance", len(strands.spans), n_points=n_points, reaching=reaching, **lighting.arrays(),
+    shares = TRANSMITTANCE.empty(gpu, (len(lighting.lights), n_points))
+    gpu.launch("coverage.transmittance", len(strands.spans), n_points=n_points, transmittances=shares,
+               **lighting.arrays(),
                **arrays(strands, "points", "tangents", "strand_of", "strand_normal", "strand_uv", "types", "colors",
                         "spans"))
-    return reaching
+    return shares
 
 
-def light(gpu, view, lighting, fragments, resolved, strands, reaching=None, sums=None):
+def light(gpu, view, lighting, fragments, resolved, strands, shares=None, sums=None):
     """Light the fragments of `Grown` strands -> [rows, width, 4] int64, r, g, b, alpha in 2^-32, see `shade.blend`.
 
-    ``strands`` may be a part of them all: what it shows is added to ``sums``.  ``reaching``: what
+    ``strands`` may be a part of them all: what it shows is added to ``sums``.  ``shares``: what
     `transmittance` gave; all light if None.
     """
     rows, width = fragments.starts.shape
     sums = no_light(gpu, rows, width) if sums is None else sums
     gpu.launch("coverage.light", rows * width, view=view, part=(strands.first_point, len(strands.points)),
                pixels=fragments.pixels, used=resolved.used, fragments=fragments.list,
-               n_lights=len(lighting.lights), lights=lighting.lights, shaded=reaching is not None,
-               reaching=gpu.empty(0, np.float32) if reaching is None else reaching, radiance_sums=sums,
+               n_lights=len(lighting.lights), lights=lighting.lights, shaded=shares is not None,
+               transmittances=gpu.empty(0, np.float32) if shares is None else shares, radiance_sums=sums,
                **arrays(strands, "points", "tangents", "strand_of", "strand_uv", "types", "colors", "color_per"))
     return sums

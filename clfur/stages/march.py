@@ -28,7 +28,7 @@ def march(gpu, view, shell, packed, lighting, visible):
     share of light that comes from what ``visible`` holds. fur: [rows, width, samples] uint64, depth << 32 | face where
     half of it is gone.
     """
-    rows, width, samples = visible.shape
+    rows, width, _samples = visible.shape
     image, rays = IMAGE.empty(gpu, (rows, width)), Rays.empty(gpu, {"sample": visible.shape})
     pattern = shell.pattern
     across, down = block(gpu.lanes)

@@ -169,11 +169,11 @@ def resolve(pieces, visible, fur=None, passed=None):
 # --- light ----------------------------------------------------------------------------------------------
 
 
-def light(view, lights, y, x, weights, strands, reaching=None):
+def light(view, lights, y, x, weights, strands, shares=None):
     """Light of one pixel's strands -> [4] float64: linear, premultiplied r, g, b, alpha.
 
     weights: as from `resolve`.  A piece is lit at the place on its segment that is nearest to the pixel's middle at the
-    piece's depth.  lights: [n] structs.  reaching: [n, points] share of their direct light, all of it if None.
+    piece's depth.  lights: [n] structs.  shares: [n, points] share of their direct light, all of it if None.
     """
     result, points, tangents = np.zeros(4), f64(strands.points)[:, :3], f64(strands.tangents)[:, :3]
     colors, eye = f64(strands.colors)[:, :3], f64(view["eye"])
@@ -192,7 +192,7 @@ def light(view, lights, y, x, weights, strands, reaching=None):
         rgb = np.zeros(3)
         for n, lamp in enumerate(lights):
             to_light, direct, ambient = light_at(lamp, p[None])
-            share = 1.0 if reaching is None else reaching[n][k] + at * (float(reaching[n][k + 1]) - reaching[n][k])
+            share = 1.0 if shares is None else shares[n][k] + at * (float(shares[n][k + 1]) - shares[n][k])
             rgb += fibre(*fibres, to_light, v[None], share * direct, ambient)[0]
         result += weight * np.append(rgb, 1)
     return result

@@ -55,7 +55,7 @@ def march(view, shells, lights, visible, rounds, border, faces, curves, normals,
             d = unit(p - eye)
             stop = np.inf if stop_depth == 0xFFFFFFFF else (_seen(view, sample, samples, width, stop_depth) - eye) @ d
             chain, end = _chain(tetrahedra, eye, d, np.linalg.norm(p - eye), stop, slabs)
-            done[sample] = not (end == "out" or end == "skin" and bare)
+            done[sample] = not (end == "out" or (end == "skin" and bare))
             if len(chain[0]):
                 pieces.append(_looks(shells, lattice, corners, chain, end, d @ widening, stop, slabs, len(rays)))
                 rays.append(sample)

@@ -47,7 +47,7 @@ def color(view, lights, visible, strands, body, body_color):
 
 def about(view, visible, strands, body):
     """What the nearest covered sample of each pixel sees -> {name: [height, width(, 4)] float64 or int}."""
-    height, width, samples = visible.shape
+    height, width, _samples = visible.shape
     nearest = visible.argmin(2)
     only = np.full(visible.shape, NONE, np.uint64)
     np.put_along_axis(only, nearest[..., None], visible.min(2)[..., None], 2)
