@@ -1,7 +1,7 @@
 """The one contract between host and device: constants, sample patterns, structs and arrays, written once."""
 
 import dataclasses
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -198,6 +198,8 @@ class Arrays:
     they are declared, or of which two with rows of the same have another number of them; an empty one may stand for
     none.
     """
+
+    declared: ClassVar[dict[str, Declared]]
 
     def __init_subclass__(cls):
         own = {name: getattr(cls, name, None) for name in cls.__annotations__}

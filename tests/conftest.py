@@ -1,5 +1,6 @@
 """Fixtures: every OpenCL device that is present, and small scenes to draw on it."""
 
+import hypothesis
 import numpy as np
 import pytest
 from support.devices import DEVICES
@@ -8,6 +9,10 @@ from support.scenes import icosphere
 import clfur
 from clfur.command.main import main
 from clfur.device import selection as device
+
+# The same examples in every run, on however slow a machine.
+hypothesis.settings.register_profile("clfur", derandomize=True, deadline=None, max_examples=50)
+hypothesis.settings.load_profile("clfur")
 
 
 def pytest_report_header(config):

@@ -44,11 +44,11 @@ def test_an_array_that_is_not_declared_is_an_error_at_import(body):
     ("strand_of", 19, np.uint32, "uint32 [20]"), ("spans", (0, 4), np.uint32, "uint32 [0, 2]"),
     ("types", 2, layout.Light, None)])
 def test_an_array_unlike_its_declaration_is_refused(gpu, name, shape, dtype, allowed):
-    grown = strands.Grown.empty(gpu, ROWS)
-    with pytest.raises(TypeError, match=rf"Grown\.{name} is .*; allowed: ") as error:
+    grown = strands.DeviceStrands.empty(gpu, ROWS)
+    with pytest.raises(TypeError, match=rf"DeviceStrands\.{name} is .*; allowed: ") as error:
         replace(grown, **{name: gpu.empty(shape, dtype)})
     assert allowed is None or allowed in str(error.value)
-    with pytest.raises(TypeError, match=r"Grown\.first_point is an array on the device that is not declared"):
+    with pytest.raises(TypeError, match=r"DeviceStrands\.first_point is an array on the device that is not declared"):
         replace(grown, first_point=gpu.empty(1, np.uint32))
 
 
@@ -95,7 +95,7 @@ def kept(gpu, mesh, curves=False):
     if curves:
         points = np.random.default_rng(2).normal(size=(5000, 30, 3))
         fur = clfur.Curves(points, color=np.abs(points) % 1)
-        made = strands.bring(gpu, fur)
+        made = strands.upload_curves(gpu, fur)
     else:
         fur = clfur.Strands(roots=20_000, types=[kind])
         made = strands.grow(gpu, tessellate.tessellate(gpu, mesh), fur)
@@ -144,14 +144,14 @@ def test_the_plan_counts_all_of_strands(gpu, mesh, curves):
 def test_an_array_more_than_the_plan_counts_is_seen(gpu, mesh, monkeypatch, curves):
     """Planted: a class with an array of rows that the plan has not heard of."""
     @dataclass(frozen=True, kw_only=True)
-    class Longer(strands.Grown):
+    class Longer(strands.DeviceStrands):
         knots: Any = layout.array("knot", np.float32, 4)
 
     def empty(gpu, rows, **given):
         return Longer(**vars(right(gpu, rows, **given)),
                       knots=Longer.declared["knots"].empty(gpu, rows["point"]))
-    right = strands.Grown.empty
-    monkeypatch.setattr(strands.Grown, "empty", empty)
+    right = strands.DeviceStrands.empty
+    monkeypatch.setattr(strands.DeviceStrands, "empty", empty)
     with pytest.raises(AssertionError):
         check_counts(gpu, mesh, curves)
 
@@ -207,5 +207,5 @@ def test_the_plan_counts_all_of_shells(gpu, mesh, options):
         return shells.bend(gpu, mesh, packed, pattern, topology)
     taken, shell = most(gpu, make)
     counted = shells.size_of(mesh, packed, topology)
-    assert bytes_of(shell, shell.pattern) + shells.SKIN.bytes * len(mesh.positions) == counted
+    assert bytes_of(shell, shell.pattern) + shells.POSITIONS.bytes * len(mesh.positions) == counted
     assert .8 * counted < taken < room(counted)

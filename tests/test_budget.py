@@ -137,36 +137,6 @@ def test_seconds(gpu, sphere, monkeypatch, seconds, place):
     assert place_of(far.settings, furry) == 0
 
 
-def test_fastest():
-    """It asks for each time once and never for a dearer one than before."""
-    rungs = list(range(len(budget.COSTS)))
-    random = np.random.default_rng(1)
-    for _ in range(200):
-        times, asked = random.random(len(rungs)), []
-
-        def time(rung):
-            asked.append(rung)
-            return times[rung]
-        seconds = random.random()
-        place, took = budget.fastest(rungs, seconds, time)
-        assert took == times[place] and (took <= seconds or place == 0)
-        assert asked[1:] == sorted(asked[1:], reverse=True) and len(set(asked)) == len(asked)
-
-
-def test_cheapest_is_monotone(monkeypatch):
-    """Whatever is predicted and found: a smaller error never means a cheaper rung."""
-    random = np.random.default_rng(1)
-    for _ in range(300):
-        preview, found = object.__new__(budget.Preview), random.random(6)
-        preview.expected = random.random(6)
-        monkeypatch.setattr(preview, "error", found.__getitem__, raising=False)
-        chosen = [max(preview.cheapest(goal, 5)) for goal in np.linspace(1, 1e-3, 40)]
-        assert chosen == sorted(chosen)
-        for goal in (0.2, 0.6):
-            tried = preview.cheapest(goal, 5)
-            assert all(error > goal for error in list(tried.values())[:-1])
-
-
 @pytest.mark.parametrize("fur", ["none", "shells", "both", "curves", "bald"])
 def test_other_furs(gpu, sphere, fur):
     furry = scene(sphere, fur)

@@ -190,7 +190,7 @@ def test_the_body_is_drawn_without_growing_hair(gpu, sphere):
     names.clear()
     for part in parts:
         build.hair(small, plan, part, 0)
-    assert set(names) == {"strands.bring"}
+    assert set(names) == {"strands.unpack_curves"}
 
 
 def test_a_team_gives_the_bits_of_one(gpu, another, sphere):

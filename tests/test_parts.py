@@ -15,7 +15,6 @@ from support.scenes import scene_of
 
 import clfur
 from clfur.pipeline import build
-from clfur.pipeline.plan import _runs, _share
 from clfur.pipeline.views import band_of
 from clfur.render import OUTPUTS
 from clfur.stages.raster import raster
@@ -67,18 +66,6 @@ def test_every_strand_and_face_is_in_one_part(another, sphere, kind, strands):
     faces = sorted(part.faces for part in parts if part.body)
     assert faces[0][0] == 0 and faces[-1][1] == len(sphere.faces)
     assert all(one[1] == other[0] for one, other in itertools.pairwise(faces))
-
-
-def test_memory_is_shared_out():
-    assert _share(100, {"a": 10, "b": 20, "c": 30}) == {"a": 10, "b": 20, "c": 30}
-    assert _share(100, {"a": 10, "b": 200, "c": 300}) == {"a": 10, "b": 45, "c": 45}
-    assert _share(-5, {"a": 10}) == {"a": 0}
-
-
-def test_runs_stay_below_every_limit():
-    sums = np.cumsum([0, 3, 4, 5, 20, 1, 1])
-    assert _runs((sums, 8)) == [(0, 2), (2, 3), (3, 4), (4, 6)]   # at least one, even if it is too large
-    assert _runs((sums, 100), (np.arange(7), 4)) == [(0, 4), (4, 6)]
 
 
 @pytest.mark.parametrize("memory", [0, -1, 1.5, True, "1"])

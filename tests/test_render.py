@@ -11,7 +11,7 @@ from clfur.device import scheduler
 from clfur.pipeline.views import view_of
 from clfur.render import OUTPUTS
 from clfur.stages.raster import raster
-from clfur.stages.strands import bring, grow
+from clfur.stages.strands import grow, upload_curves
 from clfur.stages.tessellate import tessellate
 
 SETTINGS = clfur.Settings(raster="samples", samples=1)
@@ -66,7 +66,7 @@ def visible_of(scene, gpu, samples):
     """The raster's result, read back: [height, width, samples] uint64."""
     fur = scene.fur
     if isinstance(fur, clfur.Curves):
-        body, strands = tessellate(gpu, scene.mesh, surface="flat"), bring(gpu, fur)
+        body, strands = tessellate(gpu, scene.mesh, surface="flat"), upload_curves(gpu, fur)
     else:
         body = tessellate(gpu, scene.mesh, fur.inner, fur.outer, fur.surface)
         strands = grow(gpu, body, fur)

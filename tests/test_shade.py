@@ -13,7 +13,7 @@ from clfur.pipeline.views import light_of, view_of
 from clfur.stages import shade
 from clfur.stages.lighting import unshadowed
 from clfur.stages.raster import raster
-from clfur.stages.strands import bring, grow, no_strands
+from clfur.stages.strands import grow, no_strands, upload_curves
 from clfur.stages.tessellate import no_surface, tessellate
 from clfur.twin import shade as twin
 from clfur.twin import vectors
@@ -56,7 +56,7 @@ def lit(gpu, tangents, to_light, to_eye, form="kajiya-kay", color=(0, 0, 0), spe
         strand_of=gpu.upload(np.repeat(np.arange(n, dtype=np.uint32), 2)),
         spans=gpu.upload(np.stack([2 * np.arange(n), np.full(n, 2)], 1).astype(np.uint32)),
         colors=gpu.upload(np.array([[*color, 0]], np.float32)), color_per=0, uv=gpu.full((n, 4), np.float32, 0),
-        types=bring(gpu, clfur.Curves(np.zeros((0, 2, 3)), look=clfur.Kajiya(specular, exponent, form))).types)
+        types=upload_curves(gpu, clfur.Curves(np.zeros((0, 2, 3)), look=clfur.Kajiya(specular, exponent, form))).types)
     keys = np.where(ids < 0, NONE, (1 << 29 << 32) + 2 * ids.astype(np.uint64))[None]
     image = shade.color(gpu, view, unshadowed(gpu, lamp), gpu.upload(keys), fur, no_surface(gpu), (0, 0, 0)).get()[0]
     bare = on_host(no_surface(gpu))
@@ -76,7 +76,7 @@ def picture(gpu, scene, samples):
     """The stages' results for a scene: view, light, visible, strands, body, as `clfur.render` has them."""
     view = view_of(scene, samples)
     body = tessellate(gpu, scene.mesh, *((2, 2) if isinstance(scene.fur, clfur.Strands) else ()))
-    strands = grow(gpu, body, scene.fur) if isinstance(scene.fur, clfur.Strands) else bring(gpu, scene.fur)
+    strands = grow(gpu, body, scene.fur) if isinstance(scene.fur, clfur.Strands) else upload_curves(gpu, scene.fur)
     return view, light_of(scene.light), raster(gpu, view, strands, body), strands, body
 
 

@@ -16,7 +16,7 @@ from clfur.scene import extent
 from clfur.stages import shade
 from clfur.stages.lighting import unshadowed
 from clfur.stages.raster import raster
-from clfur.stages.strands import bring, no_strands
+from clfur.stages.strands import no_strands, upload_curves
 from clfur.stages.tessellate import tessellate
 
 METHODS = ("binary", "count", "trilinear", "length")
@@ -232,7 +232,8 @@ def test_outside_of_grid_and_map_all_is_lit(gpu):
     small = clfur.Scene(mesh=squares((.5, 1)), fur=mat(3000, half=.5, height=1.2, width=.02), light=light(0, -1, 0))
     large = clfur.Scene(mesh=squares((3, 0), (3, 2)), light=small.light, body_color=(1, 1, 1),
                         camera=clfur.Camera(eye=(0, 2.6, 8), fov=60, size=(240, 180)))
-    cast = cast_shadows(gpu, small, settings(), bring(gpu, small.fur), tessellate(gpu, small.mesh, 1, 1, "flat"))
+    cast = cast_shadows(gpu, small, settings(), upload_curves(gpu, small.fur),
+                        tessellate(gpu, small.mesh, 1, 1, "flat"))
     body, view = tessellate(gpu, large.mesh, 1, 1, "flat"), view_of(large, 1)
     visible = raster(gpu, view, None, body)
     images = [shade.color(gpu, view, each, visible, no_strands(gpu), body, (1, 1, 1)).get()
@@ -257,9 +258,9 @@ def test_lookups_at_and_beyond_the_borders(gpu, lamp, pcf):
     fur = mat(40, half=2, height=1.1, width=.2)
     large = clfur.Scene(mesh=squares((3, 0), (3, 2)), fur=fur, light=small.light, body_color=(1, 1, 1),
                         camera=clfur.Camera(eye=(0, 2.6, 8), fov=60, size=(25, 19)))
-    body, strands, view = tessellate(gpu, large.mesh, 1, 1, "flat"), bring(gpu, fur), view_of(large, 1)
+    body, strands, view = tessellate(gpu, large.mesh, 1, 1, "flat"), upload_curves(gpu, fur), view_of(large, 1)
     visible = raster(gpu, view, strands, body)
-    coarse = cast_shadows(gpu, small, settings(grid=16, shadow_map=16, pcf=pcf), bring(gpu, small.fur),
+    coarse = cast_shadows(gpu, small, settings(grid=16, shadow_map=16, pcf=pcf), upload_curves(gpu, small.fur),
                           tessellate(gpu, small.mesh, 1, 1, "flat"))
     dark, full = (shade.color(gpu, view, each, visible, strands, body, (1, 1, 1)).get()
                   for each in (coarse, unshadowed(gpu, light_of(large.light))))
@@ -274,7 +275,7 @@ def test_missing_shadow_data_reads_as_light(gpu):
     body, view = tessellate(gpu, scene.mesh, 1, 1, "flat"), view_of(scene, 1)
     visible, hair = raster(gpu, view, None, body), mat(500, width=.02)
     whole = clfur.Scene(mesh=scene.mesh, fur=hair, light=scene.light)
-    whole = cast_shadows(gpu, whole, settings(), bring(gpu, hair), body)
+    whole = cast_shadows(gpu, whole, settings(), upload_curves(gpu, hair), body)
 
     def seen(lighting):
         return shade.color(gpu, view, lighting, visible, no_strands(gpu), body, (1, 1, 1)).get()
@@ -357,7 +358,7 @@ def test_hair_shadows_the_body_and_the_body_hair(gpu):
     assert floor.sum() > 100
     # Cells of .055 are crossed by some 15 strands, by more here and fewer there: exp makes that a little more light.
     # Measured .381 where the truth is .372 on these places and .353 everywhere.
-    strands = bring(gpu, fur)
+    strands = upload_curves(gpu, fur)
     expected = truth.transmittance(strands.points.get(), strands.spans.get(), .5, (0, 1, 0), places[floor],
                                    [-1] * floor.sum(), .06, 48)
     assert share[floor].mean() == pytest.approx(expected.mean(), abs=.025)

@@ -12,7 +12,7 @@ import numpy as np
 from ..stages import shells
 from ..stages.lod import thin
 from ..stages.raster import raster
-from ..stages.strands import bring, grow, no_strands
+from ..stages.strands import grow, no_strands, upload_curves
 from ..stages.tessellate import no_surface, tessellate
 from .shadows import accumulate, finish, plan_shadows
 
@@ -45,7 +45,7 @@ def body(gpu, plan, part):
 
 
 def hair(gpu, plan, part, lod):
-    """`Grown` strands of a part: ``lod`` as in `Settings`, of what the camera sees; 0 for all strands there are."""
+    """`DeviceStrands` of a part: ``lod`` as in `Settings`, of what the camera sees; 0 for all strands there are."""
     if not part.hairy:
         return gpu.keep("no strands", (), functools.partial(no_strands, gpu))
     scene = plan.scene
@@ -128,7 +128,7 @@ def _whole(gpu, plan, part, what):
 def _grow(gpu, plan, part):
     if plan.grown:
         return grow(gpu, _surface(gpu, plan, part.faces), plan.scene.strands, part.strands, part.area)
-    return bring(gpu, plan.scene.strands, part.strands)
+    return upload_curves(gpu, plan.scene.strands, part.strands)
 
 
 def _thin(gpu, plan, part, what, lod):

@@ -35,7 +35,7 @@ class Front:
 
     view: Any         # layout.View of the samples in which it is
     keys: Any         # [rows, width, samples] uint64 depth << 32 | id of strand or body
-    through: Any      # what `shells.about` is told: of samples the share of light that comes through shell fur, or None
+    through: Any      # what `shells.outputs` takes: of samples the share of light that comes through shell fur, or None
     shell_front: Any  # [rows, width, samples] uint64 depth << 32 | face of shell fur, or None
     outputs: dict     # {name: array} of outputs that are known by now
     fragments: Any = None   # of transparent strands: `coverage.Fragments`

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..settings import Settings
 from ..stages import march, shells
-from ..stages.blur import blur, reach_of
+from ..stages.blur import blur, blur_radius
 from ..stages.lighting import unshadowed
 from . import build
 from .passes import Coverage, Samples
@@ -83,7 +83,7 @@ def draw_band(picture, top, end, gpu):
     front = strands.resolve(gpu, band, through, shell_front)
     image, known = strands.shade(gpu, band, front, lighting, image)
     if plan.scene.shells and plan.others:
-        shells.about(gpu, front.view, shell[0], front.keys, front.through, front.shell_front, known)
+        shells.outputs(gpu, front.view, shell[0], front.keys, front.through, front.shell_front, known)
     return picture.read(gpu, band, front, {"color": image, **known, **front.outputs})
 
 
@@ -118,11 +118,11 @@ class Picture:
     def blur(self, gpu):
         """Blur the colour, with as many rows on the device at a time as fit."""
         picture, settings, rows = self._images["color"], self.plan.settings, self.plan.rows_to_blur(gpu)
-        height, reach = len(picture), reach_of(settings.blur_sigma)
-        each, result = height if rows >= height else max(rows - 2 * reach, 1), np.empty_like(picture)
+        height, radius = len(picture), blur_radius(settings.blur_sigma)
+        each, result = height if rows >= height else max(rows - 2 * radius, 1), np.empty_like(picture)
         for top in range(0, height, each):
             end = min(top + each, height)
-            low, high = max(top - reach, 0), min(end + reach, height)
+            low, high = max(top - radius, 0), min(end + radius, height)
             strip = gpu.upload(picture[low:high])
             result[top:end] = gpu.download(
                 blur(gpu, strip, settings.blur_sigma, settings.blur == "edges", (top - low, end - low)))

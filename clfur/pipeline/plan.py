@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import Error
 from ..scene import Curves, Strands
-from ..stages.blur import reach_of
+from ..stages.blur import blur_radius
 from ..stages.coverage import COUNTED, TRANSMITTANCE, Fragments, Resolved
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
@@ -20,16 +20,16 @@ from ..stages.march import Rays
 from ..stages.raster import VISIBLE
 from ..stages.shade import IMAGE, RADIANCE_SUMS, About
 from ..stages.shells import pack, size_of, topology_of
-from ..stages.strands import AREA, Grown, Packed, Roots, area_sums, first_strand_at
+from ..stages.strands import AREA, DeviceStrands, Packed, Roots, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.voxelize import CELLS
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
 VERTEX, TRIANGLE = Surface.bytes(vertex=1), Surface.bytes(triangle=1) + AREA.bytes
-POINT, STRAND = Grown.bytes(point=1), Grown.bytes(strand=1, color=1) + Roots.bytes(strand=1)
-PACKED = Packed.bytes(point=1, width=1, color=1) + Grown.bytes(color=1)   # more a point, of strands of the user's
-THIN_POINT, THIN_STRAND = Grown.bytes(*THINNED, point=1), Grown.bytes(*THINNED, strand=1)
-THIN_COLOR = Grown.bytes("colors", color=1)                               # where points have colours
+POINT, STRAND = DeviceStrands.bytes(point=1), DeviceStrands.bytes(strand=1, color=1) + Roots.bytes(strand=1)
+PACKED = Packed.bytes(point=1, width=1, color=1) + DeviceStrands.bytes(color=1)   # more a point, of the user's strands
+THIN_POINT, THIN_STRAND = DeviceStrands.bytes(*THINNED, point=1), DeviceStrands.bytes(*THINNED, strand=1)
+THIN_COLOR = DeviceStrands.bytes("colors", color=1)                               # where points have colours
 MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
 OUTPUTS = About.bytes(pixel=1)          # of a pixel but its colour
 PIXEL = Fragments.bytes(pixel=1) + Resolved.bytes(pixel=1)   # what is known of one where strands are transparent
@@ -196,7 +196,7 @@ class Plan:
         strand, point = self._bytes(gpu)
         width, height = self.scene.camera.size
         if self.settings.blur != "off":
-            blurred = min(2 * reach_of(self.settings.blur_sigma) + 1, height) * 3 * IMAGE.bytes * width
+            blurred = min(2 * blur_radius(self.settings.blur_sigma) + 1, height) * 3 * IMAGE.bytes * width
             rows, row = max(rows, 3 * IMAGE.bytes * width * height), max(row, blurred)
         need = {"body": int(self._bytes_of_faces[-1]), "rows": rows,
                 "strands": (end - first) * strand + self._points(first, end) * point}
@@ -215,7 +215,7 @@ class Plan:
 
     def _too_much(self, gpu, pieces):
         settings, (width, height) = self.settings, self.scene.camera.size
-        fewest = 1 if settings.blur == "off" else min(2 * reach_of(settings.blur_sigma) + 1, height)
+        fewest = 1 if settings.blur == "off" else min(2 * blur_radius(settings.blur_sigma) + 1, height)
         furry = f"shells of {self._shells / 2**20:,.1f} MiB, " * bool(self._shells)
         lines = "a row" if fewest == 1 else f"{fewest} rows"
         dense = f" with {pieces:,} pieces of strands" * bool(pieces)

@@ -11,7 +11,7 @@ from ..scene import hair_bounds
 from ..stages import lod, shells
 from ..stages.lighting import light_up
 from ..stages.raster import raster
-from ..stages.voxelize import depths_for, most_of, own_share, unit_for, voxelize
+from ..stages.voxelize import crossing_unit_for, depths_for, most_of, self_shadow, voxelize
 from ..stages.zscan import zscan
 from .views import Rig
 
@@ -68,12 +68,12 @@ def _plan(rig, light, grid, light_view, strands, body, fur):
         most = most_of(grid, method, segments, length, area * (lod.WIDEST if settings.lod else 1))
         if fur:
             most += most_of(grid, "length", fur[0], 0.0, fur[1])
-        unit = unit_for(most)
+        unit = crossing_unit_for(most)
         weights = np.rint(unit * depths / depths.max()).astype(np.uint32)
         if min(weights[depths > 0]) < 4:
             raise Error(f"Settings.grid is {settings.grid}; allowed: fewer cells, less hair, hair types of more equal "
                         f"alpha or a spot with a wider angle, so that 32-bit counters can hold the hair's shadow")
-        shadow["hair"] = depths.max(), *own_share(grid, method), method == "length"
+        shadow["hair"] = depths.max(), *self_shadow(grid, method), method == "length"
     else:
         grid = None
     if light_view is not None and body:

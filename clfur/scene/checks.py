@@ -37,6 +37,15 @@ def field(convert, **options):
     return attrs.field(converter=attrs.Converter(converter, takes_self=True, takes_field=True), **options)
 
 
+def _float(value):
+    """Return a number as a float, and NaN for what is none; NumPy would take times, and half of a complex number."""
+    try:
+        odd = isinstance(value, (bool, np.bool_, str, bytes, np.complexfloating, np.timedelta64))
+        return math.nan if odd else float(value)
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
 def real(low=-math.inf, high=math.inf, above=None, below=None):
     """Return a converter to a finite float: low <= value <= high, above < value < below."""
     words = [f">= {low:g}"] if low > -math.inf else []
@@ -46,10 +55,7 @@ def real(low=-math.inf, high=math.inf, above=None, below=None):
     allowed = " and ".join(["a finite number" + (" " if words else "") + ", ".join(words)])
 
     def convert(value, where):
-        try:
-            number = math.nan if isinstance(value, (bool, np.bool_, str, bytes)) else float(value)
-        except (TypeError, ValueError, OverflowError):
-            number = math.nan
+        number = _float(value)
         good = abs(number) <= LARGEST and low <= number <= high
         good = good and (above is None or number > above) and (below is None or number < below)
         return number if good else refuse(where, value, allowed)
@@ -169,10 +175,8 @@ color = vector(3, low=0)
 
 def total(value, where):
     """Return a sum of many: a finite float >= 0, however large."""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.number)) or not (
-            0 <= value < math.inf):
-        refuse(where, value, "a finite number >= 0")
-    return float(value)
+    number = _float(value)
+    return number if 0 <= number < math.inf else refuse(where, value, "a finite number >= 0")
 
 
 def optional(convert):

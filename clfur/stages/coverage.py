@@ -46,7 +46,7 @@ def bound(gpu, visible):
 
 
 def count(gpu, view, strands, pixels):
-    """Add how many fragments `Grown` strands have at most in each pixel to what `bound` gave."""
+    """Add how many fragments `DeviceStrands` have at most in each pixel to what `bound` gave."""
     gpu.launch("coverage.count", len(strands.spans), view=view, pixels=pixels, **arrays(strands, "points", "spans"))
 
 
@@ -74,7 +74,7 @@ def allocate(gpu, counted, pieces, rows=None):
 
 
 def gather(gpu, view, strands, fragments):
-    """Write the fragments of `Grown` strands, in any order."""
+    """Write the fragments of `DeviceStrands`, in any order."""
     gpu.launch("coverage.gather", len(strands.spans), view=view, first=strands.first_point, pixels=fragments.pixels,
                fragments=fragments.list, **arrays(strands, "points", "spans"))
 
@@ -102,7 +102,7 @@ def steps_of(counts, used):
 
 
 def transmittance(gpu, strands, lighting):
-    """Share of each light's direct light that reaches points of `Grown` strands -> [lights, points] float32 0..1."""
+    """Share of each light's direct light that reaches points of `DeviceStrands` -> [lights, points] float32 0..1."""
     n_points = len(strands.points)
     shares = TRANSMITTANCE.empty(gpu, (len(lighting.lights), n_points))
     gpu.launch("coverage.transmittance", len(strands.spans), n_points=n_points, transmittances=shares,
@@ -113,7 +113,7 @@ def transmittance(gpu, strands, lighting):
 
 
 def light(gpu, view, lighting, fragments, resolved, strands, shares=None, sums=None):
-    """Light the fragments of `Grown` strands -> [rows, width, 4] int64, r, g, b, alpha in 2^-32, see `shade.blend`.
+    """Light the fragments of `DeviceStrands` -> [rows, width, 4] int64, r, g, b, alpha in 2^-32, see `shade.blend`.
 
     ``strands`` may be a part of them all: what it shows is added to ``sums``.  ``shares``: what
     `transmittance` gave; all light if None.

@@ -1,7 +1,7 @@
 """What cl/coverage.cl means, in float64: polygons cut out of ribbons, layers of one pixel hidden behind each other, and
 the light of what is left.
 
-``strands`` are any objects with the arrays of `Grown` as members, in NumPy.
+``strands`` are any objects with the arrays of `DeviceStrands` as members, in NumPy.
 """
 
 import math

@@ -1,6 +1,6 @@
 """What cl/shade.cl means, in float64: where a sample's point stands in the world, and the light there.
 
-``strands`` and ``body`` are any objects with the arrays of `Grown` and `Surface` as members, in NumPy.
+``strands`` and ``body`` are any objects with the arrays of `DeviceStrands` and `Surface` as members, in NumPy.
 """
 
 import numpy as np
