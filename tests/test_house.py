@@ -2,12 +2,15 @@
 
 import ast
 import configparser
+import inspect
 import re
 import subprocess
+import textwrap
 from pathlib import Path
 
 import pytest
 
+import clfur
 from clfur import layout
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -230,6 +233,39 @@ def test_kernels_fit_on_two_screens(path):
     bodies = kernel_bodies(path.read_text())
     assert not [name for name, lines in bodies if lines > 150 and name != "march"]
     assert path.suffix == ".h" or bodies
+
+
+def unannotated(source):
+    """Public functions and methods of a text with an argument or a result whose type is not told."""
+    found, body = [], ast.parse(source).body
+    for node in body + [inner for node in body if isinstance(node, ast.ClassDef) for inner in node.body]:
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+            bare = [each.arg for each in arguments if each.annotation is None and each.arg not in ("self", "cls")]
+            found += [node.name] if bare or node.returns is None else []
+    return found
+
+
+@pytest.mark.parametrize("path", [path for path in MODULES if path.parent.name in ("stages", "pipeline")],
+                         ids=lambda path: path.name)
+def test_stages_and_the_pipeline_are_annotated(path):
+    assert not unannotated(path.read_text())
+
+
+def test_public_names_are_annotated():
+    """The functions of `clfur`, and the methods and properties of its classes that are not of a library's."""
+    for name in clfur.__all__:
+        public = getattr(clfur, name)
+        if inspect.isfunction(public):
+            assert not unannotated(inspect.getsource(public)), name
+        elif inspect.isclass(public):
+            assert not unannotated(textwrap.dedent(inspect.getsource(public))), name
+
+
+def test_a_missing_type_is_found():
+    assert unannotated("def f(a: int) -> int: pass\ndef _g(a): pass") == []
+    assert unannotated("def f(a): pass\nclass A:\n    def g(self) -> None: pass\n    def h(self, *, b) -> None: pass\n"
+                       "    def i(self): pass") == ["f", "h", "i"]
 
 
 def test_long_functions_and_closures_are_found():
