@@ -238,7 +238,7 @@ def test_kernels_fit_on_two_screens(path):
 def unannotated(source):
     """Public functions and methods of a text with an argument or a result whose type is not told."""
     found, body = [], ast.parse(source).body
-    for node in body + [inner for node in body if isinstance(node, ast.ClassDef) for inner in node.body]:
+    for node in body + [inner for outer in body if isinstance(outer, ast.ClassDef) for inner in outer.body]:
         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
             arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
             bare = [each.arg for each in arguments if each.annotation is None and each.arg not in ("self", "cls")]
