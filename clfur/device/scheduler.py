@@ -158,7 +158,7 @@ class Scheduler:
                                 src_offset=array.offset + first * array.strides[0], dst_offset=0)
             return there
 
-    def joined(self, arrays, dtype):
+    def joined(self, arrays: Sequence, dtype: Any) -> cla.Array:
         """Device arrays, None for none, one after the other -> [all their values]; one alone is not copied."""
         arrays = [array for array in arrays if array is not None]
         if len(arrays) == 1:

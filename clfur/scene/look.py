@@ -53,7 +53,7 @@ class Looking:
     @functools.cached_property
     def look(self) -> Kajiya:
         """How it scatters light, also where none is given: a Kajiya."""
-        given = {"specular": self._specular, "exponent": self._exponent}
+        given: dict[str, Any] = {"specular": self._specular, "exponent": self._exponent}
         return self._look or Kajiya(**{name: value for name, value in given.items() if value is not None})
 
     @property
