@@ -31,7 +31,7 @@ inline float below(float a, float b)
 typedef struct {
     int counting;                          // 1: they are only counted
     volatile __global uint *pixels;        // [rows, width, 2] depth of the body where it fills the pixel; fragments so far
-    __global ulong2 *fragments;            // depth << 32 | id; share
+    __global ulong2 *areas;                // depth << 32 | id; share of the pixel's area
     uint n, waiting[BATCH];                // pixels of fragments that are not written yet
     ulong2 made[BATCH];
 } Target;
@@ -42,7 +42,7 @@ inline void flush(Target *to)
     for (uint i = 0; i < to->n; ++i)
         to->waiting[i] = atomic_inc(&to->pixels[2 * to->waiting[i] + 1]);
     for (uint i = 0; i < to->n; ++i)
-        to->fragments[to->waiting[i]] = to->made[i];
+        to->areas[to->waiting[i]] = to->made[i];
     to->n = 0;
 }
 
@@ -238,13 +238,13 @@ __kernel void gather(
     __global const uint2 *spans,
     const uint first,                      // added to the number of a segment's first point to make its id
     volatile __global uint *pixels,        // [rows, width, 2] depth of what hides strands; end of its fragments so far
-    __global ulong2 *fragments)            // depth << 32 | id; share of the pixel's area, a float
+    __global ulong2 *areas)                // fragments: depth << 32 | id; share of the pixel's area, a float
 {
     WORK_ITEM(strand);
     Target to;
     to.counting = 0;
     to.pixels = pixels;
-    to.fragments = fragments;
+    to.areas = areas;
     to.n = 0;
     draw_strand(&to, &view, points, spans[strand], first);
     flush(&to);
@@ -279,34 +279,34 @@ __kernel void resolve(
     const int samples,
     __global const uint *starts,           // [rows, width] a pixel's first fragment
     __global const uint2 *pixels,          // [rows, width] depth; end of its fragments
-    __global ulong2 *fragments,            // depth << 32 | id; in: share of the pixel's area; out: of its light
+    __global ulong2 *weights,              // fragments: depth << 32 | id; in: share of the pixel's area; out: of its light
     __global uint *used,                   // [rows, width] fragments that have any: the last ones, the nearest last of all
     __global const ulong *visible,         // [rows, width, samples] depth << 32 | id of the body
-    const int furry,                       // 1: there is shell fur
-    __global const ulong *fur,             // [rows, width, samples] depth << 32 | face where half of it is gone
-    __global float *through,               // [rows, width, samples] in: share of light that shells let through; out: that
-                                           // comes from the body
-    __global float *veil,                  // [rows, width] share of the shells' light that strands before them let through
+    const int has_shells,                  // 1: there is shell fur
+    __global const ulong *sample_shells,   // [rows, width, samples] depth << 32 | face where half of it is gone
+    __global float *body_transmittance,    // [rows, width, samples] share of the body's light that what stands before it
+                                           // lets through; in: shells alone, out: strands too
+    __global float *strand_transmittance,  // [rows, width] share of the shells' light that strands before them let through
     __global float *alpha,                 // [rows, width]
-    __global ulong *seen,                  // [rows, width] depth << 32 | id of what fills most of the pixel: strand or body
-    __global ulong *seen_fur)              // or depth << 32 | face, where that is shells; else nothing
+    __global ulong *front,                 // [rows, width] depth << 32 | id of what fills most of the pixel: strand or body
+    __global ulong *shell_front)           // or depth << 32 | face, where that is shells; else nothing
 {
     WORK_ITEM(pixel);
     /* Where samples end, or go on behind shells, by depth. */
     uint depths[2 * SAMPLES], places[2 * SAMPLES];
     float open[SAMPLES];
     int events = 0;
-    ulong nearest_body = ~0ul, nearest_fur = ~0ul;
+    ulong nearest_body = ~0ul, nearest_shell = ~0ul;
     for (int s = 0; s < samples; ++s) {
         const size_t sample = pixel * samples + s;
         open[s] = 1.0f / samples;
         nearest_body = min(nearest_body, visible[sample]);
-        for (int kind = furry ? 0 : 1; kind < 2; ++kind) {
+        for (int kind = has_shells ? 0 : 1; kind < 2; ++kind) {
             uint depth = (uint)(visible[sample] >> 32);
             if (!kind) {
-                nearest_fur = min(nearest_fur, fur[sample]);
-                depth = min(depth, (uint)(fur[sample] >> 32));
-                if (!(through[sample] < 1.0f))
+                nearest_shell = min(nearest_shell, sample_shells[sample]);
+                depth = min(depth, (uint)(sample_shells[sample] >> 32));
+                if (!(body_transmittance[sample] < 1.0f))
                     continue;
             } else if (depth == NOTHING) {
                 continue;
@@ -322,7 +322,7 @@ __kernel void resolve(
     }
 
     const uint n = pixels[pixel].y - starts[pixel];
-    __global ulong2 *heap = fragments + starts[pixel];
+    __global ulong2 *heap = weights + starts[pixel];
     const bool few = n <= FEW;
     if (few)                               // sorted at once, the nearest last, as a heap's first will be put
         for (uint i = 1; i < n; ++i) {
@@ -336,11 +336,11 @@ __kernel void resolve(
         for (uint i = n / 2; i-- > 0;)
             sink(heap, i, n);
     uint lows[CHAINS], highs[CHAINS], left = n;
-    float sums[CHAINS], kept = 1.0f, room = 1.0f, most = 0.0f, of_body = 0.0f, of_fur = 0.0f, all_fur = 0.0f;
+    float sums[CHAINS], kept = 1.0f, room = 1.0f, most = 0.0f, of_body = 0.0f, of_shells = 0.0f, all_shells = 0.0f;
     ulong best = ~0ul;
     int chains = 0, oldest = 0, event = 0;
-    for (int s = 0; s < samples && furry; ++s)
-        all_fur += (1.0f - through[pixel * samples + s]) / samples;
+    for (int s = 0; s < samples && has_shells; ++s)
+        all_shells += (1.0f - body_transmittance[pixel * samples + s]) / samples;
 
     while (event < events || left) {
         const bool more = left && kept * room > UNSEEN;
@@ -348,12 +348,12 @@ __kernel void resolve(
             const int s = places[event] / 2;
             const size_t sample = pixel * samples + s;
             if (places[event] & 1) {
-                through[sample] = open[s] * samples * kept;
+                body_transmittance[sample] = open[s] * samples * kept;
                 of_body += open[s] * kept;
                 open[s] = 0.0f;
             } else {
-                of_fur += open[s] * (1.0f - through[sample]) * kept;
-                open[s] *= through[sample];
+                of_shells += open[s] * (1.0f - body_transmittance[sample]) * kept;
+                open[s] *= body_transmittance[sample];
             }
             ++event;
             room = 0.0f;
@@ -406,18 +406,18 @@ __kernel void resolve(
         rest += open[s];
     used[pixel] = n - left;
     alpha[pixel] = 1.0f - rest * kept;
-    veil[pixel] = all_fur > 0.0f ? of_fur / all_fur : 1.0f;
+    strand_transmittance[pixel] = all_shells > 0.0f ? of_shells / all_shells : 1.0f;
     if (of_body >= most && of_body > 0.0f) {
         most = of_body;
         best = nearest_body;
     }
-    const bool is_fur = of_fur > most && nearest_fur != ~0ul;
-    seen[pixel] = is_fur ? ~0ul : best;
-    seen_fur[pixel] = is_fur ? nearest_fur : ~0ul;
+    const bool is_shell = of_shells > most && nearest_shell != ~0ul;
+    front[pixel] = is_shell ? ~0ul : best;
+    shell_front[pixel] = is_shell ? nearest_shell : ~0ul;
 }
 
-/* One work-item tells what share of each light's direct light reaches the points of one strand: the same from wherever they
-   are seen. */
+/* One work-item tells what share of each light's direct light hair and body let through to the points of one strand: the
+   same from wherever they are seen. */
 __kernel void transmittance(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *points,         // strands: see strands.cl
@@ -436,7 +436,7 @@ __kernel void transmittance(
     __global const ulong *shadow_maps,
     __global const uint2 *spans,           // [strands] first point, points
     const uint n_points,
-    __global float *transmittances)              // [n_lights, n_points] 0..1
+    __global float *transmittances)        // [n_lights, n_points] 0..1
 {
     WORK_ITEM(strand);
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
@@ -445,7 +445,8 @@ __kernel void transmittance(
         const Obstacles obstacles = obstacles_of(&lighting, i);
         for (uint k = 0; k < spans[strand].y; ++k) {
             const uint id = spans[strand].x + k;
-            transmittances[(size_t)i * n_points + id] = transmittance_at(&obstacles, &hair, id, (float4)(points[id].xyz, 0.0f));
+            transmittances[(size_t)i * n_points + id] =
+                transmittance_at(&obstacles, &hair, id, (float4)(points[id].xyz, 0.0f));
         }
     }
 }
@@ -457,7 +458,7 @@ __kernel void light(
     const uint2 part,                      // first point's id, points
     __global const uint2 *pixels,          // [rows, width] depth; end of its fragments
     __global const uint *used,             // [rows, width] those that are seen
-    __global const ulong2 *fragments,      // depth << 32 | id; share of the pixel's light
+    __global const ulong2 *weights,        // fragments: depth << 32 | id; share of the pixel's light
     __global const float4 *points,         // strands: see strands.cl
     __global const float4 *tangents,
     __global const uint *strand_of,
@@ -467,8 +468,8 @@ __kernel void light(
     const int color_per,
     const int n_lights,
     __global const Light *lights,
-    const int shaded,                      // 1: something stands before them
-    __global const float *transmittances,        // [n_lights, points] share of direct light, if so
+    const int shadowed,                    // 1: something stands before them
+    __global const float *transmittances,  // [n_lights, points] share of direct light, if so
     __global long4 *radiance_sums)         // [rows, width] r, g, b, alpha in 1/ONE
 {
     WORK_ITEM(pixel);
@@ -479,19 +480,19 @@ __kernel void light(
     /* Light by light: what one needs of a fragment fits the registers. */
     for (int k = 0; k < n_lights; ++k) {
         const Light light = lights[k];
-        __global const float *share = transmittances + (size_t)k * part.y;
+        __global const float *there = transmittances + (size_t)k * part.y;
         for (uint i = last; i-- > first;) {
-            const uint id = (uint)fragments[i].x - part.x;
+            const uint id = (uint)weights[i].x - part.x;
             if (id >= part.y)
                 continue;
-            const float e = (float)(DEPTH_ONE - (uint)(fragments[i].x >> 32)) / DEPTH_ONE;
+            const float e = (float)(DEPTH_ONE - (uint)(weights[i].x >> 32)) / DEPTH_ONE;
             const float4 q = view.to_world[0] * x + view.to_world[1] * y + view.to_world[2] * e + view.to_world[3];
             const float4 p = (float4)(q.xyz / q.w, 0.0f);
             const float at = place_between(points[id], points[id + 1], p);
             const Fibre here = fibre_at(&hair, id, at);
-            const float4 lit = shade_fibre(&light, &here, p, towards_eye(&view, p),
-                                           shaded ? share[id] + at * (share[id + 1] - share[id]) : 1.0f);
-            sum += in_integers(as_float((uint)fragments[i].y), (float4)(lit.xyz, k ? 0.0f : 1.0f));
+            const float4 radiance = shade_fibre(&light, &here, p, towards_eye(&view, p),
+                                                shadowed ? there[id] + at * (there[id + 1] - there[id]) : 1.0f);
+            sum += in_integers(as_float((uint)weights[i].y), (float4)(radiance.xyz, k ? 0.0f : 1.0f));
         }
     }
     radiance_sums[pixel] = sum;

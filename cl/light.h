@@ -40,7 +40,7 @@ inline Obstacles obstacles_of(const Lighting *lighting, int i)
     return obstacles;
 }
 
-/* A light's colour where it reaches p, and its ambient; l: unit, towards it. */
+/* A light's colour at p, black outside of a spot's cone, and its ambient; l: unit, towards it. */
 inline float4 light_at(const Light *light, float4 p, float4 *l)
 {
     float4 direct = light->color;
@@ -53,9 +53,9 @@ inline float4 light_at(const Light *light, float4 p, float4 *l)
 }
 
 /* Share of a light that the hair before p lets through: the light's running sums, read between four columns and two
-   layers; full light outside the grid. `own` is what the strand that p lies on adds to its own sum: by its width at
-   w = 1, and whatever that is. */
-inline float through_hair(const Obstacles *obstacles, float2 own, float4 p)
+   layers; full light outside the grid. self_shadow: what the strand that p lies on adds to the sum that is read
+   there: x by its width, at w = 1, y whatever its width. */
+inline float through_hair(const Obstacles *obstacles, float2 self_shadow, float4 p)
 {
     const Grid *grid = &obstacles->grid;
     const float4 c = ((grid->to_grid[0] * p.x + grid->to_grid[1] * p.y) + grid->to_grid[2] * p.z) + grid->to_grid[3];
@@ -77,14 +77,14 @@ inline float through_hair(const Obstacles *obstacles, float2 own, float4 p)
     const float4 behind = (float4)(far[ya * nx + xa], far[ya * nx + xb], far[yb * nx + xa], far[yb * nx + xb]);
     const float4 there = weights * (before + fz * (behind - before));
     const float crossings = (there.x + there.y) + (there.z + there.w);
-    return exp2(-1.44269504f * obstacles->shadow.hair.x * max(crossings - own.x / c.w - own.y, 0.0f));
+    return exp2(-1.44269504f * obstacles->shadow.hair.x * max(crossings - self_shadow.x / c.w - self_shadow.y, 0.0f));
 }
 
-#define HAIR_STEEPEST 5.0f                        // of `past_body`, for hair: by the skin's normal at its root
+#define HAIR_STEEPEST 5.0f                        // of `past_body`, for hair: by the body's normal at its root
 #define HAIR_BIAS(radius) (1.0f + 2 * (radius))
 
 /* Share of a light that the body lets through to p: the report's equation 8, over (2r + 1)² texels around. What is seen
-   there is held against the plane through p across n, the normal of what is drawn there or of the skin at a strand's
+   there is held against the plane through p across n, the normal of what is drawn there or of the body at a strand's
    root, so that a slope does not shade itself; no steeper than `steepest` texels deep a texel, and level where n is 0.
    bias: in texels. */
 inline float past_body(const Obstacles *obstacles, float4 p, float4 n, float steepest, float bias)
@@ -134,7 +134,7 @@ inline float place_between(float4 a, float4 b, float4 p)
 typedef struct {
     __global const float4 *points, *tangents;
     __global const uint *strand_of;
-    __global const float4 *strand_normal;  // [strands] of the skin at the root, 0: not known
+    __global const float4 *strand_normal;  // [strands] of the body at the root, 0: not known
     __global const float4 *strand_uv;      // [strands] u, v, type
     __global const HairType *types;
     __global const float4 *colors;         // one, [strands] or [points]
@@ -146,19 +146,19 @@ inline float transmittance_at(const Obstacles *obstacles, const Hair *hair, uint
 {
     const Shadow shadow = obstacles->shadow;
     const uint strand = hair->strand_of[id];
-    const float through = hair->types[(int)hair->strand_uv[strand].z].shine.z;
-    float share = 1.0f;
+    const float alpha = hair->types[(int)hair->strand_uv[strand].z].shine.z;
+    float transmittance = 1.0f;
     if (shadow.body.x)
-        share = past_body(obstacles, p, hair->strand_normal[strand], HAIR_STEEPEST, HAIR_BIAS(shadow.body.y));
-    if (shadow.hair.x > 0.0f && share > 0.0f) {
+        transmittance = past_body(obstacles, p, hair->strand_normal[strand], HAIR_STEEPEST, HAIR_BIAS(shadow.body.y));
+    if (shadow.hair.x > 0.0f && transmittance > 0.0f) {
         /* Of this type a crossing counts only so much of what one of the darkest does. */
-        float depth = 1.0f - through;
+        float depth = 1.0f - alpha;
         if (!(shadow.hair.w > 0.0f))
-            depth = -log(max(through, 1e-6f));
-        const float2 own = (float2)(shadow.hair.y * hair->points[id].w, shadow.hair.z) * (depth / shadow.hair.x);
-        share *= through_hair(obstacles, own, p);
+            depth = -log(max(alpha, 1e-6f));
+        const float2 self_shadow = (float2)(shadow.hair.y * hair->points[id].w, shadow.hair.z) * (depth / shadow.hair.x);
+        transmittance *= through_hair(obstacles, self_shadow, p);
     }
-    return share;
+    return transmittance;
 }
 
 /* What a strand is like at a place. */
@@ -178,10 +178,10 @@ inline Fibre fibre_at(const Hair *hair, uint id, float at)
     return here;
 }
 
-/* What a fibre at place p sends to the eye at v of a light, of whose direct light such a share reaches it. */
-inline float4 shade_fibre(const Light *light, const Fibre *here, float4 p, float4 v, float share)
+/* Radiance that a fibre at place p sends to the eye at v of a light; transmittance: share of its direct light there. */
+inline float4 shade_fibre(const Light *light, const Fibre *here, float4 p, float4 v, float transmittance)
 {
     float4 l, direct = light_at(light, p, &l);
-    direct.xyz *= share;
+    direct.xyz *= transmittance;
     return fibre(here->shine, here->color, here->tangent, l, v, direct);
 }

@@ -4,7 +4,7 @@
  */
 
 #define PARTS 4u                                        // a strand keeps so many segments: light changes along straight ones
-#define REACH 16u                                       // segments that one may stand for
+#define MOST 16u                                        // segments that one may stand for
 
 /* A strand's place in (0, 1) in the order in which strands go: its own for ever, and never that of a prefix. */
 inline float place_of(uint strand, uint seed)
@@ -75,23 +75,23 @@ __kernel void thin(
     if (!(wider > 0.0f))
         return;
 
-    __global const float4 *own = color_per == 2 ? colors : 0;
+    __global const float4 *point_colors = color_per == 2 ? colors : 0;
     const float world = 0.25f * lod / view.scale.x;         // a quarter of lod at w = 1
-    const uint reach = min((count - 1 + PARTS - 1) / PARTS, REACH);
+    const uint most = min((count - 1 + PARTS - 1) / PARTS, MOST);
     uint kept = 0, from = first;
     for (;;) {
         const uint to = first + kept++;
         out_points[to] = (float4)(points[from].xyz, points[from].w * wider);
         out_tangents[to] = tangents[from];
-        if (own)
+        if (point_colors)
             out_colors[to] = colors[from];
         if (from == last)
             break;
         const float here = to_screen(&view, points[from]).w;
         uint next = from + 1;
-        while (next < last && next + 1 - from <= reach) {
+        while (next < last && next + 1 - from <= most) {
             const float nearer = min(here, to_screen(&view, points[next + 1]).w);
-            if (!(nearer > 0.0f && stands_for(points, own, from, next + 1, world * nearer, wider)))
+            if (!(nearer > 0.0f && stands_for(points, point_colors, from, next + 1, world * nearer, wider)))
                 break;
             ++next;
         }

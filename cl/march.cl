@@ -3,9 +3,9 @@
  *
  * The space between the skin and the tips is divided into prisms over the faces, in `slabs` one above the other, each of
  * three tetrahedra, so that a place in the fur is linear along a ray in each of them.  A ray walks from one to the next
- * (Maria, Horna and Aveneau, "Efficient ray traversal of constrained Delaunay tetrahedralization", 2017) and looks at
- * the fur wherever it has passed one more layer, or as much sideways.  Corners of a face are taken in the order of their
- * numbers, so that neighbours divide the side between them alike.
+ * (Maria, Horna and Aveneau, "Efficient ray traversal of constrained Delaunay tetrahedralization", 2017) and takes a
+ * step wherever it has passed one more layer, or as much sideways: there it meets hair or not.  Corners of a face are
+ * taken in the order of their numbers, so that neighbours divide the side between them alike.
  */
 #include "lanes.h"
 #include "seen.h"
@@ -13,13 +13,13 @@
 #include "light.h"
 #include "pattern.h"
 
-#define SIDEWAYS 8.0f    // looks on the way across one x or y, down to one where hairs are seen on average
+#define SIDEWAYS 8.0f    // steps on the way across one x or y, down to one where hairs are seen on average
 #define SHARP 0.85f     // of a pixel's width counts as footprint: least error against 8 x 8 samples (tools/shells_laws.py)
 #define FAR_FROM 0.3f   // pixels that are so many sides of a cell wide begin to see hairs on average,
 #define FAR_TO 0.9f     // and those of so many see nothing else
-#define MOST_STEPS 20000    // tetrahedra on one way, on average: no scene that is any good has so many
+#define MOST_TETRAHEDRA 20000    // on one way, on average: no scene that is any good has so many
 
-/* Products may be added unrounded here and among march's looks: no whole number hangs on them.  Elsewhere it costs. */
+/* Products may be added unrounded here and among march's steps: no whole number hangs on them.  Elsewhere it costs. */
 #pragma OPENCL FP_CONTRACT ON
 /* As root, in fewer steps. */
 INLINED lanes quick_root(lanes x)
@@ -39,11 +39,11 @@ INLINED lanes integral(lanes u)
 }
 
 /* The same, averaged over a footprint: all in units of the smoothstep and from its start.  The fur's height there goes
-   from u - reach to u + reach, but beyond the tip `top` it goes down again, and up beyond the `fold` before the next hair;
-   scale: 1 / (2 reach). */
-INLINED lanes cover(lanes u, lanes reach, lanes top, lanes fold, lanes scale)
+   from u - half_footprint to u + half_footprint, but beyond the tip `top` it goes down again, and up beyond the `fold`
+   before the next hair; scale: 1 / (2 half_footprint). */
+INLINED lanes cover(lanes u, lanes half_footprint, lanes top, lanes fold, lanes scale)
 {
-    const lanes low = u - reach, high = u + reach;
+    const lanes low = u - half_footprint, high = u + half_footprint;
     const lanes_i over = high > top, under = low < fold;
     lanes sum;
     if (any_lane(over | under)) {
@@ -69,8 +69,9 @@ INLINED float kept_by_many(__global const float2 *means, float h0, float h, floa
 }
 
 #pragma OPENCL FP_CONTRACT OFF
-/* Share of a light that hair and body let through to places p over skin with normals n, where rays are `on`. */
-INLINED lanes let_through(const Lighting *lighting, int i, lanes_i on, lanes3 p, lanes3 n, lanes share)
+/* Share of a light that gets through hair and body to places p over skin with normals n, where rays are `on`: `share` of
+   it, if nothing is in its way. */
+INLINED lanes transmittance_to(const Lighting *lighting, int i, lanes_i on, lanes3 p, lanes3 n, lanes share)
 {
     if (lighting->shadows[i].body.x || lighting->shadows[i].hair.x > 0.0f) {
         const Obstacles obstacles = obstacles_of(lighting, i);
@@ -89,8 +90,8 @@ INLINED lanes let_through(const Lighting *lighting, int i, lanes_i on, lanes3 p,
 
 /* Light from places p at heights h: t the hair's direction, n the skin's normal, slope the fur's gradient in the world, v
    the way to the eye.  It fades to the roots. */
-INLINED lanes3 lit(const Lighting *lighting, const Shells *shells, lanes_i on, lanes3 p, lanes h, lanes3 t, lanes3 n, lanes3 slope,
-                   lanes3 v)
+INLINED lanes3 shade_fur(const Lighting *lighting, const Shells *shells, lanes_i on, lanes3 p, lanes h, lanes3 t, lanes3 n,
+                         lanes3 slope, lanes3 v)
 {
     lanes3 sum = {F(0.0f), F(0.0f), F(0.0f)};
     for (int i = 0; i < lighting->n; ++i) {
@@ -102,7 +103,7 @@ INLINED lanes3 lit(const Lighting *lighting, const Shells *shells, lanes_i on, l
             l = unit(to_light);
             part = -dots(l, all_lanes(light.direction)) >= light.cone.x ? F(1.0f) : F(0.0f);
         }
-        part = let_through(lighting, i, on, p, n, part);
+        part = transmittance_to(lighting, i, on, p, n, part);
         const lanes3 share = fibres(shells, on, t, n, slope, l, v);
         const float4 direct = light.color;
         sum.x += part * direct.x * share.x + direct.w * shells->color.x;
@@ -266,8 +267,8 @@ __kernel void march(
     __global const float *crossings,
     __global const ulong *shadow_maps,
     __global uint *after,                  // [rows, width, samples] depth where they came in last; NOTHING: they are done
-    __global float *through,               // [rows, width, samples] share of light that comes from behind
-    __global ulong *fur,                   // [rows, width, samples] depth << 32 | face where half of it is gone
+    __global float *shell_transmittance,   // [rows, width, samples] share of light that comes from behind
+    __global ulong *shell_front,           // [rows, width, samples] depth << 32 | face where half of it is gone
     volatile __global int *left,           // samples that are not done
     __global float4 *image)                // [rows, width]
 {
@@ -289,7 +290,7 @@ __kernel void march(
 
     for (int s = 0; s < samples; ++s) {
         /* Where each ray is. */
-        lanes rest, front = F(0.0f);       // share of light that is left; how far what is new begins
+        lanes rest, new_from = F(0.0f);    // share of light that is left; how far what is new begins
         lanes_i cell, in;                  // 3 · (slabs · face + slab) + tetrahedron, -1: at rest; corner left out
         lanes_i half_face = I(-1);
         lanes half_way = F(0.0f);
@@ -318,7 +319,7 @@ __kernel void march(
             LANE(at_y, i) = y + view.rows.x;
             LANE(depth, i) = (float)(DEPTH_ONE - entry_depth) * (1.0f / DEPTH_ONE);
             LANE(behind, i) = stop_depth == NOTHING ? -1.0f : (float)(DEPTH_ONE - stop_depth) * (1.0f / DEPTH_ONE);
-            LANE(rest, i) = through[sample];
+            LANE(rest, i) = shell_transmittance[sample];
         }
         if (none)
             continue;
@@ -332,11 +333,11 @@ __kernel void march(
         const lanes stop = behind >= 0.0f ? dots(from_eye(&view, eye, at_x, at_y, behind), d) : F(INFINITY);
         const lanes wide = (view.to_screen[0].w * dx + view.to_screen[1].w * dy + view.to_screen[2].w * dz) * finer;   // of a pixel, at 1
         lanes red = F(0.0f), green = red, blue = red, alpha = red;
-        lanes until = F(0.5f), aside = red, uncovered_inverse = F(1.0f), slack = red;   // to the next look; since the last one
+        lanes until = F(0.5f), aside = red, uncovered_inverse = F(1.0f), slack = red;   // to the next step; since the last one
         lanes at_depth = red;              // distance where each is
         lanes_i leaves = I(0);
 
-        for (int step = 0; step < MOST_STEPS * LANES; ++step) {
+        for (int walked = 0; walked < MOST_TETRAHEDRA * LANES; ++walked) {
             /* The tetrahedron of the ray that has come least far, and all rays in it. */
             const lanes waiting = cell >= 0 ? at_depth : F(INFINITY);
             const lanes_i next_ones = (cell >= 0) & (waiting == least_lane(waiting));
@@ -392,11 +393,11 @@ __kernel void march(
             lanes_i ended = group & ((z_out >= stop) | down);
 
             /* What is new to the ray: space that is folded back is gone through again. */
-            lanes_i running = group & (z_out > front);
+            lanes_i running = group & (z_out > new_from);
             if (any_lane(running)) {
                 #pragma OPENCL FP_CONTRACT ON
                 const lanes length = z_out - z_in, shorter = 1.0f / greater(length, F(1e-30f));
-                const lanes low = within((front - z_in) * shorter, 0.0f, 1.0f);
+                const lanes low = within((new_from - z_in) * shorter, 0.0f, 1.0f);
                 const lanes high = greater(within((stop - z_in) * shorter, 0.0f, 1.0f), low);
                 const lanes rise = h_out - h_in, mx = x_out - x_in, my = y_out - y_in;
                 const lanes move = quick_root(mx * mx + my * my + 1e-20f);
@@ -409,11 +410,11 @@ __kernel void march(
                 const lanes_i is_far = far > 0.0f, passes = running;
                 const bool any_far = any_lane(running & is_far);
                 const lanes measure_inverse = 1.0f / measure, a_step = move * measure_inverse;
-                /* How fast fur can come nearer from one look to the next. */
+                /* How fast fur can come nearer from one step to the next. */
                 const lanes nearer = move * (steep_here + steep_noise * (shells.kind.x ? F(1.0f) : greater(h_in, h_out))) + positive(rise) * steep_up - rise;
                 const lanes rate = greater(nearer * measure_inverse, F(1e-2f));
                 const lanes rate_inverse = lesser(measure / greater(nearer, F(1e-30f)), F(1e2f));
-                /* From here on a place is told by what was looked past since it came in here: 0 to span. */
+                /* From here on a place is how many steps the ray has taken since it came in here: 0 to span. */
                 const lanes z_step = length * measure_inverse, h_step = rise * measure_inverse;
                 const lanes x_step = mx * measure_inverse, y_step = my * measure_inverse;
                 const lanes z_first = z_in + low * length, h_first = h_in + low * rise;
@@ -426,23 +427,24 @@ __kernel void march(
                 const lanes up_a = up.x * ax + up.y * ay + up.z * az, up_u = up.x * ux + up.y * uy + up.z * uz;
                 const lanes pixel = SHARP * footprint;
                 lanes hidden = F(0.0f), sum = hidden, sum_x = hidden, sum_y = hidden;
-                /* Looks that can't see hair are left out: there is none before `clear`. */
-                lanes clear = is_far ? F(0.0f) : slack * rate_inverse, next = until, looked = hidden;
+                /* Steps that can't meet hair are left out: there is none before `clear`. */
+                lanes clear = is_far ? F(0.0f) : slack * rate_inverse, next = until, last = hidden;
                 next += clear > next ? nearest(clear - next + 0.5f) : F(0.0f);
                 if (any_far)
-                    looked = -aside / a_step;
+                    last = -aside / a_step;
                 while (true) {
-                    /* Where to look next doesn't hang on what is left of the light, so that a processor can begin with it. */
-                    const lanes_i look = next <= span, looks = running & (look | ended);
-                    if (!any_lane(looks & (rest > 0.0f)))
+                    /* Where the next step ends doesn't hang on what is left of the light, so that a processor can
+                       begin with it. */
+                    const lanes_i whole = next <= span, stepping = running & (whole | ended);
+                    if (!any_lane(stepping & (rest > 0.0f)))
                         break;
-                    const lanes at = look ? next : span, h = within(h_first + at * h_step, 0.0f, 1.0f);
+                    const lanes at = whole ? next : span, h = within(h_first + at * h_step, 0.0f, 1.0f);
                     lanes x = x_first + at * x_step, y = y_first + at * y_step;
                     lanes moved_x = F(0.0f), moved_y = F(0.0f), by_x, by_y, top, fold, v;
                     if (shells.shape.z > 0.0f) {
                         const lanes z = z_first + at * z_step;
                         for (int i = 0; i < LANES; ++i)
-                            if (LANE_I(looks, i)) {
+                            if (LANE_I(stepping, i)) {
                                 const float4 where = shells.kind.x
                                     ? (float4)(LANE(x, i), LANE(y, i), 0.0f, 0.0f) / shells.shape.w
                                     : (eye + LANE(z, i) * (float4)(LANE(dx, i), LANE(dy, i), LANE(dz, i), 0.0f)
@@ -462,12 +464,12 @@ __kernel void march(
                         v = cells(&shells, face, (int)second.z, x, y, moved_x * h, moved_y * h, &by_x, &by_y, &top, &fold);
                     }
                     const lanes gap = (h - room) - v, ahead = greater(gap, F(0.0f)) * rate_inverse;
-                    clear = looks ? at + ahead : clear;
-                    next = looks & look ? (at + 1.0f) + nearest(ahead - 0.5f) : next;
-                    running = looks & look;
-                    if (!any_lane(looks & (gap < 0.0f))) {
-                        uncovered_inverse = looks ? F(1.0f) : uncovered_inverse;
-                        looked = at;
+                    clear = stepping ? at + ahead : clear;
+                    next = stepping & whole ? (at + 1.0f) + nearest(ahead - 0.5f) : next;
+                    running = stepping & whole;
+                    if (!any_lane(stepping & (gap < 0.0f))) {
+                        uncovered_inverse = stepping ? F(1.0f) : uncovered_inverse;
+                        last = at;
                         continue;
                     }
                     if (shells.kind.x) {
@@ -486,22 +488,22 @@ __kernel void march(
                     const lanes covered = cover((v - h) * sharper, 0.5f * sharper * g, (top - h) * sharper, (fold - h) * sharper,
                                                 width / g);
                     /* What is hidden here and was not before, of what is left: hairs go down to the skin, so that one
-                       look below another hides the same again. */
+                       step below another hides the same again. */
                     lanes kept = lesser((1.0f - covered) * uncovered_inverse, F(1.0f));
                     if (any_far) {
                         lanes many = F(1.0f);
                         for (int i = 0; i < LANES; ++i)
-                            if (LANE_I(looks, i) && LANE(far, i) > 0.0f)
+                            if (LANE_I(stepping, i) && LANE(far, i) > 0.0f)
                                 LANE(many, i) = kept_by_many(means, LANE(h, i) - LANE(h_step, i), LANE(h, i),
-                                                             (LANE(at, i) - LANE(looked, i)) * LANE(a_step, i));
+                                                             (LANE(at, i) - LANE(last, i)) * LANE(a_step, i));
                         kept = is_far ? kept + far * (many - kept) : kept;
                     }
-                    looked = at;
-                    kept = looks ? kept : F(1.0f);
-                    uncovered_inverse = looks ? 1.0f / greater(1.0f - covered, F(1e-3f)) : uncovered_inverse;
+                    last = at;
+                    kept = stepping ? kept : F(1.0f);
+                    uncovered_inverse = stepping ? 1.0f / greater(1.0f - covered, F(1e-3f)) : uncovered_inverse;
                     if (!any_lane(kept < 1.0f))
                         continue;
-                    /* It was met where the ramp from nothing to all was half gone through since the look before. */
+                    /* It was met where the ramp from nothing to all was half gone through since the step before. */
                     const lanes ramp = 1.0f / (width + g), now = (v - h + 0.5f * g) * ramp, change = (by_x * x_step + by_y * y_step - h_step) * ramp;
                     const lanes middle = 0.5f * (within(now - change, 0.0f, 1.0f) + within(now, 0.0f, 1.0f));
                     const lanes_i rises = (change > 1e-6f) & !is_far;
@@ -524,7 +526,7 @@ __kernel void march(
                 aside = passes ? (span + to_next > 1.0f ? (1.0f - to_next) * a_step : aside + span * a_step) : aside;
                 until = passes ? to_next : until;
                 slack = passes ? greater((clear - span) * rate, F(0.0f)) : slack;
-                front = group ? greater(front, z_out) : front;
+                new_from = group ? greater(new_from, z_out) : new_from;
                 /* Light once a tetrahedron, at the mean place of what has hidden something there. */
                 const lanes_i shown = hidden > 1e-4f;
                 if (any_lane(shown)) {
@@ -542,7 +544,7 @@ __kernel void march(
                         scaled(all_lanes(cb[1] - cb[0]), wb), scaled(all_lanes(cc[1] - cc[0]), wc))));
                     const lanes3 slope = scaled(plus(scaled(all_lanes(grad_x), sum_x), scaled(all_lanes(grad_y), sum_y)), scale);
                     const lanes3 place = {eye.x + z * dx, eye.y + z * dy, eye.z + z * dz}, v = {-dx, -dy, -dz};
-                    const lanes3 color = lit(&lighting, &shells, shown, place, within(h_first + mean * h_step, 0.0f, 1.0f), t, n, slope, v);
+                    const lanes3 color = shade_fur(&lighting, &shells, shown, place, within(h_first + mean * h_step, 0.0f, 1.0f), t, n, slope, v);
                     red += shown ? hidden * color.x : F(0.0f);
                     green += shown ? hidden * color.y : F(0.0f);
                     blue += shown ? hidden * color.z : F(0.0f);
@@ -570,10 +572,10 @@ __kernel void march(
                 ++pending;
             else
                 after[sample] = NOTHING;
-            through[sample] = left_over;
+            shell_transmittance[sample] = left_over;
             if (LANE_I(half_face, i) >= 0) {
                 const float4 d = (float4)(LANE(dx, i), LANE(dy, i), LANE(dz, i), 0.0f);
-                fur[sample] = (ulong)depth_of(&view, eye + LANE(half_way, i) * d) << 32 | (uint)LANE_I(half_face, i);
+                shell_front[sample] = (ulong)depth_of(&view, eye + LANE(half_way, i) * d) << 32 | (uint)LANE_I(half_face, i);
             }
             image[pixel] += (float4)(LANE(red, i), LANE(green, i), LANE(blue, i), LANE(alpha, i)) * (1.0f / samples);
         }

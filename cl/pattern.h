@@ -6,7 +6,7 @@
  */
 #define CELL_RADIUS 0.62f   // of a hair at its root, in sides of a cell: it reaches just beyond the cell's corners
 
-/* sin(2 pi r), |r| <= 1/4, to 1e-7 (Taylor).  Words and not a function: what is told to round each step may do so. */
+/* sin(2 pi r), |r| <= 1/4, to 1e-7 (Taylor).  A macro and not a function: code that rounds each step may use it, too. */
 #define QUARTER(r, z) ((r) * ((6.2831853f - 41.341702f * (z) + (z) * (z) * (81.605249f - 76.705860f * (z))) \
                               + (z) * (z) * ((z) * (z)) * (42.058694f - 15.094643f * (z))))
 

@@ -27,8 +27,8 @@
 #endif
 
 /* Offer (depth, id) to a sample. The plain read only spares the atomic where it could not win, and may be out of date:
-   what it reads can only have become smaller since. With 64-bit atomics one minimum does it; without, phase 0 settles the depths and
-   phase 1 the smallest id at each depth. Both leave the same bits: depth in the high word, id in the low. */
+   what it reads can only have become smaller since. With 64-bit atomics one minimum does it; without, phase 0 finds the
+   depths and phase 1 the smallest id at each depth. Both leave the same bits: depth in the high word, id in the low. */
 inline void put(volatile __global ulong *visible, size_t sample, uint depth, uint id, int phase)
 {
 #if INT64_ATOMICS
@@ -83,9 +83,9 @@ inline void draw_segment(
     const int du = b.x - a.x;
     const int2 columns = (int2)(0, view->size.x), us = steep ? view->rows.xy : columns, vs = steep ? columns : view->rows.xy;
     const int v_size = vs.y - vs.x;
-    const int samples = view->size.z, reach = max(a.w, b.w) / 2 * 3 + SUBPIXEL;
+    const int samples = view->size.z, margin = max(a.w, b.w) / 2 * 3 + SUBPIXEL;
     if (du == 0 || b.x < us.x * SUBPIXEL || a.x >= us.y * SUBPIXEL
-        || max(a.y, b.y) + reach < vs.x * SUBPIXEL || min(a.y, b.y) - reach >= vs.y * SUBPIXEL)
+        || max(a.y, b.y) + margin < vs.x * SUBPIXEL || min(a.y, b.y) - margin >= vs.y * SUBPIXEL)
         return;
 
     /* Measured along the shorter axis a slanted strand is thicker, by up to sqrt(2); most are thin all the same. */
@@ -191,12 +191,12 @@ inline long edge_bias(int4 p, int4 q)
     return q.y < p.y || (q.y == p.y && q.x > p.x) ? 0 : -1;
 }
 
-/* `after`: depth that a sample's fragment must lie behind, if `front`, which also leaves out what faces away. */
+/* `after`: depth that a sample's fragment must lie behind, if `facing`, which also leaves out what faces away. */
 inline void draw_triangle(volatile __global ulong *visible, const View *view, int2 rows, int4 a, int4 b, int4 c, uint id,
-                          int phase, int front, __global const uint *after)
+                          int phase, int facing, __global const uint *after)
 {
     long area = edge(a, b, c.x, c.y);
-    if (area == 0 || (front && area > 0))                  // counter-clockwise is clockwise where y points down
+    if (area == 0 || (facing && area > 0))                  // counter-clockwise is clockwise where y points down
         return;
     if (area < 0) {
         const int4 t = b; b = c; c = t;
@@ -226,7 +226,7 @@ inline void draw_triangle(volatile __global ulong *visible, const View *view, in
                 if ((ec | ea | eb) >= 0) {
                     const size_t sample = ((size_t)(y - view->rows.x) * view->size.x + x) * samples + s;
                     const uint depth = (uint)clamp(a.z + ((long)d >> 14), (long)nearest, (long)farthest);
-                    if (!front || depth > after[sample])
+                    if (!facing || depth > after[sample])
                         put(visible, sample, depth, id, phase);
                 }
                 ec -= (long)(b.y - a.y) * SUBPIXEL;
@@ -240,7 +240,7 @@ inline void draw_triangle(volatile __global ulong *visible, const View *view, in
 
 /* The rare triangle that leaves the guard band or crosses the near plane: clip it to a polygon and fan that. */
 void draw_triangle_clipped(volatile __global ulong *visible, const View *view, int2 rows, float4 a, float4 b, float4 c,
-                           uint id, int phase, int front, __global const uint *after)
+                           uint id, int phase, int facing, __global const uint *after)
 {
     float4 polygon[9], next[9];
     int n = 3;
@@ -268,7 +268,7 @@ void draw_triangle_clipped(volatile __global ulong *visible, const View *view, i
             return;
     for (int j = 1; j + 1 < n; ++j)
         draw_triangle(visible, view, rows, snap_clip(polygon[0], 0.0f), snap_clip(polygon[j], 0.0f),
-                      snap_clip(polygon[j + 1], 0.0f), id, phase, front, after);
+                      snap_clip(polygon[j + 1], 0.0f), id, phase, facing, after);
 }
 
 /* One work-item draws what one band of the picture shows of one triangle of the body: a large one is no long job. */
@@ -280,8 +280,8 @@ __kernel void body(
     const uint n,                          // triangles; work-items are n for each band
     const uint first,                      // added to the number of a triangle to make its id
     const int band,                        // rows of a band
-    const int front,                       // 1: only triangles that face the eye, behind `after`
-    __global const uint *after,            // [rows, width, samples] depth, if front
+    const int facing,                      // 1: only triangles that face the eye, behind `after`
+    __global const uint *after,            // [rows, width, samples] depth, if facing
     const int phase,
     volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
@@ -295,7 +295,7 @@ __kernel void body(
     const float4 c = to_screen(&view, positions[v.z]);
     if (within_guard(a) && within_guard(b) && within_guard(c))
         draw_triangle(visible, &view, rows, snap((float4)(a.xyz, 0.0f) / a.w), snap((float4)(b.xyz, 0.0f) / b.w),
-                      snap((float4)(c.xyz, 0.0f) / c.w), BODY | (first + t), phase, front, after);
+                      snap((float4)(c.xyz, 0.0f) / c.w), BODY | (first + t), phase, facing, after);
     else
-        draw_triangle_clipped(visible, &view, rows, a, b, c, BODY | (first + t), phase, front, after);
+        draw_triangle_clipped(visible, &view, rows, a, b, c, BODY | (first + t), phase, facing, after);
 }

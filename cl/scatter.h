@@ -37,7 +37,7 @@ INLINED lanes sines(lanes c)
     return root(greater(1.0f - c * c, F(1e-12f)));
 }
 
-/* The same of shell fur, side by side, of light that is 1 and without the ambient: n the skin's normal, slope the fur's
+/* The same of shell fur, side by side, of light that is 1 and without the ambient: n the body's normal, slope the fur's
    gradient in the world.  Or the report's turned normals: those of the height field. */
 INLINED lanes3 fibres(const Shells *shells, lanes_i on, lanes3 t, lanes3 n, lanes3 slope, lanes3 l, lanes3 v)
 {

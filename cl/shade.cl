@@ -33,7 +33,7 @@ inline float4 body_normal(__global const float4 *positions, __global const float
 
 /* Number of what a sample shows, among the triangles or segments that a part of the scene holds; NOTHING if it shows none
    of these. */
-inline uint shown(ulong key, uint4 part)
+inline uint local_id(ulong key, uint4 part)
 {
     const bool is_body = (uint)key & BODY;
     const uint id = is_body ? ((uint)key & ~BODY) - part.z : (uint)key - part.x;   // wraps round below the first
@@ -64,7 +64,7 @@ __kernel void color(
     __global const float4 *points,         // strands: see strands.cl
     __global const float4 *tangents,
     __global const uint *strand_of,
-    __global const float4 *strand_normal,  // [strands] of the skin at the root, 0: not known
+    __global const float4 *strand_normal,  // [strands] of the body at the root, 0: not known
     __global const float4 *strand_uv,      // [strands] u, v, type
     __global const HairType *types,
     __global const float4 *colors,         // one, [strands] or [points]
@@ -80,8 +80,8 @@ __kernel void color(
     __global const View *light_views,
     __global const float *crossings,
     __global const ulong *shadow_maps,
-    const int veiled,                      // 1: something lets only a share of the light through
-    __global const float *through,         // [rows, width, samples] that share
+    const int attenuated,                  // 1: something before the samples lets only a share of their light through
+    __global const float *sample_transmittance,   // [rows, width, samples] that share
     const int more,                        // 1: more is to come
     __global long4 *radiance_sums,         // [rows, width] in 1/ONE, if so
     __global float4 *image)                // [rows, width], if not
@@ -94,7 +94,8 @@ __kernel void color(
     /* Of many pixels nothing is to be lit: what stands before the lights is not fetched for them. */
     bool empty = true;
     for (int s = 0; s < samples; ++s)
-        empty &= shown(visible[pixel * samples + s], part) == NOTHING || (veiled && !(through[pixel * samples + s] > 0.0f));
+        empty &= local_id(visible[pixel * samples + s], part) == NOTHING
+            || (attenuated && !(sample_transmittance[pixel * samples + s] > 0.0f));
     if (empty)
         return;
     long4 sum = 0;
@@ -104,23 +105,23 @@ __kernel void color(
         const Obstacles obstacles = obstacles_of(&lighting, i);
         for (int s = 0; s < samples; ++s) {
             const ulong key = visible[pixel * samples + s];
-            const uint id = shown(key, part);
-            if (id == NOTHING || (veiled && !(through[pixel * samples + s] > 0.0f)))
+            const uint id = local_id(key, part);
+            if (id == NOTHING || (attenuated && !(sample_transmittance[pixel * samples + s] > 0.0f)))
                 continue;
             const float4 p = seen_point(&view, x, y, s, (uint)(key >> 32)), v = towards_eye(&view, p);
-            float4 lit;
+            float4 radiance;
             if ((uint)key & BODY) {
                 float4 weights;
                 const uint4 t = triangles[id];
                 const float4 n = body_normal(positions, normals, t, p, v, &weights);
                 const float4 face = cross3(positions[t.y] - positions[t.x], positions[t.z] - positions[t.x]);
-                lit = body_color * light_on_body(&light, &obstacles, p, n, face);
+                radiance = body_color * light_on_body(&light, &obstacles, p, n, face);
             } else {
                 const Fibre here = fibre_at(&hair, id, place_between(points[id], points[id + 1], p));
-                lit = shade_fibre(&light, &here, p, v, transmittance_at(&obstacles, &hair, id, p));
+                radiance = shade_fibre(&light, &here, p, v, transmittance_at(&obstacles, &hair, id, p));
             }
-            const float share = veiled ? weight * through[pixel * samples + s] : weight;
-            sum += in_integers(share, (float4)(lit.xyz, i ? 0.0f : 1.0f));
+            const float share = attenuated ? weight * sample_transmittance[pixel * samples + s] : weight;
+            sum += in_integers(share, (float4)(radiance.xyz, i ? 0.0f : 1.0f));
         }
     }
     if (more)
@@ -133,17 +134,18 @@ __kernel void color(
 __kernel void blend(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const long4 *radiance_sums,   // [rows, width] in 1/ONE
-    const int veiled,                      // 1: they let only a share of the picture through
-    __global const float *veil,            // [rows, width] that share
+    const int attenuated,                  // 1: they let only a share of the picture through
+    __global const float *strand_transmittance,   // [rows, width] that share
     __global float4 *image)                // [rows, width] premultiplied linear r, g, b, coverage
 {
     WORK_ITEM(pixel);
-    const float4 behind = veiled ? veil[pixel] * image[pixel] : image[pixel];
+    const float4 behind = attenuated ? strand_transmittance[pixel] * image[pixel] : image[pixel];
     image[pixel] = behind + in_floats(radiance_sums[pixel]);
 }
 
-/* One work-item tells what the nearest covered sample of one pixel sees, if this part of the scene holds it. */
-__kernel void about(
+/* One work-item tells what the nearest covered sample of one pixel sees, if this part of the scene holds it: the outputs
+   but color (AOVs). */
+__kernel void outputs(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint4 part,                      // first point's id, points, first triangle's id, triangles
@@ -177,7 +179,7 @@ __kernel void about(
         }
     }
     out_coverage[pixel] = (float)covered / samples;
-    const uint id = shown(key, part);
+    const uint id = local_id(key, part);
     if (id == NOTHING)
         return;
     const float4 p = seen_point(&view, x, y, nearest, (uint)(key >> 32)), v = towards_eye(&view, p);

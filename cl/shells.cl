@@ -3,14 +3,14 @@
  *
  * The space between them is divided into prisms over the faces, in `slabs` one above the other.  `bend` tells where their
  * corners are, `lattice`, `noise` and `means` what stands in them: see pattern.h.  march.cl takes rays through it,
- * `deposit` puts it before the light, `about` tells what is known of it.
+ * `deposit` puts it before the light, `outputs` what a picture besides its colour shows of it.
  */
 #include "cells.h"
 #include "lanes.h"
 #include "seen.h"
 #include "pattern.h"
 
-#define LOOKS 16        // at the table of means, at least, from the skin to the tips
+#define STEPS 16        // through the table of means, at least, from the skin to the tips
 
 /* The way hairs are bent at each vertex: places at heights 0, 1/slabs .. 1, all steps equally long, so that layers keep
    their distance (the report's wind, after Bakay, Lalonde and Heidrich 2002).  One work-item bends one vertex. */
@@ -189,7 +189,7 @@ __kernel void deposit(
 
     const float4 first = lattice[CORNERS * face], second = lattice[CORNERS * face + 1];
     const float2 to_b = first.zw - first.xy, to_c = second.xy - first.xy;
-    const int looks = (LOOKS - 1) / (slabs * heights) + 1;
+    const int steps = (STEPS - 1) / (slabs * heights) + 1;
     float left = 0.5f, covered = mean_at(means, 0.0f).x;
     for (int level = 0; level < slabs * heights; ++level) {
         const int slab = level / heights;
@@ -199,9 +199,9 @@ __kernel void deposit(
         const float above = mean_at(means, top).x, newly = covered - above;
         covered = above;
         float entered = 0.0f;
-        for (int k = 0; k < looks; ++k)
-            entered += mean_at(means, low + (k + 0.5f) / (slabs * heights * looks)).y;
-        const float sideways = entered / (heights * looks);
+        for (int k = 0; k < steps; ++k)
+            entered += mean_at(means, low + (k + 0.5f) / (slabs * heights * steps)).y;
+        const float sideways = entered / (heights * steps);
 
         const float4 up_a = pa[slab + 1] - pa[slab], up_b = pb[slab + 1] - pb[slab] - up_a,
                      up_c = pc[slab + 1] - pc[slab] - up_a;
@@ -241,15 +241,15 @@ __kernel void deposit(
     }
 }
 
-/* What the nearest sample of one pixel sees, where that is fur: what is told of strands, of a hair of the fur.  One
-   work-item tells it of one pixel. */
-__kernel void about(
+/* The outputs but color (AOVs) of what the nearest sample of one pixel sees, where that is fur: of a hair there, as of a
+   strand.  One work-item, one pixel. */
+__kernel void outputs(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const int slabs,
     __global const ulong *visible,         // [rows, width, samples] what else is drawn
-    __global const ulong *fur,             // [rows, width, samples] depth << 32 | face, see march
-    __global const float *through,         // [rows, width, samples]
+    __global const ulong *shell_front,     // [rows, width, samples] depth << 32 | face, see march
+    __global const float *transmittance,   // [rows, width, samples] share of light that comes from behind all hair
     __global const uint4 *faces,           // [F] corners in the order of their numbers
     __global const float4 *curves,         // [V, slabs + 1]
     __global const float4 *uv,             // [F * 3] u, v of these corners
@@ -267,8 +267,8 @@ __kernel void about(
     int nearest = 0;
     float covered = 0.0f;
     for (int s = 0; s < samples; ++s) {
-        const ulong drawn = visible[pixel * samples + s], there = fur[pixel * samples + s];
-        covered += (uint)drawn == NOTHING ? 1.0f - through[pixel * samples + s] : 1.0f;
+        const ulong drawn = visible[pixel * samples + s], there = shell_front[pixel * samples + s];
+        covered += (uint)drawn == NOTHING ? 1.0f - transmittance[pixel * samples + s] : 1.0f;
         other = min(other, (uint)(drawn >> 32));
         if (there < key) {
             key = there;

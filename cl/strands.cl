@@ -20,11 +20,11 @@ inline float exp_minus(float x)
     return series * 0.707106781f * as_float((uint)(127 - (int)k) << 23);
 }
 
-/* Integer area of a triangle whose sides are scaled by `unit` first, so that no size of the world loses it: integers
-   add up to the same sum in any order. */
-inline ulong area_of(__global const float4 *positions, uint4 t, float unit)
+/* Integer area of a triangle whose sides are multiplied by `area_scale` first, so that no size of the world loses it:
+   integers add up to the same sum in any order. */
+inline ulong area_of(__global const float4 *positions, uint4 t, float area_scale)
 {
-    const float4 n = cross3(unit * (positions[t.y] - positions[t.x]), unit * (positions[t.z] - positions[t.x]));
+    const float4 n = cross3(area_scale * (positions[t.y] - positions[t.x]), area_scale * (positions[t.z] - positions[t.x]));
     return (ulong)min(sqrt(dot3(n, n)), 0x1p58f);
 }
 
@@ -35,14 +35,14 @@ __kernel void sum_areas(
     __global const float4 *positions,
     __global const uint4 *triangles,       // [T]
     const uint n,                          // T
-    const float unit,
+    const float area_scale,                // of lengths, that makes areas whole numbers
     __global ulong *sums)                  // [ceil(T / SCAN)]
 {
     WORK_ITEM(block);
     const uint stop = min(((uint)block + 1) * (uint)SCAN, n);
     ulong sum = 0;
     for (uint t = block * SCAN; t < stop; ++t)
-        sum += area_of(positions, triangles[t], unit);
+        sum += area_of(positions, triangles[t], area_scale);
     sums[block] = sum;
 }
 
@@ -55,9 +55,9 @@ __kernel void scan_sums(
     WORK_ITEM(only);
     ulong sum = 0;
     for (uint i = 0; i < n; ++i) {
-        const ulong own = sums[i];
+        const ulong of_block = sums[i];
         sums[i] = sum;
-        sum += own;
+        sum += of_block;
     }
     *total = sum;
 }
@@ -67,7 +67,7 @@ __kernel void scan_areas(
     __global const float4 *positions,
     __global const uint4 *triangles,       // [T]
     const uint n,                          // T
-    const float unit,
+    const float area_scale,                // of lengths, that makes areas whole numbers
     __global const ulong *sums,            // [ceil(T / SCAN)] area before each block
     __global ulong *areas)                 // [T] area of triangles 0..t
 {
@@ -75,7 +75,7 @@ __kernel void scan_areas(
     const uint stop = min(((uint)block + 1) * (uint)SCAN, n);
     ulong sum = sums[block];
     for (uint t = block * SCAN; t < stop; ++t) {
-        sum += area_of(positions, triangles[t], unit);
+        sum += area_of(positions, triangles[t], area_scale);
         areas[t] = sum;
     }
 }
@@ -255,7 +255,7 @@ __kernel void grow(
 }
 
 /* One strand of the user's: packed arrays -> those of grown strands, tangents from the neighbouring points. */
-__kernel void bring(
+__kernel void unpack_curves(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float *packed,          // [points, 3]
     __global const uint2 *spans,           // [strands] first point, points
@@ -273,7 +273,7 @@ __kernel void bring(
     __global float4 *tangents,             // [points] unit
     __global uint *strand_of,              // [points]
     __global float4 *colors,               // [strands] or [points] linear r, g, b; not written where one is for all
-    __global float4 *strand_normal,        // [strands] of the skin at the root, 0: not known
+    __global float4 *strand_normal,        // [strands] of the body at the root, 0: not known
     __global float4 *strand_uv)            // [strands] u, v, type
 {
     WORK_ITEM(i);

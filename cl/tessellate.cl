@@ -120,11 +120,11 @@ __kernel void vertices(
                     else
                         on_side(p[next], n[next], p[i], n[i], back, curved, &position, &normal);
                 } else {
-                    /* In units of 1/3n: the ring's corner is (3n - 4k, 2k, 2k), a step along a side is 3. */
-                    const float unit = 3.0f * inner;
-                    b[i] = (unit - 4 * k - 3 * j) / unit;
-                    b[next] = (2 * k + 3 * j) / unit;
-                    b[3 - i - next] = 2 * k / unit;
+                    /* In 3n-ths: the ring's corner is (3n - 4k, 2k, 2k), a step along a side is 3. */
+                    const float whole = 3.0f * inner;
+                    b[i] = (whole - 4 * k - 3 * j) / whole;
+                    b[next] = (2 * k + 3 * j) / whole;
+                    b[3 - i - next] = 2 * k / whole;
                     inside(&patch, (float4)(b[0], b[1], b[2], 0.0f), curved, &position, &normal);
                 }
                 out_positions[at] = position;

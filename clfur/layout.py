@@ -1,7 +1,7 @@
 """The one contract between host and device: constants, sample patterns, structs and arrays, written once."""
 
 import dataclasses
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -72,7 +72,7 @@ Light = np.dtype([
 
 # method: 1 if a type's optical depth is 1 - alpha, 0 if it is -ln(alpha).
 Shadow = np.dtype([                   # how a place is looked up in a light's grid and map
-    ("hair", *_float4),               # optical depth of one crossing, own share: a width's, a fragment's; method
+    ("hair", *_float4),               # optical depth of one crossing; self-shadow: of a width, of a fragment; method
     ("body", *_int4),                 # 1: there is a shadow map; filter radius in texels, -, -
     ("place", *_int4),                # where its cells and its texels begin: low and high 32 bits of each
 ])
@@ -84,13 +84,13 @@ Grid = np.dtype([                     # cells seen from the light: world -> (x·
     ("face", *_float4),                  # area of a cell's face and length of its side at w = 1 [world]; smallest w
 ])
 
-Shells = np.dtype([                   # fur as a height field on the skin, drawn layer by layer
+Shells = np.dtype([                   # fur as a height field on the body, drawn layer by layer
     ("size", *_float4),                  # length [world], layers, frequency, length_variation
     ("shape", *_float4),                 # sharpness, density, noise [hairs], size of its waves [hairs]
     ("color", *_float4),                 # linear r, g, b; share of light at the roots
     ("shine", *_float4),                 # as of HairType
     ("kind", *_int4),                    # pattern: 0 cells, 1 sine; seed; slabs that a hair bends in; 1: filtered
-    ("noise", *_int4),                   # lattice of the noise in x, y, z; 1: no skin is drawn
+    ("noise", *_int4),                   # lattice of the noise in x, y, z; 1: no body is drawn
     ("bend", *_float4),                  # what bends hairs all the time, -
     ("wind", *_float4),                  # what bends them in gusts, -
     ("gust", *_float4),                  # waves of the gusts a unit of length [1/world], waves gone by
@@ -199,9 +199,11 @@ class Arrays:
     none.
     """
 
+    declared: ClassVar[dict[str, Declared]]
+
     def __init_subclass__(cls):
-        own = {name: getattr(cls, name, None) for name in cls.__annotations__}
-        declared = {name: each.metadata["declared"] for name, each in own.items()
+        fields = {name: getattr(cls, name, None) for name in cls.__annotations__}
+        declared = {name: each.metadata["declared"] for name, each in fields.items()
                     if isinstance(each, dataclasses.Field) and "declared" in each.metadata}
         for name, kind in cls.__annotations__.items():
             if (kind is Any) != (name in declared):

@@ -44,23 +44,25 @@ def test_an_array_that_is_not_declared_is_an_error_at_import(body):
     ("strand_of", 19, np.uint32, "uint32 [20]"), ("spans", (0, 4), np.uint32, "uint32 [0, 2]"),
     ("types", 2, layout.Light, None)])
 def test_an_array_unlike_its_declaration_is_refused(gpu, name, shape, dtype, allowed):
-    grown = strands.Grown.empty(gpu, ROWS)
-    with pytest.raises(TypeError, match=rf"Grown\.{name} is .*; allowed: ") as error:
+    grown = strands.DeviceStrands.empty(gpu, ROWS)
+    with pytest.raises(TypeError, match=rf"DeviceStrands\.{name} is .*; allowed: ") as error:
         replace(grown, **{name: gpu.empty(shape, dtype)})
     assert allowed is None or allowed in str(error.value)
-    with pytest.raises(TypeError, match=r"Grown\.first_point is an array on the device that is not declared"):
+    with pytest.raises(TypeError, match=r"DeviceStrands\.first_point is an array on the device that is not declared"):
         replace(grown, first_point=gpu.empty(1, np.uint32))
 
 
 def test_arrays_are_made_as_declared(gpu):
-    made = coverage.Resolved.empty(gpu, {"pixel": (3, 5), "sample": (3, 5, 4)}, veil=gpu.full((3, 5), np.float32, 7))
+    made = coverage.Resolved.empty(gpu, {"pixel": (3, 5), "sample": (3, 5, 4), "fragment": 6},
+                                   strand_transmittance=gpu.full((3, 5), np.float32, 7))
     shapes = {name: (getattr(made, name).shape, getattr(made, name).dtype) for name in coverage.Resolved.declared}
     assert shapes == {
-        "used": ((3, 5), np.uint32), "through": ((3, 5, 4), np.float32), "veil": ((3, 5), np.float32),
-        "alpha": ((3, 5), np.float32), "seen": ((3, 5, 1), np.uint64), "seen_fur": ((3, 5, 1), np.uint64)}
-    assert (made.through.get() == 1).all() and (made.veil.get() == 7).all()
-    assert bytes_of(made) == coverage.Resolved.bytes(pixel=15, sample=60)
-    assert coverage.Resolved.bytes("through", "seen", pixel=15, sample=60) == 15 * 8 + 60 * 4
+        "weights": ((6, 2), np.uint64), "used": ((3, 5), np.uint32), "body_transmittance": ((3, 5, 4), np.float32),
+        "strand_transmittance": ((3, 5), np.float32), "alpha": ((3, 5), np.float32), "front": ((3, 5, 1), np.uint64),
+        "shell_front": ((3, 5, 1), np.uint64)}
+    assert (made.body_transmittance.get() == 1).all() and (made.strand_transmittance.get() == 7).all()
+    assert bytes_of(made) == coverage.Resolved.bytes(pixel=15, sample=60, fragment=6)
+    assert coverage.Resolved.bytes("body_transmittance", "front", pixel=15, sample=60) == 15 * 8 + 60 * 4
 
 
 # --- the memory plan --------------------------------------------------------------------------------------
@@ -95,7 +97,7 @@ def kept(gpu, mesh, curves=False):
     if curves:
         points = np.random.default_rng(2).normal(size=(5000, 30, 3))
         fur = clfur.Curves(points, color=np.abs(points) % 1)
-        made = strands.bring(gpu, fur)
+        made = strands.upload_curves(gpu, fur)
     else:
         fur = clfur.Strands(roots=20_000, types=[kind])
         made = strands.grow(gpu, tessellate.tessellate(gpu, mesh), fur)
@@ -144,14 +146,14 @@ def test_the_plan_counts_all_of_strands(gpu, mesh, curves):
 def test_an_array_more_than_the_plan_counts_is_seen(gpu, mesh, monkeypatch, curves):
     """Planted: a class with an array of rows that the plan has not heard of."""
     @dataclass(frozen=True, kw_only=True)
-    class Longer(strands.Grown):
+    class Longer(strands.DeviceStrands):
         knots: Any = layout.array("knot", np.float32, 4)
 
     def empty(gpu, rows, **given):
         return Longer(**vars(right(gpu, rows, **given)),
                       knots=Longer.declared["knots"].empty(gpu, rows["point"]))
-    right = strands.Grown.empty
-    monkeypatch.setattr(strands.Grown, "empty", empty)
+    right = strands.DeviceStrands.empty
+    monkeypatch.setattr(strands.DeviceStrands, "empty", empty)
     with pytest.raises(AssertionError):
         check_counts(gpu, mesh, curves)
 
@@ -189,12 +191,13 @@ def test_the_plan_counts_all_of_fragments(gpu, mesh):
         coverage.gather(gpu, view, grown, fragments)
         resolved = coverage.resolve(gpu, visible, fragments)
         sums = coverage.light(gpu, view, unshadowed(gpu, np.zeros((), layout.Light)), fragments, resolved, grown)
-        return fragments, resolved, sums, shade.blend(gpu, sums, veil=resolved.veil)
+        return fragments, resolved, sums, shade.blend(gpu, sums, strand_transmittance=resolved.strand_transmittance)
     taken, (fragments, resolved, *_) = most(gpu, make)
     samples = parts.VISIBLE.bytes * 4 + coverage.Resolved.bytes(sample=4)
     pixel = parts.PIXEL + samples + parts.IMAGE.bytes + parts.RADIANCE_SUMS.bytes + parts.COUNTED.bytes
-    counted = 200 * 150 * pixel + parts.FRAGMENT * len(fragments.list)
-    assert bytes_of(fragments, resolved) < counted and .8 * counted < taken < room(counted)
+    counted = 200 * 150 * pixel + parts.FRAGMENT * len(fragments.areas)
+    assert resolved.weights is fragments.areas
+    assert bytes_of(fragments, resolved) - resolved.weights.nbytes < counted and .8 * counted < taken < room(counted)
 
 
 @pytest.mark.parametrize("options", [{}, {"pattern": "sine"}, {"wind": (.5, 0, 0)}], ids=str)
@@ -207,5 +210,5 @@ def test_the_plan_counts_all_of_shells(gpu, mesh, options):
         return shells.bend(gpu, mesh, packed, pattern, topology)
     taken, shell = most(gpu, make)
     counted = shells.size_of(mesh, packed, topology)
-    assert bytes_of(shell, shell.pattern) + shells.SKIN.bytes * len(mesh.positions) == counted
+    assert bytes_of(shell, shell.pattern) + shells.POSITIONS.bytes * len(mesh.positions) == counted
     assert .8 * counted < taken < room(counted)

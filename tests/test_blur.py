@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import clfur
-from clfur.stages.blur import blur, reach_of
+from clfur.stages.blur import blur, blur_radius
 from clfur.twin import blur as twin
 
 
@@ -56,9 +56,9 @@ def test_edges_leave_the_interior_untouched(gpu):
 @pytest.mark.parametrize("edges", [False, True])
 def test_rows_are_the_same_bits(gpu, edges):
     image, sigma = picture(60, 40), 1.5
-    whole, reach = blur(gpu, gpu.upload(image), sigma, edges).get(), reach_of(sigma)
+    whole, radius = blur(gpu, gpu.upload(image), sigma, edges).get(), blur_radius(sigma)
     for top, end in ((0, 7), (7, 30), (30, 60)):
-        low, high = max(top - reach, 0), min(end + reach, 60)
+        low, high = max(top - radius, 0), min(end + radius, 60)
         strip = blur(gpu, gpu.upload(image[low:high]), sigma, edges, (top - low, end - low)).get()
         np.testing.assert_array_equal(strip, whole[top:end])
 

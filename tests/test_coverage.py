@@ -49,7 +49,7 @@ def test_numbers_are_the_twins(gpu, rows, width, band, most):
     fragments = coverage.allocate(gpu, there, pieces, band)
     np.testing.assert_array_equal(fragments.starts.get(), meant)
     np.testing.assert_array_equal(fragments.pixels.get(), np.stack([counted[first:end, :, 0], meant], -1))
-    assert fragments.list.shape == (pieces, 2)
+    assert fragments.areas.shape == (pieces, 2)
 
 
 def areas(gpu, view, strands):
@@ -197,5 +197,5 @@ def test_the_body_bounds_what_is_gathered(gpu):
     visible[:, 10:15] = (DEPTH_ONE * 3 // 8 << 32) | BODY
     visible[:, 12, 3] = NONE
     _, pieces = gathered(gpu, flat(20, 11, 4), points, spans, visible)
-    seen = {x: set(pieces["id"][pieces["pixel"] % 20 == x].tolist()) for x in range(20)}
-    assert seen[0] == seen[12] == seen[19] == {0, 2, 4} and seen[7] == {4} and seen[11] == {4}
+    found = {x: set(pieces["id"][pieces["pixel"] % 20 == x].tolist()) for x in range(20)}
+    assert found[0] == found[12] == found[19] == {0, 2, 4} and found[7] == {4} and found[11] == {4}

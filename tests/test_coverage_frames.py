@@ -159,8 +159,8 @@ def test_hashes_with_shells_are_of_integers_alone(gpu, monkeypatch):
     whole = march.march
 
     def other(*arguments):
-        image, through, seen = whole(*arguments)
-        return image, gpu.upload(gpu.download(through) * np.float32(1 - 1e-6)), seen
+        image, transmittance, front = whole(*arguments)
+        return image, gpu.upload(gpu.download(transmittance) * np.float32(1 - 1e-6)), front
     one = clfur.draw(scene, gpu, OFF, hashes=True)
     monkeypatch.setattr(march, "march", other)
     two = clfur.draw(scene, gpu, OFF, hashes=True)

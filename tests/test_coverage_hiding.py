@@ -36,54 +36,56 @@ def keys_at(rng, shape, share, spread=1 << 20):
     return np.where(rng.random(shape) < share, depths.astype(np.uint64) << np.uint64(32) | np.uint64(BODY | 5), NONE)
 
 
-def resolved_bits(gpu, fragments, visible, through=None, fur=None):
-    """What `resolve` gives: {name: array}, and the pieces that are seen."""
-    both = (None, None) if fur is None else (gpu.upload(through), gpu.upload(fur))
+def resolved_bits(gpu, fragments, visible, shell_transmittance=None, shell_front=None):
+    """What `resolve` gives: {name: array} but the weights, and the pieces that are seen, with their weights."""
+    both = (None, None) if shell_front is None else (gpu.upload(shell_transmittance), gpu.upload(shell_front))
     resolved = coverage.resolve(gpu, gpu.upload(visible), fragments, *both)
-    arrays = {f.name: getattr(resolved, f.name).get() for f in dataclasses.fields(resolved)}
-    return arrays, pieces_of(fragments, resolved.used)
+    arrays = {f.name: getattr(resolved, f.name).get() for f in dataclasses.fields(resolved) if f.name != "weights"}
+    return arrays, pieces_of(fragments, resolved)
 
 
-@pytest.mark.parametrize("samples, furry, counts", [
+@pytest.mark.parametrize("samples, has_shells, counts", [
     *[pytest.param(s, f, [[0, 1, 3], [9, 40, 70]], marks=pytest.mark.small) for s, f in ((1, False), (4, True))],
     (1, True, np.arange(120).reshape(8, 15)), (4, False, np.arange(120).reshape(8, 15)),
     (16, False, np.full((9, 9), 30)), (16, True, np.full((9, 9), 30)), (4, True, [[63, 64, 65, 66, 200, 1000]])])
 @pytest.mark.parametrize("share", [.15, 1.0])
-def test_hiding_is_the_twins(gpu, samples, furry, counts, share):
+def test_hiding_is_the_twins(gpu, samples, has_shells, counts, share):
     """Measured: 8e-8 of the pixel's light; a product of n factors is wrong by n roundings of 2^-24 at most."""
-    rng, counts = np.random.default_rng(samples + furry), np.asarray(counts)
+    rng, counts = np.random.default_rng(samples + has_shells), np.asarray(counts)
     fragments = piled(gpu, rng, counts, share=share)
     shape = (*counts.shape, samples)
-    visible, fur, through = keys_at(rng, shape, .5), None, None
+    visible, front, transmittance = keys_at(rng, shape, .5), None, None   # these of shells
     visible[counts % 3 == 0] = NONE
-    if furry:
-        fur = keys_at(rng, shape, .6)
-        through = np.where(rng.random(shape) < .7, rng.random(shape), 1).astype(np.float32)
-        through[counts % 5 == 0] = 1
-        through[counts % 7 == 0] *= np.float32(.01)            # hardly anything is left for strands behind
+    if has_shells:
+        front = keys_at(rng, shape, .6)
+        transmittance = np.where(rng.random(shape) < .7, rng.random(shape), 1).astype(np.float32)
+        transmittance[counts % 5 == 0] = 1
+        transmittance[counts % 7 == 0] *= np.float32(.01)            # hardly anything is left for strands behind
     before = pieces_of(fragments)
-    arrays, after = resolved_bits(gpu, fragments, visible, through, fur)
-    seen_weights = {(p, d << 32 | k): w for p, k, d, w in after.tolist()}
+    arrays, after = resolved_bits(gpu, fragments, visible, transmittance, front)
+    weights = {(p, d << 32 | k): w for p, k, d, w in after.tolist()}
     for pixel in range(counts.size):
         y, x = divmod(pixel, counts.shape[1])
         pieces = {d << 32 | k: float(a) for _, k, d, a in before[before["pixel"] == pixel].tolist()}
-        meant = twin.resolve(pieces, visible[y, x].tolist(), fur if fur is None else fur[y, x].tolist(),
-                             through if through is None else through[y, x])
-        mine = {key: w for (p, key), w in seen_weights.items() if p == pixel}
+        meant = twin.resolve(pieces, visible[y, x].tolist(), front if front is None else front[y, x].tolist(),
+                             transmittance if transmittance is None else transmittance[y, x])
+        mine = {key: w for (p, key), w in weights.items() if p == pixel}
         assert mine.keys() == meant["weights"].keys()
         for key, weight in meant["weights"].items():
             assert abs(mine[key] - weight) < 1e-6
         on = visible[y, x] != NONE
-        np.testing.assert_allclose(arrays["through"][y, x][on], meant["through"][on], rtol=0, atol=2e-6)
+        np.testing.assert_allclose(arrays["body_transmittance"][y, x][on], meant["body_transmittance"][on],
+                                   rtol=0, atol=2e-6)
         assert abs(arrays["alpha"][y, x] - meant["alpha"]) < 2e-6
-        assert abs(arrays["veil"][y, x] - meant["veil"]) < 2e-5    # a quotient of small ones
-        assert abs(sum(mine.values()) + meant["body"] + meant["fur"] - meant["alpha"]) < 3e-6   # no light is lost
+        off = arrays["strand_transmittance"][y, x] - meant["strand_transmittance"]
+        assert abs(off) < 2e-5                                     # a quotient of small ones
+        assert abs(sum(mine.values()) + meant["body"] + meant["shells"] - meant["alpha"]) < 3e-6   # no light is lost
         # The winner fills as much as any, but for roundings.
         best = max([0, *meant["weights"].values(), meant["body"],
-                    meant["fur"] * (fur is not None and (fur[y, x] != NONE).any())])
-        key, fur_key = int(arrays["seen"][y, x, 0]), int(arrays["seen_fur"][y, x, 0])
-        if fur_key != twin.NONE:
-            assert fur_key == fur[y, x].min() and key == twin.NONE and meant["fur"] > best - 2e-6
+                    meant["shells"] * (front is not None and (front[y, x] != NONE).any())])
+        key, shell_key = int(arrays["front"][y, x, 0]), int(arrays["shell_front"][y, x, 0])
+        if shell_key != twin.NONE:
+            assert shell_key == front[y, x].min() and key == twin.NONE and meant["shells"] > best - 2e-6
         elif key != twin.NONE:
             is_body = bool(key & BODY)
             assert (meant["body"] if is_body else meant["weights"][key]) > best - 2e-6
@@ -99,7 +101,7 @@ def test_both_ways_of_sorting_give_the_same_bits(gpu, n):
     for more in (0, 1, 2, 5, 200):
         rng = np.random.default_rng(11)
         fragments = piled(gpu, rng, [[n]])
-        listed, behind = fragments.list.get(), np.zeros((more, 2), np.uint64)
+        listed, behind = fragments.areas.get(), np.zeros((more, 2), np.uint64)
         behind[:, 0] = (DEPTH_ONE - 5 << 32) + 9000 + 2 * np.arange(more)
         listed = np.random.default_rng(more).permutation(np.concatenate([listed, behind]))
         ends = np.array([[[0xFFFFFFFF, n + more]]], np.uint32)
@@ -121,14 +123,15 @@ def test_any_order_gives_the_same_bits(gpu):
     assert len(results) == 1
 
 
-def layers(gpu, *pieces, visible=(twin.NONE,), through=None, fur=None):
+def layers(gpu, *pieces, visible=(twin.NONE,), shell_transmittance=None, shell_front=None):
     """`resolved_bits` of one pixel of pieces (depth, id, share), and its weights {id: share of light}."""
     listed = np.array([(d << 32 | k, int(np.float32(a).view(np.uint32))) for d, k, a in pieces], np.uint64)
     listed = listed.reshape(-1, 2)
     fragments = coverage.Fragments(
         gpu.upload(np.zeros((1, 1), np.uint32)), gpu.upload(np.array([[[0xFFFFFFFF, len(pieces)]]], np.uint32)),
         gpu.upload(listed))
-    shells = (None, None) if fur is None else (np.array([[through]], np.float32), np.array([[fur]], np.uint64))
+    shells = () if shell_front is None else (np.array([[shell_transmittance]], np.float32),
+                                             np.array([[shell_front]], np.uint64))
     arrays, left = resolved_bits(gpu, fragments, np.array([[visible]], np.uint64), *shells)
     return arrays, dict(zip(left["id"].tolist(), left["share"].tolist()))
 
@@ -140,7 +143,7 @@ def body(depth):
 def test_strands_hide_what_is_behind_them(gpu):
     arrays, weights = layers(gpu, (30, 20, .5), (10, 10, .25), (20, 0, .5))
     assert weights == {10: .25, 0: .375, 20: .1875} and arrays["alpha"][0, 0] == 1 - .1875
-    assert int(arrays["seen"][0, 0, 0]) == 20 << 32
+    assert int(arrays["front"][0, 0, 0]) == 20 << 32
 
 
 def test_pieces_of_a_strand_lie_beside_each_other(gpu):
@@ -151,16 +154,16 @@ def test_pieces_of_a_strand_lie_beside_each_other(gpu):
 
 def test_equal_depths_go_by_number(gpu):
     arrays, weights = layers(gpu, (10, 8, .5), (10, 4, .5), (10, 0, .5))
-    assert weights == {0: .5, 4: .25, 8: .125} and int(arrays["seen"][0, 0, 0]) == 10 << 32
+    assert weights == {0: .5, 4: .25, 8: .125} and int(arrays["front"][0, 0, 0]) == 10 << 32
     arrays, weights = layers(gpu, (10, 8, .5), (10, 4, .5), visible=[body(10)])      # the body first
-    assert weights == {} and arrays["through"][0, 0, 0] == 1
+    assert weights == {} and arrays["body_transmittance"][0, 0, 0] == 1
 
 
 def test_a_tie_goes_to_the_body_and_then_to_the_nearest(gpu):
     arrays, weights = layers(gpu, (10, 8, .5), (20, 0, 1), visible=[body(15), twin.NONE])
-    assert weights == {8: .5, 0: .25} and int(arrays["seen"][0, 0, 0]) == 10 << 32 | 8
+    assert weights == {8: .5, 0: .25} and int(arrays["front"][0, 0, 0]) == 10 << 32 | 8
     arrays, _ = layers(gpu, (10, 8, .5), (20, 0, 1), visible=[body(15)])
-    assert int(arrays["seen"][0, 0, 0]) == body(15)
+    assert int(arrays["front"][0, 0, 0]) == body(15)
 
 
 def test_where_hardly_any_light_is_left_the_last_one_takes_it(gpu):
@@ -168,7 +171,7 @@ def test_where_hardly_any_light_is_left_the_last_one_takes_it(gpu):
     arrays, weights = layers(gpu, *wall, visible=[body(900)])
     assert sorted(weights) == [3 * i for i in range(8)] and arrays["used"][0, 0] == 8
     assert weights[21] == 2 * 2.0**-8 and sum(weights.values()) == arrays["alpha"][0, 0] == 1
-    assert arrays["through"][0, 0, 0] == 0
+    assert arrays["body_transmittance"][0, 0, 0] == 0
 
 
 @pytest.mark.parametrize("near", [0, 1, 3, 4])
@@ -178,15 +181,15 @@ def test_or_the_body_behind_them(gpu, near):
     wall = [(10 + i, 3 * i, .5) for i in range(6)]
     arrays, weights = layers(gpu, *wall, (60, 90, .5), (65, 93, .5), visible=visible)
     assert arrays["alpha"][0, 0] == 1
-    assert sum(weights.values()) + arrays["through"][0, 0].sum() / 4 == 1
+    assert sum(weights.values()) + arrays["body_transmittance"][0, 0].sum() / 4 == 1
 
 
 def test_body_before_among_and_behind_strands(gpu):
     pieces = (10, 0, .5), (20, 10, .5), (30, 20, .5)
-    for at, weights, through in ((5, {}, 1), (15, {0: .5}, .5), (25, {0: .5, 10: .25}, .25),
+    for at, weights, transmittance in ((5, {}, 1), (15, {0: .5}, .5), (25, {0: .5, 10: .25}, .25),
                                  (35, {0: .5, 10: .25, 20: .125}, .125)):
         arrays, mine = layers(gpu, *pieces, visible=[body(at)])
-        assert mine == weights and arrays["through"][0, 0, 0] == through and arrays["alpha"][0, 0] == 1
+        assert mine == weights and arrays["body_transmittance"][0, 0, 0] == transmittance and arrays["alpha"][0, 0] == 1
 
 
 @pytest.mark.parametrize("samples", [4, 16])
@@ -194,14 +197,16 @@ def test_samples_of_the_body_hide_their_share(gpu, samples):
     half = [body(15), twin.NONE] * (samples // 2)
     arrays, weights = layers(gpu, (10, 0, .5), (20, 10, .5), visible=half)
     assert weights == {0: .5, 10: .125} and arrays["alpha"][0, 0] == 1 - .125
-    assert arrays["through"][0, 0].tolist()[::2] == [.5] * (samples // 2)
+    assert arrays["body_transmittance"][0, 0].tolist()[::2] == [.5] * (samples // 2)
 
 
 def test_shells_hide_strands_and_are_hidden(gpu):
     face = 15 << 32 | 3
-    arrays, weights = layers(gpu, (10, 0, .5), (20, 10, .5), fur=[face], through=[.5])
-    assert weights == {0: .5, 10: .125} and arrays["veil"][0, 0] == .5 and arrays["alpha"][0, 0] == 1 - .125
-    assert int(arrays["seen"][0, 0, 0]) == 10 << 32 and int(arrays["seen_fur"][0, 0, 0]) == twin.NONE
-    arrays, weights = layers(gpu, (10, 0, .125), (20, 10, .5), fur=[face], through=[.25], visible=[body(40)])
-    assert arrays["veil"][0, 0] == .875 and arrays["through"][0, 0, 0] == .875 * .25 * .5
-    assert int(arrays["seen"][0, 0, 0]) == twin.NONE and int(arrays["seen_fur"][0, 0, 0]) == face
+    arrays, weights = layers(gpu, (10, 0, .5), (20, 10, .5), shell_front=[face], shell_transmittance=[.5])
+    assert weights == {0: .5, 10: .125} and arrays["alpha"][0, 0] == 1 - .125
+    assert arrays["strand_transmittance"][0, 0] == .5
+    assert int(arrays["front"][0, 0, 0]) == 10 << 32 and int(arrays["shell_front"][0, 0, 0]) == twin.NONE
+    arrays, weights = layers(gpu, (10, 0, .125), (20, 10, .5), shell_front=[face],
+                             shell_transmittance=[.25], visible=[body(40)])
+    assert arrays["strand_transmittance"][0, 0] == .875 and arrays["body_transmittance"][0, 0, 0] == .875 * .25 * .5
+    assert int(arrays["front"][0, 0, 0]) == twin.NONE and int(arrays["shell_front"][0, 0, 0]) == face

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.coverage import LAMP, OFF, SETTINGS, furry, pieces_of
+from support.coverage import LIGHT, OFF, SETTINGS, furry, pieces_of
 from support.scenes import squares, strands_of
 from support.stages import on_host
 
@@ -29,25 +29,25 @@ def stages_of(gpu, scene, samples=4):
     return view, visible, strands, fragments, coverage.resolve(gpu, visible, fragments)
 
 
-@pytest.mark.parametrize("kind, form, n, shaded", [
+@pytest.mark.parametrize("kind, form, n, shadowed", [
     pytest.param("point", "kajiya-kay", 4, True, marks=pytest.mark.small), ("all", "kajiya-kay", 60, False),
     ("strand", "half-vector", 60, True), ("grown", "kajiya-kay", 0, True)])
-@pytest.mark.parametrize("lamps", [[LAMP], [SPOT], [LAMP, SPOT]], ids=["far", "spot", "both"])
-def test_light_is_the_twins(gpu, kind, form, n, shaded, lamps):
+@pytest.mark.parametrize("lights", [[LIGHT], [SPOT], [LIGHT, SPOT]], ids=["far", "spot", "both"])
+def test_light_is_the_twins(gpu, kind, form, n, shadowed, lights):
     """Measured: 9e-7; a highlight's power and strands seen from their ends may give 2e-5, see test_shade.py."""
     scene = furry(kind, n, (13, 11) if n == 4 else (41, 31), form)
     view, _, strands, fragments, resolved = stages_of(gpu, scene)
-    shares = np.random.default_rng(3).random((len(lamps), len(strands.points))).astype(np.float32) if shaded else None
-    lights = [light_of(lamp) for lamp in lamps]
+    shape, lights = (len(lights), len(strands.points)), [light_of(light) for light in lights]
+    transmittances = np.random.default_rng(3).random(shape).astype(np.float32) if shadowed else None
     sums = coverage.light(gpu, view, unshadowed(gpu, *lights), fragments, resolved, strands,
-                          gpu.upload(shares) if shaded else None)
-    image = shade.blend(gpu, sums, veil=resolved.veil).get()
-    pieces, there = pieces_of(fragments, resolved.used), on_host(strands)
+                          gpu.upload(transmittances) if shadowed else None)
+    image = shade.blend(gpu, sums, strand_transmittance=resolved.strand_transmittance).get()
+    pieces, there = pieces_of(fragments, resolved), on_host(strands)
     meant = np.zeros_like(image, float)
     for pixel in np.unique(pieces["pixel"]):
         y, x = divmod(int(pixel), image.shape[1])
         weights = {d << 32 | k: w for _, k, d, w in pieces[pieces["pixel"] == pixel].tolist()}
-        meant[y, x] = twin.light(view, lights, y, x, weights, there, shares)
+        meant[y, x] = twin.light(view, lights, y, x, weights, there, transmittances)
     assert (meant[..., 3] > 0).mean() > .05 and meant[..., :3].max() > .05
     np.testing.assert_allclose(image, meant, rtol=0, atol=2e-5)
 
@@ -71,7 +71,7 @@ def test_ambient_light_alone_is_the_colour_times_alpha(gpu):
     assert 0 < (out["coverage"] > .2).mean() < 1
 
 
-def test_light_reaches_what_nothing_stands_before(gpu):
+def test_transmittance_is_whole_where_nothing_stands_before(gpu):
     """Above a plate all of it, below none; below a coat of hair some."""
     places = [(0, 1, 0), (0, .5, 0), (0, -.5, 0), (0, -1, 0)]
     line = clfur.Curves(np.array([places]) + (.01, 0, .013), width=.001)
@@ -79,8 +79,8 @@ def test_light_reaches_what_nothing_stands_before(gpu):
     scene = clfur.Scene(squares((.8, 0)), line, light=clfur.Light((0, -1, 0)))
     strands = strands_of(gpu, scene)
     lighting = cast_shadows(gpu, scene, settings, strands, tessellate(gpu, scene.mesh))
-    shares = coverage.transmittance(gpu, strands, lighting).get()
-    np.testing.assert_allclose(shares, [[1, 1, 0, 0]], atol=1e-3)
+    transmittances = coverage.transmittance(gpu, strands, lighting).get()
+    np.testing.assert_allclose(transmittances, [[1, 1, 0, 0]], atol=1e-3)
     rng = np.random.default_rng(5)
     coat = rng.uniform((-1, .7, -1), (1, .8, 1), (2000, 1, 3)) + rng.normal(size=(2000, 2, 3)) * (.1, 0, .1)
     hair = np.concatenate([coat, np.array([places[:2], places[2:]])])

@@ -52,12 +52,12 @@ def test_more_pieces_than_a_driver_sorts_are_told(gpu, monkeypatch, n, width, ma
     right = clfur.render(scene, settings=OFF)
     for steps in (gpu.steps, 65_535):
         monkeypatch.setattr(gpu, "steps", steps)
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             drawn = clfur.render(scene, gpu, OFF)
-        assert bool(told) == bool(steps and many)
-        assert told or np.allclose(drawn, right, atol=1e-5)
-        for one in told:
+        assert bool(caught) == bool(steps and many)
+        assert caught or np.allclose(drawn, right, atol=1e-5)
+        for one in caught:
             assert "ends long loops" in str(one.message) and one.filename == __file__
 
 
@@ -76,7 +76,7 @@ def test_bands_are_cut_by_what_was_counted(gpu, another, others):
 
     def noted(name, size, /, **arguments):
         if name == "coverage.resolve":
-            bands.append((size // 64, len(arguments["fragments"])))
+            bands.append((size // 64, len(arguments["weights"])))
         launch(name, size, **arguments)
     small.launch = noted
     for small.memory in range(900_000, 4_000_000, 300_000):
@@ -190,7 +190,7 @@ def test_the_body_is_drawn_without_growing_hair(gpu, sphere):
     names.clear()
     for part in parts:
         build.hair(small, plan, part, 0)
-    assert set(names) == {"strands.bring"}
+    assert set(names) == {"strands.unpack_curves"}
 
 
 def test_a_team_gives_the_bits_of_one(gpu, another, sphere):
@@ -215,9 +215,9 @@ def test_a_device_that_fails_is_dropped(gpu, another, sphere, kernel):
             raise clfur.DeviceError("this device is lost")
         launch(name, size, **arguments)
 
-    def own(name, size, /, **arguments):
+    def checked(name, size, /, **arguments):
         assert all(array.queue is team[1].queue for array in arguments.values() if hasattr(array, "queue")), name
         last(name, size, **arguments)
-    team[0].launch, team[1].launch = fails, own
+    team[0].launch, team[1].launch = fails, checked
     with pytest.warns(RuntimeWarning, match="goes on without a device: this device is lost"):
         same(whole, clfur.draw(scene, team, SETTINGS, hashes=True))

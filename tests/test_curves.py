@@ -7,7 +7,7 @@ import pytest
 import clfur
 from clfur.cache import digest
 from clfur.scene import Bounds, extent, hair_bounds
-from clfur.stages.strands import bring
+from clfur.stages.strands import upload_curves
 
 OUTPUTS = "color", "depth", "id", "tangent", "normal", "uv", "coverage"
 TYPES = clfur.HairType(alpha=.2, specular=.6, exponent=20), clfur.HairType(alpha=.9, specular=0)
@@ -42,7 +42,7 @@ def same(one, other):
 
 def test_what_is_brought_is_on_the_device(gpu):
     curves = everything(whisk())
-    there = bring(gpu, curves, (7, 30))
+    there = upload_curves(gpu, curves, (7, 30))
     np.testing.assert_array_equal(there.uv.get()[:, :2], curves.root_uv[7:30])
     np.testing.assert_array_equal(there.uv.get()[:, 2], curves.type_of[7:30])
     np.testing.assert_array_equal(there.normals.get()[:, :3], curves.root_normal[7:30])
@@ -53,7 +53,7 @@ def test_what_is_brought_is_on_the_device(gpu):
 
 
 def test_without_roots_they_are_zero(gpu):
-    there = bring(gpu, clfur.Curves(whisk()))
+    there = upload_curves(gpu, clfur.Curves(whisk()))
     assert not there.uv.get().any() and not there.normals.get().any() and there.color_per == 0
 
 

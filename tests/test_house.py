@@ -1,6 +1,7 @@
 """The house rules of ARCHITECTURE.md: what is called what, and who may import whom."""
 
 import ast
+import configparser
 import re
 import subprocess
 from pathlib import Path
@@ -169,6 +170,15 @@ def test_what_is_allowed_is_no_breach():
     assert not breaches("clfur.judge.truth", "from ..stages.tessellate import tessellate\nfrom ..twin import shade")
     assert not breaches("clfur.files.meshes", "import trimesh\nfrom ..scene import Mesh\nfrom .teapot import teapot")
     assert not breaches("clfur.command.render", "from .. import draw, save\nfrom .options import load_scene")
+
+
+def test_every_package_is_installed():
+    """An editable install finds them all, another one only what setup.cfg lists."""
+    config = configparser.ConfigParser()
+    config.read(ROOT / "setup.cfg")
+    listed = set(re.findall(r"[\w.]+", config["options"]["packages"]))
+    there = {".".join(path.parent.relative_to(ROOT).parts) for path in (ROOT / "clfur").rglob("__init__.py")}
+    assert listed == there | {"clfur.cl"} and "clfur.pipeline" in there
 
 
 def functions(source):

@@ -87,7 +87,7 @@ def test_a_light_more_in_parts_and_by_a_team_is_the_same_bits(gpu):
 
 
 def test_memory_is_planned_for_all_lights(gpu):
-    """A grid and a map for each light that is not out, and how much of each light reaches the strands."""
+    """A grid and a map for each light that is not out, and the transmittance of each to the strands."""
     settings = clfur.Settings(samples=4, grid=32, shadow_map=64)
     used, planned = [], []
     for lights in [SUN], [SUN, SPOT], [SUN, SPOT, SUN, SPOT]:
@@ -95,7 +95,7 @@ def test_memory_is_planned_for_all_lights(gpu):
         scene = scene_of("strands", lights)
         used.append(clfur.draw(scene, gpu, settings).memory)
         plan = Plan(Rig.of(scene, settings), ("color",))
-        planned.append(plan._fixed + plan._light * plan.points)
+        planned.append(plan._fixed + plan._transmittance * plan.points)
     assert np.all(np.diff(used) > 0) and np.all(np.diff(planned) >= np.diff(used))
     dark = [Plan(Rig.of(scene_of("strands", lights), settings), ("color",))._fixed for lights in ([SUN], [SUN, OUT])]
     assert dark[0] == dark[1]

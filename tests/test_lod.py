@@ -14,7 +14,7 @@ from clfur import layout
 from clfur.pipeline.shadows import accumulate, plan_shadows
 from clfur.pipeline.views import Rig, view_of
 from clfur.stages.lod import WIDEST, thin
-from clfur.stages.strands import bring, grow
+from clfur.stages.strands import grow, upload_curves
 from clfur.stages.tessellate import tessellate
 from clfur.twin import lod as twin
 
@@ -89,7 +89,7 @@ def check_twin(gpu, grown, view, lod, seed):
         grown.first_strand, grown.first_point, grown.color_per)
     np.testing.assert_array_equal(thinned.spans.get()[:, 0], grown.spans.get()[:, 0])
     to_screen, scale = view["to_screen"].astype(float).T, float(view["scale"][0])
-    told = []
+    checked = []
     for number, (before, after) in enumerate(zip(strands_of(grown), strands_of(thinned))):
         colors = None if before[2] is None else before[2][:, :3].astype(float)
         factor, kept = twin.thin(to_screen, scale, before[0], grown.first_strand + number, seed, lod, colors)
@@ -101,8 +101,8 @@ def check_twin(gpu, grown, view, lod, seed):
         # A factor is one minus a place, over a mean: rounded to a few 2^-24 of the largest.
         np.testing.assert_allclose(after[0][:, 3], factor * before[0][kept, 3], rtol=1e-6,
                                    atol=4e-6 * before[0][:, 3].max(initial=0))
-        told.append((len(before[0]), len(kept), factor))
-    return np.array(told)
+        checked.append((len(before[0]), len(kept), factor))
+    return np.array(checked)
 
 
 @pytest.mark.small
@@ -110,8 +110,8 @@ def check_twin(gpu, grown, view, lod, seed):
 @pytest.mark.parametrize("lod", [.25, 4])
 def test_twin_small(gpu, lod, per_point):
     fur = wild(60, 20, per_point=per_point)
-    told = check_twin(gpu, bring(gpu, fur), near_view(), lod, 0)
-    assert (told[:, 1] < told[:, 0]).any() and (told[:, 0] == 0).any()
+    checked = check_twin(gpu, upload_curves(gpu, fur), near_view(), lod, 0)
+    assert (checked[:, 1] < checked[:, 0]).any() and (checked[:, 0] == 0).any()
 
 
 @pytest.mark.parametrize("lod", [.6, 1, 4])
@@ -121,12 +121,12 @@ def test_twin(gpu, sphere, kind, lod):
         grown, view, seed = grown_fur(gpu, sphere), near_view(2.5), 3
     else:
         fur = wild(600)
-        grown, seed = bring(gpu, fur), 2**32 - 1
+        grown, seed = upload_curves(gpu, fur), 2**32 - 1
         view = near_view() if kind == "wild" else flat_view(90)
     grown = replace(grown, first_strand=77)
-    told = check_twin(gpu, grown, view, lod, seed)
-    assert (told[:, 1] < told[:, 0]).any()
-    assert (told[:, 2] > 1).any() and (told[told[:, 0] > 0, 2] == 0).any()
+    checked = check_twin(gpu, grown, view, lod, seed)
+    assert (checked[:, 1] < checked[:, 0]).any()
+    assert (checked[:, 2] > 1).any() and (checked[checked[:, 0] > 0, 2] == 0).any()
 
 
 # --- fewer and wider ------------------------------------------------------------------------------------
@@ -147,7 +147,7 @@ def test_the_mean_of_all_widths_stays():
 @pytest.mark.parametrize("k", [1, .9, .5, .2, .125, .01])
 def test_the_hairs_area_stays(gpu, k):
     n, lod = 40_000, 1.
-    grown = bring(gpu, rods(n, .01))
+    grown = upload_curves(gpu, rods(n, .01))
     factor = factors(grown, thin(gpu, grown, flat_view(100 * k), lod))
     kept = max(k, 1 / 8)
     sigma = ((twin.widening((np.arange(n) + .5) / n, kept) ** 2).mean() - 1) ** .5
@@ -172,7 +172,7 @@ def test_the_order_is_random_and_for_ever(gpu):
     """Neither a prefix nor every n-th, another for another seed, and a strand's own wherever its part begins."""
     n = 4000
     fur = rods(n, .01)
-    grown, view = bring(gpu, fur), flat_view(20)
+    grown, view = upload_curves(gpu, fur), flat_view(20)
     kept = factors(grown, thin(gpu, grown, view, 1)) > 0
     assert abs(kept.mean() - .3) < .03
     for piece in np.split(kept, 8):
@@ -180,7 +180,7 @@ def test_the_order_is_random_and_for_ever(gpu):
     assert abs((kept[1:] & kept[:-1]).mean() - .09) < .02
     other = factors(grown, thin(gpu, grown, view, 1, 9)) > 0
     assert abs((kept & other).mean() - .09) < .02
-    part = bring(gpu, fur, (1234, 2345))
+    part = upload_curves(gpu, fur, (1234, 2345))
     np.testing.assert_array_equal(factors(part, thin(gpu, part, view, 1)) > 0, kept[1234:2345])
     # What is kept of few is also kept of more.
     more = factors(grown, thin(gpu, grown, view, .7)) > 0
@@ -191,7 +191,7 @@ def test_nothing_pops_up(gpu):
     """20 times as far in small steps: no strand's width jumps, and all together keep their area."""
     n, lod, step = 20_000, 1., 1.05
     fur = rods(n, .04)
-    grown, widths, p = bring(gpu, fur), [], []
+    grown, widths, p = upload_curves(gpu, fur), [], []
     for pixels in 30 * step ** -np.arange(62.):
         p.append(.04 * pixels)
         widths.append(factors(grown, thin(gpu, grown, flat_view(pixels), lod)))
@@ -228,7 +228,7 @@ def test_points_left_out_are_near_their_line(gpu, sphere, lod):
     """Every one of them, also in pixels where the camera sees it."""
     left_out = 0
     for grown, view in ((grown_fur(gpu, sphere), near_view(2.5)),
-                        (bring(gpu, wild(800)), near_view()), (bring(gpu, wild(800)), flat_view(90))):
+                        (upload_curves(gpu, wild(800)), near_view()), (upload_curves(gpu, wild(800)), flat_view(90))):
         to_screen, scale = view["to_screen"].astype(float).T, float(view["scale"][0])
         for (before, _, _), (after, _, _) in zip(strands_of(grown), strands_of(thin(gpu, grown, view, lod))):
             if not len(after):
@@ -257,7 +257,7 @@ def test_points_left_out_are_near_their_line(gpu, sphere, lod):
 def test_straight_strands_become_four_segments(gpu):
     """Or a few more of 16 each, if they are very long; those of four stay."""
     for segments, points in ((1, 2), (2, 3), (4, 5), (8, 5), (16, 5), (17, 5), (64, 5), (65, 6), (100, 8)):
-        grown = bring(gpu, rods(50, .5, segments))
+        grown = upload_curves(gpu, rods(50, .5, segments))
         assert (thin(gpu, grown, flat_view(100), 1).spans.get()[:, 1] == points).all(), segments
 
 
@@ -266,7 +266,7 @@ def test_what_bends_more_than_a_quarter_of_lod_is_kept(gpu):
     along = np.linspace(0, 1, 9)
     zigzag = np.stack([along, .01 * (np.arange(9) % 2), 0 * along], 1)
     back = np.stack([along[[0, 2, 1, 4, 3, 6, 5, 8, 7]], 1 + 0 * along, 0 * along], 1)
-    grown = bring(gpu, clfur.Curves([zigzag, back], width=.1))
+    grown = upload_curves(gpu, clfur.Curves([zigzag, back], width=.1))
     for lod, points in (3.9, [9, 9]), (4, [5, 9]):
         assert thin(gpu, grown, flat_view(99.9), lod).spans.get()[:, 1].tolist() == points
 
@@ -279,7 +279,7 @@ def test_widths_and_colours_between_are_kept(gpu):
             ({"width": np.tile(np.arange(1, 10) * .1, (9, 1))}, 5),
             ({"width": .1, "color": np.tile([red, green, red, green, red, green, red, green, red], (9, 1, 1))}, 9),
             ({"width": .1, "color": np.tile([red] * 9, (9, 1, 1))}, 5)):
-        thinned = thin(gpu, bring(gpu, rods(9, segments=8, **keys)), flat_view(100), 1)
+        thinned = thin(gpu, upload_curves(gpu, rods(9, segments=8, **keys)), flat_view(100), 1)
         assert (thinned.spans.get()[:, 1] == points).all(), keys
 
 
@@ -290,15 +290,15 @@ def test_odd_strands(gpu):
     """Bald ones stay bald; of single points a share is kept; those without width, or behind the eye, stay."""
     n = 4000
     counts = np.zeros(n, int)
-    grown = bring(gpu, clfur.Curves(np.zeros((0, 3)), counts=counts))
+    grown = upload_curves(gpu, clfur.Curves(np.zeros((0, 3)), counts=counts))
     assert not thin(gpu, grown, flat_view(1), 4).spans.get()[:, 1].any()
-    dots = bring(gpu, clfur.Curves(np.random.default_rng(1).uniform(-1, 1, (n, 1, 3)), width=.01))
+    dots = upload_curves(gpu, clfur.Curves(np.random.default_rng(1).uniform(-1, 1, (n, 1, 3)), width=.01))
     assert abs(thin(gpu, dots, flat_view(50), 1).spans.get()[:, 1].mean() - .75) < .03
-    thread = bring(gpu, rods(n, 0.))
+    thread = upload_curves(gpu, rods(n, 0.))
     assert (thin(gpu, thread, flat_view(50), 1).spans.get()[:, 1] == 2).all()
     curved = np.random.default_rng(1).normal(size=(n, 5, 3)) * .1
     for shift in (0, 3), (0, 5):     # around the eye: what is behind it with an end stays whole
-        brought = bring(gpu, clfur.Curves(curved + (*shift[:1], 0, shift[1]), width=1e-4))
+        brought = upload_curves(gpu, clfur.Curves(curved + (*shift[:1], 0, shift[1]), width=1e-4))
         thinned = thin(gpu, brought, near_view(), 4)
         w = 3 - (curved[:, [0, -1], 2] + shift[1])
         behind, spans = w.min(1) <= 0, thinned.spans.get()[:, 1]
@@ -316,7 +316,7 @@ def test_the_nearer_end_decides(gpu):
     ends = np.zeros((n, 2, 3))
     ends[:, 1, 2] = 2
     for points in (ends, ends[:, ::-1]):
-        grown = bring(gpu, clfur.Curves(points, width=.01))
+        grown = upload_curves(gpu, clfur.Curves(points, width=.01))
         view = near_view()
         at_tip = .01 * float(view["scale"][0]) / 1
         assert (factors(grown, thin(gpu, grown, view, .999 * at_tip)) == 1).all()
@@ -402,7 +402,7 @@ def test_counters_of_shadows_do_not_overflow(gpu):
     (plan,), (whole,) = (plan_shadows(Rig.of(hair, each), n, False) for each in (settings, clfur.Settings(grid=128)))
     assert float(plan.grid["face"][1]) == side
 
-    grown = bring(gpu, hair.strands)
+    grown = upload_curves(gpu, hair.strands)
     thinned = thin(gpu, grown, view_of(hair, 4), settings.lod)
     np.testing.assert_allclose(factors(grown, thinned)[chosen], WIDEST, rtol=1e-6)
     cells, _ = accumulate(gpu, [plan], thinned, None)
@@ -420,11 +420,11 @@ def test_lod_is_checked(wrong):
 
 def test_every_device_gives_the_same_bits():
     fur = wild(3000)
-    told = set()
+    digests = set()
     for device in DEVICES:
         gpu = clfur.Scheduler(device)
-        thinned = thin(gpu, bring(gpu, fur), near_view(), 1)
-        told.add(hashlib.sha256(b"".join(
+        thinned = thin(gpu, upload_curves(gpu, fur), near_view(), 1)
+        digests.add(hashlib.sha256(b"".join(
             np.concatenate([part.ravel() for part in strand]).tobytes()
             for strand in strands_of(thinned) if len(strand[0]))).hexdigest())
-    assert len(told) == 1
+    assert len(digests) == 1

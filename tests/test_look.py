@@ -68,9 +68,9 @@ def test_settings_highlight_is_that_of_all_looks(gpu, kind, raster):
     """For one version: with a warning that tells what to write, the very picture that this gives."""
     scene, settings = scene_of(furs(clfur.Kajiya(.5, 30))[kind]), attrs.evolve(OFF, raster=raster)
     meant = clfur.render(scene_of(furs(clfur.Kajiya(.5, 30, "half-vector"))[kind]), gpu, settings)
-    with pytest.warns(DeprecationWarning, match=r"give hair look=clfur.Kajiya\(highlight='half-vector'\)") as told:
+    with pytest.warns(DeprecationWarning, match=r"give hair look=clfur.Kajiya\(highlight='half-vector'\)") as caught:
         settings = clfur.Settings(samples=1, shadows="off", raster=raster, specular="half-vector")
-    assert told[0].filename == __file__
+    assert caught[0].filename == __file__
     np.testing.assert_array_equal(clfur.render(scene, gpu, settings), meant)
     assert np.abs(clfur.render(scene, gpu, attrs.evolve(OFF, raster=raster)) - meant).max() > .01
 

@@ -12,12 +12,12 @@ from clfur.pipeline.views import light_of, view_of
 from clfur.scene import frame
 from clfur.stages import march as stage
 from clfur.stages import shells
-from clfur.stages.lighting import light_up, unshadowed
+from clfur.stages.lighting import lighting_of, unshadowed
 from clfur.stages.raster import raster
 from clfur.stages.tessellate import tessellate
 from clfur.twin import march as twin
 
-LAMP = clfur.Light((1, -1, -0.6))
+LIGHT = clfur.Light((1, -1, -0.6))
 SPOT = clfur.Light((-1, -1, -1), position=(2, 2, 2), angle=35)
 
 
@@ -31,16 +31,16 @@ class Drawn:
     visible: np.ndarray
     rounds: list
     image: np.ndarray
-    through: np.ndarray
-    fur: np.ndarray
+    shell_transmittance: np.ndarray
+    shell_front: np.ndarray
     lights: list
 
 
-def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, bare=False, lamp=LAMP, camera=None,
+def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, bare=False, light=LIGHT, camera=None,
           lighting=None):
     mesh = clfur.Mesh(*MESHES[mesh]) if isinstance(mesh, str) else mesh
     camera = camera or frame(mesh, fur, size, direction=(0.3, 0.5, 1))
-    scene = clfur.Scene(mesh=mesh, fur=fur, camera=camera, light=lamp)
+    scene = clfur.Scene(mesh=mesh, fur=fur, camera=camera, light=light)
     view, lights = view_of(scene, samples), [light_of(light) for light in scene.lights]
     packed, box = shells.pack(fur, mesh, bare, filtered)
     topology = shells.topology_of(mesh.faces)
@@ -53,9 +53,9 @@ def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, 
         rounds.append(raster(*arguments, **named))
         return rounds[-1]
     monkeypatch.setattr(stage, "raster", watched)
-    image, through, after = stage.march(gpu, view, shell, packed, lighting or unshadowed(gpu, *lights), visible)
-    return Drawn(view, packed, shell, visible.get(), [entries.get() for entries in rounds], image.get(), through.get(),
-                 after.get(), lights)
+    image, transmittance, front = stage.march(gpu, view, shell, packed, lighting or unshadowed(gpu, *lights), visible)
+    return Drawn(view, packed, shell, visible.get(), [entries.get() for entries in rounds], image.get(),
+                 transmittance.get(), front.get(), lights)
 
 
 def by_twin(it, direct=1.0):
@@ -72,7 +72,7 @@ def by_twin(it, direct=1.0):
 
 # The kernel's root is right to 5e-6, and so are its rays: hairs' edges are some hundred times as steep.
 CLOSE = 1e-3
-# Where a rounding error decides (a ray by another way past an edge, a look that is left out as too far from hair).
+# Where a rounding error decides (a ray by another way past an edge, a step that is left out as too far from hair).
 FLIPS, FLIP = 0.01, 0.5
 
 CASES = {
@@ -87,9 +87,9 @@ CASES = {
     "cells, from far": ("ball", FUR | {"frequency": 40.0}, {}),
     "cells, thin, no skin": ("ball", FUR | {"density": 0.5}, {"bare": True}),
     "cells, long, no skin": ("ball", FUR | BENT | {"length": 0.6}, {"bare": True, "samples": 4}),
-    "cells, spot light": ("ball", FUR, {"lamp": SPOT}),
-    "cells, two lights": ("ball", FUR, {"lamp": [LAMP, SPOT]}),
-    "sine, turned, two lights": ("ball", SINE | {"shading": "turned"}, {"lamp": [SPOT, LAMP]}),
+    "cells, spot light": ("ball", FUR, {"light": SPOT}),
+    "cells, two lights": ("ball", FUR, {"light": [LIGHT, SPOT]}),
+    "sine, turned, two lights": ("ball", SINE | {"shading": "turned"}, {"light": [SPOT, LIGHT]}),
     "sine": ("ball", SINE, {}),
     "sine, unfiltered, 4 samples": ("ball", SINE, {"filtered": False, "samples": 4}),
     "sine, bent, turned": ("ball", SINE | BENT | {"shading": "turned"}, {}),
@@ -104,19 +104,19 @@ CASES = {
 
 def agree(it, direct=1.0):
     """The device's picture is the twin's -> the twin's image."""
-    image, through, place, face = by_twin(it, direct)
-    assert it.image.dtype == it.through.dtype == np.float32 and it.fur.dtype == np.uint64
+    image, transmittance, place, face = by_twin(it, direct)
+    assert it.image.dtype == it.shell_transmittance.dtype == np.float32 and it.shell_front.dtype == np.uint64
     assert (image[..., 3] > 0).mean() > 0.1, "there is little fur in this picture"
-    for mine, its in ((it.image, image), (it.through, through)):
+    for mine, its in ((it.image, image), (it.shell_transmittance, transmittance)):
         off = np.abs(mine - its)
         assert (off > CLOSE).mean() <= FLIPS, f"{(off > CLOSE).sum()} of {off.size} differ, by up to {off.max():.3g}"
         assert off.max() <= FLIP and np.median(off) <= 2e-5
     # Where half of the light is gone: there or not, the depth of it, and on which face.
-    halved = it.fur != twin.NONE
+    halved = it.shell_front != twin.NONE
     assert (halved != (face >= 0)).mean() <= FLIPS / 2
     both = halved & (face >= 0)
-    assert ((it.fur[both] & np.uint64(0xFFFFFFFF)).astype(int) != face[both]).mean() <= FLIPS
-    off = np.abs((it.fur[both] >> np.uint64(32)).astype(float) - twin.depth_of(it.view, place[both]))
+    assert ((it.shell_front[both] & np.uint64(0xFFFFFFFF)).astype(int) != face[both]).mean() <= FLIPS
+    off = np.abs((it.shell_front[both] >> np.uint64(32)).astype(float) - twin.depth_of(it.view, place[both]))
     assert (off > 3e-5 * twin.DEPTH_ONE).mean() <= FLIPS
     return image
 
@@ -146,12 +146,12 @@ def test_rays_side_by_side_go_as_far_as_one_alone(gpu, another, monkeypatch):
     positions = np.stack([x, 0 * x, z], 1)
     mesh = clfur.Mesh(positions, np.repeat([(0.0, 1, 0)], len(x), 0), None, faces)
     fur = clfur.Shells(length=.3, frequency=20, density=.03, layers=4, wind=(.2, 0, 0))
-    camera, seen = clfur.Camera(eye=(0, .2, 2), target=(0, .1, 0), size=(16, 12), fov=10), []
+    camera, transmittances = clfur.Camera(eye=(0, .2, 2), target=(0, .1, 0), size=(16, 12), fov=10), []
     for lanes in (1, gpu.lanes if gpu.steps else 16):   # llvmpipe's 16 would be ended after 65,535 steps together
         it = drawn(another(lanes=lanes), monkeypatch, mesh, fur, size=(16, 12), camera=camera, bare=True)
-        seen.append(it.through)
-    assert (seen[0] < .9).mean() > .3
-    assert (np.abs(seen[0] - seen[1]) > CLOSE).mean() <= FLIPS
+        transmittances.append(it.shell_transmittance)
+    assert (transmittances[0] < .9).mean() > .3
+    assert (np.abs(transmittances[0] - transmittances[1]) > CLOSE).mean() <= FLIPS
 
 
 def test_rays_that_meet_nothing(gpu, monkeypatch):
@@ -159,32 +159,32 @@ def test_rays_that_meet_nothing(gpu, monkeypatch):
     fur, mesh = clfur.Shells(**FUR), clfur.Mesh(*MESHES["ball"])
     away = clfur.Camera(eye=(0, 0, 4), target=(0, 0, 8), size=(12, 9))
     it = drawn(gpu, monkeypatch, mesh, fur, camera=away, size=(12, 9), bare=True)
-    assert not it.image.any() and (it.through == 1).all() and (it.fur == twin.NONE).all()
+    assert not it.image.any() and (it.shell_transmittance == 1).all() and (it.shell_front == twin.NONE).all()
     camera = clfur.Camera(eye=(0, 0, 4), size=(12, 9))
     view = view_of(clfur.Scene(mesh=mesh, fur=fur, camera=camera), 1)
     before = gpu.full((9, 12, 1), np.uint64, 5 << 32)
-    image, through, after = stage.march(gpu, view, it.shell, it.packed, unshadowed(gpu, *it.lights), before)
-    assert not image.get().any() and (through.get() == 1).all() and (after.get() == twin.NONE).all()
+    image, transmittance, front = stage.march(gpu, view, it.shell, it.packed, unshadowed(gpu, *it.lights), before)
+    assert not image.get().any() and (transmittance.get() == 1).all() and (front.get() == twin.NONE).all()
 
 
 def test_no_hair_where_the_eye_stands_in_the_fur(gpu, monkeypatch):
     """An eye within the fur sees no front of it: a picture all the same, and no number that is none."""
     camera = clfur.Camera(eye=(0, 0, 1.1), target=(0.3, 0.2, 0.9), size=(16, 12))
     it = drawn(gpu, monkeypatch, "ball", clfur.Shells(**FUR), camera=camera, size=(16, 12))
-    assert np.isfinite(it.image).all() and (it.through >= 0).all() and (it.through <= 1).all()
+    assert np.isfinite(it.image).all() and (it.shell_transmittance >= 0).all() and (it.shell_transmittance <= 1).all()
 
 
 def test_shadows_reach_the_fur(gpu, monkeypatch):
     """A grid of one cell with the same crossings everywhere leaves the same share of the light to all hairs."""
-    lamp = clfur.Light((1, -1, -0.6), ambient=0.0)
+    light = clfur.Light((1, -1, -0.6), ambient=0.0)
     shadow, grid = np.zeros((), layout.Shadow), np.zeros((), layout.Grid)
     shadow["hair"][0] = 0.5
     grid["to_grid"][:3, :2] = 0
     grid["to_grid"][3] = 0.5, 0.5, 0.5, 1
     grid["size"][:3] = 1
     crossings = gpu.full((2, 1, 1), np.float32, 3)
-    lighting = light_up(gpu, [light_of(lamp)], [shadow], [grid], [None], [crossings], [None])
-    it = drawn(gpu, monkeypatch, "ball", clfur.Shells(**FUR), lamp=lamp, lighting=lighting)
+    lighting = lighting_of(gpu, [light_of(light)], [shadow], [grid], [None], [crossings], [None])
+    it = drawn(gpu, monkeypatch, "ball", clfur.Shells(**FUR), light=light, lighting=lighting)
     agree(it, direct=np.exp(-1.5))
 
 
@@ -200,7 +200,7 @@ def test_small(gpu, monkeypatch, pattern):
     gpu.lanes = 1   # Oclgrind 21.10 takes parts of a vector for unset that are not
     fur = clfur.Shells(length=0.4, layers=2, frequency=1.0, pattern=pattern, noise=(0.3, 8), wind=(0.3, 0, 0))
     it = drawn(gpu, monkeypatch, "quad", fur, size=(5, 4), bare=True)
-    image, through, *_ = by_twin(it)
+    image, transmittance, *_ = by_twin(it)
     assert image[..., 3].max() > 0.1
     np.testing.assert_allclose(it.image, image, atol=CLOSE)
-    np.testing.assert_allclose(it.through, through, atol=CLOSE)
+    np.testing.assert_allclose(it.shell_transmittance, transmittance, atol=CLOSE)

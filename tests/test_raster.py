@@ -110,9 +110,9 @@ def test_snapping_in_float64_differs_by_at_most_one_unit():
     points[:, 3] = 0.002
     single, double = (twin.snap_ends(twin.project(view, points, t), twin.half_widths(view, points, t))
                       for t in (np.float32, np.float64))
-    seen = (double[:, 0] // SUBPIXEL < 1920) & (double[:, 1] // SUBPIXEL < 1080) & (double[:, :2] >= 0).all(1)
-    assert seen.sum() > 10000
-    off = np.abs(single - double)[seen]
+    on_screen = (double[:, 0] // SUBPIXEL < 1920) & (double[:, 1] // SUBPIXEL < 1080) & (double[:, :2] >= 0).all(1)
+    assert on_screen.sum() > 10000
+    off = np.abs(single - double)[on_screen]
     assert off[:, [0, 1, 3]].max() == 1
     # e = near/w carries three roundings of 2^-24 of itself, and e <= 1 is 2^30 steps.
     assert off[:, 2].max() <= 3 * 2**-24 * DEPTH_ONE + 1
@@ -238,17 +238,17 @@ def test_a_reversed_strand_covers_the_same_samples(gpu, samples):
 @pytest.mark.parametrize("width", [0, 0.36, 1, 5.25])
 def test_pieces_of_a_straight_strand_cover_what_it_covers(gpu, samples, width):
     """No sample twice, none missing, where the joints lie on the sub-pixel line itself."""
-    view, seen = flat(97, 61, samples), 0
+    view, drawn_whole = flat(97, 61, samples), 0
     for dx, dy in [(64, 16), (64, -24), (-64, 0), (16, 32), (-4, 32), (0, 32), (32, 32), (-32, 32), (64, 18)]:
         start = np.array([70.25 if dx < 0 else 9.25, 48.5 if dy < 0 else 12.5])
         places = start + np.linspace(0, 1, 9)[:, None] * (dx, dy)
         strand = np.column_stack([places, np.full(9, .5), np.full(9, width)])
         whole = covered(judged(gpu, view, [strand[[0, -1]]]))
         pieces = [covered(draw(gpu, view, [strand[i:i + 2]])) for i in range(8)]
-        seen += whole.sum()
+        drawn_whole += whole.sum()
         np.testing.assert_array_equal(np.sum(pieces, 0), whole.astype(int))
         np.testing.assert_array_equal(covered(draw(gpu, view, [strand])), whole)
-    assert seen > 250
+    assert drawn_whole > 250
 
 
 def test_any_joints_leave_no_gap_along_the_axis(gpu):
@@ -297,7 +297,7 @@ def test_area_of_a_thin_strand(gpu):
 # --- clipping of strands --------------------------------------------------------------------------------
 
 
-NEAR_EYE = {   # two ends, in right, up and forward from the eye; and whether the line is seen
+NEAR_EYE = {   # two ends, in right, up and forward from the eye; and whether the line is visible
     "behind the eye": ((0, 0, -1), (1, 1, -2), False),
     "crossing the near plane": ((-1.5, -0.7, 3), (0.9, 0.6, -3), True),
     "crossing the whole picture": ((-1e6, -0.83e6, 3), (1e6, 0.83e6, 3), True),
@@ -314,14 +314,14 @@ NEAR_EYE = {   # two ends, in right, up and forward from the eye; and whether th
 @pytest.mark.parametrize("name", NEAR_EYE)
 @pytest.mark.parametrize("samples", [pytest.param(1, marks=pytest.mark.small), 16])
 def test_clipped_strands(gpu, fallback, name, samples):
-    *ends, seen = NEAR_EYE[name]
+    *ends, visible = NEAR_EYE[name]
     pose = clfur.Camera(size=(97, 61)).pose
     ends = pose[:3, 3] + np.array(ends) * (1, 1, -1) @ pose[:3, :3].T
     view = perspective(97, 61, samples)
     for width in (0, 0.01, 0.3):
         strand = np.column_stack([ends, [width, width / 2]])
         drawn = judged(gpu, view, [strand])
-        assert covered(drawn).any() == seen
+        assert covered(drawn).any() == visible
         np.testing.assert_array_equal(draw(fallback, view, [strand]), drawn)
 
 
@@ -541,8 +541,8 @@ def test_depth_tells_the_distance(gpu):
     focal = camera.intrinsics[0, 0]
     ray = (x + 0.5 - 48.5) / focal                       # right per forward
     share = (ray * 2.3 + 0.7) / (1.4 - ray * 2.2)
-    told = near / (1 - depth_of(drawn)[covered(drawn)] / DEPTH_ONE)
-    np.testing.assert_allclose(told, 2.3 + 2.2 * share, rtol=3e-4)
+    distance = near / (1 - depth_of(drawn)[covered(drawn)] / DEPTH_ONE)
+    np.testing.assert_allclose(distance, 2.3 + 2.2 * share, rtol=3e-4)
     assert len(x) > 20
 
 
@@ -556,8 +556,8 @@ def test_a_strand_wider_than_the_gaps_of_the_pattern_is_whole(gpu, samples, widt
             start = np.array([40, 40]) + rng.random(2)
             ends = start + np.outer([-24, 24], along)
             strand = np.column_stack([ends, [.5, .5], [width, width]])
-            seen = covered(draw(gpu, flat(80, 80, samples), [strand])).any(2)
-            lines = seen.any(0 if abs(along[0]) == 1 else 1)
+            hit = covered(draw(gpu, flat(80, 80, samples), [strand])).any(2)
+            lines = hit.any(0 if abs(along[0]) == 1 else 1)
             assert lines[18:62].all(), (slope, samples)
 
 

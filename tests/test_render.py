@@ -11,7 +11,7 @@ from clfur.device import scheduler
 from clfur.pipeline.views import view_of
 from clfur.render import OUTPUTS
 from clfur.stages.raster import raster
-from clfur.stages.strands import bring, grow
+from clfur.stages.strands import grow, upload_curves
 from clfur.stages.tessellate import tessellate
 
 SETTINGS = clfur.Settings(raster="samples", samples=1)
@@ -66,7 +66,7 @@ def visible_of(scene, gpu, samples):
     """The raster's result, read back: [height, width, samples] uint64."""
     fur = scene.fur
     if isinstance(fur, clfur.Curves):
-        body, strands = tessellate(gpu, scene.mesh, surface="flat"), bring(gpu, fur)
+        body, strands = tessellate(gpu, scene.mesh, surface="flat"), upload_curves(gpu, fur)
     else:
         body = tessellate(gpu, scene.mesh, fur.inner, fur.outer, fur.surface)
         strands = grow(gpu, body, fur)
@@ -152,11 +152,11 @@ def test_a_light_that_is_out_casts_no_shadows(gpu, scene):
                        light=clfur.Light(color=(0, 0, 0), ambient=.3))
     frame = clfur.draw(dark, gpu, SETTINGS)
     assert not {"voxelize", "zscan", "shadow_map"} & set(frame.stages)
-    lit = clfur.Scene(mesh=scene.mesh, fur=scene.fur, camera=scene.camera,
+    dim = clfur.Scene(mesh=scene.mesh, fur=scene.fur, camera=scene.camera,
                       light=clfur.Light(color=(0, 0, 1e-30), ambient=.3))
-    frame_lit = clfur.draw(lit, gpu, SETTINGS)
-    assert "voxelize" in frame_lit.stages
-    assert np.array_equal(frame.images["color"], frame_lit.images["color"]) and frame.images["color"].any()
+    frame_dim = clfur.draw(dim, gpu, SETTINGS)
+    assert "voxelize" in frame_dim.stages
+    assert np.array_equal(frame.images["color"], frame_dim.images["color"]) and frame.images["color"].any()
 
 
 def test_a_calibrated_camera_draws_the_same(gpu, scene):

@@ -13,7 +13,7 @@ from clfur.pipeline.views import light_of, view_of
 from clfur.stages import shade
 from clfur.stages.lighting import unshadowed
 from clfur.stages.raster import raster
-from clfur.stages.strands import bring, grow, no_strands
+from clfur.stages.strands import grow, no_strands, upload_curves
 from clfur.stages.tessellate import no_surface, tessellate
 from clfur.twin import shade as twin
 from clfur.twin import vectors
@@ -34,7 +34,7 @@ def random_units(seed, *shape):
     return unit(np.random.default_rng(seed).normal(size=(*shape, 3)))
 
 
-def lit(gpu, tangents, to_light, to_eye, form="kajiya-kay", color=(0, 0, 0), specular=1.0, exponent=150.0,
+def shaded(gpu, tangents, to_light, to_eye, form="kajiya-kay", color=(0, 0, 0), specular=1.0, exponent=150.0,
         light=(1, 1, 1), ambient=0.0, ids=None):
     """Light of fibres [N, 3] seen all from one direction, one in a pixel -> [N, 4], and the twin's.
 
@@ -47,7 +47,7 @@ def lit(gpu, tangents, to_light, to_eye, form="kajiya-kay", color=(0, 0, 0), spe
     view["eye"][:3] = to_eye
     view["size"] = len(ids), 1, ids.shape[1], layout.pattern_start(ids.shape[1])
     view["rows"][1] = 1
-    lamp = light_of(clfur.Light(-np.asarray(to_light, float), light, ambient))
+    packed = light_of(clfur.Light(-np.asarray(to_light, float), light, ambient))
     points = np.zeros((2 * n, 4), np.float32)
     points[:, :3] = np.repeat(np.asarray(tangents), 2, 0) * np.tile([[0], [1]], (n, 1))
     fur = dataclasses.replace(
@@ -56,11 +56,11 @@ def lit(gpu, tangents, to_light, to_eye, form="kajiya-kay", color=(0, 0, 0), spe
         strand_of=gpu.upload(np.repeat(np.arange(n, dtype=np.uint32), 2)),
         spans=gpu.upload(np.stack([2 * np.arange(n), np.full(n, 2)], 1).astype(np.uint32)),
         colors=gpu.upload(np.array([[*color, 0]], np.float32)), color_per=0, uv=gpu.full((n, 4), np.float32, 0),
-        types=bring(gpu, clfur.Curves(np.zeros((0, 2, 3)), look=clfur.Kajiya(specular, exponent, form))).types)
+        types=upload_curves(gpu, clfur.Curves(np.zeros((0, 2, 3)), look=clfur.Kajiya(specular, exponent, form))).types)
     keys = np.where(ids < 0, NONE, (1 << 29 << 32) + 2 * ids.astype(np.uint64))[None]
-    image = shade.color(gpu, view, unshadowed(gpu, lamp), gpu.upload(keys), fur, no_surface(gpu), (0, 0, 0)).get()[0]
+    image = shade.color(gpu, view, unshadowed(gpu, packed), gpu.upload(keys), fur, no_surface(gpu), (0, 0, 0)).get()[0]
     bare = on_host(no_surface(gpu))
-    return image, twin.color(view, [lamp], keys, on_host(fur), bare, (0, 0, 0))[0]
+    return image, twin.color(view, [packed], keys, on_host(fur), bare, (0, 0, 0))[0]
 
 
 # --- the twin's values ----------------------------------------------------------------------------------
@@ -76,7 +76,7 @@ def picture(gpu, scene, samples):
     """The stages' results for a scene: view, light, visible, strands, body, as `clfur.render` has them."""
     view = view_of(scene, samples)
     body = tessellate(gpu, scene.mesh, *((2, 2) if isinstance(scene.fur, clfur.Strands) else ()))
-    strands = grow(gpu, body, scene.fur) if isinstance(scene.fur, clfur.Strands) else bring(gpu, scene.fur)
+    strands = grow(gpu, body, scene.fur) if isinstance(scene.fur, clfur.Strands) else upload_curves(gpu, scene.fur)
     return view, light_of(scene.light), raster(gpu, view, strands, body), strands, body
 
 
@@ -162,32 +162,32 @@ def test_a_small_picture_is_the_twins(gpu, kind, form):
                         clfur.Camera(size=(23, 17)))
     view, light, visible, strands, body = picture(gpu, scene, 4)
     image = shade.color(gpu, view, unshadowed(gpu, light), visible, strands, body, scene.body_color).get()
-    keys, fur, skin = visible.get(), on_host(strands), on_host(body)
+    keys, hair, bare = visible.get(), on_host(strands), on_host(body)
     np.testing.assert_allclose(
-        image, twin.color(view, [light], keys, fur, skin, scene.body_color), rtol=0, atol=2.5e-5)
-    told, meant = shade.about(gpu, view, visible, strands, body), twin.about(view, keys, fur, skin)
+        image, twin.color(view, [light], keys, hair, bare, scene.body_color), rtol=0, atol=2.5e-5)
+    found, meant = shade.outputs(gpu, view, visible, strands, body), twin.outputs(view, keys, hair, bare)
     assert {-2, -1} < set(np.unique(meant["id"]))
     for name, tolerance in ("id", 0), ("coverage", 1e-7), ("tangent", 3e-5), ("normal", 8e-5), ("uv", 5e-6):
-        np.testing.assert_allclose(told[name].get(), meant[name], rtol=0, atol=tolerance, err_msg=name)
+        np.testing.assert_allclose(found[name].get(), meant[name], rtol=0, atol=tolerance, err_msg=name)
 
 
 @pytest.mark.parametrize("samples", [1, 4, 16])
 @pytest.mark.parametrize("kind", ["point", "grown"])
-def test_about_is_the_twins(gpu, ball, kind, samples):
+def test_outputs_are_the_twins(gpu, ball, kind, samples):
     """Unit vectors by the same 5e-7 of a point as colours; a vector across a strand seen from its end is the
     small rest of two nearly equal ones.  Measured on four drivers: 2.7e-7, 2.1e-5, 5.6e-5 and 3.9e-6."""
     scene = furry(ball, kind, 150)
     view, _, visible, strands, body = picture(gpu, scene, samples)
-    told = {name: array.get() for name, array in shade.about(gpu, view, visible, strands, body).items()}
-    meant = twin.about(view, visible.get(), on_host(strands), on_host(body))
-    assert set(told) == set(meant)
-    np.testing.assert_array_equal(told["id"], meant["id"])
-    np.testing.assert_array_equal(told["coverage"], meant["coverage"].astype(np.float32))
-    np.testing.assert_allclose(told["depth"], meant["depth"], rtol=4e-7)
+    found = {name: array.get() for name, array in shade.outputs(gpu, view, visible, strands, body).items()}
+    meant = twin.outputs(view, visible.get(), on_host(strands), on_host(body))
+    assert set(found) == set(meant)
+    np.testing.assert_array_equal(found["id"], meant["id"])
+    np.testing.assert_array_equal(found["coverage"], meant["coverage"].astype(np.float32))
+    np.testing.assert_allclose(found["depth"], meant["depth"], rtol=4e-7)
     for name, tolerance in ("tangent", 3e-5), ("normal", 8e-5), ("uv", 5e-6):
-        np.testing.assert_allclose(told[name], meant[name], rtol=0, atol=tolerance)
-        assert np.quantile(np.abs(told[name] - meant[name]), 0.99) < 2e-6
-    assert len(np.unique(told["id"])) > 50
+        np.testing.assert_allclose(found[name], meant[name], rtol=0, atol=tolerance)
+        assert np.quantile(np.abs(found[name] - meant[name]), 0.99) < 2e-6
+    assert len(np.unique(found["id"])) > 50
 
 
 @BOTH
@@ -201,7 +201,7 @@ def test_light_of_a_fibre_is_the_twins(gpu, form, exponent):
     """
     tangents = random_units(2, 300)
     for to_light, to_eye in random_units(3, 12, 2):
-        image, meant = lit(gpu, tangents, to_light, to_eye, form, (0.2, 0.5, 0.9), 0.7, exponent, ambient=0.1)
+        image, meant = shaded(gpu, tangents, to_light, to_eye, form, (0.2, 0.5, 0.9), 0.7, exponent, ambient=0.1)
         assert np.isfinite(image).all()
         others = [to_light, to_eye] + [unit(to_light + to_eye)] * (form == "half-vector")
         least = np.min([vectors.sine(tangents, each) for each in others], 0)
@@ -217,7 +217,7 @@ def test_diffuse_is_proportional_to_the_sine(gpu):
     for seed, to_light in enumerate(random_units(4, 4)):
         tangents = random_units(seed, 200)
         color, light = np.array([0.3, 0.6, 0.9]), np.array([2, 1, 0.5])
-        image, _ = lit(gpu, tangents, to_light, (0, 0, 1), color=color, specular=0, light=light)
+        image, _ = shaded(gpu, tangents, to_light, (0, 0, 1), color=color, specular=0, light=light)
         angle = np.arccos(tangents @ to_light)
         tolerance = 4 * 2.0**-24 * (1 + 1 / np.sin(angle))       # see SINE_AT_ZERO, which stays far
         assert (np.abs(image[:, :3] - color * light * np.sin(angle)[:, None]).max(1) < 2 * tolerance).all()
@@ -227,13 +227,13 @@ def test_light_along_the_fibre_gives_nothing(gpu):
     tangents = random_units(5, 50)
     for t in tangents:
         for sign in (1, -1):
-            image, _ = lit(gpu, t[None], sign * t, (0, 0, 1), color=(1, 1, 1), specular=0)
+            image, _ = shaded(gpu, t[None], sign * t, (0, 0, 1), color=(1, 1, 1), specular=0)
             assert (image[:, :3] >= 0).all() and (image[:, :3] <= SINE_AT_ZERO).all()
 
 
 def test_ambient_alone_where_the_light_is_black(gpu, ball):
     tangents, color = random_units(6, 100), np.array([0.3, 0.6, 0.9], np.float32)
-    image, _ = lit(gpu, tangents, (0, 1, 0), (0, 0, 1), color=color, light=(0, 0, 0), ambient=0.25)
+    image, _ = shaded(gpu, tangents, (0, 1, 0), (0, 0, 1), color=color, light=(0, 0, 0), ambient=0.25)
     np.testing.assert_array_equal(image[:, :3], np.broadcast_to(color / 4, (100, 3)))
     scene = clfur.Scene(ball, light=clfur.Light(color=(0, 0, 0), ambient=0.5), body_color=(0.5, 0.25, 1))
     image = clfur.render(scene, gpu)
@@ -257,14 +257,14 @@ def test_the_highlight_is_strongest_on_the_mirror_cone(gpu, form):
     for t, to_light in random_units(7, 4, 2):
         rounding = 150 * 4 * 2.0**-24
         for to_eye in around(t, -float(t @ to_light), 7):
-            image, _ = lit(gpu, t[None], to_light, to_eye, form, specular=0.8)
+            image, _ = shaded(gpu, t[None], to_light, to_eye, form, specular=0.8)
             np.testing.assert_allclose(image[0, :3], 0.8, rtol=rounding)
-        other = np.array([lit(gpu, t[None], to_light, to_eye, form, specular=0.8)[0][0, 0]
+        other = np.array([shaded(gpu, t[None], to_light, to_eye, form, specular=0.8)[0][0, 0]
                           for to_eye in random_units(8, 30)])
         assert (other <= 0.8 * (1 + rounding)).all() and other.min() < 0.4
         # It falls off with the angle to the cone, on both sides.
         tilt = np.arccos(-t @ to_light) + np.radians([-20, -10, -5, 0, 5, 10, 20])
-        slope = np.array([lit(gpu, t[None], to_light, around(t, np.cos(a), 1)[0], form)[0][0, 0]
+        slope = np.array([shaded(gpu, t[None], to_light, around(t, np.cos(a), 1)[0], form)[0][0, 0]
                           for a in tilt])
         assert (np.diff(slope[:4]) > 0).all() and (np.diff(slope[3:]) < 0).all()
 
@@ -274,7 +274,7 @@ def test_kajiya_and_kays_highlight_where_there_is_no_half_vector(gpu):
     tangents = random_units(9, 40)
     to_light = unit((0.3, 0.5, -0.6))
     side = unit(np.cross(to_light, (1, 2, 3)))
-    at = {form: [lit(gpu, tangents, to_light, unit(-to_light + step * side), form)[0][:, 0]
+    at = {form: [shaded(gpu, tangents, to_light, unit(-to_light + step * side), form)[0][:, 0]
                  for step in (-1e-2, -1e-3, -1e-5, 0, 1e-5, 1e-3, 1e-2)] for form in FORMS}
     own, report = (np.array(at[form]) for form in FORMS)
     assert np.isfinite(own).all() and np.isfinite(report).all()
@@ -294,9 +294,9 @@ def test_nothing_changes_with_rotation_around_the_fibre(gpu, form):
     for seed, t in enumerate(random_units(10, 3)):
         cos_l, cos_v = np.random.default_rng(seed).uniform(-0.9, 0.9, 2)
         lights, eyes = around(t, cos_l, 16), around(t, cos_v, 16)
-        together = [lit(gpu, t[None], li, v, form, (0.5, 0.5, 0.5), exponent=20)[0][0, 0]
+        together = [shaded(gpu, t[None], li, v, form, (0.5, 0.5, 0.5), exponent=20)[0][0, 0]
                     for li, v in zip(lights, np.roll(eyes, 3, 0))]
-        alone = [lit(gpu, t[None], lights[0], v, form, exponent=20)[0][0, 0] for v in eyes]
+        alone = [shaded(gpu, t[None], lights[0], v, form, exponent=20)[0][0, 0] for v in eyes]
         np.testing.assert_allclose(together, together[0], rtol=0, atol=20 * 8 * 2.0**-24)
         assert (np.ptp(alone) < 20 * 8 * 2.0**-24) == (form == "kajiya-kay")
 
@@ -305,8 +305,8 @@ def test_nothing_changes_with_rotation_around_the_fibre(gpu, form):
 def test_helmholtz_reciprocity_of_the_highlight(gpu, form):
     tangents = random_units(11, 100)
     for one, other in random_units(12, 8, 2):
-        there = lit(gpu, tangents, one, other, form, exponent=20)[0]
-        back = lit(gpu, tangents, other, one, form, exponent=20)[0]
+        there = shaded(gpu, tangents, one, other, form, exponent=20)[0]
+        back = shaded(gpu, tangents, other, one, form, exponent=20)[0]
         np.testing.assert_allclose(there, back, rtol=0, atol=20 * 8 * 2.0**-24)
         assert np.ptp(there[:, 0]) > 0.3
 
@@ -317,7 +317,7 @@ def test_no_direction_gives_nan(gpu, form):
     for to_light in axes:
         for to_eye in (*axes, to_light, -to_light):
             for exponent in (1e-3, 1e6):
-                image, _ = lit(gpu, np.concatenate([axes, [to_light]]), to_light, to_eye, form, (1, 1, 1),
+                image, _ = shaded(gpu, np.concatenate([axes, [to_light]]), to_light, to_eye, form, (1, 1, 1),
                                exponent=exponent)
                 assert np.isfinite(image).all() and (image >= 0).all()
                 assert (image <= 2 + 1e6 * 2.0**-22).all()
@@ -355,10 +355,10 @@ def test_a_pixel_is_the_mean_of_its_samples(gpu):
     rng = np.random.default_rng(14)
     tangents = random_units(15, 50)
     look = dict(form="kajiya-kay", color=(0.9, 0.5, 0.2), ambient=0.2)
-    alone, _ = lit(gpu, tangents, (0.6, 0.8, 0), (0, 0, 1), **look)
+    alone, _ = shaded(gpu, tangents, (0.6, 0.8, 0), (0, 0, 1), **look)
     for samples in (1, 4, 16):
         ids = rng.integers(-25, 50, (200, samples))
-        image, _ = lit(gpu, tangents, (0.6, 0.8, 0), (0, 0, 1), ids=ids, **look)
+        image, _ = shaded(gpu, tangents, (0.6, 0.8, 0), (0, 0, 1), ids=ids, **look)
         each = np.where(ids[..., None] >= 0, alone[ids], 0)
         np.testing.assert_allclose(image, each.mean(1), rtol=0, atol=4 * 2.0**-24 * each.max())
         np.testing.assert_array_equal(image[:, 3], (ids >= 0).mean(1))
@@ -384,40 +384,40 @@ def test_outputs_of_a_strand_before_a_wall(gpu, samples):
     eye = np.array([0, 0, 3.0])
     strand = np.array([[(0, -1.5, 0.5), (0, 1.5, 0.5)]])
     scene = clfur.Scene(wall(half=1), clfur.Curves(strand, width=0.06), clfur.Camera(eye=eye, size=(97, 61)))
-    told = clfur.render(scene, gpu, clfur.Settings(raster="samples", samples=samples),
+    found = clfur.render(scene, gpu, clfur.Settings(raster="samples", samples=samples),
                         ["depth", "id", "tangent", "normal", "uv", "coverage", "color"])
-    ids = told["id"]
+    ids = found["id"]
     assert ids[30, 48] == 0 and ids[30, 40] == -2 and ids[30, 3] == -1
     assert set(np.unique(ids)) == {-2, -1, 0}
 
     nothing = ids == -1
-    assert np.isposinf(told["depth"][nothing]).all()
+    assert np.isposinf(found["depth"][nothing]).all()
     for name in ("tangent", "normal", "uv", "coverage", "color"):
-        assert (told[name][nothing] == 0).all()
+        assert (found[name][nothing] == 0).all()
 
     # The strand: 2.5 along the view axis; up; its normal is level and towards the eye.
     hair = ids == 0
-    np.testing.assert_allclose(told["depth"][hair], 2.5, rtol=4e-7)
-    np.testing.assert_array_equal(told["tangent"][hair], np.broadcast_to([0, 1, 0], (hair.sum(), 3)))
+    np.testing.assert_allclose(found["depth"][hair], 2.5, rtol=4e-7)
+    np.testing.assert_array_equal(found["tangent"][hair], np.broadcast_to([0, 1, 0], (hair.sum(), 3)))
     focal = scene.camera.intrinsics[0, 0]
     if samples == 1:
         y, x = np.nonzero(hair)
         to_eye = np.stack([-(x + 0.5 - 48.5) / focal, 0 * x, 1 + 0 * x], 1)
-        np.testing.assert_allclose(told["normal"][hair], unit(to_eye), atol=1e-6)
-    np.testing.assert_allclose(told["normal"][30, 48], (0, 0, 1), atol=0.01)
-    assert (told["uv"][hair] == 0).all()
+        np.testing.assert_allclose(found["normal"][hair], unit(to_eye), atol=1e-6)
+    np.testing.assert_allclose(found["normal"][30, 48], (0, 0, 1), atol=0.01)
+    assert (found["uv"][hair] == 0).all()
 
     # The wall: 3 along the view axis; no tangent; uv is the place on it.
     body = ids == -2
-    np.testing.assert_allclose(told["depth"][body], 3, rtol=4e-7)
-    assert (told["tangent"][body] == 0).all()
-    np.testing.assert_allclose(told["normal"][body], np.broadcast_to([0, 0, 1], (body.sum(), 3)), atol=1e-6)
-    y, x = np.nonzero(body & (told["coverage"] == 1) if samples > 1 else body)
+    np.testing.assert_allclose(found["depth"][body], 3, rtol=4e-7)
+    assert (found["tangent"][body] == 0).all()
+    np.testing.assert_allclose(found["normal"][body], np.broadcast_to([0, 0, 1], (body.sum(), 3)), atol=1e-6)
+    y, x = np.nonzero(body & (found["coverage"] == 1) if samples > 1 else body)
     place = np.stack([(x + 0.5 - 48.5), -(y + 0.5 - 30.5)], 1) * 3 / focal
     # With more samples it is a place somewhere in the pixel, 3/focal wide of a wall 2 wide.
     tolerance = 1e-6 if samples == 1 else 0.51 * 1.5 / focal
-    np.testing.assert_allclose(told["uv"][y, x], place / 2 + 0.5, rtol=0, atol=tolerance)
-    assert (told["coverage"][hair | body] > 0).all() and told["coverage"][30, 40] == 1
+    np.testing.assert_allclose(found["uv"][y, x], place / 2 + 0.5, rtol=0, atol=tolerance)
+    assert (found["coverage"][hair | body] > 0).all() and found["coverage"][30, 40] == 1
 
 
 def test_depth_and_id_are_those_of_the_nearest_sample(gpu):
@@ -425,10 +425,10 @@ def test_depth_and_id_are_those_of_the_nearest_sample(gpu):
     strands = np.array([[(-1, 0.001, 0), (1, 0.001, 0)], [(0.001, -1, 0.5), (0.001, 1, 0.5)]])
     scene = clfur.Scene(fur=clfur.Curves(strands, width=np.array([[0.5, 0.5], [0.001, 0.001]])),
                         camera=clfur.Camera(eye=(0, 0, 3), size=(33, 33)))
-    told = clfur.render(scene, gpu, clfur.Settings(raster="samples", samples=16), ["id", "depth", "coverage"])
-    assert (told["id"][14:19, 16] == 1).all() and (told["coverage"][14:19, 16] == 1).all()
-    np.testing.assert_allclose(told["depth"][14:19, 16], 2.5, rtol=4e-7)
-    assert (told["id"][16, :12] == 0).sum() > 3
+    found = clfur.render(scene, gpu, clfur.Settings(raster="samples", samples=16), ["id", "depth", "coverage"])
+    assert (found["id"][14:19, 16] == 1).all() and (found["coverage"][14:19, 16] == 1).all()
+    np.testing.assert_allclose(found["depth"][14:19, 16], 2.5, rtol=4e-7)
+    assert (found["id"][16, :12] == 0).sum() > 3
 
 
 def test_colour_of_strands_and_points(gpu):

@@ -132,7 +132,7 @@ def test_the_reports_pattern_needs_uv():
 
 @pytest.mark.parametrize("uv, most", [(1, 2048), (100, 20.48), (1e-9, 1e9)])
 def test_the_reports_pattern_has_no_more_periods_than_rays_can_pass(uv, most):
-    """A ray looks at each; beyond 2^24 of them it would not get on."""
+    """A ray takes steps through each; beyond 2^24 of them it would not get on."""
     mesh = square(uv=uv * SQUARE[:, :2])
     Scene(mesh, Shells(pattern="sine", frequency=most))
     Scene(mesh, Shells(frequency=1e9))
@@ -164,9 +164,9 @@ def test_frame_holds_shells_and_takes_lists():
     assert away[1] == away[2] and away[0] < away[1] < away[3] == away[4] == away[5]
     camera = frame(mesh, [shells, hair], (100, 400))
     corners = (SQUARE[:, None] + 0.5 * np.vstack([np.eye(3), -np.eye(3)])).reshape(-1, 3)
-    seen = np.c_[corners, np.ones(len(corners))] @ np.linalg.inv(camera.pose).T
-    places = seen[:, :2] / -seen[:, 2:3] * camera.intrinsics[0, 0] * (1, -1) + camera.intrinsics[:2, 2]
-    assert (seen[:, 2] < 0).all() and (places >= 0).all() and (places <= camera.size).all()
+    in_camera = np.c_[corners, np.ones(len(corners))] @ np.linalg.inv(camera.pose).T
+    places = in_camera[:, :2] / -in_camera[:, 2:3] * camera.intrinsics[0, 0] * (1, -1) + camera.intrinsics[:2, 2]
+    assert (in_camera[:, 2] < 0).all() and (places >= 0).all() and (places <= camera.size).all()
     assert np.array_equal(Scene(mesh, [shells, hair]).camera.eye, frame(mesh, (shells, hair)).eye)
 
 

@@ -130,8 +130,8 @@ def curves_of(gpu, **options):
     mesh = clfur.Mesh(*MESHES["ball"])
     packed, _box = stage.pack(clfur.Shells(**options), mesh, False, True)
     curves = gpu.empty((len(mesh.positions) * (int(packed["kind"][2]) + 1), 4), np.float32)
-    gpu.launch("shells.bend", len(mesh.positions), shells=packed, positions=gpu.upload(stage.widen(mesh.positions)),
-               normals=gpu.upload(stage.widen(mesh.normals)), curves=curves)
+    gpu.launch("shells.bend", len(mesh.positions), shells=packed, positions=gpu.upload(stage.as_float4(mesh.positions)),
+               normals=gpu.upload(stage.as_float4(mesh.normals)), curves=curves)
     return curves.get().reshape(len(mesh.positions), -1, 4)[..., :3].astype(float)
 
 

@@ -23,7 +23,7 @@ from clfur.stages.tessellate import tessellate
 from clfur.stages.voxelize import most_of
 from clfur.twin import shells as twin
 
-UNIT = 1 << 12
+CROSSING_UNIT = 1 << 12
 
 
 def ball(subdivisions=2):
@@ -41,7 +41,7 @@ def patch(n=1, half=1.0):
     return clfur.Mesh(positions, np.repeat([(0.0, 1, 0)], len(x), 0), uv[faces], faces)
 
 
-def lamp(*direction, **keys):
+def beam(*direction, **keys):
     return clfur.Light(direction=direction, ambient=0, **keys)
 
 
@@ -53,16 +53,16 @@ def furred(gpu, mesh, fur, filtered=True):
     return stage.bend(gpu, mesh, packed, pattern, topology, stage.border(gpu, mesh, packed, topology)), packed
 
 
-def deposited(gpu, scene, cells=48, method="length", unit=UNIT):
+def deposited(gpu, scene, cells=48, method="length", crossing_unit=CROSSING_UNIT):
     """-> (cells [nz, ny, nx] int64, grid, shell, packed)"""
     grid = grid_of(scene, cells)
     shell, packed = furred(gpu, scene.mesh, scene.shells)
-    return stage.deposit(gpu, grid, shell, packed, method, unit).get().astype(np.int64), grid, shell, packed
+    return stage.deposit(gpu, grid, shell, packed, method, crossing_unit).get().astype(np.int64), grid, shell, packed
 
 
-def area_in(cells, grid, unit=UNIT):
+def area_in(cells, grid, crossing_unit=CROSSING_UNIT):
     """Area that hair shows to parallel light [world²]."""
-    return cells.sum() / unit * float(grid["face"][0])
+    return cells.sum() / crossing_unit * float(grid["face"][0])
 
 
 SHAPES = {"fine": {"length": .12, "frequency": 40}, "long": {"length": .2, "frequency": 30},
@@ -72,15 +72,15 @@ SHAPES = {"fine": {"length": .12, "frequency": 40}, "long": {"length": .2, "freq
 
 FURS = {"straight": {}, "short": {"length": .02}, "bent": {"force": (0, -1, 0)},
         "long": {"length": .4, "force": (1, 0, 0)}, "windy": {"wind": (.5, 0, .3), "time": .3, "frequency": 3}}
-LIGHTS = {"slanted": lamp(1, -1, -.6), "along": lamp(0, 0, -1), "below": lamp(.2, 1, .1),
-          "spot": lamp(0, -1, 0, position=(0, 8, 0), angle=12),
-          "near": lamp(.3, -1, 0, position=(0, 1.6, 0), angle=100)}
+LIGHTS = {"slanted": beam(1, -1, -.6), "along": beam(0, 0, -1), "below": beam(.2, 1, .1),
+          "spot": beam(0, -1, 0, position=(0, 8, 0), angle=12),
+          "near": beam(.3, -1, 0, position=(0, 1.6, 0), angle=100)}
 
 
-@pytest.mark.parametrize("fur, lit", [*((fur, "slanted") for fur in FURS), ("bent", "along"), ("bent", "below"),
-                                      ("bent", "spot"), ("straight", "near")])
-def test_twin(gpu, fur, lit):
-    check_twin(gpu, clfur.Scene(mesh=ball(1), fur=clfur.Shells(**FURS[fur]), light=LIGHTS[lit]), 16)
+@pytest.mark.parametrize("fur, light", [*((fur, "slanted") for fur in FURS), ("bent", "along"), ("bent", "below"),
+                                        ("bent", "spot"), ("straight", "near")])
+def test_twin(gpu, fur, light):
+    check_twin(gpu, clfur.Scene(mesh=ball(1), fur=clfur.Shells(**FURS[fur]), light=LIGHTS[light]), 16)
 
 
 @pytest.mark.small
@@ -91,7 +91,7 @@ def test_twin_of_a_square(gpu, monkeypatch, pattern, method, n):
     gpu = clfur.Scheduler(gpu.device)
     gpu.lanes = 1   # Oclgrind 21.10 takes parts of a vector for unset that are not
     fur = clfur.Shells(length=.3, pattern=pattern, frequency=3, force=(.3, 0, 0) if n == 1 else (0, 0, 0))
-    check_twin(gpu, clfur.Scene(mesh=patch(n), fur=fur, light=lamp(.4, -1, .2)), 16, method)
+    check_twin(gpu, clfur.Scene(mesh=patch(n), fur=fur, light=beam(.4, -1, .2)), 16, method)
 
 
 def check_twin(gpu, scene, cells, method="length"):
@@ -102,7 +102,7 @@ def check_twin(gpu, scene, cells, method="length"):
     pattern, slabs = shell.pattern, int(packed["kind"][2])
     expected = twin.deposit(packed, grid, pattern.faces.get()[:, :3], shell.curves.get().reshape(-1, slabs + 1, 4),
                             pattern.lattice.get().reshape(-1, stage.CORNERS, 4), pattern.means.get(), parts, deep,
-                            method == "binary", UNIT)
+                            method == "binary", CROSSING_UNIT)
     assert got.sum() > 0
     np.testing.assert_array_equal(got, expected)
 
@@ -127,12 +127,12 @@ def test_a_level_patch_shows_its_table(gpu, direction, length):
     """Whatever the grid and the faces: the sum is the area of all hair that the light sees."""
     fur = clfur.Shells(length=length, frequency=20, seed=3)
     for n, cells in ((1, 16), (1, 48), (4, 48), (4, 112)):
-        got, grid, shell, _ = deposited(gpu, clfur.Scene(mesh=patch(n), fur=fur, light=lamp(*direction)), cells)
+        got, grid, shell, _ = deposited(gpu, clfur.Scene(mesh=patch(n), fur=fur, light=beam(*direction)), cells)
         means = shell.pattern.means.get().astype(float)
         lattice = shell.pattern.lattice.get().reshape(-1, stage.CORNERS, 4)
         expected = 4 * np.mean([amount(means, each, direction, length) for each in lattice.astype(float)])
-        # Heights of 3/4 cell and 16 looks at the table.  Rounding: half a unit for each work-item.
-        rounding = len(lattice) * 40 / UNIT * float(grid["face"][0])
+        # Heights of 3/4 cell and 16 steps through the table.  Rounding: half a unit for each work-item.
+        rounding = len(lattice) * 40 / CROSSING_UNIT * float(grid["face"][0])
         assert abs(area_in(got, grid) - expected) < .01 * expected + rounding, (n, cells)
         if direction == (0, -1, 0):
             assert expected == pytest.approx(4 * means[0, 0], rel=.002)
@@ -144,7 +144,7 @@ def test_a_turning_light_changes_sums_by_little(gpu):
     areas = []
     for k in range(6):
         turn = .7 + k / 48 / 3
-        got, grid, *_ = deposited(gpu, clfur.Scene(mesh=ball(3), fur=fur, light=lamp(-np.cos(turn), -1, -np.sin(turn))))
+        got, grid, *_ = deposited(gpu, clfur.Scene(mesh=ball(3), fur=fur, light=beam(-np.cos(turn), -1, -np.sin(turn))))
         areas.append(area_in(got, grid))
     assert np.ptp(areas) < 1e-3 * areas[0]
 
@@ -198,9 +198,9 @@ class Fur:
         return (p / self.weights(p)[1].sum(1, keepdims=True) * (1 + h * self.length)).reshape(len(places), rays, 3)
 
 
-def read(cells, grid, p, unit=UNIT):
+def read(cells, grid, p, crossing_unit=CROSSING_UNIT):
     """Crossings before places [N, 3], between four columns and two layers."""
-    sums = np.concatenate([np.zeros((1, *cells.shape[1:])), np.cumsum(cells, 0)]) / unit
+    sums = np.concatenate([np.zeros((1, *cells.shape[1:])), np.cumsum(cells, 0)]) / crossing_unit
     m = grid["to_grid"].astype(float)
     x, y, z = ((p @ m[:3] + m[3])[:, :3] - (.5, .5, 0)).T
     result = 0
@@ -220,7 +220,7 @@ def judged(shape):
     gpu, rng = clfur.Scheduler(DEVICES[0]), np.random.default_rng(1)
     fur = clfur.Shells(alpha=ALPHA, noise=(0, 8), **SHAPES[shape])
     mesh, direction = ball(1), np.array([1, -1, -.6])
-    scene = clfur.Scene(mesh=mesh, fur=fur, light=lamp(*direction))
+    scene = clfur.Scene(mesh=mesh, fur=fur, light=beam(*direction))
     truth, towards = Fur(mesh, fur, *furred(gpu, mesh, fur)), -direction / np.linalg.norm(direction)
     places = rng.normal(size=(400, 3))
     places /= np.linalg.norm(places, axis=1, keepdims=True)
@@ -245,8 +245,8 @@ def test_light_in_a_furred_ball_is_near_the_truth(gpu, shape, cells):
     for rays, exact in found:
         crossed = read(got, grid, rays)
         assert abs(exact.mean() - crossed.mean()) < ERRORS[cells][0] * found[0][1].mean()
-        light, lit = ALPHA**exact, np.exp(-shells_depth(ALPHA, "length") * crossed)
-        assert np.abs((light - lit).reshape(-1, 16).mean(1)).mean() < ERRORS[cells][1]
+        expected, light = ALPHA**exact, np.exp(-shells_depth(ALPHA, "length") * crossed)
+        assert np.abs((light - expected).reshape(-1, 16).mean(1)).mean() < ERRORS[cells][1]
 
 
 # --- in a frame ----------------------------------------------------------------------------------------------
@@ -255,7 +255,7 @@ def test_light_in_a_furred_ball_is_near_the_truth(gpu, shape, cells):
 def test_the_body_is_dark_under_the_fur(gpu):
     """By what the grid holds; and fur that lets all light through is not there."""
     for alpha in (.3, 1):
-        scene = clfur.Scene(mesh=ball(), fur=clfur.Shells(length=.15, alpha=alpha), light=lamp(-.2, -.1, -1),
+        scene = clfur.Scene(mesh=ball(), fur=clfur.Shells(length=.15, alpha=alpha), light=beam(-.2, -.1, -1),
                             body_color=(1, 1, 1), camera=clfur.Camera(eye=(0, 0, 3), size=(60, 40)))
         body, view, light = tessellate(gpu, scene.mesh, 1, 1, "flat"), view_of(scene, 1), light_of(scene.light)
         visible, hair = raster(gpu, view, None, body), no_strands(gpu)
@@ -283,7 +283,7 @@ def test_shells_and_strands_darken_each_other(gpu, method):
 
     def drawn(alpha, strands_alpha, way):
         scene = clfur.Scene(mesh=ball(), fur=[clfur.Shells(length=.2, alpha=alpha), ring(strands_alpha, 1.5)],
-                            light=lamp(0, way, 0), camera=camera, body_color=None)
+                            light=beam(0, way, 0), camera=camera, body_color=None)
         out = clfur.render(scene, gpu, settings, outputs=("color", "id"))
         return out["color"][..., 0], out["id"]
     bright, ids = drawn(1, 1, -1)
@@ -298,7 +298,7 @@ def test_shells_and_strands_darken_each_other(gpu, method):
 
 def both(mesh):
     fur = [clfur.Shells(length=.1, force=(0, -1, 0)), clfur.Strands(roots=4000, types=clfur.HairType(width=.01))]
-    return clfur.Scene(mesh=mesh, fur=fur, light=lamp(1, -1, -1), camera=clfur.Camera(eye=(0, 0, 3), size=(40, 30)))
+    return clfur.Scene(mesh=mesh, fur=fur, light=beam(1, -1, -1), camera=clfur.Camera(eye=(0, 0, 3), size=(40, 30)))
 
 
 def hashed(scene, *arguments, **keys):
@@ -325,13 +325,13 @@ def test_one_thread_gives_the_same_counts(gpu):
     code = ("import clfur; fur, camera = clfur.Shells(), clfur.Camera(size=(16, 16));"
             "scene = clfur.Scene(mesh=clfur.load_mesh('sphere'), fur=fur, camera=camera);"
             "print(clfur.draw(scene, settings=clfur.Settings(samples=1), hashes=True).hashes['voxels'])")
-    told = [subprocess.run([sys.executable, "-c", code], env={**os.environ, "POCL_MAX_PTHREAD_COUNT": n}, check=True,
-                           capture_output=True, text=True).stdout for n in "12"]
-    assert len(told[0]) == 65 and told[0] == told[1]
+    digests = [subprocess.run([sys.executable, "-c", code], env={**os.environ, "POCL_MAX_PTHREAD_COUNT": n}, check=True,
+                              capture_output=True, text=True).stdout for n in "12"]
+    assert len(digests[0]) == 65 and digests[0] == digests[1]
 
 
 def test_shadows_of_shells_stay_when_only_the_camera_moves(gpu, sphere):
-    fur, light = clfur.Shells(), lamp(1, -1, -1)
+    fur, light = clfur.Shells(), beam(1, -1, -1)
     for eye in ((0, 0, 3), (1, 2, 3)):
         camera = clfur.Camera(eye=eye, size=(16, 16))
         frame = clfur.draw(clfur.Scene(mesh=sphere, fur=fur, light=light, camera=camera), gpu)
@@ -339,17 +339,17 @@ def test_shadows_of_shells_stay_when_only_the_camera_moves(gpu, sphere):
 
 
 @pytest.mark.parametrize("fur", FURS)
-@pytest.mark.parametrize("lit", ["slanted", "along", "spot", "near"])
-def test_counters_hold_what_shells_can_add(gpu, fur, lit):
-    scene = clfur.Scene(mesh=ball(1), fur=clfur.Shells(**FURS[fur]), light=LIGHTS[lit])
+@pytest.mark.parametrize("light", ["slanted", "along", "spot", "near"])
+def test_counters_hold_what_shells_can_add(gpu, fur, light):
+    scene = clfur.Scene(mesh=ball(1), fur=clfur.Shells(**FURS[fur]), light=LIGHTS[light])
     got, grid, shell, _ = deposited(gpu, scene, 16)
     pieces, area = stage.bounds_of(gpu, shell)
-    assert got.sum() / UNIT < most_of(grid, "length", pieces, 0.0, area)
+    assert got.sum() / CROSSING_UNIT < most_of(grid, "length", pieces, 0.0, area)
 
 
 def test_more_fur_than_counters_hold_is_an_error(gpu, sphere):
     scene = clfur.Scene(mesh=sphere, fur=clfur.Shells(length=5, frequency=500), camera=clfur.Camera(size=(8, 8)),
-                        light=lamp(0, -1, 0, position=(0, 7, 0), angle=1))
+                        light=beam(0, -1, 0, position=(0, 7, 0), angle=1))
     with pytest.raises(clfur.Error, match="32-bit counters"):
         clfur.render(scene, gpu, clfur.Settings(grid=256, samples=1))
 
@@ -362,19 +362,19 @@ def test_fur_beyond_a_spots_cone_costs_nothing(gpu, sphere):
         scene = clfur.Scene(mesh=sphere, fur=fur, camera=camera, light=light)
         frame = clfur.draw(scene, gpu, clfur.Settings(grid=16, samples=1, shadow_map=0))
         return frame.seconds
-    seconds(lamp(0, -1, 0))   # builds the kernels
-    assert seconds(lamp(.5, .2, -1, position=(0, 1.3, 1.5), angle=20)) < 10 * seconds(lamp(0, -1, -1)) + .1
+    seconds(beam(0, -1, 0))   # builds the kernels
+    assert seconds(beam(.5, .2, -1, position=(0, 1.3, 1.5), angle=20)) < 10 * seconds(beam(0, -1, -1)) + .1
 
 
 def test_a_spot_in_long_fur_takes_no_hours(gpu, monkeypatch):
     """The points of a face are bounded by the grid, not by how near the light comes."""
     launched, launch = {}, gpu.launch
 
-    def told(name, size, /, **arguments):
+    def recorded(name, size, /, **arguments):
         launched[name] = size
         return launch(name, size, **arguments)
-    monkeypatch.setattr(gpu, "launch", told)
+    monkeypatch.setattr(gpu, "launch", recorded)
     mesh = patch()
-    scene = clfur.Scene(mesh=mesh, fur=clfur.Shells(length=10, frequency=2), light=lamp(0, -1, 0, position=(0, 5, 0)))
+    scene = clfur.Scene(mesh=mesh, fur=clfur.Shells(length=10, frequency=2), light=beam(0, -1, 0, position=(0, 5, 0)))
     deposited(gpu, scene, cells=16)
     assert launched["shells.deposit"] <= len(mesh.faces) * 4 * 16 / stage.ROWS

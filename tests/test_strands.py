@@ -12,7 +12,7 @@ import clfur
 from clfur import HairType, PointForce, Strands
 from clfur.layout import CONSTANTS
 from clfur.stages import strands
-from clfur.stages.tessellate import Surface, tessellate, widen
+from clfur.stages.tessellate import Surface, as_float4, tessellate
 from clfur.twin import strands as twin
 
 # Errors against float64 on a mesh of radius 1.3, in float32 steps of 2^-23 = 1.2e-7; in brackets the largest
@@ -32,8 +32,9 @@ def lumpy():
 
 def surface_of(gpu, positions, normals, uv, triangles):
     """A `Surface` from arrays [V, 3], [V, 3], [V, 2], [T, 3]."""
-    rows = [gpu.upload(widen(np.array(a, np.float32))) for a in (positions, normals, uv)]
-    return Surface(*rows, triangles=gpu.upload(widen(np.array(triangles, np.uint32))), unit=np.float32(2.0**15))
+    rows = [gpu.upload(as_float4(np.array(a, np.float32))) for a in (positions, normals, uv)]
+    return Surface(*rows, triangles=gpu.upload(as_float4(np.array(triangles, np.uint32))),
+                   area_scale=np.float32(2.0**15))
 
 
 def tufts(gpu, normals, uv=None, roots=None):
@@ -88,7 +89,8 @@ def running_areas(gpu, surface):
     n = len(surface.triangles)
     blocks = -(-n // CONSTANTS["SCAN"])
     sums, areas = gpu.empty(blocks, np.uint64), gpu.empty(n, np.uint64)
-    mesh = {"positions": surface.positions, "triangles": surface.triangles, "n": n, "unit": surface.unit, "sums": sums}
+    mesh = {"positions": surface.positions, "triangles": surface.triangles, "n": n,
+            "area_scale": surface.area_scale, "sums": sums}
     gpu.launch("strands.sum_areas", blocks, **mesh)
     gpu.launch("strands.scan_sums", 1, n=blocks, sums=sums, total=gpu.empty(1, np.uint64))
     gpu.launch("strands.scan_areas", blocks, areas=areas, **mesh)
@@ -198,10 +200,10 @@ def test_running_sums_of_areas(gpu):
         corners, normals, uv, triangles = scattered_triangles(n)
         surface = surface_of(gpu, corners, normals, uv, triangles)
         areas = np.diff(running_areas(gpu, surface).astype(np.int64), prepend=0)
-        expected = np.linalg.norm(twin.twice_areas(corners, triangles), axis=1) * float(surface.unit) ** 2
+        expected = np.linalg.norm(twin.twice_areas(corners, triangles), axis=1) * float(surface.area_scale) ** 2
         # Thin triangles cancel in the cross product: 2^-24 of their longest sides' square is lost.
         sides = (corners[triangles] - corners[np.roll(triangles, 1, axis=1)]).astype(float)
-        lost = 4e-7 * (sides**2).sum((1, 2)) * float(surface.unit) ** 2 + 1
+        lost = 4e-7 * (sides**2).sum((1, 2)) * float(surface.area_scale) ** 2 + 1
         assert (np.abs(areas - expected) <= lost).all()
         assert (areas[::10] == 0).all()
 
@@ -245,7 +247,7 @@ def test_as_many_roots_as_equal_triangles_is_one_in_each(gpu):
     corners = [(x, y, 0) for i in range(600) for x, y in ((0, i), (i % 2, i), (0, i + 1))]
     normals, uv = np.tile(UP, (1800, 1)), np.repeat(np.arange(600), 3)[:, None] * (1, 0)
     surface = surface_of(gpu, corners, normals, uv, np.arange(1800).reshape(-1, 3))
-    surface = replace(surface, unit=np.float32(1))
+    surface = replace(surface, area_scale=np.float32(1))
     np.testing.assert_array_equal(running_areas(gpu, surface), np.arange(1, 601) // 2)
     chosen = grow(gpu, surface, Strands(types=HairType(segments=1), roots=300)).uv[:, 0]
     np.testing.assert_array_equal(np.rint(chosen), np.arange(1, 600, 2))
@@ -540,9 +542,9 @@ def test_colour_texture_is_bilinear_and_repeats(gpu):
 # --- strands that the user brings -----------------------------------------------------------------------
 
 
-def bring(gpu, curves):
+def upload_curves(gpu, curves):
     """The device's points [P, 4], tangents [P, 3], strand of each [P] and spans [strands, 2], on the host."""
-    brought = strands.bring(gpu, curves)
+    brought = strands.upload_curves(gpu, curves)
     return (brought.points.get(), brought.tangents.get()[:, :3], brought.strand_of.get(), brought.spans.get())
 
 
@@ -562,8 +564,8 @@ def test_curves_are_kept_and_get_the_twins_tangents(gpu, counts, width):
     points = ragged(counts, 2)
     sizes = {"all": (), "strand": (len(counts),), "point": (len(points),)}
     curves = clfur.Curves(points, counts, width=np.random.default_rng(3).random(sizes[width]))
-    there, tangents, strand_of, spans = bring(gpu, curves)
-    expected_tangents, expected_width, expected_strands = twin.bring(points, counts, curves.width)
+    there, tangents, strand_of, spans = upload_curves(gpu, curves)
+    expected_tangents, expected_width, expected_strands = twin.unpack_curves(points, counts, curves.width)
     np.testing.assert_array_equal(there[:, :3], points)
     np.testing.assert_array_equal(there[:, 3], expected_width)
     np.testing.assert_array_equal(strand_of, expected_strands)
@@ -578,7 +580,7 @@ def test_tangents_of_a_straight_line_a_corner_and_a_standstill(gpu):
     pause = [(0, 0, 0), (0, 0, 3), (0, 0, 3), (0, 0, 3), (5, 0, 3)]
     curves = clfur.Curves(np.array(line + corner + pause + [(1, 1, 1)] * 2, float), [3, 3, 5, 2])
     half = math.sqrt(0.5)
-    np.testing.assert_allclose(bring(gpu, curves)[1], [
+    np.testing.assert_allclose(upload_curves(gpu, curves)[1], [
         (1, 0, 0), (1, 0, 0), (1, 0, 0),
         (0, 0, 1), (0, half, half), (0, 1, 0),
         (0, 0, 1), (0, 0, 1), (0, 0, 1), (1, 0, 0), (1, 0, 0),
@@ -589,13 +591,13 @@ def test_tangents_of_a_straight_line_a_corner_and_a_standstill(gpu):
 def test_uniform_curves_are_the_same_as_counted_ones(gpu):
     points = ragged([5] * 30, 4)
     uniform, counted = clfur.Curves(points.reshape(30, 5, 3)), clfur.Curves(points, [5] * 30)
-    for a, b in zip(bring(gpu, uniform), bring(gpu, counted)):
+    for a, b in zip(upload_curves(gpu, uniform), upload_curves(gpu, counted)):
         np.testing.assert_array_equal(a, b)
 
 
 @pytest.mark.small
 def test_no_curves(gpu):
-    points, tangents, strand_of, spans = bring(gpu, clfur.Curves(np.zeros((0, 4, 3))))
+    points, tangents, strand_of, spans = upload_curves(gpu, clfur.Curves(np.zeros((0, 4, 3))))
     assert len(points) == len(tangents) == len(strand_of) == len(spans) == 0
 
 
@@ -605,7 +607,7 @@ def test_curves_in_another_order_are_the_same_bits(gpu):
     points, width = ragged(counts, 6), np.random.default_rng(7).random(len(counts))
     ends = np.cumsum(counts)
     rows = np.concatenate([np.arange(ends[i] - counts[i], ends[i]) for i in order])
-    there, tangents, *_ = bring(gpu, clfur.Curves(points, counts, width))
-    there_too, tangents_too, *_ = bring(gpu, clfur.Curves(points[rows], counts[order], width[order]))
+    there, tangents, *_ = upload_curves(gpu, clfur.Curves(points, counts, width))
+    there_too, tangents_too, *_ = upload_curves(gpu, clfur.Curves(points[rows], counts[order], width[order]))
     np.testing.assert_array_equal(there[rows].view(np.uint32), there_too.view(np.uint32))
     np.testing.assert_array_equal(tangents[rows], tangents_too)

@@ -8,9 +8,9 @@ import clfur
 from clfur import layout
 from clfur.pipeline.views import grid_of
 from clfur.scene import hair_bounds
-from clfur.stages.strands import arrays, bring, grow
+from clfur.stages.strands import arrays, grow, upload_curves
 from clfur.stages.tessellate import tessellate
-from clfur.stages.voxelize import METHODS, depths_for, most_of, unit_for, voxelize
+from clfur.stages.voxelize import METHODS, crossing_unit_for, depths_for, most_of, voxelize
 from clfur.twin import voxelize as twin
 
 WEIGHTS = np.array([65536, 777, 3, 0], np.uint32)       # of four types
@@ -261,22 +261,22 @@ def test_types_weigh_their_own(gpu):
 
 
 def test_the_unit_is_the_largest_that_cannot_overflow():
-    assert unit_for(0) == unit_for(65535) == 65536
+    assert crossing_unit_for(0) == crossing_unit_for(65535) == 65536
     for most in (65536, 1e6, 3.3e7, 2**31, 2**32 - 1):
-        assert 2**31 <= most * unit_for(most) < 2**32 or unit_for(most) == 65536
-        assert np.log2(unit_for(most)) % 1 == 0
-    assert unit_for(2**32) == unit_for(1e30) == unit_for(np.inf) == 0
+        assert 2**31 <= most * crossing_unit_for(most) < 2**32 or crossing_unit_for(most) == 65536
+        assert np.log2(crossing_unit_for(most)) % 1 == 0
+    assert crossing_unit_for(2**32) == crossing_unit_for(1e30) == crossing_unit_for(np.inf) == 0
 
 
 def sums_and_bounds(gpu, scene, strands, cells):
-    """{method: (all cells in units, most_of, unit)} of strands on the device."""
+    """{method: (all cells in units, most_of, crossing_unit)} of strands on the device."""
     grid, n, result = grid_of(scene, cells), len(strands.spans), {}
     for method in METHODS:
         most = most_of(grid, method, *hair_bounds(scene.fur, n))
-        unit = unit_for(most)
-        assert unit
-        counted = voxelize(gpu, grid, strands, method, np.full(len(strands.types), unit, np.uint32)).get()
-        result[method] = counted.sum(dtype=np.uint64) / unit, most, unit
+        crossing_unit = crossing_unit_for(most)
+        assert crossing_unit
+        counted = voxelize(gpu, grid, strands, method, np.full(len(strands.types), crossing_unit, np.uint32)).get()
+        result[method] = counted.sum(dtype=np.uint64) / crossing_unit, most, crossing_unit
     return result
 
 
@@ -302,8 +302,9 @@ def test_grown_hair_cannot_exceed_its_bound(gpu, sphere, fur, cells, pull):
     segments, length, area = hair_bounds(fur, 60)
     assert segments >= 60 * hair.segments
     assert lengths <= length * (1 + 1e-5) and lengths * hair.width <= area * (1 + 1e-5)
-    for method, (total, most, unit) in sums_and_bounds(gpu, clfur.Scene(mesh=sphere, fur=fur), strands, cells).items():
-        assert 0 < total <= most and most * unit < 2**32, method
+    scene = clfur.Scene(mesh=sphere, fur=fur)
+    for method, (total, most, crossing_unit) in sums_and_bounds(gpu, scene, strands, cells).items():
+        assert 0 < total <= most and most * crossing_unit < 2**32, method
 
 
 def test_types_of_any_length_are_bounded_by_the_largest(gpu, sphere):
@@ -311,8 +312,9 @@ def test_types_of_any_length_are_bounded_by_the_largest(gpu, sphere):
              for n, length, width in ((20, .001, .02), (2, .2, .001), (0, 9, 9))]
     fur = clfur.Strands(types=types, type_map=np.array([[(20, 0, 0), (2, 0, 0), (0, 0, 0)]], np.uint8), roots=300)
     strands = grow(gpu, tessellate(gpu, sphere, 1, 1), fur)
-    for method, (total, most, unit) in sums_and_bounds(gpu, clfur.Scene(mesh=sphere, fur=fur), strands, 64).items():
-        assert 0 < total <= most and most * unit < 2**32, method
+    scene = clfur.Scene(mesh=sphere, fur=fur)
+    for method, (total, most, crossing_unit) in sums_and_bounds(gpu, scene, strands, 64).items():
+        assert 0 < total <= most and most * crossing_unit < 2**32, method
 
 
 LIGHTS = {
@@ -330,8 +332,8 @@ def test_strands_brought_along_cannot_exceed_their_bound(gpu, light, cells):
     kept = np.concatenate([np.arange(first, first + n) for first, n in spans])
     curves = clfur.Curves(points[kept, :3], counts=spans[:, 1], width=points[kept, 3])
     scene = scene_of(curves, **LIGHTS[light])
-    for method, (total, most, unit) in sums_and_bounds(gpu, scene, bring(gpu, curves), cells).items():
-        assert 0 < total <= most and most * unit < 2**32, method
+    for method, (total, most, crossing_unit) in sums_and_bounds(gpu, scene, upload_curves(gpu, curves), cells).items():
+        assert 0 < total <= most and most * crossing_unit < 2**32, method
 
 
 def test_at_a_spots_border_strands_cannot_exceed_the_bound(gpu):
@@ -344,7 +346,7 @@ def test_at_a_spots_border_strands_cannot_exceed_the_bound(gpu):
     curves = clfur.Curves(np.repeat([[start, end]], 200, 0), width=.001)
     scene = scene_of(curves, **light)
     assert grid_of(scene, 128)["face"][2] == pytest.approx(near, rel=1e-3)
-    for method, (total, most, _) in sums_and_bounds(gpu, scene, bring(gpu, curves), 128).items():
+    for method, (total, most, _) in sums_and_bounds(gpu, scene, upload_curves(gpu, curves), 128).items():
         assert 0 < total <= most, method
 
 
@@ -354,13 +356,13 @@ def test_hair_beside_the_lamp_adds_nothing_elsewhere(gpu, near):
     points = np.array([[(0, 0, -near), (near, 0, -2 * near), (0, 0, -.5)]])
     curves = clfur.Curves(points, width=.002)
     scene = scene_of(curves, direction=(0, 0, -1), position=(0, 0, 0))
-    for method, (total, most, _) in sums_and_bounds(gpu, scene, bring(gpu, curves), 64).items():
+    for method, (total, most, _) in sums_and_bounds(gpu, scene, upload_curves(gpu, curves), 64).items():
         assert total <= most, method
         assert total < 64, method                # the grid's diagonal; measured 24 crossings of the one strand at most
 
 
 def test_a_million_strands_in_one_column(gpu):
-    """All of 10^6 strands in one cell: the sum is exact, as long as the unit is the one that the bound gives."""
+    """All of 10^6 strands in one cell: the sum is exact, as long as the crossing unit is that of the bound."""
     n = 10**6
     points = np.empty((n, 2, 3), np.float32)
     grid = grid_of(scene_of(None, direction=(0, 0, -1)), 64)
@@ -368,20 +370,20 @@ def test_a_million_strands_in_one_column(gpu):
     points[:] = .5 * side
     points[:, 0, 0], points[:, 1, 0] = .4 * side, .6 * side       # across the middle of a cell
     curves = clfur.Curves(points, width=.01)
-    strands = bring(gpu, curves)
+    strands = upload_curves(gpu, curves)
     scene = scene_of(curves, direction=(0, 0, -1))
     assert grid_of(scene, 64)["face"][1] == pytest.approx(side, rel=.01)
     for method in METHODS:
         most = most_of(grid, method, *hair_bounds(curves, n))
-        unit = unit_for(most)
-        assert most * unit < 2**32
-        cells = voxelize(gpu, grid, strands, method, np.array([unit], np.uint32)).get()
+        crossing_unit = crossing_unit_for(most)
+        assert most * crossing_unit < 2**32
+        cells = voxelize(gpu, grid, strands, method, np.array([crossing_unit], np.uint32)).get()
         total = cells.sum(dtype=np.uint64)
         if method == "length":
             assert np.count_nonzero(cells) == 1
-            assert total / unit == pytest.approx(n * .2 * .01 / side, rel=.5 / unit + 1e-3)
+            assert total / crossing_unit == pytest.approx(n * .2 * .01 / side, rel=.5 / crossing_unit + 1e-3)
         else:
-            assert total == (unit if method == "binary" else n * unit)
+            assert total == (crossing_unit if method == "binary" else n * crossing_unit)
 
 
 def test_hair_that_could_overflow_is_refused(gpu, sphere):

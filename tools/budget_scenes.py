@@ -49,7 +49,7 @@ def error_of(picture, truths):
 
 
 def costs_of(scene, ways, gpu, repeat=3):
-    """CPU seconds of a warm frame with each of some settings, everything done anew: the least of some, by turns."""
+    """CPU seconds of a warm frame with each of some settings, everything done anew: the least of some, in turn."""
     least = np.full(len(ways), np.inf)
     for _ in range(repeat):
         for place, settings in enumerate(ways):

@@ -101,7 +101,7 @@ def cached_picture(scene, samples=8, folder=None, progress=None):
 
 
 def _geometry(scene):
-    """(strands, body) of a scene: with the members of `Grown` and `Surface`, but strands are the float64 twin's.
+    """(strands, body) of a scene, with the members of `DeviceStrands` and `Surface`; strands are the float64 twin's.
 
     The strands have besides: first [n] each segment's first point, owner [n] its strand, and starts, ends [n]: whether
     the strand starts or ends with it.
@@ -116,7 +116,7 @@ def _geometry(scene):
     elif isinstance(fur, Curves):
         fur = fur.on_host
         counts = fur.counts.astype(int)
-        tangents, width, _ = strands.bring(fur.points, counts, fur.width)
+        tangents, width, _ = strands.unpack_curves(fur.points, counts, fur.width)
         kind = np.zeros(len(counts), int) if fur.type_of is None else fur.type_of.astype(int)
         hair = SimpleNamespace(points=np.column_stack([fur.points, width]).astype(float), tangents=tangents,
                                counts=counts, colors=fur.color.astype(float), kind=kind,
@@ -143,7 +143,8 @@ def _tessellated(mesh, inner, outer, surface):
     with gpu.frame():
         made = tessellate(gpu, mesh, inner, outer, surface)
         positions, normals, uv = (gpu.download(each).astype(float) for each in (made.positions, made.normals, made.uv))
-        return SimpleNamespace(positions=positions[:, :3], normals=normals[:, :3], uv=uv[:, :2], unit=made.unit,
+        return SimpleNamespace(positions=positions[:, :3], normals=normals[:, :3], uv=uv[:, :2],
+                               area_scale=made.area_scale,
                                triangles=gpu.download(made.triangles).astype(int))
 
 
@@ -152,7 +153,7 @@ def _grown(fur, body):
     if fur.roots == "faces":
         roots = strands.roots_on_faces(*surface)
     else:
-        x, y, z = strands.twice_areas(body.positions * body.unit, surface[3]).T
+        x, y, z = strands.twice_areas(body.positions * body.area_scale, surface[3]).T
         area = np.sqrt(x * x + y * y + z * z)
         *roots, _ = strands.roots_by_area(*surface, np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed)
     points, tangents, counts, colors, kind = strands.grow(

@@ -6,46 +6,50 @@ and strands, where they are cut into several.  Whatever is out of date goes befo
 
 import functools
 import hashlib
+from typing import Any
 
 import numpy as np
 
+from ..device.team import Team
 from ..stages import shells
+from ..stages.lighting import Lighting
 from ..stages.lod import thin
 from ..stages.raster import raster
-from ..stages.strands import bring, grow, no_strands
-from ..stages.tessellate import no_surface, tessellate
+from ..stages.strands import DeviceStrands, grow, no_strands, upload_curves
+from ..stages.tessellate import Surface, no_surface, tessellate
+from .plan import Part, Plan
 from .shadows import accumulate, finish, plan_shadows
 
 
-def let_go(plan, gpu):
+def let_go(plan: Plan, gpu: Any) -> None:
     """Make a device ready for a frame: before anything new is made, it lets go of what this frame has no use for."""
     gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
               plan.scene.shells and plan.scene.shells.layers))
-    light_on_strands(gpu, plan)
+    transmittances(gpu, plan)
     for name, used in ("body", plan.faces), ("strands", plan.strands), ("thinned", plan.strands and plan.settings.lod):
         if not used:
             gpu.keep(name, (), dict)
-    if len(plan.parts(gpu)) > 1 and not plan.keeps_light(gpu):
-        light_on_strands(gpu, plan).clear()   # what a smaller picture in one part has left
+    if len(plan.parts(gpu)) > 1 and not plan.keeps_transmittances(gpu):
+        transmittances(gpu, plan).clear()   # what a smaller picture in one part has left
 
 
-def let_go_of_parts(gpu, plan, parts, others):
+def let_go_of_parts(gpu: Any, plan: Plan, parts: list[Part], others: list[Part]) -> None:
     """Go from some parts of the scene to others, for which less may be left: what is there of the former goes."""
-    light = light_on_strands(gpu, plan)
-    for part in set(light) - set(others):
-        del light[part]
+    known = transmittances(gpu, plan)
+    for part in set(known) - set(others):
+        del known[part]
     if parts != others:
         for name in "body", "strands", "thinned":
             gpu.keep(name, (), dict)
 
 
-def body(gpu, plan, part):
+def body(gpu: Any, plan: Plan, part: Part) -> Surface:
     """The `Surface` of a part that is drawn; one without a triangle if its faces are only grown on."""
     return _surface(gpu, plan, part.faces) if part.body else gpu.keep("no body", (), functools.partial(no_surface, gpu))
 
 
-def hair(gpu, plan, part, lod):
-    """`Grown` strands of a part: ``lod`` as in `Settings`, of what the camera sees; 0 for all strands there are."""
+def hair(gpu: Any, plan: Plan, part: Part, lod: float) -> DeviceStrands:
+    """`DeviceStrands` of a part: ``lod`` as in `Settings`, of what the camera sees; 0 for all strands there are."""
     if not part.hairy:
         return gpu.keep("no strands", (), functools.partial(no_strands, gpu))
     scene = plan.scene
@@ -56,7 +60,7 @@ def hair(gpu, plan, part, lod):
     return _whole(gpu, plan, part, what)
 
 
-def tally(gpu, plan, part):
+def tally(gpu: Any, plan: Plan, part: Part) -> tuple[int, int]:
     """(strands that are not bald, segments) that are drawn of a part; remembered: nothing grows for it again."""
     scene, lod = plan.scene, plan.settings.lod
     known = gpu.keep("tallies", (scene.mesh, scene.strands, str(lod), scene.camera if lod else None), dict)
@@ -66,12 +70,12 @@ def tally(gpu, plan, part):
     return known[part]
 
 
-def light_on_strands(gpu, plan):
-    """{part: how much light reaches its strands}, as far as known; it goes with what it depends on."""
-    return gpu.keep("light on strands", (*plan.lit_by(plan.settings.lod), plan.settings.raster), dict)
+def transmittances(gpu: Any, plan: Plan) -> dict:
+    """{part: `coverage.transmittance` of its strands}, as far as known; it goes with what it depends on."""
+    return gpu.keep("transmittances", (*plan.light_key(plan.settings.lod), plan.settings.raster), dict)
 
 
-def shell(gpu, plan):
+def shell(gpu: Any, plan: Plan) -> tuple[shells.Shell, np.void]:
     """Shell fur -> (`Shell`, `layout.Shells`)."""
     mesh, topology, (packed, box) = plan.scene.mesh, plan.topology, plan.packed_shells
     laid = str([box.tolist(), packed["size"].tolist(), packed["shape"].tolist(), packed["kind"][:2].tolist(),
@@ -82,16 +86,20 @@ def shell(gpu, plan):
         _bend, gpu, mesh, packed, box, topology, (mesh, laid), (mesh, *walls))), packed
 
 
-def rasterize(plan, view, gpu, strands=None, is_body=True):
-    """[Depth and id of what is nearest in each sample] of some strands and the body: a share of `Team.gather`."""
+def rasterize(plan: Plan, view: np.void, gpu: Any, strands: tuple[int, int] | None = None,
+              is_body: bool = True) -> list:
+    """[Depth and id of what is nearest in each sample] of some strands and the body: a share of `Team.gather`.
+
+    [rows, width, samples] uint64, see `raster`.
+    """
     visible = None
     for part in plan.parts(gpu, strands, is_body):
         visible = raster(gpu, view, hair(gpu, plan, part, plan.settings.lod), body(gpu, plan, part), visible)
     return [visible]
 
 
-def rasterize_body(gpu, plan, view):
-    """Depth and id of the body where it is nearest in each sample."""
+def rasterize_body(gpu: Any, plan: Plan, view: np.void) -> Any:
+    """Depth and id of the body where it is nearest in each sample -> [rows, width, samples] uint64."""
     visible = None
     for part in plan.parts(gpu):
         if part.body or visible is None:
@@ -99,19 +107,19 @@ def rasterize_body(gpu, plan, view):
     return visible
 
 
-def lighting(gpu, team, plan, hashes):
+def lighting(gpu: Any, team: Team, plan: Plan, hashes: bool) -> tuple[Lighting, dict]:
     """(`Lighting`, {what: SHA-256 of its bits} if ``hashes``), that of the frame before if only the camera has moved; a
     team's devices share the strands."""
-    return gpu.keep("lighting", (*plan.lit_by(plan.shadow_lod), int(hashes)),
+    return gpu.keep("lighting", (*plan.light_key(plan.shadow_lod), int(hashes)),
                     functools.partial(_lighting, gpu, team, plan, hashes))
 
 
-def on(gpu, array):
+def on(gpu: Any, array: Any) -> Any:
     """An array on the device: it is there already, or comes from the host; None stays None."""
     return gpu.upload(array) if isinstance(array, np.ndarray) else array
 
 
-def bytes_of(gpu, array):
+def bytes_of(gpu: Any, array: Any) -> np.ndarray:
     """The bits of an array, on the host."""
     return np.ascontiguousarray(array if isinstance(array, np.ndarray) else gpu.download(array))
 
@@ -128,7 +136,7 @@ def _whole(gpu, plan, part, what):
 def _grow(gpu, plan, part):
     if plan.grown:
         return grow(gpu, _surface(gpu, plan, part.faces), plan.scene.strands, part.strands, part.area)
-    return bring(gpu, plan.scene.strands, part.strands)
+    return upload_curves(gpu, plan.scene.strands, part.strands)
 
 
 def _thin(gpu, plan, part, what, lod):
@@ -143,11 +151,11 @@ def _bend(gpu, mesh, packed, box, topology, laid, walls):
 
 
 def _lighting(gpu, team, plan, hashes):
-    furred = plan.scene.shells is not None and plan.settings.shadows != "off"
-    bounds = shells.bounds_of(gpu, shell(gpu, plan)[0]) if furred else None
-    shadows = plan_shadows(plan.rig, plan.strands, plan.body, bounds)
-    n, add = len(shadows), np.maximum if plan.settings.shadows == "binary" else np.add
-    counted = list(team.gather("accumulate", functools.partial(_accumulate, plan, shadows, furred),
+    with_shells = plan.scene.shells is not None and plan.settings.shadows != "off"
+    shell_bounds = shells.bounds_of(gpu, shell(gpu, plan)[0]) if with_shells else None
+    shadow_plans = plan_shadows(plan.rig, plan.strands, plan.body, shell_bounds)
+    n, add = len(shadow_plans), np.maximum if plan.settings.shadows == "binary" else np.add
+    counted = list(team.gather("accumulate", functools.partial(_accumulate, plan, shadow_plans, with_shells),
                                [add] * n + [np.minimum] * n, plan.strands, gpu))
     digests = {}
     for name, arrays in ("voxels", counted[:n]), ("shadow_map", counted[n:]):
@@ -155,7 +163,7 @@ def _lighting(gpu, team, plan, hashes):
             digests[name] = _digest(gpu, arrays)
     for i, array in enumerate(counted):
         counted[i] = on(gpu, array)
-    return finish(gpu, shadows, counted), digests
+    return finish(gpu, shadow_plans, counted), digests
 
 
 def _digest(gpu, arrays):
@@ -167,12 +175,13 @@ def _digest(gpu, arrays):
     return state.hexdigest()
 
 
-def _accumulate(plan, shadows, furred, gpu, strands, is_body):
+def _accumulate(plan, shadow_plans, with_shells, gpu, strands, is_body):
     """[Cells and shadow maps] of a share of what stands before the lights."""
     counted = None
     # With the body, shells are in one device's share, and there in the first part.
-    fur = shell(gpu, plan) if furred and is_body else None
+    shell_once = shell(gpu, plan) if with_shells and is_body else None
     for part in plan.parts(gpu, strands, is_body):
-        counted = accumulate(gpu, shadows, hair(gpu, plan, part, plan.shadow_lod), body(gpu, plan, part), counted, fur)
-        fur = None
+        counted = accumulate(gpu, shadow_plans, hair(gpu, plan, part, plan.shadow_lod), body(gpu, plan, part), counted,
+                             shell_once)
+        shell_once = None
     return counted

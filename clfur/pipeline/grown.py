@@ -1,12 +1,15 @@
 """Strands that have grown on a device, read back."""
 
+from typing import Any
+
 import numpy as np
 
 from ..scene import Curves, bounds_of
 from . import build
+from .plan import Plan
 
 
-def curves_of(gpu, plan):
+def curves_of(gpu: Any, plan: Plan) -> Curves:
     """The strands of a plan's scene as `Curves` on the host, which draw the same picture."""
     scene, fur = plan.scene, plan.scene.strands
     found = [_read(gpu, build.hair(gpu, plan, part, 0)) for part in plan.parts(gpu) if part.hairy]
@@ -15,7 +18,7 @@ def curves_of(gpu, plan):
     width = np.zeros(len(counts), np.float32)   # a strand's is one for all of its points
     width[counts > 0] = points[(np.cumsum(counts) - counts)[counts > 0], 3]
     return Curves(
-        points[:, :3], counts, width=width[:, None], color=colors[:, None, :3], types=fur.types,
+        points=points[:, :3], counts=counts, width=width[:, None], color=colors[:, None, :3], types=fur.types,
         type_of=root_uv[:, 2].astype(np.uint8), root_uv=root_uv[:, :2], root_normal=normals[:, :3],
         inner=fur.inner, outer=fur.outer, surface=fur.surface, seed=fur.seed,
         bounds=bounds_of(scene.mesh, scene.fur, plan.strands))

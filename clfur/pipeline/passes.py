@@ -12,10 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from ..device.team import Team
 from ..stages import coverage, shade
+from ..stages.lighting import Lighting
 from ..stages.strands import no_strands
 from ..stages.tessellate import no_surface
 from . import build
+from .plan import Plan
 from .views import band_of, one_sample
 
 
@@ -24,7 +27,7 @@ class Band:
     """Rows of the picture that are drawn together, before strands that are transparent."""
 
     rows: tuple       # first, one past the last
-    view: Any         # layout.View of these rows
+    view: np.void     # layout.View of these rows
     visible: Any      # [rows, width, samples] uint64 depth << 32 | id of what is nearest: the body, or an opaque strand
     counted: Any = None   # `Counted` rows, these among them, where strands are transparent
 
@@ -33,9 +36,10 @@ class Band:
 class Front:
     """What is seen of a band."""
 
-    view: Any         # layout.View of the samples in which it is
+    view: np.void     # layout.View of the samples in which it is
     keys: Any         # [rows, width, samples] uint64 depth << 32 | id of strand or body
-    through: Any      # what `shells.about` is told: of samples the share of light that comes through shell fur, or None
+    shell_transmittance: Any   # [rows, width, samples] float32 share of light that comes through shell fur, or None;
+                      # where strands are transparent, alpha stands for it
     shell_front: Any  # [rows, width, samples] uint64 depth << 32 | face of shell fur, or None
     outputs: dict     # {name: array} of outputs that are known by now
     fragments: Any = None   # of transparent strands: `coverage.Fragments`
@@ -47,10 +51,10 @@ class Samples:
 
     digests = 1       # arrays that `hashed` gives
 
-    def __init__(self, plan, team, warnings):
+    def __init__(self, plan: Plan, team: Team, warnings: set) -> None:
         self.plan, self.team = plan, team
 
-    def rasterize(self, gpu, top, end):
+    def rasterize(self, gpu: Any, top: int, end: int) -> Band:
         """`Band` of as many rows as fit each device, ``top`` to ``end`` at most; the devices share the strands."""
         end = min(top + min(self.team.each(self.plan.rows)), end)
         view = band_of(self.plan.rig.view, top, end)
@@ -58,12 +62,15 @@ class Samples:
                                     self.plan.strands, gpu)
         return Band((top, end), view, build.on(gpu, visible))
 
-    def resolve(self, gpu, band, through, shell_front):
+    def resolve(self, gpu: Any, band: Band, shell_transmittance: Any, shell_front: Any) -> Front:
         """`Front` of a band, behind shell fur as `march.march` has it."""
-        return Front(band.view, band.visible, through, shell_front, {})
+        return Front(band.view, band.visible, shell_transmittance, shell_front, {})
 
-    def shade(self, gpu, band, front, lighting, image):
-        """Light what is in front -> (image over ``image``, {other output: array}), None and {} where not asked for."""
+    def shade(self, gpu: Any, band: Band, front: Front, lighting: Lighting | None, image: Any) -> tuple:
+        """Light what is in front -> (image over ``image``, {other output: array}), None and {} where not asked for.
+
+        image: [rows, width, 4] float32, what shells have lit, or None.
+        """
         plan, known = self.plan, None
         parts = plan.parts(gpu)
         sums = shade.no_light(gpu, *band.visible.shape[:2]) if plan.wants_color and len(parts) > 1 else None
@@ -71,16 +78,16 @@ class Samples:
             if len(parts) > 1:
                 build.tally(gpu, plan, part)
             if plan.wants_color:
-                lit = _light(gpu, plan, band.view, band.visible, build.hair(gpu, plan, part, plan.settings.lod),
-                             build.body(gpu, plan, part), lighting, image, front.through, sums)
+                result = _color(gpu, plan, band.view, band.visible, build.hair(gpu, plan, part, plan.settings.lod),
+                                build.body(gpu, plan, part), lighting, image, front.shell_transmittance, sums)
             if plan.others:
-                known = shade.about(gpu, front.view, front.keys, build.hair(gpu, plan, part, plan.settings.lod),
-                                    build.body(gpu, plan, part), known)
+                known = shade.outputs(gpu, front.view, front.keys, build.hair(gpu, plan, part, plan.settings.lod),
+                                      build.body(gpu, plan, part), known)
         if plan.wants_color:
-            image = lit if sums is None else shade.blend(gpu, sums, image)
+            image = result if sums is None else shade.blend(gpu, sums, image)
         return image, known or {}
 
-    def hashed(self, gpu, band, front):
+    def hashed(self, gpu: Any, band: Band, front: Front) -> list:
         """[Bits of integers], the same on every device."""
         return [build.bytes_of(gpu, band.visible)]
 
@@ -90,10 +97,10 @@ class Coverage:
 
     digests = 2
 
-    def __init__(self, plan, team, warnings):
+    def __init__(self, plan: Plan, team: Team, warnings: set) -> None:
         self.plan, self.warnings, self._counted = plan, warnings, None
 
-    def rasterize(self, gpu, top, end):
+    def rasterize(self, gpu: Any, top: int, end: int) -> Band:
         """`Band` of as many rows as fit the device, by the pieces of strands that were counted in each."""
         counted = self._count(gpu, top, end)
         until = min(top + self.plan.rows_counted(gpu, counted.cut, counted.sums, top - counted.first), end)
@@ -103,7 +110,7 @@ class Coverage:
             visible = build.rasterize_body(gpu, self.plan, view)
         return Band((top, until), view, visible, counted)
 
-    def resolve(self, gpu, band, through, shell_front):
+    def resolve(self, gpu: Any, band: Band, shell_transmittance: Any, shell_front: Any) -> Front:
         """`Front` of a band: strands and shell fur, as `march.march` has it, hidden behind each other and the body."""
         counted, (top, end) = band.counted, band.rows
         rows = top - counted.first, end - counted.first
@@ -112,15 +119,18 @@ class Coverage:
         for part in counted.cut.parts:
             if part.hairy:
                 coverage.gather(gpu, band.view, build.hair(gpu, self.plan, part, self.plan.settings.lod), fragments)
-        resolved = coverage.resolve(gpu, band.visible, fragments, through, shell_front)
+        resolved = coverage.resolve(gpu, band.visible, fragments, shell_transmittance, shell_front)
         if gpu.steps and coverage.steps_of(self._counts(gpu, band), gpu.download(resolved.used)) > gpu.steps:
             self.warnings.add(f"{gpu.name} ends long loops: strands are missing where thousands lie in a pixel; "
                               "Settings.lod makes them fewer")
-        return Front(one_sample(band.view), resolved.seen, resolved.alpha, resolved.seen_fur,
+        return Front(one_sample(band.view), resolved.front, resolved.alpha, resolved.shell_front,
                      {"coverage": resolved.alpha}, fragments, resolved)
 
-    def shade(self, gpu, band, front, lighting, image):
-        """Light what is in front -> (image over ``image``, {other output: array}), None and {} where not asked for."""
+    def shade(self, gpu: Any, band: Band, front: Front, lighting: Lighting | None, image: Any) -> tuple:
+        """Light what is in front -> (image over ``image``, {other output: array}), None and {} where not asked for.
+
+        image: [rows, width, 4] float32, what shells have lit, or None.
+        """
         plan, parts, known = self.plan, band.counted.cut.parts, None
         sums = shade.no_light(gpu, *band.visible.shape[:2]) if plan.wants_color else None
         for part in reversed(parts):
@@ -130,15 +140,15 @@ class Coverage:
             if part.body:
                 known = self._shade_body(gpu, band, front, part, lighting, sums, known)
         if plan.wants_color:
-            image = shade.blend(gpu, sums, image, front.resolved.veil)
+            image = shade.blend(gpu, sums, image, front.resolved.strand_transmittance)
         return image, known or {}
 
-    def hashed(self, gpu, band, front):
+    def hashed(self, gpu: Any, band: Band, front: Front) -> list:
         """[Bits of integers], the same on every device: what shells let through, and so what is seen of strands among
         them, differs in the last bits."""
         if self.plan.scene.shells:
             return [build.bytes_of(gpu, band.visible), self._pixels(gpu, band)]
-        return [build.bytes_of(gpu, front.resolved.seen), build.bytes_of(gpu, front.resolved.alpha)]
+        return [build.bytes_of(gpu, front.resolved.front), build.bytes_of(gpu, front.resolved.alpha)]
 
     def _count(self, gpu, top, end):
         """`Counted` rows with row ``top`` among them: all that are wanted, or as many as fit."""
@@ -166,24 +176,26 @@ class Coverage:
             coverage.light(gpu, band.view, lighting, front.fragments, front.resolved, hair,
                            self._transmittance(gpu, band, part, hair, lighting), sums)
         if plan.others:
-            known = shade.about(gpu, front.view, front.keys, hair, no_surface(gpu), known)
+            known = shade.outputs(gpu, front.view, front.keys, hair, no_surface(gpu), known)
         return known
 
     def _shade_body(self, gpu, band, front, part, lighting, sums, known):
         plan, body, none = self.plan, build.body(gpu, self.plan, part), no_strands(gpu)
         if plan.wants_color:
-            _light(gpu, plan, band.view, band.visible, none, body, lighting, None, front.resolved.through, sums)
+            _color(gpu, plan, band.view, band.visible, none, body, lighting, None,
+                   front.resolved.body_transmittance, sums)
         if plan.others:
-            known = shade.about(gpu, front.view, front.keys, none, body, known)
+            known = shade.outputs(gpu, front.view, front.keys, none, body, known)
         return known
 
     def _transmittance(self, gpu, band, part, hair, lighting):
-        """How much light reaches the strands of a part; it stays for other rows and cameras where there is room."""
+        """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where
+        there is room."""
         plan = self.plan
         if plan.settings.shadows == "off":
             return None
         one = len(band.counted.cut.parts) == 1
-        known = build.light_on_strands(gpu, plan) if one or plan.keeps_light(gpu) else {}
+        known = build.transmittances(gpu, plan) if one or plan.keeps_transmittances(gpu) else {}
         if gpu.steps and plan.longest * (2 * plan.settings.pcf + 2) ** 2 > gpu.steps:
             self.warnings.add(f"{gpu.name} ends long loops: light is wrong on strands of {plan.longest:,} points with "
                               f"Settings.pcf {plan.settings.pcf}")
@@ -213,6 +225,6 @@ class Counted:
     visible: Any      # of the body in all of these rows, until it is taken
 
 
-def _light(gpu, plan, view, visible, hair, body, lighting, image, through, sums):
+def _color(gpu, plan, view, visible, hair, body, lighting, image, sample_transmittance, sums):
     body_color = (0, 0, 0) if plan.scene.body_color is None else plan.scene.body_color
-    return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, through, sums)
+    return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums)

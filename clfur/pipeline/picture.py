@@ -4,16 +4,20 @@ import functools
 import hashlib
 import time
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from ..device.team import Team
+from ..scene import Scene
 from ..settings import Settings
 from ..stages import march, shells
-from ..stages.blur import blur, reach_of
+from ..stages.blur import blur, blur_radius
 from ..stages.lighting import unshadowed
 from . import build
-from .passes import Coverage, Samples
+from .passes import Band, Coverage, Front, Samples
 from .plan import Plan
 from .views import Rig
 
@@ -47,7 +51,8 @@ class Frame:
     why: str = ""
 
 
-def draw_frame(team, scene, settings, outputs=("color",), hashes=False, bands=None):
+def draw_frame(team: Team, scene: Scene, settings: Settings, outputs: Sequence[str] = ("color",), hashes: bool = False,
+               bands: list | None = None) -> Frame:
     """A `Frame` of a scene by a `Team` -> `Frame`.
 
     ``bands``: [(first row, one past the last)] of the picture alone; the others hold anything.
@@ -67,7 +72,7 @@ def draw_frame(team, scene, settings, outputs=("color",), hashes=False, bands=No
     return picture.frame(seconds)
 
 
-def draw_band(picture, top, end, gpu):
+def draw_band(picture: "Picture", top: int, end: int, gpu: Any) -> tuple:
     """Rows of a picture from ``top`` on, as many as fit the device, ``end`` at most
     -> ((first, one past the last), {output: array [rows, width(, n)]}, [bits to hash])."""
     plan, strands, lighting = picture.plan, picture.strands, None
@@ -75,37 +80,38 @@ def draw_band(picture, top, end, gpu):
     if plan.wants_color:
         lighting, digests = build.lighting(gpu, picture.team, plan, picture.hashes)
         picture.digests |= digests
-    image = through = shell_front = None
+    image = shell_transmittance = shell_front = None
     if plan.scene.shells:
         shell = build.shell(gpu, plan)
-        light = lighting or unshadowed(gpu, *plan.rig.lights)   # which the other outputs do not see
-        image, through, shell_front = march.march(gpu, band.view, *shell, light, band.visible)
-    front = strands.resolve(gpu, band, through, shell_front)
+        any_light = lighting or unshadowed(gpu, *plan.rig.lights)   # which the other outputs do not see
+        image, shell_transmittance, shell_front = march.march(gpu, band.view, *shell, any_light, band.visible)
+    front = strands.resolve(gpu, band, shell_transmittance, shell_front)
     image, known = strands.shade(gpu, band, front, lighting, image)
     if plan.scene.shells and plan.others:
-        shells.about(gpu, front.view, shell[0], front.keys, front.through, front.shell_front, known)
+        shells.outputs(gpu, front.view, shell[0], front.keys, front.shell_transmittance, front.shell_front, known)
     return picture.read(gpu, band, front, {"color": image, **known, **front.outputs})
 
 
 class Picture:
     """What there is of a frame so far."""
 
-    def __init__(self, team, plan, outputs, hashes):
+    def __init__(self, team: Team, plan: Plan, outputs: Sequence[str], hashes: bool) -> None:
         self.team, self.plan, self.outputs, self.hashes = team, plan, outputs, hashes
-        self.warnings = set()   # what is wrong where a device has ended a loop before its time
-        self.digests, self._images = {}, {}
+        self.warnings: set[str] = set()   # what is wrong where a device has ended a loop before its time
+        self.digests: dict[str, str] = {}
+        self._images: dict[str, np.ndarray] = {}
         self.strands = (Coverage if plan.uses_coverage else Samples)(plan, team, self.warnings)
-        self._seen = [hashlib.sha256() for _ in range(self.strands.digests)]
+        self._visibility = [hashlib.sha256() for _ in range(self.strands.digests)]
 
-    def read(self, gpu, band, front, found):
+    def read(self, gpu: Any, band: Band, front: Front, found: dict) -> tuple:
         """What `draw_band` gives: the outputs that are ``found``, on the host."""
         images = {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in self.outputs}
         return band.rows, images, self.strands.hashed(gpu, band, front) if self.hashes else []
 
-    def put(self, rows, images, bits):
+    def put(self, rows: tuple[int, int], images: dict, bits: list) -> int:
         """Put rows where they belong -> the row after them."""
         height = self.plan.scene.camera.size[1]
-        for digest, each in zip(self._seen, bits):
+        for digest, each in zip(self._visibility, bits):
             digest.update(each)
         for name, image in images.items():
             if len(image) == height:
@@ -115,27 +121,27 @@ class Picture:
                 whole[slice(*rows)] = image
         return rows[1]
 
-    def blur(self, gpu):
+    def blur(self, gpu: Any) -> None:
         """Blur the colour, with as many rows on the device at a time as fit."""
         picture, settings, rows = self._images["color"], self.plan.settings, self.plan.rows_to_blur(gpu)
-        height, reach = len(picture), reach_of(settings.blur_sigma)
-        each, result = height if rows >= height else max(rows - 2 * reach, 1), np.empty_like(picture)
+        height, radius = len(picture), blur_radius(settings.blur_sigma)
+        each, result = height if rows >= height else max(rows - 2 * radius, 1), np.empty_like(picture)
         for top in range(0, height, each):
             end = min(top + each, height)
-            low, high = max(top - reach, 0), min(end + reach, height)
+            low, high = max(top - radius, 0), min(end + radius, height)
             strip = gpu.upload(picture[low:high])
             result[top:end] = gpu.download(
                 blur(gpu, strip, settings.blur_sigma, settings.blur == "edges", (top - low, end - low)))
         self._images["color"] = result
 
-    def frame(self, seconds):
+    def frame(self, seconds: float) -> Frame:
         """The `Frame`, after so many seconds."""
         plan, team = self.plan, self.team
         if self.hashes:
-            whole = b"".join(digest.digest() for digest in self._seen)
+            whole = b"".join(digest.digest() for digest in self._visibility)
             self.digests["visibility"] = hashlib.sha256(whole).hexdigest()
         strands, segments = team.first(self._tally)
-        stages = {}
+        stages: dict[str, float] = {}
         for of_one in team.each(_seconds):   # not of those that were dropped: a lost device tells nothing
             for name, spent in of_one.items():
                 stages[name] = stages.get(name, 0.0) + spent

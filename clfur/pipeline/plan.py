@@ -6,32 +6,35 @@ of faces, in its integers (`Plan._areas`).  It costs a tessellation of the mesh,
 
 import functools
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..errors import Error
 from ..scene import Curves, Strands
-from ..stages.blur import reach_of
+from ..stages.blur import blur_radius
 from ..stages.coverage import COUNTED, TRANSMITTANCE, Fragments, Resolved
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
 from ..stages.raster import VISIBLE
-from ..stages.shade import IMAGE, RADIANCE_SUMS, About
-from ..stages.shells import pack, size_of, topology_of
-from ..stages.strands import AREA, Grown, Packed, Roots, area_sums, first_strand_at
+from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs
+from ..stages.shells import Topology, pack, size_of, topology_of
+from ..stages.strands import AREA, DeviceStrands, Packed, Roots, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.voxelize import CELLS
+from .views import Rig
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
 VERTEX, TRIANGLE = Surface.bytes(vertex=1), Surface.bytes(triangle=1) + AREA.bytes
-POINT, STRAND = Grown.bytes(point=1), Grown.bytes(strand=1, color=1) + Roots.bytes(strand=1)
-PACKED = Packed.bytes(point=1, width=1, color=1) + Grown.bytes(color=1)   # more a point, of strands of the user's
-THIN_POINT, THIN_STRAND = Grown.bytes(*THINNED, point=1), Grown.bytes(*THINNED, strand=1)
-THIN_COLOR = Grown.bytes("colors", color=1)                               # where points have colours
+POINT, STRAND = DeviceStrands.bytes(point=1), DeviceStrands.bytes(strand=1, color=1) + Roots.bytes(strand=1)
+PACKED = Packed.bytes(point=1, width=1, color=1) + DeviceStrands.bytes(color=1)   # more a point, of the user's strands
+THIN_POINT, THIN_STRAND = DeviceStrands.bytes(*THINNED, point=1), DeviceStrands.bytes(*THINNED, strand=1)
+THIN_COLOR = DeviceStrands.bytes("colors", color=1)                               # where points have colours
 MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
-OUTPUTS = About.bytes(pixel=1)          # of a pixel but its colour
+OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
 PIXEL = Fragments.bytes(pixel=1) + Resolved.bytes(pixel=1)   # what is known of one where strands are transparent
 FRAGMENT = Fragments.bytes(fragment=1)
 NUMBERS = 2**32 - 1                     # pieces that a band can tell apart
@@ -52,7 +55,7 @@ class Part:
     body: bool = False
 
     @property
-    def hairy(self):
+    def hairy(self) -> bool:
         """Whether it has strands."""
         return self.strands[1] > self.strands[0]
 
@@ -72,7 +75,7 @@ class Plan:
     many there are.  body: whether there is one.
     """
 
-    def __init__(self, rig, outputs):
+    def __init__(self, rig: Rig, outputs: Sequence[str]) -> None:
         self.rig, self.scene, self.settings = rig, rig.scene, rig.settings
         self.wants_color, self.others = "color" in outputs, bool(set(outputs) - {"color"})
         mesh, fur = self.scene.mesh, self.scene.strands
@@ -84,8 +87,8 @@ class Plan:
         self._vertices, self._triangles = _sums(fur, self.faces)
         self._before = _points_of(fur) if isinstance(fur, Curves) else np.zeros(1, np.int64)
         self.triangles = int(self._triangles[-1])
-        if self.grown:
-            self.strands = self.triangles if fur.roots == "faces" else fur.roots
+        if isinstance(fur, Strands):
+            self.strands = self.triangles if fur.roots == "faces" else int(fur.roots)
             self.stride = max(t.segments for t in fur.types) + 1
         else:
             self.strands = len(self._before) - 1
@@ -94,22 +97,22 @@ class Plan:
         self._bytes_of_faces = VERTEX * self._vertices + TRIANGLE * self._triangles
         self._face = int(np.diff(self._bytes_of_faces).max(initial=0))
         self.longest = self.stride if self.grown else int(np.diff(self._before).max(initial=0))
-        self._cuts = {}
+        self._cuts: dict[tuple, Cut] = {}
         if self.points >= 2**31 or self.triangles >= 2**31:
             raise Error(f"the scene has {self.points:,} points of strands and {self.triangles:,} triangles; "
                         f"allowed: fewer than {2**31:,} of each")
 
     @property
-    def uses_coverage(self):
+    def uses_coverage(self) -> bool:
         """Whether strands are drawn by the area that they cover."""
         return self.settings.raster == "coverage" and self.strands > 0
 
     @property
-    def shadow_lod(self):
+    def shadow_lod(self) -> float:
         """Which strands cast shadows, as `Settings.lod`: the report's methods count them, however wide, so all."""
         return self.settings.lod if self.settings.shadows == "length" else 0.0
 
-    def lit_by(self, lod):
+    def light_key(self, lod: float) -> tuple:
         """What light depends on that falls on strands thinned so, as a key of `Scheduler.keep`."""
         scene, settings = self.scene, self.settings
         return (scene.mesh, scene.strands, scene.shells, *scene.lights, int(self.body), settings.shadows, settings.grid,
@@ -121,23 +124,23 @@ class Plan:
 
     # --- rows ---------------------------------------------------------------------------------------------------
 
-    def rows(self, gpu):
+    def rows(self, gpu: Any) -> int:
         """How many rows of the picture fit a device at a time: all that is told of their pixels, or, where strands are
         drawn by what they cover, what it takes to count them."""
         width, height = self.scene.camera.size
         room = min(self.cut(gpu).rows, BAND) // (width * self._pixel(False))
         return int(min(room, _largest(gpu) // self._largest_row, height))
 
-    def rows_to_blur(self, gpu):
+    def rows_to_blur(self, gpu: Any) -> int:
         """How many rows of the picture can be blurred at a time, with those around them."""
         width, height = self.scene.camera.size
         return int(min(min(self.cut(gpu).rows, BAND) // (3 * IMAGE.bytes * width), height))
 
-    def parts(self, gpu, strands=None, body=True):
+    def parts(self, gpu: Any, strands: tuple[int, int] | None = None, body: bool = True) -> list[Part]:
         """[`Part`] of the scene or a share: some ``strands``, (first, one past the last), with ``body`` or without."""
         return self.cut(gpu, strands, body).parts
 
-    def cut(self, gpu, strands=None, body=True):
+    def cut(self, gpu: Any, strands: tuple[int, int] | None = None, body: bool = True) -> Cut:
         """`Cut` of the scene or a share of it, see `parts`, before the pieces of strands in pixels are counted."""
         known = gpu, strands, body
         if known not in self._cuts:
@@ -146,7 +149,7 @@ class Plan:
             self._cuts[known] = self._cut(gpu, height * row, row, strands, body)
         return self._cuts[known]
 
-    def cut_counted(self, gpu, sums):
+    def cut_counted(self, gpu: Any, sums: np.ndarray) -> Cut:
         """`Cut` for rows of which is known how many pieces of strands each has, [rows] int64."""
         width, fullest = self.scene.camera.size[0], int(sums.max())
         if fullest > min(_largest(gpu) // FRAGMENT, NUMBERS):
@@ -156,8 +159,8 @@ class Plan:
         rows = counted + len(sums) * row + FRAGMENT * int(sums.sum())
         return self._cut(gpu, rows, counted + row + FRAGMENT * fullest, pieces=fullest)
 
-    def rows_counted(self, gpu, cut, sums, top):
-        """How many of these rows fit at a time from row ``top`` of them on."""
+    def rows_counted(self, gpu: Any, cut: Cut, sums: np.ndarray, top: int) -> int:
+        """How many of these rows, with ``sums`` as for `cut_counted`, fit at a time from row ``top`` of them on."""
         width = self.scene.camera.size[0]
         row, pieces = width * self._pixel(True), np.cumsum(sums[top:])
         rows = np.arange(1, len(pieces) + 1)
@@ -183,7 +186,7 @@ class Plan:
             pixel += PIXEL + Resolved.bytes(sample=samples)
         if self.scene.shells:
             pixel += VISIBLE.bytes * samples + Rays.bytes(sample=samples)   # where they enter
-        return pixel + IMAGE.bytes + RADIANCE_SUMS.bytes + OUTPUTS * self.others
+        return pixel + IMAGE.bytes + RADIANCE_SUMS.bytes + OTHERS * self.others
 
     # --- memory -------------------------------------------------------------------------------------------------
 
@@ -196,7 +199,7 @@ class Plan:
         strand, point = self._bytes(gpu)
         width, height = self.scene.camera.size
         if self.settings.blur != "off":
-            blurred = min(2 * reach_of(self.settings.blur_sigma) + 1, height) * 3 * IMAGE.bytes * width
+            blurred = min(2 * blur_radius(self.settings.blur_sigma) + 1, height) * 3 * IMAGE.bytes * width
             rows, row = max(rows, 3 * IMAGE.bytes * width * height), max(row, blurred)
         need = {"body": int(self._bytes_of_faces[-1]), "rows": rows,
                 "strands": (end - first) * strand + self._points(first, end) * point}
@@ -205,7 +208,7 @@ class Plan:
             "strands": min(need["strands"], max(strand + self.longest * point, 1 << 16)),
             "rows": row,
         }
-        kept = self._light * self.points * self.keeps_light(gpu)
+        kept = self._transmittance * self.points * self.keeps_transmittances(gpu)
         spare = gpu.memory * 15 // 16 - self._fixed - sum(least.values()) - kept
         room = _share(spare, {name: need[name] - least[name] for name in need})
         room = {name: least[name] + room[name] for name in need}
@@ -215,7 +218,7 @@ class Plan:
 
     def _too_much(self, gpu, pieces):
         settings, (width, height) = self.settings, self.scene.camera.size
-        fewest = 1 if settings.blur == "off" else min(2 * reach_of(settings.blur_sigma) + 1, height)
+        fewest = 1 if settings.blur == "off" else min(2 * blur_radius(settings.blur_sigma) + 1, height)
         furry = f"shells of {self._shells / 2**20:,.1f} MiB, " * bool(self._shells)
         lines = "a row" if fewest == 1 else f"{fewest} rows"
         dense = f" with {pieces:,} pieces of strands" * bool(pieces)
@@ -247,14 +250,15 @@ class Plan:
         return fixed
 
     @property
-    def _light(self):
-        """Bytes on the device of how much light, of all lights, reaches a point of strands."""
+    def _transmittance(self):
+        """Bytes on the device of the transmittance to a point of strands, of all lights."""
         return TRANSMITTANCE.bytes * len(self.scene.lights)
 
-    def keeps_light(self, gpu):
-        """Whether there is room for how much light reaches all points of strands: then they are asked once for all
-        bands of the picture, and for frames in which only the camera moves."""
-        return self.uses_coverage and self.settings.shadows != "off" and self._light * self.points <= gpu.memory // 8
+    def keeps_transmittances(self, gpu: Any) -> bool:
+        """Whether there is room for the transmittances to all points of strands: then they are asked once for all bands
+        of the picture, and for frames in which only the camera moves."""
+        shadowed = self.uses_coverage and self.settings.shadows != "off"
+        return shadowed and self._transmittance * self.points <= gpu.memory // 8
 
     def _bytes(self, gpu):
         """Bytes on the device of a strand and of each of its points."""
@@ -263,8 +267,8 @@ class Plan:
             fur = self.scene.strands
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
             strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
-        if self.uses_coverage and not self.keeps_light(gpu):
-            point += self._light
+        if self.uses_coverage and not self.keeps_transmittances(gpu):
+            point += self._transmittance
         return strand, point
 
     # --- parts --------------------------------------------------------------------------------------------------
@@ -313,12 +317,12 @@ class Plan:
     # --- shells -------------------------------------------------------------------------------------------------
 
     @functools.cached_property
-    def topology(self):
+    def topology(self) -> Topology:
         """`Topology` of the mesh, on the host."""
         return _topology(self.scene.mesh)
 
     @functools.cached_property
-    def packed_shells(self):
+    def packed_shells(self) -> tuple[np.void, np.ndarray]:
         """What `stages.shells.pack` gives of the scene's shells."""
         scene = self.scene
         return pack(scene.shells, scene.mesh, scene.body_color is None, self.settings.filtered)

@@ -7,34 +7,37 @@ import numpy as np
 
 from .. import layout
 from ..errors import Error
-from ..scene import hair_bounds
+from ..scene import Scene, hair_bounds
+from ..settings import Settings
 from ..stages import lod, shells
-from ..stages.lighting import light_up
+from ..stages.lighting import Lighting, lighting_of
 from ..stages.raster import raster
-from ..stages.voxelize import depths_for, most_of, own_share, unit_for, voxelize
+from ..stages.strands import DeviceStrands
+from ..stages.tessellate import Surface
+from ..stages.voxelize import crossing_unit_for, depths_for, most_of, self_shadow, voxelize
 from ..stages.zscan import zscan
 from .views import Rig
 
 
 @dataclass(frozen=True)
-class Plan:
+class ShadowPlan:
     """How a light's shadow is cast, before anything is.
 
     light: `layout.Light`.  grid, light_view: `layout.Grid` and `layout.View` of it, or None where there is no hair or
-    no body to cast a shadow.  method: as in `Settings.shadows`.  weights: [types] what a crossing of each adds; of
-    shells: the last.  crossing_unit: what one amounts to.  shadow: `layout.Shadow`.
+    no body to cast a shadow.  method: as in `Settings.shadows`.  weights: [types] uint32, what a crossing of each
+    adds; of shells: the last.  crossing_unit: what one amounts to.  shadow: `layout.Shadow`.
     """
 
-    light: Any
-    grid: Any
-    light_view: Any
+    light: np.void
+    grid: np.void | None
+    light_view: np.void | None
     method: str
     weights: Any
     crossing_unit: int
-    shadow: Any
+    shadow: np.void
 
 
-def shells_depth(alpha, method):
+def shells_depth(alpha: float, method: str) -> float:
     """Optical depth of one crossing in shell fur, as `depths_for` tells of strands.
 
     Hairs that stand in a pattern are crossed more evenly than at random: in "length" their depth lies between that of
@@ -45,48 +48,52 @@ def shells_depth(alpha, method):
     return x + x * x / 2 if method == "length" else depths_for([alpha], method)[0]
 
 
-def plan_shadows(rig, strands, body, fur=None):
-    """[`Plan`] of each light of a `Rig`, for this many strands, and whether there is a body.
+def plan_shadows(rig: Rig, strands: int, body: bool, shell_bounds: tuple | None = None) -> list[ShadowPlan]:
+    """[`ShadowPlan`] of each light of a `Rig`, for this many strands, and whether there is a body.
 
     Raises `clfur.Error` if counters could overflow.
-    ``fur``: `stages.shells.bounds_of` the scene's shells, if they are to cast shadows.
+    ``shell_bounds``: `stages.shells.bounds_of` the scene's shells, if they are to cast shadows.
     """
-    return [_plan(rig, *of_light, strands, body, fur) for of_light in zip(rig.lights, rig.grids, rig.light_views)]
+    return [_plan(rig, *of_light, strands, body, shell_bounds)
+            for of_light in zip(rig.lights, rig.grids, rig.light_views)]
 
 
-def _plan(rig, light, grid, light_view, strands, body, fur):
-    """`Plan` of one light."""
+def _plan(rig, light, grid, light_view, strands, body, shell_bounds):
+    """`ShadowPlan` of one light."""
     scene, settings = rig.scene, rig.settings
-    method, weights, unit, shadow = settings.shadows, None, 0, np.zeros((), layout.Shadow)
+    method, weights, crossing_unit, shadow = settings.shadows, None, 0, np.zeros((), layout.Shadow)
     hairs = scene.strands.hair_types if scene.strands else []
     depths = depths_for([hair.alpha for hair in hairs], method)
-    if fur:
+    if shell_bounds:
         depths = np.append(depths, shells_depth(scene.shells.alpha, method))
-    some = np.array([strands > 0] * len(hairs) + [True] * bool(fur), bool)
+    some = np.array([strands > 0] * len(hairs) + [True] * bool(shell_bounds), bool)
     if grid is not None and (depths[some] > 0).any():
         segments, length, area = hair_bounds(scene.strands, strands) if strands else (0, 0, 0)
         most = most_of(grid, method, segments, length, area * (lod.WIDEST if settings.lod else 1))
-        if fur:
-            most += most_of(grid, "length", fur[0], 0.0, fur[1])
-        unit = unit_for(most)
-        weights = np.rint(unit * depths / depths.max()).astype(np.uint32)
+        if shell_bounds:
+            pieces, area = shell_bounds
+            most += most_of(grid, "length", pieces, 0.0, area)
+        crossing_unit = crossing_unit_for(most)
+        weights = np.rint(crossing_unit * depths / depths.max()).astype(np.uint32)
         if min(weights[depths > 0]) < 4:
             raise Error(f"Settings.grid is {settings.grid}; allowed: fewer cells, less hair, hair types of more equal "
                         f"alpha or a spot with a wider angle, so that 32-bit counters can hold the hair's shadow")
-        shadow["hair"] = depths.max(), *own_share(grid, method), method == "length"
+        shadow["hair"] = depths.max(), *self_shadow(grid, method), method == "length"
     else:
         grid = None
     if light_view is not None and body:
         shadow["body"][:2] = 1, settings.pcf
     else:
         light_view = None
-    return Plan(light, grid, light_view, method, weights, unit, shadow)
+    return ShadowPlan(light, grid, light_view, method, weights, crossing_unit, shadow)
 
 
-def accumulate(gpu, plans, strands, body, counted=None, shell=None):
+def accumulate(gpu: Any, plans: list[ShadowPlan], strands: DeviceStrands, body: Surface, counted: list | None = None,
+               shell: tuple[shells.Shell, np.void] | None = None) -> list:
     """Put strands and body, or a part of them, before all lights -> [cells of each light, then shadow map of each];
     None where none is planned.
 
+    Cells are [nz, ny, nx] uint32, maps [size, size, 1] uint64.
     ``counted``: what is there already, as it is given back.  ``shell``: `stages.shells.Shell` and its `layout.Shells`,
     which are put there once in all.
     """
@@ -103,7 +110,7 @@ def accumulate(gpu, plans, strands, body, counted=None, shell=None):
     return counted
 
 
-def finish(gpu, plans, counted):
+def finish(gpu: Any, plans: list[ShadowPlan], counted: list) -> Lighting:
     """What `accumulate` gave in the end, which it takes from the list -> `Lighting`."""
     crossings = []
     for i, plan in enumerate(plans):   # cells go as soon as they are summed
@@ -111,13 +118,14 @@ def finish(gpu, plans, counted):
         crossings.append(None if cells is None else zscan(gpu, cells, plan.crossing_unit))
         del cells
     maps = counted[len(plans):]
-    return light_up(gpu, [plan.light for plan in plans], [plan.shadow for plan in plans],
-                    [plan.grid for plan in plans], [plan.light_view for plan in plans], crossings, maps)
+    return lighting_of(gpu, [plan.light for plan in plans], [plan.shadow for plan in plans],
+                       [plan.grid for plan in plans], [plan.light_view for plan in plans], crossings, maps)
 
 
-def cast_shadows(gpu, scene, settings, strands, body, shell=None):
+def cast_shadows(gpu: Any, scene: Scene, settings: Settings, strands: DeviceStrands, body: Surface,
+                 shell: tuple[shells.Shell, np.void] | None = None) -> Lighting:
     """The lights of a scene, and the shadows of whole strands, a whole body, and shells as in `accumulate`
     -> `Lighting`."""
     bounds = shells.bounds_of(gpu, shell[0]) if shell else None
-    plans = plan_shadows(Rig.of(scene, settings), len(strands.spans), len(body.triangles), bounds)
+    plans = plan_shadows(Rig.of(scene, settings), len(strands.spans), len(body.triangles) > 0, bounds)
     return finish(gpu, plans, accumulate(gpu, plans, strands, body, shell=shell))

@@ -8,7 +8,7 @@ import attrs
 import numpy as np
 
 from .. import layout
-from ..scene import Scene, extent
+from ..scene import Light, Scene, extent
 from ..settings import Settings
 
 
@@ -18,15 +18,15 @@ class Rig:
 
     scene: Scene
     settings: Settings    # shadows are off where no light shines: what stands before one that is out cannot matter
-    center: Any           # [3] of a ball around all that is drawn,
+    center: np.ndarray    # [3] of a ball around all that is drawn,
     radius: float         # and its radius [world]
-    view: Any             # layout.View: the whole picture
+    view: np.void         # layout.View: the whole picture
     lights: tuple         # layout.Light of each light of the scene,
     light_views: tuple    # its layout.View, None without a shadow map or where it is out,
     grids: tuple          # and its layout.Grid, None without shadows or where it is out
 
     @classmethod
-    def of(cls, scene, settings=Settings()):
+    def of(cls, scene: Scene, settings: Settings = Settings()) -> "Rig":
         """The `Rig` of a scene and how it is drawn."""
         if not any(np.any(light.color) for light in scene.lights):
             settings = attrs.evolve(settings, shadows="off")
@@ -41,7 +41,7 @@ class Rig:
                         for light in scene.lights))
 
 
-def view_of(scene, samples, ball=None):
+def view_of(scene: Scene, samples: int, ball: tuple | None = None) -> np.void:
     """The scene's camera as a `layout.View`; its near plane stands just before all that can be seen.
 
     ``ball``: what `extent` tells of the scene, where that is known already; below too.
@@ -61,9 +61,9 @@ def view_of(scene, samples, ball=None):
     return _view(to_screen, (*pose[:3, 3], 1), camera.size, samples, math.sqrt(k[0, 0] * k[1, 1]))
 
 
-def light_of(light):
+def light_of(light: Light) -> np.void:
     """A `clfur.Light` as a `layout.Light`."""
-    packed = np.zeros((), layout.Light)
+    packed: Any = np.zeros((), layout.Light)
     packed["direction"][:3] = light.direction
     packed["color"] = *light.color, light.ambient
     if light.position is not None:
@@ -72,13 +72,13 @@ def light_of(light):
     return packed
 
 
-def light_view_of(scene, size, light=None, ball=None):
+def light_view_of(scene: Scene, size: int, light: Light | None = None, ball: tuple | None = None) -> np.void:
     """What a light sees, as a `layout.View` of size² pixels with one sample each: parallel rays, or a spot's.
 
     ``light``: a `clfur.Light`, the scene's first if None; below too.
     """
     light = light or scene.lights[0]
-    to_light, radius, distance, half = _light(light, ball or extent(scene.mesh, scene.fur))
+    to_light, radius, distance, half = _frame_of(light, ball or extent(scene.mesh, scene.fur))
     to_screen = np.zeros((4, 4))
     near, far = distance - radius, distance + radius
     scale = size / (2 * half)
@@ -97,15 +97,15 @@ def light_view_of(scene, size, light=None, ball=None):
     return _view(to_screen, eye, (size, size), 1, scale)
 
 
-def grid_of(scene, cells, light=None, ball=None):
+def grid_of(scene: Scene, cells: int, light: Light | None = None, ball: tuple | None = None) -> np.void:
     """The cells³ that hold all of the scene, seen from a light, as a `layout.Grid`.
 
     They fit a ball around the scene, so that their size does not change while the light turns.
     """
     light = light or scene.lights[0]
-    to_light, radius, distance, half = _light(light, ball or extent(scene.mesh, scene.fur))
+    to_light, radius, distance, half = _frame_of(light, ball or extent(scene.mesh, scene.fur))
     side = 2 * half / cells
-    packed = np.zeros((), layout.Grid)
+    packed: Any = np.zeros((), layout.Grid)
     to_grid = np.zeros((4, 4))
     to_grid[:2] = to_light[:2] / side
     to_grid[2] = to_light[2] * cells / (2 * radius)
@@ -124,7 +124,7 @@ def grid_of(scene, cells, light=None, ball=None):
     return packed
 
 
-def _light(light, ball):
+def _frame_of(light, ball):
     """(world -> axes of the light [4, 4], radius, distance of the centre along the light, half a side).
 
     Half a side is that of the square that the light must see: in world units, or for a spot at distance 1.
@@ -169,14 +169,14 @@ def _view(to_screen, eye, size, samples, scale):
     return view
 
 
-def band_of(view, first, end):
+def band_of(view: np.void, first: int, end: int) -> np.void:
     """The `layout.View` that draws only these rows of a view, as the very same bits."""
     band = view.copy()
     band["rows"][:2] = first, end
     return band
 
 
-def one_sample(view):
+def one_sample(view: np.void) -> np.void:
     """A `layout.View` of the same pixels, each seen by one sample in its middle."""
     single = view.copy()
     single["size"][2:] = 1, layout.pattern_start(1)

@@ -22,30 +22,32 @@ class Lighting(Arrays):
     crossings: Any = array(SUMS)          # [nz + 1, ny, nx] before each layer of a grid; one grid's after the other
     shadow_maps: Any = array(VISIBLE)     # [size, size] the raster of the body in a view; one view's after the other
 
-    def arrays(self):
+    def arrays(self) -> dict:
         """All of it, as arguments of a launch."""
         return {"n_lights": len(self.lights), **vars(self)}
 
 
-def unshadowed(gpu, *lights):
+def unshadowed(gpu: Any, *lights: np.void) -> Lighting:
     """`Lighting` of `layout.Light`s before which nothing stands."""
     none = [None] * len(lights)
-    return light_up(gpu, lights, none, none, none, none, none)
+    return lighting_of(gpu, lights, none, none, none, none, none)
 
 
-def light_up(gpu, lights, shadows, grids, light_views, crossings, shadow_maps):
+def lighting_of(gpu: Any, lights: tuple | list, shadows: list, grids: list, light_views: list,
+                crossings: list, shadow_maps: list) -> Lighting:
     """`Lighting` of what there is of each light, None where there is none.
 
     lights: [`layout.Light`].  shadows: [`layout.Shadow`].  grids: [`layout.Grid`], crossings: what `zscan` gives for
-    each.  light_views: [`layout.View`], shadow_maps: what `raster` gives for each.
+    each, [nz + 1, ny, nx] float32.  light_views: [`layout.View`], shadow_maps: what `raster` gives for each, [size,
+    size, 1] uint64.
     """
-    shadows = _packed(shadows, layout.Shadow)
+    packed = _packed(shadows, layout.Shadow)
     for first, arrays in ((0, crossings), (2, shadow_maps)):
         sizes = [0 if array is None else array.size for array in arrays]
         begins = np.cumsum([0] + sizes[:-1], dtype=np.uint64)
         halves = np.stack([begins & np.uint64(0xFFFFFFFF), begins >> np.uint64(32)], 1)
-        shadows["place"][:, first:first + 2] = halves.astype(np.uint32).view(np.int32)
-    return Lighting(gpu.upload(_packed(lights, layout.Light)), gpu.upload(shadows),
+        packed["place"][:, first:first + 2] = halves.astype(np.uint32).view(np.int32)
+    return Lighting(gpu.upload(_packed(lights, layout.Light)), gpu.upload(packed),
                     gpu.upload(_packed(grids, layout.Grid)), gpu.upload(_packed(light_views, layout.View)),
                     gpu.joined(crossings, SUMS.dtype), gpu.joined(shadow_maps, VISIBLE.dtype))
 

@@ -1,19 +1,20 @@
 """Strands -> as few and as simple ones as a view needs."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from .. import layout
-from .strands import Grown, arrays
+from .strands import DeviceStrands, arrays
 
 THINNED = "points", "tangents", "spans"   # arrays that are made anew, and colors where each point has one
 # How many times as wide as it is a strand can become: 1 / widening's mean where the least are kept.
 WIDEST = 2 / (layout.CONSTANTS["LOD_LEAST"] * (1 + layout.CONSTANTS["LOD_SOFT"]))
 
 
-def thin(gpu, strands, view, lod, seed=0):
-    """`Grown` strands without detail finer than ``lod`` > 0 pixels of a `layout.View` -> `Grown`.
+def thin(gpu: Any, strands: DeviceStrands, view: np.void, lod: float, seed: int = 0) -> DeviceStrands:
+    """`DeviceStrands` without detail finer than ``lod`` > 0 pixels of a `layout.View` -> `DeviceStrands`.
 
     A strand that would be p < lod pixels wide, at its root's width and where the nearer of its ends is, belongs to
     those of which the share k = max(p / lod, 1/8) is kept.  It goes if its place in a fixed random order, which
@@ -26,7 +27,7 @@ def thin(gpu, strands, view, lod, seed=0):
     `coverage` knows it at points alone.  Arrays that do not change are shared.
     """
     per_point = strands.color_per == 2
-    thinned = replace(strands, **{name: Grown.declared[name].empty(gpu, len(getattr(strands, name)))
+    thinned = replace(strands, **{name: DeviceStrands.declared[name].empty(gpu, len(getattr(strands, name)))
                                   for name in (*THINNED, *["colors"] * per_point)})
     gpu.launch("lod.thin", len(strands.spans), view=view, lod=lod, seed=seed,
                out_points=thinned.points, out_tangents=thinned.tangents, out_spans=thinned.spans,

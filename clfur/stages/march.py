@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 
 from ..layout import Arrays, array, block
+from .lighting import Lighting
 from .raster import NONE, raster
 from .shade import IMAGE
+from .shells import Shell
 
 ENTRIES = 8                  # times that a ray may come into the fur
 
@@ -16,17 +18,20 @@ ENTRIES = 8                  # times that a ray may come into the fur
 class Rays(Arrays):
     """How far the rays of a picture's samples have come."""
 
-    after: Any = array("sample", np.uint32, None, 0)      # depth where they came in last; NOTHING: they are done
-    through: Any = array("sample", np.float32, None, 1)   # share of light that comes from behind
-    fur: Any = array("sample", np.uint64, None, NONE)     # depth << 32 | face where half of it is gone
+    after: Any = array("sample", np.uint32, None, 0)   # depth where they came in last; NOTHING: they are done
+    shell_transmittance: Any = array("sample", np.float32, None, 1)   # share of light that comes from behind
+    shell_front: Any = array("sample", np.uint64, None, NONE)   # depth << 32 | face where half of it is gone
 
 
-def march(gpu, view, shell, packed, lighting, visible):
-    """Take all rays through the fur -> (image, through, fur).
+def march(gpu: Any, view: np.void, shell: Shell, packed: np.void, lighting: Lighting,
+          visible: Any) -> tuple[Any, Any, Any]:
+    """Take all rays through the fur -> (image, shell_transmittance, shell_front).
 
-    image: [rows, width, 4] float32, the light of the fur, premultiplied. through: [rows, width, samples] float32, the
-    share of light that comes from what ``visible`` holds. fur: [rows, width, samples] uint64, depth << 32 | face where
-    half of it is gone.
+    ``view``: a `layout.View`.  ``packed``: the shell's `layout.Shells`.  ``visible``: [rows, width, samples] uint64,
+    what `raster` gives of all else.
+    image: [rows, width, 4] float32, the light of the fur, premultiplied.  shell_transmittance: [rows, width, samples]
+    float32, the share of light that comes from what ``visible`` holds.  shell_front: [rows, width, samples] uint64,
+    depth << 32 | face where half of it is gone.
     """
     rows, width, _samples = visible.shape
     image, rays = IMAGE.empty(gpu, (rows, width)), Rays.empty(gpu, {"sample": visible.shape})
@@ -43,4 +48,4 @@ def march(gpu, view, shell, packed, lighting, visible):
                    noise_box=pattern.box, left=left, image=image, **vars(rays), **lighting.arrays())
         if not int(gpu.download(left)[0]):
             break
-    return image, rays.through, rays.fur
+    return image, rays.shell_transmittance, rays.shell_front

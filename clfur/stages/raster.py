@@ -1,32 +1,35 @@
 """Strands and body triangles -> the nearest (depth, id) of every sample of a view."""
 
+from typing import Any
+
 import numpy as np
 
 from ..layout import Declared
-from .strands import arrays
+from .strands import DeviceStrands, arrays
 
 NONE = (1 << 64) - 1                                  # nothing there: depth and id NOTHING
 VISIBLE = Declared("sample", np.uint64, None, NONE)   # depth << 32 | id
 
 
-def raster(gpu, view, strands=None, body=None, visible=None, after=None):
-    """Draw `Grown` strands as lines and a `Surface` as triangles -> [rows, width, samples] uint64.
+def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: Any = None,
+           visible: Any = None, after: Any = None) -> Any:
+    """Draw `DeviceStrands` as lines and a `Surface` or `Shell` as triangles -> [rows, width, samples] uint64.
 
     A sample holds depth << 32 | id: depth in 1/DEPTH_ONE (0 at the near plane), id the number of a segment's
     first point or BODY | triangle.  Strands are as wide as their width projects, but at least 1/samples of a
-    pixel.  Equal depths go to the smaller id.  ``visible``: samples to draw into, with what is there already.
+    pixel.  Equal depths go to the smaller id.  ``visible``: such an array to draw into, with what is there already.
     ``after``: [rows, width, samples] uint32; if given, triangles count only where they face the eye behind this depth.
     """
     width, _, samples, _ = (int(n) for n in view["size"])
     rows = int(view["rows"][1] - view["rows"][0])
     bands = _bands(view, body)
     visible = VISIBLE.empty(gpu, (rows, width, samples)) if visible is None else visible
-    front, after = after is not None, gpu.empty(0, np.uint32) if after is None else after
+    facing, after = after is not None, gpu.empty(0, np.uint32) if after is None else after
     for phase in range(1 if gpu.int64_atomics else 2):
         if body is not None:
             n = len(body.triangles)
             gpu.launch("raster.body", n * bands, view=view, positions=body.positions, triangles=body.triangles, n=n,
-                       first=body.first_triangle, band=-(-rows // bands), front=front, after=after, phase=phase,
+                       first=body.first_triangle, band=-(-rows // bands), facing=facing, after=after, phase=phase,
                        visible=visible)
         if strands is not None:
             gpu.launch("raster.lines", len(strands.spans), view=view, first=strands.first_point, phase=phase,
@@ -44,6 +47,6 @@ def _bands(view, body):
     if body is None or not len(body.triangles):
         return 1
     nearest = view["to_screen"][3, 2] if view["eye"][3] else 1     # of all that is seen, in w
-    reach = body.longest * view["scale"][0] / nearest + 1          # pixels that the longest side can span
-    visits = min(reach, width) * min(reach, rows) * samples
+    longest = body.longest * view["scale"][0] / nearest + 1        # pixels that the longest side can span
+    visits = min(longest, width) * min(longest, rows) * samples
     return int(min(max(-(-visits // 2**14), 1), rows))

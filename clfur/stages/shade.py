@@ -7,15 +7,17 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, Declared, array
-from .strands import arrays
+from .lighting import Lighting
+from .strands import DeviceStrands, arrays
+from .tessellate import Surface
 
 IMAGE = Declared("pixel", np.float32, 4, 0)         # linear, premultiplied r, g, b, alpha
 RADIANCE_SUMS = Declared("pixel", np.int64, 4, 0)   # r, g, b, alpha in 2^-32
 
 
 @dataclass(frozen=True)
-class About(Arrays):
-    """What is known of pixels, see `about`."""
+class Outputs(Arrays):
+    """What is known of pixels, see `outputs`."""
 
     depth: Any = array("pixel", np.float32, None, np.inf)
     id: Any = array("pixel", np.int32, None, layout.CONSTANTS["ID_NOTHING"])
@@ -25,58 +27,72 @@ class About(Arrays):
     coverage: Any = array("pixel", np.float32, None, 0)
 
 
-def color(gpu, view, lighting, visible, strands, body, body_color, image=None, through=None, sums=None):
+def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: DeviceStrands, body: Surface,
+          body_color: tuple, image: Any = None, sample_transmittance: Any = None, sums: Any = None) -> Any:
     """Light every sample and average -> [rows, width, 4] float32, linear, premultiplied, alpha = coverage.
 
     Strands by their types' looks, the body by Lambert.
-    ``image``: what it is added to.  ``through``: [rows, width, samples] float32, the share of each sample's light and
-    coverage that comes through what stands before it and is in ``image`` already; all of it if None.
-    ``strands`` and ``body`` may be a part of what is visible: it is then added to ``sums``, see `blend`.
+    visible: [rows, width, samples] uint64, see `raster`.  body_color: linear r, g, b.
+    ``image``: what it is added to.  ``sample_transmittance``: [rows, width, samples] float32, the share of each
+    sample's light and coverage that comes through what stands before it and is in ``image`` already; all if None.
+    ``strands`` and ``body`` may be a part of what is visible: it is then added to ``sums``, [rows, width, 4] int64, see
+    `blend`.
     """
     rows, width, _ = visible.shape
     if sums is None and image is None:
         image = IMAGE.empty(gpu, (rows, width))
     gpu.launch("shade.color", rows * width, view=view, part=_part(strands, body), visible=visible,
                positions=body.positions, normals=body.normals, triangles=body.triangles, body_color=(*body_color, 0),
-               veiled=through is not None, through=gpu.empty(0, np.float32) if through is None else through,
-               more=sums is not None, radiance_sums=gpu.empty((0, 4), np.int64) if sums is None else sums,
+               attenuated=sample_transmittance is not None,
+               sample_transmittance=_or_none(gpu, sample_transmittance), more=sums is not None,
+               radiance_sums=gpu.empty((0, 4), np.int64) if sums is None else sums,
                image=gpu.empty((0, 4), np.float32) if image is None else image, **lighting.arrays(),
                **arrays(strands, "points", "tangents", "strand_of", "strand_normal", "strand_uv", "types", "colors",
                         "color_per"))
     return image if sums is None else sums
 
 
-def no_light(gpu, rows, width):
+def no_light(gpu: Any, rows: int, width: int) -> Any:
     """Sums of no light yet -> [rows, width, 4] int64, r, g, b, alpha in 2^-32."""
     return RADIANCE_SUMS.empty(gpu, (rows, width))
 
 
-def blend(gpu, sums, image=None, veil=None):
-    """Put sums of light over an ``image`` -> [rows, width, 4] float32, linear, premultiplied.
+def blend(gpu: Any, sums: Any, image: Any = None, strand_transmittance: Any = None) -> Any:
+    """Put sums of light over an ``image``, of shells -> [rows, width, 4] float32, linear, premultiplied.
 
-    ``veil``: [rows, width] float32, the share of the image's light that comes through; all of it if None.
+    sums: [rows, width, 4] int64, see `no_light`.  image: as the result, nothing if None.
+    ``strand_transmittance``: [rows, width] float32, the share of the image's light that strands let through; all of it
+    if None.
     """
     rows, width, _ = sums.shape
     image = IMAGE.empty(gpu, (rows, width)) if image is None else image
-    gpu.launch("shade.blend", rows * width, radiance_sums=sums, veiled=veil is not None,
-               veil=gpu.empty(0, np.float32) if veil is None else veil, image=image)
+    gpu.launch("shade.blend", rows * width, radiance_sums=sums,
+               attenuated=strand_transmittance is not None,
+               strand_transmittance=_or_none(gpu, strand_transmittance), image=image)
     return image
 
 
-def about(gpu, view, visible, strands, body, result=None):
+def outputs(gpu: Any, view: np.void, visible: Any, strands: DeviceStrands, body: Surface,
+            result: dict | None = None) -> dict:
     """What the nearest covered sample of each pixel sees -> {name: [rows, width(, 4)]}.
 
+    visible: [rows, width, samples] uint64, see `raster`.
     depth: float32 distance along the view axis, infinite where nothing is.  id: int32 strand, -1 nothing, -2 body.
     tangent, normal: float32 unit or 0.  uv: float32, of the body or the strand's root.  coverage: float32 0..1.
     ``strands`` and ``body`` may be a part of what is visible: what it knows is added to ``result``.
     """
     rows, width, _ = visible.shape
-    result = result or vars(About.empty(gpu, {"pixel": (rows, width)}))
-    gpu.launch("shade.about", rows * width, view=view, part=_part(strands, body), visible=visible,
+    result = result or vars(Outputs.empty(gpu, {"pixel": (rows, width)}))
+    gpu.launch("shade.outputs", rows * width, view=view, part=_part(strands, body), visible=visible,
                positions=body.positions, normals=body.normals, uv=body.uv, triangles=body.triangles,
-               **{f"out_{name}": array for name, array in result.items()},
+               **{f"out_{name}": each for name, each in result.items()},
                **arrays(strands, "first_strand", "points", "tangents", "strand_of", "strand_uv"))
     return result
+
+
+def _or_none(gpu, transmittance):
+    """A transmittance, or an array of none that stands for it."""
+    return gpu.empty(0, np.float32) if transmittance is None else transmittance
 
 
 def _part(strands, body):

@@ -7,7 +7,7 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, Declared, array
-from .tessellate import widen
+from .tessellate import as_float4
 from .voxelize import CELLS
 
 HEIGHTS, CORNERS, ROWS = (layout.CONSTANTS[name] for name in ("HEIGHTS", "CORNERS", "ROWS"))
@@ -17,7 +17,7 @@ MOST_NOISE = 16, 256         # lattices of the noise along a side, in space and 
 MOST_ROWS = 4096             # of a face's points in the light's grid
 
 
-SKIN = Declared("vertex", np.float32, 4)   # the mesh's positions, while hairs are bent
+POSITIONS = Declared("vertex", np.float32, 4)   # of the mesh, while hairs are bent
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Shell(Arrays):
     first_triangle = 0
 
 
-def topology_of(faces):
+def topology_of(faces: np.ndarray) -> Topology:
     """`Topology` of faces [F, 3]; a side that is not that of just two faces has no neighbour."""
     order = np.argsort(faces, 1, kind="stable")
     corners = np.take_along_axis(faces, order, 1).astype(np.int64)
@@ -77,15 +77,15 @@ def topology_of(faces):
     pair = np.bincount(number)[number] == 2
     one, other = by_key[pair & first], by_key[pair & ~first]
     neighbours = np.full(len(key), -1, np.int64)
-    numbers = np.arange(len(key)) // 3 << layout.CONSTANTS["SIDE_BITS"] | np.arange(len(key)) % 3
+    numbers = np.arange(len(key)) // 3 << int(layout.CONSTANTS["SIDE_BITS"]) | np.arange(len(key)) % 3
     neighbours[one], neighbours[other] = numbers[other], numbers[one]
-    return Topology(corners.astype(np.uint32), widen(neighbours.reshape(-1, 3).astype(np.int32)), order)
+    return Topology(corners.astype(np.uint32), as_float4(neighbours.reshape(-1, 3).astype(np.int32)), order)
 
 
-def border_of(faces, topology, slabs, bare):
+def border_of(faces: np.ndarray, topology: Topology, slabs: int, bare: int) -> tuple[np.ndarray, np.ndarray]:
     """Triangles by which rays come into the fur -> (corners [B, 4], starts [B, 4]) uint32, see `Shell`.
 
-    ``faces``: those of the topology, counter-clockwise seen from the tips.
+    ``faces``: [F, 3], those of the topology, counter-clockwise seen from the tips.
     Those at the tips, the sides of the fur where the mesh ends, and with ``bare`` the skin itself, from within.
     """
     faces, n = faces.astype(np.int64), slabs + 1
@@ -109,13 +109,13 @@ def border_of(faces, topology, slabs, bare):
             for triangle, (tetrahedron, missing) in zip((lower, upper), places[side]):
                 corners.append(np.where(along, triangle, triangle[:, ::-1]))
                 starts.append((open_, np.full(len(open_), 4 * (3 * slab + tetrahedron) + missing)))
-    starts = np.concatenate([np.stack([face, place, 0 * face, 0 * face], 1) for face, place in starts])
-    return widen(np.concatenate(corners).astype(np.uint32)), starts.astype(np.uint32)
+    rows = np.concatenate([np.stack([face, place, 0 * face, 0 * face], 1) for face, place in starts])
+    return as_float4(np.concatenate(corners).astype(np.uint32)), rows.astype(np.uint32)
 
 
-def pack(shells, mesh, bare, filtered):
+def pack(shells: Any, mesh: Any, bare: bool, filtered: bool) -> tuple[np.void, np.ndarray]:
     """`clfur.Shells` -> (`layout.Shells`, float4 of the noise's place)."""
-    packed = np.zeros((), layout.Shells)
+    packed: Any = np.zeros((), layout.Shells)
     center, radius = mesh.bounds
     f, (strength, waves) = shells.frequency, shells.noise
     packed["size"] = shells.length, shells.layers, f, shells.length_variation
@@ -147,31 +147,31 @@ def _rows_of(packed, vertices, faces):
             "lattice": CORNERS * faces, "vertex": vertices, "curve": vertices * (int(packed["kind"][2]) + 1)}
 
 
-def size_of(mesh, packed, topology):
+def size_of(mesh: Any, packed: np.void, topology: Topology) -> int:
     """Bytes on the device of a `Shell`, and what it takes to make it."""
     slabs, bare = int(packed["kind"][2]), int(packed["noise"][3])
     rows = _rows_of(packed, len(mesh.positions), len(mesh.faces))
     sides = len(mesh.faces) * (1 + bare) + 2 * slabs * int((topology.neighbours[:, :3] < 0).sum())
-    return Pattern.bytes(**rows) + Shell.bytes(border=sides, **rows) + SKIN.bytes * len(mesh.positions)
+    return Pattern.bytes(**rows) + Shell.bytes(border=sides, **rows) + POSITIONS.bytes * len(mesh.positions)
 
 
-def lay(gpu, mesh, packed, box, topology):
+def lay(gpu: Any, mesh: Any, packed: np.void, box: np.ndarray, topology: Topology) -> Pattern:
     """Lay the pattern of `layout.Shells` on a mesh -> `Pattern`."""
     uv = np.take_along_axis(mesh.uv, topology.order[..., None], 1).reshape(-1, 2)
     n = len(topology.corners)
     rows = _rows_of(packed, len(mesh.positions), n)
-    result = Pattern.empty(gpu, rows, packed=packed, box=box, faces=gpu.upload(widen(topology.corners)),
-                           neighbours=gpu.upload(topology.neighbours), uv=gpu.upload(widen(uv)))
+    result = Pattern.empty(gpu, rows, packed=packed, box=box, faces=gpu.upload(as_float4(topology.corners)),
+                           neighbours=gpu.upload(topology.neighbours), uv=gpu.upload(as_float4(uv)))
     gpu.launch("shells.noise", rows["place"], shells=packed, out=result.noise)
     gpu.launch("shells.means", HEIGHTS, shells=packed, around=AROUND, out=result.means)
-    positions, normals = gpu.upload(widen(mesh.positions)), gpu.upload(widen(mesh.normals))
+    positions, normals = gpu.upload(as_float4(mesh.positions)), gpu.upload(as_float4(mesh.normals))
     gpu.launch("shells.lattice", n, shells=packed, positions=positions, normals=normals, faces=result.faces,
                uv=result.uv, out=result.lattice)
     return result
 
 
-def border(gpu, mesh, packed, topology):
-    """What `border_of` gives, on the device -> (corners [B, 4], starts [B, 4])."""
+def border(gpu: Any, mesh: Any, packed: np.void, topology: Topology) -> tuple[Any, Any]:
+    """What `border_of` gives, on the device -> (corners [B, 4], starts [B, 4]) uint32."""
     slabs, bare = int(packed["kind"][2]), int(packed["noise"][3])
     return tuple(gpu.upload(each) for each in border_of(_outward(mesh), topology, slabs, bare))
 
@@ -183,22 +183,24 @@ def _outward(mesh):
     return np.where(against[:, None], mesh.faces[:, ::-1], mesh.faces)
 
 
-def bend(gpu, mesh, packed, pattern, topology, sides=None):
+def bend(gpu: Any, mesh: Any, packed: np.void, pattern: Pattern, topology: Topology,
+         sides: tuple[Any, Any] | None = None) -> Shell:
     """Bend the hairs of a pattern -> `Shell`; ``sides``: what `border` gave, if it is there already."""
     triangles, starts = sides or border(gpu, mesh, packed, topology)
     shell = Shell.empty(gpu, _rows_of(packed, len(mesh.positions), len(mesh.faces)), pattern=pattern,
-                        normals=gpu.upload(widen(mesh.normals)), triangles=triangles, border=starts,
+                        normals=gpu.upload(as_float4(mesh.normals)), triangles=triangles, border=starts,
                         longest=mesh.longest_edge + 2 * float(packed["size"][0]))
-    gpu.launch("shells.bend", len(mesh.positions), shells=packed, positions=gpu.upload(widen(mesh.positions)),
+    gpu.launch("shells.bend", len(mesh.positions), shells=packed, positions=gpu.upload(as_float4(mesh.positions)),
                normals=shell.normals, curves=shell.curves)
     return shell
 
 
-def deposit(gpu, grid, shell, packed, method, weight, cells=None):
+def deposit(gpu: Any, grid: np.void, shell: Shell, packed: np.void, method: str, weight: int,
+            cells: Any = None) -> Any:
     """Put shell fur into a `layout.Grid` -> [nz, ny, nx] uint32: how often a ray of light is expected to enter hair.
 
     ``method``: "binary", where a cell that holds hair is crossed once, or another.  ``weight``: what one crossing adds;
-    see `bounds_of`.  ``cells``: counts to add to.
+    see `bounds_of`.  ``cells``: [nz, ny, nx] uint32 to add to.
     """
     nx, ny, nz, _ = (int(n) for n in grid["size"])
     cells = CELLS.empty(gpu, (nz, ny, nx)) if cells is None else cells
@@ -212,7 +214,7 @@ def deposit(gpu, grid, shell, packed, method, weight, cells=None):
     return cells
 
 
-def bounds_of(gpu, shell):
+def bounds_of(gpu: Any, shell: Shell) -> tuple[int, float]:
     """(pieces, area [world²]) that shell fur cannot exceed across any light, as `clfur.fur.hair_bounds` of strands."""
     pattern = shell.pattern
     lattice, means = gpu.download(pattern.lattice).reshape(-1, 4 * CORNERS).astype(float), gpu.download(pattern.means)
@@ -227,16 +229,19 @@ def bounds_of(gpu, shell):
     return len(corners), float((0.5 * (side + ab * ac)).sum())
 
 
-def about(gpu, view, shell, visible, through, fur, known):
-    """Put what is known of the fur over what `shade.about` knows of ``visible``; ``through``, ``fur``: what
-    `march.march` gave.
+def outputs(gpu: Any, view: np.void, shell: Shell, visible: Any, transmittance: Any, shell_front: Any,
+            known: dict[str, Any]) -> dict[str, Any]:
+    """Put the outputs (AOVs) of the fur over those of ``visible``, [rows, width, samples] uint64.
 
     Where half of the nearest fur's light is gone before all else: depth, id -3, tangent, the hair's direction, normal,
-    across it, and uv of its root.  coverage: what alpha is.
+    across it, and uv of its root.  coverage: what alpha is.  ``transmittance``: [rows, width, samples] float32, the
+    share of light that comes from what ``visible`` holds.  ``shell_front``: [rows, width, samples] uint64, what
+    `march.march` gave, or `coverage.resolve` where strands are transparent.
+    ``known``: {name: [rows, width(, n)]}, what `shade` gave.
     """
     rows, width, _ = visible.shape
     n = len(shell.normals)
-    gpu.launch("shells.about", rows * width, view=view, slabs=len(shell.curves) // n - 1, visible=visible, fur=fur,
-               through=through, faces=shell.pattern.faces, curves=shell.curves, uv=shell.pattern.uv,
-               **{f"out_{name}": array for name, array in known.items()})
+    gpu.launch("shells.outputs", rows * width, view=view, slabs=len(shell.curves) // n - 1, visible=visible,
+               shell_front=shell_front, transmittance=transmittance, faces=shell.pattern.faces, curves=shell.curves,
+               uv=shell.pattern.uv, **{f"out_{name}": array for name, array in known.items()})
     return known

@@ -8,21 +8,21 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, array
-from .tessellate import widen
+from .tessellate import Surface, as_float4
 
 AREA = layout.Declared("triangle", np.uint64)   # running sums of triangles' areas, by which roots are spread
 
 
 @dataclass(frozen=True)
-class Grown(Arrays):
-    """Strands on the device: runs of points, told apart by ``spans``."""
+class DeviceStrands(Arrays):
+    """Strands on the device: runs of points, which ``spans`` divides."""
 
     points: Any = array("point", np.float32, 4)     # x, y, z, width [world]
     tangents: Any = array("point", np.float32, 4)   # unit
     strand_of: Any = array("point", np.uint32)
     spans: Any = array("strand", np.uint32, 2)      # first point, points
     colors: Any = array("color", np.float32, 4)     # linear r, g, b, -; see ``color_per``
-    normals: Any = array("strand", np.float32, 4)   # unit, of the skin at the root; 0 where it is not known
+    normals: Any = array("strand", np.float32, 4)   # unit, of the body at the root; 0 where it is not known
     uv: Any = array("strand", np.float32, 4)        # root's u, v, index of its type, -
     types: Any = array("type", layout.HairType)
     first_strand: int = 0   # number of the first of these strands among all
@@ -35,7 +35,7 @@ class Roots(Arrays):
     """Where strands begin to grow."""
 
     root: Any = array("strand", np.float32, 4)
-    root_direction: Any = array("strand", np.float32, 4)   # unit: the skin's normal
+    root_direction: Any = array("strand", np.float32, 4)   # unit: the body's normal
     root_uv: Any = array("strand", np.float32, 4)          # u, v, -, -
 
 
@@ -51,32 +51,34 @@ class Packed(Arrays):
     type_of: Any = array("strand", np.uint32)
 
 
-def arrays(strands, *names):
-    """What of `Grown` strands has these names in kernels, as arguments of a launch: normals and uv are strand_normal
+def arrays(strands: DeviceStrands, *names: str) -> dict[str, Any]:
+    """What of `DeviceStrands` has these names in kernels, as arguments of a launch: normals and uv are strand_normal
     and strand_uv there."""
-    own = {"strand_normal": "normals", "strand_uv": "uv"}
-    return {name: getattr(strands, own.get(name, name)) for name in names}
+    renamed = {"strand_normal": "normals", "strand_uv": "uv"}
+    return {name: getattr(strands, renamed.get(name, name)) for name in names}
 
 
-def grow(gpu, surface, fur, strands=None, area=None):
-    """Grow `clfur.Strands` on a tessellated `Surface` -> `Grown`.
+def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None = None,
+         area: tuple[int, int] | None = None) -> DeviceStrands:
+    """Grow `clfur.Strands` on a tessellated `Surface` -> `DeviceStrands`.
 
     A root stands in the middle of every triangle, or ``fur.roots`` of them uniformly by area (in strata: strand
     i in the i-th part of the area).  The growth loop is the report's (section 2.1.3), each strand alone.
     ``strands``: which, (first, one past the last), if not all.  ``area``: (of the triangles before those of the
     surface, of all triangles), if the surface is a part of the whole; see `area_sums`.
     """
-    make = _roots_on_faces if fur.roots == "faces" else _roots_by_area
+    roots_of = _roots_on_faces if fur.roots == "faces" else _roots_by_area
     first = surface.first_triangle if fur.roots == "faces" else 0
     begin, end = strands or (first, first + len(surface.triangles) if fur.roots == "faces" else fur.roots)
     n = end - begin
-    roots = make(gpu, surface, fur, begin, n, area)
+    roots = roots_of(gpu, surface, fur, begin, n, area)
     types, texels = pack_types(fur.types)
     indices = fur.type_indices if fur.type_map is not None else np.zeros((1, 1))
     stride = max(t.segments for t in fur.types) + 1
     point_forces = np.array([[*f.position, f.strength] for f in fur.point_forces], np.float32).reshape(-1, 4)
-    grown = Grown.empty(gpu, {"point": n * stride, "strand": n, "color": n}, normals=roots.root_direction,
-                        types=gpu.upload(types), first_strand=begin, first_point=begin * stride)
+    grown = DeviceStrands.empty(
+        gpu, {"point": n * stride, "strand": n, "color": n}, normals=roots.root_direction,
+        types=gpu.upload(types), first_strand=begin, first_point=begin * stride)
     gpu.launch("strands.grow", n, **vars(roots),
                type_map=gpu.upload(indices.astype(np.uint32)), map_size=indices.shape[::-1], texels=gpu.upload(texels),
                force=(*fur.force, 0), point_forces=gpu.upload(point_forces), n_point_forces=len(point_forces),
@@ -86,8 +88,8 @@ def grow(gpu, surface, fur, strands=None, area=None):
     return grown
 
 
-def bring(gpu, curves, strands=None):
-    """Put `clfur.Curves` on the device -> `Grown`; tangents come from neighbouring points.
+def upload_curves(gpu: Any, curves: Any, strands: tuple[int, int] | None = None) -> DeviceStrands:
+    """Put `clfur.Curves` on the device -> `DeviceStrands`; tangents come from neighbouring points.
 
     ``strands``: which, (first, one past the last), if not all.
     """
@@ -95,7 +97,7 @@ def bring(gpu, curves, strands=None):
     counts = curves.counts[begin:end].astype(np.uint32)
     before = int(curves.counts[:begin].sum(dtype=np.int64))
     n, total = len(counts), int(counts.sum(dtype=np.int64))
-    first = np.concatenate([[0], np.cumsum(counts)[:-1]]) if n else []
+    first: Any = np.concatenate([[0], np.cumsum(counts)[:-1]]) if n else []
     width_per, color_per = (_per(len(values), len(curves.counts), len(curves.points))
                             for values in (curves.width, curves.color))
     here = (0, 1), (begin, end), (before, before + total)
@@ -110,20 +112,20 @@ def bring(gpu, curves, strands=None):
         root_uv=gpu.rows(curves.root_uv, begin, end) if has["has_uv"] else gpu.empty((0, 2), np.float32),
         type_of=gpu.upload((curves.type_of[begin:end] if has["has_types"] else np.zeros(0)).astype(np.uint32)),
     )
-    one = {} if color_per else {"colors": gpu.upload(widen(gpu.download(packed.packed_colors)))}
-    grown = Grown.empty(
+    one = {} if color_per else {"colors": gpu.upload(as_float4(gpu.download(packed.packed_colors)))}
+    grown = DeviceStrands.empty(
         gpu, {"point": total, "strand": n, "color": len(packed.packed_colors)}, **one,
         spans=gpu.upload(np.stack([first, counts], 1).astype(np.uint32)), types=gpu.upload(types),
         first_strand=begin, first_point=before, color_per=color_per)
-    gpu.launch("strands.bring", n, width_per=width_per, **has, **vars(packed),
+    gpu.launch("strands.unpack_curves", n, width_per=width_per, **has, **vars(packed),
                **arrays(grown, "spans", "color_per", "points", "tangents", "strand_of", "colors", "strand_normal",
                         "strand_uv"))
     return grown
 
 
-def no_strands(gpu):
-    """`Grown` without a strand."""
-    return Grown.empty(gpu, {"point": 0, "strand": 0, "color": 0, "type": 0})
+def no_strands(gpu: Any) -> DeviceStrands:
+    """`DeviceStrands` without a strand."""
+    return DeviceStrands.empty(gpu, {"point": 0, "strand": 0, "color": 0, "type": 0})
 
 
 def _per(length, strands, points):
@@ -131,10 +133,10 @@ def _per(length, strands, points):
     return 0 if length == 1 else 1 if length == strands else 2
 
 
-def pack_types(types):
+def pack_types(types: Any) -> tuple[np.ndarray, np.ndarray]:
     """`clfur.HairType`s -> ([types] layout.HairType, texels of their textures [N, 4] float32)."""
     packed = np.zeros(len(types), layout.HairType)
-    texels = []
+    texels: list[np.ndarray] = []
     for row, t in zip(packed, types):
         row["color"] = *t.color, t.color_variation
         row["shape"] = t.segment_length, t.width, t.force_weight, t.direction_variation
@@ -144,7 +146,7 @@ def pack_types(types):
         row["counts"] = t.segments, sum(map(len, texels)), 0, 0
         if t.color_texture is not None:
             row["counts"][2:] = t.color_texture.shape[1::-1]
-            texels.append(widen(t.color_texture.reshape(-1, 3)))
+            texels.append(as_float4(t.color_texture.reshape(-1, 3)))
     return packed, np.concatenate(texels or [np.zeros((1, 4), np.float32)])
 
 
@@ -171,19 +173,20 @@ def _roots_by_area(gpu, surface, fur, begin, n, area):
     return roots
 
 
-def area_sums(gpu, surface):
+def area_sums(gpu: Any, surface: Surface) -> tuple[Any, Any]:
     """The integer areas by which roots are spread -> (of the triangles up to each, [T] uint64; of all, [1] uint64)."""
     triangles = len(surface.triangles)
     blocks = -(-triangles // layout.CONSTANTS["SCAN"])
     sums, total, areas = gpu.empty(blocks, np.uint64), gpu.empty(1, np.uint64), AREA.empty(gpu, triangles)
-    mesh = {"positions": surface.positions, "triangles": surface.triangles, "n": triangles, "unit": surface.unit}
+    mesh = {"positions": surface.positions, "triangles": surface.triangles, "n": triangles,
+            "area_scale": surface.area_scale}
     gpu.launch("strands.sum_areas", blocks, sums=sums, **mesh)
     gpu.launch("strands.scan_sums", 1, n=blocks, sums=sums, total=total)
     gpu.launch("strands.scan_areas", blocks, sums=sums, areas=areas, **mesh)
     return areas, total
 
 
-def first_strand_at(place, fur, total):
+def first_strand_at(place: int, fur: Any, total: int) -> int:
     """The first of ``fur.roots`` strands that stands at or behind a place in the area, as strands.cl has it: strand i
     stands at a random place of the i-th part of ``total``, so that these places never fall."""
     share, rest = divmod(total, fur.roots)

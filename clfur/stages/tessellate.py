@@ -16,7 +16,7 @@ class Surface(Arrays):
     normals: Any = array("vertex", np.float32, 4)      # unit
     uv: Any = array("vertex", np.float32, 4)           # u, v, -, -
     triangles: Any = array("triangle", np.uint32, 4)   # three vertices counter-clockwise, face of the mesh
-    unit: float = 1.0                                  # scale of lengths that makes areas whole numbers
+    area_scale: float = 1.0                            # scale of lengths that makes areas whole numbers
     longest: float = np.inf                            # no side of a triangle is longer [world]
     first_triangle: int = 0                            # number of the first of these triangles among all of the mesh
 
@@ -34,7 +34,7 @@ class Source(Arrays):
     first_triangle: Any = array("end", np.uint32)
 
 
-def levels_of(inner, outer, faces):
+def levels_of(inner: int | np.ndarray, outer: int | np.ndarray, faces: int) -> np.ndarray:
     """Levels for every face, [faces, 4] int32: outer[0], outer[1], outer[2], inner.
 
     ``inner`` is a number or [faces], ``outer`` a number or [faces, 3], each 1..64.  As OpenGL has it, an inner
@@ -47,8 +47,8 @@ def levels_of(inner, outer, faces):
     return levels
 
 
-def counts_of(levels):
-    """Vertices and triangles that each face gives, [faces] int64 each; see `levels_of`."""
+def counts_of(levels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and triangles that each face gives, [faces] int64 each; ``levels``: [faces, 4], see `levels_of`."""
     outer, n = levels[:, :3].sum(1, dtype=np.int64), levels[:, 3].astype(np.int64)
     rings = n // 2 + n % 2 - 1                       # inner rings with sides: n-2, n-4, ... down to 1 or 2
     inside = 3 * rings * (n - 1 - rings)             # their segments, which are their vertices
@@ -58,11 +58,12 @@ def counts_of(levels):
     return vertices, triangles
 
 
-def tessellate(gpu, mesh, inner=1, outer=1, surface="pn", faces=None):
+def tessellate(gpu: Any, mesh: Any, inner: int | np.ndarray = 1, outer: int | np.ndarray = 1, surface: str = "pn",
+               faces: tuple[int, int] | None = None) -> Surface:
     """Divide every face and put the new vertices on the flat or the curved (PN) triangle -> `Surface`.
 
-    ``mesh`` has positions and normals [V, 3] float32, uv [F, 3, 2] float32, faces [F, 3] uint32.  ``faces``: which of
-    them, (first, one past the last), if not all.
+    ``mesh`` has positions and normals [V, 3] float32, uv [F, 3, 2] float32, faces [F, 3] uint32.  ``inner``,
+    ``outer``: as in `levels_of`.  ``faces``: which of them, (first, one past the last), if not all.
     """
     levels = levels_of(inner, outer, len(mesh.faces))
     begin, end = faces or (0, len(levels))
@@ -73,17 +74,17 @@ def tessellate(gpu, mesh, inner=1, outer=1, surface="pn", faces=None):
     n_vertices, n_triangles = int(first_vertex[-1]), int(first_triangle[-1])
 
     source = Source(
-        positions=gpu.upload(widen(mesh.positions)),
-        normals=gpu.upload(widen(mesh.normals)),
-        corner_uv=gpu.upload(widen(mesh.uv[begin:end].reshape(-1, 2))),
-        faces=gpu.upload(widen(mesh.faces[begin:end])),
+        positions=gpu.upload(as_float4(mesh.positions)),
+        normals=gpu.upload(as_float4(mesh.normals)),
+        corner_uv=gpu.upload(as_float4(mesh.uv[begin:end].reshape(-1, 2))),
+        faces=gpu.upload(as_float4(mesh.faces[begin:end])),
         levels=gpu.upload(levels),
         first_vertex=gpu.upload(first_vertex.astype(np.uint32)),
         first_triangle=gpu.upload(first_triangle.astype(np.uint32)),
     )
     result = Surface.empty(
         gpu, {"vertex": n_vertices, "triangle": n_triangles},
-        unit=np.float32(2.0**28 / np.sqrt(mesh.area)),
+        area_scale=np.float32(2.0**28 / np.sqrt(mesh.area)),
         # A side of a curved triangle is longer than that of a flat one, by far less than twice.
         longest=2 * mesh.longest_edge / min(np.min(inner), np.min(outer)),
         first_triangle=before,
@@ -96,13 +97,13 @@ def tessellate(gpu, mesh, inner=1, outer=1, surface="pn", faces=None):
     return result
 
 
-def no_surface(gpu):
+def no_surface(gpu: Any) -> Surface:
     """`Surface` without a triangle."""
     return Surface.empty(gpu, {"vertex": 0, "triangle": 0})
 
 
-def widen(array):
-    """[N, <4] -> [N, 4] with zeros: the device reads vectors of four."""
+def as_float4(array: np.ndarray) -> np.ndarray:
+    """[N, <4] -> [N, 4] of the same dtype, with zeros: the device reads vectors of four."""
     wide = np.zeros((len(array), 4), array.dtype)
     wide[:, :array.shape[1]] = array
     return wide

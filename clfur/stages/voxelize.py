@@ -1,21 +1,23 @@
 """Strands -> how much hair each cell of a grid seen from the light holds."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from ..layout import METHODS, Declared
-from .strands import arrays
+from .strands import DeviceStrands, arrays
 
 CELLS = Declared("cell", np.uint32, None, 0)   # amounts of crossings
 
 
-def voxelize(gpu, grid, strands, method, weights, cells=None):
-    """Put `Grown` strands into a `layout.Grid` -> [nz, ny, nx] uint32.
+def voxelize(gpu: Any, grid: np.void, strands: DeviceStrands, method: str, weights: np.ndarray,
+             cells: Any = None) -> Any:
+    """Put `DeviceStrands` into a `layout.Grid` -> [nz, ny, nx] uint32.
 
     ``method``: the report's "binary", "count" or "trilinear" (section 2.3.1), or "length", which deposits how often a
     ray of light is expected to cross the hair.  ``weights``: [types] uint32, what one fragment or one crossing
-    adds; see `unit_for` and `depths_for`.  ``cells``: counts to add to.
+    adds; see `crossing_unit_for` and `depths_for`.  ``cells``: [nz, ny, nx] uint32 to add to.
     """
     nx, ny, nz, _ = (int(n) for n in grid["size"])
     cells = CELLS.empty(gpu, (nz, ny, nx)) if cells is None else cells
@@ -28,20 +30,20 @@ def voxelize(gpu, grid, strands, method, weights, cells=None):
     return cells
 
 
-def unit_for(most):
+def crossing_unit_for(most: float) -> int:
     """The amount that stands for one fragment or crossing, when all hair together has at most ``most`` of them.
 
-    It is the largest power of two, 2^16 at most, with most · unit below 2^32: then no cell and no running sum can
+    It is the largest power of two, 2^16 at most, with most · amount below 2^32: then no cell and no running sum can
     overflow, even if all hair lies in one column; 0 if even 1 might.
     """
-    unit = 1 << 16
-    while unit and most * unit >= 1 << 32:
-        unit >>= 1
-    return unit
+    crossing_unit = 1 << 16
+    while crossing_unit and most * crossing_unit >= 1 << 32:
+        crossing_unit >>= 1
+    return crossing_unit
 
 
-def most_of(grid, method, segments, length, area):
-    """The fragments or crossings in the grid that hair cannot exceed, from what `clfur.fur.hair_bounds` tells of it."""
+def most_of(grid: np.void, method: str, segments: int, length: float, area: float) -> float:
+    """The fragments or crossings in the grid that hair cannot exceed, from what `clfur.fur.hair_bounds` gives."""
     nearest = float(grid["face"][2])                     # smallest w
     side = float(grid["face"][1]) * nearest
     # A spot's outermost rays are this much longer than its axis, and what lies along the axis spreads by as much.
@@ -49,14 +51,17 @@ def most_of(grid, method, segments, length, area):
     return slant * area / side**2 + segments if method == "length" else slant * length / side + segments
 
 
-def depths_for(alphas, method):
-    """[types] optical depth of one crossing: light falls to alpha^count in the report's methods, and to its mean
-    exp(-(1 - alpha) · crossings) when a mean number of crossings falls at random, in "length"."""
+def depths_for(alphas: Any, method: str) -> np.ndarray:
+    """Optical depth of one crossing of hair with such ``alphas``, [types] each, float64.
+
+    Light falls to alpha^count in the report's methods, and to its mean exp(-(1 - alpha) · crossings) when a mean number
+    of crossings falls at random, in "length".
+    """
     alphas = np.asarray(alphas, float)
     return 1 - alphas if method == "length" else -np.log(np.maximum(alphas, 1e-6))
 
 
-def own_share(grid, method):
+def self_shadow(grid: np.void, method: str) -> tuple[float, float]:
     """What a strand adds on average to the sum read at its own axis: (per width [world], per fragment).
 
     Half of it lies before the axis.  Across, read between four columns, a strand weighs 2/3 of a cell's side where it

@@ -1,7 +1,7 @@
 """What cl/coverage.cl means, in float64: polygons cut out of ribbons, layers of one pixel hidden behind each other, and
 the light of what is left.
 
-``strands`` are any objects with the arrays of `Grown` as members, in NumPy.
+``strands`` are any objects with the arrays of `DeviceStrands` as members, in NumPy.
 """
 
 import math
@@ -115,34 +115,36 @@ def area_within(corners, v):
 # --- one behind the other -------------------------------------------------------------------------------
 
 
-def resolve(pieces, visible, fur=None, passed=None):
+def resolve(pieces, visible, shell_front=None, shell_transmittance=None):
     """Hide what is in one pixel behind each other -> {name: value}.
 
-    pieces: {depth << 32 | id: share of area} of strands.  visible: [samples] the body's keys.  fur, passed: [samples]
-    keys of shells, and the share of light that these let through.  Strands hide all samples alike, since nobody knows
-    where in the pixel they are; body and shells hide their own alone.
+    pieces: {depth << 32 | id: share of area} of strands.  visible: [samples] the body's keys.  shell_front,
+    shell_transmittance: [samples] keys of shells, and the share of light that these let through.  Strands hide all
+    samples alike, since nobody knows where in the pixel they are; body and shells hide their own alone.
 
-    weights: {key: share of the pixel's light} of strands.  through: [samples] share that comes from the body.  veil:
-    share of the shells' light that is not hidden.  alpha.  body, fur: shares of the pixel's light.
+    weights: {key: share of the pixel's light} of strands.  body_transmittance: [samples] share of the body's light that
+    strands and shells let through.  strand_transmittance: share of the shells' light that strands do.  alpha.  body,
+    shells: shares of the pixel's light.
     """
     samples = len(visible)
     layers = [(key >> 32, 2, key, area) for key, area in pieces.items()]
     for s in range(samples):
-        body, shell = (int(keys[s]) >> 32 for keys in (visible, visible if fur is None else fur))
-        if fur is not None and passed[s] < 1:
-            layers.append((min(body, shell), 0, s, float(passed[s])))
+        body, shell = (int(keys[s]) >> 32 for keys in (visible, visible if shell_front is None else shell_front))
+        if shell_front is not None and shell_transmittance[s] < 1:
+            layers.append((min(body, shell), 0, s, float(shell_transmittance[s])))
         if int(visible[s]) != NONE:
             layers.append((body, 1, s, 0.0))
 
     kept, shares = 1.0, np.full(samples, 1 / samples)      # what strands and what body and shells have left
-    through = np.ones(samples) if fur is None else f64(passed)
+    passed = np.ones(samples) if shell_front is None else f64(shell_transmittance)
+    body_transmittance = passed.copy()
     weights, beside, oldest, of = {}, [], 0, [0.0, 0.0]
     for _, kind, what, value in sorted(layers):
         room = shares.sum()
         if kind < 2:
             of[kind] += shares[what] * (1 - value) * kept
             if kind == 1:
-                through[what] = samples * shares[what] * kept
+                body_transmittance[what] = samples * shares[what] * kept
             shares[what] *= value
         elif kept * room > LEAST:
             # Pieces of one strand lie beside each other, and follow each other in number.
@@ -161,19 +163,20 @@ def resolve(pieces, visible, fur=None, passed=None):
                 left = 0.0
             weights[what] = (kept - left) * room
             kept = left
-    all_fur = 0.0 if fur is None else (1 - f64(passed)).sum() / samples
-    return {"weights": weights, "through": through, "veil": of[0] / all_fur if all_fur > 0 else 1.0,
-            "alpha": 1 - shares.sum() * kept, "fur": of[0], "body": of[1]}
+    all_shells = (1 - passed).sum() / samples
+    return {"weights": weights, "body_transmittance": body_transmittance,
+            "strand_transmittance": of[0] / all_shells if all_shells > 0 else 1.0,
+            "alpha": 1 - shares.sum() * kept, "shells": of[0], "body": of[1]}
 
 
 # --- light ----------------------------------------------------------------------------------------------
 
 
-def light(view, lights, y, x, weights, strands, shares=None):
+def light(view, lights, y, x, weights, strands, transmittances=None):
     """Light of one pixel's strands -> [4] float64: linear, premultiplied r, g, b, alpha.
 
     weights: as from `resolve`.  A piece is lit at the place on its segment that is nearest to the pixel's middle at the
-    piece's depth.  lights: [n] structs.  shares: [n, points] share of their direct light, all of it if None.
+    piece's depth.  lights: [n] structs.  transmittances: [n, points] share of their direct light, all if None.
     """
     result, points, tangents = np.zeros(4), f64(strands.points)[:, :3], f64(strands.tangents)[:, :3]
     colors, eye = f64(strands.colors)[:, :3], f64(view["eye"])
@@ -190,9 +193,11 @@ def light(view, lights, y, x, weights, strands, shares=None):
                  else colors[k] + at * (colors[k + 1] - colors[k]))
         fibres = [each[None] for each in (color, f64(strands.types["shine"])[int(strands.uv[strand, 2])], t)]
         rgb = np.zeros(3)
-        for n, lamp in enumerate(lights):
-            to_light, direct, ambient = light_at(lamp, p[None])
-            share = 1.0 if shares is None else shares[n][k] + at * (float(shares[n][k + 1]) - shares[n][k])
-            rgb += fibre(*fibres, to_light, v[None], share * direct, ambient)[0]
+        for n, one in enumerate(lights):
+            to_light, direct, ambient = light_at(one, p[None])
+            if transmittances is not None:
+                there = transmittances[n]
+                direct = (there[k] + at * (float(there[k + 1]) - there[k])) * direct
+            rgb += fibre(*fibres, to_light, v[None], direct, ambient)[0]
         result += weight * np.append(rgb, 1)
     return result

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-LEAST, SOFT, PARTS, REACH = 1 / 8, 1.5, 4, 16
+LEAST, SOFT, PARTS, MOST = 1 / 8, 1.5, 4, 16
 
 
 def place(number, seed):
@@ -48,11 +48,11 @@ def thin(
     factor = float(widening(place(number, seed), k))
     if factor <= 0:
         return 0.0, []
-    kept, reach = [0], min(-(-(n - 1) // PARTS), REACH)
+    kept, most = [0], min(-(-(n - 1) // PARTS), MOST)
     while kept[-1] < n - 1:
         a = b = kept[-1]
         b += 1
-        while b + 1 < n and b + 1 - a <= reach and _holds(points, w, colors, a, b + 1, lod / 4 / scale, factor):
+        while b + 1 < n and b + 1 - a <= most and _holds(points, w, colors, a, b + 1, lod / 4 / scale, factor):
             b += 1
         kept.append(b)
     return factor, kept

@@ -27,7 +27,7 @@ TETRAHEDRA = np.array([(0, 1, 2, 5), (0, 1, 4, 5), (0, 3, 4, 5)])   # of a prism
 
 def march(view, shells, lights, visible, rounds, border, faces, curves, normals, lattice, noise, means, box,
           direct=1.0):
-    """Take all rays through the fur -> (image [rows, width, 4], through, place, face).
+    """Take all rays through the fur -> (image [rows, width, 4], shell_transmittance, place, face).
 
     rounds: [rows, width, samples] uint64 each, the border triangles where rays come in, by order.  border: [B, 2].
     faces: [F, 3].  curves: [V, slabs + 1, 3].  lattice: [F, 4, 4].  noise: [z, y, x, 2].  box: origin of the noise and
@@ -57,17 +57,17 @@ def march(view, shells, lights, visible, rounds, border, faces, curves, normals,
             chain, end = _chain(tetrahedra, eye, d, np.linalg.norm(p - eye), stop, slabs)
             done[sample] = not (end == "out" or (end == "skin" and bare))
             if len(chain[0]):
-                pieces.append(_looks(shells, lattice, corners, chain, end, d @ widening, stop, slabs, len(rays)))
+                pieces.append(_steps(shells, lattice, corners, chain, end, d @ widening, stop, slabs, len(rays)))
                 rays.append(sample)
                 directions.append(d)
         if not rays:
             continue
         rays, directions = np.array(rays), np.array(directions)
-        looks = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
-        _see(shells, lattice, noise, means, f64(box), eye, directions, looks)
-        part = _hide(looks, rays, rest, half, half_face, slabs)
+        steps = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+        _meet(shells, lattice, noise, means, f64(box), eye, directions, steps)
+        part = _hide(steps, rays, rest, half, half_face, slabs)
         done |= rest == 0
-        image[rays] += _light(shells, lights, faces, curves, normals, lattice, eye, directions, looks, part,
+        image[rays] += _light(shells, lights, faces, curves, normals, lattice, eye, directions, steps, part,
                               slabs, direct)
     return (image.reshape(rows, width, samples, 4).mean(2), rest.reshape(visible.shape),
             half.reshape(*visible.shape, 3), half_face.reshape(visible.shape))
@@ -138,8 +138,8 @@ def _chain(tetrahedra, eye, d, entry, stop, slabs):
     return (which, z_in[which], z_out[which], *weights), end
 
 
-def _looks(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
-    """Where a ray looks at the fur: {name: [looks]}.  wide: of a pixel at distance 1."""
+def _steps(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
+    """Where a ray takes a step through the fur: {name: [steps]}.  wide: of a pixel at distance 1."""
     t, z_in, z_out, *weights = chain
     face, slab, corner = t // (3 * slabs), t // 3 % slabs, corners[t]
     h_in, h_out = ((slab + (w * (corner >= 3)).sum(1)) / slabs for w in weights)
@@ -171,75 +171,75 @@ def _looks(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
             "far": far[piece], "footprint": footprint[piece]}
 
 
-def _see(shells, lattice, noise, means, box, eye, directions, looks):
-    """Add to the looks what they see: the share covered, that which many hairs keep, and how far back it was met."""
-    face, h, d, far = looks["face"], looks["h"], directions[looks["ray"]], looks["far"]
-    looks["where"] = where = eye + looks["z"][:, None] * d
-    v, grad, top, fold = height_at(shells, noise, face, lattice[face, 1, 2], looks["at"], (where - box[:3]) * box[3], h)
+def _meet(shells, lattice, noise, means, box, eye, directions, steps):
+    """Add to the steps what they meet: the share covered, that which many hairs keep, and how far back it was met."""
+    face, h, d, far = steps["face"], steps["h"], directions[steps["ray"]], steps["far"]
+    steps["where"] = where = eye + steps["z"][:, None] * d
+    v, grad, top, fold = height_at(shells, noise, face, lattice[face, 1, 2], steps["at"], (where - box[:3]) * box[3], h)
     slope = grad[:, :1] * lattice[face, 2, :3] + grad[:, 1:] * lattice[face, 3, :3]
     falls = slope - lattice[face, 4, :3]                     # gradient of v - h
     across = falls - dot(falls, d)[:, None] * d
     steep = np.sqrt(np.maximum(dot(across, across), 1e-20))
-    g = SHARP * looks["footprint"] * steep
-    looks["covered"] = cover(shells, v, h, g, top, fold)
-    looks["many"] = np.where(far > 0, kept_by_many(means, h - looks["h step"], h, looks["aside"]), 1)
-    looks["slope"] = (1 - far)[:, None] * slope
+    g = SHARP * steps["footprint"] * steep
+    steps["covered"] = cover(shells, v, h, g, top, fold)
+    steps["many"] = np.where(far > 0, kept_by_many(means, h - steps["h step"], h, steps["aside"]), 1)
+    steps["slope"] = (1 - far)[:, None] * slope
 
-    # Met where the ramp from nothing to all was half gone through since the look before.
+    # Met where the ramp from nothing to all was half gone through since the step before.
     ramp = np.maximum((float(shells["shape"][0]) - 1) * h, 1e-3) + g
-    now, change = (v - h + g / 2) / ramp, (dot(grad, looks["at step"]) - looks["h step"]) / ramp
+    now, change = (v - h + g / 2) / ramp, (dot(grad, steps["at step"]) - steps["h step"]) / ramp
     middle = (np.clip(now - change, 0, 1) + np.clip(now, 0, 1)) / 2
     back = np.clip((now - middle) / np.where(change > 1e-6, change, 1), 0, 1)
     back = np.where((change > 1e-6) & (far == 0), back, 0.5)
-    looks["met h"] = h - back * looks["h step"]
-    looks["met z"] = looks["z"] - back * looks["z step"]
-    looks["met at"] = looks["at"] - back[:, None] * looks["at step"]
+    steps["met h"] = h - back * steps["h step"]
+    steps["met z"] = steps["z"] - back * steps["z step"]
+    steps["met at"] = steps["at"] - back[:, None] * steps["at step"]
 
 
-def _hide(looks, rays, rest, half, half_face, slabs):
-    """What each look hides of the light from behind; writes what is left, and where half of it is gone, of samples."""
-    counts = np.bincount(looks["ray"], minlength=len(rays))
+def _hide(steps, rays, rest, half, half_face, slabs):
+    """What each step hides of the light from behind; writes what is left, and where half of it is gone, of samples."""
+    counts = np.bincount(steps["ray"], minlength=len(rays))
     first = np.cumsum(counts) - counts
-    part, before, left, over = np.zeros(len(looks["ray"])), np.zeros(len(rays)), rest[rays], np.zeros(len(rays), bool)
+    part, before, left, over = np.zeros(len(steps["ray"])), np.zeros(len(rays)), rest[rays], np.zeros(len(rays), bool)
     for n in range(counts.max(initial=0)):
         on = np.flatnonzero((counts > n) & ~over)
-        look = first[on] + n
-        covered = looks["covered"][look]
+        step = first[on] + n
+        covered = steps["covered"][step]
         kept = np.where(covered > before[on], (1 - covered) / (1 - before[on]), 1)
-        kept += looks["far"][look] * (looks["many"][look] - kept)
+        kept += steps["far"][step] * (steps["many"][step] - kept)
         before[on] = np.minimum(covered, 0.999)
         now = left[on] * kept
         now[now < 1 / 256] = 0
-        part[look] = left[on] - now
+        part[step] = left[on] - now
         halved = (left[on] >= 0.5) & (now < 0.5)
-        half[rays[on[halved]]] = looks["where"][look[halved]]
-        half_face[rays[on[halved]]] = looks["face"][look[halved]]
+        half[rays[on[halved]]] = steps["where"][step[halved]]
+        half_face[rays[on[halved]]] = steps["face"][step[halved]]
         left[on] = now
         over[on] = now == 0
     rest[rays] = left
     return part
 
 
-def _light(shells, lights, faces, curves, normals, lattice, eye, directions, looks, part, slabs, direct):
+def _light(shells, lights, faces, curves, normals, lattice, eye, directions, steps, part, slabs, direct):
     """Light [rays, 4] of the fur, once a tetrahedron: at the mean place of what it hides."""
-    key = looks["ray"].astype(np.int64) << 40 | looks["tetrahedron"]
+    key = steps["ray"].astype(np.int64) << 40 | steps["tetrahedron"]
     _, first, group = np.unique(key, return_index=True, return_inverse=True)
     hidden = np.bincount(group, part)
-    seen = hidden > 1e-4
-    hidden = hidden[seen]
+    shown = hidden > 1e-4
+    hidden = hidden[shown]
 
     def mean(values):
         sums = np.stack([np.bincount(group, part * column) for column in values.reshape(len(part), -1).T], 1)
-        return (sums[seen] / hidden[:, None]).reshape(-1, *values.shape[1:])
-    ray, tetrahedron = looks["ray"][first][seen], looks["tetrahedron"][first][seen]
+        return (sums[shown] / hidden[:, None]).reshape(-1, *values.shape[1:])
+    ray, tetrahedron = steps["ray"][first][shown], steps["tetrahedron"][first][shown]
     face, slab = tetrahedron // (3 * slabs), tetrahedron // 3 % slabs
-    d, h = directions[ray], np.clip(mean(looks["met h"]), 0, 1)
-    p = eye + mean(looks["met z"])[:, None] * d
+    d, h = directions[ray], np.clip(mean(steps["met h"]), 0, 1)
+    p = eye + mean(steps["met z"])[:, None] * d
     a, b, c = lattice[face, 0, :2], lattice[face, 0, 2:], lattice[face, 1, :2]
     sides = np.stack([b - a, c - a], 2)
     flat = np.linalg.det(sides) == 0
     sides[flat] = np.eye(2)
-    other = np.linalg.solve(sides, (mean(looks["met at"]) - a)[..., None])[..., 0]
+    other = np.linalg.solve(sides, (mean(steps["met at"]) - a)[..., None])[..., 0]
     other[flat] = 0
     weights = np.concatenate([1 - other.sum(1, keepdims=True), other], 1)[..., None]
     corners = np.asarray(faces)[face, :3].astype(np.int64)
@@ -247,7 +247,7 @@ def _light(shells, lights, faces, curves, normals, lattice, eye, directions, loo
     t = unit((weights * (curves[corners, slab[:, None] + 1] - curves[corners, slab[:, None]])).sum(1))
 
     color, shine = f64(shells["color"])[:3], np.broadcast_to(f64(shells["shine"]), (len(p), 4))
-    rgb, turned = np.zeros(p.shape), unit(n - float(shells["size"][0]) * mean(looks["slope"]))
+    rgb, turned = np.zeros(p.shape), unit(n - float(shells["size"][0]) * mean(steps["slope"]))
     for light in lights:
         to_light, strength, ambient = light_at(light, p)
         if shine[0, 3] == TURNED:

@@ -1,6 +1,6 @@
 """What cl/shade.cl means, in float64: where a sample's point stands in the world, and the light there.
 
-``strands`` and ``body`` are any objects with the arrays of `Grown` and `Surface` as members, in NumPy.
+``strands`` and ``body`` are any objects with the arrays of `DeviceStrands` and `Surface` as members, in NumPy.
 """
 
 import numpy as np
@@ -26,54 +26,54 @@ def color(view, lights, visible, strands, body, body_color):
 
     view, lights [n]: structs. visible: [height, width, samples] uint64, depth << 32 | id.
     """
-    lit = np.zeros((*visible.shape, 4))
-    on, number, p, v = seen(view, visible)
-    fur = number < BODY
+    radiance = np.zeros((*visible.shape, 4))
+    on, number, p, v = samples_of(view, visible)
+    hair = number < BODY
 
     rgb = np.zeros(p.shape)
-    k, strand, share, t = on_strand(strands, number[fur], p[fur])
+    k, strand, share, t = on_strand(strands, number[hair], p[hair])
     shine = f64(np.asarray(strands.types)["shine"])[f64(strands.uv)[strand, 2].astype(int)]
     base = strand_color(strands, k, strand, share)
-    n, _ = on_body(body, number[~fur] - BODY, p[~fur], v[~fur])
+    n, _ = on_body(body, number[~hair] - BODY, p[~hair], v[~hair])
     for light in lights:
         to_light, direct, ambient = light_at(light, p)
-        rgb[fur] += fibre(base, shine, t, to_light[fur], v[fur], direct[fur], ambient)
-        lambert = np.maximum(dot(n, to_light[~fur]), 0)[:, None]
-        rgb[~fur] += f64(body_color)[:3] * (direct[~fur] * lambert + ambient)
+        rgb[hair] += fibre(base, shine, t, to_light[hair], v[hair], direct[hair], ambient)
+        lambert = np.maximum(dot(n, to_light[~hair]), 0)[:, None]
+        rgb[~hair] += f64(body_color)[:3] * (direct[~hair] * lambert + ambient)
 
-    lit[on] = np.concatenate([rgb, np.ones((len(rgb), 1))], 1)
-    return lit.mean(2)
+    radiance[on] = np.concatenate([rgb, np.ones((len(rgb), 1))], 1)
+    return radiance.mean(2)
 
 
-def about(view, visible, strands, body):
+def outputs(view, visible, strands, body):
     """What the nearest covered sample of each pixel sees -> {name: [height, width(, 4)] float64 or int}."""
     height, width, _samples = visible.shape
     nearest = visible.argmin(2)
     only = np.full(visible.shape, NONE, np.uint64)
     np.put_along_axis(only, nearest[..., None], visible.min(2)[..., None], 2)
-    on, number, p, v = seen(view, only)
+    on, number, p, v = samples_of(view, only)
     on = on.any(2)
-    fur = number < BODY
-    _, strand, _, t = on_strand(strands, number[fur], p[fur])
-    n, b = on_body(body, number[~fur] - BODY, p[~fur], v[~fur])
-    across = v[fur] - dot(v[fur], t)[:, None] * t
-    corner_uv = f64(body.uv)[np.asarray(body.triangles)[number[~fur] - BODY, :3]]
+    hair = number < BODY
+    _, strand, _, t = on_strand(strands, number[hair], p[hair])
+    n, b = on_body(body, number[~hair] - BODY, p[~hair], v[~hair])
+    across = v[hair] - dot(v[hair], t)[:, None] * t
+    corner_uv = f64(body.uv)[np.asarray(body.triangles)[number[~hair] - BODY, :3]]
 
     result = {"depth": np.full((height, width), np.inf), "id": np.full((height, width), -1),
               **{name: np.zeros((height, width, 4)) for name in ("tangent", "normal", "uv")},
               "coverage": (visible != NONE).mean(2)}
     result["depth"][on] = p @ f64(view["to_screen"])[:3, 3] + float(view["to_screen"][3, 3])
-    result["id"][on] = merge(fur, strand, np.full((~fur).sum(), -2))
-    result["tangent"][on, :3] = merge(fur, t, 0 * n)
-    result["normal"][on, :3] = merge(fur, unit(across), n)
-    result["uv"][on] = merge(fur, f64(strands.uv)[strand], (b[..., None] * corner_uv).sum(1))
+    result["id"][on] = merge(hair, strand, np.full((~hair).sum(), -2))
+    result["tangent"][on, :3] = merge(hair, t, 0 * n)
+    result["normal"][on, :3] = merge(hair, unit(across), n)
+    result["uv"][on] = merge(hair, f64(strands.uv)[strand], (b[..., None] * corner_uv).sum(1))
     return result
 
 
 # --- geometry -------------------------------------------------------------------------------------------
 
 
-def seen(view, visible):
+def samples_of(view, visible):
     """Covered samples -> (mask like visible, ids [n], points [n, 3], unit vectors v to the eye [n, 3]).
 
     A point projects to its sample: to_screen·(p, 1) = w·(x, y, e, 1), which is solved for p.

@@ -203,7 +203,7 @@ def mixed(x):
 
 # --- the light's grid: in the device's own order of float operations, so that whole numbers are equal ----------------
 
-ROWS, LOOKS, FAR = 16, 16, 4    # of a face's points a work-item; at the table; grids beyond which nothing is snapped
+ROWS, STEPS, FAR = 16, 16, 4    # of a face's points a work-item; through the table; grids beyond which none is snapped
 
 
 def deposit(shells, grid, faces, curves, lattice, means, parts, deep, binary, weight):
@@ -239,7 +239,7 @@ def _deposit(cells, grid, a, b, c, lattice, means, slabs, rows, heights, binary,
     """Put faces into the cells that have as many rows and heights: all at once, point after point."""
     one = np.float32
     to_b, to_c = lattice[:, 0, 2:] - lattice[:, 0, :2], lattice[:, 1, :2] - lattice[:, 0, :2]
-    looks = (LOOKS - 1) // (slabs * heights) + 1
+    steps = (STEPS - 1) // (slabs * heights) + 1
     each = one(weight) * one(.25) / (one(rows) * one(rows) * grid["face"][0])
     for first in range(0, rows, ROWS):
         left = np.full(len(a), .5, one)
@@ -248,9 +248,9 @@ def _deposit(cells, grid, a, b, c, lattice, means, slabs, rows, heights, binary,
             low, top = one(level) / one(slabs * heights), one(level + 1) / one(slabs * heights)
             newly = _mean(means, low)[0] - _mean(means, top)[0]
             entered = one(0)
-            for look in range(looks):
-                entered += _mean(means, low + one(look + .5) / one(slabs * heights * looks))[1]
-            sideways = entered / one(heights * looks)
+            for i in range(steps):
+                entered += _mean(means, low + one(i + .5) / one(slabs * heights * steps))[1]
+            sideways = entered / one(heights * steps)
             up_a = a[:, k + 1] - a[:, k]
             up_b, up_c = (p[:, k + 1] - p[:, k] - up_a for p in (b, c))
             origin, ab = a[:, k] + inside * up_a, b[:, k] - a[:, k] + inside * up_b

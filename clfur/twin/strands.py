@@ -190,7 +190,7 @@ def bilinear(picture, uv):
 # --- strands that the user brings -----------------------------------------------------------------------
 
 
-def bring(
+def unpack_curves(
     points,   # [P, 3]
     counts,   # [strands] points of each
     width,    # [1], [strands] or [P]

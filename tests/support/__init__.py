@@ -2,5 +2,5 @@
 
 import pytest
 
-# pytest explains the assertions of test files by itself, those of other modules only where it is told so beforehand.
+# pytest explains the assertions of test files by itself, those of other modules only where told to beforehand.
 pytest.register_assert_rewrite("support.command", "support.pictures")

@@ -11,13 +11,16 @@ from .scenes import icosphere
 NONE = np.uint64(twin.NONE)
 SETTINGS = clfur.Settings(raster="coverage", samples=4, grid=16, shadow_map=32)
 OFF = clfur.Settings(raster="coverage", samples=1, shadows="off", grid=16, shadow_map=16)
-LAMP = clfur.Light((-1, -.3, -.5), (1, .8, .6))
+LIGHT = clfur.Light((-1, -.3, -.5), (1, .8, .6))
 
 
-def pieces_of(fragments, used=None):
-    """Structured [n] of `Fragments`, of which only the last are ``used``."""
-    ends, listed = fragments.pixels.get()[..., 1].ravel().astype(np.int64), fragments.list.get()
-    starts = fragments.starts.get().ravel().astype(np.int64) if used is None else ends - used.get().ravel()
+def pieces_of(fragments, resolved=None):
+    """Structured [n] of `Fragments`; after `Resolved` of those that are used, whose share is of light."""
+    ends = fragments.pixels.get()[..., 1].ravel().astype(np.int64)
+    if resolved is None:
+        starts, listed = fragments.starts.get().ravel().astype(np.int64), fragments.areas.get()
+    else:
+        starts, listed = ends - resolved.used.get().ravel(), resolved.weights.get()
     counts = ends - starts
     at = np.repeat(starts, counts) + np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     result = np.zeros(len(at), [("pixel", "i8"), ("id", "i8"), ("depth", "i8"), ("share", "f4")])
@@ -47,4 +50,4 @@ def furry(kind, n=60, size=(41, 31), highlight="kajiya-kay", **keys):
                                                                segments=4)) if kind == "grown" else (
         clfur.Curves(strands[..., :3], width=strands[..., 3], color=colors[kind], specular=.3))
     fur = highlighted(fur, highlight)
-    return clfur.Scene(ball(), fur, **{"camera": clfur.Camera(size=size), "light": LAMP, **keys})
+    return clfur.Scene(ball(), fur, **{"camera": clfur.Camera(size=size), "light": LIGHT, **keys})

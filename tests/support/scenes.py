@@ -3,7 +3,7 @@
 import numpy as np
 
 import clfur
-from clfur.stages.strands import bring, grow
+from clfur.stages.strands import grow, upload_curves
 from clfur.stages.tessellate import tessellate
 
 
@@ -57,5 +57,5 @@ def strands_of(gpu, scene):
     """The scene's strands on the device."""
     fur = scene.fur
     if isinstance(fur, clfur.Curves):
-        return bring(gpu, fur)
+        return upload_curves(gpu, fur)
     return grow(gpu, tessellate(gpu, scene.mesh, fur.inner, fur.outer, fur.surface), fur)
