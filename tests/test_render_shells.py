@@ -242,3 +242,12 @@ def test_shells_of_an_earlier_scene_take_no_room(another, sphere, other_mesh):
     after = clfur.Scene(sphere, clfur.Strands(roots=9000), camera)
     frame = clfur.draw(after, small, clfur.Settings(grid=16, shadow_map=64))
     assert frame.memory <= 3_000_000 and "shell" not in [name for name, (key, _) in small._kept.items() if key]
+
+
+@pytest.mark.parametrize("samples", [4, 16])
+def test_rays_that_come_in_again_stay_within_the_memory(another, sphere, samples):
+    """Where they enter is made anew for each time, and counted once."""
+    small = another(8_000_000)
+    scene = clfur.Scene(sphere, clfur.Shells(layers=6, frequency=12), clfur.Camera(eye=(0, 1, 3), size=(320, 240)))
+    frame = clfur.draw(scene, small, clfur.Settings(grid=32, shadow_map=64, samples=samples))
+    assert 4_000_000 < frame.memory <= 8_000_000
