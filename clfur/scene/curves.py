@@ -94,8 +94,8 @@ class Curves(Looking):
 
     points, width, color, root_uv and root_normal may be float32 arrays on an OpenCL device (pyopencl.array.Array),
     which are drawn without a copy by a `Scheduler` of the same context. Their values are not checked, and without
-    bounds they are read back once. Do not change them in place: what is made of the same Curves is kept. Give new Curves
-    the changed array.
+    bounds they are read back once. Do not change them in place: what is made of the same Curves is kept. Make new
+    Curves of the changed array.
 
     As stored: `points` float32 [total, 3], `counts` uint32 [strands], `uniform` the points per strand where
     all have the same, else None, `width` float32 [1], [strands] or [total], `color` float32 [1, 3],
