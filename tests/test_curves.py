@@ -181,6 +181,15 @@ def test_bounds_are_checked(numbers, words):
     assert words in str(error.value)
 
 
+def test_no_strand_on_a_device_is_no_trouble(gpu):
+    empty = clfur.Curves(gpu.upload(np.zeros((0, 3), np.float32)), counts=[0, 0])
+    assert not clfur.render(scene_of(empty, mesh=None), gpu).any()
+    with pytest.raises(clfur.Error, match="Curves.points is on a device without a queue"):
+        clfur.Curves(gpu.upload(whisk()).with_queue(None))
+    with pytest.raises(clfur.Error, match="Curves.types say what strands look like"):
+        clfur.Curves(whisk(), types=TYPES[:1], alpha=.1)
+
+
 def test_arrays_on_a_device_must_fit_too(gpu):
     with pytest.raises(clfur.Error, match=r"Curves.points is float64 \[60, 5, 3\] on a device"):
         clfur.Curves(gpu.upload(whisk().astype(float)))

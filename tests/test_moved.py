@@ -36,5 +36,6 @@ def test_an_unknown_name_is_an_import_error():
 def test_old_imports_in_a_fresh_process():
     code = ("import clfur.compare, clfur.fur\nfrom clfur.fur import Curves\nfrom clfur.files.meshes import load_mesh\n"
             "from clfur.compare import Spread\nfrom clfur.scene import Scene, frame\nfrom clfur.device import choose\n"
+            "from clfur.device import survey\nfrom clfur.files import output_path\n"
             "import clfur\nassert callable(clfur.compare) and clfur.Curves is Curves and clfur.truth.picture")
     subprocess.run([sys.executable, "-W", "ignore", "-c", code], check=True)

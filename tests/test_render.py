@@ -2,6 +2,7 @@
 
 import sys
 
+import attrs
 import numpy as np
 import pytest
 from support.scenes import icosphere
@@ -254,3 +255,17 @@ def test_a_picture_too_large_for_the_device_is_refused(another, sphere):
     small = another(4 << 20)
     with pytest.raises(clfur.Error, match="4.0 MiB has no room for .*Settings.grid 96, .* a row of 16384 pixels"):
         clfur.render(scene, small, clfur.Settings(raster="samples", samples=16))
+
+
+@pytest.mark.parametrize("change", [{"pcf": 4}, {"body_color": None}])
+def test_light_that_is_kept_goes_by_all_that_it_depends_on(gpu, sphere, change):
+    """A kept Scheduler draws what a fresh one does after a change of the filter, or of whether there is a body."""
+    scene = clfur.Scene(sphere, clfur.Strands(inner=1, outer=1, types=clfur.HairType(segment_length=.05)),
+                        clfur.Camera(size=(48, 36)))
+    settings = clfur.Settings(grid=16, shadow_map=64)
+    clfur.render(scene, gpu, settings)
+    scene = attrs.evolve(scene, **{k: v for k, v in change.items() if k == "body_color"})
+    settings = attrs.evolve(settings, **{k: v for k, v in change.items() if k == "pcf"})
+    kept = clfur.render(scene, gpu, settings)
+    gpu.forget()
+    np.testing.assert_array_equal(kept, clfur.render(scene, gpu, settings))

@@ -145,6 +145,8 @@ class Scheduler:
         """Rows of an array, on this device: of a host array or another context's copied here, else as they are."""
         if isinstance(array, np.ndarray):
             return self.upload(array[first:end])
+        if not array.size:
+            return self.empty((0, *array.shape[1:]), array.dtype)
         with self._watched("takes no data"):
             if array.queue is not None and array.queue != self.queue:
                 array.queue.finish()

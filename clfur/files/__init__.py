@@ -1,1 +1,5 @@
 """Files: meshes and pictures.  Nothing else sees trimesh, imageio or OpenEXR."""
+
+from .output import check_writable, output_path, reason, whole
+
+__all__ = ["check_writable", "output_path", "reason", "whole"]

@@ -1,7 +1,8 @@
 """What to draw: meshes, cameras, lights and fur, as frozen classes that check themselves when they are made.
 
 Lengths are in the mesh's own units, angles in degrees, colours linear. The world is right-handed with +Y up.
-Arrays are copied on the way in and are read-only, so that a scene never changes under a renderer.
+Arrays are copied on the way in and are read-only, so that a scene never changes under a renderer; but those
+that `Curves` take on a device are not.
 """
 
 from .bounds import bounds_of, extent, fur_extent, hair_bounds

@@ -135,6 +135,8 @@ def placed(value, where, allowed):
     if value.dtype != np.float32 or not value.flags.c_contiguous:
         raise Error(f"{where} is {value.dtype} {list(value.shape)} on a device; "
                     "allowed there: float32 without gaps (C order)")
+    if value.queue is None:
+        raise Error(f"{where} is on a device without a queue; allowed: an array with the queue that fills it")
     return value
 
 

@@ -151,6 +151,10 @@ class Curves(Looking):
                 raise Error(f"Curves.{name} has {len(value)} rows; allowed: {strands}, one for each strand")
         if self.types is not None and not 1 <= len(self.types) <= 256:
             raise Error(f"Curves.types has {len(self.types)} types; allowed: 1 to 256")
+        for_all = self._look, self._specular, self._exponent, self.alpha
+        if self.types is not None and for_all != (None, None, None, 0.5):
+            raise Error("Curves.types say what strands look like, and so do look, specular, exponent or alpha; "
+                        "allowed: one of them")
         kinds = len(self.hair_types)
         if self.type_of is None and kinds > 1:
             raise Error(f"Curves.type_of is None but Curves.types has {kinds} types; "
