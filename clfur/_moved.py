@@ -1,6 +1,6 @@
-"""Modules under the names that they had before 0.2: found, with a warning that names their new place.
+"""Modules under the names that they had at first: found, with a warning that names their new place.
 
-They go in 0.3.  What `clfur` itself names has not moved.
+They go in 0.2.  What `clfur` itself names has not moved.
 """
 
 import importlib
@@ -31,7 +31,7 @@ class Moved(MetaPathFinder, Loader):
 
     def create_module(self, spec):
         new = "clfur." + MOVED[spec.name.rpartition(".")[2]]
-        warnings.warn(f"{spec.name} is {new} since clfur 0.2; the old name goes in 0.3", DeprecationWarning,
+        warnings.warn(f"{spec.name} is {new} now; the old name goes in 0.2", DeprecationWarning,
                       stacklevel=2)
         module = importlib.import_module(new)
         spec.loader_state = module.__spec__

@@ -90,6 +90,7 @@ def grow(scene: Scene, device: Any = None) -> Curves:
         raise Error("scene has no Strands; allowed: one with Strands in its fur")
     gpu = schedulers(device)[0]
     with gpu.frame():
+        gpu.forget()   # what frames have left: the plan below has room for strands alone
         return curves_of(gpu, Plan(Rig.of(scene, Settings(shadows="off", shadow_map=0)), ()))
 
 

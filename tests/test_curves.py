@@ -197,6 +197,18 @@ def test_as_many_points_as_strands():
     assert curves.width.shape == (4,) and curves.color.shape == (4, 3)
     with pytest.raises(clfur.Error, match=r"could be per strand or per point.*or \[4, 1\] per strand"):
         clfur.Curves(points, counts, width=np.ones(4))
+    again = attrs.evolve(curves, seed=3)
+    np.testing.assert_array_equal(again.width, curves.width)
+    assert again.color.shape == (4, 3) and attrs.evolve(again, points=points + 1).width.shape == (4,)
+
+
+def test_what_stood_behind_color_goes_by_name():
+    """Specular and exponent stood before alpha: by place they would be taken for it."""
+    for make in (lambda: clfur.Curves(whisk(), None, .1, (1, 0, 0), 0.0),
+                 lambda: clfur.HairType((.8, .6, .4), None, 8, .02, 1., .002, (0, 0), (0, 0), 0., 0., 0., .9),
+                 lambda: clfur.Shells(.1, 30, 40., "cells", 1.4, 1., (.5, 8.), .3, (1, 1, 1), .3)):
+        with pytest.raises(TypeError, match="positional"):
+            make()
 
 
 def test_levels_must_fit_the_mesh(sphere):

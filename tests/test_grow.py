@@ -68,6 +68,14 @@ def test_in_parts_too(gpu):
     same_picture(small, furred(clfur.Strands(roots=6000, types=LONG)), device=gpu)
 
 
+def test_growing_after_drawing_stays_within_the_memory(another):
+    """What a frame has kept goes first."""
+    scene, small = furred(clfur.Strands(roots=6000, types=LONG)), another(4_000_000)
+    clfur.draw(scene, small, clfur.Settings(grid=48, shadow_map=128))
+    clfur.grow(scene, small)
+    assert small.peak <= 4_000_000
+
+
 def test_arrays_stay_where_they_are_put(gpu):
     """Read back and put on the device again: the base of strands that move there."""
     scene = furred(clfur.Strands(roots=800, types=LONG))

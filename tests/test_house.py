@@ -2,12 +2,15 @@
 
 import ast
 import configparser
+import inspect
 import re
 import subprocess
+import textwrap
 from pathlib import Path
 
 import pytest
 
+import clfur
 from clfur import layout
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -200,10 +203,15 @@ def without_comments(source):
 
 
 def kernel_bodies(source):
-    """(name, lines) of each function of a text of OpenCL C: its body stands between braces in the first column."""
-    source = without_comments(source)
-    found = re.finditer(r"^[^\s#/{}][^;{}]*?\b(\w+)\([^;{}]*\)\s*^\{\n(.*?)^\}", source, re.S | re.M)
-    return [(match[1], match[2].count("\n")) for match in found]
+    """(name, lines) of each function of a text of OpenCL C."""
+    source, found = without_comments(source), []
+    for match in re.finditer(r"^(?!#|typedef)[A-Za-z_][^;{}#]*?\b(\w+)\s*\([^;{}]*\)\s*\{", source, re.M):
+        depth, end = 1, match.end()
+        while depth and end < len(source):
+            depth += {"{": 1, "}": -1}.get(source[end], 0)
+            end += 1
+        found.append((match[1], source.count("\n", match.end(), end) - 1))
+    return found
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
@@ -221,15 +229,50 @@ def test_no_closures_in_the_pipeline(path):
 
 def lambdas(source):
     """Lines of a text that make a function within a function without a name."""
-    return [node.lineno for outer in ast.walk(ast.parse(source)) if isinstance(outer, ast.FunctionDef)
-            for node in ast.walk(outer) if isinstance(node, ast.Lambda)]
+    functions = ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda
+    return [node.lineno for outer in ast.walk(ast.parse(source)) if isinstance(outer, functions)
+            for node in ast.walk(outer) if isinstance(node, ast.Lambda) and node is not outer]
 
 
 @pytest.mark.parametrize("path", [*KERNELS, *sorted((ROOT / "cl").glob("*.h"))], ids=lambda path: path.name)
 def test_kernels_fit_on_two_screens(path):
     bodies = kernel_bodies(path.read_text())
     assert not [name for name, lines in bodies if lines > 150 and name != "march"]
-    assert path.suffix == ".h" or bodies
+    kernels = re.findall(r"__kernel\s+void\s+(\w+)", without_comments(path.read_text()))
+    assert set(kernels) <= {name for name, _ in bodies} and (kernels or path.suffix == ".h")
+
+
+def unannotated(source):
+    """Public functions and methods of a text with an argument or a result whose type is not told."""
+    found, body = [], ast.parse(source).body
+    for node in body + [inner for outer in body if isinstance(outer, ast.ClassDef) for inner in outer.body]:
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+            bare = [each.arg for each in arguments if each.annotation is None and each.arg not in ("self", "cls")]
+            found += [node.name] if bare or node.returns is None else []
+    return found
+
+
+@pytest.mark.parametrize("path", [path for path in MODULES if path.parent.name in ("stages", "pipeline")],
+                         ids=lambda path: path.name)
+def test_stages_and_the_pipeline_are_annotated(path):
+    assert not unannotated(path.read_text())
+
+
+def test_public_names_are_annotated():
+    """The functions of `clfur`, and the methods and properties of its classes that are not of a library's."""
+    for name in clfur.__all__:
+        public = getattr(clfur, name)
+        if inspect.isfunction(public):
+            assert not unannotated(inspect.getsource(public)), name
+        elif inspect.isclass(public):
+            assert not unannotated(textwrap.dedent(inspect.getsource(public))), name
+
+
+def test_a_missing_type_is_found():
+    assert unannotated("def f(a: int) -> int: pass\ndef _g(a): pass") == []
+    assert unannotated("def f(a): pass\nclass A:\n    def g(self) -> None: pass\n    def h(self, *, b) -> None: pass\n"
+                       "    def i(self): pass") == ["f", "h", "i"]
 
 
 def test_long_functions_and_closures_are_found():
@@ -241,6 +284,7 @@ def test_long_functions_and_closures_are_found():
     kernel = ("/* Text. */\n__kernel void f(\n    int a)   // (see; there)\n{\n" + "    a;\n" * 151
               + "}\ninline int g(void)\n{\n    {\n    }\n}\n")
     assert kernel_bodies(kernel) == [("f", 151), ("g", 2)]
+    assert kernel_bodies("__kernel void f(const int a) {\n" + "    a;\n" * 9 + "    }\n") == [("f", 9)]
 
 
 def test_the_top_is_small():

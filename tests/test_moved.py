@@ -15,7 +15,7 @@ from clfur._moved import MOVED, PUBLIC
 def test_a_module_is_found_under_its_old_name(old, monkeypatch):
     monkeypatch.delitem(sys.modules, f"clfur.{old}", raising=False)
     new = f"clfur.{MOVED[old]}"
-    with pytest.warns(DeprecationWarning, match=f"clfur.{old} is {new} "):
+    with pytest.warns(DeprecationWarning, match=f"clfur.{old} is {new} now"):
         module = importlib.import_module(f"clfur.{old}")
     assert module is importlib.import_module(new) and module.__spec__.name == module.__name__ == new
 

@@ -229,3 +229,25 @@ def test_fur_that_does_not_fit_is_an_error(another, sphere):
     said = r"has no room for .*shells of 0\.\d MiB, and a row of 61 pixels; allowed: smaller ones"
     with pytest.raises(clfur.Error, match=said):
         clfur.render(scene_of(sphere), small, clfur.Settings(raster="samples", samples=1, shadow_map=0, shadows="off"))
+
+
+@pytest.mark.parametrize("other_mesh", [True, False])
+def test_shells_of_an_earlier_scene_take_no_room(another, sphere, other_mesh):
+    """What is kept of one scene goes before the next is made, whatever that has."""
+    small = another(3_000_000)
+    finer = clfur.Mesh(*icosphere(4)[:1], None, None, icosphere(4)[1]) if other_mesh else sphere
+    fur = clfur.Shells(length=.1, frequency=9, layers=5, wind=(.5, 0, 0))
+    camera = clfur.Camera(size=(64, 48))
+    clfur.draw(clfur.Scene(finer, fur, camera), small, clfur.Settings(grid=16, shadow_map=64))
+    after = clfur.Scene(sphere, clfur.Strands(roots=9000), camera)
+    frame = clfur.draw(after, small, clfur.Settings(grid=16, shadow_map=64))
+    assert frame.memory <= 3_000_000 and "shell" not in [name for name, (key, _) in small._kept.items() if key]
+
+
+@pytest.mark.parametrize("samples", [4, 16])
+def test_rays_that_come_in_again_stay_within_the_memory(another, sphere, samples):
+    """Where they enter is made anew for each time, and counted once."""
+    small = another(8_000_000)
+    scene = clfur.Scene(sphere, clfur.Shells(layers=6, frequency=12), clfur.Camera(eye=(0, 1, 3), size=(320, 240)))
+    frame = clfur.draw(scene, small, clfur.Settings(grid=32, shadow_map=64, samples=samples))
+    assert 4_000_000 < frame.memory <= 8_000_000

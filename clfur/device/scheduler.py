@@ -5,7 +5,7 @@ import re
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
@@ -158,7 +158,7 @@ class Scheduler:
                                 src_offset=array.offset + first * array.strides[0], dst_offset=0)
             return there
 
-    def joined(self, arrays, dtype):
+    def joined(self, arrays: Sequence, dtype: Any) -> cla.Array:
         """Device arrays, None for none, one after the other -> [all their values]; one alone is not copied."""
         arrays = [array for array in arrays if array is not None]
         if len(arrays) == 1:
@@ -225,6 +225,10 @@ class Scheduler:
             value = build()
             self._kept[name] = (tuple(key), value)
         return value
+
+    def keep_only(self, owner: Any) -> None:
+        """Drop what is kept of others: the results whose key begins with another object."""
+        self._kept = {name: kept for name, kept in self._kept.items() if not kept[0] or kept[0][0] is owner}
 
     def forget(self) -> None:
         """Drop every kept stage, so that the next frame is built from the beginning."""

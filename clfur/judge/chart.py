@@ -1,12 +1,10 @@
 """The chart of speed against accuracy that `clfur.frontier` found, as a picture or a page; needs the extra "report"."""
 
-import importlib
 
 import numpy as np
 
-from ..errors import Error
 from ..files.output import check_writable, output_path, whole
-from .report import INK, chart, page, svg
+from .report import INK, chart, page, require, svg
 
 SUFFIXES = ".html", ".htm", ".png", ".svg"
 COLORS = "#1f83c4", "#d55e00", "#009e73", "#cc79a7", "#e69f00"   # after Okabe and Ito: for the colour-blind too
@@ -19,11 +17,7 @@ def check_chart(path):
     """Raise `clfur.Error` unless a chart could be written to this path; leaves nothing behind."""
     path = output_path(path, SUFFIXES)
     check_writable(path, SUFFIXES)
-    for name in ("matplotlib", "jinja2")[:1 + (path.suffix.lower() in SUFFIXES[:2])]:
-        try:
-            importlib.import_module(name)
-        except ImportError:
-            raise Error(f'{path}: a chart needs {name}: pip install "clfur[report]"') from None
+    require(f"{path}: a chart", "matplotlib", *["jinja2"] * (path.suffix.lower() in SUFFIXES[:2]))
 
 
 def save_chart(path, found, title):

@@ -22,11 +22,16 @@ INK = "#010203"       # in charts: the colour that becomes that of the page's te
 def check_report(path):
     """Raise `clfur.Error` unless a page could be written to this path; leaves nothing behind."""
     check_writable(path, SUFFIXES)
-    for name in "matplotlib", "jinja2", "flip_evaluator":
+    require(f"{path}: a report", "matplotlib", "jinja2", "flip_evaluator")
+
+
+def require(what, *names):
+    """Raise `clfur.Error` unless ``what`` finds the libraries of the extra "report" that it needs."""
+    for name in names:
         try:
             importlib.import_module(name)
         except ImportError:
-            raise Error(f'{path}: a report needs {name}: pip install "clfur[report]"') from None
+            raise Error(f'{what} needs {name}: pip install "clfur[report]"') from None
 
 
 def save_report(path, comparison, title):
@@ -44,12 +49,15 @@ def page(template, **values):
     """The text of a page: a template of this package filled with values; what is not Markup is escaped."""
     import jinja2
 
-    text = files(__package__).joinpath(template).read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True,
-                                     undefined=jinja2.StrictUndefined)
+                                     undefined=jinja2.StrictUndefined, loader=jinja2.FunctionLoader(_template))
     environment.filters |= {"ms": milliseconds, "spread": spread, "mib": mebibytes, "count": "{:,.0f}".format,
                             "small": "{:.2g}".format}
-    return environment.from_string(text).render(**values, now=time.strftime("%Y-%m-%d %H:%M"))
+    return environment.get_template(template).render(**values, now=time.strftime("%Y-%m-%d %H:%M"))
+
+
+def _template(name):
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
 def milliseconds(seconds):

@@ -25,8 +25,11 @@ def let_go(plan: Plan, gpu: Any) -> None:
     """Make a device ready for a frame: before anything new is made, it lets go of what this frame has no use for."""
     gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
               plan.scene.shells and plan.scene.shells.layers))
+    gpu.keep_only(plan.scene.mesh)
     transmittances(gpu, plan)
-    for name, used in ("body", plan.faces), ("strands", plan.strands), ("thinned", plan.strands and plan.settings.lod):
+    furry = plan.scene.shells is not None
+    for name, used in (("body", plan.faces), ("strands", plan.strands), ("thinned", plan.strands and plan.settings.lod),
+                       ("shell", furry), ("pattern", furry), ("border", furry)):
         if not used:
             gpu.keep(name, (), dict)
     if len(plan.parts(gpu)) > 1 and not plan.keeps_transmittances(gpu):

@@ -29,7 +29,13 @@ def _counts(value, where):
     return checks.frozen(array.astype(np.uint32))
 
 
+class _OfStrands(np.ndarray):
+    """Values that are of strands, also where there are as many points: what is stored can be given again."""
+
+
 def _values(value, where):
+    if isinstance(value, _OfStrands):
+        return value
     return checks.placed(value, where, "numbers >= 0")
 
 
@@ -100,16 +106,16 @@ class Curves(Looking):
     counts: checks.Given = checks.field(checks.optional(_counts), default=None)
     width: checks.Given = checks.field(_values, default=0.002)
     color: checks.Given = checks.field(_values, default=(0.8, 0.6, 0.4))
-    alpha: float = checks.field(checks.real(low=0, high=1), default=0.5)
-    types: checks.Given = checks.field(checks.optional(checks.tuple_of(HairType)), default=None)
-    type_of: checks.Given = checks.field(checks.optional(_type_of), default=None)
-    root_uv: checks.Given = checks.field(checks.optional(_of_roots(2)), default=None)
-    root_normal: checks.Given = checks.field(checks.optional(_of_roots(3)), default=None)
-    inner: checks.Given = checks.field(levels((), "[faces]"), default=1)
-    outer: checks.Given = checks.field(levels((3,), "[faces, 3]"), default=1)
-    surface: str = checks.field(checks.choice("pn", "flat"), default="flat")
-    seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)
-    bounds: Bounds | None = checks.field(checks.instance(Bounds, none=True), default=None)
+    alpha: float = checks.field(checks.real(low=0, high=1), default=0.5, kw_only=True)
+    types: checks.Given = checks.field(checks.optional(checks.tuple_of(HairType)), default=None, kw_only=True)
+    type_of: checks.Given = checks.field(checks.optional(_type_of), default=None, kw_only=True)
+    root_uv: checks.Given = checks.field(checks.optional(_of_roots(2)), default=None, kw_only=True)
+    root_normal: checks.Given = checks.field(checks.optional(_of_roots(3)), default=None, kw_only=True)
+    inner: checks.Given = checks.field(levels((), "[faces]"), default=1, kw_only=True)
+    outer: checks.Given = checks.field(levels((3,), "[faces, 3]"), default=1, kw_only=True)
+    surface: str = checks.field(checks.choice("pn", "flat"), default="flat", kw_only=True)
+    seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0, kw_only=True)
+    bounds: Bounds | None = checks.field(checks.instance(Bounds, none=True), default=None, kw_only=True)
     uniform: int | None = attrs.field(init=False)
 
     def __attrs_post_init__(self):
@@ -176,12 +182,15 @@ def _spread(values, tail, strands, total, uniform, where):
     on_device = checks.is_on_device(values)
     if values.shape not in shapes or (not on_device and values.dtype.kind == "f" and np.isnan(values).any()):
         checks.refuse(where, values, allowed + ", of finite numbers >= 0")
-    if strands == total != 1 and values.shape == (strands, *tail) and strands and uniform != 1:
+    unclear = strands == total != 1 and strands and uniform != 1
+    if unclear and values.shape == (strands, *tail) and not isinstance(values, _OfStrands):
         raise Error(f"{where} of shape {list(values.shape)} could be per strand or per point, as there are "
                     f"as many points as strands; allowed: one for all, or {[strands, 1, *tail]} per strand")
     if on_device:
         return values.reshape(values.size // int(np.prod(tail, dtype=int)), *tail)
     values = checks.float32(values, where).reshape(-1, *tail)
+    if unclear and len(values) == strands:
+        values = values.view(_OfStrands)
     if (values < 0).any():
         checks.refuse(where, values, "finite numbers >= 0")
     # No strands need no values, but an empty array would be trouble for every buffer down the line.

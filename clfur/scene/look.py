@@ -1,6 +1,7 @@
 """What hair looks like: how it scatters the light that falls on it."""
 
 import functools
+from typing import Any
 
 import attrs
 
@@ -22,12 +23,12 @@ class Kajiya:
     highlight: str = checks.field(checks.choice("kajiya-kay", "half-vector"), default="kajiya-kay")
 
     @property
-    def model(self):
+    def model(self) -> str:
         """Which of `layout.MODELS` it is."""
         return self.highlight
 
     @property
-    def numbers(self):
+    def numbers(self) -> tuple[float, float]:
         """The two numbers by which kernels know it."""
         return self.specular, self.exponent
 
@@ -50,24 +51,24 @@ class Looking:
                             f"allowed: one of them")
 
     @functools.cached_property
-    def look(self):
+    def look(self) -> Kajiya:
         """How it scatters light, also where none is given: a Kajiya."""
-        given = {"specular": self._specular, "exponent": self._exponent}
+        given: dict[str, Any] = {"specular": self._specular, "exponent": self._exponent}
         return self._look or Kajiya(**{name: value for name, value in given.items() if value is not None})
 
     @property
-    def specular(self):
+    def specular(self) -> float:
         """Strength of the look's highlight."""
         return self.look.specular
 
     @property
-    def exponent(self):
+    def exponent(self) -> float:
         """How narrow the look's highlight is."""
         return self.look.exponent
 
 
 @functools.lru_cache(maxsize=8)   # what is drawn again must be the very same
-def highlighted(fur, highlight):
+def highlighted(fur: Any, highlight: str) -> Any:
     """Return fur, or each of a tuple, whose looks have this highlight: what `Settings.specular` chose once for all."""
     if fur is None or isinstance(fur, tuple):
         return fur and tuple(highlighted(part, highlight) for part in fur)

@@ -62,8 +62,8 @@ class HairType(Looking):
     length_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
     direction_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
     color_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
-    alpha: float = checks.field(checks.real(low=0, high=1), default=0.5)
-    key: checks.Given = checks.field(checks.optional(_key), default=None)
+    alpha: float = checks.field(checks.real(low=0, high=1), default=0.5, kw_only=True)
+    key: checks.Given = checks.field(checks.optional(_key), default=None, kw_only=True)
 
 
 @attrs.frozen(eq=False)

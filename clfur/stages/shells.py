@@ -56,7 +56,7 @@ class Shell(Arrays):
     longest: float = 0.0                             # no side of these triangles is longer [world]
 
     @property
-    def positions(self):
+    def positions(self) -> Any:
         """Corners of the triangles, as `raster` draws a `Surface`."""
         return self.curves
 
