@@ -230,6 +230,15 @@ def test_sweep_takes_the_knobs_that_matter(sphere):
     assert {(s.grid, s.shadow_map, s.pcf) for s, _ in ways if s.shadows == "off"} == {(64, 512, 1)}
 
 
+def test_a_change_anywhere_measures_anew(monkeypatch):
+    """Of any module or kernel of clfur."""
+    read = []
+    monkeypatch.setattr(library, "digest", read.append)
+    library._sources.__wrapped__()
+    names = {name for name, _ in read[0]}
+    assert {"layout.py", "render.py", "plan.py", "coverage.py", "frontier.py", "light.h", "coverage.cl"} <= names
+
+
 def test_label():
     assert label(clfur.Settings()) == "4 samples, coverage, length 96"
     assert label(clfur.Settings(lod=.5)) == "4 samples, coverage, length 96, lod 0.5"

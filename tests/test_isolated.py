@@ -99,7 +99,7 @@ def test_hang_ends_in_time():
 
 def test_what_is_told_arrives_in_order_and_extends_the_time():
     heard = []
-    outcome = call("count", 5, 1, seconds=4, receive=heard.append)   # 5 s in all
+    outcome = call("count", 5, 1.3, seconds=6, receive=heard.append)   # 6.5 s in all
     assert outcome.value == "done" and heard == [0, 1, 2, 3, 4]
 
 
@@ -109,7 +109,7 @@ def test_environment():
 
 def test_nothing_is_left_running():
     pids = []
-    assert call("child_that_sleeps", seconds=3, receive=pids.append).status == "hang"
+    assert call("child_that_sleeps", seconds=6, receive=pids.append).status == "hang"
     for _ in range(50):
         try:
             state = Path(f"/proc/{pids[0]}/stat").read_text().split(") ")[1][0]

@@ -198,7 +198,7 @@ def label(settings, layers=None):
 @functools.cache
 def _sources():
     """What this version of clfur consists of: a change anywhere may change times and pictures."""
-    here = Path(__file__).parent
+    here = Path(__file__).parents[1]
     return digest([[path.name, path.read_bytes()] for path in [*sorted(here.rglob("*.py")), *sorted(
         (path for path in kernel_dir().iterdir() if path.name.endswith((".cl", ".h"))), key=lambda path: path.name)]])
 
