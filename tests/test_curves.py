@@ -81,6 +81,22 @@ def test_a_type_shades_as_much_as_its_alpha_lets(gpu):
     assert dark < .93 * bright and abs(one[..., :3].sum() / dark - 1) < 1e-5
 
 
+def test_types_give_the_colour_and_width_that_are_not_given():
+    red, blue = clfur.HairType(color=(.9, .1, .1), width=.02), clfur.HairType(color=(.1, .1, .9), width=.01)
+    of = np.arange(60) % 2
+    both = clfur.Curves(whisk(), types=[red, blue], type_of=of)
+    np.testing.assert_array_equal(both.color, np.float32([red.color, blue.color])[of])
+    np.testing.assert_array_equal(both.width, np.float32([.02, .01])[of])
+    one = clfur.Curves(whisk(), types=[red])
+    assert one.width.tolist() == [np.float32(.02)] and one.color.tolist() == [np.float32(red.color).tolist()]
+    given = clfur.Curves(whisk(), types=[red, blue], type_of=of, color=(1, 1, 1), width=.5)
+    assert given.color.tolist() == [[1, 1, 1]] and given.width.tolist() == [.5]
+    plain = clfur.Curves(whisk())
+    assert plain.width.tolist() == [np.float32(.002)] and plain.color.tolist() == [np.float32((.8, .6, .4)).tolist()]
+    none = clfur.Curves(np.zeros((0, 2, 3)), types=[red, blue], type_of=np.zeros(0, int))
+    assert len(none.width) == len(none.color) == 1
+
+
 def test_root_uv_is_told(gpu):
     out = clfur.render(scene_of(everything(whisk())), gpu, outputs=("id", "uv"))
     there = out["id"] >= 0

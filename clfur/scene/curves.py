@@ -84,9 +84,10 @@ class Curves(Looking):
     points: [strands, points, 3], or [total, 3] with counts [strands] when strands differ in length; the root
     comes first. width: diameter in world units >= 0: one, [strands] or [strands, 1], or one for each point ([total], or
     [strands, points]). color: linear RGB >= 0, shaped like width with [..., 3]. No strands at all are allowed.
-    types: what strands look like and how much light they let through: HairType objects, up to 256, of which nothing
-    that makes hair grow is used; or None, and look (a Kajiya; or specular and exponent, to make one) and alpha (0..1,
-    how much light one hair lets through) say it for all. type_of: [strands] which of types each is of, needed
+    types: what strands look like and how much light they let through: HairType objects, up to 256; their color and
+    width hold where color and width are not given; nothing that makes hair grow is used, nor variation, nor textures.
+    Or None, and look (a Kajiya; or specular and exponent, to make one) and alpha (0..1, how much light one hair lets
+    through) say it for all. type_of: [strands] which of types each is of, needed
     where there are several. root_uv: [strands, 2], for the output "uv". root_normal: [strands, 3] unit normals of the
     mesh at the roots, by which its shadow does not fall on hair that lies on it. inner, outer, surface: how the mesh
     under them is tessellated, as in Strands. seed: by which `Settings.lod` chooses strands. bounds: what they cannot
@@ -105,8 +106,8 @@ class Curves(Looking):
 
     points: checks.Given = checks.field(_points)
     counts: checks.Given = checks.field(checks.optional(_counts), default=None)
-    width: checks.Given = checks.field(_values, default=0.002)
-    color: checks.Given = checks.field(_values, default=(0.8, 0.6, 0.4))
+    width: checks.Given = checks.field(checks.optional(_values), default=None)
+    color: checks.Given = checks.field(checks.optional(_values), default=None)
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5, kw_only=True)
     types: checks.Given = checks.field(checks.optional(checks.tuple_of(HairType)), default=None, kw_only=True)
     type_of: checks.Given = checks.field(checks.optional(_type_of), default=None, kw_only=True)
@@ -134,16 +135,23 @@ class Curves(Looking):
                         f"allowed: {len(points)}, the number of points")
         same = not len(counts) or bool((counts == counts[0]).all())
         uniform = (int(counts[0]) if len(counts) else 0) if same else None
+        self._check_types(len(counts))
         sizes = len(counts), len(points), uniform
         for name, value in [
             ("points", points),
             ("counts", counts),
             ("uniform", uniform),
-            ("width", _spread(self.width, (), *sizes, "Curves.width")),
-            ("color", _spread(self.color, (3,), *sizes, "Curves.color")),
+            ("width", _spread(self._given("width"), (), *sizes, "Curves.width")),
+            ("color", _spread(self._given("color"), (3,), *sizes, "Curves.color")),
         ]:
             object.__setattr__(self, name, value)
-        self._check_types(len(counts))
+
+    def _given(self, name):
+        """Width or color as it was given, else what the types say: one for all, or [strands, 1(, 3)]."""
+        if getattr(self, name) is not None:
+            return getattr(self, name)
+        of_types = np.array([getattr(kind, name) for kind in self.hair_types], np.float64)
+        return of_types[0] if len(of_types) == 1 else of_types[self.type_of][:, None]
 
     def _check_types(self, strands):
         for name in ("type_of", "root_uv", "root_normal"):
