@@ -261,7 +261,7 @@ __kernel void unpack_curves(
     __global const uint2 *spans,           // [strands] first point, points
     __global const float *widths,          // one, [strands] or [points]
     const int width_per,                   // 0: one for all, 1: each strand, 2: each point
-    __global const float *packed_colors,   // [strands, 3] or [points, 3], none where one is for all
+    __global const float *packed_colors,   // one, [strands, 3] or [points, 3]
     const int color_per,                   // as width_per
     __global const float *root_normals,    // [strands, 3]; none where has_normals is 0
     const int has_normals,
@@ -272,7 +272,7 @@ __kernel void unpack_curves(
     __global float4 *points,               // [points] x, y, z, width
     __global float4 *tangents,             // [points] unit
     __global uint *strand_of,              // [points]
-    __global float4 *colors,               // [strands] or [points] linear r, g, b; not written where one is for all
+    __global float4 *colors,               // one, [strands] or [points] linear r, g, b
     __global float4 *strand_normal,        // [strands] of the body at the root, 0: not known
     __global float4 *strand_uv)            // [strands] u, v, type
 {
@@ -280,7 +280,7 @@ __kernel void unpack_curves(
     const uint first = spans[i].x, count = spans[i].y;
     strand_normal[i] = has_normals ? (float4)(vload3(i, root_normals), 0.0f) : (float4)(0.0f);
     strand_uv[i] = (float4)(has_uv ? vload2(i, root_uv) : (float2)(0.0f), has_types ? type_of[i] : 0.0f, 0.0f);
-    if (color_per == 1)
+    if (color_per == 1 || (color_per == 0 && i == 0))
         colors[i] = (float4)(vload3(i, packed_colors), 0.0f);
     float4 before, here, next, tangent = (float4)(0.0f, 1.0f, 0.0f, 0.0f);
     for (uint k = 0; k < count; ++k) {

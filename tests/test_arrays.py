@@ -12,7 +12,7 @@ from support.scenes import icosphere
 
 import clfur
 from clfur import layout
-from clfur.pipeline import plan as parts
+from clfur.pipeline import plan
 from clfur.pipeline.views import view_of
 from clfur.stages import coverage, shade, shells, strands, tessellate
 from clfur.stages.lighting import unshadowed
@@ -101,7 +101,7 @@ def kept(gpu, mesh, curves=False):
     else:
         fur = clfur.Strands(roots=20_000, types=[kind])
         made = strands.grow(gpu, tessellate.tessellate(gpu, mesh), fur)
-    return made, parts.POINT * len(made.points) + parts.STRAND * len(made.spans) + parts.PACKED * len(
+    return made, plan.POINT * len(made.points) + plan.STRAND * len(made.spans) + plan.PACKED * len(
         made.points) * curves
 
 
@@ -132,8 +132,8 @@ def check_counts(gpu, mesh, curves):
     assert .5 * counted < taken < room(counted)
     scene = clfur.Scene(mesh, camera=clfur.Camera(eye=(0, 0, 300)))
     taken, thinned = most(gpu, lambda: thin(gpu, made, view_of(scene, 1), 1.0))
-    more = parts.THIN_POINT * len(made.points) + parts.THIN_STRAND * len(made.spans) + (
-        parts.THIN_COLOR * len(made.points) * (made.color_per == 2))
+    more = plan.THIN_POINT * len(made.points) + plan.THIN_STRAND * len(made.spans) + (
+        plan.THIN_COLOR * len(made.points) * (made.color_per == 2))
     assert .9 * more < taken < room(more) and len(thinned.points) == len(made.points)
 
 
@@ -172,8 +172,8 @@ def test_a_temporary_more_than_the_plan_counts_is_seen(gpu, mesh, monkeypatch):
 
 def test_the_plan_counts_all_of_a_surface(gpu, mesh):
     taken, made = most(gpu, lambda: tessellate.tessellate(gpu, mesh, 20, 20))
-    counted = parts.VERTEX * len(made.positions) + parts.TRIANGLE * len(made.triangles)
-    mesh_bytes = parts.MESH_VERTEX * len(mesh.positions) + parts.MESH_FACE * len(mesh.faces)
+    counted = plan.VERTEX * len(made.positions) + plan.TRIANGLE * len(made.triangles)
+    mesh_bytes = plan.MESH_VERTEX * len(mesh.positions) + plan.MESH_FACE * len(mesh.faces)
     assert bytes_of(made) <= counted and .7 * counted < taken < room(counted + mesh_bytes)
     taken, _area = most(gpu, lambda: strands.grow(gpu, made, clfur.Strands(roots=1, types=clfur.HairType(segments=1))))
     assert taken < room(strands.AREA.bytes * len(made.triangles))
@@ -193,9 +193,9 @@ def test_the_plan_counts_all_of_fragments(gpu, mesh):
         sums = coverage.light(gpu, view, unshadowed(gpu, np.zeros((), layout.Light)), fragments, resolved, grown)
         return fragments, resolved, sums, shade.blend(gpu, sums, strand_transmittance=resolved.strand_transmittance)
     taken, (fragments, resolved, *_) = most(gpu, make)
-    samples = parts.VISIBLE.bytes * 4 + coverage.Resolved.bytes(sample=4)
-    pixel = parts.PIXEL + samples + parts.IMAGE.bytes + parts.RADIANCE_SUMS.bytes + parts.COUNTED.bytes
-    counted = 200 * 150 * pixel + parts.FRAGMENT * len(fragments.areas)
+    samples = plan.VISIBLE.bytes * 4 + coverage.Resolved.bytes(sample=4)
+    pixel = plan.PIXEL + samples + plan.IMAGE.bytes + plan.RADIANCE_SUMS.bytes + plan.COUNTED.bytes
+    counted = 200 * 150 * pixel + plan.FRAGMENT * len(fragments.areas)
     assert resolved.weights is fragments.areas
     assert bytes_of(fragments, resolved) - resolved.weights.nbytes < counted and .8 * counted < taken < room(counted)
 

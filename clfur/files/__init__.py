@@ -1,5 +1,6 @@
 """Files: meshes and pictures.  Nothing else sees trimesh, imageio or OpenEXR."""
 
+# As when all of `clfur.files` was output.
 from .output import check_writable, output_path, reason, whole
 
 __all__ = ["check_writable", "output_path", "reason", "whole"]

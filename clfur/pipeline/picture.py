@@ -53,7 +53,7 @@ class Frame:
 
 def draw_frame(team: Team, scene: Scene, settings: Settings, outputs: Sequence[str] = ("color",), hashes: bool = False,
                bands: list | None = None) -> Frame:
-    """A `Frame` of a scene by a `Team` -> `Frame`.
+    """Draw a scene by a `Team` -> `Frame`.
 
     ``bands``: [(first row, one past the last)] of the picture alone; the others hold anything.
     """

@@ -41,7 +41,6 @@ def _values(value, where):
 
 def _of_roots(columns):
     """Return a converter to float32 [strands, columns], or an array of this shape on a device."""
-
     allowed = f"None or an array [strands, {columns}] of numbers"
 
     def convert(value, where):
@@ -87,11 +86,10 @@ class Curves(Looking):
     types: what strands look like and how much light they let through: HairType objects, up to 256; their color and
     width hold where color and width are not given; nothing that makes hair grow is used, nor variation, nor textures.
     Or None, and look (a Kajiya; or specular and exponent, to make one) and alpha (0..1, how much light one hair lets
-    through) say it for all. type_of: [strands] which of types each is of, needed
-    where there are several. root_uv: [strands, 2], for the output "uv". root_normal: [strands, 3] unit normals of the
-    mesh at the roots, by which its shadow does not fall on hair that lies on it. inner, outer, surface: how the mesh
-    under them is tessellated, as in Strands. seed: by which `Settings.lod` chooses strands. bounds: what they cannot
-    exceed, or None to measure it.
+    through) say it for all. type_of: [strands] which of types each is of, needed where there are several. root_uv:
+    [strands, 2], for the output "uv". root_normal: [strands, 3] unit normals of the mesh at the roots, by which its
+    shadow does not fall on hair that lies on it. inner, outer, surface: how the mesh under them is tessellated, as in
+    Strands. seed: by which `Settings.lod` chooses strands. bounds: what they cannot exceed, or None to measure it.
 
     points, width, color, root_uv and root_normal may be float32 arrays on an OpenCL device (pyopencl.array.Array),
     which are drawn without a copy by a `Scheduler` of the same context. Their values are not checked, and without

@@ -112,9 +112,8 @@ def upload_curves(gpu: Any, curves: Any, strands: tuple[int, int] | None = None)
         root_uv=gpu.rows(curves.root_uv, begin, end) if has["has_uv"] else gpu.empty((0, 2), np.float32),
         type_of=gpu.upload((curves.type_of[begin:end] if has["has_types"] else np.zeros(0)).astype(np.uint32)),
     )
-    one = {} if color_per else {"colors": gpu.upload(as_float4(gpu.download(packed.packed_colors)))}
     grown = DeviceStrands.empty(
-        gpu, {"point": total, "strand": n, "color": len(packed.packed_colors)}, **one,
+        gpu, {"point": total, "strand": n, "color": len(packed.packed_colors)},
         spans=gpu.upload(np.stack([first, counts], 1).astype(np.uint32)), types=gpu.upload(types),
         first_strand=begin, first_point=before, color_per=color_per)
     gpu.launch("strands.unpack_curves", n, width_per=width_per, **has, **vars(packed),

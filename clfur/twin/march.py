@@ -6,19 +6,11 @@ That is the walk of the kernel where the fur does not fold back or run through i
 import numpy as np
 
 from .lighting import light_at
+from .raster import BODY, DEPTH_ONE, NONE, PATTERNS
 from .scatter import TURNED, fibre, surface
 from .shells import HEIGHTS, cover, height_at
 from .vectors import dot, f64, unit
 
-DEPTH_ONE = 1 << 30
-NONE = (1 << 64) - 1
-BODY = 1 << 31
-PATTERNS = {   # in 1/16 pixel from the pixel's centre: the standard patterns of Direct3D 11
-    1: [(0, 0)],
-    4: [(-2, -6), (6, -2), (-6, 2), (2, 6)],
-    16: [(1, 1), (-1, -3), (-3, 2), (4, -1), (-5, -2), (2, 5), (5, 3), (3, -5),
-         (-2, 6), (0, -7), (-4, -6), (-6, 4), (-8, 0), (7, -4), (6, 7), (-7, -8)],
-}
 SIDEWAYS = 8.0
 SHARP = 0.85
 FAR_FROM, FAR_TO = 0.3, 0.9

@@ -6,19 +6,9 @@
 import numpy as np
 
 from .lighting import light_at
+from .raster import BODY, DEPTH_ONE, NONE, PATTERNS
 from .scatter import fibre
 from .vectors import dot, f64, merge, mix, unit
-
-SUBPIXEL = 256
-DEPTH_ONE = 1 << 30
-NONE = (1 << 64) - 1
-BODY = 1 << 31
-PATTERNS = {   # in 1/16 pixel from the pixel's centre: the standard patterns of Direct3D 11
-    1: [(0, 0)],
-    4: [(-2, -6), (6, -2), (-6, 2), (2, 6)],
-    16: [(1, 1), (-1, -3), (-3, 2), (4, -1), (-5, -2), (2, 5), (5, 3), (3, -5),
-         (-2, 6), (0, -7), (-4, -6), (-6, 4), (-8, 0), (7, -4), (6, 7), (-7, -8)],
-}
 
 
 def color(view, lights, visible, strands, body, body_color):
