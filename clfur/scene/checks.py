@@ -10,6 +10,7 @@ from typing import Any
 import attrs
 import numpy as np
 
+from ..color import linear_of
 from ..errors import Error
 
 Given = Any   # type of a field that takes more than it holds: a list becomes an array or a tuple, read-only
@@ -172,7 +173,10 @@ def vector(length, low=-math.inf):
     return convert
 
 
-color = vector(3, low=0)
+def color(value, where):
+    """Return linear light, read-only float64 [3] >= 0, of a colour as `clfur.color.linear_of` has it."""
+    allowed = "3 finite numbers >= 0"
+    return vector(3, low=0)(linear_of(numbers(value, where, allowed)), where)
 
 
 def total(value, where):

@@ -71,9 +71,10 @@ class Scene:
 
     mesh: Mesh or None. fur: Strands or Shells (which need a mesh), Curves, a list of Shells (undercoat) and one of
     Strands and Curves (guard hairs), or None; a mesh or fur is required. camera: Camera, or None to frame all of it.
-    light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself, or None to leave it
-    undrawn. Raises Error where the parts don't fit: a type_map, color_texture or pattern "sine" on a mesh without uv,
-    levels for another number of faces, or an edge whose two faces give it different levels.
+    light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself (arrays of uint8 or
+    uint16 are sRGB), or None to leave it undrawn. Raises Error where the parts don't fit: a type_map, color_texture or
+    pattern "sine" on a mesh without uv, levels for another number of faces, or an edge whose two faces give it
+    different levels.
 
     A list is stored as a tuple. `lights` are all lights, always in a tuple; `strands` are the Strands or Curves of
     `fur`, `shells` its Shells, or None.
