@@ -54,7 +54,7 @@ def _of_roots(columns):
         array = checks.placed(value, where, allowed)
         if array.ndim != 2 or array.shape[1] != columns:
             checks.refuse(where, value, allowed)
-        return array if checks.is_on_device(array) else checks.float32(array, where)
+        return array if checks.is_on_device(array) else checks.float32(array, where, checks.LARGEST)
 
     return convert
 
@@ -207,7 +207,7 @@ def _spread(values, tail, strands, total, uniform, where):
                     f"as many points as strands; allowed: one for all, or {[strands, 1, *tail]} per strand")
     if on_device:
         return values.reshape(values.size // int(np.prod(tail, dtype=int)), *tail)
-    values = checks.float32(values, where).reshape(-1, *tail)
+    values = checks.float32(values, where, checks.LARGEST).reshape(-1, *tail)
     if unclear and len(values) == strands:
         values = values.view(_OfStrands)
     if (values < 0).any():

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import Error
 from . import checks
 from .bounds import extent, fur_extent, points_to_see, strands_and_shells
-from .camera import Camera, size_of
+from .camera import FOV, Camera, size_of
 from .curves import Curves
 from .light import Light
 from .mesh import Mesh
@@ -47,8 +47,9 @@ def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: fl
     Scene does for its fur, and as Camera does.
     """
     fur = _fur(fur, "frame fur")
+    mesh = checks.instance(Mesh, none=True)(mesh, "frame mesh")
     size = size_of(size, "frame size")
-    fov = checks.real(above=0, below=180)(fov, "frame fov")
+    fov = FOV(fov, "frame fov")
     towards = checks.direction(direction, "frame direction")
     center, _ = extent(mesh, fur)
     up = (0, 1, 0) if abs(towards[1]) < 0.999 else (0, 0, -1)

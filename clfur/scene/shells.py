@@ -33,12 +33,12 @@ class Shells(Looking):
     time: seconds. seed: of all that is random, 0..2**32-1. Raises Error for anything else.
     """
 
-    length: float = checks.field(checks.real(above=0), default=0.1)
+    length: float = checks.field(checks.positive(), default=0.1)
     layers: int = checks.field(checks.whole(1, 1000), default=30)
-    frequency: float = checks.field(checks.real(above=0), default=40.0)
+    frequency: float = checks.field(checks.positive(), default=40.0)
     pattern: str = checks.field(checks.choice("cells", "sine"), default="cells")
     sharpness: float = checks.field(checks.real(above=1), default=1.4)
-    density: float = checks.field(checks.real(high=1, above=0), default=1.0)
+    density: float = checks.field(checks.positive(high=1), default=1.0)
     noise: checks.Given = checks.field(_noise, default=(0.5, 8.0))
     length_variation: float = checks.field(checks.real(low=0, high=1), default=0.3)
     color: checks.Given = checks.field(checks.color, default=(0.8, 0.6, 0.4))

@@ -22,7 +22,7 @@ def _texture(value, where):
     pixels = linear_of(checks.pixels(value, where, "uf", allowed))
     if pixels.dtype.kind != "f":   # whole numbers of a picture that are neither: nobody knows what is white
         checks.refuse(where, value, allowed)
-    linear = checks.float32(pixels, where)
+    linear = checks.float32(pixels, where, checks.LARGEST)
     if (linear < 0).any():
         checks.refuse(where, value, allowed)
     return linear
@@ -30,7 +30,7 @@ def _texture(value, where):
 
 def _key(value, where):
     allowed = "None or (red, green, blue), whole numbers from 0 to 255"
-    if not isinstance(value, (tuple, list, np.ndarray)) or len(value) != 3:
+    if (not isinstance(value, (tuple, list)) and getattr(value, "ndim", 0) != 1) or len(value) != 3:
         checks.refuse(where, value, allowed)
     return tuple(checks.whole(0, 255)(part, where) for part in value)
 
@@ -77,7 +77,7 @@ def levels(shape, words):
     allowed = f"a whole number from 1 to 64, or an array {words} of them"
 
     def convert(value, where):
-        if not isinstance(value, (np.ndarray, list, tuple)):
+        if not isinstance(value, (list, tuple)) and not getattr(value, "ndim", 0):
             return checks.whole(1, 64)(value, where)
         array = checks.numbers(value, where, allowed, kinds="iu")
         if array.ndim != 1 + len(shape) or array.shape[1:] != shape:
