@@ -5,6 +5,7 @@ out wrong), reads index 0 as the last one, and passes over lines that were cut s
 """
 
 import re
+from pathlib import Path
 
 import numpy as np
 
@@ -19,7 +20,7 @@ SURFACES = {b"surf", b"bzp", b"bsp", b"cdp", b"call", b"csh"}
 NOT_A_NUMBER = re.compile(rb"[+-]?(nan|inf|\d\.#)", re.I)   # as old C libraries write them: -nan(ind), 1.#IND, 1.#INF
 
 
-def read_obj(data: bytes) -> dict:
+def obj(data: bytes, path: Path) -> dict:
     """Return the fields of the Mesh in an OBJ file: positions, normals, uv and faces.
 
     Read are lines v (the first three numbers: w is of curves alone), vt, vn and f. Points, lines, curves, groups

@@ -1,6 +1,7 @@
 """OFF files, as Geomview defines them: text alone."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from .polygons import by_size, triangulate
 HEADER = re.compile(rb"(ST)?(C)?(N)?(4)?(n)?OFF$")
 
 
-def read_off(data: bytes) -> dict:
+def off(data: bytes, path: Path) -> dict:
     """Return the fields of the Mesh in an OFF file: positions, normals, uv and faces.
 
     Read are OFF and all of its prefixes but n (any dimension): ST (uv), C (colours, passed over), N (normals) and

@@ -8,6 +8,7 @@ import array
 import re
 import struct
 import warnings
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -42,7 +43,7 @@ class Element(NamedTuple):
     properties: list
 
 
-def read_ply(data: bytes) -> dict:
+def ply(data: bytes, path: Path) -> dict:
     """Return the fields of the Mesh in a PLY file: positions, normals, uv and faces.
 
     Read are x, y, z, nx, ny, nz and s, t (or u, v; texture_u, texture_v) of vertices, vertex_indices and texcoord of

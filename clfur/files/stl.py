@@ -2,6 +2,7 @@
 
 import re
 import struct
+from pathlib import Path
 
 import numpy as np
 
@@ -13,7 +14,7 @@ RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
 
 
-def read_stl(data: bytes) -> dict:
+def stl(data: bytes, path: Path) -> dict:
     """Return the fields of the Mesh in an STL file: positions and faces.
 
     Read are a binary file's corners, as many as it states (there may be more bytes behind them), and those of all the
