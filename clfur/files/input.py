@@ -23,6 +23,8 @@ def read(path: Path, limit: int = MAX_BYTES) -> bytes:
             _regular(path, os.fstat(file.fileno()))   # what has the name now may be another one
             size = os.fstat(file.fileno()).st_size
             data = file.read(limit + 1) if size <= limit else b""
+    except Error:
+        raise
     except ValueError:   # a name that holds a zero
         raise Error(f"{path}: no such file") from None
     except OSError as error:
