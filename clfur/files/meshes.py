@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import Error
+from ..errors import Error, shown
 from ..scene import Mesh
 from .gltf import glb, gltf
+from .output import is_path
 from .teapot import teapot
 
 FORMATS = ".obj, .ply, .stl, .off, .glb or .gltf"
@@ -26,8 +27,8 @@ def load_mesh(path: str | os.PathLike) -> Mesh:
     with their transforms applied. Materials and textures are not read. Raises Error, one line that names the
     file, for anything that is missing, damaged, cut short or without faces.
     """
-    if not isinstance(path, (str, os.PathLike)):
-        raise Error(f"load_mesh path is {path!r}; allowed: a file's name, or one of {_names()}")
+    if not is_path(path):
+        raise Error(f"load_mesh path is {shown(path)}; allowed: a file's name, or one of {_names()}")
     if str(path) in BUILT_IN:
         return BUILT_IN[str(path)]()
     path = Path(path)
