@@ -121,6 +121,13 @@ def test_a_wrong_accessor_is_refused(tmp_path, change, words):
     refused(tmp_path, file, words)
 
 
+def test_least_and_greatest_are_ignored(tmp_path):
+    """They are hints, and programs that edit files forget them."""
+    file = triangle()
+    file.tree["accessors"][0] |= {"min": [7, 7, 7], "max": "none"}
+    assert np.array_equal(corners(load(tmp_path, file)), [TRIANGLE])
+
+
 def test_whole_numbers_may_be_written_with_a_point(tmp_path):
     file = triangle()
     file.tree["accessors"][0] |= {"count": 3.0, "componentType": 5126.0}
