@@ -906,7 +906,7 @@ def test_chunks(tmp_path):
             (of(json_chunk, binary)[:-1], "states"),
             (of(json_chunk, binary[:-1]), "ends after"), (of(length=12) + bytes(20), "first chunk is not JSON"),
             (head, "no GLB header"), (b"glTF" + struct.pack("<I", 1) + whole[8:], "GLB version 1; allowed: 2"),
-            (glb([], b""), "the file is []; allowed: an object of JSON")]:
+            (glb([], b""), "x.glb: the JSON is []; allowed: an object")]:
         refused(tmp_path, data, words)
 
 
