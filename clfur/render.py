@@ -63,7 +63,7 @@ def draw(scene: Scene, device: Any = None, settings: Settings | None = None, out
     with ExitStack() as frames:
         for gpu in gpus:
             frames.enter_context(gpu.frame())
-        team = Team(gpus)
+        team, scene = Team(gpus), scene.local
         drawn = scene
         if settings.specular is not None:   # as once all looks had it
             drawn = attrs.evolve(scene, fur=highlighted(scene.fur, settings.specular))
@@ -91,7 +91,7 @@ def grow(scene: Scene, device: Any = None) -> Curves:
     gpu = schedulers(device)[0]
     with gpu.frame():
         gpu.forget()   # what frames have left: the plan below has room for strands alone
-        return curves_of(gpu, Plan(Rig.of(scene, Settings(shadows="off", shadow_map=0)), ()))
+        return curves_of(gpu, Plan(Rig.of(scene.local, Settings(shadows="off", shadow_map=0)), ()), scene.origin)
 
 
 def schedulers(device: Any) -> list[Scheduler]:

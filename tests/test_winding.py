@@ -26,7 +26,7 @@ def ball(size=1.0, at=(0, 0, 0), inwards=False):
 
 def outward(mesh, at=(0, 0, 0), size=1.0, tolerance=1e-3):
     """1 where the normals of a ball's places point out of it, -1 where all point in, 0 otherwise."""
-    away = mesh.positions - np.float64(at)
+    away = mesh.positions + mesh.origin - at
     there = np.abs(np.linalg.norm(away, axis=1) - size) < tolerance
     sides = np.sign((away * mesh.normals)[there].sum(1))
     assert there.any()
