@@ -4,13 +4,21 @@ import os
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..errors import Error
+from ..errors import Error, shown
+
+
+def is_path(value):
+    """Whether this is a str or path-like that Path takes."""
+    try:
+        return isinstance(value, (str, os.PathLike)) and isinstance(Path(value), Path)
+    except Exception:   # an object's own method can raise anything
+        return False
 
 
 def output_path(path, suffixes):
     """The path as a Path; raises Error unless it has one of these suffixes and names a file in a folder that is."""
-    if not isinstance(path, (str, os.PathLike)):
-        raise Error(f"save path is {path!r}; allowed: a file's name")
+    if not is_path(path):
+        raise Error(f"save path is {shown(path)}; allowed: a file's name")
     path = Path(path)
     if path.suffix.lower() not in suffixes:
         raise Error(f"{path}: {path.suffix or 'no suffix'} is not supported; allowed: {', '.join(suffixes)}")
