@@ -199,7 +199,7 @@ def damaged():
         ("zero.obj", OBJ.replace("4/4/1", "0/4/1"), "line 13"),
         ("negative.obj", OBJ.replace("4/4/1", "-5/4/1"), "counts back"),
         ("cut_v.obj", OBJ + "v 1 2", "line 14"),
-        ("cut_f.obj", OBJ + "f 1 2", "line 14"),
+        ("cut_f.obj", OBJ + "f 1 x", "line 14"),
         ("cut_corner.obj", OBJ + "f 1 2 3/", "line 14"),
         ("words.obj", OBJ + "f one two three\n", "line 14"),
         ("junk.ply", "plyx", "no PLY header"),

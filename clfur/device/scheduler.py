@@ -40,7 +40,7 @@ def kernel_dir():
 def _text(file):
     """A kernel file with what it includes, each line under the name and number that it has in its own file."""
     lines = [f'#line 1 "{file}"']
-    for number, line in enumerate(kernel_dir().joinpath(file).read_text().splitlines(), 1):
+    for number, line in enumerate(kernel_dir().joinpath(file).read_text(encoding="utf-8").splitlines(), 1):
         if include := re.match(r'#include "(\w+\.h)"$', line):
             line = f'{_text(include[1])}#line {number + 1} "{file}"'
         lines.append(line)

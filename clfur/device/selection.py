@@ -10,6 +10,7 @@ from .. import cache
 from ..errors import Error, shown
 from . import vendors
 
+CHECKER = "Oclgrind"   # the platform that the extra "test" brings
 _TYPES = {"gpu": cl.device_type.GPU, "cpu": cl.device_type.CPU}
 
 
@@ -50,7 +51,7 @@ def pick(text, platforms, failed=()):
     if not any(platforms):
         # PoCL without a folder for its kernel cache is there, but shows no device.
         hint = "; PoCL also needs a cache folder it can write to" if platforms else ""
-        raise Error(f'there is no OpenCL device; pip install "pyopencl[pocl]" brings one for the CPU{hint}')
+        raise Error(f"there is no OpenCL device; {vendors.advice()}{hint}")
     matches = _matches(text, platforms, failed)
     if not matches:
         kinds = [kind for kind in ("cpu", "gpu") if _matches(kind, platforms)]
@@ -124,7 +125,7 @@ def survey():
         {"name": platform.name, "version": platform.version, "vendor": platform.vendor, "devices": [
             {"device": handle_of[id(device)], "number": f"{p}:{d}", **_facts(device)}
             for d, device in enumerate(devices)]}
-        for p, (platform, devices) in enumerate(found)]}
+        for p, (platform, devices) in enumerate(found) if devices or platform.name != CHECKER]}
 
 
 def probe(vendor):
@@ -184,11 +185,14 @@ def _found():
     """Each OpenCL platform and its devices: a list of (platform, list)."""
     _start()
     try:
-        return [(platform, _devices(platform)) for platform in cl.get_platforms()]
+        platforms = cl.get_platforms()
     except cl.Error as error:
         if "PLATFORM_NOT_FOUND_KHR" in str(error):
             return []
         raise Error(f"OpenCL does not start: {error}") from None
+    # It is there to check kernels, and takes a hundred times as long: nobody draws with it unless it is alone.
+    left_out = CHECKER if len(platforms) > 1 else None
+    return [(platform, [] if platform.name == left_out else _devices(platform)) for platform in platforms]
 
 
 def _devices(platform):

@@ -200,7 +200,8 @@ def _measure(device, scene, settings, repeat):
 def peak_memory():
     """Most bytes that this process has held in memory so far, or None where nobody tells."""
     with contextlib.suppress(OSError, TypeError):   # no /proc, or one without this line
-        return 1024 * int(re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())[1])
+        told = Path("/proc/self/status").read_bytes()
+        return 1024 * int(re.search(rb"VmHWM:\s+(\d+) kB", told)[1])
     try:
         import resource
     except ImportError:   # Windows
