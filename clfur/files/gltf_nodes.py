@@ -78,6 +78,8 @@ class Nodes:
         if number not in self._bones:
             where = f"skins[{number}]"
             joints = self._numbers(skin, "joints", where)
+            if not joints:
+                raise Error(f"{where}.joints is []; allowed: one or more")
             bind = IDENTITY[None]
             if "inverseBindMatrices" in skin:
                 bind = self.source.values(skin, "inverseBindMatrices", where).reshape(-1, 4, 4).transpose(0, 2, 1)
