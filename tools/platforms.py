@@ -32,7 +32,7 @@ def resolve(requirement, system, python):
 def main():
     bad = 0
     with tempfile.TemporaryDirectory() as folder:
-        subprocess.run([sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-w", folder, str(ROOT)], check=True)
+        subprocess.run([sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", folder, str(ROOT)], check=True)
         wheel, = Path(folder).glob("*.whl")
         extras = ",".join(re.findall(r"^(\w+) =", (ROOT / "setup.cfg").read_text(encoding="utf-8").partition(
             "[options.extras_require]")[2].partition("[options.entry_points]")[0], re.M))
@@ -41,8 +41,8 @@ def main():
                 found, why = resolve(f"clfur[{extras}] @ {wheel.as_uri()}", system, python)
                 bad += not found
                 there = ", ".join(f"{name} {found[name]}" for name in DRIVERS if name in found)
-                print(f"{system}, Python {python}: " + (f"{len(found)} packages, {there or 'no driver'}" if found else why),
-                      flush=True)
+                said = f"{len(found)} packages, {there or 'no driver'}" if found else why
+                print(f"{system}, Python {python}: {said}", flush=True)
     return int(bad > 0)
 
 
