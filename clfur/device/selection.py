@@ -2,13 +2,14 @@
 
 import os
 import re
+import warnings
 from typing import Any
 
 import pyopencl as cl
 
 from .. import cache
 from ..errors import Error
-from . import vendors
+from . import caches, programs, vendors
 
 _TYPES = {"gpu": cl.device_type.GPU, "cpu": cl.device_type.CPU}
 
@@ -160,8 +161,9 @@ def _start():
     check_process()
     if _started is None:
         vendors.prepare()
-        if not cache.writable():   # pyopencl would raise; it reads its own PYOPENCL_NO_CACHE when it is imported
-            cl._PYOPENCL_NO_CACHE = True
+        programs.leave_pyopencls_cache()
+        for line in caches.notes:
+            warnings.warn(line, RuntimeWarning, stacklevel=3)
         _started = os.getpid()
 
 
