@@ -37,6 +37,7 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     if scene.shells is not None:
         raise Error("Scene.fur has Shells; allowed: Strands or Curves, since the truth knows strands and bodies only")
     samples = checks.whole(1, 64)(samples, "samples")
+    scene = scene.local
     hair, body = _geometry(scene)
     eye, to_place, near = _camera(scene)
     width, height = scene.camera.size
