@@ -81,14 +81,14 @@ def _each(found):
 def _check(found):
     """Check each device, remember it, and update what was found -> {identity: verdict} of those that fail."""
     failures = {}
-    for platform, device in [(platform["name"], one) for platform in found["platforms"] for one in platform["devices"]]:
+    for name, device in [(each["name"], device) for each in found["platforms"] for device in each["devices"]]:
         click.echo(f"{device['device']}: checking {device['description']} ...", err=True)
         verdict, message, notes = _verdict(device["number"], {})
         if verdict in ("crash", "wrong"):   # perhaps because of kernels that are spoilt
             with tempfile.TemporaryDirectory(prefix="clfur-") as empty:
                 again, _, _ = _verdict(device["number"], caches.in_folder(empty))
             if again == "pass":
-                notes.append(f"it is right without the kernels that are kept{caches.where(platform)}: these "
+                notes.append(f"it is right without the kernels that are kept{caches.where(name)}: these "
                              f"are spoilt, delete them ({verdict}: {message})")
                 verdict, message = again, ""
         device["check"] = {"verdict": verdict, "message": message}
