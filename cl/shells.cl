@@ -265,17 +265,15 @@ __kernel void outputs(
     ulong key = ~0ul;
     uint other = NOTHING;
     int nearest = 0;
-    float covered = 0.0f;
     for (int s = 0; s < samples; ++s) {
         const ulong drawn = visible[pixel * samples + s], there = shell_front[pixel * samples + s];
-        covered += (uint)drawn == NOTHING ? 1.0f - transmittance[pixel * samples + s] : 1.0f;
         other = min(other, (uint)(drawn >> 32));
         if (there < key) {
             key = there;
             nearest = s;
         }
     }
-    out_coverage[pixel] = covered / samples;
+    out_coverage[pixel] = covered_share(visible, transmittance, pixel, samples);
     if (key == ~0ul || (uint)(key >> 32) >= other)
         return;
     const float4 p = seen_point(&view, x, y, nearest, (uint)(key >> 32)), v = towards_eye(&view, p);
@@ -310,7 +308,7 @@ __kernel void outputs(
         root_uv += share[j] * uv[3 * face + j];
     }
     const float4 tangent = unit_or(along, v);
-    out_depth[pixel] = to_screen(&view, p).w;
+    out_depth[pixel] = depth_along(&view, p, (uint)(key >> 32));
     out_id[pixel] = ID_SHELLS;
     out_tangent[pixel] = tangent;
     out_normal[pixel] = unit_or(v - dot3(v, tangent) * tangent, v);

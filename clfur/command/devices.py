@@ -5,6 +5,7 @@ import hashlib
 import json
 import os
 import re
+import sys
 
 import click
 from rich.box import SIMPLE_HEAD
@@ -50,8 +51,7 @@ def survey():
     if outcome.status != "ok":
         raise Error(f"OpenCL does not start: {outcome.message}; clfur devices --why tells of each driver")
     if not any(platform["devices"] for platform in outcome.value["platforms"]):
-        raise Error('there is no OpenCL device; pip install "pyopencl[pocl]" brings one for the CPU, and '
-                    "clfur devices --why tells of each driver")
+        raise Error(f"there is no OpenCL device; {vendors.advice()}; clfur devices --why tells of each driver")
     return outcome.value
 
 
@@ -159,7 +159,7 @@ def _why(as_json):
         return
     for line in lines:
         print(line)
-    if not listed:
+    if not listed and sys.platform not in vendors.NOT_BY_FILES:
         print("OpenCL's loader looks at no driver at all")
 
 

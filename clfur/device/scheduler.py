@@ -1,6 +1,7 @@
 """Owns the context, queue, programs and buffers; launches kernels and times them; knows no fur."""
 
 import math
+import operator
 import re
 import threading
 import time
@@ -17,7 +18,7 @@ import pyopencl.array as cla
 from pyopencl import tools
 
 from .. import layout
-from ..errors import DeviceError, Error
+from ..errors import DeviceError, Error, shown
 from . import pocl, signature
 from .selection import check_process, choose, describe
 
@@ -39,11 +40,22 @@ def kernel_dir():
 def _text(file):
     """A kernel file with what it includes, each line under the name and number that it has in its own file."""
     lines = [f'#line 1 "{file}"']
-    for number, line in enumerate(kernel_dir().joinpath(file).read_text().splitlines(), 1):
+    for number, line in enumerate(kernel_dir().joinpath(file).read_text(encoding="utf-8").splitlines(), 1):
         if include := re.match(r'#include "(\w+\.h)"$', line):
             line = f'{_text(include[1])}#line {number + 1} "{file}"'
         lines.append(line)
     return "\n".join(lines) + "\n"
+
+
+def _bytes(memory):
+    """What `Scheduler.memory` takes as an int."""
+    try:
+        number = 0 if isinstance(memory, (bool, np.bool_)) else operator.index(memory)
+    except Exception:   # an object's own conversion can raise anything
+        number = 0
+    if number < 1:
+        raise Error(f"Scheduler.memory is {shown(memory)}; allowed: None or a number of bytes >= 1")
+    return int(number)
 
 
 class Scheduler:
@@ -72,9 +84,7 @@ class Scheduler:
             self.largest = self.device.max_mem_alloc_size   # bytes of one array
             self.steps = 65_535 if "llvmpipe" in self.device.name else None   # it ends a work-item's loops, silently
         if memory is not None:
-            if isinstance(memory, bool) or not isinstance(memory, int) or memory < 1:
-                raise Error(f"Scheduler.memory is {memory!r:.60}; allowed: None or a number of bytes")
-            self.memory = min(memory, self.memory)
+            self.memory = min(_bytes(memory), self.memory)
         self.build_seconds = 0.0   # that building programs has taken so far
         self.pace: dict[str, float] = {}             # strands a second by what was done, for those who share work out
         self.peak = 0              # most bytes that arrays have taken at once since `start`

@@ -5,6 +5,8 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import os
+import platform
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +15,21 @@ from ..errors import Error
 
 SYSTEM = "/etc/OpenCL/vendors"
 ADDED = "clfur-intel.icd"
+
+
+# Where .icd files do not tell the drivers.
+NOT_BY_FILES = {
+    "win32": r"Windows keeps its drivers in the registry, in HKEY_LOCAL_MACHINE\SOFTWARE\Khronos\OpenCL\Vendors",
+    "darwin": "pyopencl's wheel for macOS takes the OpenCL of macOS, and looks at no other driver",
+}
+# What brings an OpenCL driver, by sys.platform and processor.
+CONDA = "conda-forge's pyopencl and pocl have one for the CPU"
+DRIVERS = {
+    ("linux", "x86_64"): "pip install pocl-binary-distribution brings one for the CPU",
+    ("linux", ""): f"your system's PoCL is one for the CPU (Debian, Ubuntu: apt install pocl-opencl-icd), or {CONDA}",
+    ("win32", "AMD64"): "a graphics driver brings one, pip install intel-opencl-rt intel-cmplr-lib-rt one for the CPU",
+    ("darwin", ""): f"macOS has one of its own, which shows no device; {CONDA}",
+}
 
 
 @dataclass(frozen=True)
@@ -28,6 +45,12 @@ class Vendor:
     origin: str
 
 
+def advice():
+    """What brings an OpenCL driver to this machine, in a few words."""
+    kinds = (sys.platform, platform.machine()), (sys.platform, "")
+    return next((DRIVERS[kind] for kind in kinds if kind in DRIVERS), f"a graphics driver brings one, or {CONDA}")
+
+
 def prepare():
     """Point OpenCL's loader to the system's drivers and Intel's from PyPI, if that is installed in this Python.
 
@@ -37,6 +60,10 @@ def prepare():
     """
     given = os.environ.get("OCL_ICD_VENDORS")
     if given and not _ours(given):
+        return None
+    if sys.platform == "win32":   # drivers are named by the registry, and by this
+        if library := _intel():
+            os.environ.setdefault("OCL_ICD_FILENAMES", library)
         return None
     if given:   # of a parent process, whose Python may have been another one
         del os.environ["OCL_ICD_VENDORS"]
@@ -55,6 +82,8 @@ def prepare():
 def vendors():
     """The drivers that the loader looks at now, as ([Vendor], [what else there is to say, a line each])."""
     lines = [line for line in [prepare()] if line]
+    if note := NOT_BY_FILES.get(sys.platform):
+        return [], [*lines, note]
     given = os.environ.get("OCL_ICD_VENDORS", "")
     if given and not _ours(given):
         path = Path(given)
@@ -123,7 +152,7 @@ def _intel():
         files = importlib.metadata.files("intel-opencl-rt") or []
     except importlib.metadata.PackageNotFoundError:
         return None
-    paths = [Path(file.locate()).resolve() for file in files if file.name == "libintelocl.so"]
+    paths = [Path(file.locate()).resolve() for file in files if file.name in ("libintelocl.so", "intelocl64.dll")]
     return next((str(path) for path in paths if path.is_file()), None)
 
 

@@ -5,6 +5,7 @@ import functools
 import attrs
 import numpy as np
 
+from ..color import linear_of
 from ..errors import Error
 from . import checks
 from .look import Looking
@@ -40,6 +41,12 @@ def _values(value, where):
     return checks.placed(value, where, "numbers >= 0")
 
 
+def _colors(value, where):
+    """As `_values`; on a device it is float32, linear light."""
+    values = _values(value, where)
+    return values if checks.is_on_device(values) else linear_of(values)
+
+
 def _of_roots(columns):
     """Return a converter to float32 [strands, columns], or an array of this shape on a device."""
     allowed = f"None or an array [strands, {columns}] of numbers"
@@ -48,7 +55,7 @@ def _of_roots(columns):
         array = checks.placed(value, where, allowed)
         if array.ndim != 2 or array.shape[1] != columns:
             checks.refuse(where, value, allowed)
-        return array if checks.is_on_device(array) else checks.float32(array, where)
+        return array if checks.is_on_device(array) else checks.float32(array, where, checks.LARGEST)
 
     return convert
 
@@ -83,7 +90,8 @@ class Curves(Looking):
 
     points: [strands, points, 3], or [total, 3] with counts [strands] when strands differ in length; the root
     comes first. width: diameter in world units >= 0: one, [strands] or [strands, 1], or one for each point ([total], or
-    [strands, points]). color: linear RGB >= 0, shaped like width with [..., 3]. No strands at all are allowed.
+    [strands, points]). color: RGB >= 0, shaped like width with [..., 3]: arrays of uint8 or uint16 are sRGB, all other
+    numbers linear light. No strands at all are allowed.
     types: what strands look like and how much light they let through: HairType objects, up to 256; their color and
     width hold where color and width are not given; nothing that makes hair grow is used, nor variation, nor textures.
     Or None, and look (a Kajiya; or specular and exponent, to make one) and alpha (0..1, how much light one hair lets
@@ -108,7 +116,7 @@ class Curves(Looking):
     points: checks.Given = checks.field(_points)
     counts: checks.Given = checks.field(checks.optional(_counts), default=None)
     width: checks.Given = checks.field(checks.optional(_values), default=None)
-    color: checks.Given = checks.field(checks.optional(_values), default=None)
+    color: checks.Given = checks.field(checks.optional(_colors), default=None)
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5, kw_only=True)
     types: checks.Given = checks.field(checks.optional(checks.tuple_of(HairType)), default=None, kw_only=True)
     type_of: checks.Given = checks.field(checks.optional(_type_of), default=None, kw_only=True)
@@ -210,7 +218,7 @@ def _spread(values, tail, strands, total, uniform, where):
                     f"as many points as strands; allowed: one for all, or {[strands, 1, *tail]} per strand")
     if on_device:
         return values.reshape(values.size // int(np.prod(tail, dtype=int)), *tail)
-    values = checks.float32(values, where).reshape(-1, *tail)
+    values = checks.float32(values, where, checks.LARGEST).reshape(-1, *tail)
     if unclear and len(values) == strands:
         values = values.view(_OfStrands)
     if (values < 0).any():

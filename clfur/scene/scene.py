@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import Error
 from . import checks
 from .bounds import extent, fur_extent, local, origin_of, points_to_see, strands_and_shells
-from .camera import Camera, size_of
+from .camera import FOV, Camera, size_of
 from .curves import Curves
 from .light import Light
 from .mesh import Mesh
@@ -55,8 +55,9 @@ def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: fl
     Scene does for its fur, and as Camera does.
     """
     fur = _fur(fur, "frame fur")
+    mesh = checks.instance(Mesh, none=True)(mesh, "frame mesh")
     size = size_of(size, "frame size")
-    fov = checks.real(above=0, below=180)(fov, "frame fov")
+    fov = FOV(fov, "frame fov")
     towards = checks.direction(direction, "frame direction")
     center, _ = extent(mesh, fur)
     up = (0, 1, 0) if abs(towards[1]) < 0.999 else (0, 0, -1)
@@ -81,9 +82,10 @@ class Scene:
 
     mesh: Mesh or None. fur: Strands or Shells (which need a mesh), Curves, a list of Shells (undercoat) and one of
     Strands and Curves (guard hairs), or None; a mesh or fur is required. camera: Camera, or None to frame all of it.
-    light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself, or None to leave it
-    undrawn. Raises Error where the parts don't fit: a type_map, color_texture or pattern "sine" on a mesh without uv,
-    levels for another number of faces, or an edge whose two faces give it different levels.
+    light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself (arrays of uint8 or
+    uint16 are sRGB), or None to leave it undrawn. Raises Error where the parts don't fit: a type_map, color_texture or
+    pattern "sine" on a mesh without uv, levels for another number of faces, or an edge whose two faces give it
+    different levels.
 
     A list is stored as a tuple. `lights` are all lights, always in a tuple; `strands` are the Strands or Curves of
     `fur`, `shells` its Shells, or None.
