@@ -55,7 +55,7 @@ class Nodes:
         """Return the numbers of the nodes of the scene that is shown, as trimesh orders them: the last first."""
         source, scenes = self.source, self.source.items("scenes")
         if "scene" in source.tree:
-            number = source.item("scenes", source.tree, "scene", "the file")[0]
+            number = source.item("scenes", source.tree, "scene", "")[0]
         waiting = [k for k, parent in enumerate(self.parents) if parent < 0]
         if scenes:
             number = number if "scene" in source.tree else 0
@@ -78,6 +78,8 @@ class Nodes:
         if number not in self._bones:
             where = f"skins[{number}]"
             joints = self._numbers(skin, "joints", where)
+            if not joints:
+                raise Error(f"{where}.joints is []; allowed: one or more")
             bind = IDENTITY[None]
             if "inverseBindMatrices" in skin:
                 bind = self.source.values(skin, "inverseBindMatrices", where).reshape(-1, 4, 4).transpose(0, 2, 1)

@@ -12,6 +12,7 @@ from pathlib import Path
 import attrs
 import numpy as np
 
+from ..device.caches import in_folder
 from ..device.scheduler import Scheduler
 from ..device.selection import choose, describe, handles
 from ..errors import Error
@@ -172,7 +173,7 @@ def _in_its_process(handle, scene, settings, repeat, seconds, progress):
         progress(handle, 0, frames)
     with tempfile.TemporaryDirectory(prefix="clfur-") as caches:   # empty, so that the first frame is a first frame
         outcome = isolated(f"{__name__}:_measure", handle, scene, settings, repeat, seconds=seconds, receive=count,
-                           environment=dict.fromkeys(("XDG_CACHE_HOME", "POCL_CACHE_DIR", "CUDA_CACHE_PATH"), caches))
+                           environment=in_folder(caches))
     return outcome, "" if outcome.status == "ok" else f"{outcome.message} (after {done} of {frames} frames)"
 
 
@@ -200,7 +201,8 @@ def _measure(device, scene, settings, repeat):
 def peak_memory():
     """Most bytes that this process has held in memory so far, or None where nobody tells."""
     with contextlib.suppress(OSError, TypeError):   # no /proc, or one without this line
-        return 1024 * int(re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())[1])
+        told = Path("/proc/self/status").read_bytes()
+        return 1024 * int(re.search(rb"VmHWM:\s+(\d+) kB", told)[1])
     try:
         import resource
     except ImportError:   # Windows

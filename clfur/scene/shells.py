@@ -1,6 +1,7 @@
 """Shell fur: hair as a pattern in layers above a mesh, for fur too short and dense to grow strand by strand."""
 
 import attrs
+import numpy as np
 
 from . import checks
 from .look import Looking
@@ -11,6 +12,11 @@ def _noise(value, where):
     if amount < 0 or size < 1:
         checks.refuse(where, value, "two finite numbers, the first >= 0, the second >= 1")
     return amount, size
+
+
+def _wind(value, where):
+    wind = checks.vector(3)(value, where)
+    return checks.frozen(np.where(np.float32(wind) != 0, wind, 0.0))   # what is none on the device has no direction
 
 
 @attrs.frozen(eq=False)
@@ -45,7 +51,7 @@ class Shells(Looking):
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5, kw_only=True)
     root_shade: float = checks.field(checks.real(low=0, high=1), default=0.6, kw_only=True)
     shading: str = checks.field(checks.choice("kajiya-kay", "turned"), default="kajiya-kay", kw_only=True)
-    wind: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0), kw_only=True)
+    wind: checks.Given = checks.field(_wind, default=(0.0, 0.0, 0.0), kw_only=True)
     force: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0), kw_only=True)
     acceleration: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0), kw_only=True)
     time: float = checks.field(checks.real(), default=0.0, kw_only=True)
