@@ -3,7 +3,6 @@
 import base64
 import os
 import re
-import stat
 import urllib.parse
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,8 @@ import numpy as np
 
 from ..errors import Error
 from ..scene import checks
+from .input import MAX_BYTES, read
 
-MAX_BYTES = 2**30    # of all the files that hold buffers, together
 MAX_ZEROS = 2**24    # numbers of an accessor that has no bytes of its own
 MAX_NUMBERS = 2**30  # read in all, so that a short file cannot ask for the same accessor on and on
 
@@ -79,7 +78,7 @@ class Source:
     def __init__(self, tree: dict, path: Path, binary: memoryview | None = None) -> None:
         self.tree, self.folder, self.binary = tree, path.parent, binary
         self._buffers: dict[int, Any] = {}
-        self._bytes_left, self._numbers_left = MAX_BYTES, MAX_NUMBERS
+        self._bytes_left, self._numbers_left = MAX_BYTES, MAX_NUMBERS   # of files of buffers, together; of all arrays
 
     def items(self, kind: str) -> list:
         """Return the list `kind` ("nodes", ...) of the file, of objects; empty where there is none."""
@@ -206,31 +205,21 @@ class Source:
         if uri is not None and uri.startswith("data:"):
             content = _of_data_uri(uri, name)
         elif uri is not None:
-            content = self._of_file(uri, name, length)
+            content = self._of_file(uri, name)
         if length > len(content):
             raise Error(f"is damaged or cut short: {name} states {length} bytes but has {len(content)}")
         return content
 
-    def _of_file(self, uri: str, name: str, length: int) -> bytes:
-        """Return the first `length` bytes of a regular file in the folder or below it, links followed."""
+    def _of_file(self, uri: str, name: str) -> bytes:
+        """Return the bytes of a regular file in the file's folder or below it, links followed."""
         path = self.folder / urllib.parse.unquote(uri)
         if re.match(r"\w+:", uri) or not path.resolve().is_relative_to(self.folder.resolve()):
             raise Error(f"{name} is in {uri[:60]!r}; allowed: files in its own folder")
-        try:
-            found = os.stat(path)
-            if not stat.S_ISREG(found.st_mode):   # not even opened: a pipe would wait for a writer
-                raise Error(f"{name} is in {uri[:60]!r}, which is no regular file; allowed: files in its own folder")
-            if found.st_size < length:
-                raise Error(f"is damaged or cut short: {name} states {length} bytes but has {found.st_size}")
-            self._bytes_left -= length
-            if self._bytes_left < 0:
-                raise Error(f"{name} brings the files of buffers to more than {MAX_BYTES} bytes; allowed: at most that")
-            with open(path, "rb") as file:
-                return file.read(length)
-        except FileNotFoundError:
-            raise Error(f"{name} is in {uri[:60]!r}, which does not exist") from None
-        except OSError as error:
-            raise Error(f"{name} is in {uri[:60]!r}, which cannot be read: {error.strerror}") from None
+        if not os.path.exists(path):
+            raise Error(f"{name} is in {uri[:60]!r}, which does not exist")
+        content = read(path, self._bytes_left)
+        self._bytes_left -= len(content)
+        return content
 
 
 def _of_data_uri(uri: str, name: str) -> bytes:

@@ -22,7 +22,9 @@ def read(path: Path, limit: int = MAX_BYTES) -> bytes:
         with open(path, "rb", opener=_open) as file:
             _regular(path, os.fstat(file.fileno()))   # what has the name now may be another one
             size = os.fstat(file.fileno()).st_size
-            data = file.read(limit + 1) if size <= limit else b""
+            data = file.read(size + 1) if size <= limit else b""   # takes the memory before it reads
+    except Error:
+        raise
     except ValueError:   # a name that holds a zero
         raise Error(f"{path}: no such file") from None
     except OSError as error:
