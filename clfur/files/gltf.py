@@ -21,7 +21,7 @@ from .gltf_nodes import IDENTITY, Nodes, composed
 
 MAX_PLACED = 2**26   # faces, and vertices, of all nodes and instances together
 MAX_USES = 2**18     # of primitives by nodes
-MAX_VALUES = 2**22   # of the JSON: each takes some 100 bytes once it is read
+MAX_VALUES = 2**23   # of the JSON: each takes some 100 bytes once it is read
 BLOCK = 2**14        # vertices that are skinned at a time
 MODES = ("POINTS", "LINES", "LINE_LOOP", "LINE_STRIP", "TRIANGLES", "TRIANGLE_STRIP", "TRIANGLE_FAN")
 # Extensions that a file may need: those that are done, and those that move no point and no uv.

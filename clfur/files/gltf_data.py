@@ -3,6 +3,7 @@
 import base64
 import os
 import re
+import sys
 import urllib.parse
 from pathlib import Path
 from typing import Any
@@ -61,12 +62,14 @@ def _named(where, name):
 
 
 def vector(holder: dict, name: str, length: int, where: str, default: Any = None) -> np.ndarray:
-    """Return holder[name] as float64 [length], finite."""
-    value, allowed = holder.get(name, default), f"{length} finite numbers"
-    array = checks.numbers(value, f"{where}.{name}", allowed)
-    if array.shape != (length,) or not np.isfinite(array).all():
-        checks.refuse(f"{where}.{name}", value, allowed)
-    return array.astype(np.float64)
+    """Return holder[name], a list of so many numbers, as float64."""
+    value = holder.get(name, default)
+    good = isinstance(value, (list, tuple)) and len(value) == length and all(
+        isinstance(each, (int, float)) and not isinstance(each, bool) and abs(each) <= sys.float_info.max
+        for each in value)
+    if not good:
+        checks.refuse(_named(where, name), value, f"{length} finite numbers")
+    return np.array(value, np.float64)
 
 
 class Source:
