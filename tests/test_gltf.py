@@ -807,6 +807,32 @@ def test_uv_of_some_primitives(tmp_path):
     assert np.array_equal(mesh.normals, [(0, 1, 0)] * 3 + [(0, 0, 1)] * 3)
 
 
+def test_plain_files_are_as_trimesh_reads_them(tmp_path):
+    """The same bits in the same order (float32 of the same products), so that strands keep their numbers."""
+    trimesh = pytest.importorskip("trimesh", "5.2")
+    rng = np.random.default_rng(2)
+    file = File()
+    for k, count in enumerate((30, 60, 90)):
+        attributes = {"POSITION": file.accessor(rng.normal(size=(count, 3)), np.float32),
+                      "NORMAL": file.accessor(rng.normal(size=(count, 3)), np.float32)}
+        mesh = file.mesh(attributes, file.accessor(rng.permutation(count), np.uint16), mode=4 + k % 2)
+        file.mesh(attributes, mesh=mesh)
+    for k in range(8):
+        children = [k + 4] if k < 4 else []
+        file.add("nodes", mesh=k % 3, translation=rng.normal(size=3).tolist(), rotation=rng.normal(size=4).tolist(),
+                 scale=rng.normal(size=3).tolist(), **({"children": children} if children else {}))
+    mesh = load(tmp_path, file)
+    scene = trimesh.load(tmp_path / "x.glb", process=False)
+    found = []
+    for name in scene.graph.nodes_geometry:
+        matrix, part = scene.graph[name][0], scene.geometry[scene.graph[name][1]]
+        points = np.asarray(part.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
+        faces = np.asarray(part.faces)
+        found.append(points[faces if np.linalg.det(matrix[:3, :3]) > 0 else faces[:, ::-1]])
+    assert np.array_equal(mesh.positions[mesh.faces], np.concatenate(found).astype(np.float32)[mesh.kept_faces])
+    assert len(mesh.faces) == len(mesh.kept_faces) > 300 and not mesh.origin.any()
+
+
 # --- buffers, chunks ---
 
 
