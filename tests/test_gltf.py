@@ -354,8 +354,10 @@ def test_translation_rotation_and_scale(tmp_path):
     for node in ({"translation": [10, 0, 0], "rotation": turn, "scale": [2, 3, 4]},
                  {"matrix": [0, 0, -2, 0, 0, 3, 0, 0, 4, 0, 0, 0, 10, 0, 0, 1]}):
         assert np.allclose(corners(load(tmp_path, triangle(node))), [expected], atol=1e-6)
-    longer = triangle({"rotation": [0, 5, 0, 5]})   # of any length
-    assert np.allclose(corners(load(tmp_path, longer)), [[(0, 0, 0), (0, 0, -1), (0, 1, 0)]], atol=1e-7)
+    for size in (5, 1e300, 1e-300):   # of any length
+        longer = triangle({"rotation": [0, size, 0, size]})
+        assert np.allclose(corners(load(tmp_path, longer)), [[(0, 0, 0), (0, 0, -1), (0, 1, 0)]], atol=1e-7)
+    assert np.array_equal(corners(load(tmp_path, triangle({"rotation": [0, 0, 0, 0]}))), [TRIANGLE])
 
 
 def test_a_mesh_of_several_nodes_and_parents(tmp_path):

@@ -36,10 +36,10 @@ class Nodes:
 
     def _world(self):
         """Return the product of each node's matrices from its root down, float64 [n, 4, 4]."""
-        world = _local(self.items)
         waiting = [k for k, parent in enumerate(self.parents) if parent < 0]
         reached = 0
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"):   # what is not finite is found by Mesh
+            world = _local(self.items)
             while waiting:
                 k = waiting.pop()
                 if self.parents[k] >= 0:
@@ -118,8 +118,9 @@ def composed(moved, turned, scaled):
 
     Quaternions need not be of length one; those of length zero do not turn.
     """
+    turned = np.ldexp(turned, -np.frexp(np.abs(turned).max(axis=1, keepdims=True))[1])   # so that no square overflows
     length = (turned**2).sum(axis=1, keepdims=True)
-    x, y, z, w = np.where(length > 1e-15, turned / np.sqrt(np.where(length > 0, length, 2) / 2), 0).T
+    x, y, z, w = (turned / np.sqrt(np.where(length > 0, length, 2) / 2)).T
     rows = [(1 - y*y - z*z, x*y - z*w, x*z + y*w), (x*y + z*w, 1 - x*x - z*z, y*z - x*w),
             (x*z - y*w, y*z + x*w, 1 - x*x - y*y)]
     matrices = np.zeros((len(moved), 4, 4))
