@@ -109,7 +109,7 @@ def _tree(data):
         if not (version.startswith("2.") and (name == "version" or version == "2.0")):
             raise Error(f"is of glTF version {version[:20]!r} (asset.{name}); allowed: 2.0")
     for name in child(tree, "extensionsRequired", list, ""):
-        if name not in DONE | HARMLESS:
+        if not isinstance(name, str) or name not in DONE | HARMLESS:
             raise Error(f"needs the extension {str(name)[:60]}, which is not read here; allowed: files without it")
     return tree
 
