@@ -463,6 +463,13 @@ def test_a_deep_tree(tmp_path):
     assert np.array_equal(corners(load(tmp_path, file)), [TRIANGLE + (5000, 0, 0)])
 
 
+def test_a_node_far_away_keeps_its_mesh(tmp_path):
+    """Places are float64 until the mesh has an origin of its own: a hundredth at five million."""
+    far = np.array([431250, 55, 5411800])
+    mesh = load(tmp_path, triangle({"translation": far.tolist(), "scale": [.01, .01, .01]}))
+    assert np.allclose(corners(mesh) - far, [TRIANGLE * .01], atol=2e-9) and len(mesh.positions) == 3
+
+
 def test_hidden_nodes_are_left_out(tmp_path):
     """KHR_node_visibility hides a node and all below it, but their places still hold for joints."""
     file = triangle()
