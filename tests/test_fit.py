@@ -8,6 +8,7 @@ import pytest
 from support.scenes import icosphere
 
 import clfur
+from clfur.pipeline.shadows import plan_shadows
 from clfur.pipeline.views import Rig, view_of
 from clfur.scene import extent
 from clfur.scene.seen import seen
@@ -114,6 +115,34 @@ def test_a_large_ground_takes_nothing(gpu, furry, light):
     for large in pictures[1:]:
         assert np.abs(large["depth"] - pictures[0]["depth"])[near].max() < 1e-3   # ends are snapped to 1/256 pixel
         assert rms(large["color"][near], pictures[0]["color"][near]) < .002
+
+
+def test_a_bald_ground_takes_nothing_either(gpu):
+    """Strands grow on the ball alone, by their map: the other half of it is of the ground."""
+    hair = clfur.HairType(segments=4, segment_length=.05, width=.01, key=(255, 0, 0))
+    bald = clfur.HairType(segments=0, key=(0, 0, 0))
+    fur = clfur.Strands(inner=1, outer=1, types=[hair, bald], type_map=np.array([[(255, 0, 0), (0, 0, 0)]], np.uint8))
+    camera, halves = clfur.Camera((.5, .7, 2.4), (0, -.3, 0), size=(32, 24)), []
+    for half in (3, 1500):
+        parts = ball(.5), ground(half, -.7)
+        uv = np.repeat([(.2, .5), (.8, .5)], [len(faces) for _, faces in parts], 0)[:, None] + np.zeros((1, 3, 1))
+        mesh = joined(*parts)
+        scene = clfur.Scene(clfur.Mesh(mesh.positions, faces=mesh.faces, uv=uv), fur, camera, SUN)
+        halves.append(32 * float(Rig.of(scene, SETTINGS).grids[0]["face"][1]))
+        assert clfur.draw(scene, gpu, SETTINGS).strands == len(parts[0][1])
+    assert halves[1] <= halves[0] < 2
+
+
+def test_hair_that_is_too_much_for_small_cells_is_counted_in_large_ones(gpu):
+    """So near that the cells that fit what is seen would need counters of more than 32 bits."""
+    hair = clfur.HairType(segments=8, segment_length=.005, width=.1)
+    fur = clfur.Strands(roots=10**6, inner=1, outer=1, types=[hair])
+    mesh = joined(ground(1, 0, 40))
+    settings = clfur.Settings(grid=256)
+    camera = clfur.Camera((0, .5, 0), (0, 0, 0), up=(0, 0, 1), size=(8, 8), fov=1)
+    rig = Rig.of(clfur.Scene(mesh, fur, camera, SUN), settings)
+    plan, = plan_shadows(rig, 10**6, True)
+    assert rig.grids[0]["face"][1] < .5 * plan.grid["face"][1] and plan.crossing_unit >= 4
 
 
 def test_a_large_ground_errs_no_more_than_a_small_one(gpu):
