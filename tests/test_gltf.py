@@ -121,6 +121,13 @@ def test_a_wrong_accessor_is_refused(tmp_path, change, words):
     refused(tmp_path, file, words)
 
 
+def test_least_and_greatest_are_ignored(tmp_path):
+    """They are hints, and programs that edit files forget them."""
+    file = triangle()
+    file.tree["accessors"][0] |= {"min": [7, 7, 7], "max": "none"}
+    assert np.array_equal(corners(load(tmp_path, file)), [TRIANGLE])
+
+
 def test_whole_numbers_may_be_written_with_a_point(tmp_path):
     file = triangle()
     file.tree["accessors"][0] |= {"count": 3.0, "componentType": 5126.0}
@@ -899,7 +906,7 @@ def test_chunks(tmp_path):
             (of(json_chunk, binary)[:-1], "states"),
             (of(json_chunk, binary[:-1]), "ends after"), (of(length=12) + bytes(20), "first chunk is not JSON"),
             (head, "no GLB header"), (b"glTF" + struct.pack("<I", 1) + whole[8:], "GLB version 1; allowed: 2"),
-            (glb([], b""), "the file is []; allowed: an object of JSON")]:
+            (glb([], b""), "x.glb: the JSON is []; allowed: an object")]:
         refused(tmp_path, data, words)
 
 

@@ -2,13 +2,14 @@
 
 import os
 import re
+import warnings
 from typing import Any
 
 import pyopencl as cl
 
 from .. import cache
 from ..errors import Error, shown
-from . import vendors
+from . import caches, programs, vendors
 
 CHECKER = "Oclgrind"   # the platform that the extra "test" brings
 _TYPES = {"gpu": cl.device_type.GPU, "cpu": cl.device_type.CPU}
@@ -165,8 +166,9 @@ def _start():
     check_process()
     if _started is None:
         vendors.prepare()
-        if not cache.writable():   # pyopencl would raise; it reads its own PYOPENCL_NO_CACHE when it is imported
-            cl._PYOPENCL_NO_CACHE = True
+        programs.leave_pyopencls_cache()
+        for line in caches.notes:
+            warnings.warn(line, RuntimeWarning, stacklevel=3)
         _started = os.getpid()
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from .. import cache
 from ..errors import Error
+from . import caches
 
 SYSTEM = "/etc/OpenCL/vendors"
 ADDED = "clfur-intel.icd"
@@ -52,12 +53,14 @@ def advice():
 
 
 def prepare():
-    """Point OpenCL's loader to the system's drivers and Intel's from PyPI, if that is installed in this Python.
+    """Point OpenCL's loader to the system's drivers and Intel's from PyPI, if that is installed in this Python, and
+    drivers to folders for their kernels that can be written.
 
     The wheel's own .icd file names a place where the library is not.  The loader reads OCL_ICD_VENDORS when OpenCL is
     first used, so later this has no effect; one that the user has set stays as it is.  Writes to clfur's cache folder
-    only; where that cannot be written, Intel's driver stays away, and the line that comes back says so.
+    or a temporary one; where neither can be written, Intel's driver stays away, and the line that comes back says so.
     """
+    caches.prepare()
     given = os.environ.get("OCL_ICD_VENDORS")
     if given and not _ours(given):
         return None
@@ -74,14 +77,14 @@ def prepare():
     files = {file.name: _read(file) or b"" for file in there}
     try:
         os.environ["OCL_ICD_VENDORS"] = str(_write({**files, ADDED: os.fsencode(library)}))
-    except Error as error:   # all other drivers work without
+    except (Error, OSError) as error:   # all other drivers work without
         return f"intel-opencl-rt is installed, but the loader is not told of it: {error}"
     return None
 
 
 def vendors():
     """The drivers that the loader looks at now, as ([Vendor], [what else there is to say, a line each])."""
-    lines = [line for line in [prepare()] if line]
+    lines = [line for line in [prepare()] if line] + caches.notes
     if note := NOT_BY_FILES.get(sys.platform):
         return [], [*lines, note]
     given = os.environ.get("OCL_ICD_VENDORS", "")
@@ -192,17 +195,26 @@ def _library(file):
 def _ours(path):
     """Whether OCL_ICD_VENDORS was set by `prepare`, here or in a parent process."""
     try:
-        return Path(path).parent == cache.folder("vendors")
+        kept = Path(path).parent == cache.folder("vendors")
     except Error:   # no cache folder, so nothing in it
-        return False
+        kept = False
+    return kept or Path(path, ADDED).is_file()
 
 
 def _write(files):
-    """Folder of these files {name: bytes} in the cache; raises `clfur.Error` if it cannot be written.
+    """Folder of these files {name: bytes} in the cache, or a temporary one; raises `clfur.Error` or OSError if neither
+    can be written.
 
     It is named by what it holds, and every process makes sure of every file: several may do so at once.
     """
-    path = cache.folder("vendors") / hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()[:16]
+    name = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()[:16]
+    try:
+        return _filled(cache.folder("vendors") / name, files)
+    except Error:
+        return _filled(caches.private() / "vendors" / name, files)
+
+
+def _filled(path, files):
     for name, content in files.items():
         if _read(path / name) != content:
             cache.write(path / name, content)

@@ -102,13 +102,13 @@ def _tree(data):
         raise Error(f"has a JSON of more than {MAX_VALUES} values; allowed: at most that")
     tree = json.loads(data, parse_constant=_no_number)
     if not isinstance(tree, dict):
-        checks.refuse("the file", tree, "an object of JSON")
-    asset = child(tree, "asset", dict, "the file")
+        checks.refuse("the JSON", tree, "an object")
+    asset = child(tree, "asset", dict, "")
     for name in ("version", "minVersion"):
         version = str(asset.get(name, "2.0"))
         if not (version.startswith("2.") and (name == "version" or version == "2.0")):
             raise Error(f"is of glTF version {version[:20]!r} (asset.{name}); allowed: 2.0")
-    for name in child(tree, "extensionsRequired", list, "the file"):
+    for name in child(tree, "extensionsRequired", list, ""):
         if name not in DONE | HARMLESS:
             raise Error(f"needs the extension {str(name)[:60]}, which is not read here; allowed: files without it")
     return tree

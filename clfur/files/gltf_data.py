@@ -45,7 +45,7 @@ def whole(holder: dict, name: str, where: str, default: int | None = None) -> in
     if isinstance(value, float) and value.is_integer():
         value = int(value)
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        checks.refuse(f"{where}.{name}", value, "a whole number from 0")
+        checks.refuse(_named(where, name), value, "a whole number from 0")
     return value
 
 
@@ -53,8 +53,12 @@ def child(holder: dict, name: str, kind: type, where: str) -> Any:
     """Return holder[name], a dict or a list (`kind`); an empty one where there is none."""
     value = holder.get(name, kind())
     if not isinstance(value, kind):
-        checks.refuse(f"{where}.{name}", value, "an object" if kind is dict else "a list")
+        checks.refuse(_named(where, name), value, "an object" if kind is dict else "a list")
     return value
+
+
+def _named(where, name):
+    return f"{where}.{name}" if where else name   # what stands at the top has no name before it
 
 
 def vector(holder: dict, name: str, length: int, where: str, default: Any = None) -> np.ndarray:
@@ -79,7 +83,7 @@ class Source:
 
     def items(self, kind: str) -> list:
         """Return the list `kind` ("nodes", ...) of the file, of objects; empty where there is none."""
-        items = child(self.tree, kind, list, "the file")
+        items = child(self.tree, kind, list, "")
         for number, item in enumerate(items):
             if not isinstance(item, dict):
                 checks.refuse(f"{kind}[{number}]", item, "an object")
@@ -87,9 +91,9 @@ class Source:
 
     def item(self, kind: str, holder: dict, name: str, where: str) -> tuple[int, dict]:
         """Return (k, the k-th of the list `kind`) where k is holder[name]."""
-        number, items = whole(holder, name, where), child(self.tree, kind, list, "the file")
+        number, items = whole(holder, name, where), child(self.tree, kind, list, "")
         if number >= len(items):
-            raise Error(f"{where}.{name} is {number}; allowed: less than {len(items)}, the number of {kind}")
+            raise Error(f"{_named(where, name)} is {number}; allowed: less than {len(items)}, the number of {kind}")
         if not isinstance(items[number], dict):
             checks.refuse(f"{kind}[{number}]", items[number], "an object")
         return number, items[number]

@@ -55,7 +55,7 @@ class Nodes:
         """Return the numbers of the nodes of the scene that is shown, as trimesh orders them: the last first."""
         source, scenes = self.source, self.source.items("scenes")
         if "scene" in source.tree:
-            number = source.item("scenes", source.tree, "scene", "the file")[0]
+            number = source.item("scenes", source.tree, "scene", "")[0]
         waiting = [k for k, parent in enumerate(self.parents) if parent < 0]
         if scenes:
             number = number if "scene" in source.tree else 0

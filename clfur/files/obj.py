@@ -17,6 +17,7 @@ WIDTHS = {b"v": 3, b"vt": 2, b"vn": 3}
 FACES = {b"f", b"fo"}   # fo: as faces with outlines were called before version 3
 # What makes a surface that is not read here, or has it in another file.
 SURFACES = {b"surf", b"bzp", b"bsp", b"cdp", b"call", b"csh"}
+COMMENT = re.compile(rb"(?<!\d\.)#")
 NOT_A_NUMBER = re.compile(rb"[+-]?(nan|inf|\d\.#)", re.I)   # as old C libraries write them: -nan(ind), 1.#IND, 1.#INF
 
 
@@ -57,7 +58,7 @@ def _parse(rows):
     tables = {kind: [] for kind in WIDTHS}   # flat lists of floats
     known, distinct, corners, sizes = {}, [], [], []   # a corner as written -> its number in `distinct`; numbers
     for number, line in enumerate(rows, 1):
-        words = (line.partition(b"#")[0] if b"#" in line else line).split()
+        words = (COMMENT.split(line, maxsplit=1)[0] if b"#" in line else line).split()
         kind = words[0] if words else b""
         if kind in tables:
             tables[kind] += _numbers(words, WIDTHS[kind], number)

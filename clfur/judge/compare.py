@@ -12,6 +12,7 @@ from pathlib import Path
 import attrs
 import numpy as np
 
+from ..device.caches import in_folder
 from ..device.scheduler import Scheduler
 from ..device.selection import choose, describe, handles
 from ..errors import Error
@@ -172,7 +173,7 @@ def _in_its_process(handle, scene, settings, repeat, seconds, progress):
         progress(handle, 0, frames)
     with tempfile.TemporaryDirectory(prefix="clfur-") as caches:   # empty, so that the first frame is a first frame
         outcome = isolated(f"{__name__}:_measure", handle, scene, settings, repeat, seconds=seconds, receive=count,
-                           environment=dict.fromkeys(("XDG_CACHE_HOME", "POCL_CACHE_DIR", "CUDA_CACHE_PATH"), caches))
+                           environment=in_folder(caches))
     return outcome, "" if outcome.status == "ok" else f"{outcome.message} (after {done} of {frames} frames)"
 
 
