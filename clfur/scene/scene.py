@@ -14,6 +14,7 @@ from .camera import Camera, size_of
 from .curves import Curves
 from .light import Light
 from .mesh import Mesh
+from .rest import rest_of
 from .shells import Shells
 from .strands import Strands
 
@@ -106,8 +107,10 @@ class Scene:
             _check_uv(self.mesh, strands)
         if strands is not None and self.mesh is not None:
             _check_levels(self.mesh, strands)
-        if shells is not None and shells.pattern == "sine":
-            _check_sines(self.mesh, shells)
+        if shells is not None:
+            rest_of(self.mesh, shells.rest, "Shells.rest")
+            if shells.pattern == "sine":
+                _check_sines(self.mesh, shells)
         _, radius = extent(self.mesh, self.fur)
         if radius and not 1e-6 <= radius <= checks.LARGEST:
             raise Error(f"Scene is {2 * radius:.3g} across; allowed: 2e-06 to 2e+09, where float32 is exact enough")
