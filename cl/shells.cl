@@ -200,7 +200,7 @@ __kernel void deposit(
     const float step = POINT_STEP * min(grid.face.y * max(near, grid.face.z), deep);
     const int rows = (int)min(sqrt(square) / step, parts * ROWS - 1.0f) + 1;
     const int heights = (int)min(shells.size.x / (slabs * step), parts * ROWS - 1.0f) + 1;
-    if (first_row >= rows || far < grid.face.z || beyond)
+    if (first_row >= rows || far < grid.face.w || beyond)
         return;
 
     const float4 first = lattice[CORNERS * face], second = lattice[CORNERS * face + 1];
@@ -233,10 +233,10 @@ __kernel void deposit(
                 const float4 p = origin + wb * ab + wc * ac;
                 float w;
                 const int4 at = to_cells(&grid, p, &w);
-                if (at.x == OUTSIDE || at.z < 0)
+                if (at.x == OUTSIDE || (at.z < 0 && !grid.size.w))
                     continue;
                 /* A spot's rays meet the cell's face, at distance w along its axis, at a slant: ray is w / cos long. */
-                w = w > grid.face.z ? w : grid.face.z;
+                w = w > grid.face.w ? w : grid.face.w;
                 const float4 ray = grid.light - grid.light.w * p, up = up_a + wb * up_b + wc * up_c;
                 const float along_b = dot3(ray, cross3(ac, up)), along_c = dot3(ray, cross3(up, ab));
                 const float2 move = along_b * to_b + along_c * to_c;
@@ -249,9 +249,9 @@ __kernel void deposit(
                 const uint amount = exact < 0x1p31f ? (uint)exact : 1u << 31;
                 left = exact - amount < 1.0f ? exact - amount : 1.0f;
                 if (!binary)
-                    add_between(cells, &grid, at.x - SUBPIXEL / 2, at.y - SUBPIXEL / 2, at.z >> 8, amount);
-                else if (amount && in_grid(&grid, at.x >> 8, at.y >> 8, at.z >> 8))
-                    atomic_max(&cells[((size_t)(at.z >> 8) * grid.size.y + (at.y >> 8)) * grid.size.x
+                    add_between(cells, &grid, at.x - SUBPIXEL / 2, at.y - SUBPIXEL / 2, layer(&grid, at.z >> 8), amount);
+                else if (amount && in_grid(&grid, at.x >> 8, at.y >> 8, layer(&grid, at.z >> 8)))
+                    atomic_max(&cells[((size_t)layer(&grid, at.z >> 8) * grid.size.y + (at.y >> 8)) * grid.size.x
                                       + (at.x >> 8)], weight);
             }
     }
@@ -281,17 +281,15 @@ __kernel void outputs(
     ulong key = ~0ul;
     uint other = NOTHING;
     int nearest = 0;
-    float covered = 0.0f;
     for (int s = 0; s < samples; ++s) {
         const ulong drawn = visible[pixel * samples + s], there = shell_front[pixel * samples + s];
-        covered += (uint)drawn == NOTHING ? 1.0f - transmittance[pixel * samples + s] : 1.0f;
         other = min(other, (uint)(drawn >> 32));
         if (there < key) {
             key = there;
             nearest = s;
         }
     }
-    out_coverage[pixel] = covered / samples;
+    out_coverage[pixel] = covered_share(visible, transmittance, pixel, samples);
     if (key == ~0ul || (uint)(key >> 32) >= other)
         return;
     const float4 p = seen_point(&view, x, y, nearest, (uint)(key >> 32)), v = towards_eye(&view, p);
@@ -326,7 +324,7 @@ __kernel void outputs(
         root_uv += share[j] * uv[3 * face + j];
     }
     const float4 tangent = unit_or(along, v);
-    out_depth[pixel] = to_screen(&view, p).w;
+    out_depth[pixel] = depth_along(&view, p, (uint)(key >> 32));
     out_id[pixel] = ID_SHELLS;
     out_tangent[pixel] = tangent;
     out_normal[pixel] = unit_or(v - dot3(v, tangent) * tangent, v);

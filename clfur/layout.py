@@ -50,7 +50,8 @@ View = np.dtype([                     # a camera: world -> (x, y, e, 1)·w, pixe
     ("to_world", np.float32, (4, 4)),    # columns of the inverse
     ("eye", *_float4),                   # position and 1, or direction towards an orthographic eye and 0
     ("size", *_int4),                    # width, height [pixels], samples a pixel, first row of its PATTERN
-    ("scale", *_float4),                 # pixels per world unit of width at w = 1; least half width, sub-pixels
+    ("scale", *_float4),                 # pixels per world unit of width at w = 1; least half width, sub-pixels; least
+                                         # w of triangles before the near plane, which are drawn at it, 0: none
     ("rows", *_int4),                    # band of rows to draw: first, one past the last, -, -
 ])
 
@@ -80,8 +81,10 @@ Shadow = np.dtype([                   # how a place is looked up in a light's gr
 Grid = np.dtype([                     # cells seen from the light: world -> (x·w, y·w, z, w), cells
     ("to_grid", np.float32, (4, 4)),     # columns
     ("light", *_float4),                 # direction towards the light and 0, or its position and 1
-    ("size", *_int4),                    # cells in x, y (across the light) and z (along it), -
-    ("face", *_float4),                  # area of a cell's face and length of its side at w = 1 [world]; smallest w
+    ("size", *_int4),                    # cells in x, y (across the light) and z (along it); 1: what lies before the
+                                         # first layer counts in it
+    ("face", *_float4),                  # area of a cell's face and length of its side at w = 1 [world]; smallest w in
+                                         # the grid, and of all that counts
 ])
 
 Shells = np.dtype([                   # fur as a height field on the body, drawn layer by layer

@@ -40,7 +40,7 @@ _SCENE = [
                  help="The camera's place.  [default: where it sees the whole mesh]"),
     click.option("--target", type=Numbers(3), metavar="X,Y,Z",
                  help="What it looks at.  [default: the mesh's centre]"),
-    click.option("--fov", type=click.FloatRange(0, 180, min_open=True, max_open=True), default=45.0, metavar="DEG",
+    click.option("--fov", type=click.FloatRange(1e-3, 179.99), default=45.0, metavar="DEG",
                  help="Vertical field of view."),
     click.option("--light", type=Numbers(3), default="1,-1,-0.6", metavar="X,Y,Z",
                  help="The way the light travels."),

@@ -1,7 +1,9 @@
 """The same frames on many devices: seconds, memory and the pictures' differences, each device in its own process."""
 
+import contextlib
 import re
 import statistics
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -10,6 +12,7 @@ from pathlib import Path
 import attrs
 import numpy as np
 
+from ..device.caches import in_folder
 from ..device.scheduler import Scheduler
 from ..device.selection import choose, describe, handles
 from ..errors import Error
@@ -59,8 +62,8 @@ class Row:
     frames: seconds of each warm frame, everything done anew.  frame: their spread.  stages: {name: `Spread` of seconds
     on the device}, None also where the driver's times cannot be true.  first: seconds from making the scheduler to the
     first picture, without any cache on disk; build: of these, building programs.  memory: most bytes that arrays took
-    on the device.  resident: most bytes that the process held in memory.  strands_per_second: by the median frame.
-    difference: `Difference`.  picture: float32 [h, w, 4].
+    on the device.  resident: most bytes that the process held in memory, None where the system does not tell.
+    strands_per_second: by the median frame.  difference: `Difference`.  picture: float32 [h, w, 4].
     """
 
     device: str
@@ -170,7 +173,7 @@ def _in_its_process(handle, scene, settings, repeat, seconds, progress):
         progress(handle, 0, frames)
     with tempfile.TemporaryDirectory(prefix="clfur-") as caches:   # empty, so that the first frame is a first frame
         outcome = isolated(f"{__name__}:_measure", handle, scene, settings, repeat, seconds=seconds, receive=count,
-                           environment=dict.fromkeys(("XDG_CACHE_HOME", "POCL_CACHE_DIR", "CUDA_CACHE_PATH"), caches))
+                           environment=in_folder(caches))
     return outcome, "" if outcome.status == "ok" else f"{outcome.message} (after {done} of {frames} frames)"
 
 
@@ -189,12 +192,24 @@ def _measure(device, scene, settings, repeat):
         gpu.forget()
         frames.append(draw(scene, gpu, settings))
         send("a frame")
-    # Not getrusage's ru_maxrss: that starts with what the parent held when it made this process.
-    resident = 1024 * int(re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())[1])
     return {"drawn": (known.triangles, known.strands, known.segments), "hashes": known.hashes,
-            "picture": frames[-1].images["color"], "first": first, "build": build, "resident": resident,
+            "picture": frames[-1].images["color"], "first": first, "build": build, "resident": peak_memory(),
             "frames": [f.seconds for f in frames], "stages": [f.stages for f in frames],
             "memory": max(f.memory for f in frames)}
+
+
+def peak_memory():
+    """Most bytes that this process has held in memory so far, or None where nobody tells."""
+    with contextlib.suppress(OSError, TypeError):   # no /proc, or one without this line
+        told = Path("/proc/self/status").read_bytes()
+        return 1024 * int(re.search(rb"VmHWM:\s+(\d+) kB", told)[1])
+    try:
+        import resource
+    except ImportError:   # Windows
+        return None
+    # Not on Linux: there it starts with what the parent held when it made this process.
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most if sys.platform == "darwin" else 1024 * most
 
 
 def _row(row, measured, reference):

@@ -22,7 +22,7 @@ INK = "#010203"       # in charts: the colour that becomes that of the page's te
 def check_report(path):
     """Raise `clfur.Error` unless a page could be written to this path; leaves nothing behind."""
     check_writable(path, SUFFIXES)
-    require(f"{path}: a report", "matplotlib", "jinja2", "flip_evaluator")
+    require(f"{path}: a report", "matplotlib", "jinja2")
 
 
 def require(what, *names):
@@ -72,8 +72,8 @@ def spread(seconds):
 
 
 def mebibytes(size):
-    """Text of a number of bytes, in MiB."""
-    return f"{size / 2**20:,.0f}"
+    """Text of a number of bytes, in MiB; "–" for None."""
+    return "–" if size is None else f"{size / 2**20:,.0f}"
 
 
 def chart(width, height, **options):

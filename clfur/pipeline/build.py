@@ -145,7 +145,8 @@ def _grow(gpu, plan, part):
 
 def _thin(gpu, plan, part, what, lod):
     fur = plan.scene.strands
-    return thin(gpu, _whole(gpu, plan, part, what), plan.rig.view, lod, fur.seed)
+    return thin(gpu, _whole(gpu, plan, part, what), plan.rig.view, lod, fur.seed,
+                not plan.grown and fur.lod_by == "place")
 
 
 def _bend(gpu, mesh, packed, topology, laid, walls):

@@ -115,8 +115,9 @@ class Plan:
     def light_key(self, lod: float) -> tuple:
         """What light depends on that falls on strands thinned so, as a key of `Scheduler.keep`."""
         scene, settings = self.scene, self.settings
+        fit = b"".join(each.tobytes() for each in (*self.rig.grids, *self.rig.light_views) if each is not None).hex()
         return (scene.mesh, scene.strands, scene.shells, *scene.lights, int(self.body), settings.shadows, settings.grid,
-                settings.shadow_map, settings.pcf, str(lod), scene.camera if lod else None)
+                settings.shadow_map, settings.pcf, str(lod), scene.camera if lod else None, fit)
 
     def _points(self, first, end):
         """Points set aside for a run of strands."""

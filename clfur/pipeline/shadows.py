@@ -7,7 +7,7 @@ import numpy as np
 
 from .. import layout
 from ..errors import Error
-from ..scene import Scene, hair_bounds
+from ..scene import Scene
 from ..settings import Settings
 from ..stages import lod, shells
 from ..stages.lighting import Lighting, lighting_of
@@ -68,11 +68,12 @@ def _plan(rig, light, grid, light_view, strands, body, shell_bounds):
         depths = np.append(depths, shells_depth(scene.shells.alpha, method))
     some = np.array([strands > 0] * len(hairs) + [True] * bool(shell_bounds), bool)
     if grid is not None and (depths[some] > 0).any():
-        segments, length, area = hair_bounds(scene.strands, strands) if strands else (0, 0, 0)
-        most = most_of(grid, method, segments, length, area * (lod.WIDEST if settings.lod else 1))
+        *bounds, nearest = rig.fit.hair_before(grid, strands)
+        segments, length, area = bounds
+        most = most_of(grid, method, segments, length, area * (lod.WIDEST if settings.lod else 1), nearest)
         if shell_bounds:
             pieces, area = shell_bounds
-            most += most_of(grid, "length", pieces, 0.0, area)
+            most += most_of(grid, "length", pieces, 0.0, area, nearest)
         crossing_unit = crossing_unit_for(most)
         weights = np.rint(crossing_unit * depths / depths.max()).astype(np.uint32)
         if min(weights[depths > 0]) < 4:

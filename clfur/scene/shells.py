@@ -1,6 +1,7 @@
 """Shell fur: hair as a pattern in layers above a mesh, for fur too short and dense to grow strand by strand."""
 
 import attrs
+import numpy as np
 
 from . import checks
 from .look import Looking
@@ -14,6 +15,11 @@ def _noise(value, where):
     return amount, size
 
 
+def _wind(value, where):
+    wind = checks.vector(3)(value, where)
+    return checks.frozen(np.where(np.float32(wind) != 0, wind, 0.0))   # what is none on the device has no direction
+
+
 @attrs.frozen(eq=False)
 class Shells(Looking):
     """Fur that is a pattern on the mesh, drawn in layers from the roots to the tips; an eye within it sees none.
@@ -24,9 +30,10 @@ class Shells(Looking):
     every face at least one and at most 4096²; of "sine", f. sharpness > 1: where the smoothstep of a hair's edge ends,
     times its start. density: above 0, at most 1, how much of its cell a hair fills. noise: (how far hairs are moved,
     >= 0, size of the noise's waves, >= 1), both in hairs. length_variation: 0..1, how much hairs differ ("cells" only).
-    color: linear RGB >= 0. look: how hair scatters light, a Kajiya; or specular and exponent, to make one. alpha: 0..1,
-    how much light one hair lets through. root_shade: 0..1, the share of light at the roots; it rises to 1 at the tips.
-    shading: "kajiya-kay", by the hair's direction, or "turned", by the report's turned normals.
+    color: linear RGB >= 0 (arrays of uint8 or uint16 are sRGB). look: how hair scatters light, a Kajiya; or specular
+    and exponent, to make one. alpha: 0..1, how much light one hair lets through. root_shade: 0..1, the share of light
+    at the roots; it rises to 1 at the tips. shading: "kajiya-kay", by the hair's direction, or "turned", by the
+    report's turned normals.
 
     wind, force, acceleration: [3]. At height h of 0..1 a hair goes along n + h · (wind, which gusts with time, + force
     − acceleration) for the normal n; force is gravity and the like, acceleration that of the object itself.
@@ -37,19 +44,19 @@ class Shells(Looking):
     None: the scene's mesh is in rest. Raises Error for anything else.
     """
 
-    length: float = checks.field(checks.real(above=0), default=0.1)
+    length: float = checks.field(checks.positive(), default=0.1)
     layers: int = checks.field(checks.whole(1, 1000), default=30)
-    frequency: float = checks.field(checks.real(above=0), default=40.0)
+    frequency: float = checks.field(checks.positive(), default=40.0)
     pattern: str = checks.field(checks.choice("cells", "sine"), default="cells")
     sharpness: float = checks.field(checks.real(above=1), default=1.4)
-    density: float = checks.field(checks.real(high=1, above=0), default=1.0)
+    density: float = checks.field(checks.positive(high=1), default=1.0)
     noise: checks.Given = checks.field(_noise, default=(0.5, 8.0))
     length_variation: float = checks.field(checks.real(low=0, high=1), default=0.3)
     color: checks.Given = checks.field(checks.color, default=(0.8, 0.6, 0.4))
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5, kw_only=True)
     root_shade: float = checks.field(checks.real(low=0, high=1), default=0.6, kw_only=True)
     shading: str = checks.field(checks.choice("kajiya-kay", "turned"), default="kajiya-kay", kw_only=True)
-    wind: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0), kw_only=True)
+    wind: checks.Given = checks.field(_wind, default=(0.0, 0.0, 0.0), kw_only=True)
     force: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0), kw_only=True)
     acceleration: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0), kw_only=True)
     time: float = checks.field(checks.real(), default=0.0, kw_only=True)

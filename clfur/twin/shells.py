@@ -236,7 +236,7 @@ def deposit(shells, grid, faces, curves, lattice, means, parts, deep, binary, we
     rows = np.minimum(np.sqrt(square) / step, most).astype(int) + 1
     heights = np.minimum(shells["size"][0] / (one(slabs) * step), most).astype(int) + 1
     for n, high in {*zip(rows.tolist(), heights.tolist())}:
-        chosen = np.flatnonzero((rows == n) & (heights == high) & (far >= grid["face"][2]))
+        chosen = np.flatnonzero((rows == n) & (heights == high) & (far >= grid["face"][3]))
         if len(chosen):
             a, b, c = (p[chosen] for p in corners)
             _deposit(cells, grid, a, b, c, np.asarray(lattice, one)[chosen], np.asarray(means, one), slabs, n, high,
@@ -271,8 +271,8 @@ def _deposit(cells, grid, a, b, c, lattice, means, slabs, rows, heights, binary,
                     wc = (one(row - point // 2 - point % 2) + third) / one(rows)
                     p = origin + wb * ab + wc * ac
                     at, w, good = _snap(grid, p)
-                    good &= at[:, 2] >= 0
-                    w = np.maximum(w, grid["face"][2])
+                    good &= (at[:, 2] >= 0) | (grid["size"][3] > 0)
+                    w = np.maximum(w, grid["face"][3])
                     ray, up = grid["light"][:3] - grid["light"][3] * p, up_a + wb * up_b + wc * up_c
                     move = _dot(ray, _cross(ac, up))[:, None] * to_b + _dot(ray, _cross(up, ab))[:, None] * to_c
                     side = sideways * sideways * (move[:, 0] * move[:, 0] + move[:, 1] * move[:, 1])
@@ -282,6 +282,8 @@ def _deposit(cells, grid, a, b, c, lattice, means, slabs, rows, heights, binary,
                     exact = both * each / (w * w * w) + left
                     amount = np.minimum(exact, one(2**31)).astype(np.int64)
                     left = np.where(good, np.minimum(exact - amount.astype(one), one(1)), left)
+                    if grid["size"][3]:   # what lies before the grid counts in its first layer
+                        at[:, 2] = np.maximum(at[:, 2], 0)
                     _add(cells, at[good], amount[good], weight if binary else None)
 
 
@@ -309,8 +311,11 @@ def _snap(grid, p):
     with np.errstate(all="ignore"):
         c = ((m[0] * p[:, 0:1] + m[1] * p[:, 1:2]) + m[2] * p[:, 2:3]) + m[3]
         w = c[:, 3]
-        q = np.stack([c[:, 0] / w, c[:, 1] / w, c[:, 2]], 1)
-        good = (w > 0) & (np.abs(q) <= FAR * grid["size"][:3].max()).all(1)
+        far = np.float32(FAR * grid["size"][:3].max())
+        q = np.stack([c[:, 0] / w, c[:, 1] / w, np.maximum(c[:, 2], -far) if grid["size"][3] else c[:, 2]], 1)
+        good = (w > 0) & (np.abs(q) <= far).all(1)
+        if grid["size"][3]:
+            good &= w >= grid["face"][3]
     return np.floor(np.where(good[:, None], q, 0) * np.float32(SUBPIXEL) + np.float32(.5)).astype(np.int64), w, good
 
 
