@@ -232,6 +232,14 @@ def test_what_would_be_cut_is_refused(tmp_path):
     jp2 = bytearray(coded(three, "JPEG2000"))
     size = jp2.index(b"\xff\x4f\xff\x51")
     jp2[size + 42:size + 51:3] = [11] * 3   # 12 bits
+    if "AVIF" in Image.SAVE:   # Pillow has it since 11.3
+        avif = bytearray(coded(three, "AVIF"))
+        (tmp_path / "8.avif").write_bytes(avif)
+        assert load_picture(tmp_path / "8.avif").dtype == np.uint8
+        avif[avif.index(b"av1C") + 6] |= 0x40
+        (tmp_path / "deep.avif").write_bytes(avif)
+        with pytest.raises(Error, match="deep.avif: is AVIF with more than 8 bits"):
+            load_picture(tmp_path / "deep.avif")
     for name, data, words in [
         ("la.png", picture_files.png(deep), "more than 8 bits"),
         ("float.tif", picture_files.tiff(np.zeros((4, 4, 1), np.float32)), "floats"),

@@ -43,7 +43,8 @@ def tiff(pixels, order="<", packed=False, photometric=None, extra=2, planes=Fals
     photometric = (2 if channels >= 3 else 1) if photometric is None else photometric
     entries = [(256, 3, [width]), (257, 3, [height]), (258, 3, [8 * pixels.itemsize] * channels),
                (259, 3, [8 if packed else 1]), (262, 3, [photometric]), (273, 4, [0] * len(strips)),
-               (277, 3, [channels]), (278, 3, [height]), (279, 4, [len(strip) for strip in strips]), (284, 3, [1 + planes])]
+               (277, 3, [channels]), (278, 3, [height]), (279, 4, [len(strip) for strip in strips]),
+               (284, 3, [1 + planes])]
     entries += [(338, 3, [extra])] if channels in (2, 4) else []
     entries += [(339, 3, [{"u": 1, "i": 2, "f": 3}[pixels.dtype.kind]] * channels)]
     behind = 8 + 2 + 12 * len(entries) + 4
