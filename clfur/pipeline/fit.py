@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from ..scene import Curves, Light, Scene, fur_extent, hair_bounds
+from ..scene import Curves, Light, Mesh, Scene, Strands, fur_extent, hair_bounds
 from ..scene.seen import Seen, clipped_faces, clipped_segments, faces_of, seen, segments_of
 
 STEPS = 4            # sizes of a cube between one and its double
 GAIN = math.sqrt(2)  # times smaller than a ball around everything must a cube be, to be taken
 LARGE = 0.05         # of the area of all faces have those in a plane of which is looked whether they shade anything
+ROUNDING = 1e-2      # of a texel may the uv of a root be off
 MOST_HIDDEN = 1 << 22   # pairs of points and faces that are looked at whether one hides the other
 LEAST = 0.05         # of the radius: what is nearer to a spot casts no shadow
 
@@ -83,7 +84,7 @@ class Fit:
             return (*bounds, nearest)
         boxes, curves = self.seen.strands[0], fur.on_host
         x, y, z, w = grid["to_grid"].astype(float).T @ np.column_stack([boxes.center, np.ones(len(boxes.first))]).T
-        reach, side = _reach(boxes), float(grid["face"][1])
+        reach, side = boxes.reach, float(grid["face"][1])
         beside = (int(grid["size"][0]) / 2 + 1) * (w + reach) + math.sqrt(2) * reach / side
         half = int(grid["size"][0]) / 2 * w
         deep = reach * float(np.linalg.norm(grid["to_grid"][:3, 2]))
@@ -146,13 +147,15 @@ class Fit:
             inside, touched = self.seen.faces[1:] if self.seen.faces else (np.ones(len(known.center), bool),) * 2
             some, part = np.flatnonzero(inside), np.flatnonzero(touched & ~inside)
             whose = np.repeat(some, 3)
-            found.append((known.corners[some].reshape(-1, 3), known.bulge[whose] + self.grown, whose))
+            reach = known.bulge + self.grown * self._furry
+            found.append((known.corners[some].reshape(-1, 3), reach[whose], whose))
             points, whose = clipped_faces(frustum, known.corners[part])
-            found.append((points, known.bulge[part[whose]] + self.grown, part[whose]))
+            whose = part[whose]
+            found.append((points, reach[whose], whose))
         fur = self.scene.strands
         if isinstance(fur, Curves) and self.seen.strands:
             boxes, inside, touched = self.seen.strands
-            found.append((boxes.center[inside], _reach(boxes)[inside], np.full(inside.sum(), -1)))
+            found.append((boxes.center[inside], boxes.reach[inside], np.full(inside.sum(), -1)))
             first, owner = segments_of(boxes, np.flatnonzero(touched & ~inside))
             points = fur.on_host.points
             ends, whose = clipped_segments(frustum, points[first].astype(float), points[first + 1].astype(float))
@@ -173,6 +176,14 @@ class Fit:
             return None
         return self.seen.faces[0] if self.seen.faces else faces_of(mesh, fur is not None and fur.surface == "pn")
 
+    @functools.cached_property
+    def _furry(self):
+        """Which faces something may grow on, bool [F]."""
+        fur, mesh = self.scene.strands, self.scene.mesh
+        if self.scene.shells is None and isinstance(fur, Strands) and fur.type_map is not None:
+            return furry_faces(fur, mesh)
+        return np.full(len(mesh.faces), self.grown > 0)
+
     @property
     def _curves(self):
         """(Center, radius) of a ball around Curves that are all inside."""
@@ -185,13 +196,13 @@ class Fit:
         behind which nothing is."""
         known, (points, radius, _) = self._faces, self.visible
         idle = np.zeros(1 if known is None else len(known.center) + 1, bool)
-        if known is None or self.grown:   # fur stands on them
+        if known is None or self._furry.all():
             return idle
         normals = np.cross(known.corners[:, 1] - known.corners[:, 0], known.corners[:, 2] - known.corners[:, 0])
         area = np.linalg.norm(normals, axis=1)
         normals /= np.where(area > 0, area, 1)[:, None]
         slack = 1e-5 * self.whole[1]
-        flat = (area > 0) & (known.bulge <= slack)
+        flat = (area > 0) & (known.bulge <= slack) & ~self._furry
         towards = -light.direction if light.position is None else light.position - known.center
         normals *= np.where((normals * towards).sum(1) < 0, -1, 1)[:, None]
         offsets = (normals * known.center).sum(1)
@@ -235,7 +246,7 @@ class Fit:
             found.append((known.center[some], known.radius[some] + self.grown))
         if self.seen.strands:
             boxes, _, touched = self.seen.strands
-            found.append((boxes.center[~touched], _reach(boxes)[~touched]))
+            found.append((boxes.center[~touched], boxes.reach[~touched]))
         center, radius = (np.concatenate(each) for each in zip(*found))
         return center, radius
 
@@ -270,13 +281,26 @@ def axes_along(z: np.ndarray) -> np.ndarray:
     return np.array([x, np.cross(z, x), z])
 
 
+@functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
+def furry_faces(fur: Strands, mesh: Mesh) -> np.ndarray:
+    """Which faces of a mesh have a type of hair that grows, anywhere around the texels of their uv, bool [F]."""
+    grows = np.array([kind.segments > 0 and kind.segment_length > 0 for kind in fur.types])[fur.type_indices]
+    height, width = grows.shape
+    sums = np.zeros((height + 1, width + 1), np.int64)
+    sums[1:, 1:] = grows.cumsum(0).cumsum(1)
+    uv = mesh.uv.astype(np.float64) * (width, height)
+    low, high = np.floor(uv.min(1) - ROUNDING).astype(np.int64), np.floor(uv.max(1) + ROUNDING).astype(np.int64) + 1
+    one = np.clip(low, 0, (width, height))
+    other = np.clip(high, 0, (width, height))
+    top, bottom = height - other[:, 1], height - one[:, 1]   # rows run down
+    some = (sums[bottom, other[:, 0]] - sums[top, other[:, 0]] - sums[bottom, one[:, 0]] + sums[top, one[:, 0]]) > 0
+    wraps = ((mesh.uv < 0) | (mesh.uv >= 1)).any((1, 2))
+    return some | (wraps & grows.any())
+
+
 def _step(size, rounded):
     """A size out of a geometric row, of STEPS to the double."""
     return 2.0 ** (rounded(STEPS * math.log2(size)) / STEPS)
-
-
-def _reach(boxes):
-    return np.linalg.norm(boxes.half, axis=1) + boxes.width
 
 
 def _box_of_each(points, radius):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .bounds import extent, fur_extent, points_to_see
+from .bounds import boxes_to_see, extent, fur_extent, points_to_see
 from .curves import Curves
 from .mesh import box, sphere
 
@@ -47,13 +47,16 @@ class Frustum:
 
     def of_spheres(self, center: np.ndarray, radius: Any) -> tuple[np.ndarray, np.ndarray]:
         """Which spheres [n] lie inside, and which touch it: bool [n] each."""
-        least = self.within(center).min(1)
+        least = (self.planes @ center.T + self.offsets[:, None]).min(0)
         return least >= radius, least > -radius
 
-    def of_boxes(self, center: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Which boxes [n] lie inside, and which touch it: bool [n] each."""
-        within, reach = self.within(center), half @ np.abs(self.planes).T
-        return (within >= reach).all(1), (within > -reach).all(1)
+    def of_boxes(self, boxes: "Boxes") -> tuple[np.ndarray, np.ndarray]:
+        """Which `Boxes` lie inside, and which touch it: bool [n] each."""
+        inside, touched = self.of_spheres(boxes.center, boxes.reach)
+        some = np.flatnonzero(touched & ~inside)
+        within, reach = self.within(boxes.center[some]), boxes.half[some] @ np.abs(self.planes).T
+        inside[some], touched[some] = (within >= reach).all(1), (within > -reach).all(1)
+        return inside, touched
 
 
 @dataclass(frozen=True)
@@ -90,6 +93,7 @@ class Boxes:
     first: np.ndarray    # [n] of each one's points
     counts: np.ndarray   # [n]
     width: np.ndarray    # [n]
+    reach: np.ndarray    # [n] of spheres around them, half a width included
 
 
 @functools.lru_cache(maxsize=2)
@@ -112,7 +116,8 @@ def boxes_of(curves: Curves) -> Boxes:
     elif len(width) > 1:
         width = width[some]
     low, high = low.astype(np.float64), high.astype(np.float64)
-    return Boxes((low + high) / 2, (high - low) / 2, first, counts, np.broadcast_to(width / 2, len(first)))
+    half, width = (high - low) / 2, np.broadcast_to(width / 2, len(first))
+    return Boxes((low + high) / 2, half, first, counts, width, np.sqrt((half * half).sum(1)) + width)
 
 
 def points_of(boxes: Boxes, chosen: np.ndarray) -> np.ndarray:
@@ -146,7 +151,11 @@ def seen(scene: Any) -> Seen:
     mesh, fur = scene.mesh, scene.strands
     frustum = Frustum(scene.camera, WIDE, fur_extent(scene.fur))
     faces = strands = None
-    if mesh is not None and not _all_inside(frustum, points_to_see(mesh, scene.fur)[0]):
+    center, radius = extent(mesh, scene.fur)
+    if frustum.of_spheres(center[None], radius)[0][0]:
+        return Seen(frustum, (center, radius), _near(scene, (center, radius), None), None, None, False)
+    corners = boxes_to_see(mesh, scene.fur)
+    if mesh is not None and not _all_inside(frustum, corners[0]):
         known = faces_of(mesh, fur is not None and fur.surface == "pn")
         faces = known, *frustum.of_spheres(known.center, known.radius)
         straddle = np.flatnonzero(faces[2] & ~faces[1])   # spheres of large faces reach further than they do
@@ -156,18 +165,17 @@ def seen(scene: Any) -> Seen:
         faces[2][straddle] = (within.max(1).min(1) > -bulge)
     if isinstance(fur, Curves) and not fur.bounds and len(fur.points):
         host = fur.on_host
-        if not _all_inside(frustum, host.points):
+        if not _all_inside(frustum, corners[-1]):
             boxes = boxes_of(host)
-            strands = boxes, *frustum.of_boxes(boxes.center, boxes.half)
+            inside, touched = frustum.of_boxes(boxes)
+            strands = None if inside.all() else (boxes, inside, touched)
     cropped = [each is not None and bool((each[1] != each[2]).any()) for each in (faces, strands)]
     ball = _ball(scene, *strands[:2]) if strands is not None and not cropped[1] else extent(mesh, scene.fur)
     return Seen(frustum, ball, _near(scene, ball, faces), faces, strands, any(cropped))
 
 
-def _all_inside(frustum, points):
-    low, high = box(points)
-    corners = np.array(list(itertools.product(*zip(low, high))))
-    return bool((frustum.within(corners) >= 0).all())
+def _all_inside(frustum, corners):
+    return bool((frustum.within(np.array(list(itertools.product(*zip(*corners))))) >= 0).all())
 
 
 def _ball(scene, boxes, inside):
@@ -213,9 +221,8 @@ def _near(scene, ball, faces):
 def _nearest_face(frustum, eye, faces, grown, near):
     """A distance ahead before which no face and nothing that grows on it is seen, or infinity where it is no less than
     ``near``."""
-    reach = near / frustum.cosine + grown
-    some = np.flatnonzero((np.linalg.norm(faces.center - eye, axis=1) < reach + faces.radius)
-                          & frustum.of_spheres(faces.center, faces.radius)[1])
+    reach, d = near / frustum.cosine + grown, faces.center - eye
+    some = np.flatnonzero((d * d).sum(1) < (reach + faces.radius)**2)
     some = some[frustum.within(faces.corners[some]).max(1).min(1) > -faces.bulge[some]]
     if not len(some):
         return np.inf
@@ -226,8 +233,11 @@ def _nearest_face(frustum, eye, faces, grown, near):
 def _nearest_strand(frustum, eye, curves, near):
     """The same of Curves."""
     boxes = boxes_of(curves)
-    away = np.linalg.norm(np.maximum(np.abs(boxes.center - eye) - boxes.half, 0), axis=1) - boxes.width
-    some = np.flatnonzero((away < near / frustum.cosine) & frustum.of_boxes(boxes.center, boxes.half)[1])
+    d = boxes.center - eye
+    some = np.flatnonzero((d * d).sum(1) < (near / frustum.cosine + boxes.reach)**2)
+    away = np.linalg.norm(np.maximum(np.abs(d[some]) - boxes.half[some], 0), axis=1) - boxes.width[some]
+    some = some[away < near / frustum.cosine]
+    some = some[frustum.of_spheres(boxes.center[some], boxes.reach[some])[1]]
     if not len(some):
         return np.inf
     first, owner = segments_of(boxes, some)
