@@ -16,7 +16,7 @@ CONSTANTS = {
     "ID_NOTHING": -1,       # output "id" of a pixel where nothing is; strands are numbered from 0
     "ID_BODY": -2,
     "ID_SHELLS": -3,
-    "CORNERS": 5,           # float4 a face in the lattice of shell fur
+    "CORNERS": 8,           # float4 a face in the lattice of shell fur
     "HEIGHTS": 64,          # of its table of means
     "SIDE_BITS": 2,         # of a neighbour's side: face << SIDE_BITS | side
     "ROWS": 16,             # of a face's points in the light's grid that a work-item does,
@@ -97,6 +97,7 @@ Shells = np.dtype([                   # fur as a height field on the body, drawn
     ("bend", *_float4),                  # what bends hairs all the time, -
     ("wind", *_float4),                  # what bends them in gusts, -
     ("gust", *_float4),                  # waves of the gusts a unit of length [1/world], waves gone by
+    ("to_noise", np.float32, (3, 4)),    # columns: from the middle of the mesh in rest -> in lattices of the noise
 ])
 
 STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Shells": Shells}

@@ -53,9 +53,11 @@ def test_text_stl_of_several_solids_and_of_polygons(tmp_path):
     (binary_stl(CORNERS)[:80] + bytes(4), "no faces"), (binary_stl(CORNERS)[:80] + bytes(54), "no faces"),
     (binary_stl(CORNERS * np.float32([np.nan, 1, 1])), "is nan"),
     (SOLID.replace("vertex 1 1 0", "vertex 1 nan 0"), "is nan"),
-    (SOLID.replace("vertex 1 1 0", "vertex 1 one 0"), "one"), (SOLID.replace("vertex 1 1 0", "vertex 1 1"), "three numbers"),
+    (SOLID.replace("vertex 1 1 0", "vertex 1 one 0"), "one"),
+    (SOLID.replace("vertex 1 1 0", "vertex 1 1"), "three numbers"),
     (SOLID.replace(" vertex 1 1 0\n", ""), "less than three vertices"), (SOLID.replace("endsolid", ""), "cut short"),
-    (SOLID[:-40], "cut short"), (SOLID + FACET.format(0, "")[:-30], "cut short"), ("solid a\nendsolid a\n", "but has 19 bytes")])
+    (SOLID[:-40], "cut short"), (SOLID + FACET.format(0, "")[:-30], "cut short"),
+    ("solid a\nendsolid a\n", "but has 19 bytes")])
 def test_damaged_stl(tmp_path, data, words):
     with pytest.raises(Error, match=words) as caught:
         load(tmp_path, "a.stl", data)

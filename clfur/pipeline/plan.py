@@ -233,7 +233,7 @@ class Plan:
     def _shells(self):
         """Bytes on the device of shell fur."""
         scene = self.scene
-        return size_of(scene.mesh, self.packed_shells[0], self.topology) if scene.shells else 0
+        return size_of(scene.mesh, self.packed_shells, self.topology) if scene.shells else 0
 
     @functools.cached_property
     def _fixed(self):
@@ -323,7 +323,7 @@ class Plan:
         return _topology(self.scene.mesh)
 
     @functools.cached_property
-    def packed_shells(self) -> tuple[np.void, np.ndarray]:
+    def packed_shells(self) -> np.void:
         """What `stages.shells.pack` gives of the scene's shells."""
         scene = self.scene
         return pack(scene.shells, scene.mesh, scene.body_color is None, self.settings.filtered)
