@@ -117,8 +117,9 @@ __kernel void color(
                 const float4 face = cross3(positions[t.y] - positions[t.x], positions[t.z] - positions[t.x]);
                 radiance = body_color * light_on_body(&light, &obstacles, p, n, face);
             } else {
-                const Fibre here = fibre_at(&hair, id, place_between(points[id], points[id + 1], p));
-                radiance = shade_fibre(&light, &here, p, v, transmittance_at(&obstacles, &hair, id, p));
+                const float at = place_between(points[id], points[id + 1], p);
+                const Fibre here = fibre_at(&hair, id, at);
+                radiance = shade_fibre(&light, &here, p, v, transmittance_at(&obstacles, &hair, id, at, p));
             }
             const float share = attenuated ? weight * sample_transmittance[pixel * samples + s] : weight;
             sum += in_integers(share, (float4)(radiance.xyz, i ? 0.0f : 1.0f));

@@ -121,6 +121,13 @@ def test_a_wrong_accessor_is_refused(tmp_path, change, words):
     refused(tmp_path, file, words)
 
 
+def test_least_and_greatest_are_ignored(tmp_path):
+    """They are hints, and programs that edit files forget them."""
+    file = triangle()
+    file.tree["accessors"][0] |= {"min": [7, 7, 7], "max": "none"}
+    assert np.array_equal(corners(load(tmp_path, file)), [TRIANGLE])
+
+
 def test_whole_numbers_may_be_written_with_a_point(tmp_path):
     file = triangle()
     file.tree["accessors"][0] |= {"count": 3.0, "componentType": 5126.0}
@@ -213,7 +220,8 @@ CLAIMS = [   # which object of the file, what it claims, words of the error
     ("bufferViews", {"byteOffset": MANY}, "cut short"), ("bufferViews", {"byteStride": MANY}, "cut short"),
     ("buffers", {"byteLength": MANY}, "buffers[0] states 3221225472 bytes but has 36"),
     ("buffers", {"byteLength": MANY, "uri": "small.bin"}, "buffers[0] states 3221225472 bytes but has 100"),
-    ("buffers", {"byteLength": MANY // 2, "uri": "huge.bin"}, "more than 1073741824 bytes"),
+    ("buffers", {"byteLength": MANY // 2, "uri": "huge.bin"},
+     "huge.bin: has 2147483648 bytes; allowed: at most 1073741824"),
     ("nodes", {"extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"SCALE": 1}}}},
      "accessors[1].count is 3221225472"),
 ]
@@ -249,8 +257,8 @@ def test_the_same_bytes_cannot_be_asked_for_on_and_on(tmp_path):
     file.tree["meshes"][0]["primitives"] *= 600
     refused(tmp_path, file, "draws primitives more than 262144 times")
     file = triangle()
-    file.tree["extras"] = [[0] * 99] * 50_000
-    refused(tmp_path, file, "JSON of more than 4194304 values")
+    file.tree["extras"] = [[0] * 99] * 90_000
+    refused(tmp_path, file, "JSON of more than 8388608 values")
 
 
 # --- primitives ---
@@ -346,8 +354,10 @@ def test_translation_rotation_and_scale(tmp_path):
     for node in ({"translation": [10, 0, 0], "rotation": turn, "scale": [2, 3, 4]},
                  {"matrix": [0, 0, -2, 0, 0, 3, 0, 0, 4, 0, 0, 0, 10, 0, 0, 1]}):
         assert np.allclose(corners(load(tmp_path, triangle(node))), [expected], atol=1e-6)
-    longer = triangle({"rotation": [0, 5, 0, 5]})   # of any length
-    assert np.allclose(corners(load(tmp_path, longer)), [[(0, 0, 0), (0, 0, -1), (0, 1, 0)]], atol=1e-7)
+    for size in (5, 1e300, 1e-300):   # of any length
+        longer = triangle({"rotation": [0, size, 0, size]})
+        assert np.allclose(corners(load(tmp_path, longer)), [[(0, 0, 0), (0, 0, -1), (0, 1, 0)]], atol=1e-7)
+    assert np.array_equal(corners(load(tmp_path, triangle({"rotation": [0, 0, 0, 0]}))), [TRIANGLE])
 
 
 def test_a_mesh_of_several_nodes_and_parents(tmp_path):
@@ -451,6 +461,13 @@ def test_a_deep_tree(tmp_path):
     file = triangle()
     file.tree["nodes"] = [{"translation": [.5, 0, 0], "children": [k + 1]} for k in range(10_000)] + [{"mesh": 0}]
     assert np.array_equal(corners(load(tmp_path, file)), [TRIANGLE + (5000, 0, 0)])
+
+
+def test_a_node_far_away_keeps_its_mesh(tmp_path):
+    """Places are float64 until the mesh has an origin of its own: a hundredth at five million."""
+    far = np.array([431250, 55, 5411800])
+    mesh = load(tmp_path, triangle({"translation": far.tolist(), "scale": [.01, .01, .01]}))
+    assert np.allclose(corners(mesh) - far, [TRIANGLE * .01], atol=2e-9) and len(mesh.positions) == 3
 
 
 def test_hidden_nodes_are_left_out(tmp_path):
@@ -799,6 +816,32 @@ def test_uv_of_some_primitives(tmp_path):
     assert np.array_equal(mesh.normals, [(0, 1, 0)] * 3 + [(0, 0, 1)] * 3)
 
 
+def test_plain_files_are_as_trimesh_reads_them(tmp_path):
+    """The same bits in the same order (float32 of the same products), so that strands keep their numbers."""
+    trimesh = pytest.importorskip("trimesh", "5.2")
+    rng = np.random.default_rng(2)
+    file = File()
+    for k, count in enumerate((30, 60, 90)):
+        attributes = {"POSITION": file.accessor(rng.normal(size=(count, 3)), np.float32),
+                      "NORMAL": file.accessor(rng.normal(size=(count, 3)), np.float32)}
+        mesh = file.mesh(attributes, file.accessor(rng.permutation(count), np.uint16), mode=4 + k % 2)
+        file.mesh(attributes, mesh=mesh)
+    for k in range(8):
+        children = [k + 4] if k < 4 else []
+        file.add("nodes", mesh=k % 3, translation=rng.normal(size=3).tolist(), rotation=rng.normal(size=4).tolist(),
+                 scale=rng.normal(size=3).tolist(), **({"children": children} if children else {}))
+    mesh = load(tmp_path, file)
+    scene = trimesh.load(tmp_path / "x.glb", process=False)
+    found = []
+    for name in scene.graph.nodes_geometry:
+        matrix, part = scene.graph[name][0], scene.geometry[scene.graph[name][1]]
+        points = np.asarray(part.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
+        faces = np.asarray(part.faces)
+        found.append(points[faces if np.linalg.det(matrix[:3, :3]) > 0 else faces[:, ::-1]])
+    assert np.array_equal(mesh.positions[mesh.faces], np.concatenate(found).astype(np.float32)[mesh.kept_faces])
+    assert len(mesh.faces) == len(mesh.kept_faces) > 300 and not mesh.origin.any()
+
+
 # --- buffers, chunks ---
 
 
@@ -818,7 +861,8 @@ def test_data_uris(tmp_path, uri):
     (data_uri(TRIANGLE.tobytes()).replace("AAAA", "AA!A"), "is no base64"), (5, "uri is 5; allowed: a text"),
     ("a/../../b.bin", "own folder"), ("..\\b.bin", "x.gltf"), ("file:///b.bin", "own folder"),
     ("C:b.bin", "own folder"),
-    ("%2e%2e/b.bin", "own folder"), ("/b.bin", "own folder"), ("folder", "no regular file"), (".", "no regular file"),
+    ("%2e%2e/b.bin", "own folder"), ("/b.bin", "own folder"), ("folder", "folder: is a pipe, a device"),
+    (".", "is a pipe, a device or a folder"),
     ("gone.bin", "does not exist"), ("nul\0.bin", "x.gltf"), ("short.bin", "states 36 bytes but has 35")])
 def test_buffers_that_are_refused(tmp_path, uri, words):
     inner = tmp_path / "inner"
@@ -829,7 +873,7 @@ def test_buffers_that_are_refused(tmp_path, uri, words):
 
 
 def test_a_buffer_below_and_longer_than_needed(tmp_path):
-    """Only what the buffer states is read of a file; spaces may be written as %20."""
+    """A buffer need not be all of its file; spaces may be written as %20."""
     (tmp_path / "a b").mkdir()
     (tmp_path / "a b" / "c.bin").write_bytes(TRIANGLE.tobytes() + b"more")
     for uri in ("a%20b/c.bin", "a b/c.bin", "./a b/../a b/c.bin"):
@@ -860,7 +904,7 @@ def test_links(tmp_path):
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names on this system")
 def test_a_pipe_is_refused_without_waiting(tmp_path):
     os.mkfifo(tmp_path / "pipe.bin")
-    refused(tmp_path, triangle().gltf("pipe.bin"), "no regular file", "x.gltf")
+    refused(tmp_path, triangle().gltf("pipe.bin"), "pipe.bin: is a pipe, a device or a folder", "x.gltf")
 
 
 def test_only_the_buffers_that_are_needed_are_read(tmp_path):
@@ -899,7 +943,7 @@ def test_chunks(tmp_path):
             (of(json_chunk, binary)[:-1], "states"),
             (of(json_chunk, binary[:-1]), "ends after"), (of(length=12) + bytes(20), "first chunk is not JSON"),
             (head, "no GLB header"), (b"glTF" + struct.pack("<I", 1) + whole[8:], "GLB version 1; allowed: 2"),
-            (glb([], b""), "the file is []; allowed: an object of JSON")]:
+            (glb([], b""), "x.glb: the JSON is []; allowed: an object")]:
         refused(tmp_path, data, words)
 
 

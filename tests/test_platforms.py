@@ -22,9 +22,9 @@ compare = sys.modules["clfur.judge.compare"]
 ROOT = Path(__file__).resolve().parents[1]
 
 # Run by each Python at its start: takes away what only some systems have, and /proc, but for what a driver must ask
-# on Linux (see clfur/device/pocl.py).
+# on Linux (see clfur/device/pocl.py) and for psutil, which does without on the others.
 LESS = """
-import os, signal, sys
+import os, psutil, signal, sys
 for module, names in {os: ("fork", "forkpty", "killpg", "getpgrp", "setsid", "sched_getaffinity", "register_at_fork",
                            "getloadavg", "mkfifo"),
                       signal: ("SIGHUP", "SIGALRM", "SIGUSR1", "SIGXFSZ", "pthread_sigmask")}.items():
@@ -37,7 +37,11 @@ for name in ("resource", "fcntl", "pwd", "grp", "termios"):
 def hide(event, arguments):
     if event == "open" and str(arguments[0]).startswith("/proc") and arguments[0] not in (
             "/proc/self/mem", "/proc/cpuinfo"):
-        raise FileNotFoundError(2, "No such file or directory")
+        frame = sys._getframe(1)
+        while frame and "psutil" not in frame.f_code.co_filename:
+            frame = frame.f_back
+        if not frame:
+            raise FileNotFoundError(2, "No such file or directory")
 sys.addaudithook(hide)
 """
 

@@ -21,7 +21,7 @@ from .gltf_nodes import IDENTITY, Nodes, composed
 
 MAX_PLACED = 2**26   # faces, and vertices, of all nodes and instances together
 MAX_USES = 2**18     # of primitives by nodes
-MAX_VALUES = 2**22   # of the JSON: each takes some 100 bytes once it is read
+MAX_VALUES = 2**23   # of the JSON: each takes some 100 bytes once it is read
 BLOCK = 2**14        # vertices that are skinned at a time
 MODES = ("POINTS", "LINES", "LINE_LOOP", "LINE_STRIP", "TRIANGLES", "TRIANGLE_STRIP", "TRIANGLE_FAN")
 # Extensions that a file may need: those that are done, and those that move no point and no uv.
@@ -102,14 +102,14 @@ def _tree(data):
         raise Error(f"has a JSON of more than {MAX_VALUES} values; allowed: at most that")
     tree = json.loads(data, parse_constant=_no_number)
     if not isinstance(tree, dict):
-        checks.refuse("the file", tree, "an object of JSON")
-    asset = child(tree, "asset", dict, "the file")
+        checks.refuse("the JSON", tree, "an object")
+    asset = child(tree, "asset", dict, "")
     for name in ("version", "minVersion"):
         version = str(asset.get(name, "2.0"))
         if not (version.startswith("2.") and (name == "version" or version == "2.0")):
             raise Error(f"is of glTF version {version[:20]!r} (asset.{name}); allowed: 2.0")
-    for name in child(tree, "extensionsRequired", list, "the file"):
-        if name not in DONE | HARMLESS:
+    for name in child(tree, "extensionsRequired", list, ""):
+        if not isinstance(name, str) or name not in DONE | HARMLESS:
             raise Error(f"needs the extension {str(name)[:60]}, which is not read here; allowed: files without it")
     return tree
 

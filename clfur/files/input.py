@@ -15,21 +15,22 @@ UNICODE = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF32_LE: "utf-32", codecs.BOM_U
 def read(path: Path, limit: int = MAX_BYTES) -> bytes:
     """Return the bytes of a regular file. Raises Error, one line that names it, for any other and for more than limit.
 
-    A pipe or a device is not opened, as that could wait forever; a file that grows is read no further than the limit.
+    A pipe or a device is not opened, as that could wait forever; of a file that grows only what was there is read.
     """
     try:
         _regular(path, os.stat(path))
         with open(path, "rb", opener=_open) as file:
             _regular(path, os.fstat(file.fileno()))   # what has the name now may be another one
             size = os.fstat(file.fileno()).st_size
-            data = file.read(limit + 1) if size <= limit else b""
+            if size > limit:
+                raise Error(f"{path}: has {size} bytes; allowed: at most {limit}")
+            return file.read(size)   # to read up to the limit would take as much memory beforehand
+    except Error:
+        raise
     except ValueError:   # a name that holds a zero
         raise Error(f"{path}: no such file") from None
     except OSError as error:
         raise Error(f"{path}: {error.strerror}") from None
-    if max(size, len(data)) > limit:
-        raise Error(f"{path}: has {max(size, len(data))} bytes; allowed: at most {limit}")
-    return data
 
 
 def _open(path, flags):

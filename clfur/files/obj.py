@@ -13,11 +13,12 @@ from ..errors import Error
 from .input import lines, plain
 from .polygons import triangulate
 
-WIDTHS = {b"v": 3, b"vt": 2, b"vn": 3}
-FACES = {b"f", b"fo"}   # fo: as faces with outlines were called before version 3
+WIDTHS = {"v": 3, "vt": 2, "vn": 3}
+FACES = {"f", "fo"}   # fo: as faces with outlines were called before version 3
 # What makes a surface that is not read here, or has it in another file.
-SURFACES = {b"surf", b"bzp", b"bsp", b"cdp", b"call", b"csh"}
-NOT_A_NUMBER = re.compile(rb"[+-]?(nan|inf|\d\.#)", re.I)   # as old C libraries write them: -nan(ind), 1.#IND, 1.#INF
+SURFACES = {"surf", "bzp", "bsp", "cdp", "call", "csh"}
+COMMENT = re.compile(r"(?<!\d\.)#")
+NOT_A_NUMBER = re.compile(r"[+-]?(nan|inf|\d\.#)", re.I)   # as old C libraries write them: -nan(ind), 1.#IND, 1.#INF
 
 
 def obj(data: bytes, path: Path) -> dict:
@@ -31,7 +32,7 @@ def obj(data: bytes, path: Path) -> dict:
         raise Error("has no faces")
     for kind, table, last in zip(WIDTHS, tables, corners.max(axis=0), strict=True):
         if last >= len(table):
-            raise Error(f"a face has the {kind.decode()} index {last + 1}; allowed: 1 to {len(table)}")
+            raise Error(f"a face has the {kind} index {last + 1}; allowed: 1 to {len(table)}")
     positions, uvs, normals = tables
     triangles, _ = triangulate(positions, corners[:, 0], sizes)
     v, vt, vn = corners[triangles].transpose(2, 0, 1)  # [F, 3] each
@@ -56,25 +57,26 @@ def _parse(rows):
     """Return the tables v [V, 3], vt [T, 2], vn [N, 3], sizes of faces [P], and (v, vt, vn) by corner [C, 3]."""
     tables = {kind: [] for kind in WIDTHS}   # flat lists of floats
     known, distinct, corners, sizes = {}, [], [], []   # a corner as written -> its number in `distinct`; numbers
-    for number, line in enumerate(rows, 1):
-        words = (line.partition(b"#")[0] if b"#" in line else line).split()
-        kind = words[0] if words else b""
+    for number, row in enumerate(rows, 1):
+        line = row.decode("latin-1")   # numbers of str are read faster
+        words = (COMMENT.split(line, maxsplit=1)[0] if "#" in line else line).split()
+        kind = words[0] if words else ""
         if kind in tables:
             tables[kind] += _numbers(words, WIDTHS[kind], number)
         elif kind in FACES:
-            if words[-1][-1:] == b"/" and len({word.count(b"/") for word in words[1:]}) > 1:
+            if words[-1][-1:] == "/" and len({word.count("/") for word in words[1:]}) > 1:
                 raise _no_corner(words[-1], number)   # others have as many slashes: the file was cut short there
             for word in words[1:]:
                 at = known.get(word)
                 if at is None:
                     at = len(distinct)
                     distinct.append(_corner(word, tables, number))
-                    if b"-" not in word and word[-1:] != b"/":  # relative ones mean another point on another line
+                    if "-" not in word and word[-1:] != "/":  # relative ones mean another point on another line
                         known[word] = at
                 corners.append(at)
             sizes.append(len(words) - 1)
         elif kind in SURFACES:
-            raise Error(f"line {number}: {kind.decode()!r} is not read; allowed: polygons in the same file (f)")
+            raise Error(f"line {number}: {kind!r} is not read; allowed: polygons in the same file (f)")
     found = [np.array(tables[kind], np.float64).reshape(-1, width) for kind, width in WIDTHS.items()]
     return found, np.array(sizes, np.int64), np.array(distinct, np.int64).reshape(-1, 3)[np.array(corners, np.int64)]
 
@@ -88,8 +90,7 @@ def _numbers(words, width, number):
     if len(values) == 1 and width == 2:
         values.append(0.0)
     if len(values) < width or None in values:
-        shown = b" ".join(words)[:60].decode("latin-1")
-        raise Error(f"line {number}: {shown!r} is no {words[0].decode()} of {width} numbers")
+        raise Error(f"line {number}: {' '.join(words)[:60]!r} is no {words[0]} of {width} numbers")
     return values
 
 
@@ -102,7 +103,7 @@ def _number(word):
 
 
 def _no_corner(word, number):
-    return Error(f"line {number}: {word[:40].decode('latin-1')!r} is no corner of a face")
+    return Error(f"line {number}: {word[:40]!r} is no corner of a face")
 
 
 def _corner(word, tables, number):
@@ -110,7 +111,7 @@ def _corner(word, tables, number):
 
     Of vt and vn nothing and 0 mean none.
     """
-    parts = word.split(b"/")
+    parts = word.split("/")
     try:
         indices = [int(part) if part else 0 for part in parts]
     except ValueError:
@@ -122,5 +123,5 @@ def _corner(word, tables, number):
         if index:
             found[k] = index - 1 if index > 0 else len(table) // (2 if k == 1 else 3) + index
             if found[k] < 0:
-                raise Error(f"line {number}: {word.decode('latin-1')!r} counts back to before the first of its kind")
+                raise Error(f"line {number}: {word[:40]!r} counts back to before the first of its kind")
     return found

@@ -11,7 +11,7 @@ from .input import plain
 from .polygons import triangulate
 
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
-VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
+LOOP = re.compile(rb"\bouter\s+loop\b(.*?)\bendloop\b", re.DOTALL)
 
 
 def stl(data: bytes, path: Path) -> dict:
@@ -23,7 +23,7 @@ def stl(data: bytes, path: Path) -> dict:
     stated = struct.unpack("<I", data[80:84])[0] if len(data) >= 84 else 0
     needed = 84 + RECORD.itemsize * stated
     # Text in the place of the count states more than any file holds: so text is never taken for binary.
-    if len(data) >= 84 and (stated or len(data) == 84) and needed <= len(data):
+    if needed <= len(data):
         positions = np.frombuffer(data, RECORD, stated, 84)["corners"].reshape(-1, 3)
         if not stated:
             raise Error("has no faces")
@@ -35,18 +35,17 @@ def stl(data: bytes, path: Path) -> dict:
 
 
 def _text(text):
-    facets = len(re.findall(rb"\bfacet\s", text))
-    ends = np.array([match.start() for match in re.finditer(rb"\bendfacet\b", text)])
-    if facets != len(ends) or b"endsolid" not in text:
+    facets = len(re.findall(rb"\bfacet\s+normal\b", text))
+    loops = [loop.split() for loop in LOOP.findall(text)]   # vertex 0 0 0 vertex 1 0 0 ...
+    if not len(loops) == facets == len(re.findall(rb"\bendfacet\b", text)) or b"endsolid" not in text:
         raise Error("is damaged or cut short: it ends within a facet or solid")
-    found = list(VERTEX.finditer(text))
+    if any(len(words) < 12 or len(words) % 4 or set(words[::4]) != {b"vertex"} for words in loops):
+        raise Error("is damaged: a facet has less than three vertices, or one of them is none of three numbers")
+    numbers = [word for words in loops for k, word in enumerate(words) if k % 4]
     try:
-        positions = np.array([match.groups() for match in found], np.float64).reshape(-1, 3)
+        positions = np.array(list(map(float, numbers))).reshape(-1, 3)
     except ValueError as error:
         raise Error(f"is damaged: a vertex has {str(error).rpartition(': ')[2]}, which is no number") from None
-    facet = np.searchsorted(ends, [match.start() for match in found])   # of each vertex
-    sizes = np.bincount(facet, minlength=facets)
-    if len(sizes) > facets or (sizes < 3).any():
-        raise Error("is damaged: a facet has less than three vertices")
+    sizes = np.array([len(words) // 4 for words in loops], np.int64)
     triangles, _ = triangulate(positions, np.arange(len(positions)), sizes)
     return {"positions": positions, "faces": triangles}

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import attrs
 import numpy as np
+import psutil
 
 from ..device.caches import in_folder
 from ..device.scheduler import Scheduler
@@ -206,7 +207,7 @@ def peak_memory():
     try:
         import resource
     except ImportError:   # Windows
-        return None
+        return getattr(psutil.Process().memory_info(), "peak_wset", None)
     # Not on Linux: there it starts with what the parent held when it made this process.
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return most if sys.platform == "darwin" else 1024 * most

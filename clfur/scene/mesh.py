@@ -231,6 +231,23 @@ class Mesh:
         center, radius = sphere(*box(self.positions))
         return center + self.origin, radius
 
+    @functools.cached_property
+    def own_frame(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """A frame that moves and turns as the vertices do: (their mean float64 [3], relative to
+        `origin`; axes float64 [3, 3], a row each; how far the furthest vertex is from the mean)."""
+        p = self.positions.astype(np.float64)
+        center = p.mean(0)
+        p -= center
+        # Two sums with weights that follow no shape, so that none makes both of them vanish, or point the same way.
+        one, other = np.sin(np.arange(len(p))**2 * [[1.0], [2**.5]]) @ p
+        x, z = _unit(one), _unit(np.cross(one, other))
+        return center, np.array([x, np.cross(z, x), z]), float(np.sqrt((p**2).sum(1).max()))
+
+
+def _unit(vector):
+    """A vector of length 1, or 0 where it has none."""
+    return vector / max(np.linalg.norm(vector), 1e-300)
+
 
 def _hull(mesh):
     """Control points of the mesh's PN triangles, float64 [10 F, 3]: their convex hull holds the surface."""

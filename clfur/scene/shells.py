@@ -5,6 +5,7 @@ import numpy as np
 
 from . import checks
 from .look import Looking
+from .mesh import Mesh
 
 
 def _noise(value, where):
@@ -36,7 +37,11 @@ class Shells(Looking):
 
     wind, force, acceleration: [3]. At height h of 0..1 a hair goes along n + h · (wind, which gusts with time, + force
     − acceleration) for the normal n; force is gravity and the like, acceleration that of the object itself.
-    time: seconds. seed: of all that is random, 0..2**32-1. Raises Error for anything else.
+    time: seconds. seed: of all that is random, 0..2**32-1.
+
+    rest: None or the Mesh in rest, of the same faces as the scene's, which is posed. Cells and noise belong to the skin
+    and are laid on the mesh in rest, so that they stay where they are on it in every pose; frequency is of its units.
+    None: the scene's mesh is in rest. Raises Error for anything else.
     """
 
     length: float = checks.field(checks.positive(), default=0.1)
@@ -56,3 +61,4 @@ class Shells(Looking):
     acceleration: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0), kw_only=True)
     time: float = checks.field(checks.real(), default=0.0, kw_only=True)
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0, kw_only=True)
+    rest: Mesh | None = checks.field(checks.instance(Mesh, none=True), default=None, kw_only=True)

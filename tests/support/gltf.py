@@ -44,10 +44,8 @@ class File:
         return self.describe(array.dtype, len(array), array.shape[1], bufferView=view, **more)
 
     def describe(self, dtype, count, width, **more):
-        """An accessor without a bufferView of its own making; POSITION's min and max are lies that nobody may read."""
-        limits = {"min": [7] * width, "max": [8] * width} if width == 3 else {}
-        return self.add("accessors", componentType=COMPONENTS[np.dtype(dtype)], count=count, type=TYPES[width],
-                        **limits, **more)
+        """An accessor of a bufferView that is there, or of none."""
+        return self.add("accessors", componentType=COMPONENTS[np.dtype(dtype)], count=count, type=TYPES[width], **more)
 
     def sparse(self, places, values, dtype=np.uint8):
         """The `sparse` of an accessor: values [n, width] at these places."""
@@ -102,5 +100,5 @@ def load(folder, data, name="x.glb"):
 
 
 def corners(mesh):
-    """The corners of a mesh's faces, float64 [F, 3, 3]."""
-    return mesh.positions[mesh.faces].astype(float)
+    """The corners of a mesh's faces in the world, float64 [F, 3, 3]."""
+    return mesh.positions[mesh.faces] + mesh.origin
