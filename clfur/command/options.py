@@ -18,6 +18,8 @@ from ..scene import frame, highlighted
 from ..settings import CHOSEN, RASTERS, SHADOWS
 from .types import Color, Numbers, Roots, Size, from_hex
 
+LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
+
 _SCENE = [
     click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
                  help="Strands, shells (a pattern in layers above the body), or an undercoat of shells under strands."),
@@ -46,12 +48,14 @@ _SCENE = [
                  help="The way the light travels."),
 ]
 _STRANDS = [
-    click.option("--inner", type=click.IntRange(1, 64), default=5, metavar="N",
-                 help="Tessellation level within a face; 5 and 5 give 37 strands a face."),
-    click.option("--outer", type=click.IntRange(1, 64), default=5, metavar="N",
-                 help="Tessellation level of the edges."),
-    click.option("--roots", type=Roots(), default="faces", metavar="faces|N",
-                 help="One strand on each tessellated triangle, or N strands spread evenly."),
+    click.option("--inner", type=click.IntRange(1, 64), metavar="N",
+                 help="Tessellation level within a face; 5 and 5 give 37 strands a face.  [default: 5, or less where "
+                      f"that makes more than {MOST:,} triangles]"),
+    click.option("--outer", type=click.IntRange(1, 64), metavar="N",
+                 help="Tessellation level of the edges.  [default: as --inner]"),
+    click.option("--roots", type=Roots(), metavar="faces|N",
+                 help="One strand on each tessellated triangle, or N strands spread evenly.  [default: faces, or "
+                      f"{MOST} on a mesh of more faces]"),
     click.option("--surface", type=click.Choice(["pn", "flat"]), default="pn", help="Curved or flat faces."),
     click.option("--width", type=click.FloatRange(0), metavar="W",
                  help="Diameter of a strand in the mesh's units.  [default: 0.0012 of half the mesh's diagonal]"),
@@ -209,7 +213,7 @@ def _scene(mesh, options):
     if kind != "strands":
         fur.append(_shells(options, length / 2 if kind == "both" else length, radius))
     if kind != "shells":
-        fur.append(_strands(options, length, radius))
+        fur.append(_strands(options, length, radius, len(mesh.faces)))
     fur = highlighted(tuple(fur), options.get("specular", "kajiya-kay"))
 
     camera = frame(mesh, fur, options["size"], options["fov"])
@@ -237,8 +241,32 @@ def _shells(options, length, radius):
                                             "alpha", "seed")})
 
 
-def _strands(options, length, radius):
-    """The `Strands` of this length on a mesh of this radius that the options describe."""
+def density(options, faces):
+    """{"inner", "outer", "roots"} of strands on a mesh of so many faces: those that are given, and what makes no more
+    than `MOST` triangles and strands of them."""
+    level = max((n for n in range(1, LEVEL + 1) if faces * triangles_of_face(n) <= MOST), default=1)
+    inner, outer, roots = (options[name] for name in ("inner", "outer", "roots"))
+    if inner or outer:
+        return {"inner": inner or LEVEL, "outer": outer or LEVEL, "roots": roots or "faces"}
+    fits = faces * triangles_of_face(level) <= MOST
+    return {"inner": level, "outer": level, "roots": ("faces" if fits else MOST) if roots is None else roots}
+
+
+def lowered(options, strands):
+    """In a few words, how the strands of a mesh are fewer than the options would make of a small one; or ""."""
+    if options["inner"] or options["outer"] or not isinstance(strands, Strands) or strands.inner == LEVEL:
+        return ""
+    roots = f" and roots {MOST:,}" if options["roots"] is None and strands.roots != "faces" else ""
+    return f"tessellation level {strands.inner} in place of {LEVEL}{roots}, as the mesh is large"
+
+
+def triangles_of_face(level):
+    """How many triangles a face is divided into, with this level within it and at its edges."""
+    return 3 * level * level // 2
+
+
+def _strands(options, length, radius, faces):
+    """The `Strands` of this length that the options describe on a mesh of this radius and so many faces."""
     hair = {
         "color": options["color"],
         "segments": options["segments"],
@@ -255,7 +283,7 @@ def _strands(options, length, radius):
     return Strands(
         types=[HairType(**hair)] if options["types"] is None else _hair_types(options["types"], hair),
         type_map=None if options["type_map"] is None else load_picture(options["type_map"]),
-        **{name: options[name] for name in ("inner", "outer", "roots", "surface", "force", "seed")})
+        **density(options, faces), **{name: options[name] for name in ("surface", "force", "seed")})
 
 
 def _hair_types(path, defaults):

@@ -11,8 +11,9 @@ from .. import Scheduler, draw, save
 from ..files.images import check_writable
 from ..judge.frontier import label
 from .devices import ask_drivers
-from .options import is_scene_file, load_scene, scene_options
+from .options import is_scene_file, load_scene, lowered, scene_options
 from .types import Bytes, Names
+from .waiting import waiting
 
 
 @click.command(context_settings={"show_default": True})
@@ -48,30 +49,34 @@ def render(given, output, outputs, device, memory, as_json, **options):
     for read in (given, options["type_map"], options["types"]):
         if read and output.exists() and Path(read).exists() and output.samefile(read):
             raise click.UsageError(f"{output} is read by this command and would be overwritten: name another with -o")
-    scene, settings = load_scene(given, options)
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
-    ask_drivers()
-    if memory is not None:
-        device = [Scheduler(one, memory) for one in (device if isinstance(device, list) else [device])]
-    drawn = draw(scene, device=device, outputs=outputs, settings=settings)
-    if "color" in drawn.images and not drawn.images["color"][..., 3].any():
-        warnings.warn("nothing of the scene is to be seen in the picture", stacklevel=2)
-    save(output, drawn.images)
+    with waiting(f"reading {given}") as tell:
+        scene, settings = load_scene(given, options)
+        tell("starting OpenCL")
+        ask_drivers()
+        if memory is not None:
+            device = [Scheduler(one, memory) for one in (device if isinstance(device, list) else [device])]
+        tell(f"drawing {given}")
+        drawn = draw(scene, device=device, outputs=outputs, settings=settings)
+        if "color" in drawn.images and not drawn.images["color"][..., 3].any():
+            warnings.warn("nothing of the scene is to be seen in the picture", stacklevel=2)
+        tell(f"saving {output}")
+        save(output, drawn.images)
 
     skipped = {"degenerate": scene.mesh.degenerate_faces if scene.mesh else 0,
                "zero_normal": scene.mesh.zero_normal_faces if scene.mesh else 0,
                "doubled": scene.mesh.doubled_faces if scene.mesh else 0}
     wound = {"turned": scene.mesh.turned_faces if scene.mesh else 0,
              "one_sided": scene.mesh.one_sided_faces if scene.mesh else 0}
-    shells = scene.shells
+    shells, fewer = scene.shells, "" if is_scene_file(given) else lowered(options, scene.strands)
     if as_json:
         of_options = {} if is_scene_file(given) else {name: options[name] for name in ("fov", "light", "alpha", "seed")}
         print(json.dumps({
             "file": str(output), "size": scene.camera.size, "device": drawn.device,
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
             "shells": shells and {name: getattr(shells, name) for name in ("layers", "length", "frequency", "pattern")},
-            "seconds": drawn.seconds, "stages": drawn.stages, "skipped": skipped, **wound,
+            "fewer": fewer, "seconds": drawn.seconds, "stages": drawn.stages, "skipped": skipped, **wound,
             "camera": {"eye": scene.camera.pose[:3, 3].tolist(),
                        "target": None if scene.camera.target is None else scene.camera.target.tolist()},
             "settings": attrs.asdict(drawn.settings), "error": drawn.error, "why": drawn.why,
@@ -84,6 +89,7 @@ def render(given, output, outputs, device, memory, as_json, **options):
     fur += [f"{drawn.strands:,} strands, {drawn.segments:,} segments"] if scene.strands or not shells else []
     print(f"{output}: {drawn.triangles:,} triangles, {', '.join(fur)} "
           f"in {drawn.seconds:.2f} s on {drawn.device} ({stages})"
+          + (f"; {fewer}" if fewer else "")
           + (f"; skipped faces: {', '.join(left_out)}" if left_out else "")
           + (f"; turned {wound['turned']:,} faces that were inside out" if wound["turned"] else "")
           + (f"; {wound['one_sided']:,} faces are of a surface with one side: hair changes over somewhere"

@@ -55,10 +55,11 @@ def _kernels(program, options, names):
     with warnings.catch_warnings():   # Intel's compiler reports that it has compiled
         warnings.simplefilter("ignore", cl.CompilerWarning)
         program.build(options=options)
-    kernels = {kernel.function_name: kernel for kernel in program.all_kernels()}
-    if missing := [name for name in names if name not in kernels]:
+    there = program.get_info(cl.program_info.KERNEL_NAMES).split(";")
+    if missing := [name for name in names if name not in there]:
         raise NoKernelsError(f"the program lacks its kernels {', '.join(missing)}")
-    return kernels
+    # Not by all_kernels: pyopencl's holds each once too often, and so the whole program for good.
+    return {name: cl.Kernel(program, name) for name in names}
 
 
 def _file(device, source, options):

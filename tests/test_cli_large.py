@@ -1,0 +1,88 @@
+"""Large meshes in the command: how many strands they get without options, and what is told while one waits."""
+
+import json
+import sys
+import time
+
+import numpy as np
+import pytest
+from support.scenes import icosphere
+
+from clfur.command import options, waiting
+
+
+@pytest.mark.parametrize("faces, inner, roots", [
+    (0, 5, "faces"), (12, 5, "faces"), (6320, 5, "faces"), (6756, 5, "faces"), (6757, 4, "faces"),
+    (10_417, 3, "faces"), (19_231, 2, "faces"), (41_667, 1, "faces"), (216_482, 1, "faces"), (250_000, 1, "faces"),
+    (250_001, 1, 250_000), (4_000_000, 1, 250_000)])
+def test_default_density(faces, inner, roots):
+    """As fine as 250,000 triangles allow, at most 5: 37 of a face; a strand a face, or fewer strands than faces."""
+    none = dict.fromkeys(("inner", "outer", "roots"))
+    assert options.density(none, faces) == {"inner": inner, "outer": inner, "roots": roots}
+    assert options.density(none | {"roots": 7}, faces) == {"inner": inner, "outer": inner, "roots": 7}
+
+
+def test_what_is_given_counts():
+    given = {"inner": 3, "outer": None, "roots": None}
+    assert options.density(given, 10**6) == {"inner": 3, "outer": 5, "roots": "faces"}
+    assert options.density(given | {"inner": None, "outer": 2}, 10**6) == {"inner": 5, "outer": 2, "roots": "faces"}
+    assert options.density(given | {"roots": "faces", "inner": None}, 10**6)["roots"] == "faces"
+
+
+@pytest.mark.parametrize("level", range(1, 7))
+def test_triangles_of_a_face(level):
+    from clfur.stages.tessellate import counts_of, levels_of
+    assert options.triangles_of_face(level) == counts_of(levels_of(level, level, 1))[1][0]
+
+
+def test_a_large_mesh(clfur, tmp_path):
+    """20,480 faces get level 2 and six strands each, said in the line and in the JSON; --inner counts more."""
+    positions, faces = icosphere(5)
+    lines = [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in positions] + [f"f {a} {b} {c}" for a, b, c in faces + 1]
+    (tmp_path / "ball.obj").write_text("\n".join(lines))
+    draw = ["render", "ball.obj", "--size", "32x24", "--segments", "1", "-o", "a.npz"]
+    code, out, err = clfur(*draw)
+    assert (code, err) == (0, "") and "122,880 triangles, 122,880 strands" in out
+    assert out.rstrip().endswith("tessellation level 2 in place of 5, as the mesh is large")
+    told = json.loads(clfur(*draw, "--json")[1])
+    assert told["strands"] == 6 * 20_480 and told["fewer"] == "tessellation level 2 in place of 5, as the mesh is large"
+    before = np.load(tmp_path / "a.npz")["color"]
+    told = json.loads(clfur(*draw, "--json", "--inner", "2", "--outer", "2")[1])
+    assert told["fewer"] == "" and np.array_equal(np.load(tmp_path / "a.npz")["color"], before)
+
+
+def test_a_small_mesh_is_as_before(clfur):
+    told = json.loads(clfur("render", "sphere", "--size", "32x24", "--json")[1])
+    assert (told["strands"], told["fewer"]) == (47_360, "")
+
+
+class Terminal:
+    """A stderr that says whether it is a terminal."""
+
+    def __init__(self, is_terminal):
+        self.is_terminal, self.text = is_terminal, ""
+
+    def isatty(self):
+        return self.is_terminal
+
+    def write(self, text):
+        self.text += text
+        return len(text)
+
+    def flush(self):
+        pass
+
+
+@pytest.mark.parametrize("is_terminal, patience, told", [(True, 0.05, True), (True, 60, False), (False, 0.05, False)])
+def test_waiting(monkeypatch, is_terminal, patience, told):
+    """After a while, on a terminal, and gone at the end."""
+    stderr = Terminal(is_terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stderr", stderr)
+    monkeypatch.setattr(waiting, "PATIENCE", patience)
+    with waiting.waiting("reading [a]") as tell:
+        time.sleep(0.3)
+        tell("drawing it")
+        time.sleep(0.3)
+    assert all((words in stderr.text) == told for words in ("reading [a]", "drawing it"))
+    assert stderr.text == "" or "\x1b[2K" in stderr.text
