@@ -14,6 +14,7 @@ from .camera import Camera, size_of
 from .curves import Curves
 from .light import Light
 from .mesh import Mesh
+from .rest import rest_of
 from .shells import Shells
 from .strands import Strands
 
@@ -73,7 +74,8 @@ class Scene:
     Strands and Curves (guard hairs), or None; a mesh or fur is required. camera: Camera, or None to frame all of it.
     light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself, or None to leave it
     undrawn. Raises Error where the parts don't fit: a type_map, color_texture or pattern "sine" on a mesh without uv,
-    levels for another number of faces, or an edge whose two faces give it different levels.
+    levels for another number of faces, an edge whose two faces
+    give it different levels, or a rest mesh of other faces.
 
     A list is stored as a tuple. `lights` are all lights, always in a tuple; `strands` are the Strands or Curves of
     `fur`, `shells` its Shells, or None.
@@ -103,6 +105,7 @@ class Scene:
                 raise Error(f"Scene.mesh is None but Scene.fur has {type(fur).__name__}; "
                             "allowed: a Mesh for them to grow on")
         if isinstance(strands, Strands):
+            rest_of(self.mesh, strands.rest, "Strands.rest")
             _check_uv(self.mesh, strands)
         if strands is not None and self.mesh is not None:
             _check_levels(self.mesh, strands)
