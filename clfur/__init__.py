@@ -1,5 +1,10 @@
 """Fur and hair on meshes, rendered with OpenCL."""
 
+from .command.endings import watch_imports
+
+watch_imports()   # ahead of all that takes time to import
+
+# ruff: noqa: E402
 from ._moved import install
 from .budget import PRESETS
 from .device.scheduler import Scheduler

@@ -1,4 +1,21 @@
-"""The errors of the library."""
+"""The errors of the library, and how they show what is wrong."""
+
+import reprlib
+from typing import Any
+
+import numpy as np
+
+
+class _Short(reprlib.Repr):
+    """Looks at the beginning alone of what is huge."""
+
+    def repr_instance(self, x, level):
+        return repr(x)   # reprlib's own would hide what this raises
+
+
+_SHORT = _Short()
+_SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxset = _SHORT.maxdict = 40
+_SHORT.maxstring = _SHORT.maxother = 400
 
 
 class Error(ValueError):
@@ -13,3 +30,16 @@ class DeviceError(Error):
 
     The message names the device, what it was doing, and the kernel's file and line where the driver tells them.
     """
+
+
+def shown(value: Any, most: int = 80) -> str:
+    """Return `value` as a short text on one line, of ``most`` characters; also where it fails to say what it is."""
+    try:
+        if isinstance(value, np.ndarray) and value.ndim and value.size > 4:
+            text = f"an array of {value.dtype} {list(value.shape)}"
+        else:
+            text = " ".join((repr if isinstance(value, str) else _SHORT.repr)(value).split())
+    except Exception:   # repr is the object's own, and Python's refuses numbers of thousands of digits
+        text = (f"a whole number of {value.bit_length()} bits" if issubclass(type(value), int)
+                else f"an object of class {type(value).__name__}")
+    return text if len(text) <= most else text[:most - 3] + "..."

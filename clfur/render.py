@@ -13,7 +13,7 @@ from . import budget
 from .device.scheduler import Scheduler
 from .device.selection import choose
 from .device.team import Team
-from .errors import Error
+from .errors import Error, shown
 from .pipeline.grown import curves_of
 from .pipeline.picture import OUTPUTS, Frame, draw_frame
 from .pipeline.plan import Plan
@@ -54,16 +54,16 @@ def draw(scene: Scene, device: Any = None, settings: Settings | None = None, out
     outputs = (outputs,) if isinstance(outputs, str) else outputs
     for name in outputs if isinstance(outputs, (tuple, list)) else [outputs]:
         if not isinstance(name, str) or name not in OUTPUTS:
-            raise Error(f"there is no output {name!r}; allowed: {', '.join(OUTPUTS)}")
+            raise Error(f"there is no output {shown(name)}; allowed: {', '.join(OUTPUTS)}")
     _check_scene(scene)
     settings = Settings() if settings is None else settings
     if not isinstance(settings, Settings):
-        raise Error(f"settings is {settings!r:.60}; allowed: a clfur.Settings")
+        raise Error(f"settings is {shown(settings)}; allowed: a clfur.Settings")
     gpus = schedulers(device)
     with ExitStack() as frames:
         for gpu in gpus:
             frames.enter_context(gpu.frame())
-        team = Team(gpus)
+        team, scene = Team(gpus), scene.local
         drawn = scene
         if settings.specular is not None:   # as once all looks had it
             drawn = attrs.evolve(scene, fur=highlighted(scene.fur, settings.specular))
@@ -77,7 +77,7 @@ def draw(scene: Scene, device: Any = None, settings: Settings | None = None, out
 
 def _check_scene(scene):
     if not isinstance(scene, Scene):
-        raise Error(f"scene is {scene!r:.60}; allowed: a clfur.Scene")
+        raise Error(f"scene is {shown(scene)}; allowed: a clfur.Scene")
 
 
 def grow(scene: Scene, device: Any = None) -> Curves:
@@ -91,7 +91,7 @@ def grow(scene: Scene, device: Any = None) -> Curves:
     gpu = schedulers(device)[0]
     with gpu.frame():
         gpu.forget()   # what frames have left: the plan below has room for strands alone
-        return curves_of(gpu, Plan(Rig.of(scene, Settings(shadows="off", shadow_map=0)), ()))
+        return curves_of(gpu, Plan(Rig.of(scene.local, Settings(shadows="off", shadow_map=0)), ()), scene.origin)
 
 
 def schedulers(device: Any) -> list[Scheduler]:
@@ -99,7 +99,8 @@ def schedulers(device: Any) -> list[Scheduler]:
     several = device if isinstance(device, (list, tuple)) else [device]
     gpus = [one if isinstance(one, Scheduler) else _scheduler(one) for one in several]
     if not gpus or len(set(gpus)) < len(gpus):
-        raise Error(f"device is {device!r:.200}; allowed: a device, or a list of different ones")
+        raise Error(f"device is {shown(device, 200)}; allowed: what means a device, a clfur.Scheduler, or a list of "
+                    "different ones")
     return gpus
 
 

@@ -13,8 +13,11 @@ SHADOWS = ("off", "binary", "count", "trilinear", "length")
 
 
 def _samples(value, where):
-    return value if isinstance(value, int) and value in (1, 4, 16) and value is not True else checks.refuse(
-        where, value, "1, 4 or 16")
+    try:
+        number = checks.whole(1, 16)(value, where)
+    except Error:
+        number = 0
+    return number if number in (1, 4, 16) else checks.refuse(where, value, "1, 4 or 16")
 
 
 def _cells(value, where):
@@ -52,11 +55,11 @@ class Settings:
     pcf: int = checks.field(checks.whole(0, 16), default=1)
     specular: str | None = checks.field(checks.optional(checks.choice("kajiya-kay", "half-vector")), default=None)
     lod: float = checks.field(checks.real(low=0, high=4), default=0.0)
-    filtered: bool = checks.field(checks.instance(bool), default=True)
+    filtered: bool = checks.field(checks.flag, default=True)
     blur: str = checks.field(checks.choice("off", "all", "edges"), default="off")
-    blur_sigma: float = checks.field(checks.real(above=0, high=16), default=1.0)
-    max_error: float | None = checks.field(checks.optional(checks.real(above=0)), default=None)
-    seconds: float | None = checks.field(checks.optional(checks.real(above=0)), default=None)
+    blur_sigma: float = checks.field(checks.positive(high=16), default=1.0)
+    max_error: float | None = checks.field(checks.optional(checks.positive()), default=None)
+    seconds: float | None = checks.field(checks.optional(checks.positive()), default=None)
 
     def __attrs_post_init__(self):
         if self.specular is not None:

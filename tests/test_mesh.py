@@ -222,7 +222,7 @@ def damaged():
         ("cut.glb", glb_bytes[:-30], "cut short"),
         ("short.glb", glb_bytes[:10], "no GLB header"),
         ("huge.glb", glb(big, gltf()[1]), "cut short"),
-        ("many.glb", glb(many, gltf()[1]), "elements"),
+        ("many.glb", glb(many, gltf()[1]), "vertices"),
         ("draco.glb", glb(draco, gltf()[1]), "draco"),
         ("index.glb", glb(index[0], index[1][:-2] + b"\x09\x00"), "index 9"),
         ("nodata.gltf", json.dumps(gltf()[0]), "no data"),

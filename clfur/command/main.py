@@ -6,6 +6,7 @@ import warnings
 import click
 
 from .. import Error
+from . import endings
 from .chart import chart
 from .compare import compare
 from .devices import devices
@@ -34,19 +35,25 @@ def main(arguments=None):
             stream.reconfigure(errors="replace")
     warnings.showwarning = lambda message, *_, **__: print("clfur: warning:", message, file=sys.stderr)
     try:
-        code = clfur.main(arguments, prog_name="clfur", standalone_mode=False)
+        with endings.raised():
+            code = _run(arguments)
+    except endings.Ended:
+        code = endings.say()
+    sys.exit(code or 0)
+
+
+def _run(arguments):
+    """The exit code."""
+    try:
+        return clfur.main(arguments, prog_name="clfur", standalone_mode=False)
     except (click.Abort, KeyboardInterrupt):
-        print("clfur: interrupted", file=sys.stderr)
-        code = 130
+        return endings.say()
     except OSError as error:   # of stdout itself: a full disk, a closed pipe
         print(f"clfur: error: {error.strerror}", file=sys.stderr)
         sys.stdout = None
-        code = 2
     except MemoryError:
         print("clfur: error: out of memory: ask for a smaller picture, fewer samples or fewer strands", file=sys.stderr)
-        code = 2
     except (Error, click.ClickException) as error:
         message = error.format_message() if isinstance(error, click.ClickException) else str(error)
         print("clfur: error:", " ".join(message.split()), file=sys.stderr)
-        code = 2
-    sys.exit(code or 0)
+    return 2

@@ -40,7 +40,7 @@ _SCENE = [
                  help="The camera's place.  [default: where it sees the whole mesh]"),
     click.option("--target", type=Numbers(3), metavar="X,Y,Z",
                  help="What it looks at.  [default: the mesh's centre]"),
-    click.option("--fov", type=click.FloatRange(0, 180, min_open=True, max_open=True), default=45.0, metavar="DEG",
+    click.option("--fov", type=click.FloatRange(1e-3, 179.99), default=45.0, metavar="DEG",
                  help="Vertical field of view."),
     click.option("--light", type=Numbers(3), default="1,-1,-0.6", metavar="X,Y,Z",
                  help="The way the light travels."),
@@ -52,7 +52,10 @@ _STRANDS = [
                  help="Tessellation level of the edges."),
     click.option("--roots", type=Roots(), default="faces", metavar="faces|N",
                  help="One strand on each tessellated triangle, or N strands spread evenly."),
-    click.option("--surface", type=click.Choice(["pn", "flat"]), default="pn", help="Curved or flat faces."),
+    click.option("--rest", metavar="MESH",
+                 help="MESH in rest: the same faces, by whose areas N strands are spread, so that they stay on their "
+                      "faces in every pose."),
+    click.option("--surface", type=click.Choice(["pn "flat"]), default="pn", help="Curved or flat faces."),
     click.option("--width", type=click.FloatRange(0), metavar="W",
                  help="Diameter of a strand in the mesh's units.  [default: 0.0012 of half the mesh's diagonal]"),
     click.option("--type-map", metavar="PICTURE", help="Picture whose colours choose the hair type by uv."),
@@ -103,7 +106,7 @@ _SETTINGS = [
                  help="How wide the blur is."),
 ]
 # Names of the options that only one kind of fur has.
-_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "type_map", "types", "curl", "wave",
+_ONLY = {"strands": ("inner", "outer", "roots", "rest", "surface", "width", "type_map", "types", "curl", "wave",
                      "raster", "lod"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 
@@ -255,6 +258,7 @@ def _strands(options, length, radius):
     return Strands(
         types=[HairType(**hair)] if options["types"] is None else _hair_types(options["types"], hair),
         type_map=None if options["type_map"] is None else load_picture(options["type_map"]),
+        rest=None if options["rest"] is None else load_mesh(options["rest"]),
         **{name: options[name] for name in ("inner", "outer", "roots", "surface", "force", "seed")})
 
 

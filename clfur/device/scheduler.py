@@ -1,6 +1,7 @@
 """Owns the context, queue, programs and buffers; launches kernels and times them; knows no fur."""
 
 import math
+import operator
 import re
 import threading
 import time
@@ -17,7 +18,7 @@ import pyopencl.array as cla
 from pyopencl import tools
 
 from .. import layout
-from ..errors import DeviceError, Error
+from ..errors import DeviceError, Error, shown
 from . import pocl, signature
 from .selection import check_process, choose, describe
 
@@ -46,6 +47,17 @@ def _text(file):
     return "\n".join(lines) + "\n"
 
 
+def _bytes(memory):
+    """What `Scheduler.memory` takes as an int."""
+    try:
+        number = 0 if isinstance(memory, (bool, np.bool_)) else operator.index(memory)
+    except Exception:   # an object's own conversion can raise anything
+        number = 0
+    if number < 1:
+        raise Error(f"Scheduler.memory is {shown(memory)}; allowed: None or a number of bytes >= 1")
+    return int(number)
+
+
 class Scheduler:
     """One OpenCL device made ready: keep it, and programs, buffers and unchanged stages stay warm.
 
@@ -72,9 +84,7 @@ class Scheduler:
             self.largest = self.device.max_mem_alloc_size   # bytes of one array
             self.steps = 65_535 if "llvmpipe" in self.device.name else None   # it ends a work-item's loops, silently
         if memory is not None:
-            if isinstance(memory, bool) or not isinstance(memory, int) or memory < 1:
-                raise Error(f"Scheduler.memory is {memory!r:.60}; allowed: None or a number of bytes")
-            self.memory = min(memory, self.memory)
+            self.memory = min(_bytes(memory), self.memory)
         self.build_seconds = 0.0   # that building programs has taken so far
         self.pace: dict[str, float] = {}             # strands a second by what was done, for those who share work out
         self.peak = 0              # most bytes that arrays have taken at once since `start`

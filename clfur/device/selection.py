@@ -7,7 +7,7 @@ from typing import Any
 import pyopencl as cl
 
 from .. import cache
-from ..errors import Error
+from ..errors import Error, shown
 from . import vendors
 
 _TYPES = {"gpu": cl.device_type.GPU, "cpu": cl.device_type.CPU}
@@ -28,7 +28,9 @@ def choose(device: Any = None) -> cl.Device:
     if isinstance(device, cl.Device):
         return device
     if device is not None and not isinstance(device, str):
-        raise Error(f"device must be text such as 'pocl', or a pyopencl.Device, not {device!r}")
+        raise Error(f"device is {shown(device)}; allowed: None, 'auto', 'cpu', 'gpu', part of a name such as 'pocl', a "
+                    "number behind these as in 'pocl:1', numbers of platform and device as in '1:0', or a "
+                    "pyopencl.Device")
     source, wish = _wish() if device is None else ("", device)
     platforms = _platforms()
     try:
@@ -51,8 +53,10 @@ def pick(text, platforms, failed=()):
         raise Error(f'there is no OpenCL device; pip install "pyopencl[pocl]" brings one for the CPU{hint}')
     matches = _matches(text, platforms, failed)
     if not matches:
+        kinds = [kind for kind in ("cpu", "gpu") if _matches(kind, platforms)]
         there = ", ".join(f"{handle} ({describe(device)})" for handle, device in handles(platforms))
-        raise Error(f"no OpenCL device matches {text!r}; there is {there}")
+        raise Error(f"no OpenCL device matches {shown(text)}; allowed: {', '.join(['auto', *kinds])}, or part of a "
+                    f"name of what is there: {there}")
     return matches[0]
 
 
@@ -197,11 +201,11 @@ def _devices(platform):
 def _matches(text, platforms, failed=()):
     """The devices that ``text`` means, the best first; maybe none."""
     text = text.strip().lower()
-    if numbers := re.fullmatch(r"(\d+)(?::(\d+))?", text):
+    if numbers := re.fullmatch(r"(\d{1,9})(?::(\d{1,9}))?", text):
         platform, device = (int(number or 0) for number in numbers.groups())
         return platforms[platform][device:device + 1] if platform < len(platforms) else []
     name, first = text, 0
-    if numbered := re.fullmatch(r"(.+):(\d+)", text):
+    if numbered := re.fullmatch(r"(.+):(\d{1,9})", text):
         name, first = numbered[1], int(numbered[2])
     devices = sorted((device for platform in platforms for device in platform), key=_rank)   # stable
     if name == "auto":

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from ..color import linear_to_srgb
-from ..errors import Error
+from ..errors import Error, shown
+from ..scene import checks
 from . import output
-from .output import output_path, reason, whole
+from .output import is_path, output_path, reason, whole
 
 __all__ = ["check_writable", "load_picture", "png", "save"]
 
@@ -36,7 +37,10 @@ def save(path: str | os.PathLike, image: np.ndarray | dict[str, np.ndarray]) -> 
     """
     file = output_path(path, WRITERS)
     outputs = image if isinstance(image, dict) else {"color": image}
-    outputs = {name: np.asarray(array) for name, array in outputs.items()}
+    if odd := [name for name in outputs if not isinstance(name, str)]:
+        raise Error(f"save has an output {shown(odd[0])}; allowed: names, such as those that render gives")
+    outputs = {name: checks.numbers(array, f"save {name}", "an array of numbers", "biuf")
+               for name, array in outputs.items()}
     if "color" in outputs:
         color = outputs["color"]
         if color.ndim != 3 or color.shape[2] not in (3, 4) or 0 in color.shape or color.dtype.kind != "f":
@@ -129,8 +133,8 @@ def load_picture(path: str | os.PathLike) -> np.ndarray:
     path: str or path-like, of any format with 8 bits a channel that imageio reads (PNG, JPEG, ...).
     Raises Error, one line that names the file, where it is missing, damaged or has more than 8 bits.
     """
-    if not isinstance(path, (str, os.PathLike)):
-        raise Error(f"load_picture path is {path!r}; allowed: a file's name")
+    if not is_path(path):
+        raise Error(f"load_picture path is {shown(path)}; allowed: a file's name")
     path = Path(path)
     if not os.path.isfile(path):  # pathlib's would raise for names that the system refuses
         problem = "is a folder" if os.path.isdir(path) else "no such file"

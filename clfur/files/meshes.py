@@ -1,18 +1,17 @@
 """Files and built-in models -> Mesh; the only importer of trimesh."""
 
-import base64
 import io
-import json
 import os
 import re
 import struct
-import urllib.parse
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import Error
+from ..errors import Error, shown
 from ..scene import Mesh
+from .gltf import glb, gltf
+from .output import is_path
 from .teapot import teapot
 
 FORMATS = ".obj, .ply, .stl, .off, .glb or .gltf"
@@ -28,8 +27,8 @@ def load_mesh(path: str | os.PathLike) -> Mesh:
     with their transforms applied. Materials and textures are not read. Raises Error, one line that names the
     file, for anything that is missing, damaged, cut short or without faces.
     """
-    if not isinstance(path, (str, os.PathLike)):
-        raise Error(f"load_mesh path is {path!r}; allowed: a file's name, or one of {_names()}")
+    if not is_path(path):
+        raise Error(f"load_mesh path is {shown(path)}; allowed: a file's name, or one of {_names()}")
     if str(path) in BUILT_IN:
         return BUILT_IN[str(path)]()
     path = Path(path)
@@ -259,71 +258,7 @@ def _off(data, path):
     return _by_trimesh(text.encode(), "off", int(words[2]))
 
 
-# --- glTF -----------------------------------------------------------------------------------------------
-
-
-def _glb(data, path):
-    if data[:4] != b"glTF" or len(data) < 20:
-        raise Error("is damaged or cut short: it has no GLB header")
-    version, length, json_length, json_kind = struct.unpack("<4I", data[4:20])
-    if version != 2:
-        raise Error(f"is of GLB version {version}; allowed: 2")
-    if length > len(data) or 20 + json_length > len(data) or json_kind != 0x4E4F534A:
-        raise Error(f"is damaged or cut short: it states {length} bytes but has {len(data)}")
-    rest = data[20 + json_length :]
-    binary = rest[8 : 8 + struct.unpack("<I", rest[:4])[0]] if len(rest) >= 8 else None
-    return _gltf(data[20 : 20 + json_length], path, binary)
-
-
-def _gltf(data, path, binary=None):
-    """Return the fields of the Mesh of a glTF file whose JSON is data and whose GLB chunk is binary.
-
-    The JSON is handed on to trimesh with its buffers inside and without its pictures: so trimesh opens no
-    other file and needs no picture reader, and it keeps uv, which it does only where there is a material.
-    """
-    tree = json.loads(data)
-    compressed = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
-    compressed &= set(tree.get("extensionsRequired", ()))
-    if compressed:
-        raise Error(f"needs the extension {min(compressed)}; allowed: files without compression")
-    for k, buffer in enumerate(tree.get("buffers", ())):
-        content = _gltf_buffer(buffer.get("uri"), path, binary)
-        if buffer["byteLength"] > len(content):
-            raise Error(f"is damaged or cut short: buffer {k} states {buffer['byteLength']} bytes "
-                        f"but has {len(content)}")
-        buffer["uri"] = "data:application/octet-stream;base64," + base64.b64encode(content).decode()
-    asked = sum(accessor["count"] for accessor in tree.get("accessors", ()))
-    if asked > MAX_BYTES // 16:
-        raise Error(f"states {asked} elements; allowed: at most {MAX_BYTES // 16}")
-    for name in ("images", "textures", "samplers", "animations", "skins", "cameras"):
-        tree.pop(name, None)
-    tree["materials"] = [{}]
-    for mesh in tree.get("meshes", ()):
-        triangles = [each for each in mesh["primitives"] if each.get("mode", 4) in (4, 5)]
-        mesh["primitives"] = [{**each, "material": 0} for each in triangles]
-    return _by_trimesh(json.dumps(tree).encode(), "gltf")
-
-
-def _gltf_buffer(uri, path, binary):
-    """Return the bytes of a buffer: the GLB chunk, a data uri, or a file in the same folder or below."""
-    if uri is None:
-        if binary is None:
-            raise Error("is damaged or cut short: a buffer has no data")
-        return binary
-    if uri.startswith("data:"):
-        return base64.b64decode(uri.partition(",")[2])
-    name = Path(urllib.parse.unquote(uri))
-    if name.is_absolute() or ".." in name.parts or re.match(r"\w+:", uri):
-        raise Error(f"has a buffer in {uri[:60]!r}; allowed: files in its own folder")
-    file = path.parent / name
-    if not os.path.isfile(file):
-        raise Error(f"has a buffer in {uri[:60]!r}, which does not exist")
-    if file.stat().st_size > MAX_BYTES:
-        raise Error(f"has a buffer of {file.stat().st_size} bytes; allowed: at most {MAX_BYTES}")
-    return file.read_bytes()
-
-
-READERS = {".obj": _obj, ".ply": _ply, ".stl": _stl, ".off": _off, ".glb": _glb, ".gltf": _gltf}
+READERS = {".obj": _obj, ".ply": _ply, ".stl": _stl, ".off": _off, ".glb": glb, ".gltf": gltf}
 
 
 # --- built-in models ------------------------------------------------------------------------------------

@@ -1,7 +1,9 @@
 """The same frames on many devices: seconds, memory and the pictures' differences, each device in its own process."""
 
+import contextlib
 import re
 import statistics
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -59,8 +61,8 @@ class Row:
     frames: seconds of each warm frame, everything done anew.  frame: their spread.  stages: {name: `Spread` of seconds
     on the device}, None also where the driver's times cannot be true.  first: seconds from making the scheduler to the
     first picture, without any cache on disk; build: of these, building programs.  memory: most bytes that arrays took
-    on the device.  resident: most bytes that the process held in memory.  strands_per_second: by the median frame.
-    difference: `Difference`.  picture: float32 [h, w, 4].
+    on the device.  resident: most bytes that the process held in memory, None where the system does not tell.
+    strands_per_second: by the median frame.  difference: `Difference`.  picture: float32 [h, w, 4].
     """
 
     device: str
@@ -189,12 +191,23 @@ def _measure(device, scene, settings, repeat):
         gpu.forget()
         frames.append(draw(scene, gpu, settings))
         send("a frame")
-    # Not getrusage's ru_maxrss: that starts with what the parent held when it made this process.
-    resident = 1024 * int(re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())[1])
     return {"drawn": (known.triangles, known.strands, known.segments), "hashes": known.hashes,
-            "picture": frames[-1].images["color"], "first": first, "build": build, "resident": resident,
+            "picture": frames[-1].images["color"], "first": first, "build": build, "resident": peak_memory(),
             "frames": [f.seconds for f in frames], "stages": [f.stages for f in frames],
             "memory": max(f.memory for f in frames)}
+
+
+def peak_memory():
+    """Most bytes that this process has held in memory so far, or None where nobody tells."""
+    with contextlib.suppress(OSError, TypeError):   # no /proc, or one without this line
+        return 1024 * int(re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())[1])
+    try:
+        import resource
+    except ImportError:   # Windows
+        return None
+    # Not on Linux: there it starts with what the parent held when it made this process.
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most if sys.platform == "darwin" else 1024 * most
 
 
 def _row(row, measured, reference):

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,25 +51,39 @@ def isolated(function, *arguments, seconds, receive=None, environment=None):
                 [sys.executable, "-c", "import sys; sys.path[:0] = sys.argv[2:]; "
                  "from clfur.judge.isolated import _serve; _serve(sys.argv[1])",
                  folder, str(Path(__file__).parents[2])],
-                stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr, start_new_session=True,
+                stdin=subprocess.PIPE, stdout=stderr, stderr=stderr, start_new_session=True,
                 env={**os.environ, **(environment or {})})
         try:
             value, status = _listen(child, answers, seconds, receive)
         finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(child.pid, signal.SIGKILL)
-            child.wait()
+            _end(child)
         if status == "hang":
             return Outcome("hang", None, f"no answer in {seconds:g} s")
         if status == "ok":
             return Outcome("ok", value)
         if status == "error":
             return Outcome("error", None, value)
-        last = errors.read_text(errors="replace").split("\n")
+        last = errors.read_text(encoding="utf-8", errors="replace").split("\n")
         said = next((" ".join(line.split()) for line in reversed(last) if line.strip()), "")
-        code = child.returncode
-        died = f"died of {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
-        return Outcome("crash", None, f"the process {died}" + (f": {said}" if said else ""))
+        return Outcome("crash", None, f"the process {_death(child.returncode)}" + (f": {said}" if said else ""))
+
+
+def _end(child):
+    """End the child and what it started; Windows has no groups of processes, and there it ends alone."""
+    if hasattr(os, "killpg"):
+        with contextlib.suppress(ProcessLookupError, PermissionError):   # gone; gone, as macOS says it
+            os.killpg(child.pid, signal.SIGKILL)
+    else:
+        child.kill()
+    child.wait()
+    child.stdin.close()
+
+
+def _death(code):
+    """How a process ended, by its exit code: a signal's is negative, and an exception's of Windows is large."""
+    if code < 0:
+        return f"died of {signal.Signals(-code).name}"
+    return f"ended with code {code}" if code < 1 << 16 else f"ended with code 0x{code:08x}"
 
 
 def _listen(child, answers, seconds, receive):
@@ -109,9 +124,18 @@ def _send(kind, value):
         _stream.flush()
 
 
+def _end_with_parent():
+    """End this process and what it started once the parent's end of stdin is closed, however the parent ended."""
+    sys.stdin.buffer.read(1)
+    if hasattr(os, "killpg") and os.getpgrp() == os.getpid():
+        os.killpg(os.getpid(), signal.SIGKILL)
+    os._exit(1)
+
+
 def _serve(folder):
     """Do the call that lies in a folder."""
     global _stream
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     function, arguments, path = pickle.loads(Path(folder, "call").read_bytes())
     sys.path[:] = path
     _stream = Path(folder, "answers").open("ab")   # noqa: SIM115, open to the end

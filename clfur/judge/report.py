@@ -72,8 +72,8 @@ def spread(seconds):
 
 
 def mebibytes(size):
-    """Text of a number of bytes, in MiB."""
-    return f"{size / 2**20:,.0f}"
+    """Text of a number of bytes, in MiB; "–" for None."""
+    return "–" if size is None else f"{size / 2**20:,.0f}"
 
 
 def chart(width, height, **options):

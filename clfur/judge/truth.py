@@ -18,7 +18,7 @@ from ..twin import scatter, shade, strands
 from ..twin.vectors import dot, unit
 from .rays import Eye, Fibres, Triangles, frame_along
 
-VERSION = 1              # of what `picture` gives, strands and bodies included: another makes the cache anew
+VERSION = 2              # of what `picture` gives, strands and bodies included: another makes the cache anew
 RAYS = 1 << 18           # of the picture at a time
 
 
@@ -37,6 +37,7 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     if scene.shells is not None:
         raise Error("Scene.fur has Shells; allowed: Strands or Curves, since the truth knows strands and bodies only")
     samples = checks.whole(1, 64)(samples, "samples")
+    scene = scene.local
     hair, body = _geometry(scene)
     eye, to_place, near = _camera(scene)
     width, height = scene.camera.size

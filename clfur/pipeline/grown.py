@@ -4,13 +4,16 @@ from typing import Any
 
 import numpy as np
 
-from ..scene import Curves, bounds_of
+from ..scene import Curves, bounds_of, seen_from
 from . import build
 from .plan import Plan
 
 
-def curves_of(gpu: Any, plan: Plan) -> Curves:
-    """The strands of a plan's scene as `Curves` on the host, which draw the same picture."""
+def curves_of(gpu: Any, plan: Plan, origin: np.ndarray) -> Curves:
+    """The strands of a plan's scene as `Curves` on the host, which draw the same picture.
+
+    ``origin``: [3] what the plan's scene is relative to.
+    """
     scene, fur = plan.scene, plan.scene.strands
     found = [_read(gpu, build.hair(gpu, plan, part, 0)) for part in plan.parts(gpu) if part.hairy]
     counts, points, colors, root_uv, normals = (np.concatenate(each) for each in zip(*found)) if found else (
@@ -21,7 +24,7 @@ def curves_of(gpu: Any, plan: Plan) -> Curves:
         points=points[:, :3], counts=counts, width=width[:, None], color=colors[:, None, :3], types=fur.types,
         type_of=root_uv[:, 2].astype(np.uint8), root_uv=root_uv[:, :2], root_normal=normals[:, :3],
         inner=fur.inner, outer=fur.outer, surface=fur.surface, seed=fur.seed,
-        bounds=bounds_of(scene.mesh, scene.fur, plan.strands))
+        origin=origin, bounds=seen_from(bounds_of(scene.mesh, scene.fur, plan.strands), -origin))
 
 
 def _read(gpu, hair):

@@ -11,11 +11,12 @@ from .curves import Bounds, Curves
 from .light import Light
 from .look import Kajiya, highlighted
 from .mesh import Mesh
+from .origin import seen_from
 from .scene import Scene, frame
 from .shells import Shells
 from .strands import HairType, PointForce, Strands
 
 __all__ = [
     "Bounds", "Camera", "Curves", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Shells", "Strands",
-    "bounds_of", "extent", "frame", "fur_extent", "hair_bounds", "highlighted",
+    "bounds_of", "extent", "frame", "fur_extent", "hair_bounds", "highlighted", "seen_from",
 ]

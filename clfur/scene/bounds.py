@@ -5,8 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from .checks import is_on_device
 from .curves import Bounds, Curves
 from .mesh import Mesh, box, sphere
+from .origin import ZERO, seen_from
 from .shells import Shells
 from .strands import Strands
 
@@ -18,8 +20,23 @@ def strands_and_shells(fur):
             next((part for part in parts if isinstance(part, Shells)), None))
 
 
+def origin_of(mesh: Mesh | None, fur: Any) -> np.ndarray:
+    """Return the place, float64 [3], that they are drawn relative to: the mesh's origin, or the Curves'."""
+    strands, _ = strands_and_shells(fur)
+    if isinstance(strands, Curves) and (mesh is None or is_on_device(strands.points)):
+        return strands.origin
+    return ZERO if mesh is None else mesh.origin
+
+
+def local(mesh: Mesh | None, fur: Any) -> tuple:
+    """Return (`origin_of` a mesh and its fur, both seen from there)."""
+    there = origin_of(mesh, fur)
+    apart = any(part.origin.any() for part in (mesh, strands_and_shells(fur)[0]) if isinstance(part, (Mesh, Curves)))
+    return (there, seen_from(mesh, there), seen_from(fur, there)) if apart or there.any() else (there, mesh, fur)
+
+
 def points_to_see(mesh, fur):
-    """Return arrays [n, 3] of points whose hull, grown by `fur_extent`, holds all that is drawn."""
+    """Return arrays [n, 3] of points whose hull, grown by `fur_extent`, holds all that `local` gave."""
     strands, _ = strands_and_shells(fur)   # shells grow on the mesh
     curved = strands is not None and strands.surface == "pn"
     points = [mesh.hull if curved else mesh.positions] if mesh is not None else []
@@ -29,6 +46,10 @@ def points_to_see(mesh, fur):
 @functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
 def extent(mesh: Mesh | None, fur: Any) -> tuple[np.ndarray, float]:
     """Return a sphere (centre float64 [3], radius float) around a mesh and all that its fur can fill."""
+    there, mesh, fur = local(mesh, fur)
+    if there.any():
+        center, radius = extent(mesh, fur)
+        return center + there, radius
     strands, shells = strands_and_shells(fur)
     if isinstance(strands, Curves) and strands.bounds:
         center, radius = strands.bounds.center, strands.bounds.radius

@@ -10,21 +10,40 @@ import numpy as np
 from ..errors import Error
 from . import checks
 
+FOV = checks.real(low=1e-3, high=179.99)   # degrees: with any size, focal lengths are FOCAL to checks.LARGEST
+FOCAL = 1e-5       # pixels that a focal length must have at least
+FURTHEST = 1e6     # pixels from the picture to where the axis of the view meets its plane, at most
+
 
 def size_of(value, where):
     allowed = "(width, height), whole numbers from 1 to 16384"
     try:
         width, height = value
-    except (TypeError, ValueError):
+    except Exception:   # an object's own methods can raise anything
         checks.refuse(where, value, allowed)
     return checks.whole(1, 16384)(width, where), checks.whole(1, 16384)(height, where)
+
+
+def _matrix(n):
+    """Return a converter to an array float64 [n, n] of finite numbers."""
+    allowed = f"an array [{n}, {n}] of finite numbers >= {-checks.LARGEST:g}, <= {checks.LARGEST:g}"
+
+    def convert(value, where):
+        array = checks.numbers(value, where, allowed)
+        with np.errstate(over="ignore"):   # of long doubles
+            array = np.array(array, np.float64)
+        if array.shape != (n, n) or not (np.abs(array) <= checks.LARGEST).all():
+            checks.refuse(where, value, allowed)
+        return array
+
+    return convert
 
 
 @attrs.frozen(eq=False)
 class Camera:
     """A pinhole camera at `eye` that looks at `target`.
 
-    eye, target, up: [3]; up may not be parallel to the view. fov: vertical, degrees, 0 < fov < 180.
+    eye, target, up: [3]; up may not be parallel to the view. fov: vertical, degrees, 0.001 to 179.99.
     size: (width, height) in pixels, 1..16384 each. Raises Error for anything else.
 
     Every camera has `pose`, float64 [4, 4] camera to world (the camera looks along its -Z, +Y is up,
@@ -35,7 +54,7 @@ class Camera:
     eye: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.4, 3.2))
     target: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))
     up: checks.Given = checks.field(checks.vector(3), default=(0.0, 1.0, 0.0))
-    fov: float = checks.field(checks.real(above=0, below=180), default=45.0)
+    fov: float = checks.field(FOV, default=45.0)
     size: checks.Given = checks.field(size_of, default=(640, 480))
     pose: np.ndarray = attrs.field(init=False, repr=False)
     intrinsics: np.ndarray = attrs.field(init=False, repr=False)
@@ -67,18 +86,12 @@ class Camera:
         second and third columns of its pose). intrinsics: [[fx, s, cx], [0, fy, cy], [0, 0, 1]] in pixels; a
         point (x, y, -d) before the camera is seen at column (fx x - s y)/d + cx and row cy - fy y/d. The
         origin is the top-left corner of the top-left pixel, whose centre is at (0.5, 0.5); OpenCV puts it
-        in that pixel's centre, so its cx and cy are 0.5 less: add 0.5 to both. size: (width, height).
+        in that pixel's centre, so its cx and cy are 0.5 less: add 0.5 to both. fx and fy are 1e-5 to 1e9, s is
+        -fx to fx, cx and cy are -1e6 to 1e6: float32 cannot tell pixels beyond. size: (width, height).
         Raises Error where the pose is no rigid motion (tolerance 1e-4) or the matrix has not this form.
         """
 
-        def matrix(value, n, where):
-            allowed = f"an array [{n}, {n}] of finite numbers"
-            array = checks.numbers(value, where, allowed)
-            if array.shape != (n, n) or not (np.abs(array.astype(np.float64)) <= checks.LARGEST).all():
-                checks.refuse(where, value, allowed)
-            return array.astype(np.float64)
-
-        pose = matrix(pose, 4, "Camera.calibrated pose")
+        pose = checks.safely(_matrix(4), pose, "Camera.calibrated pose")
         if (pose[3] != (0, 0, 0, 1)).any():
             checks.refuse("Camera.calibrated pose[3]", pose[3].tolist(), "[0, 0, 0, 1]")
         rotation = pose[:3, :3]
@@ -89,10 +102,13 @@ class Camera:
                         "allowed: an error of 1e-4, determinant 1")
         u, _, v = np.linalg.svd(rotation)
         pose[:3, :3] = u @ v  # the nearest rotation, so that its transpose is its inverse
-        k = matrix(intrinsics, 3, "Camera.calibrated intrinsics")
-        if k[0, 0] <= 0 or k[1, 1] <= 0 or k[1, 0] != 0 or (k[2] != (0, 0, 1)).any():
+        k = checks.safely(_matrix(3), intrinsics, "Camera.calibrated intrinsics")
+        (fx, s, cx), (zero, fy, cy), last = k
+        if zero != 0 or (last != (0, 0, 1)).any() or min(fx, fy) < FOCAL or (
+                abs(s) > fx or max(abs(cx), abs(cy)) > FURTHEST):
             checks.refuse("Camera.calibrated intrinsics", k.tolist(),
-                    "[[fx, s, cx], [0, fy, cy], [0, 0, 1]] with fx > 0 and fy > 0")
+                          f"[[fx, s, cx], [0, fy, cy], [0, 0, 1]] with fx > 0 and fy > 0, both from {FOCAL:g} to "
+                          f"{checks.LARGEST:g}, s from -fx to fx, cx and cy from {-FURTHEST:g} to {FURTHEST:g}")
         camera = object.__new__(cls)  # eye, target, up and fov stay None: the matrices say more than they can
         fields = {"eye": None, "target": None, "up": None, "fov": None, "size": size_of(size, "Camera.size"),
                   "pose": checks.frozen(pose), "intrinsics": checks.frozen(k)}

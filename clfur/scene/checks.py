@@ -10,39 +10,53 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..errors import Error
+from ..color import linear_of
+from ..errors import Error, shown
 
 Given = Any   # type of a field that takes more than it holds: a list becomes an array or a tuple, read-only
 LARGEST = 1e9   # of single numbers: their squares' squares must stay finite on the device
-
-
-def shown(value):
-    """Return `value` as a short text on one line."""
-    if isinstance(value, np.ndarray) and value.ndim and value.size > 4:
-        return f"an array of {value.dtype} {list(value.shape)}"
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 80 else text[:77] + "..."
+SMALLEST = 1 / LARGEST   # of those that must be above 0: what is divided by them must, too
 
 
 def refuse(where, value, allowed):
     raise Error(f"{where} is {shown(value)}; allowed: {allowed}")
 
 
+def safely(convert, value, where):
+    """Return `convert(value, where)`; what the value's own methods raise becomes an Error."""
+    try:
+        return convert(value, where)
+    except Error:
+        raise
+    except Exception as error:
+        raise Error(f"{where} is {shown(value)}, which raises {type(error).__name__} when it is read; "
+                    "allowed: what can be read") from error
+
+
 def field(convert, **options):
     """Return the attrs field that holds `convert(value, where)`, where `where` is "Class.field"."""
 
     def converter(value, instance, field):
-        return convert(value, f"{type(instance).__name__}.{field.alias}")
+        return safely(convert, value, f"{type(instance).__name__}.{field.alias}")
 
     return attrs.field(converter=attrs.Converter(converter, takes_self=True, takes_field=True), **options)
+
+
+def _one(value):
+    """Return the number that an array without axes holds, None for other arrays and masked ones; else the value."""
+    if not isinstance(value, np.ndarray):
+        return value
+    return None if value.ndim or np.ma.is_masked(value) else value[()]
 
 
 def _float(value):
     """Return a number as a float, and NaN for what is none; NumPy would take times, and half of a complex number."""
     try:
-        odd = isinstance(value, (bool, np.bool_, str, bytes, np.complexfloating, np.timedelta64))
-        return math.nan if odd else float(value)
-    except (TypeError, ValueError, OverflowError):
+        value = _one(value)
+        odd = isinstance(value, (bool, np.bool_, str, bytes, np.complexfloating, np.timedelta64, np.datetime64))
+        a_number = hasattr(type(value), "__float__") or hasattr(type(value), "__index__")
+        return float(value) if a_number and not odd else math.nan
+    except Exception:   # an object's own conversion can raise anything
         return math.nan
 
 
@@ -52,7 +66,11 @@ def real(low=-math.inf, high=math.inf, above=None, below=None):
     words += [f"<= {high:g}"] if high < math.inf else []
     words += [f"> {above:g}"] if above is not None else []
     words += [f"< {below:g}"] if below is not None else []
-    allowed = " and ".join(["a finite number" + (" " if words else "") + ", ".join(words)])
+    if low == -math.inf and above is None:
+        words.append(f">= {-LARGEST:g}")
+    if high == math.inf and below is None:
+        words.append(f"<= {LARGEST:g}")
+    allowed = "a finite number " + ", ".join(words)
 
     def convert(value, where):
         number = _float(value)
@@ -63,27 +81,40 @@ def real(low=-math.inf, high=math.inf, above=None, below=None):
     return convert
 
 
+def positive(high=LARGEST):
+    """Return a converter to a float above 0 that float32 can hold and divide by: from SMALLEST to high."""
+    return real(low=SMALLEST, high=high)
+
+
 def whole(low, high):
     """Return a converter to an int from low to high."""
 
     def convert(value, where):
         allowed = f"a whole number from {low} to {high}"
         try:
-            number = operator.index(value)
-        except TypeError:
+            number = operator.index(_one(value))
+            odd = isinstance(value, bool) or isinstance(_one(value), np.bool_)
+        except Exception:   # an object's own conversion can raise anything
             refuse(where, value, allowed)
-        if isinstance(value, (bool, np.bool_)) or not low <= number <= high:
+        if odd or not low <= number <= high:
             refuse(where, value, allowed)
-        return number
+        return int(number)
 
     return convert
+
+
+def flag(value, where):
+    """Return a bool of Python's, of Python's or of NumPy's."""
+    if isinstance(one := _one(value), (bool, np.bool_)):
+        return bool(one)
+    return refuse(where, value, "True or False")
 
 
 def choice(*names):
     def convert(value, where):
         if not isinstance(value, str) or value not in names:
             refuse(where, value, " or ".join(repr(name) for name in names))
-        return value
+        return names[names.index(value)]   # a plain str, whatever kind of str was given
 
     return convert
 
@@ -114,13 +145,33 @@ def tuple_of(kind):
 
 def numbers(value, where, allowed, kinds="iuf"):
     """Return `value` as an array of numbers (kinds: the dtype kinds allowed); not yet a copy."""
+    if isinstance(value, (bytes, bytearray)):   # NumPy would take the second for numbers
+        refuse(where, value, allowed)
+    if _is_masked(value):
+        raise Error(f"{where} is {shown(value)} with masked values; allowed: {allowed}, without a mask")
     try:
         array = np.asarray(value)
-    except (ValueError, TypeError):
+        if array.dtype.kind == "O" and "f" in kinds:   # Python's other numbers: fractions, decimals, large integers
+            array = np.array([_float(each) for each in array.flat], np.float64).reshape(array.shape)
+            if np.isnan(array).any():
+                refuse(where, value, allowed)
+    except Error:
+        raise
+    except Exception:   # an object's own conversion can raise anything
         refuse(where, value, allowed)
-    if array.dtype.kind not in kinds and array.size:
-        refuse(where, value, allowed)
+    if array.dtype.kind not in kinds:
+        if array.size:
+            refuse(where, value, allowed)
+        return np.zeros(array.shape, float if "f" in kinds else int)
     return array
+
+
+def _is_masked(value):
+    """Whether a masked array, or one in a list, hides some of its values, which NumPy would show again."""
+    if isinstance(value, np.ma.MaskedArray):
+        return np.ma.is_masked(value)
+    return isinstance(value, (list, tuple)) and any(
+        _is_masked(each) for each in value if isinstance(each, (list, tuple, np.ma.MaskedArray)))
 
 
 def is_on_device(value):
@@ -145,26 +196,32 @@ def frozen(array):
     return array
 
 
-def float32(array, where):
-    """Return a read-only contiguous float32 copy of a number array; Error names the first bad element."""
+def float32(array, where, most=None):
+    """Return a read-only contiguous float32 copy of a number array; Error names the first bad element.
+
+    most: how large numbers may be, LARGEST or what float32 can hold if None.
+    """
     with np.errstate(over="ignore"):
         copy = np.array(array, dtype=np.float32, order="C")
-    if not np.isfinite(copy).all():
-        index = np.unravel_index(np.argmin(np.isfinite(copy)), copy.shape)
+    good = np.isfinite(copy) if most is None else np.abs(copy) <= np.float32(most)
+    if not good.all():
+        index = np.unravel_index(np.argmin(good), copy.shape)
         at = ", ".join(str(i) for i in index)
-        raise Error(f"{where}[{at}] is {array[index]}; allowed: finite numbers that float32 can hold")
+        allowed = "that float32 can hold" if most is None else f"from {-most:g} to {most:g}"
+        raise Error(f"{where}[{at}] is {array[index]}; allowed: finite numbers {allowed}")
     return frozen(copy)
 
 
 def vector(length, low=-math.inf):
     """Return a converter to a read-only float64 array [length] of finite numbers >= low."""
-    allowed = f"{length} finite numbers" + (f" >= {low:g}" if low > -math.inf else "")
+    allowed = f"{length} finite numbers >= {max(low, -LARGEST):g}, <= {LARGEST:g}"
 
     def convert(value, where):
         array = numbers(value, where, allowed)
         if array.shape != (length,):
             refuse(where, value, allowed)
-        array = array.astype(np.float64)
+        with np.errstate(over="ignore"):   # of long doubles
+            array = array.astype(np.float64)
         if not (np.abs(array) <= LARGEST).all() or (array < low).any():
             refuse(where, value, allowed)
         return frozen(array)
@@ -172,7 +229,10 @@ def vector(length, low=-math.inf):
     return convert
 
 
-color = vector(3, low=0)
+def color(value, where):
+    """Return linear light, read-only float64 [3] >= 0, of a colour as `clfur.color.linear_of` has it."""
+    array = numbers(value, where, f"3 finite numbers >= 0, <= {LARGEST:g}")
+    return vector(3, low=0)(linear_of(array), where)
 
 
 def total(value, where):

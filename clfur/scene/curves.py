@@ -5,9 +5,11 @@ import functools
 import attrs
 import numpy as np
 
+from ..color import linear_of
 from ..errors import Error
 from . import checks
 from .look import Looking
+from .origin import ZERO, copied, near_origin, origin
 from .strands import HairType, levels
 
 PLACED = "points", "width", "color", "root_uv", "root_normal"   # arrays that may be on a device
@@ -18,7 +20,7 @@ def _points(value, where):
     array = checks.placed(value, where, allowed)
     if array.ndim not in (2, 3) or array.shape[-1] != 3:
         checks.refuse(where, value, allowed)
-    return array if checks.is_on_device(array) else checks.float32(array, where)
+    return array
 
 
 def _counts(value, where):
@@ -39,6 +41,12 @@ def _values(value, where):
     return checks.placed(value, where, "numbers >= 0")
 
 
+def _colors(value, where):
+    """As `_values`; on a device it is float32, linear light."""
+    values = _values(value, where)
+    return values if checks.is_on_device(values) else linear_of(values)
+
+
 def _of_roots(columns):
     """Return a converter to float32 [strands, columns], or an array of this shape on a device."""
     allowed = f"None or an array [strands, {columns}] of numbers"
@@ -47,7 +55,7 @@ def _of_roots(columns):
         array = checks.placed(value, where, allowed)
         if array.ndim != 2 or array.shape[1] != columns:
             checks.refuse(where, value, allowed)
-        return array if checks.is_on_device(array) else checks.float32(array, where)
+        return array if checks.is_on_device(array) else checks.float32(array, where, checks.LARGEST)
 
     return convert
 
@@ -82,13 +90,15 @@ class Curves(Looking):
 
     points: [strands, points, 3], or [total, 3] with counts [strands] when strands differ in length; the root
     comes first. width: diameter in world units >= 0: one, [strands] or [strands, 1], or one for each point ([total], or
-    [strands, points]). color: linear RGB >= 0, shaped like width with [..., 3]. No strands at all are allowed.
+    [strands, points]). color: RGB >= 0, shaped like width with [..., 3]: arrays of uint8 or uint16 are sRGB, all other
+    numbers linear light. No strands at all are allowed.
     types: what strands look like and how much light they let through: HairType objects, up to 256; their color and
     width hold where color and width are not given; nothing that makes hair grow is used, nor variation, nor textures.
     Or None, and look (a Kajiya; or specular and exponent, to make one) and alpha (0..1, how much light one hair lets
     through) say it for all. type_of: [strands] which of types each is of, needed where there are several. root_uv:
     [strands, 2], for the output "uv". root_normal: [strands, 3] unit normals of the mesh at the roots, by which its
-    shadow does not fall on hair that lies on it. inner, outer, surface: how the mesh under them is tessellated, as in
+    shadow does not fall on hair that lies on it. origin: [3] what points are relative to, 0 if not given. inner, outer,
+    surface: how the mesh under them is tessellated, as in
     Strands. seed: by which `Settings.lod` chooses strands. bounds: what they cannot exceed, or None to measure it.
 
     points, width, color, root_uv and root_normal may be float32 arrays on an OpenCL device (pyopencl.array.Array),
@@ -96,7 +106,8 @@ class Curves(Looking):
     bounds they are read back once. Do not change them in place: what is made of the same Curves is kept. Make new
     Curves of the changed array.
 
-    As stored: `points` float32 [total, 3], `counts` uint32 [strands], `uniform` the points per strand where
+    As stored: `points` float32 [total, 3], relative to `origin` float64 [3], as in Mesh (on a device the origin is as
+    given), `counts` uint32 [strands], `uniform` the points per strand where
     all have the same, else None, `width` float32 [1], [strands] or [total], `color` float32 [1, 3],
     [strands, 3] or [total, 3]. Raises Error for other shapes and values, and for a width or colour
     that could be meant per strand or per point.
@@ -105,7 +116,7 @@ class Curves(Looking):
     points: checks.Given = checks.field(_points)
     counts: checks.Given = checks.field(checks.optional(_counts), default=None)
     width: checks.Given = checks.field(checks.optional(_values), default=None)
-    color: checks.Given = checks.field(checks.optional(_values), default=None)
+    color: checks.Given = checks.field(checks.optional(_colors), default=None)
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5, kw_only=True)
     types: checks.Given = checks.field(checks.optional(checks.tuple_of(HairType)), default=None, kw_only=True)
     type_of: checks.Given = checks.field(checks.optional(_type_of), default=None, kw_only=True)
@@ -116,11 +127,14 @@ class Curves(Looking):
     surface: str = checks.field(checks.choice("pn", "flat"), default="flat", kw_only=True)
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0, kw_only=True)
     bounds: Bounds | None = checks.field(checks.instance(Bounds, none=True), default=None, kw_only=True)
+    origin: checks.Given = checks.field(origin, default=ZERO, kw_only=True)
     uniform: int | None = attrs.field(init=False)
 
     def __attrs_post_init__(self):
         super().__attrs_post_init__()
-        points, counts = self.points, self.counts
+        points, counts, place = self.points, self.counts, self.origin
+        if not checks.is_on_device(points):
+            points, place = near_origin(points, place, "Curves.points")
         if points.ndim == 3:
             if counts is not None:
                 checks.refuse("Curves.counts", counts, "None when points is [strands, points, 3]")
@@ -137,6 +151,7 @@ class Curves(Looking):
         sizes = len(counts), len(points), uniform
         for name, value in [
             ("points", points),
+            ("origin", place),
             ("counts", counts),
             ("uniform", uniform),
             ("width", _spread(self._given("width"), (), *sizes, "Curves.width")),
@@ -178,7 +193,11 @@ class Curves(Looking):
     def on_host(self) -> "Curves":
         """The same Curves with no array on a device."""
         there = {name: getattr(self, name) for name in PLACED if checks.is_on_device(getattr(self, name))}
-        return attrs.evolve(self, **{name: array.get() for name, array in there.items()}) if there else self
+        if not there:
+            return self
+        host = attrs.evolve(self, **{name: array.get() for name, array in there.items()})
+        places = checks.frozen(self.points.get()) if "points" in there else self.points
+        return copied(host, points=places, origin=self.origin)
 
 
 def _spread(values, tail, strands, total, uniform, where):
@@ -199,7 +218,7 @@ def _spread(values, tail, strands, total, uniform, where):
                     f"as many points as strands; allowed: one for all, or {[strands, 1, *tail]} per strand")
     if on_device:
         return values.reshape(values.size // int(np.prod(tail, dtype=int)), *tail)
-    values = checks.float32(values, where).reshape(-1, *tail)
+    values = checks.float32(values, where, checks.LARGEST).reshape(-1, *tail)
     if unclear and len(values) == strands:
         values = values.view(_OfStrands)
     if (values < 0).any():

@@ -9,7 +9,8 @@ from . import checks
 class Light:
     """A distant light, or a spot light where it has a position: `direction` [3] is the way the light travels.
 
-    direction is stored at unit length. color: linear RGB >= 0. ambient: white light from everywhere, >= 0.
+    direction is stored at unit length. color: linear RGB >= 0 (arrays of uint8 or uint16 are sRGB). ambient: white
+    light from everywhere, >= 0.
     position: [3] of a spot, or None. angle: a spot's whole cone, degrees; its light does not fall off with distance.
     Raises Error otherwise.
     """

@@ -19,7 +19,7 @@ class Kajiya:
     """
 
     specular: float = checks.field(checks.real(low=0), default=0.3)
-    exponent: float = checks.field(checks.real(above=0), default=150.0)
+    exponent: float = checks.field(checks.positive(), default=150.0)
     highlight: str = checks.field(checks.choice("kajiya-kay", "half-vector"), default="kajiya-kay")
 
     @property
@@ -42,7 +42,7 @@ class Looking:
 
     _look: Kajiya = checks.field(checks.optional(checks.instance(*LOOKS)), default=None, kw_only=True)
     _specular: float = checks.field(checks.optional(checks.real(low=0)), default=None, kw_only=True)
-    _exponent: float = checks.field(checks.optional(checks.real(above=0)), default=None, kw_only=True)
+    _exponent: float = checks.field(checks.optional(checks.positive()), default=None, kw_only=True)
 
     def __attrs_post_init__(self):
         for name in ("specular", "exponent"):

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..errors import Error
 from . import checks
+from .origin import ZERO, near_origin, origin
 
 
 def _uv_array(value, where):
@@ -44,9 +45,12 @@ class Mesh:
     uv: None, [V, 2] per vertex or [F, 3, 2] per corner; (0, 0) is the lower left corner of a picture (as in
     OBJ files), and pictures repeat outside 0..1.
     faces: [F, 3] whole numbers 0 to V-1, counter-clockwise seen from outside. Required.
+    origin: [3] what positions are relative to, 0 if not given.
 
     As stored: `positions` float32 [P, 3] holds each position once (files split vertices where uv or normals
-    jump, and fur would part there), in the order given, without those that no face uses. `normals`
+    jump, and fur would part there), in the order given, without those that no face uses. They are relative to
+    `origin` float64 [3], which is as given where positions are near it (64 sizes of the mesh), else a place among
+    them: a mesh far away keeps its shape. positions + origin are in the world, and so is all else but `hull`. `normals`
     float32 [P, 3] are unit: the mean of the given ones at that position, or of the faces' weighted by area.
     `uv` float32 [F', 3, 2] is kept by corner (zeros where none was given: see `has_uv`), `faces` is
     uint32 [F', 3]. Faces without area and faces at a point where all normals cancel are left out;
@@ -59,13 +63,15 @@ class Mesh:
     normals: checks.Given = checks.field(checks.optional(checks.rows(3)), default=None)
     uv: checks.Given = checks.field(_uv_array, default=None)
     faces: checks.Given = checks.field(checks.rows(3, kinds="iu"), default=None)
+    origin: checks.Given = checks.field(origin, default=ZERO, kw_only=True)
     has_uv: bool = attrs.field(init=False)
     degenerate_faces: int = attrs.field(init=False)
     zero_normal_faces: int = attrs.field(init=False)
     kept_faces: np.ndarray = attrs.field(init=False, repr=False)
 
     def __attrs_post_init__(self):
-        given = checks.float32(self.positions, "Mesh.positions") + np.float32(0)  # + 0 turns -0.0 into 0.0
+        given, origin = near_origin(self.positions, self.origin, "Mesh.positions")
+        given = given + np.float32(0)  # turns -0.0 into 0.0
         faces = self.faces.astype(np.int64)
         corner_uv = self._check(given, self.faces)
 
@@ -92,6 +98,7 @@ class Mesh:
         uv = np.zeros((len(keep), 3, 2), np.float32) if corner_uv is None else corner_uv[keep]
         self._store(
             positions=checks.frozen(given[used]),
+            origin=origin,
             normals=checks.frozen(normals[used].astype(np.float32)),
             uv=checks.frozen(uv),
             faces=checks.frozen(stored_faces.reshape(-1, 3).astype(np.uint32)),
@@ -151,7 +158,8 @@ class Mesh:
 
     @functools.cached_property
     def hull(self) -> np.ndarray:
-        """Points whose convex hull holds the curved (PN) surface, float64 [n, 3] (Vlachos et al. 2001)."""
+        """Points whose convex hull holds the curved (PN) surface, relative to `origin`: float64 [n, 3] (Vlachos et al.
+        2001)."""
         return _hull(self)
 
     @functools.cached_property
@@ -167,7 +175,8 @@ class Mesh:
     @functools.cached_property
     def bounds(self) -> tuple[np.ndarray, float]:
         """The sphere around the box of the positions: (centre float64 [3], radius float)."""
-        return sphere(*box(self.positions))
+        center, radius = sphere(*box(self.positions))
+        return center + self.origin, radius
 
 
 def _hull(mesh):

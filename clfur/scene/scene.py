@@ -1,5 +1,6 @@
 """All that a picture shows, and a camera that sees all of it."""
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -9,11 +10,12 @@ import numpy as np
 
 from ..errors import Error
 from . import checks
-from .bounds import extent, fur_extent, points_to_see, strands_and_shells
-from .camera import Camera, size_of
+from .bounds import extent, fur_extent, local, origin_of, points_to_see, strands_and_shells
+from .camera import FOV, Camera, size_of
 from .curves import Curves
 from .light import Light
 from .mesh import Mesh
+from .origin import copied, seen_from
 from .rest import rest_of
 from .shells import Shells
 from .strands import Strands
@@ -39,6 +41,12 @@ def _lights(value, where):
     return tuple(lights) if isinstance(value, list) else value
 
 
+@functools.lru_cache(maxsize=2)   # what is drawn again must be the very same
+def gusty(shells, time):
+    """Return Shells at another time."""
+    return copied(shells, time=time)
+
+
 def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: float = 45,
           direction: Sequence[float] = (0.45, 0.3, 1.0)) -> Camera:
     """Return a Camera that sees all of a mesh and its fur.
@@ -48,8 +56,9 @@ def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: fl
     Scene does for its fur, and as Camera does.
     """
     fur = _fur(fur, "frame fur")
+    mesh = checks.instance(Mesh, none=True)(mesh, "frame mesh")
     size = size_of(size, "frame size")
-    fov = checks.real(above=0, below=180)(fov, "frame fov")
+    fov = FOV(fov, "frame fov")
     towards = checks.direction(direction, "frame direction")
     center, _ = extent(mesh, fur)
     up = (0, 1, 0) if abs(towards[1]) < 0.999 else (0, 0, -1)
@@ -57,7 +66,9 @@ def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: fl
     tall = math.tan(math.radians(fov) / 2)
     slopes = np.array([tall * size[0] / size[1], tall])
     # The four planes of the view, each pushed out to its furthest point: where they meet is the nearest eye.
-    offsets = np.concatenate([points - center for points in points_to_see(mesh, fur)] or [np.zeros((1, 3))]) @ axes
+    there, *drawn = local(mesh, fur)
+    offsets = np.concatenate([points - (center - there) for points in points_to_see(*drawn)]
+                             or [np.zeros((1, 3))]) @ axes
     margin = fur_extent(fur) * np.sqrt(1 + slopes**2)
     one = (offsets[:, :2] + slopes * offsets[:, 2:]).max(0) + margin
     other = (-offsets[:, :2] + slopes * offsets[:, 2:]).max(0) + margin
@@ -72,10 +83,10 @@ class Scene:
 
     mesh: Mesh or None. fur: Strands or Shells (which need a mesh), Curves, a list of Shells (undercoat) and one of
     Strands and Curves (guard hairs), or None; a mesh or fur is required. camera: Camera, or None to frame all of it.
-    light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself, or None to leave it
-    undrawn. Raises Error where the parts don't fit: a type_map, color_texture or pattern "sine" on a mesh without uv,
-    levels for another number of faces, an edge whose two faces
-    give it different levels, or a rest mesh of other faces.
+    light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself (arrays of uint8 or
+    uint16 are sRGB), or None to leave it undrawn. Raises Error where the parts don't fit: a type_map, color_texture or
+    pattern "sine" on a mesh without uv, levels for another number of faces, an edge whose two faces give it different
+    levels, or a rest mesh of other faces.
 
     A list is stored as a tuple. `lights` are all lights, always in a tuple; `strands` are the Strands or Curves of
     `fur`, `shells` its Shells, or None.
@@ -93,6 +104,25 @@ class Scene:
     def lights(self) -> tuple[Light, ...]:
         """All lights, in a tuple."""
         return self.light if isinstance(self.light, tuple) else (self.light,)
+
+    @property
+    def origin(self) -> np.ndarray:
+        """The place float64 [3] that it is drawn relative to: the mesh's origin, or that of Curves."""
+        return origin_of(self.mesh, self.fur)
+
+    @functools.cached_property
+    def local(self) -> "Scene":
+        """The same Scene with everything relative to its `origin`, as it is drawn; itself where nothing is far away."""
+        there, mesh, fur = local(self.mesh, self.fur)
+        if mesh is self.mesh and fur is self.fur:
+            return self
+        strands, shells = strands_and_shells(fur)
+        if shells is not None and np.any(shells.wind):   # gusts travel through the world
+            turns = (shells.wind / np.linalg.norm(shells.wind)) @ there / mesh.bounds[1]
+            shells = gusty(shells, float(shells.time - turns))
+            fur = shells if strands is None else (strands, shells)
+        return copied(self, mesh=mesh, fur=fur, strands=strands, shells=shells, light=seen_from(self.light, there),
+                      camera=seen_from(self.camera, there))
 
     def __attrs_post_init__(self):
         strands, shells = strands_and_shells(self.fur)

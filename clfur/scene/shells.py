@@ -23,21 +23,22 @@ class Shells(Looking):
     every face at least one and at most 4096²; of "sine", f. sharpness > 1: where the smoothstep of a hair's edge ends,
     times its start. density: above 0, at most 1, how much of its cell a hair fills. noise: (how far hairs are moved,
     >= 0, size of the noise's waves, >= 1), both in hairs. length_variation: 0..1, how much hairs differ ("cells" only).
-    color: linear RGB >= 0. look: how hair scatters light, a Kajiya; or specular and exponent, to make one. alpha: 0..1,
-    how much light one hair lets through. root_shade: 0..1, the share of light at the roots; it rises to 1 at the tips.
-    shading: "kajiya-kay", by the hair's direction, or "turned", by the report's turned normals.
+    color: linear RGB >= 0 (arrays of uint8 or uint16 are sRGB). look: how hair scatters light, a Kajiya; or specular
+    and exponent, to make one. alpha: 0..1, how much light one hair lets through. root_shade: 0..1, the share of light
+    at the roots; it rises to 1 at the tips. shading: "kajiya-kay", by the hair's direction, or "turned", by the
+    report's turned normals.
 
     wind, force, acceleration: [3]. At height h of 0..1 a hair goes along n + h · (wind, which gusts with time, + force
     − acceleration) for the normal n; force is gravity and the like, acceleration that of the object itself.
     time: seconds. seed: of all that is random, 0..2**32-1. Raises Error for anything else.
     """
 
-    length: float = checks.field(checks.real(above=0), default=0.1)
+    length: float = checks.field(checks.positive(), default=0.1)
     layers: int = checks.field(checks.whole(1, 1000), default=30)
-    frequency: float = checks.field(checks.real(above=0), default=40.0)
+    frequency: float = checks.field(checks.positive(), default=40.0)
     pattern: str = checks.field(checks.choice("cells", "sine"), default="cells")
     sharpness: float = checks.field(checks.real(above=1), default=1.4)
-    density: float = checks.field(checks.real(high=1, above=0), default=1.0)
+    density: float = checks.field(checks.positive(high=1), default=1.0)
     noise: checks.Given = checks.field(_noise, default=(0.5, 8.0))
     length_variation: float = checks.field(checks.real(low=0, high=1), default=0.3)
     color: checks.Given = checks.field(checks.color, default=(0.8, 0.6, 0.4))

@@ -3,7 +3,7 @@
 import attrs
 import numpy as np
 
-from ..color import srgb_to_linear
+from ..color import linear_of
 from ..errors import Error
 from . import checks
 from .look import Looking
@@ -19,13 +19,11 @@ def _radius_and_count(value, where):
 
 
 def _texture(value, where):
-    allowed = "None or a picture [h, w, 3]: uint8 (sRGB), or linear floats >= 0"
-    pixels = checks.pixels(value, where, "uf", allowed)
-    if pixels.dtype == np.uint8:
-        return checks.frozen(np.ascontiguousarray(srgb_to_linear(pixels)))
-    if pixels.dtype.kind != "f":
+    allowed = "None or a picture [h, w, 3]: uint8 or uint16 (sRGB), or linear floats >= 0"
+    pixels = linear_of(checks.pixels(value, where, "uf", allowed))
+    if pixels.dtype.kind != "f":   # whole numbers of a picture that are neither: nobody knows what is white
         checks.refuse(where, value, allowed)
-    linear = checks.float32(pixels, where)
+    linear = checks.float32(pixels, where, checks.LARGEST)
     if (linear < 0).any():
         checks.refuse(where, value, allowed)
     return linear
@@ -33,7 +31,7 @@ def _texture(value, where):
 
 def _key(value, where):
     allowed = "None or (red, green, blue), whole numbers from 0 to 255"
-    if not isinstance(value, (tuple, list, np.ndarray)) or len(value) != 3:
+    if (not isinstance(value, (tuple, list)) and getattr(value, "ndim", 0) != 1) or len(value) != 3:
         checks.refuse(where, value, allowed)
     return tuple(checks.whole(0, 255)(part, where) for part in value)
 
@@ -42,14 +40,14 @@ def _key(value, where):
 class HairType(Looking):
     """What a kind of hair looks like and how it grows.
 
-    color: linear RGB >= 0. color_texture: None or [h, w, 3] that multiplies it, looked up at the root's uv;
-    uint8 is read as sRGB, floats as linear; stored as linear float32. segments: 0..255, 0 is bald.
+    color: linear RGB >= 0 (arrays of uint8 or uint16 are sRGB). color_texture: None or [h, w, 3] that multiplies it,
+    looked up at the root's uv; the same holds for it; stored as linear float32. segments: 0..255, 0 is bald.
     segment_length: world units. force_weight: how much of the force is added to the direction each segment.
     width: diameter in world units. curl: (radius, turns). wave: (amplitude, periods). length_variation,
-    direction_variation, color_variation: 0..1, how much strands differ (a direction_variation above .57 lets some
-    grow inwards). look: how it scatters light, a Kajiya; or specular and exponent, to make one. alpha: 0..1, how much
-    light one hair lets through. key: None or the 8-bit (r, g, b) that means this type in `Strands.type_map`. Raises
-    Error otherwise.
+    direction_variation, color_variation: 0..1, how much strands differ; which way they lean, curl and wave is drawn in
+    the frame of the skin at the root, so that it turns with it. look: how it scatters light, a Kajiya; or specular and
+    exponent, to make one. alpha: 0..1, how much light one hair lets through. key: None or the 8-bit (r, g, b) that means
+    this type in `Strands.type_map`. Raises Error otherwise.
     """
 
     color: checks.Given = checks.field(checks.color, default=(0.8, 0.6, 0.4))
@@ -80,7 +78,7 @@ def levels(shape, words):
     allowed = f"a whole number from 1 to 64, or an array {words} of them"
 
     def convert(value, where):
-        if not isinstance(value, (np.ndarray, list, tuple)):
+        if not isinstance(value, (list, tuple)) and not getattr(value, "ndim", 0):
             return checks.whole(1, 64)(value, where)
         array = checks.numbers(value, where, allowed, kinds="iu")
         if array.ndim != 1 + len(shape) or array.shape[1:] != shape:

@@ -1,0 +1,226 @@
+"""Ctrl-C, SIGTERM and SIGHUP: the command's exit codes, its one line, and nothing left, whatever it was doing."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from support.command import wrong
+
+import clfur as library
+from clfur.command import endings
+
+ROOT = Path(__file__).resolve().parents[1]
+CODES = {"SIGINT": 130, "SIGTERM": 143, "SIGHUP": 129}
+LINES = {"SIGINT": "interrupted", "SIGTERM": "ended by SIGTERM", "SIGHUP": "ended by SIGHUP"}
+SIGNALS = [name for name in CODES if hasattr(signal, name)]
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows has no signals between processes")
+
+# Marks that it is there, by a file, and waits: put in the place of what the command does.
+WAIT = "import pathlib, time; pathlib.Path({mark!r}).touch(); time.sleep(60)"
+SCENE = """
+import clfur
+scene = clfur.Scene(mesh=clfur.load_mesh("sphere"), fur=clfur.Strands(roots={roots}), camera=clfur.Camera(size={size}))
+"""
+
+
+class Running:
+    """The command in a process of its own, in an empty folder with a folder of its own for what is temporary."""
+
+    def __init__(self, folder, *arguments, path=(), start=("-m", "clfur"), **options):
+        self.folder, self.temporary = folder / "here", folder / "temporary"
+        self.mark = folder / "mark"
+        for each in (self.folder, self.temporary):
+            each.mkdir(exist_ok=True)
+        places = [str(each) for each in (*path, ROOT)]
+        self.process = subprocess.Popen(
+            [sys.executable, *map(str, start), *arguments], cwd=self.folder, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(places), "TMPDIR": str(self.temporary)}, **options)
+
+    def wait_for(self, there):
+        began = time.monotonic()
+        while not there():
+            assert self.process.poll() is None and time.monotonic() - began < 120, self.process.communicate()
+            time.sleep(0.02)
+
+    def ends(self, name, times=1):
+        """Send a signal, and see it end as it must."""
+        asked = time.monotonic()
+        for _ in range(times):
+            self.process.send_signal(getattr(signal, name))
+        out, err = self.process.communicate(timeout=60)
+        assert time.monotonic() - asked < 10
+        lines = [line for line in err.splitlines() if "error generated" not in line]   # PoCL's compiler, interrupted
+        assert (self.process.returncode, out, lines) == (CODES[name], "", [f"clfur: {LINES[name]}"])
+        assert list(self.temporary.iterdir()) == []
+
+    def children(self):
+        return Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
+
+
+def waiting(running):
+    running.wait_for(running.mark.exists)
+    return running
+
+
+@pytest.fixture
+def slow(tmp_path):
+    """A folder with a module, in the place of one that clfur imports early, that takes a minute to import."""
+    folder = tmp_path / "slow"
+    folder.mkdir()
+    (folder / "attrs.py").write_text(WAIT.format(mark=str(tmp_path / "mark")))
+    return folder
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_while_it_imports(tmp_path, slow, name):
+    waiting(Running(tmp_path, "render", "sphere", path=[slow])).ends(name)
+
+
+def test_while_the_installed_script_imports(tmp_path, slow):
+    script = tmp_path / "clfur"
+    script.write_text("import sys\nfrom clfur.command.main import main\nsys.exit(main())\n")
+    waiting(Running(tmp_path, "devices", path=[slow], start=[script])).ends("SIGTERM")
+
+
+@pytest.mark.parametrize("arguments, original, ours", [
+    (["/bin/clfur", "render"], ["python", "/bin/clfur", "render"], True), ([r"clfur.exe"], [], True),
+    (["-m"], ["python", "-m", "clfur", "render"], True), (["-m"], ["python", "-mclfur"], True),
+    (["-m"], ["python", "-m", "pytest"], False), (["-c"], ["python", "-c", "import clfur"], False),
+    (["fur.py"], ["python", "fur.py", "clfur"], False), ([""], ["python"], False), ([], [], False)])
+def test_which_process_is_the_command(arguments, original, ours):
+    assert endings.is_command(arguments, original) == ours
+
+
+def test_others_keep_their_handlers(tmp_path):
+    """Python's own, and those that a program has set, before and after `import clfur`."""
+    code = ("import signal\nmine = lambda *_: None\nsignal.signal(signal.SIGTERM, mine)\nimport clfur\n"
+            "clfur.Scene(clfur.load_mesh('sphere'))\n"
+            "assert signal.getsignal(signal.SIGTERM) is mine\n"
+            "assert signal.getsignal(signal.SIGINT) is signal.default_int_handler\n"
+            "assert signal.getsignal(signal.SIGHUP) == signal.SIG_DFL\n")
+    subprocess.run([sys.executable, "-c", code], check=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
+
+
+def test_handlers_are_given_back(clfur, monkeypatch):
+    before = [signal.getsignal(number) for number in endings.SIGNALS]
+    during = []
+    monkeypatch.setattr("clfur.command.render.check_writable",
+                        lambda _: during.extend(map(signal.getsignal, endings.SIGNALS)) or os.kill(os.getpid(), 15))
+    code, out, err = clfur("render", "sphere")
+    assert (code, out, err) == (143, "", "clfur: ended by SIGTERM\n")
+    assert during == [endings._raise] * len(endings.SIGNALS)
+    assert before == [signal.getsignal(number) for number in endings.SIGNALS]
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_during_a_frame(tmp_path, name):
+    """A frame of many seconds; the scene's file tells when it begins."""
+    running = Running(tmp_path, "render", "../fur.py", "-o", "a.png", "--samples", "16")
+    (tmp_path / "fur.py").write_text(SCENE.format(roots=10**6, size=(4000, 3000)) + f"""
+import clfur.command.render as command, threading
+draw = command.draw
+def marked(*arguments, **options):
+    threading.Timer(1, open, [{str(tmp_path / 'mark')!r}, "w"]).start()
+    return draw(*arguments, **options)
+command.draw = marked
+""")
+    waiting(running).ends(name)
+    assert list(running.folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("name, times", [(name, 1) for name in SIGNALS] + [("SIGTERM", 2)])
+def test_while_it_writes(tmp_path, name, times):
+    """Half of a picture is written: the one that was there stays.  `timeout` sends its signal twice."""
+    (tmp_path / "fur.py").write_text(SCENE.format(roots=50, size=(40, 30)) + f"""
+from clfur.files import images
+def half(path, outputs):
+    path.write_bytes(b"half a picture")
+    {WAIT.format(mark=str(tmp_path / 'mark'))}
+images.WRITERS[".png"] = half
+""")
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "a.png").write_text("mine")
+    running = waiting(Running(tmp_path, "render", "../fur.py", "-o", "a.png"))
+    assert len(list(running.folder.iterdir())) == 2
+    running.ends(name, times)
+    assert [(file.name, file.read_text()) for file in running.folder.iterdir()] == [("a.png", "mine")]
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="asks /proc for children")
+@pytest.mark.parametrize("command", [["devices", "--check"], ["compare", "sphere", "--repeat", "9999", "-o", "a.html"]])
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_with_a_child(tmp_path, command, name):
+    running = Running(tmp_path, *command)
+    running.wait_for(running.children)
+    child = running.children()[0]
+    time.sleep(0.3)
+    running.ends(name)
+    assert not Path(f"/proc/{child}").exists() and list(running.folder.iterdir()) == []
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="asks /proc for children")
+def test_a_child_ends_with_a_parent_that_is_killed(tmp_path):
+    running = Running(tmp_path, "compare", "sphere", "--devices", "auto", "--repeat", "9999")
+    running.wait_for(running.children)
+    child = Path(f"/proc/{running.children()[0]}")
+    running.process.kill()
+    running.process.communicate(timeout=60)
+    began = time.monotonic()
+    while child.exists():
+        assert time.monotonic() - began < 30
+        time.sleep(0.05)
+
+
+def test_a_signal_that_is_ignored_stays_ignored(tmp_path):
+    """As under nohup."""
+    running = Running(tmp_path, "render", "../fur.py", "-o", "a.png",
+                      preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
+    (tmp_path / "fur.py").write_text(SCENE.format(roots=50, size=(40, 30)) + "import os\nos.kill(os.getpid(), 1)\n")
+    out, err = running.process.communicate(timeout=120)
+    assert (running.process.returncode, err) == (0, "") and out.startswith("a.png: ")
+
+
+def test_signals_within_a_second_are_one(monkeypatch):
+    """One that got lost, in a destructor, can be sent again."""
+    now = [10.0]
+    monkeypatch.setattr(endings.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(endings, "_heard", [])
+    with pytest.raises(endings.Ended):
+        endings._raise(15, None)
+    now[0] += 0.9
+    endings._raise(2, None)
+    now[0] += 0.2
+    with pytest.raises(endings.Ended):
+        endings._raise(2, None)
+    assert endings.say() == 130
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr", "npz"])
+def test_a_full_disk(tmp_path, suffix):
+    """A limit on the size of files, met while the picture is written: one error, and the old file is kept."""
+    code = ("import sys, resource, numpy, clfur\nfrom pathlib import Path\n"
+            "noise = numpy.random.default_rng(1).random((90, 120, 4), numpy.float32)\n"
+            "path = Path(sys.argv[1])\npath.write_text('mine')\nclfur.save(path.with_stem('b'), noise)\n"
+            "resource.setrlimit(resource.RLIMIT_FSIZE, (10000, resource.RLIM_INFINITY))\n"
+            "try:\n    clfur.save(path, noise)\nexcept clfur.Error as error:\n    print(error)\n")
+    done = subprocess.run([sys.executable, "-c", code, f"a.{suffix}"], cwd=tmp_path, text=True, capture_output=True,
+                          env=os.environ | {"PYTHONPATH": str(ROOT)}, timeout=60)
+    assert done.stdout.startswith(f"a.{suffix}: cannot be written: ") and done.stdout.count("\n") == 1, done
+    assert done.returncode == 0 and sorted(file.name for file in tmp_path.iterdir()) == [f"a.{suffix}", f"b.{suffix}"]
+    assert (tmp_path / f"a.{suffix}").read_text() == "mine"
+
+
+def test_a_full_disk_in_the_command(clfur, tmp_path, monkeypatch):
+    def full(path, outputs):
+        path.write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+    monkeypatch.setitem(library.files.images.WRITERS, ".png", full)
+    (tmp_path / "a.png").write_text("mine")
+    wrong(clfur("render", "sphere", "--roots", 50, "--size", "40x30", "-o", "a.png"),
+          "a.png: cannot be written: No space left on device")
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("a.png", "mine")]
