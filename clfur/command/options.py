@@ -55,7 +55,7 @@ _STRANDS = [
     click.option("--rest", metavar="MESH",
                  help="MESH in rest: the same faces, by whose areas N strands are spread, so that they stay on their "
                       "faces in every pose."),
-    click.option("--surface", type=click.Choice(["pn "flat"]), default="pn", help="Curved or flat faces."),
+    click.option("--surface", type=click.Choice(["pn", "flat"]), default="pn", help="Curved or flat faces."),
     click.option("--width", type=click.FloatRange(0), metavar="W",
                  help="Diameter of a strand in the mesh's units.  [default: 0.0012 of half the mesh's diagonal]"),
     click.option("--type-map", metavar="PICTURE", help="Picture whose colours choose the hair type by uv."),
@@ -170,6 +170,8 @@ def _check_fur(flags, options):
             if name in flags:
                 raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
                                        f"allowed: with --fur {fur} or --fur both")
+    if "rest" in flags and options["roots"] == "faces":
+        raise click.UsageError("--rest is for --roots N, but --roots is faces; allowed: with a number of roots")
     if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
         raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
                                "allowed: with --pattern cells or --fur both")

@@ -80,8 +80,9 @@ class Plan:
         self.wants_color, self.others = "color" in outputs, bool(set(outputs) - {"color"})
         mesh, fur = self.scene.mesh, self.scene.strands
         self.grown = isinstance(fur, Strands)
-        by_rest = isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh
-        self.rest = fur.rest if by_rest else None
+        self.rest = None
+        if isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh:
+            self.rest = fur.rest
         self.body = mesh is not None and self.scene.body_color is not None
         self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
@@ -350,7 +351,7 @@ def _points_of(curves):
 
 
 def _areas_of(gpu, mesh, levels, face_runs, triangles):
-    for name in "body", "resting", "strands", "thinned":   # of another scene; these areas take as much as a part of a body
+    for name in "body", "resting", "strands", "thinned":   # of another scene: these areas take as much as a body
         gpu.keep(name, (), dict)
     sums = np.zeros(len(triangles), np.uint64)
     for begin, end in face_runs:

@@ -46,8 +46,8 @@ class HairType(Looking):
     width: diameter in world units. curl: (radius, turns). wave: (amplitude, periods). length_variation,
     direction_variation, color_variation: 0..1, how much strands differ; which way they lean, curl and wave is drawn in
     the frame of the skin at the root, so that it turns with it. look: how it scatters light, a Kajiya; or specular and
-    exponent, to make one. alpha: 0..1, how much light one hair lets through. key: None or the 8-bit (r, g, b) that means
-    this type in `Strands.type_map`. Raises Error otherwise.
+    exponent, to make one. alpha: 0..1, how much light one hair lets through. key: None or the 8-bit (r, g, b) that
+    means this type in `Strands.type_map`. Raises Error otherwise.
     """
 
     color: checks.Given = checks.field(checks.color, default=(0.8, 0.6, 0.4))

@@ -66,8 +66,8 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
     A root stands in the middle of every triangle, or ``fur.roots`` of them uniformly by area (in strata: strand
     i in the i-th part of the area).  The growth loop is the report's (section 2.1.3), each strand alone.
     ``strands``: which, (first, one past the last), if not all.  ``area``: (of the triangles before those of the
-    surface, of all triangles), if the surface is a part of the whole; see `area_sums`.  ``sums``: what that gives of the
-    same triangles of a mesh in rest, if they are spread by its areas.
+    surface, of all triangles), if the surface is a part of the whole; see `area_sums`.  ``sums``: what that gives of
+    the same triangles of a mesh in rest, if they are spread by its areas.
     """
     roots_of = _roots_on_faces if fur.roots == "faces" else _roots_by_area
     first = surface.first_triangle if fur.roots == "faces" else 0
