@@ -206,3 +206,17 @@ def test_the_highlight_is_the_looks(tmp_path, monkeypatch):
     (tmp_path / "fur.py").write_text("import clfur\nscene = clfur.Scene(clfur.load_mesh('sphere'), clfur.Shells())\n")
     assert load("fur.py", "--specular", "half-vector")[0].shells.look.highlight == "half-vector"
     assert load("fur.py")[0].shells.look.highlight == "kajiya-kay"
+
+
+def test_roots_go_by_the_mesh_in_rest(tmp_path):
+    ball = load_mesh("sphere")
+    for name, stretch in ("rest", 1), ("pose", 1.15):
+        rows = [f"v {x} {stretch * y} {z}" for x, y, z in ball.positions]
+        rows += [f"f {a} {b} {c}" for a, b, c in ball.faces + 1]
+        (tmp_path / f"{name}.obj").write_text("\n".join(rows))
+    scene, _ = load(tmp_path / "pose.obj", "--roots", 50, "--rest", tmp_path / "rest.obj")
+    np.testing.assert_array_equal(scene.strands.rest.positions, ball.positions)
+    with pytest.raises(click.UsageError, match="--rest is for --roots N, but --roots is faces"):
+        load(tmp_path / "pose.obj", "--rest", tmp_path / "rest.obj")
+    with pytest.raises(Error, match="Strands.rest has 6,320 faces and Scene.mesh"):
+        load(tmp_path / "pose.obj", "--roots", 50, "--rest", "teapot")
