@@ -19,7 +19,7 @@ __kernel void along(
         const int column = size.w ? x : clamp(x + k, 0, size.x - 1), row = size.w ? clamp(y + k, 0, size.y - 1) : y;
         sum += weights[k + radius] * image[(size_t)row * size.x + column];
     }
-    out[pixel] = sum;
+    out[pixel] = (float4)(sum.xyz, min(sum.w, 1.0f));   // the weights' sum is 1 but for rounding
 }
 
 /* Takes the blur back where no edge is near, by the coverage around.  One work-item, one pixel. */

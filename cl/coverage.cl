@@ -446,7 +446,7 @@ __kernel void transmittance(
         for (uint k = 0; k < spans[strand].y; ++k) {
             const uint id = spans[strand].x + k;
             transmittances[(size_t)i * n_points + id] =
-                transmittance_at(&obstacles, &hair, id, (float4)(points[id].xyz, 0.0f));
+                transmittance_at(&obstacles, &hair, id, 0.0f, (float4)(points[id].xyz, 0.0f));
         }
     }
 }

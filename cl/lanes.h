@@ -186,15 +186,26 @@ INLINED lanes3 unit(lanes3 a)
     return scaled(a, root(square) / square);
 }
 
-/* x^e for 0 < x <= 1 and e > 0. */
-INLINED lanes power(lanes x, float e)
+/* The logarithm of x > 0 to the base 2. */
+INLINED lanes log2_of(lanes x)
 {
     const lanes_i bits = AS_I(x) - 0x3F3504F3;           // so that the rest lies around 1
     const lanes m = AS_F((bits & 0x007FFFFF) + 0x3F3504F3);
     const lanes whole = AS_F((bits >> 23) + as_int(SHIFT)) - SHIFT;
     const lanes t = (m - 1.0f) / (m + 1.0f), u = t * t;
-    const lanes log2 = whole + 2.8853901f * t * (1.0f + u * (1.0f / 3 + u * (0.2f + u * (1.0f / 7 + u * (1.0f / 9)))));
-    const lanes p = greater(e * log2, F(-100.0f)), f = 0.69314718f * (p - nearest(p));
+    return whole + 2.8853901f * t * (1.0f + u * (1.0f / 3 + u * (0.2f + u * (1.0f / 7 + u * (1.0f / 9)))));
+}
+
+/* 2^p for -100 <= p <= 0. */
+INLINED lanes exp2_of(lanes p)
+{
+    const lanes f = 0.69314718f * (p - nearest(p));
     const lanes fraction = 1.0f + f * (1.0f + f * (0.5f + f * (1.0f / 6 + f * (1.0f / 24 + f * (1.0f / 120 + f * (1.0f / 720))))));
     return AS_F(AS_I(fraction) + (nearest_i(p) << 23));
+}
+
+/* x^e for 0 < x <= 1 and e > 0. */
+INLINED lanes power(lanes x, float e)
+{
+    return exp2_of(greater(e * log2_of(x), F(-100.0f)));
 }

@@ -141,8 +141,9 @@ typedef struct {
     int color_per;                         // 0: one for all, 1: each strand, 2: each point
 } Hair;
 
-/* Share of a light that body and other hair let through to place p of a strand, near its point id. */
-inline float transmittance_at(const Obstacles *obstacles, const Hair *hair, uint id, float4 p)
+/* Share of a light that body and other hair let through to place p of a strand, a share `at` of the way from its point id to
+   the next. */
+inline float transmittance_at(const Obstacles *obstacles, const Hair *hair, uint id, float at, float4 p)
 {
     const Shadow shadow = obstacles->shadow;
     const uint strand = hair->strand_of[id];
@@ -155,7 +156,10 @@ inline float transmittance_at(const Obstacles *obstacles, const Hair *hair, uint
         float depth = 1.0f - alpha;
         if (!(shadow.hair.w > 0.0f))
             depth = -log(max(alpha, 1e-6f));
-        const float2 self_shadow = (float2)(shadow.hair.y * hair->points[id].w, shadow.hair.z) * (depth / shadow.hair.x);
+        float width = hair->points[id].w;
+        if (at > 0.0f)
+            width += at * (hair->points[id + 1].w - width);
+        const float2 self_shadow = (float2)(shadow.hair.y * width, shadow.hair.z) * (depth / shadow.hair.x);
         transmittance *= through_hair(obstacles, self_shadow, p);
     }
     return transmittance;

@@ -16,7 +16,7 @@
 #define SIDEWAYS 8.0f    // steps on the way across one x or y, down to one where hairs are seen on average
 #define SHARP 0.85f     // of a pixel's width counts as footprint: least error against 8 x 8 samples (tools/shells_laws.py)
 #define FAR_FROM 0.3f   // pixels that are so many sides of a cell wide begin to see hairs on average,
-#define FAR_TO 0.9f     // and those of so many see nothing else
+#define FAR_TO 0.9f     // and those of so many see nothing else: no cell is looked for there, steps are a pixel long
 #define MOST_TETRAHEDRA 20000    // on one way, on average: no scene that is any good has so many
 
 /* Products may be added unrounded here and among march's steps: no whole number hangs on them.  Elsewhere it costs. */
@@ -55,17 +55,22 @@ INLINED lanes cover(lanes u, lanes half_footprint, lanes top, lanes fold, lanes 
     return within(sum * scale, 0.0f, 1.0f);
 }
 
-/* Share of light that many hairs let through, from h0 to h and as far as `aside` sideways.  A hair's flanks are met from
-   above, from the side or both: what rays go through is the mean over all directions that flanks face of max(0, down +
-   side·cos), here by a parabola through its ends, 1 % too large at most. */
-INLINED float kept_by_many(__global const float2 *means, float h0, float h, float aside)
+/* Share of light that many hairs let through on a way that goes as far as `aside` sideways, from where `before` is covered
+   to where `now` is; going sideways by 1 enters hair `entered` times.  A hair's flanks are met from above, from the side or
+   both: what rays go through is the mean over all directions that flanks face of max(0, down + side·cos), here by a
+   parabola through its ends, 1 % too large at most.  mean: the share of the way after which what is lost is, on average. */
+INLINED lanes kept_by_many(lanes before, lanes now, lanes entered, lanes aside, lanes *mean)
 {
-    const float2 a = mean_at(means, h0), b = mean_at(means, h);
-    const float before = a.x < 0.999f ? a.x : 0.999f, now = b.x < 0.999f ? b.x : 0.999f;
-    const float down = now > before ? log2((1.0f - before) / (1.0f - now)) : 0.0f;
-    const float side = 4.5323601f * b.y * aside / (1.0f - 0.5f * (before + now));    // pi / log(2)
-    const float share = side > 0.0f ? down / side : 2.0f;
-    return exp2(-(share < 1.0f ? side * (0.31830989f + share * (0.5f + share * 0.18169011f)) : down));
+    const lanes a = lesser(before, F(0.999f)), b = lesser(now, F(0.999f));
+    const lanes down = b > a ? log2_of((1.0f - a) / (1.0f - b)) : F(0.0f);
+    const lanes side = 4.5323601f * entered * aside / (1.0f - 0.5f * (a + b));    // pi / log(2)
+    const lanes_i some = side > 0.0f;
+    const lanes share = some ? down / (some ? side : F(1.0f)) : F(2.0f);
+    const lanes depth = lesser(share < 1.0f ? side * (0.31830989f + share * (0.5f + share * 0.18169011f)) : down, F(100.0f));
+    const lanes kept = exp2_of(-depth);
+    const lanes_i deep = depth > 0.015f;
+    *mean = deep ? 1.4426950f / (deep ? depth : F(1.0f)) - kept / (deep ? 1.0f - kept : F(1.0f)) : F(0.5f);
+    return kept;
 }
 
 #pragma OPENCL FP_CONTRACT OFF
@@ -258,7 +263,6 @@ __kernel void march(
     __global const float4 *lattice,        // [F, CORNERS]
     __global const float2 *noise,
     __global const float2 *means,          // [HEIGHTS]
-    const float4 noise_box,                // origin of the noise, its lattices a unit of length
     const int n_lights,
     __global const Light *lights,          // see light.h
     __global const Shadow *shadows,
@@ -334,7 +338,7 @@ __kernel void march(
         const lanes wide = (view.to_screen[0].w * dx + view.to_screen[1].w * dy + view.to_screen[2].w * dz) * finer;   // of a pixel, at 1
         lanes red = F(0.0f), green = red, blue = red, alpha = red;
         lanes until = F(0.5f), aside = red, uncovered_inverse = F(1.0f), slack = red;   // to the next step; since the last one
-        lanes at_depth = red;              // distance where each is
+        lanes at_depth = red, last_h = F(-1.0f);   // distance where each is; height of its last step, -1: it comes in
         lanes_i leaves = I(0);
 
         for (int walked = 0; walked < MOST_TETRAHEDRA * LANES; ++walked) {
@@ -350,6 +354,8 @@ __kernel void march(
             const float4 first = lattice[CORNERS * face], second = lattice[CORNERS * face + 1];
             const float4 grad_x = lattice[CORNERS * face + 2], grad_y = lattice[CORNERS * face + 3];
             const float4 up = lattice[CORNERS * face + 4];
+            const float4 noise_start = lattice[CORNERS * face + 5], noise_x = lattice[CORNERS * face + 6],
+                noise_y = lattice[CORNERS * face + 7];
             lanes fx[4], fy[4], ahead[4], e[6], w[4];
             float top[4], px[4], py[4];
             for (int i = 0; i < 4; ++i) {
@@ -405,10 +411,10 @@ __kernel void march(
                 const lanes blur = footprint * second.w;
                 const lanes fade = within((blur - FAR_FROM) * (1.0f / (FAR_TO - FAR_FROM)), 0.0f, 1.0f);
                 const lanes far = fade * fade * (3.0f - 2.0f * fade);
-                const lanes measure = greater(greater(shells.size.y * positive(rise), move * (SIDEWAYS - (SIDEWAYS - 1.0f) * far)),
-                                              F(1e-6f));
-                const lanes_i is_far = far > 0.0f, passes = running;
-                const bool any_far = any_lane(running & is_far);
+                const lanes_i is_far = far > 0.0f, is_crowd = far >= 1.0f, passes = running;
+                const lanes along = is_crowd ? move / blur : move * (SIDEWAYS - (SIDEWAYS - 1.0f) * far);
+                const lanes measure = greater(greater(shells.size.y * positive(rise), along), F(1e-6f));
+                const bool any_far = any_lane(running & is_far), all_crowd = !any_lane(running & !is_crowd);
                 const lanes measure_inverse = 1.0f / measure, a_step = move * measure_inverse;
                 /* How fast fur can come nearer from one step to the next. */
                 const lanes nearer = move * (steep_here + steep_noise * (shells.kind.x ? F(1.0f) : greater(h_in, h_out))) + positive(rise) * steep_up - rise;
@@ -426,6 +432,7 @@ __kernel void march(
                 const lanes grad_ya = grad_y.x * ax + grad_y.y * ay + grad_y.z * az, grad_yu = grad_y.x * ux + grad_y.y * uy + grad_y.z * uz;
                 const lanes up_a = up.x * ax + up.y * ay + up.z * az, up_u = up.x * ux + up.y * uy + up.z * uz;
                 const lanes pixel = SHARP * footprint;
+                last_h = (running & (last_h < 0.0f)) ? h_first : last_h;
                 lanes hidden = F(0.0f), sum = hidden, sum_x = hidden, sum_y = hidden;
                 /* Steps that can't meet hair are left out: there is none before `clear`. */
                 lanes clear = is_far ? F(0.0f) : slack * rate_inverse, next = until, last = hidden;
@@ -440,21 +447,21 @@ __kernel void march(
                         break;
                     const lanes at = whole ? next : span, h = within(h_first + at * h_step, 0.0f, 1.0f);
                     lanes x = x_first + at * x_step, y = y_first + at * y_step;
-                    lanes moved_x = F(0.0f), moved_y = F(0.0f), by_x, by_y, top, fold, v;
-                    if (shells.shape.z > 0.0f) {
-                        const lanes z = z_first + at * z_step;
+                    lanes moved_x = F(0.0f), moved_y = F(0.0f), by_x = moved_x, by_y = moved_x, top = F(1.0f), fold = moved_x, v = moved_x;
+                    if (shells.shape.z > 0.0f && !all_crowd) {
                         for (int i = 0; i < LANES; ++i)
                             if (LANE_I(stepping, i)) {
                                 const float4 where = shells.kind.x
                                     ? (float4)(LANE(x, i), LANE(y, i), 0.0f, 0.0f) / shells.shape.w
-                                    : (eye + LANE(z, i) * (float4)(LANE(dx, i), LANE(dy, i), LANE(dz, i), 0.0f)
-                                       - (float4)(noise_box.xyz, 0.0f)) * noise_box.w;
+                                    : noise_start + (LANE(x, i) * noise_x + LANE(y, i) * noise_y);
                                 const float2 moved = shells.shape.z * noise_at(&shells, noise, where);
                                 LANE(moved_x, i) = moved.x;
                                 LANE(moved_y, i) = moved.y;
                             }
                     }
-                    if (shells.kind.x) {
+                    if (all_crowd) {
+                        /* No cell is seen, so none is looked for. */
+                    } else if (shells.kind.x) {
                         x += moved_x;
                         y += moved_y;
                         const lanes sx = x - 0.25f, sy = y - 0.25f, qx = 0.25f - positive(sx - nearest(sx)), qy = 0.25f - positive(sy - nearest(sy));
@@ -466,13 +473,14 @@ __kernel void march(
                     const lanes gap = (h - room) - v, ahead = greater(gap, F(0.0f)) * rate_inverse;
                     clear = stepping ? at + ahead : clear;
                     next = stepping & whole ? (at + 1.0f) + nearest(ahead - 0.5f) : next;
-                    running = stepping & whole;
+                    running = stepping & whole & (rest > 0.0f);
                     if (!any_lane(stepping & (gap < 0.0f))) {
                         uncovered_inverse = stepping ? F(1.0f) : uncovered_inverse;
                         last = at;
+                        last_h = stepping ? h : last_h;
                         continue;
                     }
-                    if (shells.kind.x) {
+                    if (shells.kind.x && !all_crowd) {
                         const lanes slope = by_x < 0.0f ? F(-6.2831853f * half_thin) : F(6.2831853f * half_thin);
                         const lanes qx = 0.25f - positive(x - nearest(x)), qy = 0.25f - positive(y - nearest(y));
                         by_x = slope * QUARTER(qx, qx * qx);
@@ -485,20 +493,31 @@ __kernel void march(
                     const lanes width = greater(smooth * h, F(1e-3f));
                     const lanes sharper = 1.0f / width, least = 1e-2f * width;
                     const lanes g = greater(pixel * quick_root(across_a * across_a + across_u * across_u + 1e-20f), least);
-                    const lanes covered = cover((v - h) * sharper, 0.5f * sharper * g, (top - h) * sharper, (fold - h) * sharper,
+                    lanes covered = cover((v - h) * sharper, 0.5f * sharper * g, (top - h) * sharper, (fold - h) * sharper,
                                                 width / g);
                     /* What is hidden here and was not before, of what is left: hairs go down to the skin, so that one
                        step below another hides the same again. */
-                    lanes kept = lesser((1.0f - covered) * uncovered_inverse, F(1.0f));
+                    lanes mean_back = F(0.5f), kept = lesser((1.0f - covered) * uncovered_inverse, F(1.0f));
                     if (any_far) {
-                        lanes many = F(1.0f);
+                        const lanes before_h = is_crowd ? last_h : h - h_step;
+                        lanes before = F(0.0f), now = before, before_entered = before, entered = before, mean;
                         for (int i = 0; i < LANES; ++i)
-                            if (LANE_I(stepping, i) && LANE(far, i) > 0.0f)
-                                LANE(many, i) = kept_by_many(means, LANE(h, i) - LANE(h_step, i), LANE(h, i),
-                                                             (LANE(at, i) - LANE(last, i)) * LANE(a_step, i));
-                        kept = is_far ? kept + far * (many - kept) : kept;
+                            if (LANE_I(stepping, i) && LANE_I(is_far, i)) {
+                                const float2 a = mean_at(means, LANE(before_h, i)), b = mean_at(means, LANE(h, i));
+                                LANE(before, i) = a.x;
+                                LANE(now, i) = b.x;
+                                LANE(before_entered, i) = a.y;
+                                LANE(entered, i) = b.y;
+                            }
+                        const lanes way = at - last;
+                        const lanes many = kept_by_many(before, now, is_crowd ? 0.5f * (before_entered + entered) : entered,
+                                                        way * a_step, &mean);
+                        kept = is_crowd ? many : is_far ? kept + far * (many - kept) : kept;
+                        covered = is_crowd ? now : covered;
+                        mean_back = is_crowd ? lesser(way, at) * (1.0f - mean) : mean_back;
                     }
                     last = at;
+                    last_h = stepping ? h : last_h;
                     kept = stepping ? kept : F(1.0f);
                     uncovered_inverse = stepping ? 1.0f / greater(1.0f - covered, F(1e-3f)) : uncovered_inverse;
                     if (!any_lane(kept < 1.0f))
@@ -507,7 +526,7 @@ __kernel void march(
                     const lanes ramp = 1.0f / (width + g), now = (v - h + 0.5f * g) * ramp, change = (by_x * x_step + by_y * y_step - h_step) * ramp;
                     const lanes middle = 0.5f * (within(now - change, 0.0f, 1.0f) + within(now, 0.0f, 1.0f));
                     const lanes_i rises = (change > 1e-6f) & !is_far;
-                    const lanes back = rises ? within((now - middle) / (rises ? change : F(1.0f)), 0.0f, 1.0f) : F(0.5f);
+                    const lanes back = rises ? within((now - middle) / (rises ? change : F(1.0f)), 0.0f, 1.0f) : mean_back;
                     const lanes after_it = rest * kept, left_over = after_it < UNSEEN ? F(0.0f) : after_it;
                     const lanes part = rest - left_over;
                     hidden += part;
@@ -517,7 +536,7 @@ __kernel void march(
                         sum_y += part * (1.0f - far) * by_y;
                     }
                     const lanes_i halved = (rest >= 0.5f) & (left_over < 0.5f);
-                    half_way = halved ? z_first + at * z_step : half_way;
+                    half_way = halved ? z_first + (is_crowd ? at - back : at) * z_step : half_way;
                     half_face = halved ? I(face) : half_face;
                     rest = left_over;
                 }

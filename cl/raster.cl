@@ -238,9 +238,16 @@ inline void draw_triangle(volatile __global ulong *visible, const View *view, in
     }
 }
 
-/* The rare triangle that leaves the guard band or crosses the near plane: clip it to a polygon and fan that. */
+/* How far clip-space c lies inside plane i of what a light sees of casters before its near plane. */
+inline float before_near(const View *view, float4 c, int i)
+{
+    return i == 0 ? c.z - c.w : i == 1 ? c.w - view->scale.z : inside(c, i);
+}
+
+/* The rare triangle that leaves the guard band or crosses the near plane: clip it to a polygon and fan that.
+   `before`: of what lies before the near plane, which is drawn at it; of what lies behind it else. */
 void draw_triangle_clipped(volatile __global ulong *visible, const View *view, int2 rows, float4 a, float4 b, float4 c,
-                           uint id, int phase, int facing, __global const uint *after)
+                           uint id, int phase, int facing, __global const uint *after, bool before)
 {
     float4 polygon[9], next[9];
     int n = 3;
@@ -251,7 +258,8 @@ void draw_triangle_clipped(volatile __global ulong *visible, const View *view, i
         int m = 0;
         for (int j = 0; j < n; ++j) {
             const float4 p = polygon[j], q = polygon[j + 1 < n ? j + 1 : 0];
-            const float dp = inside(p, i), dq = inside(q, i);
+            const float dp = before ? before_near(view, p, i) : inside(p, i);
+            const float dq = before ? before_near(view, q, i) : inside(q, i);
             if (dp >= 0.0f)
                 next[m++] = p;
             if (dp >= 0.0f && dq < 0.0f)
@@ -297,5 +305,6 @@ __kernel void body(
         draw_triangle(visible, &view, rows, snap((float4)(a.xyz, 0.0f) / a.w), snap((float4)(b.xyz, 0.0f) / b.w),
                       snap((float4)(c.xyz, 0.0f) / c.w), BODY | (first + t), phase, facing, after);
     else
-        draw_triangle_clipped(visible, &view, rows, a, b, c, BODY | (first + t), phase, facing, after);
+        for (int before = 0; before < (view.scale.z > 0.0f ? 2 : 1); ++before)
+            draw_triangle_clipped(visible, &view, rows, a, b, c, BODY | (first + t), phase, facing, after, before);
 }

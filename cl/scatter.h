@@ -25,6 +25,9 @@ inline float4 fibre(float4 shine, float4 color, float4 t, float4 l, float4 v, fl
         mirror = sine(tl) * sine(tv) - tl * tv;
         mirror = mirror > 0.0f ? mirror : 0.0f;
     }
+    /* Rounding may leave it above 1, of which a large exponent would make a light of its own. */
+    if ((mirror - 1.0f) * shine.y > 1e-3f)
+        mirror = 1.0f;
     /* mirror^exponent, left out where it is below exp(-16): a power costs more than all the rest here. */
     if ((1.0f - mirror) * shine.y < 16.0f)
         bright = shine.x * exp2(shine.y * log2(mirror));

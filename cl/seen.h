@@ -10,6 +10,23 @@ inline float4 seen_point(const View *view, int x, int y, int s, uint depth)
     return (float4)(q.xyz / q.w, 0.0f);
 }
 
+/* Distance along the view axis of a place that was seen at this depth; by the depth alone where the place lies so far aside
+   that rounding errors leave nothing of it. */
+inline float depth_along(const View *view, float4 p, uint depth)
+{
+    const float near = view->to_screen[3].z, distance = to_screen(view, p).w;
+    return distance > 0.5f * near ? distance : near / ((float)(DEPTH_ONE - depth) / DEPTH_ONE);
+}
+
+/* Share of a pixel that is covered: of the samples that see nothing, what shell fur before them hides. */
+inline float covered_share(__global const ulong *visible, __global const float *transmittance, size_t pixel, int samples)
+{
+    float covered = 0.0f;
+    for (int s = 0; s < samples; ++s)
+        covered += (uint)visible[pixel * samples + s] == NOTHING ? 1.0f - transmittance[pixel * samples + s] : 1.0f;
+    return covered / samples;
+}
+
 /* Unit vector from the point towards the eye. */
 inline float4 towards_eye(const View *view, float4 p)
 {

@@ -117,8 +117,9 @@ __kernel void color(
                 const float4 face = cross3(positions[t.y] - positions[t.x], positions[t.z] - positions[t.x]);
                 radiance = body_color * light_on_body(&light, &obstacles, p, n, face);
             } else {
-                const Fibre here = fibre_at(&hair, id, place_between(points[id], points[id + 1], p));
-                radiance = shade_fibre(&light, &here, p, v, transmittance_at(&obstacles, &hair, id, p));
+                const float at = place_between(points[id], points[id + 1], p);
+                const Fibre here = fibre_at(&hair, id, at);
+                radiance = shade_fibre(&light, &here, p, v, transmittance_at(&obstacles, &hair, id, at, p));
             }
             const float share = attenuated ? weight * sample_transmittance[pixel * samples + s] : weight;
             sum += in_integers(share, (float4)(radiance.xyz, i ? 0.0f : 1.0f));
@@ -130,17 +131,34 @@ __kernel void color(
         image[pixel] += in_floats(sum);
 }
 
-/* One work-item puts the sums of one pixel over what is in the picture. */
+/* One work-item puts the sums of one pixel over what is in the picture; its alpha, where that is known, is no sum of shares
+   that have been rounded. */
 __kernel void blend(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const long4 *radiance_sums,   // [rows, width] in 1/ONE
     const int attenuated,                  // 1: they let only a share of the picture through
     __global const float *strand_transmittance,   // [rows, width] that share
+    const int covered,                     // 1: it is known how much of the pixels is covered
+    __global const float *coverage,        // [rows, width] that share, if so
     __global float4 *image)                // [rows, width] premultiplied linear r, g, b, coverage
 {
     WORK_ITEM(pixel);
     const float4 behind = attenuated ? strand_transmittance[pixel] * image[pixel] : image[pixel];
-    image[pixel] = behind + in_floats(radiance_sums[pixel]);
+    const float4 all = behind + in_floats(radiance_sums[pixel]);
+    image[pixel] = (float4)(all.xyz, covered ? coverage[pixel] : all.w);
+}
+
+/* One work-item puts into the picture what share of one pixel is covered: light of fur is added up by itself, and that of
+   what hides next to nothing is left out. */
+__kernel void cover(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const int samples,
+    __global const ulong *visible,         // [rows, width, samples] what else is drawn
+    __global const float *transmittance,   // [rows, width, samples] share of light that comes from behind the fur
+    __global float4 *image)                // [rows, width]
+{
+    WORK_ITEM(pixel);
+    image[pixel].w = covered_share(visible, transmittance, pixel, samples);
 }
 
 /* One work-item tells what the nearest covered sample of one pixel sees, if this part of the scene holds it: the outputs
@@ -183,7 +201,7 @@ __kernel void outputs(
     if (id == NOTHING)
         return;
     const float4 p = seen_point(&view, x, y, nearest, (uint)(key >> 32)), v = towards_eye(&view, p);
-    out_depth[pixel] = to_screen(&view, p).w;
+    out_depth[pixel] = depth_along(&view, p, (uint)(key >> 32));
     if ((uint)key & BODY) {
         const uint4 t = triangles[id];
         float4 b;

@@ -37,7 +37,8 @@ __kernel void bend(
     curves[vertex * (slabs + 1) + slabs] = p;
 }
 
-/* Where the corners of a face lie in the pattern, and how x and y change in the world.  One work-item, one face. */
+/* Where the corners of a face lie in the pattern, how x and y change in the world, and the noise's place with them.  How
+   many cells there are and what noise they get is told by the mesh in rest.  One work-item, one face. */
 __kernel void lattice(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Shells shells,
@@ -45,8 +46,10 @@ __kernel void lattice(
     __global const float4 *normals,        // [V]
     __global const uint4 *faces,           // [F] corners in the order of their numbers
     __global const float4 *uv,             // [F * 3] u, v of these corners
+    __global const float4 *rest,           // [F * 3] these corners in rest, from its middle; which corner of the cells each is: 0, 1, 2
     __global float4 *out)                  // [F, CORNERS] x0 y0 x1 y1; x2 y2 cells-a-side density; gradients of x, y and h;
-                                           // the most that x and y together can change
+                                           // the most that x and y together can change; the noise's place at x = y = 0,
+                                           // what x and what y add to it (0 for "sine")
 {
     WORK_ITEM(f);
     const float4 a = positions[faces[f].x], b = positions[faces[f].y] - a, c = positions[faces[f].z] - a;
@@ -54,15 +57,25 @@ __kernel void lattice(
     const float square = dot3(n, n);
     const float4 to_b = cross3(c, n) / square, to_c = cross3(n, b) / square;   // gradients of the corners' weights
     float2 at[3];
+    float4 start = (float4)(0.0f), by_x = start, by_y = start;
     float sides = 0.0f;
     if (shells.kind.x) {
         for (int i = 0; i < 3; ++i)
             at[i] = (float2)(2.0f * shells.size.z * uv[3 * f + i].x, shells.size.z * uv[3 * f + i].y);
     } else {
-        sides = clamp(floor(shells.size.z * sqrt(0.5f * sqrt(square)) + 0.5f), 1.0f, 4096.0f);
-        at[0] = (float2)(0.0f);
-        at[1] = (float2)(sides, 0.0f);
-        at[2] = (float2)(0.5f * sides, 0.8660254f * sides);
+        const float4 whole = cross3(rest[3 * f + 1] - rest[3 * f], rest[3 * f + 2] - rest[3 * f]);
+        /* Half a cell more is a cell, also where the mesh is turned and rounded in another way. */
+        sides = clamp(floor(shells.size.z * sqrt(0.5f * sqrt(dot3(whole, whole))) + 0.50001f), 1.0f, 4096.0f);
+        float4 q[3];
+        for (int i = 0; i < 3; ++i) {
+            const float4 p = rest[3 * f + i];
+            const int corner = (int)p.w;
+            at[i] = (float2)(corner == 1 ? sides : corner == 2 ? 0.5f * sides : 0.0f, corner == 2 ? 0.8660254f * sides : 0.0f);
+            q[corner] = shells.to_noise[0] * p.x + shells.to_noise[1] * p.y + shells.to_noise[2] * p.z;
+        }
+        start = q[0];
+        by_x = (q[1] - q[0]) / sides;
+        by_y = (q[2] - 0.5f * (q[0] + q[1])) / (0.8660254f * sides);
     }
     const float4 grad_x = (at[1].x - at[0].x) * to_b + (at[2].x - at[0].x) * to_c;
     const float4 grad_y = (at[1].y - at[0].y) * to_b + (at[2].y - at[0].y) * to_c;
@@ -72,6 +85,9 @@ __kernel void lattice(
     out[CORNERS * f + 3] = grad_y;
     const float4 up = n / (dot3(n, normals[faces[f].x]) < 0.0f ? -sqrt(square) : sqrt(square)) / shells.size.x;
     out[CORNERS * f + 4] = (float4)(up.x, up.y, up.z, sqrt(dot3(grad_x, grad_x) + dot3(grad_y, grad_y)));
+    out[CORNERS * f + 5] = start;
+    out[CORNERS * f + 6] = by_x;
+    out[CORNERS * f + 7] = by_y;
 }
 
 /* Perlin's improved noise (2002) at places 1/4 apart, two values each, with the lattice's own period. One work-item,
@@ -184,7 +200,7 @@ __kernel void deposit(
     const float step = POINT_STEP * min(grid.face.y * max(near, grid.face.z), deep);
     const int rows = (int)min(sqrt(square) / step, parts * ROWS - 1.0f) + 1;
     const int heights = (int)min(shells.size.x / (slabs * step), parts * ROWS - 1.0f) + 1;
-    if (first_row >= rows || far < grid.face.z || beyond)
+    if (first_row >= rows || far < grid.face.w || beyond)
         return;
 
     const float4 first = lattice[CORNERS * face], second = lattice[CORNERS * face + 1];
@@ -217,10 +233,10 @@ __kernel void deposit(
                 const float4 p = origin + wb * ab + wc * ac;
                 float w;
                 const int4 at = to_cells(&grid, p, &w);
-                if (at.x == OUTSIDE || at.z < 0)
+                if (at.x == OUTSIDE || (at.z < 0 && !grid.size.w))
                     continue;
                 /* A spot's rays meet the cell's face, at distance w along its axis, at a slant: ray is w / cos long. */
-                w = w > grid.face.z ? w : grid.face.z;
+                w = w > grid.face.w ? w : grid.face.w;
                 const float4 ray = grid.light - grid.light.w * p, up = up_a + wb * up_b + wc * up_c;
                 const float along_b = dot3(ray, cross3(ac, up)), along_c = dot3(ray, cross3(up, ab));
                 const float2 move = along_b * to_b + along_c * to_c;
@@ -233,9 +249,9 @@ __kernel void deposit(
                 const uint amount = exact < 0x1p31f ? (uint)exact : 1u << 31;
                 left = exact - amount < 1.0f ? exact - amount : 1.0f;
                 if (!binary)
-                    add_between(cells, &grid, at.x - SUBPIXEL / 2, at.y - SUBPIXEL / 2, at.z >> 8, amount);
-                else if (amount && in_grid(&grid, at.x >> 8, at.y >> 8, at.z >> 8))
-                    atomic_max(&cells[((size_t)(at.z >> 8) * grid.size.y + (at.y >> 8)) * grid.size.x
+                    add_between(cells, &grid, at.x - SUBPIXEL / 2, at.y - SUBPIXEL / 2, layer(&grid, at.z >> 8), amount);
+                else if (amount && in_grid(&grid, at.x >> 8, at.y >> 8, layer(&grid, at.z >> 8)))
+                    atomic_max(&cells[((size_t)layer(&grid, at.z >> 8) * grid.size.y + (at.y >> 8)) * grid.size.x
                                       + (at.x >> 8)], weight);
             }
     }
@@ -265,17 +281,15 @@ __kernel void outputs(
     ulong key = ~0ul;
     uint other = NOTHING;
     int nearest = 0;
-    float covered = 0.0f;
     for (int s = 0; s < samples; ++s) {
         const ulong drawn = visible[pixel * samples + s], there = shell_front[pixel * samples + s];
-        covered += (uint)drawn == NOTHING ? 1.0f - transmittance[pixel * samples + s] : 1.0f;
         other = min(other, (uint)(drawn >> 32));
         if (there < key) {
             key = there;
             nearest = s;
         }
     }
-    out_coverage[pixel] = covered / samples;
+    out_coverage[pixel] = covered_share(visible, transmittance, pixel, samples);
     if (key == ~0ul || (uint)(key >> 32) >= other)
         return;
     const float4 p = seen_point(&view, x, y, nearest, (uint)(key >> 32)), v = towards_eye(&view, p);
@@ -310,7 +324,7 @@ __kernel void outputs(
         root_uv += share[j] * uv[3 * face + j];
     }
     const float4 tangent = unit_or(along, v);
-    out_depth[pixel] = to_screen(&view, p).w;
+    out_depth[pixel] = depth_along(&view, p, (uint)(key >> 32));
     out_id[pixel] = ID_SHELLS;
     out_tangent[pixel] = tangent;
     out_normal[pixel] = unit_or(v - dot3(v, tangent) * tangent, v);

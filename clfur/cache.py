@@ -69,11 +69,18 @@ def _texts(value):
         yield f"{value!r};".encode()
 
 
-def writable():
-    """Whether the user's cache folder, in which clfur's is, can be written or made."""
-    path = Path(platformdirs.user_cache_dir())
-    there = next((each for each in (path, *path.parents) if each.exists()), path)
-    return path.is_absolute() and there.is_dir() and os.access(there, os.W_OK | os.X_OK)
+def remember_bytes(file, content):
+    """Keep bytes in a file of the cache, with what shows that they are whole; raises `clfur.Error` as `write` does."""
+    write(file, hashlib.sha256(content).digest() + content)
+
+
+def recall_bytes(file):
+    """What `remember_bytes` kept in a file, or None: there is none, or it is damaged."""
+    try:
+        kept = file.read_bytes()
+    except OSError:
+        return None
+    return kept[32:] if len(kept) > 32 and hashlib.sha256(kept[32:]).digest() == kept[:32] else None
 
 
 def recall(identity):

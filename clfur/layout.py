@@ -16,7 +16,7 @@ CONSTANTS = {
     "ID_NOTHING": -1,       # output "id" of a pixel where nothing is; strands are numbered from 0
     "ID_BODY": -2,
     "ID_SHELLS": -3,
-    "CORNERS": 5,           # float4 a face in the lattice of shell fur
+    "CORNERS": 8,           # float4 a face in the lattice of shell fur
     "HEIGHTS": 64,          # of its table of means
     "SIDE_BITS": 2,         # of a neighbour's side: face << SIDE_BITS | side
     "ROWS": 16,             # of a face's points in the light's grid that a work-item does,
@@ -50,7 +50,8 @@ View = np.dtype([                     # a camera: world -> (x, y, e, 1)·w, pixe
     ("to_world", np.float32, (4, 4)),    # columns of the inverse
     ("eye", *_float4),                   # position and 1, or direction towards an orthographic eye and 0
     ("size", *_int4),                    # width, height [pixels], samples a pixel, first row of its PATTERN
-    ("scale", *_float4),                 # pixels per world unit of width at w = 1; least half width, sub-pixels
+    ("scale", *_float4),                 # pixels per world unit of width at w = 1; least half width, sub-pixels; least
+                                         # w of triangles before the near plane, which are drawn at it, 0: none
     ("rows", *_int4),                    # band of rows to draw: first, one past the last, -, -
 ])
 
@@ -80,8 +81,10 @@ Shadow = np.dtype([                   # how a place is looked up in a light's gr
 Grid = np.dtype([                     # cells seen from the light: world -> (x·w, y·w, z, w), cells
     ("to_grid", np.float32, (4, 4)),     # columns
     ("light", *_float4),                 # direction towards the light and 0, or its position and 1
-    ("size", *_int4),                    # cells in x, y (across the light) and z (along it), -
-    ("face", *_float4),                  # area of a cell's face and length of its side at w = 1 [world]; smallest w
+    ("size", *_int4),                    # cells in x, y (across the light) and z (along it); 1: what lies before the
+                                         # first layer counts in it
+    ("face", *_float4),                  # area of a cell's face and length of its side at w = 1 [world]; smallest w in
+                                         # the grid, and of all that counts
 ])
 
 Shells = np.dtype([                   # fur as a height field on the body, drawn layer by layer
@@ -94,6 +97,7 @@ Shells = np.dtype([                   # fur as a height field on the body, drawn
     ("bend", *_float4),                  # what bends hairs all the time, -
     ("wind", *_float4),                  # what bends them in gusts, -
     ("gust", *_float4),                  # waves of the gusts a unit of length [1/world], waves gone by
+    ("to_noise", np.float32, (3, 4)),    # columns: from the middle of the mesh in rest -> in lattices of the noise
 ])
 
 STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Shells": Shells}

@@ -34,7 +34,7 @@ def render(scene: Scene, device: Any = None, settings: Settings | None = None,
     "depth" float32 [h, w] (distance along the view axis, inf where nothing is), "id" int32 [h, w] (strand, -1 nothing,
     -2 body, -3 shells), "tangent" and "normal" float32 [h, w, 3], "uv" float32 [h, w, 2], "coverage" float32 [h, w].
     All but color and coverage tell of what fills most of a pixel, with raster "samples" of its nearest sample.  Of
-    shells they tell where half of the light from behind is gone; coverage is what color's alpha is.
+    shells they tell where half of the light from behind is gone; coverage is what color's alpha is before any blur.
     Raises `clfur.Error` for an unknown device or output, and for a picture that the device cannot hold.
     """
     frame = draw(scene, device, settings, ("color",) if outputs is None else outputs)

@@ -51,7 +51,7 @@ def test_json(clfur, tmp_path):
     assert (result["file"], result["size"]) == ("a.png", [64, 48])
     assert (result["strands"], result["segments"]) == (500, 1500)
     assert result["triangles"] > 0 and result["seconds"] > 0 and all(s >= 0 for s in result["stages"].values())
-    assert result["skipped"] == {"degenerate": 0, "zero_normal": 0}
+    assert result["skipped"] == {"degenerate": 0, "zero_normal": 0, "doubled": 0}
     assert (tmp_path / "a.png").stat().st_size > 500
 
 
@@ -180,7 +180,7 @@ def test_scene_file_with_settings_and_no_mesh(clfur, tmp_path):
     result = json.loads(out)
     assert result["options"] == {"samples": 1, "raster": "coverage", "shadows": "off", "grid": 96, "lod": 0.0}
     assert (result["strands"], result["camera"]["target"]) == (1, None)
-    assert result["skipped"] == {"degenerate": 0, "zero_normal": 0}
+    assert result["skipped"] == {"degenerate": 0, "zero_normal": 0, "doubled": 0}
 
 
 @pytest.mark.parametrize("text, options, words", [
@@ -210,6 +210,18 @@ def test_skipped_faces_are_counted(clfur, tmp_path):
     (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 0 0\nf 1 2 3\nf 1 2 4\n")
     code, out, err = clfur("render", "m.obj", *SMALL)
     assert (code, err) == (0, "") and out.rstrip().endswith("; skipped faces: 1 degenerate")
+
+
+def test_faces_that_are_inside_out_or_doubled_are_told(clfur, tmp_path):
+    """A tetrahedron wound inwards, and one face of it a second time, from both sides."""
+    (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+                                    "f 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\nf 2 3 4\nf 2 4 3\n")
+    code, out, err = clfur("render", "m.obj", "--size", "8x8", "-o", "a.png")
+    assert (code, err) == (0, "")
+    assert out.rstrip().endswith("; skipped faces: 2 doubled; turned 3 faces that were inside out")
+    code, out, err = clfur("render", "m.obj", "--size", "8x8", "-o", "a.png", "--json")
+    result = json.loads(out)
+    assert (result["skipped"]["doubled"], result["turned"], result["one_sided"]) == (2, 3, 0)
 
 
 @pytest.mark.parametrize("arguments, words", [

@@ -77,7 +77,7 @@ def test_without_flip(clfur, made, comparison):
     row = comparison.rows[0]
     comparison.rows[0] = attrs.evolve(row, difference=attrs.evolve(row.difference, flip=None))
     code, out, _ = clfur("compare", *TINY)
-    assert code == 1 and 'needs pip install "clfur[report]"' in out
+    assert code == 1 and "needs pip install flip_evaluator" in out
 
 
 @pytest.mark.parametrize("arguments, words", [

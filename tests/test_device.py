@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 
 from clfur import Error, cache
 from clfur.device import selection as devices
+from clfur.device import vendors
 
 CPU, GPU, OTHER = cl.device_type.CPU, cl.device_type.GPU, cl.device_type.ACCELERATOR
 
@@ -81,7 +83,7 @@ def test_pick_lists_what_there_is(text):
 @pytest.mark.parametrize("platforms", [[], [NONE]])
 @pytest.mark.parametrize("text", ["auto", "pocl", "0:0"])
 def test_no_device_at_all(text, platforms):
-    with pytest.raises(Error, match=r'pip install "pyopencl\[pocl\]"'):
+    with pytest.raises(Error, match=f"^there is no OpenCL device; {re.escape(vendors.advice())}"):
         devices.pick(text, platforms)
 
 
@@ -222,6 +224,8 @@ def test_drivers_that_fail(no_wish):
         raise cl.LogicError(message)
 
     class Broken:
+        name = "Broken"
+
         def get_devices(self):
             raise cl.RuntimeError("clGetDeviceIDs failed: DEVICE_NOT_FOUND")
 
@@ -233,6 +237,24 @@ def test_drivers_that_fail(no_wish):
     no_wish.setattr(cl, "get_platforms", lambda: get_platforms("OUT_OF_HOST_MEMORY"))
     with pytest.raises(Error, match="OUT_OF_HOST_MEMORY"):
         devices.choose()
+
+
+def test_the_checker_of_kernels_is_left_out(no_wish):
+    """Oclgrind, which the tests bring, draws only where it is alone; the numbers of platforms stay."""
+    class Platform:
+        def __init__(self, name):
+            self.name, self.version, self.vendor = name, "OpenCL 1.2", "?"
+
+        def get_devices(self):
+            return [Made(platform=self, name=f"{self.name}'s", type=GPU, max_compute_units=1, driver_version="1")]
+    checker, pocl = Platform("Oclgrind"), Platform("Portable Computing Language")
+    no_wish.setattr(devices, "_facts", lambda device: {"name": device.name})
+    no_wish.setattr(cl, "get_platforms", lambda: [checker, pocl])
+    assert [device.platform for device in devices.find()] == [pocl] and devices.choose("1:0").platform is pocl
+    assert [each["name"] for each in devices.survey()["platforms"]] == [pocl.name]
+    no_wish.setattr(cl, "get_platforms", lambda: [checker])
+    assert [device.platform for device in devices.find()] == [checker]
+    assert [each["name"] for each in devices.survey()["platforms"]] == [checker.name]
 
 
 def test_real_devices(no_wish):

@@ -13,8 +13,8 @@ import pytest
 from clfur import cache
 from clfur.command import devices as cli_devices
 from clfur.command.main import main
+from clfur.device import caches, vendors
 from clfur.device import selection as device
-from clfur.device import vendors
 from clfur.judge.isolated import Outcome
 
 EPYC, LONG = "[bold]EPYC[/bold] :smile:", "Processor-" * 9   # names that are markup to rich, or too long
@@ -58,7 +58,10 @@ def made_up(run, monkeypatch):
     checks = {"0:0": Outcome("ok", ""), "0:1": Outcome("ok", ""), "1:0": Outcome("ok", "")}
 
     def isolated(function, *arguments, **_):
-        return Outcome("ok", machine()) if function == "clfur.device.selection:survey" else checks[arguments[0]]
+        if function == "clfur.device.selection:survey":
+            return Outcome("ok", machine())
+        found = checks[arguments[0]]
+        return Outcome("ok", (found.value, [])) if found.status == "ok" else found
     monkeypatch.setattr(cli_devices, "isolated", isolated)
     return run, checks
 
@@ -204,7 +207,7 @@ def test_why(run, monkeypatch, tmp_path):
         "bare": "library not found", "empty": "empty file", "math": "symbol missing",
         "missing": "library not found", "text": "not a library"}
     assert "/no/such/lib.so" in checked["missing"][1] and "clGetExtensionFunctionAddress" in checked["math"][1]
-    bundled = [row for row in rows if row["origin"] == "comes with pyopencl"]
+    bundled = [row for row in rows if row["origin"] == "comes with pyopencl" and Path(row["file"]).name == "pocl.icd"]
     assert [row["status"] for row in bundled] == ["loaded"] and "1 device: PoCL" in bundled[0]["message"]
     code, out, _ = run("--why")
     for row in rows:
@@ -226,7 +229,32 @@ def test_why_without_any_device(run, monkeypatch, tmp_path):
 
 
 def test_why_of_a_cache_that_cannot_be_written(run, monkeypatch):
+    """PoCL is given another, and a line says so."""
+    monkeypatch.setattr(caches, "notes", [])
     monkeypatch.setenv("POCL_CACHE_DIR", "/dev/null/cache")
-    rows = json.loads(run("--why", "--json")[1])["drivers"]
-    status, message = next((r["status"], r["message"]) for r in rows if r["origin"] == "comes with pyopencl")
-    assert status == "no device" and "POCL_CACHE_DIR" in message
+    found = json.loads(run("--why", "--json")[1])
+    status, message = next((r["status"], r["message"]) for r in found["drivers"] if "pocl.icd" in r["file"])
+    assert status == "loaded" and "PoCL" in message
+    assert any("kernels are not kept in /dev/null/cache: Not a directory; " in note for note in found["notes"])
+
+
+def test_a_spoilt_cache_is_not_the_devices_fault(made_up, monkeypatch):
+    """A device that fails with the kernels that are kept, and is right with none."""
+    run, checks = made_up
+    isolated = cli_devices.isolated
+
+    def healed(function, *arguments, environment=None, **keys):
+        if environment and "POCL_CACHE_DIR" in environment and arguments == ("0:1",):
+            assert not os.listdir(environment["POCL_CACHE_DIR"])
+            return Outcome("ok", ("", []))
+        return isolated(function, *arguments, **keys)
+    monkeypatch.setattr(cli_devices, "isolated", healed)
+    monkeypatch.setenv("POCL_CACHE_DIR", "/kernels")
+    checks["0:1"] = Outcome("crash", None, "the process died of SIGBUS")
+    code, _, err = run("--check")
+    assert code == 0 and cache.recall(["Xeon", "1.2"]) == ("pass", "")
+    assert err.splitlines()[3:5] == ["pocl:1: pass", (
+        "pocl:1: it is right without the kernels that are kept in /kernels: these are spoilt, delete them "
+        "(crash: the process died of SIGBUS)")]
+    checks["0:1"] = Outcome("hang", None, "no answer in 180 s")   # nobody waits for that twice
+    assert run("--check")[0] == 1 and cache.recall(["Xeon", "1.2"])[0] == "hang"

@@ -117,18 +117,20 @@ def test_handlers_are_given_back(clfur, monkeypatch):
     assert before == [signal.getsignal(number) for number in endings.SIGNALS]
 
 
-@pytest.mark.parametrize("name", SIGNALS)
-def test_during_a_frame(tmp_path, name):
-    """A frame of many seconds; the scene's file tells when it begins."""
-    running = Running(tmp_path, "render", "../fur.py", "-o", "a.png", "--samples", "16")
-    (tmp_path / "fur.py").write_text(SCENE.format(roots=10**6, size=(4000, 3000)) + f"""
-import clfur.command.render as command, threading
-draw = command.draw
+@pytest.mark.parametrize("command, does, size, name", [("render", "draw", (4000, 3000), name) for name in SIGNALS] + [
+    ("chart", "frontier", (320, 240), "SIGTERM")])
+def test_during_a_frame(tmp_path, command, does, size, name):
+    """Frames of many seconds, and the truth of them; the scene's file tells when they begin."""
+    (tmp_path / "fur.py").write_text(SCENE.format(roots=10**6, size=size) + f"""
+import sys, threading
+command = sys.modules["clfur.command.{command}"]
+does = command.{does}
 def marked(*arguments, **options):
     threading.Timer(1, open, [{str(tmp_path / 'mark')!r}, "w"]).start()
-    return draw(*arguments, **options)
-command.draw = marked
+    return does(*arguments, **options)
+command.{does} = marked
 """)
+    running = Running(tmp_path, command, "../fur.py", "-o", "a.png")
     waiting(running).ends(name)
     assert list(running.folder.iterdir()) == []
 

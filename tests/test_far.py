@@ -108,5 +108,6 @@ def test_a_scene_has_one_origin():
 
 
 def test_places_beyond_all_numbers_are_refused():
-    with pytest.raises(clfur.Error, match=r"Mesh.positions are around \[2000000000.0, 0.0, 0.0\]; allowed: at most 1e\+09"):
+    allowed = r"Mesh.positions are around \[2000000000.0, 0.0, 0.0\]; allowed: at most 1e\+09"
+    with pytest.raises(clfur.Error, match=allowed):
         moved(clfur.load_mesh("sphere"), (2e9, 0, 0))

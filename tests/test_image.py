@@ -1,15 +1,20 @@
 """Pictures to files and back."""
 
+import io
 import os
+import warnings
 
 import imageio.v3
 import numpy as np
 import pytest
+from PIL import Image
+from support import picture_files
 
 from clfur.color import linear_to_srgb, srgb_to_linear
 from clfur.errors import Error
 from clfur.files import images as pictures
 from clfur.files.images import check_writable, load_picture, save
+from clfur.scene import HairType, Strands
 
 HEIGHT, WIDTH = 5, 7
 
@@ -154,20 +159,110 @@ def test_load_picture(tmp_path, shape, name):
 
 
 def test_bad_pictures(tmp_path, outputs):
-    import imageio.v3
 
     save(tmp_path / "a.png", np.random.default_rng(3).random((64, 64, 3)))
     data = (tmp_path / "a.png").read_bytes()
     (tmp_path / "cut.png").write_bytes(data[: len(data) // 2])
     (tmp_path / "junk.png").write_bytes(b"hello")
     (tmp_path / "empty.png").touch()
-    imageio.v3.imwrite(tmp_path / "deep.png", np.zeros((4, 4), np.uint16))
-    for name in ("cut.png", "junk.png", "empty.png", "deep.png", "gone.png", "."):
+    for name in ("cut.png", "junk.png", "empty.png", "gone.png", "."):
         with pytest.raises(Error) as caught:
             load_picture(tmp_path / name)
         assert "\n" not in str(caught.value)
     with pytest.raises(Error, match="load_picture path"):
         load_picture(None)
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("name", ["png", "tiff", "tiff big", "tiff packed", "tiff big packed"])
+def test_pictures_of_16_bits_are_whole(tmp_path, name, channels):
+    """Pillow alone would keep the first byte of each channel of RGB."""
+    pixels = np.random.default_rng(channels).integers(0, 2**16, (9, 7, channels)).astype(np.uint16)
+    data = picture_files.png(pixels) if name == "png" else picture_files.tiff(
+        pixels, ">" if "big" in name else "<", "packed" in name)
+    (tmp_path / "a").write_bytes(data)
+    loaded = load_picture(tmp_path / "a")
+    assert loaded.dtype == np.uint16 and np.array_equal(loaded, np.broadcast_to(pixels[..., :3], (9, 7, 3)))
+    color = HairType(color_texture=loaded).color_texture
+    assert np.abs(color - srgb_to_linear(loaded / 65535)).max() < 1e-6
+    with pytest.raises(Error, match="type_map is an array of uint16.*uint8"):
+        Strands(types=[HairType(key=(0, 0, 0))], type_map=loaded)
+
+
+def test_other_pictures_that_are_read(tmp_path):
+    rng = np.random.default_rng(4)
+    grey = rng.integers(0, 2**16, (5, 3, 1)).astype(np.uint16)
+    three = rng.integers(0, 256, (5, 3, 3)).astype(np.uint8)
+    palette = Image.fromarray(three).quantize(8)
+    rgb = np.asarray(palette.convert("RGB"))
+    cmyk, turned = Image.fromarray(three).convert("CMYK"), Image.Exif()
+    turned[0x112] = 6   # a camera held upright
+    for name, data, expected in [
+        ("white_is_0.tif", picture_files.tiff(grey, photometric=0), np.repeat(65535 - grey, 3, 2)),
+        ("16.pgm", b"P5 3 5 65535\n" + grey.astype(">u2").tobytes(), np.repeat(grey, 3, 2)),
+        ("bits.png", coded(Image.fromarray(three[..., 0] > 99), "PNG"),
+         np.repeat((three[..., :1] > 99).astype(np.uint8) * 255, 3, 2)),
+        ("palette.png", coded(palette, "PNG"), rgb),
+        ("alpha.png", picture_files.png(np.dstack([three, three[..., :1]]), 8), three),
+        ("grey_alpha.png", picture_files.png(three[..., :2], 8), np.repeat(three[..., :1], 3, 2)),
+        ("cmyk.tif", coded(cmyk, "TIFF"), np.asarray(cmyk.convert("RGB"))),
+        ("frames.gif", coded(palette, "GIF", save_all=True, append_images=[palette.point(lambda v: 7 - v)]), rgb),
+        ("exif.png", coded(Image.fromarray(three), "PNG", exif=turned), three),
+        ("8.jp2", coded(Image.fromarray(three), "JPEG2000", irreversible=False), three),
+        ("a.webp", coded(Image.fromarray(three), "WEBP", lossless=True), three),
+        ("a.ppm", coded(Image.fromarray(three), "PPM"), three),
+        ("a.sgi", coded(Image.fromarray(three), "SGI"), three),
+    ]:
+        (tmp_path / name).write_bytes(data)
+        loaded = load_picture(tmp_path / name)
+        assert loaded.dtype == expected.dtype and np.array_equal(loaded, expected), name
+
+
+def coded(picture, kind, **options):
+    """The bytes of a file of Pillow's Image."""
+    file = io.BytesIO()
+    picture.save(file, kind, **options)
+    return file.getvalue()
+
+
+def test_what_would_be_cut_is_refused(tmp_path):
+    """Files whose channels are not 8 or 16 bits, and those of 16 that Pillow would cut; none is decoded first."""
+    deep, three = np.zeros((4, 4, 2), np.uint16), Image.new("RGB", (4, 4))
+    jp2 = bytearray(coded(three, "JPEG2000"))
+    size = jp2.index(b"\xff\x4f\xff\x51")
+    jp2[size + 42:size + 51:3] = [11] * 3   # 12 bits
+    for name, data, words in [
+        ("la.png", picture_files.png(deep), "more than 8 bits"),
+        ("float.tif", picture_files.tiff(np.zeros((4, 4, 1), np.float32)), "floats"),
+        ("int.tif", picture_files.tiff(np.zeros((4, 4, 1), np.int32)), "more than 8 bits"),
+        ("signed.tif", picture_files.tiff(np.zeros((4, 4, 1), np.int16)), "more than 8 bits"),
+        ("cmyk.tif", picture_files.tiff(np.zeros((4, 4, 4), np.uint16), photometric=5, extra=0), "cmyk.tif"),
+        ("premultiplied.tif", picture_files.tiff(np.zeros((4, 4, 4), np.uint16), extra=1), "more than 8 bits"),
+        ("rgb.ppm", b"P6 2 1 65535\n" + bytes(12), "more than 8 bits"),
+        ("grey.pgm", b"P5 2 1 1023\n" + bytes(4), "more than 8 bits"),
+        ("deep.sgi", coded(three, "SGI", bpc=2), "more than 8 bits"),
+        ("deep.jp2", bytes(jp2), "more than 8 bits"),
+        ("a.exr", b"\x76\x2f\x31\x01" + bytes(99), "allowed: PNG"),
+        ("a.hdr", b"#?RADIANCE\n\n-Y 1 +X 1\n" + bytes(4), "allowed: PNG"),
+        ("a.eps", b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n", "allowed: PNG"),
+        ("many.png", picture_files.empty_png(2**14, 2**13 + 1), "16384 x 8193 pixels; allowed: at most 134217728"),
+        ("more.png", picture_files.empty_png(2**20, 2**20), "pixels"),
+    ]:
+        (tmp_path / name).write_bytes(data)
+        with warnings.catch_warnings(), pytest.raises(Error, match=words) as caught:
+            warnings.simplefilter("error")
+            load_picture(tmp_path / name)
+        assert name in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_only_regular_files_are_read_as_pictures(tmp_path):
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(tmp_path / "pipe.png")
+        with pytest.raises(Error, match="pipe.png: is a pipe"):
+            load_picture(tmp_path / "pipe.png")
+    for device in {"/dev/zero", "/dev/null"} if os.path.exists("/dev/zero") else ():
+        with pytest.raises(Error, match="is a pipe, a device"):
+            load_picture(device)
 
 
 def test_a_png_is_coded_in_bands(monkeypatch):

@@ -80,19 +80,23 @@ def factors(grown, thinned):
     return np.divide(after, before, out=np.zeros_like(after), where=(count > 0) & (before > 0))
 
 
-def check_twin(gpu, grown, view, lod, seed):
-    thinned = thin(gpu, grown, view, lod, seed)
+def check_twin(gpu, grown, view, lod, seed, by_place=False):
+    thinned = thin(gpu, grown, view, lod, seed, by_place)
     for name in ("strand_of", "normals", "uv", "types"):
         assert getattr(thinned, name) is getattr(grown, name)
     assert (thinned.colors is grown.colors) == (grown.color_per != 2)
     assert (thinned.first_strand, thinned.first_point, thinned.color_per) == (
         grown.first_strand, grown.first_point, grown.color_per)
-    np.testing.assert_array_equal(thinned.spans.get()[:, 0], grown.spans.get()[:, 0])
+    if not by_place:
+        np.testing.assert_array_equal(thinned.spans.get()[:, 0], grown.spans.get()[:, 0])
+    (first, count), begin = thinned.spans.get().astype(int).T, grown.spans.get()[:, 0].astype(int)
+    assert (first >= begin).all() and (first + count <= begin + grown.spans.get()[:, 1]).all()
     to_screen, scale = view["to_screen"].astype(float).T, float(view["scale"][0])
     checked = []
     for number, (before, after) in enumerate(zip(strands_of(grown), strands_of(thinned))):
         colors = None if before[2] is None else before[2][:, :3].astype(float)
-        factor, kept = twin.thin(to_screen, scale, before[0], grown.first_strand + number, seed, lod, colors)
+        name = None if by_place else grown.first_strand + number
+        factor, kept = twin.thin(to_screen, scale, before[0], name, seed, lod, colors)
         assert len(after[0]) == len(kept), number
         np.testing.assert_array_equal(after[0][:, :3], before[0][kept, :3])
         np.testing.assert_array_equal(after[1], before[1][kept])
@@ -108,23 +112,24 @@ def check_twin(gpu, grown, view, lod, seed):
 @pytest.mark.small
 @pytest.mark.parametrize("per_point", [True, False], ids=["points-colours", "strands-colours"])
 @pytest.mark.parametrize("lod", [.25, 4])
-def test_twin_small(gpu, lod, per_point):
+@pytest.mark.parametrize("by_place", [False, True])
+def test_twin_small(gpu, lod, per_point, by_place):
     fur = wild(60, 20, per_point=per_point)
-    checked = check_twin(gpu, upload_curves(gpu, fur), near_view(), lod, 0)
+    checked = check_twin(gpu, upload_curves(gpu, fur), near_view(), lod, 0, by_place)
     assert (checked[:, 1] < checked[:, 0]).any() and (checked[:, 0] == 0).any()
 
 
 @pytest.mark.parametrize("lod", [.6, 1, 4])
-@pytest.mark.parametrize("kind", ["wild", "grown", "flat"])
+@pytest.mark.parametrize("kind", ["wild", "grown", "flat", "wild by place"])
 def test_twin(gpu, sphere, kind, lod):
     if kind == "grown":
         grown, view, seed = grown_fur(gpu, sphere), near_view(2.5), 3
     else:
         fur = wild(600)
         grown, seed = upload_curves(gpu, fur), 2**32 - 1
-        view = near_view() if kind == "wild" else flat_view(90)
+        view = flat_view(90) if kind == "flat" else near_view()
     grown = replace(grown, first_strand=77)
-    checked = check_twin(gpu, grown, view, lod, seed)
+    checked = check_twin(gpu, grown, view, lod, seed, kind == "wild by place")
     assert (checked[:, 1] < checked[:, 0]).any()
     assert (checked[:, 2] > 1).any() and (checked[checked[:, 0] > 0, 2] == 0).any()
 

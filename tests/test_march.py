@@ -42,9 +42,9 @@ def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, 
     camera = camera or frame(mesh, fur, size, direction=(0.3, 0.5, 1))
     scene = clfur.Scene(mesh=mesh, fur=fur, camera=camera, light=light)
     view, lights = view_of(scene, samples), [light_of(light) for light in scene.lights]
-    packed, box = shells.pack(fur, mesh, bare, filtered)
+    packed = shells.pack(fur, mesh, bare, filtered)
     topology = shells.topology_of(mesh.faces)
-    shell = shells.bend(gpu, mesh, packed, shells.lay(gpu, mesh, packed, box, topology), topology)
+    shell = shells.bend(gpu, mesh, packed, shells.lay(gpu, mesh, packed, topology), topology)
     body = None if bare else tessellate(gpu, mesh, 1, 1, "flat")
     visible = raster(gpu, view, None, body) if body else gpu.full((size[1], size[0], samples), np.uint64, twin.NONE)
     rounds = []
@@ -64,8 +64,8 @@ def by_twin(it, direct=1.0):
     return twin.march(
         it.view, packed, it.lights, it.visible, it.rounds, it.shell.border.get(),
         pattern.faces.get(), it.shell.curves.get()[:, :3].reshape(-1, slabs + 1, 3), it.shell.normals.get()[:, :3],
-        pattern.lattice.get().reshape(-1, 5, 4), pattern.noise.get().reshape(*noise_shape(packed), 2),
-        pattern.means.get(), pattern.box, direct)
+        pattern.lattice.get().reshape(-1, 8, 4), pattern.noise.get().reshape(*noise_shape(packed), 2),
+        pattern.means.get(), direct)
 
 
 # --- the twin's values ----------------------------------------------------------------------------------

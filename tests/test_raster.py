@@ -95,6 +95,25 @@ def test_bits_are_the_twins(gpu, fallback, width, height, strands, triangles, si
     np.testing.assert_array_equal(draw(fallback, view, strands, body), drawn)
 
 
+@pytest.mark.small
+@pytest.mark.parametrize("spot", [False, True])
+def test_what_lies_before_a_lights_near_plane_is_drawn_at_it(gpu, fallback, spot):
+    """Triangles before it, across it, and behind: as deep as they are, but no nearer than 0; of a spot, none at it."""
+    view = perspective(61, 47, 1, eye=(0, 0, 3), target=(0, 0, 0)) if spot else flat(61, 47, 1)
+    plain, least = view.copy(), .3 if spot else 1
+    view["scale"][2] = least
+    body = random_body(8, 40, 1.5)
+    if not spot:
+        body[0][:, :2] = 30 + 25 * body[0][:, :2]
+        body[0][:, 2] = body[0][:, 2] * .8 + .5       # reversed depth: 1 is near
+    else:
+        body[0][:, 2] *= 2
+    drawn, cut = judged(gpu, view, (), body), judged(gpu, plain, (), body)
+    np.testing.assert_array_equal(draw(fallback, view, (), body), drawn)
+    more = covered(drawn) & (drawn != cut)
+    assert more.any() and (depth_of(drawn)[more] < 1 << 10).all()   # where one is cut, float32 leaves 2^-22
+
+
 def test_the_twin_has_the_same_contract():
     assert twin.PATTERNS == layout.PATTERNS
     assert (twin.SUBPIXEL, twin.DEPTH_ONE, twin.BODY) == (SUBPIXEL, DEPTH_ONE, BODY)

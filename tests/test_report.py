@@ -75,7 +75,7 @@ def test_where_it_cannot_be_written(comparison, tmp_path, monkeypatch, path, wor
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("package", ["matplotlib", "jinja2", "flip_evaluator"])
+@pytest.mark.parametrize("package", ["matplotlib", "jinja2"])
 def test_without_the_extra(tmp_path, monkeypatch, package):
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(clfur.Error, match=rf'a report needs {package}: pip install "clfur\[report\]"'):

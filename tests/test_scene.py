@@ -180,10 +180,10 @@ def test_degenerate_faces_are_dropped_and_counted(scale):
 
 
 def test_faces_whose_normals_cancel_are_dropped_and_counted():
-    positions = np.vstack([SQUARE, SQUARE + (5, 0, 0)])
-    faces = np.vstack([FACES, FACES + 4, FACES[:, ::-1] + 4])
-    mesh = Mesh(positions, faces=faces)
-    assert mesh.zero_normal_faces == 4 and len(mesh.faces) == 2 and len(mesh.positions) == 4
+    """Two that meet in a corner, one seen from above and one from below."""
+    positions = np.vstack([SQUARE, [(5, 0, 0), (6, 0, 0), (5, 1, 0), (4, 0, 0), (5, -1, 0)]])
+    mesh = Mesh(positions, faces=np.vstack([FACES, [(4, 5, 6), (4, 8, 7)]]))
+    assert mesh.zero_normal_faces == 2 and len(mesh.faces) == 2 and len(mesh.positions) == 4
 
 
 # --- fur ---

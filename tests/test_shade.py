@@ -171,6 +171,25 @@ def test_a_small_picture_is_the_twins(gpu, kind, form):
         np.testing.assert_allclose(found[name].get(), meant[name], rtol=0, atol=tolerance, err_msg=name)
 
 
+@pytest.mark.small
+@pytest.mark.parametrize("samples", [1, 4])
+def test_coverage_becomes_alpha(gpu, samples):
+    """What fur hides of the samples that see nothing, and what is known already: neither is a sum of rounded shares."""
+    rng = np.random.default_rng(samples)
+    image, visible = rng.random((7, 9, 4), np.float32), rng.integers(0, 1 << 40, (7, 9, samples), np.uint64)
+    visible[rng.random(visible.shape) < .5] = np.uint64(twin.NONE)
+    through = rng.choice(np.float32([0, .25, 1 / 3, 1]), visible.shape)
+    covered = gpu.upload(image)
+    shade.cover(gpu, gpu.upload(visible), gpu.upload(through), covered)
+    np.testing.assert_allclose(covered.get()[..., 3], twin.cover(visible, through), rtol=2e-7)
+    np.testing.assert_array_equal(covered.get()[..., :3], image[..., :3])
+    assert covered.get()[..., 3].max() == 1
+    sums, alpha = gpu.upload(rng.integers(0, 1 << 32, (7, 9, 4))), rng.random((7, 9), np.float32)
+    known = shade.blend(gpu, sums, gpu.upload(image), coverage=gpu.upload(alpha)).get()
+    np.testing.assert_array_equal(known[..., :3], shade.blend(gpu, sums, gpu.upload(image)).get()[..., :3])
+    np.testing.assert_array_equal(known[..., 3], alpha)
+
+
 @pytest.mark.parametrize("samples", [1, 4, 16])
 @pytest.mark.parametrize("kind", ["point", "grown"])
 def test_outputs_are_the_twins(gpu, ball, kind, samples):

@@ -14,17 +14,18 @@ from clfur.twin import shells as twin
 
 def check_preparation(gpu, mesh, options):
     mesh, fur = clfur.Mesh(*MESHES[mesh]), clfur.Shells(**options, seed=7)
-    packed, box = stage.pack(fur, mesh, False, True)
+    packed = stage.pack(fur, mesh, False, True)
     topology = stage.topology_of(mesh.faces)
-    pattern = stage.lay(gpu, mesh, packed, box, topology)
+    pattern = stage.lay(gpu, mesh, packed, topology)
     shell = stage.bend(gpu, mesh, packed, pattern, topology)
     uv = np.take_along_axis(mesh.uv, topology.order[..., None], 1)
     slabs = int(packed["kind"][2])
     curves = shell.curves.get().reshape(-1, slabs + 1, 4)
     np.testing.assert_allclose(curves[..., :3], twin.bend(packed, mesh.positions, mesh.normals), atol=2e-6)
     assert not curves[..., 3].any()
-    lattice = pattern.lattice.get().reshape(-1, 5, 4)
-    expected = twin.lattice(packed, mesh.positions, mesh.normals, topology.corners, uv)
+    lattice = pattern.lattice.get().reshape(-1, 8, 4)
+    expected = twin.lattice(packed, mesh.positions, mesh.normals, topology.corners, uv,
+                            stage.resting(fur.rest or mesh, topology).reshape(-1, 3, 4))
     np.testing.assert_array_equal(lattice[:, 1, 2], expected[:, 1, 2])
     np.testing.assert_allclose(lattice, expected, rtol=2e-5, atol=2e-5 * np.abs(expected).max())
     np.testing.assert_allclose(pattern.noise.get().reshape(*noise_shape(packed), 2), twin.noise(packed), atol=1e-6)
@@ -49,7 +50,7 @@ def test_a_small_preparation_equals_the_twin(gpu, monkeypatch, pattern):
     {}, {"density": 0.4}, {"sharpness": 3.0}, {"length_variation": 1.0}, {"pattern": "sine"},
     {"pattern": "sine", "density": 0.4}], ids=str)
 def test_means_equal_the_twin(gpu, options):
-    packed, _ = stage.pack(clfur.Shells(**options), clfur.Mesh(*MESHES["ball"]), False, True)
+    packed = stage.pack(clfur.Shells(**options), clfur.Mesh(*MESHES["ball"]), False, True)
     means = gpu.empty((stage.HEIGHTS, 2), np.float32)
     gpu.launch("shells.means", stage.HEIGHTS, shells=packed, around=stage.AROUND, out=means)
     # At the roots a hair's edge is 1e-3 high, and places 1000 cells from the first are rounded to 6e-5.
@@ -128,7 +129,7 @@ def test_the_fur_is_filled_without_gaps():
 
 def curves_of(gpu, **options):
     mesh = clfur.Mesh(*MESHES["ball"])
-    packed, _box = stage.pack(clfur.Shells(**options), mesh, False, True)
+    packed = stage.pack(clfur.Shells(**options), mesh, False, True)
     curves = gpu.empty((len(mesh.positions) * (int(packed["kind"][2]) + 1), 4), np.float32)
     gpu.launch("shells.bend", len(mesh.positions), shells=packed, positions=gpu.upload(stage.as_float4(mesh.positions)),
                normals=gpu.upload(stage.as_float4(mesh.normals)), curves=curves)
@@ -232,8 +233,8 @@ def test_noise_is_seeded_and_periodic(gpu, pattern):
     mesh = clfur.Mesh(*MESHES["ball"])
 
     def table(seed):
-        packed, box = stage.pack(clfur.Shells(pattern=pattern, seed=seed, frequency=20.0), mesh, False, True)
-        pattern_ = stage.lay(gpu, mesh, packed, box, stage.topology_of(mesh.faces))
+        packed = stage.pack(clfur.Shells(pattern=pattern, seed=seed, frequency=20.0), mesh, False, True)
+        pattern_ = stage.lay(gpu, mesh, packed, stage.topology_of(mesh.faces))
         return pattern_.noise.get().reshape(*noise_shape(packed), 2).astype(float), packed
     one, packed = table(5)
     np.testing.assert_array_equal(one, table(5)[0])
@@ -258,7 +259,7 @@ def test_the_means_are_those_of_the_pattern(gpu):
     rng = np.random.default_rng(0)
     for pattern in ("cells", "sine"):
         fur = clfur.Shells(pattern=pattern, density=0.8)
-        packed, _ = stage.pack(fur, clfur.Mesh(*MESHES["ball"]), False, True)
+        packed = stage.pack(fur, clfur.Mesh(*MESHES["ball"]), False, True)
         means = gpu.empty((stage.HEIGHTS, 2), np.float32)
         gpu.launch("shells.means", stage.HEIGHTS, shells=packed, around=stage.AROUND, out=means)
         at = rng.uniform(100, 180, (200000, 2))

@@ -47,9 +47,9 @@ def beam(*direction, **keys):
 
 def furred(gpu, mesh, fur, filtered=True):
     """-> (`Shell`, `layout.Shells`)"""
-    packed, box = stage.pack(fur, mesh, False, filtered)
+    packed = stage.pack(fur, mesh, False, filtered)
     topology = stage.topology_of(mesh.faces)
-    pattern = stage.lay(gpu, mesh, packed, box, topology)
+    pattern = stage.lay(gpu, mesh, packed, topology)
     return stage.bend(gpu, mesh, packed, pattern, topology, stage.border(gpu, mesh, packed, topology)), packed
 
 
@@ -116,7 +116,7 @@ def amount(means, lattice, direction, length):
     table = np.stack([np.interp(h, np.linspace(0, 1, len(means)), column) for column in means.T], 1)
     down, middle = table[:-1, 0] - table[1:, 0], (table[1:, 1] + table[:-1, 1]) / 2 / 6300
     towards = -np.asarray(direction, float) / np.linalg.norm(direction)
-    move = lattice[2:, :3] @ (towards * (1, 0, 1))
+    move = lattice[2:4, :3] @ (towards * (1, 0, 1))
     above, side = down * towards[1], middle * length * np.linalg.norm(move)
     return (above + np.maximum(np.abs(above), np.sqrt(4 * side**2 + (1 - 4 / np.pi**2) * above**2))).sum() / 2
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from clfur import Error, cache
-from clfur.device import vendors
+from clfur.device import caches, vendors
 
 ROOT = Path(__file__).resolve().parents[1]
 INTEL = b"/prefix with space/lib/libintelocl.so"
@@ -21,6 +21,8 @@ def place(monkeypatch, tmp_path):
     system.mkdir()
     (system / "pocl.icd").write_bytes(b"libpocl.so.2\n")
     monkeypatch.setenv("OPENCL_VENDOR_PATH", str(system))
+    monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(caches, "notes", [])
     monkeypatch.setenv("OCL_ICD_VENDORS", "before")   # so that it is as it was after the test
     monkeypatch.delenv("OCL_ICD_VENDORS")
     monkeypatch.setattr(vendors, "_intel", INTEL.decode)
@@ -100,12 +102,23 @@ def test_the_system_has_intel(place, library, twice):
 
 
 def test_a_cache_that_cannot_be_written(place):
+    """Intel's driver is told of in a temporary folder then."""
     (place / "vendors").write_text("a file where the folder should be")
-    assert "intel-opencl-rt is installed, but the loader is not told of it: cannot write to" in vendors.prepare()
-    assert "OCL_ICD_VENDORS" not in os.environ
-    assert vendors.vendors()[1] == [vendors.prepare()]
+    assert vendors.prepare() is None
+    assert pointed_to().parents[1] == caches.private() and (pointed_to() / "clfur-intel.icd").read_bytes() == INTEL
+    assert vendors.prepare() is None and vendors.vendors()[0][1].origin == "intel-opencl-rt, added by clfur"
     with pytest.raises(Error):
         cache.write(place / "vendors" / "a", b"")
+
+
+def test_no_folder_can_be_written(place, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(28, "No space left on device")
+    (place / "vendors").write_text("a file where the folder should be")
+    monkeypatch.setattr(caches, "private", refuse)
+    assert "intel-opencl-rt is installed, but the loader is not told of it: " in vendors.prepare()
+    assert "OCL_ICD_VENDORS" not in os.environ
+    assert vendors.vendors()[1] == [vendors.prepare()]
 
 
 def test_two_at_once(place):

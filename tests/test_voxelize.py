@@ -33,6 +33,12 @@ def scene_of(curves, **light):
     return clfur.Scene(mesh=clfur.Mesh(p, faces=faces), fur=curves, light=clfur.Light(**light))
 
 
+def before(grid, least):
+    """A grid in whose first layer counts what lies before it, to this w."""
+    grid["size"][3], grid["face"][3] = 1, least
+    return grid
+
+
 def turned_grid():
     return grid_of(scene_of(None, direction=(-1, -2, .5)), 32)
 
@@ -87,6 +93,12 @@ CASES = {
     "short": (plain_grid, lambda: random_strands(5, 0, 16, .3)),
     "borders": (plain_grid, border_strands),
     "odd": (plain_grid, odd_strands),
+    "before": (lambda: before(plain_grid(), 1), lambda: random_strands(13, (-3, -3, -60), (19, 35, 51), 9)),
+    "far before": (lambda: before(plain_grid(), 1), lambda: random_strands(14, (0, 0, -900), (16, 32, 51), 300)),
+    "odd before": (lambda: before(plain_grid(), 1), odd_strands),
+    "spot before": (lambda: before(spot_grid(), .1), lambda: random_strands(15, -1, 3, .4)),
+    "long": (plain_grid, lambda: random_strands(16, -60, 80, 150)),
+    "long from a spot": (lambda: before(spot_grid(), .05), lambda: random_strands(17, -9, 9, 20)),
     "one": (plain_grid, lambda: tuple(each[k] for each, k in zip(odd_strands(), (slice(0, 7), [3], [3])))),
     "none": (plain_grid, lambda: (np.zeros((0, 4)), np.zeros((0, 2), int), np.zeros(0, int))),
 }
@@ -94,7 +106,7 @@ CASES = {
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("case", [
-    pytest.param(case, marks=[pytest.mark.small] * (case in ("spot inside", "borders", "odd", "none")))
+    pytest.param(case, marks=[pytest.mark.small] * (case in ("spot inside", "borders", "odd", "odd before", "none")))
     for case in CASES])
 def test_cells_equal_the_twin(gpu, case, method):
     grid, strands = CASES[case][0](), CASES[case][1]()
@@ -129,6 +141,26 @@ def test_neither_order_nor_groups_nor_runs_change_a_count(gpu, method):
         given |= {} if method == "length" else {"method": METHODS.index(method)}
         kernel.run(gpu.queue, (-(-len(spans) // group) * group,), (group,), 0, len(spans), *kernel.bind(given))
         np.testing.assert_array_equal(cells, again.get())
+
+
+@pytest.mark.small
+def test_what_lies_before_the_grid_counts_in_its_first_layer(gpu):
+    points = [(5.5, 3.2, -7, .1), (5.5, 3.9, -6.5, .1), (5.5, 4.6, -9000, .1), (5.5, 5.3, 2.5, .1)]
+    strands, weights = (points, [(0, 2), (2, 2)], [0, 0]), np.array([4096], np.uint32)
+    for method in METHODS:
+        assert counted(gpu, plain_grid(), ([points[0], points[1]], [(0, 2)], [0]), method, weights).sum() == 0
+        cells = counted(gpu, before(plain_grid(), 1), strands, method, weights)
+        assert cells[0].sum() > 0 and cells[:, :3].sum() == cells[:, 7:].sum() == 0
+
+
+@pytest.mark.small
+def test_of_a_long_strand_what_is_in_the_grid_counts(gpu):
+    points, weights = [(-1e4, 3.5, 4.5, .1), (1e4, 3.5, 4.5, .1)], np.array([4096], np.uint32)
+    cells = counted(gpu, plain_grid(), (points, [(0, 2)], [0]), "length", weights)
+    within = cells[4, 3, 1:15]
+    assert within.sum() == cells.sum() - cells[4, 3, [0, 15]].sum()
+    assert within.sum() / 4096 == pytest.approx(14 * .1, rel=.01)
+    np.testing.assert_allclose(within / 4096, .1, atol=.012)   # steps are 3/4 of a cell
 
 
 # --- what must hold whatever the twin says -----------------------------------------------------------------

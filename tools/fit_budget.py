@@ -96,7 +96,7 @@ RANGES = ({widths.min():.2g}, {widths.max():.2g}), ({covers.min():.2g}, {covers.
     if arguments.dry:
         print(text)
     else:
-        Path(__file__).parents[1].joinpath("clfur", "fitted.py").write_text(text)
+        Path(__file__).parents[1].joinpath("clfur", "fitted.py").write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

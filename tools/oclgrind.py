@@ -166,7 +166,7 @@ def nothing_reported():
 
 def pytest_sessionfinish(session):
     Path(os.environ["CLFUR_REPORTS"]).with_suffix(".json").write_text(
-        json.dumps([session.testscollected, sorted(session.config.launched)]))
+        json.dumps([session.testscollected, sorted(session.config.launched)]), encoding="utf-8")
 
 
 def launch_planted():
@@ -196,9 +196,9 @@ class Run:
         except subprocess.TimeoutExpired as error:
             self.output, self.code = f"{(error.stdout or b'').decode()}\nnot done after {LIMIT} s", None
         self.name, self.seconds = name, time.monotonic() - began
-        self.found = findings(log.read_text())
+        self.found = findings(log.read_text(encoding="utf-8"))
         counts = log.with_suffix(".json")
-        self.tests, self.launched = json.loads(counts.read_text()) if counts.exists() else (0, [])
+        self.tests, self.launched = json.loads(counts.read_text(encoding="utf-8")) if counts.exists() else (0, [])
         self.clean = self.code == 0 and not self.found
 
 
@@ -222,7 +222,8 @@ def missed_of_the_planted(folder):
     expected = []
     for path in (ROOT / "tests" / "planted").glob("*.cl"):
         shutil.copy(path, kernels)
-        caught = [(match[1], f"{path.name}:{number}") for number, line in enumerate(path.read_text().splitlines(), 1)
+        numbered = enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        caught = [(match[1], f"{path.name}:{number}") for number, line in numbered
                   if (match := re.search(r"// caught: (.*)", line))]
         assert caught, f"{path.name} does not say what is to be caught"
         expected += caught
@@ -235,14 +236,15 @@ def missed_in_a_stage(folder):
     """The same for PLANTED, by the way that the stages' tests take."""
     kernels = copy_of_kernels(folder / "stage-kernels")
     for file, there, instead, *_ in PLANTED:
-        text = (kernels / file).read_text()
+        text = (kernels / file).read_text(encoding="utf-8")
         assert text.count(there) == 1, f"PLANTED: {file} has no {there!r} any more"
-        (kernels / file).write_text(text.replace(there, instead))
+        (kernels / file).write_text(text.replace(there, instead), encoding="utf-8")
     run = tests_of("planted-stage", folder, kernels, [ROOT / "tests" / "test_voxelize.py"],
                    "-k", "test_cells_equal_the_twin and borders-length")
     missed = []
     for file, _, _, what, line in PLANTED:
-        number = next(n for n, each in enumerate((kernels / file).read_text().splitlines(), 1) if line in each)
+        text = (kernels / file).read_text(encoding="utf-8")
+        number = next(n for n, each in enumerate(text.splitlines(), 1) if line in each)
         if not said(run.found, what, f"{file}:{number}"):
             missed.append(f"{what}, {file}:{number}, planted")
     return missed + ["its tests passed all the same"] * (run.code == 0), len(PLANTED)
@@ -253,7 +255,7 @@ def escaped(runs):
     launched = {(name, wide) for run in runs for name, wide in run.launched}
     missing = []
     for path in sorted((ROOT / "cl").glob("*.cl")):
-        text = re.sub(r"/\*.*?\*/|//[^\n]*", "", path.read_text(), flags=re.S)
+        text = re.sub(r"/\*.*?\*/|//[^\n]*", "", path.read_text(encoding="utf-8"), flags=re.S)
         for kernel in re.findall(r"__kernel\b[^(]*?\bvoid\s+(\w+)", text):
             ways = {wide for name, wide in launched if name == f"{path.stem}.{kernel}"}
             for wide in {True, False} - ways if "INT64_ATOMICS" in text else [True] * (not ways):

@@ -46,7 +46,7 @@ def save(figure, path):
 def write(path, text):
     """Print a text and keep it in a file."""
     print(text)
-    path.write_text(text + "\n")
+    path.write_text(text + "\n", encoding="utf-8")
     print(f"{path}", flush=True)
 
 

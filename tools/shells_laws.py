@@ -48,9 +48,9 @@ class Furred:
     def __init__(self, gpu, mesh, fur):
         self.gpu, self.mesh, self.fur = gpu, mesh, fur
         self.body = tessellate(gpu, mesh, 1, 1, "flat")
-        self.packed, box = stage.pack(fur, mesh, False, True)
+        self.packed = stage.pack(fur, mesh, False, True)
         topology = stage.topology_of(mesh.faces)
-        pattern = stage.lay(gpu, mesh, self.packed, box, topology)
+        pattern = stage.lay(gpu, mesh, self.packed, topology)
         self.shell = stage.bend(gpu, mesh, self.packed, pattern, topology)
         self.no_hair = no_strands(gpu)
 

@@ -81,7 +81,7 @@ def by_mitsuba(scene, samples, seed):
     shares = scene.light.ambient > 0                      # what each ray sees; else the light on it
     with tempfile.TemporaryDirectory() as folder:
         curves, surface = os.path.join(folder, "hair.txt"), os.path.join(folder, "body.ply")
-        with open(curves, "w") as file:
+        with open(curves, "w", encoding="utf-8") as file:
             for first, count in hair.spans:
                 for x, y, z, w in hair.points[first:first + count].tolist():
                     file.write(f"{x:.9g} {y:.9g} {z:.9g} {w / 2:.9g}\n")

@@ -15,7 +15,7 @@ from ..judge.report import check_report, mebibytes, milliseconds, save_report, s
 from .devices import ask_drivers
 from .options import load_scene, scene_options
 
-NO_FLIP = 'needs pip install "clfur[report]"'
+NO_FLIP = "needs pip install flip_evaluator"
 
 
 @click.command(context_settings={"show_default": True})

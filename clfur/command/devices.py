@@ -5,6 +5,8 @@ import hashlib
 import json
 import os
 import re
+import sys
+import tempfile
 
 import click
 from rich.box import SIMPLE_HEAD
@@ -12,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from .. import cache
-from ..device import vendors
+from ..device import caches, vendors
 from ..errors import Error
 from ..judge.isolated import isolated
 
@@ -50,8 +52,7 @@ def survey():
     if outcome.status != "ok":
         raise Error(f"OpenCL does not start: {outcome.message}; clfur devices --why tells of each driver")
     if not any(platform["devices"] for platform in outcome.value["platforms"]):
-        raise Error('there is no OpenCL device; pip install "pyopencl[pocl]" brings one for the CPU, and '
-                    "clfur devices --why tells of each driver")
+        raise Error(f"there is no OpenCL device; {vendors.advice()}; clfur devices --why tells of each driver")
     return outcome.value
 
 
@@ -80,13 +81,19 @@ def _each(found):
 def _check(found):
     """Check each device, remember it, and update what was found -> {identity: verdict} of those that fail."""
     failures = {}
-    for device in _each(found):
+    for name, device in [(each["name"], device) for each in found["platforms"] for device in each["devices"]]:
         click.echo(f"{device['device']}: checking {device['description']} ...", err=True)
-        outcome = isolated("clfur.judge.selftest:check", device["number"], seconds=CHECKING)
-        message = outcome.value if outcome.status == "ok" else outcome.message
-        verdict = {"ok": "wrong" if message else "pass", "error": "wrong"}.get(outcome.status, outcome.status)
+        verdict, message, notes = _verdict(device["number"], {})
+        if verdict in ("crash", "wrong"):   # perhaps because of kernels that are spoilt
+            with tempfile.TemporaryDirectory(prefix="clfur-") as empty:
+                again, _, _ = _verdict(device["number"], caches.in_folder(empty))
+            if again == "pass":
+                notes.append(f"it is right without the kernels that are kept{caches.where(name)}: these "
+                             f"are spoilt, delete them ({verdict}: {message})")
+                verdict, message = again, ""
         device["check"] = {"verdict": verdict, "message": message}
-        click.echo(f"{device['device']}: {verdict}{message and f': {message}'}", err=True)
+        for line in [f"{verdict}{message and f': {message}'}", *notes]:
+            click.echo(f"{device['device']}: {line}", err=True)
         identity = tuple(device["identity"])
         if identity in failures:   # of two cards of one kind, the one that fails counts
             continue
@@ -100,6 +107,14 @@ def _check(found):
     again = survey()
     found["auto"], found["default"] = again["auto"], again["default"]
     return failures
+
+
+def _verdict(number, environment):
+    """(verdict of the self-test on a device in a process of its own, why it fails or "", [what was warned of])."""
+    outcome = isolated("clfur.judge.selftest:check", number, seconds=CHECKING, environment=environment)
+    message, notes = outcome.value if outcome.status == "ok" else (outcome.message, [])
+    verdict = {"ok": "wrong" if message else "pass", "error": "wrong"}.get(outcome.status, outcome.status)
+    return verdict, message, notes
 
 
 def _table(found):
@@ -159,7 +174,7 @@ def _why(as_json):
         return
     for line in lines:
         print(line)
-    if not listed:
+    if not listed and sys.platform not in vendors.NOT_BY_FILES:
         print("OpenCL's loader looks at no driver at all")
 
 

@@ -55,7 +55,10 @@ def render(given, output, outputs, device, as_json, **options):
     save(output, drawn.images)
 
     skipped = {"degenerate": scene.mesh.degenerate_faces if scene.mesh else 0,
-               "zero_normal": scene.mesh.zero_normal_faces if scene.mesh else 0}
+               "zero_normal": scene.mesh.zero_normal_faces if scene.mesh else 0,
+               "doubled": scene.mesh.doubled_faces if scene.mesh else 0}
+    wound = {"turned": scene.mesh.turned_faces if scene.mesh else 0,
+             "one_sided": scene.mesh.one_sided_faces if scene.mesh else 0}
     shells = scene.shells
     if as_json:
         of_options = {} if is_scene_file(given) else {name: options[name] for name in ("fov", "light", "alpha", "seed")}
@@ -63,7 +66,7 @@ def render(given, output, outputs, device, as_json, **options):
             "file": str(output), "size": scene.camera.size, "device": drawn.device,
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
             "shells": shells and {name: getattr(shells, name) for name in ("layers", "length", "frequency", "pattern")},
-            "seconds": drawn.seconds, "stages": drawn.stages, "skipped": skipped,
+            "seconds": drawn.seconds, "stages": drawn.stages, "skipped": skipped, **wound,
             "camera": {"eye": scene.camera.pose[:3, 3].tolist(),
                        "target": None if scene.camera.target is None else scene.camera.target.tolist()},
             "settings": attrs.asdict(drawn.settings), "error": drawn.error, "why": drawn.why,
@@ -77,4 +80,7 @@ def render(given, output, outputs, device, as_json, **options):
     print(f"{output}: {drawn.triangles:,} triangles, {', '.join(fur)} "
           f"in {drawn.seconds:.2f} s on {drawn.device} ({stages})"
           + (f"; skipped faces: {', '.join(left_out)}" if left_out else "")
+          + (f"; turned {wound['turned']:,} faces that were inside out" if wound["turned"] else "")
+          + (f"; {wound['one_sided']:,} faces are of a surface with one side: hair changes over somewhere"
+             if wound["one_sided"] else "")
           + (f"; {label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""))

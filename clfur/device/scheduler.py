@@ -7,7 +7,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from pyopencl import tools
 
 from .. import layout
 from ..errors import DeviceError, Error, shown
-from . import pocl, signature
+from . import caches, pocl, programs, signature
 from .selection import check_process, choose, describe
 
 GROUP = 64          # work-items in a work-group
@@ -40,7 +40,7 @@ def kernel_dir():
 def _text(file):
     """A kernel file with what it includes, each line under the name and number that it has in its own file."""
     lines = [f'#line 1 "{file}"']
-    for number, line in enumerate(kernel_dir().joinpath(file).read_text().splitlines(), 1):
+    for number, line in enumerate(kernel_dir().joinpath(file).read_text(encoding="utf-8").splitlines(), 1):
         if include := re.match(r'#include "(\w+\.h)"$', line):
             line = f'{_text(include[1])}#line {number + 1} "{file}"'
         lines.append(line)
@@ -105,7 +105,8 @@ class Scheduler:
         try:
             yield
         except (cl.Error, MemoryError) as error:
-            raise DeviceError(f"{self.name} {doing}: {' '.join(str(error).split())[:300]}") from None
+            raise DeviceError(f"{self.name} {doing}: {' '.join(str(error).split())[:300]}"
+                              f"{caches.trouble_of(self.device.platform.name)}") from None
 
     def empty(self, shape: Any, dtype: Any) -> cla.Array:
         """Uninitialised device array, taken from the pool."""
@@ -199,7 +200,8 @@ class Scheduler:
             if isinstance(array, cla.Array) and array.queue is not self.queue and array.context != self.context:
                 raise TypeError(f"{name}: {argument} is an array of another Scheduler; allowed: this one's")
         begin, size = 0, int(size)
-        with self._watched(f"does not run {name}"):
+        first = nullcontext() if kernel.ran else caches.taking_kernels(self.device.platform.name)
+        with self._watched(f"does not run {name}"), first:
             while begin < size:
                 if self._stopped:
                     raise Error(f"{self.name} was told to stop")
@@ -220,6 +222,7 @@ class Scheduler:
                         self._rates[name] = max((time.perf_counter() - began) / (end - begin), (rate or 0) / 2, 1e-10)
                     self._ahead = 0.0
                 begin = end
+                kernel.ran = True
 
     def load(self, key: Any) -> None:
         """Set what the lengths of launches depend on: while the key stays equal, they are taken to be as they were."""
@@ -293,20 +296,24 @@ class Scheduler:
     def _build(self, stem):
         text = _text("common.h") + _text(f"{stem}.cl")
         source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind", self.lanes) + text
-        options = ["-cl-std=CL1.2"]
+        options = ["-cl-std=CL1.2", "-w"]   # some compilers write how many warnings there were to stderr
         if self.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
             options.append("-cl-fp32-correctly-rounded-divide-sqrt")
         began = time.perf_counter()
         try:
-            with warnings.catch_warnings():   # Intel's compiler reports that it has compiled
-                warnings.simplefilter("ignore", cl.CompilerWarning)
-                program = cl.Program(self.context, source).build(options=options)
-        except (cl.Error, MemoryError) as error:
-            raise DeviceError(f"{self.name} does not build {stem}.cl: {_complaint(str(error))}") from None
+            with caches.taking_kernels(self.device.platform.name):
+                kernels, spoilt = programs.build(self.context, self.device, source, options,
+                                                 signature.names(text))
+        except (cl.Error, MemoryError, programs.NoKernelsError) as error:
+            raise DeviceError(f"{self.name} does not build {stem}.cl: {_complaint(str(error))}"
+                              f"{caches.trouble_of(self.device.platform.name)}") from None
+        if spoilt:
+            warnings.warn(f"what {self.name} keeps of {stem}.cl{caches.where(self.device.platform.name)} is spoilt: "
+                          f"delete it; till then a second one is built", RuntimeWarning, stacklevel=2)
         self.build_seconds += time.perf_counter() - began
         signatures = signature.read(text)
-        for kernel in program.all_kernels():
-            name, arguments = f"{stem}.{kernel.function_name}", signatures[kernel.function_name]
+        for function, kernel in kernels.items():
+            name, arguments = f"{stem}.{function}", signatures[function]
             # Told so, pyopencl need not try out what each argument is: a tenth of the time.
             kernel.set_scalar_arg_dtypes([np.uint64, np.uint64, *(argument.packed for argument in arguments)])
             self._kernels[name] = signature.Kernel(name, arguments, kernel)

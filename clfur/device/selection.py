@@ -2,14 +2,16 @@
 
 import os
 import re
+import warnings
 from typing import Any
 
 import pyopencl as cl
 
 from .. import cache
 from ..errors import Error, shown
-from . import vendors
+from . import caches, programs, vendors
 
+CHECKER = "Oclgrind"   # the platform that the extra "test" brings
 _TYPES = {"gpu": cl.device_type.GPU, "cpu": cl.device_type.CPU}
 
 
@@ -50,7 +52,7 @@ def pick(text, platforms, failed=()):
     if not any(platforms):
         # PoCL without a folder for its kernel cache is there, but shows no device.
         hint = "; PoCL also needs a cache folder it can write to" if platforms else ""
-        raise Error(f'there is no OpenCL device; pip install "pyopencl[pocl]" brings one for the CPU{hint}')
+        raise Error(f"there is no OpenCL device; {vendors.advice()}{hint}")
     matches = _matches(text, platforms, failed)
     if not matches:
         kinds = [kind for kind in ("cpu", "gpu") if _matches(kind, platforms)]
@@ -124,7 +126,7 @@ def survey():
         {"name": platform.name, "version": platform.version, "vendor": platform.vendor, "devices": [
             {"device": handle_of[id(device)], "number": f"{p}:{d}", **_facts(device)}
             for d, device in enumerate(devices)]}
-        for p, (platform, devices) in enumerate(found)]}
+        for p, (platform, devices) in enumerate(found) if devices or platform.name != CHECKER]}
 
 
 def probe(vendor):
@@ -164,8 +166,9 @@ def _start():
     check_process()
     if _started is None:
         vendors.prepare()
-        if not cache.writable():   # pyopencl would raise; it reads its own PYOPENCL_NO_CACHE when it is imported
-            cl._PYOPENCL_NO_CACHE = True
+        programs.leave_pyopencls_cache()
+        for line in caches.notes:
+            warnings.warn(line, RuntimeWarning, stacklevel=3)
         _started = os.getpid()
 
 
@@ -184,11 +187,14 @@ def _found():
     """Each OpenCL platform and its devices: a list of (platform, list)."""
     _start()
     try:
-        return [(platform, _devices(platform)) for platform in cl.get_platforms()]
+        platforms = cl.get_platforms()
     except cl.Error as error:
         if "PLATFORM_NOT_FOUND_KHR" in str(error):
             return []
         raise Error(f"OpenCL does not start: {error}") from None
+    # It is there to check kernels, and takes a hundred times as long: nobody draws with it unless it is alone.
+    left_out = CHECKER if len(platforms) > 1 else None
+    return [(platform, [] if platform.name == left_out else _devices(platform)) for platform in platforms]
 
 
 def _devices(platform):

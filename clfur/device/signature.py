@@ -17,10 +17,10 @@ _ARGUMENT = re.compile(r"(?:volatile )?(__global )?(?:const )?([A-Za-z]+)(2|4|8|
 
 
 class Kernel:
-    """A kernel that is built, ``run``, and its ``arguments`` behind begin and end, in order."""
+    """A kernel that is built, ``run``, its ``arguments`` behind begin and end, in order, and whether it ``ran`` yet."""
 
     def __init__(self, name, arguments, run):
-        self.name, self.run = name, run
+        self.name, self.run, self.ran = name, run, False
         self.takes = {argument.name: argument.take for argument in arguments}
 
     def bind(self, given):
@@ -34,6 +34,11 @@ class Kernel:
             return [take(given[name]) for name, take in self.takes.items()]
         except TypeError as error:
             raise TypeError(f"{self.name}: {error}") from None
+
+
+def names(text):
+    """Names of the kernels in a text of OpenCL C."""
+    return [name for name, _ in _KERNEL.findall(_COMMENT.sub("", text))]
 
 
 def read(text):

@@ -5,14 +5,32 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import os
+import platform
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 from .. import cache
 from ..errors import Error
+from . import caches
 
 SYSTEM = "/etc/OpenCL/vendors"
 ADDED = "clfur-intel.icd"
+
+
+# Where .icd files do not tell the drivers.
+NOT_BY_FILES = {
+    "win32": r"Windows keeps its drivers in the registry, in HKEY_LOCAL_MACHINE\SOFTWARE\Khronos\OpenCL\Vendors",
+    "darwin": "pyopencl's wheel for macOS takes the OpenCL of macOS, and looks at no other driver",
+}
+# What brings an OpenCL driver, by sys.platform and processor.
+CONDA = "conda-forge's pyopencl and pocl have one for the CPU"
+DRIVERS = {
+    ("linux", "x86_64"): "pip install pocl-binary-distribution brings one for the CPU",
+    ("linux", ""): f"your system's PoCL is one for the CPU (Debian, Ubuntu: apt install pocl-opencl-icd), or {CONDA}",
+    ("win32", "AMD64"): "a graphics driver brings one, pip install intel-opencl-rt intel-cmplr-lib-rt one for the CPU",
+    ("darwin", ""): f"macOS has one of its own, which shows no device; {CONDA}",
+}
 
 
 @dataclass(frozen=True)
@@ -28,15 +46,27 @@ class Vendor:
     origin: str
 
 
+def advice():
+    """What brings an OpenCL driver to this machine, in a few words."""
+    kinds = (sys.platform, platform.machine()), (sys.platform, "")
+    return next((DRIVERS[kind] for kind in kinds if kind in DRIVERS), f"a graphics driver brings one, or {CONDA}")
+
+
 def prepare():
-    """Point OpenCL's loader to the system's drivers and Intel's from PyPI, if that is installed in this Python.
+    """Point OpenCL's loader to the system's drivers and Intel's from PyPI, if that is installed in this Python, and
+    drivers to folders for their kernels that can be written.
 
     The wheel's own .icd file names a place where the library is not.  The loader reads OCL_ICD_VENDORS when OpenCL is
     first used, so later this has no effect; one that the user has set stays as it is.  Writes to clfur's cache folder
-    only; where that cannot be written, Intel's driver stays away, and the line that comes back says so.
+    or a temporary one; where neither can be written, Intel's driver stays away, and the line that comes back says so.
     """
+    caches.prepare()
     given = os.environ.get("OCL_ICD_VENDORS")
     if given and not _ours(given):
+        return None
+    if sys.platform == "win32":   # drivers are named by the registry, and by this
+        if library := _intel():
+            os.environ.setdefault("OCL_ICD_FILENAMES", library)
         return None
     if given:   # of a parent process, whose Python may have been another one
         del os.environ["OCL_ICD_VENDORS"]
@@ -47,14 +77,16 @@ def prepare():
     files = {file.name: _read(file) or b"" for file in there}
     try:
         os.environ["OCL_ICD_VENDORS"] = str(_write({**files, ADDED: os.fsencode(library)}))
-    except Error as error:   # all other drivers work without
+    except (Error, OSError) as error:   # all other drivers work without
         return f"intel-opencl-rt is installed, but the loader is not told of it: {error}"
     return None
 
 
 def vendors():
     """The drivers that the loader looks at now, as ([Vendor], [what else there is to say, a line each])."""
-    lines = [line for line in [prepare()] if line]
+    lines = [line for line in [prepare()] if line] + caches.notes
+    if note := NOT_BY_FILES.get(sys.platform):
+        return [], [*lines, note]
     given = os.environ.get("OCL_ICD_VENDORS", "")
     if given and not _ours(given):
         path = Path(given)
@@ -123,7 +155,7 @@ def _intel():
         files = importlib.metadata.files("intel-opencl-rt") or []
     except importlib.metadata.PackageNotFoundError:
         return None
-    paths = [Path(file.locate()).resolve() for file in files if file.name == "libintelocl.so"]
+    paths = [Path(file.locate()).resolve() for file in files if file.name in ("libintelocl.so", "intelocl64.dll")]
     return next((str(path) for path in paths if path.is_file()), None)
 
 
@@ -163,17 +195,26 @@ def _library(file):
 def _ours(path):
     """Whether OCL_ICD_VENDORS was set by `prepare`, here or in a parent process."""
     try:
-        return Path(path).parent == cache.folder("vendors")
+        kept = Path(path).parent == cache.folder("vendors")
     except Error:   # no cache folder, so nothing in it
-        return False
+        kept = False
+    return kept or Path(path, ADDED).is_file()
 
 
 def _write(files):
-    """Folder of these files {name: bytes} in the cache; raises `clfur.Error` if it cannot be written.
+    """Folder of these files {name: bytes} in the cache, or a temporary one; raises `clfur.Error` or OSError if neither
+    can be written.
 
     It is named by what it holds, and every process makes sure of every file: several may do so at once.
     """
-    path = cache.folder("vendors") / hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()[:16]
+    name = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()[:16]
+    try:
+        return _filled(cache.folder("vendors") / name, files)
+    except Error:
+        return _filled(caches.private() / "vendors" / name, files)
+
+
+def _filled(path, files):
     for name, content in files.items():
         if _read(path / name) != content:
             cache.write(path / name, content)

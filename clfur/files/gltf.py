@@ -20,7 +20,8 @@ from .gltf_data import Source, child, vector, whole
 from .gltf_nodes import IDENTITY, Nodes, composed
 
 MAX_PLACED = 2**26   # faces, and vertices, of all nodes and instances together
-MAX_VALUES = 2**22   # of the JSON: each takes some 100 bytes once it is read
+MAX_USES = 2**18     # of primitives by nodes
+MAX_VALUES = 2**23   # of the JSON: each takes some 100 bytes once it is read
 BLOCK = 2**14        # vertices that are skinned at a time
 MODES = ("POINTS", "LINES", "LINE_LOOP", "LINE_STRIP", "TRIANGLES", "TRIANGLE_STRIP", "TRIANGLE_FAN")
 # Extensions that a file may need: those that are done, and those that move no point and no uv.
@@ -101,14 +102,14 @@ def _tree(data):
         raise Error(f"has a JSON of more than {MAX_VALUES} values; allowed: at most that")
     tree = json.loads(data, parse_constant=_no_number)
     if not isinstance(tree, dict):
-        checks.refuse("the file", tree, "an object of JSON")
-    asset = child(tree, "asset", dict, "the file")
+        checks.refuse("the JSON", tree, "an object")
+    asset = child(tree, "asset", dict, "")
     for name in ("version", "minVersion"):
         version = str(asset.get(name, "2.0"))
         if not (version.startswith("2.") and (name == "version" or version == "2.0")):
             raise Error(f"is of glTF version {version[:20]!r} (asset.{name}); allowed: 2.0")
-    for name in child(tree, "extensionsRequired", list, "the file"):
-        if name not in DONE | HARMLESS:
+    for name in child(tree, "extensionsRequired", list, ""):
+        if not isinstance(name, str) or name not in DONE | HARMLESS:
             raise Error(f"needs the extension {str(name)[:60]}, which is not read here; allowed: files without it")
     return tree
 
@@ -136,30 +137,40 @@ class _Use:
 
 def _uses(source: Source, nodes: Nodes) -> Iterator[_Use]:
     """Yield the primitives with faces of all nodes that are shown, of which only counts are read."""
-    faces, others = 0, set()
+    faces, uses, others = 0, 0, set()
+    known: dict[int, list] = {}   # of a mesh: its primitives
     for k in nodes.shown:
         node = nodes.items[k]
         if "mesh" not in node:
             continue
         number, mesh = source.item("meshes", node, "mesh", f"nodes[{k}]")
+        if number not in known:
+            known[number] = list(_primitives(source, mesh, f"meshes[{number}]"))
         copies = _copies(source, node, f"nodes[{k}]")
-        for j, primitive in enumerate(child(mesh, "primitives", list, f"meshes[{number}]")):
-            where = f"meshes[{number}].primitives[{j}]"
-            if not isinstance(primitive, dict):
-                checks.refuse(where, primitive, "an object")
-            mode = whole(primitive, "mode", where, 4)
-            if mode >= len(MODES):
-                raise Error(f"{where}.mode is {mode}; allowed: 0 to {len(MODES) - 1}")
-            vertices, count = _counts(source, primitive, mode, where)
+        uses += len(known[number])
+        if uses > MAX_USES:
+            raise Error(f"draws primitives more than {MAX_USES} times; allowed: at most that")
+        for primitive, where, mode, vertices, count in known[number]:
             if mode < 4:
                 others.add(MODES[mode])
             elif count:
                 faces += count
-                weights = _weights(node, mesh, primitive, where)
-                yield _Use(k, primitive, where, weights, mode, vertices, count, copies)
+                yield _Use(k, primitive, where, _weights(node, mesh, primitive, where), mode, vertices, count, copies)
     if not faces:
         raise Error(f"has no faces, only {' and '.join(sorted(others))}" if others else
                     "has no faces: no node of its scene has a mesh of triangles")
+
+
+def _primitives(source, mesh, where):
+    """Yield (primitive, its name, mode, vertices, faces) of a mesh."""
+    for j, primitive in enumerate(child(mesh, "primitives", list, where)):
+        name = f"{where}.primitives[{j}]"
+        if not isinstance(primitive, dict):
+            checks.refuse(name, primitive, "an object")
+        mode = whole(primitive, "mode", name, 4)
+        if mode >= len(MODES):
+            raise Error(f"{name}.mode is {mode}; allowed: 0 to {len(MODES) - 1}")
+        yield primitive, name, mode, *_counts(source, primitive, mode, name)
 
 
 def _counts(source, primitive, mode, where):
@@ -244,7 +255,7 @@ def _placed(source: Source, nodes: Nodes, use: _Use) -> dict:
 
 def _attribute(source, use, holder, name, where, kind=None):
     """Return an attribute's values [vertices, n]; Error if there are more or fewer."""
-    count = source.count(holder, name, where)
+    count = source.count(holder, name, where, kind)
     if count != use.vertices:
         raise Error(f"{where}.{name} has {count} elements; allowed: {use.vertices}, as POSITION has")
     return source.values(holder, name, where, kind)

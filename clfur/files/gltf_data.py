@@ -3,7 +3,7 @@
 import base64
 import os
 import re
-import stat
+import sys
 import urllib.parse
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,9 @@ import numpy as np
 
 from ..errors import Error
 from ..scene import checks
+from .input import MAX_BYTES, read
 
-MAX_BYTES = 2**30    # of all the files that hold buffers, together
-MAX_ZEROS = 2**24    # elements of an accessor that has no bytes of its own
+MAX_ZEROS = 2**24    # numbers of an accessor that has no bytes of its own
 MAX_NUMBERS = 2**30  # read in all, so that a short file cannot ask for the same accessor on and on
 
 # componentType -> its name in the specification, and what it is in memory (always little-endian).
@@ -45,7 +45,7 @@ def whole(holder: dict, name: str, where: str, default: int | None = None) -> in
     if isinstance(value, float) and value.is_integer():
         value = int(value)
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        checks.refuse(f"{where}.{name}", value, "a whole number from 0")
+        checks.refuse(_named(where, name), value, "a whole number from 0")
     return value
 
 
@@ -53,17 +53,23 @@ def child(holder: dict, name: str, kind: type, where: str) -> Any:
     """Return holder[name], a dict or a list (`kind`); an empty one where there is none."""
     value = holder.get(name, kind())
     if not isinstance(value, kind):
-        checks.refuse(f"{where}.{name}", value, "an object" if kind is dict else "a list")
+        checks.refuse(_named(where, name), value, "an object" if kind is dict else "a list")
     return value
 
 
+def _named(where, name):
+    return f"{where}.{name}" if where else name   # what stands at the top has no name before it
+
+
 def vector(holder: dict, name: str, length: int, where: str, default: Any = None) -> np.ndarray:
-    """Return holder[name] as float64 [length], finite."""
-    value, allowed = holder.get(name, default), f"{length} finite numbers"
-    array = checks.numbers(value, f"{where}.{name}", allowed)
-    if array.shape != (length,) or not np.isfinite(array).all():
-        checks.refuse(f"{where}.{name}", value, allowed)
-    return array.astype(np.float64)
+    """Return holder[name], a list of so many numbers, as float64."""
+    value = holder.get(name, default)
+    good = isinstance(value, (list, tuple)) and len(value) == length and all(
+        isinstance(each, (int, float)) and not isinstance(each, bool) and abs(each) <= sys.float_info.max
+        for each in value)
+    if not good:
+        checks.refuse(_named(where, name), value, f"{length} finite numbers")
+    return np.array(value, np.float64)
 
 
 class Source:
@@ -75,11 +81,11 @@ class Source:
     def __init__(self, tree: dict, path: Path, binary: memoryview | None = None) -> None:
         self.tree, self.folder, self.binary = tree, path.parent, binary
         self._buffers: dict[int, Any] = {}
-        self._bytes_left, self._numbers_left = MAX_BYTES, MAX_NUMBERS
+        self._bytes_left, self._numbers_left = MAX_BYTES, MAX_NUMBERS   # of files of buffers, together; of all arrays
 
     def items(self, kind: str) -> list:
         """Return the list `kind` ("nodes", ...) of the file, of objects; empty where there is none."""
-        items = child(self.tree, kind, list, "the file")
+        items = child(self.tree, kind, list, "")
         for number, item in enumerate(items):
             if not isinstance(item, dict):
                 checks.refuse(f"{kind}[{number}]", item, "an object")
@@ -87,17 +93,16 @@ class Source:
 
     def item(self, kind: str, holder: dict, name: str, where: str) -> tuple[int, dict]:
         """Return (k, the k-th of the list `kind`) where k is holder[name]."""
-        number, items = whole(holder, name, where), child(self.tree, kind, list, "the file")
+        number, items = whole(holder, name, where), child(self.tree, kind, list, "")
         if number >= len(items):
-            raise Error(f"{where}.{name} is {number}; allowed: less than {len(items)}, the number of {kind}")
+            raise Error(f"{_named(where, name)} is {number}; allowed: less than {len(items)}, the number of {kind}")
         if not isinstance(items[number], dict):
             checks.refuse(f"{kind}[{number}]", items[number], "an object")
         return number, items[number]
 
-    def count(self, holder: dict, name: str, where: str) -> int:
-        """Return how many elements the accessor holder[name] has, of which nothing is read."""
-        number, accessor = self.item("accessors", holder, name, where)
-        return whole(accessor, "count", f"accessors[{number}]")
+    def count(self, holder: dict, name: str, where: str, use: str | None = None) -> int:
+        """Return how many elements the accessor holder[name] has; it fits into its bytes, and takes no memory yet."""
+        return len(self._base(*self._accessor(holder, name, where, use or name)))
 
     def values(self, holder: dict, name: str, where: str, use: str | None = None) -> np.ndarray:
         """Return what the accessor holder[name] holds, [count, numbers of an element].
@@ -105,7 +110,21 @@ class Source:
         use: its row in USES; None for `name`. float64, normalized integers as -1..1 or 0..1 (3.6.2.2);
         for rows in WHOLE the unsigned integers themselves, of their own size.
         """
-        use = use or name
+        found = self._accessor(holder, name, where, use or name)
+        accessor, where, use = found
+        raw = self._base(*found)
+        self._numbers_left -= raw.size
+        if self._numbers_left < 0:
+            raise Error(f"{where} brings the numbers that are read to more than {MAX_NUMBERS}; allowed: at most that")
+        if "sparse" in accessor:
+            raw = self._filled(raw, accessor, f"{where}.sparse")
+        if use in WHOLE:
+            return raw
+        numbers = raw.astype(np.float64)
+        return np.maximum(numbers / np.iinfo(raw.dtype).max, -1) if accessor.get("normalized") else numbers
+
+    def _accessor(self, holder: dict, name: str, where: str, use: str) -> tuple[dict, str, str]:
+        """Return (the accessor holder[name], its name, use), of a type that may be used so."""
         number, accessor = self.item("accessors", holder, name, where)
         where = f"accessors[{number}]"
         kind, allowed = USES[use]
@@ -117,27 +136,19 @@ class Source:
         normalized = accessor.get("normalized", False)
         if normalized is not False and (normalized is not True or use in WHOLE or component in (5125, 5126)):
             checks.refuse(f"{where}.normalized", normalized, f"false, for {use} of {COMPONENTS[component][0]}")
-        raw = self._elements(accessor, where, np.dtype(COMPONENTS[component][1]), WIDTHS[kind], use)
-        if use in WHOLE:
-            return raw
-        numbers = raw.astype(np.float64)
-        return np.maximum(numbers / np.iinfo(raw.dtype).max, -1) if normalized else numbers
+        return accessor, where, use
 
-    def _elements(self, accessor: dict, where: str, dtype: np.dtype, width: int, use: str) -> np.ndarray:
-        """Return an accessor's components as they are stored, [count, width], sparse ones filled in."""
-        count = whole(accessor, "count", where)
-        self._numbers_left -= count * width
-        if self._numbers_left < 0:
-            raise Error(f"{where} brings the numbers that are read to more than {MAX_NUMBERS}; allowed: at most that")
+    def _base(self, accessor: dict, where: str, use: str) -> np.ndarray:
+        """Return an accessor's components as its bufferView stores them, or zeros: [count, width], no copy."""
+        count, width = whole(accessor, "count", where), WIDTHS[USES[use][0]]
+        dtype = np.dtype(COMPONENTS[accessor["componentType"]][1])
         if "bufferView" in accessor:
-            base = self._view(accessor, where, count, dtype, width, use)
-        else:
-            if count > MAX_ZEROS:
-                raise Error(f"{where}.count is {count} without a bufferView; allowed there: at most {MAX_ZEROS}")
-            base = np.zeros((count, width), dtype)
-        return self._filled(base, accessor, f"{where}.sparse", use) if "sparse" in accessor else base
+            return self._view(accessor, where, count, dtype, width, use)
+        if count * width > MAX_ZEROS:
+            raise Error(f"{where}.count is {count} without a bufferView; allowed there: at most {MAX_ZEROS // width}")
+        return np.broadcast_to(np.zeros((), dtype), (count, width))
 
-    def _filled(self, base: np.ndarray, accessor: dict, where: str, use: str) -> np.ndarray:
+    def _filled(self, base: np.ndarray, accessor: dict, where: str) -> np.ndarray:
         """Return a copy of base [count, width] with a sparse accessor's values put in."""
         sparse = child(accessor, "sparse", dict, where.removesuffix(".sparse"))
         places, values = (child(sparse, name, dict, where) for name in ("indices", "values"))
@@ -197,31 +208,21 @@ class Source:
         if uri is not None and uri.startswith("data:"):
             content = _of_data_uri(uri, name)
         elif uri is not None:
-            content = self._of_file(uri, name, length)
+            content = self._of_file(uri, name)
         if length > len(content):
             raise Error(f"is damaged or cut short: {name} states {length} bytes but has {len(content)}")
         return content
 
-    def _of_file(self, uri: str, name: str, length: int) -> bytes:
-        """Return the first `length` bytes of a regular file in the folder or below it, links followed."""
+    def _of_file(self, uri: str, name: str) -> bytes:
+        """Return the bytes of a regular file in the file's folder or below it, links followed."""
         path = self.folder / urllib.parse.unquote(uri)
         if re.match(r"\w+:", uri) or not path.resolve().is_relative_to(self.folder.resolve()):
             raise Error(f"{name} is in {uri[:60]!r}; allowed: files in its own folder")
-        try:
-            found = os.stat(path)
-            if not stat.S_ISREG(found.st_mode):   # not even opened: a pipe would wait for a writer
-                raise Error(f"{name} is in {uri[:60]!r}, which is no regular file; allowed: files in its own folder")
-            if found.st_size < length:
-                raise Error(f"is damaged or cut short: {name} states {length} bytes but has {found.st_size}")
-            self._bytes_left -= length
-            if self._bytes_left < 0:
-                raise Error(f"{name} brings the files of buffers to more than {MAX_BYTES} bytes; allowed: at most that")
-            with open(path, "rb") as file:
-                return file.read(length)
-        except FileNotFoundError:
-            raise Error(f"{name} is in {uri[:60]!r}, which does not exist") from None
-        except OSError as error:
-            raise Error(f"{name} is in {uri[:60]!r}, which cannot be read: {error.strerror}") from None
+        if not os.path.exists(path):
+            raise Error(f"{name} is in {uri[:60]!r}, which does not exist")
+        content = read(path, self._bytes_left)
+        self._bytes_left -= len(content)
+        return content
 
 
 def _of_data_uri(uri: str, name: str) -> bytes:

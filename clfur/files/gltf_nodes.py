@@ -36,15 +36,14 @@ class Nodes:
 
     def _world(self):
         """Return the product of each node's matrices from its root down, float64 [n, 4, 4]."""
-        world = np.empty((len(self.items), 4, 4))
         waiting = [k for k, parent in enumerate(self.parents) if parent < 0]
         reached = 0
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"):   # what is not finite is found by Mesh
+            world = _local(self.items)
             while waiting:
                 k = waiting.pop()
-                local, parent = _local(self.items[k], f"nodes[{k}]"), self.parents[k]
-                above = IDENTITY if parent < 0 else world[parent]
-                world[k] = above if local is None else above @ local
+                if self.parents[k] >= 0:
+                    world[k] = world[self.parents[k]] @ world[k]
                 waiting += self.children[k]
                 reached += 1
         if reached < len(self.items):
@@ -55,7 +54,7 @@ class Nodes:
         """Return the numbers of the nodes of the scene that is shown, as trimesh orders them: the last first."""
         source, scenes = self.source, self.source.items("scenes")
         if "scene" in source.tree:
-            number = source.item("scenes", source.tree, "scene", "the file")[0]
+            number = source.item("scenes", source.tree, "scene", "")[0]
         waiting = [k for k, parent in enumerate(self.parents) if parent < 0]
         if scenes:
             number = number if "scene" in source.tree else 0
@@ -78,6 +77,8 @@ class Nodes:
         if number not in self._bones:
             where = f"skins[{number}]"
             joints = self._numbers(skin, "joints", where)
+            if not joints:
+                raise Error(f"{where}.joints is []; allowed: one or more")
             bind = IDENTITY[None]
             if "inverseBindMatrices" in skin:
                 bind = self.source.values(skin, "inverseBindMatrices", where).reshape(-1, 4, 4).transpose(0, 2, 1)
@@ -89,20 +90,21 @@ class Nodes:
         return self._bones[number]
 
 
-def _local(node, where):
-    """Return a node's own matrix float64 [4, 4], or None where it has none."""
-    given = [name for name in ("translation", "rotation", "scale") if name in node]
-    if "matrix" not in node:
-        if not given:
-            return None
-        moved, turned, scaled = (vector(node, name, len(default), where, default) for name, default in (
+def _local(nodes):
+    """Return the own matrix of each node, float64 [n, 4, 4]."""
+    moved, turned, scaled = (
+        np.array([vector(node, name, len(default), f"nodes[{k}]", default) for k, node in enumerate(nodes)]).reshape(
+            -1, len(default)) for name, default in (
             ("translation", (0, 0, 0)), ("rotation", (0, 0, 0, 1)), ("scale", (1, 1, 1))))
-        return composed(moved[None], turned[None], scaled[None])[0]
-    if given:
-        raise Error(f"{where} has a matrix and a {given[0]}; allowed: one of both")
-    matrix = vector(node, "matrix", 16, where, None).reshape(4, 4).T
-    _check_affine(matrix, f"{where}.matrix")
-    return matrix
+    matrices = composed(moved, turned, scaled)
+    for k, node in enumerate(nodes):
+        if "matrix" in node:
+            given = [name for name in ("translation", "rotation", "scale") if name in node]
+            if given:
+                raise Error(f"nodes[{k}] has a matrix and a {given[0]}; allowed: one of both")
+            matrices[k] = vector(node, "matrix", 16, f"nodes[{k}]").reshape(4, 4).T
+            _check_affine(matrices[k], f"nodes[{k}].matrix")
+    return matrices
 
 
 def _check_affine(matrices, where):
@@ -116,8 +118,9 @@ def composed(moved, turned, scaled):
 
     Quaternions need not be of length one; those of length zero do not turn.
     """
+    turned = np.ldexp(turned, -np.frexp(np.abs(turned).max(axis=1, keepdims=True))[1])   # so that no square overflows
     length = (turned**2).sum(axis=1, keepdims=True)
-    x, y, z, w = np.where(length > 1e-15, turned / np.sqrt(np.where(length > 0, length, 2) / 2), 0).T
+    x, y, z, w = (turned / np.sqrt(np.where(length > 0, length, 2) / 2)).T
     rows = [(1 - y*y - z*z, x*y - z*w, x*z + y*w), (x*y + z*w, 1 - x*x - z*z, y*z - x*w),
             (x*z - y*w, y*z + x*w, 1 - x*x - y*y)]
     matrices = np.zeros((len(moved), 4, 4))

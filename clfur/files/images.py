@@ -1,6 +1,10 @@
-"""Pictures <-> files; the only importer of imageio and OpenEXR, each where it is needed."""
+"""Pictures <-> files; the only importer of imageio, Pillow and OpenEXR, each where it is needed."""
 
+import io
 import os
+import re
+import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +13,7 @@ from ..color import linear_to_srgb
 from ..errors import Error, shown
 from ..scene import checks
 from . import output
+from .input import read
 from .output import is_path, output_path, reason, whole
 
 __all__ = ["check_writable", "load_picture", "png", "save"]
@@ -127,31 +132,111 @@ def _npz(path, outputs):
 WRITERS = {".png": _png, ".exr": _exr, ".npz": _npz}
 
 
-def load_picture(path: str | os.PathLike) -> np.ndarray:
-    """Return a picture file's pixels as stored, without alpha: uint8 [h, w, 3], the top row first.
+# --- pictures that are read -----------------------------------------------------------------------------------
 
-    path: str or path-like, of any format with 8 bits a channel that imageio reads (PNG, JPEG, ...).
-    Raises Error, one line that names the file, where it is missing, damaged or has more than 8 bits.
+# Pillow's names of formats that have 8 bits a channel, or tell how many; of all others nobody knows what is lost.
+READ = ["PNG", "JPEG", "MPO", "TIFF", "GIF", "WEBP", "BMP", "DIB", "TGA", "PPM", "PCX", "ICO", "SGI", "JPEG2000",
+        "AVIF"]
+MAX_PIXELS = 2**27   # of a picture: while it is read, it takes 10 bytes each, 16 where it has 16 bits a channel
+GREY16 = {"I;16", "I;16B", "I;16L", "I;16N"}
+# Where the other byte of a channel stands: Pillow keeps one of the two alone.
+OTHER_BYTE = {"B": "L", "L": "B", "N": "B" if sys.byteorder == "little" else "L"}
+
+
+def load_picture(path: str | os.PathLike) -> np.ndarray:
+    """Return a picture file's pixels as stored, without alpha: uint8 or uint16 [h, w, 3], the top row first.
+
+    path: str or path-like: PNG or TIFF of 8 or 16 bits a channel, JPEG, GIF, WebP, BMP and others of 8.
+    Grey becomes three equal channels, CMYK and palettes become RGB; of several frames the first is taken; the
+    orientation that a camera wrote (EXIF) is not applied, since uv is of pixels as they are stored.
+    Raises Error, one line that names the file, where it is missing, damaged, no regular file, larger than 2**30 bytes
+    or MAX_PIXELS, or has channels that would be cut: more than 8 bits in other formats, floats, 16-bit grey with alpha.
     """
     if not is_path(path):
         raise Error(f"load_picture path is {shown(path)}; allowed: a file's name")
     path = Path(path)
-    if not os.path.isfile(path):  # pathlib's would raise for names that the system refuses
+    if os.path.isdir(path) or not os.path.exists(path):  # pathlib's would raise for names that the system refuses
         problem = "is a folder" if os.path.isdir(path) else "no such file"
         raise Error(f"{path}: {problem}; allowed: a picture file")
-    import imageio.v3
+    data = read(path)
+    from PIL import Image, UnidentifiedImageError
 
     try:
-        mode = imageio.v3.immeta(path, index=0, plugin="pillow").get("mode")
-        plain = mode in (None, "1", "L", "LA", "P", "PA", "RGB", "RGBA") or mode.startswith(("I", "F"))
-        pixels = imageio.v3.imread(path, index=0, plugin="pillow", **({} if plain else {"mode": "RGB"}))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")   # of many pixels, which are counted here, and of odd metadata
+            return _pixels(data)
+    except Error as error:
+        raise Error(f"{path}: {error}") from None
+    except UnidentifiedImageError:
+        raise Error(f"{path}: cannot be read as a picture; allowed: {', '.join(READ)}") from None
+    except Image.DecompressionBombError:
+        raise Error(f"{path}: has more pixels than allowed: at most {MAX_PIXELS}") from None
     except Exception as error:  # a damaged file can fail in any way
         raise Error(f"{path}: cannot be read as a picture: {reason(error)}") from error
-    if pixels.dtype == bool:
-        pixels = pixels.astype(np.uint8) * 255
-    if pixels.ndim == 2:
-        pixels = pixels[:, :, None]
-    if pixels.dtype != np.uint8 or pixels.ndim != 3 or 0 in pixels.shape:
-        raise Error(f"{path}: is {pixels.dtype} {list(pixels.shape)}; allowed: pictures of 8 bits a channel")
-    pixels = pixels[:, :, :3] if pixels.shape[2] >= 3 else np.repeat(pixels[:, :, :1], 3, axis=2)
-    return np.ascontiguousarray(pixels)
+
+
+def _pixels(data):
+    """Return the pixels of the bytes of a picture file, as `load_picture` does."""
+    picture = _opened(data)
+    raw = {str(tile.args if isinstance(tile.args, str) else tile.args[0] if tile.args else "") for tile in picture.tile}
+    if raw and raw <= GREY16 and picture.mode.startswith("I"):   # 16 bits of any byte order
+        pixels = np.asarray(picture).astype(np.uint16)
+        if picture.format == "TIFF" and picture.tag_v2.get(262) == 0:   # white is 0
+            pixels = 65535 - pixels
+    elif len(raw) == 1 and re.fullmatch("RGB[AX]?;16[BLN]", mode := next(iter(raw))):
+        pixels = _sixteen(data, mode)
+    elif deep := _deep(picture, data, raw):
+        raise Error(f"is {picture.format} with {deep}; allowed: 8 bits a channel, and PNG and TIFF of 16, grey or RGB")
+    elif picture.mode in ("1", "L", "LA", "La"):
+        pixels = np.asarray(picture.convert("L"))
+    else:
+        pixels = np.asarray(picture if picture.mode == "RGB" else picture.convert("RGB"))
+    return np.repeat(pixels[:, :, None], 3, axis=2) if pixels.ndim == 2 else pixels
+
+
+def _opened(data):
+    """Return Pillow's Image of a file's bytes, before it is decoded; Error if it has too many pixels."""
+    from PIL import Image
+
+    Image.init()
+    picture = Image.open(io.BytesIO(data), formats=[name for name in READ if name in Image.OPEN])
+    width, height = picture.size
+    if width * height > MAX_PIXELS:
+        raise Error(f"has {width} x {height} pixels; allowed: at most {MAX_PIXELS}")
+    return picture
+
+
+def _sixteen(data, mode):
+    """Return a picture of 16 bits a channel as uint16 [h, w, 3]: read twice, once for each byte of a channel.
+
+    mode: how Pillow would unpack it, such as "RGB;16B", which takes a channel's first byte for all of it.
+    """
+    halves = []
+    for other in (False, True):
+        picture = _opened(data)
+        if other:
+            swapped = mode[:-1] + OTHER_BYTE[mode[-1]]
+            picture.tile = [tile._replace(args=swapped if isinstance(tile.args, str) else (swapped, *tile.args[1:]))
+                            for tile in picture.tile]
+        halves.append(np.asarray(picture)[:, :, :3])
+    pixels = halves[0].astype(np.uint16)
+    pixels <<= 8
+    pixels |= halves[1]
+    return pixels
+
+
+def _deep(picture, data, raw):
+    """Return in words what of a picture would be cut to 8 bits a channel, or None."""
+    if picture.mode == "F":
+        return "floats"
+    if picture.mode.startswith("I") or any(re.search("(?<!BGR);16", mode) for mode in raw):   # BGR;16 are bits a pixel
+        return "more than 8 bits a channel, not plain grey or RGB"
+    deep = any(tile.codec_name == "SGI16" or (tile.codec_name.startswith("ppm") and tile.args[-1] > 255)
+               for tile in picture.tile)
+    if picture.format == "JPEG2000":   # how many channels and their bits stand in the segment SIZ
+        at = data.find(b"\xff\x4f\xff\x51") + 41
+        deep |= any(bits & 127 > 7 for bits in data[at + 1:at + 1 + 3 * data[at]:3])
+    if picture.format == "AVIF":
+        at = data.find(b"av1C")
+        deep |= at < 0 or bool(data[at + 6] & 0x40)
+    return "more than 8 bits a channel" if deep else None

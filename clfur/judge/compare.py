@@ -11,7 +11,9 @@ from pathlib import Path
 
 import attrs
 import numpy as np
+import psutil
 
+from ..device.caches import in_folder
 from ..device.scheduler import Scheduler
 from ..device.selection import choose, describe, handles
 from ..errors import Error
@@ -172,7 +174,7 @@ def _in_its_process(handle, scene, settings, repeat, seconds, progress):
         progress(handle, 0, frames)
     with tempfile.TemporaryDirectory(prefix="clfur-") as caches:   # empty, so that the first frame is a first frame
         outcome = isolated(f"{__name__}:_measure", handle, scene, settings, repeat, seconds=seconds, receive=count,
-                           environment=dict.fromkeys(("XDG_CACHE_HOME", "POCL_CACHE_DIR", "CUDA_CACHE_PATH"), caches))
+                           environment=in_folder(caches))
     return outcome, "" if outcome.status == "ok" else f"{outcome.message} (after {done} of {frames} frames)"
 
 
@@ -200,11 +202,12 @@ def _measure(device, scene, settings, repeat):
 def peak_memory():
     """Most bytes that this process has held in memory so far, or None where nobody tells."""
     with contextlib.suppress(OSError, TypeError):   # no /proc, or one without this line
-        return 1024 * int(re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())[1])
+        told = Path("/proc/self/status").read_bytes()
+        return 1024 * int(re.search(rb"VmHWM:\s+(\d+) kB", told)[1])
     try:
         import resource
     except ImportError:   # Windows
-        return None
+        return getattr(psutil.Process().memory_info(), "peak_wset", None)
     # Not on Linux: there it starts with what the parent held when it made this process.
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return most if sys.platform == "darwin" else 1024 * most

@@ -311,7 +311,7 @@ class _Kept:
         if fresh or not self.file.exists():
             cache.write(self.file, b"")
         self.lines = {}
-        for line in self.file.read_text().split("\n"):
+        for line in self.file.read_text(encoding="utf-8").split("\n"):
             try:
                 record = json.loads(line)
             except ValueError:   # the last line of a run that was killed while it wrote
@@ -339,7 +339,7 @@ class _Kept:
     def add(self, way, **what):
         record = {"settings": attrs.asdict(way[0]), "layers": way[1], **what}
         try:
-            with self.file.open("a") as stream:
+            with self.file.open("a", encoding="utf-8") as stream:
                 stream.write("\n" + json.dumps(record) + "\n")
         except OSError as error:
             raise Error(f"cannot write to {self.file}: {error.strerror}") from None

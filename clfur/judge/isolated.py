@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..device.caches import remove_private
 from ..errors import Error
 
 
@@ -146,4 +147,5 @@ def _serve(folder):
         _send("error", str(error))
     except Exception as error:
         _send("error", f"{type(error).__name__}: {' '.join(str(error).split())[:500]}")
+    remove_private()
     os._exit(0)   # drivers may crash at exit, after all is done

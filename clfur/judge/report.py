@@ -22,7 +22,7 @@ INK = "#010203"       # in charts: the colour that becomes that of the page's te
 def check_report(path):
     """Raise `clfur.Error` unless a page could be written to this path; leaves nothing behind."""
     check_writable(path, SUFFIXES)
-    require(f"{path}: a report", "matplotlib", "jinja2", "flip_evaluator")
+    require(f"{path}: a report", "matplotlib", "jinja2")
 
 
 def require(what, *names):

@@ -1,5 +1,6 @@
 """Draws a small picture that goes through every stage of strands, and compares it with what it should be."""
 
+import warnings
 from importlib.resources import files
 
 import attrs
@@ -60,5 +61,8 @@ def differences(drawn, right):
 
 
 def check(device):
-    """Draw the self-test -> one line of what is wrong with it, or ""."""
-    return ", ".join(differences(picture(device), expected()))
+    """Draw the self-test -> (one line of what is wrong with it, or "", [what was warned of])."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", RuntimeWarning)
+        wrong = ", ".join(differences(picture(device), expected()))
+    return wrong, [str(warning.message) for warning in said if warning.category is RuntimeWarning]

@@ -13,6 +13,7 @@ from .. import cache, layout
 from ..errors import Error
 from ..render import schedulers
 from ..scene import Curves, Scene, Strands, checks, extent
+from ..scene.seen import seen
 from ..stages.tessellate import tessellate
 from ..twin import scatter, shade, strands
 from ..twin.vectors import dot, unit
@@ -176,11 +177,8 @@ def _before(eye, hair, body, near, window):
 def _camera(scene):
     """(eye, the matrix from pixels to places, least distance ahead that is seen)."""
     camera = scene.camera
-    center, radius = extent(scene.mesh, scene.fur)
     eye = Eye(camera.pose[:3, 3], camera.pose[:3, :3].T * np.array([[1], [-1], [-1]]), False)
-    distance = eye.frame(center)[2]
-    radius = radius or abs(distance) or 1.0
-    return eye, np.linalg.inv(camera.intrinsics), max(distance - 1.01 * radius, 1e-3 * radius)   # as views.view_of
+    return eye, np.linalg.inv(camera.intrinsics), seen(scene).near
 
 
 def _in_row(row, width, samples, seed):

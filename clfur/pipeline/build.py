@@ -81,13 +81,14 @@ def transmittances(gpu: Any, plan: Plan) -> dict:
 
 def shell(gpu: Any, plan: Plan) -> tuple[shells.Shell, np.void]:
     """Shell fur -> (`Shell`, `layout.Shells`)."""
-    mesh, topology, (packed, box) = plan.scene.mesh, plan.topology, plan.packed_shells
-    laid = str([box.tolist(), packed["size"].tolist(), packed["shape"].tolist(), packed["kind"][:2].tolist(),
+    mesh, topology, packed = plan.scene.mesh, plan.topology, plan.packed_shells
+    rest = plan.scene.shells.rest or mesh
+    laid = str([packed["size"].tolist(), packed["shape"].tolist(), packed["kind"][:2].tolist(),
                 packed["noise"][:3].tolist()])
     walls = int(packed["kind"][2]), int(packed["noise"][3])
     bent = str([packed[name].tolist() for name in ("bend", "wind", "gust")])
-    return gpu.keep("shell", (mesh, laid, *walls, bent), functools.partial(
-        _bend, gpu, mesh, packed, box, topology, (mesh, laid), (mesh, *walls))), packed
+    return gpu.keep("shell", (mesh, rest, laid, *walls, bent), functools.partial(
+        _bend, gpu, mesh, packed, topology, (mesh, rest, laid), (mesh, *walls))), packed
 
 
 def rasterize(plan: Plan, view: np.void, gpu: Any, strands: tuple[int, int] | None = None,
@@ -152,11 +153,12 @@ def _resting(gpu, plan, faces):
 
 def _thin(gpu, plan, part, what, lod):
     fur = plan.scene.strands
-    return thin(gpu, _whole(gpu, plan, part, what), plan.rig.view, lod, fur.seed)
+    return thin(gpu, _whole(gpu, plan, part, what), plan.rig.view, lod, fur.seed,
+                not plan.grown and fur.lod_by == "place")
 
 
-def _bend(gpu, mesh, packed, box, topology, laid, walls):
-    pattern = gpu.keep("pattern", laid, functools.partial(shells.lay, gpu, mesh, packed, box, topology))
+def _bend(gpu, mesh, packed, topology, laid, walls):
+    pattern = gpu.keep("pattern", laid, functools.partial(shells.lay, gpu, mesh, packed, topology, laid[1]))
     sides = gpu.keep("border", walls, functools.partial(shells.border, gpu, mesh, packed, topology))
     return shells.bend(gpu, mesh, packed, pattern, topology, sides)
 

@@ -23,7 +23,7 @@ def curves_of(gpu: Any, plan: Plan, origin: np.ndarray) -> Curves:
     return Curves(
         points=points[:, :3], counts=counts, width=width[:, None], color=colors[:, None, :3], types=fur.types,
         type_of=root_uv[:, 2].astype(np.uint8), root_uv=root_uv[:, :2], root_normal=normals[:, :3],
-        inner=fur.inner, outer=fur.outer, surface=fur.surface, seed=fur.seed,
+        inner=fur.inner, outer=fur.outer, surface=fur.surface, seed=fur.seed, lod_by="number",
         origin=origin, bounds=seen_from(bounds_of(scene.mesh, scene.fur, plan.strands), -origin))
 
 

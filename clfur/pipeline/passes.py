@@ -85,6 +85,8 @@ class Samples:
                                       build.body(gpu, plan, part), known)
         if plan.wants_color:
             image = result if sums is None else shade.blend(gpu, sums, image)
+            if front.shell_transmittance is not None:
+                shade.cover(gpu, front.keys, front.shell_transmittance, image)
         return image, known or {}
 
     def hashed(self, gpu: Any, band: Band, front: Front) -> list:
@@ -140,7 +142,7 @@ class Coverage:
             if part.body:
                 known = self._shade_body(gpu, band, front, part, lighting, sums, known)
         if plan.wants_color:
-            image = shade.blend(gpu, sums, image, front.resolved.strand_transmittance)
+            image = shade.blend(gpu, sums, image, front.resolved.strand_transmittance, front.resolved.alpha)
         return image, known or {}
 
     def hashed(self, gpu: Any, band: Band, front: Front) -> list:

@@ -119,8 +119,9 @@ class Plan:
     def light_key(self, lod: float) -> tuple:
         """What light depends on that falls on strands thinned so, as a key of `Scheduler.keep`."""
         scene, settings = self.scene, self.settings
+        fit = b"".join(each.tobytes() for each in (*self.rig.grids, *self.rig.light_views) if each is not None).hex()
         return (scene.mesh, scene.strands, scene.shells, *scene.lights, int(self.body), settings.shadows, settings.grid,
-                settings.shadow_map, settings.pcf, str(lod), scene.camera if lod else None)
+                settings.shadow_map, settings.pcf, str(lod), scene.camera if lod else None, fit)
 
     def _points(self, first, end):
         """Points set aside for a run of strands."""
@@ -236,7 +237,7 @@ class Plan:
     def _shells(self):
         """Bytes on the device of shell fur."""
         scene = self.scene
-        return size_of(scene.mesh, self.packed_shells[0], self.topology) if scene.shells else 0
+        return size_of(scene.mesh, self.packed_shells, self.topology) if scene.shells else 0
 
     @functools.cached_property
     def _fixed(self):
@@ -326,7 +327,7 @@ class Plan:
         return _topology(self.scene.mesh)
 
     @functools.cached_property
-    def packed_shells(self) -> tuple[np.void, np.ndarray]:
+    def packed_shells(self) -> np.void:
         """What `stages.shells.pack` gives of the scene's shells."""
         scene = self.scene
         return pack(scene.shells, scene.mesh, scene.body_color is None, self.settings.filtered)

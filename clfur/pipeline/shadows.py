@@ -1,13 +1,13 @@
 """What stands before the lights: hair in a grid of cells, the body in a shadow map, of each light."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from .. import layout
 from ..errors import Error
-from ..scene import Scene, hair_bounds
+from ..scene import Scene
 from ..settings import Settings
 from ..stages import lod, shells
 from ..stages.lighting import Lighting, lighting_of
@@ -16,7 +16,10 @@ from ..stages.strands import DeviceStrands
 from ..stages.tessellate import Surface
 from ..stages.voxelize import crossing_unit_for, depths_for, most_of, self_shadow, voxelize
 from ..stages.zscan import zscan
-from .views import Rig
+from .fit import Fit
+from .views import Rig, grid_of
+
+LEAST_WEIGHT = 4   # of a crossing in the counters, which rounding should not spoil
 
 
 @dataclass(frozen=True)
@@ -54,11 +57,22 @@ def plan_shadows(rig: Rig, strands: int, body: bool, shell_bounds: tuple | None 
     Raises `clfur.Error` if counters could overflow.
     ``shell_bounds``: `stages.shells.bounds_of` the scene's shells, if they are to cast shadows.
     """
-    return [_plan(rig, *of_light, strands, body, shell_bounds)
-            for of_light in zip(rig.lights, rig.grids, rig.light_views)]
+    return [_plan(rig, number, *of_light, strands, body, shell_bounds)
+            for number, of_light in enumerate(zip(rig.lights, rig.grids, rig.light_views))]
 
 
-def _plan(rig, light, grid, light_view, strands, body, shell_bounds):
+def _most(rig, grid, strands, shell_bounds):
+    """The fragments or crossings in a grid that hair cannot exceed."""
+    settings = rig.settings
+    segments, length, area, nearest = rig.fit.hair_before(grid, strands)
+    most = most_of(grid, settings.shadows, segments, length, area * (lod.WIDEST if settings.lod else 1), nearest)
+    if shell_bounds:
+        pieces, area = shell_bounds
+        most += most_of(grid, "length", pieces, 0.0, area, nearest)
+    return most
+
+
+def _plan(rig, number, light, grid, light_view, strands, body, shell_bounds):
     """`ShadowPlan` of one light."""
     scene, settings = rig.scene, rig.settings
     method, weights, crossing_unit, shadow = settings.shadows, None, 0, np.zeros((), layout.Shadow)
@@ -68,14 +82,13 @@ def _plan(rig, light, grid, light_view, strands, body, shell_bounds):
         depths = np.append(depths, shells_depth(scene.shells.alpha, method))
     some = np.array([strands > 0] * len(hairs) + [True] * bool(shell_bounds), bool)
     if grid is not None and (depths[some] > 0).any():
-        segments, length, area = hair_bounds(scene.strands, strands) if strands else (0, 0, 0)
-        most = most_of(grid, method, segments, length, area * (lod.WIDEST if settings.lod else 1))
-        if shell_bounds:
-            pieces, area = shell_bounds
-            most += most_of(grid, "length", pieces, 0.0, area)
-        crossing_unit = crossing_unit_for(most)
+        crossing_unit = crossing_unit_for(_most(rig, grid, strands, shell_bounds))
         weights = np.rint(crossing_unit * depths / depths.max()).astype(np.uint32)
-        if min(weights[depths > 0]) < 4:
+        if min(weights[depths > 0]) < LEAST_WEIGHT and rig.fit.seen.cropped:   # too small cells
+            grid = grid_of(scene, settings.grid, scene.lights[number], Fit(scene, replace(rig.fit.seen, cropped=False)))
+            crossing_unit = crossing_unit_for(_most(rig, grid, strands, shell_bounds))
+            weights = np.rint(crossing_unit * depths / depths.max()).astype(np.uint32)
+        if min(weights[depths > 0]) < LEAST_WEIGHT:
             raise Error(f"Settings.grid is {settings.grid}; allowed: fewer cells, less hair, hair types of more equal "
                         f"alpha or a spot with a wider angle, so that 32-bit counters can hold the hair's shadow")
         shadow["hair"] = depths.max(), *self_shadow(grid, method), method == "length"

@@ -8,8 +8,10 @@ import attrs
 import numpy as np
 
 from .. import layout
-from ..scene import Light, Scene, extent
+from ..scene import Light, Scene
+from ..scene.seen import Seen, seen
 from ..settings import Settings
+from .fit import Fit
 
 
 @dataclass(frozen=True)
@@ -24,36 +26,37 @@ class Rig:
     lights: tuple         # layout.Light of each light of the scene,
     light_views: tuple    # its layout.View, None without a shadow map or where it is out,
     grids: tuple          # and its layout.Grid, None without shadows or where it is out
+    fit: Fit              # what these two are fitted to
 
     @classmethod
     def of(cls, scene: Scene, settings: Settings = Settings()) -> "Rig":
         """The `Rig` of a scene and how it is drawn."""
+        scene = scene.local
         if not any(np.any(light.color) for light in scene.lights):
             settings = attrs.evolve(settings, shadows="off")
-        ball, shadows = extent(scene.mesh, scene.fur), settings.shadows != "off"
+        known, shadows = seen(scene), settings.shadows != "off"
+        fit = Fit(scene, known)
         return cls(
-            scene, settings, *ball, view_of(scene, settings.samples, ball),
+            scene, settings, *known.ball, view_of(scene, settings.samples, known),
             lights=tuple(light_of(light) for light in scene.lights),
-            light_views=tuple(light_view_of(scene, settings.shadow_map, light, ball)
+            light_views=tuple(light_view_of(scene, settings.shadow_map, light, fit)
                               if shadows and settings.shadow_map and np.any(light.color) else None
                               for light in scene.lights),
-            grids=tuple(grid_of(scene, settings.grid, light, ball) if shadows and np.any(light.color) else None
-                        for light in scene.lights))
+            grids=tuple(grid_of(scene, settings.grid, light, fit) if shadows and np.any(light.color) else None
+                        for light in scene.lights),
+            fit=fit)
 
 
-def view_of(scene: Scene, samples: int, ball: tuple | None = None) -> np.void:
+def view_of(scene: Scene, samples: int, known: Seen | None = None) -> np.void:
     """The scene's camera as a `layout.View`; its near plane stands just before all that can be seen.
 
-    ``ball``: what `extent` tells of the scene, where that is known already; below too.
+    ``known``: what `seen` tells of the scene, where that is known already.
     """
-    camera = scene.camera
-    center, radius = ball or extent(scene.mesh, scene.fur)
+    scene = scene.local
+    camera, near = scene.camera, (known or seen(scene)).near
     pose, k = camera.pose, camera.intrinsics
     # Camera axes right, down, forward: forward is the distance that "depth" tells.
     world_to_camera = np.diag([1.0, -1.0, -1.0, 1.0]) @ np.linalg.inv(pose)
-    distance = (world_to_camera @ [*center, 1.0])[2]
-    radius = radius or abs(distance) or 1.0
-    near = max(distance - 1.01 * radius, 1e-3 * radius)
     to_screen = np.zeros((4, 4))
     to_screen[:2] = k[:2, :3] @ world_to_camera[:3]
     to_screen[2, 3] = near
@@ -72,13 +75,13 @@ def light_of(light: Light) -> np.void:
     return packed
 
 
-def light_view_of(scene: Scene, size: int, light: Light | None = None, ball: tuple | None = None) -> np.void:
+def light_view_of(scene: Scene, size: int, light: Light | None = None, fit: Fit | None = None) -> np.void:
     """What a light sees, as a `layout.View` of size² pixels with one sample each: parallel rays, or a spot's.
 
-    ``light``: a `clfur.Light`, the scene's first if None; below too.
+    ``light``: a `clfur.Light`, the scene's first if None.  ``fit``: where that of the scene is known; below too.
     """
-    light = light or scene.lights[0]
-    to_light, radius, distance, half = _frame_of(light, ball or extent(scene.mesh, scene.fur))
+    light = light or scene.local.lights[0]
+    to_light, radius, distance, half, least = (fit or Fit.of(scene)).frame(light, size)
     to_screen = np.zeros((4, 4))
     near, far = distance - radius, distance + radius
     scale = size / (2 * half)
@@ -94,16 +97,15 @@ def light_view_of(scene: Scene, size: int, light: Light | None = None, ball: tup
         to_screen[2, 3] = near
         to_screen[3] = to_light[2]
         eye = *light.position, 1
-    return _view(to_screen, eye, (size, size), 1, scale)
+    view = _view(to_screen, eye, (size, size), 1, scale)
+    view["scale"][2] = least
+    return view
 
 
-def grid_of(scene: Scene, cells: int, light: Light | None = None, ball: tuple | None = None) -> np.void:
-    """The cells³ that hold all of the scene, seen from a light, as a `layout.Grid`.
-
-    They fit a ball around the scene, so that their size does not change while the light turns.
-    """
-    light = light or scene.lights[0]
-    to_light, radius, distance, half = _frame_of(light, ball or extent(scene.mesh, scene.fur))
+def grid_of(scene: Scene, cells: int, light: Light | None = None, fit: Fit | None = None) -> np.void:
+    """The cells³ that hold all that shades what is seen, seen from a light, as a `layout.Grid`; see `Fit`."""
+    light = light or scene.local.lights[0]
+    to_light, radius, distance, half, least = (fit or Fit.of(scene)).frame(light, cells)
     side = 2 * half / cells
     packed: Any = np.zeros((), layout.Grid)
     to_grid = np.zeros((4, 4))
@@ -119,43 +121,10 @@ def grid_of(scene: Scene, cells: int, light: Light | None = None, ball: tuple | 
         to_grid[3] = to_light[2]
         packed["light"] = *light.position, 1
     packed["to_grid"] = to_grid.T
-    packed["size"][:3] = cells
-    packed["face"][:3] = side * side, side, 1 if light.position is None else distance - radius
+    nearest = 1 if light.position is None else distance - radius
+    packed["size"] = cells, cells, cells, least > 0
+    packed["face"] = side * side, side, nearest, least or nearest
     return packed
-
-
-def _frame_of(light, ball):
-    """(world -> axes of the light [4, 4], radius, distance of the centre along the light, half a side).
-
-    Half a side is that of the square that the light must see: in world units, or for a spot at distance 1.
-    """
-    center, radius = ball
-    radius = 1.001 * radius or 1.0                       # nothing lies on the border
-    to_light = np.eye(4)
-    to_light[:3, :3] = _axes(light.direction)
-    if light.position is None:
-        to_light[:3, 3] = -to_light[:3, :3] @ center
-        return to_light, radius, 0.0, radius
-    to_light[:3, 3] = -to_light[:3, :3] @ light.position
-    distance = (to_light @ [*center, 1.0])[2]
-    # The light may stand inside the scene, or look away from it: what is nearer than this casts no shadow.
-    near = max(distance - radius, 0.05 * radius)
-    far = distance + radius if distance + radius > near else 2 * near
-    # The cone, or as much of it as the ball around the scene fills.
-    off = np.linalg.norm(center - light.position)
-    widest = math.acos(max(min(distance / off, 1), -1)) + math.asin(radius / off) if off > radius else math.pi
-    return to_light, (far - near) / 2, (far + near) / 2, math.tan(min(math.radians(light.angle) / 2, widest))
-
-
-def _axes(z):
-    """Rows x, y, z of a frame that turns as smoothly as z does, but where z points straight up."""
-    turn, cosine = np.cross((0, -1, 0), z), -z[1]
-    if cosine < -1 + 1e-9:
-        return np.array([(1, 0, 0), (0, 0, -1), z])
-    # The shortest turn from straight down to z (Rodrigues), of the axis x.
-    x = np.array([1.0, 0, 0])
-    x = x + np.cross(turn, x) + np.cross(turn, np.cross(turn, x)) / (1 + cosine)
-    return np.array([x, np.cross(z, x), z])
 
 
 def _view(to_screen, eye, size, samples, scale):

@@ -44,6 +44,12 @@ def points_to_see(mesh, fur):
 
 
 @functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
+def boxes_to_see(mesh, fur):
+    """Return the (low, high) corners of the boxes of `points_to_see`."""
+    return [box(each) for each in points_to_see(mesh, fur)]
+
+
+@functools.lru_cache(maxsize=2)
 def extent(mesh: Mesh | None, fur: Any) -> tuple[np.ndarray, float]:
     """Return a sphere (centre float64 [3], radius float) around a mesh and all that its fur can fill."""
     there, mesh, fur = local(mesh, fur)
@@ -54,8 +60,7 @@ def extent(mesh: Mesh | None, fur: Any) -> tuple[np.ndarray, float]:
     if isinstance(strands, Curves) and strands.bounds:
         center, radius = strands.bounds.center, strands.bounds.radius
         return center, max(radius, _furthest(center, [mesh.positions]) + fur_extent(shells)) if mesh else radius
-    points = points_to_see(mesh, fur)
-    boxes = [box(each) for each in points]
+    points, boxes = points_to_see(mesh, fur), boxes_to_see(mesh, fur)
     if not boxes:
         return np.zeros(3), 0.0
     center, _ = sphere(np.min([low for low, _ in boxes], 0), np.max([high for _, high in boxes], 0))

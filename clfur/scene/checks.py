@@ -206,9 +206,9 @@ def float32(array, where, most=None):
     good = np.isfinite(copy) if most is None else np.abs(copy) <= np.float32(most)
     if not good.all():
         index = np.unravel_index(np.argmin(good), copy.shape)
-        at = ", ".join(str(i) for i in index)
+        at = f"[{', '.join(str(i) for i in index)}]" if index else ""
         allowed = "that float32 can hold" if most is None else f"from {-most:g} to {most:g}"
-        raise Error(f"{where}[{at}] is {array[index]}; allowed: finite numbers {allowed}")
+        raise Error(f"{where}{at} is {array[index]}; allowed: finite numbers {allowed}")
     return frozen(copy)
 
 

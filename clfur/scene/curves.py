@@ -97,9 +97,11 @@ class Curves(Looking):
     Or None, and look (a Kajiya; or specular and exponent, to make one) and alpha (0..1, how much light one hair lets
     through) say it for all. type_of: [strands] which of types each is of, needed where there are several. root_uv:
     [strands, 2], for the output "uv". root_normal: [strands, 3] unit normals of the mesh at the roots, by which its
-    shadow does not fall on hair that lies on it. origin: [3] what points are relative to, 0 if not given. inner, outer,
-    surface: how the mesh under them is tessellated, as in
-    Strands. seed: by which `Settings.lod` chooses strands. bounds: what they cannot exceed, or None to measure it.
+    shadow does not fall on hair that lies on it. origin: [3] what points are relative to, 0 if not given. inner,
+    outer, surface: how the mesh under them is tessellated, as in Strands. seed: by which `Settings.lod` chooses
+    strands. lod_by: what else it goes by, "place", where a strand's ends are, so that strands may be given in any
+    order and from either end; or "number", that of a strand, so that the same ones are chosen in a film in which they
+    move. bounds: what they cannot exceed, or None to measure it.
 
     points, width, color, root_uv and root_normal may be float32 arrays on an OpenCL device (pyopencl.array.Array),
     which are drawn without a copy by a `Scheduler` of the same context. Their values are not checked, and without
@@ -126,6 +128,7 @@ class Curves(Looking):
     outer: checks.Given = checks.field(levels((3,), "[faces, 3]"), default=1, kw_only=True)
     surface: str = checks.field(checks.choice("pn", "flat"), default="flat", kw_only=True)
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0, kw_only=True)
+    lod_by: str = checks.field(checks.choice("place", "number"), default="place", kw_only=True)
     bounds: Bounds | None = checks.field(checks.instance(Bounds, none=True), default=None, kw_only=True)
     origin: checks.Given = checks.field(origin, default=ZERO, kw_only=True)
     uniform: int | None = attrs.field(init=False)

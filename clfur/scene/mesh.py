@@ -8,6 +8,7 @@ import numpy as np
 from ..errors import Error
 from . import checks
 from .origin import ZERO, near_origin, origin
+from .winding import Surfaces, groups_of, parity_of
 
 
 def _uv_array(value, where):
@@ -44,7 +45,7 @@ class Mesh:
     normals: None or [V, 3]; need not be unit length; where zero, not finite or None, they are computed.
     uv: None, [V, 2] per vertex or [F, 3, 2] per corner; (0, 0) is the lower left corner of a picture (as in
     OBJ files), and pictures repeat outside 0..1.
-    faces: [F, 3] whole numbers 0 to V-1, counter-clockwise seen from outside. Required.
+    faces: [F, 3] whole numbers 0 to V-1, counter-clockwise seen from outside (see below). Required.
     origin: [3] what positions are relative to, 0 if not given.
 
     As stored: `positions` float32 [P, 3] holds each position once (files split vertices where uv or normals
@@ -55,8 +56,16 @@ class Mesh:
     `uv` float32 [F', 3, 2] is kept by corner (zeros where none was given: see `has_uv`), `faces` is
     uint32 [F', 3]. Faces without area and faces at a point where all normals cancel are left out;
     `degenerate_faces` and `zero_normal_faces` count them, and `kept_faces` int64 [F'] says which of the
-    given faces the stored ones are. Raises Error for other shapes, NaN or infinity, indices out of range,
-    and when no face is left.
+    given faces the stored ones are.
+
+    Of faces with the same three places one is kept: two-sided meshes have each of them twice. What is outside is told
+    by the normals given; where a surface (faces joined by edges of two) has none, by its faces: those at odds with most
+    of its area are turned, and so is a closed surface around a negative volume, with what is within it. What is within
+    one that is not turned may be the wall of a hollow, and a surface that is open has no inside: these stay as they
+    are. To turn a face is to turn its normal; its corners keep their order. `doubled_faces` and `turned_faces` count
+    them, `one_sided_faces` those of surfaces such as the Moebius strip, which cannot be right.
+
+    Raises Error for other shapes, NaN or infinity, indices out of range, and when no face is left.
     """
 
     positions: checks.Given = checks.field(checks.rows(3))
@@ -67,6 +76,9 @@ class Mesh:
     has_uv: bool = attrs.field(init=False)
     degenerate_faces: int = attrs.field(init=False)
     zero_normal_faces: int = attrs.field(init=False)
+    doubled_faces: int = attrs.field(init=False)
+    turned_faces: int = attrs.field(init=False)
+    one_sided_faces: int = attrs.field(init=False)
     kept_faces: np.ndarray = attrs.field(init=False, repr=False)
 
     def __attrs_post_init__(self):
@@ -84,6 +96,7 @@ class Mesh:
         degenerate = len(faces) - int(has_area.sum())
 
         keep = np.flatnonzero(has_area)
+        keep, counts = self._orient(given, faces, welded, normal, keep)
         normals = self._vertex_normals(first, faces[keep], normal[keep])
         has_normals = (normals[welded[keep]] != 0).any(axis=2).all(axis=1)
         zero_normal = len(keep) - int(has_normals.sum())
@@ -105,6 +118,7 @@ class Mesh:
             has_uv=corner_uv is not None,
             degenerate_faces=degenerate,
             zero_normal_faces=zero_normal,
+            **counts,
             kept_faces=checks.frozen(keep),
         )
 
@@ -131,6 +145,45 @@ class Mesh:
             checks.refuse("Mesh.uv", self.uv, allowed)
         uv = checks.float32(self.uv, "Mesh.uv")
         return uv[faces] if uv.ndim == 2 else uv
+
+    def _orient(self, positions, faces, welded, normal, keep):
+        """Return which of the faces ``keep`` are kept, one of each, and {name: how many} were faulty.
+
+        faces, welded: [F, 3] as given, and by the first vertex at each place. normal: [F, 3] is turned outwards.
+        """
+        known = self._given_normals(faces, normal) if self.normals is not None else None
+        agreement = np.zeros(len(faces)) if known is None else known[0]
+        group = groups_of(welded[keep], len(positions))
+        order = np.lexsort((keep, agreement[keep] <= 0, group))   # what agrees with its own normals goes first
+        chosen = np.sort(order[np.append(True, np.diff(group[order]) != 0)]) if len(keep) else keep
+        doubled, turned, one_sided = len(keep) - len(chosen), 0, 0
+        if len(chosen) and (known is None or not known[1][keep[chosen]].all()):
+            kept = keep[chosen]
+            surfaces = Surfaces(positions, welded[kept], normal[kept], agreement[kept])
+            twins = self._twins(welded[keep], group, chosen) if doubled else np.full(len(chosen), -1)
+            swapped = surfaces.turned & (twins >= 0)
+            normal[kept[~swapped]] *= surfaces.sign[~swapped, None]
+            chosen = np.where(swapped, twins, chosen)
+            turned, one_sided = int((surfaces.turned & ~swapped).sum()), int(surfaces.one_sided.sum())
+        return np.sort(keep[chosen]), {"doubled_faces": doubled, "turned_faces": turned, "one_sided_faces": one_sided}
+
+    @staticmethod
+    def _twins(faces, group, chosen):
+        """Return, for each of the chosen of faces [n, 3], one of its group that is wound the other way, -1 without."""
+        parity, twins = parity_of(faces), np.full((2, len(faces)), -1)
+        for way in (0, 1):
+            of_way = np.flatnonzero(parity == way)[::-1]   # of several the first is written last
+            twins[way, group[of_way]] = of_way
+        return np.where(parity[chosen], twins[0, group[chosen]], twins[1, group[chosen]])
+
+    def _given_normals(self, faces, normal):
+        """Return how much faces agree with the normals given at their corners, float64 [F], and which have all."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            given = self.normals.astype(np.float64)
+            size = np.abs(given).max(axis=1, keepdims=True)
+            good = (np.isfinite(size) & (size > 0)).ravel()
+            given = np.where(good[:, None], given / np.where(good[:, None], size, 1), 0)
+        return (normal * given[faces].sum(axis=1)).sum(axis=1), good[faces].all(axis=1)
 
     def _vertex_normals(self, first, faces, face_normals):
         """Return unit normals float64 [V, 3], at the first given vertex of each position, else zero.
@@ -177,6 +230,23 @@ class Mesh:
         """The sphere around the box of the positions: (centre float64 [3], radius float)."""
         center, radius = sphere(*box(self.positions))
         return center + self.origin, radius
+
+    @functools.cached_property
+    def own_frame(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """A frame that moves and turns as the vertices do: (their mean float64 [3], relative to
+        `origin`; axes float64 [3, 3], a row each; how far the furthest vertex is from the mean)."""
+        p = self.positions.astype(np.float64)
+        center = p.mean(0)
+        p -= center
+        # Two sums with weights that follow no shape, so that none makes both of them vanish, or point the same way.
+        one, other = np.sin(np.arange(len(p))**2 * [[1.0], [2**.5]]) @ p
+        x, z = _unit(one), _unit(np.cross(one, other))
+        return center, np.array([x, np.cross(z, x), z]), float(np.sqrt((p**2).sum(1).max()))
+
+
+def _unit(vector):
+    """A vector of length 1, or 0 where it has none."""
+    return vector / max(np.linalg.norm(vector), 1e-300)
 
 
 def _hull(mesh):

@@ -118,7 +118,7 @@ class Scene:
             return self
         strands, shells = strands_and_shells(fur)
         if shells is not None and np.any(shells.wind):   # gusts travel through the world
-            turns = (shells.wind / np.linalg.norm(shells.wind)) @ there / mesh.bounds[1]
+            turns = (shells.wind / np.linalg.norm(shells.wind)) @ there / (shells.rest or mesh).own_frame[2]
             shells = gusty(shells, float(shells.time - turns))
             fur = shells if strands is None else (strands, shells)
         return copied(self, mesh=mesh, fur=fur, strands=strands, shells=shells, light=seen_from(self.light, there),
@@ -139,8 +139,10 @@ class Scene:
             _check_uv(self.mesh, strands)
         if strands is not None and self.mesh is not None:
             _check_levels(self.mesh, strands)
-        if shells is not None and shells.pattern == "sine":
-            _check_sines(self.mesh, shells)
+        if shells is not None:
+            rest_of(self.mesh, shells.rest, "Shells.rest")
+            if shells.pattern == "sine":
+                _check_sines(self.mesh, shells)
         _, radius = extent(self.mesh, self.fur)
         if radius and not 1e-6 <= radius <= checks.LARGEST:
             raise Error(f"Scene is {2 * radius:.3g} across; allowed: 2e-06 to 2e+09, where float32 is exact enough")

@@ -1,9 +1,11 @@
 """Shell fur: hair as a pattern in layers above a mesh, for fur too short and dense to grow strand by strand."""
 
 import attrs
+import numpy as np
 
 from . import checks
 from .look import Looking
+from .mesh import Mesh
 
 
 def _noise(value, where):
@@ -11,6 +13,11 @@ def _noise(value, where):
     if amount < 0 or size < 1:
         checks.refuse(where, value, "two finite numbers, the first >= 0, the second >= 1")
     return amount, size
+
+
+def _wind(value, where):
+    wind = checks.vector(3)(value, where)
+    return checks.frozen(np.where(np.float32(wind) != 0, wind, 0.0))   # what is none on the device has no direction
 
 
 @attrs.frozen(eq=False)
@@ -30,7 +37,11 @@ class Shells(Looking):
 
     wind, force, acceleration: [3]. At height h of 0..1 a hair goes along n + h · (wind, which gusts with time, + force
     − acceleration) for the normal n; force is gravity and the like, acceleration that of the object itself.
-    time: seconds. seed: of all that is random, 0..2**32-1. Raises Error for anything else.
+    time: seconds. seed: of all that is random, 0..2**32-1.
+
+    rest: None or the Mesh in rest, of the same faces as the scene's, which is posed. Cells and noise belong to the skin
+    and are laid on the mesh in rest, so that they stay where they are on it in every pose; frequency is of its units.
+    None: the scene's mesh is in rest. Raises Error for anything else.
     """
 
     length: float = checks.field(checks.positive(), default=0.1)
@@ -45,8 +56,9 @@ class Shells(Looking):
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5, kw_only=True)
     root_shade: float = checks.field(checks.real(low=0, high=1), default=0.6, kw_only=True)
     shading: str = checks.field(checks.choice("kajiya-kay", "turned"), default="kajiya-kay", kw_only=True)
-    wind: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0), kw_only=True)
+    wind: checks.Given = checks.field(_wind, default=(0.0, 0.0, 0.0), kw_only=True)
     force: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0), kw_only=True)
     acceleration: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0), kw_only=True)
     time: float = checks.field(checks.real(), default=0.0, kw_only=True)
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0, kw_only=True)
+    rest: Mesh | None = checks.field(checks.instance(Mesh, none=True), default=None, kw_only=True)

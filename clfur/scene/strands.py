@@ -93,7 +93,7 @@ def levels(shape, words):
 
 
 def _type_map(value, where):
-    allowed = "None or a picture [h, w, 3] of dtype uint8"
+    allowed = "None or a picture [h, w, 3] of dtype uint8, as keys of types are"
     pixels = checks.pixels(value, where, "u", allowed)
     if pixels.dtype != np.uint8:
         checks.refuse(where, value, allowed)

@@ -45,7 +45,7 @@ def march(gpu: Any, view: np.void, shell: Shell, packed: np.void, lighting: Ligh
         gpu.launch("march.march", blocks, view=view, shells=packed, visible=visible, entries=entries,
                    border=shell.border, faces=pattern.faces, neighbours=pattern.neighbours, curves=shell.curves,
                    normals=shell.normals, lattice=pattern.lattice, noise=pattern.noise, means=pattern.means,
-                   noise_box=pattern.box, left=left, image=image, **vars(rays), **lighting.arrays())
+                   left=left, image=image, **vars(rays), **lighting.arrays())
         del entries   # before the next are made
         if not int(gpu.download(left)[0]):
             break

@@ -18,6 +18,7 @@ MOST_ROWS = 4096             # of a face's points in the light's grid
 
 
 POSITIONS = Declared("vertex", np.float32, 4)   # of the mesh, while hairs are bent
+REST = Declared("corner", np.float32, 4)        # of the faces in rest, while the pattern is laid
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,6 @@ class Pattern(Arrays):
     """Where the hairs of shell fur stand."""
 
     packed: np.void                                  # layout.Shells
-    box: np.ndarray                                  # float4: origin of the noise, its lattices a unit of length
     noise: Any = array("place", np.float32, 2)
     means: Any = array("height", np.float32, 2)      # share covered, hairs entered going sideways by 1
     faces: Any = array("face", np.uint32, 4)         # corners in the order of their numbers
@@ -113,10 +113,10 @@ def border_of(faces: np.ndarray, topology: Topology, slabs: int, bare: int) -> t
     return as_float4(np.concatenate(corners).astype(np.uint32)), rows.astype(np.uint32)
 
 
-def pack(shells: Any, mesh: Any, bare: bool, filtered: bool) -> tuple[np.void, np.ndarray]:
-    """`clfur.Shells` -> (`layout.Shells`, float4 of the noise's place)."""
+def pack(shells: Any, mesh: Any, bare: bool, filtered: bool) -> np.void:
+    """`clfur.Shells` -> `layout.Shells`."""
     packed: Any = np.zeros((), layout.Shells)
-    center, radius = mesh.bounds
+    _, axes, radius = (shells.rest or mesh).own_frame
     f, (strength, waves) = shells.frequency, shells.noise
     packed["size"] = shells.length, shells.layers, f, shells.length_variation
     packed["shape"] = shells.sharpness, shells.density, strength, waves
@@ -128,7 +128,9 @@ def pack(shells: Any, mesh: Any, bare: bool, filtered: bool) -> tuple[np.void, n
     if sine:
         lattice = np.ceil(np.divide((2 * f, f, 0), waves))
     else:
-        lattice = np.full(3, 2 ** np.ceil(np.log2(2 * (radius + shells.length) * f / waves)))
+        # A little less: turned and rounded in another way, a mesh that just fits still does.
+        lattice = np.full(3, 2 ** np.ceil(np.log2(1.99999 * radius * f / waves)))
+        packed["to_noise"][:, :3] = axes.T * (f / waves)
     packed["noise"] = *np.clip(lattice, 1 if sine else 4, most), bare
     bend = np.subtract(shells.force, shells.acceleration)
     slabs = SLABS if bend.any() or np.any(shells.wind) else 1
@@ -137,7 +139,7 @@ def pack(shells: Any, mesh: Any, bare: bool, filtered: bool) -> tuple[np.void, n
     if np.any(shells.wind):
         packed["gust"][:3] = np.asarray(shells.wind) / np.linalg.norm(shells.wind) / radius
         packed["gust"][3] = shells.time % 1.0
-    return packed, np.array((*center, f / waves), np.float32)
+    return packed
 
 
 def _rows_of(packed, vertices, faces):
@@ -152,22 +154,32 @@ def size_of(mesh: Any, packed: np.void, topology: Topology) -> int:
     slabs, bare = int(packed["kind"][2]), int(packed["noise"][3])
     rows = _rows_of(packed, len(mesh.positions), len(mesh.faces))
     sides = len(mesh.faces) * (1 + bare) + 2 * slabs * int((topology.neighbours[:, :3] < 0).sum())
-    return Pattern.bytes(**rows) + Shell.bytes(border=sides, **rows) + POSITIONS.bytes * len(mesh.positions)
+    making = POSITIONS.bytes * rows["vertex"] + REST.bytes * rows["corner"]
+    return Pattern.bytes(**rows) + Shell.bytes(border=sides, **rows) + making
 
 
-def lay(gpu: Any, mesh: Any, packed: np.void, box: np.ndarray, topology: Topology) -> Pattern:
-    """Lay the pattern of `layout.Shells` on a mesh -> `Pattern`."""
+def lay(gpu: Any, mesh: Any, packed: np.void, topology: Topology, rest: Any = None) -> Pattern:
+    """Lay the pattern of `layout.Shells` on a mesh -> `Pattern`; ``rest``: the mesh in rest, None: it is that itself."""
     uv = np.take_along_axis(mesh.uv, topology.order[..., None], 1).reshape(-1, 2)
     n = len(topology.corners)
     rows = _rows_of(packed, len(mesh.positions), n)
-    result = Pattern.empty(gpu, rows, packed=packed, box=box, faces=gpu.upload(as_float4(topology.corners)),
+    result = Pattern.empty(gpu, rows, packed=packed, faces=gpu.upload(as_float4(topology.corners)),
                            neighbours=gpu.upload(topology.neighbours), uv=gpu.upload(as_float4(uv)))
     gpu.launch("shells.noise", rows["place"], shells=packed, out=result.noise)
     gpu.launch("shells.means", HEIGHTS, shells=packed, around=AROUND, out=result.means)
     positions, normals = gpu.upload(as_float4(mesh.positions)), gpu.upload(as_float4(mesh.normals))
     gpu.launch("shells.lattice", n, shells=packed, positions=positions, normals=normals, faces=result.faces,
-               uv=result.uv, out=result.lattice)
+               uv=result.uv, rest=gpu.upload(resting(rest or mesh, topology)), out=result.lattice)
     return result
+
+
+def resting(rest, topology):
+    """Corners of faces in rest, from its middle and in the order of the posed mesh, and which in the order of their own
+    each is: float32 [F * 3, 4]."""
+    own = np.argsort(np.argsort(rest.faces, 1, kind="stable"), 1)
+    places = (rest.positions - rest.own_frame[0]).astype(np.float32)[rest.faces]
+    corners = np.concatenate([places, own[..., None].astype(np.float32)], 2)
+    return np.take_along_axis(corners, topology.order[..., None], 1).reshape(-1, 4)
 
 
 def border(gpu: Any, mesh: Any, packed: np.void, topology: Topology) -> tuple[Any, Any]:

@@ -42,9 +42,13 @@ def crossing_unit_for(most: float) -> int:
     return crossing_unit
 
 
-def most_of(grid: np.void, method: str, segments: int, length: float, area: float) -> float:
-    """The fragments or crossings in the grid that hair cannot exceed, from what `clfur.fur.hair_bounds` gives."""
-    nearest = float(grid["face"][2])                     # smallest w
+def most_of(grid: np.void, method: str, segments: int, length: float, area: float,
+            nearest: float | None = None) -> float:
+    """The fragments or crossings in the grid that hair cannot exceed, from what `clfur.fur.hair_bounds` gives.
+
+    ``nearest``: its smallest w, that of the grid if None.
+    """
+    nearest = float(grid["face"][2]) if nearest is None else nearest
     side = float(grid["face"][1]) * nearest
     # A spot's outermost rays are this much longer than its axis, and what lies along the axis spreads by as much.
     slant = math.sqrt(1 + 2 * (float(grid["face"][1]) * int(grid["size"][0]) / 2) ** 2) if grid["light"][3] else 1.0

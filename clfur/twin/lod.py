@@ -5,16 +5,27 @@ import numpy as np
 LEAST, SOFT, PARTS, MOST = 1 / 8, 1.5, 4, 16
 
 
-def place(number, seed):
-    """A strand's place in (0, 1): the top 23 bits of pcg3d (Jarzynski and Olano, 2020) of its number, seed and 4."""
-    x, y, z = ((v * 1664525 + 1013904223) % 2**32 for v in (number, seed, 4))
+def mixed(*words):
+    """pcg3d (Jarzynski and Olano, 2020) of three words."""
+    x, y, z = ((v * 1664525 + 1013904223) % 2**32 for v in words)
     for last in (False, True):
         x = (x + y * z) % 2**32
         y = (y + z * x) % 2**32
         z = (z + x * y) % 2**32
         if not last:
             x, y, z = (v ^ v >> 16 for v in (x, y, z))
-    return ((x >> 9) + 0.5) / 2**23
+    return x, y, z
+
+
+def place(number, seed):
+    """A strand's place in (0, 1): the top 23 bits of pcg3d of its number, seed and 4."""
+    return ((mixed(number, seed, 4)[0] >> 9) + 0.5) / 2**23
+
+
+def number_of(a, b):
+    """The number of a strand that has none, by the bits of its ends' places [3]: the same from either end."""
+    words = (mixed(*map(int, (np.float32(end) + np.float32(0)).view(np.uint32))) for end in (a, b))
+    return mixed(*(sum(both) % 2**32 for both in zip(*words)))[0]
 
 
 def widening(u, k):
@@ -30,7 +41,7 @@ def thin(
     to_screen,      # [4, 4] world -> (x, y, e, 1)·w
     scale,          # pixels per world unit at w = 1
     points,         # [n, 4] of one strand, x, y, z, width
-    number,         # of the strand
+    number,         # of the strand; None: by where its ends are
     seed,
     lod,            # pixels
     colors=None,    # [n, 3], if each point has one
@@ -41,10 +52,18 @@ def thin(
     n = len(points)
     if n == 0:
         return 0.0, []
+    if number is None:
+        if tuple(points[0, :3]) > tuple(points[-1, :3]):    # from the other end
+            backwards = None if colors is None else colors[::-1]
+            factor, kept = thin(to_screen, scale, points[::-1], None, seed, lod, backwards)
+            return factor, [n - 1 - each for each in kept[::-1]]
+        number, wide = number_of(points[0, :3], points[-1, :3]), max(points[0, 3], points[-1, 3])
+    else:
+        wide = points[0, 3]
     nearer = min(w[0], w[-1])
     k = 1.0
-    if nearer > 0 and points[0, 3] > 0:
-        k = min(max(points[0, 3] * scale / nearer / lod, LEAST), 1.0)
+    if nearer > 0 and wide > 0:
+        k = min(max(wide * scale / nearer / lod, LEAST), 1.0)
     factor = float(widening(place(number, seed), k))
     if factor <= 0:
         return 0.0, []

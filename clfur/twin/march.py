@@ -17,13 +17,12 @@ FAR_FROM, FAR_TO = 0.3, 0.9
 TETRAHEDRA = np.array([(0, 1, 2, 5), (0, 1, 4, 5), (0, 3, 4, 5)])   # of a prism: 0 1 2 below, 3 4 5 above them
 
 
-def march(view, shells, lights, visible, rounds, border, faces, curves, normals, lattice, noise, means, box,
-          direct=1.0):
+def march(view, shells, lights, visible, rounds, border, faces, curves, normals, lattice, noise, means, direct=1.0):
     """Take all rays through the fur -> (image [rows, width, 4], shell_transmittance, place, face).
 
     rounds: [rows, width, samples] uint64 each, the border triangles where rays come in, by order.  border: [B, 2].
-    faces: [F, 3].  curves: [V, slabs + 1, 3].  lattice: [F, 4, 4].  noise: [z, y, x, 2].  box: origin of the noise and
-    its lattices a unit of length.  lights: [n] structs.  direct: share of their light that shadows leave.
+    faces: [F, 3].  curves: [V, slabs + 1, 3].  lattice: [F, 8, 4].  noise: [z, y, x, 2].  lights: [n]
+    structs.  direct: share of their light that shadows leave.
     place: [rows, width, samples, 3] where half of the light is gone, and face the face there, -1 if it is not gone.
     """
     rows, width, samples = visible.shape
@@ -56,7 +55,7 @@ def march(view, shells, lights, visible, rounds, border, faces, curves, normals,
             continue
         rays, directions = np.array(rays), np.array(directions)
         steps = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
-        _meet(shells, lattice, noise, means, f64(box), eye, directions, steps)
+        _meet(shells, lattice, noise, means, eye, directions, steps)
         part = _hide(steps, rays, rest, half, half_face, slabs)
         done |= rest == 0
         image[rays] += _light(shells, lights, faces, curves, normals, lattice, eye, directions, steps, part,
@@ -144,8 +143,8 @@ def _steps(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
     blur = footprint * lattice[face, 1, 3]
     fade = np.clip((blur - FAR_FROM) / (FAR_TO - FAR_FROM), 0, 1)
     far = fade * fade * (3 - 2 * fade)
-    measure = np.maximum(float(shells["size"][1]) * np.abs(rise), move * (SIDEWAYS - (SIDEWAYS - 1) * far))
-    measure = np.maximum(measure, 1e-6)
+    sideways = np.where(far == 1, 1 / np.maximum(blur, FAR_TO), SIDEWAYS - (SIDEWAYS - 1) * far)
+    measure = np.maximum(np.maximum(float(shells["size"][1]) * np.abs(rise), move * sideways), 1e-6)
     high = np.clip((stop - z_in) / (z_out - z_in), 0, 1)
     passed = np.concatenate([[0], np.cumsum(high * measure)])
     gone = np.concatenate([[0], np.cumsum(high * move)])
@@ -155,26 +154,28 @@ def _steps(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
     if end != "out":
         piece, along = np.append(piece, len(t) - 1), np.append(along, high[-1])
     sideways = gone[piece] + along * move[piece]
+    h = np.clip(h_in[piece] + along * rise[piece], 0, 1)
     return {"ray": np.full(len(piece), ray), "tetrahedron": t[piece], "face": face[piece],
-            "h": np.clip(h_in[piece] + along * rise[piece], 0, 1), "z": z_in[piece] + along * (z_out - z_in)[piece],
+            "h": h, "h before": np.concatenate([h_in[:1], h[:-1]])[:len(h)], "since": along * measure[piece], "z": z_in[piece] + along * (z_out - z_in)[piece],
             "at": at_in[piece] + along[:, None] * across[piece],
             "z step": ((z_out - z_in) / measure)[piece], "h step": (rise / measure)[piece],
             "at step": (across / measure[:, None])[piece], "aside": np.diff(sideways, prepend=0),
             "far": far[piece], "footprint": footprint[piece]}
 
 
-def _meet(shells, lattice, noise, means, box, eye, directions, steps):
+def _meet(shells, lattice, noise, means, eye, directions, steps):
     """Add to the steps what they meet: the share covered, that which many hairs keep, and how far back it was met."""
     face, h, d, far = steps["face"], steps["h"], directions[steps["ray"]], steps["far"]
-    steps["where"] = where = eye + steps["z"][:, None] * d
-    v, grad, top, fold = height_at(shells, noise, face, lattice[face, 1, 2], steps["at"], (where - box[:3]) * box[3], h)
+    crowd = far == 1
+    v, grad, top, fold = height_at(shells, noise, face, lattice[face], steps["at"], h)
     slope = grad[:, :1] * lattice[face, 2, :3] + grad[:, 1:] * lattice[face, 3, :3]
     falls = slope - lattice[face, 4, :3]                     # gradient of v - h
     across = falls - dot(falls, d)[:, None] * d
     steep = np.sqrt(np.maximum(dot(across, across), 1e-20))
     g = SHARP * steps["footprint"] * steep
-    steps["covered"] = cover(shells, v, h, g, top, fold)
-    steps["many"] = np.where(far > 0, kept_by_many(means, h - steps["h step"], h, steps["aside"]), 1)
+    steps["covered"] = np.where(crowd, at_height(means, h)[0], cover(shells, v, h, g, top, fold))
+    depth = depth_of_many(means, np.where(crowd, steps["h before"], h - steps["h step"]), h, steps["aside"], crowd)
+    steps["many"] = np.where(far > 0, np.exp(-depth), 1)
     steps["slope"] = (1 - far)[:, None] * slope
 
     # Met where the ramp from nothing to all was half gone through since the step before.
@@ -183,6 +184,12 @@ def _meet(shells, lattice, noise, means, box, eye, directions, steps):
     middle = (np.clip(now - change, 0, 1) + np.clip(now, 0, 1)) / 2
     back = np.clip((now - middle) / np.where(change > 1e-6, change, 1), 0, 1)
     back = np.where((change > 1e-6) & (far == 0), back, 0.5)
+    # Of a crowd: at the mean place of what is lost on the way, if that is not before the tetrahedron.
+    way = steps["aside"] / np.maximum(np.linalg.norm(steps["at step"], axis=1), 1e-30)
+    some = np.maximum(depth, 1e-2)
+    mean = np.where(depth > 1e-2, 1 / some - 1 / np.expm1(some), 0.5)
+    back = np.where(crowd, np.minimum(way, steps["since"]) * (1 - mean), back)
+    steps["where"] = eye + (steps["z"] - crowd * back * steps["z step"])[:, None] * d
     steps["met h"] = h - back * steps["h step"]
     steps["met z"] = steps["z"] - back * steps["z step"]
     steps["met at"] = steps["at"] - back[:, None] * steps["at step"]
@@ -252,11 +259,18 @@ def _light(shells, lights, faces, curves, normals, lattice, eye, directions, ste
     return np.stack([np.bincount(ray, column, len(directions)) for column in values.T], 1)
 
 
-def kept_by_many(means, h0, h, aside):
-    """Share of light that many hairs let through, from height h0 to h and `aside` sideways."""
+def at_height(means, h):
+    """The table at heights h: (share covered, how often one who goes sideways by 1 enters hair)."""
     at = np.arange(HEIGHTS) / (HEIGHTS - 1)
-    before, now = (np.minimum(np.interp(x, at, f64(means)[:, 0]), 0.999) for x in (h0, h))
+    return [np.interp(h, at, column) for column in f64(means).T]
+
+
+def depth_of_many(means, h0, h, aside, crowd):
+    """Optical depth of many hairs from height h0 to h and `aside` sideways; ``crowd``: entered as often as at h0 and h on
+    average, else as at h."""
+    (before, first), (now, last) = at_height(means, h0), at_height(means, h)
+    before, now = np.minimum(before, 0.999), np.minimum(now, 0.999)
     down = np.where(now > before, np.log((1 - before) / (1 - np.maximum(now, before))), 0)
-    side = np.pi * np.interp(h, at, f64(means)[:, 1]) * aside / (1 - (before + now) / 2)
+    side = np.pi * np.where(crowd, (first + last) / 2, last) * aside / (1 - (before + now) / 2)
     share = np.where(side > 0, down / np.where(side > 0, side, 1), 2)
-    return np.exp(-np.where(share < 1, side * (1 / np.pi + share * (0.5 + share * (0.5 - 1 / np.pi))), down))
+    return np.where(share < 1, side * (1 / np.pi + share * (0.5 + share * (0.5 - 1 / np.pi))), down)

@@ -107,7 +107,13 @@ def clip_segment(a, b, half):
     return (np.stack([a, b]), np.stack([half_a, half_b])) if a[3] > 0 and b[3] > 0 else None
 
 
-def clip_polygon(corners):
+def before_near(clip, least):
+    """The same for what lies before the near plane, no nearer than ``least``."""
+    _, _, e, w = clip.T
+    return np.column_stack([e - w, w - least, planes(clip)[:, 2:]])
+
+
+def clip_polygon(corners, planes=planes):
     """The part of a convex polygon [4]·n that lies inside all planes (Sutherland and Hodgman 1974)."""
     for i in range(6):
         if not corners:
@@ -144,8 +150,12 @@ def snapped_triangles(view, positions, triangles, dtype=np.float32):
     clip = project(view, positions, dtype)
     for t, corners in enumerate(np.asarray(triangles, np.int64)[:, :3]):
         whole = within(clip[corners]).all()
-        polygon = list(clip[corners]) if whole else clip_polygon(list(clip[corners]))
-        if len(polygon) >= 3:
+        polygons = [list(clip[corners]) if whole else clip_polygon(list(clip[corners]))]
+        if view["scale"][2] > 0 and not whole:   # a light's: what lies before its near plane is seen there
+            polygons.append(clip_polygon(list(clip[corners]), lambda c: before_near(c, view["scale"][2])))
+        for polygon in polygons:
+            if len(polygon) < 3:
+                continue
             snapped = snap_ends(np.stack(polygon), np.zeros(len(polygon), dtype)).tolist()
             for j in range(1, len(polygon) - 1):
                 yield BODY | t, (snapped[0], snapped[j], snapped[j + 1])

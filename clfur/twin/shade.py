@@ -35,6 +35,12 @@ def color(view, lights, visible, strands, body, body_color):
     return radiance.mean(2)
 
 
+def cover(visible, transmittance):
+    """Share of each pixel that is covered -> [height, width] float64; transmittance: [height, width, samples] share of
+    light that comes from behind shell fur."""
+    return np.where(visible == NONE, 1 - f64(transmittance), 1).mean(2)
+
+
 def outputs(view, visible, strands, body):
     """What the nearest covered sample of each pixel sees -> {name: [height, width(, 4)] float64 or int}."""
     height, width, _samples = visible.shape

@@ -25,30 +25,37 @@ def bend(shells, positions, normals):
     return np.concatenate([positions[:, None], positions[:, None] + np.cumsum(steps, 1)], 1)
 
 
-def lattice(shells, positions, normals, faces, uv):
-    """Places of the corners of faces [F, 3] in the pattern -> [F, 5, 4]; uv [F, 3, 2] of these corners.
+def lattice(shells, positions, normals, faces, uv, rest):
+    """Places of the corners of faces [F, 3] in the pattern -> [F, 8, 4]; uv [F, 3, 2] and rest [F, 3, 4] of these corners.
 
+    rest: places in rest, and which corner of the cells each is.
     x0 y0 x1 y1; x2 y2, cells along a side, mean growth of x and y in the world; gradients of x, of y
-    and of the height; the most that x and y together can grow.
+    and of the height; the most that x and y together can grow; of cells the noise's place where x and y are 0, and how it
+    grows with x and with y.
     """
     f = float(shells["size"][2])
     a, b, c = np.moveaxis(f64(positions)[faces], 1, 0)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     if shells["kind"][0]:
         at, sides = f64(uv) * (2 * f, f), np.zeros(len(faces))
     else:
-        sides = np.clip(np.floor(f * np.sqrt(area) + 0.5), 1, 4096)
-        at = sides[:, None, None] * np.array([(0, 0), (1, 0), (0.5, np.sqrt(0.75))])
+        p, corner = f64(rest)[..., :3], np.asarray(rest)[..., 3].astype(int)
+        whole = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1) / 2
+        sides = np.clip(np.floor(f * np.sqrt(whole) + 0.50001), 1, 4096)
+        at = sides[:, None, None] * np.array([(0, 0), (1, 0), (0.5, np.sqrt(0.75))])[corner]
     # The gradient lies in the face and gives the corners' differences: a least-squares inverse of two sides.
     inverse = np.linalg.pinv(np.stack([b - a, c - a], 1))
     grad = np.swapaxes(inverse @ (at[:, 1:] - at[:, :1]), 1, 2)
     up = np.cross(b - a, c - a)
     up *= np.where(dot(up, f64(normals)[faces[:, 0]]) < 0, -1, 1)[:, None]
-    result = np.zeros((len(faces), 5, 4))
+    result = np.zeros((len(faces), 8, 4))
     result[:, 0], result[:, 1, :2], result[:, 1, 2] = at[:, :2].reshape(-1, 4), at[:, 2], sides
     result[:, 1, 3] = np.sqrt(np.linalg.norm(grad, axis=2).prod(1))
     result[:, 2:4, :3], result[:, 4, :3] = grad, unit(up) / float(shells["size"][0])
     result[:, 4, 3] = np.sqrt((grad**2).sum((1, 2)))
+    if not shells["kind"][0]:
+        # Linear on the face: from (1, x, y) of its corners to their places.
+        ones = np.concatenate([np.ones((len(faces), 3, 1)), at], 2)
+        result[:, 5:, :3] = np.linalg.solve(ones, p @ f64(shells["to_noise"])[:, :3])
     return result
 
 
@@ -146,16 +153,18 @@ def cells(shells, face, sides, at, lean=0.0):
     return best, grad, tip, (best + second) / 2
 
 
-def height_at(shells, table, face, sides, at, place, h):
+def height_at(shells, table, face, lattice, at, h):
     """Height of the fur at places [n, 2] of faces [n], its gradient by x and y, its hair's tip, the fold.
 
-    place: [n, 3] in the noise's lattice.
+    lattice: [n, 8, 4] of these faces.
     """
     sine, amount = shells["kind"][0], float(shells["shape"][2])
     if sine:
         place = np.concatenate([at / float(shells["shape"][3]), np.zeros((len(at), 1))], 1)
+    else:
+        place = lattice[:, 5, :3] + at[:, :1] * lattice[:, 6, :3] + at[:, 1:] * lattice[:, 7, :3]
     moved = amount * noise_at(shells, table, place)
-    return waves(shells, at + moved) if sine else cells(shells, face, sides, at, moved * h[:, None])
+    return waves(shells, at + moved) if sine else cells(shells, face, lattice[:, 1, 2], at, moved * h[:, None])
 
 
 def cover(shells, v, h, g=0.0, top=1.0, fold=-1.0):
@@ -227,7 +236,7 @@ def deposit(shells, grid, faces, curves, lattice, means, parts, deep, binary, we
     rows = np.minimum(np.sqrt(square) / step, most).astype(int) + 1
     heights = np.minimum(shells["size"][0] / (one(slabs) * step), most).astype(int) + 1
     for n, high in {*zip(rows.tolist(), heights.tolist())}:
-        chosen = np.flatnonzero((rows == n) & (heights == high) & (far >= grid["face"][2]))
+        chosen = np.flatnonzero((rows == n) & (heights == high) & (far >= grid["face"][3]))
         if len(chosen):
             a, b, c = (p[chosen] for p in corners)
             _deposit(cells, grid, a, b, c, np.asarray(lattice, one)[chosen], np.asarray(means, one), slabs, n, high,
@@ -262,8 +271,8 @@ def _deposit(cells, grid, a, b, c, lattice, means, slabs, rows, heights, binary,
                     wc = (one(row - point // 2 - point % 2) + third) / one(rows)
                     p = origin + wb * ab + wc * ac
                     at, w, good = _snap(grid, p)
-                    good &= at[:, 2] >= 0
-                    w = np.maximum(w, grid["face"][2])
+                    good &= (at[:, 2] >= 0) | (grid["size"][3] > 0)
+                    w = np.maximum(w, grid["face"][3])
                     ray, up = grid["light"][:3] - grid["light"][3] * p, up_a + wb * up_b + wc * up_c
                     move = _dot(ray, _cross(ac, up))[:, None] * to_b + _dot(ray, _cross(up, ab))[:, None] * to_c
                     side = sideways * sideways * (move[:, 0] * move[:, 0] + move[:, 1] * move[:, 1])
@@ -273,6 +282,8 @@ def _deposit(cells, grid, a, b, c, lattice, means, slabs, rows, heights, binary,
                     exact = both * each / (w * w * w) + left
                     amount = np.minimum(exact, one(2**31)).astype(np.int64)
                     left = np.where(good, np.minimum(exact - amount.astype(one), one(1)), left)
+                    if grid["size"][3]:   # what lies before the grid counts in its first layer
+                        at[:, 2] = np.maximum(at[:, 2], 0)
                     _add(cells, at[good], amount[good], weight if binary else None)
 
 
@@ -300,8 +311,11 @@ def _snap(grid, p):
     with np.errstate(all="ignore"):
         c = ((m[0] * p[:, 0:1] + m[1] * p[:, 1:2]) + m[2] * p[:, 2:3]) + m[3]
         w = c[:, 3]
-        q = np.stack([c[:, 0] / w, c[:, 1] / w, c[:, 2]], 1)
-        good = (w > 0) & (np.abs(q) <= FAR * grid["size"][:3].max()).all(1)
+        far = np.float32(FAR * grid["size"][:3].max())
+        q = np.stack([c[:, 0] / w, c[:, 1] / w, np.maximum(c[:, 2], -far) if grid["size"][3] else c[:, 2]], 1)
+        good = (w > 0) & (np.abs(q) <= far).all(1)
+        if grid["size"][3]:
+            good &= w >= grid["face"][3]
     return np.floor(np.where(good[:, None], q, 0) * np.float32(SUBPIXEL) + np.float32(.5)).astype(np.int64), w, good
 
 

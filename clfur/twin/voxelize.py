@@ -17,6 +17,7 @@ def voxelize(grid, points, spans, kinds, method, weights):
     """
     cells = np.zeros([int(n) for n in grid["size"][2::-1]], np.int64)
     for (z, y, x), amount in deposits(grid, points, spans, kinds, method, weights):
+        z = np.maximum(z, 0) if grid["size"][3] else z   # what lies before the grid counts in its first layer
         inside = (x >= 0) & (y >= 0) & (z >= 0)
         for place, size in zip((z, y, x), cells.shape):
             inside &= place < size
@@ -35,15 +36,21 @@ def deposits(grid, points, spans, kinds, method, weights):
     for (first, count), kind in zip(np.asarray(spans, np.int64), np.asarray(kinds, np.int64)):
         weight, left = int(weights[kind]), np.float32(0.5)
         for k in range(first, first + count - 1):
+            ends, at, away = points[k:k + 2], snapped[k:k + 2], w[k:k + 2]
             if not (good[k] and good[k + 1]):
-                continue
-            if method == "length":
-                if max(snapped[k, 2], snapped[k + 1, 2]) < 0:
+                ends = cut_to_grid(grid, *ends)
+                if ends is None:
                     continue
-                amount, left = crossings(grid, points[k], points[k + 1], w[k], w[k + 1], weight, left)
-                yield spread(snapped[k], snapped[k + 1], amount)
+                at, both, away = snap(grid, np.stack(ends))
+                if not both.all():
+                    continue
+            if method == "length":
+                if max(at[:, 2]) < 0 and not grid["size"][3]:
+                    continue
+                amount, left = crossings(grid, *ends, *away, weight, left)
+                yield spread(*at, amount)
             else:
-                yield from fragments(snapped[k], snapped[k + 1], weight, method)
+                yield from fragments(*at, weight, method)
 
 
 def snap(grid, points):
@@ -51,11 +58,33 @@ def snap(grid, points):
     m, p = grid["to_grid"], np.asarray(points, np.float32)
     with np.errstate(all="ignore"):
         c = ((m[0] * p[:, 0:1] + m[1] * p[:, 1:2]) + m[2] * p[:, 2:3]) + m[3]
-        w = c[:, 3]
-        q = np.stack([c[:, 0] / w, c[:, 1] / w, c[:, 2]], 1)
-        good = (w > 0) & (np.abs(q) <= FAR * grid["size"][:3].max()).all(1)
+        w, far = c[:, 3], np.float32(FAR * grid["size"][:3].max())
+        q = np.stack([c[:, 0] / w, c[:, 1] / w, np.maximum(c[:, 2], -far) if grid["size"][3] else c[:, 2]], 1)
+        good = (w > 0) & (np.abs(q) <= far).all(1)
+        if grid["size"][3]:
+            good &= w >= grid["face"][3]
         steps = np.floor(np.where(good[:, None], q, 0) * np.float32(SUBPIXEL) + np.float32(0.5))
     return steps.astype(np.int64), good, w
+
+
+def cut_to_grid(grid, a, b):
+    """What of a segment a, b [4] float32 lies in the grid and a cell around, also before it where that counts."""
+    m, (nx, ny, nz, before) = grid["to_grid"], grid["size"].astype(np.float32)
+    one = np.float32(1)
+
+    def inside(p):
+        x, y, z, w = ((m[0] * p[0] + m[1] * p[1]) + m[2] * p[2]) + m[3]
+        return (w - grid["face"][3], (nz + one) - z, x + w, (nx + one) * w - x, y + w, (ny + one) * w - y, z + one)
+
+    for side in range(6 if before else 7):
+        by_a, by_b = inside(a)[side], inside(b)[side]
+        if not (by_a >= 0 or by_b >= 0):
+            return None
+        if by_a < 0:
+            a = b + (a - b) * (by_b / (by_b - by_a))
+        elif by_b < 0:
+            b = a + (b - a) * (by_a / (by_a - by_b))
+    return a, b
 
 
 def divide(n, d):
@@ -100,7 +129,7 @@ def crossings(grid, a, b, wa, wb, weight, left):
     """What a segment a, b [4] float32 amounts to, all in float32: (whole amount, what is left for the next one)."""
     half, light = np.float32(0.5), grid["light"]
     with np.errstate(all="ignore"):
-        w, width, d = max(half * (wa + wb), grid["face"][2]), half * (a[3] + b[3]), (b - a)[:3]
+        w, width, d = max(half * (wa + wb), grid["face"][3]), half * (a[3] + b[3]), (b - a)[:3]
         ray = light[:3] - light[3] * (half * (a + b))[:3]
         c = np.stack([d[1] * ray[2] - d[2] * ray[1], d[2] * ray[0] - d[0] * ray[2], d[0] * ray[1] - d[1] * ray[0]])
         exact = np.sqrt(dot(c, c)) * width / (grid["face"][0] * (w * w * w)) * np.float32(weight) + left

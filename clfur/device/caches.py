@@ -1,0 +1,163 @@
+"""Where drivers keep the kernels that they build: folders that can be written, and that no crash has left spoilt.
+
+Drivers read these variables as they load, so `prepare` comes before.
+"""
+
+import atexit
+import contextlib
+import hashlib
+import os
+import platform
+import shutil
+import tempfile
+from pathlib import Path
+
+import psutil
+
+from .. import cache
+from ..errors import Error
+
+# What PoCL is called, and the variable that names its folder.  Without a folder that it can write it shows no device.
+# Other drivers do without: so Mesa does, which checks what it reads, and Intel's for CPUs keeps nothing.
+POCL, VARIABLE = "Portable Computing Language", "POCL_CACHE_DIR"
+ROOM = 16 << 20   # bytes: the kernels of a driver take 2 MiB
+
+notes: list[str] = []                       # what `prepare` has to say, a line each
+_private: list[tuple[Path, int]] = []       # the folder that `private` has made, and the process that did
+
+
+def prepare():
+    """Point PoCL to a private folder where its own cannot be written or may be spoilt, and say so in `notes`."""
+    place = folder()
+    why = trouble(place) or ("a process died while PoCL took kernels from there, so it may be spoilt: delete it"
+                             if _died(place) else "")
+    if not why:
+        return
+    said = f"kernels are not kept in {place}: {why}"
+    try:
+        new = private() / "pocl"
+        new.mkdir(exist_ok=True)
+        os.environ[VARIABLE] = str(new)
+        said += f"; this process keeps them in {new}"
+    except OSError as error:
+        said += f"; nor is there a temporary folder: {error.strerror or error}"
+    if said not in notes:
+        notes.append(said)
+
+
+def folder():
+    """Path of the folder in which PoCL keeps its kernels, there or not: what POCL_CACHE_DIR says, or PoCL's own."""
+    home = os.environ.get("HOME")
+    usual = os.environ.get("XDG_CACHE_HOME") or (f"{home}/.cache" if home else tempfile.gettempdir())
+    return Path(os.environ.get(VARIABLE) or Path(usual, "pocl", "kcache"))
+
+
+def in_folder(place):
+    """{variable: text} of the environment in which all drivers, and clfur, keep kernels in this folder."""
+    return dict.fromkeys((VARIABLE, "MESA_SHADER_CACHE_DIR", "CUDA_CACHE_PATH", "XDG_CACHE_HOME"), str(place))
+
+
+def trouble(place):
+    """Why nothing can be written to a folder, there or not, in a few words, or "": read-only, full, no folder."""
+    there = next((each for each in (place, *place.parents) if os.path.lexists(each)), place)
+    try:
+        # A test by writing: root may write everywhere, and a full disk or quota shows in nothing else.
+        with tempfile.TemporaryFile(dir=there) as file:
+            file.write(bytes(1 << 16))
+            file.flush()
+        free = shutil.disk_usage(there).free
+    except OSError as error:
+        return error.strerror or str(error)
+    return "" if free >= ROOM else f"{free / 2**20:.1f} MiB are free there; allowed: {ROOM >> 20} or more"
+
+
+def trouble_of(platform_name):
+    """What is wrong by now with the folder of a platform's driver, as a text to put behind an error, or ""."""
+    why = platform_name == POCL and trouble(folder())
+    return f"; it keeps kernels{where(platform_name)}: {why}" if why else ""
+
+
+def where(platform_name):
+    """" in" and the folder in which a platform's driver keeps kernels, or "" where that is not known."""
+    return f" in {folder()}" if platform_name == POCL else ""
+
+
+def private():
+    """A temporary folder of this process, which is removed at its end; raises OSError where none can be made."""
+    if not _private or _private[-1][1] != os.getpid() or not _private[-1][0].is_dir():
+        _private.append((Path(tempfile.mkdtemp(prefix="clfur-")), os.getpid()))
+        atexit.register(remove_private)
+    return _private[-1][0]
+
+
+def remove_private():
+    """Remove the folders that `private` has made in this process."""
+    for made, process in _private:
+        if process == os.getpid():
+            shutil.rmtree(made, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def taking_kernels(platform_name):
+    """While a driver builds kernels or runs them for the first time: if the process dies of it, later ones know."""
+    mark = None
+    if platform_name == POCL:
+        place = folder()
+        with contextlib.suppress(Error, OSError, psutil.Error):   # no cache to leave a mark in
+            mark = _marks(place) / f"{os.getpid()} {psutil.Process().create_time()} {_number(place)}"
+            mark.parent.mkdir(parents=True, exist_ok=True)
+            mark.touch()
+    try:
+        yield
+    finally:
+        if mark:
+            with contextlib.suppress(OSError):
+                mark.unlink()
+
+
+def _died(place):
+    """Whether a process of this machine has died while its driver took kernels from this folder, which is still it.
+
+    One death may have had another cause: it is told once.  After a second one the folder is spoilt till it is deleted.
+    """
+    dead, told = [], False
+    with contextlib.suppress(Error, OSError):
+        for mark in list(_marks(place).iterdir()):
+            process, began, number, *old = mark.name.split()
+            if _lives(int(process), float(began)):
+                continue
+            if int(number) != _number(place):
+                mark.unlink()   # that folder was deleted
+            elif old:
+                told = True
+            else:
+                dead.append(mark)
+        if dead and not told:
+            dead[0].rename(f"{dead[0]} told")
+            for mark in dead[1:]:
+                mark.unlink()
+    return bool(dead)
+
+
+def _lives(process, began):
+    """Whether the process of this number, begun at this time, is still there."""
+    try:
+        return psutil.Process(process).create_time() == began
+    except psutil.AccessDenied:
+        return True
+    except psutil.Error:
+        return False
+
+
+def _marks(place):
+    """Folder of the marks for a folder of kernels; of this machine alone, since numbers of processes are."""
+    name = hashlib.sha256(f"{platform.node()}\n{place}".encode()).hexdigest()[:16]
+    return cache.folder("taking") / name
+
+
+def _number(place):
+    """What tells a folder from one that is made anew in its place."""
+    try:
+        return os.stat(place).st_ino
+    except OSError:
+        return 0

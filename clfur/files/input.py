@@ -1,0 +1,55 @@
+"""Input files: regular ones alone, and never more of one than a limit; and text of any encoding."""
+
+import codecs
+import os
+import stat
+from pathlib import Path
+
+from ..errors import Error
+
+MAX_BYTES = 2**30   # of a file, and of what a file's header may ask for
+UNICODE = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF32_LE: "utf-32", codecs.BOM_UTF32_BE: "utf-32",
+           codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}   # the longer of two that begin alike first
+
+
+def read(path: Path, limit: int = MAX_BYTES) -> bytes:
+    """Return the bytes of a regular file. Raises Error, one line that names it, for any other and for more than limit.
+
+    A pipe or a device is not opened, as that could wait forever; of a file that grows only what was there is read.
+    """
+    try:
+        _regular(path, os.stat(path))
+        with open(path, "rb", opener=_open) as file:
+            _regular(path, os.fstat(file.fileno()))   # what has the name now may be another one
+            size = os.fstat(file.fileno()).st_size
+            if size > limit:
+                raise Error(f"{path}: has {size} bytes; allowed: at most {limit}")
+            return file.read(size)   # to read up to the limit would take as much memory beforehand
+    except Error:
+        raise
+    except ValueError:   # a name that holds a zero
+        raise Error(f"{path}: no such file") from None
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None
+
+
+def _open(path, flags):
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))   # Windows has no pipes among files
+
+
+def _regular(path, status):
+    if not stat.S_ISREG(status.st_mode):
+        raise Error(f"{path}: is a pipe, a device or a folder; allowed: a file")
+
+
+def plain(data: bytes) -> bytes:
+    """Return the text of a file as bytes, ASCII as it is: without a byte order mark, and UTF-16 and UTF-32 decoded."""
+    for mark, encoding in UNICODE.items():
+        if data.startswith(mark):
+            return data[3:] if encoding == "utf-8" else data.decode(encoding, "replace").encode("utf-8", "replace")
+    return data
+
+
+def lines(data: bytes) -> list[bytes]:
+    """Return the lines of a text, whatever ends them: a line feed, a carriage return, or both."""
+    return (data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data).split(b"\n")

@@ -1,0 +1,311 @@
+"""What of a scene its camera can see: how near that is, and how far it extends."""
+
+import functools
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .bounds import boxes_to_see, extent, fur_extent, points_to_see
+from .curves import Curves
+from .mesh import box, sphere
+
+WIDE = 1.5          # times as wide and high as the picture is what counts as seen: a camera that turns a little sees
+                    # the same
+EDGE = 1.02         # the same for what may not be cut off: wider than any sample or strand at the picture's edge
+IN_FUR = 0.05       # of the fur's length: nearer than this nothing need be seen
+LEAST = 1e-5        # of the scene's radius: the same
+
+
+class Frustum:
+    """What a camera sees of the world, ``wide`` times as wide and high as its picture, and ``margin`` [world] around.
+
+    planes: [5, 3] their normals, inwards: left, right, top, bottom, behind.  offsets: [5].
+    """
+
+    def __init__(self, camera: Any, wide: float, margin: float) -> None:
+        k, size = camera.intrinsics, np.array(camera.size, float)
+        axes = (camera.pose[:3, :3] * (1, -1, -1)).T   # right, down, forward
+        low, high = size / 2 * (1 - wide), size / 2 * (1 + wide)
+        planes = np.array([k[0] - low[0] * k[2], high[0] * k[2] - k[0], k[1] - low[1] * k[2], high[1] * k[2] - k[1],
+                           (0, 0, 1)])
+        planes /= np.linalg.norm(planes, axis=1, keepdims=True)
+        middle = np.linalg.solve(k, (*size / 2, 1))
+        middle /= np.linalg.norm(middle)
+        # Moved back so far that all within the margin lies in it.
+        self.apex = camera.pose[:3, 3] - margin / (planes @ middle).min() * middle @ axes
+        self.planes = planes @ axes
+        self.offsets = -self.planes @ self.apex
+        corners = np.array([(x, y, 1) for x in (low[0], high[0]) for y in (low[1], high[1])]) @ np.linalg.inv(k).T
+        self.corners = corners @ axes                  # [4, 3] along its four edges, 1 forward each
+        self.cosine = float(1 / np.linalg.norm(corners, axis=1).max())   # of the angle at the furthest corner
+
+    def within(self, points: np.ndarray) -> np.ndarray:
+        """How far points [..., 3] lie inside each plane: [..., 5]."""
+        return points @ self.planes.T + self.offsets
+
+    def of_spheres(self, center: np.ndarray, radius: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Which spheres [n] lie inside, and which touch it: bool [n] each."""
+        least = (self.planes @ center.T + self.offsets[:, None]).min(0)
+        return least >= radius, least > -radius
+
+    def of_boxes(self, boxes: "Boxes") -> tuple[np.ndarray, np.ndarray]:
+        """Which `Boxes` lie inside, and which touch it: bool [n] each."""
+        inside, touched = self.of_spheres(boxes.center, boxes.reach)
+        some = np.flatnonzero(touched & ~inside)
+        within, reach = self.within(boxes.center[some]), boxes.half[some] @ np.abs(self.planes).T
+        inside[some], touched[some] = (within >= reach).all(1), (within > -reach).all(1)
+        return inside, touched
+
+
+@dataclass(frozen=True)
+class Faces:
+    """Flat faces of a mesh [F], as spheres: corners [F, 3, 3], center [F, 3], radius [F], and bulge [F], how far a
+    curved one stands out of its corners' triangle."""
+
+    corners: np.ndarray
+    center: np.ndarray
+    radius: np.ndarray
+    bulge: np.ndarray
+
+
+@functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
+def faces_of(mesh: Any, curved: bool) -> Faces:
+    """`Faces` of a mesh, flat or of curved PN triangles."""
+    corners = mesh.positions.astype(np.float64)[mesh.faces]
+    center = corners.mean(1)
+    bulge = np.zeros(len(corners))
+    if curved:   # control points of a side stand out by a third of |d · n|, the one in the middle by half as much more
+        normals = mesh.normals.astype(np.float64)[mesh.faces]
+        for shift in (1, 2):
+            d = np.roll(corners, -shift, axis=1) - corners
+            bulge = np.maximum(bulge, np.abs((d * normals).sum(2)).max(1) / 2)
+    return Faces(corners, center, np.sqrt(((corners - center[:, None])**2).sum(2).max(1)) + bulge, bulge)
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """Curves that have points [n]: their boxes, and half of their largest width."""
+
+    center: np.ndarray   # [n, 3]
+    half: np.ndarray     # [n, 3]
+    first: np.ndarray    # [n] of each one's points
+    counts: np.ndarray   # [n]
+    width: np.ndarray    # [n]
+    reach: np.ndarray    # [n] of spheres around them, half a width included
+
+
+@functools.lru_cache(maxsize=2)
+def boxes_of(curves: Curves) -> Boxes:
+    """`Boxes` of Curves on the host."""
+    counts = curves.counts.astype(np.int64)
+    first, some = np.cumsum(counts) - counts, counts > 0
+    first, counts = first[some], counts[some]
+    if curves.uniform:
+        points = curves.points.reshape(len(counts), -1, 3)
+        low, high = points[:, 0].copy(), points[:, 0].copy()
+        for k in range(1, points.shape[1]):
+            np.minimum(low, points[:, k], out=low)
+            np.maximum(high, points[:, k], out=high)
+    else:
+        low, high = (ufunc.reduceat(curves.points, first) for ufunc in (np.minimum, np.maximum))
+    width = curves.width
+    if len(width) == len(curves.points) != 1:
+        width = np.maximum.reduceat(width, first)
+    elif len(width) > 1:
+        width = width[some]
+    low, high = low.astype(np.float64), high.astype(np.float64)
+    half, width = (high - low) / 2, np.broadcast_to(width / 2, len(first))
+    return Boxes((low + high) / 2, half, first, counts, width, np.sqrt((half * half).sum(1)) + width)
+
+
+def points_of(boxes: Boxes, chosen: np.ndarray) -> np.ndarray:
+    """Numbers of the points of some of them, bool [n] or their numbers: int [points]."""
+    first, counts = boxes.first[chosen], boxes.counts[chosen]
+    return np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a camera sees of a scene.
+
+    frustum: `Frustum` of it, WIDE.  ball: (center [3], radius) around all there is, but for Curves that lie outside of
+    the frustum where all others lie inside.  near: nothing before this distance along the view is seen.  faces:
+    (`Faces`, inside, touched), bool [F] each, or None where all of the mesh is inside, or there is none.  strands:
+    (`Boxes`, inside, touched), or None where all are, or they are not Curves whose points are known.  cropped: whether
+    anything is partly inside.
+    """
+
+    frustum: Frustum
+    ball: tuple[np.ndarray, float]
+    near: float
+    faces: tuple[Faces, np.ndarray, np.ndarray] | None
+    strands: tuple[Boxes, np.ndarray, np.ndarray] | None
+    cropped: bool
+
+
+def seen(scene: Any) -> Seen:
+    """`Seen` of a scene by its camera."""
+    scene = scene.local
+    mesh, fur = scene.mesh, scene.strands
+    frustum = Frustum(scene.camera, WIDE, fur_extent(scene.fur))
+    faces = strands = None
+    center, radius = extent(mesh, scene.fur)
+    if frustum.of_spheres(center[None], radius)[0][0]:
+        return Seen(frustum, (center, radius), _near(scene, (center, radius), None), None, None, False)
+    corners = boxes_to_see(mesh, scene.fur)
+    if mesh is not None and not _all_inside(frustum, corners[0]):
+        known = faces_of(mesh, fur is not None and fur.surface == "pn")
+        faces = known, *frustum.of_spheres(known.center, known.radius)
+        straddle = np.flatnonzero(faces[2] & ~faces[1])   # spheres of large faces reach further than they do
+        within = frustum.within(known.corners[straddle])
+        bulge = known.bulge[straddle]
+        faces[1][straddle] = within.min((1, 2)) >= bulge
+        faces[2][straddle] = (within.max(1).min(1) > -bulge)
+    if isinstance(fur, Curves) and not fur.bounds and len(fur.points):
+        host = fur.on_host
+        if not _all_inside(frustum, corners[-1]):
+            boxes = boxes_of(host)
+            inside, touched = frustum.of_boxes(boxes)
+            strands = None if inside.all() else (boxes, inside, touched)
+    cropped = [each is not None and bool((each[1] != each[2]).any()) for each in (faces, strands)]
+    ball = _ball(scene, *strands[:2]) if strands is not None and not cropped[1] else extent(mesh, scene.fur)
+    return Seen(frustum, ball, _near(scene, ball, faces), faces, strands, any(cropped))
+
+
+def _all_inside(frustum, corners):
+    return bool((frustum.within(np.array(list(itertools.product(*zip(*corners))))) >= 0).all())
+
+
+def _ball(scene, boxes, inside):
+    """What `extent` gives of a scene with only those Curves that are inside."""
+    chosen = np.flatnonzero(inside)
+    mesh, curves = scene.mesh, scene.strands.on_host
+    others = points_to_see(mesh, scene.fur)[:-1]   # without the Curves
+    low, high = boxes.center - boxes.half, boxes.center + boxes.half
+    ends = [box(each) for each in others] + ([(low[chosen].min(0), high[chosen].max(0))] if len(chosen) else [])
+    if not ends:
+        return extent(mesh, scene.fur)
+    center, _ = sphere(np.min([each for each, _ in ends], 0), np.max([each for _, each in ends], 0))
+    away, reach = np.linalg.norm(boxes.center[chosen] - center, axis=1), np.linalg.norm(boxes.half[chosen], axis=1)
+    if len(chosen):   # only these can be the furthest
+        furthest = chosen[away + reach >= away.max() * (1 - 1e-6)]
+        others = [*others, curves.points[points_of(boxes, furthest)]]
+    radius = float(np.sqrt(max(((each - center)**2).sum(1).max() for each in others)))
+    width = float(boxes.width[chosen].max(initial=0))
+    return center, radius + max(width, fur_extent(scene.shells))
+
+
+def _near(scene, ball, faces):
+    """Where the near plane stands: as near as the ball, or nearer where that would cut off what is seen."""
+    (center, radius), camera, mesh = ball, scene.camera, scene.mesh
+    eye, forward = camera.pose[:3, 3], -camera.pose[:3, 2]
+    distance = float(forward @ (center - eye))
+    radius = radius or abs(distance) or 1.0
+    near = max(distance - 1.01 * radius, 1e-3 * radius)
+    grown = 0.0 if isinstance(scene.strands, Curves) else fur_extent(scene.strands)
+    grown = max(grown, fur_extent(scene.shells))
+    floor = max(IN_FUR * grown, LEAST * radius)
+    if near <= floor or near > 1e-3 * radius:   # nothing is before the ball
+        return near
+    frustum, nearest = Frustum(camera, EDGE, fur_extent(scene.fur)), np.inf
+    if mesh is not None:
+        known = faces[0] if faces else faces_of(mesh, scene.strands is not None and scene.strands.surface == "pn")
+        nearest = _nearest_face(frustum, eye, known, grown, near)
+    if isinstance(scene.strands, Curves) and not scene.strands.bounds and len(scene.strands.points):
+        nearest = min(nearest, _nearest_strand(frustum, eye, scene.strands.on_host, near))
+    return near if near <= nearest else max(nearest, floor)
+
+
+def _nearest_face(frustum, eye, faces, grown, near):
+    """A distance ahead before which no face and nothing that grows on it is seen, or infinity where it is no less than
+    ``near``."""
+    reach, d = near / frustum.cosine + grown, faces.center - eye
+    some = np.flatnonzero((d * d).sum(1) < (reach + faces.radius)**2)
+    some = some[frustum.within(faces.corners[some]).max(1).min(1) > -faces.bulge[some]]
+    if not len(some):
+        return np.inf
+    away = to_triangles(eye, faces.corners[some]) - faces.bulge[some] - grown
+    return max(float(away.min()) * frustum.cosine, 0.0)
+
+
+def _nearest_strand(frustum, eye, curves, near):
+    """The same of Curves."""
+    boxes = boxes_of(curves)
+    d = boxes.center - eye
+    some = np.flatnonzero((d * d).sum(1) < (near / frustum.cosine + boxes.reach)**2)
+    away = np.linalg.norm(np.maximum(np.abs(d[some]) - boxes.half[some], 0), axis=1) - boxes.width[some]
+    some = some[away < near / frustum.cosine]
+    some = some[frustum.of_spheres(boxes.center[some], boxes.reach[some])[1]]
+    if not len(some):
+        return np.inf
+    first, owner = segments_of(boxes, some)
+    a, b = curves.points[first].astype(np.float64), curves.points[first + 1].astype(np.float64)
+    visible = (np.maximum(frustum.within(a), frustum.within(b)) > 0).all(1)
+    if not visible.any():
+        return np.inf
+    away = to_segments(eye, a[visible], b[visible]) - boxes.width[owner[visible]]
+    return max(float(away.min()) * frustum.cosine, 0.0)
+
+
+def segments_of(boxes: Boxes, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(First points of the segments of some Curves, whose they are) int [segments] each."""
+    counts = np.maximum(boxes.counts[chosen] - 1, 0)
+    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.repeat(boxes.first[chosen], counts) + within, np.repeat(chosen, counts)
+
+
+def to_segments(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Distances from a point to segments a b [n, 3]."""
+    d = b - a
+    square = (d * d).sum(1)
+    at = np.clip(((p - a) * d).sum(1) / np.where(square > 0, square, 1), 0, 1)
+    return np.linalg.norm(a + at[:, None] * d - p, axis=1)
+
+
+def to_triangles(p: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Distances from a point to triangles [n, 3, 3]: to the plane where the point is over it, else to a side."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    n = np.cross(b - a, c - a)
+    length = np.linalg.norm(n, axis=1)
+    over = length > 0
+    for one, other in ((a, b), (b, c), (c, a)):
+        over &= (np.cross(other - one, p - one) * n).sum(1) >= 0
+    sides = np.min([to_segments(p, one, other) for one, other in ((a, b), (b, c), (c, a))], 0)
+    return np.where(over, np.abs(((p - a) * n).sum(1)) / np.where(length > 0, length, 1), sides)
+
+
+def clipped_faces(frustum: Frustum, corners: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of what a frustum holds of triangles [n, 3, 3]: (points [m, 3], of which triangle each is [m])."""
+    n, within = len(corners), frustum.within(corners)
+    found, whose = [corners.reshape(-1, 3)], [np.repeat(np.arange(n), 3)]
+    good: list[Any] = [(within >= 0).all(2).ravel()]
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        for plane in range(5):
+            some = np.flatnonzero((within[:, i, plane] < 0) != (within[:, j, plane] < 0))
+            one, other = within[some, i, plane], within[some, j, plane]
+            points = corners[some, i] + (one / (one - other))[:, None] * (corners[some, j] - corners[some, i])
+            others = np.delete(frustum.within(points), plane, 1)
+            found, whose, good = [*found, points], [*whose, some], [*good, (others >= 0).all(1)]
+    edge, far = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    for ray in frustum.corners:   # Moeller and Trumbore 1997
+        p, to_apex = np.cross(ray, far), frustum.apex - corners[:, 0]
+        det, q = (edge * p).sum(1), np.cross(to_apex, edge)
+        by = 1 / np.where(det == 0, np.inf, det)
+        u, v, t = (to_apex * p).sum(1) * by, q @ ray * by, (far * q).sum(1) * by
+        found, whose = [*found, frustum.apex + t[:, None] * ray], [*whose, np.arange(n)]
+        good.append((det != 0) & (u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0))
+    keep = np.concatenate(good)
+    return np.concatenate(found)[keep], np.concatenate(whose)[keep]
+
+
+def clipped_segments(frustum: Frustum, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(Ends [2 m, 3] of what a frustum holds of segments a b [n, 3], of which segment each is)."""
+    one, other = frustum.within(a), frustum.within(b)
+    at = one / np.where(one == other, 1, one - other)
+    begin = np.where((one < 0) & (other >= 0), at, np.where((one < 0) & (other < 0), 2, 0)).max(1)
+    end = np.where((one >= 0) & (other < 0), at, 1).min(1)
+    some = np.flatnonzero(begin < end)
+    d = b[some] - a[some]
+    return np.concatenate([a[some] + begin[some, None] * d, a[some] + end[some, None] * d]), np.tile(some, 2)

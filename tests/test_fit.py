@@ -1,0 +1,269 @@
+"""What the near plane and the lights' grids and maps are fitted to: what is seen, and nothing else."""
+
+import itertools
+
+import attrs
+import numpy as np
+import pytest
+from support.scenes import icosphere
+
+import clfur
+from clfur.pipeline.shadows import plan_shadows
+from clfur.pipeline.views import Rig, view_of
+from clfur.scene import extent
+from clfur.scene.seen import seen
+
+SUN = clfur.Light(direction=(-1, -2, -.5))
+SPOT = clfur.Light(direction=(-1, -1, -1), position=(2, 2.5, 2.2), angle=70, color=(.5, .4, .9))
+CAMERA = clfur.Camera((.3, .7, 3), (0, 0, 0), size=(64, 48))
+SETTINGS = clfur.Settings(samples=4, grid=64, shadow_map=256)
+OUTPUTS = "color", "depth", "coverage"
+
+
+def hairs(n=500, scale=1.0, at=(0, 0, 0), seed=1):
+    """Points [n, 4, 3] of strands around a ball."""
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(n, 3))
+    root /= np.linalg.norm(root, axis=1)[:, None]
+    points = root[:, None] * (1 + .06 * np.arange(4)[None, :, None]) + random.normal(size=(n, 4, 3)) * .01
+    return scale * points + at
+
+
+def curves(*points, width=.02):
+    return clfur.Curves(np.concatenate(points), width=width, color=(.8, .5, .2))
+
+
+def ball(scale=1.0, at=(0, 0, 0)):
+    positions, faces = icosphere(2)
+    return scale * positions + at, faces
+
+
+def ground(half, height, n=1, rough=0.0):
+    """A level square of 2 n² faces; ``rough``: how uneven."""
+    line = np.linspace(-half, half, n + 1)
+    x, z = np.meshgrid(line, line, indexing="ij")
+    y = height + rough * np.random.default_rng(0).normal(size=x.shape)
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    faces = np.concatenate([np.stack([a, a + 1, a + n + 1], 1), np.stack([a + 1, a + n + 2, a + n + 1], 1)])
+    return np.stack([x, y, z], 2).reshape(-1, 3), faces
+
+
+def joined(*parts):
+    """Meshes (positions, faces) as one."""
+    before = np.cumsum([0] + [len(positions) for positions, _ in parts])
+    return clfur.Mesh(np.concatenate([positions for positions, _ in parts]),
+                      faces=np.concatenate([faces + first for (_, faces), first in zip(parts, before)]))
+
+
+def rms(a, b):
+    return float(np.sqrt(((a.astype(float) - b) ** 2).mean()))
+
+
+def around(camera, times):
+    """The camera's picture with so many times as much around it, and where in it that is."""
+    (width, height), k = camera.size, camera.intrinsics.copy()
+    k[:2, 2] += (times - 1) / 2 * np.array([width, height])
+    whole = clfur.Camera.calibrated(camera.pose, k, (times * width, times * height))
+    return whole, (slice((times - 1) // 2 * height, (times + 1) // 2 * height),
+                   slice((times - 1) // 2 * width, (times + 1) // 2 * width))
+
+
+UNSEEN = {
+    "behind": hairs(200, .5, (0, 3, 30), 2),
+    "aside": hairs(200, .5, (40, 0, -2), 3),
+    "far aside": hairs(200, 1, (-1e4, 0, 0), 4),
+    "a stray": np.array([[[1e4, .1 * k, 0] for k in range(4)]]),
+    "a long stray": np.array([[[1e4, 1e3 * k, 0] for k in range(4)]]),
+}
+
+
+@pytest.mark.parametrize("raster", ["coverage", "samples"])
+@pytest.mark.parametrize("skin", [True, False])
+def test_strands_that_cannot_be_seen_change_no_bit(gpu, skin, raster):
+    mesh, settings = joined(ball()) if skin else None, attrs.evolve(SETTINGS, raster=raster)
+    scene = clfur.Scene(mesh, curves(hairs()), CAMERA, [SUN, SPOT])
+    alone = clfur.render(scene, gpu, settings, OUTPUTS)
+    for name, points in UNSEEN.items():
+        more = clfur.render(attrs.evolve(scene, fur=curves(hairs(), points)), gpu, settings, OUTPUTS)
+        for output in OUTPUTS:
+            np.testing.assert_array_equal(more[output], alone[output], f"{name}: {output}")
+
+
+def test_what_stands_compact_before_the_camera_is_fitted_as_a_ball():
+    for mesh, fur in [(joined(ball()), curves(hairs())), (joined(ball()), clfur.Strands(inner=1, outer=1)),
+                      (None, curves(hairs())), (joined(ball()), clfur.Shells())]:
+        rig = Rig.of(clfur.Scene(mesh, fur, CAMERA, SUN), SETTINGS)
+        center, radius = extent(mesh, fur)
+        assert not rig.fit.seen.cropped and rig.radius == radius and (rig.center == center).all()
+        assert rig.grids[0]["face"][1] == pytest.approx(2 * 1.001 * radius / 64, rel=1e-6)
+        distance = np.linalg.norm(CAMERA.eye - center)
+        assert rig.view["to_screen"][3, 2] == pytest.approx(distance - 1.01 * radius, rel=1e-4)
+
+
+@pytest.mark.parametrize("light", [SUN, SPOT], ids=["sun", "spot"])
+@pytest.mark.parametrize("furry", [True, False])
+def test_a_large_ground_takes_nothing(gpu, furry, light):
+    """Shadows on a ground of half side 1,500 are as sharp as on one of half side 3, and nothing is cut off."""
+    pictures = []
+    camera = clfur.Camera((.5, .7, 2.4), (0, -.3, 0), size=(64, 48))
+    for half, n in ((3, 1), (1500, 1), (1500, 6)):
+        mesh = joined(ball(.5), ground(half, -.55, n))
+        scene = clfur.Scene(mesh, curves(hairs(scale=.5)) if furry else None, camera, light)
+        pictures.append(clfur.render(scene, gpu, SETTINGS, ("color", "depth")))
+    near = (pictures[0]["depth"] < 4) & (pictures[0]["color"][..., 3] == 1)        # the small ground ends
+    assert near.mean() > .4
+    for large in pictures[1:]:
+        assert np.abs(large["depth"] - pictures[0]["depth"])[near].max() < 1e-3   # ends are snapped to 1/256 pixel
+        assert rms(large["color"][near], pictures[0]["color"][near]) < .002
+
+
+def test_a_bald_ground_takes_nothing_either(gpu):
+    """Strands grow on the ball alone, by their map: the other half of it is of the ground."""
+    hair = clfur.HairType(segments=4, segment_length=.05, width=.01, key=(255, 0, 0))
+    bald = clfur.HairType(segments=0, key=(0, 0, 0))
+    fur = clfur.Strands(inner=1, outer=1, types=[hair, bald], type_map=np.array([[(255, 0, 0), (0, 0, 0)]], np.uint8))
+    camera, halves = clfur.Camera((.5, .7, 2.4), (0, -.3, 0), size=(32, 24)), []
+    for half in (3, 1500):
+        parts = ball(.5), ground(half, -.7)
+        uv = np.repeat([(.2, .5), (.8, .5)], [len(faces) for _, faces in parts], 0)[:, None] + np.zeros((1, 3, 1))
+        mesh = joined(*parts)
+        scene = clfur.Scene(clfur.Mesh(mesh.positions, faces=mesh.faces, uv=uv), fur, camera, SUN)
+        halves.append(32 * float(Rig.of(scene, SETTINGS).grids[0]["face"][1]))
+        assert clfur.draw(scene, gpu, SETTINGS).strands == len(parts[0][1])
+    assert halves[1] <= halves[0] < 2
+
+
+def test_hair_that_is_too_much_for_small_cells_is_counted_in_large_ones(gpu):
+    """So near that the cells that fit what is seen would need counters of more than 32 bits."""
+    hair = clfur.HairType(segments=8, segment_length=.005, width=.1)
+    fur = clfur.Strands(roots=10**6, inner=1, outer=1, types=[hair])
+    mesh = joined(ground(1, 0, 40))
+    settings = clfur.Settings(grid=256)
+    camera = clfur.Camera((0, .5, 0), (0, 0, 0), up=(0, 0, 1), size=(8, 8), fov=1)
+    rig = Rig.of(clfur.Scene(mesh, fur, camera, SUN), settings)
+    plan, = plan_shadows(rig, 10**6, True)
+    assert rig.grids[0]["face"][1] < .5 * plan.grid["face"][1] and plan.crossing_unit >= 4
+
+
+def test_a_large_ground_errs_no_more_than_a_small_one(gpu):
+    camera = clfur.Camera((.5, .7, 2.4), (0, -.3, 0), size=(40, 30))
+    errors, near = [], None
+    for half in (3, 1500):
+        scene = clfur.Scene(joined(ball(.5), ground(half, -.55)), curves(hairs(200, .5)), camera, SUN)
+        image, truth = clfur.render(scene, gpu, SETTINGS), clfur.truth.picture(scene, samples=3)
+        near = clfur.render(scene, gpu, SETTINGS, "depth")["depth"] < 4 if near is None else near
+        errors.append(rms(image[near], truth[near]))
+    assert errors[1] < 1.1 * errors[0]
+
+
+@pytest.mark.parametrize("light", [clfur.Light(direction=(-1.5, -2.8, -1)),
+                                   clfur.Light(direction=(-1.5, -2.8, -1), position=(2.2, 3.4, 1.6), angle=60)],
+                         ids=["sun", "spot"])
+@pytest.mark.parametrize("caster", ["hair", "body"])
+def test_what_is_out_of_sight_still_shades(gpu, caster, light):
+    """High above a rough ground, of which the camera sees a little: the picture is the middle of one that shows all."""
+    camera = clfur.Camera((.4, .6, .8), (0, -.8, 0), size=(40, 30))
+    parts = [ground(6, -1, 24, .03), ball(.2, (0, -.8, 0))]
+    above = curves(hairs(2000, .25, (1.5, 2, 1)), width=.01)
+    lit = clfur.Scene(joined(*parts), None, camera, light)
+    scene = attrs.evolve(lit, fur=above) if caster == "hair" else attrs.evolve(
+        lit, mesh=joined(*parts, ball(.3, (1.5, 2, 1))))
+    settings = attrs.evolve(SETTINGS, grid=128, shadow_map=512)
+    fit = Rig.of(scene, settings).fit
+    assert fit.seen.cropped
+    if light.position is None:
+        assert Rig.of(scene, settings).grids[0]["face"][1] * 128 < .7 * 2 * extent(scene.mesh, scene.fur)[1]
+    whole, middle = around(camera, 9)
+    image = clfur.render(scene, gpu, settings)
+    expected = clfur.render(attrs.evolve(scene, camera=whole), gpu, settings)[middle]
+    without = rms(clfur.render(lit, gpu, settings), expected)
+    assert without > .02 and rms(image, expected) < .5 * without   # whose cells are larger
+
+
+def test_a_fit_that_follows_the_camera_keeps_its_size_and_its_cells():
+    """Steps of a panning camera: the cells stay at the same places of the world, of a few sizes."""
+    mesh = joined(ground(20, -1, 40, .03))
+    sizes, shifts = set(), []
+    for at in np.linspace(0, 1, 21):
+        camera = clfur.Camera((at, 1, 2), (at, -1, 0), size=(64, 48), fov=40)
+        grid = Rig.of(clfur.Scene(mesh, None, camera, SUN), SETTINGS).grids[0]
+        sizes.add(float(grid["face"][1]))
+        shifts.append(grid["to_grid"].astype(float)[3, :3])
+    assert len(sizes) <= 2 and max(sizes) < .5 * 2 * extent(mesh, None)[1] / 64
+    if len(sizes) == 1:
+        off = np.array(shifts) - np.array(shifts)[0]
+        np.testing.assert_allclose(off, np.rint(off), atol=1e-3)
+        assert np.abs(off).max() >= 1
+
+
+def test_the_kept_light_stays_while_the_camera_moves_around(gpu):
+    """It goes by the fit: a compact scene keeps its light, a cropped one whose fit changes has it anew."""
+    launched = []
+    launch = gpu.launch
+
+    def count(name, *args, **given):
+        launched.append(name)
+        return launch(name, *args, **given)
+
+    gpu.forget()
+    fur = curves(hairs())
+    mesh = joined(ball())
+    gpu.launch = count
+    try:
+        for angle in np.linspace(0, 2, 4):
+            camera = clfur.Camera((3 * np.sin(angle), .7, 3 * np.cos(angle)), size=(32, 24))
+            clfur.render(clfur.Scene(mesh, fur, camera, SUN), gpu, SETTINGS)
+        assert launched.count("voxelize.lengths") == 1
+        scene = clfur.Scene(joined(ground(30, -1, 40, .03)), fur, CAMERA, SUN)
+        for x in (0, 12, 12):
+            camera = clfur.Camera((x, 1, 2), (x, -1, 0), size=(32, 24))
+            clfur.render(attrs.evolve(scene, camera=camera), gpu, SETTINGS)
+        assert launched.count("voxelize.lengths") == 3
+    finally:
+        del gpu.launch
+
+
+# --- the near plane ----------------------------------------------------------------------------------------
+
+
+def near_of(scene):
+    return float(view_of(scene, 1)["to_screen"][3, 2])
+
+
+def test_the_near_plane_goes_by_what_is_seen():
+    camera = clfur.Camera((0, 0, 3), (0, 0, 0), size=(64, 48))
+    stray = hairs(400)
+    stray[7, 2] = 1e4, 0, 0                 # one point of a strand that begins before the camera
+    assert 1.4 < near_of(clfur.Scene(None, curves(stray), camera)) < 1.95
+    large = joined(ball(), ground(1500, -1.2))
+    assert .9 < near_of(clfur.Scene(large, None, camera)) <= 1.5
+    within = clfur.Camera((0, 0, 1.05), (0, 0, 0), size=(64, 48))     # among the hair on a large ground
+    for fur, least in ((clfur.Strands(types=[clfur.HairType(segments=5, segment_length=.1)]), 1e-3), (None, .04)):
+        assert least < near_of(clfur.Scene(large, fur, within)) < .06
+
+
+def test_nothing_that_is_seen_is_cut_off():
+    """Random scenes and cameras: no point of a face or strand in the picture lies before the near plane, unless nearer
+    than the least distance."""
+    random = np.random.default_rng(5)
+    for _ in range(60):
+        large = 10 ** random.uniform(0, 4)
+        points = random.normal(size=(30, 4, 3)) * random.choice([.3, 1, large], (30, 1, 1))
+        mesh = joined(ground(large, -random.uniform(.3, 2))) if random.random() < .7 else None
+        camera = clfur.Camera(random.normal(size=3) + (0, .5, 0), random.normal(size=3), size=(64, 48),
+                              fov=random.uniform(10, 120))
+        scene = clfur.Scene(mesh, curves(points, width=1e-4), camera)
+        near = near_of(scene)
+        share = np.linspace(0, 1, 200)[:, None]
+        there = [a + share * (b - a) for strand in points for a, b in itertools.pairwise(strand)]
+        if mesh is not None:
+            a, b, c = mesh.positions[mesh.faces[0]].astype(float)
+            u, v = np.sort(random.random((2, 20000)) ** 3, 0)[..., None]
+            there.append(a + u * (b - a) + v * (c - b))
+        places = np.column_stack([np.concatenate(there), np.ones(sum(map(len, there)))])
+        x, y, _, w = (places @ view_of(scene, 1)["to_screen"].astype(float)).T
+        seen_at = (w > 0) & (np.abs(x / w - 32) < 32) & (np.abs(y / w - 24) < 24)
+        least = 1e-5 * extent(mesh, scene.fur)[1]
+        assert not (seen_at & (w < near * (1 - 1e-6)) & (w > least)).any()
+        assert near > 0 and np.isfinite(near)
+        assert seen(scene).near == pytest.approx(near, rel=1e-6)
