@@ -209,7 +209,7 @@ def test_a_triangle_seen_along_its_first_side_still_has_a_frame():
 # --- points in straight segments ------------------------------------------------------------------------
 
 
-def whiskers(seed, segments, bend, 600):
+def whiskers(seed, segments, bend, strands):
     """Random polylines that leave a ball, float64 [strands, segments + 1, 3], as float32 has them."""
     rng = np.random.default_rng(seed)
     ahead = twin.unit_or(rng.normal(size=(strands, 3)), 0)
