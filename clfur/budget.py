@@ -102,7 +102,7 @@ def _time(team, rung, draw):
 def ladder(rig, filtered=True, room=1 << 32):
     """`LADDER` as it suits a `Rig`: no finer cells than its strands cast right shadows in, or so many bytes hold."""
     width = _hair(rig.scene)[0]
-    finest = 2 * rig.radius / (CELL * width) if width else 1024
+    finest = 2 * _radius(rig) / (CELL * width) if width else 1024
     most = max(int(min(finest, (room / 4) ** (1 / 3) - 1, 1024)) // 16 * 16, 16)
     return [attrs.evolve(rung, grid=min(rung.grid, most), filtered=filtered) for rung in LADDER]
 
@@ -110,9 +110,16 @@ def ladder(rig, filtered=True, room=1 << 32):
 def features(rig, strands):
     """(width of a strand in pixels, how many of ``strands`` cover a pixel of the ball around the scene), both > 0."""
     (width, length), pixels = _hair(rig.scene), _pixels(rig)
-    covered = strands * length * width / (math.pi * rig.radius**2 or 1)
+    covered = strands * length * width / (math.pi * _radius(rig)**2 or 1)
     (least, most), (thin, dense) = RANGES   # of what was fitted: beyond, nothing is known
     return (min(max(width * pixels, least), most) if width else 1.0, min(max(covered, thin), dense))
+
+
+def _radius(rig):
+    """Radius of the ball around the scene, or of what its distant lights' grids hold, if that is less."""
+    halves = [float(grid["face"][1]) * int(grid["size"][0]) / 2 for grid in rig.grids
+              if grid is not None and not grid["light"][3]]
+    return min(rig.radius, max(halves, default=rig.radius))
 
 
 def _pixels(rig):

@@ -47,7 +47,8 @@ def test_a_home_that_cannot_be_written(tmp_path):
     (tmp_path / "temporary").mkdir()
     code, out, err = in_a_process(DRAW, HOME=str(tmp_path / "home" / "inner"), TMPDIR=str(tmp_path / "temporary"))
     assert code == 0 and out.endswith("True\n"), err
-    assert f"kernels are not kept in {tmp_path / 'home' / 'inner' / '.cache' / 'pocl' / 'kcache'}: Not a directory" in err
+    kernels = tmp_path / "home" / "inner" / ".cache" / "pocl" / "kcache"
+    assert f"kernels are not kept in {kernels}: Not a directory" in err
     assert f"this process keeps them in {tmp_path}/temporary/clfur-" in err
     assert not list((tmp_path / "temporary").iterdir())
 

@@ -15,6 +15,8 @@ import clfur
 from clfur.pipeline import build
 from clfur.render import OUTPUTS
 
+NO_LIMIT = 1 << 63, ""   # of the process, for devices that are made up
+
 
 @pytest.mark.parametrize("kind, lod", [("faces", 0), (9001, 0), ("curves", 0), ("curves", 1)])
 def test_parts_and_bands_are_the_same_bits(gpu, another, sphere, kind, lod):
@@ -98,7 +100,7 @@ def test_bands_are_as_large_as_fits(gpu, seed):
     plan, width = plan_of(dense((64, 48)), attrs.evolve(OFF, samples=(1, 4, 16)[seed % 3])), 64
     sums = rng.integers(0, 10 ** rng.integers(1, 6), 48) * (rng.random(48) < .7)
     for memory in 2_000_000, 8_000_000, 64_000_000:
-        device = SimpleNamespace(name="made up", memory=memory, largest=memory // 2)
+        device = SimpleNamespace(name="made up", memory=memory, largest=memory // 2, allowed=NO_LIMIT)
         try:
             cut = plan.cut_counted(device, sums)
         except clfur.Error:
@@ -151,7 +153,8 @@ def test_parts_make_room_for_a_row_of_many_pieces(gpu, monkeypatch, sphere):
 
 def test_pieces_beyond_32_bits_are_not_counted():
     """A device that holds more than 64 GiB of them would take their numbers for others."""
-    plan, large = plan_of(dense((2, 4), 5), OFF), SimpleNamespace(name="large", memory=1 << 50, largest=1 << 50)
+    plan, large = plan_of(dense((2, 4), 5), OFF), SimpleNamespace(
+        name="large", memory=1 << 50, largest=1 << 50, allowed=NO_LIMIT)
     sums = np.full(4, 2**31 - 1)
     cut = plan.cut_counted(large, sums)
     assert plan.rows_counted(large, cut, sums, 0) == 2

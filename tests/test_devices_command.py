@@ -23,7 +23,8 @@ ROOT = Path(__file__).resolve().parents[1]
 
 def made(handle, number, name, type="CPU", driver="1.2"):
     return {"device": handle, "number": number, "name": name, "short_name": name, "type": type, "driver": driver,
-            "compute_units": 108, "memory": 80 << 30, "largest_allocation": 20 << 30, "fp64": True,
+            "compute_units": 108, "memory": 80 << 30, "planned": 60 << 30, "limit": "",
+            "largest_allocation": 20 << 30, "fp64": True,
             "int64_atomics": False, "description": f"driver · {name}", "identity": [name, driver], "check": None}
 
 
@@ -94,6 +95,14 @@ def test_table(made_up, monkeypatch, columns):
 def test_a_variable_decides(default, expected):
     found = machine() | {"default": default}
     assert cli_devices._sentence(found) == f"{expected}\nwithout it auto takes pocl: no GPU"
+
+
+def test_a_limit_is_told(made_up, monkeypatch):
+    limited = machine()
+    limited["platforms"][0]["devices"][1] |= {"planned": 3 << 29, "limit": "cgroup memory.max"}
+    monkeypatch.setattr(cli_devices, "isolated", lambda *_, **__: Outcome("ok", limited))
+    lines = made_up[0]()[1].splitlines()
+    assert lines[-2] == "pocl:1 plans with 1.5 GiB: this process may take no more (cgroup memory.max)"
 
 
 def test_json(made_up):

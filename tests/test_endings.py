@@ -30,16 +30,16 @@ scene = clfur.Scene(mesh=clfur.load_mesh("sphere"), fur=clfur.Strands(roots={roo
 class Running:
     """The command in a process of its own, in an empty folder with a folder of its own for what is temporary."""
 
-    def __init__(self, folder, *arguments, path=(), start=("-m", "clfur"), **options):
+    def __init__(self, folder, *arguments, path=(), start=("-m", "clfur"), places=(), **options):
         self.folder, self.temporary = folder / "here", folder / "temporary"
         self.mark = folder / "mark"
         for each in (self.folder, self.temporary):
             each.mkdir(exist_ok=True)
-        places = [str(each) for each in (*path, ROOT)]
+        path = os.pathsep.join(map(str, (*path, ROOT)))
         self.process = subprocess.Popen(
             [sys.executable, *map(str, start), *arguments], cwd=self.folder, text=True,
             stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(places), "TMPDIR": str(self.temporary)}, **options)
+            env=os.environ | {"PYTHONPATH": path, "TMPDIR": str(self.temporary)} | dict(places), **options)
 
     def wait_for(self, there):
         began = time.monotonic()
@@ -157,7 +157,8 @@ images.WRITERS[".png"] = half
 @pytest.mark.parametrize("command", [["devices", "--check"], ["compare", "sphere", "--repeat", "9999", "-o", "a.html"]])
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
 def test_with_a_child(tmp_path, command, name):
-    running = Running(tmp_path, *command)
+    # A child that is ended while it takes kernels from the user's cache would make that one suspect.
+    running = Running(tmp_path, *command, places={"XDG_CACHE_HOME": str(tmp_path), "POCL_CACHE_DIR": str(tmp_path)})
     running.wait_for(running.children)
     child = running.children()[0]
     time.sleep(0.3)

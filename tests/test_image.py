@@ -199,6 +199,7 @@ def test_other_pictures_that_are_read(tmp_path):
     turned[0x112] = 6   # a camera held upright
     for name, data, expected in [
         ("white_is_0.tif", picture_files.tiff(grey, photometric=0), np.repeat(65535 - grey, 3, 2)),
+        ("planes.tif", picture_files.tiff(three, planes=True), three),
         ("16.pgm", b"P5 3 5 65535\n" + grey.astype(">u2").tobytes(), np.repeat(grey, 3, 2)),
         ("bits.png", coded(Image.fromarray(three[..., 0] > 99), "PNG"),
          np.repeat((three[..., :1] > 99).astype(np.uint8) * 255, 3, 2)),
@@ -238,6 +239,8 @@ def test_what_would_be_cut_is_refused(tmp_path):
         ("signed.tif", picture_files.tiff(np.zeros((4, 4, 1), np.int16)), "more than 8 bits"),
         ("cmyk.tif", picture_files.tiff(np.zeros((4, 4, 4), np.uint16), photometric=5, extra=0), "cmyk.tif"),
         ("premultiplied.tif", picture_files.tiff(np.zeros((4, 4, 4), np.uint16), extra=1), "more than 8 bits"),
+        ("planes.tif", picture_files.tiff(np.zeros((4, 4, 3), np.uint16), planes=True), "more than 8 bits"),
+        ("zip.tif", picture_files.tiff(np.zeros((4, 4, 3), np.uint16), packed=True, planes=True), "more than 8 bits"),
         ("rgb.ppm", b"P6 2 1 65535\n" + bytes(12), "more than 8 bits"),
         ("grey.pgm", b"P5 2 1 1023\n" + bytes(4), "more than 8 bits"),
         ("deep.sgi", coded(three, "SGI", bpc=2), "more than 8 bits"),

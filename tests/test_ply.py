@@ -192,7 +192,8 @@ def test_a_file_cut_anywhere_is_an_error(tmp_path, form):
     (ply(VERTEX, QUAD).replace(b"4 0 1", b"1e300 0 1"), "cut short"),
     (ply(VERTEX, QUAD).replace(b"4 0 1", b"nan 0 1"), "cut short"),
     (ply(VERTEX, QUAD).replace(b"4 0 1", b"3.5 0 1"), "list of 3.5"),
-    (ply(VERTEX), "no faces"), (ply(QUAD), "no vertices"), (b"ply\nformat ascii 1.0\n", "no PLY header")])
+    (ply(VERTEX), "no faces"), (ply(VERTEX, ("face", QUAD[1], [[()], [()]])), "no faces"),
+    (ply(QUAD), "no vertices"), (b"ply\nformat ascii 1.0\n", "no PLY header")])
 def test_what_is_damaged_is_refused(tmp_path, data, words):
     with pytest.raises(Error, match=words) as caught:
         load(tmp_path, data)

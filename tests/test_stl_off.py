@@ -42,7 +42,8 @@ def test_text_stl_as_people_have_it(tmp_path, text):
 
 def test_text_stl_of_several_solids_and_of_polygons(tmp_path):
     four = FACET.format(0, " vertex 0 1 0\n")
-    mesh = load(tmp_path, "a.stl", SOLID + "solid\n" + four + "endsolid\n" + SOLID.replace(" 0\n", " 5\n"))
+    mesh = load(tmp_path, "a.stl", SOLID.replace(" 0\n", " 7\n") + "solid\n" + four + "endsolid\n"
+                + SOLID.replace(" 0\n", " 5\n"))
     assert len(mesh.faces) == 4 and mesh.area == 2
     assert load(tmp_path, "b.stl", "solid\n" + four + "endsolid\n").area == 1
 

@@ -29,7 +29,7 @@ import pytest
 from clfur.device import scheduler
 
 ROOT = Path(__file__).resolve().parents[1]
-LIMIT = 240   # seconds a stage may take
+LIMIT = 600   # seconds a stage may take
 
 # Bugs put into a copy of what voxelizes: file, what is there, what comes instead, what must be said of it and its line.
 PLANTED = [

@@ -35,7 +35,10 @@ def devices(check, why, as_json):
         raise click.UsageError("--check and --why are two questions: ask one at a time")
     if why:
         return _why(as_json)
+    vendors.prepare()   # here, so that what it makes stays as long as the command
     found = survey()
+    for note in caches.notes:
+        click.echo(f"clfur: warning: {note}", err=True)
     failures = _check(found) if check else {}
     if as_json:
         print(json.dumps(found))
@@ -142,6 +145,10 @@ def _table(found):
     # Names are not markup, whatever they hold.
     Console(markup=False, highlight=False, emoji=False).print(table)
     print()
+    for device in _each(found):
+        if device["limit"]:
+            print(f"{device['device']} plans with {_size(device['planned'])}: this process may take no more "
+                  f"({device['limit']})")
     for device in _each(found):
         if device["check"] and device["check"]["message"]:
             print(f"{device['device']} {device['check']['verdict']}: {device['check']['message']}")

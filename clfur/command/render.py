@@ -7,12 +7,12 @@ from pathlib import Path
 import attrs
 import click
 
-from .. import draw, save
+from .. import Scheduler, draw, save
 from ..files.images import check_writable
 from ..judge.frontier import label
 from .devices import ask_drivers
 from .options import is_scene_file, load_scene, scene_options
-from .types import Names
+from .types import Bytes, Names
 
 
 @click.command(context_settings={"show_default": True})
@@ -30,8 +30,11 @@ from .types import Names
 @click.option("--device", metavar="DEVICE",
               help="cpu, gpu, gpu:1, part of a name such as pocl, or 1:0; several with commas share a frame.  "
                    "[default: CLFUR_DEVICE, PYOPENCL_CTX or the best there is]")
+@click.option("--memory", type=Bytes(), metavar="SIZE",
+              help="What arrays may take on the device, such as 2GiB: what does not fit is drawn part by part.  "
+                   "[default: three quarters of the device's, or what this process may still take]")
 @click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
-def render(given, output, outputs, device, as_json, **options):
+def render(given, output, outputs, device, memory, as_json, **options):
     """Draw MESH with fur and save the picture.
 
     MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.  Or it is a
@@ -49,6 +52,8 @@ def render(given, output, outputs, device, as_json, **options):
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
     ask_drivers()
+    if memory is not None:
+        device = [Scheduler(one, memory) for one in (device if isinstance(device, list) else [device])]
     drawn = draw(scene, device=device, outputs=outputs, settings=settings)
     if "color" in drawn.images and not drawn.images["color"][..., 3].any():
         warnings.warn("nothing of the scene is to be seen in the picture", stacklevel=2)

@@ -1,5 +1,7 @@
 """What the options of the commands take: numbers, sizes, colours, names."""
 
+import re
+
 import click
 
 from ..color import srgb_to_linear
@@ -36,6 +38,21 @@ class Size(click.ParamType):
         if len(parts) != 2 or not all(part.isdecimal() and len(part) < 6 and 1 <= int(part) <= 16384 for part in parts):
             self.fail(f"{value!r} is not WIDTHxHEIGHT of 1 to 16384 pixels each, such as 640x480", param, ctx)
         return tuple(map(int, parts))
+
+
+class Bytes(click.ParamType):
+    """A number of bytes, such as 2GiB, 512M or 1000000; K, M, G and T are powers of 1024."""
+
+    name = "bytes"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, int):
+            return value
+        found = re.fullmatch(r"(\d{1,15}(?:\.\d{1,9})?) *([kmgt]?)(?:i?b)?", value.lower())
+        number = int(float(found[1]) * 1024 ** " kmgt".index(found[2] or " ")) if found else 0
+        if number < 1:
+            self.fail(f"{value!r} is not a number of bytes such as 2GiB, 512M or 1000000", param, ctx)
+        return number
 
 
 class Color(Numbers):

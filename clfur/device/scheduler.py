@@ -20,7 +20,8 @@ from pyopencl import tools
 from .. import layout
 from ..errors import DeviceError, Error, shown
 from . import caches, pocl, programs, signature
-from .selection import check_process, choose, describe
+from .memory import allowed, planned
+from .selection import check_process, choose, describe, is_shared
 
 GROUP = 64          # work-items in a work-group
 FIRST = 1024        # work-items in the first piece of a launch
@@ -62,7 +63,8 @@ class Scheduler:
     """One OpenCL device made ready: keep it, and programs, buffers and unchanged stages stay warm.
 
     ``device`` is whatever `clfur.device.choose` accepts.  ``memory``: bytes that arrays may take on the device in all,
-    three quarters of what it has if None; a scene that needs more is drawn part by part.  One thread at a time can
+    three quarters of what it has if None; never more than this process may still take, where that is the same memory.
+    A scene that needs more is drawn part by part.  One thread at a time can
     draw with a scheduler.  Raises `clfur.Error` if there is no such device, for an array that the device cannot hold,
     and (`DeviceError`) for what goes wrong on the device.
     """
@@ -75,7 +77,9 @@ class Scheduler:
             self.context = cl.Context([self.device])
             self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
             self.int64_atomics = "cl_khr_int64_extended_atomics" in self.device.extensions.split()
-            self.memory = self.device.global_mem_size * 3 // 4
+            # What this process may take, pictures on the host and all, and what says so.
+            self.allowed = allowed(self.device.max_compute_units, is_shared(self.device))
+            self.memory, _ = planned(self.device.global_mem_size, self.allowed)
             # Work-items fill these by hand where a driver prefers vectors: PoCL does not vectorise loops of different
             # lengths.  Two of 16 at once hide what each waits for; only PoCL takes vectors that OpenCL doesn't name.
             self.lanes = max((n for n in (1, 8, 16) if n <= self.device.preferred_vector_width_float), default=1)

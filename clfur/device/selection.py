@@ -10,6 +10,7 @@ import pyopencl as cl
 from .. import cache
 from ..errors import Error, shown
 from . import caches, programs, vendors
+from .memory import allowed, planned
 
 CHECKER = "Oclgrind"   # the platform that the extra "test" brings
 _TYPES = {"gpu": cl.device_type.GPU, "cpu": cl.device_type.CPU}
@@ -239,6 +240,7 @@ def _failed(platforms):
 def _facts(device):
     """What `survey` has of a device; sizes in bytes."""
     check = cache.recall(_identity(device))
+    memory, limit = planned(device.global_mem_size, allowed(device.max_compute_units, is_shared(device)))
     return {
         "name": device.name,
         "short_name": _short_name(device),
@@ -246,6 +248,8 @@ def _facts(device):
         "driver": device.driver_version,
         "compute_units": device.max_compute_units,
         "memory": device.global_mem_size,
+        "planned": memory,
+        "limit": limit,
         "largest_allocation": device.max_mem_alloc_size,
         "fp64": bool(device.double_fp_config),
         "int64_atomics": "cl_khr_int64_extended_atomics" in device.extensions.split(),
@@ -253,6 +257,11 @@ def _facts(device):
         "identity": _identity(device),
         "check": check and {"verdict": check[0], "message": check[1]},
     }
+
+
+def is_shared(device):
+    """Whether a device's memory is the machine's own."""
+    return bool(device.type & cl.device_type.CPU or device.host_unified_memory)
 
 
 def _is_pocl(device):

@@ -183,7 +183,7 @@ def _pixels(data):
         pixels = np.asarray(picture).astype(np.uint16)
         if picture.format == "TIFF" and picture.tag_v2.get(262) == 0:   # white is 0
             pixels = 65535 - pixels
-    elif len(raw) == 1 and re.fullmatch("RGB[AX]?;16[BLN]", mode := next(iter(raw))):
+    elif len(raw) == 1 and re.fullmatch("RGB[AX]?;16[BLN]", mode := next(iter(raw))) and not _in_planes(picture):
         pixels = _sixteen(data, mode)
     elif deep := _deep(picture, data, raw):
         raise Error(f"is {picture.format} with {deep}; allowed: 8 bits a channel, and PNG and TIFF of 16, grey or RGB")
@@ -192,6 +192,11 @@ def _pixels(data):
     else:
         pixels = np.asarray(picture if picture.mode == "RGB" else picture.convert("RGB"))
     return np.repeat(pixels[:, :, None], 3, axis=2) if pixels.ndim == 2 else pixels
+
+
+def _in_planes(picture):
+    """Whether a TIFF file has one channel after the other, of which Pillow keeps a byte in another way."""
+    return picture.format == "TIFF" and picture.tag_v2.get(284) == 2
 
 
 def _opened(data):
@@ -229,7 +234,8 @@ def _deep(picture, data, raw):
     """Return in words what of a picture would be cut to 8 bits a channel, or None."""
     if picture.mode == "F":
         return "floats"
-    if picture.mode.startswith("I") or any(re.search("(?<!BGR);16", mode) for mode in raw):   # BGR;16 are bits a pixel
+    stated = picture.tag_v2.get(258, (1,)) if picture.format == "TIFF" else (1,)
+    if picture.mode.startswith("I") or max(stated) > 8 or any(re.search("(?<!BGR);16", mode) for mode in raw):
         return "more than 8 bits a channel, not plain grey or RGB"
     deep = any(tile.codec_name == "SGI16" or (tile.codec_name.startswith("ppm") and tile.args[-1] > 255)
                for tile in picture.tile)

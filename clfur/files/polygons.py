@@ -19,7 +19,7 @@ def triangulate(positions: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -
     What has no inside stays a fan: polygons without area, quads that cross themselves. Less than three corners
     give one triangle without area. Raises Error for a polygon that is no fan and has more than MOST_CORNERS corners.
     """
-    sizes = np.asarray(sizes, np.int64)
+    sizes = np.asarray(sizes, np.int64) if len(corners) else np.zeros(0, np.int64)
     starts = np.cumsum(sizes) - sizes
     triangles, owner = _fans(starts, sizes, len(corners))
     with np.errstate(all="ignore"):   # what is not finite, or overflows, stays a fan
@@ -50,7 +50,7 @@ def by_size(triangles: np.ndarray, owner: np.ndarray, sizes: np.ndarray) -> np.n
     First halves of quads come before second ones, which are 2 3 0 in place of 0 2 3: as the library that read PLY and
     OFF files before had them, so that strands keep their numbers.
     """
-    sizes = np.asarray(sizes)[owner]
+    sizes = np.asarray(sizes, np.int64)[owner]
     second = (sizes == 4) & np.append(False, owner[1:] == owner[:-1])
     fan = second & (triangles[:, 2] - triangles[:, 0] == 3)
     triangles = np.where(fan[:, None], np.roll(triangles, -1, axis=1), triangles)
@@ -122,7 +122,7 @@ def _ears(points, normal):
     """Return the triangles [F, 3] that mapbox's earcut finds in a polygon of points [n, 3], seen along its normal."""
     import mapbox_earcut  # here, since few files have such polygons
 
-    normal = normal / np.sqrt((normal**2).sum())
+    normal = normal / _length(*normal)
     points = points - points[0]
     points = points - (points @ normal)[:, None] * normal
     axis = int(np.abs(normal).argmax())   # to leave this one out keeps others exact, where a turn would round them
@@ -136,6 +136,8 @@ def _with_all(ears, flat):
 
     Earcut may leave a corner on a straight side out; the neighbour that has it too would part from this face.
     """
+    if len(ears) == len(flat) - 2:   # then all are there
+        return ears
     for corner in np.setdiff1d(np.arange(len(flat)), ears).tolist():
         if not len(ears) or (flat[np.unique(ears)] == flat[corner]).all(axis=1).any():
             continue   # a corner given twice

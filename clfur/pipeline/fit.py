@@ -15,7 +15,7 @@ import numpy as np
 from ..scene import Curves, Light, Mesh, Scene, Strands, fur_extent, hair_bounds
 from ..scene.seen import Seen, clipped_faces, clipped_segments, faces_of, seen, segments_of
 
-STEPS = 4            # sizes of a cube between one and its double
+STEPS = 4            # sizes of a cube between one and its double; distances from a spot have 2
 GAIN = math.sqrt(2)  # times smaller than a ball around everything must a cube be, to be taken
 LARGE = 0.05         # of the area of all faces have those in a plane of which is looked whether they shade anything
 ROUNDING = 1e-2      # of a texel may the uv of a root be off
@@ -68,7 +68,7 @@ class Fit:
         widest = math.acos(max(min(distance / off, 1), -1)) + math.asin(radius / off) if off > radius else math.pi
         half = math.tan(min(math.radians(light.angle) / 2, widest))
         if cropped:
-            near, far = max(_step(near, math.floor), least), _step(far, math.ceil)
+            near, far = max(_step(near, math.floor, 2), least), _step(far, math.ceil, 2)
             half = min(_step(half, math.ceil), math.tan(math.radians(light.angle) / 2))
         return to_light, (far - near) / 2, (far + near) / 2, half, least if near > least else 0.0
 
@@ -298,9 +298,9 @@ def furry_faces(fur: Strands, mesh: Mesh) -> np.ndarray:
     return some | (wraps & grows.any())
 
 
-def _step(size, rounded):
-    """A size out of a geometric row, of STEPS to the double."""
-    return 2.0 ** (rounded(STEPS * math.log2(size)) / STEPS)
+def _step(size, rounded, steps=STEPS):
+    """A size out of a geometric row, of so many steps to the double."""
+    return 2.0 ** (rounded(steps * math.log2(size)) / steps)
 
 
 def _box_of_each(points, radius):

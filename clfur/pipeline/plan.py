@@ -214,12 +214,22 @@ class Plan:
             "rows": row,
         }
         kept = self._transmittance * self.points * self.keeps_transmittances(gpu)
-        spare = gpu.memory * 15 // 16 - self._fixed - sum(least.values()) - kept
+        spare = self._memory(gpu)[0] * 15 // 16 - self._fixed - sum(least.values()) - kept
         room = _share(spare, {name: need[name] - least[name] for name in need})
         room = {name: least[name] + room[name] for name in need}
         if spare < 0 or self._largest_row > _largest(gpu):
             raise Error(self._too_much(gpu, pieces))
         return Cut(self._parts(gpu, room, first, end, body and self.body), room["rows"])
+
+    def _memory(self, gpu):
+        """(bytes that arrays may take on a device, the limit of this process that says so or "").
+
+        Its limits are for pictures on the host too, which are there twice: as they are, and as they are written.
+        """
+        width, height = self.scene.camera.size
+        bytes_allowed, name = gpu.allowed
+        host = 2 * width * height * (IMAGE.bytes + OTHERS * self.others)
+        return min((gpu.memory, ""), (max(bytes_allowed - host, 0), name))
 
     def _too_much(self, gpu, pieces):
         settings, (width, height) = self.settings, self.scene.camera.size
@@ -228,9 +238,10 @@ class Plan:
         lines = "a row" if fewest == 1 else f"{fewest} rows"
         dense = f" with {pieces:,} pieces of strands" * bool(pieces)
         smaller = "smaller ones" + ", or Settings.raster 'samples'" * bool(pieces)
-        return (f"{gpu.name} with {gpu.memory / 2**20:,.1f} MiB has no room for Settings.grid {settings.grid}, "
-                f"Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces of up to "
-                f"{self._face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, {furry}"
+        memory, limit = self._memory(gpu)
+        return (f"{gpu.name} with {memory / 2**20:,.1f} MiB{f' ({limit})' * bool(limit)} has no room for "
+                f"Settings.grid {settings.grid}, Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces of up "
+                f"to {self._face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, {furry}"
                 f"and {lines} of {width} pixels{dense}; allowed: {smaller}")
 
     @functools.cached_property
@@ -262,7 +273,7 @@ class Plan:
         """Whether there is room for the transmittances to all points of strands: then they are asked once for all bands
         of the picture, and for frames in which only the camera moves."""
         shadowed = self.uses_coverage and self.settings.shadows != "off"
-        return shadowed and self._transmittance * self.points <= gpu.memory // 8
+        return shadowed and self._transmittance * self.points <= self._memory(gpu)[0] // 8
 
     def _bytes(self, gpu):
         """Bytes on the device of a strand and of each of its points."""

@@ -30,29 +30,31 @@ def _chunk(kind, data):
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
-def tiff(pixels, order="<", packed=False, photometric=None, extra=2):
+def tiff(pixels, order="<", packed=False, photometric=None, extra=2, planes=False):
     """The bytes of a TIFF file of pixels [h, w, 1 to 4] of any dtype, in this byte order, packed by zlib or not.
 
-    photometric: 0 where white is 0. extra: what a fourth channel is, 2 for alpha.
+    photometric: 0 where white is 0. extra: what a fourth channel is, 2 for alpha. planes: one channel after the other,
+    in a strip each.
     """
     height, width, channels = pixels.shape
-    data = pixels.astype(pixels.dtype.newbyteorder(order)).tobytes()
-    data = zlib.compress(data) if packed else data
+    parts = np.moveaxis(pixels, 2, 0) if planes else pixels[None]
+    strips = [part.astype(pixels.dtype.newbyteorder(order)).tobytes() for part in parts]
+    strips = [zlib.compress(strip) for strip in strips] if packed else strips
     photometric = (2 if channels >= 3 else 1) if photometric is None else photometric
     entries = [(256, 3, [width]), (257, 3, [height]), (258, 3, [8 * pixels.itemsize] * channels),
-               (259, 3, [8 if packed else 1]), (262, 3, [photometric]), (273, 4, [0]), (277, 3, [channels]),
-               (278, 3, [height]), (279, 4, [len(data)]), (284, 3, [1])]
+               (259, 3, [8 if packed else 1]), (262, 3, [photometric]), (273, 4, [0] * len(strips)),
+               (277, 3, [channels]), (278, 3, [height]), (279, 4, [len(strip) for strip in strips]), (284, 3, [1 + planes])]
     entries += [(338, 3, [extra])] if channels in (2, 4) else []
     entries += [(339, 3, [{"u": 1, "i": 2, "f": 3}[pixels.dtype.kind]] * channels)]
     behind = 8 + 2 + 12 * len(entries) + 4
-    wide = {tag: struct.pack(order + "H" * len(values), *values) for tag, kind, values in entries if len(values) > 2}
-    wide_at = {tag: behind + sum(map(len, list(wide.values())[:k])) for k, tag in enumerate(wide)}
-    body = b""
-    for tag, kind, values in entries:
-        if tag == 273:
-            values = [behind + sum(map(len, wide.values()))]
-        value = struct.pack(order + ("H" if kind == 3 else "I") * len(values), *values).ljust(4, b"\0")
-        value = struct.pack(order + "I", wide_at[tag]) if tag in wide else value
-        body += struct.pack(order + "2HI", tag, kind, len(values)) + value
+    sizes = [{3: "H", 4: "I"}[kind] * len(values) for _, kind, values in entries]
+    wide = sum(struct.calcsize(order + each) for each in sizes if struct.calcsize(order + each) > 4)
+    entries[5] = 273, 4, [behind + wide + sum(map(len, strips[:k])) for k in range(len(strips))]
+    body, far = b"", b""   # entries, and values that do not fit them
+    for (tag, kind, values), size in zip(entries, sizes, strict=True):
+        value = struct.pack(order + size, *values)
+        if len(value) > 4:
+            value, far = struct.pack(order + "I", behind + len(far)), far + value
+        body += struct.pack(order + "2HI", tag, kind, len(values)) + value.ljust(4, b"\0")
     head = {"<": b"II", ">": b"MM"}[order] + struct.pack(order + "HI", 42, 8) + struct.pack(order + "H", len(entries))
-    return head + body + b"\0" * 4 + b"".join(wide.values()) + data
+    return head + body + b"\0" * 4 + far + b"".join(strips)
