@@ -116,7 +116,7 @@ SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "
           "--target": "0,0,0", "--fov": 30, "--light": "0,-1,0", "--shadows": "off", "--grid": 16, "--samples": 1,
           "--shadow-map": 64, "--pcf": 0,
           "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
-          "--preset": "draft"}
+          "--preset": "draft", "--rest": "sphere"}
 
 
 def test_each_option_is_of_strands_or_of_shells_or_of_both():
@@ -216,7 +216,9 @@ def test_roots_go_by_the_mesh_in_rest(tmp_path):
         (tmp_path / f"{name}.obj").write_text("\n".join(rows))
     scene, _ = load(tmp_path / "pose.obj", "--roots", 50, "--rest", tmp_path / "rest.obj")
     np.testing.assert_array_equal(scene.strands.rest.positions, ball.positions)
-    with pytest.raises(click.UsageError, match="--rest is for --roots N, but --roots is faces"):
-        load(tmp_path / "pose.obj", "--rest", tmp_path / "rest.obj")
+    hair, = scene.strands.types
+    assert hair.segments * hair.segment_length == pytest.approx(0.08 * ball.bounds[1])   # in every pose
+    both, _ = load(tmp_path / "pose.obj", "--fur", "both", "--rest", tmp_path / "rest.obj")
+    assert both.shells.rest is both.strands.rest
     with pytest.raises(Error, match="Strands.rest has 6,320 faces and Scene.mesh"):
         load(tmp_path / "pose.obj", "--roots", 50, "--rest", "teapot")

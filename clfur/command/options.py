@@ -44,6 +44,9 @@ _SCENE = [
                  help="Vertical field of view."),
     click.option("--light", type=Numbers(3), default="1,-1,-0.6", metavar="X,Y,Z",
                  help="The way the light travels."),
+    click.option("--rest", metavar="MESH",
+                 help="The mesh in rest, of the same faces: lengths go by it, and N roots and the cells of shells stay "
+                      "where they are on it in every pose."),
 ]
 _STRANDS = [
     click.option("--inner", type=click.IntRange(1, 64), default=5, metavar="N",
@@ -52,9 +55,6 @@ _STRANDS = [
                  help="Tessellation level of the edges."),
     click.option("--roots", type=Roots(), default="faces", metavar="faces|N",
                  help="One strand on each tessellated triangle, or N strands spread evenly."),
-    click.option("--rest", metavar="MESH",
-                 help="MESH in rest: the same faces, by whose areas N strands are spread, so that they stay on their "
-                      "faces in every pose."),
     click.option("--surface", type=click.Choice(["pn", "flat"]), default="pn", help="Curved or flat faces."),
     click.option("--width", type=click.FloatRange(0), metavar="W",
                  help="Diameter of a strand in the mesh's units.  [default: 0.0012 of half the mesh's diagonal]"),
@@ -106,7 +106,7 @@ _SETTINGS = [
                  help="How wide the blur is."),
 ]
 # Names of the options that only one kind of fur has.
-_ONLY = {"strands": ("inner", "outer", "roots", "rest", "surface", "width", "type_map", "types", "curl", "wave",
+_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "type_map", "types", "curl", "wave",
                      "raster", "lod"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 
@@ -170,8 +170,6 @@ def _check_fur(flags, options):
             if name in flags:
                 raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
                                        f"allowed: with --fur {fur} or --fur both")
-    if "rest" in flags and options["roots"] == "faces":
-        raise click.UsageError("--rest is for --roots N, but --roots is faces; allowed: with a number of roots")
     if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
         raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
                                "allowed: with --pattern cells or --fur both")
@@ -206,7 +204,8 @@ def _run(path):
 
 def _scene(mesh, options):
     """The scene of a mesh that the options describe."""
-    _, radius = mesh.bounds
+    options = options | {"rest": None if options["rest"] is None else load_mesh(options["rest"])}
+    _, radius = (options["rest"] or mesh).bounds   # hair is as long in every pose
     kind, length = options["fur"], options["length"]
     if length is None:
         length = (0.12 if kind == "shells" else 0.08) * radius
@@ -239,7 +238,7 @@ def _shells(options, length, radius):
         length=length, frequency=frequency, length_variation=options["variation"],
         force=[weight * part for part in options["force"]],
         **{name: options[name] for name in ("layers", "pattern", "density", "noise", "wind", "time", "shading", "color",
-                                            "alpha", "seed")})
+                                            "alpha", "seed", "rest")})
 
 
 def _strands(options, length, radius):
@@ -260,8 +259,7 @@ def _strands(options, length, radius):
     return Strands(
         types=[HairType(**hair)] if options["types"] is None else _hair_types(options["types"], hair),
         type_map=None if options["type_map"] is None else load_picture(options["type_map"]),
-        rest=None if options["rest"] is None else load_mesh(options["rest"]),
-        **{name: options[name] for name in ("inner", "outer", "roots", "surface", "force", "seed")})
+        **{name: options[name] for name in ("inner", "outer", "roots", "surface", "force", "seed", "rest")})
 
 
 def _hair_types(path, defaults):
