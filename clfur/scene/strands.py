@@ -129,7 +129,7 @@ class Strands:
     surface: "pn" for curved PN triangles, or "flat". seed: of all that is random, 0..2**32-1. rest: None, or a Mesh of
     the same faces as the one that is drawn, by whose areas strands are spread: each then keeps its place on its face in
     all poses. Without it they are spread by the areas of what is drawn, and strands go to other triangles as these
-    change; when a mesh is turned, by rounding alone, a few in a thousand do.
+    change; where a mesh is but turned, rounding takes a few in ten thousand along.
 
     `type_indices` uint8 [h, w] is the index into `types` of every pixel of the map (None without a map).
     Raises Error for anything else.
