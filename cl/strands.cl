@@ -80,15 +80,25 @@ __kernel void scan_areas(
     }
 }
 
+/* Unit vector across a direction that turns with the skin: along the triangle's first side, or its second where the first
+   is hardly to be seen along the direction.  Only where both are not, is it an axis of the world that decides. */
+inline float4 edge_across(float4 a, float4 b, float4 c, float4 direction)
+{
+    const float4 first = b - a - dot3(b - a, direction) * direction, second = c - b - dot3(c - b, direction) * direction;
+    const float4 least = fabs(direction.x) < 0.6f ? (float4)(1.0f, 0.0f, 0.0f, 0.0f) : (float4)(0.0f, 1.0f, 0.0f, 0.0f);
+    return unit_or(dot3(first, first) > 0.01f * dot3(second, second) ? first : second, unit_or(cross3(direction, least), least));
+}
+
 inline void put_root(
     __global const float4 *positions, __global const float4 *normals, __global const float4 *uv,
     uint4 t, float a, float b, float c,
-    __global float4 *root, __global float4 *direction, __global float4 *root_uv)
+    __global float4 *root, __global float4 *direction, __global float4 *edge, __global float4 *root_uv)
 {
     const float4 face = unit_or(cross3(positions[t.y] - positions[t.x], positions[t.z] - positions[t.x]),
                                 (float4)(0.0f, 1.0f, 0.0f, 0.0f));
     *root = a * positions[t.x] + b * positions[t.y] + c * positions[t.z];
     *direction = unit_or(a * normals[t.x] + b * normals[t.y] + c * normals[t.z], face);
+    *edge = edge_across(positions[t.x], positions[t.y], positions[t.z], *direction);
     *root_uv = a * uv[t.x] + b * uv[t.y] + c * uv[t.z];
 }
 
@@ -102,15 +112,17 @@ __kernel void roots_on_faces(
     const uint first,                      // triangle of the first strand
     __global float4 *root,                 // [strands]
     __global float4 *root_direction,       // [strands] unit
+    __global float4 *root_edge,            // [strands] unit, across it, see edge_across
     __global float4 *root_uv)              // [strands] u, v, -, -
 {
     WORK_ITEM(i);
     const float third = 1.0f / 3.0f;
-    put_root(positions, normals, uv, triangles[first + i], third, third, third, &root[i], &root_direction[i], &root_uv[i]);
+    put_root(positions, normals, uv, triangles[first + i], third, third, third,
+             &root[i], &root_direction[i], &root_edge[i], &root_uv[i]);
 }
 
-/* Strand i of n stands at a random place of the i-th n-th of the surface's area. The triangles here may be a run of
-   all, and the strands those that stand there. */
+/* Strand i of n stands at a random place of the i-th n-th of the surface's area, or of that of the same triangles at
+   rest. The triangles here may be a run of all, and the strands those that stand there. */
 __kernel void roots_by_area(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *positions,
@@ -126,6 +138,7 @@ __kernel void roots_by_area(
     const uint n,                          // strands in all
     __global float4 *root,                 // [strands here]
     __global float4 *root_direction,
+    __global float4 *root_edge,
     __global float4 *root_uv)
 {
     WORK_ITEM(here);
@@ -150,7 +163,7 @@ __kernel void roots_by_area(
         b = 1.0f - b;
     }
     put_root(positions, normals, uv, triangles[low], 1.0f - a - b, a, b,
-             &root[here], &root_direction[here], &root_uv[here]);
+             &root[here], &root_direction[here], &root_edge[here], &root_uv[here]);
 }
 
 /* Bilinear texel with wrap-around; v runs up, rows run down. */
@@ -164,12 +177,20 @@ inline float4 texture_at(__global const float4 *texels, int width, int height, f
          + fy * ((1.0f - fx) * texels[y1 * width + x0] + fx * texels[y1 * width + x1]);
 }
 
+/* From the frame of the skin to the world: along an edge, across it, upright. */
+inline float4 on_skin(float4 edge, float4 upright, float4 v)
+{
+    return v.x * edge + v.y * cross3(upright, edge) + v.z * upright;
+}
+
 /* One strand: point k + 1 = point k + direction · length; direction += weight · force, at length one again.
-   Curl and wave shift the points off that axis, in a frame carried along it with little twist. */
+   Curl and wave shift the points off that axis, in a frame carried along it with little twist.  What is random has
+   directions in the frame of the skin at the root, so that it turns with it. */
 __kernel void grow(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *root,           // [strands]
     __global const float4 *root_direction, // [strands] unit
+    __global const float4 *root_edge,      // [strands] unit, across it
     __global const float4 *root_uv,        // [strands] u, v
     __global const HairType *types,        // [types]
     __global const uint *type_map,         // [height, width] index of the type; nearest texel, v runs up
@@ -196,7 +217,7 @@ __kernel void grow(
     const HairType type = types[kind];
     const uint first = i * stride;
     const int segments = type.counts.x;
-    const float4 vary = signed_unit(random3(number, seed, 1)), turn = signed_unit(random3(number, seed, 2));
+    const float4 vary = signed_unit(random3(number, seed, 1));
 
     spans[i] = (uint2)(first, segments ? segments + 1 : 0);
     strand_uv[i] = (float4)(uv.x, uv.y, (float)kind, 0.0f);
@@ -209,12 +230,13 @@ __kernel void grow(
         return;
 
     const float length = type.shape.x * (1.0f + type.curl.w * vary.y);
-    const float4 upright = root_direction[i];
+    const float4 upright = root_direction[i], edge = root_edge[i];
+    const float4 lean = on_skin(edge, upright, signed_unit(random3(number, seed, 3)));
+    const float4 turn = on_skin(edge, upright, signed_unit(random3(number, seed, 2)));
     float4 axis = root[i];
-    float4 direction = unit_or(upright + type.shape.w * signed_unit(random3(number, seed, 3)), upright);
+    float4 direction = unit_or(upright + type.shape.w * lean, upright);
     const bool bent = type.curl.x > 0.0f || type.wave.x > 0.0f;
-    const float4 least = fabs(direction.x) < 0.6f ? (float4)(1.0f, 0.0f, 0.0f, 0.0f) : (float4)(0.0f, 1.0f, 0.0f, 0.0f);
-    float4 side = unit_or(cross3(direction, turn), unit_or(cross3(direction, least), least));
+    float4 side = unit_or(cross3(direction, turn), unit_or(cross3(direction, edge), upright));
     float2 curl = (float2)(1.0f, 0.0f), wave = (float2)(1.0f, 0.0f);   // cos, sin of the angle so far
     float4 before = axis, here = axis, tangent = direction;
 

@@ -116,7 +116,7 @@ SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "
           "--target": "0,0,0", "--fov": 30, "--light": "0,-1,0", "--shadows": "off", "--grid": 16, "--samples": 1,
           "--shadow-map": 64, "--pcf": 0,
           "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
-          "--preset": "draft"}
+          "--preset": "draft", "--rest": "sphere"}
 
 
 def test_each_option_is_of_strands_or_of_shells_or_of_both():
@@ -206,3 +206,19 @@ def test_the_highlight_is_the_looks(tmp_path, monkeypatch):
     (tmp_path / "fur.py").write_text("import clfur\nscene = clfur.Scene(clfur.load_mesh('sphere'), clfur.Shells())\n")
     assert load("fur.py", "--specular", "half-vector")[0].shells.look.highlight == "half-vector"
     assert load("fur.py")[0].shells.look.highlight == "kajiya-kay"
+
+
+def test_roots_go_by_the_mesh_in_rest(tmp_path):
+    ball = load_mesh("sphere")
+    for name, stretch in ("rest", 1), ("pose", 1.15):
+        rows = [f"v {x} {stretch * y} {z}" for x, y, z in ball.positions]
+        rows += [f"f {a} {b} {c}" for a, b, c in ball.faces + 1]
+        (tmp_path / f"{name}.obj").write_text("\n".join(rows))
+    scene, _ = load(tmp_path / "pose.obj", "--roots", 50, "--rest", tmp_path / "rest.obj")
+    np.testing.assert_array_equal(scene.strands.rest.positions, ball.positions)
+    hair, = scene.strands.types
+    assert hair.segments * hair.segment_length == pytest.approx(0.08 * ball.bounds[1])   # in every pose
+    both, _ = load(tmp_path / "pose.obj", "--fur", "both", "--rest", tmp_path / "rest.obj")
+    assert both.shells.rest is both.strands.rest
+    with pytest.raises(Error, match="Strands.rest has 6,320 faces and Scene.mesh"):
+        load(tmp_path / "pose.obj", "--roots", 50, "--rest", "teapot")

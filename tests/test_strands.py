@@ -101,12 +101,12 @@ def twin_of(gpu, surface, fur, kind_uv):
     """What the twin grows from the device's surface, sums of areas and root uv (which choose the type)."""
     host = on_host(surface)
     if fur.roots == "faces":
-        root, direction, uv = twin.roots_on_faces(*host)
+        root, frame, uv = twin.roots_on_faces(*host)
     else:
-        root, direction, uv, _ = twin.roots_by_area(
+        root, frame, uv, _ = twin.roots_by_area(
             *host, running_areas(gpu, surface), fur.roots, fur.seed)
     points, _, counts, colors, kind = twin.grow(
-        root, direction, kind_uv, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed)
+        root, frame, kind_uv, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed)
     return SimpleNamespace(root=root, uv=uv, points=points, counts=counts, colors=colors, kind=kind)
 
 

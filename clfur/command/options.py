@@ -46,6 +46,9 @@ _SCENE = [
                  help="Vertical field of view."),
     click.option("--light", type=Numbers(3), default="1,-1,-0.6", metavar="X,Y,Z",
                  help="The way the light travels."),
+    click.option("--rest", metavar="MESH",
+                 help="The mesh in rest, of the same faces: lengths go by it, and N roots and the cells of shells stay "
+                      "where they are on it in every pose."),
 ]
 _STRANDS = [
     click.option("--inner", type=click.IntRange(1, 64), metavar="N",
@@ -205,7 +208,8 @@ def _run(path):
 
 def _scene(mesh, options):
     """The scene of a mesh that the options describe."""
-    _, radius = mesh.bounds
+    options = options | {"rest": None if options["rest"] is None else load_mesh(options["rest"])}
+    _, radius = (options["rest"] or mesh).bounds   # hair is as long in every pose
     kind, length = options["fur"], options["length"]
     if length is None:
         length = (0.12 if kind == "shells" else 0.08) * radius
@@ -238,7 +242,7 @@ def _shells(options, length, radius):
         length=length, frequency=frequency, length_variation=options["variation"],
         force=[weight * part for part in options["force"]],
         **{name: options[name] for name in ("layers", "pattern", "density", "noise", "wind", "time", "shading", "color",
-                                            "alpha", "seed")})
+                                            "alpha", "seed", "rest")})
 
 
 def density(options, faces):
@@ -283,7 +287,7 @@ def _strands(options, length, radius, faces):
     return Strands(
         types=[HairType(**hair)] if options["types"] is None else _hair_types(options["types"], hair),
         type_map=None if options["type_map"] is None else load_picture(options["type_map"]),
-        **density(options, faces), **{name: options[name] for name in ("surface", "force", "seed")})
+        **density(options, faces), **{name: options[name] for name in ("surface", "force", "seed", "rest")})
 
 
 def _hair_types(path, defaults):

@@ -46,7 +46,7 @@ def render(given, output, outputs, device, memory, as_json, **options):
     output = Path(output)
     if output.suffix.lower() == ".png" and set(outputs) != {"color"}:
         raise click.UsageError(f"{output} can hold the output color alone; .exr and .npz hold others")
-    for read in (given, options["type_map"], options["types"]):
+    for read in (given, options["type_map"], options["types"], options["rest"]):
         if read and output.exists() and Path(read).exists() and output.samefile(read):
             raise click.UsageError(f"{output} is read by this command and would be overwritten: name another with -o")
     if device and "," in device:

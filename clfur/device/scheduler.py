@@ -245,9 +245,10 @@ class Scheduler:
             self._kept[name] = (tuple(key), value)
         return value
 
-    def keep_only(self, owner: Any) -> None:
-        """Drop what is kept of others: the results whose key begins with another object."""
-        self._kept = {name: kept for name, kept in self._kept.items() if not kept[0] or kept[0][0] is owner}
+    def keep_only(self, *owners: Any) -> None:
+        """Drop what is kept of others: the results whose key begins with another object than one of these."""
+        self._kept = {name: kept for name, kept in self._kept.items()
+                      if not kept[0] or any(kept[0][0] is owner for owner in owners)}
 
     def forget(self) -> None:
         """Drop every kept stage, so that the next frame is built from the beginning."""

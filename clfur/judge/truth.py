@@ -19,7 +19,7 @@ from ..twin import scatter, shade, strands
 from ..twin.vectors import dot, unit
 from .rays import Eye, Fibres, Triangles, frame_along
 
-VERSION = 1              # of what `picture` gives, strands and bodies included: another makes the cache anew
+VERSION = 2              # of what `picture` gives, strands and bodies included: another makes the cache anew
 RAYS = 1 << 18           # of the picture at a time
 
 
@@ -114,7 +114,8 @@ def _geometry(scene):
         levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         body = _tessellated(mesh, *levels)
     if isinstance(fur, Strands):
-        hair = _grown(fur, body)
+        by_area = fur.roots != "faces" and fur.rest is not None
+        hair = _grown(fur, body, _tessellated(fur.rest, *levels) if by_area else body)
     elif isinstance(fur, Curves):
         fur = fur.on_host
         counts = fur.counts.astype(int)
@@ -150,12 +151,12 @@ def _tessellated(mesh, inner, outer, surface):
                                triangles=gpu.download(made.triangles).astype(int))
 
 
-def _grown(fur, body):
+def _grown(fur, body, rest):
     surface = body.positions, body.normals, body.uv, body.triangles[:, :3]
     if fur.roots == "faces":
         roots = strands.roots_on_faces(*surface)
     else:
-        x, y, z = strands.twice_areas(body.positions * body.area_scale, surface[3]).T
+        x, y, z = strands.twice_areas(rest.positions * rest.area_scale, surface[3]).T
         area = np.sqrt(x * x + y * y + z * z)
         *roots, _ = strands.roots_by_area(*surface, np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed)
     points, tangents, counts, colors, kind = strands.grow(

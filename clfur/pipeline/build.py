@@ -15,7 +15,7 @@ from ..stages import shells
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
 from ..stages.raster import raster
-from ..stages.strands import DeviceStrands, grow, no_strands, upload_curves
+from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, upload_curves
 from ..stages.tessellate import Surface, no_surface, tessellate
 from .plan import Part, Plan
 from .shadows import accumulate, finish, plan_shadows
@@ -25,10 +25,11 @@ def let_go(plan: Plan, gpu: Any) -> None:
     """Make a device ready for a frame: before anything new is made, it lets go of what this frame has no use for."""
     gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
               plan.scene.shells and plan.scene.shells.layers))
-    gpu.keep_only(plan.scene.mesh)
+    gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh)
     transmittances(gpu, plan)
     furry = plan.scene.shells is not None
-    for name, used in (("body", plan.faces), ("strands", plan.strands), ("thinned", plan.strands and plan.settings.lod),
+    for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
+                       ("thinned", plan.strands and plan.settings.lod),
                        ("shell", furry), ("pattern", furry), ("border", furry)):
         if not used:
             gpu.keep(name, (), dict)
@@ -42,7 +43,7 @@ def let_go_of_parts(gpu: Any, plan: Plan, parts: list[Part], others: list[Part])
     for part in set(known) - set(others):
         del known[part]
     if parts != others:
-        for name in "body", "strands", "thinned":
+        for name in "body", "resting", "strands", "thinned":
             gpu.keep(name, (), dict)
 
 
@@ -139,8 +140,15 @@ def _whole(gpu, plan, part, what):
 
 def _grow(gpu, plan, part):
     if plan.grown:
-        return grow(gpu, _surface(gpu, plan, part.faces), plan.scene.strands, part.strands, part.area)
+        return grow(gpu, _surface(gpu, plan, part.faces), plan.scene.strands, part.strands, part.area,
+                    plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
+                                           functools.partial(_resting, gpu, plan, part.faces)))
     return upload_curves(gpu, plan.scene.strands, part.strands)
+
+
+def _resting(gpu, plan, faces):
+    """What `area_sums` gives of faces of the mesh in rest."""
+    return area_sums(gpu, tessellate(gpu, plan.rest, *plan.levels, faces))
 
 
 def _thin(gpu, plan, part, what, lod):

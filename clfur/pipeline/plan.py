@@ -72,7 +72,7 @@ class Plan:
     """What a frame takes, and how it fits a device.
 
     wants_color, others: whether color is an output, and whether others are.  faces, triangles, strands, points: how
-    many there are.  body: whether there is one.
+    many there are.  body: whether there is one.  rest: the mesh by whose areas strands are spread, if it is another.
     """
 
     def __init__(self, rig: Rig, outputs: Sequence[str]) -> None:
@@ -80,6 +80,9 @@ class Plan:
         self.wants_color, self.others = "color" in outputs, bool(set(outputs) - {"color"})
         mesh, fur = self.scene.mesh, self.scene.strands
         self.grown = isinstance(fur, Strands)
+        self.rest = None
+        if isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh:
+            self.rest = fur.rest
         self.body = mesh is not None and self.scene.body_color is not None
         self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
@@ -94,7 +97,8 @@ class Plan:
             self.strands = len(self._before) - 1
         self.points = self._points(0, self.strands)
         # What cannot be divided: bytes of the largest face, points of the longest strand.
-        self._bytes_of_faces = VERTEX * self._vertices + TRIANGLE * self._triangles
+        surfaces = 2 if self.rest else 1   # both are there at once
+        self._bytes_of_faces = surfaces * (VERTEX * self._vertices + TRIANGLE * self._triangles)
         self._face = int(np.diff(self._bytes_of_faces).max(initial=0))
         self.longest = self.stride if self.grown else int(np.diff(self._before).max(initial=0))
         self._cuts: dict[tuple, Cut] = {}
@@ -251,8 +255,7 @@ class Plan:
         """Bytes on the device of what is never divided."""
         scene, settings = self.scene, self.settings
         fixed = self.faces * MESH_FACE + self._shells
-        if scene.mesh is not None:
-            fixed += len(scene.mesh.positions) * MESH_VERTEX
+        fixed += MESH_VERTEX * max((len(mesh.positions) for mesh in (scene.mesh, self.rest) if mesh), default=0)
         casting = sum(bool(np.any(light.color)) for light in scene.lights)   # the others are out
         maps = casting * (1 + (casting > 1))                                 # several are put together from as many
         fixed += maps * Lighting.bytes(sample=settings.shadow_map**2)
@@ -323,8 +326,9 @@ class Plan:
 
     def _areas(self, gpu, face_runs):
         """Area before each face, and of all, in the integers of strands.cl; asked for some runs of them at a time."""
-        return gpu.keep("areas", (self.scene.mesh, *self.levels), functools.partial(
-            _areas_of, gpu, self.scene.mesh, self.levels, face_runs, self._triangles))
+        mesh = self.rest or self.scene.mesh
+        return gpu.keep("areas", (mesh, *self.levels), functools.partial(
+            _areas_of, gpu, mesh, self.levels, face_runs, self._triangles))
 
     # --- shells -------------------------------------------------------------------------------------------------
 
@@ -359,7 +363,7 @@ def _points_of(curves):
 
 
 def _areas_of(gpu, mesh, levels, face_runs, triangles):
-    for name in "body", "strands", "thinned":   # of another scene; these areas take as much as a part of a body
+    for name in "body", "resting", "strands", "thinned":   # of another scene: these areas take as much as a body
         gpu.keep(name, (), dict)
     sums = np.zeros(len(triangles), np.uint64)
     for begin, end in face_runs:

@@ -85,8 +85,8 @@ class Scene:
     Strands and Curves (guard hairs), or None; a mesh or fur is required. camera: Camera, or None to frame all of it.
     light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself (arrays of uint8 or
     uint16 are sRGB), or None to leave it undrawn. Raises Error where the parts don't fit: a type_map, color_texture or
-    pattern "sine" on a mesh without uv, levels for another number of faces, or an edge whose two faces give it
-    different levels.
+    pattern "sine" on a mesh without uv, levels for another number of faces, an edge whose two faces give it different
+    levels, or a rest mesh of other faces.
 
     A list is stored as a tuple. `lights` are all lights, always in a tuple; `strands` are the Strands or Curves of
     `fur`, `shells` its Shells, or None.
@@ -135,6 +135,7 @@ class Scene:
                 raise Error(f"Scene.mesh is None but Scene.fur has {type(fur).__name__}; "
                             "allowed: a Mesh for them to grow on")
         if isinstance(strands, Strands):
+            rest_of(self.mesh, strands.rest, "Strands.rest")
             _check_uv(self.mesh, strands)
         if strands is not None and self.mesh is not None:
             _check_levels(self.mesh, strands)

@@ -7,6 +7,7 @@ from ..color import linear_of
 from ..errors import Error
 from . import checks
 from .look import Looking
+from .mesh import Mesh
 
 
 def _radius_and_count(value, where):
@@ -43,10 +44,10 @@ class HairType(Looking):
     looked up at the root's uv; the same holds for it; stored as linear float32. segments: 0..255, 0 is bald.
     segment_length: world units. force_weight: how much of the force is added to the direction each segment.
     width: diameter in world units. curl: (radius, turns). wave: (amplitude, periods). length_variation,
-    direction_variation, color_variation: 0..1, how much strands differ (a direction_variation above .57 lets some
-    grow inwards). look: how it scatters light, a Kajiya; or specular and exponent, to make one. alpha: 0..1, how much
-    light one hair lets through. key: None or the 8-bit (r, g, b) that means this type in `Strands.type_map`. Raises
-    Error otherwise.
+    direction_variation, color_variation: 0..1, how much strands differ; which way they lean, curl and wave is drawn in
+    the frame of the skin at the root, so that it turns with it. look: how it scatters light, a Kajiya; or specular and
+    exponent, to make one. alpha: 0..1, how much light one hair lets through. key: None or the 8-bit (r, g, b) that
+    means this type in `Strands.type_map`. Raises Error otherwise.
     """
 
     color: checks.Given = checks.field(checks.color, default=(0.8, 0.6, 0.4))
@@ -125,7 +126,10 @@ class Strands:
     chooses the type by uv, every colour of which must be the `key` of a type; without it there must be one
     type. roots: "faces" for one strand in each tessellated triangle, or how many to spread evenly by area.
     force: added to the growing direction of all strands; point_forces: PointForce objects, added to it.
-    surface: "pn" for curved PN triangles, or "flat". seed: of all that is random, 0..2**32-1.
+    surface: "pn" for curved PN triangles, or "flat". seed: of all that is random, 0..2**32-1. rest: None, or a Mesh of
+    the same faces as the one that is drawn, by whose areas strands are spread: each then keeps its place on its face in
+    all poses. Without it they are spread by the areas of what is drawn, and strands go to other triangles as these
+    change; where a mesh is but turned, rounding takes a few in ten thousand along.
 
     `type_indices` uint8 [h, w] is the index into `types` of every pixel of the map (None without a map).
     Raises Error for anything else.
@@ -140,6 +144,7 @@ class Strands:
     point_forces: checks.Given = checks.field(checks.tuple_of(PointForce), default=())
     surface: str = checks.field(checks.choice("pn", "flat"), default="pn")
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)
+    rest: Mesh | None = checks.field(checks.instance(Mesh, none=True), default=None, kw_only=True)
     type_indices: np.ndarray = attrs.field(init=False, repr=False)
 
     @property

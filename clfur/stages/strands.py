@@ -36,6 +36,7 @@ class Roots(Arrays):
 
     root: Any = array("strand", np.float32, 4)
     root_direction: Any = array("strand", np.float32, 4)   # unit: the body's normal
+    root_edge: Any = array("strand", np.float32, 4)        # unit, across it: along a side of the triangle
     root_uv: Any = array("strand", np.float32, 4)          # u, v, -, -
 
 
@@ -59,19 +60,20 @@ def arrays(strands: DeviceStrands, *names: str) -> dict[str, Any]:
 
 
 def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None = None,
-         area: tuple[int, int] | None = None) -> DeviceStrands:
+         area: tuple[int, int] | None = None, sums: tuple[Any, Any] | None = None) -> DeviceStrands:
     """Grow `clfur.Strands` on a tessellated `Surface` -> `DeviceStrands`.
 
     A root stands in the middle of every triangle, or ``fur.roots`` of them uniformly by area (in strata: strand
     i in the i-th part of the area).  The growth loop is the report's (section 2.1.3), each strand alone.
     ``strands``: which, (first, one past the last), if not all.  ``area``: (of the triangles before those of the
-    surface, of all triangles), if the surface is a part of the whole; see `area_sums`.
+    surface, of all triangles), if the surface is a part of the whole; see `area_sums`.  ``sums``: what that gives of
+    the same triangles of a mesh in rest, if they are spread by its areas.
     """
     roots_of = _roots_on_faces if fur.roots == "faces" else _roots_by_area
     first = surface.first_triangle if fur.roots == "faces" else 0
     begin, end = strands or (first, first + len(surface.triangles) if fur.roots == "faces" else fur.roots)
     n = end - begin
-    roots = roots_of(gpu, surface, fur, begin, n, area)
+    roots = roots_of(gpu, surface, fur, begin, n, area, sums)
     types, texels = pack_types(fur.types)
     indices = fur.type_indices if fur.type_map is not None else np.zeros((1, 1))
     stride = max(t.segments for t in fur.types) + 1
@@ -154,17 +156,17 @@ def _turn(turns, segments):
     return np.cos(angle), np.sin(angle)
 
 
-def _roots_on_faces(gpu, surface, fur, begin, n, _):
+def _roots_on_faces(gpu, surface, fur, begin, n, _area, _sums):
     roots = Roots.empty(gpu, {"strand": n})
     gpu.launch("strands.roots_on_faces", n, positions=surface.positions, normals=surface.normals, uv=surface.uv,
                triangles=surface.triangles, first=begin - surface.first_triangle, **vars(roots))
     return roots
 
 
-def _roots_by_area(gpu, surface, fur, begin, n, area):
+def _roots_by_area(gpu, surface, fur, begin, n, area, sums):
     triangles = len(surface.triangles)
     roots = Roots.empty(gpu, {"strand": n})
-    areas, total = area_sums(gpu, surface)
+    areas, total = sums or area_sums(gpu, surface)
     before, whole = (0, total) if area is None else (area[0], gpu.upload(np.array([area[1]], np.uint64)))
     gpu.launch("strands.roots_by_area", n, positions=surface.positions, normals=surface.normals, uv=surface.uv,
                triangles=surface.triangles, areas=areas, n_triangles=triangles, before=before, whole=whole,

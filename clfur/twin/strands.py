@@ -39,10 +39,29 @@ def twice_areas(positions, triangles):
 
 
 def roots_at(positions, normals, uv, triangles, weights):
-    """Root [N, 3], unit direction [N, 3], uv [N, 2] at barycentric weights [N, 3] of triangles [N, 3]."""
+    """Root [N, 3], frame of the skin [N, 3, 3], uv [N, 2] at barycentric weights [N, 3] of triangles [N, 3].
+
+    The rows of a frame are unit: a side of the triangle as seen along the normal, what is across both, the normal.
+    """
     root, normal, at = (np.einsum("nc,ncx->nx", weights, np.asarray(a, float)[triangles])
                         for a in (positions, normals, uv))
-    return root, unit_or(normal, unit_or(twice_areas(positions, triangles), (0, 1, 0))), at
+    up = unit_or(normal, unit_or(twice_areas(positions, triangles), (0, 1, 0)))
+    return root, frames(np.asarray(positions, float)[triangles], up), at
+
+
+def frames(corners, up):
+    """Frames of the skin [N, 3, 3] on triangles [N, 3, 3] with unit normals [N, 3].
+
+    The first side counts, or the second where it is ten times as long, both without their part along the normal;
+    where neither has a length, the world's x or, for normals near that, y.
+    """
+    axis = np.where(np.abs(up[:, :1]) < 0.6, (1, 0, 0), (0, 1, 0))
+    sides = np.diff(corners, axis=1)
+    across = np.cross(np.cross(up[:, None], sides), up[:, None])   # [N, first and second, 3]
+    square = (across**2).sum(2)
+    chosen = np.where((square[:, 0] > 0.01 * square[:, 1])[:, None], across[:, 0], across[:, 1])
+    edge = unit_or(chosen, unit_or(np.cross(up, axis), axis))
+    return np.stack([edge, np.cross(up, edge), up], 1)
 
 
 def roots_on_faces(positions, normals, uv, triangles):
@@ -78,7 +97,7 @@ def roots_by_area(
 
 def grow(
     root,                  # [N, 3]
-    direction,             # [N, 3] unit
+    frame,                 # [N, 3, 3] of the skin, see `frames`
     uv,                    # [N, 2]
     types,                 # objects with the fields of HairType
     type_indices=None,     # [h, w] index into types, or None: all are types[0]
@@ -102,11 +121,12 @@ def grow(
         tint = 1 if t.color_texture is None else bilinear(t.color_texture, uv[mine])
         colors[mine] = t.color * tint * (1 + t.color_variation * vary[:, :1])
         if t.segments and len(mine):
-            lean = t.direction_variation * signed(random3(mine, seed, 3))
-            axis, ahead = axes(root[mine], unit_or(direction[mine] + lean, direction[mine]), t.segments,
+            up = frame[mine, 2]
+            lean, turn = (np.einsum("na,nax->nx", signed(random3(mine, seed, use)), frame[mine]) for use in (3, 2))
+            axis, ahead = axes(root[mine], unit_or(up + t.direction_variation * lean, up), t.segments,
                                t.segment_length * (1 + t.length_variation * vary[:, 1]), t.force_weight,
                                force, point_forces)
-            line = axis + offsets(ahead, signed(random3(mine, seed, 2)), t.curl, t.wave)
+            line = axis + offsets(ahead, turn, frame[mine], t.curl, t.wave)
             points[mine, :t.segments + 1] = line
             tangents[mine, :t.segments + 1] = tangents_of(line, ahead[:, 0])
     return points, tangents, np.where(segments[kind] > 0, segments[kind] + 1, 0), colors, kind
@@ -130,17 +150,17 @@ def axes(root, direction, segments, length, weight, force, point_forces):
     return np.stack(points, 1), np.stack(ahead[:-1], 1)
 
 
-def offsets(ahead, turn, curl, wave):
+def offsets(ahead, turn, frame, curl, wave):
     """How curl and wave move the points off their axis: [N, segments + 1, 3]; the root stays.
 
     A circle of the curl's radius about a line beside the axis, plus a sine across it, in a frame that each
-    segment takes over from the one before; the first comes from the random vectors `turn` [N, 3].
+    segment takes over from the one before; the first comes from the random vectors `turn` [N, 3], or where these are
+    along the strand from the `frame` [N, 3, 3] of the skin.
     """
     n, segments, _ = ahead.shape
     result = np.zeros((n, segments + 1, 3))
     first = ahead[:, 0]
-    least = np.where(np.abs(first[:, :1]) < 0.6, (1, 0, 0), (0, 1, 0))
-    side = unit_or(np.cross(first, turn), unit_or(np.cross(first, least), least))
+    side = unit_or(np.cross(first, turn), unit_or(np.cross(first, frame[:, 0]), frame[:, 2]))
     for k in range(segments):
         if k:
             side = unit_or(side - (side * ahead[:, k]).sum(1, keepdims=True) * ahead[:, k], side)
