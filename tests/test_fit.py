@@ -180,6 +180,21 @@ def test_what_is_out_of_sight_still_shades(gpu, caster, light):
     assert without > .02 and rms(image, expected) < .5 * without   # whose cells are larger
 
 
+def test_a_shadow_far_below_what_casts_it_is_as_it_is_near(gpu):
+    """The ground lies many times as deep as the map: where nothing stands before the light, it is lit."""
+    sun, far = clfur.Light(direction=(.6, -1, .001), ambient=0), 16.0
+    for height in (4, far):
+        camera = clfur.Camera((.6 * height, far + 5, .01), (.6 * height, -height, 0), up=(0, 0, 1), size=(96, 72))
+        scene = clfur.Scene(joined(ball(), ground(3000, -height)), None, camera, sun)
+        assert height < far or (Rig.of(scene, SETTINGS).light_views[0]["to_screen"].astype(float).T
+                                @ (0, -height, 0, 1))[2] < -3
+        lit = clfur.render(scene, gpu, attrs.evolve(SETTINGS, shadow_map=0))[..., 0]
+        at = clfur.render(scene, gpu, SETTINGS, "depth")["depth"] > far + 7   # the ground
+        dark = 1 - clfur.render(scene, gpu, SETTINGS)[at, 0] / lit[at]
+        pixel = (height + far + 5) / scene.camera.intrinsics[0, 0]
+        assert dark.sum() * pixel**2 == pytest.approx(np.pi * np.hypot(1, .6), rel=.05)   # an ellipse
+
+
 def test_a_fit_that_follows_the_camera_keeps_its_size_and_its_cells():
     """Steps of a panning camera: the cells stay at the same places of the world, of a few sizes."""
     mesh = joined(ground(20, -1, 40, .03))
