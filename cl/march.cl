@@ -412,7 +412,11 @@ __kernel void march(
                 const lanes fade = within((blur - FAR_FROM) * (1.0f / (FAR_TO - FAR_FROM)), 0.0f, 1.0f);
                 const lanes far = fade * fade * (3.0f - 2.0f * fade);
                 const lanes_i is_far = far > 0.0f, is_crowd = far >= 1.0f, passes = running;
-                const lanes along = is_crowd ? move / blur : move * (SIDEWAYS - (SIDEWAYS - 1.0f) * far);
+                /* Where hairs begin to be seen on average a step is a pixel long, if that is longer. */
+                const float square_x = dot3(grad_x, grad_x), square_y = dot3(grad_y, grad_y);
+                const float slower = sqrt(square_x < square_y ? square_x : square_y);
+                const lanes along = is_crowd ? move / blur : move * lesser(SIDEWAYS - (SIDEWAYS - 1.0f) * far,
+                                                                           is_far ? 1.0f / (slower * footprint) : F(SIDEWAYS));
                 const lanes measure = greater(greater(shells.size.y * positive(rise), along), F(1e-6f));
                 const bool any_far = any_lane(running & is_far), all_crowd = !any_lane(running & !is_crowd);
                 const lanes measure_inverse = 1.0f / measure, a_step = move * measure_inverse;

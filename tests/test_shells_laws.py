@@ -1,8 +1,11 @@
 """What shell fur is held to in pictures: little error and flicker from near to far, whatever the number of layers."""
 
 import importlib.util
+import time
 from pathlib import Path
 
+import attrs
+import numpy as np
 import pytest
 
 import clfur
@@ -49,3 +52,55 @@ def test_edges_show_no_layers(furred):
     assert edge.sum() > 100
     for other in (pictures[0], pictures[2]):
         assert laws.rms(other - pictures[1], edge) < 0.01
+
+
+@pytest.mark.parametrize("mesh", ["sphere", "teapot"])
+def test_time_does_not_grow_beyond_what_a_pixel_shows(gpu, mesh):
+    """A thousand times as many hairs cost less than twice the time: resolved, they would cost 20 to 40 times as much."""
+    mesh = clfur.load_mesh(mesh)
+    fur = clfur.Shells(length=0.1 * mesh.bounds[1], frequency=20 / mesh.bounds[1])
+    camera = laws.frame(mesh, fur, (160, 120))
+
+    def seconds(frequency):
+        scene = clfur.Scene(mesh, attrs.evolve(fur, frequency=fur.frequency * frequency), camera)
+        frames = [clfur.draw(scene, gpu, clfur.Settings(shadows="off")) for _ in range(4)]
+        return min(dict(frame.stages)["march"] for frame in frames[1:])
+    few = seconds(1)
+    assert max(seconds(100), seconds(1000)) < 2 * few
+
+
+def test_crowds_are_as_their_cells_would_be(furred):
+    """On either side of the brink where no cell is looked for any more: as bright as the truth, to 3 %."""
+    truths = [laws.errors(furred, apart) for apart in (.7, .4)]
+    for _, error, unfiltered, *_, bright in truths:
+        assert error < .5 * unfiltered and abs(bright - 1) < .03
+
+
+@pytest.mark.parametrize("options", [{}, {"pattern": "sine"}, {"frequency": 10.0}, {"frequency": 200.0},
+                                     {"frequency": 4000.0}, {"density": .3}, {"wind": (.5, 0, .2)}], ids=str)
+def test_a_picture_twice_as_large_covers_the_same(gpu, options):
+    """Averaged down its coverage is the same within .02 on average, with one sample a pixel and with four."""
+    mesh, fur = laws.ball(), clfur.Shells(length=.12, **options)
+    small = laws.frame(mesh, fur, (64, 48))
+    large = laws.Camera.calibrated(small.pose, small.intrinsics * [[2], [2], [1]], (128, 96))
+    for samples in (1, 4):
+        settings = clfur.Settings(samples=samples, shadows="off")
+        one, other = (clfur.draw(clfur.Scene(mesh, fur, camera, body_color=None), gpu, settings, ("coverage",)
+                                 ).images["coverage"].astype(float) for camera in (small, large))
+        off = other.reshape(48, 2, 64, 2).mean((1, 3)) - one
+        assert abs(off.mean()) < .02 and np.sqrt((off**2).mean()) < .08
+
+
+@pytest.mark.parametrize("pattern", ["cells", "sine"])
+def test_time_does_not_grow_with_frequency(gpu, pattern):
+    """Of hairs 5 pixels apart, or a thousand times as many: less than twice the time, where it was 25 times."""
+    mesh, times = laws.ball(), []
+    for many in (1, 100, 1000):
+        fur = clfur.Shells(length=0.1, pattern=pattern, frequency=8.0 * many)
+        furred, camera, took = laws.Furred(gpu, mesh, fur), laws.frame(mesh, fur, (96, 72)), []
+        for _ in range(4):
+            start = time.perf_counter()
+            furred.draw(camera, True)
+            took.append(time.perf_counter() - start)
+        times.append(min(took))
+    assert max(times[1:]) < 2 * times[0]

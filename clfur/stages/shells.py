@@ -159,7 +159,7 @@ def size_of(mesh: Any, packed: np.void, topology: Topology) -> int:
 
 
 def lay(gpu: Any, mesh: Any, packed: np.void, topology: Topology, rest: Any = None) -> Pattern:
-    """Lay the pattern of `layout.Shells` on a mesh -> `Pattern`; ``rest``: the mesh in rest, None: it is that itself."""
+    """Lay the pattern of `layout.Shells` on a mesh -> `Pattern`; ``rest``: that mesh in rest, None: it is so itself."""
     uv = np.take_along_axis(mesh.uv, topology.order[..., None], 1).reshape(-1, 2)
     n = len(topology.corners)
     rows = _rows_of(packed, len(mesh.positions), n)
@@ -173,9 +173,11 @@ def lay(gpu: Any, mesh: Any, packed: np.void, topology: Topology, rest: Any = No
     return result
 
 
-def resting(rest, topology):
-    """Corners of faces in rest, from its middle and in the order of the posed mesh, and which in the order of their own
-    each is: float32 [F * 3, 4]."""
+def resting(rest: Any, topology: Topology) -> np.ndarray:
+    """Corners of faces in rest, from its middle, in the order of the posed mesh -> float32 [F * 3, 4].
+
+    The last column tells which corner each is in the order of rest's own numbers: 0, 1, 2.
+    """
     own = np.argsort(np.argsort(rest.faces, 1, kind="stable"), 1)
     places = (rest.positions - rest.own_frame[0]).astype(np.float32)[rest.faces]
     corners = np.concatenate([places, own[..., None].astype(np.float32)], 2)

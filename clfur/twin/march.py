@@ -143,7 +143,9 @@ def _steps(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
     blur = footprint * lattice[face, 1, 3]
     fade = np.clip((blur - FAR_FROM) / (FAR_TO - FAR_FROM), 0, 1)
     far = fade * fade * (3 - 2 * fade)
-    sideways = np.where(far == 1, 1 / np.maximum(blur, FAR_TO), SIDEWAYS - (SIDEWAYS - 1) * far)
+    slower = np.linalg.norm(lattice[face, 2:4, :3], axis=2).min(1)
+    pixels = 1 / np.where(far == 1, blur, np.where(far > 0, slower * footprint, 1 / SIDEWAYS))
+    sideways = np.where(far == 1, pixels, np.minimum(SIDEWAYS - (SIDEWAYS - 1) * far, pixels))
     measure = np.maximum(np.maximum(float(shells["size"][1]) * np.abs(rise), move * sideways), 1e-6)
     high = np.clip((stop - z_in) / (z_out - z_in), 0, 1)
     passed = np.concatenate([[0], np.cumsum(high * measure)])
@@ -156,8 +158,8 @@ def _steps(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
     sideways = gone[piece] + along * move[piece]
     h = np.clip(h_in[piece] + along * rise[piece], 0, 1)
     return {"ray": np.full(len(piece), ray), "tetrahedron": t[piece], "face": face[piece],
-            "h": h, "h before": np.concatenate([h_in[:1], h[:-1]])[:len(h)], "since": along * measure[piece], "z": z_in[piece] + along * (z_out - z_in)[piece],
-            "at": at_in[piece] + along[:, None] * across[piece],
+            "h": h, "h before": np.concatenate([h_in[:1], h[:-1]])[:len(h)], "since": along * measure[piece],
+            "z": z_in[piece] + along * (z_out - z_in)[piece], "at": at_in[piece] + along[:, None] * across[piece],
             "z step": ((z_out - z_in) / measure)[piece], "h step": (rise / measure)[piece],
             "at step": (across / measure[:, None])[piece], "aside": np.diff(sideways, prepend=0),
             "far": far[piece], "footprint": footprint[piece]}
@@ -186,7 +188,7 @@ def _meet(shells, lattice, noise, means, eye, directions, steps):
     back = np.where((change > 1e-6) & (far == 0), back, 0.5)
     # Of a crowd: at the mean place of what is lost on the way, if that is not before the tetrahedron.
     way = steps["aside"] / np.maximum(np.linalg.norm(steps["at step"], axis=1), 1e-30)
-    some = np.maximum(depth, 1e-2)
+    some = np.clip(depth, 1e-2, 69)
     mean = np.where(depth > 1e-2, 1 / some - 1 / np.expm1(some), 0.5)
     back = np.where(crowd, np.minimum(way, steps["since"]) * (1 - mean), back)
     steps["where"] = eye + (steps["z"] - crowd * back * steps["z step"])[:, None] * d
@@ -266,8 +268,10 @@ def at_height(means, h):
 
 
 def depth_of_many(means, h0, h, aside, crowd):
-    """Optical depth of many hairs from height h0 to h and `aside` sideways; ``crowd``: entered as often as at h0 and h on
-    average, else as at h."""
+    """Optical depth of many hairs from height h0 to h and `aside` sideways.
+
+    ``crowd``: they are entered as often as at h0 and h on average, else as at h.
+    """
     (before, first), (now, last) = at_height(means, h0), at_height(means, h)
     before, now = np.minimum(before, 0.999), np.minimum(now, 0.999)
     down = np.where(now > before, np.log((1 - before) / (1 - np.maximum(now, before))), 0)

@@ -26,12 +26,12 @@ def bend(shells, positions, normals):
 
 
 def lattice(shells, positions, normals, faces, uv, rest):
-    """Places of the corners of faces [F, 3] in the pattern -> [F, 8, 4]; uv [F, 3, 2] and rest [F, 3, 4] of these corners.
+    """Places of the corners of faces [F, 3] in the pattern -> [F, 8, 4].
 
-    rest: places in rest, and which corner of the cells each is.
+    uv: [F, 3, 2] of these corners.  rest: [F, 3, 4], places in rest, and which corner of the cells each is.
     x0 y0 x1 y1; x2 y2, cells along a side, mean growth of x and y in the world; gradients of x, of y
-    and of the height; the most that x and y together can grow; of cells the noise's place where x and y are 0, and how it
-    grows with x and with y.
+    and of the height; the most that x and y together can grow; of cells the noise's place where x and y are 0, and
+    how it grows with x and with y.
     """
     f = float(shells["size"][2])
     a, b, c = np.moveaxis(f64(positions)[faces], 1, 0)
