@@ -108,8 +108,10 @@ inline float past_body(const Obstacles *obstacles, float4 p, float4 n, float ste
     int dark = 0;
     for (int j = max(-radius, -y0); j <= min(radius, view->size.y - 1 - y0); ++j) {
         __global const ulong *row = obstacles->shadow_map + (long)(y0 + j) * view->size.x + x0;
-        for (int k = max(-radius, -x0); k <= min(radius, view->size.x - 1 - x0); ++k)
-            dark += (long)(row[k] >> 32) + plane_at + k * x_step + j * y_step < DEPTH_ONE;
+        for (int k = max(-radius, -x0); k <= min(radius, view->size.x - 1 - x0); ++k) {
+            const long seen = row[k] >> 32;               /* above DEPTH_ONE where nothing is: p may lie far behind the map */
+            dark += (seen <= DEPTH_ONE) & (seen + plane_at + k * x_step + j * y_step < DEPTH_ONE);
+        }
     }
     return 1.0f - (float)dark / ((2 * radius + 1) * (2 * radius + 1));
 }

@@ -180,6 +180,21 @@ def test_what_is_out_of_sight_still_shades(gpu, caster, light):
     assert without > .02 and rms(image, expected) < .5 * without   # whose cells are larger
 
 
+def test_a_shadow_far_below_what_casts_it_is_as_it_is_near(gpu):
+    """The ground lies many times as deep as the map: where nothing stands before the light, it is lit."""
+    sun, far = clfur.Light(direction=(.6, -1, .001), ambient=0), 16.0
+    for height in (4, far):
+        camera = clfur.Camera((.6 * height, far + 5, .01), (.6 * height, -height, 0), up=(0, 0, 1), size=(96, 72))
+        scene = clfur.Scene(joined(ball(), ground(3000, -height)), None, camera, sun)
+        assert height < far or (Rig.of(scene, SETTINGS).light_views[0]["to_screen"].astype(float).T
+                                @ (0, -height, 0, 1))[2] < -3
+        lit = clfur.render(scene, gpu, attrs.evolve(SETTINGS, shadow_map=0))[..., 0]
+        at = clfur.render(scene, gpu, SETTINGS, "depth")["depth"] > far + 7   # the ground
+        dark = 1 - clfur.render(scene, gpu, SETTINGS)[at, 0] / lit[at]
+        pixel = (height + far + 5) / scene.camera.intrinsics[0, 0]
+        assert dark.sum() * pixel**2 == pytest.approx(np.pi * np.hypot(1, .6), rel=.05)   # an ellipse
+
+
 def test_a_fit_that_follows_the_camera_keeps_its_size_and_its_cells():
     """Steps of a panning camera: the cells stay at the same places of the world, of a few sizes."""
     mesh = joined(ground(20, -1, 40, .03))
@@ -240,6 +255,46 @@ def test_the_near_plane_goes_by_what_is_seen():
     within = clfur.Camera((0, 0, 1.05), (0, 0, 0), size=(64, 48))     # among the hair on a large ground
     for fur, least in ((clfur.Strands(types=[clfur.HairType(segments=5, segment_length=.1)]), 1e-3), (None, .04)):
         assert least < near_of(clfur.Scene(large, fur, within)) < .06
+
+
+def test_what_lies_behind_a_near_camera_cuts_nothing_off(gpu):
+    """Two hundredths of a ball's radius before its skin, far from the ends of a large triangle behind the camera."""
+    behind = np.array([(-4000, 0, 1e4), (4000, 0, 1e4), (0, 4000, 1e4)]), np.array([[0, 1, 2]])
+    hair = clfur.HairType(segments=8, segment_length=.05, width=.001)
+    for fur in None, clfur.Strands(inner=1, outer=1, surface="flat", types=[hair]):
+        for z in (1.02, .98):       # before the skin, and behind it
+            camera = clfur.Camera((0, 0, z), (0, .1, 0), size=(32, 24))
+            alone, more = (clfur.Scene(joined(*parts), fur, camera) for parts in ([ball()], [ball(), behind]))
+            assert z < 1 or near_of(more) <= .02
+            one, other = (clfur.render(scene, gpu, SETTINGS, ("depth", "coverage")) for scene in (alone, more))
+            np.testing.assert_array_equal(one["coverage"], other["coverage"])
+            assert np.quantile(np.abs(one["depth"] - other["depth"]) / one["depth"], .98) < 1e-3
+
+
+def test_grown_strands_drawn_as_curves_are_seen_as_near(gpu):
+    """They have bounds, of the large ground too, and are on the host."""
+    hair = clfur.HairType(segments=6, segment_length=.06, width=.01)
+    scene = clfur.Scene(joined(ball(), ground(1500, -1.3)), clfur.Strands(inner=5, outer=5, types=[hair]),
+                        clfur.Camera((0, .1, 1.25), (0, 0, 0), size=(32, 24)), SUN)
+    curved = attrs.evolve(scene, fur=clfur.grow(scene, gpu))
+    one, other = (clfur.render(each, gpu, SETTINGS, ("depth", "coverage", "color")) for each in (scene, curved))
+    assert rms(one["coverage"], other["coverage"]) < 1e-3
+    assert (np.abs(one["depth"] - other["depth"]) > 1e-3).mean() < .01
+    assert rms(one["color"], other["color"]) < .05      # cells of the light are smaller
+
+
+def test_curves_on_a_device_with_bounds_are_not_read_back(gpu, monkeypatch):
+    import pyopencl.array as cla
+
+    fur = curves(hairs())
+    bounds = clfur.scene.Bounds(*extent(None, fur), 2000, 500, 10)
+    places = gpu.upload(fur.points.reshape(-1, 4, 3))
+    placed = clfur.Curves(places, width=.02, color=(.8, .5, .2), bounds=bounds)
+    mesh = joined(ball(), ground(1500, -1.3))
+    monkeypatch.setattr(cla.Array, "get", None)
+    for eye in (.3, .7, 3), (.3, .1, 1.1):
+        scene = clfur.Scene(mesh, placed, clfur.Camera(eye, size=(32, 24)), SUN)
+        assert near_of(scene) < 2 and Rig.of(scene, SETTINGS).fit.seen.cropped
 
 
 def test_nothing_that_is_seen_is_cut_off():

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..scene import Curves, Light, Mesh, Scene, Strands, fur_extent, hair_bounds
-from ..scene.seen import Seen, clipped_faces, clipped_segments, faces_of, seen, segments_of
+from ..scene.seen import Seen, clipped_faces, clipped_segments, faces_of, is_unknown, seen, segments_of
 
 STEPS = 4            # sizes of a cube between one and its double; distances from a spot have 2
 GAIN = math.sqrt(2)  # times smaller than a ball around everything must a cube be, to be taken
@@ -161,7 +161,7 @@ class Fit:
             ends, whose = clipped_segments(frustum, points[first].astype(float), points[first + 1].astype(float))
             found.append((ends, boxes.width[owner[whose]], np.full(len(ends), -1)))
         elif isinstance(fur, Curves) and len(fur.counts):
-            center, radius = (fur.bounds.center, fur.bounds.radius) if fur.bounds else self._curves
+            center, radius = (fur.bounds.center, fur.bounds.radius) if is_unknown(fur) else self._curves
             found.append((center[None], np.array([radius]), np.array([-1])))
         points, radius, faces = (np.concatenate(each) for each in zip(*found))
         if not len(points):

@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 
 from .bounds import boxes_to_see, extent, fur_extent, points_to_see
+from .checks import is_on_device
 from .curves import Curves
 from .mesh import box, sphere
 
 WIDE = 1.5          # times as wide and high as the picture is what counts as seen: a camera that turns a little sees
                     # the same
 EDGE = 1.02         # the same for what may not be cut off: wider than any sample or strand at the picture's edge
-IN_FUR = 0.05       # of the fur's length: nearer than this nothing need be seen
-LEAST = 1e-5        # of the scene's radius: the same
+IN_FUR = 0.05       # of the fur's length: nearer than this nothing need be seen,
+AMONG = 1e-3        # or than this share of how far what is seen reaches,
+LEAST = 1e-5        # but no less than this one, nor than its square of the scene's radius
 
 
 class Frustum:
@@ -149,12 +151,13 @@ def seen(scene: Any) -> Seen:
     """`Seen` of a scene by its camera."""
     scene = scene.local
     mesh, fur = scene.mesh, scene.strands
-    frustum = Frustum(scene.camera, WIDE, fur_extent(scene.fur))
+    known_fur = scene.shells if is_unknown(fur) else scene.fur
+    frustum = Frustum(scene.camera, WIDE, fur_extent(known_fur))
     faces = strands = None
     center, radius = extent(mesh, scene.fur)
     if frustum.of_spheres(center[None], radius)[0][0]:
-        return Seen(frustum, (center, radius), _near(scene, (center, radius), None), None, None, False)
-    corners = boxes_to_see(mesh, scene.fur)
+        return Seen(frustum, (center, radius), _near(scene, (center, radius), None, None), None, None, False)
+    corners = boxes_to_see(mesh, known_fur)
     if mesh is not None and not _all_inside(frustum, corners[0]):
         known = faces_of(mesh, fur is not None and fur.surface == "pn")
         faces = known, *frustum.of_spheres(known.center, known.radius)
@@ -163,15 +166,19 @@ def seen(scene: Any) -> Seen:
         bulge = known.bulge[straddle]
         faces[1][straddle] = within.min((1, 2)) >= bulge
         faces[2][straddle] = (within.max(1).min(1) > -bulge)
-    if isinstance(fur, Curves) and not fur.bounds and len(fur.points):
-        host = fur.on_host
-        if not _all_inside(frustum, corners[-1]):
-            boxes = boxes_of(host)
-            inside, touched = frustum.of_boxes(boxes)
-            strands = None if inside.all() else (boxes, inside, touched)
+    if isinstance(fur, Curves) and not is_unknown(fur) and len(fur.points) and not _all_inside(frustum, corners[-1]):
+        boxes = boxes_of(fur.on_host)
+        inside, touched = frustum.of_boxes(boxes)
+        strands = None if inside.all() else (boxes, inside, touched)
     cropped = [each is not None and bool((each[1] != each[2]).any()) for each in (faces, strands)]
-    ball = _ball(scene, *strands[:2]) if strands is not None and not cropped[1] else extent(mesh, scene.fur)
-    return Seen(frustum, ball, _near(scene, ball, faces), faces, strands, any(cropped))
+    apart = strands is not None and not cropped[1] and not fur.bounds
+    ball = _ball(scene, *strands[:2]) if apart else extent(mesh, scene.fur)
+    return Seen(frustum, ball, _near(scene, ball, faces, strands), faces, strands, any(cropped))
+
+
+def is_unknown(fur: Any) -> bool:
+    """Whether they are Curves on a device that have bounds: these are not read back."""
+    return isinstance(fur, Curves) and fur.bounds is not None and is_on_device(fur.points)
 
 
 def _all_inside(frustum, corners):
@@ -197,25 +204,47 @@ def _ball(scene, boxes, inside):
     return center, radius + max(width, fur_extent(scene.shells))
 
 
-def _near(scene, ball, faces):
+def _near(scene, ball, faces, strands):
     """Where the near plane stands: as near as the ball, or nearer where that would cut off what is seen."""
     (center, radius), camera, mesh = ball, scene.camera, scene.mesh
     eye, forward = camera.pose[:3, 3], -camera.pose[:3, 2]
     distance = float(forward @ (center - eye))
     radius = radius or abs(distance) or 1.0
-    near = max(distance - 1.01 * radius, 1e-3 * radius)
+    near = max(distance - 1.01 * radius, AMONG * radius)
     grown = 0.0 if isinstance(scene.strands, Curves) else fur_extent(scene.strands)
     grown = max(grown, fur_extent(scene.shells))
-    floor = max(IN_FUR * grown, LEAST * radius)
-    if near <= floor or near > 1e-3 * radius:   # nothing is before the ball
+    if near > AMONG * radius:   # nothing is before the ball
         return near
-    frustum, nearest = Frustum(camera, EDGE, fur_extent(scene.fur)), np.inf
+    far = min(_furthest(scene, eye, forward, faces, strands), radius)
+    floor = max(min(IN_FUR * grown, AMONG * far), LEAST * far, LEAST**2 * radius)
+    if near <= floor:
+        return near
+    unknown = is_unknown(scene.strands)
+    frustum, nearest = Frustum(camera, EDGE, fur_extent(scene.shells if unknown else scene.fur)), np.inf
     if mesh is not None:
         known = faces[0] if faces else faces_of(mesh, scene.strands is not None and scene.strands.surface == "pn")
         nearest = _nearest_face(frustum, eye, known, grown, near)
-    if isinstance(scene.strands, Curves) and not scene.strands.bounds and len(scene.strands.points):
+    if unknown:
+        bounds = scene.strands.bounds
+        nearest = min(nearest, max(float(np.linalg.norm(bounds.center - eye) - bounds.radius) * frustum.cosine, 0.0))
+    elif isinstance(scene.strands, Curves) and len(scene.strands.points):
         nearest = min(nearest, _nearest_strand(frustum, eye, scene.strands.on_host, near))
     return near if near <= nearest else max(nearest, floor)
+
+
+def _furthest(scene, eye, forward, faces, strands):
+    """How far along the view all reaches that is seen of the points of mesh and Curves."""
+    boxes = boxes_to_see(scene.mesh, scene.shells if is_unknown(scene.strands) else scene.fur)
+    parts = [faces] * (scene.mesh is not None) + [strands] * (len(boxes) > (scene.mesh is not None))
+    far = [0.0]
+    for part, corners in zip(parts, boxes):
+        if part is None:   # all of it is
+            far.append(float(((np.array(list(itertools.product(*zip(*corners)))) - eye) @ forward).max()))
+        else:
+            known, touched = part[0], part[2]
+            reach = known.radius if isinstance(known, Faces) else known.reach
+            far.append(float(((known.center[touched] - eye) @ forward + reach[touched]).max(initial=0)))
+    return max(far)
 
 
 def _nearest_face(frustum, eye, faces, grown, near):
