@@ -1,11 +1,17 @@
 /* What a sample sees, and from where: shade.cl, coverage.cl, shells.cl and march.cl use this. */
 
+/* Reversed depth of what was seen at this depth: at least half a step, as infinity is no place. */
+inline float reversed_depth(uint depth)
+{
+    return max((float)(DEPTH_ONE - depth), 0.5f) / DEPTH_ONE;
+}
+
 /* The world point that a sample sees. */
 inline float4 seen_point(const View *view, int x, int y, int s, uint depth)
 {
     const int2 offset = PATTERN[view->size.w + s];
     const float px = x + 0.5f + offset.x * (1.0f / SUBPIXEL), py = y + 0.5f + offset.y * (1.0f / SUBPIXEL);
-    const float e = (float)(DEPTH_ONE - depth) / DEPTH_ONE;
+    const float e = reversed_depth(depth);
     const float4 q = view->to_world[0] * px + view->to_world[1] * py + view->to_world[2] * e + view->to_world[3];
     return (float4)(q.xyz / q.w, 0.0f);
 }
@@ -15,7 +21,7 @@ inline float4 seen_point(const View *view, int x, int y, int s, uint depth)
 inline float depth_along(const View *view, float4 p, uint depth)
 {
     const float near = view->to_screen[3].z, distance = to_screen(view, p).w;
-    return distance > 0.5f * near ? distance : near / ((float)(DEPTH_ONE - depth) / DEPTH_ONE);
+    return distance > 0.5f * near ? distance : near / reversed_depth(depth);
 }
 
 /* Share of a pixel that is covered: of the samples that see nothing, what shell fur before them hides. */

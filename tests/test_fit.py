@@ -89,6 +89,22 @@ def test_strands_that_cannot_be_seen_change_no_bit(gpu, skin, raster):
             np.testing.assert_array_equal(more[output], alone[output], f"{name}: {output}")
 
 
+@pytest.mark.parametrize("raster", ["coverage", "samples"])
+@pytest.mark.parametrize("skin", [True, False])
+def test_nor_do_they_where_what_is_seen_is_cropped(gpu, skin, raster):
+    mesh, settings = joined(ball()) if skin else None, attrs.evolve(SETTINGS, raster=raster)
+    random = np.random.default_rng(3)
+    for _ in range(8):
+        camera = clfur.Camera(eye=random.uniform((-.9, -.5, .3), (.9, .5, 2.1)), target=random.uniform(-.3, .3, 3),
+                              fov=random.uniform(20, 60), size=(64, 48))
+        scene = clfur.Scene(mesh, curves(hairs()), camera, [SUN, SPOT])
+        alone = clfur.render(scene, gpu, settings, OUTPUTS)
+        behind = camera.pose[:3, 3] + 50 * camera.pose[:3, 2] + np.array([[[0, .1 * k, 0] for k in range(4)]])
+        more = clfur.render(attrs.evolve(scene, fur=curves(hairs(), behind)), gpu, settings, OUTPUTS)
+        for output in OUTPUTS:
+            np.testing.assert_array_equal(more[output], alone[output], output)
+
+
 def test_strands_without_points_count_as_they_do_where_all_are_seen():
     """The widest has no points; another strand lies far behind the camera."""
     points = hairs(50).reshape(-1, 3)

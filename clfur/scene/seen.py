@@ -133,7 +133,7 @@ class Seen:
     """What a camera sees of a scene.
 
     frustum: `Frustum` of it, WIDE.  ball: (center [3], radius) around all there is, but for Curves that lie outside of
-    the frustum where all others lie inside.  near: nothing before this distance along the view is seen.  faces:
+    the frustum.  near: nothing before this distance along the view is seen.  faces:
     (`Faces`, inside, touched), bool [F] each, or None where all of the mesh is inside, or there is none.  strands:
     (`Boxes`, inside, touched), or None where all are, or they are not Curves whose points are known.  cropped: whether
     anything is partly inside.
@@ -172,8 +172,8 @@ def seen(scene: Any) -> Seen:
         strands = None if inside.all() else (boxes, inside, touched)
     cropped = [each is not None and bool((each[1] != each[2]).any()) for each in (faces, strands)]
     ball = extent(mesh, scene.fur)
-    if strands is not None and not cropped[1] and not fur.bounds:
-        ball = _ball(scene, *strands[:2])
+    if strands is not None and not fur.bounds:
+        ball = _ball(scene, strands[0], strands[2])
     return Seen(frustum, ball, _near(scene, ball, faces, strands), faces, strands, any(cropped))
 
 
@@ -186,9 +186,9 @@ def _all_inside(frustum, corners):
     return bool((frustum.within(np.array(list(itertools.product(*zip(*corners))))) >= 0).all())
 
 
-def _ball(scene, boxes, inside):
-    """What `extent` gives of a scene with only those Curves that are inside."""
-    chosen = np.flatnonzero(inside)
+def _ball(scene, boxes, touched):
+    """What `extent` gives of a scene with only those Curves that touch the frustum."""
+    chosen = np.flatnonzero(touched)
     mesh, curves = scene.mesh, scene.strands.on_host
     others = points_to_see(mesh, scene.fur)[:-1]   # without the Curves
     low, high = boxes.center - boxes.half, boxes.center + boxes.half

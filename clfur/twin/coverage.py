@@ -181,7 +181,7 @@ def light(view, lights, y, x, weights, strands, transmittances=None):
     result, points, tangents = np.zeros(4), f64(strands.points)[:, :3], f64(strands.tangents)[:, :3]
     colors, eye = f64(strands.colors)[:, :3], f64(view["eye"])
     for key, weight in weights.items():
-        k, e = key & 0xFFFFFFFF, 1 - (key >> 32) / DEPTH_ONE
+        k, e = key & 0xFFFFFFFF, max(1 - (key >> 32) / DEPTH_ONE, 0.5 / DEPTH_ONE)
         strand = int(strands.strand_of[k])
         q = np.linalg.solve(f64(view["to_screen"]).T, [x + 0.5, y + 0.5, e, 1])
         p = q[:3] / q[3]

@@ -87,7 +87,8 @@ def _seen(view, sample, samples, width, depth):
     """The world point that a sample sees at a depth."""
     x, y, s = sample // samples % width, sample // samples // width + int(view["rows"][0]), sample % samples
     dx, dy = PATTERNS[samples][s]
-    q = np.array([x + 0.5 + dx / 16, y + 0.5 + dy / 16, 1 - depth / DEPTH_ONE, 1]) @ f64(view["to_world"])
+    e = max(1 - depth / DEPTH_ONE, 0.5 / DEPTH_ONE)
+    q = np.array([x + 0.5 + dx / 16, y + 0.5 + dy / 16, e, 1]) @ f64(view["to_world"])
     return q[:3] / q[3]
 
 

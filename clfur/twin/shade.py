@@ -77,7 +77,7 @@ def samples_of(view, visible):
     on = visible != NONE
     y, x, s = np.nonzero(on)
     offset = f64(PATTERNS[visible.shape[2]])[s] / 16
-    e = 1 - (visible[on] >> np.uint64(32)).astype(np.float64) / DEPTH_ONE
+    e = np.maximum(1 - (visible[on] >> np.uint64(32)).astype(np.float64) / DEPTH_ONE, 0.5 / DEPTH_ONE)
     place = np.stack([x + 0.5 + offset[:, 0], y + 0.5 + offset[:, 1], e, np.ones(len(e))], 1)
     q = np.linalg.solve(f64(view["to_screen"]).T, place.T).T
     p = q[:, :3] / q[:, 3:]
