@@ -89,6 +89,17 @@ def test_strands_that_cannot_be_seen_change_no_bit(gpu, skin, raster):
             np.testing.assert_array_equal(more[output], alone[output], f"{name}: {output}")
 
 
+def test_strands_without_points_count_as_they_do_where_all_are_seen():
+    """The widest has no points; another strand lies far behind the camera."""
+    points = hairs(50).reshape(-1, 3)
+    counts, width = np.append(np.full(50, 4), 0), np.append(np.full(50, .02), .5)
+    alone = clfur.Scene(None, clfur.Curves(points, counts=counts, width=width[:, None]), CAMERA, SUN)
+    more = attrs.evolve(alone, fur=clfur.Curves(np.concatenate([points, UNSEEN["behind"][0]]),
+                                                counts=np.append(counts, 4), width=np.append(width, .02)[:, None]))
+    (center, radius), (other, another) = seen(alone).ball, seen(more).ball
+    assert (center == other).all() and radius == another and near_of(alone) == near_of(more)
+
+
 def test_what_stands_compact_before_the_camera_is_fitted_as_a_ball():
     for mesh, fur in [(joined(ball()), curves(hairs())), (joined(ball()), clfur.Strands(inner=1, outer=1)),
                       (None, curves(hairs())), (joined(ball()), clfur.Shells())]:

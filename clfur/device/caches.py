@@ -21,6 +21,7 @@ from ..errors import Error
 # Other drivers do without: so Mesa does, which checks what it reads, and Intel's for CPUs keeps nothing.
 POCL, VARIABLE = "Portable Computing Language", "POCL_CACHE_DIR"
 ROOM = 16 << 20   # bytes: the kernels of a driver take 2 MiB
+SAME = 5.0        # seconds: when a process began is told by the system's clock, which may be set meanwhile
 
 notes: list[str] = []                       # what `prepare` has to say, a line each
 _private: list[tuple[Path, int]] = []       # the folder that `private` has made, and the process that did
@@ -121,7 +122,7 @@ def _died(place):
     One death may have had another cause: it is told once.  After a second one the folder is spoilt till it is deleted.
     """
     dead, told = [], False
-    with contextlib.suppress(Error, OSError):
+    with contextlib.suppress(Error, OSError, ValueError):   # of what is no mark
         for mark in list(_marks(place).iterdir()):
             process, began, number, *old = mark.name.split()
             if _lives(int(process), float(began)):
@@ -142,7 +143,7 @@ def _died(place):
 def _lives(process, began):
     """Whether the process of this number, begun at this time, is still there."""
     try:
-        return psutil.Process(process).create_time() == began
+        return abs(psutil.Process(process).create_time() - began) < SAME
     except psutil.AccessDenied:
         return True
     except psutil.Error:

@@ -161,7 +161,8 @@ class Fit:
             ends, whose = clipped_segments(frustum, points[first].astype(float), points[first + 1].astype(float))
             found.append((ends, boxes.width[owner[whose]], np.full(len(ends), -1)))
         elif isinstance(fur, Curves) and len(fur.counts):
-            center, radius = (fur.bounds.center, fur.bounds.radius) if is_unknown(fur) else self._curves
+            bounds: Any = fur.bounds
+            center, radius = (bounds.center, bounds.radius) if is_unknown(fur) else self._curves
             found.append((center[None], np.array([radius]), np.array([-1])))
         points, radius, faces = (np.concatenate(each) for each in zip(*found))
         if not len(points):

@@ -171,8 +171,9 @@ def seen(scene: Any) -> Seen:
         inside, touched = frustum.of_boxes(boxes)
         strands = None if inside.all() else (boxes, inside, touched)
     cropped = [each is not None and bool((each[1] != each[2]).any()) for each in (faces, strands)]
-    apart = strands is not None and not cropped[1] and not fur.bounds
-    ball = _ball(scene, *strands[:2]) if apart else extent(mesh, scene.fur)
+    ball = extent(mesh, scene.fur)
+    if strands is not None and not cropped[1] and not fur.bounds:
+        ball = _ball(scene, *strands[:2])
     return Seen(frustum, ball, _near(scene, ball, faces, strands), faces, strands, any(cropped))
 
 
@@ -201,6 +202,8 @@ def _ball(scene, boxes, inside):
         others = [*others, curves.points[points_of(boxes, furthest)]]
     radius = float(np.sqrt(max(((each - center)**2).sum(1).max() for each in others)))
     width = float(boxes.width[chosen].max(initial=0))
+    if 1 < len(curves.width) != len(curves.points):   # `extent` counts those without points too
+        width = max(width, float(curves.width[curves.counts == 0].max(initial=0)) / 2)
     return center, radius + max(width, fur_extent(scene.shells))
 
 
