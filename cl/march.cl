@@ -412,13 +412,16 @@ __kernel void march(
                 const lanes fade = within((blur - FAR_FROM) * (1.0f / (FAR_TO - FAR_FROM)), 0.0f, 1.0f);
                 const lanes far = fade * fade * (3.0f - 2.0f * fade);
                 const lanes_i is_far = far > 0.0f, is_crowd = far >= 1.0f, passes = running;
-                /* Where hairs begin to be seen on average a step is a pixel long, if that is longer. */
-                const float square_x = dot3(grad_x, grad_x), square_y = dot3(grad_y, grad_y);
-                const float slower = sqrt(square_x < square_y ? square_x : square_y);
-                const lanes along = is_crowd ? move / blur : move * lesser(SIDEWAYS - (SIDEWAYS - 1.0f) * far,
-                                                                           is_far ? 1.0f / (slower * footprint) : F(SIDEWAYS));
-                const lanes measure = greater(greater(shells.size.y * positive(rise), along), F(1e-6f));
                 const bool any_far = any_lane(running & is_far), all_crowd = !any_lane(running & !is_crowd);
+                lanes along = SIDEWAYS * move;
+                if (any_far) {
+                    /* Where hairs begin to be seen on average a step is a pixel long, if that is longer. */
+                    const float square_x = dot3(grad_x, grad_x), square_y = dot3(grad_y, grad_y);
+                    const float slower = sqrt(square_x < square_y ? square_x : square_y);
+                    const lanes longest = is_far ? 1.0f / (slower * footprint) : F(SIDEWAYS);
+                    along = is_crowd ? move / blur : move * lesser(SIDEWAYS - (SIDEWAYS - 1.0f) * far, longest);
+                }
+                const lanes measure = greater(greater(shells.size.y * positive(rise), along), F(1e-6f));
                 const lanes measure_inverse = 1.0f / measure, a_step = move * measure_inverse;
                 /* How fast fur can come nearer from one step to the next. */
                 const lanes nearer = move * (steep_here + steep_noise * (shells.kind.x ? F(1.0f) : greater(h_in, h_out))) + positive(rise) * steep_up - rise;
