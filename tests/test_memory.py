@@ -167,9 +167,9 @@ def test_a_scene_that_does_not_fit_is_drawn_in_parts():
 
 
 @pytest.mark.parametrize("text, number", [
-    ("2GiB", 2 * GIB), ("2g", 2 * GIB), ("2 GB", 2 * GIB), ("512M", 1 << 29), ("1.5k", 1536), ("1000000", 1000000),
+    ("2GiB", 2 * GIB), ("2g", 2 * GIB), ("2 GB", 2 * GIB), ("512M", 1 << 29), ("1024k", 1 << 20), ("8000000", 8000000),
     ("1T", 1024 * GIB), ("0", None), ("-1", None), ("2 PiB", None), ("nan", None), ("", None), ("1e9", None),
-    ("9" * 400, None), ("0.1", None)])
+    ("9" * 400, None), ("0.1", None), ("200", None), ("1023K", None)])
 def test_bytes(text, number):
     if number is None:
         with pytest.raises(Exception, match="is not a number of bytes such as 2GiB"):
@@ -182,6 +182,6 @@ def test_the_command_takes_it(clfur, tmp_path):
     for size in ("64MiB", "8GiB"):
         assert clfur("render", "sphere", "--size", "32x24", "--memory", size, "-o", f"{size}.npz")[0] == 0
     assert (tmp_path / "64MiB.npz").read_bytes() == (tmp_path / "8GiB.npz").read_bytes()
-    code, _, err = clfur("render", "sphere", "--size", "32x24", "--memory", "100k", "-o", "no.png")
+    code, _, err = clfur("render", "sphere", "--size", "32x24", "--memory", "1MiB", "-o", "no.png")
     assert code == 2 and "MiB has no room for" in err and err.count("\n") == 1
     assert clfur("render", "sphere", "--memory", "much")[0] == 2

@@ -48,8 +48,9 @@ def tracked():
     if not (ROOT / ".git").exists():
         made = {"__pycache__", ".pytest_cache", ".hypothesis", ".mypy_cache", ".ruff_cache", "build", "dist",
                 "clfur.egg-info", "PKG-INFO"}
+        pictures = {path for kind in ("png", "exr", "npz") for path in ROOT.glob(f"*.{kind}")}   # README makes one
         return sorted(path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*")
-                      if path.is_file() and not made & set(path.relative_to(ROOT).parts))
+                      if path.is_file() and path not in pictures and not made & set(path.relative_to(ROOT).parts))
     listed = subprocess.run(["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], cwd=ROOT,
                             capture_output=True, check=True).stdout
     return sorted(name for name in listed.decode().split("\0") if name and (ROOT / name).is_file())

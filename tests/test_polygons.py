@@ -13,6 +13,7 @@ from clfur.errors import Error
 from clfur.files import polygons
 from clfur.files.meshes import load_mesh
 from clfur.files.polygons import by_size, triangulate
+from clfur.scene import Mesh
 
 SQUARE = [(0, 0), (4, 0), (4, 4), (0, 4)]
 HOLE = [(0, 0), (1, 1), (1, 3), (3, 3), (3, 1), (1, 1)]   # behind SQUARE: a bridge, a hole of 4, the bridge back
@@ -203,3 +204,37 @@ def test_a_polygon_that_is_too_large_to_cut(monkeypatch):
     monkeypatch.setattr(polygons, "MOST_CORNERS", 11)
     with pytest.raises(Error, match="not convex has 12 corners; allowed: at most 11"):
         cut(SHAPES["comb"][0], 0)
+
+
+CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+SIDES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+
+
+@pytest.mark.parametrize("again", [lambda q: q[::-1], lambda q: [*q[2::-1], q[3]], lambda q: q[1:] + q[:1], list])
+@pytest.mark.parametrize("own", [True, False])
+def test_both_sides_of_a_quad_are_cut_alike(again, own):
+    """A cube of which each side is there twice, with vertices of its own or not: one of each is left."""
+    corners = np.array([*SIDES, *map(again, SIDES)])
+    positions = CUBE
+    if own:
+        positions, corners = CUBE[corners].reshape(-1, 3), np.arange(48).reshape(-1, 4)
+    triangles, _ = triangulate(positions, corners.ravel(), np.full(12, 4))
+    mesh = Mesh(positions, faces=corners.ravel()[triangles])
+    assert len(mesh.faces) == 12 and mesh.doubled_faces == 12
+    normals = mesh.positions[mesh.faces].mean(1) * mesh.normals[mesh.faces].mean(1)
+    assert (normals.sum(1) > 0).all()   # outwards
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_both_sides_of_a_polygon_are_cut_alike(name):
+    outline, area = SHAPES[name]
+    points = np.column_stack([np.array(outline, float), np.zeros(len(outline))])
+    corners = np.append(np.arange(len(points)), np.roll(np.arange(len(points))[::-1], 1))
+    triangles, owner = triangulate(points, corners, np.full(2, len(points)))
+    one, other = (np.sort(corners[triangles[owner == k]], 1) for k in (0, 1))
+    once = len(np.unique(points, axis=0)) == len(points)
+    if once:   # else it can go round its places in several ways
+        assert sorted(map(tuple, one)) == sorted(map(tuple, other))
+    a, b, c = np.moveaxis(points[corners[triangles]], 1, 0)
+    signed = np.cross(b - a, c - a)[:, 2] / 2
+    assert signed[owner == 0].sum() == pytest.approx(area) and signed[owner == 1].sum() == pytest.approx(-area)

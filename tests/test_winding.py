@@ -263,3 +263,13 @@ def test_thousands_of_parts_take_no_time():
     assert mesh.turned_faces == 0   # walls of hollows, for all that can be known
     alone = mesh_of(*((.001 * corners + place, faces) for place in places))
     assert alone.turned_faces == 32000
+
+
+def test_normals_that_point_inwards_are_told():
+    """Those that are given count, so that fur grows inside of a closed mesh: this is not to happen without a word."""
+    mesh = clfur.load_mesh("sphere")
+    inwards = clfur.Mesh(mesh.positions, -mesh.normals, faces=mesh.faces)
+    assert inwards.inward and not mesh.inward
+    np.testing.assert_allclose(inwards.normals, -mesh.normals, atol=1e-6)
+    bowl = clfur.Mesh(mesh.positions, -mesh.normals, faces=mesh.faces[1:])
+    assert not bowl.inward   # open: it has no inside

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import attrs
 import click
+import numpy as np
 from click.core import ParameterSource
 
 from .. import PRESETS, Camera, Error, HairType, Light, Scene, Settings, Shells, Strands, load_mesh
@@ -286,8 +287,15 @@ def _strands(options, length, radius, faces):
         raise click.UsageError("--type-map needs --types, the hair types that its colours mean")
     return Strands(
         types=[HairType(**hair)] if options["types"] is None else _hair_types(options["types"], hair),
-        type_map=None if options["type_map"] is None else load_picture(options["type_map"]),
+        type_map=None if options["type_map"] is None else _type_map(options["type_map"]),
         **density(options, faces), **{name: options[name] for name in ("surface", "force", "seed", "rest")})
+
+
+def _type_map(path):
+    pixels = load_picture(path)
+    if pixels.dtype != np.uint8:
+        raise Error(f"{path}: has 16 bits a channel; allowed in a type map: 8, as the keys of types have")
+    return pixels
 
 
 def _hair_types(path, defaults):

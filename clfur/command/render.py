@@ -68,7 +68,8 @@ def render(given, output, outputs, device, memory, as_json, **options):
                "zero_normal": scene.mesh.zero_normal_faces if scene.mesh else 0,
                "doubled": scene.mesh.doubled_faces if scene.mesh else 0}
     wound = {"turned": scene.mesh.turned_faces if scene.mesh else 0,
-             "one_sided": scene.mesh.one_sided_faces if scene.mesh else 0}
+             "one_sided": scene.mesh.one_sided_faces if scene.mesh else 0,
+             "inward": bool(scene.mesh and scene.mesh.inward)}
     shells, fewer = scene.shells, "" if is_scene_file(given) else lowered(options, scene.strands)
     if as_json:
         of_options = {} if is_scene_file(given) else {name: options[name] for name in ("fov", "light", "alpha", "seed")}
@@ -94,4 +95,5 @@ def render(given, output, outputs, device, memory, as_json, **options):
           + (f"; turned {wound['turned']:,} faces that were inside out" if wound["turned"] else "")
           + (f"; {wound['one_sided']:,} faces are of a surface with one side: hair changes over somewhere"
              if wound["one_sided"] else "")
+          + ("; the mesh's normals point inwards, and so does its fur" if wound["inward"] else "")
           + (f"; {label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""))

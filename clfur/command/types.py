@@ -41,7 +41,7 @@ class Size(click.ParamType):
 
 
 class Bytes(click.ParamType):
-    """A number of bytes, such as 2GiB, 512M or 1000000; K, M, G and T are powers of 1024."""
+    """A number of bytes, such as 2GiB, 512M or 8000000; K, M, G and T are powers of 1024."""
 
     name = "bytes"
 
@@ -50,8 +50,9 @@ class Bytes(click.ParamType):
             return value
         found = re.fullmatch(r"(\d{1,15}(?:\.\d{1,9})?) *([kmgt]?)(?:i?b)?", value.lower())
         number = int(float(found[1]) * 1024 ** " kmgt".index(found[2] or " ")) if found else 0
-        if number < 1:
-            self.fail(f"{value!r} is not a number of bytes such as 2GiB, 512M or 1000000", param, ctx)
+        if number < 1 << 20:
+            self.fail(f"{value!r} is not a number of bytes such as 2GiB, 512M or 8000000; allowed: at least 1MiB",
+                      param, ctx)
         return number
 
 

@@ -35,13 +35,54 @@ def triangulate(positions: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -
                 raise Error(f"a face that is not convex has {sizes[k]} corners; allowed: at most {MOST_CORNERS}")
             ears = _ears(positions[corners[starts[k]:starts[k] + sizes[k]]], normals[k])
             cut |= {k: ears + starts[k]} if len(ears) else {}
-    if not cut:
-        return triangles, owner
-    kept = ~np.isin(owner, list(cut))
-    owner = np.concatenate([owner[kept], *(np.full(len(ears), k) for k, ears in cut.items())])
-    triangles = np.concatenate([triangles[kept], *cut.values()])
-    order = np.argsort(owner, kind="stable")
-    return triangles[order], owner[order]
+    if cut:
+        kept = ~np.isin(owner, list(cut))
+        owner = np.concatenate([owner[kept], *(np.full(len(ears), k) for k, ears in cut.items())])
+        triangles = np.concatenate([triangles[kept], *cut.values()])
+        order = np.argsort(owner, kind="stable")
+        triangles, owner = triangles[order], owner[order]
+    _cut_alike(_places(positions)[corners], starts, sizes, triangles, owner)
+    return triangles, owner
+
+
+def _places(positions):
+    """Return a number for each place of positions [V, 3], uint64 [V]: equal ones have the same, others hardly ever."""
+    x, y, z = np.ascontiguousarray(positions + 0.0, np.float64).view(np.uint64).T   # + 0 turns -0.0 into 0.0
+    return _mixed(_mixed(_mixed(x) + y) + z)
+
+
+def _mixed(bits):
+    """Return numbers uint64 in which each bit depends on all of these: floats often differ in a few alone."""
+    bits = (bits ^ (bits >> np.uint64(32))) * np.uint64(0x9E3779B97F4A7C15)
+    bits = (bits ^ (bits >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
+    return bits ^ (bits >> np.uint64(32))
+
+
+def _cut_alike(places, starts, sizes, triangles, owner):
+    """Give polygons that go round the places [C] of an earlier one, either way, the triangles of that one, in place.
+
+    Else the two sides of a two-sided quad could be cut along different diagonals, and Mesh would not know them.
+    """
+    large = np.flatnonzero(sizes > 3)
+    sums = np.append(np.uint64(0), np.cumsum(places))   # those of a polygon add up to the same in any order
+    key = sums[starts[large] + sizes[large]] - sums[starts[large]]
+    _, first, group = np.unique(key, return_index=True, return_inverse=True)
+    model = first[group.reshape(-1)]
+    later = np.flatnonzero((model != np.arange(len(large))) & (sizes[large[model]] == sizes[large]))
+    ones, others = large[model[later]], large[later]
+    begin, count = np.searchsorted(owner, np.stack([ones, others])), np.bincount(owner, minlength=len(sizes))
+    for n in np.unique(sizes[others]).tolist():
+        some = (sizes[others] == n) & (count[ones] == n - 2) & (count[others] == n - 2)
+        one, other = (starts[each[some], None] + np.arange(n) for each in (ones, others))
+        at = (places[other] == places[one[:, :1]]).argmax(axis=1)[:, None]
+        once = (np.diff(np.sort(places[one], axis=1)) != 0).all(axis=1)
+        for way, turn in ((1, [0, 1, 2]), (-1, [0, 2, 1])):
+            same = np.take_along_axis(other, (at + way * np.arange(n)) % n, 1)   # the other's corners as the one's go
+            good = once & (places[same] == places[one]).all(axis=1)
+            theirs, own = (each[some][good, None] + np.arange(n - 2) for each in begin)
+            local = triangles[theirs] - one[good, :1, None]
+            found = np.take_along_axis(same[good], local.reshape(-1, 3 * (n - 2)), 1)
+            triangles[own] = found.reshape(-1, n - 2, 3)[..., turn]
 
 
 def by_size(triangles: np.ndarray, owner: np.ndarray, sizes: np.ndarray) -> np.ndarray:

@@ -221,6 +221,20 @@ class Mesh:
         return float(np.sqrt((_face_normals(self.positions, self.faces)[0] ** 2).sum(axis=1)).sum() / 2)
 
     @functools.cached_property
+    def inward(self) -> bool:
+        """Whether the mesh is closed and its normals, as they were given, point into it: so does fur.
+
+        By Gauss' theorem: the flux of places through a closed surface is three times the volume within.
+        """
+        corners = self.positions.astype(np.float64)[self.faces]
+        area = np.linalg.norm(_face_normals(self.positions, self.faces)[0], axis=1) / 2
+        along = ((corners.mean(1) - self.positions.mean(0)) * self.normals[self.faces].mean(1)).sum(1)
+        if (area * along).sum() > -1e-3 * area.sum() ** 1.5:
+            return False
+        edges = np.sort(np.stack([self.faces, np.roll(self.faces, -1, 1)], 2).reshape(-1, 2), 1)
+        return bool((np.unique(edges, axis=0, return_counts=True)[1] % 2 == 0).all())
+
+    @functools.cached_property
     def longest_edge(self) -> float:
         """Length of the longest side of a face, flat."""
         return float(_face_normals(self.positions, self.faces)[1].max())
