@@ -1,6 +1,7 @@
 """What the near plane and the lights' grids and maps are fitted to: what is seen, and nothing else."""
 
 import itertools
+import warnings
 
 import attrs
 import numpy as np
@@ -142,6 +143,17 @@ def test_a_large_ground_takes_nothing(gpu, furry, light):
     for large in pictures[1:]:
         assert np.abs(large["depth"] - pictures[0]["depth"])[near].max() < 1e-3   # ends are snapped to 1/256 pixel
         assert rms(large["color"][near], pictures[0]["color"][near]) < .002
+
+
+def test_fur_into_the_distance_is_told(gpu):
+    """One grid for all of it has cells wider than hair is long: no shadows without a word."""
+    camera = clfur.Camera((.5, .7, 2.4), (0, -.3, 0), size=(64, 48))
+    fur = clfur.Strands(roots=500, types=[clfur.HairType(segments=4, segment_length=.05, width=.01)])
+    for half, told in ((1, 0), (1500, 1)):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            clfur.render(clfur.Scene(joined(ball(.5), ground(half, -.55, 1)), fur, camera, SUN), gpu, SETTINGS)
+        assert len(caught) == told and all("cells of the light's grid are" in str(each.message) for each in caught)
 
 
 def test_a_bald_ground_takes_nothing_either(gpu):

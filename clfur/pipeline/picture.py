@@ -97,7 +97,7 @@ class Picture:
 
     def __init__(self, team: Team, plan: Plan, outputs: Sequence[str], hashes: bool) -> None:
         self.team, self.plan, self.outputs, self.hashes = team, plan, outputs, hashes
-        self.warnings: set[str] = set()   # what is wrong where a device has ended a loop before its time
+        self.warnings = {plan.rig.warning} - {""}   # what is known to be wrong in the picture
         self.digests: dict[str, str] = {}
         self._images: dict[str, np.ndarray] = {}
         self.strands = (Coverage if plan.uses_coverage else Samples)(plan, team, self.warnings)

@@ -13,6 +13,8 @@ from ..scene.seen import Seen, seen
 from ..settings import Settings
 from .fit import Fit
 
+COARSE = 2   # lengths of fur: cells of the grid that are wider show no shadow within it
+
 
 @dataclass(frozen=True)
 class Rig:
@@ -45,6 +47,15 @@ class Rig:
             grids=tuple(grid_of(scene, settings.grid, light, fit) if shadows and np.any(light.color) else None
                         for light in scene.lights),
             fit=fit)
+
+    @property
+    def warning(self) -> str:
+        """What is wrong where fur reaches so far that the sun's grid can't show its shadows, or ""."""
+        sides = [float(grid["face"][1]) for grid in self.grids if grid is not None and not grid["light"][3]]
+        if not self.fit.seen.cropped or not 0 < COARSE * self.fit.grown < max(sides, default=0):
+            return ""
+        return (f"cells of the light's grid are {max(sides):.3g} wide and fur {self.fit.grown:.3g} long, as it grows far "
+                "into the distance: its shadows are hardly seen; less of it, or a ground that is bald, has finer ones")
 
 
 def view_of(scene: Scene, samples: int, known: Seen | None = None) -> np.void:
