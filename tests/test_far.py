@@ -92,6 +92,8 @@ def test_what_is_near_keeps_its_bits_and_what_is_stored_can_be_given_again():
     stray = hairs() + (1e5, 0, 0)
     stray[0, 0] = 0                     # one wrong point does not take the others' places
     assert abs(clfur.Curves(stray).origin[0] - 1e5) < 2
+    two = np.concatenate([hairs(100), hairs(400) + (1e5, 0, 0)])
+    assert not clfur.Curves(two).origin.any()     # of two heaps none is left behind
 
 
 def test_a_scene_has_one_origin():

@@ -361,3 +361,15 @@ def test_nothing_that_is_seen_is_cut_off():
         assert not (seen_at & (w < near * (1 - 1e-6)) & (w > least)).any()
         assert near > 0 and np.isfinite(near)
         assert seen(scene).near == pytest.approx(near, rel=1e-6)
+
+
+def test_the_ball_holds_all_points_of_the_curves_that_are_seen():
+    """Found from their boxes: the furthest point is not always in the box whose middle is furthest."""
+    corner = 1 + np.concatenate([np.zeros((1, 3)), np.eye(3)])          # its box's middle is further than its points
+    heap = np.full((1, 4, 3), 2.5 / 3**.5) - 1e-3 * np.arange(4)[None, :, None]
+    points = np.concatenate([corner[None], -corner[None], heap])
+    camera = clfur.Camera((0, 0, 12), size=(64, 48))
+    center, radius = seen(clfur.Scene(None, curves(points, UNSEEN["aside"]), camera)).ball
+    expected, reach = extent(None, curves(points))
+    np.testing.assert_array_equal(center, expected)
+    assert radius == reach == pytest.approx(2.51)

@@ -310,5 +310,5 @@ def _box_of_each(points, radius):
 
 def _box(points, radius):
     """Corners (low, high) [3] of the box around spheres."""
-    low, high = _box_of_each(points, radius)
-    return low.min(0), high.max(0)
+    return (np.array([(points[:, i] - radius).min() for i in range(3)]),
+            np.array([(points[:, i] + radius).max() for i in range(3)]))

@@ -13,6 +13,7 @@ from . import checks
 FAR = 64                 # sizes away from 0: float32 then keeps a place to 4e-6 of the size, which is still less than
                          # a step of the raster in a picture of a thousand pixels
 FAR_OF_MOST = 1 << 13    # the same for the half of the points around their median, whatever else there is
+FEW = 0.05               # share of the points that may be strays, left behind at the old origin
 SOME = 4096              # points that are looked at
 
 ZERO = checks.frozen(np.zeros(3))
@@ -37,7 +38,8 @@ def near_origin(places, given, where):
     median = np.median(some, 0)
     apart = np.abs(some - median).max(1)
     away, most, half = float(np.abs(median).max()), float(apart.max()), float(np.median(apart))
-    if not most or (away <= FAR * most and away <= FAR_OF_MOST * (half or most)):
+    here = float((np.abs(some).max(1) * FAR < away).mean())   # near the origin as it is: these would lose their places
+    if not most or (away <= FAR * most and (away <= FAR_OF_MOST * (half or most) or here > FEW)):
         return checks.float32(places, where), given
     step = 2.0 ** math.floor(math.log2(half or most))
     shift = np.rint(median / step) * step

@@ -191,14 +191,16 @@ def _ball(scene, boxes, touched):
     chosen = np.flatnonzero(touched)
     mesh, curves = scene.mesh, scene.strands.on_host
     others = points_to_see(mesh, scene.fur)[:-1]   # without the Curves
-    low, high = boxes.center - boxes.half, boxes.center + boxes.half
-    ends = [box(each) for each in others] + ([(low[chosen].min(0), high[chosen].max(0))] if len(chosen) else [])
+    places, half = boxes.center[chosen], boxes.half[chosen]
+    ends = [box(each) for each in others] + ([(box(places - half)[0], box(places + half)[1])] if len(chosen) else [])
     if not ends:
         return extent(mesh, scene.fur)
     center, _ = sphere(np.min([each for each, _ in ends], 0), np.max([each for _, each in ends], 0))
-    away, reach = np.linalg.norm(boxes.center[chosen] - center, axis=1), np.linalg.norm(boxes.half[chosen], axis=1)
-    if len(chosen):   # only these can be the furthest
-        furthest = chosen[away + reach >= away.max() * (1 - 1e-6)]
+    if len(chosen):   # only those can be the furthest that reach as far as one of them does
+        x, y, z = (places - center).T
+        reach = np.sqrt(x * x + y * y + z * z) + boxes.reach[chosen]
+        one = curves.points[points_of(boxes, chosen[[np.argmax(reach)]])]
+        furthest = chosen[reach >= np.sqrt(((one - center)**2).sum(1).max()) * (1 - 1e-9)]
         others = [*others, curves.points[points_of(boxes, furthest)]]
     radius = float(np.sqrt(max(((each - center)**2).sum(1).max() for each in others)))
     width = float(boxes.width[chosen].max(initial=0))
@@ -334,10 +336,12 @@ def clipped_faces(frustum: Frustum, corners: Any) -> tuple[np.ndarray, np.ndarra
 
 def clipped_segments(frustum: Frustum, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(Ends [2 m, 3] of what a frustum holds of segments a b [n, 3], of which segment each is)."""
-    one, other = frustum.within(a), frustum.within(b)
-    at = one / np.where(one == other, 1, one - other)
-    begin = np.where((one < 0) & (other >= 0), at, np.where((one < 0) & (other < 0), 2, 0)).max(1)
-    end = np.where((one >= 0) & (other < 0), at, 1).min(1)
+    begin, end = np.zeros(len(a)), np.ones(len(a))
+    for plane, offset in zip(frustum.planes, frustum.offsets):   # a row at a time: much faster than along short rows
+        one, other = a @ plane + offset, b @ plane + offset
+        at = one / np.where(one == other, 1, one - other)
+        begin = np.maximum(begin, np.where(one < 0, np.where(other >= 0, at, 2), 0))
+        end = np.minimum(end, np.where((one >= 0) & (other < 0), at, 1))
     some = np.flatnonzero(begin < end)
     d = b[some] - a[some]
     return np.concatenate([a[some] + begin[some, None] * d, a[some] + end[some, None] * d]), np.tile(some, 2)
