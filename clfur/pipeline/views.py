@@ -55,7 +55,7 @@ class Rig:
         if not self.fit.seen.cropped or not 0 < COARSE * self.fit.grown < max(sides, default=0):
             return ""
         return (f"cells of the light's grid are {max(sides):.3g} wide and fur {self.fit.grown:.3g} long, as it goes "
-                "far into the distance: its shadows are hardly seen; less of it, or a ground that is bald, has finer ones")
+                "far into the distance: its shadows are hardly seen; less of it, or a bald ground, has finer ones")
 
 
 def view_of(scene: Scene, samples: int, known: Seen | None = None) -> np.void:
