@@ -54,7 +54,7 @@ class Rig:
         sides = [float(grid["face"][1]) for grid in self.grids if grid is not None and not grid["light"][3]]
         if not self.fit.seen.cropped or not 0 < COARSE * self.fit.grown < max(sides, default=0):
             return ""
-        return (f"cells of the light's grid are {max(sides):.3g} wide and fur {self.fit.grown:.3g} long, as it grows "
+        return (f"cells of the light's grid are {max(sides):.3g} wide and fur {self.fit.grown:.3g} long, as it goes "
                 "far into the distance: its shadows are hardly seen; less of it, or a bald ground, has finer ones")
 
 
