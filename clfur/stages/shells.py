@@ -229,7 +229,7 @@ def deposit(gpu: Any, grid: np.void, shell: Shell, packed: np.void, method: str,
 
 
 def bounds_of(gpu: Any, shell: Shell) -> tuple[int, float]:
-    """(pieces, area [world²]) that shell fur cannot exceed across any light, as `clfur.fur.hair_bounds` of strands."""
+    """(pieces, area [world²]) that shell fur cannot exceed across any light, as `scene.hair_bounds` of strands."""
     pattern = shell.pattern
     lattice, means = gpu.download(pattern.lattice).reshape(-1, 4 * CORNERS).astype(float), gpu.download(pattern.means)
     corners = gpu.download(pattern.faces)[:, :3]

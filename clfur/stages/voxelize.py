@@ -44,7 +44,7 @@ def crossing_unit_for(most: float) -> int:
 
 def most_of(grid: np.void, method: str, segments: int, length: float, area: float,
             nearest: float | None = None) -> float:
-    """The fragments or crossings in the grid that hair cannot exceed, from what `clfur.fur.hair_bounds` gives.
+    """The fragments or crossings in the grid that hair cannot exceed, from what `scene.hair_bounds` gives.
 
     ``nearest``: its smallest w, that of the grid if None.
     """
