@@ -132,6 +132,12 @@ inline float place_between(float4 a, float4 b, float4 p)
     return at < 0.0f ? 0.0f : at < 1.0f ? at : 1.0f;
 }
 
+/* Where the point lies that came as number `came`: strands may have been put in order. */
+inline uint lies_at(__global const uint *stored, uint run, uint came)
+{
+    return stored[came / run] + came % run;
+}
+
 /* Strands: see strands.cl. */
 typedef struct {
     __global const float4 *points, *tangents;

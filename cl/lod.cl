@@ -69,10 +69,11 @@ __kernel void thin(
     const uint seed,
     const int by_place,                    // 1: strands have no numbers, and are gone through from the same end whichever
                                            // is the root
-    const uint first_strand,               // number of the first of these strands among all
+    const uint first_strand,               // number among all of the strand of number 0
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const float4 *tangents,       // [P] unit
     __global const uint2 *spans,           // [strands] first point, points
+    __global const uint *numbers,          // [strands]
     __global const float4 *colors,         // [P] if color_per is 2
     const int color_per,                   // 2: each point has a colour
     __global float4 *out_points,           // [P] what is kept, at the front or, where gone through backwards, the end of
@@ -91,7 +92,7 @@ __kernel void thin(
     const float wide = by_place ? max(root.w, tip.w) : root.w;
     const float w = min(to_screen(&view, root).w, to_screen(&view, tip).w), width = wide * view.scale.x / w;
     const float k = w > 0.0f && wide > 0.0f && width < lod ? max(width / lod, LOD_LEAST) : 1.0f;
-    const float wider = widening(place_of(by_place ? number_of(root, tip) : first_strand + (uint)i, seed), k);
+    const float wider = widening(place_of(by_place ? number_of(root, tip) : first_strand + numbers[i], seed), k);
     if (!(wider > 0.0f))
         return;
 

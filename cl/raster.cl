@@ -144,12 +144,14 @@ __kernel void lines(
     const View view,
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
-    const uint first,                      // added to the number of a segment's first point to make its id
+    __global const uint *shifts,           // [strands] added to the number of a segment's first point,
+    const uint first,                      // and this, to make its id
     const int phase,
     volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
     WORK_ITEM(strand);
     const uint2 span = spans[strand];
+    const uint id = first + shifts[strand] + span.x;
     float4 a, b;                           // clip space
     int4 sa, sb;                           // snapped; w = CLIPPED where it can't be
     float ha = 0.0f, hb;                   // half a width in pixels at w = 1
@@ -162,9 +164,9 @@ __kernel void lines(
             sb = snap((float4)(b.xyz, min(hb, GUARD * b.w)) / b.w);
         if (k) {
             if (sa.w != CLIPPED && sb.w != CLIPPED)
-                draw_segment(visible, &view, sa, sb, first + span.x + k - 1, phase);
+                draw_segment(visible, &view, sa, sb, id + k - 1, phase);
             else
-                draw_clipped(visible, &view, a, b, ha, hb, first + span.x + k - 1, phase);
+                draw_clipped(visible, &view, a, b, ha, hb, id + k - 1, phase);
         }
         a = b;
         sa = sb;

@@ -31,8 +31,8 @@ inline float4 body_normal(__global const float4 *positions, __global const float
     return dot3(n, v) < 0.0f ? -n : n;
 }
 
-/* Number of what a sample shows, among the triangles or segments that a part of the scene holds; NOTHING if it shows none
-   of these. */
+/* Number of what a sample shows among the triangles, or the segments as they came, that a part of the scene holds; NOTHING
+   if it shows none of these. */
 inline uint local_id(ulong key, uint4 part)
 {
     const bool is_body = (uint)key & BODY;
@@ -64,6 +64,8 @@ __kernel void color(
     __global const float4 *points,         // strands: see strands.cl
     __global const float4 *tangents,
     __global const uint *strand_of,
+    __global const uint *stored,           // where the first point of each run lies that came
+    const uint run,                        // points
     __global const float4 *strand_normal,  // [strands] of the body at the root, 0: not known
     __global const float4 *strand_uv,      // [strands] u, v, type
     __global const HairType *types,
@@ -117,9 +119,10 @@ __kernel void color(
                 const float4 face = cross3(positions[t.y] - positions[t.x], positions[t.z] - positions[t.x]);
                 radiance = body_color * light_on_body(&light, &obstacles, p, n, face);
             } else {
-                const float at = place_between(points[id], points[id + 1], p);
-                const Fibre here = fibre_at(&hair, id, at);
-                radiance = shade_fibre(&light, &here, p, v, transmittance_at(&obstacles, &hair, id, at, p));
+                const uint from = lies_at(stored, run, id);
+                const float at = place_between(points[from], points[from + 1], p);
+                const Fibre here = fibre_at(&hair, from, at);
+                radiance = shade_fibre(&light, &here, p, v, transmittance_at(&obstacles, &hair, from, at, p));
             }
             const float share = attenuated ? weight * sample_transmittance[pixel * samples + s] : weight;
             sum += in_integers(share, (float4)(radiance.xyz, i ? 0.0f : 1.0f));
@@ -172,6 +175,9 @@ __kernel void outputs(
     __global const float4 *points,
     __global const float4 *tangents,
     __global const uint *strand_of,
+    __global const uint *numbers,
+    __global const uint *stored,
+    const uint run,
     __global const float4 *strand_uv,
     __global const float4 *positions,
     __global const float4 *normals,
@@ -209,11 +215,12 @@ __kernel void outputs(
         out_normal[pixel] = body_normal(positions, normals, t, p, v, &b);
         out_uv[pixel] = b.x * uv[t.x] + b.y * uv[t.y] + b.z * uv[t.z];
     } else {
-        const float at = place_between(points[id], points[id + 1], p);
-        const float4 tangent = unit_or(mix(tangents[id], tangents[id + 1], at), tangents[id]);
-        out_id[pixel] = (int)(first_strand + strand_of[id]);
+        const uint from = lies_at(stored, run, id), strand = strand_of[from];
+        const float at = place_between(points[from], points[from + 1], p);
+        const float4 tangent = unit_or(mix(tangents[from], tangents[from + 1], at), tangents[from]);
+        out_id[pixel] = (int)(first_strand + numbers[strand]);
         out_tangent[pixel] = tangent;
         out_normal[pixel] = unit_or(v - dot3(v, tangent) * tangent, v);
-        out_uv[pixel] = strand_uv[strand_of[id]];
+        out_uv[pixel] = strand_uv[strand];
     }
 }

@@ -206,6 +206,8 @@ __kernel void grow(
     __global float4 *tangents,             // [strands, stride] unit
     __global uint *strand_of,              // [strands, stride]
     __global uint2 *spans,                 // [strands] first point, points (0: bald)
+    __global uint *shifts,                 // [strands] 0: they are where they came
+    __global uint *numbers,                // [strands] their own
     __global float4 *colors,               // [strands] linear r, g, b
     __global float4 *strand_uv)            // [strands] u, v, type
 {
@@ -220,6 +222,8 @@ __kernel void grow(
     const float4 vary = signed_unit(random3(number, seed, 1));
 
     spans[i] = (uint2)(first, segments ? segments + 1 : 0);
+    shifts[i] = 0;
+    numbers[i] = i;
     strand_uv[i] = (float4)(uv.x, uv.y, (float)kind, 0.0f);
     float4 color = type.color;
     if (type.counts.z)
@@ -276,11 +280,13 @@ __kernel void grow(
     strand_of[first + segments] = i;
 }
 
-/* One strand of the user's: packed arrays -> those of grown strands, tangents from the neighbouring points. */
+/* One strand of the user's goes to its place in the order: packed arrays -> those of grown strands, tangents from the
+   neighbouring points. */
 __kernel void unpack_curves(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float *packed,          // [points, 3]
-    __global const uint2 *spans,           // [strands] first point, points
+    __global const uint2 *brought,         // [strands] first point, points
+    __global const uint2 *placed,          // [strands] strand, first point in the order; see order.cl
     __global const float *widths,          // one, [strands] or [points]
     const int width_per,                   // 0: one for all, 1: each strand, 2: each point
     __global const float *packed_colors,   // one, [strands, 3] or [points, 3]
@@ -291,31 +297,43 @@ __kernel void unpack_curves(
     const int has_uv,
     __global const uint *type_of,          // [strands]; none where has_types is 0
     const int has_types,
-    __global float4 *points,               // [points] x, y, z, width
+    const uint run,                        // points of each strand, or 1 where these differ
+    __global float4 *points,               // in the order: [points] x, y, z, width
     __global float4 *tangents,             // [points] unit
     __global uint *strand_of,              // [points]
+    __global uint2 *spans,                 // [strands] first point, points
+    __global uint *shifts,                 // [strands] what, added to the number of a point here, is that as it came
+    __global uint *numbers,                // [strands] of the strand as it came
     __global float4 *colors,               // one, [strands] or [points] linear r, g, b
     __global float4 *strand_normal,        // [strands] of the body at the root, 0: not known
-    __global float4 *strand_uv)            // [strands] u, v, type
+    __global float4 *strand_uv,            // [strands] u, v, type
+    __global uint *stored)                 // [points / run] where the first point of each run is that came
 {
     WORK_ITEM(i);
-    const uint first = spans[i].x, count = spans[i].y;
-    strand_normal[i] = has_normals ? (float4)(vload3(i, root_normals), 0.0f) : (float4)(0.0f);
-    strand_uv[i] = (float4)(has_uv ? vload2(i, root_uv) : (float2)(0.0f), has_types ? type_of[i] : 0.0f, 0.0f);
-    if (color_per == 1 || (color_per == 0 && i == 0))
-        colors[i] = (float4)(vload3(i, packed_colors), 0.0f);
+    const uint came = brought[i].x, count = brought[i].y, strand = placed[i].x, first = placed[i].y;
+    spans[strand] = (uint2)(first, count);
+    shifts[strand] = came - first;
+    numbers[strand] = i;
+    strand_normal[strand] = has_normals ? (float4)(vload3(i, root_normals), 0.0f) : (float4)(0.0f);
+    strand_uv[strand] = (float4)(has_uv ? vload2(i, root_uv) : (float2)(0.0f), has_types ? type_of[i] : 0.0f, 0.0f);
+    if (color_per == 1)
+        colors[strand] = (float4)(vload3(i, packed_colors), 0.0f);
+    if (color_per == 0 && i == 0)
+        colors[0] = (float4)(vload3(0, packed_colors), 0.0f);
     float4 before, here, next, tangent = (float4)(0.0f, 1.0f, 0.0f, 0.0f);
     for (uint k = 0; k < count; ++k) {
-        const uint p = first + k;
+        const uint p = came + k, to = first + k;
         if (k == 0)
             before = here = (float4)(vload3(p, packed), 0.0f);
         next = k + 1 < count ? (float4)(vload3(p + 1, packed), 0.0f) : here;
         tangent = unit_or(next - before, tangent);
-        points[p] = (float4)(here.xyz, widths[width_per == 0 ? 0 : width_per == 1 ? i : p]);
-        tangents[p] = tangent;
-        strand_of[p] = i;
+        points[to] = (float4)(here.xyz, widths[width_per == 0 ? 0 : width_per == 1 ? i : p]);
+        tangents[to] = tangent;
+        strand_of[to] = strand;
         if (color_per == 2)
-            colors[p] = (float4)(vload3(p, packed_colors), 0.0f);
+            colors[to] = (float4)(vload3(p, packed_colors), 0.0f);
+        if (p % run == 0)
+            stored[p / run] = to;
         before = here;
         here = next;
     }

@@ -21,6 +21,7 @@ CONSTANTS = {
     "SIDE_BITS": 2,         # of a neighbour's side: face << SIDE_BITS | side
     "ROWS": 16,             # of a face's points in the light's grid that a work-item does,
     "POINT_STEP": 0.75,     # which stand no further apart than so many sides of a cell
+    "CELL_BITS": 4,         # of a coordinate of a cell by which the user's strands are put in order
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }

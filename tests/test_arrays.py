@@ -22,7 +22,7 @@ from clfur.stages.raster import raster
 ROOT = Path(__file__).resolve().parents[1]
 STAGES = [importlib.import_module(f"clfur.stages.{path.stem}")
           for path in sorted((ROOT / "clfur/stages").glob("*.py")) if path.stem != "__init__"]
-ROWS = {"point": 20, "strand": 5, "color": 5, "type": 2}
+ROWS = {"point": 20, "strand": 5, "color": 5, "type": 2, "run": 1}
 
 
 # --- what is declared -------------------------------------------------------------------------------------

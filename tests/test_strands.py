@@ -543,9 +543,14 @@ def test_colour_texture_is_bilinear_and_repeats(gpu):
 
 
 def upload_curves(gpu, curves):
-    """The device's points [P, 4], tangents [P, 3], strand of each [P] and spans [strands, 2], on the host."""
+    """The device's points [P, 4], tangents [P, 3], strand of each [P] and spans [strands, 2], as they came."""
     brought = strands.upload_curves(gpu, curves)
-    return (brought.points.get(), brought.tangents.get()[:, :3], brought.strand_of.get(), brought.spans.get())
+    rows, spans = np.arange(len(brought.points)), brought.spans.get()
+    rows = brought.stored.get()[rows // brought.run] + rows % brought.run
+    spans[:, 0] += brought.shifts.get()
+    spans[brought.numbers.get()] = spans.copy()
+    return (brought.points.get()[rows], brought.tangents.get()[rows, :3],
+            brought.numbers.get()[brought.strand_of.get()[rows]], spans)
 
 
 def ragged(counts, seed):

@@ -19,6 +19,7 @@ from ..stages.coverage import COUNTED, TRANSMITTANCE, Fragments, Resolved
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
+from ..stages.order import Order
 from ..stages.raster import VISIBLE
 from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs
 from ..stages.shells import Topology, pack, size_of, topology_of
@@ -30,7 +31,9 @@ from .views import Rig
 # Bytes on the device, of all arrays that stages make, as they declare them.
 VERTEX, TRIANGLE = Surface.bytes(vertex=1), Surface.bytes(triangle=1) + AREA.bytes
 POINT, STRAND = DeviceStrands.bytes(point=1), DeviceStrands.bytes(strand=1, color=1) + Roots.bytes(strand=1)
-PACKED = Packed.bytes(point=1, width=1, color=1) + DeviceStrands.bytes(color=1)   # more a point, of the user's strands
+# More of the user's strands: of a point, where each has a width and a colour, and of a strand.
+PACKED = Packed.bytes(point=1, width=1, color=1) + DeviceStrands.bytes(color=1, run=1)
+PUT_IN_ORDER = Packed.bytes(strand=1) + Order.bytes(strand=1) + DeviceStrands.bytes("spans", strand=1)
 THIN_POINT, THIN_STRAND = DeviceStrands.bytes(*THINNED, point=1), DeviceStrands.bytes(*THINNED, strand=1)
 THIN_COLOR = DeviceStrands.bytes("colors", color=1)                               # where points have colours
 MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
@@ -277,7 +280,7 @@ class Plan:
 
     def _bytes(self, gpu):
         """Bytes on the device of a strand and of each of its points."""
-        strand, point = (STRAND, POINT) if self.grown else (STRAND, POINT + PACKED)
+        strand, point = (STRAND, POINT) if self.grown else (STRAND + PUT_IN_ORDER, POINT + PACKED)
         if self.settings.lod:
             fur = self.scene.strands
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)

@@ -34,5 +34,5 @@ def thin(gpu: Any, strands: DeviceStrands, view: np.void, lod: float, seed: int 
     gpu.launch("lod.thin", len(strands.spans), view=view, lod=lod, seed=seed, by_place=by_place,
                out_points=thinned.points, out_tangents=thinned.tangents, out_spans=thinned.spans,
                out_colors=thinned.colors if per_point else gpu.empty((0, 4), np.float32),
-               **arrays(strands, "first_strand", "points", "tangents", "spans", "colors", "color_per"))
+               **arrays(strands, "first_strand", "points", "tangents", "spans", "numbers", "colors", "color_per"))
     return thinned

@@ -33,7 +33,7 @@ def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: 
                        visible=visible)
         if strands is not None:
             gpu.launch("raster.lines", len(strands.spans), view=view, first=strands.first_point, phase=phase,
-                       visible=visible, **arrays(strands, "points", "spans"))
+                       visible=visible, **arrays(strands, "points", "spans", "shifts"))
     return visible
 
 

@@ -8,25 +8,35 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, array
+from .order import order
 from .tessellate import Surface, as_float4
 
+SORTED_FROM = 4096   # strands of the user's: fewer are near each other in memory anyway
+UNSORTED = 1 << 31   # `DeviceStrands.run` of those that are where they came: more points than there are
 AREA = layout.Declared("triangle", np.uint64)   # running sums of triangles' areas, by which roots are spread
 
 
 @dataclass(frozen=True)
 class DeviceStrands(Arrays):
-    """Strands on the device: runs of points, which ``spans`` divides."""
+    """Strands on the device: runs of points, which ``spans`` divides.
+
+    Where the user's have been put in another order, all of this is in that, but ``stored``.
+    """
 
     points: Any = array("point", np.float32, 4)     # x, y, z, width [world]
     tangents: Any = array("point", np.float32, 4)   # unit
     strand_of: Any = array("point", np.uint32)
     spans: Any = array("strand", np.uint32, 2)      # first point, points
+    shifts: Any = array("strand", np.uint32)        # what, added to the number of a point here, is that as it came
+    numbers: Any = array("strand", np.uint32)       # of the strand as it came
+    stored: Any = array("run", np.uint32)           # where the first point of each ``run`` is that came
     colors: Any = array("color", np.float32, 4)     # linear r, g, b, -; see ``color_per``
     normals: Any = array("strand", np.float32, 4)   # unit, of the body at the root; 0 where it is not known
     uv: Any = array("strand", np.float32, 4)        # root's u, v, index of its type, -
     types: Any = array("type", layout.HairType)
     first_strand: int = 0   # number of the first of these strands among all
     first_point: int = 0    # and of the first of these points
+    run: int = UNSORTED     # points that came and lie here one after the other: point p is at stored[p / run] + p % run
     color_per: int = 1      # what has a colour of its own: 0 everything together, 1 each strand, 2 each point
 
 
@@ -80,13 +90,14 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
     point_forces = np.array([[*f.position, f.strength] for f in fur.point_forces], np.float32).reshape(-1, 4)
     grown = DeviceStrands.empty(
         gpu, {"point": n * stride, "strand": n, "color": n}, normals=roots.root_direction,
-        types=gpu.upload(types), first_strand=begin, first_point=begin * stride)
+        stored=gpu.full(1, np.uint32, 0), run=UNSORTED, types=gpu.upload(types), first_strand=begin,
+        first_point=begin * stride)
     gpu.launch("strands.grow", n, **vars(roots),
                type_map=gpu.upload(indices.astype(np.uint32)), map_size=indices.shape[::-1], texels=gpu.upload(texels),
                force=(*fur.force, 0), point_forces=gpu.upload(point_forces), n_point_forces=len(point_forces),
                seed=fur.seed, stride=stride,
-               **arrays(grown, "first_strand", "types", "points", "tangents", "strand_of", "spans", "colors",
-                        "strand_uv"))
+               **arrays(grown, "first_strand", "types", "points", "tangents", "strand_of", "spans", "shifts",
+                        "numbers", "colors", "strand_uv"))
     return grown
 
 
@@ -114,19 +125,25 @@ def upload_curves(gpu: Any, curves: Any, strands: tuple[int, int] | None = None)
         root_uv=gpu.rows(curves.root_uv, begin, end) if has["has_uv"] else gpu.empty((0, 2), np.float32),
         type_of=gpu.upload((curves.type_of[begin:end] if has["has_types"] else np.zeros(0)).astype(np.uint32)),
     )
+    brought = np.stack([first, counts], 1).astype(np.uint32)
+    spans = gpu.upload(brought)
+    sort = n >= SORTED_FROM
+    placed = order(gpu, packed.packed, spans).placed if sort else gpu.upload(
+        np.stack([np.arange(n), first], 1).astype(np.uint32))
+    run = (curves.uniform or 1) if sort else UNSORTED
     grown = DeviceStrands.empty(
-        gpu, {"point": total, "strand": n, "color": len(packed.packed_colors)},
-        spans=gpu.upload(np.stack([first, counts], 1).astype(np.uint32)), types=gpu.upload(types),
-        first_strand=begin, first_point=before, color_per=color_per)
-    gpu.launch("strands.unpack_curves", n, width_per=width_per, **has, **vars(packed),
-               **arrays(grown, "spans", "color_per", "points", "tangents", "strand_of", "colors", "strand_normal",
-                        "strand_uv"))
+        gpu, {"point": total, "strand": n, "color": len(packed.packed_colors), "run": -(-total // run)},
+        types=gpu.upload(types), first_strand=begin, first_point=before, color_per=color_per, run=run)
+    gpu.launch("strands.unpack_curves", n, brought=spans, placed=placed, width_per=width_per, **has, **vars(packed),
+               **arrays(grown, "spans", "shifts", "numbers", "stored", "run", "color_per", "points", "tangents",
+                        "strand_of", "colors", "strand_normal", "strand_uv"))
     return grown
 
 
 def no_strands(gpu: Any) -> DeviceStrands:
     """`DeviceStrands` without a strand."""
-    return DeviceStrands.empty(gpu, {"point": 0, "strand": 0, "color": 0, "type": 0})
+    return DeviceStrands.empty(gpu, {"point": 0, "strand": 0, "color": 0, "type": 0},
+                               stored=gpu.full(1, np.uint32, 0))
 
 
 def _per(length, strands, points):
