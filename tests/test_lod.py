@@ -409,7 +409,7 @@ def test_counters_of_shadows_do_not_overflow(gpu):
 
     grown = upload_curves(gpu, hair.strands)
     thinned = thin(gpu, grown, view_of(hair, 4), settings.lod)
-    np.testing.assert_allclose(factors(grown, thinned)[chosen], WIDEST, rtol=1e-6)
+    np.testing.assert_allclose(factors(grown, thinned)[chosen[grown.numbers.get()]], WIDEST, rtol=1e-6)
     cells, _ = accumulate(gpu, [plan], thinned, None)
     column = cells.get().sum(0, dtype=np.uint64).max()
     crossings = chosen.sum() * side / 2 * WIDEST / side**2
