@@ -23,14 +23,14 @@ from ..stages.order import Order
 from ..stages.raster import VISIBLE
 from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs
 from ..stages.shells import Topology, pack, size_of, topology_of
-from ..stages.strands import AREA, DeviceStrands, Packed, Roots, area_sums, first_strand_at
+from ..stages.strands import AREA, ROOTS, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.voxelize import CELLS
 from .views import Rig
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
 VERTEX, TRIANGLE = Surface.bytes(vertex=1), Surface.bytes(triangle=1) + AREA.bytes
-POINT, STRAND = DeviceStrands.bytes(point=1), DeviceStrands.bytes(strand=1, color=1) + Roots.bytes(strand=1)
+POINT, STRAND = DeviceStrands.bytes(point=1), DeviceStrands.bytes(strand=1, color=1) + ROOTS.bytes
 # More of the user's strands: of a point, where each has a width and a colour, and of a strand.
 PACKED = Packed.bytes(point=1, width=1, color=1) + DeviceStrands.bytes(color=1, run=1)
 PUT_IN_ORDER = Packed.bytes(strand=1) + Order.bytes(strand=1) + DeviceStrands.bytes("spans", strand=1)

@@ -40,14 +40,7 @@ class DeviceStrands(Arrays):
     color_per: int = 1      # what has a colour of its own: 0 everything together, 1 each strand, 2 each point
 
 
-@dataclass(frozen=True)
-class Roots(Arrays):
-    """Where strands begin to grow."""
-
-    root: Any = array("strand", np.float32, 4)
-    root_direction: Any = array("strand", np.float32, 4)   # unit: the body's normal
-    root_edge: Any = array("strand", np.float32, 4)        # unit, across it: along a side of the triangle
-    root_uv: Any = array("strand", np.float32, 4)          # u, v, -, -
+ROOTS = layout.Declared("strand", np.uint32, 4)   # triangle; weights of its corners, float32
 
 
 @dataclass(frozen=True)
@@ -89,15 +82,16 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
     stride = max(t.segments for t in fur.types) + 1
     point_forces = np.array([[*f.position, f.strength] for f in fur.point_forces], np.float32).reshape(-1, 4)
     grown = DeviceStrands.empty(
-        gpu, {"point": n * stride, "strand": n, "color": n}, normals=roots.root_direction,
+        gpu, {"point": n * stride, "strand": n, "color": n},
         stored=gpu.full(1, np.uint32, 0), run=UNSORTED, types=gpu.upload(types), first_strand=begin,
         first_point=begin * stride)
-    gpu.launch("strands.grow", n, **vars(roots),
+    gpu.launch("strands.grow", -(-n // gpu.lanes), n=n, positions=surface.positions,
+               normals=surface.normals, uv=surface.uv, triangles=surface.triangles, roots=roots,
                type_map=gpu.upload(indices.astype(np.uint32)), map_size=indices.shape[::-1], texels=gpu.upload(texels),
                force=(*fur.force, 0), point_forces=gpu.upload(point_forces), n_point_forces=len(point_forces),
                seed=fur.seed, stride=stride,
                **arrays(grown, "first_strand", "types", "points", "tangents", "strand_of", "spans", "shifts",
-                        "numbers", "colors", "strand_uv"))
+                        "numbers", "colors", "strand_normal", "strand_uv"))
     return grown
 
 
@@ -173,21 +167,18 @@ def _turn(turns, segments):
     return np.cos(angle), np.sin(angle)
 
 
-def _roots_on_faces(gpu, surface, fur, begin, n, _area, _sums):
-    roots = Roots.empty(gpu, {"strand": n})
-    gpu.launch("strands.roots_on_faces", n, positions=surface.positions, normals=surface.normals, uv=surface.uv,
-               triangles=surface.triangles, first=begin - surface.first_triangle, **vars(roots))
+def _roots_on_faces(gpu, surface, _fur, begin, n, _area, _sums):
+    roots = ROOTS.empty(gpu, n)
+    gpu.launch("strands.roots_on_faces", n, first=begin - surface.first_triangle, roots=roots)
     return roots
 
 
 def _roots_by_area(gpu, surface, fur, begin, n, area, sums):
-    triangles = len(surface.triangles)
-    roots = Roots.empty(gpu, {"strand": n})
+    roots = ROOTS.empty(gpu, n)
     areas, total = sums or area_sums(gpu, surface)
     before, whole = (0, total) if area is None else (area[0], gpu.upload(np.array([area[1]], np.uint64)))
-    gpu.launch("strands.roots_by_area", n, positions=surface.positions, normals=surface.normals, uv=surface.uv,
-               triangles=surface.triangles, areas=areas, n_triangles=triangles, before=before, whole=whole,
-               seed=fur.seed, first=begin, n=fur.roots, **vars(roots))
+    gpu.launch("strands.roots_by_area", -(-n // gpu.lanes), areas=areas, n_triangles=len(surface.triangles),
+               before=before, whole=whole, seed=fur.seed, first=begin, n=fur.roots, n_here=n, roots=roots)
     return roots
 
 
