@@ -31,7 +31,7 @@ def order(gpu: Any, packed: Any, spans: Any) -> Order:
     corners, counts = gpu.empty((2 * blocks, 4), np.float32), gpu.full((CELLS, 2), np.uint32, 0)
     brought = {"packed": packed, "spans": spans}
     gpu.launch("order.boxes", blocks, n=n, corners=corners, **brought)
-    gpu.launch("order.box", 1, n=blocks, corners=corners)
+    gpu.launch("order.box", min(blocks, 1), n=blocks, corners=corners)
     gpu.launch("order.count", n, corners=corners, counts=counts, ranks=made.ranks, **brought)
     gpu.launch("order.scan", 1, n=CELLS, counts=counts)
     gpu.launch("order.place", n, counts=counts, **vars(made))
