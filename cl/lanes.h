@@ -44,6 +44,7 @@ typedef uint16 lanes_u;
 #else
 #define INLINED inline __attribute__((always_inline))
 #endif
+#define ON (LANES == 1 ? 1 : -1)  // in a mask
 #define SHIFT 12582912.0f        // 1.5 * 2^23: a float this large has no fraction
 
 INLINED lanes lesser(lanes a, lanes b)

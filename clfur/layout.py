@@ -131,6 +131,11 @@ def block(lanes):
     return (1, 1) if lanes == 1 else (4, lanes // 4)
 
 
+def run(lanes):
+    """Pixels that one work-item of `shade.color` lights: enough to fill its lanes most of the time."""
+    return 1 if lanes == 1 else 64
+
+
 def preamble(int64_atomics, checked=False, lanes=1):
     """The C text that every program starts with.
 
@@ -147,6 +152,7 @@ def preamble(int64_atomics, checked=False, lanes=1):
         f"#define INT64_ATOMICS {int(int64_atomics)}\n",
         f"#define CHECKED {int(checked)}\n",
         "#define LANES {}\n#define BLOCK_X {}\n#define BLOCK_Y {}\n".format(lanes, *block(lanes)),
+        f"#define RUN {run(lanes)}\n",
         *(_c_struct(name, dtype) for name, dtype in STRUCTS.items()),
         f"__constant int2 PATTERN[] = {{{table}}};\n",
     ])
