@@ -155,7 +155,7 @@ INLINED lanes3 light_of_strands(const View *view, const Lighting *lighting, cons
     return sum;
 }
 
-/* One work-item lights the samples of RUN pixels, those of one part of the scene, and adds their average, premultiplied linear
+/* One work-item lights the samples of SHADED pixels, those of one part of the scene, and adds their average, premultiplied linear
    r, g, b and coverage, to the picture, or to sums where more is to come: other parts, or strands. Samples wait until there
    are LANES of strands, or of the body, to be lit side by side. */
 __kernel void color(
@@ -189,13 +189,13 @@ __kernel void color(
     __global long4 *radiance_sums,         // [rows, width] in 1/ONE, if so
     __global float4 *image)                // [rows, width], if not
 {
-    WORK_ITEM(run);
-    const size_t first = run * RUN;
-    const uint n = pixels - first < RUN ? (uint)(pixels - first) : RUN, samples = view.size.z;
+    WORK_ITEM(item);
+    const size_t first = item * SHADED;
+    const uint n = pixels - first < SHADED ? (uint)(pixels - first) : SHADED, samples = view.size.z;
     const float weight = 1.0f / samples;
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, color_per};
-    long4 sums[RUN];
+    long4 sums[SHADED];
     Waiting waiting[2];                    // samples of strands, and of the body
     waiting[0].n = waiting[1].n = 0;
     for (uint i = 0; i < n; ++i)
