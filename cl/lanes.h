@@ -9,6 +9,7 @@
 typedef float lanes;
 typedef int lanes_i;
 typedef uint lanes_u;
+typedef long lanes_l;
 #define AS_I as_int
 #define AS_U as_uint
 #define AS_F as_float
@@ -16,6 +17,7 @@ typedef uint lanes_u;
 typedef float8 lanes;
 typedef int8 lanes_i;
 typedef uint8 lanes_u;
+typedef long8 lanes_l;
 #define AS_I as_int8
 #define AS_U as_uint8
 #define AS_F as_float8
@@ -23,6 +25,7 @@ typedef uint8 lanes_u;
 typedef float lanes __attribute__((ext_vector_type(32)));
 typedef int lanes_i __attribute__((ext_vector_type(32)));
 typedef uint lanes_u __attribute__((ext_vector_type(32)));
+typedef long lanes_l __attribute__((ext_vector_type(32)));
 #define AS_I(x) __builtin_astype(x, lanes_i)
 #define AS_U(x) __builtin_astype(x, lanes_u)
 #define AS_F(x) __builtin_astype(x, lanes)
@@ -30,6 +33,7 @@ typedef uint lanes_u __attribute__((ext_vector_type(32)));
 typedef float16 lanes;
 typedef int16 lanes_i;
 typedef uint16 lanes_u;
+typedef long16 lanes_l;
 #define AS_I as_int16
 #define AS_U as_uint16
 #define AS_F as_float16
@@ -37,6 +41,11 @@ typedef uint16 lanes_u;
 #define F(x) ((lanes)(x))
 #define I(x) ((lanes_i)(x))
 #define U(x) ((lanes_u)(x))
+#if LANES == 1
+#define TO(type, x) ((type)(x))   // another type, of the same value
+#else
+#define TO(type, x) __builtin_convertvector(x, type)
+#endif
 #define LANE(v, i) (((float *)&(v))[i])
 #define LANE_I(v, i) (((int *)&(v))[i])
 #define LANE_U(v, i) (((uint *)&(v))[i])
@@ -45,6 +54,7 @@ typedef uint16 lanes_u;
 #else
 #define INLINED inline __attribute__((always_inline))
 #endif
+#define ON (LANES == 1 ? 1 : -1)  // in a mask
 #define SHIFT 12582912.0f        // 1.5 * 2^23: a float this large has no fraction
 
 INLINED lanes lesser(lanes a, lanes b)
@@ -112,6 +122,25 @@ INLINED bool any_lane(lanes_i mask)
     const int8 b = mask.lo | mask.hi;
 #else
     const int8 b = mask;
+#endif
+    const int4 a = b.lo | b.hi;
+    return (a.x | a.y) | (a.z | a.w);
+#endif
+}
+
+/* The lanes of a mask that are on, a bit each. */
+INLINED uint bits_of(lanes_i mask)
+{
+#if LANES == 1
+    return mask;
+#else
+    const int8 bits = (int8)(1, 2, 4, 8, 16, 32, 64, 128);
+#if LANES == 32
+    const int8 b = (mask.lo.lo & bits) | (mask.lo.hi & bits << 8) | (mask.hi.lo & bits << 16) | (mask.hi.hi & bits << 24);
+#elif LANES == 16
+    const int8 b = (mask.lo & bits) | (mask.hi & bits << 8);
+#else
+    const int8 b = mask & bits;
 #endif
     const int4 a = b.lo | b.hi;
     return (a.x | a.y) | (a.z | a.w);

@@ -83,6 +83,25 @@ inline float through_hair(const Obstacles *obstacles, float2 self_shadow, float4
 #define HAIR_STEEPEST 5.0f                        // of `past_body`, for hair: by the body's normal at its root
 #define HAIR_BIAS(radius) (1.0f + 2 * (radius))
 
+/* How many of the (2r + 1)² texels around texel (x0, y0) see what lies nearer to the light than a plane: at `nearest` there,
+   dx and dy deeper a texel. */
+inline int dark_texels(const Obstacles *obstacles, int x0, int y0, float nearest, float dx, float dy)
+{
+    const int width = obstacles->view.size.x, height = obstacles->view.size.y, radius = obstacles->shadow.body.y;
+    const long plane_at = (long)(nearest * DEPTH_ONE), x_step = (long)(dx * DEPTH_ONE), y_step = (long)(dy * DEPTH_ONE);
+    const int left = -radius > -x0 ? -radius : -x0, right = radius < width - 1 - x0 ? radius : width - 1 - x0;
+    const int top = -radius > -y0 ? -radius : -y0, bottom = radius < height - 1 - y0 ? radius : height - 1 - y0;
+    int dark = 0;
+    for (int j = top; j <= bottom; ++j) {
+        __global const ulong *row = obstacles->shadow_map + (long)(y0 + j) * width + x0;
+        for (int k = left; k <= right; ++k) {
+            const long seen = row[k] >> 32;               /* above DEPTH_ONE where nothing is: p may lie far behind the map */
+            dark += (seen <= DEPTH_ONE) & (seen + plane_at + k * x_step + j * y_step < DEPTH_ONE);
+        }
+    }
+    return dark;
+}
+
 /* Share of a light that the body lets through to p: the report's equation 8, over (2r + 1)² texels around. What is seen
    there is held against the plane through p across n, the normal of what is drawn there or of the body at a strand's
    root, so that a slope does not shade itself; no steeper than `steepest` texels deep a texel, and level where n is 0.
@@ -104,15 +123,7 @@ inline float past_body(const Obstacles *obstacles, float4 p, float4 n, float ste
     const int x0 = (int)floor(x), y0 = (int)floor(y);
     /* In depth steps: what lies nearer to the light than the plane by more than the bias. */
     const float nearest = e + bias * texel + dx * (x0 + 0.5f - x) + dy * (y0 + 0.5f - y);
-    const long plane_at = (long)(nearest * DEPTH_ONE), x_step = (long)(dx * DEPTH_ONE), y_step = (long)(dy * DEPTH_ONE);
-    int dark = 0;
-    for (int j = max(-radius, -y0); j <= min(radius, view->size.y - 1 - y0); ++j) {
-        __global const ulong *row = obstacles->shadow_map + (long)(y0 + j) * view->size.x + x0;
-        for (int k = max(-radius, -x0); k <= min(radius, view->size.x - 1 - x0); ++k) {
-            const long seen = row[k] >> 32;               /* above DEPTH_ONE where nothing is: p may lie far behind the map */
-            dark += (seen <= DEPTH_ONE) & (seen + plane_at + k * x_step + j * y_step < DEPTH_ONE);
-        }
-    }
+    const int dark = dark_texels(obstacles, x0, y0, nearest, dx, dy);
     return 1.0f - (float)dark / ((2 * radius + 1) * (2 * radius + 1));
 }
 

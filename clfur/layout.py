@@ -132,6 +132,16 @@ def block(lanes):
     return (1, 1) if lanes == 1 else (4, lanes // 4)
 
 
+def shaded(lanes):
+    """Pixels that one work-item of `shade.color` lights: enough to fill its lanes most of the time."""
+    return 1 if lanes == 1 else 64
+
+
+def drawn(lanes):
+    """Strands that one work-item of `raster.lines` draws."""
+    return 1 if lanes == 1 else 16
+
+
 def preamble(int64_atomics, checked=False, lanes=1):
     """The C text that every program starts with.
 
@@ -148,6 +158,7 @@ def preamble(int64_atomics, checked=False, lanes=1):
         f"#define INT64_ATOMICS {int(int64_atomics)}\n",
         f"#define CHECKED {int(checked)}\n",
         "#define LANES {}\n#define BLOCK_X {}\n#define BLOCK_Y {}\n".format(lanes, *block(lanes)),
+        f"#define SHADED {shaded(lanes)}\n#define DRAWN {drawn(lanes)}\n",
         *(_c_struct(name, dtype) for name, dtype in STRUCTS.items()),
         f"__constant int2 PATTERN[] = {{{table}}};\n",
     ])

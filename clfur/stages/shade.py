@@ -41,9 +41,9 @@ def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: De
     rows, width, _ = visible.shape
     if sums is None and image is None:
         image = IMAGE.empty(gpu, (rows, width))
-    gpu.launch("shade.color", rows * width, view=view, part=_part(strands, body), visible=visible,
-               positions=body.positions, normals=body.normals, triangles=body.triangles, body_color=(*body_color, 0),
-               attenuated=sample_transmittance is not None,
+    gpu.launch("shade.color", -(-rows * width // layout.shaded(gpu.lanes)), view=view, part=_part(strands, body),
+               visible=visible, pixels=rows * width, positions=body.positions, normals=body.normals,
+               triangles=body.triangles, body_color=(*body_color, 0), attenuated=sample_transmittance is not None,
                sample_transmittance=_or_none(gpu, sample_transmittance), more=sums is not None,
                radiance_sums=gpu.empty((0, 4), np.int64) if sums is None else sums,
                image=gpu.empty((0, 4), np.float32) if image is None else image, **lighting.arrays(),
