@@ -422,8 +422,8 @@ __kernel void resolve(
 __kernel void transmittance(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *points,         // strands: see strands.cl
-    __global const float4 *tangents,
     __global const uint *strand_of,
+    const uint run,
     __global const float4 *strand_normal,
     __global const float4 *strand_uv,
     __global const HairType *types,
@@ -441,7 +441,7 @@ __kernel void transmittance(
 {
     WORK_ITEM(strand);
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
-    const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, 0};
+    const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, 0};
     for (int i = 0; i < n_lights; ++i) {
         const Obstacles obstacles = obstacles_of(&lighting, i);
         for (uint k = 0; k < spans[strand].y; ++k) {
@@ -461,7 +461,7 @@ __kernel void light(
     __global const uint *used,             // [rows, width] those that are seen
     __global const ulong2 *weights,        // fragments: depth << 32 | id; share of the pixel's light
     __global const float4 *points,         // strands: see strands.cl
-    __global const float4 *tangents,
+    __global const uint2 *spans,
     __global const uint *strand_of,
     __global const uint *stored,
     const uint run,
@@ -476,7 +476,7 @@ __kernel void light(
     __global long4 *radiance_sums)         // [rows, width] r, g, b, alpha in 1/ONE
 {
     WORK_ITEM(pixel);
-    const Hair hair = {points, tangents, strand_of, 0, strand_uv, types, colors, color_per};
+    const Hair hair = {points, spans, strand_of, run, 0, strand_uv, types, colors, color_per};
     const float x = pixel % view.size.x + 0.5f, y = view.rows.x + (int)(pixel / view.size.x) + 0.5f;
     const uint last = pixels[pixel].y, first = last - used[pixel];
     long4 sum = radiance_sums[pixel];

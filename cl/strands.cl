@@ -274,9 +274,9 @@ __kernel void grow(
     const uint n,                          // strands
     const uint stride,                     // points set aside for a strand
     __global float4 *points,               // [strands, stride] x, y, z, width [world]
-    __global float4 *tangents,             // [strands, stride] unit
-    __global uint *strand_of,              // [strands, stride]
     __global uint2 *spans,                 // [strands] first point, points (0: bald)
+    __global uint *strand_of,              // [strands] each is a run of stride points,
+    __global uint *stored,                 // [strands] which lies where it came
     __global uint *shifts,                 // [strands] 0: they are where they came
     __global uint *numbers,                // [strands] their own
     __global float4 *colors,               // [strands] linear r, g, b
@@ -302,6 +302,8 @@ __kernel void grow(
         colors[i] = (float4)(color.xyz, 0.0f);
         strand_uv[i] = (float4)(at.x, at.y, (float)kind, 0.0f);
         spans[i] = (uint2)(i * stride, type->counts.x ? type->counts.x + 1 : 0);
+        strand_of[i] = i;
+        stored[i] = i * stride;
         shifts[i] = 0;
         numbers[i] = i;
         put_type(&strands, lane, type, 1.0f + type->curl.w * vary.y);
@@ -328,7 +330,7 @@ __kernel void grow(
     const bool any_bent = any_lane(bent);
     lanes3 side = units_or(crosses(direction, turn), units_or(crosses(direction, skin.edge), skin.upright));
     lanes curl_cos = F(1.0f), curl_sin = F(0.0f), wave_cos = F(1.0f), wave_sin = F(0.0f);   // of the angle so far
-    lanes3 before = axis, now = axis, tangent = direction;
+    lanes3 now = axis;
 
     const int most = most_lane(strands.segments);
     for (int k = 0; k <= most; ++k) {
@@ -347,15 +349,11 @@ __kernel void grow(
             next = chosen(bent, plus(next, off), next);
         }
         next = chosen(k < strands.segments, next, now);     // behind the last point is none
-        tangent = units_or(minus(next, before), tangent);
         for (uint lane = 0; lane < here; ++lane)
             if (k <= LANE_I(strands.segments, lane)) {
                 const size_t to = (size_t)(first + lane) * stride + k;
                 points[to] = (float4)(lane_of(&now, lane), LANE(strands.width, lane));
-                tangents[to] = (float4)(lane_of(&tangent, lane), 0.0f);
-                strand_of[to] = first + lane;
             }
-        before = now;
         now = next;
 
         const lanes3 push = push_at(axis, force, point_forces, n_point_forces);
@@ -366,8 +364,7 @@ __kernel void grow(
     }
 }
 
-/* One strand of the user's goes to its place in the order: packed arrays -> those of grown strands, tangents from the
-   neighbouring points. */
+/* One strand of the user's goes to its place in the order: packed arrays -> those of grown strands. */
 __kernel void unpack_curves(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float *packed,          // [points, 3]
@@ -385,9 +382,8 @@ __kernel void unpack_curves(
     const int has_types,
     const uint run,                        // points of each strand, or 1 where these differ
     __global float4 *points,               // in the order: [points] x, y, z, width
-    __global float4 *tangents,             // [points] unit
-    __global uint *strand_of,              // [points]
     __global uint2 *spans,                 // [strands] first point, points
+    __global uint *strand_of,              // [points / run]
     __global uint *shifts,                 // [strands] what, added to the number of a point here, is that as it came
     __global uint *numbers,                // [strands] of the strand as it came
     __global float4 *colors,               // one, [strands] or [points] linear r, g, b
@@ -406,21 +402,14 @@ __kernel void unpack_curves(
         colors[strand] = (float4)(vload3(i, packed_colors), 0.0f);
     if (color_per == 0 && i == 0)
         colors[0] = (float4)(vload3(0, packed_colors), 0.0f);
-    float4 before, here, next, tangent = (float4)(0.0f, 1.0f, 0.0f, 0.0f);
     for (uint k = 0; k < count; ++k) {
         const uint p = came + k, to = first + k;
-        if (k == 0)
-            before = here = (float4)(vload3(p, packed), 0.0f);
-        next = k + 1 < count ? (float4)(vload3(p + 1, packed), 0.0f) : here;
-        tangent = unit_or(next - before, tangent);
-        points[to] = (float4)(here.xyz, widths[width_per == 0 ? 0 : width_per == 1 ? i : p]);
-        tangents[to] = tangent;
-        strand_of[to] = strand;
+        points[to] = (float4)(vload3(p, packed), widths[width_per == 0 ? 0 : width_per == 1 ? i : p]);
         if (color_per == 2)
             colors[to] = (float4)(vload3(p, packed_colors), 0.0f);
-        if (p % run == 0)
+        if (!k || run == 1) {
             stored[p / run] = to;
-        before = here;
-        here = next;
+            strand_of[to / run] = strand;
+        }
     }
 }

@@ -105,7 +105,7 @@ def test_a_strand_is_found_by_what_it_came_as(gpu):
         came = np.arange(len(points))
         rows = there.stored.get()[came // there.run] + came % there.run
         np.testing.assert_array_equal(there.points.get()[rows, :3], points)
-        strand = there.strand_of.get()[rows]
+        strand = there.strand_of.get()[rows // there.run]
         np.testing.assert_array_equal(there.numbers.get()[strand], np.repeat(np.arange(5000), counts))
         np.testing.assert_array_equal((rows + there.shifts.get()[strand]).astype(np.uint32), came)
         assert (rows != came).any()

@@ -12,7 +12,6 @@ from .order import order
 from .tessellate import Surface, as_float4
 
 SORTED_FROM = 4096   # strands of the user's: fewer are near each other in memory anyway
-UNSORTED = 1 << 31   # `DeviceStrands.run` of those that are where they came: more points than there are
 AREA = layout.Declared("triangle", np.uint64)   # running sums of triangles' areas, by which roots are spread
 
 
@@ -24,19 +23,18 @@ class DeviceStrands(Arrays):
     """
 
     points: Any = array("point", np.float32, 4)     # x, y, z, width [world]
-    tangents: Any = array("point", np.float32, 4)   # unit
-    strand_of: Any = array("point", np.uint32)
     spans: Any = array("strand", np.uint32, 2)      # first point, points
     shifts: Any = array("strand", np.uint32)        # what, added to the number of a point here, is that as it came
     numbers: Any = array("strand", np.uint32)       # of the strand as it came
-    stored: Any = array("run", np.uint32)           # where the first point of each ``run`` is that came
+    strand_of: Any = array("run", np.uint32)        # strand of each run of ``run`` points
+    stored: Any = array("run", np.uint32)           # where the first point is of each run that came
     colors: Any = array("color", np.float32, 4)     # linear r, g, b, -; see ``color_per``
     normals: Any = array("strand", np.float32, 4)   # unit, of the body at the root; 0 where it is not known
     uv: Any = array("strand", np.float32, 4)        # root's u, v, index of its type, -
     types: Any = array("type", layout.HairType)
     first_strand: int = 0   # number of the first of these strands among all
     first_point: int = 0    # and of the first of these points
-    run: int = UNSORTED     # points that came and lie here one after the other: point p is at stored[p / run] + p % run
+    run: int = 1            # points of each strand, 1 where they differ: of what came p is at stored[p / run] + p % run
     color_per: int = 1      # what has a colour of its own: 0 everything together, 1 each strand, 2 each point
 
 
@@ -82,21 +80,20 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
     stride = max(t.segments for t in fur.types) + 1
     point_forces = np.array([[*f.position, f.strength] for f in fur.point_forces], np.float32).reshape(-1, 4)
     grown = DeviceStrands.empty(
-        gpu, {"point": n * stride, "strand": n, "color": n},
-        stored=gpu.full(1, np.uint32, 0), run=UNSORTED, types=gpu.upload(types), first_strand=begin,
-        first_point=begin * stride)
+        gpu, {"point": n * stride, "strand": n, "color": n, "run": n}, types=gpu.upload(types), run=stride,
+        first_strand=begin, first_point=begin * stride)
     gpu.launch("strands.grow", -(-n // gpu.lanes), n=n, positions=surface.positions,
                normals=surface.normals, uv=surface.uv, triangles=surface.triangles, roots=roots,
                type_map=gpu.upload(indices.astype(np.uint32)), map_size=indices.shape[::-1], texels=gpu.upload(texels),
                force=(*fur.force, 0), point_forces=gpu.upload(point_forces), n_point_forces=len(point_forces),
                seed=fur.seed, stride=stride,
-               **arrays(grown, "first_strand", "types", "points", "tangents", "strand_of", "spans", "shifts",
+               **arrays(grown, "first_strand", "types", "points", "spans", "strand_of", "stored", "shifts",
                         "numbers", "colors", "strand_normal", "strand_uv"))
     return grown
 
 
 def upload_curves(gpu: Any, curves: Any, strands: tuple[int, int] | None = None) -> DeviceStrands:
-    """Put `clfur.Curves` on the device -> `DeviceStrands`; tangents come from neighbouring points.
+    """Put `clfur.Curves` on the device -> `DeviceStrands`.
 
     ``strands``: which, (first, one past the last), if not all.
     """
@@ -121,23 +118,21 @@ def upload_curves(gpu: Any, curves: Any, strands: tuple[int, int] | None = None)
     )
     brought = np.stack([first, counts], 1).astype(np.uint32)
     spans = gpu.upload(brought)
-    sort = n >= SORTED_FROM
-    placed = order(gpu, packed.packed, spans).placed if sort else gpu.upload(
+    placed = order(gpu, packed.packed, spans).placed if n >= SORTED_FROM else gpu.upload(
         np.stack([np.arange(n), first], 1).astype(np.uint32))
-    run = (curves.uniform or 1) if sort else UNSORTED
+    run = curves.uniform or 1
     grown = DeviceStrands.empty(
         gpu, {"point": total, "strand": n, "color": len(packed.packed_colors), "run": -(-total // run)},
         types=gpu.upload(types), first_strand=begin, first_point=before, color_per=color_per, run=run)
     gpu.launch("strands.unpack_curves", n, brought=spans, placed=placed, width_per=width_per, **has, **vars(packed),
-               **arrays(grown, "spans", "shifts", "numbers", "stored", "run", "color_per", "points", "tangents",
+               **arrays(grown, "spans", "shifts", "numbers", "stored", "run", "color_per", "points",
                         "strand_of", "colors", "strand_normal", "strand_uv"))
     return grown
 
 
 def no_strands(gpu: Any) -> DeviceStrands:
     """`DeviceStrands` without a strand."""
-    return DeviceStrands.empty(gpu, {"point": 0, "strand": 0, "color": 0, "type": 0},
-                               stored=gpu.full(1, np.uint32, 0))
+    return DeviceStrands.empty(gpu, {"point": 0, "strand": 0, "color": 0, "type": 0, "run": 0})
 
 
 def _per(length, strands, points):

@@ -8,6 +8,7 @@ import numpy as np
 from .lighting import light_at
 from .raster import BODY, DEPTH_ONE, NONE, PATTERNS
 from .scatter import fibre
+from .strands import tangents_at
 from .vectors import dot, f64, merge, mix, unit
 
 
@@ -90,8 +91,9 @@ def on_strand(strands, k, p):
     k = np.asarray(strands.stored)[k // strands.run].astype(int) + k % strands.run
     a, b = f64(strands.points)[k, :3], f64(strands.points)[k + 1, :3]
     share = np.clip(dot(b - a, p - a) / dot(b - a, b - a), 0, 1)
-    t = f64(strands.tangents)[:, :3]
-    return k, np.asarray(strands.strand_of)[k].astype(int), share, unit(mix(t[k], t[k + 1], share))
+    strand = np.asarray(strands.strand_of)[k // strands.run].astype(int)
+    first, last = tangents_at(f64(strands.points)[:, :3], np.asarray(strands.spans)[strand], k)
+    return k, strand, share, unit(mix(first, last, share))
 
 
 def strand_color(strands, k, strand, share):
