@@ -46,6 +46,11 @@ typedef long16 lanes_l;
 #else
 #define TO(type, x) __builtin_convertvector(x, type)
 #endif
+#if LANES > 1 && defined(__clang__)
+#define PREFETCH(p) __builtin_prefetch((const void *)(size_t)(p))
+#else
+#define PREFETCH(p)
+#endif
 #define LANE(v, i) (((float *)&(v))[i])
 #define LANE_I(v, i) (((int *)&(v))[i])
 #define LANE_U(v, i) (((uint *)&(v))[i])

@@ -92,6 +92,19 @@ inline int dark_texels(const Obstacles *obstacles, int x0, int y0, float nearest
     const int left = -radius > -x0 ? -radius : -x0, right = radius < width - 1 - x0 ? radius : width - 1 - x0;
     const int top = -radius > -y0 ? -radius : -y0, bottom = radius < height - 1 - y0 ? radius : height - 1 - y0;
     int dark = 0;
+    if (radius == 1 && left == -1 && right == 1 && top == -1 && bottom == 1) {
+        /* The usual case without loops, for a compiler that can't know it. */
+        __global const ulong *middle = obstacles->shadow_map + (long)y0 * width + x0;
+        const long least = DEPTH_ONE - plane_at;
+        #pragma unroll
+        for (int j = -1; j <= 1; ++j)
+            #pragma unroll
+            for (int k = -1; k <= 1; ++k) {
+                const long seen = middle[j * width + k] >> 32;
+                dark += (seen <= DEPTH_ONE) & (seen < least - k * x_step - j * y_step);
+            }
+        return dark;
+    }
     for (int j = top; j <= bottom; ++j) {
         __global const ulong *row = obstacles->shadow_map + (long)(y0 + j) * width + x0;
         for (int k = left; k <= right; ++k) {
