@@ -88,7 +88,7 @@ __kernel void fragments(
     }
 }
 
-#define HELD 4096                                       // cells that a work-item gathers before it adds them to all
+#define HELD 8192
 
 #if LANES == 32
 #define SQRT(x) (lanes)(sqrt((x).lo), sqrt((x).hi))
