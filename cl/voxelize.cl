@@ -11,6 +11,10 @@
 #include "cells.h"
 #include "lanes.h"
 
+#if INT64_ATOMICS
+#pragma OPENCL EXTENSION cl_khr_int64_base_atomics : enable
+#endif
+
 #define FRACTION 24                                     // fixed-point bits below the sub-cell in a walk
 
 /* A segment with an end four grids away: what of it is in the grid's reach, snapped; whether anything is. */
@@ -111,10 +115,23 @@ INLINED lanes below(lanes x)
     return near > x ? near - 1.0f : near;
 }
 
+/* For |x| < 2^22; all OpenCL has for it is a function. */
+INLINED lanes float_of(lanes_i x)
+{
+    return AS_F(x + as_int(SHIFT)) - SHIFT;
+}
+
 /* all * share / 256, for share < 256, without 64 bits. */
 INLINED lanes_u share_of(lanes_u all, lanes_u share)
 {
     return (all >> 8) * share + ((all & 255u) * share >> 8);
+}
+
+/* a / n for whole 0 <= a < 2^30, whose quotient is below 2^22: a float's is one off at most. */
+INLINED lanes_i quotient(lanes a, lanes_i whole, lanes_i n)
+{
+    const lanes_i q = nearest_i(below(a / float_of(n))), rest = whole - q * n;
+    return q + (rest >= n ? I(1) : rest < 0 ? I(-1) : I(0));
 }
 
 #if LANES > 1
@@ -213,16 +230,18 @@ INLINED lanes_u crossings_of(const Grid *grid, const Places *a, const Places *b,
     return (AS_U(nearest_i(high)) << 16) + AS_U(nearest_i(low));
 }
 
-/* The cells that a work-item gathers by itself. */
+#if LANES > 1
+/* The cells that a work-item gathers by itself, so that few atomics are left. */
 typedef struct {
     int4 first, size;
-    uint *held;                            // [size.z, size.y, size.x]
+    uint held[HELD];                       // [size.z, size.y, size.x]
 } Block;
 
-/* Cells around a run of strands, of which a few points tell where they lie; what is elsewhere goes to the grid at once. */
-Block block_around(const Grid *grid, __global const float4 *points, __global const uint2 *spans, uint begin, uint end)
+/* Cells around a run of strands, of which a few points tell where they lie; what is elsewhere goes to the grid at once.
+   -> How many there are. */
+int put_around(Block *block, const Grid *grid, __global const float4 *points, __global const uint2 *spans, uint begin, uint end)
 {
-    const int4 lowest = (int4)(-1, -1, 0, 0), highest = (int4)(grid->size.xyz, 0) - (int4)(0, 0, 1, 0);
+    const int4 lowest = (int4)(-1, -1, 0, 0), highest = (int4)(grid->size.x, grid->size.y, grid->size.z - 1, 0);
     int4 low = (int4)(INT_MAX), high = (int4)(INT_MIN);
     for (uint strand = begin; strand < end; strand += (end - begin + 7) / 8) {
         const uint2 span = spans[strand];
@@ -235,37 +254,54 @@ Block block_around(const Grid *grid, __global const float4 *points, __global con
             }
         }
     }
-    Block block;
-    block.first = clamp((low >> 8) - 2, lowest, highest);
-    block.size = max(clamp((high >> 8) + 2, lowest, highest) + 1 - block.first, 1);
-    while (block.size.x * block.size.y * block.size.z > HELD) {
-        const int4 size = block.size;
-        const bool is_x = size.x >= size.y && size.x >= size.z, is_y = !is_x && size.y >= size.z;
-        const int4 cut = (int4)(is_x ? size.x : 0, is_y ? size.y : 0, is_x || is_y ? 0 : size.z, 0) / 8;
-        block.first += cut / 2;
-        block.size -= cut;
-    }
-    return block;
+    block->first = clamp((low >> 8) - 2, lowest, highest);
+    block->size = max(clamp((high >> 8) + 2, lowest, highest) + 1 - block->first, 1);
+    /* Columns in pairs, see `give_back`. */
+    block->size.x += block->first.x & 1;
+    block->first.x -= block->first.x & 1;
+    block->size.x += block->size.x & 1;
+    return block->size.x * block->size.y * block->size.z;
 }
 
-void clear(Block *block)
+/* Clear as many cells around strands from `begin` on, `end` at most, as a block can hold -> one past the last of these. */
+uint open_block(Block *block, const Grid *grid, __global const float4 *points, __global const uint2 *spans, uint begin, uint end)
 {
-    for (int i = 0; i < block->size.x * block->size.y * block->size.z; ++i)
+    int cells;
+    while ((cells = put_around(block, grid, points, spans, begin, end)) > HELD && end - begin > LANES)
+        end = begin + (end - begin + 1) / 2;
+    if (cells > HELD) {
+        block->size = (int4)(2, 1, 1, 0);  // too small for anything
+        cells = 2;
+    }
+    for (int i = 0; i < cells; ++i)
         block->held[i] = 0;
+    return end;
 }
 
+/* Add what a block holds to the grid. */
 void give_back(const Block *block, const Grid *grid, volatile __global uint *cells)
 {
     const uint *held = block->held;
-    for (int z = 0; z < block->size.z; ++z)
-        for (int y = 0; y < block->size.y; ++y)
-            for (int x = 0; x < block->size.x; ++x, ++held)
-                if (*held)
-                    add(cells, grid, block->first.x + x, block->first.y + y, block->first.z + z, *held);
+    for (int z = block->first.z; z < block->first.z + block->size.z; ++z)
+        for (int y = block->first.y; y < block->first.y + block->size.y; ++y)
+            for (int x = block->first.x; x < block->first.x + block->size.x; x += 2, held += 2) {
+#if INT64_ATOMICS
+                /* No cell can overflow into the next. */
+                if ((held[0] | held[1]) && in_grid(grid, x, y, z))
+                    atom_add((volatile __global ulong *)&cells[((size_t)z * grid->size.y + y) * grid->size.x + x],
+                             (ulong)held[1] << 32 | held[0]);
+#else
+                add(cells, grid, x, y, z, held[0]);
+                add(cells, grid, x + 1, y, z, held[1]);
+#endif
+            }
 }
+#else
+typedef int Block;                         // a GPU's work-items hold nothing
+#endif
 
 /* `add_between` of a step in each lane, into the block where that has these cells. */
-INLINED void add_lanes(volatile __global uint *cells, const Grid *grid, const Block *block, lanes_i x, lanes_i y, lanes_i z,
+INLINED void add_lanes(volatile __global uint *cells, const Grid *grid, Block *block, lanes_i x, lanes_i y, lanes_i z,
                        lanes_u all)
 {
 #if LANES == 1
@@ -292,8 +328,15 @@ INLINED void add_lanes(volatile __global uint *cells, const Grid *grid, const Bl
 #endif
 }
 
+/* 512 e / n, rounded towards 0; n > 1 steps reach |e| sub-cells. */
+INLINED lanes_i step_of(lanes_i e, lanes_i n)
+{
+    const lanes_i way = e < 0 ? -e : e, step = quotient(512.0f * float_of(way), way << 9, n);
+    return e < 0 ? -step : step;
+}
+
 /* Spread amounts evenly over steps of 3/4 cell at most from a to b. */
-INLINED void spread(volatile __global uint *cells, const Grid *grid, const Block *block, const Places *a, const Places *b,
+INLINED void spread(volatile __global uint *cells, const Grid *grid, Block *block, const Places *a, const Places *b,
                     lanes_u amount, lanes_i on)
 {
     const lanes_i ex = b->x - a->x, ey = b->y - a->y, ez = b->z - a->z;
@@ -309,11 +352,11 @@ INLINED void spread(volatile __global uint *cells, const Grid *grid, const Block
     lanes_u part = amount >> AS_U(n - 1), more = amount & AS_U(n - 1);
     lanes_i sx = ex << 9 >> n - 1, sy = ey << 9 >> n - 1, sz = ez << 9 >> n - 1;
     if (most > 2) {
-        part = amount / AS_U(n);
+        part = any_lane(amount >= 1u << 22) ? amount / AS_U(n) : AS_U(quotient(float_of(AS_I(amount)), AS_I(amount), n));
         more = amount - part * AS_U(n);
-        sx = (ex << 9) / n;
-        sy = (ey << 9) / n;
-        sz = (ez << 9) / n;
+        sx = step_of(ex, n);
+        sy = step_of(ey, n);
+        sz = step_of(ez, n);
     }
     lanes_i x = (a->x << 9) + sx / 2, y = (a->y << 9) + sy / 2, z = (a->z << 9) + sz / 2;
     for (int i = 0; i < most; ++i, x += sx, y += sy, z += sz) {
@@ -325,6 +368,41 @@ INLINED void spread(volatile __global uint *cells, const Grid *grid, const Block
     }
 }
 
+/* LANES strands from one on, `end` at most, each segment of them in turn. */
+INLINED void put_lanes(const Grid *grid, __global const float4 *points, __global const uint2 *spans,
+                       __global const float4 *strand_uv, __global const uint *weights, volatile __global uint *cells,
+                       Block *block, uint strand, uint end)
+{
+    uint first[LANES], at[LANES], some = 0, longest = 0;
+    lanes_i counts;
+    lanes weight, left = F(0.5f);
+    for (uint l = 0; l < LANES; ++l) {
+        const bool there = strand + l < end;
+        const uint2 span = there ? spans[strand + l] : (uint2)(0);
+        first[l] = span.x;
+        LANE_I(counts, l) = span.y;
+        LANE(weight, l) = there ? weights[(int)strand_uv[strand + l].z] : 0;
+        some = span.y ? span.x : some;
+        longest = span.y > longest ? span.y : longest;
+    }
+    Places a, b;
+    for (uint k = 0; k < longest; ++k, a = b) {
+        for (uint l = 0; l < LANES; ++l)   // where a strand has ended, any point will do
+            at[l] = (int)k < LANE_I(counts, l) ? first[l] + k : some;
+        take(grid, points, at, &b);
+        if (k == 0)
+            continue;
+        Places p = a, q = b;
+        lanes_i on = counts > (int)k;
+        if (any_lane(on & (p.away | q.away)))
+            on = bring_in(grid, &p, &q, on);
+        if (!grid->size.w)
+            on &= (p.z >= 0) | (q.z >= 0);
+        const lanes_u amount = crossings_of(grid, &p, &q, weight, on, &left);
+        spread(cells, grid, block, &p, &q, amount, on);
+    }
+}
+
 /* What a ray through a cell's face is expected to cross there: length · width · sin(fibre, light) / area of the face.
    A segment's amount is spread evenly over steps of 3/4 cell at most, and each between the four columns around it, so
    that nothing jumps when the light turns; what rounding leaves goes on to the next. */
@@ -332,7 +410,7 @@ __kernel void lengths(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Grid grid,
     const uint strands,
-    const uint run,                        // strands that a work-item does, one after the other by LANES
+    const uint run,                        // strands that a work-item does; 1 where LANES is
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
     __global const float4 *strand_uv,      // [strands] -, -, type
@@ -340,45 +418,16 @@ __kernel void lengths(
     volatile __global uint *cells)         // [nz, ny, nx]
 {
     WORK_ITEM(i);
-    const uint from = i * run, to = min(from + run, strands);
     Block block;
-#if LANES > 1
-    uint held[HELD];
-    block = block_around(&grid, points, spans, from, to);
-    block.held = held;
-    clear(&block);
-#endif
-    for (uint strand = from; strand < to; strand += LANES) {
-        uint first[LANES], count[LANES], at[LANES], some = 0, longest = 0;
-        lanes_i counts;
-        lanes weight, left = F(0.5f);
-        for (uint l = 0; l < LANES; ++l) {
-            const bool there = strand + l < to;
-            const uint2 span = there ? spans[strand + l] : (uint2)(0);
-            first[l] = span.x;
-            count[l] = LANE_I(counts, l) = span.y;
-            LANE(weight, l) = there ? weights[(int)strand_uv[strand + l].z] : 0;
-            some = span.y ? span.x : some;
-            longest = span.y > longest ? span.y : longest;
-        }
-        Places a, b;
-        for (uint k = 0; k < longest; ++k, a = b) {
-            for (uint l = 0; l < LANES; ++l)   // a strand that has ended stays at its last point; one without, elsewhere
-                at[l] = k < count[l] ? first[l] + k : count[l] ? first[l] + count[l] - 1 : some;
-            take(&grid, points, at, &b);
-            if (k == 0)
-                continue;
-            Places p = a, q = b;
-            lanes_i on = counts > (int)k;
-            if (any_lane(on & (p.away | q.away)))
-                on = bring_in(&grid, &p, &q, on);
-            if (!grid.size.w)
-                on &= (p.z >= 0) | (q.z >= 0);
-            const lanes_u amount = crossings_of(&grid, &p, &q, weight, on, &left);
-            spread(cells, &grid, &block, &p, &q, amount, on);
-        }
+#if LANES == 1
+    put_lanes(&grid, points, spans, strand_uv, weights, cells, &block, i, i + 1);
+#else
+    const uint last = (i + 1) * run < strands ? (i + 1) * run : strands;
+    for (uint first = i * run, past; first < last; first = past) {
+        past = open_block(&block, &grid, points, spans, first, last);
+        for (uint strand = first; strand < past; strand += LANES)
+            put_lanes(&grid, points, spans, strand_uv, weights, cells, &block, strand, past);
+        give_back(&block, &grid, cells);
     }
-#if LANES > 1
-    give_back(&block, &grid, cells);
 #endif
 }

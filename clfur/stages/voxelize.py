@@ -25,7 +25,7 @@ def voxelize(gpu: Any, grid: np.void, strands: DeviceStrands, method: str, weigh
              **arrays(strands, "points", "spans", "strand_uv")}
     if method == "length":
         n = len(strands.spans)
-        run = 64 if gpu.lanes > 1 else 1
+        run = 128 if gpu.lanes > 1 else 1
         gpu.launch("voxelize.lengths", -(-n // run), strands=n, run=run, **given)
     else:
         gpu.launch("voxelize.fragments", len(strands.spans), method=METHODS.index(method), **given)
