@@ -4,8 +4,8 @@
  * The grid's x and y lie across the light, z along the way it travels; the unit is a cell.  Points are snapped to
  * 1/SUBPIXEL cell, and everything after is integers.  The report's three methods (section 2.3.1) draw a strand as
  * the fragments of a line across the light, one for each step along its longer axis; `lengths` deposits how often
- * a ray of light is expected to cross the strand.  One work-item draws one strand, or, for `lengths` on a CPU, a run of them:
- * LANES at once, and into cells of its own first.
+ * a ray of light is expected to cross the strand.  One work-item draws one strand; where LANES
+ * is more than 1, the first of a group draws all that the group has, LANES at once.
  */
 
 #include "cells.h"
@@ -91,8 +91,6 @@ __kernel void fragments(
         }
     }
 }
-
-#define HELD 8192
 
 #if LANES == 32
 #define SQRT(x) (lanes)(sqrt((x).lo), sqrt((x).hi))
@@ -231,15 +229,17 @@ INLINED lanes_u crossings_of(const Grid *grid, const Places *a, const Places *b,
 }
 
 #if LANES > 1
-/* The cells that a work-item gathers by itself, so that few atomics are left. */
+/* Cells that the first work-item of a group, which does the strands of all of it, gathers by itself, so that few atomics
+   are left: in local memory, as PoCL has private memory for a whole group on a stack of 8 MB. */
 typedef struct {
     int4 first, size;
-    uint held[HELD];                       // [size.z, size.y, size.x]
+    __local uint *held;                    // [size.z, size.y, size.x]
 } Block;
 
 /* Cells around a run of strands, of which a few points tell where they lie; what is elsewhere goes to the grid at once.
    -> How many there are. */
-int put_around(Block *block, const Grid *grid, __global const float4 *points, __global const uint2 *spans, uint begin, uint end)
+int put_around(Block *block, const Grid *grid, __global const float4 *points, __global const uint2 *spans, uint begin,
+               uint end)
 {
     const int4 lowest = (int4)(-1, -1, 0, 0), highest = (int4)(grid->size.x, grid->size.y, grid->size.z - 1, 0);
     int4 low = (int4)(INT_MAX), high = (int4)(INT_MIN);
@@ -264,7 +264,8 @@ int put_around(Block *block, const Grid *grid, __global const float4 *points, __
 }
 
 /* Clear as many cells around strands from `begin` on, `end` at most, as a block can hold -> one past the last of these. */
-uint open_block(Block *block, const Grid *grid, __global const float4 *points, __global const uint2 *spans, uint begin, uint end)
+uint open_block(Block *block, const Grid *grid, __global const float4 *points, __global const uint2 *spans, uint begin,
+                uint end)
 {
     int cells;
     while ((cells = put_around(block, grid, points, spans, begin, end)) > HELD && end - begin > LANES)
@@ -281,7 +282,7 @@ uint open_block(Block *block, const Grid *grid, __global const float4 *points, _
 /* Add what a block holds to the grid. */
 void give_back(const Block *block, const Grid *grid, volatile __global uint *cells)
 {
-    const uint *held = block->held;
+    const __local uint *held = block->held;
     for (int z = block->first.z; z < block->first.z + block->size.z; ++z)
         for (int y = block->first.y; y < block->first.y + block->size.y; ++y)
             for (int x = block->first.x; x < block->first.x + block->size.x; x += 2, held += 2) {
@@ -297,7 +298,7 @@ void give_back(const Block *block, const Grid *grid, volatile __global uint *cel
             }
 }
 #else
-typedef int Block;                         // a GPU's work-items hold nothing
+typedef int Block;                         // a strand a work-item: nothing is gathered
 #endif
 
 /* `add_between` of a step in each lane, into the block where that has these cells. */
@@ -316,7 +317,7 @@ INLINED void add_lanes(volatile __global uint *cells, const Grid *grid, Block *b
     const lanes_u right = share_of(here, fx), both = share_of(right, fy), behind = share_of(here, fy);
     const lanes_u corner = here - right - behind + both, right_alone = right - both, behind_alone = behind - both;
     for (int l = 0; l < LANES; ++l) {
-        uint *held = block->held + LANE_I(at, l);
+        __local uint *held = block->held + LANE_I(at, l);
         held[0] += LANE_I(corner, l);
         held[1] += LANE_I(right_alone, l);
         held[across] += LANE_I(behind_alone, l);
@@ -409,21 +410,25 @@ INLINED void put_lanes(const Grid *grid, __global const float4 *points, __global
 __kernel void lengths(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Grid grid,
-    const uint strands,
-    const uint run,                        // strands that a work-item does; 1 where LANES is
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
     __global const float4 *strand_uv,      // [strands] -, -, type
     __global const uint *weights,          // [types] amount of one crossing
     volatile __global uint *cells)         // [nz, ny, nx]
 {
+#if LANES == 1
     WORK_ITEM(i);
     Block block;
-#if LANES == 1
     put_lanes(&grid, points, spans, strand_uv, weights, cells, &block, i, i + 1);
 #else
-    const uint last = (i + 1) * run < strands ? (i + 1) * run : strands;
-    for (uint first = i * run, past; first < last; first = past) {
+    __local uint held[HELD];
+    WORK_ITEM(i);
+    if (get_local_id(0))
+        return;
+    Block block;
+    block.held = held;
+    const uint last = i + get_local_size(0) < end ? i + get_local_size(0) : end;
+    for (uint first = i, past; first < last; first = past) {
         past = open_block(&block, &grid, points, spans, first, last);
         for (uint strand = first; strand < past; strand += LANES)
             put_lanes(&grid, points, spans, strand_uv, weights, cells, &block, strand, past);

@@ -131,12 +131,13 @@ def block(lanes):
     return (1, 1) if lanes == 1 else (4, lanes // 4)
 
 
-def preamble(int64_atomics, checked=False, lanes=1):
+def preamble(int64_atomics, checked=False, lanes=1, local=1 << 15):
     """The C text that every program starts with.
 
     ``int64_atomics``: whether the raster may take depth and id with one 64-bit atomic.
     ``lanes``: values that a work-item should take side by side, where it can.
     ``checked``: whether the driver looks for races, and must not see the harmless ones.
+    ``local``: bytes of local memory that a work-group may have; OpenCL promises these 32 KB.
     """
     patterns = [p for n in sorted(PATTERNS) for p in PATTERNS[n]]
     step = CONSTANTS["SUBPIXEL"] // 16
@@ -146,6 +147,7 @@ def preamble(int64_atomics, checked=False, lanes=1):
         *(f"#define {name.upper().replace('-', '_')} {value}\n" for name, value in MODELS.items()),
         f"#define INT64_ATOMICS {int(int64_atomics)}\n",
         f"#define CHECKED {int(checked)}\n",
+        f"#define HELD {min(local // 8, 1 << 15)}\n",   # cells of a light's grid in half of it; more is no faster
         "#define LANES {}\n#define BLOCK_X {}\n#define BLOCK_Y {}\n".format(lanes, *block(lanes)),
         *(_c_struct(name, dtype) for name, dtype in STRUCTS.items()),
         f"__constant int2 PATTERN[] = {{{table}}};\n",

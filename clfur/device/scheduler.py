@@ -299,7 +299,8 @@ class Scheduler:
 
     def _build(self, stem):
         text = _text("common.h") + _text(f"{stem}.cl")
-        source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind", self.lanes) + text
+        source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind", self.lanes,
+                                 self.device.local_mem_size) + text
         options = ["-cl-std=CL1.2", "-w"]   # some compilers write how many warnings there were to stderr
         if self.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
             options.append("-cl-fp32-correctly-rounded-divide-sqrt")

@@ -24,9 +24,7 @@ def voxelize(gpu: Any, grid: np.void, strands: DeviceStrands, method: str, weigh
     given = {"grid": grid, "weights": gpu.upload(weights), "cells": cells,
              **arrays(strands, "points", "spans", "strand_uv")}
     if method == "length":
-        n = len(strands.spans)
-        run = 128 if gpu.lanes > 1 else 1
-        gpu.launch("voxelize.lengths", -(-n // run), strands=n, run=run, **given)
+        gpu.launch("voxelize.lengths", len(strands.spans), **given)
     else:
         gpu.launch("voxelize.fragments", len(strands.spans), method=METHODS.index(method), **given)
     return cells
