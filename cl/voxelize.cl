@@ -4,12 +4,22 @@
  * The grid's x and y lie across the light, z along the way it travels; the unit is a cell.  Points are snapped to
  * 1/SUBPIXEL cell, and everything after is integers.  The report's three methods (section 2.3.1) draw a strand as
  * the fragments of a line across the light, one for each step along its longer axis; `lengths` deposits how often
- * a ray of light is expected to cross the strand.  One work-item draws one strand; where LANES
- * is more than 1, the first of a group draws all that the group has, LANES at once.
+ * a ray of light is expected to cross the strand.  One work-item draws one strand; where LANES is more than 1, in
+ * `lengths` the first of a group draws all that the group has, LANES at once.
  */
 
 #include "cells.h"
+#if LANES == 1 && LANES_HINTED > 1
+#undef LANES
+#define LANES LANES_HINTED
+#endif
 #include "lanes.h"
+
+#if LANES > 1
+#define BY_HAND __attribute__((vec_type_hint(float8)))   // Intel's fills vectors with work-items, of which one does all
+#else
+#define BY_HAND
+#endif
 
 #if INT64_ATOMICS
 #pragma OPENCL EXTENSION cl_khr_int64_base_atomics : enable
@@ -263,20 +273,26 @@ int put_around(Block *block, const Grid *grid, __global const float4 *points, __
     return block->size.x * block->size.y * block->size.z;
 }
 
-/* Clear as many cells around strands from `begin` on, `end` at most, as a block can hold -> one past the last of these. */
+/* Clear cells around strands from `begin` on, as many of `run` as a block can hold, `end` at most; where it can't, `run`
+   is halved. -> One past the last of these. */
 uint open_block(Block *block, const Grid *grid, __global const float4 *points, __global const uint2 *spans, uint begin,
-                uint end)
+                uint end, uint *run)
 {
+    uint past;
     int cells;
-    while ((cells = put_around(block, grid, points, spans, begin, end)) > HELD && end - begin > LANES)
-        end = begin + (end - begin + 1) / 2;
+    for (;; *run /= 2) {
+        past = begin + *run < end ? begin + *run : end;
+        cells = put_around(block, grid, points, spans, begin, past);
+        if (cells <= HELD || *run <= LANES)
+            break;
+    }
     if (cells > HELD) {
         block->size = (int4)(2, 1, 1, 0);  // too small for anything
         cells = 2;
     }
     for (int i = 0; i < cells; ++i)
         block->held[i] = 0;
-    return end;
+    return past;
 }
 
 /* Add what a block holds to the grid. */
@@ -407,7 +423,7 @@ INLINED void put_lanes(const Grid *grid, __global const float4 *points, __global
 /* What a ray through a cell's face is expected to cross there: length · width · sin(fibre, light) / area of the face.
    A segment's amount is spread evenly over steps of 3/4 cell at most, and each between the four columns around it, so
    that nothing jumps when the light turns; what rounding leaves goes on to the next. */
-__kernel void lengths(
+BY_HAND __kernel void lengths(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Grid grid,
     __global const float4 *points,         // [P] x, y, z, width [world]
@@ -428,8 +444,9 @@ __kernel void lengths(
     Block block;
     block.held = held;
     const uint last = i + get_local_size(0) < end ? i + get_local_size(0) : end;
+    uint run = get_local_size(0);
     for (uint first = i, past; first < last; first = past) {
-        past = open_block(&block, &grid, points, spans, first, last);
+        past = open_block(&block, &grid, points, spans, first, last, &run);
         for (uint strand = first; strand < past; strand += LANES)
             put_lanes(&grid, points, spans, strand_uv, weights, cells, &block, strand, past);
         give_back(&block, &grid, cells);
