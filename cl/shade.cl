@@ -244,7 +244,6 @@ __kernel void color(
             these->pixel[k] = in_pixel;
             if (!of_body) {                // nothing else knows what will be looked up
                 PREFETCH(points + these->id[k]);
-                PREFETCH(strand_of + these->id[k] / run);
             }
             full = these->n == LANES;
         }
