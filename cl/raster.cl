@@ -203,7 +203,7 @@ INLINED void draw_thin(volatile __global ulong *visible, const View *view, Thin 
             const lanes_i on = (u < end) & there & (beside >= gap) & (row < rows), sample = at + AS_I(row) * v_stride;
             const lanes_i depth = TO(lanes_i, d >> FRACTION);
             for (uint bits = bits_of(on); bits; bits &= bits - 1) {
-                const int k = __builtin_ctz(bits);
+                const int k = first_of(bits);
                 put(visible, (uint)LANE_I(sample, k), LANE_I(depth, k), these->id[k], phase);
             }
             low += v_step * SUBPIXEL;
@@ -385,13 +385,128 @@ void draw_triangle_clipped(volatile __global ulong *visible, const View *view, i
                       snap_clip(polygon[j + 1], 0.0f), id, phase, facing, after);
 }
 
-/* One work-item draws what one band of the picture shows of one triangle of the body: a large one is no long job. */
+/* The same of what is within the guard band, side by side. */
+INLINED lanes_i within_guard_lanes(lanes4 c)
+{
+    const lanes most = GUARD * c.w;
+    return (c.w > 0.0f) & (c.z >= 0.0f) & (c.z <= c.w) & (c.x <= most) & (c.x >= -most) & (c.y <= most) & (c.y >= -most);
+}
+
+/* The whole number nearest to x, as `snap` has it. */
+INLINED lanes_i snapped(lanes x)
+{
+    const lanes moved = x + 0.5f;
+    const lanes_i whole = TO(lanes_i, moved);
+    return TO(lanes, whole) > moved ? whole - 1 : whole;
+}
+
+/* Snapped corners of triangles. */
+typedef struct {
+    lanes_i x, y, z;
+} Corners;
+
+INLINED Corners snap_lanes(lanes4 c, lanes_i in)
+{
+    const lanes w = in ? c.w : F(1.0f);
+    const Corners s = {snapped((in ? c.x : F(0.0f)) / w * (float)SUBPIXEL), snapped((in ? c.y : F(0.0f)) / w * (float)SUBPIXEL),
+                       DEPTH_ONE - snapped((in ? c.z : F(0.0f)) / w * (float)DEPTH_ONE)};
+    return s;
+}
+
+INLINED lanes_i least_of(lanes_i a, lanes_i b, lanes_i c)
+{
+    const lanes_i d = a < b ? a : b;
+    return d < c ? d : c;
+}
+
+INLINED lanes_i most_of(lanes_i a, lanes_i b, lanes_i c)
+{
+    const lanes_i d = a > b ? a : b;
+    return d > c ? d : c;
+}
+
+/* A triangle's edge from p to q: twice the area with the point (x, y), less its bias. */
+INLINED lanes_i edges(Corners p, Corners q, lanes_i x, lanes_i y)
+{
+    const lanes_i ours = (q.y < p.y) | ((q.y == p.y) & (q.x > p.x));
+    return (q.x - p.x) * (y - p.y) - (q.y - p.y) * (x - p.x) + (ours ? I(0) : I(-1));
+}
+
+#define SMALL 32   // pixels across and down that a triangle may touch to be drawn side by side: its edges then fit 32 bits
+
+/* Triangles, drawn side by side as draw_triangle draws them: LANES different ones, each from the first pixel that it may
+   touch. Those of `there` are small. */
+INLINED void draw_small(volatile __global ulong *visible, const View *view, int2 rows, lanes_i there, Corners a, Corners b,
+                        Corners c, uint first, int phase, int facing, __global const uint *after)
+{
+    const lanes_i turned = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x), swap = turned < 0;
+    const Corners p = b, q = c;
+    b.x = swap ? q.x : p.x, b.y = swap ? q.y : p.y, b.z = swap ? q.z : p.z;
+    c.x = swap ? p.x : q.x, c.y = swap ? p.y : q.y, c.z = swap ? p.z : q.z;
+    const int samples = view->size.z, furthest = SUBPIXEL / 2;
+    lanes_i x0 = (least_of(a.x, b.x, c.x) - furthest) >> 8, y0 = (least_of(a.y, b.y, c.y) - furthest) >> 8;
+    lanes_i x1 = (most_of(a.x, b.x, c.x) + furthest) >> 8, y1 = (most_of(a.y, b.y, c.y) + furthest) >> 8;
+    x0 = x0 > 0 ? x0 : I(0);
+    y0 = y0 > rows.x ? y0 : I(rows.x);
+    x1 = x1 < view->size.x ? x1 : I(view->size.x - 1);
+    y1 = y1 < rows.y ? y1 : I(rows.y - 1);
+    there &= (x0 <= x1) & (y0 <= y1) & (turned != 0);
+    if (facing)
+        there &= swap;
+    if (!any_lane(there))
+        return;
+    const int wide = most_lane(there ? x1 - x0 : I(0)), high = most_lane(there ? y1 - y0 : I(0));
+    const lanes_i nearest = least_of(a.z, b.z, c.z), farthest = most_of(a.z, b.z, c.z);
+    const lanes_i ec_x = (b.y - a.y) * SUBPIXEL, ea_x = (c.y - b.y) * SUBPIXEL, eb_x = (a.y - c.y) * SUBPIXEL;
+    const lanes_i ec_y = (b.x - a.x) * SUBPIXEL, ea_y = (c.x - b.x) * SUBPIXEL, eb_y = (a.x - c.x) * SUBPIXEL;
+    const lanes_u at = AS_U(y0 - view->rows.x) * (uint)view->size.x + AS_U(x0);
+    ulong gx[LANES], gy[LANES];
+    uint known = 0;                        // lanes whose gradients are there: many triangles hit no sample
+    for (int s = 0; s < samples; ++s) {
+        const int2 offset = PATTERN[view->size.w + s];
+        const lanes_i sx = x0 * SUBPIXEL + (SUBPIXEL / 2 + offset.x), sy = y0 * SUBPIXEL + (SUBPIXEL / 2 + offset.y);
+        lanes_i row_c = edges(a, b, sx, sy), row_a = edges(b, c, sx, sy), row_b = edges(c, a, sx, sy);
+        for (int j = 0; j <= high; ++j) {
+            const lanes_i in_row = there & (y0 + j <= y1);
+            lanes_i ec = row_c, ea = row_a, eb = row_b;
+            for (int i = 0; i <= wide; ++i) {
+                for (uint bits = bits_of(in_row & ((ec | ea | eb) >= 0) & (x0 + i <= x1)); bits; bits &= bits - 1) {
+                    const int k = first_of(bits);
+                    if (!(known >> k & 1)) {
+                        const long db = LANE_I(b.z, k) - LANE_I(a.z, k), dc = LANE_I(c.z, k) - LANE_I(a.z, k);
+                        const int bx = LANE_I(b.x, k) - LANE_I(a.x, k), by = LANE_I(b.y, k) - LANE_I(a.y, k);
+                        const int cx = LANE_I(c.x, k) - LANE_I(a.x, k), cy = LANE_I(c.y, k) - LANE_I(a.y, k);
+                        const int area = bx * cy - by * cx;
+                        gx[k] = gradient(db * cy - dc * by, area);
+                        gy[k] = gradient(dc * bx - db * cx, area);
+                        known |= 1u << k;
+                    }
+                    const ulong d = gx[k] * (ulong)(long)(LANE_I(sx, k) + i * SUBPIXEL - LANE_I(a.x, k))
+                        + gy[k] * (ulong)(long)(LANE_I(sy, k) + j * SUBPIXEL - LANE_I(a.y, k));
+                    const long near = LANE_I(nearest, k), far = LANE_I(farthest, k), here = LANE_I(a.z, k) + ((long)d >> 14);
+                    const uint depth = (uint)(here < near ? near : here < far ? here : far);
+                    const size_t sample = ((size_t)LANE_U(at, k) + (size_t)j * view->size.x + i) * samples + s;
+                    if (!facing || depth > after[sample])
+                        put(visible, sample, depth, BODY | (first + k), phase);
+                }
+                ec -= ec_x;
+                ea -= ea_x;
+                eb -= eb_x;
+            }
+            row_c += ec_y;
+            row_a += ea_y;
+            row_b += eb_y;
+        }
+    }
+}
+
+/* One work-item draws what one band of the picture shows of LANES triangles of the body: a large one is no long job. */
 __kernel void body(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     __global const float4 *positions,      // [V]
     __global const uint4 *triangles,       // [n]
-    const uint n,                          // triangles; work-items are n for each band
+    const uint n,                          // triangles; work-items are n / LANES, rounded up, for each band
     const uint first,                      // added to the number of a triangle to make its id
     const int band,                        // rows of a band
     const int facing,                      // 1: only triangles that face the eye, behind `after`
@@ -400,17 +515,38 @@ __kernel void body(
     volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
     WORK_ITEM(item);
-    const uint t = item % n;
-    const int top = view.rows.x + (int)(item / n) * band;
+    const uint groups = (n - 1) / LANES + 1, t = item % groups * LANES, count = n - t < LANES ? n - t : LANES;
+    const int top = view.rows.x + (int)(item / groups) * band;
     const int2 rows = (int2)(top, min(top + band, view.rows.y));
-    const uint4 v = triangles[t];
-    const float4 a = to_screen(&view, positions[v.x]);
-    const float4 b = to_screen(&view, positions[v.y]);
-    const float4 c = to_screen(&view, positions[v.z]);
-    if (within_guard(a) && within_guard(b) && within_guard(c))
-        draw_triangle(visible, &view, rows, snap((float4)(a.xyz, 0.0f) / a.w), snap((float4)(b.xyz, 0.0f) / b.w),
-                      snap((float4)(c.xyz, 0.0f) / c.w), BODY | (first + t), phase, facing, after);
-    else
-        for (int before = 0; before < (view.scale.z > 0.0f ? 2 : 1); ++before)
-            draw_triangle_clipped(visible, &view, rows, a, b, c, BODY | (first + t), phase, facing, after, before);
+    lanes3 pa, pb, pc;
+    lanes_i some;
+    for (uint k = 0; k < LANES; ++k) {
+        const uint4 v = triangles[k < count ? t + k : t];
+        const float4 p = positions[v.x], q = positions[v.y], r = positions[v.z];
+        LANE_I(some, k) = k < count ? ON : 0;
+        LANE(pa.x, k) = p.x, LANE(pa.y, k) = p.y, LANE(pa.z, k) = p.z;
+        LANE(pb.x, k) = q.x, LANE(pb.y, k) = q.y, LANE(pb.z, k) = q.z;
+        LANE(pc.x, k) = r.x, LANE(pc.y, k) = r.y, LANE(pc.z, k) = r.z;
+    }
+    const lanes4 ca = by_columns(view.to_screen, pa.x, pa.y, pa.z), cb = by_columns(view.to_screen, pb.x, pb.y, pb.z);
+    const lanes4 cc = by_columns(view.to_screen, pc.x, pc.y, pc.z);
+    const lanes_i in = some & within_guard_lanes(ca) & within_guard_lanes(cb) & within_guard_lanes(cc);
+    const Corners a = snap_lanes(ca, in), b = snap_lanes(cb, in), c = snap_lanes(cc, in);
+    const lanes_i small = in & (most_of(a.x, b.x, c.x) - least_of(a.x, b.x, c.x) < (SMALL - 2) * SUBPIXEL)
+        & (most_of(a.y, b.y, c.y) - least_of(a.y, b.y, c.y) < (SMALL - 2) * SUBPIXEL);
+    if (any_lane(small))
+        draw_small(visible, &view, rows, small, a, b, c, first + t, phase, facing, after);
+    for (uint k = 0; k < count; ++k) {
+        if (LANE_I(small, k))
+            continue;
+        const uint4 v = triangles[t + k];
+        const uint id = BODY | (first + t + k);
+        const float4 p = to_screen(&view, positions[v.x]), q = to_screen(&view, positions[v.y]), r = to_screen(&view, positions[v.z]);
+        if (LANE_I(in, k))
+            draw_triangle(visible, &view, rows, snap((float4)(p.xyz, 0.0f) / p.w), snap((float4)(q.xyz, 0.0f) / q.w),
+                          snap((float4)(r.xyz, 0.0f) / r.w), id, phase, facing, after);
+        else
+            for (int before = 0; before < (view.scale.z > 0.0f ? 2 : 1); ++before)
+                draw_triangle_clipped(visible, &view, rows, p, q, r, id, phase, facing, after, before);
+    }
 }

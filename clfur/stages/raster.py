@@ -28,7 +28,7 @@ def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: 
     for phase in range(1 if gpu.int64_atomics else 2):
         if body is not None:
             n = len(body.triangles)
-            gpu.launch("raster.body", n * bands, view=view, positions=body.positions, triangles=body.triangles, n=n,
+            gpu.launch("raster.body", -(-n // gpu.lanes) * bands, view=view, positions=body.positions, triangles=body.triangles, n=n,
                        first=body.first_triangle, band=-(-rows // bands), facing=facing, after=after, phase=phase,
                        visible=visible)
         if strands is not None:
