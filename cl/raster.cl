@@ -432,6 +432,34 @@ INLINED lanes_i edges(Corners p, Corners q, lanes_i x, lanes_i y)
     return (q.x - p.x) * (y - p.y) - (q.y - p.y) * (x - p.x) + (ours ? I(0) : I(-1));
 }
 
+/* The depths of a triangle, from the middle of the first pixel that it may touch. */
+typedef struct {
+    ulong gx, gy, start;
+    long nearest, farthest, z;
+    size_t at;                             // that pixel's first sample
+} Plane;
+
+inline Plane plane_of(int4 a, int4 b, int4 c, int x0, int y0)
+{
+    Plane plane;
+    const long db = b.z - a.z, dc = c.z - a.z;
+    const int area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+    plane.gx = gradient(db * (c.y - a.y) - dc * (b.y - a.y), area);
+    plane.gy = gradient(dc * (b.x - a.x) - db * (c.x - a.x), area);
+    plane.start = plane.gx * (ulong)(long)(x0 * SUBPIXEL + SUBPIXEL / 2 - a.x)
+        + plane.gy * (ulong)(long)(y0 * SUBPIXEL + SUBPIXEL / 2 - a.y);
+    const int near = a.z < b.z ? a.z : b.z, far = a.z < b.z ? b.z : a.z;
+    plane.nearest = near < c.z ? near : c.z;
+    plane.farthest = far > c.z ? far : c.z;
+    plane.z = a.z;
+    return plane;
+}
+
+INLINED int4 corner(const Corners *of, int k)
+{
+    return (int4)(LANE_I(of->x, k), LANE_I(of->y, k), LANE_I(of->z, k), 0);
+}
+
 #define SMALL 32   // pixels across and down that a triangle may touch to be drawn side by side: its edges then fit 32 bits
 
 /* Triangles, drawn side by side as draw_triangle draws them: LANES different ones, each from the first pixel that it may
@@ -456,12 +484,10 @@ INLINED void draw_small(volatile __global ulong *visible, const View *view, int2
     if (!any_lane(there))
         return;
     const int wide = most_lane(there ? x1 - x0 : I(0)), high = most_lane(there ? y1 - y0 : I(0));
-    const lanes_i nearest = least_of(a.z, b.z, c.z), farthest = most_of(a.z, b.z, c.z);
     const lanes_i ec_x = (b.y - a.y) * SUBPIXEL, ea_x = (c.y - b.y) * SUBPIXEL, eb_x = (a.y - c.y) * SUBPIXEL;
     const lanes_i ec_y = (b.x - a.x) * SUBPIXEL, ea_y = (c.x - b.x) * SUBPIXEL, eb_y = (a.x - c.x) * SUBPIXEL;
-    const lanes_u at = AS_U(y0 - view->rows.x) * (uint)view->size.x + AS_U(x0);
-    ulong gx[LANES], gy[LANES];
-    uint known = 0;                        // lanes whose gradients are there: many triangles hit no sample
+    Plane planes[LANES];
+    uint known = 0;                        // lanes of which there is one: many triangles hit no sample
     for (int s = 0; s < samples; ++s) {
         const int2 offset = PATTERN[view->size.w + s];
         const lanes_i sx = x0 * SUBPIXEL + (SUBPIXEL / 2 + offset.x), sy = y0 * SUBPIXEL + (SUBPIXEL / 2 + offset.y);
@@ -470,22 +496,21 @@ INLINED void draw_small(volatile __global ulong *visible, const View *view, int2
             const lanes_i in_row = there & (y0 + j <= y1);
             lanes_i ec = row_c, ea = row_a, eb = row_b;
             for (int i = 0; i <= wide; ++i) {
+                const ulong across = (ulong)(long)(offset.x + i * SUBPIXEL), down = (ulong)(long)(offset.y + j * SUBPIXEL);
+                const size_t from = ((size_t)j * view->size.x + i) * samples + s;
                 for (uint bits = bits_of(in_row & ((ec | ea | eb) >= 0) & (x0 + i <= x1)); bits; bits &= bits - 1) {
                     const int k = first_of(bits);
                     if (!(known >> k & 1)) {
-                        const long db = LANE_I(b.z, k) - LANE_I(a.z, k), dc = LANE_I(c.z, k) - LANE_I(a.z, k);
-                        const int bx = LANE_I(b.x, k) - LANE_I(a.x, k), by = LANE_I(b.y, k) - LANE_I(a.y, k);
-                        const int cx = LANE_I(c.x, k) - LANE_I(a.x, k), cy = LANE_I(c.y, k) - LANE_I(a.y, k);
-                        const int area = bx * cy - by * cx;
-                        gx[k] = gradient(db * cy - dc * by, area);
-                        gy[k] = gradient(dc * bx - db * cx, area);
+                        planes[k] = plane_of(corner(&a, k), corner(&b, k), corner(&c, k), LANE_I(x0, k), LANE_I(y0, k));
+                        planes[k].at = ((size_t)(LANE_I(y0, k) - view->rows.x) * view->size.x + LANE_I(x0, k)) * samples;
                         known |= 1u << k;
                     }
-                    const ulong d = gx[k] * (ulong)(long)(LANE_I(sx, k) + i * SUBPIXEL - LANE_I(a.x, k))
-                        + gy[k] * (ulong)(long)(LANE_I(sy, k) + j * SUBPIXEL - LANE_I(a.y, k));
-                    const long near = LANE_I(nearest, k), far = LANE_I(farthest, k), here = LANE_I(a.z, k) + ((long)d >> 14);
-                    const uint depth = (uint)(here < near ? near : here < far ? here : far);
-                    const size_t sample = ((size_t)LANE_U(at, k) + (size_t)j * view->size.x + i) * samples + s;
+                    const Plane *plane = &planes[k];
+                    const ulong d = plane->start + plane->gx * across + plane->gy * down;
+                    const long here = plane->z + ((long)d >> 14);
+                    const uint depth = (uint)(here < plane->nearest ? plane->nearest
+                                              : here < plane->farthest ? here : plane->farthest);
+                    const size_t sample = plane->at + from;
                     if (!facing || depth > after[sample])
                         put(visible, sample, depth, BODY | (first + k), phase);
                 }
