@@ -28,8 +28,8 @@ def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: 
     for phase in range(1 if gpu.int64_atomics else 2):
         if body is not None:
             n = len(body.triangles)
-            gpu.launch("raster.body", -(-n // gpu.lanes) * bands, view=view, positions=body.positions, triangles=body.triangles, n=n,
-                       first=body.first_triangle, band=-(-rows // bands), facing=facing, after=after, phase=phase,
+            gpu.launch("raster.body", -(-n // gpu.lanes) * bands, view=view, positions=body.positions,
+                       triangles=body.triangles, n=n, first=body.first_triangle, band=-(-rows // bands), facing=facing, after=after, phase=phase,
                        visible=visible)
         if strands is not None:
             n = len(strands.spans)
