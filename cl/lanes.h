@@ -102,6 +102,19 @@ INLINED lanes root(lanes x)
     return x * y;
 }
 
+/* Rounded correctly, as geometry needs it. */
+INLINED lanes exact_root(lanes x)
+{
+#if LANES == 32
+    lanes y;
+    y.lo = sqrt(x.lo);
+    y.hi = sqrt(x.hi);
+    return y;
+#else
+    return sqrt(x);
+#endif
+}
+
 INLINED bool any_lane(lanes_i mask)
 {
 #if LANES == 1
@@ -211,6 +224,34 @@ INLINED lanes3 plus(lanes3 a, lanes3 b)
     a.y += b.y;
     a.z += b.z;
     return a;
+}
+
+INLINED lanes3 minus(lanes3 a, lanes3 b)
+{
+    a.x -= b.x;
+    a.y -= b.y;
+    a.z -= b.z;
+    return a;
+}
+
+INLINED lanes3 chosen(lanes_i mask, lanes3 a, lanes3 b)
+{
+    a.x = mask ? a.x : b.x;
+    a.y = mask ? a.y : b.y;
+    a.z = mask ? a.z : b.z;
+    return a;
+}
+
+INLINED void put_lane(lanes3 *to, uint lane, float4 from)
+{
+    LANE(to->x, lane) = from.x;
+    LANE(to->y, lane) = from.y;
+    LANE(to->z, lane) = from.z;
+}
+
+INLINED float3 lane_of(const lanes3 *from, uint lane)
+{
+    return (float3)(LANE(from->x, lane), LANE(from->y, lane), LANE(from->z, lane));
 }
 
 INLINED lanes3 crosses(lanes3 a, lanes3 b)

@@ -156,10 +156,18 @@ inline float place_between(float4 a, float4 b, float4 p)
     return at < 0.0f ? 0.0f : at < 1.0f ? at : 1.0f;
 }
 
+/* Where the point lies that came as number `came`: strands may have been put in order. */
+inline uint lies_at(__global const uint *stored, uint run, uint came)
+{
+    return stored[came / run] + came % run;
+}
+
 /* Strands: see strands.cl. */
 typedef struct {
-    __global const float4 *points, *tangents;
-    __global const uint *strand_of;
+    __global const float4 *points;
+    __global const uint2 *spans;           // [strands] first point, points
+    __global const uint *strand_of;        // [points / run]
+    uint run;                              // points
     __global const float4 *strand_normal;  // [strands] of the body at the root, 0: not known
     __global const float4 *strand_uv;      // [strands] u, v, type
     __global const HairType *types;
@@ -167,12 +175,40 @@ typedef struct {
     int color_per;                         // 0: one for all, 1: each strand, 2: each point
 } Hair;
 
+inline uint strand_at(const Hair *hair, uint id)
+{
+    return hair->strand_of[id / hair->run];
+}
+
+/* A segment's ends and the points of its strand before and behind these, or the ends themselves. */
+typedef struct {
+    float4 before, a, b, after;
+} Segment;
+
+inline Segment segment_at(const Hair *hair, uint id, uint2 span)
+{
+    Segment s;
+    s.a = hair->points[id];
+    s.b = hair->points[id + 1];
+    s.before = id > span.x ? hair->points[id - 1] : s.a;
+    s.after = id + 2 < span.x + span.y ? hair->points[id + 2] : s.b;
+    return s;
+}
+
+/* Unit tangent at a segment's end: that of the chord between the end's neighbours, or of the segment where that has no
+   length. */
+inline float4 tangent_of(float4 chord, float4 along)
+{
+    chord.w = along.w = 0.0f;
+    return unit_or(dot3(chord, chord) > 1e-30f ? chord : along, (float4)(0.0f, 1.0f, 0.0f, 0.0f));
+}
+
 /* Share of a light that body and other hair let through to place p of a strand, a share `at` of the way from its point id to
    the next. */
 inline float transmittance_at(const Obstacles *obstacles, const Hair *hair, uint id, float at, float4 p)
 {
     const Shadow shadow = obstacles->shadow;
-    const uint strand = hair->strand_of[id];
+    const uint strand = strand_at(hair, id);
     const float alpha = hair->types[(int)hair->strand_uv[strand].z].shine.z;
     float transmittance = 1.0f;
     if (shadow.body.x)
@@ -199,10 +235,12 @@ typedef struct {
 /* A segment that begins at point id, a share `at` of the way along it. */
 inline Fibre fibre_at(const Hair *hair, uint id, float at)
 {
-    const uint strand = hair->strand_of[id];
+    const uint strand = strand_at(hair, id);
+    const Segment ends = segment_at(hair, id, hair->spans[strand]);
+    const float4 first = tangent_of(ends.b - ends.before, ends.b - ends.a);
     Fibre here;
     here.shine = hair->types[(int)hair->strand_uv[strand].z].shine;
-    here.tangent = unit_or(between(hair->tangents[id], hair->tangents[id + 1], at), hair->tangents[id]);
+    here.tangent = unit_or(between(first, tangent_of(ends.after - ends.a, ends.b - ends.a), at), first);
     here.color = hair->color_per == 0 ? hair->colors[0] : hair->color_per == 1 ? hair->colors[strand]
         : between(hair->colors[id], hair->colors[id + 1], at);
     return here;

@@ -228,8 +228,9 @@ __kernel void lines(
     const View view,
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
+    __global const uint *shifts,           // [strands] added to the number of a segment's first point,
+    const uint first,                      // and this, to make its id
     const uint strands,
-    const uint first,                      // added to the number of a segment's first point to make its id
     const int phase,
     volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
@@ -241,12 +242,13 @@ __kernel void lines(
     const uint until = item * DRAWN + DRAWN < strands ? item * DRAWN + DRAWN : strands;
     for (uint strand = item * DRAWN; strand < until; ++strand) {
         const uint2 span = spans[strand];
+        const uint first_id = first + shifts[strand] + span.x;
         float4 a, b;                       // clip space
         int4 sa, sb;                       // snapped; w = CLIPPED where it can't be
         float ha = 0.0f, hb;               // half a width in pixels at w = 1
         for (uint k = 0; k < span.y; ++k, a = b, sa = sb, ha = hb) {
             const float4 p = points[span.x + k];
-            const uint id = first + span.x + k - 1;
+            const uint id = first_id + k - 1;
             b = to_screen(&view, p);
             hb = 0.5f * p.w * view.scale.x;
             sb.w = CLIPPED;

@@ -32,8 +32,8 @@ inline float4 body_normal(__global const float4 *positions, __global const float
     return dot3(n, v) < 0.0f ? -n : n;
 }
 
-/* Number of what a sample shows, among the triangles or segments that a part of the scene holds; NOTHING if it shows none
-   of these. */
+/* Number of what a sample shows among the triangles, or the segments as they came, that a part of the scene holds; NOTHING
+   if it shows none of these. */
 inline uint local_id(ulong key, uint4 part)
 {
     const bool is_body = (uint)key & BODY;
@@ -112,30 +112,39 @@ INLINED lanes3 light_of_body(const View *view, const Lighting *lighting, const W
     return sum;
 }
 
+/* See `tangent_of`. */
+INLINED lanes3 tangent_of_lanes(lanes3 chord, lanes3 along)
+{
+    const lanes3 up = {F(0.0f), F(1.0f), F(0.0f)};
+    return unit_lanes_or(chosen(dots(chord, chord) > 1e-30f, chord, along), up);
+}
+
 /* The light that waiting samples of strands send to the eye. */
 INLINED lanes3 light_of_strands(const View *view, const Lighting *lighting, const Waiting *samples, const Hair *hair)
 {
     const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
     Fibres here;
-    lanes alpha, width;
-    lanes3 normal, start, sum = {F(0.0f), F(0.0f), F(0.0f)};
+    lanes alpha, width, at;
+    lanes3 normal, chords[2], along, sum = {F(0.0f), F(0.0f), F(0.0f)};
     for (int k = 0; k < LANES; ++k) {
-        const uint id = samples->id[k], strand = hair->strand_of[id];
-        const float4 a = hair->points[id], b = hair->points[id + 1], at_p = (float4)(LANE(p.x, k), LANE(p.y, k), LANE(p.z, k), 0.0f);
-        const float at = place_between(a, b, at_p);
-        const float4 first = hair->tangents[id], t = between(first, hair->tangents[id + 1], at);
+        const uint id = samples->id[k], strand = strand_at(hair, id);
+        const Segment ends = segment_at(hair, id, hair->spans[strand]);
+        const float there = place_between(ends.a, ends.b, (float4)(lane_of(&p, k), 0.0f));
         const float4 c = hair->color_per == 0 ? hair->colors[0] : hair->color_per == 1 ? hair->colors[strand]
-            : between(hair->colors[id], hair->colors[id + 1], at);
-        const float4 shine = hair->types[(int)hair->strand_uv[strand].z].shine, n = hair->strand_normal[strand];
-        LANE(here.tangent.x, k) = t.x, LANE(here.tangent.y, k) = t.y, LANE(here.tangent.z, k) = t.z;
-        LANE(start.x, k) = first.x, LANE(start.y, k) = first.y, LANE(start.z, k) = first.z;
+            : between(hair->colors[id], hair->colors[id + 1], there);
+        const float4 shine = hair->types[(int)hair->strand_uv[strand].z].shine;
+        put_lane(&chords[0], k, ends.b - ends.before);
+        put_lane(&chords[1], k, ends.after - ends.a);
+        put_lane(&along, k, ends.b - ends.a);
+        put_lane(&normal, k, hair->strand_normal[strand]);
+        LANE(at, k) = there;
         LANE(here.color.x, k) = c.x, LANE(here.color.y, k) = c.y, LANE(here.color.z, k) = c.z;
-        LANE(normal.x, k) = n.x, LANE(normal.y, k) = n.y, LANE(normal.z, k) = n.z;
         LANE(here.specular, k) = shine.x, LANE(here.exponent, k) = shine.y, LANE(alpha, k) = shine.z;
         LANE_I(here.half_vector, k) = (int)shine.w == HALF_VECTOR ? ON : 0;
-        LANE(width, k) = at > 0.0f ? a.w + at * (b.w - a.w) : a.w;
+        LANE(width, k) = there > 0.0f ? ends.a.w + there * (ends.b.w - ends.a.w) : ends.a.w;
     }
-    here.tangent = unit_lanes_or(here.tangent, start);
+    const lanes3 first = tangent_of_lanes(chords[0], along), last = tangent_of_lanes(chords[1], along);
+    here.tangent = unit_lanes_or(plus(first, scaled(minus(last, first), at)), first);
     for (int i = 0; i < lighting->n; ++i) {
         const Light light = lighting->lights[i];
         const Obstacles obstacles = obstacles_of(lighting, i);
@@ -164,8 +173,10 @@ __kernel void color(
     const uint4 part,                      // first point's id, points, first triangle's id, triangles
     __global const ulong *visible,         // [rows, width, samples] depth << 32 | id
     __global const float4 *points,         // strands: see strands.cl
-    __global const float4 *tangents,
+    __global const uint2 *spans,
     __global const uint *strand_of,
+    __global const uint *stored,           // where the first point of each run lies that came
+    const uint run,                        // points
     __global const float4 *strand_normal,  // [strands] of the body at the root, 0: not known
     __global const float4 *strand_uv,      // [strands] u, v, type
     __global const HairType *types,
@@ -194,7 +205,7 @@ __kernel void color(
     const uint n = pixels - first < SHADED ? (uint)(pixels - first) : SHADED, samples = view.size.z;
     const float weight = 1.0f / samples;
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
-    const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, color_per};
+    const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
     long4 sums[SHADED];
     Waiting waiting[2];                    // samples of strands, and of the body
     waiting[0].n = waiting[1].n = 0;
@@ -229,7 +240,7 @@ __kernel void color(
             LANE(these->y, k) = at_y + 0.5f + PATTERN[of_pattern].y * (1.0f / SUBPIXEL);
             LANE(these->e, k) = reversed_depth((uint)(key >> 32));
             LANE(these->share, k) = share;
-            these->id[k] = id;
+            these->id[k] = of_body ? id : lies_at(stored, run, id);
             these->pixel[k] = in_pixel;
             if (!of_body) {                // nothing else knows what will be looked up
                 PREFETCH(points + id);
@@ -299,8 +310,11 @@ __kernel void outputs(
     const uint first_strand,               // number of the part's first strand
     __global const ulong *visible,         // [rows, width, samples] depth << 32 | id
     __global const float4 *points,
-    __global const float4 *tangents,
+    __global const uint2 *spans,
     __global const uint *strand_of,
+    __global const uint *numbers,
+    __global const uint *stored,
+    const uint run,
     __global const float4 *strand_uv,
     __global const float4 *positions,
     __global const float4 *normals,
@@ -338,11 +352,15 @@ __kernel void outputs(
         out_normal[pixel] = body_normal(positions, normals, t, p, v, &b);
         out_uv[pixel] = b.x * uv[t.x] + b.y * uv[t.y] + b.z * uv[t.z];
     } else {
-        const float at = place_between(points[id], points[id + 1], p);
-        const float4 tangent = unit_or(mix(tangents[id], tangents[id + 1], at), tangents[id]);
-        out_id[pixel] = (int)(first_strand + strand_of[id]);
+        const uint from = lies_at(stored, run, id), strand = strand_of[from / run];
+        const Hair hair = {points, spans, strand_of, run, 0, strand_uv, 0, 0, 0};
+        const Segment ends = segment_at(&hair, from, spans[strand]);
+        const float4 first = tangent_of(ends.b - ends.before, ends.b - ends.a);
+        const float4 last = tangent_of(ends.after - ends.a, ends.b - ends.a);
+        const float4 tangent = unit_or(mix(first, last, place_between(ends.a, ends.b, p)), first);
+        out_id[pixel] = (int)(first_strand + numbers[strand]);
         out_tangent[pixel] = tangent;
         out_normal[pixel] = unit_or(v - dot3(v, tangent) * tangent, v);
-        out_uv[pixel] = strand_uv[strand_of[id]];
+        out_uv[pixel] = strand_uv[strand];
     }
 }

@@ -34,7 +34,7 @@ def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: 
         if strands is not None:
             n = len(strands.spans)
             gpu.launch("raster.lines", -(-n // drawn(gpu.lanes)), view=view, strands=n, first=strands.first_point,
-                       phase=phase, visible=visible, **arrays(strands, "points", "spans"))
+                       phase=phase, visible=visible, **arrays(strands, "points", "spans", "shifts"))
     return visible
 
 
