@@ -15,7 +15,6 @@
 
 #define FRACTION 24                                     // fixed-point bits below the sub-pixel in a walk
 #define PIXEL ((long)SUBPIXEL << FRACTION)                // one pixel in a walk: 2^32
-#define CLIPPED INT_MIN                                 // mark of a point that must be clipped before snapping
 
 /* What put reads before its atomic: a race, but one that is meant. Where races are looked for (tools/oclgrind.py) it is
    an atomic that changes nothing, so that only others are reported. */
@@ -68,11 +67,6 @@ inline int first_pixel(int u, int offset)
     return (u - SUBPIXEL / 2 - offset + SUBPIXEL - 1) >> 8;
 }
 
-inline bool is_thin(const View *view, int a, int b)
-{
-    return 3 * (a > b ? a : b) <= 2 * (int)view->scale.y;
-}
-
 /* Half-open in both directions: samples with u in [u0, u1) along the longer axis, and across it within half the
    width there, [v - r, v + r), measured along the shorter axis; at least a sample's share of a pixel. */
 inline void draw_segment(
@@ -96,15 +90,12 @@ inline void draw_segment(
 
     /* Measured along the shorter axis a slanted strand is thicker, by up to sqrt(2); most are thin all the same. */
     const long least = (long)view->scale.y << FRACTION;
-    const bool thin = is_thin(view, a.w, b.w);
     long r0 = least, r_step = 0;
-    if (!thin) {
+    if (3 * max(a.w, b.w) > 2 * (int)view->scale.y) {
         const float slope = (float)(b.y - a.y) / du, tilt = sqrt(1.0f + slope * slope);
         r0 = (long)(a.w * tilt * 256.0f) << (FRACTION - 8);   // cut to whole sub-pixels thin strands would lose 1 %
         r_step = (((long)(b.w * tilt * 256.0f) << (FRACTION - 8)) - r0) / du;
     }
-    const uint gap = (uint)(PIXEL - 2 * least);            // between the rows that a thin strand can cover
-
     const long v_step = ((long)(b.y - a.y) << FRACTION) / du, d_step = ((long)(b.z - a.z) << FRACTION) / du;
     const size_t u_stride = (steep ? view->size.x : 1) * samples, v_stride = (steep ? 1 : view->size.x) * samples;
     for (int s = 0; s < samples; ++s) {
@@ -117,17 +108,10 @@ inline void draw_segment(
         long r = r0 + r_step * along, d = ((long)a.z << FRACTION) + d_step * along;
         size_t at = (size_t)(begin - us.x) * u_stride + s;
         for (int u = begin; u < end; ++u) {
-            if (thin) {                                    // [v - least, v + least) holds one row or none
-                const long low = v - least;
-                const uint row = (uint)(low >> 32);
-                if ((uint)low >= gap && row < (uint)v_size)
-                    put(visible, at + row * v_stride, (uint)(d >> FRACTION), id, phase);
-            } else {
-                const long half_width = max(r, least);
-                const int low = max((int)((v - half_width) >> 32), 0), high = min((int)((v + half_width) >> 32), v_size);
-                for (int row = low; row < high; ++row)
-                    put(visible, at + row * v_stride, (uint)(d >> FRACTION), id, phase);
-            }
+            const long half_width = max(r, least);
+            const int low = max((int)((v - half_width) >> 32), 0), high = min((int)((v + half_width) >> 32), v_size);
+            for (int row = low; row < high; ++row)
+                put(visible, at + row * v_stride, (uint)(d >> FRACTION), id, phase);
             v += v_step * SUBPIXEL;
             r += r_step * SUBPIXEL;
             d += d_step * SUBPIXEL;
@@ -136,13 +120,33 @@ inline void draw_segment(
     }
 }
 
-#if LANES > 1
-/* Thin segments that wait to be drawn side by side: their snapped ends, and ids. */
+/* See `within_guard`. */
+INLINED lanes_i within_guard_lanes(lanes4 c)
+{
+    const lanes most = GUARD * c.w;
+    return (c.w > 0.0f) & (c.z >= 0.0f) & (c.z <= c.w) & (c.x <= most) & (c.x >= -most) & (c.y <= most) & (c.y >= -most);
+}
+
+/* The whole number nearest to x, as `snap` has it. */
+INLINED lanes_i snapped(lanes x)
+{
+    const lanes moved = x + 0.5f;
+    const lanes_i whole = TO(lanes_i, moved);
+    return TO(lanes, whole) > moved ? whole - 1 : whole;
+}
+
+/* Snapped ends of segments, or corners of triangles. */
 typedef struct {
-    lanes_i ax, ay, az, bx, by, bz;
-    uint id[LANES];
-    int n;
-} Thin;
+    lanes_i x, y, z;
+} Corners;
+
+INLINED Corners snap_lanes(lanes4 c, lanes_i in)
+{
+    const lanes w = in ? c.w : F(1.0f);
+    const Corners s = {snapped((in ? c.x : F(0.0f)) / w * (float)SUBPIXEL), snapped((in ? c.y : F(0.0f)) / w * (float)SUBPIXEL),
+                       DEPTH_ONE - snapped((in ? c.z : F(0.0f)) / w * (float)DEPTH_ONE)};
+    return s;
+}
 
 /* floor(over · scale / by) for scale of 1 or 2^24 where the result and `by` are at most 2^30 and 2^24, by > 0: an estimate in
    float, what it leaves divided again, and one more or less. It is known modulo 2^32 that what is left is small. */
@@ -159,22 +163,20 @@ INLINED lanes_i divided(lanes_i over, int shift, lanes_i by)
     return rest >= by ? q + 1 : q;
 }
 
-/* What draw_segment does with a thin one, for LANES of them. */
-INLINED void draw_thin(volatile __global ulong *visible, const View *view, Thin *these, int phase)
+/* What draw_segment does with thin ones, for those of LANES that are on. */
+INLINED void draw_thin(volatile __global ulong *visible, const View *view, lanes_i on, Corners a, Corners b, const uint *id,
+                       int phase)
 {
-    for (int k = these->n; k < LANES; ++k)
-        LANE_I(these->ax, k) = LANE_I(these->bx, k) = LANE_I(these->ay, k) = LANE_I(these->by, k) = 0;
-    these->n = 0;
-    const lanes_i dx = these->bx - these->ax, dy = these->by - these->ay;
+    const lanes_i dx = b.x - a.x, dy = b.y - a.y;
     const lanes_i steep = (dx < 0 ? -dx : dx) < (dy < 0 ? -dy : dy);
-    const lanes_i pu = steep ? these->ay : these->ax, qu = steep ? these->by : these->bx;
-    const lanes_i pv = steep ? these->ax : these->ay, qv = steep ? these->bx : these->by, back = pu > qu;
+    const lanes_i pu = steep ? a.y : a.x, qu = steep ? b.y : b.x, pv = steep ? a.x : a.y, qv = steep ? b.x : b.y;
+    const lanes_i back = pu > qu;
     const lanes_i au = back ? qu : pu, bu = back ? pu : qu, av = back ? qv : pv, bv = back ? pv : qv;
-    const lanes_i az = back ? these->bz : these->az, bz = back ? these->az : these->bz;
+    const lanes_i az = back ? b.z : a.z, bz = back ? a.z : b.z;
     const lanes_i left = steep ? I(view->rows.x) : I(0), right = steep ? I(view->rows.y) : I(view->size.x);
     const lanes_i top = steep ? I(0) : I(view->rows.x), bottom = steep ? I(view->size.x) : I(view->rows.y);
     const lanes_i lower = av < bv ? av : bv, upper = av < bv ? bv : av;
-    const lanes_i there = (bu > au) & (bu >= left * SUBPIXEL) & (au < right * SUBPIXEL)
+    const lanes_i there = on & (bu > au) & (bu >= left * SUBPIXEL) & (au < right * SUBPIXEL)
         & (upper + 2 * SUBPIXEL >= top * SUBPIXEL) & (lower - 2 * SUBPIXEL < bottom * SUBPIXEL);
     if (!any_lane(there))
         return;
@@ -200,11 +202,11 @@ INLINED void draw_thin(volatile __global ulong *visible, const View *view, Thin 
         lanes_i at = (u - left) * u_stride + s;
         for (; any_lane(there & (u < end)); ++u) {
             const lanes_u row = AS_U(TO(lanes_i, low >> 32)), beside = TO(lanes_u, low);
-            const lanes_i on = (u < end) & there & (beside >= gap) & (row < rows), sample = at + AS_I(row) * v_stride;
+            const lanes_i hit = (u < end) & there & (beside >= gap) & (row < rows), sample = at + AS_I(row) * v_stride;
             const lanes_i depth = TO(lanes_i, d >> FRACTION);
-            for (uint bits = bits_of(on); bits; bits &= bits - 1) {
+            for (uint bits = bits_of(hit); bits; bits &= bits - 1) {
                 const int k = first_of(bits);
-                put(visible, (uint)LANE_I(sample, k), LANE_I(depth, k), these->id[k], phase);
+                put(visible, (uint)LANE_I(sample, k), LANE_I(depth, k), id[k], phase);
             }
             low += v_step * SUBPIXEL;
             d += d_step * SUBPIXEL;
@@ -212,8 +214,6 @@ INLINED void draw_thin(volatile __global ulong *visible, const View *view, Thin 
         }
     }
 }
-#endif
-
 /* The rare segment that leaves the guard band or crosses the near plane. */
 void draw_clipped(volatile __global ulong *visible, const View *view, float4 a, float4 b, float ha, float hb,
                   uint id, int phase)
@@ -222,7 +222,47 @@ void draw_clipped(volatile __global ulong *visible, const View *view, float4 a, 
         draw_segment(visible, view, snap_clip(a, ha), snap_clip(b, hb), id, phase);
 }
 
-/* One work-item draws DRAWN strands, projecting each point once. */
+/* Segments that wait to be drawn side by side. */
+typedef struct {
+    lanes3 a, b;
+    lanes width_a, width_b;
+    uint id[LANES];
+    int n;
+} Segments;
+
+INLINED lanes_i half_of(const View *view, lanes width, lanes4 c, lanes_i in)
+{
+    const lanes wide = 0.5f * width * view->scale.x, most = GUARD * c.w;
+    return snapped((in ? lesser(wide, most) / c.w : F(0.0f)) * (float)SUBPIXEL);
+}
+
+INLINED void draw_waiting(volatile __global ulong *visible, const View *view, Segments *these, int phase)
+{
+    lanes_i some;
+    for (int k = 0; k < LANES; ++k)
+        LANE_I(some, k) = k < these->n ? ON : 0;
+    these->n = 0;
+    const lanes4 ca = by_columns(view->to_screen, these->a.x, these->a.y, these->a.z);
+    const lanes4 cb = by_columns(view->to_screen, these->b.x, these->b.y, these->b.z);
+    const lanes_i in = some & within_guard_lanes(ca) & within_guard_lanes(cb);
+    const lanes_i wa = half_of(view, these->width_a, ca, in), wb = half_of(view, these->width_b, cb, in);
+    const lanes_i thin = in & (3 * (wa > wb ? wa : wb) <= 2 * (int)view->scale.y);
+    if (any_lane(thin))
+        draw_thin(visible, view, thin, snap_lanes(ca, in), snap_lanes(cb, in), these->id, phase);
+    for (uint bits = bits_of(some & (thin == 0)); bits; bits &= bits - 1) {
+        const int k = first_of(bits);
+        const float4 a = to_screen(view, (float4)(LANE(these->a.x, k), LANE(these->a.y, k), LANE(these->a.z, k), 0.0f));
+        const float4 b = to_screen(view, (float4)(LANE(these->b.x, k), LANE(these->b.y, k), LANE(these->b.z, k), 0.0f));
+        const float ha = 0.5f * LANE(these->width_a, k) * view->scale.x, hb = 0.5f * LANE(these->width_b, k) * view->scale.x;
+        if (LANE_I(in, k))
+            draw_segment(visible, view, snap((float4)(a.xyz, min(ha, GUARD * a.w)) / a.w),
+                         snap((float4)(b.xyz, min(hb, GUARD * b.w)) / b.w), these->id[k], phase);
+        else
+            draw_clipped(visible, view, a, b, ha, hb, these->id[k], phase);
+    }
+}
+
+/* One work-item draws DRAWN strands, LANES segments at once. */
 __kernel void lines(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
@@ -235,49 +275,28 @@ __kernel void lines(
     volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
     WORK_ITEM(item);
-#if LANES > 1
-    Thin thin;
-    thin.n = 0;
-#endif
+    Segments waiting;
+    waiting.n = 0;
     const uint until = item * DRAWN + DRAWN < strands ? item * DRAWN + DRAWN : strands;
     for (uint strand = item * DRAWN; strand < until; ++strand) {
         const uint2 span = spans[strand];
         const uint first_id = first + shifts[strand] + span.x;
-        float4 a, b;                       // clip space
-        int4 sa, sb;                       // snapped; w = CLIPPED where it can't be
-        float ha = 0.0f, hb;               // half a width in pixels at w = 1
-        for (uint k = 0; k < span.y; ++k, a = b, sa = sb, ha = hb) {
-            const float4 p = points[span.x + k];
-            const uint id = first_id + k - 1;
-            b = to_screen(&view, p);
-            hb = 0.5f * p.w * view.scale.x;
-            sb.w = CLIPPED;
-            if (within_guard(b))
-                sb = snap((float4)(b.xyz, min(hb, GUARD * b.w)) / b.w);
-            if (!k)
-                continue;
-            if (sa.w == CLIPPED || sb.w == CLIPPED) {
-                draw_clipped(visible, &view, a, b, ha, hb, id, phase);
-                continue;
-            }
-#if LANES > 1
-            if (is_thin(&view, sa.w, sb.w)) {
-                const int n = thin.n++;
-                LANE_I(thin.ax, n) = sa.x, LANE_I(thin.ay, n) = sa.y, LANE_I(thin.az, n) = sa.z;
-                LANE_I(thin.bx, n) = sb.x, LANE_I(thin.by, n) = sb.y, LANE_I(thin.bz, n) = sb.z;
-                thin.id[n] = id;
-                if (thin.n == LANES)
-                    draw_thin(visible, &view, &thin, phase);
-                continue;
-            }
-#endif
-            draw_segment(visible, &view, sa, sb, id, phase);
+        float4 a, b = span.y ? points[span.x] : (float4)(0.0f);
+        for (uint k = 1; k < span.y; ++k) {
+            a = b;
+            b = points[span.x + k];
+            const int n = waiting.n++;
+            put_lane(&waiting.a, n, a);
+            put_lane(&waiting.b, n, b);
+            LANE(waiting.width_a, n) = a.w;
+            LANE(waiting.width_b, n) = b.w;
+            waiting.id[n] = first_id + k - 1;
+            if (waiting.n == LANES)
+                draw_waiting(visible, &view, &waiting, phase);
         }
     }
-#if LANES > 1
-    if (thin.n)
-        draw_thin(visible, &view, &thin, phase);
-#endif
+    if (waiting.n)
+        draw_waiting(visible, &view, &waiting, phase);
 }
 
 /* n·2^14 / area, exact but for the last bit, modulo 2^64. */
@@ -385,34 +404,6 @@ void draw_triangle_clipped(volatile __global ulong *visible, const View *view, i
     for (int j = 1; j + 1 < n; ++j)
         draw_triangle(visible, view, rows, snap_clip(polygon[0], 0.0f), snap_clip(polygon[j], 0.0f),
                       snap_clip(polygon[j + 1], 0.0f), id, phase, facing, after);
-}
-
-/* The same of what is within the guard band, side by side. */
-INLINED lanes_i within_guard_lanes(lanes4 c)
-{
-    const lanes most = GUARD * c.w;
-    return (c.w > 0.0f) & (c.z >= 0.0f) & (c.z <= c.w) & (c.x <= most) & (c.x >= -most) & (c.y <= most) & (c.y >= -most);
-}
-
-/* The whole number nearest to x, as `snap` has it. */
-INLINED lanes_i snapped(lanes x)
-{
-    const lanes moved = x + 0.5f;
-    const lanes_i whole = TO(lanes_i, moved);
-    return TO(lanes, whole) > moved ? whole - 1 : whole;
-}
-
-/* Snapped corners of triangles. */
-typedef struct {
-    lanes_i x, y, z;
-} Corners;
-
-INLINED Corners snap_lanes(lanes4 c, lanes_i in)
-{
-    const lanes w = in ? c.w : F(1.0f);
-    const Corners s = {snapped((in ? c.x : F(0.0f)) / w * (float)SUBPIXEL), snapped((in ? c.y : F(0.0f)) / w * (float)SUBPIXEL),
-                       DEPTH_ONE - snapped((in ? c.z : F(0.0f)) / w * (float)DEPTH_ONE)};
-    return s;
 }
 
 INLINED lanes_i least_of(lanes_i a, lanes_i b, lanes_i c)
