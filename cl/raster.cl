@@ -154,7 +154,7 @@ INLINED lanes_i divided(lanes_i over, int shift, lanes_i by)
 {
     const lanes divisor = TO(lanes, by);
     lanes_i q = TO(lanes_i, TO(lanes, over) * (float)(1 << shift) / divisor);
-    lanes_i rest = (over << shift) - q * by;
+    lanes_i rest = AS_I((AS_U(over) << shift) - AS_U(q) * AS_U(by));
     const lanes_i more = TO(lanes_i, TO(lanes, rest) / divisor);
     q += more;
     rest -= more * by;
@@ -246,7 +246,10 @@ INLINED void draw_waiting(volatile __global ulong *visible, const View *view, Se
     const lanes4 cb = by_columns(view->to_screen, these->b.x, these->b.y, these->b.z);
     const lanes_i in = some & within_guard_lanes(ca) & within_guard_lanes(cb);
     const lanes_i wa = half_of(view, these->width_a, ca, in), wb = half_of(view, these->width_b, cb, in);
-    const lanes_i thin = in & (3 * (wa > wb ? wa : wb) <= 2 * (int)view->scale.y);
+    lanes_i thin = in & (3 * (wa > wb ? wa : wb) <= 2 * (int)view->scale.y);
+#if LANES == 1
+    thin = 0;                              // nothing stands beside it
+#endif
     if (any_lane(thin))
         draw_thin(visible, view, thin, snap_lanes(ca, in), snap_lanes(cb, in), these->id, phase);
     for (uint bits = bits_of(some & (thin == 0)); bits; bits &= bits - 1) {
