@@ -139,14 +139,16 @@ def test_snapping_in_float64_differs_by_at_most_one_unit():
 
 @pytest.mark.parametrize("samples", [1, 4])
 def test_thin_strands_of_any_length_slope_and_depth(gpu, fallback, samples):
-    """From a part of a sub-pixel to the guard band, and as deep as there is: what is drawn side by side divides in float,
-    and its steps are the twin's integers all the same."""
+    """From a sub-pixel to the guard band, and as deep as there is: what is drawn side by side divides in float, and its
+    steps are the twin's integers all the same."""
     rng = np.random.default_rng(6)
     strands = np.zeros((900, 2, 4))
     strands[:, 0, :2] = rng.uniform(-5, 60, (900, 2))
     length = 2.0 ** rng.uniform(-9, 14, 900)
     turn = rng.choice([0, .5, 1, 1 + 1e-4, 2], 900) * np.pi / 2 + rng.choice([0, 1e-3, .3], 900)
     strands[:, 1, :2] = strands[:, 0, :2] + length[:, None] * np.stack([np.cos(turn), np.sin(turn)], 1)
+    strands[::3, 0, :2] = rng.integers(0, 40, (300, 2)) + .5 - [1 / 256, 0]   # some sub-pixels that hold a sample
+    strands[::3, 1, :2] = strands[::3, 0, :2] + np.stack([rng.integers(2, 9, 300) / 256, np.zeros(300)], 1)
     strands[..., 2] = rng.choice([0, 1e-9, .25, .5, 1 - 2**-24, 1], (900, 2)) + rng.uniform(0, 2**-24, (900, 2))
     strands[..., 2] = np.clip(strands[..., 2], 0, 1)
     strands[..., 3] = rng.choice([0, .1, 2 / 3 / samples], (900, 1))
