@@ -21,6 +21,7 @@ CONSTANTS = {
     "SIDE_BITS": 2,         # of a neighbour's side: face << SIDE_BITS | side
     "ROWS": 16,             # of a face's points in the light's grid that a work-item does,
     "POINT_STEP": 0.75,     # which stand no further apart than so many sides of a cell
+    "CELL_BITS": 4,         # of a coordinate of a cell by which the user's strands are put in order
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
@@ -133,6 +134,16 @@ def block(lanes):
     return (1, 1) if lanes == 1 else (4, lanes // 4)
 
 
+def shaded(lanes):
+    """Pixels that one work-item of `shade.color` lights: enough to fill its lanes most of the time."""
+    return 1 if lanes == 1 else 64
+
+
+def drawn(lanes):
+    """Strands that one work-item of `raster.lines` draws."""
+    return 1 if lanes == 1 else 16
+
+
 def preamble(int64_atomics, checked=False, lanes=1, hinted=1, local=1 << 15):
     """The C text that every program starts with.
 
@@ -153,6 +164,7 @@ def preamble(int64_atomics, checked=False, lanes=1, hinted=1, local=1 << 15):
         f"#define LANES_HINTED {hinted}\n",
         f"#define HELD {min(local // 8, HELD)}\n",   # of 4 bytes, in half of it
         "#define LANES {}\n#define BLOCK_X {}\n#define BLOCK_Y {}\n".format(lanes, *block(lanes)),
+        f"#define SHADED {shaded(lanes)}\n#define DRAWN {drawn(lanes)}\n",
         *(_c_struct(name, dtype) for name, dtype in STRUCTS.items()),
         f"__constant int2 PATTERN[] = {{{table}}};\n",
     ])
