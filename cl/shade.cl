@@ -243,9 +243,7 @@ __kernel void color(
             these->id[k] = of_body ? id : lies_at(stored, run, id);
             these->pixel[k] = in_pixel;
             if (!of_body) {                // nothing else knows what will be looked up
-                PREFETCH(points + id);
-                PREFETCH(tangents + id);
-                PREFETCH(strand_of + id);
+                PREFETCH(points + these->id[k]);
             }
             full = these->n == LANES;
         }
