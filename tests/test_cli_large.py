@@ -10,6 +10,7 @@ import pytest
 from support.scenes import icosphere
 
 from clfur.command import options, waiting
+from clfur.device import caches
 
 
 @pytest.mark.parametrize("faces, inner, roots", [
@@ -85,7 +86,9 @@ def test_waiting(monkeypatch, is_terminal, patience, told):
         time.sleep(0.3)
         tell("drawing it")
         time.sleep(0.3)
-    assert all((words in stderr.text) == told for words in ("reading [a]", "drawing it"))
+        with caches.taking_kernels("a driver"):
+            time.sleep(0.3)
+    assert all((words in stderr.text) == told for words in ("reading [a]", "drawing it", "it, building kernels"))
     assert stderr.text == "" or "\x1b[2K" in stderr.text
 
 

@@ -142,3 +142,11 @@ def test_no_wait_is_long_where_fur_follows_sky(monkeypatch):
     gpu.launch("made.up", 60_000)
     gpu.launch("made.up", 60_000)
     assert not waits                                                # short launches follow each other
+    gpu.load("another scene")
+    gpu.launch("made.up", 300_000)
+    assert len(waits) > 4                                           # nothing is known of it
+    waits.clear()
+    gpu.launch("made.up", 300_000)
+    assert not waits                                                # it took less than a piece may
+    gpu.launch("made.up", 400_000)
+    assert len(waits) > 4                                           # nobody knows what the others take

@@ -6,9 +6,6 @@ import sys
 from pathlib import Path
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from .. import frontier
 from ..judge.chart import check_chart, numbers, save_chart
@@ -38,6 +35,9 @@ def chart(given, output, device, repeat, pan, fresh, as_json, **options):
     lists the settings that no others beat in both time and error.  What was measured is kept: a run that is cut
     short goes on where it was.
     """
+    from rich.console import Console  # takes long to import
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
     if output is not None:
         check_chart(output)
     with waiting(f"reading {given}") as tell:
@@ -66,6 +66,9 @@ def chart(given, output, device, repeat, pan, fresh, as_json, **options):
 
 def _print(found, given):
     """Print what was found, for people."""
+    from rich.console import Console
+    from rich.table import Table
+
     console = Console(highlight=False, markup=False,   # what is no terminal has no width either
                       **({} if sys.stdout.isatty() else {"width": 120}))
     frames = sum(len(point.times) for point in found.points)

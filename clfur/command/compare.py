@@ -5,10 +5,6 @@ import sys
 from pathlib import Path
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
-from rich.text import Text
 
 from .. import compare as compare_devices
 from ..judge.report import check_report, mebibytes, milliseconds, save_report, spread
@@ -34,6 +30,9 @@ def compare(given, devices, repeat, output, as_json, **options):
     MESH is what `clfur render` takes, a mesh or a scene file.  Each device has a process of its own, so that a driver
     that crashes or hangs costs one row.  Exit code 0 if all devices give the same picture, else 1.
     """
+    from rich.console import Console  # takes long to import
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
     if output is not None:
         check_report(output)
     with waiting(f"reading {given}") as tell:
@@ -62,6 +61,9 @@ def compare(given, devices, repeat, output, as_json, **options):
 
 def _print(found, given):
     """Print what was found, for people."""
+    from rich.console import Console
+    from rich.text import Text
+
     console = Console(highlight=False, markup=False,   # what is no terminal has no width either
                       **({} if sys.stdout.isatty() else {"width": 120}))
     strands = "" if found.strands is None else f", {found.strands:,} strands, {found.segments:,} segments"
@@ -92,6 +94,8 @@ def _print(found, given):
 
 
 def _table(console, title, columns, rows):
+    from rich.table import Table
+
     table = Table(title=title, title_justify="left", title_style="bold", header_style="dim", box=None,
                   padding=(0, 1 if len(columns) > 7 else 2, 0, 0))   # seven stages fit into 80 columns
     for place, column in enumerate(columns):

@@ -9,9 +9,6 @@ import sys
 import tempfile
 
 import click
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
 
 from .. import cache
 from ..device import caches, vendors
@@ -121,6 +118,10 @@ def _verdict(number, environment):
 
 
 def _table(found):
+    from rich.box import SIMPLE_HEAD  # takes long to import
+    from rich.console import Console
+    from rich.table import Table
+
     checked = any(device["check"] for device in _each(found))
     table = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))   # fits in 80 columns
     table.add_column("--device,\ntype", no_wrap=True)

@@ -15,6 +15,8 @@ from .options import is_scene_file, load_scene, lowered, scene_options
 from .types import Bytes, Names
 from .waiting import waiting
 
+TOLD = 0.05   # seconds of building kernels that a summary tells
+
 
 @click.command(context_settings={"show_default": True})
 @click.argument("given", metavar="MESH")
@@ -77,7 +79,8 @@ def render(given, output, outputs, device, memory, as_json, **options):
             "file": str(output), "size": scene.camera.size, "device": drawn.device,
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
             "shells": shells and {name: getattr(shells, name) for name in ("layers", "length", "frequency", "pattern")},
-            "fewer": fewer, "seconds": drawn.seconds, "stages": drawn.stages, "skipped": skipped, **wound,
+            "fewer": fewer, "seconds": drawn.seconds, "building": drawn.building,
+            "stages": drawn.stages, "skipped": skipped, **wound,
             "camera": {"eye": scene.camera.pose[:3, 3].tolist(),
                        "target": None if scene.camera.target is None else scene.camera.target.tolist()},
             "settings": attrs.asdict(drawn.settings), "error": drawn.error, "why": drawn.why,
@@ -89,7 +92,8 @@ def render(given, output, outputs, device, memory, as_json, **options):
     fur = [f"{shells.layers} layers of shells"] if shells else []
     fur += [f"{drawn.strands:,} strands, {drawn.segments:,} segments"] if scene.strands or not shells else []
     print(f"{output}: {drawn.triangles:,} triangles, {', '.join(fur)} "
-          f"in {drawn.seconds:.2f} s on {drawn.device} ({stages})"
+          f"in {drawn.seconds:.2f} s on {drawn.device} ({stages}"
+          + (f"; building kernels {drawn.building:.3f}" if drawn.building >= TOLD else "") + ")"
           + (f"; {fewer}" if fewer else "")
           + (f"; skipped faces: {', '.join(left_out)}" if left_out else "")
           + (f"; turned {wound['turned']:,} faces that were inside out" if wound["turned"] else "")

@@ -10,6 +10,7 @@ import os
 import platform
 import shutil
 import tempfile
+import threading
 from pathlib import Path
 
 import psutil
@@ -24,6 +25,8 @@ ROOM = 16 << 20   # bytes: the kernels of a driver take 2 MiB
 SAME = 5.0        # seconds: when a process began is told by the system's clock, which may be set meanwhile
 
 notes: list[str] = []                       # what `prepare` has to say, a line each
+_taking: list[Path | None] = []             # the mark of each thread that is within `taking_kernels`
+_marked = threading.Lock()
 _private: list[tuple[Path, int]] = []       # the folder that `private` has made, and the process that did
 
 
@@ -101,19 +104,29 @@ def remove_private():
 @contextlib.contextmanager
 def taking_kernels(platform_name):
     """While a driver builds kernels or runs them for the first time: if the process dies of it, later ones know."""
-    mark = None
-    if platform_name == POCL:
-        place = folder()
-        with contextlib.suppress(Error, OSError, psutil.Error):   # no cache to leave a mark in
+    mark, place = None, folder()
+    with contextlib.suppress(Error, OSError, psutil.Error):   # no cache to leave a mark in
+        if platform_name == POCL:
             mark = _marks(place) / f"{os.getpid()} {psutil.Process().create_time()} {_number(place)}"
             mark.parent.mkdir(parents=True, exist_ok=True)
-            mark.touch()
+    with _marked:   # one mark for all threads
+        _taking.append(mark)
+        if mark:
+            with contextlib.suppress(OSError):
+                mark.touch()
     try:
         yield
     finally:
-        if mark:
-            with contextlib.suppress(OSError):
-                mark.unlink()
+        with _marked:
+            _taking.remove(mark)
+            if mark and mark not in _taking:
+                with contextlib.suppress(OSError):
+                    mark.unlink()
+
+
+def are_taken():
+    """Whether a driver is building kernels in this process."""
+    return bool(_taking)
 
 
 def _died(place):

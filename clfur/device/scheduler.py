@@ -6,8 +6,9 @@ import re
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from .. import layout
 from ..errors import DeviceError, Error, shown
 from . import caches, pocl, programs, signature
 from .memory import allowed, planned
-from .selection import check_process, choose, describe, is_shared
+from .selection import CHECKER, check_process, choose, describe, is_shared
 
 GROUP = 64          # work-items in a work-group
 FIRST = 1024        # work-items in the first piece of a launch
@@ -93,10 +94,14 @@ class Scheduler:
         if memory is not None:
             self.memory = min(_bytes(memory), self.memory)
         self.build_seconds = 0.0   # that building programs has taken so far
+        self.held_up = 0.0         # seconds since `start` that launches have waited for kernels to be built
         self.pace: dict[str, float] = {}             # strands a second by what was done, for those who share work out
         self.peak = 0              # most bytes that arrays have taken at once since `start`
         self._pool = tools.MemoryPool(tools.ImmediateAllocator(self.queue))
         self._kernels: dict[str, signature.Kernel] = {}
+        self._stems: set[str] = set()                # kernel files that are built,
+        self._builds: dict[str, Future] = {}         # and those that are being built in another thread
+        self._building = threading.Lock()
         self._kept: dict[str, tuple] = {}
         self._log: list[tuple] = []
         self._label: str | None = None
@@ -104,6 +109,7 @@ class Scheduler:
         self._stopped = False
         self._load = None
         self._rates: dict[str, float] = {}           # seconds a work-item of each kernel takes
+        self._wholes: dict[str, tuple] = {}          # (work-items, seconds) of the last launch of several pieces
         self._ahead = 0.0          # seconds of work that the device may have before it
 
     @contextmanager
@@ -201,41 +207,59 @@ class Scheduler:
         ``arguments``: by their names in its signature, see `signature`; TypeError, before anything is run, for one that
         is missing, unknown or of another type than the kernel's.
         """
-        kernel = self._kernels.get(name) or self._build(name.split(".")[0])[name]
+        kernel = self._kernels.get(name) or self._built(name)
         values = kernel.bind(arguments)
         for argument, array in arguments.items():   # PoCL and rusticl take another context's, and wait for nothing
             if isinstance(array, cla.Array) and array.queue is not self.queue and array.context != self.context:
                 raise TypeError(f"{name}: {argument} is an array of another Scheduler; allowed: this one's")
-        begin, size = 0, int(size)
-        first = nullcontext() if kernel.ran else caches.taking_kernels(self.device.platform.name)
-        with self._watched(f"does not run {name}"), first:
-            while begin < size:
-                if self._stopped:
-                    raise Error(f"{self.name} was told to stop")
-                # A driver can't be interrupted, so a launch is done in pieces, and all but the last are waited for.
-                rate, alone = self._rates.get(name), not self._ahead
-                piece = FIRST if rate is None else min(int(PIECE / rate), MOST)
-                end = min(begin + max(piece // GROUP, 1) * GROUP, size)
-                began = time.perf_counter()
-                # Whole groups of one size, and a kernel that ends where it should: see WORK_ITEM in common.h.
-                event = kernel.run(self.queue, (-(-(end - begin) // GROUP) * GROUP,), (GROUP,),
-                               begin, end, *values)
-                self._log.append((self._label or name.split(".")[0], event))
-                self._ahead += PIECE if rate is None else rate * (end - begin)
-                if end < size or self._ahead >= PIECE:
-                    event.wait()
-                    if alone or rate is None:
-                        # Sky is done in no time, but fur may begin in the next piece: a rate falls slowly.
-                        self._rates[name] = max((time.perf_counter() - began) / (end - begin), (rate or 0) / 2, 1e-10)
-                    self._ahead = 0.0
-                begin = end
-                kernel.ran = True
+        with self._watched(f"does not run {name}"):
+            if not kernel.ran:
+                self._make(kernel, values)
+            self._run(kernel, int(size), values)
+
+    def _make(self, kernel, values):
+        """Run a kernel over nothing: drivers make one for its group size when it first runs."""
+        self.queue.finish()
+        began = time.perf_counter()
+        with caches.taking_kernels(self.device.platform.name):
+            kernel.run(self.queue, (GROUP,), (GROUP,), 0, 0, *values).wait()
+        self._ahead, kernel.ran = 0.0, True
+        self.held_up += time.perf_counter() - began
+
+    def _run(self, kernel, size, values):
+        """Run a kernel, in pieces: a driver can't be interrupted.  All but the last are waited for, unless it took less
+        than a piece may the last time."""
+        name, begin, started = kernel.name, 0, time.perf_counter()
+        most, whole = self._wholes.get(name, (0, 0.0))
+        short = size <= most and self._ahead + whole < PIECE
+        while begin < size:
+            if self._stopped:
+                raise Error(f"{self.name} was told to stop")
+            rate, alone = whole / most if short else self._rates.get(name), not self._ahead
+            piece = MOST if short else FIRST if rate is None else min(int(PIECE / rate), MOST)
+            end = min(begin + max(piece // GROUP, 1) * GROUP, size)
+            began = time.perf_counter()
+            # Whole groups of one size, and a kernel that ends where it should: see WORK_ITEM in common.h.
+            event = kernel.run(self.queue, (-(-(end - begin) // GROUP) * GROUP,), (GROUP,), begin, end, *values)
+            self._log.append((self._label or name.split(".")[0], event))
+            self._ahead += PIECE if rate is None else rate * (end - begin)
+            if self._ahead >= PIECE or (end < size and not short):
+                event.wait()
+                if not short and (alone or rate is None):
+                    # Sky is done in no time, but fur may begin in the next piece: a rate falls slowly.
+                    self._rates[name] = max((time.perf_counter() - began) / (end - begin), (rate or 0) / 2, 1e-10)
+                self._ahead = 0.0
+            if begin and end == size and not short:
+                event.wait()
+                self._wholes[name], self._ahead = (size, time.perf_counter() - started), 0.0
+            begin = end
 
     def load(self, key: Any) -> None:
         """Set what the lengths of launches depend on: while the key stays equal, they are taken to be as they were."""
         if key != self._load:
             self._load = key
             self._rates.clear()
+            self._wholes.clear()
 
     def keep(self, name: str, key: tuple, build: Callable[[], Any]) -> Any:
         """``build()``, or what it gave last time under this name if ``key`` holds the very same objects."""
@@ -268,6 +292,7 @@ class Scheduler:
             self.start()
             yield
         finally:
+            self._leave_builds()
             self._busy.release()
 
     def stop(self) -> None:
@@ -277,6 +302,7 @@ class Scheduler:
     def start(self) -> None:
         """Begin a new frame: from here on `seconds` and `peak` count anew."""
         self._log.clear()
+        self.held_up = 0.0
         self.peak = self._pool.active_bytes
         # Frames of ever new sizes leave ever new pieces in the pool.
         if self._pool.managed_bytes > 2 * self._pool.active_bytes + SPARE:
@@ -300,6 +326,29 @@ class Scheduler:
                 total[name] = total.get(name, 0.0) + 1e-9 * (event.profile.end - event.profile.start)
         return total
 
+    def prepare(self, stems: Iterable[str]) -> None:
+        """Begin to build these kernel files, in this order, in another thread: `launch` waits for what it needs."""
+        missing = [stem for stem in stems if stem not in self._stems and stem not in self._builds]
+        if missing and self.device.platform.name != CHECKER:
+            builder = ThreadPoolExecutor(1)
+            self._builds |= {stem: builder.submit(self._build, stem) for stem in missing}
+            builder.shutdown(wait=False)   # once they are built
+
+    def _built(self, name):
+        """The kernel "stem.kernel", when its file is built."""
+        began, stem = time.perf_counter(), name.split(".")[0]
+        there = self._builds.pop(stem, None)
+        kernels = self._build(stem) if there is None else there.result()
+        self.held_up += time.perf_counter() - began
+        return kernels[name]
+
+    def _leave_builds(self):
+        """End what `prepare` has begun, and what is not needed any more; what fails then fails when it is launched."""
+        for build in self._builds.values():
+            build.cancel()
+        wait(self._builds.values())
+        self._builds.clear()
+
     def _build(self, stem):
         text = _text("common.h") + _text(f"{stem}.cl")
         source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind", self.lanes,
@@ -318,13 +367,15 @@ class Scheduler:
         if spoilt:
             warnings.warn(f"what {self.name} keeps of {stem}.cl{caches.where(self.device.platform.name)} is spoilt: "
                           f"delete it; till then a second one is built", RuntimeWarning, stacklevel=2)
-        self.build_seconds += time.perf_counter() - began
+        with self._building:
+            self.build_seconds += time.perf_counter() - began
         signatures = signature.read(text)
         for function, kernel in kernels.items():
             name, arguments = f"{stem}.{function}", signatures[function]
             # Told so, pyopencl need not try out what each argument is: a tenth of the time.
             kernel.set_scalar_arg_dtypes([np.uint64, np.uint64, *(argument.packed for argument in arguments)])
             self._kernels[name] = signature.Kernel(name, arguments, kernel)
+        self._stems.add(stem)
         return self._kernels
 
 

@@ -18,6 +18,7 @@ from .output import is_path, output_path, reason, whole
 
 __all__ = ["check_writable", "load_picture", "png", "save"]
 
+EFFORT = 1   # of PNG's compression, 0 to 9: 6 takes three times as long for files of 0.85 to 1.08 times the size
 BAND = 64   # rows of a picture that are coded at a time: NumPy and OpenEXR hear Ctrl-C only between their steps
 
 # Names of the EXR channels of each output of the renderer, one for each of its last axis.
@@ -68,7 +69,7 @@ def png(color: np.ndarray) -> bytes:
     coded = np.empty(color.shape, np.uint8)
     for top in range(0, len(color), BAND):
         coded[top:top + BAND] = _coded(color[top:top + BAND])
-    return imageio.v3.imwrite("<bytes>", coded, extension=".png")
+    return imageio.v3.imwrite("<bytes>", coded, extension=".png", compress_level=EFFORT)
 
 
 def _coded(color):

@@ -29,8 +29,8 @@ class Frame:
     """A picture, and what it took.
 
     images: {output: array}; see `render`.  triangles, strands, segments: what was drawn.  device: its name, or
-    those of all that did not fail.  seconds: the whole frame, reading back included.  stages: {kernel file: seconds
-    on the device}.
+    those of all that did not fail.  seconds: the whole frame, reading back included; building: those of them that it
+    waited for kernels to be built or loaded, in a device's first frames.  stages: {kernel file: seconds on the device}.
     memory: most bytes that its arrays took on the device at once.  hashes: SHA-256 of what integer stages gave,
     {"visibility": ..., "voxels": ..., "shadow_map": ...}, if asked for.  settings: what it was drawn with.  error: what
     `Settings.max_error` limits, as far as can be told without the truth; why: how the settings were chosen, in a line;
@@ -49,6 +49,7 @@ class Frame:
     settings: Settings | None = None
     error: float | None = None
     why: str = ""
+    building: float = 0.0
 
 
 def draw_frame(team: Team, scene: Scene, settings: Settings, outputs: Sequence[str] = ("color",), hashes: bool = False,
@@ -148,7 +149,7 @@ class Picture:
         names, memory = " + ".join(gpu.name for gpu in team.gpus), sum(gpu.peak for gpu in team.gpus)
         triangles = plan.triangles if plan.body else 0
         return Frame(self._images, names, triangles, strands, segments, seconds, stages, memory, self.digests,
-                     plan.settings)
+                     plan.settings, building=max(gpu.held_up for gpu in team.gpus))
 
     def _tally(self, gpu):
         found = [build.tally(gpu, self.plan, part) for part in self.plan.parts(gpu)]

@@ -23,7 +23,7 @@ from ..stages.order import Order
 from ..stages.raster import VISIBLE
 from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs
 from ..stages.shells import Topology, pack, size_of, topology_of
-from ..stages.strands import AREA, ROOTS, DeviceStrands, Packed, area_sums, first_strand_at
+from ..stages.strands import AREA, ROOTS, SORTED_FROM, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.voxelize import CELLS
 from .views import Rig
@@ -109,6 +109,18 @@ class Plan:
         if self.points >= 2**31 or self.triangles >= 2**31:
             raise Error(f"the scene has {self.points:,} points of strands and {self.triangles:,} triangles; "
                         f"allowed: fewer than {2**31:,} of each")
+
+    @property
+    def kernel_files(self) -> list[str]:
+        """Files of the kernels that the frame runs, about in the order in which it does."""
+        settings, shells = self.settings, self.scene.shells is not None
+        casting = self.wants_color and any(grid is not None for grid in self.rig.grids) and bool(self.strands or shells)
+        needed = {
+            "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage, "strands": self.strands,
+            "order": not self.grown and self.strands >= SORTED_FROM,
+            "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
+            "zscan": casting, "march": shells, "shade": True, "blur": self.wants_color and settings.blur != "off"}
+        return [name for name, is_needed in needed.items() if is_needed]
 
     @property
     def uses_coverage(self) -> bool:
