@@ -23,7 +23,7 @@ from . import caches, pocl, programs, signature
 from .memory import allowed, planned
 from .selection import check_process, choose, describe, is_shared
 
-GROUP = 64          # work-items in a work-group
+GROUP = 64          # work-items in a work-group, where a kernel doesn't state how many it has
 FIRST = 1024        # work-items in the first piece of a launch
 MOST = 65_472       # work-items in any piece: PoCL compiles a kernel anew for 2^16 and more
 PIECE = 0.1         # seconds that a piece of a launch should take, so that Ctrl-C need not wait long
@@ -80,9 +80,9 @@ class Scheduler:
             # What this process may take, pictures on the host and all, and what says so.
             self.allowed = allowed(self.device.max_compute_units, is_shared(self.device))
             self.memory, _ = planned(self.device.global_mem_size, self.allowed)
-            # Work-items fill these by hand where a driver prefers vectors: PoCL does not vectorise loops of different
+            # Work-items fill these by hand where a device has vectors: PoCL does not vectorise loops of different
             # lengths.  Two of 16 at once hide what each waits for; only PoCL takes vectors that OpenCL doesn't name.
-            self.lanes = max((n for n in (1, 8, 16) if n <= self.device.preferred_vector_width_float), default=1)
+            self.lanes = max((n for n in (1, 8, 16) if n <= self.device.native_vector_width_float), default=1)
             if self.lanes == 16 and self.device.platform.name == "Portable Computing Language":
                 self.lanes = 32
             self.largest = self.device.max_mem_alloc_size   # bytes of one array
@@ -212,10 +212,10 @@ class Scheduler:
                 # A driver can't be interrupted, so a launch is done in pieces, and all but the last are waited for.
                 rate, alone = self._rates.get(name), not self._ahead
                 piece = FIRST if rate is None else min(int(PIECE / rate), MOST)
-                end = min(begin + max(piece // GROUP, 1) * GROUP, size)
+                end = min(begin + max(piece // kernel.group, 1) * kernel.group, size)
                 began = time.perf_counter()
                 # Whole groups of one size, and a kernel that ends where it should: see WORK_ITEM in common.h.
-                event = kernel.run(self.queue, (-(-(end - begin) // GROUP) * GROUP,), (GROUP,),
+                event = kernel.run(self.queue, (-(-(end - begin) // kernel.group) * kernel.group,), (kernel.group,),
                                begin, end, *values)
                 self._log.append((self._label or name.split(".")[0], event))
                 self._ahead += PIECE if rate is None else rate * (end - begin)
@@ -320,7 +320,8 @@ class Scheduler:
             name, arguments = f"{stem}.{function}", signatures[function]
             # Told so, pyopencl need not try out what each argument is: a tenth of the time.
             kernel.set_scalar_arg_dtypes([np.uint64, np.uint64, *(argument.packed for argument in arguments)])
-            self._kernels[name] = signature.Kernel(name, arguments, kernel)
+            stated = kernel.get_work_group_info(cl.kernel_work_group_info.COMPILE_WORK_GROUP_SIZE, self.device)[0]
+            self._kernels[name] = signature.Kernel(name, arguments, kernel, stated or GROUP)
         return self._kernels
 
 
