@@ -11,7 +11,7 @@
  * are still to come lie behind it (`settle`), and lets SLOTS of them wait meanwhile.  Where more would wait the furthest
  * goes; the list is gone through once more for those from there on.
  */
-#if LANES > 8
+#if LANES > 8 || LANES_HINTED > 1
 #undef LANES
 #define LANES 8                            // columns of a tile
 #endif
@@ -19,6 +19,7 @@
 #include "clip.h"
 #include "lanes.h"
 #include "places.h"
+#include "sums.h"
 #include "ribbon.h"
 #include "hiding.h"
 
@@ -72,7 +73,7 @@ INLINED uint each_tile(const Batch *batch, int k, const View *view, __global con
 }
 
 /* One work-item counts the tiles in which segments of one strand may show. */
-__kernel void count(
+BY_HAND __kernel void count(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 stretch,                   // segments of each strand: the first, one past the last
@@ -98,14 +99,15 @@ __kernel void count(
 }
 
 /* As `count`, and lists them; in any order, since nobody knows who comes first. */
-__kernel void fill(
+BY_HAND __kernel void fill(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 stretch,                   // segments of each strand: the first, one past the last
     __global const float4 *points,
     __global const uint2 *spans,
     __global const uint *bounds,
-    const uint first,                      // added to the number of a segment's first point to make its id
+    __global const uint *shifts,           // [strands] added to the number of a segment's first point,
+    const uint first,                      // and this, to make its id
     volatile __global uint *cursors,       // [tiles] where the next entry of each goes
     volatile __global uint *survivors,     // [1] segments so far
     __global uint2 *entries,               // of each tile: depth, number of a segment among those that may show
@@ -130,7 +132,7 @@ __kernel void fill(
         for (int k = 0; k < LANES; ++k)
             if (batch.on[k]) {
                 ends[number] = batch.ends[k];
-                ids[number] = first + span.x + i + k;
+                ids[number] = first + shifts[strand] + span.x + i + k;
                 cuts[number] = batch.cut[k];
                 each_tile(&batch, k, &view, bounds, LIST, cursors, entries, number++);
             }
@@ -348,13 +350,6 @@ typedef struct {
     bool dropped;                          // whether any have gone
 } Tile;
 
-INLINED int bits_of(lanes_i mask)
-{
-    const int8 b = mask & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
-    const int4 c = b.lo | b.hi;
-    return (c.x | c.y) | (c.z | c.w);
-}
-
 /* Draw segment i of a chunk: eight columns side by side, row by row. */
 INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
 {
@@ -488,7 +483,7 @@ INLINED void go_through(Tile *t, const View *view, const Picture *picture, __glo
 #endif
 
 /* One work-item draws one tile.  They go block by block of TILE² tiles, so that what is looked up lies near. */
-ALONE __kernel void tiles(
+ALONE BY_HAND __kernel void tiles(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     __global const uint *starts,           // [tiles + 1] where in `entries` those of each begin

@@ -196,9 +196,11 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
             continue;
         }
         const float weight = hide(p, key, slots->shares[j]);
-        if (picture->lit)
-            p->light += weight * light_between(picture->places + 3 * (size_t)slots->numbers[j], picture->more,
+        if (picture->lit) {
+            const float4 light = light_between(picture->places + 3 * (size_t)slots->numbers[j], picture->more,
                                                (slots->wheres[j] & 0xFFFF) * (1.0f / 65535.0f));
+            p->light += weight * (light < MOST ? light : MOST);
+        }
         more = p->kept * p->room > UNSEEN;
         ++i;
     }

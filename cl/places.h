@@ -3,7 +3,7 @@
  * changes too much between these, more of them.  strand_light.cl makes them, coverage.cl adds them up.
  *
  * A segment's three: r, g, b, and in their last floats: the first row of `more`, in rows of PLACE_ROW places, modulo 2^20;
- * pieces, 1, 3, 7 or 15; that row divided by 2^20.  With more pieces than one, `more` has their 2 · pieces + 1 places.
+ * pieces, 1, 3 or 7; that row divided by 2^20.  With more pieces than one, `more` has their 2 · pieces + 1 places.
  * Between three places that follow each other light is a parabola.
  */
 #define FAR_ROWS 1048576.0f                // rows that a float tells apart, with room to spare

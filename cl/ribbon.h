@@ -3,13 +3,8 @@
  * coverage.cl uses this, and clip.h and lanes.h before it.  LANES segments of a strand go side by side, then one segment's
  * LANES columns; where LANES is 1 one segment and one pixel: the same expressions, and so the same bits.
  */
-#if LANES == 1
-#define WHOLE(x) ((int)(x))
-#define REAL(x) ((float)(x))
-#else
-#define WHOLE(x) __builtin_convertvector(x, lanes_i)
-#define REAL(x) __builtin_convertvector(x, lanes)
-#endif
+#define WHOLE(x) TO(lanes_i, x)
+#define REAL(x) TO(lanes, x)
 #define ALIGNED __attribute__((aligned(32)))
 #define MARGIN 256                   // depth steps that rounding may put a piece before the nearer end of its segment
 #define WHOLE_WAY 0xFFFF0000u        // `cut` of a segment that is not clipped: from 0 to 65535 of its length

@@ -11,7 +11,7 @@
 #include "seen.h"
 #include "scatter.h"
 #include "light.h"
-#include "light_lanes.h"
+#include "strand_lanes.h"
 #include "places.h"
 
 /* One work-item tells what share of each light's direct light hair and body let through to LANES points of strands. */
@@ -19,6 +19,7 @@ __kernel void transmittance(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *points,         // strands: see strands.cl
     __global const uint *strand_of,
+    const uint run,
     __global const float4 *strand_normal,
     __global const float4 *strand_uv,
     __global const HairType *types,
@@ -38,7 +39,7 @@ __kernel void transmittance(
     lanes3 p, n;
     lanes width, alpha;
     for (uint k = 0; k < LANES; ++k) {
-        const uint id = first + (k < count ? k : 0), strand = strand_of[id];
+        const uint id = first + (k < count ? k : 0), strand = strand_of[id / run];
         const float4 point = points[id], normal = strand_normal[strand];
         LANE(p.x, k) = point.x;
         LANE(p.y, k) = point.y;
@@ -67,10 +68,13 @@ typedef struct {
 /* Put the segment that begins at point id into lane k. */
 INLINED void take(Segments *s, int k, const Hair *hair, uint id, uint next)
 {
-    const uint strand = hair->strand_of[id];
+    const uint strand = strand_at(hair, id);
+    const uint2 span = hair->spans[strand];
     const float4 shine = hair->types[(int)hair->strand_uv[strand].z].shine;
-    const float4 a = hair->points[id], b = hair->points[next], t = hair->tangents[id];
-    float4 u = hair->tangents[next], c = hair->colors[hair->color_per == 0 ? 0 : hair->color_per == 1 ? strand : id];
+    const float4 a = hair->points[id], b = hair->points[next], way = next > id ? b - a : 0.0f;
+    const float4 before = id > span.x ? hair->points[id - 1] : a, after = next + 1 < span.x + span.y ? hair->points[next + 1] : b;
+    const float4 t = tangent_of(b - before, way), u = tangent_of(after - a, way);
+    float4 c = hair->colors[hair->color_per == 0 ? 0 : hair->color_per == 1 ? strand : id];
     const float4 d = hair->color_per == 2 ? hair->colors[next] : c;
     LANE(s->p.x, k) = a.x;
     LANE(s->p.y, k) = a.y;
@@ -198,8 +202,10 @@ __kernel void radiance(
     const uint first_point,                // the id of the first of these points
     const uint n_points,
     __global const float4 *points,         // strands: see strands.cl
-    __global const float4 *tangents,
+    __global const uint2 *spans,
     __global const uint *strand_of,
+    __global const uint *stored,
+    const uint run,
     __global const float4 *strand_normal,
     __global const float4 *strand_uv,
     __global const HairType *types,
@@ -219,15 +225,15 @@ __kernel void radiance(
 {
     WORK_ITEM(item);
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
-    const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, color_per};
+    const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
     const uint first = range.x + LANES * (uint)item, count = range.y - first < LANES ? range.y - first : LANES;
     Segments s;
     uint from[LANES], to[LANES];
     for (int k = 0; k < LANES; ++k) {
-        const uint number = first + ((uint)k < count ? k : 0), id = listed ? segments[number] - first_point : number;
+        const uint number = first + ((uint)k < count ? k : 0), id = listed ? lies_at(stored, run, segments[number] - first_point) : number;
         const uint next = id + 1 < n_points ? id + 1 : id;
         from[k] = id;
-        to[k] = strand_of[next] == strand_of[id] ? next : id;          // what follows a strand's last point is none
+        to[k] = strand_at(&hair, next) == strand_at(&hair, id) ? next : id;          // what follows a strand's last point is none
         take(&s, k, &hair, id, to[k]);
     }
     const Places ends[2] = {places_at(&view, &s, F(0.0f)), places_at(&view, &s, F(1.0f))};
@@ -263,8 +269,8 @@ __kernel void radiance(
     }
     const lanes square = 1.0f + s.exponent;
     most = greater(most, turn * (square * inverse_root(square)) * (1.0f / TURN));
-    lanes pieces = most <= 1.0f ? F(1.0f) : most <= 3.0f ? F(3.0f) : most <= 7.0f ? F(7.0f) : F(15.0f);
-    pieces = on_edge ? F(15.0f) : pieces;
+    lanes pieces = most <= 1.0f ? F(1.0f) : most <= 3.0f ? F(3.0f) : F(7.0f);
+    pieces = on_edge ? F(7.0f) : pieces;
     for (uint k = 0; k < count; ++k) {
         uint row = 0;
         if (from[k] == to[k])
@@ -289,8 +295,10 @@ __kernel void further(
     const uint first_point,                // the id of the first of these points
     const uint n_points,
     __global const float4 *points,         // strands: see strands.cl
-    __global const float4 *tangents,
+    __global const uint2 *spans,
     __global const uint *strand_of,
+    __global const uint *stored,
+    const uint run,
     __global const float4 *strand_normal,
     __global const float4 *strand_uv,
     __global const HairType *types,
@@ -311,7 +319,7 @@ __kernel void further(
 {
     WORK_ITEM(item);
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
-    const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, color_per};
+    const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
     lanes number;
     for (int k = 0; k < LANES; ++k)
         LANE(number, k) = k;
@@ -322,7 +330,8 @@ __kernel void further(
             continue;
         const float4 a = places[3 * (size_t)segment], c = places[3 * (size_t)segment + 2];
         __global ulong *out = more + PLACE_ROW * ((ulong)c.w * (ulong)FAR_ROWS + (ulong)a.w - rows_before);
-        const uint id = listed ? segments[segment] - first_point : segment, strand = strand_of[id];
+        const uint id = listed ? lies_at(stored, run, segments[segment] - first_point) : segment;
+        const uint strand = strand_at(&hair, id);
         const float alpha = types[(int)strand_uv[strand].z].shine.z, width = points[id].w;
         const int last = 2 * (int)pieces + 1;
         Segments s;

@@ -19,7 +19,7 @@ from clfur.stages.coverage import TILE
 NO_LIMIT = 1 << 63, ""   # of the process, for devices that are made up
 
 
-@pytest.mark.parametrize("kind, lod, memory", [("faces", 0, 4), (9001, 0, 6), ("curves", 0, 2), ("curves", 1, 2)])
+@pytest.mark.parametrize("kind, lod, memory", [("faces", 0, 2), (9001, 0, 3), ("curves", 0, 2), ("curves", 1, 2)])
 def test_parts_and_bands_are_the_same_bits(gpu, another, sphere, kind, lod, memory):
     scene, settings = scene_of(kind, sphere), attrs.evolve(SETTINGS, grid=32, shadow_map=64, lod=lod)
     whole = clfur.draw(scene, gpu, settings, tuple(OUTPUTS), hashes=True)
@@ -40,7 +40,7 @@ def test_parts_of_strands_over_shells(gpu, another, sphere):
     scene = scene_of("faces", sphere)
     scene = clfur.Scene(sphere, [scene.strands, clfur.Shells(length=.1, frequency=9, layers=5)], scene.camera)
     whole = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True)
-    small = another(3_000_000)
+    small = another(1_900_000)
     assert len(plan_of(scene, SETTINGS).parts(small)) > 1
     same(whole, clfur.draw(scene, small, SETTINGS, tuple(OUTPUTS), hashes=True))
 
@@ -77,7 +77,7 @@ def test_bands_are_cut_by_what_was_counted(gpu, another, others):
             bands.append(len(arguments["starts"]) // TILE)
         launch(name, size, **arguments)
     small.launch = noted
-    for small.memory in range(1_500_000, 6_000_000, 250_000):
+    for small.memory in range(1_000_000, 2_000_000, 100_000):
         small.forget()
         bands.clear()
         frame = clfur.draw(scene, small, OFF, others, hashes=True)
@@ -138,7 +138,7 @@ def test_parts_make_room_for_a_row_of_many_pieces(gpu, monkeypatch, sphere):
     names = []
     launch = gpu.launch
     monkeypatch.setattr(gpu, "launch", lambda name, size, /, **rest: names.append(name) or launch(name, size, **rest))
-    for memory in (36_000_000, 40_000_000, 48_000_000, 64_000_000):
+    for memory in (22_000_000, 26_000_000, 36_000_000, 64_000_000):
         monkeypatch.setattr(gpu, "memory", memory)
         gpu.forget()
         for _ in range(2):
@@ -166,12 +166,12 @@ def test_strands_grow_as_rarely_as_can_be(gpu, sphere):
     """Once for each part and step: all cast their shadow and are counted, and in each band they are written and lit.
     The last part of a step is there for the next; none grows to be told how many there are, none for the body."""
     scene = scene_of(9001, sphere)
-    small = clfur.Scheduler(gpu.device, memory=6_000_000)
+    small = clfur.Scheduler(gpu.device, memory=3_000_000)
     names = recorded(small)
     for outputs in ("color",), tuple(OUTPUTS):
         for _ in range(2):
             names.clear()
-            assert clfur.draw(scene, small, SETTINGS, outputs).memory <= 6_000_000
+            assert clfur.draw(scene, small, SETTINGS, outputs).memory <= 3_000_000
             bands = bands_of(names)
             parts, counted = names.count("coverage.fill") // bands, names.count("coverage.count")
             assert parts > 1 and bands > 1 and names.count("strand_light.radiance") == bands * parts
@@ -180,7 +180,7 @@ def test_strands_grow_as_rarely_as_can_be(gpu, sphere):
 
 def test_the_body_is_drawn_without_growing_hair(gpu, sphere):
     """What needs the body alone never asks for hair, and hair that stands on nothing never for the body."""
-    small = clfur.Scheduler(gpu.device, memory=2_000_000)
+    small = clfur.Scheduler(gpu.device, memory=1_100_000)
     names = recorded(small)
     for kind in "faces", 9001, "curves":
         plan = plan_of(scene_of(kind, sphere), SETTINGS)

@@ -80,11 +80,14 @@ class Scheduler:
             # What this process may take, pictures on the host and all, and what says so.
             self.allowed = allowed(self.device.max_compute_units, is_shared(self.device))
             self.memory, _ = planned(self.device.global_mem_size, self.allowed)
-            # Work-items fill these by hand where a device has vectors: PoCL does not vectorise loops of different
+            # Work-items fill these by hand where a driver prefers vectors: PoCL does not vectorise loops of different
             # lengths.  Two of 16 at once hide what each waits for; only PoCL takes vectors that OpenCL doesn't name.
-            self.lanes = max((n for n in (1, 8, 16) if n <= self.device.native_vector_width_float), default=1)
+            self.lanes = max((n for n in (1, 8, 16) if n <= self.device.preferred_vector_width_float), default=1)
             if self.lanes == 16 and self.device.platform.name == "Portable Computing Language":
                 self.lanes = 32
+            # Intel's fills them with work-items, unless a kernel tells it not to.
+            by_itself = self.lanes == 1 and self.device.type & cl.device_type.CPU
+            self.hinted = 8 if by_itself and self.device.native_vector_width_float >= 8 else 1
             self.largest = self.device.max_mem_alloc_size   # bytes of one array
             self.steps = 65_535 if "llvmpipe" in self.device.name else None   # it ends a work-item's loops, silently
         if memory is not None:
@@ -299,7 +302,8 @@ class Scheduler:
 
     def _build(self, stem):
         text = _text("common.h") + _text(f"{stem}.cl")
-        source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind", self.lanes) + text
+        source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind", self.lanes,
+                                 self.hinted, self.device.local_mem_size) + text
         options = ["-cl-std=CL1.2", "-w"]   # some compilers write how many warnings there were to stderr
         if self.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
             options.append("-cl-fp32-correctly-rounded-divide-sqrt")

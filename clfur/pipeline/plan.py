@@ -15,27 +15,32 @@ import numpy as np
 from ..errors import Error
 from ..scene import Curves, Strands
 from ..stages.blur import blur_radius
-from ..stages.coverage import TILE, Covered, Segments
+from ..stages.coverage import TILE, Covered, Segments, Tiles
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
+from ..stages.order import Order
 from ..stages.raster import VISIBLE
 from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs
 from ..stages.shells import Topology, pack, size_of, topology_of
 from ..stages.strand_light import MOST_ROWS, PLACES, TRANSMITTANCE, Places
-from ..stages.strands import AREA, DeviceStrands, Packed, Roots, area_sums, first_strand_at
+from ..stages.strands import AREA, ROOTS, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.voxelize import CELLS
 from .views import Rig
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
 VERTEX, TRIANGLE = Surface.bytes(vertex=1), Surface.bytes(triangle=1) + AREA.bytes
-POINT, STRAND = DeviceStrands.bytes(point=1), DeviceStrands.bytes(strand=1, color=1) + Roots.bytes(strand=1)
-PACKED = Packed.bytes(point=1, width=1, color=1) + DeviceStrands.bytes(color=1)   # more a point, of the user's strands
+POINT, STRAND = DeviceStrands.bytes(point=1), DeviceStrands.bytes(strand=1, color=1, run=1) + ROOTS.bytes
+# More of the user's strands: of a point, where each has a width and a colour, and of a strand.
+PACKED = Packed.bytes(point=1, width=1, color=1) + DeviceStrands.bytes(color=1)
+RUN = DeviceStrands.bytes(run=1)        # and where strands differ in points
+PUT_IN_ORDER = Packed.bytes(strand=1) + Order.bytes(strand=1) + DeviceStrands.bytes("spans", strand=1)
 THIN_POINT, THIN_STRAND = DeviceStrands.bytes(*THINNED, point=1), DeviceStrands.bytes(*THINNED, strand=1)
 THIN_COLOR = DeviceStrands.bytes("colors", color=1)                               # where points have colours
 MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
 OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
+OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1)
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
 LIT = PLACES * Places.bytes(place=1) + MOST_ROWS * Places.bytes(row=1)   # of its light, at most
@@ -113,13 +118,8 @@ class Plan:
         """Whether strands are drawn by the area that they cover."""
         return self.settings.raster == "coverage" and self.strands > 0
 
-    @property
-    def shadow_lod(self) -> float:
-        """Which strands cast shadows, as `Settings.lod`: the report's methods count them, however wide, so all."""
-        return self.settings.lod if self.settings.shadows == "length" else 0.0
-
-    def light_key(self, lod: float) -> tuple:
-        """What light depends on that falls on strands thinned so, as a key of `Scheduler.keep`."""
+    def light_key(self, lod: float = 0.0) -> tuple:
+        """What light depends on that falls on anything, or on strands thinned so, as a key of `Scheduler.keep`."""
         scene, settings = self.scene, self.settings
         fit = b"".join(each.tobytes() for each in (*self.rig.grids, *self.rig.light_views) if each is not None).hex()
         return (scene.mesh, scene.strands, scene.shells, *scene.lights, int(self.body), settings.shadows, settings.grid,
@@ -201,7 +201,7 @@ class Plan:
         samples = self.settings.samples
         pixel = VISIBLE.bytes * samples
         if self.uses_coverage:
-            pixel += 1   # for what is known of its tile
+            pixel += -(-OF_TILE // TILE**2)
             if not counted:
                 return pixel
             pixel += Covered.bytes(pixel=1, sample=samples, shell=bool(self.scene.shells))
@@ -294,9 +294,11 @@ class Plan:
 
     def _bytes(self, gpu):
         """Bytes on the device of a strand and of each of its points."""
-        strand, point = (STRAND, POINT) if self.grown else (STRAND, POINT + PACKED)
+        fur = self.scene.strands
+        strand, point = (STRAND, POINT) if self.grown else (STRAND + PUT_IN_ORDER, POINT + PACKED)
+        if isinstance(fur, Curves) and fur.uniform is None:
+            point += RUN
         if self.settings.lod:
-            fur = self.scene.strands
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
             strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
         if self.uses_coverage and not self.keeps_transmittances(gpu):

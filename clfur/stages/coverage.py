@@ -83,7 +83,7 @@ def fill(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, segments
         gpu.launch("coverage.fill", len(strands.spans), view=view, stretch=stretch, bounds=tiles.bounds,
                    first=strands.first_point, cursors=segments.cursors, survivors=segments.survivors,
                    entries=segments.entries, ends=segments.ends, ids=segments.ids, cuts=segments.cuts,
-                   **arrays(strands, "points", "spans"))
+                   **arrays(strands, "points", "spans", "shifts"))
 
 
 def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, lit: Any = None, image: Any = None,
@@ -109,7 +109,7 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, lit: Any = 
              "more": none if lit is None else lit.more,
              "image": gpu.empty((0, 4), np.float32) if lit is None else image, **vars(covered)}
     across, down = tiles_of(width, rows)
-    if gpu.lanes > 1:
+    if max(gpu.lanes, gpu.hinted) > 1:
         gpu.launch("coverage.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries, **known)
         return covered
     grains = gpu.empty((across * down, 2), np.uint32)

@@ -13,7 +13,7 @@ from .strands import DeviceStrands, arrays
 TRANSMITTANCE = Declared("point", np.float32)   # share of a light's direct light there, 0..1
 ROW = layout.CONSTANTS["PLACE_ROW"]
 PLACES = 3                                      # of a segment
-MOST_ROWS = 4                                   # of more of them, at most
+MOST_ROWS = 2                                   # of more of them, at most
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,8 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
     n_points = len(strands.points)
     result = TRANSMITTANCE.empty(gpu, (len(lighting.lights), n_points))
     gpu.launch("strand_light.transmittance", _items(gpu, n_points), n_points=n_points, transmittances=result,
-               **lighting.arrays(), **arrays(strands, "points", "strand_of", "strand_normal", "strand_uv", "types"))
+               **lighting.arrays(),
+               **arrays(strands, "points", "strand_of", "run", "strand_normal", "strand_uv", "types"))
     return result
 
 
@@ -51,8 +52,8 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
              "segments": gpu.empty(0, np.uint32) if segments is None else segments, "n_points": len(strands.points),
              "places": known.places, "shadowed": transmittances is not None,
              "transmittances": gpu.empty(0, np.float32) if transmittances is None else transmittances,
-             **lighting.arrays(), **arrays(strands, "points", "tangents", "strand_of", "strand_normal", "strand_uv",
-                                           "types", "colors", "color_per")}
+             **lighting.arrays(), **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal",
+                                           "strand_uv", "types", "colors", "color_per")}
     gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, **given)
     more = Places.declared["more"].empty(gpu, int(gpu.download(rows)[0]) - rows_before)
     if more.size:

@@ -1,6 +1,6 @@
 /* What coverage.cl does without tiles and lists, by the functions that it has: all pieces of a segment, whatever hides them,
    and one pixel's pieces in any order. */
-#if LANES > 8
+#if LANES > 8 || LANES_HINTED > 1
 #undef LANES
 #define LANES 8
 #endif
@@ -8,6 +8,7 @@
 #include "clip.h"
 #include "lanes.h"
 #include "places.h"
+#include "sums.h"
 #include "ribbon.h"
 #include "hiding.h"
 
