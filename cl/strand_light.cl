@@ -198,7 +198,7 @@ __kernel void radiance(
     const View view,
     const uint2 range,                     // of segments: the first, one past the last
     const int listed,                      // 1: they are `segments`, 0: as many points as there are
-    __global const uint *segments,         // ids, if so
+    __global const uint *segments,         // ids, if so, their highest bits aside
     const uint first_point,                // the id of the first of these points
     const uint n_points,
     __global const float4 *points,         // strands: see strands.cl
@@ -230,7 +230,7 @@ __kernel void radiance(
     Segments s;
     uint from[LANES], to[LANES];
     for (int k = 0; k < LANES; ++k) {
-        const uint number = first + ((uint)k < count ? k : 0), id = listed ? lies_at(stored, run, segments[number] - first_point) : number;
+        const uint number = first + ((uint)k < count ? k : 0), id = listed ? lies_at(stored, run, (segments[number] & ~BODY) - first_point) : number;
         const uint next = id + 1 < n_points ? id + 1 : id;
         from[k] = id;
         to[k] = strand_at(&hair, next) == strand_at(&hair, id) ? next : id;          // what follows a strand's last point is none
@@ -291,7 +291,7 @@ __kernel void further(
     const View view,
     const uint2 range,                     // of segments: the first, one past the last
     const int listed,                      // 1: they are `segments`, 0: as many points as there are
-    __global const uint *segments,         // ids, if so
+    __global const uint *segments,         // ids, if so, their highest bits aside
     const uint first_point,                // the id of the first of these points
     const uint n_points,
     __global const float4 *points,         // strands: see strands.cl
@@ -330,7 +330,7 @@ __kernel void further(
             continue;
         const float4 a = places[3 * (size_t)segment], c = places[3 * (size_t)segment + 2];
         __global ulong *out = more + PLACE_ROW * ((ulong)c.w * (ulong)FAR_ROWS + (ulong)a.w - rows_before);
-        const uint id = listed ? lies_at(stored, run, segments[segment] - first_point) : segment;
+        const uint id = listed ? lies_at(stored, run, (segments[segment] & ~BODY) - first_point) : segment;
         const uint strand = strand_at(&hair, id);
         const float alpha = types[(int)strand_uv[strand].z].shine.z, width = points[id].w;
         const int last = 2 * (int)pieces + 1;

@@ -29,7 +29,7 @@ __kernel void drawn(
 {
     WORK_ITEM(i);
     Chunk chunk;
-    prepare(&chunk, &view, list + i, 1, ends, ids, cuts);
+    prepare(&chunk, &view, list + i, 1, 1, ends, ids, cuts);
     if (!(chunk.bu[0] > chunk.au[0]))
         return;
     const int steep = chunk.steep[0];
