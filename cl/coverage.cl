@@ -112,7 +112,7 @@ BY_HAND __kernel void fill(
     volatile __global uint *survivors,     // [1] segments so far
     __global uint2 *entries,               // of each tile: depth, number of a segment among those that may show
     __global float8 *ends,                 // [survivors] each end's x, y, reversed depth, half width [pixels]
-    __global uint *ids,                    // [survivors]
+    __global uint *ids,                    // [survivors] and CLIPPED where they are
     __global uint *cuts)                   // [survivors] what is left where they are clipped: from and to, in 1/65535
 {
     WORK_ITEM(strand);
@@ -132,7 +132,7 @@ BY_HAND __kernel void fill(
         for (int k = 0; k < LANES; ++k)
             if (batch.on[k]) {
                 ends[number] = batch.ends[k];
-                ids[number] = first + shifts[strand] + span.x + i + k;
+                ids[number] = (first + shifts[strand] + span.x + i + k) | (batch.cut[k] == WHOLE_WAY ? 0 : CLIPPED);
                 cuts[number] = batch.cut[k];
                 each_tile(&batch, k, &view, bounds, LIST, cursors, entries, number++);
             }
@@ -250,7 +250,7 @@ INLINED bool go_on(Walk *walk, const View *view, const Picture *picture, __globa
         if ((s.s0 < s.s4 ? s.s0 : s.s4) - reach < x + 1 && (s.s0 > s.s4 ? s.s0 : s.s4) + reach >= x
             && (s.s1 < s.s5 ? s.s1 : s.s5) - reach < y + 1 && (s.s1 > s.s5 ? s.s1 : s.s5) + reach >= y) {
             Chunk chunk;
-            prepare(&chunk, view, sorted + walk->next, 1, ends, ids, cuts);
+            prepare(&chunk, view, sorted + walk->next, 1, 1, ends, ids, cuts);
             draw(walk, view, &chunk, x, y);
         }
         ++walk->next;
@@ -346,7 +346,6 @@ typedef struct {
     long lows[TILE * TILE];                // keys below are done
     long limits[TILE * TILE];              // keys from here on have gone, and come again later
     int left, right, top, bottom;          // in the picture
-    ulong shut;                            // a bit for each pixel in which nothing more is seen
     bool dropped;                          // whether any have gone
 } Tile;
 
@@ -434,10 +433,8 @@ INLINED bool settle_all(Tile *t, const Picture *picture, long until)
         }
         const long before = until < t->limits[p] ? until : t->limits[p];
         t->counts[p] = settle(&t->pixels[p], picture, &t->slots[p], t->counts[p], before);
-        if (t->pixels[p].closed) {
+        if (t->pixels[p].closed)
             t->bounds[p] = 0;
-            t->shut |= 1ul << p;
-        }
         open |= !t->pixels[p].closed;
     }
     return open;
@@ -467,9 +464,12 @@ INLINED void go_through(Tile *t, const View *view, const Picture *picture, __glo
     for (uint next = 0; open && next < n;) {
         for (int fullest = 0; next < n && fullest < SLOTS / 2;) {
             const int m = n - next < CHUNK ? n - next : CHUNK;
-            prepare(&chunk, view, sorted + next, m, ends, ids, cuts);
-            for (int i = 0; i < m; ++i)
+            prepare(&chunk, view, sorted + next, m, n - next, ends, ids, cuts);
+            for (int i = 0; i < m; ++i) {
+                if (picture->lit)
+                    PREFETCH(picture->places + 3 * (size_t)chunk.number[i]);
                 draw(t, view, &chunk, i);
+            }
             next += m;
             for (int p = 0; p < TILE * TILE; ++p)
                 fullest = t->counts[p] > fullest ? t->counts[p] : fullest;
@@ -520,7 +520,6 @@ ALONE BY_HAND __kernel void tiles(
     Tile t;
     t.left = x * TILE;
     t.top = view.rows.x + y * TILE;
-    t.shut = 0;
     t.dropped = false;
     for (int p = 0; p < TILE * TILE; ++p) {
         const int px = x * TILE + p % TILE, py = y * TILE + p / TILE;
@@ -530,8 +529,6 @@ ALONE BY_HAND __kernel void tiles(
         t.pixels[p].closed = true;
         if (px < size.x && py < size.y)
             t.bounds[p] = begin_pixel(&t.pixels[p], &picture, (size_t)py * size.x + px);
-        else
-            t.shut |= 1ul << p;
     }
     if (n) {
         const uint2 grain = sort_list(entries + first, n, sorted + first);

@@ -7,6 +7,7 @@
 #define REAL(x) TO(lanes, x)
 #define ALIGNED __attribute__((aligned(32)))
 #define MARGIN 256                   // depth steps that rounding may put a piece before the nearer end of its segment
+#define CLIPPED 0x80000000u          // of an id: the segment is clipped
 #define WHOLE_WAY 0xFFFF0000u        // `cut` of a segment that is not clipped: from 0 to 65535 of its length
 
 #if LANES == 8
@@ -212,17 +213,23 @@ INLINED void place(const View *view, const lanes *c, lanes_i steep, lanes from, 
     by[4] = from - dots(d, p[0]);
 }
 
-/* Make n segments ready, the next ones of a tile's list; those that fill the last lanes are never drawn. */
-INLINED void prepare(Chunk *chunk, const View *view, __global const uint2 *list, int n, __global const float8 *ends,
-                     __global const uint *ids, __global const uint *cuts)
+/* Make n segments ready, the next ones of a tile's list, in which so many are left; those that fill the last lanes are
+   never drawn. */
+INLINED void prepare(Chunk *chunk, const View *view, __global const uint2 *list, int n, uint left,
+                     __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
 {
     for (int i = 0; i < n; i += LANES) {
         float8 rows[LANES];
         lanes c[8], from, until;
         for (int k = 0; k < LANES; ++k) {
-            const uint number = list[i + k < n ? i + k : i].y, cut = cuts[number];
+            const uint number = list[i + k < n ? i + k : i].y, id = ids[number];
+            const uint cut = id & CLIPPED ? cuts[number] : WHOLE_WAY;
+            if (i + k + CHUNK < left) {
+                PREFETCH(ends + list[i + k + CHUNK].y);
+                PREFETCH(ids + list[i + k + CHUNK].y);
+            }
             chunk->number[i + k] = number;
-            chunk->id[i + k] = ids[number];
+            chunk->id[i + k] = id & ~CLIPPED;
             rows[k] = ends[number];
             LANE(from, k) = (cut & 0xFFFF) * (1.0f / 65535.0f);
             LANE(until, k) = (cut >> 16) * (1.0f / 65535.0f);

@@ -91,7 +91,7 @@ INLINED void take(Segments *s, const Hair *hair, const uint *from, const uint *t
 INLINED uint begin_of(uint number, int listed, __global const uint *segments, uint first_point, __global const uint *stored,
                       uint run)
 {
-    return listed ? lies_at(stored, run, segments[number] - first_point) : number;
+    return listed ? lies_at(stored, run, (segments[number] & ~BODY) - first_point) : number;
 }
 
 /* Where the segment ends that begins at a point: there itself if that is a strand's last one, or no strand's. */
@@ -156,7 +156,7 @@ __kernel void radiance(
     const View view,
     const uint2 range,                     // of segments: the first, one past the last
     const int listed,                      // 1: they are `segments`, 0: as many points as there are
-    __global const uint *segments,         // ids, if so
+    __global const uint *segments,         // ids, if so, their highest bits aside
     const uint first_point,                // the id of the first of these points
     __global const float4 *points,         // strands: see strands.cl
     __global const uint2 *spans,
@@ -288,7 +288,7 @@ __kernel void further(
     const View view,
     const uint2 range,                     // of segments: the first, one past the last
     const int listed,                      // 1: they are `segments`, 0: as many points as there are
-    __global const uint *segments,         // ids, if so
+    __global const uint *segments,         // ids, if so, their highest bits aside
     const uint first_point,                // the id of the first of these points
     __global const float4 *points,         // strands: see strands.cl
     __global const uint2 *spans,

@@ -41,6 +41,7 @@ def tile_of(pixel, width):
 def listed(segments):
     """{(tile, id)} of all entries, of which none may be there twice."""
     starts, numbers, ids = segments.starts.get(), segments.entries.get()[:, 1], segments.ids.get()
+    ids = ids & 0x7FFFFFFF   # the highest bit tells that they are clipped
     pairs = list(zip(np.repeat(np.arange(len(starts) - 1), np.diff(starts)).tolist(), ids[numbers].tolist()))
     assert len(set(pairs)) == len(pairs) and len(set(ids.tolist())) == len(ids)
     return set(pairs)

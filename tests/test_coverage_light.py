@@ -42,7 +42,7 @@ def test_light_is_the_twins(gpu, kind, form, n, shadowed, lights):
     image, visible, pieces = image.get(), visible.get(), pieces_of(gpu, view, segments)
     pieces["at"] = twin.places(view, pieces, strands.points.get(), image.shape[1])
     number = np.empty(len(strands.points), int)
-    number[segments.ids.get()] = np.arange(len(segments.ids))
+    number[segments.ids.get() & 0x7FFFFFFF] = np.arange(len(segments.ids))
     sent = lights_twin.between(lit.places.get(), lit.more.get(), number[pieces["id"]], pieces["at"])
     meant = np.zeros(image.shape)
     for pixel in np.unique(pieces["pixel"]):

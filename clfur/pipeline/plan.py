@@ -45,6 +45,7 @@ ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
 LIT = Places.bytes(segment=1, row=1)   # of its light, at most
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
+LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -175,7 +176,8 @@ class Plan:
         rows = TILE * np.arange(1, len(listed) + 1)
         row = self.scene.camera.size[0] * self._pixel(True)
         seen = np.minimum(listed, survivors)
-        fits = ((row * rows + ENTRY * listed + self._survivor * seen <= cut.rows) & (row * rows <= BAND)
+        lists = ENTRY * listed + self._survivor * seen
+        fits = ((row * rows + lists <= cut.rows) & (row * rows <= BAND) & (lists <= LISTS)
                 & (listed <= min(_largest(gpu) // 8, NUMBERS)) & (seen <= _largest(gpu) // 32)
                 & (self._largest_row * rows <= _largest(gpu)))
         return TILE * max(int(fits.sum()), 1)

@@ -29,7 +29,7 @@ __kernel void drawn(
 {
     WORK_ITEM(i);
     Chunk chunk;
-    prepare(&chunk, &view, list + i, 1, ends, ids, cuts);
+    prepare(&chunk, &view, list + i, 1, 1, ends, ids, cuts);
     if (!(chunk.bu[0] > chunk.au[0]))
         return;
     const int steep = chunk.steep[0];
@@ -67,7 +67,7 @@ __kernel void hidden(
     __global const uint *starts,           // [pixels + 1]
     __global const ulong *keys,            // pieces: depth << 32 | id
     __global const float *shares,
-    __global const float4 *places,         // [pieces, 3] light
+    __global const ulong *places,          // [pieces, FEW_PLACES] light
     __global const ulong *more,            // none
     __global const ulong *visible,
     const int has_shells,
