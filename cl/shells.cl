@@ -55,7 +55,9 @@ __kernel void lattice(
     const float4 a = positions[faces[f].x], b = positions[faces[f].y] - a, c = positions[faces[f].z] - a;
     const float4 n = cross3(b, c);
     const float square = dot3(n, n);
-    const float4 to_b = cross3(c, n) / square, to_c = cross3(n, b) / square;   // gradients of the corners' weights
+    const bool flat = !(square > 1e-20f * dot3(b, b) * dot3(c, c));   // no area in this pose: nothing changes along it
+    const float4 none = (float4)(0.0f);        // gradients of the corners' weights:
+    const float4 to_b = flat ? none : cross3(c, n) / square, to_c = flat ? none : cross3(n, b) / square;
     float2 at[3];
     float4 start = (float4)(0.0f), by_x = start, by_y = start;
     float sides = 0.0f;
@@ -83,7 +85,8 @@ __kernel void lattice(
     out[CORNERS * f + 1] = (float4)(at[2].x, at[2].y, sides, sqrt(sqrt(dot3(grad_x, grad_x) * dot3(grad_y, grad_y))));
     out[CORNERS * f + 2] = grad_x;
     out[CORNERS * f + 3] = grad_y;
-    const float4 up = n / (dot3(n, normals[faces[f].x]) < 0.0f ? -sqrt(square) : sqrt(square)) / shells.size.x;
+    const float4 normal = normals[faces[f].x], upright = n / (dot3(n, normal) < 0.0f ? -sqrt(square) : sqrt(square));
+    const float4 up = (flat ? normal : upright) / shells.size.x;
     out[CORNERS * f + 4] = (float4)(up.x, up.y, up.z, sqrt(dot3(grad_x, grad_x) + dot3(grad_y, grad_y)));
     out[CORNERS * f + 5] = start;
     out[CORNERS * f + 6] = by_x;

@@ -1,5 +1,6 @@
 """Large meshes in the command: how many strands they get without options, and what is told while one waits."""
 
+import importlib
 import json
 import sys
 import time
@@ -86,3 +87,21 @@ def test_waiting(monkeypatch, is_terminal, patience, told):
         time.sleep(0.3)
     assert all((words in stderr.text) == told for words in ("reading [a]", "drawing it"))
     assert stderr.text == "" or "\x1b[2K" in stderr.text
+
+
+@pytest.mark.parametrize("command", ["render", "compare", "chart"])
+def test_that_a_mesh_is_read_is_told(monkeypatch, command):
+    """Before there is a picture to tell of, by each command that draws."""
+    module = importlib.import_module(f"clfur.command.{command}")
+
+    def slow(given, options):
+        time.sleep(0.3)
+        raise InterruptedError(given)
+    stderr = Terminal(True)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stderr", stderr)
+    monkeypatch.setattr(waiting, "PATIENCE", 0.05)
+    monkeypatch.setattr(module, "load_scene", slow)
+    with pytest.raises(InterruptedError):
+        getattr(module, command).main(["large.obj"], standalone_mode=False)
+    assert "reading large.obj" in stderr.text

@@ -1,5 +1,6 @@
 """Strands belong to the skin: what moves the skin, or tells a strand in other words, changes nothing else."""
 
+import attrs
 import numpy as np
 import pytest
 from support.scenes import icosphere
@@ -103,6 +104,66 @@ def test_the_truth_knows_the_rest(gpu):
     np.testing.assert_allclose(hair.points[:, :3], clfur.grow(scene, gpu).points, rtol=0, atol=2e-6)
 
 
+def collapsed(mesh):
+    """Places of the mesh in poses in which faces have no area, or no normal."""
+    point, line, cap = (mesh.positions.astype(float) for _ in range(3))
+    a, b, c = mesh.faces[5]
+    point[[a, b, c]] = point[[a, b, c]].mean(0)
+    line[c] = line[a]
+    cap[cap[:, 1] > .4] = (.1, .5, .2)                # many vertices inside
+    flat = mesh.positions * (1, 0, 1)                 # the normals of an edge cancel
+    tube = cap.copy()
+    high = np.flatnonzero(mesh.positions[:, 1] > .4)
+    tube[high] = np.linspace((.1, .5, .2), (.1, 1.5, .2), len(high))   # a line that no other face reaches
+    return {"to a point": point, "to a line": line, "a cap to a point": cap, "a cap to a line": tube,
+            "to a plane": flat}
+
+
+@pytest.mark.parametrize("how", ["to a point", "to a line", "a cap to a point", "a cap to a line", "to a plane"])
+@pytest.mark.parametrize("roots", [3000, "faces"])
+def test_faces_without_area_keep_their_strands(gpu, how, roots):
+    """They stand where the face has shrunk to, as its corners' normals, or their neighbours', point; no other moves."""
+    mesh = lumpy()
+    pose = posed(mesh, collapsed(mesh)[how])
+    assert len(pose.faces) < len(mesh.faces)
+    scene, at_rest = (hair_on(each, rest=mesh, roots=roots, surface="flat") for each in (pose, mesh))
+    assert scene.mesh is hair_on(pose, rest=mesh).mesh and len(scene.mesh.faces) == len(mesh.faces)
+    np.testing.assert_array_equal(scene.mesh.kept_faces, mesh.kept_faces)
+    np.testing.assert_array_equal(np.linalg.norm(scene.mesh.normals, axis=1).round(5), 1)
+    grown, resting = clfur.grow(scene, gpu), clfur.grow(at_rest, gpu)
+    np.testing.assert_array_equal(grown.root_uv, resting.root_uv)
+    points = grown.points.reshape(-1, 2, 3)
+    np.testing.assert_allclose(np.linalg.norm(points[:, 1] - points[:, 0], axis=1), .1, rtol=1e-5)
+    settings = attrs.evolve(QUICK, samples=1)
+    outputs = ("color", "depth", "normal", "tangent", "coverage")
+    image = clfur.draw(scene, gpu, settings, outputs).images
+    assert np.isfinite(image["color"]).all() and image["coverage"].sum() > 100
+    for name in outputs[2:]:
+        assert np.isfinite(image[name][image["coverage"] > 0]).all(), name
+
+
+def test_where_faces_without_area_stand(gpu):
+    """Strands of a face that has become a line stand on it; those of all others where they stand without it."""
+    mesh = lumpy()
+    places = collapsed(mesh)["to a line"]
+    a, b, _ = mesh.faces[5]
+    scene = hair_on(posed(mesh, places), rest=mesh, roots="faces", inner=1, outer=1, surface="flat")
+    roots = clfur.grow(scene, gpu).points.reshape(-1, 2, 3)[:, 0]
+    np.testing.assert_allclose(roots, places[mesh.faces].mean(1), atol=1e-6)
+    along = (roots[5] - places[a]) / (places[b] - places[a])
+    np.testing.assert_allclose(along, along.mean(), atol=1e-4)
+
+
+def test_the_truth_of_faces_without_area(gpu):
+    mesh = lumpy()
+    pose = posed(mesh, collapsed(mesh)["a cap to a line"])
+    scene = hair_on(pose, rest=mesh, roots=500, types=clfur.HairType(segments=1, segment_length=.1, width=.02))
+    small = attrs.evolve(scene, camera=clfur.Camera(eye=(.3, .5, 2.9), size=(24, 18)))
+    right = truth.picture(small, 4)
+    drawn = clfur.render(small, gpu, clfur.Settings(samples=16))
+    assert np.isfinite(right).all() and abs(drawn[..., 3].mean() - right[..., 3].mean()) < .01
+
+
 def test_a_mesh_is_its_own_rest(gpu):
     mesh = lumpy()
     copy = posed(mesh, mesh.positions)
@@ -120,10 +181,9 @@ def test_another_mesh_is_no_rest():
                         (rng.permutation(mesh.faces), "another vertex than Scene.mesh at corner")):
         with pytest.raises(clfur.Error, match=said):
             hair_on(clfur.Mesh(mesh.positions, faces=faces), rest=mesh)
-    fallen = mesh.positions.copy()
-    fallen[mesh.faces[5]] = fallen[mesh.faces[5]].mean(0)
-    with pytest.raises(clfur.Error, match="face 5 of Strands.rest is none that Scene.mesh has kept"):
-        hair_on(posed(mesh, fallen), rest=mesh)
+    fallen = posed(mesh, collapsed(mesh)["to a point"])
+    with pytest.raises(clfur.Error, match="face 5 of Scene.mesh is none that Strands.rest has kept"):
+        hair_on(mesh, rest=fallen)   # what has no area at rest has no roots
     with pytest.raises(clfur.Error, match="Strands.rest is 3; allowed: an object of class Mesh or None"):
         clfur.Strands(rest=3)
 

@@ -118,6 +118,31 @@ def test_a_frame_of_its_own():
         assert turned_radius == pytest.approx(3 * radius, rel=1e-6)
 
 
+@pytest.mark.parametrize("corners", [1, 2])
+@pytest.mark.parametrize("pattern", ["cells", "sine"])
+def test_faces_without_area_are_drawn(gpu, corners, pattern):
+    """A face that has become a point or a line: the others' pattern is the same, and nothing is no number."""
+    rest = clfur.Mesh(*MESHES["ball"])
+    places = rest.positions.astype(float)
+    face = rest.faces[7]
+    places[face[:2 if corners == 2 else 3]] = places[face].mean(0)
+    pose = clfur.Mesh(places, None, rest.uv, rest.faces)
+    fur = clfur.Shells(**FURRY | {"pattern": pattern}, rest=rest)
+    scene = clfur.Scene(pose, fur, clfur.Camera(eye=(1, .8, 2.6), size=(80, 60)))
+    assert len(pose.faces) < len(scene.mesh.faces) == len(rest.faces)
+    packed, topology = stage.pack(fur, scene.mesh, False, True), stage.topology_of(scene.mesh.faces)
+    lattice = stage.lay(gpu, scene.mesh, packed, topology, rest).lattice.get().reshape(-1, stage.CORNERS, 4)
+    expected = twin.lattice(packed, scene.mesh.positions, scene.mesh.normals, topology.corners,
+                            np.take_along_axis(rest.uv, topology.order[..., None], 1),
+                            stage.resting(rest, topology).reshape(-1, 3, 4))
+    np.testing.assert_allclose(lattice, expected, rtol=1e-3, atol=1e-3)
+    assert not lattice[7, 2:4, :3].any()
+    for settings in clfur.Settings(), clfur.Settings(shadows="binary", samples=1):
+        drawn = clfur.draw(scene, gpu, settings, ("color", "normal", "coverage"))
+        assert all(np.isfinite(image).all() for image in drawn.images.values())
+        assert drawn.images["coverage"].sum() > 100
+
+
 def test_a_rest_of_another_mesh_is_refused():
     mesh, other = clfur.Mesh(*MESHES["ball"]), clfur.Mesh(*MESHES["quad"])
     with pytest.raises(clfur.Error, match=r"^Shells\.rest has 2 faces and Scene\.mesh 80"):

@@ -16,6 +16,7 @@ from ..judge.report import spread
 from ..settings import Settings
 from .devices import ask_drivers
 from .options import load_scene, scene_options
+from .waiting import waiting
 
 DOING = {"truth": "drawing the truth", "pictures": "measuring pictures", "times": "timing frames"}
 
@@ -39,9 +40,11 @@ def chart(given, output, device, repeat, pan, fresh, as_json, **options):
     """
     if output is not None:
         check_chart(output)
-    scene, settings = load_scene(given, options)
+    with waiting(f"reading {given}") as tell:
+        scene, settings = load_scene(given, options)
+        tell("starting OpenCL")
+        ask_drivers()
     given_settings = None if settings == Settings() or settings.goal else settings
-    ask_drivers()
     # On stderr, and gone at the end: stdout is for what was found.
     with Progress(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
                   console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:

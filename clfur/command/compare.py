@@ -14,6 +14,7 @@ from .. import compare as compare_devices
 from ..judge.report import check_report, mebibytes, milliseconds, save_report, spread
 from .devices import ask_drivers
 from .options import load_scene, scene_options
+from .waiting import waiting
 
 NO_FLIP = "needs pip install flip_evaluator"
 
@@ -35,8 +36,10 @@ def compare(given, devices, repeat, output, as_json, **options):
     """
     if output is not None:
         check_report(output)
-    scene, settings = load_scene(given, options)
-    ask_drivers()
+    with waiting(f"reading {given}") as tell:
+        scene, settings = load_scene(given, options)
+        tell("starting OpenCL")
+        ask_drivers()
     # On stderr, and gone at the end: stdout is for what was found.
     with Progress(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("frames"),
                   TimeElapsedColumn(), console=Console(stderr=True), transient=True,

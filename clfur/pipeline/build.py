@@ -53,7 +53,7 @@ def body(gpu: Any, plan: Plan, part: Part) -> Surface:
 
 
 def hair(gpu: Any, plan: Plan, part: Part, lod: float) -> DeviceStrands:
-    """`DeviceStrands` of a part: ``lod`` as in `Settings`, of what the camera sees; 0 for all strands there are."""
+    """`DeviceStrands` of a part: ``lod`` as in `Settings`, for the camera; 0 for all, which cast shadows."""
     if not part.hairy:
         return gpu.keep("no strands", (), functools.partial(no_strands, gpu))
     scene = plan.scene
@@ -115,7 +115,7 @@ def rasterize_body(gpu: Any, plan: Plan, view: np.void) -> Any:
 def lighting(gpu: Any, team: Team, plan: Plan, hashes: bool) -> tuple[Lighting, dict]:
     """(`Lighting`, {what: SHA-256 of its bits} if ``hashes``), that of the frame before if only the camera has moved; a
     team's devices share the strands."""
-    return gpu.keep("lighting", (*plan.light_key(plan.shadow_lod), int(hashes)),
+    return gpu.keep("lighting", (*plan.light_key(), int(hashes)),
                     functools.partial(_lighting, gpu, team, plan, hashes))
 
 
@@ -194,7 +194,6 @@ def _accumulate(plan, shadow_plans, with_shells, gpu, strands, is_body):
     # With the body, shells are in one device's share, and there in the first part.
     shell_once = shell(gpu, plan) if with_shells and is_body else None
     for part in plan.parts(gpu, strands, is_body):
-        counted = accumulate(gpu, shadow_plans, hair(gpu, plan, part, plan.shadow_lod), body(gpu, plan, part), counted,
-                             shell_once)
+        counted = accumulate(gpu, shadow_plans, hair(gpu, plan, part, 0), body(gpu, plan, part), counted, shell_once)
         shell_once = None
     return counted

@@ -115,13 +115,8 @@ class Plan:
         """Whether strands are drawn by the area that they cover."""
         return self.settings.raster == "coverage" and self.strands > 0
 
-    @property
-    def shadow_lod(self) -> float:
-        """Which strands cast shadows, as `Settings.lod`: the report's methods count them, however wide, so all."""
-        return self.settings.lod if self.settings.shadows == "length" else 0.0
-
-    def light_key(self, lod: float) -> tuple:
-        """What light depends on that falls on strands thinned so, as a key of `Scheduler.keep`."""
+    def light_key(self, lod: float = 0.0) -> tuple:
+        """What light depends on that falls on anything, or on strands thinned so, as a key of `Scheduler.keep`."""
         scene, settings = self.scene, self.settings
         fit = b"".join(each.tobytes() for each in (*self.rig.grids, *self.rig.light_views) if each is not None).hex()
         return (scene.mesh, scene.strands, scene.shells, *scene.lights, int(self.body), settings.shadows, settings.grid,

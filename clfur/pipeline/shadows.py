@@ -9,7 +9,7 @@ from .. import layout
 from ..errors import Error
 from ..scene import Scene
 from ..settings import Settings
-from ..stages import lod, shells
+from ..stages import shells
 from ..stages.lighting import Lighting, lighting_of
 from ..stages.raster import raster
 from ..stages.strands import DeviceStrands
@@ -65,7 +65,7 @@ def _most(rig, grid, strands, shell_bounds):
     """The fragments or crossings in a grid that hair cannot exceed."""
     settings = rig.settings
     segments, length, area, nearest = rig.fit.hair_before(grid, strands)
-    most = most_of(grid, settings.shadows, segments, length, area * (lod.WIDEST if settings.lod else 1), nearest)
+    most = most_of(grid, settings.shadows, segments, length, area, nearest)
     if shell_bounds:
         pieces, area = shell_bounds
         most += most_of(grid, "length", pieces, 0.0, area, nearest)

@@ -21,7 +21,7 @@ def _uv_array(value, where):
     return array
 
 
-def _first_of_equal_rows(rows):
+def first_of_equal_rows(rows):
     """Return, for each row of rows [n, 3], the index of the first row with the same numbers: int64 [n]."""
     order = np.lexsort(rows.T)  # stable: among equal rows the first stays first
     ordered = rows[order]
@@ -56,7 +56,7 @@ class Mesh:
     `uv` float32 [F', 3, 2] is kept by corner (zeros where none was given: see `has_uv`), `faces` is
     uint32 [F', 3]. Faces without area and faces at a point where all normals cancel are left out;
     `degenerate_faces` and `zero_normal_faces` count them, and `kept_faces` int64 [F'] says which of the
-    given faces the stored ones are.
+    given faces the stored ones are; `dropped` are all others, for `Strands.rest` and `Shells.rest`.
 
     Of faces with the same three places one is kept: two-sided meshes have each of them twice. What is outside is told
     by the normals given; where a surface (faces joined by edges of two) has none, by its faces: those at odds with most
@@ -80,6 +80,7 @@ class Mesh:
     turned_faces: int = attrs.field(init=False)
     one_sided_faces: int = attrs.field(init=False)
     kept_faces: np.ndarray = attrs.field(init=False, repr=False)
+    dropped: tuple = attrs.field(init=False, repr=False)   # (which [D], places [D, 3, 3] as positions, uv [D, 3, 2])
 
     def __attrs_post_init__(self):
         given, origin = near_origin(self.positions, self.origin, "Mesh.positions")
@@ -88,7 +89,7 @@ class Mesh:
         corner_uv = self._check(given, self.faces)
 
         # Weld: from here on a vertex has the index of the first given one at the same position.
-        first = _first_of_equal_rows(given)
+        first = first_of_equal_rows(given)
         welded = first[faces]
         normal, longest = _face_normals(given, welded)
         twice_area = np.sqrt((normal**2).sum(axis=1))
@@ -108,18 +109,20 @@ class Mesh:
             )
 
         used, stored_faces = np.unique(welded[keep], return_inverse=True)
-        uv = np.zeros((len(keep), 3, 2), np.float32) if corner_uv is None else corner_uv[keep]
+        uv = np.zeros((len(faces), 3, 2), np.float32) if corner_uv is None else corner_uv
+        dropped = np.setdiff1d(np.arange(len(faces)), keep, assume_unique=True)
         self._store(
             positions=checks.frozen(given[used]),
             origin=origin,
             normals=checks.frozen(normals[used].astype(np.float32)),
-            uv=checks.frozen(uv),
+            uv=checks.frozen(uv[keep]),
             faces=checks.frozen(stored_faces.reshape(-1, 3).astype(np.uint32)),
             has_uv=corner_uv is not None,
             degenerate_faces=degenerate,
             zero_normal_faces=zero_normal,
             **counts,
             kept_faces=checks.frozen(keep),
+            dropped=tuple(checks.frozen(each) for each in (dropped, given[faces[dropped]], uv[dropped])),
         )
 
     def _store(self, **fields):

@@ -16,7 +16,7 @@ from .curves import Curves
 from .light import Light
 from .mesh import Mesh
 from .origin import copied, seen_from
-from .rest import rest_of
+from .rest import posed
 from .shells import Shells
 from .strands import Strands
 
@@ -88,6 +88,9 @@ class Scene:
     pattern "sine" on a mesh without uv, levels for another number of faces, an edge whose two faces give it different
     levels, or a rest mesh of other faces.
 
+    Faces that have no area or normal in this pose, but have in rest, become part of `mesh`: what grows there stands as
+    the normals of their corners, or of faces beside them, point.
+
     A list is stored as a tuple. `lights` are all lights, always in a tuple; `strands` are the Strands or Curves of
     `fur`, `shells` its Shells, or None.
     """
@@ -135,12 +138,12 @@ class Scene:
                 raise Error(f"Scene.mesh is None but Scene.fur has {type(fur).__name__}; "
                             "allowed: a Mesh for them to grow on")
         if isinstance(strands, Strands):
-            rest_of(self.mesh, strands.rest, "Strands.rest")
+            object.__setattr__(self, "mesh", posed(self.mesh, strands.rest, "Strands.rest"))
             _check_uv(self.mesh, strands)
         if strands is not None and self.mesh is not None:
             _check_levels(self.mesh, strands)
         if shells is not None:
-            rest_of(self.mesh, shells.rest, "Shells.rest")
+            object.__setattr__(self, "mesh", posed(self.mesh, shells.rest, "Shells.rest"))
             if shells.pattern == "sine":
                 _check_sines(self.mesh, shells)
         _, radius = extent(self.mesh, self.fur)

@@ -5,12 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from .. import layout
 from .strands import DeviceStrands, arrays
 
 THINNED = "points", "spans"   # arrays that are made anew, and colors where each point has one
-# How many times as wide as it is a strand can become: 1 / widening's mean where the least are kept.
-WIDEST = 2 / (layout.CONSTANTS["LOD_LEAST"] * (1 + layout.CONSTANTS["LOD_SOFT"]))
 
 
 def thin(gpu: Any, strands: DeviceStrands, view: np.void, lod: float, seed: int = 0,

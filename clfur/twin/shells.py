@@ -47,6 +47,8 @@ def lattice(shells, positions, normals, faces, uv, rest):
     grad = np.swapaxes(inverse @ (at[:, 1:] - at[:, :1]), 1, 2)
     up = np.cross(b - a, c - a)
     up *= np.where(dot(up, f64(normals)[faces[:, 0]]) < 0, -1, 1)[:, None]
+    flat = dot(up, up) <= 1e-20 * dot(b - a, b - a) * dot(c - a, c - a)   # no area: nothing changes along it
+    grad[flat], up[flat] = 0, f64(normals)[faces[flat, 0]]
     result = np.zeros((len(faces), 8, 4))
     result[:, 0], result[:, 1, :2], result[:, 1, 2] = at[:, :2].reshape(-1, 4), at[:, 2], sides
     result[:, 1, 3] = np.sqrt(np.linalg.norm(grad, axis=2).prod(1))
