@@ -236,7 +236,8 @@ __kernel void gather(
     const View view,
     __global const float4 *points,
     __global const uint2 *spans,
-    const uint first,                      // added to the number of a segment's first point to make its id
+    __global const uint *shifts,           // [strands] added to the number of a segment's first point,
+    const uint first,                      // and this, to make its id
     volatile __global uint *pixels,        // [rows, width, 2] depth of what hides strands; end of its fragments so far
     __global ulong2 *areas)                // fragments: depth << 32 | id; share of the pixel's area, a float
 {
@@ -246,7 +247,7 @@ __kernel void gather(
     to.pixels = pixels;
     to.areas = areas;
     to.n = 0;
-    draw_strand(&to, &view, points, spans[strand], first);
+    draw_strand(&to, &view, points, spans[strand], first + shifts[strand]);
     flush(&to);
 }
 
@@ -421,8 +422,8 @@ __kernel void resolve(
 __kernel void transmittance(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *points,         // strands: see strands.cl
-    __global const float4 *tangents,
     __global const uint *strand_of,
+    const uint run,
     __global const float4 *strand_normal,
     __global const float4 *strand_uv,
     __global const HairType *types,
@@ -440,7 +441,7 @@ __kernel void transmittance(
 {
     WORK_ITEM(strand);
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
-    const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, 0};
+    const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, 0};
     for (int i = 0; i < n_lights; ++i) {
         const Obstacles obstacles = obstacles_of(&lighting, i);
         for (uint k = 0; k < spans[strand].y; ++k) {
@@ -460,8 +461,10 @@ __kernel void light(
     __global const uint *used,             // [rows, width] those that are seen
     __global const ulong2 *weights,        // fragments: depth << 32 | id; share of the pixel's light
     __global const float4 *points,         // strands: see strands.cl
-    __global const float4 *tangents,
+    __global const uint2 *spans,
     __global const uint *strand_of,
+    __global const uint *stored,
+    const uint run,
     __global const float4 *strand_uv,
     __global const HairType *types,
     __global const float4 *colors,
@@ -473,7 +476,7 @@ __kernel void light(
     __global long4 *radiance_sums)         // [rows, width] r, g, b, alpha in 1/ONE
 {
     WORK_ITEM(pixel);
-    const Hair hair = {points, tangents, strand_of, 0, strand_uv, types, colors, color_per};
+    const Hair hair = {points, spans, strand_of, run, 0, strand_uv, types, colors, color_per};
     const float x = pixel % view.size.x + 0.5f, y = view.rows.x + (int)(pixel / view.size.x) + 0.5f;
     const uint last = pixels[pixel].y, first = last - used[pixel];
     long4 sum = radiance_sums[pixel];
@@ -482,9 +485,10 @@ __kernel void light(
         const Light light = lights[k];
         __global const float *there = transmittances + (size_t)k * part.y;
         for (uint i = last; i-- > first;) {
-            const uint id = (uint)weights[i].x - part.x;
-            if (id >= part.y)
+            const uint came = (uint)weights[i].x - part.x;
+            if (came >= part.y)
                 continue;
+            const uint id = lies_at(stored, run, came);
             const float e = (float)(DEPTH_ONE - (uint)(weights[i].x >> 32)) / DEPTH_ONE;
             const float4 q = view.to_world[0] * x + view.to_world[1] * y + view.to_world[2] * e + view.to_world[3];
             const float4 p = (float4)(q.xyz / q.w, 0.0f);

@@ -9,6 +9,7 @@
 typedef float lanes;
 typedef int lanes_i;
 typedef uint lanes_u;
+typedef long lanes_l;
 #define AS_I as_int
 #define AS_U as_uint
 #define AS_F as_float
@@ -16,6 +17,7 @@ typedef uint lanes_u;
 typedef float8 lanes;
 typedef int8 lanes_i;
 typedef uint8 lanes_u;
+typedef long8 lanes_l;
 #define AS_I as_int8
 #define AS_U as_uint8
 #define AS_F as_float8
@@ -23,6 +25,7 @@ typedef uint8 lanes_u;
 typedef float lanes __attribute__((ext_vector_type(32)));
 typedef int lanes_i __attribute__((ext_vector_type(32)));
 typedef uint lanes_u __attribute__((ext_vector_type(32)));
+typedef long lanes_l __attribute__((ext_vector_type(32)));
 #define AS_I(x) __builtin_astype(x, lanes_i)
 #define AS_U(x) __builtin_astype(x, lanes_u)
 #define AS_F(x) __builtin_astype(x, lanes)
@@ -30,6 +33,7 @@ typedef uint lanes_u __attribute__((ext_vector_type(32)));
 typedef float16 lanes;
 typedef int16 lanes_i;
 typedef uint16 lanes_u;
+typedef long16 lanes_l;
 #define AS_I as_int16
 #define AS_U as_uint16
 #define AS_F as_float16
@@ -37,13 +41,25 @@ typedef uint16 lanes_u;
 #define F(x) ((lanes)(x))
 #define I(x) ((lanes_i)(x))
 #define U(x) ((lanes_u)(x))
+#if LANES == 1
+#define TO(type, x) ((type)(x))   // another type, of the same value
+#else
+#define TO(type, x) __builtin_convertvector(x, type)
+#endif
+#if LANES > 1 && defined(__clang__)
+#define PREFETCH(p) __builtin_prefetch((const void *)(size_t)(p))
+#else
+#define PREFETCH(p)
+#endif
 #define LANE(v, i) (((float *)&(v))[i])
 #define LANE_I(v, i) (((int *)&(v))[i])
+#define LANE_U(v, i) (((uint *)&(v))[i])
 #if CHECKED
 #define INLINED inline   // Oclgrind doesn't know what clang leaves where it has inlined what gives a struct
 #else
 #define INLINED inline __attribute__((always_inline))
 #endif
+#define ON (LANES == 1 ? 1 : -1)  // in a mask
 #define SHIFT 12582912.0f        // 1.5 * 2^23: a float this large has no fraction
 
 INLINED lanes lesser(lanes a, lanes b)
@@ -86,6 +102,19 @@ INLINED lanes root(lanes x)
     return x * y;
 }
 
+/* Rounded correctly, as geometry needs it. */
+INLINED lanes exact_root(lanes x)
+{
+#if LANES == 32
+    lanes y;
+    y.lo = sqrt(x.lo);
+    y.hi = sqrt(x.hi);
+    return y;
+#else
+    return sqrt(x);
+#endif
+}
+
 INLINED bool any_lane(lanes_i mask)
 {
 #if LANES == 1
@@ -98,6 +127,25 @@ INLINED bool any_lane(lanes_i mask)
     const int8 b = mask.lo | mask.hi;
 #else
     const int8 b = mask;
+#endif
+    const int4 a = b.lo | b.hi;
+    return (a.x | a.y) | (a.z | a.w);
+#endif
+}
+
+/* The lanes of a mask that are on, a bit each. */
+INLINED uint bits_of(lanes_i mask)
+{
+#if LANES == 1
+    return mask;
+#else
+    const int8 bits = (int8)(1, 2, 4, 8, 16, 32, 64, 128);
+#if LANES == 32
+    const int8 b = (mask.lo.lo & bits) | (mask.lo.hi & bits << 8) | (mask.hi.lo & bits << 16) | (mask.hi.hi & bits << 24);
+#elif LANES == 16
+    const int8 b = (mask.lo & bits) | (mask.hi & bits << 8);
+#else
+    const int8 b = mask & bits;
 #endif
     const int4 a = b.lo | b.hi;
     return (a.x | a.y) | (a.z | a.w);
@@ -166,6 +214,34 @@ INLINED lanes3 plus(lanes3 a, lanes3 b)
     a.y += b.y;
     a.z += b.z;
     return a;
+}
+
+INLINED lanes3 minus(lanes3 a, lanes3 b)
+{
+    a.x -= b.x;
+    a.y -= b.y;
+    a.z -= b.z;
+    return a;
+}
+
+INLINED lanes3 chosen(lanes_i mask, lanes3 a, lanes3 b)
+{
+    a.x = mask ? a.x : b.x;
+    a.y = mask ? a.y : b.y;
+    a.z = mask ? a.z : b.z;
+    return a;
+}
+
+INLINED void put_lane(lanes3 *to, uint lane, float4 from)
+{
+    LANE(to->x, lane) = from.x;
+    LANE(to->y, lane) = from.y;
+    LANE(to->z, lane) = from.z;
+}
+
+INLINED float3 lane_of(const lanes3 *from, uint lane)
+{
+    return (float3)(LANE(from->x, lane), LANE(from->y, lane), LANE(from->z, lane));
 }
 
 INLINED lanes3 crosses(lanes3 a, lanes3 b)

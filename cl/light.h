@@ -83,6 +83,38 @@ inline float through_hair(const Obstacles *obstacles, float2 self_shadow, float4
 #define HAIR_STEEPEST 5.0f                        // of `past_body`, for hair: by the body's normal at its root
 #define HAIR_BIAS(radius) (1.0f + 2 * (radius))
 
+/* How many of the (2r + 1)² texels around texel (x0, y0) see what lies nearer to the light than a plane: at `nearest` there,
+   dx and dy deeper a texel. */
+inline int dark_texels(const Obstacles *obstacles, int x0, int y0, float nearest, float dx, float dy)
+{
+    const int width = obstacles->view.size.x, height = obstacles->view.size.y, radius = obstacles->shadow.body.y;
+    const long plane_at = (long)(nearest * DEPTH_ONE), x_step = (long)(dx * DEPTH_ONE), y_step = (long)(dy * DEPTH_ONE);
+    const int left = -radius > -x0 ? -radius : -x0, right = radius < width - 1 - x0 ? radius : width - 1 - x0;
+    const int top = -radius > -y0 ? -radius : -y0, bottom = radius < height - 1 - y0 ? radius : height - 1 - y0;
+    int dark = 0;
+    if (radius == 1 && left == -1 && right == 1 && top == -1 && bottom == 1) {
+        /* The usual case without loops, for a compiler that can't know it. */
+        __global const ulong *middle = obstacles->shadow_map + (long)y0 * width + x0;
+        const long least = DEPTH_ONE - plane_at;
+        #pragma unroll
+        for (int j = -1; j <= 1; ++j)
+            #pragma unroll
+            for (int k = -1; k <= 1; ++k) {
+                const long seen = middle[j * width + k] >> 32;
+                dark += (seen <= DEPTH_ONE) & (seen < least - k * x_step - j * y_step);
+            }
+        return dark;
+    }
+    for (int j = top; j <= bottom; ++j) {
+        __global const ulong *row = obstacles->shadow_map + (long)(y0 + j) * width + x0;
+        for (int k = left; k <= right; ++k) {
+            const long seen = row[k] >> 32;               /* above DEPTH_ONE where nothing is: p may lie far behind the map */
+            dark += (seen <= DEPTH_ONE) & (seen + plane_at + k * x_step + j * y_step < DEPTH_ONE);
+        }
+    }
+    return dark;
+}
+
 /* Share of a light that the body lets through to p: the report's equation 8, over (2r + 1)² texels around. What is seen
    there is held against the plane through p across n, the normal of what is drawn there or of the body at a strand's
    root, so that a slope does not shade itself; no steeper than `steepest` texels deep a texel, and level where n is 0.
@@ -104,15 +136,7 @@ inline float past_body(const Obstacles *obstacles, float4 p, float4 n, float ste
     const int x0 = (int)floor(x), y0 = (int)floor(y);
     /* In depth steps: what lies nearer to the light than the plane by more than the bias. */
     const float nearest = e + bias * texel + dx * (x0 + 0.5f - x) + dy * (y0 + 0.5f - y);
-    const long plane_at = (long)(nearest * DEPTH_ONE), x_step = (long)(dx * DEPTH_ONE), y_step = (long)(dy * DEPTH_ONE);
-    int dark = 0;
-    for (int j = max(-radius, -y0); j <= min(radius, view->size.y - 1 - y0); ++j) {
-        __global const ulong *row = obstacles->shadow_map + (long)(y0 + j) * view->size.x + x0;
-        for (int k = max(-radius, -x0); k <= min(radius, view->size.x - 1 - x0); ++k) {
-            const long seen = row[k] >> 32;               /* above DEPTH_ONE where nothing is: p may lie far behind the map */
-            dark += (seen <= DEPTH_ONE) & (seen + plane_at + k * x_step + j * y_step < DEPTH_ONE);
-        }
-    }
+    const int dark = dark_texels(obstacles, x0, y0, nearest, dx, dy);
     return 1.0f - (float)dark / ((2 * radius + 1) * (2 * radius + 1));
 }
 
@@ -132,10 +156,18 @@ inline float place_between(float4 a, float4 b, float4 p)
     return at < 0.0f ? 0.0f : at < 1.0f ? at : 1.0f;
 }
 
+/* Where the point lies that came as number `came`: strands may have been put in order. */
+inline uint lies_at(__global const uint *stored, uint run, uint came)
+{
+    return stored[came / run] + came % run;
+}
+
 /* Strands: see strands.cl. */
 typedef struct {
-    __global const float4 *points, *tangents;
-    __global const uint *strand_of;
+    __global const float4 *points;
+    __global const uint2 *spans;           // [strands] first point, points
+    __global const uint *strand_of;        // [points / run]
+    uint run;                              // points
     __global const float4 *strand_normal;  // [strands] of the body at the root, 0: not known
     __global const float4 *strand_uv;      // [strands] u, v, type
     __global const HairType *types;
@@ -143,12 +175,40 @@ typedef struct {
     int color_per;                         // 0: one for all, 1: each strand, 2: each point
 } Hair;
 
+inline uint strand_at(const Hair *hair, uint id)
+{
+    return hair->strand_of[id / hair->run];
+}
+
+/* A segment's ends and the points of its strand before and behind these, or the ends themselves. */
+typedef struct {
+    float4 before, a, b, after;
+} Segment;
+
+inline Segment segment_at(const Hair *hair, uint id, uint2 span)
+{
+    Segment s;
+    s.a = hair->points[id];
+    s.b = hair->points[id + 1];
+    s.before = id > span.x ? hair->points[id - 1] : s.a;
+    s.after = id + 2 < span.x + span.y ? hair->points[id + 2] : s.b;
+    return s;
+}
+
+/* Unit tangent at a segment's end: that of the chord between the end's neighbours, or of the segment where that has no
+   length. */
+inline float4 tangent_of(float4 chord, float4 along)
+{
+    chord.w = along.w = 0.0f;
+    return unit_or(dot3(chord, chord) > 1e-30f ? chord : along, (float4)(0.0f, 1.0f, 0.0f, 0.0f));
+}
+
 /* Share of a light that body and other hair let through to place p of a strand, a share `at` of the way from its point id to
    the next. */
 inline float transmittance_at(const Obstacles *obstacles, const Hair *hair, uint id, float at, float4 p)
 {
     const Shadow shadow = obstacles->shadow;
-    const uint strand = hair->strand_of[id];
+    const uint strand = strand_at(hair, id);
     const float alpha = hair->types[(int)hair->strand_uv[strand].z].shine.z;
     float transmittance = 1.0f;
     if (shadow.body.x)
@@ -175,10 +235,12 @@ typedef struct {
 /* A segment that begins at point id, a share `at` of the way along it. */
 inline Fibre fibre_at(const Hair *hair, uint id, float at)
 {
-    const uint strand = hair->strand_of[id];
+    const uint strand = strand_at(hair, id);
+    const Segment ends = segment_at(hair, id, hair->spans[strand]);
+    const float4 first = tangent_of(ends.b - ends.before, ends.b - ends.a);
     Fibre here;
     here.shine = hair->types[(int)hair->strand_uv[strand].z].shine;
-    here.tangent = unit_or(between(hair->tangents[id], hair->tangents[id + 1], at), hair->tangents[id]);
+    here.tangent = unit_or(between(first, tangent_of(ends.after - ends.a, ends.b - ends.a), at), first);
     here.color = hair->color_per == 0 ? hair->colors[0] : hair->color_per == 1 ? hair->colors[strand]
         : between(hair->colors[id], hair->colors[id + 1], at);
     return here;

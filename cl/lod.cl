@@ -69,15 +69,14 @@ __kernel void thin(
     const uint seed,
     const int by_place,                    // 1: strands have no numbers, and are gone through from the same end whichever
                                            // is the root
-    const uint first_strand,               // number of the first of these strands among all
+    const uint first_strand,               // number among all of the strand of number 0
     __global const float4 *points,         // [P] x, y, z, width [world]
-    __global const float4 *tangents,       // [P] unit
     __global const uint2 *spans,           // [strands] first point, points
+    __global const uint *numbers,          // [strands]
     __global const float4 *colors,         // [P] if color_per is 2
     const int color_per,                   // 2: each point has a colour
     __global float4 *out_points,           // [P] what is kept, at the front or, where gone through backwards, the end of
                                            // each strand's own run
-    __global float4 *out_tangents,         // [P]
     __global uint2 *out_spans,             // [strands] first point, points kept (0: bald)
     __global float4 *out_colors)           // [P] if color_per is 2
 {
@@ -91,14 +90,13 @@ __kernel void thin(
     const float wide = by_place ? max(root.w, tip.w) : root.w;
     const float w = min(to_screen(&view, root).w, to_screen(&view, tip).w), width = wide * view.scale.x / w;
     const float k = w > 0.0f && wide > 0.0f && width < lod ? max(width / lod, LOD_LEAST) : 1.0f;
-    const float wider = widening(place_of(by_place ? number_of(root, tip) : first_strand + (uint)i, seed), k);
+    const float wider = widening(place_of(by_place ? number_of(root, tip) : first_strand + numbers[i], seed), k);
     if (!(wider > 0.0f))
         return;
 
     const int step = by_place && is_after(root, tip) ? -1 : 1;
     const uint start = step > 0 ? first : last;
     points += start;
-    tangents += start;
     __global const float4 *point_colors = color_per == 2 ? colors + start : 0;
     const float world = 0.25f * lod / view.scale.x;         // a quarter of lod at w = 1
     const uint most = min((count - 1 + PARTS - 1) / PARTS, MOST);
@@ -107,7 +105,6 @@ __kernel void thin(
         const uint to = start + step * (int)kept++;
         const int at = step * (int)from;
         out_points[to] = (float4)(points[at].xyz, points[at].w * wider);
-        out_tangents[to] = tangents[at];
         if (point_colors)
             out_colors[to] = point_colors[at];
         if (from == count - 1)

@@ -6,6 +6,7 @@
  * for every order of strands.
  */
 #include "clip.h"
+#include "lanes.h"
 
 #if INT64_ATOMICS
 #pragma OPENCL EXTENSION cl_khr_int64_base_atomics : enable
@@ -67,6 +68,11 @@ inline int first_pixel(int u, int offset)
     return (u - SUBPIXEL / 2 - offset + SUBPIXEL - 1) >> 8;
 }
 
+inline bool is_thin(const View *view, int a, int b)
+{
+    return 3 * (a > b ? a : b) <= 2 * (int)view->scale.y;
+}
+
 /* Half-open in both directions: samples with u in [u0, u1) along the longer axis, and across it within half the
    width there, [v - r, v + r), measured along the shorter axis; at least a sample's share of a pixel. */
 inline void draw_segment(
@@ -90,7 +96,7 @@ inline void draw_segment(
 
     /* Measured along the shorter axis a slanted strand is thicker, by up to sqrt(2); most are thin all the same. */
     const long least = (long)view->scale.y << FRACTION;
-    const bool thin = 3 * max(a.w, b.w) <= 2 * (int)view->scale.y;
+    const bool thin = is_thin(view, a.w, b.w);
     long r0 = least, r_step = 0;
     if (!thin) {
         const float slope = (float)(b.y - a.y) / du, tilt = sqrt(1.0f + slope * slope);
@@ -130,6 +136,84 @@ inline void draw_segment(
     }
 }
 
+#if LANES > 1
+/* Thin segments that wait to be drawn side by side: their snapped ends, and ids. */
+typedef struct {
+    lanes_i ax, ay, az, bx, by, bz;
+    uint id[LANES];
+    int n;
+} Thin;
+
+/* floor(over · scale / by) for scale of 1 or 2^24 where the result and `by` are at most 2^30 and 2^24, by > 0: an estimate in
+   float, what it leaves divided again, and one more or less. It is known modulo 2^32 that what is left is small. */
+INLINED lanes_i divided(lanes_i over, int shift, lanes_i by)
+{
+    const lanes divisor = TO(lanes, by);
+    lanes_i q = TO(lanes_i, TO(lanes, over) * (float)(1 << shift) / divisor);
+    lanes_i rest = (over << shift) - q * by;
+    const lanes_i more = TO(lanes_i, TO(lanes, rest) / divisor);
+    q += more;
+    rest -= more * by;
+    q = rest < 0 ? q - 1 : q;
+    rest = rest < 0 ? rest + by : rest;
+    return rest >= by ? q + 1 : q;
+}
+
+/* What draw_segment does with a thin one, for LANES of them. */
+INLINED void draw_thin(volatile __global ulong *visible, const View *view, Thin *these, int phase)
+{
+    for (int k = these->n; k < LANES; ++k)
+        LANE_I(these->ax, k) = LANE_I(these->bx, k) = LANE_I(these->ay, k) = LANE_I(these->by, k) = 0;
+    these->n = 0;
+    const lanes_i dx = these->bx - these->ax, dy = these->by - these->ay;
+    const lanes_i steep = (dx < 0 ? -dx : dx) < (dy < 0 ? -dy : dy);
+    const lanes_i pu = steep ? these->ay : these->ax, qu = steep ? these->by : these->bx;
+    const lanes_i pv = steep ? these->ax : these->ay, qv = steep ? these->bx : these->by, back = pu > qu;
+    const lanes_i au = back ? qu : pu, bu = back ? pu : qu, av = back ? qv : pv, bv = back ? pv : qv;
+    const lanes_i az = back ? these->bz : these->az, bz = back ? these->az : these->bz;
+    const lanes_i left = steep ? I(view->rows.x) : I(0), right = steep ? I(view->rows.y) : I(view->size.x);
+    const lanes_i top = steep ? I(0) : I(view->rows.x), bottom = steep ? I(view->size.x) : I(view->rows.y);
+    const lanes_i lower = av < bv ? av : bv, upper = av < bv ? bv : av;
+    const lanes_i there = (bu > au) & (bu >= left * SUBPIXEL) & (au < right * SUBPIXEL)
+        & (upper + 2 * SUBPIXEL >= top * SUBPIXEL) & (lower - 2 * SUBPIXEL < bottom * SUBPIXEL);
+    if (!any_lane(there))
+        return;
+
+    const lanes_i du = there ? bu - au : I(1), dv = bv - av, dz = bz - az, rise = dv < 0 ? -dv : dv, sink = dz < 0 ? -dz : dz;
+    const lanes_i rate = divided(there ? rise : I(0), 24, du), whole = divided(sink, 0, du), part = divided(sink - whole * du, 24, du);
+    const lanes_l sinking = (TO(lanes_l, whole) << FRACTION) + TO(lanes_l, part);
+    const lanes_l v_step = TO(lanes_l, dv < 0 ? -rate : rate), d_step = TO(lanes_l, dz) < 0 ? -sinking : sinking;
+    const long least = (long)view->scale.y << FRACTION;
+    const uint gap = (uint)(PIXEL - 2 * least);            // between the rows that a thin strand can cover
+    const int samples = view->size.z, row_of_samples = view->size.x * samples;
+    const lanes_i u_stride = steep ? I(row_of_samples) : I(samples), v_stride = steep ? I(samples) : I(row_of_samples);
+    const lanes_u rows = AS_U(bottom - top);
+    for (int s = 0; s < samples; ++s) {
+        const int2 offset = PATTERN[view->size.w + s];
+        const lanes_i ou = steep ? I(offset.y) : I(offset.x), ov = steep ? I(offset.x) : I(offset.y);
+        const lanes_i first = (au - SUBPIXEL / 2 - ou + SUBPIXEL - 1) >> 8, last = (bu - SUBPIXEL / 2 - ou + SUBPIXEL - 1) >> 8;
+        lanes_i u = first > left ? first : left;
+        const lanes_i end = there ? (last < right ? last : right) : I(0);
+        const lanes_l along = TO(lanes_l, u * SUBPIXEL + SUBPIXEL / 2 + ou - au);
+        lanes_l low = (TO(lanes_l, av - SUBPIXEL / 2 - ov - top * SUBPIXEL) << FRACTION) + v_step * along + (PIXEL - 1 - least);
+        lanes_l d = (TO(lanes_l, az) << FRACTION) + d_step * along;
+        lanes_i at = (u - left) * u_stride + s;
+        for (; any_lane(there & (u < end)); ++u) {
+            const lanes_u row = AS_U(TO(lanes_i, low >> 32)), beside = TO(lanes_u, low);
+            const lanes_i on = (u < end) & there & (beside >= gap) & (row < rows), sample = at + AS_I(row) * v_stride;
+            const lanes_i depth = TO(lanes_i, d >> FRACTION);
+            for (uint bits = bits_of(on); bits; bits &= bits - 1) {
+                const int k = __builtin_ctz(bits);
+                put(visible, (uint)LANE_I(sample, k), LANE_I(depth, k), these->id[k], phase);
+            }
+            low += v_step * SUBPIXEL;
+            d += d_step * SUBPIXEL;
+            at += u_stride;
+        }
+    }
+}
+#endif
+
 /* The rare segment that leaves the guard band or crosses the near plane. */
 void draw_clipped(volatile __global ulong *visible, const View *view, float4 a, float4 b, float ha, float hb,
                   uint id, int phase)
@@ -138,38 +222,62 @@ void draw_clipped(volatile __global ulong *visible, const View *view, float4 a, 
         draw_segment(visible, view, snap_clip(a, ha), snap_clip(b, hb), id, phase);
 }
 
-/* One work-item draws one strand, projecting each point once. */
+/* One work-item draws DRAWN strands, projecting each point once. */
 __kernel void lines(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
-    const uint first,                      // added to the number of a segment's first point to make its id
+    __global const uint *shifts,           // [strands] added to the number of a segment's first point,
+    const uint first,                      // and this, to make its id
+    const uint strands,
     const int phase,
     volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
-    WORK_ITEM(strand);
-    const uint2 span = spans[strand];
-    float4 a, b;                           // clip space
-    int4 sa, sb;                           // snapped; w = CLIPPED where it can't be
-    float ha = 0.0f, hb;                   // half a width in pixels at w = 1
-    for (uint k = 0; k < span.y; ++k) {
-        const float4 p = points[span.x + k];
-        b = to_screen(&view, p);
-        hb = 0.5f * p.w * view.scale.x;
-        sb.w = CLIPPED;
-        if (within_guard(b))
-            sb = snap((float4)(b.xyz, min(hb, GUARD * b.w)) / b.w);
-        if (k) {
-            if (sa.w != CLIPPED && sb.w != CLIPPED)
-                draw_segment(visible, &view, sa, sb, first + span.x + k - 1, phase);
-            else
-                draw_clipped(visible, &view, a, b, ha, hb, first + span.x + k - 1, phase);
+    WORK_ITEM(item);
+#if LANES > 1
+    Thin thin;
+    thin.n = 0;
+#endif
+    const uint until = item * DRAWN + DRAWN < strands ? item * DRAWN + DRAWN : strands;
+    for (uint strand = item * DRAWN; strand < until; ++strand) {
+        const uint2 span = spans[strand];
+        const uint first_id = first + shifts[strand] + span.x;
+        float4 a, b;                       // clip space
+        int4 sa, sb;                       // snapped; w = CLIPPED where it can't be
+        float ha = 0.0f, hb;               // half a width in pixels at w = 1
+        for (uint k = 0; k < span.y; ++k, a = b, sa = sb, ha = hb) {
+            const float4 p = points[span.x + k];
+            const uint id = first_id + k - 1;
+            b = to_screen(&view, p);
+            hb = 0.5f * p.w * view.scale.x;
+            sb.w = CLIPPED;
+            if (within_guard(b))
+                sb = snap((float4)(b.xyz, min(hb, GUARD * b.w)) / b.w);
+            if (!k)
+                continue;
+            if (sa.w == CLIPPED || sb.w == CLIPPED) {
+                draw_clipped(visible, &view, a, b, ha, hb, id, phase);
+                continue;
+            }
+#if LANES > 1
+            if (is_thin(&view, sa.w, sb.w)) {
+                const int n = thin.n++;
+                LANE_I(thin.ax, n) = sa.x, LANE_I(thin.ay, n) = sa.y, LANE_I(thin.az, n) = sa.z;
+                LANE_I(thin.bx, n) = sb.x, LANE_I(thin.by, n) = sb.y, LANE_I(thin.bz, n) = sb.z;
+                thin.id[n] = id;
+                if (thin.n == LANES)
+                    draw_thin(visible, &view, &thin, phase);
+                continue;
+            }
+#endif
+            draw_segment(visible, &view, sa, sb, id, phase);
         }
-        a = b;
-        sa = sb;
-        ha = hb;
     }
+#if LANES > 1
+    if (thin.n)
+        draw_thin(visible, &view, &thin, phase);
+#endif
 }
 
 /* n·2^14 / area, exact but for the last bit, modulo 2^64. */

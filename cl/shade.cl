@@ -7,6 +7,7 @@
 #include "seen.h"
 #include "scatter.h"
 #include "light.h"
+#include "light_lanes.h"
 #include "sums.h"
 
 /* Weights of a triangle's corners at a point of its plane. */
@@ -31,8 +32,8 @@ inline float4 body_normal(__global const float4 *positions, __global const float
     return dot3(n, v) < 0.0f ? -n : n;
 }
 
-/* Number of what a sample shows, among the triangles or segments that a part of the scene holds; NOTHING if it shows none
-   of these. */
+/* Number of what a sample shows among the triangles, or the segments as they came, that a part of the scene holds; NOTHING
+   if it shows none of these. */
 inline uint local_id(ulong key, uint4 part)
 {
     const bool is_body = (uint)key & BODY;
@@ -40,30 +41,142 @@ inline uint local_id(ulong key, uint4 part)
     return (uint)key == NOTHING || id >= (is_body ? part.w : part.y) ? NOTHING : id;
 }
 
-/* A light where it falls on place p of the body, with its ambient; n: the normal there, unit and on the eye's side, face: that
-   of the face, of any length. */
-inline float4 light_on_body(const Light *light, const Obstacles *obstacles, float4 p, float4 n, float4 face)
+/* Samples that wait to be lit side by side: where they are on the screen, what they show, and how much of it. */
+typedef struct {
+    lanes x, y, e, share;                  // reversed depth; share of the pixel
+    uint id[LANES];                        // triangle or point
+    uint pixel[LANES];                     // of those of the work-item
+    int n;
+} Waiting;
+
+/* The places that samples see. */
+INLINED lanes3 seen_points(const View *view, const Waiting *samples)
 {
-    float4 l, direct = light_at(light, p, &l);
-    float share = max(dot3(n, l), 0.0f);
-    if (obstacles->shadow.body.x && share > 0.0f)
-        share *= past_body(obstacles, p, unit_or(face, n), 64.0f, 1.0f);
-    if (obstacles->shadow.hair.x > 0.0f && share > 0.0f)
-        share *= through_hair(obstacles, (float2)(0.0f), p);
-    direct.xyz *= share;
-    return direct + direct.w;
+    const lanes4 q = by_columns(view->to_world, samples->x, samples->y, samples->e);
+    const lanes3 p = {q.x / q.w, q.y / q.w, q.z / q.w};
+    return p;
 }
 
-/* One work-item lights the samples of one pixel, those of one part of the scene, and adds their average, premultiplied linear
-   r, g, b and coverage, to the picture, or to sums where more is to come: other parts, or strands. */
+/* Corners of triangles, or normals there. */
+INLINED void corners(lanes3 *out, __global const float4 *of, __global const uint4 *triangles, const uint *id)
+{
+    for (int k = 0; k < LANES; ++k) {
+        const uint4 t = triangles[id[k]];
+        const float4 a = of[t.x], b = of[t.y], c = of[t.z];
+        LANE(out[0].x, k) = a.x, LANE(out[0].y, k) = a.y, LANE(out[0].z, k) = a.z;
+        LANE(out[1].x, k) = b.x, LANE(out[1].y, k) = b.y, LANE(out[1].z, k) = b.z;
+        LANE(out[2].x, k) = c.x, LANE(out[2].y, k) = c.y, LANE(out[2].z, k) = c.z;
+    }
+}
+
+/* Normals n at places p of triangles, unit and on the side of the eye at v; face: those of the triangles, unit. */
+INLINED void body_normals(const lanes3 *at, const lanes3 *normals, lanes3 p, lanes3 v, lanes3 *n, lanes3 *face)
+{
+    const lanes3 back = scaled(at[0], F(-1.0f)), b = plus(at[1], back), c = plus(at[2], back), q = plus(p, back);
+    const lanes3 across = crosses(b, c);
+    const lanes square = dots(across, across);
+    const lanes_i some = square > 0.0f;
+    const lanes over = some ? square : F(1.0f);
+    const lanes two = some ? within(dots(crosses(q, c), across) / over, 0.0f, 1.0f) : F(0.0f);
+    const lanes three = some ? lesser(greater(dots(crosses(b, q), across) / over, F(0.0f)), 1.0f - two) : F(0.0f);
+    const lanes3 sum = plus(plus(scaled(normals[0], 1.0f - two - three), scaled(normals[1], two)), scaled(normals[2], three));
+    *n = unit_lanes_or(sum, normals[0]);
+    const lanes side = dots(*n, v) < 0.0f ? F(-1.0f) : F(1.0f);
+    *n = scaled(*n, side);
+    *face = unit_lanes_or(across, *n);
+}
+
+/* The light that waiting samples of the body send to the eye. */
+INLINED lanes3 light_of_body(const View *view, const Lighting *lighting, const Waiting *samples,
+                             __global const float4 *positions, __global const float4 *normals,
+                             __global const uint4 *triangles, float4 color)
+{
+    lanes3 at[3], normal[3], n, face, sum = {F(0.0f), F(0.0f), F(0.0f)};
+    corners(at, positions, triangles, samples->id);
+    corners(normal, normals, triangles, samples->id);
+    const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
+    body_normals(at, normal, p, v, &n, &face);
+    for (int i = 0; i < lighting->n; ++i) {
+        const Light light = lighting->lights[i];
+        const Obstacles obstacles = obstacles_of(lighting, i);
+        lanes3 l;
+        lanes share = share_of_light(&light, p, &l) * greater(dots(n, l), F(0.0f));
+        if (obstacles.shadow.body.x)
+            share *= past_body_lanes(&obstacles, share > 0.0f, p, face, 64.0f, 1.0f);
+        if (obstacles.shadow.hair.x > 0.0f && any_lane(share > 0.0f))
+            share *= through_hair_lanes(&obstacles, F(0.0f), F(0.0f), p);
+        sum.x += color.x * (light.color.x * share + light.color.w);
+        sum.y += color.y * (light.color.y * share + light.color.w);
+        sum.z += color.z * (light.color.z * share + light.color.w);
+    }
+    return sum;
+}
+
+/* See `tangent_of`. */
+INLINED lanes3 tangent_of_lanes(lanes3 chord, lanes3 along)
+{
+    const lanes3 up = {F(0.0f), F(1.0f), F(0.0f)};
+    return unit_lanes_or(chosen(dots(chord, chord) > 1e-30f, chord, along), up);
+}
+
+/* The light that waiting samples of strands send to the eye. */
+INLINED lanes3 light_of_strands(const View *view, const Lighting *lighting, const Waiting *samples, const Hair *hair)
+{
+    const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
+    Fibres here;
+    lanes alpha, width, at;
+    lanes3 normal, chords[2], along, sum = {F(0.0f), F(0.0f), F(0.0f)};
+    for (int k = 0; k < LANES; ++k) {
+        const uint id = samples->id[k], strand = strand_at(hair, id);
+        const Segment ends = segment_at(hair, id, hair->spans[strand]);
+        const float there = place_between(ends.a, ends.b, (float4)(lane_of(&p, k), 0.0f));
+        const float4 c = hair->color_per == 0 ? hair->colors[0] : hair->color_per == 1 ? hair->colors[strand]
+            : between(hair->colors[id], hair->colors[id + 1], there);
+        const float4 shine = hair->types[(int)hair->strand_uv[strand].z].shine;
+        put_lane(&chords[0], k, ends.b - ends.before);
+        put_lane(&chords[1], k, ends.after - ends.a);
+        put_lane(&along, k, ends.b - ends.a);
+        put_lane(&normal, k, hair->strand_normal[strand]);
+        LANE(at, k) = there;
+        LANE(here.color.x, k) = c.x, LANE(here.color.y, k) = c.y, LANE(here.color.z, k) = c.z;
+        LANE(here.specular, k) = shine.x, LANE(here.exponent, k) = shine.y, LANE(alpha, k) = shine.z;
+        LANE_I(here.half_vector, k) = (int)shine.w == HALF_VECTOR ? ON : 0;
+        LANE(width, k) = there > 0.0f ? ends.a.w + there * (ends.b.w - ends.a.w) : ends.a.w;
+    }
+    const lanes3 first = tangent_of_lanes(chords[0], along), last = tangent_of_lanes(chords[1], along);
+    here.tangent = unit_lanes_or(plus(first, scaled(minus(last, first), at)), first);
+    for (int i = 0; i < lighting->n; ++i) {
+        const Light light = lighting->lights[i];
+        const Obstacles obstacles = obstacles_of(lighting, i);
+        const Shadow *shadow = &obstacles.shadow;
+        lanes3 l;
+        lanes share = share_of_light(&light, p, &l);
+        if (shadow->body.x)
+            share *= past_body_lanes(&obstacles, share > 0.0f, p, normal, HAIR_STEEPEST, HAIR_BIAS(shadow->body.y));
+        if (shadow->hair.x > 0.0f && any_lane(share > 0.0f)) {
+            /* See `transmittance_at`. */
+            const lanes depth = shadow->hair.w > 0.0f ? 1.0f - alpha : -0.69314718f * log2_of(greater(alpha, F(1e-6f)));
+            const lanes of_one = depth / shadow->hair.x;
+            share *= through_hair_lanes(&obstacles, shadow->hair.y * width * of_one, shadow->hair.z * of_one, p);
+        }
+        sum = plus(sum, fibre_lanes(&light, &here, l, v, share));
+    }
+    return sum;
+}
+
+/* One work-item lights the samples of SHADED pixels, those of one part of the scene, and adds their average, premultiplied linear
+   r, g, b and coverage, to the picture, or to sums where more is to come: other parts, or strands. Samples wait until there
+   are LANES of strands, or of the body, to be lit side by side. */
 __kernel void color(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint4 part,                      // first point's id, points, first triangle's id, triangles
     __global const ulong *visible,         // [rows, width, samples] depth << 32 | id
     __global const float4 *points,         // strands: see strands.cl
-    __global const float4 *tangents,
+    __global const uint2 *spans,
     __global const uint *strand_of,
+    __global const uint *stored,           // where the first point of each run lies that came
+    const uint run,                        // points
     __global const float4 *strand_normal,  // [strands] of the body at the root, 0: not known
     __global const float4 *strand_uv,      // [strands] u, v, type
     __global const HairType *types,
@@ -80,55 +193,80 @@ __kernel void color(
     __global const View *light_views,
     __global const float *crossings,
     __global const ulong *shadow_maps,
+    const uint pixels,                     // rows · width
     const int attenuated,                  // 1: something before the samples lets only a share of their light through
     __global const float *sample_transmittance,   // [rows, width, samples] that share
     const int more,                        // 1: more is to come
     __global long4 *radiance_sums,         // [rows, width] in 1/ONE, if so
     __global float4 *image)                // [rows, width], if not
 {
-    WORK_ITEM(pixel);
-    const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
+    WORK_ITEM(item);
+    const size_t first = item * SHADED;
+    const uint n = pixels - first < SHADED ? (uint)(pixels - first) : SHADED, samples = view.size.z;
     const float weight = 1.0f / samples;
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
-    const Hair hair = {points, tangents, strand_of, strand_normal, strand_uv, types, colors, color_per};
-    /* Of many pixels nothing is to be lit: what stands before the lights is not fetched for them. */
-    bool empty = true;
-    for (int s = 0; s < samples; ++s)
-        empty &= local_id(visible[pixel * samples + s], part) == NOTHING
-            || (attenuated && !(sample_transmittance[pixel * samples + s] > 0.0f));
-    if (empty)
-        return;
-    long4 sum = 0;
-    /* Light by light: what one needs of a sample fits the registers. */
-    for (int i = 0; i < n_lights; ++i) {
-        const Light light = lights[i];
-        const Obstacles obstacles = obstacles_of(&lighting, i);
-        for (int s = 0; s < samples; ++s) {
-            const ulong key = visible[pixel * samples + s];
-            const uint id = local_id(key, part);
-            if (id == NOTHING || (attenuated && !(sample_transmittance[pixel * samples + s] > 0.0f)))
-                continue;
-            const float4 p = seen_point(&view, x, y, s, (uint)(key >> 32)), v = towards_eye(&view, p);
-            float4 radiance;
-            if ((uint)key & BODY) {
-                float4 weights;
-                const uint4 t = triangles[id];
-                const float4 n = body_normal(positions, normals, t, p, v, &weights);
-                const float4 face = cross3(positions[t.y] - positions[t.x], positions[t.z] - positions[t.x]);
-                radiance = body_color * light_on_body(&light, &obstacles, p, n, face);
-            } else {
-                const float at = place_between(points[id], points[id + 1], p);
-                const Fibre here = fibre_at(&hair, id, at);
-                radiance = shade_fibre(&light, &here, p, v, transmittance_at(&obstacles, &hair, id, at, p));
+    const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
+    long4 sums[SHADED];
+    Waiting waiting[2];                    // samples of strands, and of the body
+    waiting[0].n = waiting[1].n = 0;
+    for (uint i = 0; i < n; ++i)
+        sums[i] = 0;
+    int x = first % view.size.x, y = view.rows.x + (int)(first / view.size.x);
+    uint pixel = 0, s = 0;
+    for (uint i = 0; i < n * samples + 2; ++i) {
+        bool full = false;
+        int of_body = i - n * samples;     // in the end what waits of each is lit
+        if (i < n * samples) {
+            const ulong key = visible[first * samples + i];
+            const uint id = local_id(key, part), in_pixel = pixel, of_pattern = view.size.w + s;
+            const int at_x = x, at_y = y;
+            if (++s == samples) {
+                s = 0;
+                ++pixel;
+                if (++x == view.size.x) {
+                    x = 0;
+                    ++y;
+                }
             }
-            const float share = attenuated ? weight * sample_transmittance[pixel * samples + s] : weight;
-            sum += in_integers(share, (float4)(radiance.xyz, i ? 0.0f : 1.0f));
+            if (id == NOTHING)
+                continue;
+            const float share = attenuated ? weight * sample_transmittance[first * samples + i] : weight;
+            if (!(share > 0.0f))
+                continue;
+            of_body = ((uint)key & BODY) != 0;
+            Waiting *these = &waiting[of_body];
+            const int k = these->n++;
+            LANE(these->x, k) = at_x + 0.5f + PATTERN[of_pattern].x * (1.0f / SUBPIXEL);
+            LANE(these->y, k) = at_y + 0.5f + PATTERN[of_pattern].y * (1.0f / SUBPIXEL);
+            LANE(these->e, k) = reversed_depth((uint)(key >> 32));
+            LANE(these->share, k) = share;
+            these->id[k] = of_body ? id : lies_at(stored, run, id);
+            these->pixel[k] = in_pixel;
+            if (!of_body) {                // nothing else knows what will be looked up
+                PREFETCH(points + these->id[k]);
+            }
+            full = these->n == LANES;
         }
+        Waiting *these = &waiting[of_body];
+        if (!these->n || (i < n * samples && !full))
+            continue;
+        for (int k = these->n; k < LANES; ++k) {   // lanes that nothing waits in do the first one's work
+            LANE(these->x, k) = LANE(these->x, 0);
+            LANE(these->y, k) = LANE(these->y, 0);
+            LANE(these->e, k) = LANE(these->e, 0);
+            these->id[k] = these->id[0];
+        }
+        const lanes3 light = of_body ? light_of_body(&view, &lighting, these, positions, normals, triangles, body_color)
+            : light_of_strands(&view, &lighting, these, &hair);
+        for (int k = 0; k < these->n; ++k)
+            sums[these->pixel[k]] += in_integers(LANE(these->share, k), (float4)(LANE(light.x, k), LANE(light.y, k), LANE(light.z, k), 1.0f));
+        these->n = 0;
     }
-    if (more)
-        radiance_sums[pixel] += sum;
-    else
-        image[pixel] += in_floats(sum);
+    for (uint i = 0; i < n; ++i)
+        if (sums[i].w > 0 && more)
+            radiance_sums[first + i] += sums[i];
+        else if (sums[i].w > 0)
+            image[first + i] += in_floats(sums[i]);
 }
 
 /* One work-item puts the sums of one pixel over what is in the picture; its alpha, where that is known, is no sum of shares
@@ -170,8 +308,11 @@ __kernel void outputs(
     const uint first_strand,               // number of the part's first strand
     __global const ulong *visible,         // [rows, width, samples] depth << 32 | id
     __global const float4 *points,
-    __global const float4 *tangents,
+    __global const uint2 *spans,
     __global const uint *strand_of,
+    __global const uint *numbers,
+    __global const uint *stored,
+    const uint run,
     __global const float4 *strand_uv,
     __global const float4 *positions,
     __global const float4 *normals,
@@ -209,11 +350,15 @@ __kernel void outputs(
         out_normal[pixel] = body_normal(positions, normals, t, p, v, &b);
         out_uv[pixel] = b.x * uv[t.x] + b.y * uv[t.y] + b.z * uv[t.z];
     } else {
-        const float at = place_between(points[id], points[id + 1], p);
-        const float4 tangent = unit_or(mix(tangents[id], tangents[id + 1], at), tangents[id]);
-        out_id[pixel] = (int)(first_strand + strand_of[id]);
+        const uint from = lies_at(stored, run, id), strand = strand_of[from / run];
+        const Hair hair = {points, spans, strand_of, run, 0, strand_uv, 0, 0, 0};
+        const Segment ends = segment_at(&hair, from, spans[strand]);
+        const float4 first = tangent_of(ends.b - ends.before, ends.b - ends.a);
+        const float4 last = tangent_of(ends.after - ends.a, ends.b - ends.a);
+        const float4 tangent = unit_or(mix(first, last, place_between(ends.a, ends.b, p)), first);
+        out_id[pixel] = (int)(first_strand + numbers[strand]);
         out_tangent[pixel] = tangent;
         out_normal[pixel] = unit_or(v - dot3(v, tangent) * tangent, v);
-        out_uv[pixel] = strand_uv[strand_of[id]];
+        out_uv[pixel] = strand_uv[strand];
     }
 }

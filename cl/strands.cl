@@ -2,22 +2,12 @@
  * Roots on the surface, and the strands that grow from them (the report's section 2.1.3), or strands that the
  * user brings.  A strand is a run of points; segment i joins points i and i + 1 of the same strand.
  */
+#include "lanes.h"
 
 /* The top 24 bits as numbers in [-1, 1): exact in a float. */
 inline float4 signed_unit(uint3 r)
 {
     return (float4)(convert_float3(r >> 8) * 0x1p-23f - 1.0f, 0.0f);
-}
-
-/* exp(-x) for x >= 0 in + - * only, so that every device gives the same bits: 2^-k * 2^-f, f in [0, 1), by the
-   Taylor series of 2^(1/2 - f) around its middle. Wrong by less than 3e-7 of exp(0). */
-inline float exp_minus(float x)
-{
-    const float y = min(x * 1.44269504f, 125.0f), k = floor(y);
-    const float z = (0.5f - (y - k)) * 0.693147181f;
-    const float series = 1.0f + z * (1.0f + z * (0.5f + z * (0.166666667f + z * (0.0416666667f
-        + z * (0.00833333333f + z * (0.00138888889f + z * 0.000198412698f))))));
-    return series * 0.707106781f * as_float((uint)(127 - (int)k) << 23);
 }
 
 /* Integer area of a triangle whose sides are multiplied by `area_scale` first, so that no size of the world loses it:
@@ -80,55 +70,22 @@ __kernel void scan_areas(
     }
 }
 
-/* Unit vector across a direction that turns with the skin: along the triangle's first side, or its second where the first
-   is hardly to be seen along the direction.  Only where both are not, is it an axis of the world that decides. */
-inline float4 edge_across(float4 a, float4 b, float4 c, float4 direction)
-{
-    const float4 first = b - a - dot3(b - a, direction) * direction, second = c - b - dot3(c - b, direction) * direction;
-    const float4 least = fabs(direction.x) < 0.6f ? (float4)(1.0f, 0.0f, 0.0f, 0.0f) : (float4)(0.0f, 1.0f, 0.0f, 0.0f);
-    return unit_or(dot3(first, first) > 0.01f * dot3(second, second) ? first : second, unit_or(cross3(direction, least), least));
-}
-
-inline void put_root(
-    __global const float4 *positions, __global const float4 *normals, __global const float4 *uv,
-    uint4 t, float a, float b, float c,
-    __global float4 *root, __global float4 *direction, __global float4 *edge, __global float4 *root_uv)
-{
-    const float4 face = unit_or(cross3(positions[t.y] - positions[t.x], positions[t.z] - positions[t.x]),
-                                (float4)(0.0f, 1.0f, 0.0f, 0.0f));
-    *root = a * positions[t.x] + b * positions[t.y] + c * positions[t.z];
-    *direction = unit_or(a * normals[t.x] + b * normals[t.y] + c * normals[t.z], face);
-    *edge = edge_across(positions[t.x], positions[t.y], positions[t.z], *direction);
-    *root_uv = a * uv[t.x] + b * uv[t.y] + c * uv[t.z];
-}
-
 /* One strand a triangle, from its middle along the mean normal, as the report does. */
 __kernel void roots_on_faces(
     const ulong begin, const ulong end,    // work-items, see common.h
-    __global const float4 *positions,      // [V]
-    __global const float4 *normals,
-    __global const float4 *uv,
-    __global const uint4 *triangles,       // [first + strands]
     const uint first,                      // triangle of the first strand
-    __global float4 *root,                 // [strands]
-    __global float4 *root_direction,       // [strands] unit
-    __global float4 *root_edge,            // [strands] unit, across it, see edge_across
-    __global float4 *root_uv)              // [strands] u, v, -, -
+    __global uint4 *roots)                 // [strands] triangle; weights of its corners, floats
 {
     WORK_ITEM(i);
     const float third = 1.0f / 3.0f;
-    put_root(positions, normals, uv, triangles[first + i], third, third, third,
-             &root[i], &root_direction[i], &root_edge[i], &root_uv[i]);
+    roots[i] = (uint4)(first + (uint)i, as_uint(third), as_uint(third), as_uint(third));
 }
 
 /* Strand i of n stands at a random place of the i-th n-th of the surface's area, or of that of the same triangles at
-   rest. The triangles here may be a run of all, and the strands those that stand there. */
+   rest. The triangles here may be a run of all, and the strands those that stand there.  One work-item does LANES strands:
+   the next is not far. */
 __kernel void roots_by_area(
     const ulong begin, const ulong end,    // work-items, see common.h
-    __global const float4 *positions,
-    __global const float4 *normals,
-    __global const float4 *uv,
-    __global const uint4 *triangles,       // [T]
     __global const ulong *areas,           // [T] running sums
     const uint n_triangles,                // T
     const ulong before,                    // area of the triangles before these
@@ -136,34 +93,40 @@ __kernel void roots_by_area(
     const uint seed,
     const uint first,                      // number of the first strand
     const uint n,                          // strands in all
-    __global float4 *root,                 // [strands here]
-    __global float4 *root_direction,
-    __global float4 *root_edge,
-    __global float4 *root_uv)
+    const uint n_here,                     // strands here
+    __global uint4 *roots)                 // [strands here] triangle; weights of its corners, floats
 {
-    WORK_ITEM(here);
-    const uint i = first + here;
+    WORK_ITEM(block);
     const ulong total = *whole;
-    const uint3 r = random3(i, seed, 0);
     /* total·(i + r)/n without overflow: total is below 2^62 only as a whole, so divide first. */
     const ulong share = total / n, rest = total % n;
-    const ulong place = share * i + rest * i / n + mul_hi(share, (ulong)r.x << 32) - before;
-    uint low = 0, high = n_triangles - 1;
-    while (low < high) {
-        const uint middle = (low + high) / 2;
-        if (areas[middle] > place)
-            high = middle;
-        else
-            low = middle + 1;
+    const uint last = n_triangles - 1, stop = min(((uint)block + 1) * (uint)LANES, n_here);
+    uint low = 0, step = n_triangles;
+    for (uint here = (uint)block * LANES; here < stop; ++here, step = 1) {
+        const uint i = first + here;
+        const uint3 r = random3(i, seed, 0);
+        const ulong place = share * i + rest * i / n + mul_hi(share, (ulong)r.x << 32) - before;
+        /* Places never fall: the first is looked for among all, the others ahead in steps that double. */
+        uint high = step > last ? last : low;
+        for (; high < last && areas[high] <= place; step *= 2) {
+            low = high + 1;
+            high = last - high > step ? high + step : last;
+        }
+        while (low < high) {
+            const uint middle = low + (high - low) / 2;
+            if (areas[middle] > place)
+                high = middle;
+            else
+                low = middle + 1;
+        }
+        /* Uniform in a triangle: fold the unit square's far half back. */
+        float a = (r.y >> 8) * 0x1p-24f, b = (r.z >> 8) * 0x1p-24f;
+        if (a + b > 1.0f) {
+            a = 1.0f - a;
+            b = 1.0f - b;
+        }
+        roots[here] = (uint4)(low, as_uint(1.0f - a - b), as_uint(a), as_uint(b));
     }
-    /* Uniform in a triangle: fold the unit square's far half back. */
-    float a = (r.y >> 8) * 0x1p-24f, b = (r.z >> 8) * 0x1p-24f;
-    if (a + b > 1.0f) {
-        a = 1.0f - a;
-        b = 1.0f - b;
-    }
-    put_root(positions, normals, uv, triangles[low], 1.0f - a - b, a, b,
-             &root[here], &root_direction[here], &root_edge[here], &root_uv[here]);
 }
 
 /* Bilinear texel with wrap-around; v runs up, rows run down. */
@@ -177,21 +140,128 @@ inline float4 texture_at(__global const float4 *texels, int width, int height, f
          + fy * ((1.0f - fx) * texels[y1 * width + x0] + fx * texels[y1 * width + x1]);
 }
 
-/* From the frame of the skin to the world: along an edge, across it, upright. */
-inline float4 on_skin(float4 edge, float4 upright, float4 v)
+/* Strands that grow side by side, and their types, one in each lane. */
+typedef struct {
+    lanes3 corners[3], normals[3];               // of the root's triangle
+    lanes shares[3];                             // weights of the corners at the root
+    lanes length, width, weight, lean;           // of a segment [world]; [world]; of forces; direction_variation
+    lanes curl, curl_cos, curl_sin;              // radius [world], the angle a segment
+    lanes wave, wave_cos, wave_sin;              // amplitude [world], the angle a segment
+    lanes_u number;
+    lanes_i segments;                            // -1 where none is drawn
+} Growing;
+
+/* The frame of the skin at roots: unit vectors along an edge of the triangle and upright. */
+typedef struct {
+    lanes3 edge, upright;
+} Skin;
+
+/* v at length one, as `unit_or`. */
+INLINED lanes3 units_or(lanes3 v, lanes3 otherwise)
 {
-    return v.x * edge + v.y * cross3(upright, edge) + v.z * upright;
+    const lanes square = dots(v, v), size = exact_root(square);
+    const lanes3 one = {v.x / size, v.y / size, v.z / size};
+    return chosen(square > 1e-30f, one, otherwise);
 }
 
-/* One strand: point k + 1 = point k + direction · length; direction += weight · force, at length one again.
-   Curl and wave shift the points off that axis, in a frame carried along it with little twist.  What is random has
+/* The mean of three, one for each corner. */
+INLINED lanes3 mean_of(const Growing *strands, const lanes3 *three)
+{
+    return plus(plus(scaled(three[0], strands->shares[0]), scaled(three[1], strands->shares[1])),
+                scaled(three[2], strands->shares[2]));
+}
+
+/* Upright is the normal.  The edge turns with the skin: the triangle's first side, or its second where the first is hardly to
+   be seen along the normal.  Only where both are not, is it an axis of the world that decides. */
+INLINED Skin skin_of(const Growing *strands)
+{
+    Skin skin;
+    const lanes3 *c = strands->corners, up = all_lanes((float4)(0.0f, 1.0f, 0.0f, 0.0f));
+    const lanes3 face = units_or(crosses(minus(c[1], c[0]), minus(c[2], c[0])), up);
+    const lanes3 n = units_or(mean_of(strands, strands->normals), face);
+    lanes3 first = minus(c[1], c[0]), second = minus(c[2], c[1]);
+    first = minus(first, scaled(n, dots(first, n)));
+    second = minus(second, scaled(n, dots(second, n)));
+    const lanes3 least = chosen(positive(n.x) < 0.6f, all_lanes((float4)(1.0f, 0.0f, 0.0f, 0.0f)), up);
+    skin.upright = n;
+    skin.edge = units_or(chosen(dots(first, first) > 0.01f * dots(second, second), first, second),
+                         units_or(crosses(n, least), least));
+    return skin;
+}
+
+/* From the frame of the skin to the world. */
+INLINED lanes3 on_skin(const Skin *skin, lanes3 v)
+{
+    return plus(plus(scaled(skin->edge, v.x), scaled(crosses(skin->upright, skin->edge), v.y)), scaled(skin->upright, v.z));
+}
+
+/* `random3` as numbers in [-1, 1), by their top 24 bits, for strands side by side. */
+INLINED lanes signed_lanes(lanes_u r)
+{
+    const lanes low = AS_F((r >> 8 & 0x7FFFFFu) | as_uint(0x1p23f)) - 0x1p23f;
+    return (AS_I(r) < 0 ? low + 0x1p23f : low) * 0x1p-23f - 1.0f;
+}
+
+INLINED lanes3 random_vectors(lanes_u number, uint seed, uint use)
+{
+    lanes_u x = number * 1664525u + 1013904223u, y = U(seed * 1664525u + 1013904223u), z = U(use * 1664525u + 1013904223u);
+    x += y * z;  y += z * x;  z += x * y;
+    x ^= x >> 16;  y ^= y >> 16;  z ^= z >> 16;
+    x += y * z;  y += z * x;  z += x * y;
+    const lanes3 v = {signed_lanes(x), signed_lanes(y), signed_lanes(z)};
+    return v;
+}
+
+/* exp(-x) for x >= 0 in + - * only, so that every device gives the same bits: 2^-k * 2^-f, f in [0, 1), by the
+   Taylor series of 2^(1/2 - f) around its middle. Wrong by less than 3e-7 of exp(0). */
+INLINED lanes exp_minus(lanes x)
+{
+    const lanes y = lesser(x * 1.44269504f, F(125.0f)), near = nearest(y), k = near > y ? near - 1.0f : near;
+    const lanes z = (0.5f - (y - k)) * 0.693147181f;
+    const lanes series = 1.0f + z * (1.0f + z * (0.5f + z * (0.166666667f + z * (0.0416666667f
+        + z * (0.00833333333f + z * (0.00138888889f + z * 0.000198412698f))))));
+    return series * 0.707106781f * AS_F((127 - nearest_i(k)) << 23);
+}
+
+/* What forces do to strands whose ends are at p. */
+INLINED lanes3 push_at(lanes3 p, float4 force, __global const float4 *point_forces, uint n_point_forces)
+{
+    lanes3 push = all_lanes(force);
+    for (uint j = 0; j < n_point_forces; ++j) {
+        const float4 centre = point_forces[j];
+        const lanes3 away = {p.x - centre.x, p.y - centre.y, p.z - centre.z};
+        const lanes distance = exact_root(dots(away, away));
+        push = chosen(distance > 0.0f, plus(push, scaled(away, centre.w * exp_minus(distance) / distance)), push);
+    }
+    return push;
+}
+
+/* What a type makes of a strand that is so many times as long, into a lane. */
+INLINED void put_type(Growing *strands, uint lane, __global const HairType *type, float longer)
+{
+    LANE(strands->length, lane) = type->shape.x * longer;
+    LANE(strands->width, lane) = type->shape.y;
+    LANE(strands->weight, lane) = type->shape.z;
+    LANE(strands->lean, lane) = type->shape.w;
+    LANE(strands->curl, lane) = type->curl.x;
+    LANE(strands->curl_cos, lane) = type->curl.y;
+    LANE(strands->curl_sin, lane) = type->curl.z;
+    LANE(strands->wave, lane) = type->wave.x;
+    LANE(strands->wave_cos, lane) = type->wave.y;
+    LANE(strands->wave_sin, lane) = type->wave.z;
+    LANE_I(strands->segments, lane) = type->counts.x ? type->counts.x : -1;
+}
+
+/* One work-item grows LANES strands: point k + 1 = point k + direction · length; direction += weight · force, at length one
+   again.  Curl and wave shift the points off that axis, in a frame carried along it with little twist.  What is random has
    directions in the frame of the skin at the root, so that it turns with it. */
 __kernel void grow(
     const ulong begin, const ulong end,    // work-items, see common.h
-    __global const float4 *root,           // [strands]
-    __global const float4 *root_direction, // [strands] unit
-    __global const float4 *root_edge,      // [strands] unit, across it
-    __global const float4 *root_uv,        // [strands] u, v
+    __global const float4 *positions,      // [V]
+    __global const float4 *normals,        // [V]
+    __global const float4 *uv,             // [V] u, v
+    __global const uint4 *triangles,       // [T]
+    __global const uint4 *roots,           // [strands] triangle; weights of its corners, floats
     __global const HairType *types,        // [types]
     __global const uint *type_map,         // [height, width] index of the type; nearest texel, v runs up
     const int2 map_size,                   // width, height
@@ -201,86 +271,105 @@ __kernel void grow(
     const uint n_point_forces,
     const uint seed,
     const uint first_strand,               // number of the first of these strands among all
+    const uint n,                          // strands
     const uint stride,                     // points set aside for a strand
     __global float4 *points,               // [strands, stride] x, y, z, width [world]
-    __global float4 *tangents,             // [strands, stride] unit
-    __global uint *strand_of,              // [strands, stride]
     __global uint2 *spans,                 // [strands] first point, points (0: bald)
+    __global uint *strand_of,              // [strands] each is a run of stride points,
+    __global uint *stored,                 // [strands] which lies where it came
+    __global uint *shifts,                 // [strands] 0: they are where they came
+    __global uint *numbers,                // [strands] their own
     __global float4 *colors,               // [strands] linear r, g, b
+    __global float4 *strand_normal,        // [strands] of the body at the root, unit
     __global float4 *strand_uv)            // [strands] u, v, type
 {
-    WORK_ITEM(item);
-    const uint i = item, number = first_strand + i;
-    const float4 uv = root_uv[i];
-    const int column = (int)((uv.x - floor(uv.x)) * map_size.x), row = (int)((1.0f - (uv.y - floor(uv.y))) * map_size.y);
-    const uint kind = type_map[min(row, map_size.y - 1) * map_size.x + min(column, map_size.x - 1)];
-    const HairType type = types[kind];
-    const uint first = i * stride;
-    const int segments = type.counts.x;
-    const float4 vary = signed_unit(random3(number, seed, 1));
-
-    spans[i] = (uint2)(first, segments ? segments + 1 : 0);
-    strand_uv[i] = (float4)(uv.x, uv.y, (float)kind, 0.0f);
-    float4 color = type.color;
-    if (type.counts.z)
-        color *= texture_at(texels + type.counts.y, type.counts.z, type.counts.w, uv);
-    color *= 1.0f + type.color.w * vary.x;
-    colors[i] = (float4)(color.xyz, 0.0f);
-    if (!segments)
-        return;
-
-    const float length = type.shape.x * (1.0f + type.curl.w * vary.y);
-    const float4 upright = root_direction[i], edge = root_edge[i];
-    const float4 lean = on_skin(edge, upright, signed_unit(random3(number, seed, 3)));
-    const float4 turn = on_skin(edge, upright, signed_unit(random3(number, seed, 2)));
-    float4 axis = root[i];
-    float4 direction = unit_or(upright + type.shape.w * lean, upright);
-    const bool bent = type.curl.x > 0.0f || type.wave.x > 0.0f;
-    float4 side = unit_or(cross3(direction, turn), unit_or(cross3(direction, edge), upright));
-    float2 curl = (float2)(1.0f, 0.0f), wave = (float2)(1.0f, 0.0f);   // cos, sin of the angle so far
-    float4 before = axis, here = axis, tangent = direction;
-
-    for (int k = 0; k < segments; ++k) {
-        axis += direction * length;
-        float4 next = axis;
-        if (bent) {
-            const float4 across = cross3(direction, side);
-            curl = (float2)(curl.x * type.curl.y - curl.y * type.curl.z, curl.x * type.curl.z + curl.y * type.curl.y);
-            wave = (float2)(wave.x * type.wave.y - wave.y * type.wave.z, wave.x * type.wave.z + wave.y * type.wave.y);
-            next += (type.curl.x * (curl.x - 1.0f) + type.wave.x * wave.y) * side + (type.curl.x * curl.y) * across;
-        }
-        tangent = unit_or(next - before, tangent);
-        points[first + k] = (float4)(here.xyz, type.shape.y);
-        tangents[first + k] = tangent;
-        strand_of[first + k] = i;
-        before = here;
-        here = next;
-
-        float4 push = force;
-        for (uint j = 0; j < n_point_forces; ++j) {
-            const float4 centre = point_forces[j];
-            float4 away = axis - centre;
-            away.w = 0.0f;
-            const float distance = sqrt(dot3(away, away));
-            if (distance > 0.0f)
-                push += (centre.w * exp_minus(distance) / distance) * away;
-        }
-        const float4 bowed = direction + type.shape.z * push;
-        if (dot3(bowed, bowed) > 1e-12f)   // of a sum that cancels only rounding is left
-            direction = unit_or(bowed, direction);
-        if (bent)
-            side = unit_or(side - dot3(side, direction) * direction, side);
+    WORK_ITEM(block);
+    Growing strands;
+    const uint first = (uint)block * LANES, here = min(n - first, (uint)LANES);
+    for (uint lane = 0; lane < LANES; ++lane) {
+        const uint i = first + (lane < here ? lane : 0);    // lanes without a strand do as the first, but for its points
+        const uint4 t = triangles[roots[i].x];
+        const float4 share = as_float4(roots[i].yzww);
+        const float4 at = share.x * uv[t.x] + share.y * uv[t.y] + share.z * uv[t.z];
+        const int column = (int)((at.x - floor(at.x)) * map_size.x), row = (int)((1.0f - (at.y - floor(at.y))) * map_size.y);
+        const uint kind = type_map[min(row, map_size.y - 1) * map_size.x + min(column, map_size.x - 1)];
+        __global const HairType *type = &types[kind];
+        const float4 vary = signed_unit(random3(first_strand + i, seed, 1));
+        float4 color = type->color;
+        if (type->counts.z)
+            color *= texture_at(texels + type->counts.y, type->counts.z, type->counts.w, at);
+        color *= 1.0f + type->color.w * vary.x;
+        colors[i] = (float4)(color.xyz, 0.0f);
+        strand_uv[i] = (float4)(at.x, at.y, (float)kind, 0.0f);
+        spans[i] = (uint2)(i * stride, type->counts.x ? type->counts.x + 1 : 0);
+        strand_of[i] = i;
+        stored[i] = i * stride;
+        shifts[i] = 0;
+        numbers[i] = i;
+        put_type(&strands, lane, type, 1.0f + type->curl.w * vary.y);
+        LANE_U(strands.number, lane) = first_strand + i;
+        put_lane(&strands.corners[0], lane, positions[t.x]);
+        put_lane(&strands.corners[1], lane, positions[t.y]);
+        put_lane(&strands.corners[2], lane, positions[t.z]);
+        put_lane(&strands.normals[0], lane, normals[t.x]);
+        put_lane(&strands.normals[1], lane, normals[t.y]);
+        put_lane(&strands.normals[2], lane, normals[t.z]);
+        LANE(strands.shares[0], lane) = share.x;
+        LANE(strands.shares[1], lane) = share.y;
+        LANE(strands.shares[2], lane) = share.z;
     }
-    points[first + segments] = (float4)(here.xyz, type.shape.y);
-    tangents[first + segments] = unit_or(here - before, tangent);
-    strand_of[first + segments] = i;
+
+    const Skin skin = skin_of(&strands);
+    for (uint lane = 0; lane < here; ++lane)
+        strand_normal[first + lane] = (float4)(lane_of(&skin.upright, lane), 0.0f);
+    const lanes3 turn = on_skin(&skin, random_vectors(strands.number, seed, 2));
+    const lanes3 lean = on_skin(&skin, random_vectors(strands.number, seed, 3));
+    lanes3 axis = mean_of(&strands, strands.corners);
+    lanes3 direction = units_or(plus(skin.upright, scaled(lean, strands.lean)), skin.upright);
+    const lanes_i bent = strands.curl > 0.0f | strands.wave > 0.0f;
+    const bool any_bent = any_lane(bent);
+    lanes3 side = units_or(crosses(direction, turn), units_or(crosses(direction, skin.edge), skin.upright));
+    lanes curl_cos = F(1.0f), curl_sin = F(0.0f), wave_cos = F(1.0f), wave_sin = F(0.0f);   // of the angle so far
+    lanes3 now = axis;
+
+    const int most = most_lane(strands.segments);
+    for (int k = 0; k <= most; ++k) {
+        axis = plus(axis, scaled(direction, strands.length));
+        lanes3 next = axis;
+        if (any_bent) {
+            const lanes3 across = crosses(direction, side);
+            const lanes c = curl_cos * strands.curl_cos - curl_sin * strands.curl_sin;
+            curl_sin = curl_cos * strands.curl_sin + curl_sin * strands.curl_cos;
+            curl_cos = c;
+            const lanes w = wave_cos * strands.wave_cos - wave_sin * strands.wave_sin;
+            wave_sin = wave_cos * strands.wave_sin + wave_sin * strands.wave_cos;
+            wave_cos = w;
+            const lanes3 off = plus(scaled(side, strands.curl * (curl_cos - 1.0f) + strands.wave * wave_sin),
+                                    scaled(across, strands.curl * curl_sin));
+            next = chosen(bent, plus(next, off), next);
+        }
+        next = chosen(k < strands.segments, next, now);     // behind the last point is none
+        for (uint lane = 0; lane < here; ++lane)
+            if (k <= LANE_I(strands.segments, lane)) {
+                const size_t to = (size_t)(first + lane) * stride + k;
+                points[to] = (float4)(lane_of(&now, lane), LANE(strands.width, lane));
+            }
+        now = next;
+
+        const lanes3 push = push_at(axis, force, point_forces, n_point_forces);
+        const lanes3 bowed = plus(direction, scaled(push, strands.weight));
+        direction = chosen(dots(bowed, bowed) > 1e-12f, units_or(bowed, direction), direction);   // else only rounding is left
+        if (any_bent)
+            side = units_or(minus(side, scaled(direction, dots(side, direction))), side);
+    }
 }
 
-/* One strand of the user's: packed arrays -> those of grown strands, tangents from the neighbouring points. */
+/* One strand of the user's goes to its place in the order: packed arrays -> those of grown strands. */
 __kernel void unpack_curves(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float *packed,          // [points, 3]
-    __global const uint2 *spans,           // [strands] first point, points
+    __global const uint2 *brought,         // [strands] first point, points
+    __global const uint2 *placed,          // [strands] strand, first point in the order; see order.cl
     __global const float *widths,          // one, [strands] or [points]
     const int width_per,                   // 0: one for all, 1: each strand, 2: each point
     __global const float *packed_colors,   // one, [strands, 3] or [points, 3]
@@ -291,32 +380,36 @@ __kernel void unpack_curves(
     const int has_uv,
     __global const uint *type_of,          // [strands]; none where has_types is 0
     const int has_types,
-    __global float4 *points,               // [points] x, y, z, width
-    __global float4 *tangents,             // [points] unit
-    __global uint *strand_of,              // [points]
+    const uint run,                        // points of each strand, or 1 where these differ
+    __global float4 *points,               // in the order: [points] x, y, z, width
+    __global uint2 *spans,                 // [strands] first point, points
+    __global uint *strand_of,              // [points / run]
+    __global uint *shifts,                 // [strands] what, added to the number of a point here, is that as it came
+    __global uint *numbers,                // [strands] of the strand as it came
     __global float4 *colors,               // one, [strands] or [points] linear r, g, b
     __global float4 *strand_normal,        // [strands] of the body at the root, 0: not known
-    __global float4 *strand_uv)            // [strands] u, v, type
+    __global float4 *strand_uv,            // [strands] u, v, type
+    __global uint *stored)                 // [points / run] where the first point of each run is that came
 {
     WORK_ITEM(i);
-    const uint first = spans[i].x, count = spans[i].y;
-    strand_normal[i] = has_normals ? (float4)(vload3(i, root_normals), 0.0f) : (float4)(0.0f);
-    strand_uv[i] = (float4)(has_uv ? vload2(i, root_uv) : (float2)(0.0f), has_types ? type_of[i] : 0.0f, 0.0f);
-    if (color_per == 1 || (color_per == 0 && i == 0))
-        colors[i] = (float4)(vload3(i, packed_colors), 0.0f);
-    float4 before, here, next, tangent = (float4)(0.0f, 1.0f, 0.0f, 0.0f);
+    const uint came = brought[i].x, count = brought[i].y, strand = placed[i].x, first = placed[i].y;
+    spans[strand] = (uint2)(first, count);
+    shifts[strand] = came - first;
+    numbers[strand] = i;
+    strand_normal[strand] = has_normals ? (float4)(vload3(i, root_normals), 0.0f) : (float4)(0.0f);
+    strand_uv[strand] = (float4)(has_uv ? vload2(i, root_uv) : (float2)(0.0f), has_types ? type_of[i] : 0.0f, 0.0f);
+    if (color_per == 1)
+        colors[strand] = (float4)(vload3(i, packed_colors), 0.0f);
+    if (color_per == 0 && i == 0)
+        colors[0] = (float4)(vload3(0, packed_colors), 0.0f);
     for (uint k = 0; k < count; ++k) {
-        const uint p = first + k;
-        if (k == 0)
-            before = here = (float4)(vload3(p, packed), 0.0f);
-        next = k + 1 < count ? (float4)(vload3(p + 1, packed), 0.0f) : here;
-        tangent = unit_or(next - before, tangent);
-        points[p] = (float4)(here.xyz, widths[width_per == 0 ? 0 : width_per == 1 ? i : p]);
-        tangents[p] = tangent;
-        strand_of[p] = i;
+        const uint p = came + k, to = first + k;
+        points[to] = (float4)(vload3(p, packed), widths[width_per == 0 ? 0 : width_per == 1 ? i : p]);
         if (color_per == 2)
-            colors[p] = (float4)(vload3(p, packed_colors), 0.0f);
-        before = here;
-        here = next;
+            colors[to] = (float4)(vload3(p, packed_colors), 0.0f);
+        if (!k || run == 1) {
+            stored[p / run] = to;
+            strand_of[to / run] = strand;
+        }
     }
 }

@@ -4,10 +4,26 @@
  * The grid's x and y lie across the light, z along the way it travels; the unit is a cell.  Points are snapped to
  * 1/SUBPIXEL cell, and everything after is integers.  The report's three methods (section 2.3.1) draw a strand as
  * the fragments of a line across the light, one for each step along its longer axis; `lengths` deposits how often
- * a ray of light is expected to cross the strand.  One work-item draws one strand.
+ * a ray of light is expected to cross the strand.  One work-item draws one strand; where LANES is more than 1, in
+ * `lengths` the first of a group draws all that the group has, LANES at once.
  */
 
 #include "cells.h"
+#if LANES == 1 && LANES_HINTED > 1
+#undef LANES
+#define LANES LANES_HINTED
+#endif
+#include "lanes.h"
+
+#if LANES > 1
+#define BY_HAND __attribute__((vec_type_hint(float8)))   // Intel's fills vectors with work-items, of which one does all
+#else
+#define BY_HAND
+#endif
+
+#if INT64_ATOMICS
+#pragma OPENCL EXTENSION cl_khr_int64_base_atomics : enable
+#endif
 
 #define FRACTION 24                                     // fixed-point bits below the sub-cell in a walk
 
@@ -86,10 +102,328 @@ __kernel void fragments(
     }
 }
 
+#if LANES == 32
+#define SQRT(x) (lanes)(sqrt((x).lo), sqrt((x).hi))
+#else
+#define SQRT sqrt
+#endif
+
+/* A point of each of LANES strands. */
+typedef struct {
+    lanes3 p;                              // [world]
+    lanes width, w;                        // [world]; distance, see `distance_of`
+    lanes_i x, y, z;                       // [sub-cells]
+    lanes_i away;                          // mask: four grids away, so that these are not known
+} Places;
+
+/* The whole number below, for |x| < 2^22. */
+INLINED lanes below(lanes x)
+{
+    const lanes near = nearest(x);
+    return near > x ? near - 1.0f : near;
+}
+
+/* For |x| < 2^22; all OpenCL has for it is a function. */
+INLINED lanes float_of(lanes_i x)
+{
+    return AS_F(x + as_int(SHIFT)) - SHIFT;
+}
+
+/* all * share / 256, for share < 256, without 64 bits. */
+INLINED lanes_u share_of(lanes_u all, lanes_u share)
+{
+    return (all >> 8) * share + ((all & 255u) * share >> 8);
+}
+
+/* a / n for whole 0 <= a < 2^30, whose quotient is below 2^22: a float's is one off at most. */
+INLINED lanes_i quotient(lanes a, lanes_i whole, lanes_i n)
+{
+    const lanes_i q = nearest_i(below(a / float_of(n))), rest = whole - q * n;
+    return q + (rest >= n ? I(1) : rest < 0 ? I(-1) : I(0));
+}
+
+#if LANES > 1
+/* Eight points [x, y, z, width] -> eight x, eight y, ... */
+INLINED void eight(__global const float4 *points, const uint *at, float8 *to)
+{
+    const float8 a = (float8)(points[at[0]], points[at[4]]), b = (float8)(points[at[1]], points[at[5]]);
+    const float8 c = (float8)(points[at[2]], points[at[6]]), d = (float8)(points[at[3]], points[at[7]]);
+    const float8 ab = (float8)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5);
+    const float8 cd = (float8)(c.s0, d.s0, c.s1, d.s1, c.s4, d.s4, c.s5, d.s5);
+    const float8 ab2 = (float8)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7);
+    const float8 cd2 = (float8)(c.s2, d.s2, c.s3, d.s3, c.s6, d.s6, c.s7, d.s7);
+    to[0] = (float8)(ab.s01, cd.s01, ab.s45, cd.s45);
+    to[1] = (float8)(ab.s23, cd.s23, ab.s67, cd.s67);
+    to[2] = (float8)(ab2.s01, cd2.s01, ab2.s45, cd2.s45);
+    to[3] = (float8)(ab2.s23, cd2.s23, ab2.s67, cd2.s67);
+}
+#endif
+
+/* The points with these numbers, a lane each, snapped as in `to_cells`. */
+INLINED void take(const Grid *grid, __global const float4 *points, const uint *at, Places *to)
+{
+    lanes x, y, z, width;
+#if LANES == 1
+    const float4 p = points[at[0]];
+    x = p.x;
+    y = p.y;
+    z = p.z;
+    width = p.w;
+#else
+    for (int i = 0; i < LANES / 8; ++i) {
+        float8 columns[4];
+        eight(points, at + 8 * i, columns);
+        ((float8 *)&x)[i] = columns[0];
+        ((float8 *)&y)[i] = columns[1];
+        ((float8 *)&z)[i] = columns[2];
+        ((float8 *)&width)[i] = columns[3];
+    }
+#endif
+    const float4 mx = grid->to_grid[0], my = grid->to_grid[1], mz = grid->to_grid[2], m1 = grid->to_grid[3];
+    const lanes cx = ((mx.x * x + my.x * y) + mz.x * z) + m1.x, cy = ((mx.y * x + my.y * y) + mz.y * z) + m1.y;
+    const lanes cz = ((mx.z * x + my.z * y) + mz.z * z) + m1.z, w = ((mx.w * x + my.w * y) + mz.w * z) + m1.w;
+    const int most = grid->size.x > grid->size.y ? grid->size.x : grid->size.y;
+    const float far = 4 * (most > grid->size.z ? most : grid->size.z);
+    const lanes qx = cx / w, qy = cy / w, qz = grid->size.w ? cz < -far ? F(-far) : cz : cz;
+    const float least = grid->size.w ? grid->face.w : 0.0f;
+    const lanes_i near = (w > 0.0f) & (w >= least) & (qx <= far) & (qy <= far) & (qz <= far) & (qx >= -far) & (qy >= -far)
+        & (qz >= -far);
+    to->p.x = x;
+    to->p.y = y;
+    to->p.z = z;
+    to->width = width;
+    to->w = w;
+    to->x = nearest_i(below((near ? qx : F(0.0f)) * (float)SUBPIXEL + 0.5f));
+    to->y = nearest_i(below((near ? qy : F(0.0f)) * (float)SUBPIXEL + 0.5f));
+    to->z = nearest_i(below((near ? qz : F(0.0f)) * (float)SUBPIXEL + 0.5f));
+    to->away = !near;
+}
+
+/* Of segments with an end four grids away, the rare ones, what of them is in the grid's reach; mask: where anything is. */
+lanes_i bring_in(const Grid *grid, Places *a, Places *b, lanes_i on)
+{
+    for (int l = 0; l < LANES; ++l) {
+        if (!LANE_I(on, l) || !(LANE_I(a->away, l) || LANE_I(b->away, l)))
+            continue;
+        float4 from = (float4)(LANE(a->p.x, l), LANE(a->p.y, l), LANE(a->p.z, l), LANE(a->width, l));
+        float4 to = (float4)(LANE(b->p.x, l), LANE(b->p.y, l), LANE(b->p.z, l), LANE(b->width, l));
+        int4 p, q;
+        if (!ends_in_reach(grid, &from, &to, &p, &q, &LANE(a->w, l), &LANE(b->w, l))) {
+            LANE_I(on, l) = 0;
+            continue;
+        }
+        LANE(a->p.x, l) = from.x, LANE(a->p.y, l) = from.y, LANE(a->p.z, l) = from.z, LANE(a->width, l) = from.w;
+        LANE(b->p.x, l) = to.x, LANE(b->p.y, l) = to.y, LANE(b->p.z, l) = to.z, LANE(b->width, l) = to.w;
+        LANE_I(a->x, l) = p.x, LANE_I(a->y, l) = p.y, LANE_I(a->z, l) = p.z;
+        LANE_I(b->x, l) = q.x, LANE_I(b->y, l) = q.y, LANE_I(b->z, l) = q.z;
+    }
+    return on;
+}
+
+/* What the segments from a to b amount to: whole, and from and to the next ones what is left. */
+INLINED lanes_u crossings_of(const Grid *grid, const Places *a, const Places *b, lanes weight, lanes_i on, lanes *left)
+{
+    /* A spot's rays meet the face, at distance w along its axis, at a slant: ray is w / cos long there. */
+    const lanes w = greater(0.5f * (a->w + b->w), F(grid->face.w)), width = 0.5f * (a->width + b->width);
+    const lanes3 d = {b->p.x - a->p.x, b->p.y - a->p.y, b->p.z - a->p.z};
+    const float4 light = grid->light;
+    const lanes3 ray = {light.x - light.w * (0.5f * (a->p.x + b->p.x)), light.y - light.w * (0.5f * (a->p.y + b->p.y)),
+                        light.z - light.w * (0.5f * (a->p.z + b->p.z))};
+    const lanes3 c = crosses(d, ray);
+    const lanes exact = SQRT(dots(c, c)) * width / (grid->face.x * (w * w * w)) * weight + *left;
+    /* Its whole part, in two halves that a float's fraction can be cut off; all of it is exact. */
+    const lanes most = lesser(exact, F(0x1p31f)), high = below(most * 0x1p-16f), low = below(most - 65536.0f * high);
+    const lanes rest = lesser(exact - (65536.0f * high + low), F(1.0f));
+    *left = on ? rest : *left;
+    return (AS_U(nearest_i(high)) << 16) + AS_U(nearest_i(low));
+}
+
+#if LANES > 1
+/* Cells that the first work-item of a group, which does the strands of all of it, gathers by itself, so that few atomics
+   are left: in local memory, as PoCL has private memory for a whole group on a stack of 8 MB. */
+typedef struct {
+    int4 first, size;
+    __local uint *held;                    // [size.z, size.y, size.x]
+} Block;
+
+/* Cells around a run of strands, of which a few points tell where they lie; what is elsewhere goes to the grid at once.
+   -> How many there are. */
+int put_around(Block *block, const Grid *grid, __global const float4 *points, __global const uint2 *spans, uint begin,
+               uint end)
+{
+    const int4 lowest = (int4)(-1, -1, 0, 0), highest = (int4)(grid->size.x, grid->size.y, grid->size.z - 1, 0);
+    int4 low = (int4)(INT_MAX), high = (int4)(INT_MIN);
+    for (uint strand = begin; strand < end; strand += (end - begin + 7) / 8) {
+        const uint2 span = spans[strand];
+        for (uint k = 0; k < 3 && span.y; ++k) {
+            float w;
+            const int4 p = to_cells(grid, points[span.x + (span.y - 1) * k / 2], &w);
+            if (p.x != OUTSIDE) {
+                low = min(low, p);
+                high = max(high, p);
+            }
+        }
+    }
+    block->first = clamp((low >> 8) - 2, lowest, highest);
+    block->size = max(clamp((high >> 8) + 2, lowest, highest) + 1 - block->first, 1);
+    /* Columns in pairs, see `give_back`. */
+    block->size.x += block->first.x & 1;
+    block->first.x -= block->first.x & 1;
+    block->size.x += block->size.x & 1;
+    return block->size.x * block->size.y * block->size.z;
+}
+
+/* Clear cells around strands from `begin` on, as many of `run` as a block can hold, `end` at most; where it can't, `run`
+   is halved. -> One past the last of these. */
+uint open_block(Block *block, const Grid *grid, __global const float4 *points, __global const uint2 *spans, uint begin,
+                uint end, uint *run)
+{
+    uint past;
+    int cells;
+    for (;; *run /= 2) {
+        past = begin + *run < end ? begin + *run : end;
+        cells = put_around(block, grid, points, spans, begin, past);
+        if (cells <= HELD || *run <= LANES)
+            break;
+    }
+    if (cells > HELD) {
+        block->size = (int4)(2, 1, 1, 0);  // too small for anything
+        cells = 2;
+    }
+    for (int i = 0; i < cells; ++i)
+        block->held[i] = 0;
+    return past;
+}
+
+/* Add what a block holds to the grid. */
+void give_back(const Block *block, const Grid *grid, volatile __global uint *cells)
+{
+    const __local uint *held = block->held;
+    for (int z = block->first.z; z < block->first.z + block->size.z; ++z)
+        for (int y = block->first.y; y < block->first.y + block->size.y; ++y)
+            for (int x = block->first.x; x < block->first.x + block->size.x; x += 2, held += 2) {
+#if INT64_ATOMICS
+                /* No cell can overflow into the next. */
+                if ((held[0] | held[1]) && in_grid(grid, x, y, z))
+                    atom_add((volatile __global ulong *)&cells[((size_t)z * grid->size.y + y) * grid->size.x + x],
+                             (ulong)held[1] << 32 | held[0]);
+#else
+                add(cells, grid, x, y, z, held[0]);
+                add(cells, grid, x + 1, y, z, held[1]);
+#endif
+            }
+}
+#else
+typedef int Block;                         // a strand a work-item: nothing is gathered
+#endif
+
+/* `add_between` of a step in each lane, into the block where that has these cells. */
+INLINED void add_lanes(volatile __global uint *cells, const Grid *grid, Block *block, lanes_i x, lanes_i y, lanes_i z,
+                       lanes_u all)
+{
+#if LANES == 1
+    add_between(cells, grid, x, y, z, all);
+#else
+    const int across = block->size.x;
+    const lanes_i bx = (x >> 8) - block->first.x, by = (y >> 8) - block->first.y, bz = z - block->first.z;
+    const lanes_i within = (bx >= 0) & (bx < across - 1) & (by >= 0) & (by < block->size.y - 1) & (bz >= 0)
+        & (bz < block->size.z);
+    const lanes_i at = within ? (bz * block->size.y + by) * across + bx : I(0);
+    const lanes_u here = within ? all : U(0), other = all - here, fx = AS_U(x & 255), fy = AS_U(y & 255);
+    const lanes_u right = share_of(here, fx), both = share_of(right, fy), behind = share_of(here, fy);
+    const lanes_u corner = here - right - behind + both, right_alone = right - both, behind_alone = behind - both;
+    for (int l = 0; l < LANES; ++l) {
+        __local uint *held = block->held + LANE_I(at, l);
+        held[0] += LANE_I(corner, l);
+        held[1] += LANE_I(right_alone, l);
+        held[across] += LANE_I(behind_alone, l);
+        held[across + 1] += LANE_I(both, l);
+    }
+    if (any_lane(other != 0u))
+        for (int l = 0; l < LANES; ++l)
+            add_between(cells, grid, LANE_I(x, l), LANE_I(y, l), LANE_I(z, l), (uint)LANE_I(other, l));
+#endif
+}
+
+/* 512 e / n, rounded towards 0; n > 1 steps reach |e| sub-cells. */
+INLINED lanes_i step_of(lanes_i e, lanes_i n)
+{
+    const lanes_i way = e < 0 ? -e : e, step = quotient(512.0f * float_of(way), way << 9, n);
+    return e < 0 ? -step : step;
+}
+
+/* Spread amounts evenly over steps of 3/4 cell at most from a to b. */
+INLINED void spread(volatile __global uint *cells, const Grid *grid, Block *block, const Places *a, const Places *b,
+                    lanes_u amount, lanes_i on)
+{
+    const lanes_i ex = b->x - a->x, ey = b->y - a->y, ez = b->z - a->z;
+    lanes_i longest = ex < 0 ? -ex : ex;
+    longest = longest > ey ? longest : ey;
+    longest = longest > -ey ? longest : -ey;
+    longest = longest > ez ? longest : ez;
+    longest = longest > -ez ? longest : -ez;
+    const lanes_i n = longest / (SUBPIXEL / 4 * 3) + 1;
+    const int most = most_lane(on ? n : I(0));
+    /* Middles of the steps, in 2^-9 sub-cells: four grids of 1024 cells are 2^29 of them. Most segments are one or two
+       steps long, and divisions are what costs here. */
+    lanes_u part = amount >> AS_U(n - 1), more = amount & AS_U(n - 1);
+    lanes_i sx = ex << 9 >> n - 1, sy = ey << 9 >> n - 1, sz = ez << 9 >> n - 1;
+    if (most > 2) {
+        part = any_lane(amount >= 1u << 22) ? amount / AS_U(n) : AS_U(quotient(float_of(AS_I(amount)), AS_I(amount), n));
+        more = amount - part * AS_U(n);
+        sx = step_of(ex, n);
+        sy = step_of(ey, n);
+        sz = step_of(ez, n);
+    }
+    lanes_i x = (a->x << 9) + sx / 2, y = (a->y << 9) + sy / 2, z = (a->z << 9) + sz / 2;
+    for (int i = 0; i < most; ++i, x += sx, y += sy, z += sz) {
+        const lanes_u all = on & n > i ? part + (more > (uint)i ? U(1) : U(0)) : U(0);
+        lanes_i layers = z >> 17;
+        if (grid->size.w)
+            layers = layers < 0 ? I(0) : layers;
+        add_lanes(cells, grid, block, (x >> 9) - SUBPIXEL / 2, (y >> 9) - SUBPIXEL / 2, layers, all);
+    }
+}
+
+/* LANES strands from one on, `end` at most, each segment of them in turn. */
+INLINED void put_lanes(const Grid *grid, __global const float4 *points, __global const uint2 *spans,
+                       __global const float4 *strand_uv, __global const uint *weights, volatile __global uint *cells,
+                       Block *block, uint strand, uint end)
+{
+    uint first[LANES], at[LANES], some = 0, longest = 0;
+    lanes_i counts;
+    lanes weight, left = F(0.5f);
+    for (uint l = 0; l < LANES; ++l) {
+        const bool there = strand + l < end;
+        const uint2 span = there ? spans[strand + l] : (uint2)(0);
+        first[l] = span.x;
+        LANE_I(counts, l) = span.y;
+        LANE(weight, l) = there ? weights[(int)strand_uv[strand + l].z] : 0;
+        some = span.y ? span.x : some;
+        longest = span.y > longest ? span.y : longest;
+    }
+    Places a, b;
+    for (uint k = 0; k < longest; ++k, a = b) {
+        for (uint l = 0; l < LANES; ++l)   // where a strand has ended, any point will do
+            at[l] = (int)k < LANE_I(counts, l) ? first[l] + k : some;
+        take(grid, points, at, &b);
+        if (k == 0)
+            continue;
+        Places p = a, q = b;
+        lanes_i on = counts > (int)k;
+        if (any_lane(on & (p.away | q.away)))
+            on = bring_in(grid, &p, &q, on);
+        if (!grid->size.w)
+            on &= (p.z >= 0) | (q.z >= 0);
+        const lanes_u amount = crossings_of(grid, &p, &q, weight, on, &left);
+        spread(cells, grid, block, &p, &q, amount, on);
+    }
+}
+
 /* What a ray through a cell's face is expected to cross there: length · width · sin(fibre, light) / area of the face.
    A segment's amount is spread evenly over steps of 3/4 cell at most, and each between the four columns around it, so
    that nothing jumps when the light turns; what rounding leaves goes on to the next. */
-__kernel void lengths(
+BY_HAND __kernel void lengths(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Grid grid,
     __global const float4 *points,         // [P] x, y, z, width [world]
@@ -98,49 +432,24 @@ __kernel void lengths(
     __global const uint *weights,          // [types] amount of one crossing
     volatile __global uint *cells)         // [nz, ny, nx]
 {
-    WORK_ITEM(strand);
-    const uint2 span = spans[strand];
-    const float weight = weights[(int)strand_uv[strand].z];
-    int4 a, b;
-    float4 from, to;
-    float wa, wb, left = 0.5f;
-    for (uint k = 0; k < span.y; ++k, a = b, from = to, wa = wb) {
-        to = points[span.x + k];
-        b = to_cells(&grid, to, &wb);
-        if (k == 0)
-            continue;
-        int4 p = a, q = b;
-        float4 one = from, other = to;
-        float w1 = wa, w2 = wb;
-        if ((a.x == OUTSIDE || b.x == OUTSIDE) && !ends_in_reach(&grid, &one, &other, &p, &q, &w1, &w2))
-            continue;
-        if (max(p.z, q.z) < 0 && !grid.size.w)
-            continue;
-        /* A spot's rays meet the face, at distance w along its axis, at a slant: ray is w / cos long there. */
-        const float w = max(0.5f * (w1 + w2), grid.face.w), width = 0.5f * (one.w + other.w);
-        float4 d = other - one, ray = grid.light - grid.light.w * (0.5f * (one + other));
-        d.w = ray.w = 0.0f;
-        const float4 c = cross3(d, ray);
-        const float exact = sqrt(dot3(c, c)) * width / (grid.face.x * (w * w * w)) * weight + left;
-        const uint amount = (uint)min(exact, 0x1p31f);
-        left = min(exact - amount, 1.0f);
-
-        const int4 e = q - p;
-        const int n = max(max(abs(e.x), abs(e.y)), abs(e.z)) / (SUBPIXEL / 4 * 3) + 1;
-        /* Middles of the steps, in 2^-9 sub-cells: four grids of 1024 cells are 2^29 of them. Most segments are one
-           step long, and divisions are what costs here. */
-        uint part = amount, more = 0;
-        int4 step = e << 9;
-        if (n > 1) {
-            part = amount / n;
-            more = amount % n;
-            step = (int4)(step.x / n, step.y / n, step.z / n, 0);
-        }
-        int4 at = (p << 9) + step / 2;
-        for (int i = 0; i < n; ++i, at += step) {
-            const ulong all = part + ((uint)i < more);
-            const int x = (at.x >> 9) - SUBPIXEL / 2, y = (at.y >> 9) - SUBPIXEL / 2, z = layer(&grid, at.z >> 17);
-            add_between(cells, &grid, x, y, z, all);
-        }
+#if LANES == 1
+    WORK_ITEM(i);
+    Block block;
+    put_lanes(&grid, points, spans, strand_uv, weights, cells, &block, i, i + 1);
+#else
+    __local uint held[HELD];
+    WORK_ITEM(i);
+    if (get_local_id(0))
+        return;
+    Block block;
+    block.held = held;
+    const uint last = i + get_local_size(0) < end ? i + get_local_size(0) : end;
+    uint run = get_local_size(0);
+    for (uint first = i, past; first < last; first = past) {
+        past = open_block(&block, &grid, points, spans, first, last, &run);
+        for (uint strand = first; strand < past; strand += LANES)
+            put_lanes(&grid, points, spans, strand_uv, weights, cells, &block, strand, past);
+        give_back(&block, &grid, cells);
     }
+#endif
 }

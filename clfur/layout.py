@@ -21,6 +21,7 @@ CONSTANTS = {
     "SIDE_BITS": 2,         # of a neighbour's side: face << SIDE_BITS | side
     "ROWS": 16,             # of a face's points in the light's grid that a work-item does,
     "POINT_STEP": 0.75,     # which stand no further apart than so many sides of a cell
+    "CELL_BITS": 4,         # of a coordinate of a cell by which the user's strands are put in order
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
@@ -38,6 +39,8 @@ PATTERNS = {
 }
 
 CONSTANTS["SAMPLES"] = max(PATTERNS)   # the most a pixel can have
+
+HELD = 1 << 15   # cells of a light's grid that a work-group gathers by itself: no faster with more
 
 METHODS = "binary", "count", "trilinear", "length"   # of `Settings.shadows`: how hair is put into the light's grid
 CONSTANTS |= {f"METHOD_{name.upper()}": number for number, name in enumerate(METHODS)}
@@ -131,12 +134,24 @@ def block(lanes):
     return (1, 1) if lanes == 1 else (4, lanes // 4)
 
 
-def preamble(int64_atomics, checked=False, lanes=1):
+def shaded(lanes):
+    """Pixels that one work-item of `shade.color` lights: enough to fill its lanes most of the time."""
+    return 1 if lanes == 1 else 64
+
+
+def drawn(lanes):
+    """Strands that one work-item of `raster.lines` draws."""
+    return 1 if lanes == 1 else 16
+
+
+def preamble(int64_atomics, checked=False, lanes=1, hinted=1, local=1 << 15):
     """The C text that every program starts with.
 
     ``int64_atomics``: whether the raster may take depth and id with one 64-bit atomic.
     ``lanes``: values that a work-item should take side by side, where it can.
+    ``hinted``: the same for a kernel that tells the driver to leave its vectors alone, if more.
     ``checked``: whether the driver looks for races, and must not see the harmless ones.
+    ``local``: bytes of local memory that a work-group may have; OpenCL promises these 32 KB.
     """
     patterns = [p for n in sorted(PATTERNS) for p in PATTERNS[n]]
     step = CONSTANTS["SUBPIXEL"] // 16
@@ -146,7 +161,10 @@ def preamble(int64_atomics, checked=False, lanes=1):
         *(f"#define {name.upper().replace('-', '_')} {value}\n" for name, value in MODELS.items()),
         f"#define INT64_ATOMICS {int(int64_atomics)}\n",
         f"#define CHECKED {int(checked)}\n",
+        f"#define LANES_HINTED {hinted}\n",
+        f"#define HELD {min(local // 8, HELD)}\n",   # of 4 bytes, in half of it
         "#define LANES {}\n#define BLOCK_X {}\n#define BLOCK_Y {}\n".format(lanes, *block(lanes)),
+        f"#define SHADED {shaded(lanes)}\n#define DRAWN {drawn(lanes)}\n",
         *(_c_struct(name, dtype) for name, dtype in STRUCTS.items()),
         f"__constant int2 PATTERN[] = {{{table}}};\n",
     ])

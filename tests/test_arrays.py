@@ -22,7 +22,7 @@ from clfur.stages.raster import raster
 ROOT = Path(__file__).resolve().parents[1]
 STAGES = [importlib.import_module(f"clfur.stages.{path.stem}")
           for path in sorted((ROOT / "clfur/stages").glob("*.py")) if path.stem != "__init__"]
-ROWS = {"point": 20, "strand": 5, "color": 5, "type": 2}
+ROWS = {"point": 20, "strand": 5, "color": 5, "type": 2, "run": 1}
 
 
 # --- what is declared -------------------------------------------------------------------------------------
@@ -40,8 +40,8 @@ def test_an_array_that_is_not_declared_is_an_error_at_import(body):
 
 @pytest.mark.parametrize("name, shape, dtype, allowed", [
     ("points", (20, 4), np.float64, "float32 [20, 4]"), ("points", (20, 3), np.float32, "float32 [20, 4]"),
-    ("points", 80, np.float32, "float32 [4]"), ("strand_of", (20, 1), np.uint32, "uint32 [20]"),
-    ("strand_of", 19, np.uint32, "uint32 [20]"), ("spans", (0, 4), np.uint32, "uint32 [0, 2]"),
+    ("points", 80, np.float32, "float32 [4]"), ("numbers", (5, 1), np.uint32, "uint32 [5]"),
+    ("numbers", 19, np.uint32, "uint32 [5]"), ("spans", (0, 4), np.uint32, "uint32 [0, 2]"),
     ("types", 2, layout.Light, None)])
 def test_an_array_unlike_its_declaration_is_refused(gpu, name, shape, dtype, allowed):
     grown = strands.DeviceStrands.empty(gpu, ROWS)

@@ -25,7 +25,7 @@ def test_parts_and_bands_are_the_same_bits(gpu, another, sphere, kind, lod):
     assert np.isfinite(whole.images["depth"]).mean() > .2 and whole.images["color"].std() > .05
     small = another()
     names = recorded(small)
-    for small.memory in (3_000_000, 2_000_000):
+    for small.memory in (2_500_000, 1_900_000):
         small.forget()
         names.clear()
         frame = clfur.draw(scene, small, settings, tuple(OUTPUTS), hashes=True)
@@ -39,7 +39,7 @@ def test_parts_of_strands_over_shells(gpu, another, sphere):
     scene = scene_of("faces", sphere)
     scene = clfur.Scene(sphere, [scene.strands, clfur.Shells(length=.1, frequency=9, layers=5)], scene.camera)
     whole = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True)
-    small = another(3_000_000)
+    small = another(1_700_000)
     assert len(plan_of(scene, SETTINGS).parts(small)) > 1
     same(whole, clfur.draw(scene, small, SETTINGS, tuple(OUTPUTS), hashes=True))
 

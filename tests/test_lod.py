@@ -66,10 +66,10 @@ def grown_fur(gpu, sphere, seed=3):
 
 
 def strands_of(grown):
-    """(points [n, 4], tangents [n, 4], colors [n, 4] or None) of each strand, on the host."""
-    points, tangents, colors = (array.get() for array in (grown.points, grown.tangents, grown.colors))
+    """(points [n, 4], colors [n, 4] or None) of each strand, on the host."""
+    points, colors = grown.points.get(), grown.colors.get()
     spans = grown.spans.get().astype(int)
-    return [(points[a:a + n], tangents[a:a + n], colors[a:a + n] if grown.color_per == 2 else None) for a, n in spans]
+    return [(points[a:a + n], colors[a:a + n] if grown.color_per == 2 else None) for a, n in spans]
 
 
 def factors(grown, thinned):
@@ -93,14 +93,13 @@ def check_twin(gpu, grown, view, lod, seed, by_place=False):
     to_screen, scale = view["to_screen"].astype(float).T, float(view["scale"][0])
     checked = []
     for number, (before, after) in enumerate(zip(strands_of(grown), strands_of(thinned))):
-        colors = None if before[2] is None else before[2][:, :3].astype(float)
+        colors = None if before[1] is None else before[1][:, :3].astype(float)
         name = None if by_place else grown.first_strand + number
         factor, kept = twin.thin(to_screen, scale, before[0], name, seed, lod, colors)
         assert len(after[0]) == len(kept), number
         np.testing.assert_array_equal(after[0][:, :3], before[0][kept, :3])
-        np.testing.assert_array_equal(after[1], before[1][kept])
         if colors is not None:
-            np.testing.assert_array_equal(after[2], before[2][kept])
+            np.testing.assert_array_equal(after[1], before[1][kept])
         # A factor is one minus a place, over a mean: rounded to a few 2^-24 of the largest.
         np.testing.assert_allclose(after[0][:, 3], factor * before[0][kept, 3], rtol=1e-6,
                                    atol=4e-6 * before[0][:, 3].max(initial=0))
@@ -165,7 +164,7 @@ def test_strands_as_wide_as_lod_are_the_same_bits(gpu, sphere):
     grown = grown_fur(gpu, sphere)
     view = near_view(2.5)
     thinned = thin(gpu, grown, view, 1e-4)
-    for name in ("points", "tangents", "spans"):
+    for name in ("points", "spans"):
         np.testing.assert_array_equal(getattr(thinned, name).get(), getattr(grown, name).get())
     pixels = .004 * float(view["scale"][0])       # as wide as a strand is at distance 1
     assert (factors(grown, thin(gpu, grown, view, .9 * pixels / 3.8)) == 1).all()
@@ -234,7 +233,7 @@ def test_points_left_out_are_near_their_line(gpu, sphere, lod):
     for grown, view in ((grown_fur(gpu, sphere), near_view(2.5)),
                         (upload_curves(gpu, wild(800)), near_view()), (upload_curves(gpu, wild(800)), flat_view(90))):
         to_screen, scale = view["to_screen"].astype(float).T, float(view["scale"][0])
-        for (before, _, _), (after, _, _) in zip(strands_of(grown), strands_of(thin(gpu, grown, view, lod))):
+        for (before, _), (after, _) in zip(strands_of(grown), strands_of(thin(gpu, grown, view, lod))):
             if not len(after):
                 continue
             before, after = before.astype(float), after.astype(float)

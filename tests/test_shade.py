@@ -52,8 +52,8 @@ def shaded(gpu, tangents, to_light, to_eye, form="kajiya-kay", color=(0, 0, 0), 
     points[:, :3] = np.repeat(np.asarray(tangents), 2, 0) * np.tile([[0], [1]], (n, 1))
     fur = dataclasses.replace(
         no_strands(gpu), points=gpu.upload(points),
-        tangents=gpu.upload(np.repeat(np.c_[tangents, np.zeros(n)].astype(np.float32), 2, 0)),
-        strand_of=gpu.upload(np.repeat(np.arange(n, dtype=np.uint32), 2)),
+        strand_of=gpu.upload(np.arange(n, dtype=np.uint32)), run=2,
+        stored=gpu.upload(2 * np.arange(n, dtype=np.uint32)),
         spans=gpu.upload(np.stack([2 * np.arange(n), np.full(n, 2)], 1).astype(np.uint32)),
         colors=gpu.upload(np.array([[*color, 0]], np.float32)), color_per=0, uv=gpu.full((n, 4), np.float32, 0),
         types=upload_curves(gpu, clfur.Curves(np.zeros((0, 2, 3)), look=clfur.Kajiya(specular, exponent, form))).types)
@@ -136,7 +136,7 @@ def test_the_twin_sees_swapped_arrays(gpu, ball, monkeypatch):
     launch = gpu.launch
 
     def swapped(name, size, /, **arguments):
-        arguments["points"], arguments["tangents"] = arguments["tangents"], arguments["points"]
+        arguments["points"], arguments["strand_uv"] = arguments["strand_uv"], arguments["points"]
         return launch(name, size, **arguments)
     scene = furry(ball, "grown", 150)
     view, light, visible, strands, body = picture(gpu, scene, 1)

@@ -221,7 +221,8 @@ def test_arrays_of_another_shape_cannot_be_swapped(gpu, sphere):
     strands = grow(gpu, tessellate(gpu, sphere), Strands())
     view = view_of(Scene(sphere), 1)
     right = raster(gpu, view, strands).get()
-    given = {"view": view, "first": 0, "phase": 0, **arrays(strands, "points", "spans")}
+    given = {"view": view, "first": 0, "phase": 0, "strands": len(strands.spans),
+             **arrays(strands, "points", "spans", "shifts")}
     visible = gpu.full(right.shape, np.uint64, NONE)
     if gpu.int64_atomics:
         gpu.launch("raster.lines", len(strands.spans), **dict(reversed({**given, "visible": visible}.items())))

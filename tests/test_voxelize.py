@@ -116,6 +116,36 @@ def test_cells_equal_the_twin(gpu, case, method):
     np.testing.assert_array_equal(cells, twin.voxelize(grid, *strands, method, WEIGHTS))
 
 
+@pytest.mark.parametrize("case", [case for case in CASES if case not in ("one", "none")])
+@pytest.mark.parametrize("lanes", [1, 8, 16])
+def test_cells_are_the_same_side_by_side(another, case, lanes):
+    """As GPUs and CPUs take them: one strand a work-item, or all of a group by one of them, several at once."""
+    grid, strands = CASES[case][0](), CASES[case][1]()
+    for built in {"lanes": lanes}, {"lanes": lanes, "int64_atomics": False}:
+        cells = counted(another(**built), grid, strands, "length")
+        np.testing.assert_array_equal(cells, twin.voxelize(grid, *strands, "length", WEIGHTS))
+
+
+@pytest.mark.small
+@pytest.mark.parametrize("method", METHODS)
+def test_cells_are_the_same_without_64_bit_atomics(another, method):
+    grid, strands = plain_grid(), border_strands()
+    cells = counted(another(int64_atomics=False), grid, strands, method)
+    np.testing.assert_array_equal(cells, twin.voxelize(grid, *strands, method, WEIGHTS))
+
+
+@pytest.mark.parametrize("held", [8, 96, 4096])
+def test_cells_are_the_same_in_blocks_of_any_size(another, monkeypatch, held):
+    """Of 8 cells there is room for no strand, of 96 for short ones; a lump of hair far from the others is beside its block."""
+    monkeypatch.setattr(layout, "HELD", held)
+    points, spans, kinds = random_strands(18, 1, 15, .3, n=200)
+    points[600:606, :3] += 9
+    gpu = clfur.Scheduler(another().device)
+    gpu.lanes = 8
+    cells = counted(gpu, plain_grid(), (points, spans, kinds), "length")
+    np.testing.assert_array_equal(cells, twin.voxelize(plain_grid(), points, spans, kinds, "length", WEIGHTS))
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_neither_order_nor_groups_nor_runs_change_a_count(gpu, method):
     grid, (points, spans, kinds) = plain_grid(), random_strands(6, 0, 16, 3, n=210)

@@ -33,13 +33,13 @@ LIMIT = 600   # seconds a stage may take
 
 # Bugs put into a copy of what voxelizes: file, what is there, what comes instead, what must be said of it and its line.
 PLANTED = [
-    ("voxelize.cl", "k < span.y; ++k, a = b, from = to", "k <= span.y; ++k, a = b, from = to",
-     "Invalid read of size 16 at global memory", "        to = points[span.x + k];"),
+    ("voxelize.cl", "(int)k < LANE_I(counts, l) ? first[l] + k : some", "first[l] + 2 * k",
+     "Invalid read of size 16 at global memory", "    const float4 p = points[at[0]];"),
     ("cells.h", "atomic_add(&cells[((size_t)z * grid->size.y + y) * grid->size.x + x], amount);",
      "cells[((size_t)z * grid->size.y + y) * grid->size.x + x] += amount;",
      "Read-write data race at global memory", "x] += amount;"),
-    ("voxelize.cl", "float wa, wb, left = 0.5f;", "float wa, wb, left;",
-     "Controlflow depends on uninitialized value", "(uint)min(exact, 0x1p31f)"),
+    ("voxelize.cl", "lanes weight, left = F(0.5f);", "lanes weight, left;",
+     "Controlflow depends on uninitialized value", "    if (amount && in_grid(grid, x, y, z))"),
 ]
 
 

@@ -85,6 +85,9 @@ class Scheduler:
             self.lanes = max((n for n in (1, 8, 16) if n <= self.device.preferred_vector_width_float), default=1)
             if self.lanes == 16 and self.device.platform.name == "Portable Computing Language":
                 self.lanes = 32
+            # Intel's fills them with work-items, unless a kernel tells it not to.
+            by_itself = self.lanes == 1 and self.device.type & cl.device_type.CPU
+            self.hinted = 8 if by_itself and self.device.native_vector_width_float >= 8 else 1
             self.largest = self.device.max_mem_alloc_size   # bytes of one array
             self.steps = 65_535 if "llvmpipe" in self.device.name else None   # it ends a work-item's loops, silently
         if memory is not None:
@@ -299,7 +302,8 @@ class Scheduler:
 
     def _build(self, stem):
         text = _text("common.h") + _text(f"{stem}.cl")
-        source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind", self.lanes) + text
+        source = layout.preamble(self.int64_atomics, self.device.platform.name == "Oclgrind", self.lanes,
+                                 self.hinted, self.device.local_mem_size) + text
         options = ["-cl-std=CL1.2", "-w"]   # some compilers write how many warnings there were to stderr
         if self.device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
             options.append("-cl-fp32-correctly-rounded-divide-sqrt")

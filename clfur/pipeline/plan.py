@@ -19,18 +19,22 @@ from ..stages.coverage import COUNTED, TRANSMITTANCE, Fragments, Resolved
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
+from ..stages.order import Order
 from ..stages.raster import VISIBLE
 from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs
 from ..stages.shells import Topology, pack, size_of, topology_of
-from ..stages.strands import AREA, DeviceStrands, Packed, Roots, area_sums, first_strand_at
+from ..stages.strands import AREA, ROOTS, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.voxelize import CELLS
 from .views import Rig
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
 VERTEX, TRIANGLE = Surface.bytes(vertex=1), Surface.bytes(triangle=1) + AREA.bytes
-POINT, STRAND = DeviceStrands.bytes(point=1), DeviceStrands.bytes(strand=1, color=1) + Roots.bytes(strand=1)
-PACKED = Packed.bytes(point=1, width=1, color=1) + DeviceStrands.bytes(color=1)   # more a point, of the user's strands
+POINT, STRAND = DeviceStrands.bytes(point=1), DeviceStrands.bytes(strand=1, color=1, run=1) + ROOTS.bytes
+# More of the user's strands: of a point, where each has a width and a colour, and of a strand.
+PACKED = Packed.bytes(point=1, width=1, color=1) + DeviceStrands.bytes(color=1)
+RUN = DeviceStrands.bytes(run=1)        # and where strands differ in points
+PUT_IN_ORDER = Packed.bytes(strand=1) + Order.bytes(strand=1) + DeviceStrands.bytes("spans", strand=1)
 THIN_POINT, THIN_STRAND = DeviceStrands.bytes(*THINNED, point=1), DeviceStrands.bytes(*THINNED, strand=1)
 THIN_COLOR = DeviceStrands.bytes("colors", color=1)                               # where points have colours
 MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
@@ -272,9 +276,11 @@ class Plan:
 
     def _bytes(self, gpu):
         """Bytes on the device of a strand and of each of its points."""
-        strand, point = (STRAND, POINT) if self.grown else (STRAND, POINT + PACKED)
+        fur = self.scene.strands
+        strand, point = (STRAND, POINT) if self.grown else (STRAND + PUT_IN_ORDER, POINT + PACKED)
+        if isinstance(fur, Curves) and fur.uniform is None:
+            point += RUN
         if self.settings.lod:
-            fur = self.scene.strands
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
             strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
         if self.uses_coverage and not self.keeps_transmittances(gpu):

@@ -84,7 +84,7 @@ def allocate(gpu: Any, counted: Any, pieces: int, rows: tuple[int, int] | None =
 def gather(gpu: Any, view: np.void, strands: DeviceStrands, fragments: Fragments) -> None:
     """Write the fragments of strands, in any order."""
     gpu.launch("coverage.gather", len(strands.spans), view=view, first=strands.first_point, pixels=fragments.pixels,
-               areas=fragments.areas, **arrays(strands, "points", "spans"))
+               areas=fragments.areas, **arrays(strands, "points", "spans", "shifts"))
 
 
 def resolve(gpu: Any, visible: Any, fragments: Fragments, shell_transmittance: Any = None,
@@ -118,7 +118,7 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
     n_points = len(strands.points)
     result = TRANSMITTANCE.empty(gpu, (len(lighting.lights), n_points))
     gpu.launch("coverage.transmittance", len(strands.spans), n_points=n_points, transmittances=result,
-               **lighting.arrays(), **arrays(strands, "points", "tangents", "strand_of", "strand_normal", "strand_uv",
+               **lighting.arrays(), **arrays(strands, "points", "strand_of", "run", "strand_normal", "strand_uv",
                                              "types", "colors", "spans"))
     return result
 
@@ -137,5 +137,6 @@ def light(gpu: Any, view: np.void, lighting: Lighting, fragments: Fragments, res
                n_lights=len(lighting.lights), lights=lighting.lights, shadowed=transmittances is not None,
                transmittances=gpu.empty(0, np.float32) if transmittances is None else transmittances,
                radiance_sums=sums,
-               **arrays(strands, "points", "tangents", "strand_of", "strand_uv", "types", "colors", "color_per"))
+               **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_uv", "types", "colors",
+                        "color_per"))
     return sums

@@ -7,7 +7,7 @@ import numpy as np
 
 from .strands import DeviceStrands, arrays
 
-THINNED = "points", "tangents", "spans"   # arrays that are made anew, and colors where each point has one
+THINNED = "points", "spans"   # arrays that are made anew, and colors where each point has one
 
 
 def thin(gpu: Any, strands: DeviceStrands, view: np.void, lod: float, seed: int = 0,
@@ -29,7 +29,7 @@ def thin(gpu: Any, strands: DeviceStrands, view: np.void, lod: float, seed: int 
     thinned = replace(strands, **{name: DeviceStrands.declared[name].empty(gpu, len(getattr(strands, name)))
                                   for name in (*THINNED, *["colors"] * per_point)})
     gpu.launch("lod.thin", len(strands.spans), view=view, lod=lod, seed=seed, by_place=by_place,
-               out_points=thinned.points, out_tangents=thinned.tangents, out_spans=thinned.spans,
+               out_points=thinned.points, out_spans=thinned.spans,
                out_colors=thinned.colors if per_point else gpu.empty((0, 4), np.float32),
-               **arrays(strands, "first_strand", "points", "tangents", "spans", "colors", "color_per"))
+               **arrays(strands, "first_strand", "points", "spans", "numbers", "colors", "color_per"))
     return thinned

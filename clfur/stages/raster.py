@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..layout import Declared
+from ..layout import Declared, drawn
 from .strands import DeviceStrands, arrays
 
 NONE = (1 << 64) - 1                                  # nothing there: depth and id NOTHING
@@ -32,8 +32,9 @@ def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: 
                        first=body.first_triangle, band=-(-rows // bands), facing=facing, after=after, phase=phase,
                        visible=visible)
         if strands is not None:
-            gpu.launch("raster.lines", len(strands.spans), view=view, first=strands.first_point, phase=phase,
-                       visible=visible, **arrays(strands, "points", "spans"))
+            n = len(strands.spans)
+            gpu.launch("raster.lines", -(-n // drawn(gpu.lanes)), view=view, strands=n, first=strands.first_point,
+                       phase=phase, visible=visible, **arrays(strands, "points", "spans", "shifts"))
     return visible
 
 

@@ -41,14 +41,14 @@ def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: De
     rows, width, _ = visible.shape
     if sums is None and image is None:
         image = IMAGE.empty(gpu, (rows, width))
-    gpu.launch("shade.color", rows * width, view=view, part=_part(strands, body), visible=visible,
-               positions=body.positions, normals=body.normals, triangles=body.triangles, body_color=(*body_color, 0),
-               attenuated=sample_transmittance is not None,
+    gpu.launch("shade.color", -(-rows * width // layout.shaded(gpu.lanes)), view=view, part=_part(strands, body),
+               visible=visible, pixels=rows * width, positions=body.positions, normals=body.normals,
+               triangles=body.triangles, body_color=(*body_color, 0), attenuated=sample_transmittance is not None,
                sample_transmittance=_or_none(gpu, sample_transmittance), more=sums is not None,
                radiance_sums=gpu.empty((0, 4), np.int64) if sums is None else sums,
                image=gpu.empty((0, 4), np.float32) if image is None else image, **lighting.arrays(),
-               **arrays(strands, "points", "tangents", "strand_of", "strand_normal", "strand_uv", "types", "colors",
-                        "color_per"))
+               **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal", "strand_uv",
+                        "types", "colors", "color_per"))
     return image if sums is None else sums
 
 
@@ -96,7 +96,8 @@ def outputs(gpu: Any, view: np.void, visible: Any, strands: DeviceStrands, body:
     gpu.launch("shade.outputs", rows * width, view=view, part=_part(strands, body), visible=visible,
                positions=body.positions, normals=body.normals, uv=body.uv, triangles=body.triangles,
                **{f"out_{name}": each for name, each in result.items()},
-               **arrays(strands, "first_strand", "points", "tangents", "strand_of", "strand_uv"))
+               **arrays(strands, "first_strand", "points", "spans", "strand_of", "numbers", "stored", "run",
+                        "strand_uv"))
     return result
 
 

@@ -8,36 +8,37 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, array
+from .order import order
 from .tessellate import Surface, as_float4
 
+SORTED_FROM = 4096   # strands of the user's: fewer are near each other in memory anyway
 AREA = layout.Declared("triangle", np.uint64)   # running sums of triangles' areas, by which roots are spread
 
 
 @dataclass(frozen=True)
 class DeviceStrands(Arrays):
-    """Strands on the device: runs of points, which ``spans`` divides."""
+    """Strands on the device: runs of points, which ``spans`` divides.
+
+    Where the user's have been put in another order, all of this is in that, but ``stored``.
+    """
 
     points: Any = array("point", np.float32, 4)     # x, y, z, width [world]
-    tangents: Any = array("point", np.float32, 4)   # unit
-    strand_of: Any = array("point", np.uint32)
     spans: Any = array("strand", np.uint32, 2)      # first point, points
+    shifts: Any = array("strand", np.uint32)        # what, added to the number of a point here, is that as it came
+    numbers: Any = array("strand", np.uint32)       # of the strand as it came
+    strand_of: Any = array("run", np.uint32)        # strand of each run of ``run`` points
+    stored: Any = array("run", np.uint32)           # where the first point is of each run that came
     colors: Any = array("color", np.float32, 4)     # linear r, g, b, -; see ``color_per``
     normals: Any = array("strand", np.float32, 4)   # unit, of the body at the root; 0 where it is not known
     uv: Any = array("strand", np.float32, 4)        # root's u, v, index of its type, -
     types: Any = array("type", layout.HairType)
     first_strand: int = 0   # number of the first of these strands among all
     first_point: int = 0    # and of the first of these points
+    run: int = 1            # points of each strand, 1 where they differ: of what came p is at stored[p / run] + p % run
     color_per: int = 1      # what has a colour of its own: 0 everything together, 1 each strand, 2 each point
 
 
-@dataclass(frozen=True)
-class Roots(Arrays):
-    """Where strands begin to grow."""
-
-    root: Any = array("strand", np.float32, 4)
-    root_direction: Any = array("strand", np.float32, 4)   # unit: the body's normal
-    root_edge: Any = array("strand", np.float32, 4)        # unit, across it: along a side of the triangle
-    root_uv: Any = array("strand", np.float32, 4)          # u, v, -, -
+ROOTS = layout.Declared("strand", np.uint32, 4)   # triangle; weights of its corners, float32
 
 
 @dataclass(frozen=True)
@@ -79,19 +80,20 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
     stride = max(t.segments for t in fur.types) + 1
     point_forces = np.array([[*f.position, f.strength] for f in fur.point_forces], np.float32).reshape(-1, 4)
     grown = DeviceStrands.empty(
-        gpu, {"point": n * stride, "strand": n, "color": n}, normals=roots.root_direction,
-        types=gpu.upload(types), first_strand=begin, first_point=begin * stride)
-    gpu.launch("strands.grow", n, **vars(roots),
+        gpu, {"point": n * stride, "strand": n, "color": n, "run": n}, types=gpu.upload(types), run=stride,
+        first_strand=begin, first_point=begin * stride)
+    gpu.launch("strands.grow", -(-n // gpu.lanes), n=n, positions=surface.positions,
+               normals=surface.normals, uv=surface.uv, triangles=surface.triangles, roots=roots,
                type_map=gpu.upload(indices.astype(np.uint32)), map_size=indices.shape[::-1], texels=gpu.upload(texels),
                force=(*fur.force, 0), point_forces=gpu.upload(point_forces), n_point_forces=len(point_forces),
                seed=fur.seed, stride=stride,
-               **arrays(grown, "first_strand", "types", "points", "tangents", "strand_of", "spans", "colors",
-                        "strand_uv"))
+               **arrays(grown, "first_strand", "types", "points", "spans", "strand_of", "stored", "shifts",
+                        "numbers", "colors", "strand_normal", "strand_uv"))
     return grown
 
 
 def upload_curves(gpu: Any, curves: Any, strands: tuple[int, int] | None = None) -> DeviceStrands:
-    """Put `clfur.Curves` on the device -> `DeviceStrands`; tangents come from neighbouring points.
+    """Put `clfur.Curves` on the device -> `DeviceStrands`.
 
     ``strands``: which, (first, one past the last), if not all.
     """
@@ -114,19 +116,23 @@ def upload_curves(gpu: Any, curves: Any, strands: tuple[int, int] | None = None)
         root_uv=gpu.rows(curves.root_uv, begin, end) if has["has_uv"] else gpu.empty((0, 2), np.float32),
         type_of=gpu.upload((curves.type_of[begin:end] if has["has_types"] else np.zeros(0)).astype(np.uint32)),
     )
+    brought = np.stack([first, counts], 1).astype(np.uint32)
+    spans = gpu.upload(brought)
+    placed = order(gpu, packed.packed, spans).placed if n >= SORTED_FROM else gpu.upload(
+        np.stack([np.arange(n), first], 1).astype(np.uint32))
+    run = curves.uniform or 1
     grown = DeviceStrands.empty(
-        gpu, {"point": total, "strand": n, "color": len(packed.packed_colors)},
-        spans=gpu.upload(np.stack([first, counts], 1).astype(np.uint32)), types=gpu.upload(types),
-        first_strand=begin, first_point=before, color_per=color_per)
-    gpu.launch("strands.unpack_curves", n, width_per=width_per, **has, **vars(packed),
-               **arrays(grown, "spans", "color_per", "points", "tangents", "strand_of", "colors", "strand_normal",
-                        "strand_uv"))
+        gpu, {"point": total, "strand": n, "color": len(packed.packed_colors), "run": -(-total // run)},
+        types=gpu.upload(types), first_strand=begin, first_point=before, color_per=color_per, run=run)
+    gpu.launch("strands.unpack_curves", n, brought=spans, placed=placed, width_per=width_per, **has, **vars(packed),
+               **arrays(grown, "spans", "shifts", "numbers", "stored", "run", "color_per", "points",
+                        "strand_of", "colors", "strand_normal", "strand_uv"))
     return grown
 
 
 def no_strands(gpu: Any) -> DeviceStrands:
     """`DeviceStrands` without a strand."""
-    return DeviceStrands.empty(gpu, {"point": 0, "strand": 0, "color": 0, "type": 0})
+    return DeviceStrands.empty(gpu, {"point": 0, "strand": 0, "color": 0, "type": 0, "run": 0})
 
 
 def _per(length, strands, points):
@@ -156,21 +162,18 @@ def _turn(turns, segments):
     return np.cos(angle), np.sin(angle)
 
 
-def _roots_on_faces(gpu, surface, fur, begin, n, _area, _sums):
-    roots = Roots.empty(gpu, {"strand": n})
-    gpu.launch("strands.roots_on_faces", n, positions=surface.positions, normals=surface.normals, uv=surface.uv,
-               triangles=surface.triangles, first=begin - surface.first_triangle, **vars(roots))
+def _roots_on_faces(gpu, surface, _fur, begin, n, _area, _sums):
+    roots = ROOTS.empty(gpu, n)
+    gpu.launch("strands.roots_on_faces", n, first=begin - surface.first_triangle, roots=roots)
     return roots
 
 
 def _roots_by_area(gpu, surface, fur, begin, n, area, sums):
-    triangles = len(surface.triangles)
-    roots = Roots.empty(gpu, {"strand": n})
+    roots = ROOTS.empty(gpu, n)
     areas, total = sums or area_sums(gpu, surface)
     before, whole = (0, total) if area is None else (area[0], gpu.upload(np.array([area[1]], np.uint64)))
-    gpu.launch("strands.roots_by_area", n, positions=surface.positions, normals=surface.normals, uv=surface.uv,
-               triangles=surface.triangles, areas=areas, n_triangles=triangles, before=before, whole=whole,
-               seed=fur.seed, first=begin, n=fur.roots, **vars(roots))
+    gpu.launch("strands.roots_by_area", -(-n // gpu.lanes), areas=areas, n_triangles=len(surface.triangles),
+               before=before, whole=whole, seed=fur.seed, first=begin, n=fur.roots, n_here=n, roots=roots)
     return roots
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from .lighting import light_at
 from .scatter import fibre
+from .strands import tangents_at
 from .vectors import f64, unit
 
 DEPTH_ONE = 1 << 30        # fixed-point depth at infinity; 0 is the near plane
@@ -178,17 +179,18 @@ def light(view, lights, y, x, weights, strands, transmittances=None):
     weights: as from `resolve`.  A piece is lit at the place on its segment that is nearest to the pixel's middle at the
     piece's depth.  lights: [n] structs.  transmittances: [n, points] share of their direct light, all if None.
     """
-    result, points, tangents = np.zeros(4), f64(strands.points)[:, :3], f64(strands.tangents)[:, :3]
+    result, points = np.zeros(4), f64(strands.points)[:, :3]
     colors, eye = f64(strands.colors)[:, :3], f64(view["eye"])
     for key, weight in weights.items():
         k, e = key & 0xFFFFFFFF, max(1 - (key >> 32) / DEPTH_ONE, 0.5 / DEPTH_ONE)
-        strand = int(strands.strand_of[k])
+        strand = int(strands.strand_of[k // strands.run])
         q = np.linalg.solve(f64(view["to_screen"]).T, [x + 0.5, y + 0.5, e, 1])
         p = q[:3] / q[3]
         v = unit(eye[:3] - eye[3] * p)
         way = points[k + 1] - points[k]
         at = min(max(way @ (p - points[k]) / (way @ way), 0), 1) if way.any() else 0.0
-        t = unit(tangents[k] + at * (tangents[k + 1] - tangents[k]))
+        first, last = tangents_at(points, strands.spans[[strand]], np.array([k]))
+        t = unit(first + at * (last - first))[0]
         color = (colors[0] if strands.color_per == 0 else colors[strand] if strands.color_per == 1
                  else colors[k] + at * (colors[k + 1] - colors[k]))
         fibres = [each[None] for each in (color, f64(strands.types["shine"])[int(strands.uv[strand, 2])], t)]

@@ -8,6 +8,7 @@ import numpy as np
 from .lighting import light_at
 from .raster import BODY, DEPTH_ONE, NONE, PATTERNS
 from .scatter import fibre
+from .strands import tangents_at
 from .vectors import dot, f64, merge, mix, unit
 
 
@@ -59,7 +60,7 @@ def outputs(view, visible, strands, body):
               **{name: np.zeros((height, width, 4)) for name in ("tangent", "normal", "uv")},
               "coverage": (visible != NONE).mean(2)}
     result["depth"][on] = p @ f64(view["to_screen"])[:3, 3] + float(view["to_screen"][3, 3])
-    result["id"][on] = merge(hair, strand, np.full((~hair).sum(), -2))
+    result["id"][on] = merge(hair, np.asarray(strands.numbers)[strand], np.full((~hair).sum(), -2))
     result["tangent"][on, :3] = merge(hair, t, 0 * n)
     result["normal"][on, :3] = merge(hair, unit(across), n)
     result["uv"][on] = merge(hair, f64(strands.uv)[strand], (b[..., None] * corner_uv).sum(1))
@@ -86,11 +87,13 @@ def samples_of(view, visible):
 
 
 def on_strand(strands, k, p):
-    """Points [n, 3] near segments k [n] -> (k, strand [n], share of the length [n], unit tangents)."""
+    """Points [n, 3] near segments k [n], as they came -> (k as they lie, strand, share of the length, unit tangent)."""
+    k = np.asarray(strands.stored)[k // strands.run].astype(int) + k % strands.run
     a, b = f64(strands.points)[k, :3], f64(strands.points)[k + 1, :3]
     share = np.clip(dot(b - a, p - a) / dot(b - a, b - a), 0, 1)
-    t = f64(strands.tangents)[:, :3]
-    return k, np.asarray(strands.strand_of)[k].astype(int), share, unit(mix(t[k], t[k + 1], share))
+    strand = np.asarray(strands.strand_of)[k // strands.run].astype(int)
+    first, last = tangents_at(f64(strands.points)[:, :3], np.asarray(strands.spans)[strand], k)
+    return k, strand, share, unit(mix(first, last, share))
 
 
 def strand_color(strands, k, strand, share):

@@ -184,6 +184,19 @@ def tangents_of(points, start):
     return result
 
 
+def tangents_at(points, spans, k):
+    """Unit tangents [N, 3] at the start and at the end of segments k [N] of polylines: as `tangents_of` has them, but
+    where a chord has no length it is the segment's own direction.
+
+    points: [P, 3].  spans: [N, 2] first point, points of the strand of each.
+    """
+    points, (first, count) = np.asarray(points, float), np.asarray(spans, np.int64).T
+    along = points[k + 1] - points[k]
+    chords = (points[k + 1] - points[np.maximum(k - 1, first)],
+              points[np.minimum(k + 2, first + count - 1)] - points[k])
+    return tuple(unit_or(chord, unit_or(along, (0, 1, 0))) for chord in chords)
+
+
 # --- textures -------------------------------------------------------------------------------------------
 
 

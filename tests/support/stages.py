@@ -12,6 +12,7 @@ def strands_on(gpu, points, spans, kinds=None):
     uv[:, 2] = 0 if kinds is None else kinds
     return SimpleNamespace(points=gpu.upload(np.asarray(points, np.float32).reshape(-1, 4)),
                            spans=gpu.upload(np.asarray(spans, np.uint32).reshape(-1, 2)), uv=gpu.upload(uv),
+                           shifts=gpu.full(len(spans), np.uint32, 0),
                            first_point=0)
 
 

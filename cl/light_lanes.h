@@ -1,0 +1,160 @@
+/*
+ * What light.h and scatter.h have for one place, for LANES of them side by side: shade.cl uses this, and both before it.
+ * The same operations in the same order, but for powers: those are here of + - * / alone, so that they are the same bits for
+ * any LANES.
+ */
+typedef struct {
+    lanes x, y, z, w;
+} lanes4;
+
+INLINED lanes4 by_columns(const float4 *columns, lanes x, lanes y, lanes z)
+{
+    const float4 a = columns[0], b = columns[1], c = columns[2], d = columns[3];
+    const lanes4 q = {a.x * x + b.x * y + c.x * z + d.x, a.y * x + b.y * y + c.y * z + d.y,
+                      a.z * x + b.z * y + c.z * z + d.z, a.w * x + b.w * y + c.w * z + d.w};
+    return q;
+}
+
+/* sqrt(x), 0 where x is below. */
+INLINED lanes full_root(lanes x)
+{
+    x = greater(x, F(0.0f));
+#if LANES == 32
+    lanes y;
+    y.lo = sqrt(x.lo);
+    y.hi = sqrt(x.hi);
+    return y;
+#else
+    return sqrt(x);
+#endif
+}
+
+INLINED lanes3 unit_lanes_or(lanes3 v, lanes3 otherwise)
+{
+    const lanes square = dots(v, v), length = full_root(greater(square, F(1e-30f)));
+    const lanes_i some = square > 1e-30f;
+    v.x = some ? v.x / length : otherwise.x;
+    v.y = some ? v.y / length : otherwise.y;
+    v.z = some ? v.z / length : otherwise.z;
+    return v;
+}
+
+/* The whole number below, for |x| < 2^22. */
+INLINED lanes whole_below(lanes x)
+{
+    const lanes r = nearest(x);
+    return r > x ? r - 1.0f : r;
+}
+
+INLINED lanes3 towards_eye_lanes(const View *view, lanes3 p)
+{
+    const float4 eye = view->eye;
+    const lanes3 v = {eye.x - eye.w * p.x, eye.y - eye.w * p.y, eye.z - eye.w * p.z}, aside = {F(0.0f), F(0.0f), F(1.0f)};
+    return unit_lanes_or(v, aside);
+}
+
+/* See `light_at`: share of its direct light. */
+INLINED lanes share_of_light(const Light *light, lanes3 p, lanes3 *l)
+{
+    *l = all_lanes(-light->direction);
+    if (!(light->position.w > 0.0f))
+        return F(1.0f);
+    const lanes3 way = {light->position.x - p.x, light->position.y - p.y, light->position.z - p.z};
+    *l = unit_lanes_or(way, *l);
+    return -dots(*l, all_lanes(light->direction)) >= light->cone.x ? F(1.0f) : F(0.0f);
+}
+
+/* See `through_hair`; own_x and own_y are its self_shadow. */
+INLINED lanes through_hair_lanes(const Obstacles *obstacles, lanes own_x, lanes own_y, lanes3 p)
+{
+    const Grid *grid = &obstacles->grid;
+    const int nx = grid->size.x, ny = grid->size.y, nz = grid->size.z;
+    const lanes4 c = by_columns(grid->to_grid, p.x, p.y, p.z);
+    const lanes gx = c.x / c.w - 0.5f, gy = c.y / c.w - 0.5f, gz = within(c.z, 0.0f, (float)nz);
+    const lanes_i in = (c.w > 0.0f) & (gx > -1.0f) & (gy > -1.0f) & (gx < (float)nx) & (gy < (float)ny);
+    const lanes x = in ? gx : F(0.0f), y = in ? gy : F(0.0f), z = in ? gz : F(0.0f);
+    const lanes x0 = whole_below(x), y0 = whole_below(y), z0 = lesser(whole_below(z), F(nz - 1.0f));
+    const lanes fx = x - x0, fy = y - y0, fz = z - z0;
+    const lanes left = x0 >= 0.0f ? 1.0f - fx : F(0.0f), right = x0 + 1.0f < (float)nx ? fx : F(0.0f);
+    const lanes front = y0 >= 0.0f ? 1.0f - fy : F(0.0f), back = y0 + 1.0f < (float)ny ? fy : F(0.0f);
+    const lanes xa = greater(x0, F(0.0f)), xb = lesser(x0 + 1.0f, F(nx - 1.0f));
+    const lanes ya = greater(y0, F(0.0f)), yb = lesser(y0 + 1.0f, F(ny - 1.0f));
+    lanes before[4], behind[4];
+    for (int k = 0; k < LANES; ++k) {
+        const int a = (int)LANE(xa, k), b = (int)LANE(xb, k), from = (int)LANE(ya, k) * nx, until = (int)LANE(yb, k) * nx;
+        __global const float *near = obstacles->crossings + (size_t)(int)LANE(z0, k) * nx * ny, *far = near + nx * ny;
+        LANE(before[0], k) = near[from + a];
+        LANE(before[1], k) = near[from + b];
+        LANE(before[2], k) = near[until + a];
+        LANE(before[3], k) = near[until + b];
+        LANE(behind[0], k) = far[from + a];
+        LANE(behind[1], k) = far[from + b];
+        LANE(behind[2], k) = far[until + a];
+        LANE(behind[3], k) = far[until + b];
+    }
+    const lanes a = left * front * (before[0] + fz * (behind[0] - before[0]));
+    const lanes b = right * front * (before[1] + fz * (behind[1] - before[1]));
+    const lanes d = left * back * (before[2] + fz * (behind[2] - before[2]));
+    const lanes e = right * back * (before[3] + fz * (behind[3] - before[3]));
+    const lanes crossings = greater((a + b) + (d + e) - own_x / c.w - own_y, F(0.0f));
+    return in ? exp2_of(greater(-1.44269504f * obstacles->shadow.hair.x * crossings, F(-100.0f))) : F(1.0f);
+}
+
+/* See `past_body`; n: the normals, of any length. */
+INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, lanes3 n, float steepest, float bias)
+{
+    const View *view = &obstacles->view;
+    const int radius = obstacles->shadow.body.y;
+    const lanes4 c = by_columns(view->to_screen, p.x, p.y, p.z);
+    const lanes x = c.x / c.w, y = c.y / c.w, e = c.z / c.w, w = -dots(n, p);
+    const float4 ex = view->to_world[0], ey = view->to_world[1], ez = view->to_world[2];
+    const lanes along_e = n.x * ez.x + n.y * ez.y + n.z * ez.z + w * ez.w;
+    const lanes texel = view->eye.w > 0.0f ? e / view->scale.x : F(1.0f / view->size.x);
+    const lanes limit = steepest * texel, flat = along_e != 0.0f ? -1.0f / along_e : F(0.0f);
+    const lanes dx = greater(lesser((n.x * ex.x + n.y * ex.y + n.z * ex.z + w * ex.w) * flat, limit), -limit);
+    const lanes dy = greater(lesser((n.x * ey.x + n.y * ey.y + n.z * ey.z + w * ey.w) * flat, limit), -limit);
+    const lanes_i in = on & (c.w > 0.0f) & (x > -1.0f - radius) & (y > -1.0f - radius)
+        & (x < (float)(view->size.x + radius)) & (y < (float)(view->size.y + radius));
+    const lanes x0 = whole_below(x), y0 = whole_below(y);
+    const lanes nearest_seen = e + bias * texel + dx * (x0 + 0.5f - x) + dy * (y0 + 0.5f - y);
+    lanes dark = F(0.0f);
+    for (int k = 0; k < LANES; ++k)
+        if (LANE_I(in, k))
+            LANE(dark, k) = dark_texels(obstacles, (int)LANE(x0, k), (int)LANE(y0, k), LANE(nearest_seen, k), LANE(dx, k),
+                                        LANE(dy, k));
+    return 1.0f - dark / (float)((2 * radius + 1) * (2 * radius + 1));
+}
+
+/* What strands are like at LANES places. */
+typedef struct {
+    lanes3 tangent, color;
+    lanes specular, exponent;
+    lanes_i half_vector;                   // the model: 1, of a mask
+} Fibres;
+
+/* See `fibre`; share: of the light's direct light. */
+INLINED lanes3 fibre_lanes(const Light *light, const Fibres *here, lanes3 l, lanes3 v, lanes share)
+{
+    const lanes tl = dots(here->tangent, l), tv = dots(here->tangent, v);
+    const lanes bright = full_root(1.0f - tl * tl);
+    lanes mirror = bright * full_root(1.0f - tv * tv) - tl * tv, shine = F(0.0f);
+    if (any_lane(here->half_vector)) {
+        const lanes3 h = plus(l, v);
+        const lanes square = dots(h, h), cosine = dots(here->tangent, h) / full_root(greater(square, F(1e-12f)));
+        const lanes of_half = square > 1e-12f ? full_root(1.0f - cosine * cosine) : F(0.0f);
+        mirror = here->half_vector ? of_half : mirror;
+    }
+    mirror = greater(mirror, F(0.0f));
+    mirror = (mirror - 1.0f) * here->exponent > 1e-3f ? F(1.0f) : mirror;
+    const lanes_i shines = (1.0f - mirror) * here->exponent < 16.0f;
+    if (any_lane(shines)) {
+        const lanes power = exp2_of(greater(here->exponent * log2_of(greater(mirror, F(1e-30f))), F(-100.0f)));
+        shine = shines ? here->specular * power : F(0.0f);
+    }
+    const lanes3 c = here->color;
+    const float4 direct = light->color;
+    const lanes3 sum = {direct.x * share * (c.x * bright + shine) + direct.w * c.x,
+                        direct.y * share * (c.y * bright + shine) + direct.w * c.y,
+                        direct.z * share * (c.z * bright + shine) + direct.w * c.z};
+    return sum;
+}
