@@ -152,6 +152,16 @@ INLINED uint bits_of(lanes_i mask)
 #endif
 }
 
+/* The number of the first lane of `bits_of`, which has some. */
+INLINED int first_of(uint bits)
+{
+#if LANES == 1
+    return 0;
+#else
+    return __builtin_ctz(bits);
+#endif
+}
+
 INLINED float least_lane(lanes x)
 {
 #if LANES == 1
@@ -260,6 +270,19 @@ INLINED lanes3 unit(lanes3 a)
 {
     const lanes square = greater(dots(a, a), F(1e-30f));
     return scaled(a, root(square) / square);
+}
+
+typedef struct {
+    lanes x, y, z, w;
+} lanes4;
+
+/* A matrix, by its columns, times places (x, y, z, 1). */
+INLINED lanes4 by_columns(const float4 *columns, lanes x, lanes y, lanes z)
+{
+    const float4 a = columns[0], b = columns[1], c = columns[2], d = columns[3];
+    const lanes4 q = {a.x * x + b.x * y + c.x * z + d.x, a.y * x + b.y * y + c.y * z + d.y,
+                      a.z * x + b.z * y + c.z * z + d.z, a.w * x + b.w * y + c.w * z + d.w};
+    return q;
 }
 
 /* The logarithm of x > 0 to the base 2. */

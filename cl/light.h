@@ -180,7 +180,8 @@ inline uint strand_at(const Hair *hair, uint id)
     return hair->strand_of[id / hair->run];
 }
 
-/* A segment's ends and the points of its strand before and behind these, or the ends themselves. */
+/* A segment's ends and the points of its strand before and behind these, or the ends themselves; a strand's last point
+   begins one without length. */
 typedef struct {
     float4 before, a, b, after;
 } Segment;
@@ -189,7 +190,7 @@ inline Segment segment_at(const Hair *hair, uint id, uint2 span)
 {
     Segment s;
     s.a = hair->points[id];
-    s.b = hair->points[id + 1];
+    s.b = id + 1 < span.x + span.y ? hair->points[id + 1] : s.a;
     s.before = id > span.x ? hair->points[id - 1] : s.a;
     s.after = id + 2 < span.x + span.y ? hair->points[id + 2] : s.b;
     return s;

@@ -3,18 +3,6 @@
  * The same operations in the same order, but for powers: those are here of + - * / alone, so that they are the same bits for
  * any LANES.
  */
-typedef struct {
-    lanes x, y, z, w;
-} lanes4;
-
-INLINED lanes4 by_columns(const float4 *columns, lanes x, lanes y, lanes z)
-{
-    const float4 a = columns[0], b = columns[1], c = columns[2], d = columns[3];
-    const lanes4 q = {a.x * x + b.x * y + c.x * z + d.x, a.y * x + b.y * y + c.y * z + d.y,
-                      a.z * x + b.z * y + c.z * z + d.z, a.w * x + b.w * y + c.w * z + d.w};
-    return q;
-}
-
 /* sqrt(x), 0 where x is below. */
 INLINED lanes full_root(lanes x)
 {

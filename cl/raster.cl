@@ -15,7 +15,6 @@
 
 #define FRACTION 24                                     // fixed-point bits below the sub-pixel in a walk
 #define PIXEL ((long)SUBPIXEL << FRACTION)                // one pixel in a walk: 2^32
-#define CLIPPED INT_MIN                                 // mark of a point that must be clipped before snapping
 
 /* What put reads before its atomic: a race, but one that is meant. Where races are looked for (tools/oclgrind.py) it is
    an atomic that changes nothing, so that only others are reported. */
@@ -68,11 +67,6 @@ inline int first_pixel(int u, int offset)
     return (u - SUBPIXEL / 2 - offset + SUBPIXEL - 1) >> 8;
 }
 
-inline bool is_thin(const View *view, int a, int b)
-{
-    return 3 * (a > b ? a : b) <= 2 * (int)view->scale.y;
-}
-
 /* Half-open in both directions: samples with u in [u0, u1) along the longer axis, and across it within half the
    width there, [v - r, v + r), measured along the shorter axis; at least a sample's share of a pixel. */
 inline void draw_segment(
@@ -96,15 +90,12 @@ inline void draw_segment(
 
     /* Measured along the shorter axis a slanted strand is thicker, by up to sqrt(2); most are thin all the same. */
     const long least = (long)view->scale.y << FRACTION;
-    const bool thin = is_thin(view, a.w, b.w);
     long r0 = least, r_step = 0;
-    if (!thin) {
+    if (3 * max(a.w, b.w) > 2 * (int)view->scale.y) {
         const float slope = (float)(b.y - a.y) / du, tilt = sqrt(1.0f + slope * slope);
         r0 = (long)(a.w * tilt * 256.0f) << (FRACTION - 8);   // cut to whole sub-pixels thin strands would lose 1 %
         r_step = (((long)(b.w * tilt * 256.0f) << (FRACTION - 8)) - r0) / du;
     }
-    const uint gap = (uint)(PIXEL - 2 * least);            // between the rows that a thin strand can cover
-
     const long v_step = ((long)(b.y - a.y) << FRACTION) / du, d_step = ((long)(b.z - a.z) << FRACTION) / du;
     const size_t u_stride = (steep ? view->size.x : 1) * samples, v_stride = (steep ? 1 : view->size.x) * samples;
     for (int s = 0; s < samples; ++s) {
@@ -117,17 +108,10 @@ inline void draw_segment(
         long r = r0 + r_step * along, d = ((long)a.z << FRACTION) + d_step * along;
         size_t at = (size_t)(begin - us.x) * u_stride + s;
         for (int u = begin; u < end; ++u) {
-            if (thin) {                                    // [v - least, v + least) holds one row or none
-                const long low = v - least;
-                const uint row = (uint)(low >> 32);
-                if ((uint)low >= gap && row < (uint)v_size)
-                    put(visible, at + row * v_stride, (uint)(d >> FRACTION), id, phase);
-            } else {
-                const long half_width = max(r, least);
-                const int low = max((int)((v - half_width) >> 32), 0), high = min((int)((v + half_width) >> 32), v_size);
-                for (int row = low; row < high; ++row)
-                    put(visible, at + row * v_stride, (uint)(d >> FRACTION), id, phase);
-            }
+            const long half_width = max(r, least);
+            const int low = max((int)((v - half_width) >> 32), 0), high = min((int)((v + half_width) >> 32), v_size);
+            for (int row = low; row < high; ++row)
+                put(visible, at + row * v_stride, (uint)(d >> FRACTION), id, phase);
             v += v_step * SUBPIXEL;
             r += r_step * SUBPIXEL;
             d += d_step * SUBPIXEL;
@@ -136,13 +120,33 @@ inline void draw_segment(
     }
 }
 
-#if LANES > 1
-/* Thin segments that wait to be drawn side by side: their snapped ends, and ids. */
+/* See `within_guard`. */
+INLINED lanes_i within_guard_lanes(lanes4 c)
+{
+    const lanes most = GUARD * c.w;
+    return (c.w > 0.0f) & (c.z >= 0.0f) & (c.z <= c.w) & (c.x <= most) & (c.x >= -most) & (c.y <= most) & (c.y >= -most);
+}
+
+/* The whole number nearest to x, as `snap` has it. */
+INLINED lanes_i snapped(lanes x)
+{
+    const lanes moved = x + 0.5f;
+    const lanes_i whole = TO(lanes_i, moved);
+    return TO(lanes, whole) > moved ? whole - 1 : whole;
+}
+
+/* Snapped ends of segments, or corners of triangles. */
 typedef struct {
-    lanes_i ax, ay, az, bx, by, bz;
-    uint id[LANES];
-    int n;
-} Thin;
+    lanes_i x, y, z;
+} Corners;
+
+INLINED Corners snap_lanes(lanes4 c, lanes_i in)
+{
+    const lanes w = in ? c.w : F(1.0f);
+    const Corners s = {snapped((in ? c.x : F(0.0f)) / w * (float)SUBPIXEL), snapped((in ? c.y : F(0.0f)) / w * (float)SUBPIXEL),
+                       DEPTH_ONE - snapped((in ? c.z : F(0.0f)) / w * (float)DEPTH_ONE)};
+    return s;
+}
 
 /* floor(over · scale / by) for scale of 1 or 2^24 where the result and `by` are at most 2^30 and 2^24, by > 0: an estimate in
    float, what it leaves divided again, and one more or less. It is known modulo 2^32 that what is left is small. */
@@ -150,7 +154,7 @@ INLINED lanes_i divided(lanes_i over, int shift, lanes_i by)
 {
     const lanes divisor = TO(lanes, by);
     lanes_i q = TO(lanes_i, TO(lanes, over) * (float)(1 << shift) / divisor);
-    lanes_i rest = (over << shift) - q * by;
+    lanes_i rest = AS_I((AS_U(over) << shift) - AS_U(q) * AS_U(by));
     const lanes_i more = TO(lanes_i, TO(lanes, rest) / divisor);
     q += more;
     rest -= more * by;
@@ -159,22 +163,20 @@ INLINED lanes_i divided(lanes_i over, int shift, lanes_i by)
     return rest >= by ? q + 1 : q;
 }
 
-/* What draw_segment does with a thin one, for LANES of them. */
-INLINED void draw_thin(volatile __global ulong *visible, const View *view, Thin *these, int phase)
+/* What draw_segment does with thin ones, for those of LANES that are on. */
+INLINED void draw_thin(volatile __global ulong *visible, const View *view, lanes_i on, Corners a, Corners b, const uint *id,
+                       int phase)
 {
-    for (int k = these->n; k < LANES; ++k)
-        LANE_I(these->ax, k) = LANE_I(these->bx, k) = LANE_I(these->ay, k) = LANE_I(these->by, k) = 0;
-    these->n = 0;
-    const lanes_i dx = these->bx - these->ax, dy = these->by - these->ay;
+    const lanes_i dx = b.x - a.x, dy = b.y - a.y;
     const lanes_i steep = (dx < 0 ? -dx : dx) < (dy < 0 ? -dy : dy);
-    const lanes_i pu = steep ? these->ay : these->ax, qu = steep ? these->by : these->bx;
-    const lanes_i pv = steep ? these->ax : these->ay, qv = steep ? these->bx : these->by, back = pu > qu;
+    const lanes_i pu = steep ? a.y : a.x, qu = steep ? b.y : b.x, pv = steep ? a.x : a.y, qv = steep ? b.x : b.y;
+    const lanes_i back = pu > qu;
     const lanes_i au = back ? qu : pu, bu = back ? pu : qu, av = back ? qv : pv, bv = back ? pv : qv;
-    const lanes_i az = back ? these->bz : these->az, bz = back ? these->az : these->bz;
+    const lanes_i az = back ? b.z : a.z, bz = back ? a.z : b.z;
     const lanes_i left = steep ? I(view->rows.x) : I(0), right = steep ? I(view->rows.y) : I(view->size.x);
     const lanes_i top = steep ? I(0) : I(view->rows.x), bottom = steep ? I(view->size.x) : I(view->rows.y);
     const lanes_i lower = av < bv ? av : bv, upper = av < bv ? bv : av;
-    const lanes_i there = (bu > au) & (bu >= left * SUBPIXEL) & (au < right * SUBPIXEL)
+    const lanes_i there = on & (bu > au) & (bu >= left * SUBPIXEL) & (au < right * SUBPIXEL)
         & (upper + 2 * SUBPIXEL >= top * SUBPIXEL) & (lower - 2 * SUBPIXEL < bottom * SUBPIXEL);
     if (!any_lane(there))
         return;
@@ -200,11 +202,11 @@ INLINED void draw_thin(volatile __global ulong *visible, const View *view, Thin 
         lanes_i at = (u - left) * u_stride + s;
         for (; any_lane(there & (u < end)); ++u) {
             const lanes_u row = AS_U(TO(lanes_i, low >> 32)), beside = TO(lanes_u, low);
-            const lanes_i on = (u < end) & there & (beside >= gap) & (row < rows), sample = at + AS_I(row) * v_stride;
+            const lanes_i hit = (u < end) & there & (beside >= gap) & (row < rows), sample = at + AS_I(row) * v_stride;
             const lanes_i depth = TO(lanes_i, d >> FRACTION);
-            for (uint bits = bits_of(on); bits; bits &= bits - 1) {
-                const int k = __builtin_ctz(bits);
-                put(visible, (uint)LANE_I(sample, k), LANE_I(depth, k), these->id[k], phase);
+            for (uint bits = bits_of(hit); bits; bits &= bits - 1) {
+                const int k = first_of(bits);
+                put(visible, (uint)LANE_I(sample, k), LANE_I(depth, k), id[k], phase);
             }
             low += v_step * SUBPIXEL;
             d += d_step * SUBPIXEL;
@@ -212,8 +214,6 @@ INLINED void draw_thin(volatile __global ulong *visible, const View *view, Thin 
         }
     }
 }
-#endif
-
 /* The rare segment that leaves the guard band or crosses the near plane. */
 void draw_clipped(volatile __global ulong *visible, const View *view, float4 a, float4 b, float ha, float hb,
                   uint id, int phase)
@@ -222,7 +222,50 @@ void draw_clipped(volatile __global ulong *visible, const View *view, float4 a, 
         draw_segment(visible, view, snap_clip(a, ha), snap_clip(b, hb), id, phase);
 }
 
-/* One work-item draws DRAWN strands, projecting each point once. */
+/* Segments that wait to be drawn side by side. */
+typedef struct {
+    lanes3 a, b;
+    lanes width_a, width_b;
+    uint id[LANES];
+    int n;
+} Segments;
+
+INLINED lanes_i half_of(const View *view, lanes width, lanes4 c, lanes_i in)
+{
+    const lanes wide = 0.5f * width * view->scale.x, most = GUARD * c.w;
+    return snapped((in ? lesser(wide, most) / c.w : F(0.0f)) * (float)SUBPIXEL);
+}
+
+INLINED void draw_waiting(volatile __global ulong *visible, const View *view, Segments *these, int phase)
+{
+    lanes_i some;
+    for (int k = 0; k < LANES; ++k)
+        LANE_I(some, k) = k < these->n ? ON : 0;
+    these->n = 0;
+    const lanes4 ca = by_columns(view->to_screen, these->a.x, these->a.y, these->a.z);
+    const lanes4 cb = by_columns(view->to_screen, these->b.x, these->b.y, these->b.z);
+    const lanes_i in = some & within_guard_lanes(ca) & within_guard_lanes(cb);
+    const lanes_i wa = half_of(view, these->width_a, ca, in), wb = half_of(view, these->width_b, cb, in);
+    lanes_i thin = in & (3 * (wa > wb ? wa : wb) <= 2 * (int)view->scale.y);
+#if LANES == 1
+    thin = 0;                              // nothing stands beside it
+#endif
+    if (any_lane(thin))
+        draw_thin(visible, view, thin, snap_lanes(ca, in), snap_lanes(cb, in), these->id, phase);
+    for (uint bits = bits_of(some & (thin == 0)); bits; bits &= bits - 1) {
+        const int k = first_of(bits);
+        const float4 a = to_screen(view, (float4)(LANE(these->a.x, k), LANE(these->a.y, k), LANE(these->a.z, k), 0.0f));
+        const float4 b = to_screen(view, (float4)(LANE(these->b.x, k), LANE(these->b.y, k), LANE(these->b.z, k), 0.0f));
+        const float ha = 0.5f * LANE(these->width_a, k) * view->scale.x, hb = 0.5f * LANE(these->width_b, k) * view->scale.x;
+        if (LANE_I(in, k))
+            draw_segment(visible, view, snap((float4)(a.xyz, min(ha, GUARD * a.w)) / a.w),
+                         snap((float4)(b.xyz, min(hb, GUARD * b.w)) / b.w), these->id[k], phase);
+        else
+            draw_clipped(visible, view, a, b, ha, hb, these->id[k], phase);
+    }
+}
+
+/* One work-item draws DRAWN strands, LANES segments at once. */
 __kernel void lines(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
@@ -235,49 +278,28 @@ __kernel void lines(
     volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
     WORK_ITEM(item);
-#if LANES > 1
-    Thin thin;
-    thin.n = 0;
-#endif
+    Segments waiting;
+    waiting.n = 0;
     const uint until = item * DRAWN + DRAWN < strands ? item * DRAWN + DRAWN : strands;
     for (uint strand = item * DRAWN; strand < until; ++strand) {
         const uint2 span = spans[strand];
         const uint first_id = first + shifts[strand] + span.x;
-        float4 a, b;                       // clip space
-        int4 sa, sb;                       // snapped; w = CLIPPED where it can't be
-        float ha = 0.0f, hb;               // half a width in pixels at w = 1
-        for (uint k = 0; k < span.y; ++k, a = b, sa = sb, ha = hb) {
-            const float4 p = points[span.x + k];
-            const uint id = first_id + k - 1;
-            b = to_screen(&view, p);
-            hb = 0.5f * p.w * view.scale.x;
-            sb.w = CLIPPED;
-            if (within_guard(b))
-                sb = snap((float4)(b.xyz, min(hb, GUARD * b.w)) / b.w);
-            if (!k)
-                continue;
-            if (sa.w == CLIPPED || sb.w == CLIPPED) {
-                draw_clipped(visible, &view, a, b, ha, hb, id, phase);
-                continue;
-            }
-#if LANES > 1
-            if (is_thin(&view, sa.w, sb.w)) {
-                const int n = thin.n++;
-                LANE_I(thin.ax, n) = sa.x, LANE_I(thin.ay, n) = sa.y, LANE_I(thin.az, n) = sa.z;
-                LANE_I(thin.bx, n) = sb.x, LANE_I(thin.by, n) = sb.y, LANE_I(thin.bz, n) = sb.z;
-                thin.id[n] = id;
-                if (thin.n == LANES)
-                    draw_thin(visible, &view, &thin, phase);
-                continue;
-            }
-#endif
-            draw_segment(visible, &view, sa, sb, id, phase);
+        float4 a, b = span.y ? points[span.x] : (float4)(0.0f);
+        for (uint k = 1; k < span.y; ++k) {
+            a = b;
+            b = points[span.x + k];
+            const int n = waiting.n++;
+            put_lane(&waiting.a, n, a);
+            put_lane(&waiting.b, n, b);
+            LANE(waiting.width_a, n) = a.w;
+            LANE(waiting.width_b, n) = b.w;
+            waiting.id[n] = first_id + k - 1;
+            if (waiting.n == LANES)
+                draw_waiting(visible, &view, &waiting, phase);
         }
     }
-#if LANES > 1
-    if (thin.n)
-        draw_thin(visible, &view, &thin, phase);
-#endif
+    if (waiting.n)
+        draw_waiting(visible, &view, &waiting, phase);
 }
 
 /* n·2^14 / area, exact but for the last bit, modulo 2^64. */
@@ -387,13 +409,125 @@ void draw_triangle_clipped(volatile __global ulong *visible, const View *view, i
                       snap_clip(polygon[j + 1], 0.0f), id, phase, facing, after);
 }
 
-/* One work-item draws what one band of the picture shows of one triangle of the body: a large one is no long job. */
+INLINED lanes_i least_of(lanes_i a, lanes_i b, lanes_i c)
+{
+    const lanes_i d = a < b ? a : b;
+    return d < c ? d : c;
+}
+
+INLINED lanes_i most_of(lanes_i a, lanes_i b, lanes_i c)
+{
+    const lanes_i d = a > b ? a : b;
+    return d > c ? d : c;
+}
+
+/* A triangle's edge from p to q: twice the area with the point (x, y), less its bias. */
+INLINED lanes_i edges(Corners p, Corners q, lanes_i x, lanes_i y)
+{
+    const lanes_i ours = (q.y < p.y) | ((q.y == p.y) & (q.x > p.x));
+    return (q.x - p.x) * (y - p.y) - (q.y - p.y) * (x - p.x) + (ours ? I(0) : I(-1));
+}
+
+/* The depths of a triangle, from the middle of the first pixel that it may touch. */
+typedef struct {
+    ulong gx, gy, start;
+    long nearest, farthest, z;
+    size_t at;                             // that pixel's first sample
+} Plane;
+
+inline Plane plane_of(int4 a, int4 b, int4 c, int x0, int y0)
+{
+    Plane plane;
+    const long db = b.z - a.z, dc = c.z - a.z;
+    const int area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+    plane.gx = gradient(db * (c.y - a.y) - dc * (b.y - a.y), area);
+    plane.gy = gradient(dc * (b.x - a.x) - db * (c.x - a.x), area);
+    plane.start = plane.gx * (ulong)(long)(x0 * SUBPIXEL + SUBPIXEL / 2 - a.x)
+        + plane.gy * (ulong)(long)(y0 * SUBPIXEL + SUBPIXEL / 2 - a.y);
+    const int near = a.z < b.z ? a.z : b.z, far = a.z < b.z ? b.z : a.z;
+    plane.nearest = near < c.z ? near : c.z;
+    plane.farthest = far > c.z ? far : c.z;
+    plane.z = a.z;
+    return plane;
+}
+
+INLINED int4 corner(const Corners *of, int k)
+{
+    return (int4)(LANE_I(of->x, k), LANE_I(of->y, k), LANE_I(of->z, k), 0);
+}
+
+#define SMALL 32   // pixels across and down that a triangle may touch to be drawn side by side: its edges then fit 32 bits
+
+/* Triangles, drawn side by side as draw_triangle draws them: LANES different ones, each from the first pixel that it may
+   touch. Those of `there` are small. */
+INLINED void draw_small(volatile __global ulong *visible, const View *view, int2 rows, lanes_i there, Corners a, Corners b,
+                        Corners c, uint first, int phase, int facing, __global const uint *after)
+{
+    const lanes_i turned = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x), swap = turned < 0;
+    const Corners p = b, q = c;
+    b.x = swap ? q.x : p.x, b.y = swap ? q.y : p.y, b.z = swap ? q.z : p.z;
+    c.x = swap ? p.x : q.x, c.y = swap ? p.y : q.y, c.z = swap ? p.z : q.z;
+    const int samples = view->size.z, furthest = SUBPIXEL / 2;
+    lanes_i x0 = (least_of(a.x, b.x, c.x) - furthest) >> 8, y0 = (least_of(a.y, b.y, c.y) - furthest) >> 8;
+    lanes_i x1 = (most_of(a.x, b.x, c.x) + furthest) >> 8, y1 = (most_of(a.y, b.y, c.y) + furthest) >> 8;
+    x0 = x0 > 0 ? x0 : I(0);
+    y0 = y0 > rows.x ? y0 : I(rows.x);
+    x1 = x1 < view->size.x ? x1 : I(view->size.x - 1);
+    y1 = y1 < rows.y ? y1 : I(rows.y - 1);
+    there &= (x0 <= x1) & (y0 <= y1) & (turned != 0);
+    if (facing)
+        there &= swap;
+    if (!any_lane(there))
+        return;
+    const int wide = most_lane(there ? x1 - x0 : I(0)), high = most_lane(there ? y1 - y0 : I(0));
+    const lanes_i ec_x = (b.y - a.y) * SUBPIXEL, ea_x = (c.y - b.y) * SUBPIXEL, eb_x = (a.y - c.y) * SUBPIXEL;
+    const lanes_i ec_y = (b.x - a.x) * SUBPIXEL, ea_y = (c.x - b.x) * SUBPIXEL, eb_y = (a.x - c.x) * SUBPIXEL;
+    Plane planes[LANES];
+    uint known = 0;                        // lanes of which there is one: many triangles hit no sample
+    for (int s = 0; s < samples; ++s) {
+        const int2 offset = PATTERN[view->size.w + s];
+        const lanes_i sx = x0 * SUBPIXEL + (SUBPIXEL / 2 + offset.x), sy = y0 * SUBPIXEL + (SUBPIXEL / 2 + offset.y);
+        lanes_i row_c = edges(a, b, sx, sy), row_a = edges(b, c, sx, sy), row_b = edges(c, a, sx, sy);
+        for (int j = 0; j <= high; ++j) {
+            const lanes_i in_row = there & (y0 + j <= y1);
+            lanes_i ec = row_c, ea = row_a, eb = row_b;
+            for (int i = 0; i <= wide; ++i) {
+                const ulong across = (ulong)(long)(offset.x + i * SUBPIXEL), down = (ulong)(long)(offset.y + j * SUBPIXEL);
+                const size_t from = ((size_t)j * view->size.x + i) * samples + s;
+                for (uint bits = bits_of(in_row & ((ec | ea | eb) >= 0) & (x0 + i <= x1)); bits; bits &= bits - 1) {
+                    const int k = first_of(bits);
+                    if (!(known >> k & 1)) {
+                        planes[k] = plane_of(corner(&a, k), corner(&b, k), corner(&c, k), LANE_I(x0, k), LANE_I(y0, k));
+                        planes[k].at = ((size_t)(LANE_I(y0, k) - view->rows.x) * view->size.x + LANE_I(x0, k)) * samples;
+                        known |= 1u << k;
+                    }
+                    const Plane *plane = &planes[k];
+                    const ulong d = plane->start + plane->gx * across + plane->gy * down;
+                    const long here = plane->z + ((long)d >> 14);
+                    const uint depth = (uint)(here < plane->nearest ? plane->nearest
+                                              : here < plane->farthest ? here : plane->farthest);
+                    const size_t sample = plane->at + from;
+                    if (!facing || depth > after[sample])
+                        put(visible, sample, depth, BODY | (first + k), phase);
+                }
+                ec -= ec_x;
+                ea -= ea_x;
+                eb -= eb_x;
+            }
+            row_c += ec_y;
+            row_a += ea_y;
+            row_b += eb_y;
+        }
+    }
+}
+
+/* One work-item draws what one band of the picture shows of LANES triangles of the body: a large one is no long job. */
 __kernel void body(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     __global const float4 *positions,      // [V]
     __global const uint4 *triangles,       // [n]
-    const uint n,                          // triangles; work-items are n for each band
+    const uint n,                          // triangles; work-items are n / LANES, rounded up, for each band
     const uint first,                      // added to the number of a triangle to make its id
     const int band,                        // rows of a band
     const int facing,                      // 1: only triangles that face the eye, behind `after`
@@ -402,17 +536,38 @@ __kernel void body(
     volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
     WORK_ITEM(item);
-    const uint t = item % n;
-    const int top = view.rows.x + (int)(item / n) * band;
+    const uint groups = (n - 1) / LANES + 1, t = item % groups * LANES, count = n - t < LANES ? n - t : LANES;
+    const int top = view.rows.x + (int)(item / groups) * band;
     const int2 rows = (int2)(top, min(top + band, view.rows.y));
-    const uint4 v = triangles[t];
-    const float4 a = to_screen(&view, positions[v.x]);
-    const float4 b = to_screen(&view, positions[v.y]);
-    const float4 c = to_screen(&view, positions[v.z]);
-    if (within_guard(a) && within_guard(b) && within_guard(c))
-        draw_triangle(visible, &view, rows, snap((float4)(a.xyz, 0.0f) / a.w), snap((float4)(b.xyz, 0.0f) / b.w),
-                      snap((float4)(c.xyz, 0.0f) / c.w), BODY | (first + t), phase, facing, after);
-    else
-        for (int before = 0; before < (view.scale.z > 0.0f ? 2 : 1); ++before)
-            draw_triangle_clipped(visible, &view, rows, a, b, c, BODY | (first + t), phase, facing, after, before);
+    lanes3 pa, pb, pc;
+    lanes_i some;
+    for (uint k = 0; k < LANES; ++k) {
+        const uint4 v = triangles[k < count ? t + k : t];
+        const float4 p = positions[v.x], q = positions[v.y], r = positions[v.z];
+        LANE_I(some, k) = k < count ? ON : 0;
+        LANE(pa.x, k) = p.x, LANE(pa.y, k) = p.y, LANE(pa.z, k) = p.z;
+        LANE(pb.x, k) = q.x, LANE(pb.y, k) = q.y, LANE(pb.z, k) = q.z;
+        LANE(pc.x, k) = r.x, LANE(pc.y, k) = r.y, LANE(pc.z, k) = r.z;
+    }
+    const lanes4 ca = by_columns(view.to_screen, pa.x, pa.y, pa.z), cb = by_columns(view.to_screen, pb.x, pb.y, pb.z);
+    const lanes4 cc = by_columns(view.to_screen, pc.x, pc.y, pc.z);
+    const lanes_i in = some & within_guard_lanes(ca) & within_guard_lanes(cb) & within_guard_lanes(cc);
+    const Corners a = snap_lanes(ca, in), b = snap_lanes(cb, in), c = snap_lanes(cc, in);
+    const lanes_i small = in & (most_of(a.x, b.x, c.x) - least_of(a.x, b.x, c.x) < (SMALL - 2) * SUBPIXEL)
+        & (most_of(a.y, b.y, c.y) - least_of(a.y, b.y, c.y) < (SMALL - 2) * SUBPIXEL);
+    if (any_lane(small))
+        draw_small(visible, &view, rows, small, a, b, c, first + t, phase, facing, after);
+    for (uint k = 0; k < count; ++k) {
+        if (LANE_I(small, k))
+            continue;
+        const uint4 v = triangles[t + k];
+        const uint id = BODY | (first + t + k);
+        const float4 p = to_screen(&view, positions[v.x]), q = to_screen(&view, positions[v.y]), r = to_screen(&view, positions[v.z]);
+        if (LANE_I(in, k))
+            draw_triangle(visible, &view, rows, snap((float4)(p.xyz, 0.0f) / p.w), snap((float4)(q.xyz, 0.0f) / q.w),
+                          snap((float4)(r.xyz, 0.0f) / r.w), id, phase, facing, after);
+        else
+            for (int before = 0; before < (view.scale.z > 0.0f ? 2 : 1); ++before)
+                draw_triangle_clipped(visible, &view, rows, p, q, r, id, phase, facing, after, before);
+    }
 }

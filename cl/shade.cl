@@ -242,9 +242,8 @@ __kernel void color(
             LANE(these->share, k) = share;
             these->id[k] = of_body ? id : lies_at(stored, run, id);
             these->pixel[k] = in_pixel;
-            if (!of_body) {                // nothing else knows what will be looked up
+            if (!of_body)                  // nothing else knows what will be looked up
                 PREFETCH(points + these->id[k]);
-            }
             full = these->n == LANES;
         }
         Waiting *these = &waiting[of_body];

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.plans import plan_of
 
 import clfur
 from clfur.layout import CONSTANTS
@@ -95,6 +96,29 @@ def test_no_output_knows_the_order(gpu, monkeypatch, ragged, settings):
     for name in wanted:
         np.testing.assert_array_equal(frames[0].images[name], frames[1].images[name])
     assert len(np.unique(frames[0].images["id"])) > 100
+
+
+@pytest.mark.parametrize("ragged", [False, True])
+def test_parts_are_put_in_order_each(gpu, another, monkeypatch, ragged):
+    """The same bits as of one part whose strands lie as they came."""
+    points, counts = on_sphere(6000, 8, ragged)
+    fur = clfur.Curves(points, counts, width=.004, color=np.random.default_rng(9).random((6000, 3)))
+    scene = clfur.Scene(fur=fur, camera=clfur.Camera(size=(64, 48)))
+    settings, wanted = clfur.Settings(grid=16, shadow_map=16, samples=1), ("color", "depth", "id", "coverage")
+    small = another()
+    for small.memory in range(3_000_000, 500_000, -100_000):   # the first that holds several parts alone
+        if len(plan_of(scene, settings).parts(small)) > 1:
+            break
+    else:
+        pytest.fail("never more than one part")
+    monkeypatch.setattr(strands, "SORTED_FROM", 7000)
+    gpu.forget()
+    whole = clfur.draw(scene, gpu, settings, wanted, hashes=True)
+    monkeypatch.setattr(strands, "SORTED_FROM", 0)
+    cut = clfur.draw(scene, small, settings, wanted, hashes=True)
+    assert whole.hashes == cut.hashes
+    for name in wanted:
+        np.testing.assert_array_equal(whole.images[name], cut.images[name])
 
 
 def test_a_strand_is_found_by_what_it_came_as(gpu):

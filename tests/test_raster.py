@@ -137,6 +137,48 @@ def test_snapping_in_float64_differs_by_at_most_one_unit():
     assert off[:, 2].max() <= 3 * 2**-24 * DEPTH_ONE + 1
 
 
+@pytest.mark.parametrize("samples", [1, 4])
+def test_thin_strands_of_any_length_slope_and_depth(gpu, fallback, samples):
+    """From a sub-pixel to the guard band, and as deep as there is: what is drawn side by side divides in float, and its
+    steps are the twin's integers all the same."""
+    rng = np.random.default_rng(6)
+    strands = np.zeros((900, 2, 4))
+    strands[:, 0, :2] = rng.uniform(-5, 60, (900, 2))
+    length = 2.0 ** rng.uniform(-9, 14, 900)
+    turn = rng.choice([0, .5, 1, 1 + 1e-4, 2], 900) * np.pi / 2 + rng.choice([0, 1e-3, .3], 900)
+    strands[:, 1, :2] = strands[:, 0, :2] + length[:, None] * np.stack([np.cos(turn), np.sin(turn)], 1)
+    strands[::3, 0, :2] = rng.integers(0, 40, (300, 2)) + .5 - [1 / 256, 0]   # some sub-pixels that hold a sample
+    strands[::3, 1, :2] = strands[::3, 0, :2] + np.stack([rng.integers(2, 9, 300) / 256, np.zeros(300)], 1)
+    strands[..., 2] = rng.choice([0, 1e-9, .25, .5, 1 - 2**-24, 1], (900, 2)) + rng.uniform(0, 2**-24, (900, 2))
+    strands[..., 2] = np.clip(strands[..., 2], 0, 1)
+    strands[..., 3] = rng.choice([0, .1, 2 / 3 / samples], (900, 1))
+    view = flat(53, 41, samples)
+    drawn = judged(gpu, view, list(strands))
+    assert len(np.unique(id_of(drawn)[covered(drawn)])) > 50
+    np.testing.assert_array_equal(draw(fallback, view, list(strands)), drawn)
+
+
+@pytest.mark.parametrize("facing", [False, True])
+def test_triangles_of_any_size_in_one_group(gpu, fallback, facing):
+    """Those that are drawn side by side and those that are too large for that, those that nothing is left of, and some
+    at the guard band; with and without what they must lie behind."""
+    rng = np.random.default_rng(7)
+    size = 2.0 ** rng.uniform(-9, 16, (700, 1, 1))
+    corners = np.zeros((700, 3, 3))
+    corners[..., :2] = rng.uniform(-9, 60, (700, 1, 2)) + size * rng.normal(size=(700, 3, 2))
+    corners[..., 2] = rng.uniform(0, 1, (700, 3))
+    corners[::7, 2] = corners[::7, 1]      # a line
+    body, view = surface(corners.reshape(-1, 3), np.arange(2100).reshape(-1, 3)), flat(53, 41, 4)
+    drawn = judged(gpu, view, (), body)
+    np.testing.assert_array_equal(draw(fallback, view, (), body), drawn)
+    if facing:
+        after = gpu.upload(np.full(drawn.shape, DEPTH_ONE // 2, np.uint32))
+        some = raster(gpu, view, None, body_on(gpu, *body), after=after).get()
+        turned = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
+        seen = np.unique(id_of(some)[covered(some)] - BODY)
+        assert len(seen) > 20 and (turned[seen] < 0).all() and (depth_of(some)[covered(some)] > DEPTH_ONE // 2).all()
+
+
 # --- any order, any run ---------------------------------------------------------------------------------
 
 

@@ -171,6 +171,21 @@ def test_a_small_picture_is_the_twins(gpu, kind, form):
         np.testing.assert_allclose(found[name].get(), meant[name], rtol=0, atol=tolerance, err_msg=name)
 
 
+@pytest.mark.parametrize("kind", ["point", "grown"])
+@pytest.mark.parametrize("raster", ["samples", "coverage"])
+def test_places_lit_side_by_side_are_lit_as_one(gpu, another, ball, kind, raster):
+    """For any number of them the same bits, shadows and all: what is no + - * / is a series of these."""
+    scene = furry(ball, kind, 40)
+    spot = clfur.Light((1, -1, -1), (.2, .4, 1), .05, position=(-1, 1, 1.5), angle=50)
+    scene = clfur.Scene(scene.mesh, scene.fur, scene.camera, (scene.light, spot))
+    settings = clfur.Settings(raster=raster, samples=4, pcf=2)
+    drawn = clfur.render(scene, gpu, settings)
+    one_by_one = clfur.render(scene, another(lanes=1), settings)
+    np.testing.assert_allclose(drawn, one_by_one, rtol=0, atol=0)
+    dark = clfur.render(clfur.Scene(scene.mesh, scene.fur, scene.camera, spot), gpu, settings)
+    assert (np.abs(drawn - dark).max(2) > .01).mean() > .1
+
+
 @pytest.mark.small
 @pytest.mark.parametrize("samples", [1, 4])
 def test_coverage_becomes_alpha(gpu, samples):

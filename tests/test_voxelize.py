@@ -136,7 +136,7 @@ def test_cells_are_the_same_without_64_bit_atomics(another, method):
 
 @pytest.mark.parametrize("held", [8, 96, 4096])
 def test_cells_are_the_same_in_blocks_of_any_size(another, monkeypatch, held):
-    """Of 8 cells there is room for no strand, of 96 for short ones; a lump of hair far from the others is beside its block."""
+    """Of 8 cells there is room for no strand, of 96 for short ones; a lump of hair far off is beside its block."""
     monkeypatch.setattr(layout, "HELD", held)
     points, spans, kinds = random_strands(18, 1, 15, .3, n=200)
     points[600:606, :3] += 9

@@ -28,9 +28,9 @@ def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: 
     for phase in range(1 if gpu.int64_atomics else 2):
         if body is not None:
             n = len(body.triangles)
-            gpu.launch("raster.body", n * bands, view=view, positions=body.positions, triangles=body.triangles, n=n,
-                       first=body.first_triangle, band=-(-rows // bands), facing=facing, after=after, phase=phase,
-                       visible=visible)
+            gpu.launch("raster.body", -(-n // gpu.lanes) * bands, view=view, positions=body.positions,
+                       triangles=body.triangles, n=n, first=body.first_triangle, band=-(-rows // bands), facing=facing,
+                       after=after, phase=phase, visible=visible)
         if strands is not None:
             n = len(strands.spans)
             gpu.launch("raster.lines", -(-n // drawn(gpu.lanes)), view=view, strands=n, first=strands.first_point,
