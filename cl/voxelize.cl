@@ -367,7 +367,8 @@ INLINED void spread(volatile __global uint *cells, const Grid *grid, Block *bloc
     /* Middles of the steps, in 2^-9 sub-cells: four grids of 1024 cells are 2^29 of them. Most segments are one or two
        steps long, and divisions are what costs here. */
     lanes_u part = amount >> AS_U(n - 1), more = amount & AS_U(n - 1);
-    lanes_i sx = ex << 9 >> n - 1, sy = ey << 9 >> n - 1, sz = ez << 9 >> n - 1;
+    const lanes_i shift = 10 - n;
+    lanes_i sx = ex << shift, sy = ey << shift, sz = ez << shift;
     if (most > 2) {
         part = any_lane(amount >= 1u << 22) ? amount / AS_U(n) : AS_U(quotient(float_of(AS_I(amount)), AS_I(amount), n));
         more = amount - part * AS_U(n);
@@ -377,7 +378,7 @@ INLINED void spread(volatile __global uint *cells, const Grid *grid, Block *bloc
     }
     lanes_i x = (a->x << 9) + sx / 2, y = (a->y << 9) + sy / 2, z = (a->z << 9) + sz / 2;
     for (int i = 0; i < most; ++i, x += sx, y += sy, z += sz) {
-        const lanes_u all = on & n > i ? part + (more > (uint)i ? U(1) : U(0)) : U(0);
+        const lanes_u one = part + (more > (uint)i ? U(1) : U(0)), all = (on & (n > i)) ? one : U(0);
         lanes_i layers = z >> 17;
         if (grid->size.w)
             layers = layers < 0 ? I(0) : layers;

@@ -39,7 +39,7 @@ PLANTED = [
      "cells[((size_t)z * grid->size.y + y) * grid->size.x + x] += amount;",
      "Read-write data race at global memory", "x] += amount;"),
     ("voxelize.cl", "lanes weight, left = F(0.5f);", "lanes weight, left;",
-     "Controlflow depends on uninitialized value", "    if (amount && in_grid(grid, x, y, z))"),
+     "Controlflow depends on uninitialized value", "    return near > x ? near - 1.0f : near;"),
 ]
 
 
