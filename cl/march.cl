@@ -15,6 +15,7 @@
 
 #define SIDEWAYS 8.0f    // steps on the way across one x or y, down to one where hairs are seen on average
 #define SHARP 0.85f     // of a pixel's width counts as footprint: least error against 8 x 8 samples (tools/shells_laws.py)
+#define PIXEL 4.0f       // steps across a pixel, where hairs are not filtered, if that is fewer
 #define FAR_FROM 0.3f   // pixels that are so many sides of a cell wide begin to see hairs on average,
 #define FAR_TO 0.9f     // and those of so many see nothing else: no cell is looked for there, steps are a pixel long
 #define MOST_TETRAHEDRA 20000    // on one way, on average: no scene that is any good has so many
@@ -425,6 +426,11 @@ __kernel void march(
                 const lanes_i is_far = far > 0.0f, is_crowd = far >= 1.0f, passes = running;
                 const bool any_far = any_lane(running & is_far), all_crowd = !any_lane(running & !is_crowd);
                 lanes along = SIDEWAYS * move;
+                if (!shells.kind.w) {
+                    /* Not filtered: more looks than PIXEL across a pixel would show noise of another grain and no more. */
+                    const lanes across = 0.5f * (z_in + z_out) * wide * second.w;
+                    along = move * lesser(F(SIDEWAYS), PIXEL / greater(across, F(1e-6f)));
+                }
                 if (any_far) {
                     /* Where hairs begin to be seen on average a step is a pixel long, if that is longer. */
                     const float slower = sqrt(square_x < square_y ? square_x : square_y);
