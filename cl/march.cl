@@ -15,7 +15,7 @@
 
 #define SIDEWAYS 8.0f    // steps on the way across one x or y, down to one where hairs are seen on average
 #define SHARP 0.85f     // of a pixel's width counts as footprint: least error against 8 x 8 samples (tools/shells_laws.py)
-#define PIXEL 4.0f       // steps across a pixel, where hairs are not filtered, if that is fewer
+#define PIXEL 8.0f       // steps across a pixel, where hairs are not filtered, if that is fewer
 #define FAR_FROM 0.3f   // pixels that are so many sides of a cell wide begin to see hairs on average,
 #define FAR_TO 0.9f     // and those of so many see nothing else: no cell is looked for there, steps are a pixel long
 #define MOST_TETRAHEDRA 20000    // on one way, on average: no scene that is any good has so many

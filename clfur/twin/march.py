@@ -11,7 +11,7 @@ from .scatter import TURNED, fibre, surface
 from .shells import HEIGHTS, cover, height_at
 from .vectors import dot, f64, unit
 
-SIDEWAYS, PIXEL = 8.0, 4.0
+SIDEWAYS, PIXEL = 8.0, 8.0
 SHARP = 0.85
 FAR_FROM, FAR_TO = 0.3, 0.9
 TETRAHEDRA = np.array([(0, 1, 2, 5), (0, 1, 4, 5), (0, 3, 4, 5)])   # of a prism: 0 1 2 below, 3 4 5 above them
