@@ -5,6 +5,10 @@
    for another size of work-group, and PoCL also for a start elsewhere than at 0. */
 #define WORK_ITEM(i) const size_t i = begin + get_global_id(0); if (i >= end) return
 
+/* A kernel whose work-items are groups of their own: some have much more to do than others, and Intel's compiler would lay
+   several of a group side by side. */
+#define ALONE __attribute__((reqd_work_group_size(1, 1, 1)))
+
 #define UNSEEN (1.0f / 256)   // share of light that would not be seen: what is behind so little is left out
 
 inline float dot3(float4 a, float4 b)

@@ -38,6 +38,11 @@ typedef long16 lanes_l;
 #define AS_U as_uint16
 #define AS_F as_float16
 #endif
+#if LANES > 1
+#define BY_HAND __attribute__((vec_type_hint(float8)))   // a kernel whose work-items Intel's doesn't lay side by side too
+#else
+#define BY_HAND
+#endif
 #define F(x) ((lanes)(x))
 #define I(x) ((lanes_i)(x))
 #define U(x) ((lanes_u)(x))

@@ -15,12 +15,6 @@
 #endif
 #include "lanes.h"
 
-#if LANES > 1
-#define BY_HAND __attribute__((vec_type_hint(float8)))   // Intel's fills vectors with work-items, of which one does all
-#else
-#define BY_HAND
-#endif
-
 #if INT64_ATOMICS
 #pragma OPENCL EXTENSION cl_khr_int64_base_atomics : enable
 #endif

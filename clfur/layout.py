@@ -12,12 +12,19 @@ CONSTANTS = {
     "NOTHING": 0xFFFFFFFF,  # depth and id of a sample that nothing covers
     "BODY": 0x80000000,     # id of a body triangle = BODY | triangle; of a strand segment = its first point
     "SCAN": 256,            # values one work-item sums in a prefix scan
-    "TILE": 8,              # pixels a side of a tile, whose pieces of strands lie together; SCAN pixels are whole tiles
+    "TILE": 8,              # pixels a side of a tile, in which strands are drawn together
+    "SLOTS": 32,            # pieces of strands that a pixel lets wait; a multiple of 4
+    "WALK": 88,             # uint4 of a pixel that stops on its way through these
+    "BUCKETS": 256,         # by depth, into which the segments of a tile are sorted
     "ID_NOTHING": -1,       # output "id" of a pixel where nothing is; strands are numbered from 0
     "ID_BODY": -2,
     "ID_SHELLS": -3,
     "CORNERS": 8,           # float4 a face in the lattice of shell fur
     "HEIGHTS": 64,          # of its table of means
+    "FEW_PIECES": 2,        # of a segment, in which its light is a parabola,
+    "FEW_PLACES": 5,        # and at how many places it is known,
+    "MANY_PIECES": 7,       # where it changes much
+    "MANY_PLACES": 15,
     "SIDE_BITS": 2,         # of a neighbour's side: face << SIDE_BITS | side
     "ROWS": 16,             # of a face's points in the light's grid that a work-item does,
     "POINT_STEP": 0.75,     # which stand no further apart than so many sides of a cell

@@ -3,11 +3,13 @@
 import hypothesis
 import numpy as np
 import pytest
+from support.coverage import Kernels
 from support.devices import DEVICES
 from support.scenes import icosphere
 
 import clfur
 from clfur.command.main import main
+from clfur.device import scheduler
 from clfur.device import selection as device
 
 # The same examples in every run, on however slow a machine.
@@ -65,6 +67,13 @@ def fresh(request):
     yield
     if "gpu" in request.fixturenames:
         request.getfixturevalue("gpu").forget()
+
+
+@pytest.fixture
+def plain(monkeypatch):
+    """Kernels of the tests are found among the others."""
+    folder = Kernels(scheduler.kernel_dir())
+    monkeypatch.setattr(scheduler, "kernel_dir", lambda: folder)
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ import clfur
 from clfur import layout
 from clfur.pipeline import plan
 from clfur.pipeline.views import view_of
-from clfur.stages import coverage, shade, shells, strands, tessellate
+from clfur.stages import coverage, shade, shells, strand_light, strands, tessellate
 from clfur.stages.lighting import unshadowed
 from clfur.stages.lod import thin
 from clfur.stages.raster import raster
@@ -53,16 +53,16 @@ def test_an_array_unlike_its_declaration_is_refused(gpu, name, shape, dtype, all
 
 
 def test_arrays_are_made_as_declared(gpu):
-    made = coverage.Resolved.empty(gpu, {"pixel": (3, 5), "sample": (3, 5, 4), "fragment": 6},
-                                   strand_transmittance=gpu.full((3, 5), np.float32, 7))
-    shapes = {name: (getattr(made, name).shape, getattr(made, name).dtype) for name in coverage.Resolved.declared}
+    made = coverage.Covered.empty(gpu, {"pixel": (3, 5), "sample": (3, 5, 4), "shell": (0, 5)},
+                                  alpha=gpu.full((3, 5), np.float32, 7))
+    shapes = {name: (getattr(made, name).shape, getattr(made, name).dtype) for name in coverage.Covered.declared}
     assert shapes == {
-        "weights": ((6, 2), np.uint64), "used": ((3, 5), np.uint32), "body_transmittance": ((3, 5, 4), np.float32),
-        "strand_transmittance": ((3, 5), np.float32), "alpha": ((3, 5), np.float32), "front": ((3, 5, 1), np.uint64),
-        "shell_front": ((3, 5, 1), np.uint64)}
-    assert (made.body_transmittance.get() == 1).all() and (made.strand_transmittance.get() == 7).all()
-    assert bytes_of(made) == coverage.Resolved.bytes(pixel=15, sample=60, fragment=6)
-    assert coverage.Resolved.bytes("body_transmittance", "front", pixel=15, sample=60) == 15 * 8 + 60 * 4
+        "body_transmittance": ((3, 5, 4), np.float32), "alpha": ((3, 5), np.float32), "front": ((3, 5, 1), np.uint64),
+        "shell_front": ((0, 5, 1), np.uint64)}
+    tiles = coverage.Tiles.empty(gpu, {"tile": 6, "counter": 1})
+    assert (tiles.counts.get() == 0).all() and (made.alpha.get() == 7).all()
+    assert bytes_of(made) == coverage.Covered.bytes(pixel=15, sample=60)
+    assert coverage.Covered.bytes("body_transmittance", "front", pixel=15, sample=60) == 15 * 8 + 60 * 4
 
 
 # --- the memory plan --------------------------------------------------------------------------------------
@@ -179,25 +179,26 @@ def test_the_plan_counts_all_of_a_surface(gpu, mesh):
     assert taken < room(strands.AREA.bytes * len(made.triangles))
 
 
-def test_the_plan_counts_all_of_fragments(gpu, mesh):
-    scene = clfur.Scene(mesh, clfur.Strands(roots=3000), clfur.Camera(size=(200, 150)))
+def test_the_plan_counts_all_of_segments(gpu, mesh):
+    scene = clfur.Scene(mesh, clfur.Strands(roots=3000), clfur.Camera(size=(200, 152)))
     grown, view = strands.grow(gpu, tessellate.tessellate(gpu, mesh), scene.strands), view_of(scene, 4)
 
     def make():
         visible = raster(gpu, view)
-        pixels = coverage.bound(gpu, visible)
-        coverage.count(gpu, view, grown, pixels)
-        fragments = coverage.allocate(gpu, pixels, int(pixels.get()[..., 1].sum()))
-        coverage.gather(gpu, view, grown, fragments)
-        resolved = coverage.resolve(gpu, visible, fragments)
-        sums = coverage.light(gpu, view, unshadowed(gpu, np.zeros((), layout.Light)), fragments, resolved, grown)
-        return fragments, resolved, sums, shade.blend(gpu, sums, strand_transmittance=resolved.strand_transmittance)
-    taken, (fragments, resolved, *_) = most(gpu, make)
-    samples = plan.VISIBLE.bytes * 4 + coverage.Resolved.bytes(sample=4)
-    pixel = plan.PIXEL + samples + plan.IMAGE.bytes + plan.RADIANCE_SUMS.bytes + plan.COUNTED.bytes
-    counted = 200 * 150 * pixel + plan.FRAGMENT * len(fragments.areas)
-    assert resolved.weights is fragments.areas
-    assert bytes_of(fragments, resolved) - resolved.weights.nbytes < counted and .8 * counted < taken < room(counted)
+        tiles = coverage.bound(gpu, view, visible)
+        coverage.count(gpu, view, grown, tiles, 9)
+        segments = coverage.allocate(gpu, tiles.counts.get(), int(tiles.survivors.get()[0]))
+        coverage.fill(gpu, view, grown, tiles, segments, 9)
+        lit = strand_light.radiance(gpu, view, unshadowed(gpu, np.zeros((), layout.Light)), grown, None, segments.ids)
+        image = shade.IMAGE.empty(gpu, (152, 200))
+        return segments, lit, image, coverage.cover(gpu, view, visible, segments, lit, image)
+    taken, (segments, lit, image, covered) = most(gpu, make)
+    counted = 152 * 200 * (plan.VISIBLE.bytes * 4 + coverage.Covered.bytes(pixel=1, sample=4) + plan.IMAGE.bytes + 1)
+    counted += plan.ENTRY * len(segments.entries) + plan.SURVIVOR * len(segments.ids)
+    lights = bytes_of(lit)
+    assert lights <= plan.LIT * len(segments.ids)
+    assert bytes_of(segments, covered) + image.nbytes < counted
+    assert .8 * (counted + lights) < taken < room(counted + lights)
 
 
 @pytest.mark.parametrize("options", [{}, {"pattern": "sine"}, {"wind": (.5, 0, 0)}], ids=str)

@@ -5,7 +5,7 @@ How pieces hide each other, their light, whole frames and parts have tests of th
 
 import numpy as np
 import pytest
-from support.coverage import NONE, pieces_of, wild
+from support.coverage import NONE, counted, pieces_of, wild
 from support.stages import strands_on
 from support.views import flat, pack, perspective
 
@@ -14,42 +14,37 @@ from clfur.pipeline.views import band_of
 from clfur.stages import coverage
 from clfur.twin import coverage as twin
 
-DEPTH_ONE, BODY = layout.CONSTANTS["DEPTH_ONE"], layout.CONSTANTS["BODY"]
+DEPTH_ONE, BODY, TILE = (layout.CONSTANTS[name] for name in ("DEPTH_ONE", "BODY", "TILE"))
+
+
+pytestmark = pytest.mark.usefixtures("plain")
 
 
 def gathered(gpu, view, points, spans, visible=None):
-    """`Fragments` of strands as from `pack`, and (pixel, id, depth, share) of each, in the order of pixels and ids."""
+    """`Segments` of strands as from `pack`, and their pieces that the body does not hide, see `pieces_of`."""
     width, samples, rows = int(view["size"][0]), int(view["size"][2]), int(view["rows"][1] - view["rows"][0])
     if visible is None:
         visible = np.full((rows, width, samples), NONE)
-    strands = strands_on(gpu, points, spans)
-    pixels = coverage.bound(gpu, gpu.upload(visible))
-    coverage.count(gpu, view, strands, pixels)
-    counted = pixels.get()
-    fragments = coverage.allocate(gpu, pixels, int(counted[..., 1].sum()))
-    coverage.gather(gpu, view, strands, fragments)
-    written = fragments.pixels.get()[..., 1] - fragments.starts.get()
-    assert (written <= counted[..., 1]).all(), "more was gathered than counted"
-    return fragments, pieces_of(fragments)
+    _, segments = counted(gpu, view, strands_on(gpu, points, spans), gpu.upload(visible))
+    pieces = pieces_of(gpu, view, segments)
+    pieces = pieces[pieces["depth"] < (visible >> np.uint64(32)).max(2).ravel()[pieces["pixel"]].astype(np.int64)]
+    lists = listed(segments)
+    assert not {(tile_of(p, width), k) for p, k in pieces[["pixel", "id"]].tolist()} - lists, "a tile lacks a segment"
+    return segments, pieces
 
 
-@pytest.mark.parametrize("rows, width, band", [
-    pytest.param(11, 19, None, marks=pytest.mark.small), pytest.param(9, 5, (3, 8), marks=pytest.mark.small),
-    (1, 1, None), (8, 32, None), (16, 64, (8, 16)), (241, 317, None), (97, 640, (0, 1)), (97, 640, (13, 96))])
-@pytest.mark.parametrize("most", [0, 1, 40])
-def test_numbers_are_the_twins(gpu, rows, width, band, most):
-    """A prefix sum in the order of tiles, of all rows or of a band of them."""
-    counted = np.random.default_rng(rows).integers(0, most + 1, (rows, width, 2)).astype(np.uint32)
-    first, end = band or (0, rows)
-    meant = twin.numbers(counted[first:end, :, 1].astype(np.int64))
-    there = gpu.upload(counted)
-    sums = coverage.row_sums(gpu, there).get()
-    np.testing.assert_array_equal(sums, counted[..., 1].sum(1, dtype=np.uint64))
-    pieces = int(sums[first:end].sum())
-    fragments = coverage.allocate(gpu, there, pieces, band)
-    np.testing.assert_array_equal(fragments.starts.get(), meant)
-    np.testing.assert_array_equal(fragments.pixels.get(), np.stack([counted[first:end, :, 0], meant], -1))
-    assert fragments.areas.shape == (pieces, 2)
+def tile_of(pixel, width):
+    across, _ = coverage.tiles_of(width, 1)
+    return pixel // width // TILE * across + pixel % width // TILE
+
+
+def listed(segments):
+    """{(tile, id)} of all entries, of which none may be there twice."""
+    starts, numbers, ids = segments.starts.get(), segments.entries.get()[:, 1], segments.ids.get()
+    ids = ids & 0x7FFFFFFF   # the highest bit tells that they are clipped
+    pairs = list(zip(np.repeat(np.arange(len(starts) - 1), np.diff(starts)).tolist(), ids[numbers].tolist()))
+    assert len(set(pairs)) == len(pairs) and len(set(ids.tolist())) == len(ids)
+    return set(pairs)
 
 
 def areas(gpu, view, strands):
@@ -64,7 +59,7 @@ def compare_pieces(view, points, spans, pieces, off, steps):
     width = int(view["size"][0])
     meant = {((y - int(view["rows"][0])) * width + x, k): (depth, share)
              for y, x, depth, k, share in twin.fragments(view, points, spans)}
-    there = {(p, k): (depth, share) for p, k, depth, share in pieces.tolist()}
+    there = {(p, k): (depth, share) for p, k, depth, share, _ in pieces.tolist()}
     assert len(there) == len(pieces)
     for place in meant.keys() | there.keys():
         (depth, share), (meant_depth, meant_share) = there.get(place, (None, 0)), meant.get(place, (None, 0))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from support.coverage import OFF, SETTINGS, ball, furry, wild
 from support.pictures import same
-from support.plans import recorded
+from support.plans import bands_of, recorded
 from support.scenes import scene_of
 
 import clfur
@@ -59,10 +59,10 @@ def test_light_on_strands_is_kept_while_only_the_camera_moves(gpu, monkeypatch, 
     launch, names = gpu.launch, []
     monkeypatch.setattr(gpu, "launch", lambda name, size, /, **rest: names.append(name) or launch(name, size, **rest))
     clfur.draw(scene, gpu, settings)
-    assert names.count("coverage.transmittance") == 1
+    assert names.count("strand_light.transmittance") == 1
     other = attrs.evolve(scene, **change)
     drawn = clfur.draw(other, gpu, settings, tuple(OUTPUTS), hashes=True)
-    assert names.count("coverage.transmittance") == 1 + (anew or (lod > 0 and "camera" in change))
+    assert names.count("strand_light.transmittance") == 1 + (anew or (lod > 0 and "camera" in change))
     gpu.forget()
     right = clfur.draw(other, gpu, settings, tuple(OUTPUTS), hashes=True)
     assert right.hashes == drawn.hashes
@@ -73,18 +73,18 @@ def test_light_on_strands_is_kept_while_only_the_camera_moves(gpu, monkeypatch, 
 def test_light_on_parts_is_their_own(gpu, another, sphere):
     """What a picture in one part has left does not count against the memory of one in several, nor the other way."""
     scene = scene_of(9001, sphere)
-    small = another(6_000_000)
+    small = another(20_000_000)
     names, parts = recorded(small), []
     tiny = attrs.evolve(scene, camera=clfur.Camera(eye=(0, .4, 3.2), size=(12, 8)))
     large = attrs.evolve(scene, camera=clfur.Camera(eye=(0, .4, 3.2), size=(200, 150)))
     for one in (tiny, large, tiny, large, large):
         names.clear()
         frame = clfur.draw(one, small, SETTINGS)
-        assert frame.memory <= 6_000_000
+        assert frame.memory <= 20_000_000
         np.testing.assert_array_equal(frame.images["color"], clfur.render(one, gpu, SETTINGS))
-        parts.append(names.count("coverage.gather") // names.count("coverage.resolve"))
-    assert parts == [1, parts[1], 1, parts[1], parts[1]] and parts[1] > 1
-    assert names.count("coverage.transmittance") == 0   # known of all parts for the picture before
+        parts.append(names.count("coverage.fill") // bands_of(names))
+    assert parts == [parts[0], 1, parts[0], 1, 1] and parts[0] > 1   # in the tiny one all strands are in a row of tiles
+    assert names.count("strand_light.transmittance") == 0   # known of all parts for the picture before
 
 
 def test_any_order_of_strands_gives_the_same_bits(gpu):

@@ -133,7 +133,7 @@ def test_no_wait_is_long_where_fur_follows_sky(monkeypatch):
             pending[0] = 0.0
     monkeypatch.setattr(scheduler.time, "perf_counter", lambda: clock[0])
     gpu = Scheduler()
-    gpu._kernels["made.up"] = signature.Kernel("made.up", [], Kernel())
+    gpu._kernels["made.up"] = signature.Kernel("made.up", [], Kernel(), 64)
     gpu.launch("made.up", 5_000_000)
     assert max(*waits, pending[0]) < 0.7                            # one piece of the most that there is
     assert sum(wait > 1.5 * scheduler.PIECE for wait in waits) <= 2   # and then they are what they should be

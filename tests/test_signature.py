@@ -37,7 +37,7 @@ __kernel void all_kinds(
 @pytest.fixture
 def kernel():
     """The kernel of TEXT, that no device runs."""
-    return signature.Kernel("made.all_kinds", signature.read(TEXT)["all_kinds"], None)
+    return signature.Kernel("made.all_kinds", signature.read(TEXT)["all_kinds"], None, 64)
 
 
 @pytest.fixture

@@ -86,10 +86,11 @@ def test_arrays_are_not_left_on_another_device(gpu, team):
 
 @pytest.mark.parametrize("which", [0, 1])
 @pytest.mark.parametrize("kernel", ["voxelize.lengths", "raster.lines", "shade.color", "zscan.columns", "strands.grow",
-                                    "coverage.gather", "coverage.transmittance"])
+                                    "coverage.fill", "strand_light.transmittance"])
 def test_a_device_that_fails_is_dropped_and_its_share_redone(gpu, team, sphere, kernel, which):
     scene = scene_of("faces", sphere)
-    settings = attrs.evolve(SETTINGS, raster="coverage" if kernel.startswith("coverage") else "samples")
+    stage = kernel.split(".")[0]
+    settings = attrs.evolve(SETTINGS, raster="coverage" if stage in ("coverage", "strand_light") else "samples")
     whole = clfur.draw(scene, gpu, settings, hashes=True)
     clfur.draw(scene, team, settings)
     broken, launch = team[which], team[which].launch
@@ -101,7 +102,7 @@ def test_a_device_that_fails_is_dropped_and_its_share_redone(gpu, team, sphere, 
     broken.launch = fails
     for one in team:
         one.forget()
-    if which == 1 and kernel.split(".")[0] in ("shade", "zscan", "coverage"):   # what only the first one does
+    if which == 1 and stage in ("shade", "zscan", "coverage", "strand_light"):   # what only the first one does
         same(whole, clfur.draw(scene, team, settings, hashes=True))
         return
     with pytest.warns(RuntimeWarning, match="goes on without a device: this device is lost"):

@@ -24,11 +24,11 @@ from . import caches, pocl, programs, signature
 from .memory import allowed, planned
 from .selection import CHECKER, check_process, choose, describe, is_shared
 
-GROUP = 64          # work-items in a work-group
+GROUP = 64          # work-items in a work-group, where a kernel doesn't state how many it has
 FIRST = 1024        # work-items in the first piece of a launch
 MOST = 65_472       # work-items in any piece: PoCL compiles a kernel anew for 2^16 and more
 PIECE = 0.1         # seconds that a piece of a launch should take, so that Ctrl-C need not wait long
-SPARE = 256 << 20   # bytes that the pool may hold beyond twice of what is in use
+SPARE = 256 << 20   # bytes that the pool may hold beyond twice of what the last frame used
 
 
 def kernel_dir():
@@ -222,14 +222,14 @@ class Scheduler:
         self.queue.finish()
         began = time.perf_counter()
         with caches.taking_kernels(self.device.platform.name):
-            kernel.run(self.queue, (GROUP,), (GROUP,), 0, 0, *values).wait()
+            kernel.run(self.queue, (kernel.group,), (kernel.group,), 0, 0, *values).wait()
         self._ahead, kernel.ran = 0.0, True
         self.held_up += time.perf_counter() - began
 
     def _run(self, kernel, size, values):
         """Run a kernel, in pieces: a driver can't be interrupted.  All but the last are waited for, unless it took less
         than a piece may the last time."""
-        name, begin, started = kernel.name, 0, time.perf_counter()
+        name, group, begin, started = kernel.name, kernel.group, 0, time.perf_counter()
         most, whole = self._wholes.get(name, (0, 0.0))
         short = size <= most and self._ahead + whole < PIECE
         while begin < size:
@@ -237,10 +237,10 @@ class Scheduler:
                 raise Error(f"{self.name} was told to stop")
             rate, alone = whole / most if short else self._rates.get(name), not self._ahead
             piece = MOST if short else FIRST if rate is None else min(int(PIECE / rate), MOST)
-            end = min(begin + max(piece // GROUP, 1) * GROUP, size)
+            end = min(begin + max(piece // group, 1) * group, size)
             began = time.perf_counter()
             # Whole groups of one size, and a kernel that ends where it should: see WORK_ITEM in common.h.
-            event = kernel.run(self.queue, (-(-(end - begin) // GROUP) * GROUP,), (GROUP,), begin, end, *values)
+            event = kernel.run(self.queue, (-(-(end - begin) // group) * group,), (group,), begin, end, *values)
             self._log.append((self._label or name.split(".")[0], event))
             self._ahead += PIECE if rate is None else rate * (end - begin)
             if self._ahead >= PIECE or (end < size and not short):
@@ -303,10 +303,11 @@ class Scheduler:
         """Begin a new frame: from here on `seconds` and `peak` count anew."""
         self._log.clear()
         self.held_up = 0.0
-        self.peak = self._pool.active_bytes
-        # Frames of ever new sizes leave ever new pieces in the pool.
-        if self._pool.managed_bytes > 2 * self._pool.active_bytes + SPARE:
+        # Frames of ever new sizes leave ever new pieces in the pool.  What the last one took may be of use again: in
+        # new memory the system clears each page when it is first touched, which takes up to a third of a frame.
+        if self._pool.managed_bytes > 2 * max(self._pool.active_bytes, self.peak) + SPARE:
             self._pool.free_held()
+        self.peak = self._pool.active_bytes
 
     @contextmanager
     def labelled(self, name: str) -> Iterator[None]:
@@ -374,7 +375,8 @@ class Scheduler:
             name, arguments = f"{stem}.{function}", signatures[function]
             # Told so, pyopencl need not try out what each argument is: a tenth of the time.
             kernel.set_scalar_arg_dtypes([np.uint64, np.uint64, *(argument.packed for argument in arguments)])
-            self._kernels[name] = signature.Kernel(name, arguments, kernel)
+            stated = kernel.get_work_group_info(cl.kernel_work_group_info.COMPILE_WORK_GROUP_SIZE, self.device)[0]
+            self._kernels[name] = signature.Kernel(name, arguments, kernel, stated or GROUP)
         self._stems.add(stem)
         return self._kernels
 

@@ -17,10 +17,11 @@ _ARGUMENT = re.compile(r"(?:volatile )?(__global )?(?:const )?([A-Za-z]+)(2|4|8|
 
 
 class Kernel:
-    """A kernel that is built, ``run``, its ``arguments`` behind begin and end, in order, and whether it ``ran`` yet."""
+    """A kernel that is built, ``run``, its ``arguments`` behind begin and end, in order, work-items in a ``group``, and
+    whether it ``ran`` yet."""
 
-    def __init__(self, name, arguments, run):
-        self.name, self.run, self.ran = name, run, False
+    def __init__(self, name, arguments, run, group):
+        self.name, self.run, self.group, self.ran = name, run, group, False
         self.takes = {argument.name: argument.take for argument in arguments}
 
     def bind(self, given):

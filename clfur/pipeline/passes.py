@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from ..device.team import Team
-from ..stages import coverage, shade
+from ..stages import coverage, shade, strand_light
+from ..stages.coverage import TILE
 from ..stages.lighting import Lighting
 from ..stages.strands import no_strands
 from ..stages.tessellate import no_surface
@@ -42,8 +43,8 @@ class Front:
                       # where strands are transparent, alpha stands for it
     shell_front: Any  # [rows, width, samples] uint64 depth << 32 | face of shell fur, or None
     outputs: dict     # {name: array} of outputs that are known by now
-    fragments: Any = None   # of transparent strands: `coverage.Fragments`
-    resolved: Any = None    # and `coverage.Resolved`
+    image: Any = None       # [rows, width, 4] float32 light of what is lit by now, or None
+    body_transmittance: Any = None   # [rows, width, samples] float32 share of the body's light, by transparent strands
 
 
 class Samples:
@@ -62,16 +63,14 @@ class Samples:
                                     self.plan.strands, gpu)
         return Band((top, end), view, build.on(gpu, visible))
 
-    def resolve(self, gpu: Any, band: Band, shell_transmittance: Any, shell_front: Any) -> Front:
-        """`Front` of a band, behind shell fur as `march.march` has it."""
-        return Front(band.view, band.visible, shell_transmittance, shell_front, {})
+    def resolve(self, gpu: Any, band: Band, lighting: Lighting | None, image: Any, shell_transmittance: Any,
+                shell_front: Any) -> Front:
+        """`Front` of a band, behind shell fur as `march.march` has it; image: its light."""
+        return Front(band.view, band.visible, shell_transmittance, shell_front, {}, image)
 
-    def shade(self, gpu: Any, band: Band, front: Front, lighting: Lighting | None, image: Any) -> tuple:
-        """Light what is in front -> (image over ``image``, {other output: array}), None and {} where not asked for.
-
-        image: [rows, width, 4] float32, what shells have lit, or None.
-        """
-        plan, known = self.plan, None
+    def shade(self, gpu: Any, band: Band, front: Front, lighting: Lighting | None) -> tuple:
+        """Light what is in front -> (image, {other output: array}), None and {} where not asked for."""
+        plan, known, image = self.plan, None, front.image
         parts = plan.parts(gpu)
         sums = shade.no_light(gpu, *band.visible.shape[:2]) if plan.wants_color and len(parts) > 1 else None
         for part in reversed(parts):
@@ -103,54 +102,65 @@ class Coverage:
         self.plan, self.warnings, self._counted = plan, warnings, None
 
     def rasterize(self, gpu: Any, top: int, end: int) -> Band:
-        """`Band` of as many rows as fit the device, by the pieces of strands that were counted in each."""
+        """`Band` of as many rows as fit the device, by what was counted in each row of tiles."""
         counted = self._count(gpu, top, end)
-        until = min(top + self.plan.rows_counted(gpu, counted.cut, counted.sums, top - counted.first), end)
+        fit = self.plan.rows_counted(gpu, counted.cut, counted.entries, counted.survivors, top - counted.first)
+        until = min(top + fit, end)
         view = band_of(self.plan.rig.view, top, until)
-        visible, counted.visible = counted.visible if until - top == len(counted.sums) else None, None
+        visible, counted.visible = counted.visible if (top, until) == (counted.first, counted.end) else None, None
         if visible is None:   # the body was seen in more rows than fit with what strands cover of them
             visible = build.rasterize_body(gpu, self.plan, view)
         return Band((top, until), view, visible, counted)
 
-    def resolve(self, gpu: Any, band: Band, shell_transmittance: Any, shell_front: Any) -> Front:
+    def resolve(self, gpu: Any, band: Band, lighting: Lighting | None, image: Any, shell_transmittance: Any,
+                shell_front: Any) -> Front:
         """`Front` of a band: strands and shell fur, as `march.march` has it, hidden behind each other and the body."""
-        counted, (top, end) = band.counted, band.rows
-        rows = top - counted.first, end - counted.first
-        pieces = int(counted.sums[slice(*rows)].sum())
-        fragments = coverage.allocate(gpu, counted.pixels, pieces, rows)
-        for part in counted.cut.parts:
-            if part.hairy:
-                coverage.gather(gpu, band.view, build.hair(gpu, self.plan, part, self.plan.settings.lod), fragments)
-        resolved = coverage.resolve(gpu, band.visible, fragments, shell_transmittance, shell_front)
-        if gpu.steps and coverage.steps_of(self._counts(gpu, band), gpu.download(resolved.used)) > gpu.steps:
-            self.warnings.add(f"{gpu.name} ends long loops: strands are missing where thousands lie in a pixel; "
-                              "Settings.lod makes them fewer")
-        return Front(one_sample(band.view), resolved.front, resolved.alpha, resolved.shell_front,
-                     {"coverage": resolved.alpha}, fragments, resolved)
+        plan, counted, (top, end) = self.plan, band.counted, band.rows
+        whole = (top, end) == (counted.first, counted.end)
+        tiles = counted.tiles if whole else coverage.bound(gpu, band.view, band.visible)
+        counts = counted.of(band.rows)
+        segments = coverage.allocate(gpu, counts.ravel(), min(counted.survivors, int(counts.sum(dtype=np.int64))))
+        hairy, lit = [part for part in counted.cut.parts if part.hairy], None
+        for part in hairy:
+            hair = build.hair(gpu, plan, part, plan.settings.lod)
+            coverage.fill(gpu, band.view, hair, tiles, segments, plan.longest)
+            if lighting is not None:
+                all_there = whole and part is hairy[-1]
+                until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
+                through = self._transmittance(gpu, band, part, hair, lighting)
+                lit = strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit)
+        if plan.wants_color and image is None:
+            image = gpu.empty((*band.visible.shape[:2], 4), np.float32)
+        covered = coverage.cover(gpu, band.view, band.visible, segments, lit, image, shell_transmittance, shell_front)
+        front = covered.shell_front if plan.scene.shells else None
+        return Front(one_sample(band.view), covered.front, covered.alpha, front, {"coverage": covered.alpha}, image,
+                     covered.body_transmittance)
 
-    def shade(self, gpu: Any, band: Band, front: Front, lighting: Lighting | None, image: Any) -> tuple:
-        """Light what is in front -> (image over ``image``, {other output: array}), None and {} where not asked for.
-
-        image: [rows, width, 4] float32, what shells have lit, or None.
-        """
-        plan, parts, known = self.plan, band.counted.cut.parts, None
-        sums = shade.no_light(gpu, *band.visible.shape[:2]) if plan.wants_color else None
+    def shade(self, gpu: Any, band: Band, front: Front, lighting: Lighting | None) -> tuple:
+        """Light what is in front -> (image, {other output: array}), None and {} where not asked for."""
+        plan, parts, known, image = self.plan, band.counted.cut.parts, None, front.image
+        bodies = [part for part in parts if part.body]
         for part in reversed(parts):
-            if part.hairy:
-                known = self._shade_hair(gpu, band, front, part, lighting, sums, known)
-        for part in parts:
-            if part.body:
-                known = self._shade_body(gpu, band, front, part, lighting, sums, known)
-        if plan.wants_color:
-            image = shade.blend(gpu, sums, image, front.resolved.strand_transmittance, front.resolved.alpha)
+            if part.hairy and plan.others:
+                known = shade.outputs(gpu, front.view, front.keys, build.hair(gpu, plan, part, plan.settings.lod),
+                                      no_surface(gpu), known)
+        sums = shade.no_light(gpu, *band.visible.shape[:2]) if plan.wants_color and bodies else None
+        for part in bodies:
+            body, none = build.body(gpu, plan, part), no_strands(gpu)
+            if plan.wants_color:
+                _color(gpu, plan, band.view, band.visible, none, body, lighting, None, front.body_transmittance, sums)
+            if plan.others:
+                known = shade.outputs(gpu, front.view, front.keys, none, body, known)
+        if sums is not None:
+            image = shade.blend(gpu, sums, image, None, front.outputs["coverage"])
         return image, known or {}
 
     def hashed(self, gpu: Any, band: Band, front: Front) -> list:
         """[Bits of integers], the same on every device: what shells let through, and so what is seen of strands among
         them, differs in the last bits."""
         if self.plan.scene.shells:
-            return [build.bytes_of(gpu, band.visible), self._pixels(gpu, band)]
-        return [build.bytes_of(gpu, front.resolved.front), build.bytes_of(gpu, front.resolved.alpha)]
+            return [build.bytes_of(gpu, band.visible), band.counted.of(band.rows)]
+        return [build.bytes_of(gpu, front.keys), build.bytes_of(gpu, front.outputs["coverage"])]
 
     def _count(self, gpu, top, end):
         """`Counted` rows with row ``top`` among them: all that are wanted, or as many as fit."""
@@ -160,35 +170,19 @@ class Coverage:
             end = min(top + plan.rows(gpu), end)
             view = band_of(plan.rig.view, top, end)
             visible = build.rasterize_body(gpu, plan, view)
-            pixels, parts = coverage.bound(gpu, visible), plan.parts(gpu)
+            tiles, parts = coverage.bound(gpu, view, visible), plan.parts(gpu)
             for part in reversed(parts):
                 if part.hairy:
-                    coverage.count(gpu, view, build.hair(gpu, plan, part, plan.settings.lod), pixels)
+                    coverage.count(gpu, view, build.hair(gpu, plan, part, plan.settings.lod), tiles, plan.longest)
                     if len(parts) > 1:
                         build.tally(gpu, plan, part)
-            sums = gpu.download(coverage.row_sums(gpu, pixels)).astype(np.int64)
-            self._counted = Counted(gpu, top, end, pixels, sums, plan.cut_counted(gpu, sums), visible)
-            build.let_go_of_parts(gpu, plan, parts, self._counted.cut.parts)
+            across, down = coverage.tiles_of(visible.shape[1], end - top)
+            counts = gpu.download(tiles.counts).reshape(down, across)
+            entries, survivors = counts.sum(1, dtype=np.int64), int(gpu.download(tiles.survivors)[0])
+            cut = plan.cut_counted(gpu, entries, survivors)
+            self._counted = Counted(gpu, top, end, tiles, counts, entries, survivors, cut, visible)
+            build.let_go_of_parts(gpu, plan, parts, cut.parts)
         return self._counted
-
-    def _shade_hair(self, gpu, band, front, part, lighting, sums, known):
-        plan = self.plan
-        hair = build.hair(gpu, plan, part, plan.settings.lod)
-        if plan.wants_color:
-            coverage.light(gpu, band.view, lighting, front.fragments, front.resolved, hair,
-                           self._transmittance(gpu, band, part, hair, lighting), sums)
-        if plan.others:
-            known = shade.outputs(gpu, front.view, front.keys, hair, no_surface(gpu), known)
-        return known
-
-    def _shade_body(self, gpu, band, front, part, lighting, sums, known):
-        plan, body, none = self.plan, build.body(gpu, self.plan, part), no_strands(gpu)
-        if plan.wants_color:
-            _color(gpu, plan, band.view, band.visible, none, body, lighting, None,
-                   front.resolved.body_transmittance, sums)
-        if plan.others:
-            known = shade.outputs(gpu, front.view, front.keys, none, body, known)
-        return known
 
     def _transmittance(self, gpu, band, part, hair, lighting):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where
@@ -198,33 +192,28 @@ class Coverage:
             return None
         one = len(band.counted.cut.parts) == 1
         known = build.transmittances(gpu, plan) if one or plan.keeps_transmittances(gpu) else {}
-        if gpu.steps and plan.longest * (2 * plan.settings.pcf + 2) ** 2 > gpu.steps:
-            self.warnings.add(f"{gpu.name} ends long loops: light is wrong on strands of {plan.longest:,} points with "
-                              f"Settings.pcf {plan.settings.pcf}")
         if part not in known:
-            known[part] = coverage.transmittance(gpu, hair, lighting)
+            known[part] = strand_light.transmittance(gpu, hair, lighting)
         return known[part]
-
-    def _pixels(self, gpu, band):
-        """[rows, width, 2] uint32 what was counted in a band, on the host."""
-        first = band.counted.first
-        return np.ascontiguousarray(gpu.download(band.counted.pixels)[band.rows[0] - first:band.rows[1] - first])
-
-    def _counts(self, gpu, band):
-        return self._pixels(gpu, band)[..., 1]
 
 
 @dataclass
 class Counted:
-    """Rows of which is known how many pieces of strands are in each pixel."""
+    """Rows of which is known how many segments of strands each tile may show."""
 
     gpu: Any
     first: int
     end: int
-    pixels: Any       # [rows, width, 2] uint32 depth of what hides strands, pieces: on the device
-    sums: Any         # [rows] int64 pieces
+    tiles: Any        # `coverage.Tiles`
+    counts: Any       # [tiles down, across] uint32 segments
+    entries: Any      # [tiles down] int64 segments in each row of tiles
+    survivors: int    # segments that may show anywhere
     cut: Any          # `plan.Cut` for them
     visible: Any      # of the body in all of these rows, until it is taken
+
+    def of(self, rows: tuple) -> Any:
+        """The counts of some of these rows, (first, one past the last)."""
+        return self.counts[(rows[0] - self.first) // TILE:-(-(rows[1] - self.first) // TILE)]
 
 
 def _color(gpu, plan, view, visible, hair, body, lighting, image, sample_transmittance, sums):

@@ -86,8 +86,8 @@ def draw_band(picture: "Picture", top: int, end: int, gpu: Any) -> tuple:
         shell = build.shell(gpu, plan)
         any_light = lighting or unshadowed(gpu, *plan.rig.lights)   # which the other outputs do not see
         image, shell_transmittance, shell_front = march.march(gpu, band.view, *shell, any_light, band.visible)
-    front = strands.resolve(gpu, band, shell_transmittance, shell_front)
-    image, known = strands.shade(gpu, band, front, lighting, image)
+    front = strands.resolve(gpu, band, lighting, image, shell_transmittance, shell_front)
+    image, known = strands.shade(gpu, band, front, lighting)
     if plan.scene.shells and plan.others:
         shells.outputs(gpu, front.view, shell[0], front.keys, front.shell_transmittance, front.shell_front, known)
     return picture.read(gpu, band, front, {"color": image, **known, **front.outputs})

@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import Error
 from ..scene import Curves, Strands
 from ..stages.blur import blur_radius
-from ..stages.coverage import COUNTED, TRANSMITTANCE, Fragments, Resolved
+from ..stages.coverage import TILE, Covered, Segments, Tiles
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
@@ -23,6 +23,7 @@ from ..stages.order import Order
 from ..stages.raster import VISIBLE
 from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs
 from ..stages.shells import Topology, pack, size_of, topology_of
+from ..stages.strand_light import TRANSMITTANCE, Places
 from ..stages.strands import AREA, ROOTS, SORTED_FROM, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.voxelize import CELLS
@@ -39,9 +40,12 @@ THIN_POINT, THIN_STRAND = DeviceStrands.bytes(*THINNED, point=1), DeviceStrands.
 THIN_COLOR = DeviceStrands.bytes("colors", color=1)                               # where points have colours
 MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
 OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
-PIXEL = Fragments.bytes(pixel=1) + Resolved.bytes(pixel=1)   # what is known of one where strands are transparent
-FRAGMENT = Fragments.bytes(fragment=1)
-NUMBERS = 2**32 - 1                     # pieces that a band can tell apart
+OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1)
+ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
+SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
+LIT = Places.bytes(segment=1, row=1)   # of its light, at most
+NUMBERS = 2**32 - 1                     # entries that a band can tell apart
+LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -119,7 +123,8 @@ class Plan:
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage, "strands": self.strands,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
-            "zscan": casting, "march": shells, "shade": True, "blur": self.wants_color and settings.blur != "off"}
+            "zscan": casting, "march": shells, "strand_light": self.uses_coverage and self.wants_color,
+            "shade": True, "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
 
     @property
@@ -145,7 +150,8 @@ class Plan:
         drawn by what they cover, what it takes to count them."""
         width, height = self.scene.camera.size
         room = min(self.cut(gpu).rows, BAND) // (width * self._pixel(False))
-        return int(min(room, _largest(gpu) // self._largest_row, height))
+        rows = min(room, _largest(gpu) // self._largest_row)
+        return int(height if rows >= height else max(rows // self._fewest, 1) * self._fewest)
 
     def rows_to_blur(self, gpu: Any) -> int:
         """How many rows of the picture can be blurred at a time, with those around them."""
@@ -162,28 +168,42 @@ class Plan:
         if known not in self._cuts:
             width, height = self.scene.camera.size
             row = width * self._pixel(False)
-            self._cuts[known] = self._cut(gpu, height * row, row, strands, body)
+            self._cuts[known] = self._cut(gpu, height * row, min(self._fewest, height) * row, strands, body)
         return self._cuts[known]
 
-    def cut_counted(self, gpu: Any, sums: np.ndarray) -> Cut:
-        """`Cut` for rows of which is known how many pieces of strands each has, [rows] int64."""
-        width, fullest = self.scene.camera.size[0], int(sums.max())
-        if fullest > min(_largest(gpu) // FRAGMENT, NUMBERS):
-            raise Error(f"{gpu.name} has no room for {fullest:,} pieces of strands in a row of {width} pixels; "
+    def cut_counted(self, gpu: Any, entries: np.ndarray, survivors: int) -> Cut:
+        """`Cut` for rows of tiles of which is known how many segments of strands each lists, [rows of tiles] int64, and
+        how many ``survivors`` there are in all."""
+        width, fullest = self.scene.camera.size[0], int(entries.max())
+        if fullest > min(_largest(gpu) // 32, NUMBERS):
+            raise Error(f"{gpu.name} has no room for {fullest:,} segments of strands in {TILE} rows of {width} pixels; "
                         f"allowed: a smaller picture, fewer strands, or Settings.raster 'samples'")
-        counted, row = len(sums) * width * COUNTED.bytes, width * self._pixel(True)
-        rows = counted + len(sums) * row + FRAGMENT * int(sums.sum())
-        return self._cut(gpu, rows, counted + row + FRAGMENT * fullest, pieces=fullest)
+        row, each = TILE * width * self._pixel(True), self._survivor
+        rows = len(entries) * row + ENTRY * int(entries.sum()) + each * survivors
+        return self._cut(gpu, rows, row + ENTRY * fullest + each * min(fullest, survivors), pieces=fullest)
 
-    def rows_counted(self, gpu: Any, cut: Cut, sums: np.ndarray, top: int) -> int:
-        """How many of these rows, with ``sums`` as for `cut_counted`, fit at a time from row ``top`` of them on."""
-        width = self.scene.camera.size[0]
-        row, pieces = width * self._pixel(True), np.cumsum(sums[top:])
-        rows = np.arange(1, len(pieces) + 1)
-        fits = ((row * rows + FRAGMENT * pieces <= cut.rows - len(sums) * width * COUNTED.bytes) & (row * rows <= BAND)
-                & (pieces <= min(_largest(gpu) // FRAGMENT, NUMBERS))
+    def rows_counted(self, gpu: Any, cut: Cut, entries: np.ndarray, survivors: int, top: int) -> int:
+        """How many of these rows, counted as for `cut_counted`, fit at a time from row ``top`` of them on, a tile's
+        first."""
+        listed = np.cumsum(entries[top // TILE:])
+        rows = TILE * np.arange(1, len(listed) + 1)
+        row = self.scene.camera.size[0] * self._pixel(True)
+        seen = np.minimum(listed, survivors)
+        lists = ENTRY * listed + self._survivor * seen
+        fits = ((row * rows + lists <= cut.rows) & (row * rows <= BAND) & (lists <= LISTS)
+                & (listed <= min(_largest(gpu) // 8, NUMBERS)) & (seen <= _largest(gpu) // 32)
                 & (self._largest_row * rows <= _largest(gpu)))
-        return max(int(fits.sum()), 1)
+        return TILE * max(int(fits.sum()), 1)
+
+    @property
+    def _fewest(self):
+        """Rows of the picture that are drawn at a time, at least."""
+        return TILE if self.uses_coverage else 1
+
+    @property
+    def _survivor(self):
+        """Bytes on the device of a segment that may show."""
+        return SURVIVOR + LIT * self.wants_color
 
     @property
     def _largest_row(self):
@@ -195,11 +215,11 @@ class Plan:
         are counted where they must be."""
         samples = self.settings.samples
         pixel = VISIBLE.bytes * samples
-        if self.uses_coverage and not counted:
-            # What is counted stays: no more of the room than a quarter.
-            return max(pixel + COUNTED.bytes, 4 * COUNTED.bytes)
         if self.uses_coverage:
-            pixel += PIXEL + Resolved.bytes(sample=samples)
+            pixel += -(-OF_TILE // TILE**2)
+            if not counted:
+                return pixel
+            pixel += Covered.bytes(pixel=1, sample=samples, shell=bool(self.scene.shells))
         if self.scene.shells:
             pixel += VISIBLE.bytes * samples + Rays.bytes(sample=samples)   # where they enter
         return pixel + IMAGE.bytes + RADIANCE_SUMS.bytes + OTHERS * self.others
@@ -246,8 +266,9 @@ class Plan:
         settings, (width, height) = self.settings, self.scene.camera.size
         fewest = 1 if settings.blur == "off" else min(2 * blur_radius(settings.blur_sigma) + 1, height)
         furry = f"shells of {self._shells / 2**20:,.1f} MiB, " * bool(self._shells)
+        fewest = min(max(fewest, self._fewest), height)
         lines = "a row" if fewest == 1 else f"{fewest} rows"
-        dense = f" with {pieces:,} pieces of strands" * bool(pieces)
+        dense = f" with {pieces:,} segments of strands" * bool(pieces)
         smaller = "smaller ones" + ", or Settings.raster 'samples'" * bool(pieces)
         memory, limit = self._memory(gpu)
         return (f"{gpu.name} with {memory / 2**20:,.1f} MiB{f' ({limit})' * bool(limit)} has no room for "

@@ -1,4 +1,4 @@
-"""Strands -> how much of each pixel each of them covers, sorted by depth, hidden behind each other, and lit."""
+"""Strands -> how much of each pixel each of them covers, sorted by depth, hidden behind each other, and their light."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -6,137 +6,141 @@ from typing import Any
 import numpy as np
 
 from .. import layout
-from ..layout import Arrays, Declared, array
-from .lighting import Lighting
-from .shade import no_light
+from ..layout import Arrays, array
 from .strands import DeviceStrands, arrays
 
-TILE = layout.CONSTANTS["TILE"]
-COUNTED = Declared("pixel", np.uint32, 2)                 # depth of what hides strands, fragments
-TRANSMITTANCE = Declared("point", np.float32)             # share of a light's direct light there, 0..1
+TILE, WALK = int(layout.CONSTANTS["TILE"]), int(layout.CONSTANTS["WALK"])
+STEPS = 64        # segments of each strand that a launch takes where drivers end long loops
 
 
 @dataclass(frozen=True)
-class Fragments(Arrays):
-    """What strands cover of each pixel: those of a pixel are starts[pixel] to pixels[pixel, 1]."""
+class Tiles(Arrays):
+    """How far tiles of a picture can be seen into, and how many segments of strands each may show."""
 
-    starts: Any = array("pixel", np.uint32)
-    pixels: Any = array("pixel", np.uint32, 2)    # depth of what hides strands, end of the pixel's fragments
-    areas: Any = array("fragment", np.uint64, 2)  # depth << 32 | id, see `raster`; float32 share of the pixel's area
+    bounds: Any = array("tile", np.uint32)               # depth
+    counts: Any = array("tile", np.uint32, None, 0)
+    survivors: Any = array("counter", np.uint32, None, 0)   # segments that may show anywhere
 
 
 @dataclass(frozen=True)
-class Resolved(Arrays):
-    """What is seen of fragments, and of what is behind them; a transmittance: the share of light that gets through."""
+class Segments(Arrays):
+    """Segments of strands that may show, in any order, and which of them each tile may: entries starts[tile] to
+    starts[tile + 1]."""
 
-    weights: Any = array("fragment", np.uint64, 2)  # depth << 32 | id; float32 share of the pixel's light: in the very
-                                                    # memory of `Fragments.areas`, which are gone
-    used: Any = array("pixel", np.uint32)           # fragments with a weight: the last ones, the nearest last of all
-    body_transmittance: Any = array("sample", np.float32, None, 1)   # of the body's light, by strands and shells
-    strand_transmittance: Any = array("pixel", np.float32)   # of the shells' light, by strands before them
-    alpha: Any = array("pixel", np.float32)         # share of light that does not come from behind everything
-    front: Any = array("pixel", np.uint64, 1)       # depth << 32 | id of the strand or body that fills most of it
-    shell_front: Any = array("pixel", np.uint64, 1)   # depth << 32 | face, where shells do
+    starts: Any = array("start", np.uint32)
+    cursors: Any = array("tile", np.uint32)       # where the next entry of each tile goes
+    entries: Any = array("entry", np.uint32, 2)   # depth, number of a segment
+    ends: Any = array("survivor", np.float32, 8)  # each end's x, y, reversed depth, half width [pixels]
+    ids: Any = array("survivor", np.uint32)       # see `raster`
+    cuts: Any = array("survivor", np.uint32)      # what is left where they are clipped: from and to, in 1/65535
+    survivors: Any = array("counter", np.uint32, None, 0)   # segments so far
 
 
-def bound(gpu: Any, visible: Any) -> Any:
-    """How far each pixel can be seen into -> [rows, width, 2] uint32 depth, 0.
+@dataclass(frozen=True)
+class Covered(Arrays):
+    """What is seen of strands, and of what is behind them; a transmittance: the share of light that gets through."""
+
+    body_transmittance: Any = array("sample", np.float32)   # of the body's light, by strands and shells
+    alpha: Any = array("pixel", np.float32)                 # share of light that does not come from behind everything
+    front: Any = array("pixel", np.uint64, 1)               # depth << 32 | id of strand or body that fills most of it
+    shell_front: Any = array("shell", np.uint64, 1)         # depth << 32 | face, where shells do; empty without any
+
+
+def tiles_of(width: int, rows: int) -> tuple[int, int]:
+    """Tiles across and down so many pixels."""
+    return (width + TILE - 1) // TILE, (rows + TILE - 1) // TILE
+
+
+def bound(gpu: Any, view: np.void, visible: Any) -> Tiles:
+    """How far each tile can be seen into -> `Tiles` with nothing counted.
 
     ``visible``: [rows, width, samples] uint64, what `raster` gives of the body.
     """
-    rows, width, samples = visible.shape
-    pixels = COUNTED.empty(gpu, (rows, width))
-    gpu.launch("coverage.bound", rows * width, samples=samples, visible=visible, pixels=pixels)
-    return pixels
+    rows, width, _ = visible.shape
+    across, down = tiles_of(width, rows)
+    tiles = Tiles.empty(gpu, {"tile": across * down, "counter": 1})
+    gpu.launch("coverage.bound", across * down, view=view, visible=visible, bounds=tiles.bounds)
+    return tiles
 
 
-def count(gpu: Any, view: np.void, strands: DeviceStrands, pixels: Any) -> None:
-    """Add how many fragments strands have at most in each pixel to what `bound` gave, [rows, width, 2] uint32."""
-    gpu.launch("coverage.count", len(strands.spans), view=view, pixels=pixels, **arrays(strands, "points", "spans"))
+def count(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, longest: int) -> None:
+    """Count the segments of strands, of at most ``longest`` points each, that each of the `Tiles` may show."""
+    for stretch in _stretches(gpu, longest):
+        gpu.launch("coverage.count", len(strands.spans), view=view, stretch=stretch, **vars(tiles),
+                   **arrays(strands, "points", "spans"))
 
 
-def row_sums(gpu: Any, counted: Any) -> Any:
-    """How many fragments each row has of what `count` counted, [rows, width, 2] uint32 -> [rows] uint64."""
-    rows, width, _ = counted.shape
-    sums = gpu.empty(rows, np.uint64)
-    gpu.launch("coverage.sum_rows", rows, width=width, counted=counted, sums=sums)
-    return sums
+def allocate(gpu: Any, counts: np.ndarray, survivors: int) -> Segments:
+    """Room for what was counted: ``counts`` of tiles [n], on the host, ``survivors`` in all -> `Segments`, empty."""
+    starts = np.concatenate([[0], np.cumsum(counts, dtype=np.uint64)]).astype(np.uint32)
+    rows = {"start": len(starts), "tile": len(counts), "entry": int(starts[-1]), "survivor": survivors, "counter": 1}
+    return Segments.empty(gpu, rows, starts=gpu.upload(starts), cursors=gpu.upload(starts[:-1]))
 
 
-def allocate(gpu: Any, counted: Any, pieces: int, rows: tuple[int, int] | None = None) -> Fragments:
-    """Empty `Fragments` for so many ``pieces``, all that `count` counted in ``rows``, (first, one past the last).
+def fill(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, segments: Segments, longest: int) -> None:
+    """Write the `Segments` of strands that may show in `Tiles`, behind those that are there already."""
+    for stretch in _stretches(gpu, longest):
+        gpu.launch("coverage.fill", len(strands.spans), view=view, stretch=stretch, bounds=tiles.bounds,
+                   first=strands.first_point, cursors=segments.cursors, survivors=segments.survivors,
+                   entries=segments.entries, ends=segments.ends, ids=segments.ids, cuts=segments.cuts,
+                   **arrays(strands, "points", "spans", "shifts"))
 
-    ``counted``: [rows, width, 2] uint32, of all rows.  Without ``rows`` it is for all of them.
+
+def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, lit: Any = None, image: Any = None,
+          shell_transmittance: Any = None, shell_front: Any = None) -> Covered:
+    """Draw `Segments`, hide them behind each other, and add their light to an ``image`` -> `Covered`.
+
+    ``visible``: [rows, width, samples] uint64, the body's.  ``lit``: `strand_light.Places` of the segments, if there is
+    light.  ``image``: then [rows, width, 4] float32: the light of shells behind all strands, if there are shells, and
+    the result, with alpha.  ``shell_transmittance``, ``shell_front``: [rows, width, samples] float32 and uint64, what
+    `march.march` gave, if there are shells; the former becomes the body's.
     """
-    first, end = rows or (0, len(counted))
-    width = counted.shape[1]
-    band = {"size": (width, end - first), "first": first * width, "counted": counted}
-    blocks = -(-(-(-width // TILE) * -(-(end - first) // TILE) * TILE**2) // layout.CONSTANTS["SCAN"])
-    sums, total = gpu.empty(blocks, np.uint64), gpu.empty(1, np.uint64)
-    gpu.launch("coverage.sum_tiles", blocks, **band, sums=sums)
-    with gpu.labelled("coverage"):
-        gpu.launch("strands.scan_sums", 1, n=blocks, sums=sums, total=total)
-    fragments = Fragments.empty(gpu, {"pixel": (end - first, width), "fragment": pieces})
-    gpu.launch("coverage.number", blocks, **band, sums=sums, starts=fragments.starts, pixels=fragments.pixels)
-    return fragments
-
-
-def gather(gpu: Any, view: np.void, strands: DeviceStrands, fragments: Fragments) -> None:
-    """Write the fragments of strands, in any order."""
-    gpu.launch("coverage.gather", len(strands.spans), view=view, first=strands.first_point, pixels=fragments.pixels,
-               areas=fragments.areas, **arrays(strands, "points", "spans", "shifts"))
-
-
-def resolve(gpu: Any, visible: Any, fragments: Fragments, shell_transmittance: Any = None,
-            shell_front: Any = None) -> Resolved:
-    """Sort the fragments of each pixel and hide them behind each other -> `Resolved`.
-
-    ``visible``: [rows, width, samples] uint64, the body's.  ``shell_transmittance``, ``shell_front``: [rows, width,
-    samples] float32 and uint64, what `march.march` gave, if there are shells; the former becomes the body's.
-    """
-    rows, width, samples = visible.shape
+    rows, width, _ = visible.shape
     has_shells = shell_transmittance is not None
     known = {"body_transmittance": shell_transmittance} if has_shells else {}
-    resolved = Resolved.empty(gpu, {"pixel": (rows, width), "sample": visible.shape}, weights=fragments.areas, **known)
-    gpu.launch("coverage.resolve", rows * width, samples=samples, starts=fragments.starts, pixels=fragments.pixels,
-               visible=visible, has_shells=has_shells,
-               sample_shells=shell_front if has_shells else gpu.empty(0, np.uint64), **vars(resolved))
-    return resolved
+    covered = Covered.empty(gpu, {"pixel": (rows, width), "sample": visible.shape,
+                                  "shell": (rows if has_shells else 0, width)}, **known)
+    none = gpu.empty(0, np.uint64)
+    sorted_ = gpu.empty(segments.entries.shape, np.uint32)
+    known = {"view": view, "starts": segments.starts, "sorted": sorted_, "ends": segments.ends, "ids": segments.ids,
+             "cuts": segments.cuts, "visible": visible, "has_shells": has_shells,
+             "sample_shells": shell_front if has_shells else none, "lit": lit is not None,
+             "places": none if lit is None else lit.places,
+             "more": none if lit is None else lit.more,
+             "image": gpu.empty((0, 4), np.float32) if lit is None else image, **vars(covered)}
+    across, down = tiles_of(width, rows)
+    if max(gpu.lanes, gpu.hinted) > 1:
+        gpu.launch("coverage.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries, **known)
+        return covered
+    grains = gpu.empty((across * down, 2), np.uint32)
+    gpu.launch("coverage.sort", across * down * TILE**2, starts=segments.starts, entries=segments.entries,
+               sorted=sorted_, grains=grains)
+    _pixels(gpu, across * down * TILE**2, grains=grains, **known)
+    return covered
 
 
-def steps_of(counts: np.ndarray, used: np.ndarray) -> int:
-    """About how often `resolve` loops at most for a pixel of so many fragments, so many of which it looks at.
+def _pixels(gpu, n, **known):
+    """Draw n pixels, those of a tile as neighbours.  Where a driver ends long loops those with much to do stop on their
+    way, and go on in another launch."""
+    steps = gpu.steps // 16 if gpu.steps else 2**32 - 1   # several go side by side there, and add up their loops
+    none, count = gpu.empty(0, np.uint32), gpu.full(1, np.uint32, 0)
+    open_ = gpu.empty(n if gpu.steps else 0, np.uint32)
+    gpu.launch("coverage.pixels", n, steps=steps, fresh=True, listed=False, items=none, open=open_, n_open=count,
+               walks=gpu.empty((0, 4), np.uint32), **known)
+    if not gpu.steps:
+        return
+    left = int(gpu.download(count)[0])
+    if not left:
+        return
+    walks, fresh, n = gpu.empty((WALK * left, 4), np.uint32), True, left
+    while left:
+        count = gpu.full(1, np.uint32, 0)
+        gpu.launch("coverage.pixels", n, steps=steps, fresh=fresh, listed=True, items=open_, open=none, n_open=count,
+                   walks=walks, **known)
+        left, fresh = int(gpu.download(count)[0]), False
 
-    counts, used: [rows, width] uint32.
-    """
-    counts, used = counts.astype(np.int64), np.minimum(used, counts)
-    return int((2 * counts + used * (12 + np.log2(np.maximum(counts, 1)))).max())
 
-
-def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
-    """Share of each light's direct light that gets through to points of strands -> [lights, points] float32 0..1."""
-    n_points = len(strands.points)
-    result = TRANSMITTANCE.empty(gpu, (len(lighting.lights), n_points))
-    gpu.launch("coverage.transmittance", len(strands.spans), n_points=n_points, transmittances=result,
-               **lighting.arrays(), **arrays(strands, "points", "strand_of", "run", "strand_normal", "strand_uv",
-                                             "types", "colors", "spans"))
-    return result
-
-
-def light(gpu: Any, view: np.void, lighting: Lighting, fragments: Fragments, resolved: Resolved, strands: DeviceStrands,
-          transmittances: Any = None, sums: Any = None) -> Any:
-    """Light the fragments of strands -> [rows, width, 4] int64, r, g, b, alpha in 2^-32, see `shade.blend`.
-
-    ``strands`` may be a part of them all: what it shows is added to ``sums``, an array like the result.
-    ``transmittances``: [lights, points] float32, what `transmittance` gave; all light if None.
-    """
-    rows, width = fragments.starts.shape
-    sums = no_light(gpu, rows, width) if sums is None else sums
-    gpu.launch("coverage.light", rows * width, view=view, part=(strands.first_point, len(strands.points)),
-               pixels=fragments.pixels, used=resolved.used, weights=resolved.weights,
-               n_lights=len(lighting.lights), lights=lighting.lights, shadowed=transmittances is not None,
-               transmittances=gpu.empty(0, np.float32) if transmittances is None else transmittances,
-               radiance_sums=sums,
-               **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_uv", "types", "colors",
-                        "color_per"))
-    return sums
+def _stretches(gpu, longest):
+    """[(first segment of each strand, one past the last)] of each launch: all at once but where drivers end loops."""
+    most = STEPS if gpu.steps else max(longest, 1)
+    return [(first, first + most) for first in range(0, max(longest, 1), most)]

@@ -1,22 +1,15 @@
 """What cl/coverage.cl means, in float64: polygons cut out of ribbons, layers of one pixel hidden behind each other, and
-the light of what is left.
-
-``strands`` are any objects with the arrays of `DeviceStrands` as members, in NumPy.
-"""
+where on its segment each piece is lit."""
 
 import math
 
 import numpy as np
 
-from .lighting import light_at
-from .scatter import fibre
-from .strands import tangents_at
-from .vectors import f64, unit
+from .vectors import dot, f64
 
 DEPTH_ONE = 1 << 30        # fixed-point depth at infinity; 0 is the near plane
 GUARD = 32768              # pixels from the origin at which ribbons are clipped
 NONE = (1 << 64) - 1       # a sample that nothing covers
-TILE = 8                   # pixels a side of the tiles in whose order pixels lie in memory
 BESIDE = 8                 # strands of a pixel whose pieces are known to lie beside each other
 LEAST = 1 / 256            # share of light at which no more strands are looked at
 
@@ -32,17 +25,6 @@ def fragments(view, points, spans):
     for number, a, b in segments(view, points, spans):
         for u, v, e, share in ribbon(a, b, steep := abs(b[0] - a[0]) < abs(b[1] - a[1]), view):
             yield *((u, v) if steep else (v, u)), DEPTH_ONE * (1 - min(max(e, 0), 1)), number, share
-
-
-def numbers(counts):
-    """Where the fragments of each pixel begin, [rows, width], if these have ``counts``: tiles lie row by row, and so do
-    the pixels in each."""
-    rows, columns = np.indices(counts.shape)
-    order = np.lexsort([place.ravel() for place in (columns, rows, columns // TILE, rows // TILE)])
-    in_order = counts.ravel()[order]
-    starts = np.empty(counts.size, np.int64)
-    starts[order] = np.cumsum(in_order) - in_order
-    return starts.reshape(counts.shape)
 
 
 def segments(view, points, spans):
@@ -170,36 +152,15 @@ def resolve(pieces, visible, shell_front=None, shell_transmittance=None):
             "alpha": 1 - shares.sum() * kept, "shells": of[0], "body": of[1]}
 
 
-# --- light ----------------------------------------------------------------------------------------------
+def places(view, pieces, points, width):
+    """Where on their segments the places are that are nearest to the pixels' middles at pieces' depths -> [n] 0..1.
 
-
-def light(view, lights, y, x, weights, strands, transmittances=None):
-    """Light of one pixel's strands -> [4] float64: linear, premultiplied r, g, b, alpha.
-
-    weights: as from `resolve`.  A piece is lit at the place on its segment that is nearest to the pixel's middle at the
-    piece's depth.  lights: [n] structs.  transmittances: [n, points] share of their direct light, all if None.
+    pieces: arrays "pixel", in rows of so many, "id" and "depth" in steps.  points: [P, 4].
     """
-    result, points = np.zeros(4), f64(strands.points)[:, :3]
-    colors, eye = f64(strands.colors)[:, :3], f64(view["eye"])
-    for key, weight in weights.items():
-        k, e = key & 0xFFFFFFFF, max(1 - (key >> 32) / DEPTH_ONE, 0.5 / DEPTH_ONE)
-        strand = int(strands.strand_of[k // strands.run])
-        q = np.linalg.solve(f64(view["to_screen"]).T, [x + 0.5, y + 0.5, e, 1])
-        p = q[:3] / q[3]
-        v = unit(eye[:3] - eye[3] * p)
-        way = points[k + 1] - points[k]
-        at = min(max(way @ (p - points[k]) / (way @ way), 0), 1) if way.any() else 0.0
-        first, last = tangents_at(points, strands.spans[[strand]], np.array([k]))
-        t = unit(first + at * (last - first))[0]
-        color = (colors[0] if strands.color_per == 0 else colors[strand] if strands.color_per == 1
-                 else colors[k] + at * (colors[k + 1] - colors[k]))
-        fibres = [each[None] for each in (color, f64(strands.types["shine"])[int(strands.uv[strand, 2])], t)]
-        rgb = np.zeros(3)
-        for n, one in enumerate(lights):
-            to_light, direct, ambient = light_at(one, p[None])
-            if transmittances is not None:
-                there = transmittances[n]
-                direct = (there[k] + at * (float(there[k + 1]) - there[k])) * direct
-            rgb += fibre(*fibres, to_light, v[None], direct, ambient)[0]
-        result += weight * np.append(rgb, 1)
-    return result
+    points, k = f64(points)[:, :3], pieces["id"]
+    y, x = np.divmod(pieces["pixel"], width)
+    e = np.maximum(1 - pieces["depth"] / DEPTH_ONE, 0.5 / DEPTH_ONE)
+    q = np.linalg.solve(f64(view["to_screen"]).T, [x + 0.5, y + 0.5, e, np.ones(len(e))])
+    way = points[k + 1] - points[k]
+    square, along = dot(way, way), dot(way, (q[:3] / q[3]).T - points[k])
+    return np.clip(np.where(square > 0, along / np.where(square > 0, square, 1), 0), 0, 1)

@@ -19,3 +19,8 @@ def recorded(gpu):
         launch(name, size, **arguments)
     gpu.launch = launched
     return names
+
+
+def bands_of(names):
+    """How many bands of transparent strands were drawn by these kernels: in lanes, or not."""
+    return names.count("coverage.tiles") + names.count("coverage.sort")

@@ -1,0 +1,254 @@
+/*
+ * The pieces of strands in one pixel, hidden behind each other, the body's samples and shell fur, and their light added up:
+ * C += T a c, T *= 1 - a, but pieces of one strand lie beside each other.  Where less than 1/256 of the light is left no
+ * more strands are looked at: the last one takes the rest, or what is behind them all.  coverage.cl uses this.
+ */
+#define CHAINS 8                     // strands whose pieces in a pixel are remembered: these lie beside each other, not behind
+
+/* What is known of pieces, and of what else stands in pixels, and what is told of them. */
+typedef struct {
+    int samples, has_shells, lit;    // 1: there is shell fur; there is light
+    __global const ulong *visible, *sample_shells;
+    __global const ulong *places;
+    __global const ulong *more;
+    __global float *body_transmittance, *alpha;
+    __global ulong *front, *shell_front;
+    __global float4 *image;
+} Picture;
+
+/* The pieces of a pixel that wait, in any order. */
+typedef struct {
+    long keys[SLOTS + 4] ALIGNED;    // depth << 32 | id
+    float shares[SLOTS + 4];         // of the pixel's area
+    uint wheres[SLOTS + 4];          // on the segment, in 1/65535 of its length; 16 bits are free
+    uint numbers[SLOTS + 4];         // the segment's, among those that are seen
+} Slots;
+
+/* One pixel on its way. */
+typedef struct {
+    size_t at;                       // in the picture
+    float kept, room, most, of_body, of_shells, all_shells;   // light that strands let through; share of samples that are open;
+                                     // of what fills most of it; of body and shells; that these hide in all
+    float4 light;
+    ulong best;                      // of what fills most of it so far, strands alone
+    uint8 lows, highs;               // numbers of each chain's pieces
+    float8 sums;                     // and what they cover
+    uint chains, oldest;
+    int event, events;               // samples end, or go on behind shells: the next one
+    uint depths[2 * SAMPLES];        // where, in order
+    uchar which[2 * SAMPLES];        // 2 · sample + 1 where it ends
+    float open[SAMPLES];             // share of the pixel that goes on
+    float through[SAMPLES];          // share of the body's light that shells let through, and strands where it has ended
+    bool closed;
+} Pixel;
+
+/* Begin with pixel `at`; how far it can be seen into: to the body where that fills it. */
+INLINED uint begin_pixel(Pixel *p, const Picture *picture, size_t at)
+{
+    const int samples = picture->samples;
+    uint furthest = 0;
+    int events = 0;
+    p->at = at;
+    p->kept = p->room = 1.0f;
+    p->most = p->of_body = p->of_shells = p->all_shells = 0.0f;
+    p->light = 0.0f;
+    p->best = ~0ul;
+    p->lows = 0xFFFFFFFEu;
+    p->highs = 0;
+    p->sums = 0.0f;
+    p->chains = p->oldest = 0;
+    p->event = 0;
+    p->closed = false;
+    for (int s = 0; s < samples; ++s) {
+        const size_t sample = at * samples + s;
+        const uint body = picture->visible[sample] >> 32;
+        furthest = body > furthest ? body : furthest;
+        p->open[s] = 1.0f / samples;
+        p->through[s] = picture->has_shells ? picture->body_transmittance[sample] : 1.0f;
+        p->all_shells += (1.0f - p->through[s]) / samples;
+        for (int kind = picture->has_shells ? 0 : 1; kind < 2; ++kind) {
+            uint depth = body;
+            if (!kind) {
+                const uint shell = picture->sample_shells[sample] >> 32;
+                depth = shell < depth ? shell : depth;
+                if (!(p->through[s] < 1.0f))
+                    continue;
+            } else if (depth == NOTHING) {
+                continue;
+            }
+            int k = events++;
+            for (; k > 0 && p->depths[k - 1] > depth; --k) {
+                p->depths[k] = p->depths[k - 1];
+                p->which[k] = p->which[k - 1];
+            }
+            p->depths[k] = depth;
+            p->which[k] = 2 * s + kind;
+        }
+    }
+    p->events = events;
+    return furthest;
+}
+
+/* The next sample ends, or goes on behind shells. */
+INLINED void pass_event(Pixel *p, int samples)
+{
+    const int s = p->which[p->event] / 2;
+    if (p->which[p->event] & 1) {
+        p->through[s] = p->open[s] * samples * p->kept;
+        p->of_body += p->open[s] * p->kept;
+        p->open[s] = 0.0f;
+    } else {
+        p->of_shells += p->open[s] * (1.0f - p->through[s]) * p->kept;
+        p->open[s] *= p->through[s];
+    }
+    ++p->event;
+    float room = 0.0f;
+    for (int k = 0; k < samples; ++k)
+        room += p->open[k];
+    p->room = room;
+}
+
+INLINED int first_lane(uint8 mask)
+{
+    const uint8 b = mask & (uint8)(1, 2, 4, 8, 16, 32, 64, 128);
+    const uint4 c = b.lo | b.hi;
+    const uint m = (c.x | c.y) | (c.z | c.w);
+    for (int k = 0; k < CHAINS; ++k)
+        if (m >> k & 1)
+            return k;
+    return CHAINS;
+}
+
+/* Hide a piece behind what came before it -> the share of the pixel's light that it has. */
+INLINED float hide(Pixel *p, long key, float share)
+{
+    const uint8 lane = (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
+    const uint id = (uint)key;
+    float hidden;
+    /* Pieces of one strand follow each other in number. */
+    const int chain = first_lane(as_uint8((id + 1 >= p->lows) & (id <= p->highs + 1)));
+    if (chain == CHAINS) {
+        const uint slot = p->chains < CHAINS ? p->chains++ : p->oldest;
+        p->oldest = p->chains < CHAINS ? 0 : (slot + 1) % CHAINS;
+        const int8 here = lane == slot;
+        const float sum = share < 1.0f ? share : 1.0f;
+        p->lows = here ? id : p->lows;
+        p->highs = here ? id : p->highs;
+        p->sums = here ? sum : p->sums;
+        hidden = p->kept * sum;
+    } else {
+        const int8 here = lane == (uint)chain;
+        const float before = ((float *)&p->sums)[chain], grown = before + share, sum = grown < 1.0f ? grown : 1.0f;
+        p->lows = here & as_int8(p->lows > id) ? id : p->lows;
+        p->highs = here & as_int8(p->highs < id) ? id : p->highs;
+        p->sums = here ? sum : p->sums;
+        hidden = before < 1.0f ? p->kept * (sum - before) / (1.0f - before) : 0.0f;
+    }
+    p->kept -= hidden;
+    float weight = hidden * p->room;
+    if (!(p->kept * p->room > UNSEEN)) {
+        weight += p->kept * p->room;
+        p->kept = 0.0f;
+    }
+    if (weight > p->most) {
+        p->most = weight;
+        p->best = key;
+    }
+    return weight;
+}
+
+/* The slots are full: the furthest piece goes, and with it all from its key on. */
+INLINED void drop(Slots *slots, long *limit)
+{
+    int far = 0;
+    for (int k = 1; k < SLOTS; ++k)
+        far = slots->keys[k] > slots->keys[far] ? k : far;
+    *limit = slots->keys[far] < *limit ? slots->keys[far] : *limit;
+    slots->keys[far] = slots->keys[SLOTS - 1];
+    slots->shares[far] = slots->shares[SLOTS - 1];
+    slots->wheres[far] = slots->wheres[SLOTS - 1];
+    slots->numbers[far] = slots->numbers[SLOTS - 1];
+}
+
+/* Hide those of n pieces whose keys are below `until`, of which no more will come -> those that are left. */
+INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until)
+{
+    int order[SLOTS + 4], i = 0;
+    for (int j = n; j & 3; ++j)
+        slots->keys[j] = LONG_MAX;
+    for (int j = 0; j < n; j += 4) {         // each one's rank: how many are nearer
+        const long4 mine = *(const long4 *)(slots->keys + j);
+        long4 rank = 0;
+        for (int k = 0; k < n; ++k)
+            rank -= slots->keys[k] < mine;
+        order[rank.x] = j;
+        order[rank.y] = j + 1;
+        order[rank.z] = j + 2;
+        order[rank.w] = j + 3;
+    }
+    bool more = p->kept * p->room > UNSEEN;
+    while (more && i < n && slots->keys[order[i]] < until) {
+        const int j = order[i];
+        const long key = slots->keys[j];
+        if (p->event < p->events && p->depths[p->event] <= (uint)(key >> 32)) {
+            pass_event(p, picture->samples);
+            more = p->kept * p->room > UNSEEN;
+            continue;
+        }
+        const float weight = hide(p, key, slots->shares[j]);
+        if (picture->lit) {
+            const float4 light = light_between(picture->places + FEW_PLACES * (size_t)slots->numbers[j], picture->more,
+                                               (slots->wheres[j] & 0xFFFF) * (1.0f / 65535.0f));
+            p->light += weight * (light < MOST ? light : MOST);
+        }
+        more = p->kept * p->room > UNSEEN;
+        ++i;
+    }
+    p->closed = !more;
+    if (!i || !more)
+        return more ? n : 0;
+    int left = 0;
+    for (int j = 0; j < n; ++j) {
+        const long key = slots->keys[j];
+        slots->keys[left] = key;
+        slots->shares[left] = slots->shares[j];
+        slots->wheres[left] = slots->wheres[j];
+        slots->numbers[left] = slots->numbers[j];
+        left += key >= until;
+    }
+    return left;
+}
+
+/* All strands are hidden: samples that are left end, and what fills most of the pixel is known. */
+INLINED void end_pixel(Pixel *p, const Picture *picture)
+{
+    const int samples = picture->samples;
+    ulong body = ~0ul, shell = ~0ul;
+    float rest = 0.0f;
+    while (p->event < p->events)
+        pass_event(p, samples);
+    for (int s = 0; s < samples; ++s) {
+        const size_t sample = p->at * samples + s;
+        body = picture->visible[sample] < body ? picture->visible[sample] : body;
+        if (picture->has_shells)
+            shell = picture->sample_shells[sample] < shell ? picture->sample_shells[sample] : shell;
+        rest += p->open[s];
+        picture->body_transmittance[sample] = p->through[s];
+    }
+    const float alpha = 1.0f - rest * p->kept;
+    picture->alpha[p->at] = alpha;
+    if (p->of_body >= p->most && p->of_body > 0.0f) {
+        p->most = p->of_body;
+        p->best = body;
+    }
+    const bool is_shell = p->of_shells > p->most && shell != ~0ul;
+    picture->front[p->at] = is_shell ? ~0ul : p->best;
+    if (picture->has_shells)
+        picture->shell_front[p->at] = is_shell ? shell : ~0ul;
+    if (picture->lit) {
+        float4 light = p->light;
+        if (picture->has_shells)         // what is there is theirs
+            light += (p->all_shells > 0.0f ? p->of_shells / p->all_shells : 1.0f) * picture->image[p->at];
+        picture->image[p->at] = (float4)(light.xyz, alpha);
+    }
+}

@@ -1,0 +1,66 @@
+"""Strands -> their light at places along them: what gets through to points, and what segments send to the eye."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import layout
+from ..layout import Arrays, Declared, array
+from .lighting import Lighting
+from .strands import DeviceStrands, arrays
+
+TRANSMITTANCE = Declared("point", np.float32)   # share of a light's direct light there, 0..1
+FEW, MANY = layout.CONSTANTS["FEW_PLACES"], layout.CONSTANTS["MANY_PLACES"] + 1   # of a segment
+
+
+@dataclass(frozen=True)
+class Places(Arrays):
+    """Light of all lights together that segments send to the eye, linear r, g, b; `light_between` of cl/places.h gives
+    that between the places."""
+
+    places: Any = array("segment", np.uint64, FEW)   # of each, or where in `more` they are: see cl/places.h
+    more: Any = array("row", np.uint64, MANY)     # of those that need more of them
+    until: int = 0                                # segments of which it is known
+
+
+def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
+    """Share of each light's direct light that gets through to points of strands -> [lights, points] float32 0..1."""
+    n_points = len(strands.points)
+    result = TRANSMITTANCE.empty(gpu, (len(lighting.lights), n_points))
+    gpu.launch("strand_light.transmittance", _items(gpu, n_points), n_points=n_points, transmittances=result,
+               **lighting.arrays(),
+               **arrays(strands, "points", "strand_of", "run", "strand_normal", "strand_uv", "types"))
+    return result
+
+
+def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
+             segments: Any = None, until: int | None = None, before: Places | None = None) -> Places:
+    """Light that segments send to the eye -> `Places`.
+
+    ``transmittances``: [lights, points] float32, what `transmittance` gave; all light if None.
+    ``segments``: [n] uint32, ids of segments, of which those of ``strands`` end at ``until``; each point if None,
+    those of strands' last points without a meaning.  ``before``: what this gave of those before them.
+    """
+    n = len(strands.points) if segments is None else len(segments)
+    known = before or Places(Places.declared["places"].empty(gpu, n), Places.declared["more"].empty(gpu, 0))
+    first, end, rows_before = known.until, n if until is None else until, len(known.more)
+    rows = gpu.full(1, np.uint32, rows_before)
+    given = {"view": view, "range": (first, end), "listed": segments is not None, "first_point": strands.first_point,
+             "segments": gpu.empty(0, np.uint32) if segments is None else segments, "n_points": len(strands.points),
+             "places": known.places, "shadowed": transmittances is not None,
+             "transmittances": gpu.empty(0, np.float32) if transmittances is None else transmittances,
+             **lighting.arrays(), **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal",
+                                           "strand_uv", "types", "colors", "color_per")}
+    gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, **given)
+    more = Places.declared["more"].empty(gpu, int(gpu.download(rows)[0]) - rows_before)
+    if more.size:
+        gpu.launch("strand_light.further", _items(gpu, end - first), more=more, rows_before=rows_before, **given)
+    parts = [each for each in (known.more, more) if each.size]
+    joined = gpu.joined(parts, np.uint64).reshape(-1, MANY) if parts else known.more
+    return Places(known.places, joined, end)
+
+
+def _items(gpu, n):
+    """Work-items for n places side by side."""
+    return -(-n // min(gpu.lanes, 16))
