@@ -300,7 +300,7 @@ __kernel void pixels(
     const int has_shells,                  // the rest: see `tiles`
     __global const ulong *sample_shells,
     const int lit,
-    __global const float4 *places,
+    __global const ulong *places,
     __global const ulong *more,
     __global float *body_transmittance,
     __global float *alpha,
@@ -501,8 +501,8 @@ ALONE BY_HAND __kernel void tiles(
     const int has_shells,                  // 1: there is shell fur
     __global const ulong *sample_shells,   // [rows, width, samples] depth << 32 | face where half of it is gone
     const int lit,                         // 1: there is light
-    __global const float4 *places,         // [survivors, 3] light, see places.h
-    __global const ulong *more,            // [rows of them, PLACE_ROW]
+    __global const ulong *places,          // [survivors, FEW_PLACES] light, see places.h
+    __global const ulong *more,            // [rows of them, MANY_PLACES + 1]
     __global float *body_transmittance,    // [rows, width, samples] share of the body's light that what stands before it
                                            // lets through; in: shells alone, out: strands too
     __global float *alpha,                 // [rows, width]

@@ -9,7 +9,7 @@
 typedef struct {
     int samples, has_shells, lit;    // 1: there is shell fur; there is light
     __global const ulong *visible, *sample_shells;
-    __global const float4 *places;
+    __global const ulong *places;
     __global const ulong *more;
     __global float *body_transmittance, *alpha;
     __global ulong *front, *shell_front;
@@ -197,7 +197,7 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
         }
         const float weight = hide(p, key, slots->shares[j]);
         if (picture->lit) {
-            const float4 light = light_between(picture->places + 3 * (size_t)slots->numbers[j], picture->more,
+            const float4 light = light_between(picture->places + FEW_PLACES * (size_t)slots->numbers[j], picture->more,
                                                (slots->wheres[j] & 0xFFFF) * (1.0f / 65535.0f));
             p->light += weight * (light < MOST ? light : MOST);
         }

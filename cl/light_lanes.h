@@ -1,5 +1,6 @@
 /*
- * What light.h and scatter.h have for one place, for LANES of them side by side: shade.cl uses this, and both before it.
+ * What light.h and scatter.h have for one place, for LANES of them side by side: shade.cl and strand_light.cl use this, and
+ * both before it.
  * The same operations in the same order, but for powers: those are here of + - * / alone, so that they are the same bits for
  * any LANES.
  */
@@ -111,6 +112,28 @@ INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, 
             LANE(dark, k) = dark_texels(obstacles, (int)LANE(x0, k), (int)LANE(y0, k), LANE(nearest_seen, k), LANE(dx, k),
                                         LANE(dy, k));
     return 1.0f - dark / (float)((2 * radius + 1) * (2 * radius + 1));
+}
+
+/* See `transmittance_at`; n: the body's normals at the strands' roots, width and alpha: of the strands. */
+INLINED lanes transmittances_at(const Obstacles *obstacles, lanes_i on, lanes3 p, lanes3 n, lanes width, lanes alpha)
+{
+    const Shadow *shadow = &obstacles->shadow;
+    lanes share = on ? F(1.0f) : F(0.0f);
+    if (shadow->body.x)
+        share *= past_body_lanes(obstacles, on, p, n, HAIR_STEEPEST, HAIR_BIAS(shadow->body.y));
+    if (shadow->hair.x > 0.0f && any_lane(share > 0.0f)) {
+        const lanes depth = shadow->hair.w > 0.0f ? 1.0f - alpha : -0.69314718f * log2_of(greater(alpha, F(1e-6f)));
+        const lanes of_one = depth / shadow->hair.x;
+        share *= through_hair_lanes(obstacles, shadow->hair.y * width * of_one, shadow->hair.z * of_one, p);
+    }
+    return share;
+}
+
+/* See `tangent_of`. */
+INLINED lanes3 tangent_of_lanes(lanes3 chord, lanes3 along)
+{
+    const lanes3 up = {F(0.0f), F(1.0f), F(0.0f)};
+    return unit_lanes_or(chosen(dots(chord, chord) > 1e-30f, chord, along), up);
 }
 
 /* What strands are like at LANES places. */

@@ -1,14 +1,15 @@
 /*
- * Light of strands' segments between the places where it is known: three of each, its start, middle and end, and where it
- * changes too much between these, more of them.  strand_light.cl makes them, coverage.cl adds them up.
+ * Light of strands' segments between the places where it is known: FEW_PLACES of each, or where it changes too much between
+ * these, MANY_PLACES, from its start to its end, evenly apart.  strand_light.cl makes them, coverage.cl adds them up.
  *
- * A segment's three: r, g, b, and in their last floats: the first row of `more`, in rows of PLACE_ROW places, modulo 2^20;
- * pieces, 1, 3 or 7; that row divided by 2^20.  With more pieces than one, `more` has their 2 · pieces + 1 places.
- * Between three places that follow each other light is a parabola.
+ * Through three places that follow each other goes a parabola. A segment that the edge of a spot's cone crosses has straight
+ * lines between them, and a step where the edge is: behind its places two floats tell it, in ways from place to place.
  */
-#define FAR_ROWS 1048576.0f                // rows that a float tells apart, with room to spare
+#define MORE (1ul << 63)                   // instead of the first place: its row of `more` has them,
+#define ON_EDGE (1ul << 62)                // and an edge crosses it
+#define ROW (ON_EDGE - 1)
 
-/* Light in 64 bits: of each of r, g, b the upper 21 bits of its float, but for its sign. */
+/* Light in 63 bits: of each of r, g, b the upper 21 bits of its float, but for its sign. */
 INLINED ulong packed_light(float r, float g, float b)
 {
     const uint x = (as_uint(r) + 512u) >> 10, y = (as_uint(g) + 512u) >> 10, z = (as_uint(b) + 512u) >> 10;
@@ -17,25 +18,37 @@ INLINED ulong packed_light(float r, float g, float b)
 
 INLINED float4 unpacked_light(ulong packed)
 {
-    return (float4)(as_float((uint)(packed >> 42 & 0x1FFFFF) << 10), as_float((uint)(packed >> 21 & 0x1FFFFF) << 10),
-                    as_float((uint)(packed & 0x1FFFFF) << 10), 0.0f);
+    return (float4)(as_float((uint)(packed >> 32) & 0x7FFFFC00u), as_float((uint)(packed >> 11) & 0x7FFFFC00u),
+                    as_float((uint)packed << 10 & 0x7FFFFC00u), 0.0f);
 }
 
-/* Light that a segment sends to the eye from the place `at`, 0..1, of its length in the world: r, g, b, and no meaning.
-   three: of the segment.  `at` is that of the place nearest to the pixel's middle at the piece's depth. */
-INLINED float4 light_between(__global const float4 *three, __global const ulong *more, float at)
+/* Light that a segment sends to the eye from the place `at`, 0..1, of its length in the world: r, g, b, 0.
+   few: of the segment.  `at` is that of the place nearest to the pixel's middle at the piece's depth. */
+INLINED float4 light_between(__global const ulong *few, __global const ulong *more, float at)
 {
-    float4 a = three[0], b = three[1], c = three[2];
-    const float pieces = b.w;
-    if (pieces > 1.0f) {
-        const float along = at * pieces;
-        const int most = (int)pieces - 1, whole = (int)along, piece = whole < most ? whole : most;
-        __global const ulong *from = more + PLACE_ROW * ((ulong)c.w * (ulong)FAR_ROWS + (ulong)a.w) + 2 * piece;
-        a = unpacked_light(from[0]);
-        b = unpacked_light(from[1]);
-        c = unpacked_light(from[2]);
-        at = along - piece;
+    const ulong first = few[0];
+    __global const ulong *from = few;
+    int pieces = FEW_PIECES;
+    if (first & MORE) {
+        from = more + (MANY_PLACES + 1) * (first & ROW);
+        pieces = MANY_PIECES;
+        if (first & ON_EDGE) {
+            const float along = at * (MANY_PLACES - 1);
+            const int whole = (int)along, last = whole < MANY_PLACES - 2 ? whole : MANY_PLACES - 2;
+            const float4 a = unpacked_light(from[last]), b = unpacked_light(from[last + 1]);
+            const float2 edges = as_float2(from[MANY_PLACES]);
+            float share = along - last;
+            if (edges.x >= last && edges.x < last + 1)
+                share = along < edges.x ? 0.0f : 1.0f;
+            if (edges.y >= last && edges.y < last + 1)
+                share = along < edges.y ? 0.0f : 1.0f;
+            return a + share * (b - a);
+        }
     }
-    const float4 light = (1.0f - at) * (1.0f - 2.0f * at) * a + 4.0f * at * (1.0f - at) * b + at * (2.0f * at - 1.0f) * c;
+    const float along = at * pieces;
+    const int whole = (int)along, piece = whole < pieces - 1 ? whole : pieces - 1;
+    const float4 a = unpacked_light(from[2 * piece]), b = unpacked_light(from[2 * piece + 1]), c = unpacked_light(from[2 * piece + 2]);
+    const float t = along - piece;
+    const float4 light = (1.0f - t) * (1.0f - 2.0f * t) * a + 4.0f * t * (1.0f - t) * b + t * (2.0f * t - 1.0f) * c;
     return light > 0.0f ? light : 0.0f;
 }

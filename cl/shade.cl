@@ -112,13 +112,6 @@ INLINED lanes3 light_of_body(const View *view, const Lighting *lighting, const W
     return sum;
 }
 
-/* See `tangent_of`. */
-INLINED lanes3 tangent_of_lanes(lanes3 chord, lanes3 along)
-{
-    const lanes3 up = {F(0.0f), F(1.0f), F(0.0f)};
-    return unit_lanes_or(chosen(dots(chord, chord) > 1e-30f, chord, along), up);
-}
-
 /* The light that waiting samples of strands send to the eye. */
 INLINED lanes3 light_of_strands(const View *view, const Lighting *lighting, const Waiting *samples, const Hair *hair)
 {
@@ -148,17 +141,9 @@ INLINED lanes3 light_of_strands(const View *view, const Lighting *lighting, cons
     for (int i = 0; i < lighting->n; ++i) {
         const Light light = lighting->lights[i];
         const Obstacles obstacles = obstacles_of(lighting, i);
-        const Shadow *shadow = &obstacles.shadow;
         lanes3 l;
         lanes share = share_of_light(&light, p, &l);
-        if (shadow->body.x)
-            share *= past_body_lanes(&obstacles, share > 0.0f, p, normal, HAIR_STEEPEST, HAIR_BIAS(shadow->body.y));
-        if (shadow->hair.x > 0.0f && any_lane(share > 0.0f)) {
-            /* See `transmittance_at`. */
-            const lanes depth = shadow->hair.w > 0.0f ? 1.0f - alpha : -0.69314718f * log2_of(greater(alpha, F(1e-6f)));
-            const lanes of_one = depth / shadow->hair.x;
-            share *= through_hair_lanes(&obstacles, shadow->hair.y * width * of_one, shadow->hair.z * of_one, p);
-        }
+        share *= transmittances_at(&obstacles, share > 0.0f, p, normal, width, alpha);
         sum = plus(sum, fibre_lanes(&light, &here, l, v, share));
     }
     return sum;

@@ -18,7 +18,7 @@ LADDER = (
     Settings(samples=1, lod=1.0, grid=48, shadow_map=256, pcf=0, raster="samples"),
     Settings(samples=1, lod=0.5, grid=48, shadow_map=256, pcf=0, raster="samples"),
     Settings(samples=4, lod=0.5, grid=64, raster="samples"),
-    Settings(samples=1, lod=0.5, grid=64, raster="coverage"),
+    Settings(samples=1, lod=0.45, grid=64, pcf=0, raster="coverage"),
     Settings(samples=1, lod=0.35, grid=96, raster="coverage"),
     Settings(samples=4, lod=0.2, grid=96, raster="coverage"),
     Settings(samples=4, grid=160, raster="coverage"),

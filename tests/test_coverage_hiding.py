@@ -47,6 +47,7 @@ def test_hiding_is_the_twins(gpu, samples, has_shells, counts, share):
         transmittance[counts % 5 == 0] = 1
         transmittance[counts % 7 == 0] *= np.float32(.01)            # hardly anything is left for strands behind
     colors = rng.random((len(pieces), 3)).astype(np.float32) * np.float32([1, 1, 0])
+    colors = (colors.astype(np.float32).view(np.uint32) & np.uint32(0x7FFFFC00)).view(np.float32)   # as they are packed
     arrays = hidden(gpu, pieces, visible, transmittance, front, colors, behind=1)
     for pixel in range(counts.size):
         y, x = divmod(pixel, counts.shape[1])

@@ -12,7 +12,7 @@ import clfur
 from clfur.pipeline.shadows import plan_shadows
 from clfur.pipeline.views import Rig, view_of
 from clfur.scene import extent
-from clfur.scene.seen import seen
+from clfur.scene.seen import PIECE, seen, times
 
 SUN = clfur.Light(direction=(-1, -2, -.5))
 SPOT = clfur.Light(direction=(-1, -1, -1), position=(2, 2.5, 2.2), angle=70, color=(.5, .4, .9))
@@ -373,3 +373,14 @@ def test_the_ball_holds_all_points_of_the_curves_that_are_seen():
     expected, reach = extent(None, curves(points))
     np.testing.assert_array_equal(center, expected)
     assert radius == reach == pytest.approx(2.51)
+
+
+@pytest.mark.parametrize("shape", [(0, 3), (1, 3), (PIECE - 1, 3), (PIECE, 3), (2 * PIECE + 7, 3), (PIECE, 3, 3)])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_points_are_multiplied_in_pieces(shape, dtype):
+    rng = np.random.default_rng(1)
+    points = rng.normal(size=shape).astype(dtype)
+    for matrix in rng.normal(size=3), rng.normal(size=(3, 3)), rng.normal(size=(5, 3)).T:
+        np.testing.assert_allclose(times(points, matrix), points.astype(float) @ matrix, rtol=0, atol=1e-14)
+    wide = np.broadcast_to(points[:1], points.shape)
+    np.testing.assert_allclose(times(wide, matrix), wide.astype(float) @ matrix, rtol=0, atol=1e-14)

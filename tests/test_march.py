@@ -78,6 +78,8 @@ FLIPS, FLIP = 0.01, 0.5
 CASES = {
     "cells": ("ball", FUR, {}),
     "cells, unfiltered": ("ball", FUR, {"filtered": False}),
+    "cells, unfiltered, from far": ("ball", FUR | {"frequency": 40.0}, {"filtered": False}),
+    "sine, unfiltered, from far": ("ball", SINE | {"frequency": 60.0}, {"filtered": False}),
     "cells, 4 samples": ("ball", FUR, {"samples": 4}),
     "cells, bent": ("ball", FUR | BENT, {}),
     "cells, no noise": ("ball", FUR | {"noise": (0, 8)}, {}),

@@ -54,32 +54,26 @@ def test_transmittances_are_the_twins(gpu, n, settings, lights):
 @pytest.mark.parametrize("lights", [[LIGHT], [SPOT], [LIGHT, SPOT]], ids=["far", "spot", "both"])
 @pytest.mark.parametrize("listed", [False, True])
 def test_places_are_the_twins(gpu, kind, form, n, shadowed, lights, listed):
-    """At the three places, and at those of more pieces: 2e-5 as for samples, see test_shade.py, and 2^-14 of light that
-    is packed."""
+    """At the places where light is known: 2e-5 as for samples, see test_shade.py, and 2^-14 as it is packed."""
     scene, lights = furry(kind, n, highlight=form), [light_of(light) for light in lights]
     strands, view = strands_of(gpu, scene), view_of(scene, 1)
     there, rng = on_host(strands), np.random.default_rng(3)
     transmittances = rng.random((len(lights), len(strands.points))).astype(np.float32) if shadowed else None
-    k = np.flatnonzero(np.diff(there.strand_of[np.arange(len(there.points)) // there.run]) == 0)
+    k = np.concatenate([first + np.arange(max(int(count) - 1, 0)) for first, count in there.spans]).astype(int)
     if listed:
         k = rng.permutation(k)[:len(k) // 2 + 1]
     lit = strand_light.radiance(gpu, view, unshadowed(gpu, *lights), strands,
                                 gpu.upload(transmittances) if shadowed else None,
                                 gpu.upload(k.astype(np.uint32)) if listed else None)
     places, more = lit.places.get(), lit.more.get()
-    three, number = places.reshape(-1, 3, 4), np.arange(len(k)) if listed else k
+    number = np.arange(len(k)) if listed else k
     of = functools.partial(twin.sent, view, lights, k, strands=there, transmittances=transmittances)
-    for j in range(3):
-        np.testing.assert_allclose(three[number, j, :3], of(at=np.full(len(k), j / 2)), rtol=2e-5, atol=2e-5)
-    pieces = three[number, 1, 3]
-    assert set(np.unique(pieces)) <= {1, 3, 7} and ((pieces > 1).any() == (len(more) > 0))
-    assert (pieces > 1).any() or n == 4
-    assert len(more) == ((pieces[pieces > 1] + 1) / 4).sum()
-    for j in range(15):                    # where a parabola begins, has its middle or ends
-        at = np.minimum(j / (2 * pieces), 1)
-        edge = at == 1
-        found = twin.between(places, more, number, at)[~edge]
-        np.testing.assert_allclose(found, of(at=at)[~edge], rtol=2e-4, atol=5e-5)
+    many = places[number, 0] >> np.uint64(63) > 0
+    assert len(more) == many.sum() and (many.any() or n == 4)
+    for j in range(15):                    # at each place; at the others of few light is between
+        here = many | (j % 7 == 0)
+        found = twin.between(places, more, number, np.full(len(k), j / 14))[here]
+        np.testing.assert_allclose(found, of(at=np.full(len(k), j / 14))[here], rtol=2e-4, atol=5e-5)
 
 
 def test_light_in_64_bits_keeps_its_digits():

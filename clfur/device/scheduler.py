@@ -27,7 +27,7 @@ GROUP = 64          # work-items in a work-group, where a kernel doesn't state h
 FIRST = 1024        # work-items in the first piece of a launch
 MOST = 65_472       # work-items in any piece: PoCL compiles a kernel anew for 2^16 and more
 PIECE = 0.1         # seconds that a piece of a launch should take, so that Ctrl-C need not wait long
-SPARE = 256 << 20   # bytes that the pool may hold beyond twice of what is in use
+SPARE = 256 << 20   # bytes that the pool may hold beyond twice of what the last frame used
 
 
 def kernel_dir():
@@ -277,10 +277,11 @@ class Scheduler:
     def start(self) -> None:
         """Begin a new frame: from here on `seconds` and `peak` count anew."""
         self._log.clear()
-        self.peak = self._pool.active_bytes
-        # Frames of ever new sizes leave ever new pieces in the pool.
-        if self._pool.managed_bytes > 2 * self._pool.active_bytes + SPARE:
+        # Frames of ever new sizes leave ever new pieces in the pool.  What the last one took may be of use again: in new
+        # memory the system clears each page when it is first touched, which takes up to a third of a frame.
+        if self._pool.managed_bytes > 2 * max(self._pool.active_bytes, self.peak) + SPARE:
             self._pool.free_held()
+        self.peak = self._pool.active_bytes
 
     @contextmanager
     def labelled(self, name: str) -> Iterator[None]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..scene import Curves, Light, Mesh, Scene, Strands, fur_extent, hair_bounds
-from ..scene.seen import Seen, clipped_faces, clipped_segments, faces_of, is_unknown, seen, segments_of
+from ..scene.seen import Seen, clipped_faces, clipped_segments, faces_of, is_unknown, seen, segments_of, times
 
 STEPS = 4            # sizes of a cube between one and its double; distances from a spot have 2
 GAIN = math.sqrt(2)  # times smaller than a ball around everything must a cube be, to be taken
@@ -83,7 +83,8 @@ class Fit:
                 nearest = float(grid["face"][3])
             return (*bounds, nearest)
         boxes, curves = self.seen.strands[0], fur.on_host
-        x, y, z, w = grid["to_grid"].astype(float).T @ np.column_stack([boxes.center, np.ones(len(boxes.first))]).T
+        m = grid["to_grid"].astype(float)
+        x, y, z, w = (times(boxes.center, m[:3]) + m[3]).T
         reach, side = boxes.reach, float(grid["face"][1])
         beside = (int(grid["size"][0]) / 2 + 1) * (w + reach) + math.sqrt(2) * reach / side
         half = int(grid["size"][0]) / 2 * w
@@ -106,7 +107,7 @@ class Fit:
         if self.scene.mesh is None:
             return np.inf
         m = grid["to_grid"].astype(float)
-        return float((self.scene.mesh.positions @ m[:3, 3] + m[3, 3]).min()) - self.grown
+        return float((times(self.scene.mesh.positions, m[:3, 3]) + m[3, 3]).min()) - self.grown
 
     def _cube(self, light, cells):
         """(Center, half a side, True) of a cube around what casts shadows on what is seen; or the ball and False."""
@@ -124,16 +125,16 @@ class Fit:
         idle = self._idle(light)
         casts = ~idle[faces]
         if not casts.any():
-            return _box(points @ axes.T, radius)
-        low, high = _box(points[casts] @ axes.T, radius[casts])
+            return _box(times(points, axes.T), radius)
+        low, high = _box(times(points[casts], axes.T), radius[casts])
         if casts.all():
             return low, high
         # Of what is left out, the light that falls on it may be taken by what is not seen.
-        least, most = _box(points @ axes.T, radius)
+        least, most = _box(times(points, axes.T), radius)
         center, reach = self._unseen(idle[:-1])
         before = self._falls_on(light, center, reach)
         if before.any():
-            one, other = _box_of_each(center[before] @ axes.T, reach[before])
+            one, other = _box_of_each(times(center[before], axes.T), reach[before])
             one[:, :2], other[:, :2] = np.maximum(one[:, :2], least[:2]), np.minimum(other[:, :2], most[:2])
             low, high = np.minimum(low, one.min(0)), np.maximum(high, other.max(0))
         return low, high
@@ -211,10 +212,11 @@ class Fit:
         while flat.any():
             first = int(np.argmax(np.where(flat, area, 0)))
             n, offset = normals[first], offsets[first]
-            mine = flat & ((known.corners @ n - offset > -slack) & (known.corners @ n - offset < slack)).all(1)
+            beside = times(known.corners, n) - offset
+            mine = flat & ((beside > -slack) & (beside < slack)).all(1)
             if area[mine].sum() < LARGE * area.sum():
                 break
-            behind = points @ n - radius < offset - slack
+            behind = times(points, n) - radius < offset - slack
             deepest = points[behind] - radius[behind, None] * n
             idle[:-1][mine] = self._hidden(deepest, n, offset, known.corners[mine])
             flat &= ~mine
@@ -228,7 +230,7 @@ class Fit:
             return True
         if eye @ n <= offset or len(points) * len(corners) > MOST_HIDDEN:
             return False
-        before, after = eye @ n - offset, offset - points @ n
+        before, after = eye @ n - offset, offset - times(points, n)
         at = eye + (before / (before + after))[:, None] * (points - eye)
         over = np.ones((len(points), len(corners)), bool)
         turn = np.sign((np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) * n).sum(1))
@@ -264,7 +266,7 @@ class Fit:
             away = np.linalg.norm(ray, axis=1)
             furthest = np.linalg.norm((low + high) / 2 - light.position) + np.linalg.norm(high - low) / 2
             radius = radius * np.maximum(furthest / np.where(away > 0, away, 1), 1)
-        start, slope = center @ planes.T + offsets + radius[:, None], ray @ planes.T
+        start, slope = times(center, planes.T) + offsets + radius[:, None], times(ray, planes.T)
         meets = -start / np.where(slope == 0, 1, slope)
         begin = np.where(slope > 0, meets, np.where((slope == 0) & (start < 0), np.inf, 0)).max(1)
         end = np.where(slope < 0, meets, np.inf).min(1)

@@ -23,7 +23,7 @@ from ..stages.order import Order
 from ..stages.raster import VISIBLE
 from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs
 from ..stages.shells import Topology, pack, size_of, topology_of
-from ..stages.strand_light import MOST_ROWS, PLACES, TRANSMITTANCE, Places
+from ..stages.strand_light import TRANSMITTANCE, Places
 from ..stages.strands import AREA, ROOTS, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.voxelize import CELLS
@@ -43,7 +43,7 @@ OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
 OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1)
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
-LIT = PLACES * Places.bytes(place=1) + MOST_ROWS * Places.bytes(row=1)   # of its light, at most
+LIT = Places.bytes(segment=1, row=1)   # of its light, at most
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for

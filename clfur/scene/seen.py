@@ -18,6 +18,18 @@ EDGE = 1.02         # the same for what may not be cut off: wider than any sampl
 IN_FUR = 0.05       # of the fur's length: nearer than this nothing need be seen,
 AMONG = 1e-3        # or than this share of how far what is seen reaches,
 LEAST = 1e-5        # but no less than this one, nor than its square of the scene's radius
+PIECE = 2048        # points that are multiplied at a time
+
+
+def times(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """``points`` [..., 3] @ ``matrix`` [3] or [3, k], in pieces so small that BLAS starts no threads for each: to wait
+    for these takes five times as long as all the sums."""
+    rows, columns = points.reshape(-1, 3), matrix if matrix.ndim == 2 else matrix[:, None]
+    whole = len(rows) // PIECE * PIECE
+    result = np.empty((len(rows), columns.shape[1]), np.result_type(rows, matrix))
+    np.matmul(rows[:whole].reshape(-1, PIECE, 3), columns, out=result[:whole].reshape(-1, PIECE, columns.shape[1]))
+    np.matmul(rows[whole:], columns, out=result[whole:])
+    return result.reshape(points.shape[:-1] + matrix.shape[1:])
 
 
 class Frustum:
@@ -45,18 +57,19 @@ class Frustum:
 
     def within(self, points: np.ndarray) -> np.ndarray:
         """How far points [..., 3] lie inside each plane: [..., 5]."""
-        return points @ self.planes.T + self.offsets
+        return times(points, self.planes.T) + self.offsets
 
     def of_spheres(self, center: np.ndarray, radius: Any) -> tuple[np.ndarray, np.ndarray]:
         """Which spheres [n] lie inside, and which touch it: bool [n] each."""
-        least = (self.planes @ center.T + self.offsets[:, None]).min(0)
+        least = functools.reduce(np.minimum, [
+            times(center, plane) + offset for plane, offset in zip(self.planes, self.offsets)])
         return least >= radius, least > -radius
 
     def of_boxes(self, boxes: "Boxes") -> tuple[np.ndarray, np.ndarray]:
         """Which `Boxes` lie inside, and which touch it: bool [n] each."""
         inside, touched = self.of_spheres(boxes.center, boxes.reach)
         some = np.flatnonzero(touched & ~inside)
-        within, reach = self.within(boxes.center[some]), boxes.half[some] @ np.abs(self.planes).T
+        within, reach = self.within(boxes.center[some]), times(boxes.half[some], np.abs(self.planes).T)
         inside[some], touched[some] = (within >= reach).all(1), (within > -reach).all(1)
         return inside, touched
 
@@ -248,7 +261,7 @@ def _furthest(scene, eye, forward, faces, strands):
         else:
             known, touched = part[0], part[2]
             reach = known.radius if isinstance(known, Faces) else known.reach
-            far.append(float(((known.center[touched] - eye) @ forward + reach[touched]).max(initial=0)))
+            far.append(float((times(known.center[touched] - eye, forward) + reach[touched]).max(initial=0)))
     return max(far)
 
 
@@ -327,7 +340,7 @@ def clipped_faces(frustum: Frustum, corners: Any) -> tuple[np.ndarray, np.ndarra
         p, to_apex = np.cross(ray, far), frustum.apex - corners[:, 0]
         det, q = (edge * p).sum(1), np.cross(to_apex, edge)
         by = 1 / np.where(det == 0, np.inf, det)
-        u, v, t = (to_apex * p).sum(1) * by, q @ ray * by, (far * q).sum(1) * by
+        u, v, t = (to_apex * p).sum(1) * by, times(q, ray) * by, (far * q).sum(1) * by
         found, whose = [*found, frustum.apex + t[:, None] * ray], [*whose, np.arange(n)]
         good.append((det != 0) & (u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0))
     keep = np.concatenate(good)
@@ -338,7 +351,7 @@ def clipped_segments(frustum: Frustum, a: np.ndarray, b: np.ndarray) -> tuple[np
     """(Ends [2 m, 3] of what a frustum holds of segments a b [n, 3], of which segment each is)."""
     begin, end = np.zeros(len(a)), np.ones(len(a))
     for plane, offset in zip(frustum.planes, frustum.offsets):   # a row at a time: much faster than along short rows
-        one, other = a @ plane + offset, b @ plane + offset
+        one, other = times(a, plane) + offset, times(b, plane) + offset
         at = one / np.where(one == other, 1, one - other)
         begin = np.maximum(begin, np.where(one < 0, np.where(other >= 0, at, 2), 0))
         end = np.minimum(end, np.where((one >= 0) & (other < 0), at, 1))

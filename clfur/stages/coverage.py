@@ -105,7 +105,7 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, lit: Any = 
     known = {"view": view, "starts": segments.starts, "sorted": sorted_, "ends": segments.ends, "ids": segments.ids,
              "cuts": segments.cuts, "visible": visible, "has_shells": has_shells,
              "sample_shells": shell_front if has_shells else none, "lit": lit is not None,
-             "places": gpu.empty((0, 4), np.float32) if lit is None else lit.places,
+             "places": none if lit is None else lit.places,
              "more": none if lit is None else lit.more,
              "image": gpu.empty((0, 4), np.float32) if lit is None else image, **vars(covered)}
     across, down = tiles_of(width, rows)

@@ -11,9 +11,7 @@ from .lighting import Lighting
 from .strands import DeviceStrands, arrays
 
 TRANSMITTANCE = Declared("point", np.float32)   # share of a light's direct light there, 0..1
-ROW = layout.CONSTANTS["PLACE_ROW"]
-PLACES = 3                                      # of a segment
-MOST_ROWS = 2                                   # of more of them, at most
+FEW, MANY = layout.CONSTANTS["FEW_PLACES"], layout.CONSTANTS["MANY_PLACES"] + 1   # of a segment
 
 
 @dataclass(frozen=True)
@@ -21,8 +19,8 @@ class Places(Arrays):
     """Light of all lights together that segments send to the eye, linear r, g, b; `light_between` of cl/places.h gives
     that between the places."""
 
-    places: Any = array("place", np.float32, 4)   # start, middle, end of each; of `more`: see cl/places.h
-    more: Any = array("row", np.uint64, ROW)      # more places of segments that need them
+    places: Any = array("segment", np.uint64, FEW)   # of each, or where in `more` they are: see cl/places.h
+    more: Any = array("row", np.uint64, MANY)     # of those that need more of them
     until: int = 0                                # segments of which it is known
 
 
@@ -45,7 +43,7 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
     those of strands' last points without a meaning.  ``before``: what this gave of those before them.
     """
     n = len(strands.points) if segments is None else len(segments)
-    known = before or Places(Places.declared["places"].empty(gpu, PLACES * n), Places.declared["more"].empty(gpu, 0))
+    known = before or Places(Places.declared["places"].empty(gpu, n), Places.declared["more"].empty(gpu, 0))
     first, end, rows_before = known.until, n if until is None else until, len(known.more)
     rows = gpu.full(1, np.uint32, rows_before)
     given = {"view": view, "range": (first, end), "listed": segments is not None, "first_point": strands.first_point,
@@ -59,7 +57,7 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
     if more.size:
         gpu.launch("strand_light.further", _items(gpu, end - first), more=more, rows_before=rows_before, **given)
     parts = [each for each in (known.more, more) if each.size]
-    joined = gpu.joined(parts, np.uint64).reshape(-1, ROW) if parts else known.more
+    joined = gpu.joined(parts, np.uint64).reshape(-1, MANY) if parts else known.more
     return Places(known.places, joined, end)
 
 

@@ -11,7 +11,7 @@ from .scatter import TURNED, fibre, surface
 from .shells import HEIGHTS, cover, height_at
 from .vectors import dot, f64, unit
 
-SIDEWAYS = 8.0
+SIDEWAYS, PIXEL = 8.0, 8.0
 SHARP = 0.85
 FAR_FROM, FAR_TO = 0.3, 0.9
 TETRAHEDRA = np.array([(0, 1, 2, 5), (0, 1, 4, 5), (0, 3, 4, 5)])   # of a prism: 0 1 2 below, 3 4 5 above them
@@ -140,13 +140,16 @@ def _steps(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
     at_in, at_out = ((w[:, :, None] * at).sum(1) for w in weights)
     rise, across = h_out - h_in, at_out - at_in
     move = np.linalg.norm(across, axis=1)
-    footprint = wide * (z_in + z_out) / 2 * bool(shells["kind"][3])
+    filtered, seen = bool(shells["kind"][3]), wide * (z_in + z_out) / 2
+    footprint = seen * filtered
     blur = footprint * lattice[face, 1, 3]
     fade = np.clip((blur - FAR_FROM) / (FAR_TO - FAR_FROM), 0, 1)
     far = fade * fade * (3 - 2 * fade)
     slower = np.linalg.norm(lattice[face, 2:4, :3], axis=2).min(1)
     pixels = 1 / np.where(far == 1, blur, np.where(far > 0, slower * footprint, 1 / SIDEWAYS))
     sideways = np.where(far == 1, pixels, np.minimum(SIDEWAYS - (SIDEWAYS - 1) * far, pixels))
+    if not filtered:
+        sideways = np.minimum(SIDEWAYS, PIXEL / np.maximum(seen * lattice[face, 1, 3], 1e-6))
     measure = np.maximum(np.maximum(float(shells["size"][1]) * np.abs(rise), move * sideways), 1e-6)
     high = np.clip((stop - z_in) / (z_out - z_in), 0, 1)
     passed = np.concatenate([[0], np.cumsum(high * measure)])

@@ -71,10 +71,10 @@ def hidden(gpu, pieces, visible, shell_transmittance=None, shell_front=None, lig
     has_shells, n = shell_front is not None, len(pieces)
     order = np.argsort(pieces["pixel"], kind="stable")
     pieces = pieces[order]
-    places = np.zeros((n, 3, 4), np.float32)
+    places = np.zeros((n, 5), np.uint64)   # the same at all of them, see places.h
     if light is not None:
-        places[..., :3] = light[order, None]
-    places[:, 1, 3] = 1
+        r, g, b = (np.asarray(light, np.float32)[order].view(np.uint32) >> np.uint32(10)).astype(np.uint64).T
+        places[:] = (r << np.uint64(42) | g << np.uint64(21) | b)[:, None]
     starts = np.searchsorted(pieces["pixel"], np.arange(rows * width + 1)).astype(np.uint32)
     keys = pieces["depth"].astype(np.uint64) << np.uint64(32) | pieces["id"].astype(np.uint64)
     through = gpu.upload(shell_transmittance) if has_shells else gpu.empty(visible.shape, np.float32)
@@ -83,7 +83,7 @@ def hidden(gpu, pieces, visible, shell_transmittance=None, shell_front=None, lig
            "shell_front": gpu.empty((rows if has_shells else 0, width), np.uint64),
            "image": gpu.full((rows, width, 4), np.float32, behind)}
     gpu.launch("pieces.hidden", rows * width, samples=samples, starts=gpu.upload(starts), keys=gpu.upload(keys),
-               shares=gpu.upload(np.ascontiguousarray(pieces["share"])), places=gpu.upload(places.reshape(-1, 4)),
+               shares=gpu.upload(np.ascontiguousarray(pieces["share"])), places=gpu.upload(places),
                more=gpu.empty(0, np.uint64), visible=gpu.upload(visible), has_shells=has_shells,
                sample_shells=gpu.upload(shell_front) if has_shells else gpu.empty(0, np.uint64), **out)
     return {name: array.get() for name, array in out.items()}

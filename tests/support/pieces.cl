@@ -67,7 +67,7 @@ __kernel void hidden(
     __global const uint *starts,           // [pixels + 1]
     __global const ulong *keys,            // pieces: depth << 32 | id
     __global const float *shares,
-    __global const float4 *places,         // [pieces, 3] light
+    __global const ulong *places,          // [pieces, FEW_PLACES] light
     __global const ulong *more,            // none
     __global const ulong *visible,
     const int has_shells,
