@@ -33,8 +33,8 @@ def scene_of(fur, light, **options):
 
 
 def assert_sum(together, alone, places):
-    """Colours are the sum of each light's: to rounding, 1e-6.  With ``places`` light of strands lies between places, and
-    is known at as many as any of the lights needs: the same mean, but up to .001 (rms) more exact with the others."""
+    """Colours are the sum of each light's: to rounding, 1e-6.  With ``places`` light of strands lies between places,
+    and is known at as many as any of the lights needs: the same mean, but .001 (rms) more exact with the others."""
     wrong = together[..., :3].astype(float) - np.sum(alone, 0, dtype=float)[..., :3]
     assert np.abs(wrong.mean()) < 5e-5 and np.sqrt((wrong**2).mean()) < .001
     assert places or np.abs(wrong).max() < 1e-6

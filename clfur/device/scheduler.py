@@ -277,8 +277,8 @@ class Scheduler:
     def start(self) -> None:
         """Begin a new frame: from here on `seconds` and `peak` count anew."""
         self._log.clear()
-        # Frames of ever new sizes leave ever new pieces in the pool.  What the last one took may be of use again: in new
-        # memory the system clears each page when it is first touched, which takes up to a third of a frame.
+        # Frames of ever new sizes leave ever new pieces in the pool.  What the last one took may be of use again: in
+        # new memory the system clears each page when it is first touched: up to a third of a frame.
         if self._pool.managed_bytes > 2 * max(self._pool.active_bytes, self.peak) + SPARE:
             self._pool.free_held()
         self.peak = self._pool.active_bytes
