@@ -205,6 +205,7 @@ typedef struct {
     Slots slots;
     Pixel pixel;
     long low, limit;                       // keys below are done; those from `limit` on have gone, and come again later
+    long least;                            // key of those that wait
     uint bound, next;                      // depth from which on nothing is seen; in the list
     int waiting;                           // pieces
 } Walk;
@@ -231,6 +232,7 @@ INLINED void draw(Walk *walk, const View *view, const Chunk *chunk, int x, int y
     slots->shares[n] = share;
     slots->wheres[n] = place_in(&column, v);
     slots->numbers[n] = chunk->number[0];
+    walk->least = key < walk->least ? key : walk->least;
     if (walk->waiting == SLOTS) {
         drop(slots, &walk->limit);
         --walk->waiting;
@@ -259,14 +261,17 @@ INLINED bool go_on(Walk *walk, const View *view, const Picture *picture, __globa
         if (!last && (walk->waiting < SLOTS / 2 || walk->next % 8))
             continue;
         const long until = last ? LONG_MAX : all_before(sorted[walk->next].x, grain);
+        if (!last && walk->least >= until)
+            continue;
         const uint taken = walk->waiting * (walk->waiting / 4 + 16);
         steps -= steps < taken ? steps : taken;
         walk->waiting = settle(&walk->pixel, picture, &walk->slots, walk->waiting, until < walk->limit ? until : walk->limit);
+        walk->least = walk->waiting ? until : LONG_MAX;
         if (last && walk->limit == LONG_MAX)
             return true;
         if (last) {                        // what has gone comes again; all before it is done
             walk->low = walk->limit;
-            walk->limit = LONG_MAX;
+            walk->limit = walk->least = LONG_MAX;
             walk->next = walk->waiting = 0;
         }
     }
@@ -317,7 +322,7 @@ __kernel void pixels(
     if (fresh) {
         walk.bound = begin_pixel(&walk.pixel, &picture, (size_t)y * size.x + x);
         walk.low = walk.next = walk.waiting = 0;
-        walk.limit = LONG_MAX;
+        walk.limit = walk.least = LONG_MAX;
     } else {
         walk = *(__global const Walk *)(walks + WALK * k);
     }

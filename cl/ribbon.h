@@ -37,6 +37,16 @@ INLINED void transposed(const float8 *r, float8 *m)
 }
 #endif
 
+/* Two rows of four as one of eight; by numbers where Oclgrind may run it, which dies of a vector put into half of another. */
+INLINED float8 both(float4 a, float4 b)
+{
+#if LANES == 1
+    return (float8)(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w);
+#else
+    return (float8)(a, b);
+#endif
+}
+
 /* Two points of each of LANES segments, or ends on the screen: rows -> their eight numbers, and back. */
 INLINED void columns_of(const float8 *rows, lanes *columns)
 {
@@ -87,7 +97,7 @@ inline bool clipped(const View *view, float8 ends, float8 *result, uint *cut)
     float ha = 0.5f * ends.s3 * view->scale.x, hb = 0.5f * ends.s7 * view->scale.x;
     if (!clip(&a, &b, &ha, &hb))
         return false;
-    *result = (float8)(on_screen(a, ha), on_screen(b, hb));
+    *result = both(on_screen(a, ha), on_screen(b, hb));
     float4 from = a - p, until = b - p;
     float longest = 0.0f, along[4] = {way.x, way.y, way.z, way.w}, first[4] = {from.x, from.y, from.z, from.w};
     float last[4] = {until.x, until.y, until.z, until.w}, begin = 0.0f, end = 1.0f;
@@ -108,7 +118,7 @@ INLINED void project(const View *view, __global const float4 *points, uint from,
     lanes p[8], c[8];
     for (int k = 0; k < LANES; ++k) {
         const uint i = from + k < last ? from + k : last, j = i < last ? i + 1 : last;
-        rows[k] = (float8)(points[i], points[j]);
+        rows[k] = both(points[i], points[j]);
         batch->cut[k] = WHOLE_WAY;
     }
     columns_of(rows, p);
@@ -269,7 +279,8 @@ INLINED lanes below(lanes a, lanes b)
 {
     const lanes d = b - a, in_a = a < 0.0f ? F(0.0f) : a < 1.0f ? a : F(1.0f), in_b = b < 0.0f ? F(0.0f) : b < 1.0f ? b : F(1.0f);
     const lanes mean = (0.5f * (in_b - in_a) * (in_b + in_a) + ((b > 1.0f ? b : F(1.0f)) - (a > 1.0f ? a : F(1.0f)))) / d;
-    return (d < 1e-6f) & (d > -1e-6f) ? in_a : mean;
+    const lanes_i level = (d < 1e-6f) & (d > -1e-6f);
+    return level ? in_a : mean;
 }
 
 INLINED lanes_i below_or_at(lanes x)

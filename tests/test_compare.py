@@ -53,7 +53,7 @@ def test_what_is_measured(found):
         assert 30 << 20 < row.resident < 8 << 30
         if row.stages is not None:
             assert {"tessellate", "strands", "raster", "voxelize", "zscan", "shadow_map", "coverage",
-                    "shade"} == set(row.stages)
+                    "strand_light", "shade"} == set(row.stages)
             for spread in row.stages.values():
                 assert 0 <= spread.min <= spread.median <= spread.max < row.frame.max
 

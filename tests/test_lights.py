@@ -32,6 +32,14 @@ def scene_of(fur, light, **options):
     return clfur.Scene(mesh, furs()[fur], **{"camera": camera, "light": light, "body_color": (.4, .5, .3)} | options)
 
 
+def assert_sum(together, alone, places):
+    """Colours are the sum of each light's: to rounding, 1e-6.  With ``places`` light of strands lies between places,
+    and is known at as many as any of the lights needs: the same mean, but .001 (rms) more exact with the others."""
+    wrong = together[..., :3].astype(float) - np.sum(alone, 0, dtype=float)[..., :3]
+    assert np.abs(wrong.mean()) < 5e-5 and np.sqrt((wrong**2).mean()) < .001
+    assert places or np.abs(wrong).max() < 1e-6
+
+
 @pytest.mark.parametrize("lights", [(SUN, SPOT), (SPOT, OUT), (OUT, SUN, SPOT)], ids=["two", "one is out", "three"])
 @pytest.mark.parametrize("raster", ["coverage", "samples"])
 @pytest.mark.parametrize("fur", ["strands", "curves", "body", "shells", "turned", "both"])
@@ -41,7 +49,7 @@ def test_lights_add_up(gpu, fur, raster, lights):
     together, *alone = (clfur.draw(scene_of(fur, light), gpu, settings) for light in (lights, *lights))
     colors = [frame.images["color"] for frame in alone]
     assert len({color.tobytes() for color in colors}) == len(lights) and min(map(np.max, colors)) > .01
-    np.testing.assert_allclose(together.images["color"][..., :3], sum(colors)[..., :3], rtol=0, atol=1e-6)
+    assert_sum(together.images["color"], colors, raster == "coverage" and fur in ("strands", "curves", "both"))
     np.testing.assert_array_equal(together.images["color"][..., 3], colors[0][..., 3])
 
 
@@ -50,7 +58,7 @@ def test_lights_add_up_with_each_method(gpu, method):
     settings = clfur.Settings(samples=1, shadows=method, **SMALL)
     together, *alone = (clfur.render(scene_of("both", light), gpu, settings)[..., :3]
                         for light in ([SUN, SPOT], SUN, SPOT))
-    np.testing.assert_allclose(together, sum(alone), rtol=0, atol=1e-6)
+    assert_sum(together, alone, True)
 
 
 @pytest.mark.small
@@ -68,14 +76,14 @@ def test_small(gpu, monkeypatch, raster):
               for light in ([SUN, SPOT], SUN, SPOT)]
     settings = clfur.Settings(raster=raster, samples=1, grid=16, shadow_map=16)
     together, *alone = (clfur.render(scene, gpu, settings)[..., :3] for scene in scenes)
-    np.testing.assert_allclose(together, sum(alone), rtol=0, atol=1e-6)
+    assert_sum(together, alone, raster == "coverage")
 
 
 def test_a_light_more_in_parts_and_by_a_team_is_the_same_bits(gpu):
     scene = scene_of("strands", [SUN, SPOT])
     settings = clfur.Settings(samples=4, **SMALL)
     whole = clfur.draw(scene, gpu, settings, ("color",), hashes=True)
-    small, other = clfur.Scheduler(gpu.device, memory=450_000), clfur.Scheduler(gpu.device)
+    small, other = clfur.Scheduler(gpu.device, memory=1_000_000), clfur.Scheduler(gpu.device)
     assert len(Plan(Rig.of(scene, settings), ("color",)).parts(small)) > 1
     for device in small, [gpu, other]:
         frame = clfur.draw(scene, device, settings, ("color",), hashes=True)

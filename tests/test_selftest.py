@@ -20,7 +20,7 @@ def test_every_device_passes(gpu):
 
 def test_every_stage_takes_part(gpu):
     furry, names = selftest.scene(), set()
-    for raster, only in (("samples", set()), ("coverage", {"coverage"})):
+    for raster, only in (("samples", set()), ("coverage", {"coverage", "strand_light"})):
         gpu.forget()
         drawn = selftest.draw(furry, gpu, attrs.evolve(selftest.SETTINGS, raster=raster), ("color", "id"), hashes=True)
         assert set(drawn.stages) == only | {"tessellate", "strands", "raster", "voxelize", "zscan", "shadow_map",

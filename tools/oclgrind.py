@@ -31,6 +31,9 @@ from clfur.device import scheduler
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 600   # seconds a stage may take
 
+# Kernels of which nothing is there where LANES is 1, as under Oclgrind: others stand in for them.
+IN_LANES = "coverage.tiles",
+
 # Bugs put into a copy of what voxelizes: file, what is there, what comes instead, what must be said of it and its line.
 PLANTED = [
     ("voxelize.cl", "(int)k < LANE_I(counts, l) ? first[l] + k : some", "first[l] + 2 * k",
@@ -257,6 +260,8 @@ def escaped(runs):
     for path in sorted((ROOT / "cl").glob("*.cl")):
         text = re.sub(r"/\*.*?\*/|//[^\n]*", "", path.read_text(encoding="utf-8"), flags=re.S)
         for kernel in re.findall(r"__kernel\b[^(]*?\bvoid\s+(\w+)", text):
+            if f"{path.stem}.{kernel}" in IN_LANES:
+                continue
             ways = {wide for name, wide in launched if name == f"{path.stem}.{kernel}"}
             for wide in {True, False} - ways if "INT64_ATOMICS" in text else [True] * (not ways):
                 missing.append(f"{path.stem}.{kernel}" + " without 64-bit atomics" * (not wide))

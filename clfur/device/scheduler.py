@@ -304,7 +304,7 @@ class Scheduler:
         self._log.clear()
         self.held_up = 0.0
         # Frames of ever new sizes leave ever new pieces in the pool.  What the last one took may be of use again: in
-        # new memory the system clears each page when it is first touched, which takes up to a third of a frame.
+        # new memory the system clears each page when it is first touched: up to a third of a frame.
         if self._pool.managed_bytes > 2 * max(self._pool.active_bytes, self.peak) + SPARE:
             self._pool.free_held()
         self.peak = self._pool.active_bytes

@@ -108,8 +108,8 @@ def between(places, more, k, at):
     """Light between the places of segments k [n], shares ``at`` [n] of the way along them -> [n, 3] float64.
 
     places: [segments, 5]; more: [rows, 16] uint64, as `strand_light.Places` has them.  Through the three places around
-    ``at`` goes a parabola (Lagrange), below 0 it is 0; on a segment that an edge crosses light changes evenly between two
-    places, and at the edge at once.
+    ``at`` goes a parabola (Lagrange), below 0 it is 0; on a segment that an edge crosses light changes evenly between
+    two places, and at the edge at once.
     """
     few, at, rows = np.asarray(places)[k], f64(at), np.asarray(more)
     first = few[:, 0]

@@ -13,7 +13,7 @@
 #include "hiding.h"
 
 /* One work-item draws one segment: counts its pieces, and writes them where there is room. */
-__kernel void drawn(
+BY_HAND __kernel void drawn(
     const ulong begin, const ulong end,
     const View view,
     __global const uint2 *list,            // [n] depth, number of a segment
@@ -61,7 +61,7 @@ __kernel void drawn(
 }
 
 /* One work-item hides the pieces of one pixel, in passes of as many as wait. */
-__kernel void hidden(
+BY_HAND __kernel void hidden(
     const ulong begin, const ulong end,
     const int samples,
     __global const uint *starts,           // [pixels + 1]
