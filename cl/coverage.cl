@@ -48,7 +48,7 @@ __kernel void bound(
 
 /* Go through the tiles that segment k of a batch may show in -> how many there are.  counts: to COUNT them in, or where in
    `entries` to LIST the next one. */
-INLINED uint each_tile(const Batch *batch, int k, const View *view, __global const uint *bounds, const int what,
+INLINED uint each_tile(const Batch *batch, int k, const View *view, __global const uint *bounds, uint2 window, const int what,
                        volatile __global uint *counts, __global uint2 *entries, uint number)
 {
     const int across = (view->size.x + TILE - 1) / TILE;
@@ -57,8 +57,8 @@ INLINED uint each_tile(const Batch *batch, int k, const View *view, __global con
     for (int y = batch->top[k]; y <= batch->bottom[k]; ++y) {
         const int2 row = in_row(batch, k, y, view->rows.x);
         for (int x = row.x; x <= row.y; ++x) {
-            const int tile = y * across + x;
-            if (depth >= bounds[tile])
+            const uint tile = y * across + x;
+            if (tile < window.x || tile >= window.y || depth >= bounds[tile])
                 continue;
             ++n;
             if (what == ANY)
@@ -92,7 +92,7 @@ BY_HAND __kernel void count(
         project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
         for (int k = 0; k < LANES; ++k)
             if (batch.on[k])
-                n += each_tile(&batch, k, &view, bounds, COUNT, counts, 0, 0) > 0;
+                n += each_tile(&batch, k, &view, bounds, (uint2)(0, ~0u), COUNT, counts, 0, 0) > 0;
     }
     if (n)
         atomic_add(survivors, n);
@@ -103,6 +103,7 @@ BY_HAND __kernel void fill(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 stretch,                   // segments of each strand: the first, one past the last
+    const uint2 window,                    // tiles: the first, one past the last
     __global const float4 *points,
     __global const uint2 *spans,
     __global const uint *bounds,
@@ -123,7 +124,7 @@ BY_HAND __kernel void fill(
         project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
         uint n = 0;
         for (int k = 0; k < LANES; ++k) {
-            batch.on[k] = batch.on[k] && each_tile(&batch, k, &view, bounds, ANY, 0, 0, 0);
+            batch.on[k] = batch.on[k] && each_tile(&batch, k, &view, bounds, window, ANY, 0, 0, 0);
             n += batch.on[k];
         }
         if (!n)
@@ -134,7 +135,7 @@ BY_HAND __kernel void fill(
                 ends[number] = batch.ends[k];
                 ids[number] = (first + shifts[strand] + span.x + i + k) | (batch.cut[k] == WHOLE_WAY ? 0 : CLIPPED);
                 cuts[number] = batch.cut[k];
-                each_tile(&batch, k, &view, bounds, LIST, cursors, entries, number++);
+                each_tile(&batch, k, &view, bounds, window, LIST, cursors, entries, number++);
             }
     }
 }
@@ -283,6 +284,7 @@ INLINED bool go_on(Walk *walk, const View *view, const Picture *picture, __globa
 __kernel void pixels(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
+    const uint2 window,                    // tiles that are drawn: the first, one past the last
     const uint steps,                      // that one may take in this launch
     const int fresh,                       // 1: they begin, 0: they go on
     const int listed,                      // 1: only some of them, which keep where they are
@@ -314,7 +316,7 @@ __kernel void pixels(
     const int2 size = (int2)(view.size.x, view.rows.y - view.rows.x);
     const int across = (size.x + TILE - 1) / TILE, tile = item / (TILE * TILE), p = item % (TILE * TILE);
     const int x = tile % across * TILE + p % TILE, y = tile / across * TILE + p / TILE;
-    if (x >= size.x || y >= size.y)
+    if (x >= size.x || y >= size.y || (uint)tile < window.x || (uint)tile >= window.y)
         return;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells, places, more, body_transmittance, alpha,
                              front, shell_front, image};
@@ -491,6 +493,7 @@ INLINED void go_through(Tile *t, const View *view, const Picture *picture, __glo
 ALONE BY_HAND __kernel void tiles(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
+    const uint2 window,                    // tiles that are drawn: the first, one past the last
     __global const uint *starts,           // [tiles + 1] where in `entries` those of each begin
     __global const uint2 *entries,         // depth, number of a segment
     __global uint2 *sorted,                // the same, by depth
@@ -518,7 +521,9 @@ ALONE BY_HAND __kernel void tiles(
     const int y = block / blocks * TILE + ((within >> 1 & 1) | (within >> 2 & 2) | (within >> 3 & 4));
     if (x >= tiles.x || y >= tiles.y)
         return;
-    const int tile = y * tiles.x + x;
+    const uint tile = y * tiles.x + x;
+    if (tile < window.x || tile >= window.y)
+        return;
     const uint first = starts[tile], n = starts[tile + 1] - first;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells, places, more, body_transmittance, alpha,
                              front, shell_front, image};

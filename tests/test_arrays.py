@@ -191,7 +191,9 @@ def test_the_plan_counts_all_of_segments(gpu, mesh):
         coverage.fill(gpu, view, grown, tiles, segments, 9)
         lit = strand_light.radiance(gpu, view, unshadowed(gpu, np.zeros((), layout.Light)), grown, None, segments.ids)
         image = shade.IMAGE.empty(gpu, (152, 200))
-        return segments, lit, image, coverage.cover(gpu, view, visible, segments, lit, image)
+        covered = coverage.nothing(gpu, visible)
+        coverage.cover(gpu, view, visible, segments, covered, lit, image)
+        return segments, lit, image, covered
     taken, (segments, lit, image, covered) = most(gpu, make)
     counted = 152 * 200 * (plan.VISIBLE.bytes * 4 + coverage.Covered.bytes(pixel=1, sample=4) + plan.IMAGE.bytes + 1)
     counted += plan.ENTRY * len(segments.entries) + plan.SURVIVOR * len(segments.ids)

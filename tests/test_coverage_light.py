@@ -38,7 +38,7 @@ def test_light_is_the_twins(gpu, kind, form, n, shadowed, lights):
     lit = strand_light.radiance(gpu, view, unshadowed(gpu, *lights), strands,
                                 gpu.upload(transmittances) if shadowed else None, segments.ids)
     image = gpu.empty((*visible.shape[:2], 4), np.float32)
-    coverage.cover(gpu, view, visible, segments, lit, image)
+    coverage.cover(gpu, view, visible, segments, coverage.nothing(gpu, visible), lit, image)
     image, visible, pieces = image.get(), visible.get(), pieces_of(gpu, view, segments)
     pieces["at"] = twin.places(view, pieces, strands.points.get(), image.shape[1])
     number = np.empty(len(strands.points), int)

@@ -68,50 +68,54 @@ def dense(size, n=3000):
 
 @pytest.mark.parametrize("others", [("color",), tuple(OUTPUTS)])
 def test_bands_are_cut_by_what_was_counted(gpu, another, others):
-    """In rows of tiles, none of them drawn twice."""
+    """And windows of tiles."""
     scene, cuts, small, bands = dense((64, 45)), set(), another(), []
     whole, launch = clfur.draw(scene, gpu, OFF, others, hashes=True), small.launch
 
     def noted(name, size, /, **arguments):
         if name in ("coverage.tiles", "coverage.sort"):
-            bands.append(len(arguments["starts"]) // TILE)
+            drawn = arguments.get("window", (0, 0))
+            bands.append((len(arguments["starts"]) - 1, *map(int, drawn)))
         launch(name, size, **arguments)
     small.launch = noted
-    for small.memory in range(1_000_000, 2_000_000, 100_000):
+    for small.memory in range(1_000_000, 2_500_000, 100_000):
         small.forget()
         bands.clear()
         frame = clfur.draw(scene, small, OFF, others, hashes=True)
         assert frame.memory <= small.memory and frame.hashes == whole.hashes
         for name in others:
             np.testing.assert_array_equal(frame.images[name], whole.images[name])
-        assert sum(bands) == 6
         cuts.add(len(bands))
     assert len(cuts) > 2 and 1 in cuts
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_bands_are_as_large_as_fits(gpu, seed):
-    """And their segments too, whatever there is in each row of tiles."""
+    """And windows of tiles, whatever there is in each: each tile is drawn once, with its segments."""
     rng = np.random.default_rng(seed)
     plan, width = plan_of(dense((64, 96)), attrs.evolve(OFF, samples=(1, 4, 16)[seed % 3])), 64
-    entries = rng.integers(0, 10 ** rng.integers(1, 5), 12) * (rng.random(12) < .7)
-    survivors = int(entries.sum() * rng.random())
+    counts = rng.integers(0, 10 ** rng.integers(1, 5), (12, 8)) * (rng.random((12, 8)) < .7)
+    survivors = int(counts.sum() * rng.random())
     for memory in 2_000_000, 8_000_000, 64_000_000:
         device = SimpleNamespace(name="made up", memory=memory, largest=memory // 2, allowed=NO_LIMIT)
         try:
-            cut = plan.cut_counted(device, entries, survivors)
+            cut = plan.cut_counted(device, counts, survivors)
         except clfur.Error:
-            assert entries.max() * 300 > memory // 8
+            assert counts.max() * 300 > memory // 16
             continue
         top = 0
         while top < 12:
-            rows = plan.rows_counted(device, cut, entries, survivors, TILE * top) // TILE
-            listed = [int(entries[top:top + n].sum()) for n in (rows, rows + 1)]
-            seen = [min(survivors, n) for n in listed]
-            bytes_of = [TILE * n * width * plan._pixel(True) + ENTRY * e + plan._survivor * s
-                        for n, e, s in zip((rows, rows + 1), listed, seen)]
-            assert bytes_of[0] <= cut.rows and max(8 * listed[0], 32 * seen[0]) <= device.largest
-            assert top + rows >= 12 or bytes_of[1] > cut.rows or max(8 * listed[1], 32 * seen[1]) > device.largest * .87
+            rows = plan.rows_counted(device, cut, counts, survivors, TILE * top) // TILE
+            drawn = counts[top:top + rows].ravel()
+            windows = plan.windows(device, cut, counts[top:top + rows], survivors)
+            assert [at for window in windows for at in range(*window)] == list(range(len(drawn)))
+            for (first, end), more in zip(windows, [1] * (len(windows) - 1) + [0]):
+                listed = [int(drawn[first:end + n].sum()) for n in (0, more)]
+                seen = [min(survivors, n) for n in listed]
+                bytes_of = [TILE * rows * width * plan._pixel(True) + ENTRY * e + plan._survivor * s
+                            for e, s in zip(listed, seen)]
+                assert bytes_of[0] <= cut.rows and max(8 * listed[0], 32 * seen[0]) <= device.largest
+                assert not more or bytes_of[1] > cut.rows or max(8 * listed[1], 32 * seen[1]) > device.largest * .87
             top += rows
         assert top == 12
 
@@ -119,14 +123,15 @@ def test_bands_are_as_large_as_fits(gpu, seed):
 def test_a_row_of_too_many_segments_is_refused(another):
     scene = dense((64, 1), 20_000)
     scene = clfur.Scene(fur=scene.strands, camera=clfur.Camera(eye=(0, 0, 3), fov=5, size=(64, 1)))
-    small = another(4_000_000)
-    with pytest.raises(clfur.Error, match="has no room for .* a row of 64 pixels with [0-9,]+ segments of strands; "
+    small = another(1_500_000)
+    with pytest.raises(clfur.Error, match="has no room for .* a row of 64 pixels with [0-9,]+ segments of strands "
+                                          "in 8 x 8 of them; "
                                           "allowed: smaller ones, or Settings.raster 'samples'"):
         clfur.render(scene, small, OFF)
     small = another()
-    small.largest = 800_000
-    with pytest.raises(clfur.Error, match="has no room for [0-9,]+ segments of strands in 8 rows of 64 pixels; "
-                                          "allowed: a smaller picture, fewer strands, or Settings.raster 'samples'"):
+    small.largest = 60_000
+    with pytest.raises(clfur.Error, match="has no room for [0-9,]+ segments of strands in 8 x 8 pixels; "
+                                          "allowed: fewer strands, or Settings.raster 'samples'"):
         clfur.render(scene, small, OFF)
 
 
@@ -138,7 +143,7 @@ def test_parts_make_room_for_a_row_of_many_pieces(gpu, monkeypatch, sphere):
     names = []
     launch = gpu.launch
     monkeypatch.setattr(gpu, "launch", lambda name, size, /, **rest: names.append(name) or launch(name, size, **rest))
-    for memory in (22_000_000, 26_000_000, 36_000_000, 64_000_000):
+    for memory in (14_000_000, 17_000_000, 36_000_000, 64_000_000):
         monkeypatch.setattr(gpu, "memory", memory)
         gpu.forget()
         for _ in range(2):
@@ -150,16 +155,17 @@ def test_parts_make_room_for_a_row_of_many_pieces(gpu, monkeypatch, sphere):
     assert parts == {False, True}
 
 
-def test_entries_beyond_32_bits_are_not_listed():
+def test_entries_beyond_32_bits_are_not_listed(monkeypatch):
     """A device that holds more than 64 GiB of them would take their numbers for others."""
     plan, large = plan_of(dense((2, 32), 5), OFF), SimpleNamespace(
         name="large", memory=1 << 50, largest=1 << 50, allowed=NO_LIMIT)
-    entries = np.full(4, 2**31 - 1)
-    cut = plan.cut_counted(large, entries, 9)
-    assert plan.rows_counted(large, cut, entries, 9, 0) == 2 * TILE
-    assert plan.rows_counted(large, plan.cut_counted(large, entries + 1, 9), entries + 1, 9, 0) == TILE
-    with pytest.raises(clfur.Error, match="4,294,967,296 segments of strands in 8 rows of 2 pixels"):
-        plan.cut_counted(large, np.array([1, 2**32]), 9)
+    monkeypatch.setattr("clfur.pipeline.plan.LISTS", 1 << 60)
+    counts = np.full((4, 1), 2**31 - 1)
+    cut = plan.cut_counted(large, counts, 9)
+    assert plan.windows(large, cut, counts, 9) == [(0, 2), (2, 4)]
+    assert plan.windows(large, plan.cut_counted(large, counts + 1, 9), counts + 1, 9) == [(k, k + 1) for k in range(4)]
+    with pytest.raises(clfur.Error, match="4,294,967,296 segments of strands in 8 x 8 pixels"):
+        plan.cut_counted(large, np.array([[1], [2**32]]), 9)
 
 
 def test_strands_grow_as_rarely_as_can_be(gpu, sphere):

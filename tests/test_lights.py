@@ -83,7 +83,7 @@ def test_a_light_more_in_parts_and_by_a_team_is_the_same_bits(gpu):
     scene = scene_of("strands", [SUN, SPOT])
     settings = clfur.Settings(samples=4, **SMALL)
     whole = clfur.draw(scene, gpu, settings, ("color",), hashes=True)
-    small, other = clfur.Scheduler(gpu.device, memory=1_000_000), clfur.Scheduler(gpu.device)
+    small, other = clfur.Scheduler(gpu.device, memory=480_000), clfur.Scheduler(gpu.device)
     assert len(Plan(Rig.of(scene, settings), ("color",)).parts(small)) > 1
     for device in small, [gpu, other]:
         frame = clfur.draw(scene, device, settings, ("color",), hashes=True)

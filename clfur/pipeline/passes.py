@@ -104,7 +104,7 @@ class Coverage:
     def rasterize(self, gpu: Any, top: int, end: int) -> Band:
         """`Band` of as many rows as fit the device, by what was counted in each row of tiles."""
         counted = self._count(gpu, top, end)
-        fit = self.plan.rows_counted(gpu, counted.cut, counted.entries, counted.survivors, top - counted.first)
+        fit = self.plan.rows_counted(gpu, counted.cut, counted.counts, counted.survivors, top - counted.first)
         until = min(top + fit, end)
         view = band_of(self.plan.rig.view, top, until)
         visible, counted.visible = counted.visible if (top, until) == (counted.first, counted.end) else None, None
@@ -118,20 +118,11 @@ class Coverage:
         plan, counted, (top, end) = self.plan, band.counted, band.rows
         whole = (top, end) == (counted.first, counted.end)
         tiles = counted.tiles if whole else coverage.bound(gpu, band.view, band.visible)
-        counts = counted.of(band.rows)
-        segments = coverage.allocate(gpu, counts.ravel(), min(counted.survivors, int(counts.sum(dtype=np.int64))))
-        hairy, lit = [part for part in counted.cut.parts if part.hairy], None
-        for part in hairy:
-            hair = build.hair(gpu, plan, part, plan.settings.lod)
-            coverage.fill(gpu, band.view, hair, tiles, segments, plan.longest)
-            if lighting is not None:
-                all_there = whole and part is hairy[-1]
-                until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
-                through = self._transmittance(gpu, band, part, hair, lighting)
-                lit = strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit)
         if plan.wants_color and image is None:
             image = gpu.empty((*band.visible.shape[:2], 4), np.float32)
-        covered = coverage.cover(gpu, band.view, band.visible, segments, lit, image, shell_transmittance, shell_front)
+        covered = coverage.nothing(gpu, band.visible, shell_transmittance)
+        for window in plan.windows(gpu, counted.cut, counted.of(band.rows), counted.survivors):
+            self._cover(gpu, band, tiles, window, lighting, covered, image, shell_front)
         front = covered.shell_front if plan.scene.shells else None
         return Front(one_sample(band.view), covered.front, covered.alpha, front, {"coverage": covered.alpha}, image,
                      covered.body_transmittance)
@@ -178,11 +169,28 @@ class Coverage:
                         build.tally(gpu, plan, part)
             across, down = coverage.tiles_of(visible.shape[1], end - top)
             counts = gpu.download(tiles.counts).reshape(down, across)
-            entries, survivors = counts.sum(1, dtype=np.int64), int(gpu.download(tiles.survivors)[0])
-            cut = plan.cut_counted(gpu, entries, survivors)
-            self._counted = Counted(gpu, top, end, tiles, counts, entries, survivors, cut, visible)
+            survivors = int(gpu.download(tiles.survivors)[0])
+            cut = plan.cut_counted(gpu, counts, survivors)
+            self._counted = Counted(gpu, top, end, tiles, counts, survivors, cut, visible)
             build.let_go_of_parts(gpu, plan, parts, cut.parts)
         return self._counted
+
+    def _cover(self, gpu, band, tiles, window, lighting, covered, image, shell_front):
+        """Draw what shows in a window: some tiles, (first, one past the last)."""
+        plan, counted = self.plan, band.counted
+        counts = counted.of(band.rows).ravel().copy()
+        counts[:window[0]] = counts[window[1]:] = 0   # of the others nothing is listed
+        segments = coverage.allocate(gpu, counts, min(counted.survivors, int(counts.sum(dtype=np.int64))))
+        hairy, lit = [part for part in counted.cut.parts if part.hairy], None
+        for part in hairy:
+            hair = build.hair(gpu, plan, part, plan.settings.lod)
+            coverage.fill(gpu, band.view, hair, tiles, segments, plan.longest, window)
+            if lighting is not None:
+                all_there = window == (0, counted.counts.size) and part is hairy[-1]
+                until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
+                through = self._transmittance(gpu, band, part, hair, lighting)
+                lit = strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit)
+        coverage.cover(gpu, band.view, band.visible, segments, covered, lit, image, shell_front, window)
 
     def _transmittance(self, gpu, band, part, hair, lighting):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where
@@ -206,7 +214,6 @@ class Counted:
     end: int
     tiles: Any        # `coverage.Tiles`
     counts: Any       # [tiles down, across] uint32 segments
-    entries: Any      # [tiles down] int64 segments in each row of tiles
     survivors: int    # segments that may show anywhere
     cut: Any          # `plan.Cut` for them
     visible: Any      # of the body in all of these rows, until it is taken

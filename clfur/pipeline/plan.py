@@ -171,29 +171,41 @@ class Plan:
             self._cuts[known] = self._cut(gpu, height * row, min(self._fewest, height) * row, strands, body)
         return self._cuts[known]
 
-    def cut_counted(self, gpu: Any, entries: np.ndarray, survivors: int) -> Cut:
-        """`Cut` for rows of tiles of which is known how many segments of strands each lists, [rows of tiles] int64, and
-        how many ``survivors`` there are in all."""
-        width, fullest = self.scene.camera.size[0], int(entries.max())
+    def cut_counted(self, gpu: Any, counts: np.ndarray, survivors: int) -> Cut:
+        """`Cut` for rows of tiles of which is known how many segments of strands each tile lists, ``counts`` [rows of
+        tiles, across], and how many ``survivors`` there are in all."""
+        width, fullest = self.scene.camera.size[0], int(counts.max())
         if fullest > min(_largest(gpu) // 32, NUMBERS):
-            raise Error(f"{gpu.name} has no room for {fullest:,} segments of strands in {TILE} rows of {width} pixels; "
-                        f"allowed: a smaller picture, fewer strands, or Settings.raster 'samples'")
-        row, each = TILE * width * self._pixel(True), self._survivor
-        rows = len(entries) * row + ENTRY * int(entries.sum()) + each * survivors
-        return self._cut(gpu, rows, row + ENTRY * fullest + each * min(fullest, survivors), pieces=fullest)
+            raise Error(f"{gpu.name} has no room for {fullest:,} segments of strands in {TILE} x {TILE} pixels; "
+                        f"allowed: fewer strands, or Settings.raster 'samples'")
+        row, listed = TILE * width * self._pixel(True), int(counts.sum(dtype=np.int64))
+        rows = len(counts) * row + min(self._lists(listed, survivors), LISTS)
+        return self._cut(gpu, rows, row + self._lists(fullest, survivors), pieces=fullest)
 
-    def rows_counted(self, gpu: Any, cut: Cut, entries: np.ndarray, survivors: int, top: int) -> int:
+    def rows_counted(self, gpu: Any, cut: Cut, counts: np.ndarray, survivors: int, top: int) -> int:
         """How many of these rows, counted as for `cut_counted`, fit at a time from row ``top`` of them on, a tile's
-        first."""
-        listed = np.cumsum(entries[top // TILE:])
+        first, with all that their tiles list; the least if none do."""
+        listed = np.cumsum(counts[top // TILE:].sum(1, dtype=np.int64))
         rows = TILE * np.arange(1, len(listed) + 1)
         row = self.scene.camera.size[0] * self._pixel(True)
-        seen = np.minimum(listed, survivors)
-        lists = ENTRY * listed + self._survivor * seen
-        fits = ((row * rows + lists <= cut.rows) & (row * rows <= BAND) & (lists <= LISTS)
-                & (listed <= min(_largest(gpu) // 8, NUMBERS)) & (seen <= _largest(gpu) // 32)
-                & (self._largest_row * rows <= _largest(gpu)))
+        lists = np.minimum(self._lists(listed, survivors), LISTS)
+        fits = (row * rows + lists <= cut.rows) & (row * rows <= BAND) & (self._largest_row * rows <= _largest(gpu))
         return TILE * max(int(fits.sum()), 1)
+
+    def windows(self, gpu: Any, cut: Cut, counts: np.ndarray, survivors: int) -> list[tuple[int, int]]:
+        """[(first tile, one past the last)] of these rows of tiles, of which so many list segments at a time as fit."""
+        room = min(cut.rows - TILE * self.scene.camera.size[0] * self._pixel(True) * len(counts), LISTS)
+        both = room // (ENTRY + self._survivor)
+        most = max(both if both <= survivors else (room - self._survivor * survivors) // ENTRY, 1)
+        most = min(most, _largest(gpu) // 8, NUMBERS)
+        if survivors > _largest(gpu) // 32:
+            most = min(most, _largest(gpu) // 32)
+        return _runs((_before(counts.ravel()), most))
+
+    def _lists(self, listed, survivors):
+        """Bytes on the device of so many segments in lists of tiles, of which not more than ``survivors`` are different
+        ones."""
+        return ENTRY * listed + self._survivor * np.minimum(listed, survivors)
 
     @property
     def _fewest(self):
@@ -268,7 +280,7 @@ class Plan:
         furry = f"shells of {self._shells / 2**20:,.1f} MiB, " * bool(self._shells)
         fewest = min(max(fewest, self._fewest), height)
         lines = "a row" if fewest == 1 else f"{fewest} rows"
-        dense = f" with {pieces:,} segments of strands" * bool(pieces)
+        dense = f" with {pieces:,} segments of strands in {TILE} x {TILE} of them" * bool(pieces)
         smaller = "smaller ones" + ", or Settings.raster 'samples'" * bool(pieces)
         memory, limit = self._memory(gpu)
         return (f"{gpu.name} with {memory / 2**20:,.1f} MiB{f' ({limit})' * bool(limit)} has no room for "

@@ -10,6 +10,7 @@ from ..layout import Arrays, array
 from .strands import DeviceStrands, arrays
 
 TILE, WALK = int(layout.CONSTANTS["TILE"]), int(layout.CONSTANTS["WALK"])
+EVERY = 0, 2**32 - 1   # tile: the first, one past the last
 STEPS = 64        # segments of each strand that a launch takes where drivers end long loops
 
 
@@ -77,46 +78,57 @@ def allocate(gpu: Any, counts: np.ndarray, survivors: int) -> Segments:
     return Segments.empty(gpu, rows, starts=gpu.upload(starts), cursors=gpu.upload(starts[:-1]))
 
 
-def fill(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, segments: Segments, longest: int) -> None:
-    """Write the `Segments` of strands that may show in `Tiles`, behind those that are there already."""
+def fill(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, segments: Segments, longest: int,
+         window: tuple[int, int] = EVERY) -> None:
+    """Write the `Segments` of strands that may show in some `Tiles`, ``window``: the first, one past the last, behind
+    those that are there already."""
     for stretch in _stretches(gpu, longest):
-        gpu.launch("coverage.fill", len(strands.spans), view=view, stretch=stretch, bounds=tiles.bounds,
+        gpu.launch("coverage.fill", len(strands.spans), view=view, stretch=stretch, bounds=tiles.bounds, window=window,
                    first=strands.first_point, cursors=segments.cursors, survivors=segments.survivors,
                    entries=segments.entries, ends=segments.ends, ids=segments.ids, cuts=segments.cuts,
                    **arrays(strands, "points", "spans", "shifts"))
 
 
-def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, lit: Any = None, image: Any = None,
-          shell_transmittance: Any = None, shell_front: Any = None) -> Covered:
-    """Draw `Segments`, hide them behind each other, and add their light to an ``image`` -> `Covered`.
+def nothing(gpu: Any, visible: Any, shell_transmittance: Any = None) -> Covered:
+    """`Covered` of which nothing is known.
 
-    ``visible``: [rows, width, samples] uint64, the body's.  ``lit``: `strand_light.Places` of the segments, if there is
-    light.  ``image``: then [rows, width, 4] float32: the light of shells behind all strands, if there are shells, and
-    the result, with alpha.  ``shell_transmittance``, ``shell_front``: [rows, width, samples] float32 and uint64, what
-    `march.march` gave, if there are shells; the former becomes the body's.
+    ``visible``: [rows, width, samples] uint64, the body's.  ``shell_transmittance``: [rows, width, samples] float32,
+    what `march.march` gave, if there are shells; it becomes the body's.
     """
     rows, width, _ = visible.shape
     has_shells = shell_transmittance is not None
     known = {"body_transmittance": shell_transmittance} if has_shells else {}
-    covered = Covered.empty(gpu, {"pixel": (rows, width), "sample": visible.shape,
-                                  "shell": (rows if has_shells else 0, width)}, **known)
+    return Covered.empty(gpu, {"pixel": (rows, width), "sample": visible.shape,
+                               "shell": (rows if has_shells else 0, width)}, **known)
+
+
+def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Covered, lit: Any = None,
+          image: Any = None, shell_front: Any = None, window: tuple[int, int] = EVERY) -> None:
+    """Draw `Segments` and hide them behind each other -> ``covered``, and add their light to an ``image``: in some
+    tiles, ``window``: the first, one past the last.
+
+    ``visible``: [rows, width, samples] uint64, the body's.  ``lit``: `strand_light.Places` of the segments, if there is
+    light.  ``image``: then [rows, width, 4] float32: the light of shells behind all strands, if there are shells, and
+    the result, with alpha.  ``shell_front``: [rows, width, samples] uint64, what `march.march` gave, if there are
+    shells.
+    """
+    rows, width, _ = visible.shape
+    has_shells = shell_front is not None
     none = gpu.empty(0, np.uint64)
     sorted_ = gpu.empty(segments.entries.shape, np.uint32)
-    known = {"view": view, "starts": segments.starts, "sorted": sorted_, "ends": segments.ends, "ids": segments.ids,
-             "cuts": segments.cuts, "visible": visible, "has_shells": has_shells,
+    known = {"view": view, "window": window, "starts": segments.starts, "sorted": sorted_, "ends": segments.ends,
+             "ids": segments.ids, "cuts": segments.cuts, "visible": visible, "has_shells": has_shells,
              "sample_shells": shell_front if has_shells else none, "lit": lit is not None,
-             "places": none if lit is None else lit.places,
-             "more": none if lit is None else lit.more,
+             "places": none if lit is None else lit.places, "more": none if lit is None else lit.more,
              "image": gpu.empty((0, 4), np.float32) if lit is None else image, **vars(covered)}
     across, down = tiles_of(width, rows)
     if max(gpu.lanes, gpu.hinted) > 1:
         gpu.launch("coverage.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries, **known)
-        return covered
+        return
     grains = gpu.empty((across * down, 2), np.uint32)
     gpu.launch("coverage.sort", across * down * TILE**2, starts=segments.starts, entries=segments.entries,
                sorted=sorted_, grains=grains)
     _pixels(gpu, across * down * TILE**2, grains=grains, **known)
-    return covered
 
 
 def _pixels(gpu, n, **known):
