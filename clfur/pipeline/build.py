@@ -76,7 +76,8 @@ def tally(gpu: Any, plan: Plan, part: Part) -> tuple[int, int]:
 
 
 def transmittances(gpu: Any, plan: Plan) -> dict:
-    """{part: `strand_light.transmittance` of its strands}, as far as known; it goes with what it depends on."""
+    """{part: (which strands, `strand_light.transmittance` of them)}, as far as known; it goes with what it depends
+    on."""
     return gpu.keep("transmittances", (*plan.light_key(plan.settings.lod), plan.settings.raster), dict)
 
 

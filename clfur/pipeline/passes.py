@@ -7,6 +7,7 @@ next.
 """
 
 import functools
+import weakref
 from dataclasses import dataclass
 from typing import Any
 
@@ -200,9 +201,12 @@ class Coverage:
             return None
         one = len(band.counted.cut.parts) == 1
         known = build.transmittances(gpu, plan) if one or plan.keeps_transmittances(gpu) else {}
-        if part not in known:
-            known[part] = strand_light.transmittance(gpu, hair, lighting)
-        return known[part]
+        made_for, result = known.get(part, (None, None))
+        # The user's strands of one place lie in any order among themselves, in another one each time that they are made.
+        if result is None or not (plan.grown or made_for() is hair):
+            result = strand_light.transmittance(gpu, hair, lighting)
+            known[part] = weakref.ref(hair), result
+        return result
 
 
 @dataclass
