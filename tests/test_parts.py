@@ -82,7 +82,8 @@ def test_what_cannot_be_divided_stays_below_the_budget(gpu, monkeypatch, fur, ra
     mesh = clfur.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], None, None, [[0, 1, 2]])
     scene = clfur.Scene(mesh, fur, camera=clfur.Camera(size=(64, 48)))
     settings = clfur.Settings(raster=raster, samples=1, grid=16, shadow_map=16)
-    drawn, tried = 0, range(300_000, 16_300_001, 200_000 if raster == "samples" else 4_000_000)   # small bands take time
+    tried = range(300_000, 16_300_001, 200_000 if raster == "samples" else 4_000_000)   # small bands take time
+    drawn = 0
     for memory in tried:
         monkeypatch.setattr(gpu, "memory", memory)   # not a new scheduler each: it would build all kernels
         gpu.forget()

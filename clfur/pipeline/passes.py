@@ -202,7 +202,7 @@ class Coverage:
         one = len(band.counted.cut.parts) == 1
         known = build.transmittances(gpu, plan) if one or plan.keeps_transmittances(gpu) else {}
         made_for, result = known.get(part, (None, None))
-        # The user's strands of one place lie in any order among themselves, in another one each time that they are made.
+        # The user's strands of one place lie in any order among themselves, another one each time that they are made.
         if result is None or not (plan.grown or made_for() is hair):
             result = strand_light.transmittance(gpu, hair, lighting)
             known[part] = weakref.ref(hair), result
