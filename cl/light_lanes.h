@@ -7,15 +7,7 @@
 /* sqrt(x), 0 where x is below. */
 INLINED lanes full_root(lanes x)
 {
-    x = greater(x, F(0.0f));
-#if LANES == 32
-    lanes y;
-    y.lo = sqrt(x.lo);
-    y.hi = sqrt(x.hi);
-    return y;
-#else
-    return sqrt(x);
-#endif
+    return exact_root(greater(x, F(0.0f)));
 }
 
 INLINED lanes3 unit_lanes_or(lanes3 v, lanes3 otherwise)
