@@ -301,8 +301,8 @@ def drawn(gpu, points, settings):
 @pytest.mark.parametrize("segments, bend", [(1, 0), (2, 0), (3, 0), (4, 0), (6, 0), (8, .05)])
 def test_a_point_in_a_straight_segment_is_hardly_seen(gpu, segments, bend):
     """Light is known at places along segments, and tangents run from point to point, so it differs a little:
-    less than .002 for strands that bend by 3 degrees at most [.0018].  A piece of a ribbon in a pixel has one width, and
-    at most eight strands are told apart there: few areas differ, by less than 1e-4 rms [5e-5]."""
+    less than .002 for strands that bend by 3 degrees at most [.0018].  A piece of a ribbon in a pixel has one width,
+    and at most eight strands are told apart there: few areas differ, by less than 1e-4 rms [5e-5]."""
     for seed in range(3):
         points = whiskers(seed, segments, bend, 600)
         one, more = (drawn(gpu, each, clfur.Settings()) for each in (points, told_by_more(points, seed)))
