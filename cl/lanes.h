@@ -98,6 +98,13 @@ INLINED lanes_i nearest_i(lanes x)
     return AS_I(x + SHIFT) - as_int(SHIFT);
 }
 
+/* The whole number below, for |x| < 2^22. */
+INLINED lanes whole_below(lanes x)
+{
+    const lanes r = nearest(x);
+    return r > x ? r - 1.0f : r;
+}
+
 /* Square root to 5e-6 of itself (Newton's method), the same bits everywhere. */
 INLINED lanes root(lanes x)
 {
@@ -118,6 +125,12 @@ INLINED lanes exact_root(lanes x)
 #else
     return sqrt(x);
 #endif
+}
+
+/* sqrt(x), 0 where x is below. */
+INLINED lanes full_root(lanes x)
+{
+    return exact_root(greater(x, F(0.0f)));
 }
 
 INLINED bool any_lane(lanes_i mask)

@@ -1,6 +1,6 @@
 /*
- * The lights, what hair and body let through of each, and what hair sends on: shade.cl, coverage.cl and march.cl use this,
- * and scatter.h before it.
+ * The lights, what hair and body let through of each, and the strands that they fall on: shade.cl, strand_light.cl and
+ * march.cl use this.
  */
 
 /* Lights, and what stands before each. */
@@ -38,18 +38,6 @@ inline Obstacles obstacles_of(const Lighting *lighting, int i)
     obstacles.crossings = lighting->crossings + place_of(obstacles.shadow.place.xy);
     obstacles.shadow_map = lighting->shadow_maps + place_of(obstacles.shadow.place.zw);
     return obstacles;
-}
-
-/* A light's colour at p, black outside of a spot's cone, and its ambient; l: unit, towards it. */
-inline float4 light_at(const Light *light, float4 p, float4 *l)
-{
-    float4 direct = light->color;
-    *l = -light->direction;
-    if (light->position.w > 0.0f) {
-        *l = unit_or((float4)(light->position.xyz - p.xyz, 0.0f), *l);
-        direct.xyz *= -dot3(*l, light->direction) >= light->cone.x ? 1.0f : 0.0f;
-    }
-    return direct;
 }
 
 /* Share of a light that the hair before p lets through: the light's running sums, read between four columns and two
@@ -202,55 +190,4 @@ inline float4 tangent_of(float4 chord, float4 along)
 {
     chord.w = along.w = 0.0f;
     return unit_or(dot3(chord, chord) > 1e-30f ? chord : along, (float4)(0.0f, 1.0f, 0.0f, 0.0f));
-}
-
-/* Share of a light that body and other hair let through to place p of a strand, a share `at` of the way from its point id to
-   the next. */
-inline float transmittance_at(const Obstacles *obstacles, const Hair *hair, uint id, float at, float4 p)
-{
-    const Shadow shadow = obstacles->shadow;
-    const uint strand = strand_at(hair, id);
-    const float alpha = hair->types[(int)hair->strand_uv[strand].z].shine.z;
-    float transmittance = 1.0f;
-    if (shadow.body.x)
-        transmittance = past_body(obstacles, p, hair->strand_normal[strand], HAIR_STEEPEST, HAIR_BIAS(shadow.body.y));
-    if (shadow.hair.x > 0.0f && transmittance > 0.0f) {
-        /* Of this type a crossing counts only so much of what one of the darkest does. */
-        float depth = 1.0f - alpha;
-        if (!(shadow.hair.w > 0.0f))
-            depth = -log(max(alpha, 1e-6f));
-        float width = hair->points[id].w;
-        if (at > 0.0f)
-            width += at * (hair->points[id + 1].w - width);
-        const float2 self_shadow = (float2)(shadow.hair.y * width, shadow.hair.z) * (depth / shadow.hair.x);
-        transmittance *= through_hair(obstacles, self_shadow, p);
-    }
-    return transmittance;
-}
-
-/* What a strand is like at a place. */
-typedef struct {
-    float4 shine, color, tangent;
-} Fibre;
-
-/* A segment that begins at point id, a share `at` of the way along it. */
-inline Fibre fibre_at(const Hair *hair, uint id, float at)
-{
-    const uint strand = strand_at(hair, id);
-    const Segment ends = segment_at(hair, id, hair->spans[strand]);
-    const float4 first = tangent_of(ends.b - ends.before, ends.b - ends.a);
-    Fibre here;
-    here.shine = hair->types[(int)hair->strand_uv[strand].z].shine;
-    here.tangent = unit_or(between(first, tangent_of(ends.after - ends.a, ends.b - ends.a), at), first);
-    here.color = hair->color_per == 0 ? hair->colors[0] : hair->color_per == 1 ? hair->colors[strand]
-        : between(hair->colors[id], hair->colors[id + 1], at);
-    return here;
-}
-
-/* Radiance that a fibre at place p sends to the eye at v of a light; transmittance: share of its direct light there. */
-inline float4 shade_fibre(const Light *light, const Fibre *here, float4 p, float4 v, float transmittance)
-{
-    float4 l, direct = light_at(light, p, &l);
-    direct.xyz *= transmittance;
-    return fibre(here->shine, here->color, here->tangent, l, v, direct);
 }

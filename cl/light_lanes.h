@@ -1,15 +1,8 @@
 /*
- * What light.h and scatter.h have for one place, for LANES of them side by side: shade.cl and strand_light.cl use this, and
- * both before it.
+ * What light.h has for one place, for LANES of them side by side: shade.cl and strand_light.cl use this, and that before it.
  * The same operations in the same order, but for powers: those are here of + - * / alone, so that they are the same bits for
  * any LANES.
  */
-/* sqrt(x), 0 where x is below. */
-INLINED lanes full_root(lanes x)
-{
-    return exact_root(greater(x, F(0.0f)));
-}
-
 INLINED lanes3 unit_lanes_or(lanes3 v, lanes3 otherwise)
 {
     const lanes square = dots(v, v), length = full_root(greater(square, F(1e-30f)));
@@ -20,13 +13,6 @@ INLINED lanes3 unit_lanes_or(lanes3 v, lanes3 otherwise)
     return v;
 }
 
-/* The whole number below, for |x| < 2^22. */
-INLINED lanes whole_below(lanes x)
-{
-    const lanes r = nearest(x);
-    return r > x ? r - 1.0f : r;
-}
-
 INLINED lanes3 towards_eye_lanes(const View *view, lanes3 p)
 {
     const float4 eye = view->eye;
@@ -34,7 +20,7 @@ INLINED lanes3 towards_eye_lanes(const View *view, lanes3 p)
     return unit_lanes_or(v, aside);
 }
 
-/* See `light_at`: share of its direct light. */
+/* Share of a light's direct light at p, none outside of a spot's cone; l: unit, towards it. */
 INLINED lanes share_of_light(const Light *light, lanes3 p, lanes3 *l)
 {
     *l = all_lanes(-light->direction);
@@ -106,7 +92,8 @@ INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, 
     return 1.0f - dark / (float)((2 * radius + 1) * (2 * radius + 1));
 }
 
-/* See `transmittance_at`; n: the body's normals at the strands' roots, width and alpha: of the strands. */
+/* Share of a light that body and other hair let through to places p of strands; n: the body's normals at their roots, width
+   and alpha: of the strands. */
 INLINED lanes transmittances_at(const Obstacles *obstacles, lanes_i on, lanes3 p, lanes3 n, lanes width, lanes alpha)
 {
     const Shadow *shadow = &obstacles->shadow;
@@ -114,6 +101,7 @@ INLINED lanes transmittances_at(const Obstacles *obstacles, lanes_i on, lanes3 p
     if (shadow->body.x)
         share *= past_body_lanes(obstacles, on, p, n, HAIR_STEEPEST, HAIR_BIAS(shadow->body.y));
     if (shadow->hair.x > 0.0f && any_lane(share > 0.0f)) {
+        /* Of this type a crossing counts only so much of what one of the darkest does. */
         const lanes depth = shadow->hair.w > 0.0f ? 1.0f - alpha : -0.69314718f * log2_of(greater(alpha, F(1e-6f)));
         const lanes of_one = depth / shadow->hair.x;
         share *= through_hair_lanes(obstacles, shadow->hair.y * width * of_one, shadow->hair.z * of_one, p);
@@ -126,38 +114,4 @@ INLINED lanes3 tangent_of_lanes(lanes3 chord, lanes3 along)
 {
     const lanes3 up = {F(0.0f), F(1.0f), F(0.0f)};
     return unit_lanes_or(chosen(dots(chord, chord) > 1e-30f, chord, along), up);
-}
-
-/* What strands are like at LANES places. */
-typedef struct {
-    lanes3 tangent, color;
-    lanes specular, exponent;
-    lanes_i half_vector;                   // the model: 1, of a mask
-} Fibres;
-
-/* See `fibre`; share: of the light's direct light. */
-INLINED lanes3 fibre_lanes(const Light *light, const Fibres *here, lanes3 l, lanes3 v, lanes share)
-{
-    const lanes tl = dots(here->tangent, l), tv = dots(here->tangent, v);
-    const lanes bright = full_root(1.0f - tl * tl);
-    lanes mirror = bright * full_root(1.0f - tv * tv) - tl * tv, shine = F(0.0f);
-    if (any_lane(here->half_vector)) {
-        const lanes3 h = plus(l, v);
-        const lanes square = dots(h, h), cosine = dots(here->tangent, h) / full_root(greater(square, F(1e-12f)));
-        const lanes of_half = square > 1e-12f ? full_root(1.0f - cosine * cosine) : F(0.0f);
-        mirror = here->half_vector ? of_half : mirror;
-    }
-    mirror = greater(mirror, F(0.0f));
-    mirror = (mirror - 1.0f) * here->exponent > 1e-3f ? F(1.0f) : mirror;
-    const lanes_i shines = (1.0f - mirror) * here->exponent < 16.0f;
-    if (any_lane(shines)) {
-        const lanes power = exp2_of(greater(here->exponent * log2_of(greater(mirror, F(1e-30f))), F(-100.0f)));
-        shine = shines ? here->specular * power : F(0.0f);
-    }
-    const lanes3 c = here->color;
-    const float4 direct = light->color;
-    const lanes3 sum = {direct.x * share * (c.x * bright + shine) + direct.w * c.x,
-                        direct.y * share * (c.y * bright + shine) + direct.w * c.y,
-                        direct.z * share * (c.z * bright + shine) + direct.w * c.z};
-    return sum;
 }

@@ -1,37 +1,43 @@
 /*
- * How hair scatters light: one hair, or LANES of them side by side.  shade.cl, coverage.cl and march.cl use this, and
- * lanes.h before it.
+ * How hair scatters light, LANES places side by side: that of strands and that of shells.  shade.cl, strand_light.cl and
+ * march.cl use this, and lanes.h before it.
  */
-inline float sine(float cosine)
-{
-    const float square = 1.0f - cosine * cosine;
-    return sqrt(square > 0.0f ? square : 0.0f);
-}
 
-/* Light from one fibre that looks as `shine` tells: t its tangent, l towards the light, v towards the eye.  Kajiya and Kay's
-   own highlight is the cone of mirror directions; the report's takes the half vector, which has no value at l = -v. */
-inline float4 fibre(float4 shine, float4 color, float4 t, float4 l, float4 v, float4 light)
+/* What strands are like at LANES places. */
+typedef struct {
+    lanes3 tangent, color;
+    lanes specular, exponent;
+    lanes_i half_vector;                   // the model: 1, of a mask
+} Fibres;
+
+/* Light from fibres towards the eye at v of one light at l; share: of its direct light. Kajiya and Kay's own highlight is the
+   cone of mirror directions; the report's takes the half vector, which has no value at l = -v. */
+INLINED lanes3 fibre_lanes(const Light *light, const Fibres *here, lanes3 l, lanes3 v, lanes share)
 {
-    const float tl = dot3(t, l), tv = dot3(t, v);
-    float mirror, bright = 0.0f;
-    switch ((int)shine.w) {
-    case HALF_VECTOR: {
-        const float4 h = l + v;
-        const float length = sqrt(dot3(h, h));
-        mirror = length > 1e-6f ? sine(dot3(t, h) / length) : 0.0f;
-        break;
+    const lanes tl = dots(here->tangent, l), tv = dots(here->tangent, v);
+    const lanes bright = full_root(1.0f - tl * tl);
+    lanes mirror = bright * full_root(1.0f - tv * tv) - tl * tv, shine = F(0.0f);
+    if (any_lane(here->half_vector)) {
+        const lanes3 h = plus(l, v);
+        const lanes square = dots(h, h), cosine = dots(here->tangent, h) / full_root(greater(square, F(1e-12f)));
+        const lanes of_half = square > 1e-12f ? full_root(1.0f - cosine * cosine) : F(0.0f);
+        mirror = here->half_vector ? of_half : mirror;
     }
-    default:   // KAJIYA_KAY
-        mirror = sine(tl) * sine(tv) - tl * tv;
-        mirror = mirror > 0.0f ? mirror : 0.0f;
-    }
+    mirror = greater(mirror, F(0.0f));
     /* Rounding may leave it above 1, of which a large exponent would make a light of its own. */
-    if ((mirror - 1.0f) * shine.y > 1e-3f)
-        mirror = 1.0f;
+    mirror = (mirror - 1.0f) * here->exponent > 1e-3f ? F(1.0f) : mirror;
     /* mirror^exponent, left out where it is below exp(-16): a power costs more than all the rest here. */
-    if ((1.0f - mirror) * shine.y < 16.0f)
-        bright = shine.x * exp2(shine.y * log2(mirror));
-    return light * (color * sine(tl) + bright) + light.w * color;
+    const lanes_i shines = (1.0f - mirror) * here->exponent < 16.0f;
+    if (any_lane(shines)) {
+        const lanes power = exp2_of(greater(here->exponent * log2_of(greater(mirror, F(1e-30f))), F(-100.0f)));
+        shine = shines ? here->specular * power : F(0.0f);
+    }
+    const lanes3 c = here->color;
+    const float4 direct = light->color;
+    const lanes3 sum = {direct.x * share * (c.x * bright + shine) + direct.w * c.x,
+                        direct.y * share * (c.y * bright + shine) + direct.w * c.y,
+                        direct.z * share * (c.z * bright + shine) + direct.w * c.z};
+    return sum;
 }
 
 /* sqrt(1 - c^2) */
@@ -40,7 +46,7 @@ INLINED lanes sines(lanes c)
     return root(greater(1.0f - c * c, F(1e-12f)));
 }
 
-/* The same of shell fur, side by side, of light that is 1 and without the ambient: n the body's normal, slope the fur's
+/* The same of shell fur, of light that is 1 and without the ambient: n the body's normal, slope the fur's
    gradient in the world.  Or the report's turned normals: those of the height field. */
 INLINED lanes3 fibres(const Shells *shells, lanes_i on, lanes3 t, lanes3 n, lanes3 slope, lanes3 l, lanes3 v)
 {

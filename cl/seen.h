@@ -1,4 +1,4 @@
-/* What a sample sees, and from where: shade.cl, coverage.cl, shells.cl and march.cl use this. */
+/* What a sample sees, and from where: shade.cl, strand_light.cl, shells.cl and march.cl use this. */
 
 /* Reversed depth of what was seen at this depth: at least half a step, as infinity is no place. */
 inline float reversed_depth(uint depth)

@@ -216,7 +216,7 @@ INLINED lanes3 random_vectors(lanes_u number, uint seed, uint use)
    Taylor series of 2^(1/2 - f) around its middle. Wrong by less than 3e-7 of exp(0). */
 INLINED lanes exp_minus(lanes x)
 {
-    const lanes y = lesser(x * 1.44269504f, F(125.0f)), near = nearest(y), k = near > y ? near - 1.0f : near;
+    const lanes y = lesser(x * 1.44269504f, F(125.0f)), k = whole_below(y);
     const lanes z = (0.5f - (y - k)) * 0.693147181f;
     const lanes series = 1.0f + z * (1.0f + z * (0.5f + z * (0.166666667f + z * (0.0416666667f
         + z * (0.00833333333f + z * (0.00138888889f + z * 0.000198412698f))))));

@@ -96,12 +96,6 @@ __kernel void fragments(
     }
 }
 
-#if LANES == 32
-#define SQRT(x) (lanes)(sqrt((x).lo), sqrt((x).hi))
-#else
-#define SQRT sqrt
-#endif
-
 /* A point of each of LANES strands. */
 typedef struct {
     lanes3 p;                              // [world]
@@ -109,13 +103,6 @@ typedef struct {
     lanes_i x, y, z;                       // [sub-cells]
     lanes_i away;                          // mask: four grids away, so that these are not known
 } Places;
-
-/* The whole number below, for |x| < 2^22. */
-INLINED lanes below(lanes x)
-{
-    const lanes near = nearest(x);
-    return near > x ? near - 1.0f : near;
-}
 
 /* For |x| < 2^22; all OpenCL has for it is a function. */
 INLINED lanes float_of(lanes_i x)
@@ -132,7 +119,7 @@ INLINED lanes_u share_of(lanes_u all, lanes_u share)
 /* a / n for whole 0 <= a < 2^30, whose quotient is below 2^22: a float's is one off at most. */
 INLINED lanes_i quotient(lanes a, lanes_i whole, lanes_i n)
 {
-    const lanes_i q = nearest_i(below(a / float_of(n))), rest = whole - q * n;
+    const lanes_i q = nearest_i(whole_below(a / float_of(n))), rest = whole - q * n;
     return q + (rest >= n ? I(1) : rest < 0 ? I(-1) : I(0));
 }
 
@@ -187,9 +174,9 @@ INLINED void take(const Grid *grid, __global const float4 *points, const uint *a
     to->p.z = z;
     to->width = width;
     to->w = w;
-    to->x = nearest_i(below((near ? qx : F(0.0f)) * (float)SUBPIXEL + 0.5f));
-    to->y = nearest_i(below((near ? qy : F(0.0f)) * (float)SUBPIXEL + 0.5f));
-    to->z = nearest_i(below((near ? qz : F(0.0f)) * (float)SUBPIXEL + 0.5f));
+    to->x = nearest_i(whole_below((near ? qx : F(0.0f)) * (float)SUBPIXEL + 0.5f));
+    to->y = nearest_i(whole_below((near ? qy : F(0.0f)) * (float)SUBPIXEL + 0.5f));
+    to->z = nearest_i(whole_below((near ? qz : F(0.0f)) * (float)SUBPIXEL + 0.5f));
     to->away = !near;
 }
 
@@ -224,9 +211,9 @@ INLINED lanes_u crossings_of(const Grid *grid, const Places *a, const Places *b,
     const lanes3 ray = {light.x - light.w * (0.5f * (a->p.x + b->p.x)), light.y - light.w * (0.5f * (a->p.y + b->p.y)),
                         light.z - light.w * (0.5f * (a->p.z + b->p.z))};
     const lanes3 c = crosses(d, ray);
-    const lanes exact = SQRT(dots(c, c)) * width / (grid->face.x * (w * w * w)) * weight + *left;
+    const lanes exact = exact_root(dots(c, c)) * width / (grid->face.x * (w * w * w)) * weight + *left;
     /* Its whole part, in two halves that a float's fraction can be cut off; all of it is exact. */
-    const lanes most = lesser(exact, F(0x1p31f)), high = below(most * 0x1p-16f), low = below(most - 65536.0f * high);
+    const lanes most = lesser(exact, F(0x1p31f)), high = whole_below(most * 0x1p-16f), low = whole_below(most - 65536.0f * high);
     const lanes rest = lesser(exact - (65536.0f * high + low), F(1.0f));
     *left = on ? rest : *left;
     return (AS_U(nearest_i(high)) << 16) + AS_U(nearest_i(low));

@@ -34,15 +34,16 @@ LIMIT = 600   # seconds a stage may take
 # Kernels of which nothing is there where LANES is 1, as under Oclgrind: others stand in for them.
 IN_LANES = "coverage.tiles",
 
-# Bugs put into a copy of what voxelizes: file, what is there, what comes instead, what must be said of it and its line.
+# Bugs put into a copy of what voxelizes: file, what is there, what comes instead, what must be said of it, and of
+# which file and line.
 PLANTED = [
     ("voxelize.cl", "(int)k < LANE_I(counts, l) ? first[l] + k : some", "first[l] + 2 * k",
-     "Invalid read of size 16 at global memory", "    const float4 p = points[at[0]];"),
+     "Invalid read of size 16 at global memory", "voxelize.cl", "    const float4 p = points[at[0]];"),
     ("cells.h", "atomic_add(&cells[((size_t)z * grid->size.y + y) * grid->size.x + x], amount);",
      "cells[((size_t)z * grid->size.y + y) * grid->size.x + x] += amount;",
-     "Read-write data race at global memory", "x] += amount;"),
+     "Read-write data race at global memory", "cells.h", "x] += amount;"),
     ("voxelize.cl", "lanes weight, left = F(0.5f);", "lanes weight, left;",
-     "Controlflow depends on uninitialized value", "    return near > x ? near - 1.0f : near;"),
+     "Controlflow depends on uninitialized value", "lanes.h", "    return r > x ? r - 1.0f : r;"),
 ]
 
 
@@ -245,7 +246,7 @@ def missed_in_a_stage(folder):
     run = tests_of("planted-stage", folder, kernels, [ROOT / "tests" / "test_voxelize.py"],
                    "-k", "test_cells_equal_the_twin and borders-length")
     missed = []
-    for file, _, _, what, line in PLANTED:
+    for *_, what, file, line in PLANTED:
         text = (kernels / file).read_text(encoding="utf-8")
         number, = (n for n, each in enumerate(text.splitlines(), 1) if line in each)   # else PLANTED means several
         if not said(run.found, what, f"{file}:{number}"):

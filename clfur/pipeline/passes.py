@@ -53,7 +53,7 @@ class Samples:
 
     digests = 1       # arrays that `hashed` gives
 
-    def __init__(self, plan: Plan, team: Team, warnings: set) -> None:
+    def __init__(self, plan: Plan, team: Team) -> None:
         self.plan, self.team = plan, team
 
     def rasterize(self, gpu: Any, top: int, end: int) -> Band:
@@ -99,8 +99,8 @@ class Coverage:
 
     digests = 2
 
-    def __init__(self, plan: Plan, team: Team, warnings: set) -> None:
-        self.plan, self.warnings, self._counted = plan, warnings, None
+    def __init__(self, plan: Plan, team: Team) -> None:
+        self.plan, self._counted = plan, None
 
     def rasterize(self, gpu: Any, top: int, end: int) -> Band:
         """`Band` of as many rows as fit the device, by what was counted in each row of tiles."""

@@ -101,7 +101,7 @@ class Picture:
         self.warnings = {plan.rig.warning} - {""}   # what is known to be wrong in the picture
         self.digests: dict[str, str] = {}
         self._images: dict[str, np.ndarray] = {}
-        self.strands = (Coverage if plan.uses_coverage else Samples)(plan, team, self.warnings)
+        self.strands = (Coverage if plan.uses_coverage else Samples)(plan, team)
         self._visibility = [hashlib.sha256() for _ in range(self.strands.digests)]
 
     def read(self, gpu: Any, band: Band, front: Front, found: dict) -> tuple:

@@ -22,8 +22,8 @@ def thin(gpu: Any, strands: DeviceStrands, view: np.void, lod: float, seed: int 
     remain.  Strands without width, and those that do not have both ends before the eye, stay as they are.
     Then points are left out that are within lod / 4 pixels of the line that replaces them, as large as a world unit
     is at its nearer end, by place and by half the width; colours there may be wrong by 1/32.  A line stands for 16
-    segments at most, and for no more than a quarter of its strand's: light changes also along straight strands, and
-    `coverage` knows it at points alone.  Arrays that do not change are shared.
+    segments at most, and for no more than a quarter of its strand's: light changes also along straight strands.
+    Arrays that do not change are shared.
     """
     per_point = strands.color_per == 2
     thinned = replace(strands, **{name: DeviceStrands.declared[name].empty(gpu, len(getattr(strands, name)))

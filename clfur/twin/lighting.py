@@ -1,4 +1,4 @@
-"""What light_at in cl/light.h means, in float64: a light where nothing stands before it."""
+"""What share_of_light in cl/light_lanes.h means, in float64: a light where nothing stands before it."""
 
 import numpy as np
 
