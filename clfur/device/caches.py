@@ -128,12 +128,13 @@ def remove_private():
 
 @contextlib.contextmanager
 def temporary():
-    """Within the block: path of a temporary folder; it is removed then, or by a later process if this one is killed."""
+    """Within the block: path of an empty folder; it is removed then, or by a later process if this one is killed."""
     _remove_left()
     with tempfile.TemporaryDirectory(prefix="clfur-") as made:
-        lock = _lock(Path(made))
+        lock, empty = _lock(Path(made)), Path(made, "empty")
+        empty.mkdir()
         try:
-            yield made
+            yield str(empty)
         finally:
             if lock is not None:
                 os.close(lock)
