@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import warnings
 from pathlib import Path
 from types import SimpleNamespace
@@ -106,7 +107,7 @@ DIES = ("import os, sys; from pathlib import Path; from clfur import cache; from
 
 def dies(place, number=signal.SIGSEGV):
     """A process that dies while its driver takes kernels."""
-    code = DIES.replace("sys.argv[1]", repr(str(place.parent))).format(signal=int(number))
+    code = DIES.replace("sys.argv[1]", repr(str(cache.folder("")))).format(signal=int(number))
     code, _, err = in_a_process(code, POCL_CACHE_DIR=str(place), HOME=str(place))
     assert code == -number, err
 
@@ -132,6 +133,60 @@ def test_a_death_is_told_once_a_second_one_till_the_folder_is_deleted(place, mon
     place.mkdir()
     assert prepared(place, monkeypatch) and prepared(place, monkeypatch)
     assert not list(caches._marks(place).iterdir())
+
+
+def test_kernels_are_kept_elsewhere_where_they_may_be_spoilt(place, monkeypatch):
+    """The same folder in every later process, so that they aren't built at each start; another if that is spoilt."""
+    def kept():
+        stays = prepared(place, monkeypatch)
+        return place if stays else Path(os.environ["POCL_CACHE_DIR"])
+    dies(place)
+    first = kept()
+    assert first.is_dir() and first.parent == place.parent / "kernels" and kept() == place
+    dies(place)
+    assert [kept() for _ in range(3)] == [first] * 3
+    dies(first)
+    second = kept()
+    assert second not in (place, first) and second.is_dir() and [kept(), kept()] == [first, first]
+    dies(first)
+    assert [kept(), kept()] == [second, second]
+    monkeypatch.setattr(caches, "OTHERS", 1)
+    assert kept().parent == caches.private()
+    monkeypatch.setattr(caches, "trouble", lambda folder: "" if folder == place else "full")
+    assert kept().parent == caches.private()
+
+
+LEAVES = "from clfur.device import caches; print(caches.private()); {}; import os; os.kill(os.getpid(), {signal})"
+
+
+def test_folders_of_killed_processes_are_removed(tmp_path, monkeypatch):
+    """By the next one that makes such a folder: not those of processes that live, new ones or others' folders."""
+    code = LEAVES.replace("{signal}", str(int(signal.SIGKILL)))
+    made = [Path(in_a_process(code.format(more), TMPDIR=str(tmp_path))[1].split()[0])
+            for more in ("pass", "kept = caches.temporary(); kept.__enter__()")]
+    (tmp_path / "clfur-others").mkdir()
+    left = set(tmp_path.glob("clfur-*"))
+    assert len(left) == 4 and left > set(made)   # the second has a temporary one, too
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with caches.temporary() as living:
+        monkeypatch.setattr(caches, "YOUNG", -1)
+        with caches.temporary():
+            assert Path(living).is_dir()
+            assert not os.listdir(living)   # drivers are to find nothing there
+            assert len(list(tmp_path.glob("clfur-*"))) == 3   # two that live, and what has no lock
+            assert not any(each.exists() for each in left - {tmp_path / "clfur-others"})
+    assert list(tmp_path.iterdir()) == [tmp_path / "clfur-others"]
+
+
+def test_without_locks_folders_of_others_stay(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    (tmp_path / "clfur-old").mkdir()
+    (tmp_path / "clfur-old" / "lock").touch()
+    monkeypatch.setattr(caches, "YOUNG", -1)
+    monkeypatch.setattr(caches, "fcntl", None)
+    with caches.temporary() as made:
+        assert Path(made).is_dir()
+    assert [each.name for each in tmp_path.iterdir()] == ["clfur-old"]
 
 
 def test_what_ends_well_leaves_no_mark(place, monkeypatch):

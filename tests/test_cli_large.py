@@ -58,6 +58,15 @@ def test_a_small_mesh_is_as_before(clfur):
     assert (told["strands"], told["fewer"]) == (47_360, "")
 
 
+@pytest.mark.parametrize("options, told", [([], True), (["--roots", "9"], False), (["--inner", "3"], False),
+                                           (["--fur", "shells"], False)])
+def test_a_mesh_of_few_faces(clfur, tmp_path, options, told):
+    """It looks bald without options, and the line tells how to get more strands."""
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    code, out, err = clfur("render", "a.obj", "--size", "16x12", *options)
+    assert (code, err) == (0, "") and out.rstrip().endswith("--roots 100000 gives more") == told
+
+
 class Terminal:
     """A stderr that says whether it is a terminal."""
 

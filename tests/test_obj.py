@@ -20,6 +20,7 @@ def load(folder, data):
     b"\xef\xbb\xbf" + (QUAD + "f 1 2 3 4\n").encode(),
     ("\ufeff" + QUAD + "f 1 2 3 4\n").encode("utf-16-le"), ("\ufeff" + QUAD + "f 1 2 3 4\n").encode("utf-16-be"),
     ("\ufeff" + QUAD + "f 1 2 3 4\n").encode("utf-32-le"), ("\ufeff" + QUAD + "f 1 2 3 4\n").encode("utf-32-be"),
+    (QUAD + "f 1 2 3 4\n").encode("utf-16-le"), (QUAD + "f 1 2 3 4\n").encode("utf-16-be"),
     (QUAD + "f 1 2 3 4\n").replace("\n", "\r").encode(), (QUAD + "f 1 2 3 4").replace("\n", "\r\n").encode(),
     (QUAD + "f 1 2 3 4\n").replace(" ", "\t").encode(), (QUAD + "\x0c\nf 1 2\x0b 3 4\x0c\n").encode(),
     (QUAD + "f 1 2 \\\n 3 4").encode(), (QUAD + "f 1 2 \\\r 3 4").replace("\n", "\r").encode(),

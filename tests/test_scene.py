@@ -44,6 +44,7 @@ def square(**options):
     (lambda: HairType(color_texture=np.zeros((2, 2))), "HairType.color_texture"),
     (lambda: HairType(color_texture=np.full((2, 2, 3), np.nan)), "HairType.color_texture"),
     (lambda: HairType(color_texture=np.full((2, 2, 3), -1.0)), "HairType.color_texture"),
+    (lambda: HairType(color_texture=np.full((2, 2, 3), 1e30)), "allowed: finite numbers from 0 to 1e+09"),
     (lambda: PointForce((0, 0)), "PointForce.position"),
     (lambda: Strands(inner=0), "Strands.inner is 0"),
     (lambda: Strands(inner=[1, 2, 65]), r"Strands.inner[2] is 65"),

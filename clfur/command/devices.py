@@ -6,7 +6,6 @@ import json
 import os
 import re
 import sys
-import tempfile
 
 import click
 
@@ -85,7 +84,7 @@ def _check(found):
         click.echo(f"{device['device']}: checking {device['description']} ...", err=True)
         verdict, message, notes = _verdict(device["number"], {})
         if verdict in ("crash", "wrong"):   # perhaps because of kernels that are spoilt
-            with tempfile.TemporaryDirectory(prefix="clfur-") as empty:
+            with caches.temporary() as empty:
                 again, _, _ = _verdict(device["number"], caches.in_folder(empty))
             if again == "pass":
                 notes.append(f"it is right without the kernels that are kept{caches.where(name)}: these "

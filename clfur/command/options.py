@@ -19,6 +19,7 @@ from ..scene import frame, highlighted
 from ..settings import CHOSEN, RASTERS, SHADOWS
 from .types import Color, Numbers, Roots, Size, from_hex
 
+SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
 
 _SCENE = [
@@ -263,6 +264,14 @@ def lowered(options, strands):
         return ""
     roots = f" and roots {MOST:,}" if options["roots"] is None and strands.roots != "faces" else ""
     return f"tessellation level {strands.inner} in place of {LEVEL}{roots}, as the mesh is large"
+
+
+def sparse(options, scene, drawn):
+    """For the line that tells what was drawn: how a mesh of few faces, which looks bald, gets more strands; or ""."""
+    given = options["inner"] or options["outer"] or options["roots"] is not None
+    if given or not isinstance(scene.strands, Strands) or drawn.strands >= SPARSE:
+        return ""
+    return "; few strands, as the mesh has few faces: --roots 100000 gives more"
 
 
 def triangles_of_face(level):

@@ -11,7 +11,7 @@ from .. import Scheduler, draw, save
 from ..files.images import check_writable
 from ..judge.frontier import label
 from .devices import ask_drivers
-from .options import is_scene_file, load_scene, lowered, scene_options
+from .options import is_scene_file, load_scene, lowered, scene_options, sparse
 from .types import Bytes, Names
 from .waiting import waiting
 
@@ -94,7 +94,7 @@ def render(given, output, outputs, device, memory, as_json, **options):
     print(f"{output}: {drawn.triangles:,} triangles, {', '.join(fur)} "
           f"in {drawn.seconds:.2f} s on {drawn.device} ({stages}"
           + (f"; building kernels {drawn.building:.3f}" if drawn.building >= TOLD else "") + ")"
-          + (f"; {fewer}" if fewer else "")
+          + (f"; {fewer}" if fewer else "") + ("" if is_scene_file(given) else sparse(options, scene, drawn))
           + (f"; skipped faces: {', '.join(left_out)}" if left_out else "")
           + (f"; turned {wound['turned']:,} faces that were inside out" if wound["turned"] else "")
           + (f"; {wound['one_sided']:,} faces are of a surface with one side: hair changes over somewhere"

@@ -11,6 +11,7 @@ import platform
 import shutil
 import tempfile
 import threading
+import time
 from pathlib import Path
 
 import psutil
@@ -18,11 +19,18 @@ import psutil
 from .. import cache
 from ..errors import Error
 
+try:
+    import fcntl
+except ImportError:   # Windows: folders that killed processes have left stay there
+    fcntl = None   # type: ignore[assignment]
+
 # What PoCL is called, and the variable that names its folder.  Without a folder that it can write it shows no device.
 # Other drivers do without: so Mesa does, which checks what it reads, and Intel's for CPUs keeps nothing.
 POCL, VARIABLE = "Portable Computing Language", "POCL_CACHE_DIR"
 ROOM = 16 << 20   # bytes: the kernels of a driver take 2 MiB
 SAME = 5.0        # seconds: when a process began is told by the system's clock, which may be set meanwhile
+OTHERS = 8        # folders of clfur's own that are tried, one after the other, where processes died
+YOUNG = 60.0      # seconds in which a process has long locked the folder that it has made
 
 notes: list[str] = []                       # what `prepare` has to say, a line each
 _taking: list[Path | None] = []             # the mark of each thread that is within `taking_kernels`
@@ -31,15 +39,16 @@ _private: list[tuple[Path, int]] = []       # the folder that `private` has made
 
 
 def prepare():
-    """Point PoCL to a private folder where its own cannot be written or may be spoilt, and say so in `notes`."""
-    place = folder()
-    why = trouble(place) or ("a process died while PoCL took kernels from there, so it may be spoilt: delete it"
-                             if _died(place) else "")
+    """Point PoCL to another folder where its own cannot be written or may be spoilt, and say so in `notes`."""
+    place, new = folder(), None
+    why = trouble(place)
+    if not why and _died(place):
+        why, new = "a process died while PoCL took kernels from there, so it may be spoilt: delete it", _another(place)
     if not why:
         return
     said = f"kernels are not kept in {place}: {why}"
     try:
-        new = private() / "pocl"
+        new = new or private() / "pocl"
         new.mkdir(exist_ok=True)
         os.environ[VARIABLE] = str(new)
         said += f"; this process keeps them in {new}"
@@ -47,6 +56,20 @@ def prepare():
         said += f"; nor is there a temporary folder: {error.strerror or error}"
     if said not in notes:
         notes.append(said)
+
+
+def _another(place):
+    """A folder of clfur's own in place of one that may be spoilt, there already, so that kernels are kept all the same;
+    None if there is none."""
+    with contextlib.suppress(Error, OSError):   # no cache, or it cannot be written
+        for number in range(OTHERS):
+            new = cache.folder("kernels") / f"{_marks(place).name}-{number}"
+            new.mkdir(parents=True, exist_ok=True)
+            if trouble(new):
+                return None
+            if not _died(new):
+                return new
+    return None
 
 
 def folder():
@@ -89,8 +112,10 @@ def where(platform_name):
 def private():
     """A temporary folder of this process, which is removed at its end; raises OSError where none can be made."""
     if not _private or _private[-1][1] != os.getpid() or not _private[-1][0].is_dir():
+        _remove_left()
         _private.append((Path(tempfile.mkdtemp(prefix="clfur-")), os.getpid()))
         atexit.register(remove_private)
+        _lock(_private[-1][0])   # to the end of the process
     return _private[-1][0]
 
 
@@ -99,6 +124,48 @@ def remove_private():
     for made, process in _private:
         if process == os.getpid():
             shutil.rmtree(made, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def temporary():
+    """Within the block: path of an empty folder; it is removed then, or by a later process if this one is killed."""
+    _remove_left()
+    with tempfile.TemporaryDirectory(prefix="clfur-") as made:
+        lock, empty = _lock(Path(made)), Path(made, "empty")
+        empty.mkdir()
+        try:
+            yield str(empty)
+        finally:
+            if lock is not None:
+                os.close(lock)
+
+
+def _lock(made):
+    """Lock a folder of this process till it ends, however it does -> the open file; None where files have no locks."""
+    with contextlib.suppress(OSError):
+        return fcntl and _locked(made, os.O_CREAT)
+    return None
+
+
+def _locked(made, flags=0):
+    """The open file that locks a folder; raises OSError if another process has it, or if it was never locked."""
+    lock = os.open(made / "lock", os.O_RDWR | os.O_CLOEXEC | flags, 0o600)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BaseException:
+        os.close(lock)
+        raise
+    return lock
+
+
+def _remove_left():
+    """Remove the temporary folders of processes that were killed."""
+    for lock in list(Path(tempfile.gettempdir()).glob("clfur-*/lock")) if fcntl else []:
+        with contextlib.suppress(OSError):   # another user's, or locked: its process lives
+            if os.lstat(lock.parent).st_uid == os.getuid() and time.time() - os.stat(lock).st_mtime > YOUNG:
+                ours = _locked(lock.parent)
+                shutil.rmtree(lock.parent, ignore_errors=True)
+                os.close(ours)
 
 
 @contextlib.contextmanager

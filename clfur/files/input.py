@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..errors import Error
 
+HEAD = 64            # bytes of a text that show whether it is UTF-16 without a byte order mark
 MAX_BYTES = 2**30   # of a file, and of what a file's header may ask for
 UNICODE = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF32_LE: "utf-32", codecs.BOM_UTF32_BE: "utf-32",
            codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}   # the longer of two that begin alike first
@@ -43,10 +44,15 @@ def _regular(path, status):
 
 
 def plain(data: bytes) -> bytes:
-    """Return the text of a file as bytes, ASCII as it is: without a byte order mark, and UTF-16 and UTF-32 decoded."""
+    """Return the text of a file as bytes, ASCII as it is: without a byte order mark, and UTF-16 and UTF-32 decoded;
+    UTF-16 without a mark is known by its first characters."""
     for mark, encoding in UNICODE.items():
         if data.startswith(mark):
             return data[3:] if encoding == "utf-8" else data.decode(encoding, "replace").encode("utf-8", "replace")
+    first, second = data[:HEAD:2], data[1:HEAD:2]   # bytes of characters; of UTF-16's ASCII one is zero
+    for encoding, high, low in ("utf-16-le", second, first), ("utf-16-be", first, second):
+        if low and all(low) and high and not any(high):
+            return data.decode(encoding, "replace").encode("utf-8", "replace")
     return data
 
 

@@ -4,7 +4,6 @@ import contextlib
 import re
 import statistics
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ import attrs
 import numpy as np
 import psutil
 
-from ..device.caches import in_folder
+from ..device.caches import in_folder, temporary
 from ..device.scheduler import Scheduler
 from ..device.selection import choose, describe, handles
 from ..errors import Error
@@ -172,7 +171,7 @@ def _in_its_process(handle, scene, settings, repeat, seconds, progress):
             progress(handle, done, frames)
     if progress:
         progress(handle, 0, frames)
-    with tempfile.TemporaryDirectory(prefix="clfur-") as caches:   # empty, so that the first frame is a first frame
+    with temporary() as caches:   # empty, so that the first frame is a first frame
         outcome = isolated(f"{__name__}:_measure", handle, scene, settings, repeat, seconds=seconds, receive=count,
                            environment=in_folder(caches))
     return outcome, "" if outcome.status == "ok" else f"{outcome.message} (after {done} of {frames} frames)"

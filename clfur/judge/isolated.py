@@ -7,14 +7,13 @@ import pickle
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..device.caches import remove_private
+from ..device.caches import remove_private, temporary
 from ..errors import Error
 
 
@@ -43,7 +42,7 @@ def isolated(function, *arguments, seconds, receive=None, environment=None):
         call = pickle.dumps((function, arguments, sys.path))
     except Exception as error:   # pickle raises whatever it met
         raise Error(f"cannot be sent to another process: {' '.join(str(error).split())}") from error
-    with tempfile.TemporaryDirectory(prefix="clfur-") as folder:
+    with temporary() as folder:
         answers, errors = Path(folder, "answers"), Path(folder, "stderr")
         Path(folder, "call").write_bytes(call)
         answers.touch()

@@ -196,18 +196,19 @@ def frozen(array):
     return array
 
 
-def float32(array, where, most=None):
+def float32(array, where, most=None, least=None):
     """Return a read-only contiguous float32 copy of a number array; Error names the first bad element.
 
-    most: how large numbers may be, LARGEST or what float32 can hold if None.
+    most: how large numbers may be, LARGEST or what float32 can hold if None. least: 0, or -most if None.
     """
     with np.errstate(over="ignore"):
         copy = np.array(array, dtype=np.float32, order="C")
     good = np.isfinite(copy) if most is None else np.abs(copy) <= np.float32(most)
+    good = good if least is None else good & (copy >= least)
     if not good.all():
         index = np.unravel_index(np.argmin(good), copy.shape)
         at = f"[{', '.join(str(i) for i in index)}]" if index else ""
-        allowed = "that float32 can hold" if most is None else f"from {-most:g} to {most:g}"
+        allowed = "that float32 can hold" if most is None else f"from {-most if least is None else least:g} to {most:g}"
         raise Error(f"{where}{at} is {array[index]}; allowed: finite numbers {allowed}")
     return frozen(copy)
 

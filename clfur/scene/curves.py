@@ -221,10 +221,8 @@ def _spread(values, tail, strands, total, uniform, where):
                     f"as many points as strands; allowed: one for all, or {[strands, 1, *tail]} per strand")
     if on_device:
         return values.reshape(values.size // int(np.prod(tail, dtype=int)), *tail)
-    values = checks.float32(values, where, checks.LARGEST).reshape(-1, *tail)
+    values = checks.float32(values, where, checks.LARGEST, 0).reshape(-1, *tail)
     if unclear and len(values) == strands:
         values = values.view(_OfStrands)
-    if (values < 0).any():
-        checks.refuse(where, values, "finite numbers >= 0")
     # No strands need no values, but an empty array would be trouble for every buffer down the line.
     return values if len(values) else checks.frozen(np.zeros((1, *tail), np.float32))

@@ -23,10 +23,7 @@ def _texture(value, where):
     pixels = linear_of(checks.pixels(value, where, "uf", allowed))
     if pixels.dtype.kind != "f":   # whole numbers of a picture that are neither: nobody knows what is white
         checks.refuse(where, value, allowed)
-    linear = checks.float32(pixels, where, checks.LARGEST)
-    if (linear < 0).any():
-        checks.refuse(where, value, allowed)
-    return linear
+    return checks.float32(pixels, where, checks.LARGEST, 0)
 
 
 def _key(value, where):
