@@ -18,9 +18,14 @@
 #define CHUNK (LANES == 1 ? 1 : 64)        // segments that are made ready together
 #include "clip.h"
 #include "lanes.h"
+#include "seen.h"
+#include "scatter.h"
+#include "light.h"
+#include "light_lanes.h"
 #include "places.h"
 #include "sums.h"
 #include "ribbon.h"
+#include "exact_light.h"
 #include "hiding.h"
 
 /* One work-item tells how far one tile can be seen into. */
@@ -303,7 +308,15 @@ __kernel void pixels(
     __global const ulong *sample_shells,
     const int lit,
     __global const ulong *places,
-    __global const ulong *more,
+    __global const float *more,
+    const int n_lights,
+    __global const Light *lights,
+    __global const Shadow *shadows,
+    __global const Grid *grids,
+    __global const View *light_views,
+    __global const float *crossings,
+    __global const ulong *shadow_maps,
+    const int shadowed,
     __global float *body_transmittance,
     __global float *alpha,
     __global ulong *front,
@@ -319,7 +332,8 @@ __kernel void pixels(
     if (x >= size.x || y >= size.y || (uint)tile < window.x || (uint)tile >= window.y)
         return;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells, places, more, body_transmittance, alpha,
-                             front, shell_front, image};
+                             front, shell_front, image, &view, {n_lights, lights, shadows, grids, light_views, crossings,
+                             shadow_maps}, shadowed};
     Walk walk;
     if (fresh) {
         walk.bound = begin_pixel(&walk.pixel, &picture, (size_t)y * size.x + x);
@@ -505,7 +519,15 @@ ALONE BY_HAND __kernel void tiles(
     __global const ulong *sample_shells,   // [rows, width, samples] depth << 32 | face where half of it is gone
     const int lit,                         // 1: there is light
     __global const ulong *places,          // [survivors, FEW_PLACES] light, see places.h
-    __global const ulong *more,            // [rows of them, MANY_PLACES + 1]
+    __global const float *more,            // [rows of them, 32] see exact_light.h
+    const int n_lights,                    // see light.h
+    __global const Light *lights,
+    __global const Shadow *shadows,
+    __global const Grid *grids,
+    __global const View *light_views,
+    __global const float *crossings,
+    __global const ulong *shadow_maps,
+    const int shadowed,                    // 1: something stands before them
     __global float *body_transmittance,    // [rows, width, samples] share of the body's light that what stands before it
                                            // lets through; in: shells alone, out: strands too
     __global float *alpha,                 // [rows, width]
@@ -526,7 +548,8 @@ ALONE BY_HAND __kernel void tiles(
         return;
     const uint first = starts[tile], n = starts[tile + 1] - first;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells, places, more, body_transmittance, alpha,
-                             front, shell_front, image};
+                             front, shell_front, image, &view, {n_lights, lights, shadows, grids, light_views, crossings,
+                             shadow_maps}, shadowed};
     Tile t;
     t.left = x * TILE;
     t.top = view.rows.x + y * TILE;

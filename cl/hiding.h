@@ -10,10 +10,13 @@ typedef struct {
     int samples, has_shells, lit;    // 1: there is shell fur; there is light
     __global const ulong *visible, *sample_shells;
     __global const ulong *places;
-    __global const ulong *more;
+    __global const float *more;
     __global float *body_transmittance, *alpha;
     __global ulong *front, *shell_front;
     __global float4 *image;
+    const View *view;
+    Lighting lighting;
+    int shadowed;                    // 1: something stands before lights
 } Picture;
 
 /* The pieces of a pixel that wait, in any order. */
@@ -170,10 +173,45 @@ INLINED void drop(Slots *slots, long *limit)
     slots->numbers[far] = slots->numbers[SLOTS - 1];
 }
 
+/* Add the light of the first n pieces in `order`, which have these weights. */
+INLINED void add_light(Pixel *p, const Picture *picture, const Slots *slots, const int *order, const float *weights, int n)
+{
+    float4 lights[SLOTS];
+    int exact[SLOTS + LANES], left = 0;
+    for (int i = 0; i < n; ++i) {
+        const int j = order[i];
+        __global const ulong *few = picture->places + FEW_PLACES * (size_t)slots->numbers[j];
+        exact[left] = i;
+        if (few[0] & MORE)
+            ++left;
+        else
+            lights[i] = light_between(few, (slots->wheres[j] & 0xFFFF) * (1.0f / 65535.0f));
+    }
+    for (int first = 0; first < left; first += LANES) {
+        Row rows[LANES];
+        lanes at;
+        lanes_i on;
+        for (int k = 0; k < LANES; ++k) {
+            const int j = order[exact[first + k < left ? first + k : first]];
+            __global const float8 *row = (__global const float8 *)picture->more + 4 * (picture->places[FEW_PLACES * (size_t)slots->numbers[j]] & ROW);
+            for (int m = 0; m < 4; ++m)
+                rows[k].of[m] = row[m];
+            LANE(at, k) = (slots->wheres[j] & 0xFFFF) * (1.0f / 65535.0f);
+            LANE_I(on, k) = first + k < left ? ON : 0;
+        }
+        lanes3 light = exact_light(picture->view, &picture->lighting, picture->shadowed, rows, at, on);
+        for (int k = 0; k < LANES && first + k < left; ++k)
+            lights[exact[first + k]] = (float4)(LANE(light.x, k), LANE(light.y, k), LANE(light.z, k), 0.0f);
+    }
+    for (int i = 0; i < n; ++i)
+        p->light += weights[i] * (lights[i] < MOST ? lights[i] : MOST);
+}
+
 /* Hide those of n pieces whose keys are below `until`, of which no more will come -> those that are left. */
 INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until)
 {
     int order[SLOTS + 4], i = 0;
+    float weights[SLOTS];
     for (int j = n; j & 3; ++j)
         slots->keys[j] = LONG_MAX;
     for (int j = 0; j < n; j += 4) {         // each one's rank: how many are nearer
@@ -195,15 +233,12 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
             more = p->kept * p->room > UNSEEN;
             continue;
         }
-        const float weight = hide(p, key, slots->shares[j]);
-        if (picture->lit) {
-            const float4 light = light_between(picture->places + FEW_PLACES * (size_t)slots->numbers[j], picture->more,
-                                               (slots->wheres[j] & 0xFFFF) * (1.0f / 65535.0f));
-            p->light += weight * (light < MOST ? light : MOST);
-        }
+        weights[i] = hide(p, key, slots->shares[j]);
         more = p->kept * p->room > UNSEEN;
         ++i;
     }
+    if (picture->lit)
+        add_light(p, picture, slots, order, weights, i);
     p->closed = !more;
     if (!i || !more)
         return more ? n : 0;
