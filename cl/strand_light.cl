@@ -120,10 +120,10 @@ INLINED Places places_at(const View *view, const Segments *s, lanes at)
     return here;
 }
 
-/* How far inside a spot's cone places lie, as a cosine; 1 everywhere under parallel rays. l: towards the light. */
+/* How far inside a spot's cone places lie, as a cosine. l: towards the light. */
 INLINED lanes inside_cone(const Light *light, lanes3 l)
 {
-    return light->position.w > 0.0f ? -dots(l, all_lanes(light->direction)) - light->cone.x : F(1.0f);
+    return -dots(l, all_lanes(light->direction)) - light->cone.x;
 }
 
 #define TURN 1.5f            // by which a segment may turn, in widths of its highlight, for one parabola: twice as much as from
@@ -172,6 +172,35 @@ INLINED lanes distance_between(lanes3 a, lanes3 b)
     return root(greater(dots(d, d), F(1e-30f)));
 }
 
+/* Which segments' light changes too much between few places: they turn far from one to the next, cross many cells of a light's
+   grid, or may cross the edge of a spot's cone. */
+INLINED lanes_i change_much(const Lighting *lighting, int shadowed, const Segments *s, const Places *here)
+{
+    lanes most = F(0.0f), turns[FEW_PLACES];
+    lanes_i needs = I(0);
+    for (int j = 1; j < FEW_PLACES; ++j)
+        turns[j] = distance_between(here[j].fibres.tangent, here[j - 1].fibres.tangent) + distance_between(here[j].v, here[j - 1].v);
+    for (int i = 0; i < lighting->n; ++i) {
+        const Light light = lighting->lights[i];
+        lanes3 l, before;
+        share_of_light(&light, here[0].p, &before);
+        for (int j = 1; j < FEW_PLACES && light.position.w > 0.0f; ++j) {
+            share_of_light(&light, here[j].p, &l);
+            const lanes turn = distance_between(l, before);
+            needs |= edge_between(&light, inside_cone(&light, l), inside_cone(&light, before), turn);
+            turns[j] += turn;
+            before = l;
+        }
+        if (shadowed) {
+            const Obstacles obstacles = obstacles_of(lighting, i);
+            needs |= cells_crossed(&obstacles, s) > CELLS;
+        }
+    }
+    for (int j = 1; j < FEW_PLACES; ++j)
+        most = greater(most, turns[j]);
+    return needs | (2.0f * most * root(1.0f + s->exponent) > TURN);
+}
+
 /* One work-item tells what LANES segments send to the eye at FEW_PLACES each, and keeps rows of `more` for those that need
    them. */
 __kernel void radiance(
@@ -215,48 +244,36 @@ __kernel void radiance(
         to[k] = end_of(&hair, from[k]);
     }
     take(&s, &hair, from, to);
-    lanes most = F(0.0f), crossed = F(0.0f), turns[FEW_PLACES] = {F(0.0f)};
-    lanes_i on_edge = I(0);
-    lanes3 sent[FEW_PLACES], tangent, v;
-    for (int i = 0; i < n_lights; ++i) {
+    Places here[FEW_PLACES];
+    for (int j = 0; j < FEW_PLACES; ++j)
+        here[j] = places_at(&view, &s, F((float)j / (FEW_PLACES - 1)));
+    const lanes_i needs = change_much(&lighting, shadowed, &s, here);
+    uint needy = 0;
+    for (uint k = 0; k < count; ++k)
+        needy += LANE_I(needs, k) && from[k] != to[k];
+    uint row = needy ? atomic_add(rows, needy) : 0;
+    lanes3 sent[FEW_PLACES];
+    for (int i = 0; i < n_lights && needy < count; ++i) {
         const Light light = lights[i];
-        lanes share = F(1.0f), share_step = F(0.0f), before = F(0.0f);
-        lanes3 l_before;
+        lanes share = F(1.0f), share_step = F(0.0f);
         if (shadowed) {
-            const Obstacles obstacles = obstacles_of(&lighting, i);
             __global const float *there = transmittances + (size_t)i * n_points;
             for (int k = 0; k < LANES; ++k) {
                 LANE(share, k) = there[from[k]];
                 LANE(share_step, k) = there[to[k]] - there[from[k]];
             }
-            crossed = greater(crossed, cells_crossed(&obstacles, &s));
         }
         for (int j = 0; j < FEW_PLACES; ++j) {
-            const lanes at = F((float)j / (FEW_PLACES - 1));
-            const Places here = places_at(&view, &s, at);
             lanes3 l;
-            const lanes part = share_of_light(&light, here.p, &l) * (share + at * share_step), inside = inside_cone(&light, l);
-            const lanes3 one = fibre_lanes(&light, &here.fibres, l, here.v, part);
+            const lanes part = share_of_light(&light, here[j].p, &l) * (share + F((float)j / (FEW_PLACES - 1)) * share_step);
+            const lanes3 one = fibre_lanes(&light, &here[j].fibres, l, here[j].v, part);
             sent[j] = i ? plus(sent[j], one) : one;
-            if (j) {
-                const lanes turn = distance_between(l, l_before);
-                on_edge |= edge_between(&light, inside, before, turn);
-                turns[j] += turn;
-                if (!i)
-                    turns[j] += distance_between(here.fibres.tangent, tangent) + distance_between(here.v, v);
-                most = greater(most, turns[j]);
-            }
-            before = inside;
-            l_before = l;
-            tangent = here.fibres.tangent;
-            v = here.v;
         }
     }
-    const lanes_i needs = (2.0f * most * root(1.0f + s.exponent) > TURN) | (crossed > CELLS) | on_edge;
     for (uint k = 0; k < count; ++k) {
         __global ulong *few = places + FEW_PLACES * (size_t)(first + k);
         if (LANE_I(needs, k) && from[k] != to[k])
-            few[0] = MORE | atomic_inc(rows);
+            few[0] = MORE | row++;
         else
             for (int j = 0; j < FEW_PLACES; ++j)
                 few[j] = packed_light(LANE(sent[j].x, k), LANE(sent[j].y, k), LANE(sent[j].z, k));
