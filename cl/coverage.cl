@@ -269,7 +269,7 @@ INLINED bool go_on(Walk *walk, const View *view, const Picture *picture, __globa
         const long until = last ? LONG_MAX : all_before(sorted[walk->next].x, grain);
         if (!last && walk->least >= until)
             continue;
-        const uint taken = walk->waiting * (walk->waiting / 4 + 16);
+        const uint taken = walk->waiting * (walk->waiting / 4 + 16 + (picture->lit ? steps_of_light(picture) : 0));
         steps -= steps < taken ? steps : taken;
         walk->waiting = settle(&walk->pixel, picture, &walk->slots, walk->waiting, until < walk->limit ? until : walk->limit);
         walk->least = walk->waiting ? until : LONG_MAX;

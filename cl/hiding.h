@@ -173,6 +173,17 @@ INLINED void drop(Slots *slots, long *limit)
     slots->numbers[far] = slots->numbers[SLOTS - 1];
 }
 
+/* Steps of loops that the light of one piece may take. */
+INLINED uint steps_of_light(const Picture *picture)
+{
+    uint steps = 4;
+    for (int i = 0; i < picture->lighting.n && picture->shadowed; ++i) {
+        const int side = 2 * picture->lighting.shadows[i].body.y + 1;
+        steps += 1 + side * (side / STRIDE + 2);
+    }
+    return steps;
+}
+
 /* Add the light of the first n pieces in `order`, which have these weights. */
 INLINED void add_light(Pixel *p, const Picture *picture, const Slots *slots, const int *order, const float *weights, int n)
 {

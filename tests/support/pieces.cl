@@ -7,9 +7,14 @@
 #define CHUNK 8
 #include "clip.h"
 #include "lanes.h"
+#include "seen.h"
+#include "scatter.h"
+#include "light.h"
+#include "light_lanes.h"
 #include "places.h"
 #include "sums.h"
 #include "ribbon.h"
+#include "exact_light.h"
 #include "hiding.h"
 
 /* One work-item draws one segment: counts its pieces, and writes them where there is room. */
@@ -68,7 +73,6 @@ BY_HAND __kernel void hidden(
     __global const ulong *keys,            // pieces: depth << 32 | id
     __global const float *shares,
     __global const ulong *places,          // [pieces, FEW_PLACES] light
-    __global const ulong *more,            // none
     __global const ulong *visible,
     const int has_shells,
     __global const ulong *sample_shells,
@@ -79,7 +83,7 @@ BY_HAND __kernel void hidden(
     __global float4 *image)
 {
     WORK_ITEM(i);
-    const Picture picture = {samples, has_shells, 1, visible, sample_shells, places, more, body_transmittance, alpha, front,
+    const Picture picture = {samples, has_shells, 1, visible, sample_shells, places, 0, body_transmittance, alpha, front,
                              shell_front, image};
     Pixel pixel;
     Slots slots;
