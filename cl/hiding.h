@@ -110,6 +110,7 @@ INLINED void pass_event(Pixel *p, int samples)
 
 INLINED int first_lane(uint8 mask)
 {
+#if LANES == 1
     const uint8 b = mask & (uint8)(1, 2, 4, 8, 16, 32, 64, 128);
     const uint4 c = b.lo | b.hi;
     const uint m = (c.x | c.y) | (c.z | c.w);
@@ -117,6 +118,9 @@ INLINED int first_lane(uint8 mask)
         if (m >> k & 1)
             return k;
     return CHAINS;
+#else
+    return first_of(bits_of(as_int8(mask)) | 1 << CHAINS);
+#endif
 }
 
 /* Hide a piece behind what came before it -> the share of the pixel's light that it has. */

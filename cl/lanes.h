@@ -156,6 +156,8 @@ INLINED uint bits_of(lanes_i mask)
 {
 #if LANES == 1
     return mask;
+#elif LANES == 8 && defined(__AVX__)
+    return __builtin_ia32_movmskps256(AS_F(mask));
 #else
     const int8 bits = (int8)(1, 2, 4, 8, 16, 32, 64, 128);
 #if LANES == 32
