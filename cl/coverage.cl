@@ -266,7 +266,7 @@ INLINED bool go_on(Walk *walk, const View *view, const Picture *picture, __globa
             continue;
         const uint taken = walk->waiting * (walk->waiting / 4 + 16);
         steps -= steps < taken ? steps : taken;
-        walk->waiting = settle(&walk->pixel, picture, &walk->slots, walk->waiting, until < walk->limit ? until : walk->limit);
+        walk->waiting = settle(&walk->pixel, picture, &walk->slots, walk->waiting, until < walk->limit ? until : walk->limit, 0);
         walk->least = walk->waiting ? until : LONG_MAX;
         if (last && walk->limit == LONG_MAX)
             return true;
@@ -348,6 +348,7 @@ __kernel void pixels(
 typedef struct {
     Slots slots[TILE * TILE];
     Pixel pixels[TILE * TILE];
+    Glow glow;
     int counts[TILE * TILE] ALIGNED;       // of these
     uint bounds[TILE * TILE];              // depth from which on nothing is seen
     ulong open;                            // pixels that aren't closed, row by row, a bit each:
@@ -375,7 +376,7 @@ INLINED lanes_i before(lanes x, int first)
 }
 
 /* Pixels of a tile in which n segments may lie, a bit each. */
-INLINED void pixels_of(const Tile *t, const Chunk *chunk, int n, ulong *pixels)
+INLINED void pixels_of(const Tile *t, const Chunk *chunk, int n, lanes_l *pixels)
 {
 #define GET(member) (*(const lanes *)(chunk->member + i))
     for (int i = 0; i < n; i += LANES) {
@@ -387,7 +388,7 @@ INLINED void pixels_of(const Tile *t, const Chunk *chunk, int n, ulong *pixels)
         const lanes_i top = before(steep ? au : low, t->top), bottom = before(steep ? bu + 1.0f : high, t->top);
         const lanes_l row = TO(lanes_l, bu > au ? (I(1) << right) - (I(1) << left) : I(0)) * 0x0101010101010101l;
         const lanes_l from = TO(lanes_l, 4 * top), until = TO(lanes_l, 4 * bottom), one = 1;
-        *(lanes_l *)(pixels + i) = row & ((one << until << until) - (one << from << from));
+        pixels[i / LANES] = row & ((one << until << until) - (one << from << from));
     }
 }
 
@@ -469,7 +470,7 @@ INLINED bool settle_all(Tile *t, const Picture *picture, long until)
         if (!(t->open >> p & 1))
             continue;
         const long before = until < t->limits[p] ? until : t->limits[p];
-        t->counts[p] = settle(&t->pixels[p], picture, &t->slots[p], t->counts[p], before);
+        t->counts[p] = settle(&t->pixels[p], picture, &t->slots[p], t->counts[p], before, &t->glow);
         if (t->pixels[p].closed)
             set_open(t, p, false);
     }
@@ -496,7 +497,7 @@ INLINED void go_through(Tile *t, const View *view, const Picture *picture, __glo
                  __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
 {
     Chunk chunk;
-    ulong pixels[CHUNK] ALIGNED;
+    lanes_l pixels[CHUNK / LANES];
     bool open = true;
     for (uint next = 0; open && next < n;) {
         for (int fullest = 0; next < n && fullest < SLOTS / 2;) {
@@ -504,7 +505,7 @@ INLINED void go_through(Tile *t, const View *view, const Picture *picture, __glo
             prepare(&chunk, view, sorted + next, m, n - next, ends, ids, cuts);
             pixels_of(t, &chunk, m, pixels);
             for (int i = 0; i < m; ++i)
-                if (pixels[i] & t->open) {
+                if (((const ulong *)pixels)[i] & t->open) {
                     if (picture->lit)
                         PREFETCH(picture->places + FEW_PLACES * (size_t)chunk.number[i]);
                     draw(t, view, &chunk, i);
@@ -565,6 +566,7 @@ ALONE BY_HAND __kernel void tiles(
     t.open = 0;
     t.in_rows = t.in_columns = 0;
     t.dropped = false;
+    t.glow.n = 0;
     for (int p = 0; p < TILE * TILE; ++p) {
         const int px = x * TILE + p % TILE, py = y * TILE + p / TILE;
         t.counts[p] = t.bounds[p] = 0;
@@ -578,6 +580,7 @@ ALONE BY_HAND __kernel void tiles(
     if (n) {
         const uint2 grain = sort_list(entries + first, n, sorted + first);
         go_through(&t, &view, &picture, sorted + first, n, grain, ends, ids, cuts);
+        shine_all(&t.glow, &picture);
     }
     for (int p = 0; p < TILE * TILE; ++p)
         if (x * TILE + p % TILE < size.x && y * TILE + p / TILE < size.y)
