@@ -567,6 +567,9 @@ ALONE BY_HAND __kernel void tiles(
     t.in_rows = t.in_columns = 0;
     t.dropped = false;
     t.glow.n = 0;
+    for (int row = 0; row < TILE && y * TILE + row < size.y; ++row)
+        for (int k = 0; k < TILE * view.size.z; k += 8)
+            PREFETCH(visible + ((size_t)(y * TILE + row) * size.x + x * TILE) * view.size.z + k);
     for (int p = 0; p < TILE * TILE; ++p) {
         const int px = x * TILE + p % TILE, py = y * TILE + p / TILE;
         t.counts[p] = t.bounds[p] = 0;

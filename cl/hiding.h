@@ -284,8 +284,13 @@ INLINED void shine(Glow *glow, const Picture *picture, Pixel *p, float weight, u
 INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until, Glow *glow)
 {
     int order[SLOTS + 4], i = 0;
+    long4 soon = 0;
     for (int j = n; j & 3; ++j)
         slots->keys[j] = LONG_MAX;
+    for (int j = 0; j < n; j += 4)
+        soon |= *(const long4 *)(slots->keys + j) < until;
+    if (!((soon.x | soon.y) | (soon.z | soon.w)))
+        return n;
     for (int j = 0; j < n; j += 4) {         // each one's rank: how many are nearer
         const long4 mine = *(const long4 *)(slots->keys + j);
         long4 rank = 0;
@@ -319,8 +324,8 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
     }
     p->hidden = hidden;
     p->closed = !more;
-    if (!i || !more)
-        return more ? n : 0;
+    if (i == n || !more)
+        return 0;
     int left = 0;
     for (int j = 0; j < n; ++j) {
         const long key = slots->keys[j];
