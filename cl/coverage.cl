@@ -266,7 +266,7 @@ INLINED bool go_on(Walk *walk, const View *view, const Picture *picture, __globa
             continue;
         const uint taken = walk->waiting * (walk->waiting / 4 + 16);
         steps -= steps < taken ? steps : taken;
-        walk->waiting = settle(&walk->pixel, picture, &walk->slots, walk->waiting, until < walk->limit ? until : walk->limit, 0);
+        walk->waiting = settle(&walk->pixel, picture, &walk->slots, walk->waiting, until < walk->limit ? until : walk->limit);
         walk->least = walk->waiting ? until : LONG_MAX;
         if (last && walk->limit == LONG_MAX)
             return true;
@@ -348,7 +348,6 @@ __kernel void pixels(
 typedef struct {
     Slots slots[TILE * TILE];
     Pixel pixels[TILE * TILE];
-    Glow glow;
     int counts[TILE * TILE] ALIGNED;       // of these
     uint bounds[TILE * TILE];              // depth from which on nothing is seen
     ulong open;                            // pixels that aren't closed, row by row, a bit each:
@@ -470,7 +469,7 @@ INLINED bool settle_all(Tile *t, const Picture *picture, long until)
         if (!(t->open >> p & 1))
             continue;
         const long before = until < t->limits[p] ? until : t->limits[p];
-        t->counts[p] = settle(&t->pixels[p], picture, &t->slots[p], t->counts[p], before, &t->glow);
+        t->counts[p] = settle(&t->pixels[p], picture, &t->slots[p], t->counts[p], before);
         if (t->pixels[p].closed)
             set_open(t, p, false);
     }
@@ -558,15 +557,16 @@ ALONE BY_HAND __kernel void tiles(
     if (tile < window.x || tile >= window.y)
         return;
     const uint first = starts[tile], n = starts[tile + 1] - first;
+    Glow glow;
+    glow.n = 0;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells, places, more, body_transmittance, alpha,
-                             front, shell_front, image};
+                             front, shell_front, image, &glow};
     Tile t;
     t.left = x * TILE;
     t.top = view.rows.x + y * TILE;
     t.open = 0;
     t.in_rows = t.in_columns = 0;
     t.dropped = false;
-    t.glow.n = 0;
     for (int row = 0; row < TILE && y * TILE + row < size.y; ++row)
         for (int k = 0; k < TILE * view.size.z; k += 8)
             PREFETCH(visible + ((size_t)(y * TILE + row) * size.x + x * TILE) * view.size.z + k);
@@ -583,7 +583,7 @@ ALONE BY_HAND __kernel void tiles(
     if (n) {
         const uint2 grain = sort_list(entries + first, n, sorted + first);
         go_through(&t, &view, &picture, sorted + first, n, grain, ends, ids, cuts);
-        shine_all(&t.glow, &picture);
+        glow_all(&glow, places, more);
     }
     for (int p = 0; p < TILE * TILE; ++p)
         if (x * TILE + p % TILE < size.x && y * TILE + p / TILE < size.y)

@@ -3,6 +3,8 @@
  * C += T a c, T *= 1 - a, but pieces of one strand lie beside each other.  Where less than 1/256 of the light is left no
  * more strands are looked at: the last one takes the rest, or what is behind them all.  coverage.cl uses this.
  */
+#include "glow.h"
+
 #define CHAINS 8                     // strands whose pieces in a pixel are remembered: these lie beside each other, not behind
 
 /* What is known of pieces, and of what else stands in pixels, and what is told of them. */
@@ -14,6 +16,7 @@ typedef struct {
     __global float *body_transmittance, *alpha;
     __global ulong *front, *shell_front;
     __global float4 *image;
+    Glow *glow;                      // light that waits, where LANES go side by side
 } Picture;
 
 /* The pieces of a pixel that wait, in any order. */
@@ -24,21 +27,16 @@ typedef struct {
     uint numbers[SLOTS + 4];         // the segment's, among those that are seen
 } Slots;
 
-/* What changes in a pixel with each piece. */
-typedef struct {
-    uint8 lows, highs;               // numbers of each chain's pieces
-    ulong best;                      // of what fills most of it so far, strands alone
-    float kept, room, most;          // light that strands let through; share of samples that are open; of what fills most of it
-    uint chains, oldest;
-} Hidden;
-
 /* One pixel on its way. */
 typedef struct {
-    Hidden hidden;
-    float sums[CHAINS];              // what each chain's pieces cover
     size_t at;                       // in the picture
-    float of_body, of_shells, all_shells;   // share of body and shells; that these hide in all
+    float kept, room, most, of_body, of_shells, all_shells;   // light that strands let through; share of samples that are open;
+                                     // of what fills most of it; of body and shells; that these hide in all
     float4 light;
+    ulong best;                      // of what fills most of it so far, strands alone
+    uint8 lows, highs;               // numbers of each chain's pieces
+    float8 sums;                     // and what they cover
+    uint chains, oldest;
     int event, events;               // samples end, or go on behind shells: the next one
     uint depths[2 * SAMPLES];        // where, in order
     uchar which[2 * SAMPLES];        // 2 · sample + 1 where it ends
@@ -54,13 +52,14 @@ INLINED uint begin_pixel(Pixel *p, const Picture *picture, size_t at)
     uint furthest = 0;
     int events = 0;
     p->at = at;
-    p->hidden.kept = p->hidden.room = 1.0f;
-    p->hidden.most = p->of_body = p->of_shells = p->all_shells = 0.0f;
+    p->kept = p->room = 1.0f;
+    p->most = p->of_body = p->of_shells = p->all_shells = 0.0f;
     p->light = 0.0f;
-    p->hidden.best = ~0ul;
-    p->hidden.lows = 0xFFFFFFFEu;
-    p->hidden.highs = 0;
-    p->hidden.chains = p->hidden.oldest = 0;
+    p->best = ~0ul;
+    p->lows = 0xFFFFFFFEu;
+    p->highs = 0;
+    p->sums = 0.0f;
+    p->chains = p->oldest = 0;
     p->event = 0;
     p->closed = false;
     for (int s = 0; s < samples; ++s) {
@@ -98,18 +97,18 @@ INLINED void pass_event(Pixel *p, int samples)
 {
     const int s = p->which[p->event] / 2;
     if (p->which[p->event] & 1) {
-        p->through[s] = p->open[s] * samples * p->hidden.kept;
-        p->of_body += p->open[s] * p->hidden.kept;
+        p->through[s] = p->open[s] * samples * p->kept;
+        p->of_body += p->open[s] * p->kept;
         p->open[s] = 0.0f;
     } else {
-        p->of_shells += p->open[s] * (1.0f - p->through[s]) * p->hidden.kept;
+        p->of_shells += p->open[s] * (1.0f - p->through[s]) * p->kept;
         p->open[s] *= p->through[s];
     }
     ++p->event;
     float room = 0.0f;
     for (int k = 0; k < samples; ++k)
         room += p->open[k];
-    p->hidden.room = room;
+    p->room = room;
 }
 
 INLINED int first_lane(uint8 mask)
@@ -127,8 +126,8 @@ INLINED int first_lane(uint8 mask)
 #endif
 }
 
-/* Hide a piece behind what came before it -> the share of the pixel's light that it has. */
-INLINED float hide(Hidden *p, float *sums, long key, float share)
+/* Hide a piece behind what came before it -> the share of the pixel's light that it has.  sums: the pixel's. */
+INLINED float hide(Pixel *p, float8 *sums, long key, float share)
 {
     const uint8 lane = (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
     const uint id = (uint)key;
@@ -142,14 +141,22 @@ INLINED float hide(Hidden *p, float *sums, long key, float share)
         const float sum = share < 1.0f ? share : 1.0f;
         p->lows = here ? id : p->lows;
         p->highs = here ? id : p->highs;
-        sums[slot] = sum;
+#if LANES == 1
+        *sums = here ? sum : *sums;
+#else
+        ((float *)sums)[slot] = sum;
+#endif
         hidden = p->kept * sum;
     } else {
         const int8 here = lane == (uint)chain;
-        const float before = sums[chain], grown = before + share, sum = grown < 1.0f ? grown : 1.0f;
+        const float before = ((float *)sums)[chain], grown = before + share, sum = grown < 1.0f ? grown : 1.0f;
         p->lows = here & as_int8(p->lows > id) ? id : p->lows;
         p->highs = here & as_int8(p->highs < id) ? id : p->highs;
-        sums[chain] = sum;
+#if LANES == 1
+        *sums = here ? sum : *sums;
+#else
+        ((float *)sums)[chain] = sum;
+#endif
         hidden = before < 1.0f ? p->kept * (sum - before) / (1.0f - before) : 0.0f;
     }
     p->kept -= hidden;
@@ -177,111 +184,20 @@ INLINED void drop(Slots *slots, long *limit)
     slots->numbers[far] = slots->numbers[SLOTS - 1];
 }
 
-#if LANES == 1
-/* Pieces whose light is to be added: none, each is at once. */
-typedef int Glow;
-
-INLINED void shine(Glow *glow, const Picture *picture, Pixel *p, float weight, uint number, uint where)
+/* Add the light of a piece. */
+INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, uint where)
 {
+#if LANES == 1
     const float4 light = light_between(picture->places + FEW_PLACES * (size_t)number, picture->more,
                                        (where & 0xFFFF) * (1.0f / 65535.0f));
     p->light += weight * (light < MOST ? light : MOST);
-}
 #else
-#define GLOWS 64                     // a multiple of LANES
-
-/* Pieces whose light is to be added: so many side by side. */
-typedef struct {
-    uint numbers[GLOWS] ALIGNED, wheres[GLOWS] ALIGNED;
-    float weights[GLOWS] ALIGNED;
-    Pixel *pixels[GLOWS];
-    int n;
-} Glow;
-
-/* Add the light of eight pieces: `light_between`, with the same expressions. */
-INLINED void shine_eight(const Glow *glow, int first, const Picture *picture)
-{
-    __global const ulong *froms[LANES];
-    float ts[LANES] ALIGNED;
-    uint on_edge = 0;
-    lanes light[8], rows[LANES];
-    const lanes at = TO(lanes, *(const lanes_u *)(glow->wheres + first) & 0xFFFF) * (1.0f / 65535.0f);
-    const lanes along = at * FEW_PIECES;
-    const lanes_i whole = WHOLE(along), piece = whole < FEW_PIECES - 1 ? whole : I(FEW_PIECES - 1);
-    *(lanes *)ts = along - REAL(piece);
-    for (int k = 0; k < LANES; ++k) {
-        __global const ulong *few = picture->places + FEW_PLACES * (size_t)glow->numbers[first + k], *from = few + 2 * LANE_I(piece, k);
-        const ulong start = few[0];
-        if (start & MORE) {
-            const float far = LANE(at, k) * MANY_PIECES;
-            const int over = (int)far, there = over < MANY_PIECES - 1 ? over : MANY_PIECES - 1;
-            from = picture->more + (MANY_PLACES + 1) * (start & ROW) + 2 * there;
-            ts[k] = far - there;
-            on_edge |= start & ON_EDGE ? 1u << k : 0;
-        }
-        froms[k] = from;
-    }
-    const lanes t = *(const lanes *)ts, parts[3] = {(1.0f - t) * (1.0f - 2.0f * t), 4.0f * t * (1.0f - t), t * (2.0f * t - 1.0f)};
-    lanes r[3], g[3], b[3];
-    for (int k = 0; k < 3; ++k) {
-        const ulong8 here = (ulong8)(froms[0][k], froms[1][k], froms[2][k], froms[3][k], froms[4][k], froms[5][k], froms[6][k],
-                                     froms[7][k]);
-        r[k] = parts[k] * AS_F(TO(lanes_u, here >> 32) & 0x7FFFFC00u);
-        g[k] = parts[k] * AS_F(TO(lanes_u, here >> 11) & 0x7FFFFC00u);
-        b[k] = parts[k] * AS_F(TO(lanes_u, here) << 10 & 0x7FFFFC00u);
-    }
-    light[0] = r[0] + r[1] + r[2];
-    light[1] = g[0] + g[1] + g[2];
-    light[2] = b[0] + b[1] + b[2];
-    for (; on_edge; on_edge &= on_edge - 1) {
-        const int k = first_of(on_edge);
-        const float4 here = light_between(picture->places + FEW_PLACES * (size_t)glow->numbers[first + k], picture->more, LANE(at, k));
-        LANE(light[0], k) = here.x;
-        LANE(light[1], k) = here.y;
-        LANE(light[2], k) = here.z;
-    }
-    for (int k = 0; k < 3; ++k) {
-        const lanes above = light[k] > 0.0f ? light[k] : F(0.0f);
-        light[k] = *(const lanes *)(glow->weights + first) * (above < MOST ? above : F(MOST));
-    }
-    for (int k = 3; k < 8; ++k)
-        light[k] = F(0.0f);
-    transposed(light, rows);
-    for (int k = 0; k < LANES; ++k)
-        glow->pixels[first + k]->light += rows[k].lo;
-}
-
-/* Add what waits. */
-INLINED void shine_all(Glow *glow, const Picture *picture)
-{
-    const int n = glow->n;
-    for (int k = n; k & LANES - 1; ++k) {      // nothing of the last piece again
-        glow->numbers[k] = glow->numbers[n - 1];
-        glow->wheres[k] = 0;
-        glow->weights[k] = 0.0f;
-        glow->pixels[k] = glow->pixels[n - 1];
-    }
-    for (int k = 0; k < n; k += LANES)
-        shine_eight(glow, k, picture);
-    glow->n = 0;
-}
-
-INLINED void shine(Glow *glow, const Picture *picture, Pixel *p, float weight, uint number, uint where)
-{
-    const int n = glow->n++;
-    PREFETCH(picture->places + FEW_PLACES * (size_t)number);
-    PREFETCH(picture->places + FEW_PLACES * (size_t)number + 4);
-    glow->numbers[n] = number;
-    glow->wheres[n] = where;
-    glow->weights[n] = weight;
-    glow->pixels[n] = p;
-    if (n == GLOWS - 1)
-        shine_all(glow, picture);
-}
+    add_glow(picture->glow, picture->places, picture->more, &p->light, weight, number, where);
 #endif
+}
 
 /* Hide those of n pieces whose keys are below `until`, of which no more will come -> those that are left. */
-INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until, Glow *glow)
+INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until)
 {
     int order[SLOTS + 4], i = 0;
     long4 soon = 0;
@@ -301,28 +217,35 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
         order[rank.z] = j + 2;
         order[rank.w] = j + 3;
     }
-    Hidden hidden = p->hidden;           // so that it stays in registers
-    uint event = p->event < p->events ? p->depths[p->event] : ~0u;
-    bool more = hidden.kept * hidden.room > UNSEEN;
-    while (more && i < n) {
+#if LANES == 1
+    Pixel *const hot = p;
+#else
+    Pixel registers = *p, *const hot = &registers;   // what changes with each piece
+#endif
+    bool more = p->kept * p->room > UNSEEN;
+    while (more && i < n && slots->keys[order[i]] < until) {
         const int j = order[i];
         const long key = slots->keys[j];
-        if (key >= until)
-            break;
-        if (event <= (uint)(key >> 32)) {
-            p->hidden.kept = hidden.kept;
+        if (p->event < p->events && p->depths[p->event] <= (uint)(key >> 32)) {
+            p->kept = hot->kept;
             pass_event(p, picture->samples);
-            hidden.room = p->hidden.room;
-            event = p->event < p->events ? p->depths[p->event] : ~0u;
-        } else {
-            const float weight = hide(&hidden, p->sums, key, slots->shares[j]);
-            if (picture->lit)
-                shine(glow, picture, p, weight, slots->numbers[j], slots->wheres[j]);
-            ++i;
+            hot->room = p->room;
+            more = hot->kept * hot->room > UNSEEN;
+            continue;
         }
-        more = hidden.kept * hidden.room > UNSEEN;
+        const float weight = hide(hot, &p->sums, key, slots->shares[j]);
+        if (picture->lit)
+            shine(picture, p, weight, slots->numbers[j], slots->wheres[j]);
+        more = hot->kept * hot->room > UNSEEN;
+        ++i;
     }
-    p->hidden = hidden;
+    p->kept = hot->kept;
+    p->most = hot->most;
+    p->best = hot->best;
+    p->lows = hot->lows;
+    p->highs = hot->highs;
+    p->chains = hot->chains;
+    p->oldest = hot->oldest;
     p->closed = !more;
     if (i == n || !more)
         return 0;
@@ -354,14 +277,14 @@ INLINED void end_pixel(Pixel *p, const Picture *picture)
         rest += p->open[s];
         picture->body_transmittance[sample] = p->through[s];
     }
-    const float alpha = 1.0f - rest * p->hidden.kept;
+    const float alpha = 1.0f - rest * p->kept;
     picture->alpha[p->at] = alpha;
-    if (p->of_body >= p->hidden.most && p->of_body > 0.0f) {
-        p->hidden.most = p->of_body;
-        p->hidden.best = body;
+    if (p->of_body >= p->most && p->of_body > 0.0f) {
+        p->most = p->of_body;
+        p->best = body;
     }
-    const bool is_shell = p->of_shells > p->hidden.most && shell != ~0ul;
-    picture->front[p->at] = is_shell ? ~0ul : p->hidden.best;
+    const bool is_shell = p->of_shells > p->most && shell != ~0ul;
+    picture->front[p->at] = is_shell ? ~0ul : p->best;
     if (picture->has_shells)
         picture->shell_front[p->at] = is_shell ? shell : ~0ul;
     if (picture->lit) {

@@ -155,7 +155,8 @@ INLINED bool any_lane(lanes_i mask)
 #endif
 }
 
-/* The lanes of a mask that are on, a bit each. */
+#if LANES > 1
+/* `bits_of` eight lanes. */
 INLINED uint bits_of_eight(int8 mask)
 {
 #ifdef __AVX__
@@ -166,7 +167,9 @@ INLINED uint bits_of_eight(int8 mask)
     return (a.x | a.y) | (a.z | a.w);
 #endif
 }
+#endif
 
+/* The lanes of a mask that are on, a bit each. */
 INLINED uint bits_of(lanes_i mask)
 {
 #if LANES == 1
