@@ -81,19 +81,30 @@ BY_HAND __kernel void count(
     __global const uint2 *spans,           // [strands] first point, points
     __global const uint *bounds,           // [tiles] depth
     volatile __global uint *counts,        // [tiles] segments
-    volatile __global uint *survivors)     // [1] segments that may show anywhere
+    volatile __global uint *survivors,     // [1] segments that may show anywhere
+    const int known,                       // 1: the next is wanted
+    __global uint *shown)                  // [strands] rows of tiles in which it may show: the first, one past the last << 16
 {
     WORK_ITEM(strand);
     const uint2 span = spans[strand];
-    uint n = 0;
+    uint n = 0, first = 0xFFFF, last = 0;
+    if (known && stretch.x) {
+        first = shown[strand] & 0xFFFF;
+        last = shown[strand] >> 16;
+    }
     for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
         const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;
         Batch batch;
         project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
         for (int k = 0; k < LANES; ++k)
-            if (batch.on[k])
-                n += each_tile(&batch, k, &view, bounds, (uint2)(0, ~0u), COUNT, counts, 0, 0) > 0;
+            if (batch.on[k] && each_tile(&batch, k, &view, bounds, (uint2)(0, ~0u), COUNT, counts, 0, 0)) {
+                ++n;
+                first = batch.top[k] < first ? batch.top[k] : first;
+                last = batch.bottom[k] + 1 > last ? batch.bottom[k] + 1 : last;
+            }
     }
+    if (known)
+        shown[strand] = last << 16 | first;
     if (n)
         atomic_add(survivors, n);
 }
@@ -109,6 +120,8 @@ BY_HAND __kernel void fill(
     __global const uint *bounds,
     __global const uint *shifts,           // [strands] added to the number of a segment's first point,
     const uint first,                      // and this, to make its id
+    const int known,                       // 1: the next is,
+    __global const uint *shown,            // [strands] as `count` tells it
     volatile __global uint *cursors,       // [tiles] where the next entry of each goes
     volatile __global uint *survivors,     // [1] segments so far
     __global uint2 *entries,               // of each tile: depth, number of a segment among those that may show
@@ -117,6 +130,9 @@ BY_HAND __kernel void fill(
     __global uint *cuts)                   // [survivors] what is left where they are clipped: from and to, in 1/65535
 {
     WORK_ITEM(strand);
+    const uint across = (view.size.x + TILE - 1) / TILE;
+    if (known && ((shown[strand] >> 16) * across <= window.x || (shown[strand] & 0xFFFF) * across >= window.y))
+        return;
     const uint2 span = spans[strand];
     for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
         const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;
