@@ -138,7 +138,14 @@ INLINED float hide(Pixel *p, long key, float share)
         hidden = p->kept * sum;
     } else {
         const int8 here = lane == (uint)chain;
-        const float before = ((float *)&p->sums)[chain], grown = before + share, sum = grown < 1.0f ? grown : 1.0f;
+#if LANES == 1                           // without a pointer to it: llvmpipe would keep all that is known of a pixel in memory
+        const float8 its = here ? p->sums : 0.0f;
+        const float4 four = its.lo + its.hi;
+        const float before = (four.x + four.y) + (four.z + four.w);
+#else
+        const float before = ((float *)&p->sums)[chain];
+#endif
+        const float grown = before + share, sum = grown < 1.0f ? grown : 1.0f;
         p->lows = here & as_int8(p->lows > id) ? id : p->lows;
         p->highs = here & as_int8(p->highs < id) ? id : p->highs;
         p->sums = here ? sum : p->sums;
@@ -177,7 +184,11 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
     for (int j = n; j & 3; ++j)
         slots->keys[j] = LONG_MAX;
     for (int j = 0; j < n; j += 4) {         // each one's rank: how many are nearer
+#if LANES == 1
+        const long4 mine = (long4)(slots->keys[j], slots->keys[j + 1], slots->keys[j + 2], slots->keys[j + 3]);
+#else
         const long4 mine = *(const long4 *)(slots->keys + j);
+#endif
         long4 rank = 0;
         for (int k = 0; k < n; ++k)
             rank -= slots->keys[k] < mine;
