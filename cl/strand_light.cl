@@ -128,22 +128,7 @@ INLINED lanes inside_cone(const Light *light, lanes3 l)
 
 #define TURN 1.5f            // by which a segment may turn, in widths of its highlight, for one parabola: twice as much as from
                              // place to place
-#define CELLS 2.0f           // cells of a light's grid that it may cross with transmittances known at its ends alone
-
-/* How many cells of a light's grid segments cross. */
-INLINED lanes cells_crossed(const Obstacles *obstacles, const Segments *s)
-{
-    const Grid *grid = &obstacles->grid;
-    if (!(obstacles->shadow.hair.x > 0.0f))
-        return F(0.0f);
-    const lanes3 q = plus(s->p, s->p_step);
-    const lanes4 a = by_columns(grid->to_grid, s->p.x, s->p.y, s->p.z), b = by_columns(grid->to_grid, q.x, q.y, q.z);
-    const lanes_i before = (a.w > 0.0f) & (b.w > 0.0f);
-    const lanes x = a.x / a.w - b.x / b.w, y = a.y / a.w - b.y / b.w, z = a.z - b.z;
-    return before ? greater(greater(positive(x), positive(y)), positive(z)) : F(1e9f);
-}
-
-/* The same of one segment, from a to b. */
+/* `cells_crossed` by one segment, from a to b. */
 INLINED float cells_between(__global const Shadow *shadow, __global const Grid *grid, float4 a, float4 b)
 {
     __global const float4 *to_grid = grid->to_grid;
@@ -193,7 +178,7 @@ INLINED lanes_i change_much(const Lighting *lighting, int shadowed, const Segmen
         }
         if (shadowed) {
             const Obstacles obstacles = obstacles_of(lighting, i);
-            needs |= cells_crossed(&obstacles, s) > CELLS;
+            needs |= cells_crossed(&obstacles, s->p, s->p_step) > CELLS;
         }
     }
     for (int j = 1; j < FEW_PLACES; ++j)

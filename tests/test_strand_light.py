@@ -81,14 +81,16 @@ def test_places_are_the_twins(gpu, kind, form, n, shadowed, lights, listed):
 
 
 def fur_of(**keys):
-    return clfur.Strands(inner=2, outer=2, types=clfur.HairType(width=.01, **{"segment_length": .05, "segments": 4} | keys))
+    given = {"width": .01, "segment_length": .05, "segments": 4} | keys
+    return clfur.Strands(inner=2, outer=2, types=clfur.HairType(**given))
 
 
 def passing(n=80):
     """Segments that pass the eye at (0, 0, 1) closely, of strands that turn back too."""
     rng = np.random.default_rng(6)
-    middle, way = rng.normal(size=(n, 1, 3)) * .1 + (0, 0, .8), rng.normal(size=(n, 3, 3)) * .4
-    return clfur.Curves(middle + np.cumsum(way, 1) - way[:, :1], width=.01, exponent=500, specular=1)
+    middle, length = rng.normal(size=(n, 1, 3)) * .1 + (0, 0, .8), np.repeat((.4, .002), n // 2)[:, None, None]
+    way = rng.normal(size=(n, 3, 3)) * length
+    return clfur.Curves(middle + np.cumsum(way, 1) - way[:, :1], width=.01, exponent=20, specular=1)
 
 
 SCENES = {   # fur, camera, light
@@ -98,7 +100,7 @@ SCENES = {   # fur, camera, light
     "3 bent": (fur_of(segments=3, segment_length=.1, force_weight=1), {}, LIGHT),
     "4 bent": (fur_of(force_weight=1), {}, LIGHT),
     "narrow highlight": (fur_of(look=clfur.Kajiya(exponent=500, specular=1)), {}, LIGHT),
-    "very narrow": (fur_of(segments=1, look=clfur.Kajiya(exponent=10000, specular=1)), {}, LIGHT),
+    "very narrow": (fur_of(segments=1, segment_length=.3, look=clfur.Kajiya(exponent=10000, specular=1)), {}, LIGHT),
     "half vector": (highlighted(fur_of(force_weight=1, look=clfur.Kajiya(exponent=200)), "half-vector"), {}, LIGHT),
     "close": (fur_of(), {"eye": (.4, .4, .5)}, LIGHT),
     "passing": (passing(), {"eye": (0, 0, 1)}, LIGHT),
@@ -115,13 +117,14 @@ def test_few_places_are_enough_where_there_are_no_more(gpu, name):
     scene = clfur.Scene(ball(), fur, camera=clfur.Camera(size=(64, 48), **camera), light=light)
     strands, view, lights = strands_of(gpu, scene), view_of(scene, 1), [light_of(each) for each in scene.lights]
     there, rng = on_host(strands), np.random.default_rng(1)
-    k = np.repeat(np.concatenate([first + np.arange(max(int(count) - 1, 0)) for first, count in there.spans]).astype(int), 9)
+    k = np.concatenate([first + np.arange(max(int(count) - 1, 0)) for first, count in there.spans]).astype(int)
+    k = np.repeat(k, 9)
     at, places = rng.random(len(k)), strand_light.radiance(gpu, view, unshadowed(gpu, *lights), strands).places.get()
     few, meant = places[k, 0] >> np.uint64(63) == 0, twin.sent(view, lights, k, at, there)
     found = np.where(few[:, None], twin.between(np.where(few[:, None], places[k], 0), np.arange(len(k)), at), meant)
     off = linear_to_srgb(np.clip(found, 0, 1)) - linear_to_srgb(np.clip(meant, 0, 1))
     assert np.sqrt((off**2).mean()) < .002 and np.abs(off.mean()) < 4e-4 and meant.max() > .05
-    assert few.any() or name in ("curls", "2 bent", "very narrow", "passing")
+    assert few.any() or name in ("curls", "2 bent", "very narrow")
     assert not few.all() or name in ("default", "close", "wide")
 
 
