@@ -138,7 +138,7 @@ def test_rays_equal_the_twin(gpu, monkeypatch, name):
 @pytest.mark.parametrize("options", [FUR, SINE, SINE | {"shading": "turned"}], ids=["cells", "sine", "turned"])
 def test_a_step_where_bent_hair_turns_is_lit_by_either_side(gpu, monkeypatch, options):
     """Six layers are one and a half a slab: every third step ends where one slab of bent hair meets the next, and a
-    rounding error decides which of them lights it.  The twin's steps a little too early and too late tell what both give.
+    rounding error decides which of them lights it.  What both give the twin tells, a little too early and too late.
     """
     it = drawn(gpu, monkeypatch, "ball", clfur.Shells(**options | BENT | {"layers": 6}), size=(48, 36))
     either = []
