@@ -441,7 +441,7 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
             slots->shares[n] = shares[k];
             slots->wheres[n] = wheres[k];
             slots->numbers[n] = number;
-            const int m = n + ((depths[k] < t->bounds[p]) & (key >= t->lows[p]));
+            const int m = n + ((depths[k] < t->bounds[p]) & (key >= t->lows[p]) & (key < t->limits[p]));
             t->counts[p] = m;
             if (m == SLOTS) {
                 drop(slots, &t->limits[p]);
