@@ -457,7 +457,7 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
 #define FINE (4 * BUCKETS)   // fewer pieces have to wait in a pixel
 
 /* Sort a tile's list into FINE buckets by depth -> the least depth, and the bits below a bucket's. */
-INLINED uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *sorted)
+ONCE uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *sorted)
 {
     uint least = ~0u, most = 0, ends[FINE + 1], shift = 0;
     for (uint i = 0; i < n; ++i) {
@@ -510,7 +510,7 @@ INLINED bool begin_again(Tile *t)
 }
 
 /* Go through a tile's sorted list of n: `grain` tells the least depth, and the bits below a bucket's. */
-INLINED void go_through(Tile *t, const View *view, const Picture *picture, __global const uint2 *sorted, uint n, uint2 grain,
+ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global const uint2 *sorted, uint n, uint2 grain,
                  __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
 {
     Chunk chunk;

@@ -64,6 +64,12 @@ typedef long16 lanes_l;
 #else
 #define INLINED inline __attribute__((always_inline))
 #endif
+/* The large part of a kernel: PoCL makes two functions of each kernel, and would compile what is inlined there twice. */
+#if LANES > 1
+#define ONCE static __attribute__((noinline))
+#else
+#define ONCE INLINED
+#endif
 #define ON (LANES == 1 ? 1 : -1)  // in a mask
 #define SHIFT 12582912.0f        // 1.5 * 2^23: a float this large has no fraction
 
