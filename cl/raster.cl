@@ -574,8 +574,11 @@ __kernel void body(
     const lanes4 cc = by_columns(view.to_screen, pc.x, pc.y, pc.z);
     const lanes_i in = some & within_guard_lanes(ca) & within_guard_lanes(cb) & within_guard_lanes(cc);
     const Corners a = snap_lanes(ca, in), b = snap_lanes(cb, in), c = snap_lanes(cc, in);
-    const lanes_i small = in & (most_of(a.x, b.x, c.x) - least_of(a.x, b.x, c.x) < (SMALL - 2) * SUBPIXEL)
+    lanes_i small = in & (most_of(a.x, b.x, c.x) - least_of(a.x, b.x, c.x) < (SMALL - 2) * SUBPIXEL)
         & (most_of(a.y, b.y, c.y) - least_of(a.y, b.y, c.y) < (SMALL - 2) * SUBPIXEL);
+#if LANES == 1
+    small = 0;                             // nothing stands beside it
+#endif
     if (any_lane(small))
         draw_small(visible, &view, rows, small, a, b, c, first + t, phase, facing, after);
     for (uint k = 0; k < count; ++k) {
