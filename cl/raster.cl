@@ -166,9 +166,9 @@ INLINED lanes_i divided(lanes_i over, int shift, lanes_i by)
 #define NARROW 90   // half a width [sub-pixels] up to which a segment, slanted by 45 degrees, is no more than a pixel across
 
 /* What draw_segment does with those that cover one row of a column at most, for those of LANES that are on; half widths wa
-   and wb [sub-pixels]. -> Those that are left out: they grow too fast. */
-ONCE lanes_i draw_narrow(volatile __global ulong *visible, const View *view, lanes_i on, Corners a, Corners b, lanes_i wa,
-                         lanes_i wb, const uint *id, int phase)
+   and wb [sub-pixels]. */
+ONCE void draw_narrow(volatile __global ulong *visible, const View *view, lanes_i on, Corners a, Corners b, lanes_i wa,
+                      lanes_i wb, const uint *id, int phase)
 {
     const lanes_i dx = b.x - a.x, dy = b.y - a.y;
     const lanes_i steep = (dx < 0 ? -dx : dx) < (dy < 0 ? -dy : dy);
@@ -179,22 +179,21 @@ ONCE lanes_i draw_narrow(volatile __global ulong *visible, const View *view, lan
     const lanes_i left = steep ? I(view->rows.x) : I(0), right = steep ? I(view->rows.y) : I(view->size.x);
     const lanes_i top = steep ? I(0) : I(view->rows.x), bottom = steep ? I(view->size.x) : I(view->rows.y);
     const lanes_i lower = av < bv ? av : bv, upper = av < bv ? bv : av;
-    lanes_i there = on & (bu > au) & (bu >= left * SUBPIXEL) & (au < right * SUBPIXEL)
+    const lanes_i there = on & (bu > au) & (bu >= left * SUBPIXEL) & (au < right * SUBPIXEL)
         & (upper + 2 * SUBPIXEL >= top * SUBPIXEL) & (lower - 2 * SUBPIXEL < bottom * SUBPIXEL);
     if (!any_lane(there))
-        return I(0);
+        return;
 
     const lanes_i du = there ? bu - au : I(1), dv = bv - av, dz = bz - az, rise = dv < 0 ? -dv : dv, sink = dz < 0 ? -dz : dz;
     const lanes_i rate = divided(there ? rise : I(0), 24, du), whole = divided(sink, 0, du), part = divided(sink - whole * du, 24, du);
     const lanes_l sinking = (TO(lanes_l, whole) << FRACTION) + TO(lanes_l, part);
     const lanes_l v_step = TO(lanes_l, dv < 0 ? -rate : rate), d_step = TO(lanes_l, dz) < 0 ? -sinking : sinking;
-    /* Half widths along the shorter axis: of thin ones the least. They fit 32 bits, and so do steps but of the rare one. */
+    /* Half widths along the shorter axis: of thin ones the least. They fit 32 bits, and so do steps
+       where there is more than one: a segment that is a sub-pixel long has one place. */
     const lanes slope = TO(lanes, dv) / TO(lanes, du), tilt = exact_root(1.0f + slope * slope);
     const lanes_i ra = TO(lanes_i, TO(lanes, aw) * tilt * 256.0f), rb = TO(lanes_i, TO(lanes, bw) * tilt * 256.0f);
     const lanes_i wide = 3 * (aw > bw ? aw : bw) > 2 * (int)view->scale.y, growth = wide ? rb - ra : I(0);
-    const lanes_i more = growth < 0 ? -growth : growth, fast = there & (more >> 14 >= du);
-    there &= fast == 0;
-    const lanes_i widening = divided(there ? more : I(0), FRACTION - 8, du);
+    const lanes_i widening = divided(there ? (growth < 0 ? -growth : growth) : I(0), FRACTION - 8, du);
     const lanes_u r_step = AS_U(growth < 0 ? -widening : widening), least = U((uint)view->scale.y << FRACTION);
     const lanes_u r0 = wide ? AS_U(ra) << (FRACTION - 8) : least;
     const bool grows = any_lane(growth != 0);
@@ -232,7 +231,6 @@ ONCE lanes_i draw_narrow(volatile __global ulong *visible, const View *view, lan
             at += u_stride;
         }
     }
-    return fast;
 }
 
 /* The rare segment that leaves the guard band or crosses the near plane. */
@@ -272,7 +270,7 @@ INLINED void draw_waiting(volatile __global ulong *visible, const View *view, Se
     narrow = 0;                            // nothing stands beside it
 #endif
     if (any_lane(narrow))
-        narrow &= draw_narrow(visible, view, narrow, snap_lanes(ca, in), snap_lanes(cb, in), wa, wb, these->id, phase) == 0;
+        draw_narrow(visible, view, narrow, snap_lanes(ca, in), snap_lanes(cb, in), wa, wb, these->id, phase);
     for (uint bits = bits_of(some & (narrow == 0)); bits; bits &= bits - 1) {
         const int k = first_of(bits);
         const float4 a = to_screen(view, (float4)(LANE(these->a.x, k), LANE(these->a.y, k), LANE(these->a.z, k), 0.0f));
