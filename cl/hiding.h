@@ -19,6 +19,12 @@ typedef struct {
     Glow *glow;                      // light that waits, where LANES go side by side
 } Picture;
 
+#if LANES == 1
+#define FOUR(p) ((long4)((p)[0], (p)[1], (p)[2], (p)[3]))
+#else
+#define FOUR(p) (*(const long4 *)(p))
+#endif
+
 /* The pieces of a pixel that wait, in any order. */
 typedef struct {
     long keys[SLOTS + 4] ALIGNED;    // depth << 32 | id
@@ -203,28 +209,21 @@ INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, 
 #endif
 }
 
-INLINED long4 four_keys(const Slots *slots, int j)
-{
-#if LANES == 1
-    return (long4)(slots->keys[j], slots->keys[j + 1], slots->keys[j + 2], slots->keys[j + 3]);
-#else
-    return *(const long4 *)(slots->keys + j);
-#endif
-}
-
 /* Hide those of n pieces whose keys are below `until`, of which no more will come -> those that are left. */
 INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until)
 {
     int order[SLOTS + 4], i = 0;
-    long4 soon = 0;
     for (int j = n; j & 3; ++j)
         slots->keys[j] = LONG_MAX;
+#if LANES > 1
+    long4 soon = 0;
     for (int j = 0; j < n; j += 4)
-        soon |= four_keys(slots, j) < until;
+        soon |= FOUR(slots->keys + j) < until;
     if (!((soon.x | soon.y) | (soon.z | soon.w)))
         return n;
+#endif
     for (int j = 0; j < n; j += 4) {         // each one's rank: how many are nearer
-        const long4 mine = four_keys(slots, j);
+        const long4 mine = FOUR(slots->keys + j);
         long4 rank = 0;
         for (int k = 0; k < n; ++k)
             rank -= slots->keys[k] < mine;
