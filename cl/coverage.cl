@@ -576,7 +576,7 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
             slots->shares[n] = shares[k];
             slots->wheres[n] = wheres[k];
             slots->numbers[n] = number;
-            const int m = n + ((depths[k] < t->bounds[p]) & (key >= t->lows[p]));
+            const int m = n + ((depths[k] < t->bounds[p]) & (key >= t->lows[p]) & (key < t->limits[p]));
             t->counts[p] = m;
             if (m == SLOTS) {
                 drop(slots, &t->limits[p]);
@@ -589,22 +589,24 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
     } while (any_lane(todo));
 }
 
-/* Sort a tile's list into BUCKETS by depth -> the least depth, and the bits below a bucket's. */
+#define FINE (4 * BUCKETS)   // fewer pieces have to wait in a pixel
+
+/* Sort a tile's list into FINE buckets by depth -> the least depth, and the bits below a bucket's. */
 ONCE uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *sorted)
 {
-    uint least = ~0u, most = 0, ends[BUCKETS + 1], shift = 0;
+    uint least = ~0u, most = 0, ends[FINE + 1], shift = 0;
     for (uint i = 0; i < n; ++i) {
         const uint depth = entries[i].x;
         least = depth < least ? depth : least;
         most = depth > most ? depth : most;
     }
-    while ((most - least) >> shift >= BUCKETS)
+    while ((most - least) >> shift >= FINE)
         ++shift;
-    for (int k = 0; k <= BUCKETS; ++k)
+    for (int k = 0; k <= FINE; ++k)
         ends[k] = 0;
     for (uint i = 0; i < n; ++i)
         ++ends[((entries[i].x - least) >> shift) + 1];
-    for (int k = 1; k <= BUCKETS; ++k)
+    for (int k = 1; k <= FINE; ++k)
         ends[k] += ends[k - 1];
     for (uint i = 0; i < n; ++i) {
         const uint2 it = entries[i];

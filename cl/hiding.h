@@ -211,13 +211,15 @@ INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, 
 INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until)
 {
     int order[SLOTS + 4], i = 0;
-    long4 soon = 0;
     for (int j = n; j & 3; ++j)
         slots->keys[j] = LONG_MAX;
+#if LANES > 1
+    long4 soon = 0;
     for (int j = 0; j < n; j += 4)
         soon |= FOUR(slots->keys + j) < until;
     if (!((soon.x | soon.y) | (soon.z | soon.w)))
         return n;
+#endif
     for (int j = 0; j < n; j += 4) {         // each one's rank: how many are nearer
         const long4 mine = FOUR(slots->keys + j);
         long4 rank = 0;
