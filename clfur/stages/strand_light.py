@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .. import layout
+from ..errors import Error
 from ..layout import Arrays, Declared, array
 from .lighting import Lighting
 from .strands import DeviceStrands, arrays
@@ -22,6 +23,7 @@ class Places(Arrays):
     places: Any = array("segment", np.uint64, FEW)   # of each, or where in `more` they are: see cl/places.h
     more: Any = array("row", np.uint64, MANY)     # of those that need more of them
     until: int = 0                                # segments of which it is known
+    rows: int = 0                                 # of `more` that they have
 
 
 def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
@@ -35,17 +37,20 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
 
 
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
-             segments: Any = None, until: int | None = None, before: Places | None = None) -> Places:
+             segments: Any = None, until: int | None = None, before: Places | None = None, last: bool = True,
+             most: int | None = None) -> Places:
     """Light that segments send to the eye -> `Places`.
 
     ``transmittances``: [lights, points] float32, what `transmittance` gave; all light if None.
     ``segments``: [n] uint32, ids of segments, of which those of ``strands`` end at ``until``; each point if None,
-    those of strands' last points without a meaning.  ``before``: what this gave of those before them.
+    those of strands' last points without a meaning.  ``before``: what this gave of those before them.  ``last``:
+    whether no others come after them: what these may need is set aside.  ``most``: rows of `Places.more` that there is
+    room for; n if None.  Raises `clfur.Error` if they need more.
     """
     n = len(strands.points) if segments is None else len(segments)
     known = before or Places(Places.declared["places"].empty(gpu, n), Places.declared["more"].empty(gpu, 0))
-    first, end, rows_before = known.until, n if until is None else until, len(known.more)
-    rows = gpu.full(1, np.uint32, rows_before)
+    first, end, most = known.until, n if until is None else until, n if most is None else most
+    rows = gpu.full(1, np.uint32, known.rows)
     given = {"view": view, "range": (first, end), "listed": segments is not None, "first_point": strands.first_point,
              "segments": gpu.empty(0, np.uint32) if segments is None else segments, "n_points": len(strands.points),
              "places": known.places, "shadowed": transmittances is not None,
@@ -53,12 +58,15 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
              **lighting.arrays(), **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal",
                                            "strand_uv", "types", "colors", "color_per")}
     gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, **given)
-    more = Places.declared["more"].empty(gpu, int(gpu.download(rows)[0]) - rows_before)
-    if more.size:
-        gpu.launch("strand_light.further", _items(gpu, end - first), more=more, rows_before=rows_before, **given)
-    parts = [each for each in (known.more, more) if each.size]
-    joined = gpu.joined(parts, np.uint64).reshape(-1, MANY) if parts else known.more
-    return Places(known.places, joined, end)
+    more, taken = known.more, int(gpu.download(rows)[0])
+    if taken > most:
+        raise Error(f"{gpu.name} has no room for the light of {taken:,} segments of strands that turn far or are long, "
+                    f"seen in a few pixels; allowed: fewer strands, or Settings.raster 'samples'")
+    if taken > len(more):
+        more = Places.declared["more"].empty(gpu, taken if last else most)
+    if taken > known.rows:
+        gpu.launch("strand_light.further", _items(gpu, end - first), more=more, **given)
+    return Places(known.places, more, end, taken)
 
 
 def _items(gpu, n):
