@@ -474,7 +474,7 @@ INLINED void go_through(Tile *t, const View *view, const Picture *picture, __glo
             prepare(&chunk, view, sorted + next, m, n - next, ends, ids, cuts);
             for (int i = 0; i < m; ++i) {
                 if (picture->lit)
-                    PREFETCH(picture->places + 3 * (size_t)chunk.number[i]);
+                    PREFETCH(picture->places + FEW_PLACES * (size_t)chunk.number[i]);
                 draw(t, view, &chunk, i);
             }
             next += m;
