@@ -152,8 +152,8 @@ def test_light_at_more_places_has_room_where_few_need_it(gpu, another, turned):
     for small.memory in (13_000_000, 26_000_000):
         small.forget()
         if turned and small.memory == 13_000_000:
-            with pytest.raises(clfur.Error, match="has no room for the light of [0-9,]+ segments of strands that turn far or "
-                                                  "are long, seen in a few pixels; allowed: fewer strands, or Settings"):
+            with pytest.raises(clfur.Error, match="has no room for the light of [0-9,]+ segments of strands that turn "
+                                                  "far or are long, seen in a few pixels; allowed: fewer"):
                 clfur.draw(scene, small, OFF)
             continue
         frame = clfur.draw(scene, small, OFF, hashes=True)

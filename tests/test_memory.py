@@ -156,7 +156,7 @@ print(json.dumps({"hashes": frame.hashes, "sum": float(frame.images["color"].sum
 def test_a_scene_that_does_not_fit_is_drawn_in_parts():
     """With a limit of addresses (`ulimit -v`) it is the same picture, and the process lives."""
     found = []
-    for extra in (0, 800 << 20):
+    for extra in (0, 700 << 20):
         done = subprocess.run([sys.executable, "-c", LIMITED, str(extra)], capture_output=True, text=True, timeout=300,
                               env={**os.environ, "PYTHONPATH": str(ROOT)})
         assert done.returncode == 0, done.stderr

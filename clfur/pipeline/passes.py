@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..device.team import Team
+from ..errors import Error
 from ..stages import coverage, shade, strand_light
 from ..stages.coverage import TILE
 from ..stages.lighting import Lighting
@@ -199,7 +200,11 @@ class Coverage:
         all_there = last and window == (0, counted.counts.size)
         until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
         through = self._transmittance(gpu, band, part, hair, lighting)
-        return strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit, last, most)
+        lit = strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit, last, most)
+        if lit.rows > most:
+            raise Error(f"{gpu.name} has no room for the light of {lit.rows:,} segments of strands that turn far or "
+                        f"are long, seen in a few pixels; allowed: fewer strands, or Settings.raster 'samples'")
+        return lit
 
     def _transmittance(self, gpu, band, part, hair, lighting):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where

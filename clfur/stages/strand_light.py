@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from .. import layout
-from ..errors import Error
 from ..layout import Arrays, Declared, array
 from .lighting import Lighting
 from .strands import DeviceStrands, arrays
@@ -45,7 +44,7 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
     ``segments``: [n] uint32, ids of segments, of which those of ``strands`` end at ``until``; each point if None,
     those of strands' last points without a meaning.  ``before``: what this gave of those before them.  ``last``:
     whether no others come after them: what these may need is set aside.  ``most``: rows of `Places.more` that there is
-    room for; n if None.  Raises `clfur.Error` if they need more.
+    room for, n if None; where they need more `Places.rows` tells it, and no more is known of them.
     """
     n = len(strands.points) if segments is None else len(segments)
     known = before or Places(Places.declared["places"].empty(gpu, n), Places.declared["more"].empty(gpu, 0))
@@ -59,12 +58,9 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
                                            "strand_uv", "types", "colors", "color_per")}
     gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, **given)
     more, taken = known.more, int(gpu.download(rows)[0])
-    if taken > most:
-        raise Error(f"{gpu.name} has no room for the light of {taken:,} segments of strands that turn far or are long, "
-                    f"seen in a few pixels; allowed: fewer strands, or Settings.raster 'samples'")
-    if taken > len(more):
+    if len(more) < taken <= most:
         more = Places.declared["more"].empty(gpu, taken if last else most)
-    if taken > known.rows:
+    if known.rows < taken <= most:
         gpu.launch("strand_light.further", _items(gpu, end - first), more=more, **given)
     return Places(known.places, more, end, taken)
 
