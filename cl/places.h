@@ -9,11 +9,12 @@
 #define ON_EDGE (1ul << 62)                // and an edge crosses it
 #define ROW (ON_EDGE - 1)
 
-/* Light in 63 bits: of each of r, g, b the upper 21 bits of its float, but for its sign. */
+/* Light in 63 bits: of each of r, g, b the upper 21 bits of its float, but for its sign, which would be taken for MORE: what
+   is not above 0 is 0. */
 INLINED ulong packed_light(float r, float g, float b)
 {
-    const uint x = (as_uint(r) + 512u) >> 10, y = (as_uint(g) + 512u) >> 10, z = (as_uint(b) + 512u) >> 10;
-    return (ulong)x << 42 | (ulong)y << 21 | (ulong)z;
+    const uint x = (as_uint(r > 0.0f ? r : 0.0f) + 512u) >> 10, y = (as_uint(g > 0.0f ? g : 0.0f) + 512u) >> 10;
+    return (ulong)x << 42 | (ulong)y << 21 | (ulong)((as_uint(b > 0.0f ? b : 0.0f) + 512u) >> 10);
 }
 
 INLINED float4 unpacked_light(ulong packed)

@@ -83,6 +83,19 @@ def test_light_in_64_bits_keeps_its_digits():
     np.testing.assert_allclose(twin.unpacked(packed), values, rtol=2.0**-14)
 
 
+@pytest.mark.small
+@pytest.mark.parametrize("color", [-0.0, -1, np.nan])
+def test_what_is_no_light_is_none(gpu, color):
+    """Its sign must not be taken for the mark of segments that have more places: these would be looked for anywhere."""
+    line = clfur.Curves([[(-.1, 0, 0), (.1, 0, 0)]], specular=0, exponent=1)   # straight and dull: it needs few places
+    scene, light = clfur.Scene(fur=line), light_of(clfur.Light((0, -1, 0), ambient=0))
+    light["color"] = color, 1, 1, -0.0
+    strands, view = strands_of(gpu, scene), view_of(scene, 1)
+    places = strand_light.radiance(gpu, view, unshadowed(gpu, light), strands).places.get()
+    assert not (places >> np.uint64(63)).any() and not twin.unpacked(places)[..., 0].any()
+    assert twin.unpacked(places)[0, :, 1].all()
+
+
 def test_transmittance_is_whole_where_nothing_stands_before(gpu):
     """Above a plate all of it, below none; below a coat of hair some."""
     places = [(0, 1, 0), (0, .5, 0), (0, -.5, 0), (0, -1, 0)]
