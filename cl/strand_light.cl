@@ -311,8 +311,7 @@ __kernel void further(
     const int shadowed,                    // 1: something stands before them
     __global const float *transmittances,  // [n_lights, n_points] share of direct light, if so
     __global const ulong *places,          // [segments, FEW_PLACES] see places.h
-    const uint rows_before,                // of `more` that others have
-    __global ulong *more)                  // [rows, MANY_PLACES + 1] as `radiance` has counted them
+    __global ulong *more)                  // [rows, MANY_PLACES + 1] at least as many as `radiance` has counted
 {
     WORK_ITEM(item);
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
@@ -325,7 +324,7 @@ __kernel void further(
         const ulong row = places[FEW_PLACES * (size_t)segment];
         if (!(row & MORE))
             continue;
-        __global ulong *many = more + (MANY_PLACES + 1) * ((row & ROW) - rows_before);
+        __global ulong *many = more + (MANY_PLACES + 1) * (row & ROW);
         const uint id = begin_of(segment, listed, segments, first_point, stored, run), strand = strand_at(&hair, id);
         const float alpha = types[(int)strand_uv[strand].z].shine.z, width = points[id].w;
         Segments s;

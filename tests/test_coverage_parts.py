@@ -12,7 +12,7 @@ from support.scenes import scene_of
 
 import clfur
 from clfur.pipeline import build
-from clfur.pipeline.plan import ENTRY
+from clfur.pipeline.plan import ENTRY, FURTHER
 from clfur.render import OUTPUTS
 from clfur.stages.coverage import TILE
 
@@ -112,10 +112,15 @@ def test_bands_are_as_large_as_fits(gpu, seed):
             for (first, end), more in zip(windows, [1] * (len(windows) - 1) + [0]):
                 listed = [int(drawn[first:end + n].sum()) for n in (0, more)]
                 seen = [min(survivors, n) for n in listed]
-                bytes_of = [TILE * rows * width * plan._pixel(True) + ENTRY * e + plan._survivor * s
+                bytes_of = [TILE * rows * width * plan._pixel(True) + ENTRY * e + plan._survivor() * s
                             for e, s in zip(listed, seen)]
-                assert bytes_of[0] <= cut.rows and max(8 * listed[0], 32 * seen[0]) <= device.largest
-                assert not more or bytes_of[1] > cut.rows or max(8 * listed[1], 32 * seen[1]) > device.largest * .87
+                largest = [max(8 * e, FURTHER * s) for e, s in zip(listed, seen)]
+                further = plan.further(device, cut, counts[top:top + rows], listed[0], survivors)
+                if end > first + 1:
+                    assert bytes_of[0] <= cut.rows and largest[0] <= device.largest
+                    assert further == seen[0]
+                assert bytes_of[0] - FURTHER * (seen[0] - further) <= cut.rows and FURTHER * further <= device.largest
+                assert further >= 0 and (more == 0 or bytes_of[1] > cut.rows or largest[1] > device.largest * .87)
             top += rows
         assert top == 12
 
@@ -133,6 +138,41 @@ def test_a_row_of_too_many_segments_is_refused(another):
     with pytest.raises(clfur.Error, match="has no room for [0-9,]+ segments of strands in 8 x 8 pixels; "
                                           "allowed: fewer strands, or Settings.raster 'samples'"):
         clfur.render(scene, small, OFF)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_light_at_more_places_has_room_where_few_need_it(gpu, another, turned):
+    """A tile of many segments is drawn with half the memory that they would take if all of them turned far; where they
+    do it is an error."""
+    rng = np.random.default_rng(1)
+    points = rng.uniform(-.2, .2, (20_000, 1, 3)) + np.linspace(0, .2, 6)[:, None] * rng.normal(size=(20_000, 1, 3))
+    points += turned * rng.uniform(-.06, .06, (20_000, 6, 3))
+    scene = clfur.Scene(fur=clfur.Curves(points, width=.001), camera=clfur.Camera(eye=(0, 0, 6), size=(8, 8)))
+    small, whole = another(), clfur.draw(scene, gpu, OFF, hashes=True)
+    for small.memory in (13_000_000, 26_000_000):
+        small.forget()
+        if turned and small.memory == 13_000_000:
+            with pytest.raises(clfur.Error, match="has no room for the light of [0-9,]+ segments of strands that turn "
+                                                  "far or are long, seen in a few pixels; allowed: fewer"):
+                clfur.draw(scene, small, OFF)
+            continue
+        frame = clfur.draw(scene, small, OFF, hashes=True)
+        assert frame.memory <= small.memory and frame.hashes == whole.hashes
+        np.testing.assert_array_equal(frame.images["color"], whole.images["color"])
+
+
+def test_light_at_more_places_of_parts_stays_within_the_memory(gpu, another, sphere):
+    """Of one part it is there when the next is made, and of that alone the strands."""
+    hair = clfur.HairType(segments=8, segment_length=.04, curl=(.03, 6))
+    scene = clfur.Scene(sphere, clfur.Strands(types=[hair], roots=30_000), camera=clfur.Camera(size=(96, 64)))
+    settings, small = attrs.evolve(SETTINGS, grid=32, shadow_map=64), another()
+    names, whole = recorded(small), clfur.draw(scene, gpu, settings, hashes=True)
+    for small.memory in (14_000_000, 12_000_000):
+        small.forget()
+        names.clear()
+        frame = clfur.draw(scene, small, settings, hashes=True)
+        same(whole, frame)
+        assert frame.memory <= small.memory and names.count("strand_light.further") > bands_of(names)
 
 
 def test_parts_make_room_for_a_row_of_many_pieces(gpu, monkeypatch, sphere):

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..device.team import Team
+from ..errors import Error
 from ..stages import coverage, shade, strand_light
 from ..stages.coverage import TILE
 from ..stages.lighting import Lighting
@@ -181,17 +182,29 @@ class Coverage:
         plan, counted = self.plan, band.counted
         counts = counted.of(band.rows).ravel().copy()
         counts[:window[0]] = counts[window[1]:] = 0   # of the others nothing is listed
-        segments = coverage.allocate(gpu, counts, min(counted.survivors, int(counts.sum(dtype=np.int64))))
+        listed = int(counts.sum(dtype=np.int64))
+        segments = coverage.allocate(gpu, counts, min(counted.survivors, listed))
+        most = plan.further(gpu, counted.cut, counted.of(band.rows), listed, counted.survivors)
         hairy, lit = [part for part in counted.cut.parts if part.hairy], None
         for part in hairy:
-            hair = build.hair(gpu, plan, part, plan.settings.lod)
-            coverage.fill(gpu, band.view, hair, tiles, segments, plan.longest, window)
-            if lighting is not None:
-                all_there = window == (0, counted.counts.size) and part is hairy[-1]
-                until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
-                through = self._transmittance(gpu, band, part, hair, lighting)
-                lit = strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit)
+            lit = self._list(gpu, band, part, part is hairy[-1], tiles, window, segments, lighting, lit, most)
         coverage.cover(gpu, band.view, band.visible, segments, covered, lit, image, shell_front, window)
+
+    def _list(self, gpu, band, part, last, tiles, window, segments, lighting, lit, most):
+        """List what shows of a part, with its light -> ``lit``, `strand_light.Places`. Nothing else holds the part when
+        the next one is made."""
+        plan, counted, hair = self.plan, band.counted, build.hair(gpu, self.plan, part, self.plan.settings.lod)
+        coverage.fill(gpu, band.view, hair, tiles, segments, plan.longest, window)
+        if lighting is None:
+            return None
+        all_there = last and window == (0, counted.counts.size)
+        until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
+        through = self._transmittance(gpu, band, part, hair, lighting)
+        lit = strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit, last, most)
+        if lit.rows > most:
+            raise Error(f"{gpu.name} has no room for the light of {lit.rows:,} segments of strands that turn far or "
+                        f"are long, seen in a few pixels; allowed: fewer strands, or Settings.raster 'samples'")
+        return lit
 
     def _transmittance(self, gpu, band, part, hair, lighting):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where

@@ -4,6 +4,7 @@ One thing is asked of a device: where strands are spread by area and the faces d
 of faces, in its integers (`Plan._areas`).  It costs a tessellation of the mesh, and is kept.
 """
 
+import contextlib
 import functools
 import itertools
 from collections.abc import Sequence
@@ -43,7 +44,7 @@ OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
 OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1)
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
-LIT = Places.bytes(segment=1, row=1)   # of its light, at most
+LIT, FURTHER = Places.bytes(segment=1), Places.bytes(row=1)   # of its light, and of those that need more of it
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
@@ -175,12 +176,16 @@ class Plan:
         """`Cut` for rows of tiles of which is known how many segments of strands each tile lists, ``counts`` [rows of
         tiles, across], and how many ``survivors`` there are in all."""
         width, fullest = self.scene.camera.size[0], int(counts.max())
-        if fullest > min(_largest(gpu) // 32, NUMBERS):
+        if fullest > min(_largest(gpu) // max(SURVIVOR, LIT), NUMBERS):
             raise Error(f"{gpu.name} has no room for {fullest:,} segments of strands in {TILE} x {TILE} pixels; "
                         f"allowed: fewer strands, or Settings.raster 'samples'")
         row, listed = TILE * width * self._pixel(True), int(counts.sum(dtype=np.int64))
-        rows = len(counts) * row + min(self._lists(listed, survivors), LISTS)
-        return self._cut(gpu, rows, row + self._lists(fullest, survivors), pieces=fullest)
+        least = row + self._lists(fullest, survivors)
+        rows = max(len(counts) * row + min(self._lists(listed, survivors), LISTS), least)
+        with contextlib.suppress(Error):
+            return self._cut(gpu, rows, least)
+        # Hardly any may need light at more places: `further` tells how many can have it.
+        return self._cut(gpu, rows, row + self._lists(fullest, survivors, further=False), pieces=fullest)
 
     def rows_counted(self, gpu: Any, cut: Cut, counts: np.ndarray, survivors: int, top: int) -> int:
         """How many of these rows, counted as for `cut_counted`, fit at a time from row ``top`` of them on, a tile's
@@ -195,27 +200,35 @@ class Plan:
     def windows(self, gpu: Any, cut: Cut, counts: np.ndarray, survivors: int) -> list[tuple[int, int]]:
         """[(first tile, one past the last)] of these rows of tiles, of which so many list segments at a time as fit."""
         room = min(cut.rows - TILE * self.scene.camera.size[0] * self._pixel(True) * len(counts), LISTS)
-        both = room // (ENTRY + self._survivor)
-        most = max(both if both <= survivors else (room - self._survivor * survivors) // ENTRY, 1)
+        survivor, both = self._survivor(), room // (ENTRY + self._survivor())
+        most = max(both if both <= survivors else (room - survivor * survivors) // ENTRY, 1)
         most = min(most, _largest(gpu) // 8, NUMBERS)
-        if survivors > _largest(gpu) // 32:
-            most = min(most, _largest(gpu) // 32)
+        largest = max(SURVIVOR, FURTHER * self.wants_color)
+        if survivors > _largest(gpu) // largest:
+            most = min(most, _largest(gpu) // largest)
         return _runs((_before(counts.ravel()), most))
 
-    def _lists(self, listed, survivors):
+    def further(self, gpu: Any, cut: Cut, counts: np.ndarray, listed: int, survivors: int) -> int:
+        """How many segments may need light at more places, of so many that are ``listed`` in a window of these rows of
+        tiles, of which not more than ``survivors`` are different ones."""
+        row = TILE * self.scene.camera.size[0] * self._pixel(True)
+        room = min(cut.rows - row * len(counts) - self._lists(listed, survivors, further=False),
+                   _largest(gpu))
+        return int(min(room // FURTHER, listed, survivors))
+
+    def _lists(self, listed, survivors, further=True):
         """Bytes on the device of so many segments in lists of tiles, of which not more than ``survivors`` are different
-        ones."""
-        return ENTRY * listed + self._survivor * np.minimum(listed, survivors)
+        ones; ``further``: with light at more places."""
+        return ENTRY * listed + self._survivor(further) * np.minimum(listed, survivors)
 
     @property
     def _fewest(self):
         """Rows of the picture that are drawn at a time, at least."""
         return TILE if self.uses_coverage else 1
 
-    @property
-    def _survivor(self):
-        """Bytes on the device of a segment that may show."""
-        return SURVIVOR + LIT * self.wants_color
+    def _survivor(self, further=True):
+        """Bytes on the device of a segment that may show, and of its light; ``further``: at more places."""
+        return SURVIVOR + (LIT + FURTHER * further) * self.wants_color
 
     @property
     def _largest_row(self):

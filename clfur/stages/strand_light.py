@@ -22,6 +22,7 @@ class Places(Arrays):
     places: Any = array("segment", np.uint64, FEW)   # of each, or where in `more` they are: see cl/places.h
     more: Any = array("row", np.uint64, MANY)     # of those that need more of them
     until: int = 0                                # segments of which it is known
+    rows: int = 0                                 # of `more` that they have
 
 
 def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
@@ -35,17 +36,20 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
 
 
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
-             segments: Any = None, until: int | None = None, before: Places | None = None) -> Places:
+             segments: Any = None, until: int | None = None, before: Places | None = None, last: bool = True,
+             most: int | None = None) -> Places:
     """Light that segments send to the eye -> `Places`.
 
     ``transmittances``: [lights, points] float32, what `transmittance` gave; all light if None.
     ``segments``: [n] uint32, ids of segments, of which those of ``strands`` end at ``until``; each point if None,
-    those of strands' last points without a meaning.  ``before``: what this gave of those before them.
+    those of strands' last points without a meaning.  ``before``: what this gave of those before them.  ``last``:
+    whether no others come after them: what these may need is set aside.  ``most``: rows of `Places.more` that there is
+    room for, n if None; where they need more `Places.rows` tells it, and no more is known of them.
     """
     n = len(strands.points) if segments is None else len(segments)
     known = before or Places(Places.declared["places"].empty(gpu, n), Places.declared["more"].empty(gpu, 0))
-    first, end, rows_before = known.until, n if until is None else until, len(known.more)
-    rows = gpu.full(1, np.uint32, rows_before)
+    first, end, most = known.until, n if until is None else until, n if most is None else most
+    rows = gpu.full(1, np.uint32, known.rows)
     given = {"view": view, "range": (first, end), "listed": segments is not None, "first_point": strands.first_point,
              "segments": gpu.empty(0, np.uint32) if segments is None else segments, "n_points": len(strands.points),
              "places": known.places, "shadowed": transmittances is not None,
@@ -53,12 +57,12 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
              **lighting.arrays(), **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal",
                                            "strand_uv", "types", "colors", "color_per")}
     gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, **given)
-    more = Places.declared["more"].empty(gpu, int(gpu.download(rows)[0]) - rows_before)
-    if more.size:
-        gpu.launch("strand_light.further", _items(gpu, end - first), more=more, rows_before=rows_before, **given)
-    parts = [each for each in (known.more, more) if each.size]
-    joined = gpu.joined(parts, np.uint64).reshape(-1, MANY) if parts else known.more
-    return Places(known.places, joined, end)
+    more, taken = known.more, int(gpu.download(rows)[0])
+    if len(more) < taken <= most:
+        more = Places.declared["more"].empty(gpu, taken if last else most)
+    if known.rows < taken <= most:
+        gpu.launch("strand_light.further", _items(gpu, end - first), more=more, **given)
+    return Places(known.places, more, end, taken)
 
 
 def _items(gpu, n):
