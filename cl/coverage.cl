@@ -10,6 +10,9 @@
  * A list is in no order; it is sorted by depth roughly, into BUCKETS.  So a pixel hides a piece only when all segments that
  * are still to come lie behind it (`settle`), and lets SLOTS of them wait meanwhile.  Where more would wait the furthest
  * goes; the list is gone through once more for those from there on.
+ *
+ * A tile whose list does not fit is drawn in slabs of depth, one after the other, and a pixel is kept in between; all that
+ * reach into a slab are listed for it.
  */
 #if LANES > 8 || LANES_HINTED > 1
 #undef LANES
@@ -104,6 +107,7 @@ BY_HAND __kernel void fill(
     const View view,
     const uint2 stretch,                   // segments of each strand: the first, one past the last
     const uint2 window,                    // tiles: the first, one past the last
+    const uint2 slab,                      // depths into which they reach: the first, one past the last
     __global const float4 *points,
     __global const uint2 *spans,
     __global const uint *bounds,
@@ -124,7 +128,8 @@ BY_HAND __kernel void fill(
         project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
         uint n = 0;
         for (int k = 0; k < LANES; ++k) {
-            batch.on[k] = batch.on[k] && each_tile(&batch, k, &view, bounds, window, ANY, 0, 0, 0);
+            batch.on[k] = batch.on[k] && batch.depth[k] < slab.y && (!slab.x || furthest(&batch, k) >= slab.x)
+                && each_tile(&batch, k, &view, bounds, window, ANY, 0, 0, 0);
             n += batch.on[k];
         }
         if (!n)
@@ -138,6 +143,36 @@ BY_HAND __kernel void fill(
                 each_tile(&batch, k, &view, bounds, window, LIST, cursors, entries, number++);
             }
     }
+}
+
+/* As `fill`, and tells how far in depth those that may show in a window reach, in any order. */
+BY_HAND __kernel void reach(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const View view,
+    const uint2 stretch,                   // segments of each strand: the first, one past the last
+    const uint2 window,                    // tiles: the first, one past the last
+    __global const float4 *points,
+    __global const uint2 *spans,
+    __global const uint *bounds,
+    volatile __global uint *survivors,     // [1] segments so far
+    __global uint2 *reaches)               // [survivors] the least depth of their pieces, and the most
+{
+    WORK_ITEM(strand);
+    const uint2 span = spans[strand];
+    for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
+        const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;
+        Batch batch;
+        project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
+        for (int k = 0; k < LANES; ++k)
+            if (batch.on[k] && each_tile(&batch, k, &view, bounds, window, ANY, 0, 0, 0))
+                reaches[atomic_inc(survivors)] = (uint2)(batch.depth[k], furthest(&batch, k));
+    }
+}
+
+/* Key of the first piece that may lie at a depth; NOTHING: behind all. */
+INLINED long key_at(uint depth)
+{
+    return depth == NOTHING ? LONG_MAX : (long)depth << 32;
 }
 
 /* Key from which on pieces may come of a segment at this depth in a sorted list, and of those after it; grain: the list's
@@ -206,6 +241,7 @@ typedef struct {
     Slots slots;
     Pixel pixel;
     long low, limit;                       // keys below are done; those from `limit` on have gone, and come again later
+    long end;                              // or from here on in another slab
     long least;                            // key of those that wait
     uint bound, next;                      // depth from which on nothing is seen; in the list
     int waiting;                           // pieces
@@ -268,11 +304,12 @@ INLINED bool go_on(Walk *walk, const View *view, const Picture *picture, __globa
         steps -= steps < taken ? steps : taken;
         walk->waiting = settle(&walk->pixel, picture, &walk->slots, walk->waiting, until < walk->limit ? until : walk->limit);
         walk->least = walk->waiting ? until : LONG_MAX;
-        if (last && walk->limit == LONG_MAX)
+        if (last && walk->limit == walk->end)
             return true;
         if (last) {                        // what has gone comes again; all before it is done
             walk->low = walk->limit;
-            walk->limit = walk->least = LONG_MAX;
+            walk->limit = walk->end;
+            walk->least = LONG_MAX;
             walk->next = walk->waiting = 0;
         }
     }
@@ -285,6 +322,9 @@ __kernel void pixels(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 window,                    // tiles that are drawn: the first, one past the last
+    const uint2 slab,                      // depths that are drawn: the first, one past the last
+    __global uint4 *kept,                  // [a tile's pixels or 0, KEPT_PIXEL] between slabs
+    volatile __global uint *unfinished,    // [1] of these, in which more can be seen
     const uint steps,                      // that one may take in this launch
     const int fresh,                       // 1: they begin, 0: they go on
     const int listed,                      // 1: only some of them, which keep where they are
@@ -323,14 +363,17 @@ __kernel void pixels(
     Walk walk;
     if (fresh) {
         walk.bound = begin_pixel(&walk.pixel, &picture, (size_t)y * size.x + x);
-        walk.low = walk.next = walk.waiting = 0;
-        walk.limit = walk.least = LONG_MAX;
+        walk.bound = go_on_behind(&walk.pixel, walk.bound, slab, kept + KEPT_PIXEL * p);
+        walk.low = key_at(slab.x);
+        walk.next = walk.waiting = 0;
+        walk.limit = walk.end = key_at(slab.y);
+        walk.least = LONG_MAX;
     } else {
         walk = *(__global const Walk *)(walks + WALK * k);
     }
     if (go_on(&walk, &view, &picture, sorted + starts[tile], starts[tile + 1] - starts[tile], grains[tile], steps, ends, ids,
               cuts)) {
-        end_pixel(&walk.pixel, &picture);
+        end_slab(&walk.pixel, &picture, slab, kept + KEPT_PIXEL * p, unfinished);
         return;
     }
     const uint n = atomic_inc(n_open);
@@ -352,6 +395,7 @@ typedef struct {
     uint bounds[TILE * TILE];              // depth from which on nothing is seen
     long lows[TILE * TILE];                // keys below are done
     long limits[TILE * TILE];              // keys from here on have gone, and come again later
+    long end;                              // or from here on in another slab
     int left, right, top, bottom;          // in the picture
     bool dropped;                          // whether any have gone
 } Tile;
@@ -453,9 +497,9 @@ INLINED bool begin_again(Tile *t)
     bool again = false;
     for (int p = 0; p < TILE * TILE; ++p)
         if (!t->pixels[p].closed) {
-            again |= t->limits[p] != LONG_MAX;
+            again |= t->limits[p] != t->end;
             t->lows[p] = t->limits[p];
-            t->limits[p] = LONG_MAX;
+            t->limits[p] = t->end;
             t->counts[p] = 0;
         }
     t->dropped = false;
@@ -494,6 +538,9 @@ ALONE BY_HAND __kernel void tiles(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 window,                    // tiles that are drawn: the first, one past the last
+    const uint2 slab,                      // depths that are: the first, one past the last
+    __global uint4 *kept,                  // [a tile's pixels or 0, KEPT_PIXEL] between slabs
+    volatile __global uint *unfinished,    // [1] of these, in which more can be seen
     __global const uint *starts,           // [tiles + 1] where in `entries` those of each begin
     __global const uint2 *entries,         // depth, number of a segment
     __global uint2 *sorted,                // the same, by depth
@@ -531,14 +578,17 @@ ALONE BY_HAND __kernel void tiles(
     t.left = x * TILE;
     t.top = view.rows.x + y * TILE;
     t.dropped = false;
+    t.end = key_at(slab.y);
     for (int p = 0; p < TILE * TILE; ++p) {
         const int px = x * TILE + p % TILE, py = y * TILE + p / TILE;
         t.counts[p] = t.bounds[p] = 0;
-        t.lows[p] = 0;
-        t.limits[p] = LONG_MAX;
+        t.lows[p] = key_at(slab.x);
+        t.limits[p] = t.end;
         t.pixels[p].closed = true;
-        if (px < size.x && py < size.y)
+        if (px < size.x && py < size.y) {
             t.bounds[p] = begin_pixel(&t.pixels[p], &picture, (size_t)py * size.x + px);
+            t.bounds[p] = go_on_behind(&t.pixels[p], t.bounds[p], slab, kept + KEPT_PIXEL * p);
+        }
     }
     if (n) {
         const uint2 grain = sort_list(entries + first, n, sorted + first);
@@ -546,6 +596,6 @@ ALONE BY_HAND __kernel void tiles(
     }
     for (int p = 0; p < TILE * TILE; ++p)
         if (x * TILE + p % TILE < size.x && y * TILE + p / TILE < size.y)
-            end_pixel(&t.pixels[p], &picture);
+            end_slab(&t.pixels[p], &picture, slab, kept + KEPT_PIXEL * p, unfinished);
 #endif
 }

@@ -41,6 +41,7 @@ typedef struct {
     float through[SAMPLES];          // share of the body's light that shells let through, and strands where it has ended
     bool closed;
 } Pixel;
+typedef char a_pixel_fits[sizeof(Pixel) <= 16 * KEPT_PIXEL ? 1 : -1];
 
 /* Begin with pixel `at`; how far it can be seen into: to the body where that fills it. */
 INLINED uint begin_pixel(Pixel *p, const Picture *picture, size_t at)
@@ -251,4 +252,25 @@ INLINED void end_pixel(Pixel *p, const Picture *picture)
             light += (p->all_shells > 0.0f ? p->of_shells / p->all_shells : 1.0f) * picture->image[p->at];
         picture->image[p->at] = (float4)(light.xyz, alpha);
     }
+}
+
+/* Go on with a pixel of which what lies before a slab of depths is done, if anything does; `bound`: how far it can be seen
+   into -> how far in the slab. */
+INLINED uint go_on_behind(Pixel *p, uint bound, uint2 slab, __global const uint4 *kept)
+{
+    if (slab.x)
+        *p = *(__global const Pixel *)kept;
+    return p->closed ? 0 : bound < slab.y ? bound : slab.y;
+}
+
+/* All strands of a slab are hidden. */
+INLINED void end_slab(Pixel *p, const Picture *picture, uint2 slab, __global uint4 *kept, volatile __global uint *unfinished)
+{
+    if (slab.y == NOTHING) {
+        end_pixel(p, picture);
+        return;
+    }
+    *(__global Pixel *)kept = *p;
+    if (!p->closed)
+        atomic_inc(unfinished);
 }

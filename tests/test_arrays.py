@@ -198,7 +198,7 @@ def test_the_plan_counts_all_of_segments(gpu, mesh):
     counted = 152 * 200 * (plan.VISIBLE.bytes * 4 + coverage.Covered.bytes(pixel=1, sample=4) + plan.IMAGE.bytes + 1)
     counted += plan.ENTRY * len(segments.entries) + plan.SURVIVOR * len(segments.ids)
     lights = bytes_of(lit)
-    assert lights <= (plan.LIT + plan.FURTHER) * len(segments.ids)
+    assert lights <= plan.LIT * len(segments.ids)
     assert bytes_of(segments, covered) + image.nbytes < counted
     assert .8 * (counted + lights) < taken < room(counted + lights)
 

@@ -12,9 +12,9 @@ from support.scenes import scene_of
 
 import clfur
 from clfur.pipeline import build
-from clfur.pipeline.plan import ENTRY, FURTHER
+from clfur.pipeline.plan import ENTRY, LIT
 from clfur.render import OUTPUTS
-from clfur.stages.coverage import TILE
+from clfur.stages.coverage import EVERY, TILE, slabs_of
 
 NO_LIMIT = 1 << 63, ""   # of the process, for devices that are made up
 
@@ -112,15 +112,12 @@ def test_bands_are_as_large_as_fits(gpu, seed):
             for (first, end), more in zip(windows, [1] * (len(windows) - 1) + [0]):
                 listed = [int(drawn[first:end + n].sum()) for n in (0, more)]
                 seen = [min(survivors, n) for n in listed]
-                bytes_of = [TILE * rows * width * plan._pixel(True) + ENTRY * e + plan._survivor() * s
+                bytes_of = [TILE * rows * width * plan._pixel(True) + ENTRY * e + plan._survivor * s
                             for e, s in zip(listed, seen)]
-                largest = [max(8 * e, FURTHER * s) for e, s in zip(listed, seen)]
-                further = plan.further(device, cut, counts[top:top + rows], listed[0], survivors)
-                if end > first + 1:
+                largest = [max(8 * e, LIT * s) for e, s in zip(listed, seen)]
+                if listed[0] <= plan.most_listed(device, cut, rows, survivors):
                     assert bytes_of[0] <= cut.rows and largest[0] <= device.largest
-                    assert further == seen[0]
-                assert bytes_of[0] - FURTHER * (seen[0] - further) <= cut.rows and FURTHER * further <= device.largest
-                assert further >= 0 and (more == 0 or bytes_of[1] > cut.rows or largest[1] > device.largest * .87)
+                assert not more or bytes_of[1] > cut.rows or largest[1] > device.largest * .87
             top += rows
         assert top == 12
 
@@ -140,25 +137,47 @@ def test_a_row_of_too_many_segments_is_refused(another):
         clfur.render(scene, small, OFF)
 
 
-@pytest.mark.parametrize("turned", [False, True])
-def test_light_at_more_places_has_room_where_few_need_it(gpu, another, turned):
-    """A tile of many segments is drawn with half the memory that they would take if all of them turned far; where they
-    do it is an error."""
+@pytest.mark.parametrize("others", [("color",), tuple(OUTPUTS)])
+@pytest.mark.parametrize("width", [.0001, .001])
+def test_a_tile_is_drawn_in_slabs_of_depth(gpu, another, width, others):
+    """Where not all of its segments have room: thin ones hide nothing, of thick ones those behind are left out.  Not
+    where too many of them reach into one depth."""
     rng = np.random.default_rng(1)
-    points = rng.uniform(-.2, .2, (20_000, 1, 3)) + np.linspace(0, .2, 6)[:, None] * rng.normal(size=(20_000, 1, 3))
-    points += turned * rng.uniform(-.06, .06, (20_000, 6, 3))
-    scene = clfur.Scene(fur=clfur.Curves(points, width=.001), camera=clfur.Camera(eye=(0, 0, 6), size=(8, 8)))
-    small, whole = another(), clfur.draw(scene, gpu, OFF, hashes=True)
-    for small.memory in (13_000_000, 26_000_000):
+    points = rng.uniform(-.2, .2, (5000, 1, 3)) + np.linspace(0, .2, 6)[:, None] * rng.normal(size=(5000, 1, 3))
+    points += rng.uniform(-.06, .06, (5000, 6, 3))
+    scene = clfur.Scene(fur=clfur.Curves(points, width=width), camera=clfur.Camera(eye=(0, 0, 6), size=(8, 8)))
+    small, whole, drawn = another(), clfur.draw(scene, gpu, OFF, others, hashes=True), []
+    names = recorded(small)
+    for small.memory in (1_000_000, 1_400_000, 1_700_000, 2_500_000, 6_000_000, 26_000_000):
         small.forget()
-        if turned and small.memory == 13_000_000:
-            with pytest.raises(clfur.Error, match="has no room for the light of [0-9,]+ segments of strands that turn "
-                                                  "far or are long, seen in a few pixels; allowed: fewer"):
-                clfur.draw(scene, small, OFF)
+        names.clear()
+        try:
+            frame = clfur.draw(scene, small, OFF, others, hashes=True)
+        except clfur.Error as error:
+            assert not drawn and "MiB has no room for" in str(error) and "segments of strands in 8 x 8" in str(error)
             continue
-        frame = clfur.draw(scene, small, OFF, hashes=True)
-        assert frame.memory <= small.memory and frame.hashes == whole.hashes
-        np.testing.assert_array_equal(frame.images["color"], whole.images["color"])
+        assert frame.memory <= small.memory
+        assert frame.hashes == whole.hashes
+        assert all(np.array_equal(frame.images[name], whole.images[name]) for name in others)
+        drawn.append(bands_of(names))
+        assert names.count("coverage.fill") >= drawn[-1] - 1
+    assert len(drawn) < 6 and drawn[-1] == 1 < drawn[-2] <= drawn[0]
+
+
+def test_slabs_hold_what_fits():
+    """Each as much as fits, of all that reach into it; none where too many share a depth."""
+    rng = np.random.default_rng(3)
+    for n, most in (1, 1), (1000, 40), (1000, 300), (1000, 1000):
+        reaches = rng.integers(0, 1 << 20, (n, 1)) + rng.integers((0, 0), (1, 1 << 14), (n, 2))
+        reaches = reaches.astype(np.uint32)
+        slabs, at = slabs_of(reaches, most), 0
+        assert slabs and (len(slabs) == 1) == (n == most)
+        for (first, end), count in slabs:
+            assert first == at < end
+            assert count == ((reaches[:, 0] < end) & (reaches[:, 1] >= first)).sum() <= most
+            at = end
+        assert at == EVERY[1]
+        assert n == 1 or not slabs_of(np.concatenate([reaches, np.full((most + 1, 2), 7 << 17, np.uint32)]), most)
 
 
 def test_light_at_more_places_of_parts_stays_within_the_memory(gpu, another, sphere):

@@ -22,7 +22,7 @@ class Places(Arrays):
     places: Any = array("segment", np.uint64, FEW)   # of each, or where in `more` they are: see cl/places.h
     more: Any = array("row", np.uint64, MANY)     # of those that need more of them
     until: int = 0                                # segments of which it is known
-    rows: int = 0                                 # of `more` that they have
+    rows: int = 0                                 # of `more` that these have
 
 
 def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
@@ -35,20 +35,23 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
     return result
 
 
+def unlit(gpu: Any, n: int) -> Places:
+    """Room for the light of n segments -> `Places`, of none of them."""
+    return Places(Places.declared["places"].empty(gpu, n), Places.declared["more"].empty(gpu, 0))
+
+
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
-             segments: Any = None, until: int | None = None, before: Places | None = None, last: bool = True,
-             most: int | None = None) -> Places:
+             segments: Any = None, until: int | None = None, before: Places | None = None, last: bool = True) -> Places:
     """Light that segments send to the eye -> `Places`.
 
     ``transmittances``: [lights, points] float32, what `transmittance` gave; all light if None.
     ``segments``: [n] uint32, ids of segments, of which those of ``strands`` end at ``until``; each point if None,
     those of strands' last points without a meaning.  ``before``: what this gave of those before them.  ``last``:
-    whether no others come after them: what these may need is set aside.  ``most``: rows of `Places.more` that there is
-    room for, n if None; where they need more `Places.rows` tells it, and no more is known of them.
+    whether no others come after them; else all that may be needed of `Places.more` is set aside at once.
     """
     n = len(strands.points) if segments is None else len(segments)
-    known = before or Places(Places.declared["places"].empty(gpu, n), Places.declared["more"].empty(gpu, 0))
-    first, end, most = known.until, n if until is None else until, n if most is None else most
+    known = before or unlit(gpu, n)
+    first, end = known.until, n if until is None else until
     rows = gpu.full(1, np.uint32, known.rows)
     given = {"view": view, "range": (first, end), "listed": segments is not None, "first_point": strands.first_point,
              "segments": gpu.empty(0, np.uint32) if segments is None else segments, "n_points": len(strands.points),
@@ -58,9 +61,9 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
                                            "strand_uv", "types", "colors", "color_per")}
     gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, **given)
     more, taken = known.more, int(gpu.download(rows)[0])
-    if len(more) < taken <= most:
-        more = Places.declared["more"].empty(gpu, taken if last else most)
-    if known.rows < taken <= most:
+    if len(more) < taken:
+        more = Places.declared["more"].empty(gpu, taken if last else n)
+    if known.rows < taken:
         gpu.launch("strand_light.further", _items(gpu, end - first), more=more, **given)
     return Places(known.places, more, end, taken)
 
