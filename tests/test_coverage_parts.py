@@ -227,6 +227,17 @@ def test_entries_beyond_32_bits_are_not_listed(monkeypatch):
         plan.cut_counted(large, np.array([[1], [2**32]]), 9)
 
 
+@pytest.mark.parametrize("memory", [600_000, 700_000])
+def test_one_part_of_the_body_is_there_at_a_time(gpu, another, sphere, memory):
+    hair = clfur.HairType(segments=1, segment_length=.05)
+    scene = clfur.Scene(sphere, clfur.Strands(types=[hair], roots=100, inner=6, outer=6), clfur.Camera(size=(8, 8)))
+    small = another(memory)
+    assert len(plan_of(scene, OFF).parts(small)) > 1
+    frame = clfur.draw(scene, small, OFF)
+    np.testing.assert_array_equal(frame.images["color"], clfur.render(scene, gpu, OFF))
+    assert frame.memory <= memory
+
+
 def test_strands_grow_as_rarely_as_can_be(gpu, sphere):
     """Once for each part and step: all cast their shadow and are counted, and in each band they are written and lit.
     The last part of a step is there for the next; none grows to be told how many there are, none for the body."""

@@ -143,6 +143,7 @@ class Coverage:
                 _color(gpu, plan, band.view, band.visible, none, body, lighting, None, front.body_transmittance, sums)
             if plan.others:
                 known = shade.outputs(gpu, front.view, front.keys, none, body, known)
+            del body   # goes before the next one is made
         if sums is not None:
             image = shade.blend(gpu, sums, image, None, front.outputs["coverage"])
         return image, known or {}

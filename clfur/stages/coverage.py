@@ -157,8 +157,8 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
     none, unfinished = gpu.empty(0, np.uint64), gpu.full(1, np.uint32, 0)
     sorted_ = gpu.empty(segments.entries.shape, np.uint32)
     known = {"view": view, "window": window, "slab": slab, "unfinished": unfinished,
-             "kept": gpu.empty((0, 4), np.uint32) if kept is None else kept, "starts": segments.starts, "sorted": sorted_,
-             "ends": segments.ends, "ids": segments.ids, "cuts": segments.cuts, "visible": visible,
+             "kept": gpu.empty((0, 4), np.uint32) if kept is None else kept, "starts": segments.starts,
+             "sorted": sorted_, "ends": segments.ends, "ids": segments.ids, "cuts": segments.cuts, "visible": visible,
              "has_shells": has_shells,
              "sample_shells": shell_front if has_shells else none, "lit": lit is not None,
              "places": none if lit is None else lit.places, "more": none if lit is None else lit.more,
