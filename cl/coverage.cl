@@ -84,19 +84,30 @@ BY_HAND __kernel void count(
     __global const uint2 *spans,           // [strands] first point, points
     __global const uint *bounds,           // [tiles] depth
     volatile __global uint *counts,        // [tiles] segments
-    volatile __global uint *survivors)     // [1] segments that may show anywhere
+    volatile __global uint *survivors,     // [1] segments that may show anywhere
+    const int known,                       // 1: the next is wanted
+    __global uint *shown)                  // [strands] rows of tiles in which it may show: the first, one past the last << 16
 {
     WORK_ITEM(strand);
     const uint2 span = spans[strand];
-    uint n = 0;
+    uint n = 0, first = 0xFFFF, last = 0;
+    if (known && stretch.x) {
+        first = shown[strand] & 0xFFFF;
+        last = shown[strand] >> 16;
+    }
     for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
         const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;
         Batch batch;
         project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
         for (int k = 0; k < LANES; ++k)
-            if (batch.on[k])
-                n += each_tile(&batch, k, &view, bounds, (uint2)(0, ~0u), COUNT, counts, 0, 0) > 0;
+            if (batch.on[k] && each_tile(&batch, k, &view, bounds, (uint2)(0, ~0u), COUNT, counts, 0, 0)) {
+                ++n;
+                first = batch.top[k] < first ? batch.top[k] : first;
+                last = batch.bottom[k] + 1 > last ? batch.bottom[k] + 1 : last;
+            }
     }
+    if (known)
+        shown[strand] = last << 16 | first;
     if (n)
         atomic_add(survivors, n);
 }
@@ -113,6 +124,8 @@ BY_HAND __kernel void fill(
     __global const uint *bounds,
     __global const uint *shifts,           // [strands] added to the number of a segment's first point,
     const uint first,                      // and this, to make its id
+    const int known,                       // 1: the next is,
+    __global const uint *shown,            // [strands] as `count` tells it
     volatile __global uint *cursors,       // [tiles] where the next entry of each goes
     volatile __global uint *survivors,     // [1] segments so far
     __global uint2 *entries,               // of each tile: depth, number of a segment among those that may show
@@ -121,6 +134,9 @@ BY_HAND __kernel void fill(
     __global uint *cuts)                   // [survivors] what is left where they are clipped: from and to, in 1/65535
 {
     WORK_ITEM(strand);
+    const uint across = (view.size.x + TILE - 1) / TILE;
+    if (known && ((shown[strand] >> 16) * across <= window.x || (shown[strand] & 0xFFFF) * across >= window.y))
+        return;
     const uint2 span = spans[strand];
     for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
         const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;
@@ -182,86 +198,162 @@ INLINED long all_before(uint depth, uint2 grain)
     return (long)(grain.x + ((depth - grain.x) >> grain.y << grain.y)) << 32;
 }
 
-/* --- One pixel after the other, where LANES is 1. --- */
+/* --- A work-item each pixel, where LANES is 1; those of a tile are a work-group. --- */
+
+#define AT_ONCE 0    // a list is sorted in one launch, or in many, of a stretch each:
+#define DEPTHS 1     // the least depth and the most,
+#define TALLY 2      // how many are in each bucket,
+#define PLACE 3      // and where they go
 
 /* One work-group sorts the list of one tile into BUCKETS by depth. Not where `tiles` does so. */
 __kernel void sort(
     const ulong begin, const ulong end,    // work-items, see common.h: whole work-groups
+    const uint first_tile,                 // tile of the first group
+    const uint longest,                    // a list of more is left as it is AT_ONCE
+    const int what,                        // of the above
+    const uint2 stretch,                   // of a list: the first, one past the last; all AT_ONCE
     __global const uint *starts,           // [tiles + 1] where in `entries` those of each begin
     __global const uint2 *entries,         // depth, number of a segment
     __global uint2 *sorted,                // the same, by depth
-    __global uint2 *grains)                // [tiles] see `all_before`
+    __global uint2 *grains,                // [tiles] see `all_before`
+    __global uint *kept)                   // [BUCKETS + 2] one tile's, from launch to launch; nothing AT_ONCE
 {
 #if LANES == 1
     __local uint least, most, ends[BUCKETS];
-    const uint tile = (begin + get_global_id(0)) / get_local_size(0), me = get_local_id(0), all = get_local_size(0);
-    const uint first = starts[tile], until = starts[tile + 1];
+    const uint me = get_local_id(0), all = get_local_size(0);
+    const bool on = begin + get_group_id(0) * all < end;   // none returns before a barrier: PoCL would go astray
+    const uint tile = on ? first_tile + (begin + get_global_id(0)) / all : 0;
+    uint n = on ? starts[tile + 1] - starts[tile] : 0;
+    n = what == AT_ONCE && n > longest ? 0 : n;
+    const uint first = starts[tile] + (stretch.x < n ? stretch.x : n), until = starts[tile] + (stretch.y < n ? stretch.y : n);
     uint low = ~0u, high = 0, shift = 0;
     if (!me) {
-        least = ~0u;
-        most = 0;
+        least = what == AT_ONCE ? ~0u : kept[BUCKETS];
+        most = what == AT_ONCE ? 0 : kept[BUCKETS + 1];
     }
     for (uint k = me; k < BUCKETS; k += all)
-        ends[k] = 0;
+        ends[k] = what == AT_ONCE ? 0 : kept[k];
     barrier(CLK_LOCAL_MEM_FENCE);
-    for (uint i = first + me; i < until; i += all) {
-        const uint depth = entries[i].x;
-        low = depth < low ? depth : low;
-        high = depth > high ? depth : high;
+    if (what == AT_ONCE || what == DEPTHS) {
+        for (uint i = first + me; i < until; i += all) {
+            const uint depth = entries[i].x;
+            low = depth < low ? depth : low;
+            high = depth > high ? depth : high;
+        }
+        atomic_min(&least, low);
+        atomic_max(&most, high);
     }
-    atomic_min(&least, low);
-    atomic_max(&most, high);
     barrier(CLK_LOCAL_MEM_FENCE);
-    const uint from = least, range = most > from ? most - from : 0;
+    const uint nearest = least, range = most > nearest ? most - nearest : 0;
     while (range >> shift >= BUCKETS)
         ++shift;
-    for (uint i = first + me; i < until; i += all)
-        atomic_inc(&ends[(entries[i].x - from) >> shift]);
+    if (what == AT_ONCE || what == TALLY)
+        for (uint i = first + me; i < until; i += all)
+            atomic_inc(&ends[(entries[i].x - nearest) >> shift]);
     barrier(CLK_LOCAL_MEM_FENCE);
-    if (!me) {
-        uint sum = first;
+    if (on && !me && (what == AT_ONCE || (what == PLACE && !stretch.x))) {
+        uint sum = starts[tile];
         for (int k = 0; k < BUCKETS; ++k) {
-            const uint n = ends[k];
+            const uint in_it = ends[k];
             ends[k] = sum;
-            sum += n;
+            sum += in_it;
         }
-        grains[tile] = (uint2)(from, shift);
+        grains[tile] = (uint2)(nearest, shift);
     }
     barrier(CLK_LOCAL_MEM_FENCE);
-    for (uint i = first + me; i < until; i += all) {
-        const uint2 it = entries[i];
-        sorted[atomic_inc(&ends[(it.x - from) >> shift])] = it;
+    if (what == AT_ONCE || what == PLACE)
+        for (uint i = first + me; i < until; i += all) {
+            const uint2 it = entries[i];
+            sorted[atomic_inc(&ends[(it.x - nearest) >> shift])] = it;
+        }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    for (uint k = me; on && what != AT_ONCE && k < BUCKETS; k += all)
+        kept[k] = ends[k];
+    if (on && what != AT_ONCE && !me) {
+        kept[BUCKETS] = nearest;
+        kept[BUCKETS + 1] = most;
     }
 #endif
 }
 
 #if LANES == 1
+#define DONE ~0u
+
 /* A pixel on its way through its tile's list. */
 typedef struct {
     Slots slots;
     Pixel pixel;
     long low, limit;                       // keys below are done; those from `limit` on have gone, and come again later
-    long end;                              // or from here on in another slab
-    long least;                            // key of those that wait
-    uint bound, next;                      // depth from which on nothing is seen; in the list
+    uint bound, next;                      // depth from which on nothing is seen; in the list, or DONE
     int waiting;                           // pieces
 } Walk;
 typedef char a_walk_fits[sizeof(Walk) <= 16 * WALK ? 1 : -1];
 
-/* Draw the only segment of a chunk in pixel x, y. */
-INLINED void draw(Walk *walk, const View *view, const Chunk *chunk, int x, int y)
+/* Copy what has become of one; the rest is as `begin_pixel` left it.  Member by member: a struct that is copied in one lies
+   in memory for good on llvmpipe, with all its numbers. */
+#define COPY(to, from, samples)                                \
+    {                                                          \
+        (to)->low = (from)->low;                               \
+        (to)->limit = (from)->limit;                           \
+        (to)->waiting = (from)->waiting;                       \
+        for (int k = 0; k < (from)->waiting; ++k) {            \
+            (to)->slots.keys[k] = (from)->slots.keys[k];       \
+            (to)->slots.shares[k] = (from)->slots.shares[k];   \
+            (to)->slots.wheres[k] = (from)->slots.wheres[k];   \
+            (to)->slots.numbers[k] = (from)->slots.numbers[k]; \
+        }                                                      \
+        COPY_PIXEL(&(to)->pixel, &(from)->pixel, samples)      \
+    }
+
+/* What the work-items of a tile have together. */
+typedef struct {
+    Chunk chunks[TILE * TILE];             // segments that are ready, each in a chunk of its own
+    uint hits[TILE * TILE][2];             // which of them may be in each pixel, a bit each
+    uint open[2], fullest[2];              // of this turn and the next: whether any pixel is open; the most that wait in one
+} Group;
+
+/* Take the first of some bits away -> its number. */
+INLINED int next_bit(uint2 *bits)
+{
+    const bool low = bits->x != 0;
+    const uint word = low ? bits->x : bits->y;
+    bits->y = low ? bits->y : bits->y & (bits->y - 1);
+    bits->x &= bits->x - 1;
+    return 31 - (int)clz(word & -word) + (low ? 0 : 32);
+}
+
+/* Tell the pixels of a tile that segment k may be in them. */
+INLINED void touch(__local Group *group, int k, const View *view, int left, int top)
+{
+    __local const Chunk *chunk = &group->chunks[k];
+    const int steep = chunk->steep[0], u0 = steep ? top : left, v0 = steep ? left : top;
+    if (!(chunk->bu[0] > chunk->au[0]) || chunk->bu[0] <= u0 || chunk->au[0] >= u0 + TILE)
+        return;
+    uint2 bits = 0;                        // TILE * u + v
+    for (int u = 0; u < TILE; ++u) {
+        Column column;
+        column_of(chunk, 0, view, u0 + u, &column);
+        const int low = column.low > v0 ? column.low - v0 : 0, high = column.high < v0 + TILE ? column.high - v0 : TILE;
+        const uint rows = column.along > 0.0f && low < high ? (1u << high) - (1u << low) : 0;
+        bits.x |= u < TILE / 2 ? rows << TILE * u : 0;
+        bits.y |= u < TILE / 2 ? 0 : rows << TILE * (u - TILE / 2);
+    }
+    while (bits.x | bits.y) {
+        const int at = next_bit(&bits);
+        atomic_or(&group->hits[steep ? at : at % TILE * TILE + at / TILE][k / 32], 1u << k % 32);
+    }
+}
+
+/* Draw a segment in pixel x, y, in which it may be. */
+INLINED void draw(Walk *walk, const View *view, __local const Chunk *chunk, int x, int y)
 {
     const int steep = chunk->steep[0], u = steep ? y : x, v = steep ? x : y;
-    if (!(chunk->bu[0] > chunk->au[0]) || chunk->bu[0] <= u || chunk->au[0] >= u + 1)
-        return;
     Column column;
     column_of(chunk, 0, view, u, &column);
     const uint depth = column.depth;
-    if (!(column.along > 0.0f) || v < column.low || v >= column.high || depth >= walk->bound)
-        return;
     const float share = share_of(&column, v);
     const long key = (long)((ulong)depth << 32 | chunk->id[0]);
-    if (!(share > 0.0f) || key < walk->low)
+    if (depth >= walk->bound || !(share > 0.0f) || key < walk->low)
         return;
     Slots *slots = &walk->slots;
     const int n = walk->waiting++;
@@ -269,69 +361,85 @@ INLINED void draw(Walk *walk, const View *view, const Chunk *chunk, int x, int y
     slots->shares[n] = share;
     slots->wheres[n] = place_in(&column, v);
     slots->numbers[n] = chunk->number[0];
-    walk->least = key < walk->least ? key : walk->least;
     if (walk->waiting == SLOTS) {
         drop(slots, &walk->limit);
         --walk->waiting;
     }
 }
 
-/* Go on through a sorted list of n, for about so many steps -> whether all is done. */
-INLINED bool go_on(Walk *walk, const View *view, const Picture *picture, __global const uint2 *sorted, uint n, uint2 grain,
-                   uint steps, __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
+/* Steps of loops that one turn takes at most in a work-item, or in several side by side, of which none has more pieces. */
+INLINED uint steps_of(uint fullest, uint samples)
 {
-    const int x = walk->pixel.at % view->size.x, y = view->rows.x + (int)(walk->pixel.at / view->size.x);
-    while (n && !walk->pixel.closed) {
-        if (!steps)
-            return false;
-        const float8 s = ends[sorted[walk->next].y];
-        const float reach = 1.4143f * (s.s3 > s.s7 ? s.s3 : s.s7) + 0.001f;
-        if ((s.s0 < s.s4 ? s.s0 : s.s4) - reach < x + 1 && (s.s0 > s.s4 ? s.s0 : s.s4) + reach >= x
-            && (s.s1 < s.s5 ? s.s1 : s.s5) - reach < y + 1 && (s.s1 > s.s5 ? s.s1 : s.s5) + reach >= y) {
-            Chunk chunk;
-            prepare(&chunk, view, sorted + walk->next, 1, 1, ends, ids, cuts);
-            draw(walk, view, &chunk, x, y);
+    const uint drops = fullest < SLOTS - 1 ? 0 : TILE * TILE * SLOTS;
+    return TILE + 2 * TILE * TILE + drops + (fullest / 4 + 4) * (fullest + 1) + (fullest + 2 * samples) * (samples + CHAINS);
+}
+
+/* Go on through a sorted list of n, for about so many steps of loops -> whether all is done: the same in all of a group. */
+INLINED bool go_on(Walk *walk, __local Group *group, const View *view, const Picture *picture, __global const uint2 *sorted,
+                   uint n, uint2 grain, uint steps, int left, int top, long end, __global const float8 *ends,
+                   __global const uint *ids, __global const uint *cuts)
+{
+    const int me = get_local_id(0), x = left + me % TILE, y = top + me / TILE;
+    uint next = walk->next, spent = 0;
+    bool open = n > 0;
+    group->hits[me][0] = group->hits[me][1] = 0;
+    if (me < 2)
+        group->open[me] = group->fullest[me] = 0;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    for (int turn = 0; open && spent < steps; turn = 1 - turn) {
+        const int m = n - next < TILE * TILE ? n - next : TILE * TILE;
+        if (me < m) {
+            prepare(&group->chunks[me], view, sorted + next + me, 1, 1, ends, ids, cuts);
+            touch(group, me, view, left, top);
         }
-        ++walk->next;
-        --steps;
-        const bool last = walk->next == n;
-        if (!last && (walk->waiting < SLOTS / 2 || walk->next % 8))
-            continue;
-        const long until = last ? LONG_MAX : all_before(sorted[walk->next].x, grain);
-        if (!last && walk->least >= until)
-            continue;
-        const uint taken = walk->waiting * (walk->waiting / 4 + 16);
-        steps -= steps < taken ? steps : taken;
-        walk->waiting = settle(&walk->pixel, picture, &walk->slots, walk->waiting, until < walk->limit ? until : walk->limit);
-        walk->least = walk->waiting ? until : LONG_MAX;
-        if (last && walk->limit == walk->end)
-            return true;
-        if (last) {                        // what has gone comes again; all before it is done
-            walk->low = walk->limit;
-            walk->limit = walk->end;
-            walk->least = LONG_MAX;
-            walk->next = walk->waiting = 0;
+        barrier(CLK_LOCAL_MEM_FENCE);
+        uint2 bits = walk->pixel.closed ? 0 : (uint2)(group->hits[me][0], group->hits[me][1]);
+        group->hits[me][0] = group->hits[me][1] = 0;
+        while (bits.x | bits.y) {
+            const int k = next_bit(&bits);
+            draw(walk, view, &group->chunks[k], x, y);
         }
+        next += m;
+        const bool last = next == n;
+        const long until = last ? LONG_MAX : all_before(sorted[next].x, grain);
+        atomic_max(&group->fullest[turn], (uint)walk->waiting);
+        if (!walk->pixel.closed) {
+            walk->waiting = settle(&walk->pixel, picture, &walk->slots, walk->waiting, until < walk->limit ? until : walk->limit);
+            if (last) {                    // what has gone comes again; all before it is done
+                walk->low = walk->limit;
+                walk->limit = end;
+                walk->waiting = 0;
+            }
+            if (!walk->pixel.closed && walk->low != end)
+                atomic_or(&group->open[turn], 1);
+        }
+        barrier(CLK_LOCAL_MEM_FENCE);
+        open = group->open[turn];
+        spent += steps_of(group->fullest[turn], picture->samples);
+        if (!me)
+            group->open[1 - turn] = group->fullest[1 - turn] = 0;
+        next = last ? 0 : next;
     }
-    return true;
+    walk->next = open ? next : DONE;
+    return !open;
 }
 #endif
 
-/* One work-item draws one pixel; those of a tile are neighbours.  Not where LANES go side by side, but for `tiles`. */
+/* One work-item draws one pixel; a work-group is a tile.  Not where LANES go side by side, but for `tiles`. */
 __kernel void pixels(
-    const ulong begin, const ulong end,    // work-items, see common.h
+    const ulong begin, const ulong end,    // work-items, see common.h: whole work-groups
     const View view,
     const uint2 window,                    // tiles that are drawn: the first, one past the last
     const uint2 slab,                      // depths that are drawn: the first, one past the last
     __global uint4 *kept,                  // [a tile's pixels or 0, KEPT_PIXEL] between slabs
     volatile __global uint *unfinished,    // [1] of these, in which more can be seen
-    const uint steps,                      // that one may take in this launch
+    const uint steps,                      // of loops that one may take in this launch, about
     const int fresh,                       // 1: they begin, 0: they go on
-    const int listed,                      // 1: only some of them, which keep where they are
+    const int listed,                      // 1: only some tiles, which keep where they are
     __global const uint *items,            // [n] these, if so
-    __global uint *open,                   // [n or 0] those that don't come to their end, if not
+    __global uint *open,                   // [tiles or 0] those that don't come to their end, if not
     volatile __global uint *n_open,        // [1] how many these are
-    __global uint4 *walks,                 // [n, WALK] where they are
+    __global uint4 *walks,                 // [n, TILE², WALK] where they are
     __global const uint *starts,           // [tiles + 1] where in `sorted` those of each begin
     __global const uint2 *sorted,          // depth, number of a segment
     __global const uint2 *grains,          // [tiles] see `all_before`
@@ -351,36 +459,44 @@ __kernel void pixels(
     __global float4 *image)
 {
 #if LANES == 1
-    WORK_ITEM(k);
-    const size_t item = listed ? items[k] : k;
+    __local Group group;
+    const uint k = (begin + get_global_id(0)) / (TILE * TILE), me = get_local_id(0);
+    bool on = begin + get_group_id(0) * (TILE * TILE) < end;   // none returns before a barrier: PoCL would go astray
+    const uint tile = !on ? 0 : listed ? items[k] : k;
     const int2 size = (int2)(view.size.x, view.rows.y - view.rows.x);
-    const int across = (size.x + TILE - 1) / TILE, tile = item / (TILE * TILE), p = item % (TILE * TILE);
-    const int x = tile % across * TILE + p % TILE, y = tile / across * TILE + p / TILE;
-    if (x >= size.x || y >= size.y || (uint)tile < window.x || (uint)tile >= window.y)
-        return;
+    const int across = (size.x + TILE - 1) / TILE, left = tile % across * TILE, top = tile / across * TILE;
+    const int x = left + me % TILE, y = top + me / TILE;
+    __global Walk *walked = (__global Walk *)(walks + WALK * (k * TILE * TILE + me));
+    on = on && tile >= window.x && tile < window.y && (fresh || walked->next != DONE);
+    const bool within = on && x < size.x && y < size.y;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells, places, more, body_transmittance, alpha,
                              front, shell_front, image};
     Walk walk;
-    if (fresh) {
+    walk.bound = walk.next = walk.waiting = 0;
+    walk.low = key_at(slab.x);
+    walk.limit = key_at(slab.y);
+    walk.pixel.closed = true;
+    if (within)
         walk.bound = begin_pixel(&walk.pixel, &picture, (size_t)y * size.x + x);
-        walk.bound = go_on_behind(&walk.pixel, walk.bound, slab, kept + KEPT_PIXEL * p);
-        walk.low = key_at(slab.x);
-        walk.next = walk.waiting = 0;
-        walk.limit = walk.end = key_at(slab.y);
-        walk.least = LONG_MAX;
-    } else {
-        walk = *(__global const Walk *)(walks + WALK * k);
+    if (within)
+        walk.bound = go_on_behind(&walk.pixel, walk.bound, picture.samples, slab, kept + KEPT_PIXEL * me);
+    if (on && !fresh)
+        walk.next = walked->next;
+    if (within && !fresh)
+        COPY(&walk, walked, picture.samples);
+    const bool done = go_on(&walk, &group, &view, &picture, sorted + starts[tile], on ? starts[tile + 1] - starts[tile] : 0,
+                            grains[tile], steps, left, view.rows.x + top, key_at(slab.y), ends, ids, cuts);
+    if (done && within)
+        end_slab(&walk.pixel, &picture, slab, kept + KEPT_PIXEL * me, unfinished);
+    if (on && listed)
+        walked->next = walk.next;
+    if (within && listed)
+        COPY(walked, &walk, picture.samples);
+    if (!done && !me) {
+        const uint stopped = atomic_inc(n_open);
+        if (!listed)
+            open[stopped] = tile;
     }
-    if (go_on(&walk, &view, &picture, sorted + starts[tile], starts[tile + 1] - starts[tile], grains[tile], steps, ends, ids,
-              cuts)) {
-        end_slab(&walk.pixel, &picture, slab, kept + KEPT_PIXEL * p, unfinished);
-        return;
-    }
-    const uint n = atomic_inc(n_open);
-    if (listed)
-        *(__global Walk *)(walks + WALK * k) = walk;
-    else
-        open[n] = item;
 #endif
 }
 
@@ -393,6 +509,8 @@ typedef struct {
     Pixel pixels[TILE * TILE];
     int counts[TILE * TILE] ALIGNED;       // of these
     uint bounds[TILE * TILE];              // depth from which on nothing is seen
+    ulong open;                            // pixels that aren't closed, row by row, a bit each:
+    lanes_i in_rows, in_columns;           // those of each row, and of each column
     long lows[TILE * TILE];                // keys below are done
     long limits[TILE * TILE];              // keys from here on have gone, and come again later
     long end;                              // or from here on in another slab
@@ -400,20 +518,52 @@ typedef struct {
     bool dropped;                          // whether any have gone
 } Tile;
 
+/* Let a pixel be open or closed. */
+INLINED void set_open(Tile *t, int p, bool open)
+{
+    const int x = p % TILE, y = p / TILE;
+    t->open = (t->open & ~(1ul << p)) | (ulong)open << p;
+    LANE_I(t->in_rows, y) = (LANE_I(t->in_rows, y) & ~(1 << x)) | open << x;
+    LANE_I(t->in_columns, x) = (LANE_I(t->in_columns, x) & ~(1 << y)) | open << y;
+}
+
+/* Pixels from a tile's first one on to one that lies at x, none or TILE of them where that is outside. */
+INLINED lanes_i before(lanes x, int first)
+{
+    const lanes from = x - (float)first;
+    return WHOLE(from > 0.0f ? from < TILE ? from : F(TILE) : F(0.0f));
+}
+
+/* Pixels of a tile in which n segments may lie, a bit each. */
+INLINED void pixels_of(const Tile *t, const Chunk *chunk, int n, lanes_l *pixels)
+{
+#define GET(member) (*(const lanes *)(chunk->member + i))
+    for (int i = 0; i < n; i += LANES) {
+        const lanes_i steep = *(const lanes_i *)(chunk->steep + i);
+        const lanes au = GET(au), bu = GET(bu), av = GET(av), length = bu - au, bv = av + GET(slope) * length;
+        const lanes ar = GET(ar), reach = GET(tilt) * greater(ar, ar + GET(r_step) * length) + 0.1f;   // and some for rounding
+        const lanes low = lesser(av, bv) - reach, high = greater(av, bv) + reach + 1.0f;
+        const lanes_i left = before(steep ? low : au, t->left), right = before(steep ? high : bu + 1.0f, t->left);
+        const lanes_i top = before(steep ? au : low, t->top), bottom = before(steep ? bu + 1.0f : high, t->top);
+        const lanes_l row = TO(lanes_l, bu > au ? (I(1) << right) - (I(1) << left) : I(0)) * 0x0101010101010101l;
+        const lanes_l from = TO(lanes_l, 4 * top), until = TO(lanes_l, 4 * bottom), one = 1;
+        pixels[i / LANES] = row & ((one << until << until) - (one << from << from));
+    }
+}
+
 /* Draw segment i of a chunk: eight columns side by side, row by row. */
 INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
 {
     const int steep = chunk->steep[i], u0 = steep ? t->top : t->left, v0 = steep ? t->left : t->top;
-    if (!(chunk->bu[i] > chunk->au[i]) || chunk->bu[i] <= u0 || chunk->au[i] >= u0 + TILE)
-        return;
     const lanes_i lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
     Column column;
     column_of(chunk, i, view, lane + u0, &column);
     lanes_i v = column.low > v0 ? column.low : v0;
     const lanes_i bottom = column.high < v0 + TILE ? column.high : v0 + TILE;
-    lanes_i on = (column.along > 0.0f) & (v < bottom);
-    int bits = bits_of(on);
-    if (!bits)
+    const lanes_i on = (column.along > 0.0f) & (v < bottom);
+    /* Open pixels of each column that it may touch, from row v on. */
+    lanes_i todo = on & ((steep ? t->in_rows : t->in_columns) & ((I(1) << (bottom - v0 & 15)) - 1)) >> (v - v0 & 15);
+    if (!any_lane(todo))
         return;
     const uint id = chunk->id[i], number = chunk->number[i];
     const int u_stride = steep ? TILE : 1, v_stride = steep ? 1 : TILE;
@@ -427,15 +577,15 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
         *(lanes_i *)wheres = place_in(&column, v);
         *(lanes_i *)places = lane * u_stride + (v - v0) * v_stride;
         /* Each is written, and counted if it is seen: no branch. */
-        for (int todo = bits_of(on & (share > 0.0f)); todo; todo &= todo - 1) {
-            const int k = __builtin_ctz(todo), p = places[k], n = t->counts[p];
+        for (int left = bits_of(((todo & 1) != 0) & (share > 0.0f)); left; left &= left - 1) {
+            const int k = __builtin_ctz(left), p = places[k], n = t->counts[p];
             const long key = (long)((ulong)depths[k] << 32 | id);
             Slots *slots = &t->slots[p];
             slots->keys[n] = key;
             slots->shares[n] = shares[k];
             slots->wheres[n] = wheres[k];
             slots->numbers[n] = number;
-            const int m = n + ((depths[k] < t->bounds[p]) & (key >= t->lows[p]));
+            const int m = n + ((depths[k] < t->bounds[p]) & (key >= t->lows[p]) & (key < t->limits[p]));
             t->counts[p] = m;
             if (m == SLOTS) {
                 drop(slots, &t->limits[p]);
@@ -444,27 +594,28 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
             }
         }
         v += 1;
-        on &= v < bottom;
-        bits = bits_of(on);
-    } while (bits);
+        todo >>= 1;
+    } while (any_lane(todo));
 }
 
-/* Sort a tile's list into BUCKETS by depth -> the least depth, and the bits below a bucket's. */
-INLINED uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *sorted)
+#define FINE (4 * BUCKETS)   // fewer pieces have to wait in a pixel
+
+/* Sort a tile's list into FINE buckets by depth -> the least depth, and the bits below a bucket's. */
+ONCE uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *sorted)
 {
-    uint least = ~0u, most = 0, ends[BUCKETS + 1], shift = 0;
+    uint least = ~0u, most = 0, ends[FINE + 1], shift = 0;
     for (uint i = 0; i < n; ++i) {
         const uint depth = entries[i].x;
         least = depth < least ? depth : least;
         most = depth > most ? depth : most;
     }
-    while ((most - least) >> shift >= BUCKETS)
+    while ((most - least) >> shift >= FINE)
         ++shift;
-    for (int k = 0; k <= BUCKETS; ++k)
+    for (int k = 0; k <= FINE; ++k)
         ends[k] = 0;
     for (uint i = 0; i < n; ++i)
         ++ends[((entries[i].x - least) >> shift) + 1];
-    for (int k = 1; k <= BUCKETS; ++k)
+    for (int k = 1; k <= FINE; ++k)
         ends[k] += ends[k - 1];
     for (uint i = 0; i < n; ++i) {
         const uint2 it = entries[i];
@@ -476,19 +627,15 @@ INLINED uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *s
 /* Settle all pixels as far as nothing before `until` is still to come -> whether any is still open. */
 INLINED bool settle_all(Tile *t, const Picture *picture, long until)
 {
-    bool open = false;
     for (int p = 0; p < TILE * TILE; ++p) {
-        if (t->pixels[p].closed) {
-            t->counts[p] = 0;
+        if (!(t->open >> p & 1))
             continue;
-        }
         const long before = until < t->limits[p] ? until : t->limits[p];
         t->counts[p] = settle(&t->pixels[p], picture, &t->slots[p], t->counts[p], before);
         if (t->pixels[p].closed)
-            t->bounds[p] = 0;
-        open |= !t->pixels[p].closed;
+            set_open(t, p, false);
     }
-    return open;
+    return t->open != 0;
 }
 
 /* What was dropped comes again; all before it is done.  Whether there is any. */
@@ -496,7 +643,7 @@ INLINED bool begin_again(Tile *t)
 {
     bool again = false;
     for (int p = 0; p < TILE * TILE; ++p)
-        if (!t->pixels[p].closed) {
+        if (t->open >> p & 1) {
             again |= t->limits[p] != t->end;
             t->lows[p] = t->limits[p];
             t->limits[p] = t->end;
@@ -507,20 +654,23 @@ INLINED bool begin_again(Tile *t)
 }
 
 /* Go through a tile's sorted list of n: `grain` tells the least depth, and the bits below a bucket's. */
-INLINED void go_through(Tile *t, const View *view, const Picture *picture, __global const uint2 *sorted, uint n, uint2 grain,
+ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global const uint2 *sorted, uint n, uint2 grain,
                  __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
 {
     Chunk chunk;
+    lanes_l pixels[CHUNK / LANES];
     bool open = true;
     for (uint next = 0; open && next < n;) {
         for (int fullest = 0; next < n && fullest < SLOTS / 2;) {
             const int m = n - next < CHUNK ? n - next : CHUNK;
             prepare(&chunk, view, sorted + next, m, n - next, ends, ids, cuts);
-            for (int i = 0; i < m; ++i) {
-                if (picture->lit)
-                    PREFETCH(picture->places + FEW_PLACES * (size_t)chunk.number[i]);
-                draw(t, view, &chunk, i);
-            }
+            pixels_of(t, &chunk, m, pixels);
+            for (int i = 0; i < m; ++i)
+                if (((const ulong *)pixels)[i] & t->open) {
+                    if (picture->lit)
+                        PREFETCH(picture->places + FEW_PLACES * (size_t)chunk.number[i]);
+                    draw(t, view, &chunk, i);
+                }
             next += m;
             for (int p = 0; p < TILE * TILE; ++p)
                 fullest = t->counts[p] > fullest ? t->counts[p] : fullest;
@@ -572,27 +722,35 @@ ALONE BY_HAND __kernel void tiles(
     if (tile < window.x || tile >= window.y)
         return;
     const uint first = starts[tile], n = starts[tile + 1] - first;
+    Glow glow;
+    glow.n = 0;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells, places, more, body_transmittance, alpha,
-                             front, shell_front, image};
+                             front, shell_front, image, &glow};
     Tile t;
     t.left = x * TILE;
     t.top = view.rows.x + y * TILE;
+    t.open = 0;
+    t.in_rows = t.in_columns = 0;
     t.dropped = false;
     t.end = key_at(slab.y);
+    for (int row = 0; row < TILE && y * TILE + row < size.y; ++row)
+        for (int k = 0; k < TILE * view.size.z; k += 8)
+            PREFETCH(visible + ((size_t)(y * TILE + row) * size.x + x * TILE) * view.size.z + k);
     for (int p = 0; p < TILE * TILE; ++p) {
         const int px = x * TILE + p % TILE, py = y * TILE + p / TILE;
         t.counts[p] = t.bounds[p] = 0;
         t.lows[p] = key_at(slab.x);
         t.limits[p] = t.end;
-        t.pixels[p].closed = true;
         if (px < size.x && py < size.y) {
             t.bounds[p] = begin_pixel(&t.pixels[p], &picture, (size_t)py * size.x + px);
-            t.bounds[p] = go_on_behind(&t.pixels[p], t.bounds[p], slab, kept + KEPT_PIXEL * p);
+            t.bounds[p] = go_on_behind(&t.pixels[p], t.bounds[p], view.size.z, slab, kept + KEPT_PIXEL * p);
+            set_open(&t, p, !t.pixels[p].closed);
         }
     }
     if (n) {
         const uint2 grain = sort_list(entries + first, n, sorted + first);
         go_through(&t, &view, &picture, sorted + first, n, grain, ends, ids, cuts);
+        glow_all(&glow, places, more);
     }
     for (int p = 0; p < TILE * TILE; ++p)
         if (x * TILE + p % TILE < size.x && y * TILE + p / TILE < size.y)

@@ -87,7 +87,7 @@ INLINED void body_normals(const lanes3 *at, const lanes3 *normals, lanes3 p, lan
 }
 
 /* The light that waiting samples of the body send to the eye. */
-INLINED lanes3 light_of_body(const View *view, const Lighting *lighting, const Waiting *samples,
+ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Waiting *samples,
                              __global const float4 *positions, __global const float4 *normals,
                              __global const uint4 *triangles, float4 color)
 {
@@ -113,7 +113,7 @@ INLINED lanes3 light_of_body(const View *view, const Lighting *lighting, const W
 }
 
 /* The light that waiting samples of strands send to the eye. */
-INLINED lanes3 light_of_strands(const View *view, const Lighting *lighting, const Waiting *samples, const Hair *hair)
+ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const Waiting *samples, const Hair *hair)
 {
     const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
     Fibres here;
@@ -197,8 +197,15 @@ __kernel void color(
     for (uint i = 0; i < n; ++i)
         sums[i] = 0;
     int x = first % view.size.x, y = view.rows.x + (int)(first / view.size.x);
-    uint pixel = 0, s = 0;
-    for (uint i = 0; i < n * samples + 2; ++i) {
+    uint pixel = 0, s = 0, until = n * samples + 2;
+#if LANES == 1                             // in many pixels nothing is to be lit, and nothing waits for others in one
+    bool any = false;
+    for (uint i = 0; i < samples; ++i)
+        any |= local_id(visible[first * samples + i], part) != NOTHING
+            && (!attenuated || sample_transmittance[first * samples + i] > 0.0f);
+    until = any ? samples : 0;
+#endif
+    for (uint i = 0; i < until; ++i) {
         bool full = false;
         int of_body = i - n * samples;     // in the end what waits of each is lit
         if (i < n * samples) {
@@ -219,8 +226,9 @@ __kernel void color(
             if (!(share > 0.0f))
                 continue;
             of_body = ((uint)key & BODY) != 0;
-            Waiting *these = &waiting[of_body];
-            const int k = these->n++;
+            Waiting *these = &waiting[LANES == 1 ? 0 : of_body];
+            const int k = LANES == 1 ? 0 : these->n;
+            these->n = k + 1;
             LANE(these->x, k) = at_x + 0.5f + PATTERN[of_pattern].x * (1.0f / SUBPIXEL);
             LANE(these->y, k) = at_y + 0.5f + PATTERN[of_pattern].y * (1.0f / SUBPIXEL);
             LANE(these->e, k) = reversed_depth((uint)(key >> 32));
@@ -231,7 +239,7 @@ __kernel void color(
                 PREFETCH(points + these->id[k]);
             full = these->n == LANES;
         }
-        Waiting *these = &waiting[of_body];
+        Waiting *these = &waiting[LANES == 1 ? 0 : of_body];
         if (!these->n || (i < n * samples && !full))
             continue;
         for (int k = these->n; k < LANES; ++k) {   // lanes that nothing waits in do the first one's work
@@ -243,7 +251,7 @@ __kernel void color(
         const lanes3 light = of_body ? light_of_body(&view, &lighting, these, positions, normals, triangles, body_color)
             : light_of_strands(&view, &lighting, these, &hair);
         for (int k = 0; k < these->n; ++k)
-            sums[these->pixel[k]] += in_integers(LANE(these->share, k), (float4)(LANE(light.x, k), LANE(light.y, k), LANE(light.z, k), 1.0f));
+            sums[LANES == 1 ? 0 : these->pixel[k]] += in_integers(LANE(these->share, k), (float4)(LANE(light.x, k), LANE(light.y, k), LANE(light.z, k), 1.0f));
         these->n = 0;
     }
     for (uint i = 0; i < n; ++i)

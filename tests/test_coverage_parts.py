@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import attrs
 import numpy as np
 import pytest
-from support.coverage import OFF, SETTINGS
+from support.coverage import OFF, SETTINGS, ball
 from support.pictures import same
 from support.plans import bands_of, plan_of, recorded
 from support.scenes import scene_of
@@ -57,6 +57,21 @@ def test_thousands_of_strands_in_a_pixel_are_all_there(gpu, another, n, width):
     for one in (gpu, single):
         drawn = clfur.draw(scene, one, OFF, hashes=True)
         assert drawn.hashes == right.hashes and np.allclose(drawn.images["color"], right.images["color"], atol=1e-5)
+
+
+@pytest.mark.parametrize("size, n, steps",
+                         [pytest.param((5, 3), 200, 8, marks=pytest.mark.small), ((21, 15), 9000, 64)])
+def test_long_lists_are_cut_into_launches(gpu, another, size, n, steps):
+    """Where a driver ends long loops: here very short ones."""
+    rng = np.random.default_rng(5)
+    middle, way = rng.normal(size=(n, 1, 3)) * (.4, .3, .3), rng.normal(size=(n, 1, 3)) * .1
+    scene = clfur.Scene(ball(.2, 0), clfur.Curves(middle + way * np.array([-1, 1])[:, None], width=.02),
+                        clfur.Camera(eye=(0, 0, 6), size=size))
+    right = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True)
+    cut = another(lanes=1, hinted=1, steps=steps)
+    names = recorded(cut)
+    same(right, clfur.draw(scene, cut, SETTINGS, tuple(OUTPUTS), hashes=True))
+    assert names.count("coverage.sort") > 6 and names.count("coverage.pixels") > 4   # else nothing is cut
 
 
 def dense(size, n=3000):
@@ -137,16 +152,16 @@ def test_a_row_of_too_many_segments_is_refused(another):
         clfur.render(scene, small, OFF)
 
 
-@pytest.mark.parametrize("others", [("color",), tuple(OUTPUTS)])
+@pytest.mark.parametrize("others, built", [(("color",), {}), (tuple(OUTPUTS), {}), (tuple(OUTPUTS), {"lanes": 1})])
 @pytest.mark.parametrize("width", [.0001, .001])
-def test_a_tile_is_drawn_in_slabs_of_depth(gpu, another, width, others):
+def test_a_tile_is_drawn_in_slabs_of_depth(gpu, another, width, others, built):
     """Where not all of its segments have room: thin ones hide nothing, of thick ones those behind are left out.  Not
     where too many of them reach into one depth."""
     rng = np.random.default_rng(1)
     points = rng.uniform(-.2, .2, (5000, 1, 3)) + np.linspace(0, .2, 6)[:, None] * rng.normal(size=(5000, 1, 3))
     points += rng.uniform(-.06, .06, (5000, 6, 3))
     scene = clfur.Scene(fur=clfur.Curves(points, width=width), camera=clfur.Camera(eye=(0, 0, 6), size=(8, 8)))
-    small, whole, drawn = another(), clfur.draw(scene, gpu, OFF, others, hashes=True), []
+    small, whole, drawn = another(**built), clfur.draw(scene, gpu, OFF, others, hashes=True), []
     names = recorded(small)
     for small.memory in (1_000_000, 1_400_000, 1_700_000, 2_500_000, 6_000_000, 26_000_000):
         small.forget()
