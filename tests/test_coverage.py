@@ -82,6 +82,31 @@ def test_pieces_are_the_twins(gpu, width, height, n, eye):
     assert compare_pieces(view, points, spans, pieces, 3e-5, 640) > n
 
 
+@pytest.mark.parametrize("n", [pytest.param(20, marks=pytest.mark.small), 400])
+def test_slabs_of_depth_give_the_bits_of_all_at_once(gpu, n):
+    """As many of a tile's segments at a time as a slab's count tells, each in every slab into which it reaches."""
+    view, (points, spans), tile = perspective(13, 9, 4, eye=(0, .4, 3.2)), pack(wild(n, 1)), (0, 1)
+    strands, visible = strands_on(gpu, points, spans), gpu.upload(np.full((9, 13, 4), NONE))
+    tiles, segments = counted(gpu, view, strands, visible)
+    whole, total = coverage.nothing(gpu, visible), int(tiles.counts.get()[0])
+    coverage.cover(gpu, view, visible, segments, whole, window=tile)
+    reaches, taken = coverage.REACH.empty(gpu, total), gpu.full(1, np.uint32, 0)
+    coverage.reach(gpu, view, strands, tiles, reaches, taken, 5, tile)
+    assert int(taken.get()[0]) == total > n // 4
+    slabs = coverage.slabs_of(reaches.get(), total * 2 // 3)
+    parts, kept, counts = coverage.nothing(gpu, visible), coverage.KEPT.empty(gpu, coverage.OF_KEPT), np.zeros(4, int)
+    for slab, counts[0] in slabs:
+        segments = coverage.allocate(gpu, counts, counts[0])
+        coverage.fill(gpu, view, strands, tiles, segments, 5, tile, slab)
+        assert int(segments.survivors.get()[0]) == counts[0] < total
+        unfinished = coverage.cover(gpu, view, visible, segments, parts, window=tile, slab=slab, kept=kept).get()[0]
+        assert slab[1] == coverage.EVERY[1] or 0 < unfinished <= TILE**2
+    assert len(slabs) > 1 and (whole.alpha.get()[:TILE, :TILE] > 0).any()
+    for name in "alpha", "front", "body_transmittance":
+        one, other = (getattr(arrays, name).get()[:TILE, :TILE] for arrays in (whole, parts))
+        np.testing.assert_array_equal(one, other)
+
+
 @pytest.mark.parametrize("first, end", [(0, 1), (5, 23), (46, 47)])
 def test_a_band_is_what_the_whole_is_there(gpu, first, end):
     view, (points, spans) = perspective(61, 47, 1), pack(wild(100, 2))
