@@ -11,18 +11,20 @@ from .lighting import Lighting
 from .strands import DeviceStrands, arrays
 
 TRANSMITTANCE = Declared("point", np.float32)   # share of a light's direct light there, 0..1
-FEW, MANY = layout.CONSTANTS["FEW_PLACES"], layout.CONSTANTS["MANY_PLACES"] + 1   # of a segment
+FEW = layout.CONSTANTS["FEW_PLACES"]             # of a segment
 
 
 @dataclass(frozen=True)
 class Places(Arrays):
-    """Light of all lights together that segments send to the eye, linear r, g, b; `light_between` of cl/places.h gives
-    that between the places."""
+    """Light of all lights together that segments send to the eye, linear r, g, b, at places of them; between these it
+    is as cl/places.h has it, or cl/exact_light.h where it changes too much."""
 
     places: Any = array("segment", np.uint64, FEW)   # of each, or where in `more` they are: see cl/places.h
-    more: Any = array("row", np.uint64, MANY)     # of those that need more of them
+    more: Any = array("row", np.float32, 32)      # what others are like: see cl/exact_light.h
     until: int = 0                                # segments of which it is known
     rows: int = 0                                 # of `more` that these have
+    lighting: Lighting | None = None              # that falls on these,
+    shadowed: bool = False                        # whether anything stands before it
 
 
 def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
@@ -35,9 +37,9 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
     return result
 
 
-def unlit(gpu: Any, n: int) -> Places:
+def unlit(gpu: Any, n: int, lighting: Lighting) -> Places:
     """Room for the light of n segments -> `Places`, of none of them."""
-    return Places(Places.declared["places"].empty(gpu, n), Places.declared["more"].empty(gpu, 0))
+    return Places(Places.declared["places"].empty(gpu, n), Places.declared["more"].empty(gpu, 0), lighting=lighting)
 
 
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
@@ -50,7 +52,7 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
     whether no others come after them; else all that may be needed of `Places.more` is set aside at once.
     """
     n = len(strands.points) if segments is None else len(segments)
-    known = before or unlit(gpu, n)
+    known = before or unlit(gpu, n, lighting)
     first, end = known.until, n if until is None else until
     rows = gpu.full(1, np.uint32, known.rows)
     given = {"view": view, "range": (first, end), "listed": segments is not None, "first_point": strands.first_point,
@@ -64,8 +66,10 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
     if len(more) < taken:
         more = Places.declared["more"].empty(gpu, taken if last else n)
     if known.rows < taken:
+        for unused in "view", "lights", "light_views", "crossings", "shadow_maps":
+            del given[unused]
         gpu.launch("strand_light.further", _items(gpu, end - first), more=more, **given)
-    return Places(known.places, more, end, taken)
+    return Places(known.places, more, end, taken, lighting, transmittances is not None)
 
 
 def _items(gpu, n):
