@@ -8,7 +8,7 @@
  *   tangent, strength of the highlight; change of the tangent, exponent
  *   r, g, b, model; changes of them, alpha
  *   normal of the body at its root; for two lights the share of each that gets through to its start, and the change of that;
- *   a share below 0 is asked for at each place, and so are those of further lights
+ *   a share below 0 is asked for at each place, and so are those of further lights; light of a sky, see `packed_sky`
  */
 typedef struct {
     float8 of[4];
@@ -69,6 +69,13 @@ INLINED lanes3 exact_light(const Sent *known, const Row *rows, lanes at, lanes_i
         }
         const lanes3 one = fibre_lanes(&light, &fibres, l, v, share);
         sent = i ? plus(sent, one) : one;
+    }
+    const lanes_u sky = AS_U(c[31]);
+    if (any_lane(sky != 0u)) {
+        const lanes scale = AS_F(sky & 0x7F800000u) * (1.0f / 256);
+        sent.x += color.x * scale * TO(lanes, sky & 255u);
+        sent.y += color.y * scale * TO(lanes, sky >> 8 & 255u);
+        sent.z += color.z * scale * 2.0f * TO(lanes, sky >> 16 & 127u);
     }
     return sent;
 }

@@ -28,6 +28,8 @@ CONSTANTS = {
     "ROWS": 16,             # of a face's points in the light's grid that a work-item does,
     "POINT_STEP": 0.75,     # which stand no further apart than so many sides of a cell
     "CELL_BITS": 4,         # of a coordinate of a cell by which the user's strands are put in order
+    "HARMONICS": 9,         # spherical, of orders 0 to 2
+    "MOMENTS": 6,           # of hair in a cell: xx, yy, zz, xy, xz, yz
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
@@ -109,7 +111,13 @@ Shells = np.dtype([                   # fur as a height field on the body, drawn
     ("to_noise", np.float32, (3, 4)),    # columns: from the middle of the mesh in rest -> in lattices of the noise
 ])
 
-STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Shells": Shells}
+Sky = np.dtype([                      # cells of the world that hold light of a sky
+    ("place", *_float4),                 # lowest corner [world]; cells a unit of length
+    ("size", *_int4),                    # cells a side; 1: there is a sky, -, -
+])
+
+STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid,
+           "Shells": Shells}
 
 
 def shine(look, alpha, model=None):

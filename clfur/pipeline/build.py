@@ -11,7 +11,10 @@ from typing import Any
 import numpy as np
 
 from ..device.team import Team
+from ..scene import extent, hair_bounds
+from ..scene.bounds import boxes_to_see, fur_extent
 from ..stages import shells
+from ..stages import sky as sky_stage
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
 from ..stages.raster import raster
@@ -81,6 +84,22 @@ def transmittances(gpu: Any, plan: Plan) -> dict:
     return gpu.keep("transmittances", (*plan.light_key(plan.settings.lod), plan.settings.raster), dict)
 
 
+def sky(gpu: Any, plan: Plan) -> sky_stage.SkyLight | None:
+    """Light of the scene's sky in cells of the world, None without one; it stays while camera and lights change."""
+    scene = plan.scene
+    if scene.environment is None:
+        return None
+    return gpu.keep("sky", (scene.mesh, scene.strands, scene.environment, int(plan.body)),
+                    functools.partial(_sky, gpu, plan))
+
+
+def sky_points(gpu: Any, plan: Plan, part: Part, hair: DeviceStrands) -> Any:
+    """`sky.at_points` of the strands of a part, None without a sky; those of the last part stay."""
+    lit = sky(gpu, plan)
+    return lit and gpu.keep("sky points", (plan.scene.mesh, lit, hair),
+                            functools.partial(sky_stage.at_points, gpu, lit, hair))
+
+
 def shell(gpu: Any, plan: Plan) -> tuple[shells.Shell, np.void]:
     """Shell fur -> (`Shell`, `layout.Shells`)."""
     mesh, topology, packed = plan.scene.mesh, plan.topology, plan.packed_shells
@@ -129,6 +148,22 @@ def on(gpu: Any, array: Any) -> Any:
 def bytes_of(gpu: Any, array: Any) -> np.ndarray:
     """The bits of an array, on the host."""
     return np.ascontiguousarray(array if isinstance(array, np.ndarray) else gpu.download(array))
+
+
+def _sky(gpu, plan):
+    scene = plan.scene
+    boxes, out = boxes_to_see(scene.mesh, scene.fur), fur_extent(scene.fur)
+    center, radius = extent(scene.mesh, scene.fur)
+    low, high = center - radius, center + radius
+    if boxes:
+        low = np.maximum(low, np.min([each for each, _ in boxes], 0) - out)
+        high = np.minimum(high, np.max([each for _, each in boxes], 0) + out)
+    grid = sky_stage.sky_of(low, high, plan.sky_cells)
+    area = hair_bounds(scene.strands, plan.strands)[2] if plan.strands else 0.0
+    held = sky_stage.held(gpu, grid, plan.body, area)
+    for part in plan.parts(gpu):
+        sky_stage.deposit(gpu, grid, held, hair(gpu, plan, part, 0), body(gpu, plan, part))
+    return sky_stage.light(gpu, grid, held, *sky_stage.table_of(*scene.environment.places))
 
 
 def _surface(gpu, plan, faces):
