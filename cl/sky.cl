@@ -185,7 +185,7 @@ INLINED float between_four(__global const float *slice, int n, float u, float v)
 __kernel void sweep(
     const ulong begin, const ulong end,    // work-items, see common.h
     const int n,
-    const int step,                        // the slice: 0 is the first one that light meets
+    const int turn,                        // the slice: 0 is the first one that light meets
     __global const float8 *held,           // [n, n, n], see `contents`
     __global const float4 *directions,     // [directions] unit, towards the light
     __global float *behind,                // [directions, 2, n, n] what is left behind this slice and the one before
@@ -199,9 +199,9 @@ __kernel void sweep(
     const int axis = ax >= ay && ax >= az ? 0 : ay >= az ? 1 : 2;
     const int one = axis == 0 ? 1 : 0, two = axis == 2 ? 1 : 2, stride[3] = {1, n, n * n};
     const float most = fabs(xyz[axis]), du = xyz[one] / most, dv = xyz[two] / most;
-    const int slice = xyz[axis] > 0.0f ? n - 1 - step : step;
-    __global float *here = behind + (2 * number + (step & 1)) * n * n;
-    __global const float *before = behind + (2 * number + 1 - (step & 1)) * n * n;
+    const int slice = xyz[axis] > 0.0f ? n - 1 - turn : turn;
+    __global float *here = behind + (2 * number + (turn & 1)) * n * n;
+    __global const float *before = behind + (2 * number + 1 - (turn & 1)) * n * n;
     for (int u = 0; u < n; ++u) {
         const size_t cell = (size_t)slice * stride[axis] + (size_t)u * stride[one] + (size_t)v * stride[two];
         const float8 m = held[cell];
@@ -210,7 +210,7 @@ __kernel void sweep(
             + 2.0f * (w.x * w.y * m.s3 + w.x * w.z * m.s4 + w.y * w.z * m.s5);
         const float square = d * d - d * along, depth = sqrt(square > 0.0f ? square : 0.0f) / most;
         const float half_way = sqrt(exp(-depth) * (1.0f - m.s6));
-        const float there = (step ? between_four(before, n, u + du, v + dv) : 1.0f) * half_way;
+        const float there = (turn ? between_four(before, n, u + du, v + dv) : 1.0f) * half_way;
         through[number * n * n * n + cell] = there;
         here[v * n + u] = there * half_way;
     }

@@ -80,7 +80,7 @@ def light(gpu: Any, sky: np.void, there: Held, directions: np.ndarray, table: np
     through, behind = THROUGH.empty(gpu, (count, n**3)), gpu.empty((count, 2 * n * n), np.float32)
     towards = gpu.upload(np.column_stack([directions, np.zeros(count)]).astype(np.float32))
     for step in range(n):
-        gpu.launch("sky.sweep", count * n, n=n, step=step, held=cells, directions=towards, behind=behind,
+        gpu.launch("sky.sweep", count * n, n=n, turn=step, held=cells, directions=towards, behind=behind,
                    through=through)
     result = SkyLight(sky, SkyLight.declared["cells"].empty(gpu, HARMONICS * n**3))
     gpu.launch("sky.gather", n**3, n=n, n_directions=count, through=through, table=gpu.upload(table.reshape(-1, 4)),
@@ -119,7 +119,7 @@ def table_of(directions: np.ndarray, light: np.ndarray, angles: np.ndarray) -> t
     values = harmonics(directions)[:, :, None] * (light * angles[:, None])[:, None]
     table = np.zeros((len(chosen), HARMONICS, 4), np.float32)
     for channel in range(3):
-        for j in range(HARMONICS):
+        for j in range(values.shape[1]):
             table[:, j, channel] = np.bincount(nearest, values[:, j, channel], len(chosen))
     return chosen, table
 
