@@ -12,7 +12,7 @@ from .tessellate import Surface
 
 DIRECTIONS, NEAR_BRIGHTEST = 32, 8   # all around, and towards what is brightest
 CONE = np.radians(20)                # half the angle that these fill
-MOMENTS, HARMONICS = layout.CONSTANTS["MOMENTS"], layout.CONSTANTS["HARMONICS"]   # a cell: of hair, of light
+MOMENTS, HARMONICS = int(layout.CONSTANTS["MOMENTS"]), int(layout.CONSTANTS["HARMONICS"])   # a cell: of hair, of light
 THROUGH = Declared("cell", np.float32)                     # of each direction
 POINT_LIGHT = Declared("point", np.float32, 4)             # r, g, b at a point of strands
 
