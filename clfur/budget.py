@@ -15,20 +15,19 @@ from .settings import CHOSEN, Settings
 
 # From cheap to dear; docs/budget.md tells why these.
 LADDER = (
-    Settings(samples=1, lod=1.0, grid=48, shadow_map=256, pcf=0, raster="samples"),
     Settings(samples=1, lod=0.5, grid=48, shadow_map=256, pcf=0, raster="samples"),
-    Settings(samples=4, lod=0.5, grid=64, raster="samples"),
+    Settings(samples=4, lod=0.25, grid=64, pcf=0, raster="samples"),
     Settings(samples=1, lod=0.45, grid=64, pcf=0, raster="coverage"),
-    Settings(samples=1, lod=0.35, grid=96, raster="coverage"),
-    Settings(samples=4, lod=0.2, grid=96, raster="coverage"),
+    Settings(samples=1, grid=64, pcf=0, raster="coverage"),
+    Settings(samples=4, grid=96, raster="coverage"),
     Settings(samples=4, grid=160, raster="coverage"),
     Settings(samples=4, grid=256, raster="coverage"),
 )
-PRESETS = {"draft": LADDER[0], "preview": LADDER[3], "final": LADDER[6], "reference": LADDER[7]}
+PRESETS = {"draft": LADDER[0], "sketch": LADDER[1], "preview": LADDER[3], "final": LADDER[5], "reference": LADDER[6]}
 BANDS, SHARE = 3, 0.1   # so many runs of rows, this share of the picture, are drawn to compare
 CELL = 0.6              # widths of a strand; in finer cells than that its shadow is narrower than itself
 HOPELESS = 2.0          # what is predicted to err so many times too much is not tried
-MARGIN = 1.1            # estimates are wrong by about as much: so much is added to each
+MARGIN = 1.15            # estimates are wrong by about as much: so much is added to each
 
 
 @dataclass(frozen=True)

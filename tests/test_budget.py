@@ -54,7 +54,7 @@ def test_the_ladder():
     """It goes up, and the presets are rungs of it; what is fitted is of each rung."""
     assert len(set(budget.LADDER)) == len(budget.LADDER) == len(budget.COSTS) == len(budget.ERRORS)
     assert sorted(budget.COSTS) == budget.COSTS and budget.COSTS[0] == 1
-    assert list(clfur.PRESETS) == ["draft", "preview", "final", "reference"]
+    assert list(clfur.PRESETS) == ["draft", "sketch", "preview", "final", "reference"]
     places = [budget.LADDER.index(settings) for settings in clfur.PRESETS.values()]
     assert places == sorted(places)
     typical = budget.predicted(0.3, 4)

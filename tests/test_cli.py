@@ -67,14 +67,13 @@ def test_max_error(clfur):
     assert result["settings"]["max_error"] is None
     assert set(result["settings"]) == {field.name for field in attrs.fields(Settings)}
     assert result["options"]["grid"] == result["settings"]["grid"] and result["settings"]["blur"] == "edges"
-    given = [part for name in ("samples", "raster", "lod", "grid", "blur")
-             for part in (f"--{name}", result["settings"][name])]
-    assert (result["settings"]["pcf"], result["settings"]["shadow_map"]) == (1, 512)
+    given = [part for name in ("samples", "raster", "lod", "grid", "shadow_map", "pcf", "blur")
+             for part in (f"--{name.replace('_', '-')}", result["settings"][name])]
     assert clfur("render", "sphere", *FURRY, *given, "-o", "b.npz")[0] == 0
     with np.load("a.npz") as one, np.load("b.npz") as other:
         assert np.array_equal(one["color"], other["color"])
     code, out, err = clfur("render", "sphere", *FURRY, "--max-error", "0.3")
-    assert (code, err) == (0, "") and "; 1 sample, length 48, map 256, pcf 0, lod 1: error about 0." in out
+    assert (code, err) == (0, "") and "; 1 sample, length 48, map 256, pcf 0, lod 0.5: error about 0." in out
     code, out, err = clfur("render", "sphere", *FURRY, "--json")
     result = json.loads(out)
     assert (result["error"], result["why"], result["settings"]["samples"]) == (None, "", 4)

@@ -218,7 +218,7 @@ def test_sweep(sphere, fur):
         {96} if fur == "none" else {32, 48, 64, 96, 128} | (
             {settings.grid for settings in clfur.PRESETS.values()} if fur in ("strands", "both") else set()))
     named = {settings for settings, _ in ways} & {*clfur.PRESETS.values()}
-    assert len(named) == (4 if fur in ("strands", "both") else 0)
+    assert len(named) == (len(clfur.PRESETS) if fur in ("strands", "both") else 0)
     assert {settings.filtered for settings, _ in ways} == ({True, False} if fur in ("shells", "both") else {True})
 
 

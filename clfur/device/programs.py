@@ -35,8 +35,8 @@ def build(context, device, source, options, names):
         with contextlib.suppress(cl.Error, NoKernelsError):   # else it is of another build of the driver
             return _kernels(cl.Program(context, [device], [binary]), options, names), False
     kernels, failed = None, []
-    # A signal cuts PoCL's compiler short: so once more.  Drivers name what they keep by the text behind the preprocessor:
-    # that of another one they build anew.
+    # A signal cuts PoCL's compiler short: so once more.  Drivers name what they keep by the text behind the
+    # preprocessor: that of another one they build anew.
     for text in source, source, f"{source}typedef int built_again;\n":
         program = cl.Program(context, text)
         try:
