@@ -62,8 +62,8 @@ class Rig:
             cells = shells.frequency * math.sqrt((shells.rest or mesh).largest_face)
             if cells >= MOST_CELLS + 1:
                 found.append(f"the largest face would have {cells:.6g} hairs of shells along a side, but holds "
-                             f"{MOST_CELLS}: there they are {cells / MOST_CELLS:.3g} times as wide, and its borders are "
-                             "bald; more faces in the mesh, or a smaller Shells.frequency, puts it right")
+                             f"{MOST_CELLS}: there they are {cells / MOST_CELLS:.3g} times as wide, and its borders "
+                             "are bald; more faces in the mesh, or a smaller Shells.frequency, puts it right")
         return found
 
 
