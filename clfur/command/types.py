@@ -68,7 +68,7 @@ class Color(Numbers):
                 value, param, ctx)
         except (ValueError, click.BadParameter):
             color = ()
-        if not color or not all(0 <= part <= 1 for part in color):   # 255,128,0 would be 255 times too bright
+        if not color or not all(0 <= part <= 1 for part in color):   # 255,128,0 is no linear colour
             self.fail(f"{value!r} is neither R,G,B of 0 to 1 each (linear) nor #rrggbb (sRGB)", param, ctx)
         return color
 
