@@ -58,7 +58,7 @@ __kernel void transmittance(
 typedef struct {
     lanes3 p, t, color, p_step, t_step, color_step;
     lanes specular, exponent;
-    lanes_i half_vector;                   // a mask
+    lanes_i half_vector, kind, of_lobes;   // a mask, which type, a mask
 } Segments;
 
 /* What LANES segments are like, those that begin at points `from` and end at `to`: both are one where none begins. */
@@ -68,7 +68,8 @@ INLINED void take(Segments *s, const Hair *hair, const uint *from, const uint *t
     for (int k = 0; k < LANES; ++k) {
         const uint id = from[k], strand = strand_at(hair, id);
         const uint2 span = hair->spans[strand];
-        const float4 shine = hair->types[(int)hair->strand_uv[strand].z].shine;
+        const int kind = (int)hair->strand_uv[strand].z;
+        const float4 shine = hair->types[kind].shine;
         const float4 a = hair->points[id], b = hair->points[to[k]];
         const float4 before = id > span.x ? hair->points[id - 1] : a;
         const float4 after = to[k] + 1 < span.x + span.y ? hair->points[to[k] + 1] : b;
@@ -82,6 +83,8 @@ INLINED void take(Segments *s, const Hair *hair, const uint *from, const uint *t
         LANE(s->specular, k) = shine.x;
         LANE(s->exponent, k) = shine.y;
         LANE_I(s->half_vector, k) = (int)shine.w == HALF_VECTOR ? ON : 0;
+        LANE_I(s->kind, k) = kind;
+        LANE_I(s->of_lobes, k) = (int)shine.w == CHIANG ? ON : 0;
     }
     s->t = tangent_of_lanes(chords[0], s->p_step);
     s->t_step = minus(tangent_of_lanes(chords[1], s->p_step), s->t);
@@ -117,6 +120,8 @@ INLINED Places places_at(const View *view, const Segments *s, lanes at)
     here.fibres.specular = s->specular;
     here.fibres.exponent = s->exponent;
     here.fibres.half_vector = s->half_vector;
+    here.fibres.kind = s->kind;
+    here.fibres.of_lobes = s->of_lobes;
     return here;
 }
 
@@ -166,6 +171,8 @@ __kernel void radiance(
     __global const float4 *strand_normal,
     __global const float4 *strand_uv,
     __global const HairType *types,
+    __global const Lobes *lobes,           // [types] see lobes.h; none where no type has that look
+    __global const float4 *lobe_table,
     __global const float4 *colors,
     const int color_per,
     const int n_lights,
@@ -184,6 +191,7 @@ __kernel void radiance(
     WORK_ITEM(item);
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
+    const Looks looks = {lobes, lobe_table};
     const uint first = range.x + LANES * (uint)item, count = range.y - first < LANES ? range.y - first : LANES;
     Segments s;
     uint from[LANES], to[LANES];
@@ -213,7 +221,7 @@ __kernel void radiance(
             const Places here = places_at(&view, &s, at);
             lanes3 l;
             const lanes part = share_of_light(&light, here.p, &l) * (share + at * share_step), inside = inside_cone(&light, l);
-            const lanes3 one = fibre_lanes(&light, &here.fibres, l, here.v, part);
+            const lanes3 one = fibre_lanes(&light, &here.fibres, &looks, l, here.v, part);
             sent[j] = i ? plus(sent[j], one) : one;
             if (j) {
                 on_edge |= (lesser(inside, before) < 0.0f) & (greater(inside, before) >= 0.0f);
@@ -244,7 +252,8 @@ INLINED void take_one(Segments *s, const Hair *hair, uint id)
 {
     const uint strand = strand_at(hair, id);
     const Segment ends = segment_at(hair, id, hair->spans[strand]);
-    const float4 shine = hair->types[(int)hair->strand_uv[strand].z].shine, along = ends.b - ends.a;
+    const int kind = (int)hair->strand_uv[strand].z;
+    const float4 shine = hair->types[kind].shine, along = ends.b - ends.a;
     const float4 t = tangent_of(ends.b - ends.before, along), u = tangent_of(ends.after - ends.a, along);
     const float4 c = hair->colors[hair->color_per == 0 ? 0 : hair->color_per == 1 ? strand : id];
     s->p = all_lanes(ends.a);
@@ -256,6 +265,8 @@ INLINED void take_one(Segments *s, const Hair *hair, uint id)
     s->specular = F(shine.x);
     s->exponent = F(shine.y);
     s->half_vector = I((int)shine.w == HALF_VECTOR ? ON : 0);
+    s->kind = I(kind);
+    s->of_lobes = I((int)shine.w == CHIANG ? ON : 0);
 }
 
 /* Where along a segment the edges of spots' cones cross it, two of them at most, in ways between MANY_PLACES; -1: nowhere. */
@@ -298,6 +309,8 @@ __kernel void further(
     __global const float4 *strand_normal,
     __global const float4 *strand_uv,
     __global const HairType *types,
+    __global const Lobes *lobes,           // [types] see lobes.h; none where no type has that look
+    __global const float4 *lobe_table,
     __global const float4 *colors,
     const int color_per,
     const int n_lights,
@@ -317,6 +330,7 @@ __kernel void further(
     WORK_ITEM(item);
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
+    const Looks looks = {lobes, lobe_table};
     const uint first = range.x + LANES * (uint)item;
     lanes number;
     for (int k = 0; k < LANES; ++k)
@@ -349,7 +363,7 @@ __kernel void further(
                     else
                         share *= there[0] + at * (there[1] - there[0]);
                 }
-                const lanes3 one = fibre_lanes(&light, &here.fibres, l, here.v, share);
+                const lanes3 one = fibre_lanes(&light, &here.fibres, &looks, l, here.v, share);
                 sent = i ? plus(sent, one) : one;
             }
             for (int k = 0; k < LANES && start + k < MANY_PLACES; ++k)

@@ -190,7 +190,8 @@ class Coverage:
                 all_there = window == (0, counted.counts.size) and part is hairy[-1]
                 until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
                 through = self._transmittance(gpu, band, part, hair, lighting)
-                lit = strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit)
+                lit = strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit,
+                                            build.scattering(gpu, plan))
         coverage.cover(gpu, band.view, band.visible, segments, covered, lit, image, shell_front, window)
 
     def _transmittance(self, gpu, band, part, hair, lighting):
@@ -229,4 +230,6 @@ class Counted:
 
 def _color(gpu, plan, view, visible, hair, body, lighting, image, sample_transmittance, sums):
     body_color = (0, 0, 0) if plan.scene.body_color is None else plan.scene.body_color
-    return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums)
+    scattering = build.scattering(gpu, plan) if len(hair.points) else None
+    return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums,
+                       scattering)

@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import Error
 from ..scene import Curves, Strands
 from ..stages.blur import blur_radius
+from ..stages.chiang import Scattering, entries, of_model
 from ..stages.coverage import TILE, Covered, Segments, Tiles
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
@@ -81,6 +82,7 @@ class Plan:
 
     wants_color, others: whether color is an output, and whether others are.  faces, triangles, strands, points: how
     many there are.  body: whether there is one.  rest: the mesh by whose areas strands are spread, if it is another.
+    lobed: the types of strands, where looks of some need tables.
     """
 
     def __init__(self, rig: Rig, outputs: Sequence[str]) -> None:
@@ -92,6 +94,8 @@ class Plan:
         if isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh:
             self.rest = fur.rest
         self.body = mesh is not None and self.scene.body_color is not None
+        types = fur.types if isinstance(fur, Strands) else fur.hair_types if isinstance(fur, Curves) else ()
+        self.lobed = types if self.wants_color and of_model(types) else ()
         self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
         # Running sums: vertices and triangles before each face, points before each of the user's strands, and of all.
@@ -123,7 +127,8 @@ class Plan:
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage, "strands": self.strands,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
-            "zscan": casting, "march": shells, "strand_light": self.uses_coverage and self.wants_color,
+            "zscan": casting, "march": shells, "chiang": self.lobed,
+            "strand_light": self.uses_coverage and self.wants_color,
             "shade": True, "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
 
@@ -306,7 +311,7 @@ class Plan:
         if settings.shadows != "off" and (self.strands or scene.shells):
             layers = Lighting.bytes(layer=(settings.grid + 1) * settings.grid**2)
             fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
-        return fixed
+        return fixed + Scattering.bytes(type=len(self.lobed), entry=entries(self.lobed))
 
     @property
     def _transmittance(self):

@@ -7,6 +7,7 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, Declared, array
+from .chiang import Scattering, no_scattering
 from .lighting import Lighting
 from .strands import DeviceStrands, arrays
 
@@ -35,12 +36,14 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
 
 
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
-             segments: Any = None, until: int | None = None, before: Places | None = None) -> Places:
+             segments: Any = None, until: int | None = None, before: Places | None = None,
+             scattering: Scattering | None = None) -> Places:
     """Light that segments send to the eye -> `Places`.
 
     ``transmittances``: [lights, points] float32, what `transmittance` gave; all light if None.
     ``segments``: [n] uint32, ids of segments, of which those of ``strands`` end at ``until``; each point if None,
     those of strands' last points without a meaning.  ``before``: what this gave of those before them.
+    ``scattering``: of the strands' types; None where none has lobes.
     """
     n = len(strands.points) if segments is None else len(segments)
     known = before or Places(Places.declared["places"].empty(gpu, n), Places.declared["more"].empty(gpu, 0))
@@ -50,8 +53,9 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
              "segments": gpu.empty(0, np.uint32) if segments is None else segments, "n_points": len(strands.points),
              "places": known.places, "shadowed": transmittances is not None,
              "transmittances": gpu.empty(0, np.float32) if transmittances is None else transmittances,
-             **lighting.arrays(), **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal",
-                                           "strand_uv", "types", "colors", "color_per")}
+             **(scattering or no_scattering(gpu)).arrays(), **lighting.arrays(),
+             **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal", "strand_uv", "types",
+                      "colors", "color_per")}
     gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, **given)
     more = Places.declared["more"].empty(gpu, int(gpu.download(rows)[0]) - rows_before)
     if more.size:
