@@ -81,19 +81,30 @@ BY_HAND __kernel void count(
     __global const uint2 *spans,           // [strands] first point, points
     __global const uint *bounds,           // [tiles] depth
     volatile __global uint *counts,        // [tiles] segments
-    volatile __global uint *survivors)     // [1] segments that may show anywhere
+    volatile __global uint *survivors,     // [1] segments that may show anywhere
+    const int known,                       // 1: the next is wanted
+    __global uint *shown)                  // [strands] rows of tiles in which it may show: the first, one past the last << 16
 {
     WORK_ITEM(strand);
     const uint2 span = spans[strand];
-    uint n = 0;
+    uint n = 0, first = 0xFFFF, last = 0;
+    if (known && stretch.x) {
+        first = shown[strand] & 0xFFFF;
+        last = shown[strand] >> 16;
+    }
     for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
         const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;
         Batch batch;
         project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
         for (int k = 0; k < LANES; ++k)
-            if (batch.on[k])
-                n += each_tile(&batch, k, &view, bounds, (uint2)(0, ~0u), COUNT, counts, 0, 0) > 0;
+            if (batch.on[k] && each_tile(&batch, k, &view, bounds, (uint2)(0, ~0u), COUNT, counts, 0, 0)) {
+                ++n;
+                first = batch.top[k] < first ? batch.top[k] : first;
+                last = batch.bottom[k] + 1 > last ? batch.bottom[k] + 1 : last;
+            }
     }
+    if (known)
+        shown[strand] = last << 16 | first;
     if (n)
         atomic_add(survivors, n);
 }
@@ -109,6 +120,8 @@ BY_HAND __kernel void fill(
     __global const uint *bounds,
     __global const uint *shifts,           // [strands] added to the number of a segment's first point,
     const uint first,                      // and this, to make its id
+    const int known,                       // 1: the next is,
+    __global const uint *shown,            // [strands] as `count` tells it
     volatile __global uint *cursors,       // [tiles] where the next entry of each goes
     volatile __global uint *survivors,     // [1] segments so far
     __global uint2 *entries,               // of each tile: depth, number of a segment among those that may show
@@ -117,6 +130,9 @@ BY_HAND __kernel void fill(
     __global uint *cuts)                   // [survivors] what is left where they are clipped: from and to, in 1/65535
 {
     WORK_ITEM(strand);
+    const uint across = (view.size.x + TILE - 1) / TILE;
+    if (known && ((shown[strand] >> 16) * across <= window.x || (shown[strand] & 0xFFFF) * across >= window.y))
+        return;
     const uint2 span = spans[strand];
     for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
         const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;
@@ -350,26 +366,60 @@ typedef struct {
     Pixel pixels[TILE * TILE];
     int counts[TILE * TILE] ALIGNED;       // of these
     uint bounds[TILE * TILE];              // depth from which on nothing is seen
+    ulong open;                            // pixels that aren't closed, row by row, a bit each:
+    lanes_i in_rows, in_columns;           // those of each row, and of each column
     long lows[TILE * TILE];                // keys below are done
     long limits[TILE * TILE];              // keys from here on have gone, and come again later
     int left, right, top, bottom;          // in the picture
     bool dropped;                          // whether any have gone
 } Tile;
 
+/* Let a pixel be open or closed. */
+INLINED void set_open(Tile *t, int p, bool open)
+{
+    const int x = p % TILE, y = p / TILE;
+    t->open = (t->open & ~(1ul << p)) | (ulong)open << p;
+    LANE_I(t->in_rows, y) = (LANE_I(t->in_rows, y) & ~(1 << x)) | open << x;
+    LANE_I(t->in_columns, x) = (LANE_I(t->in_columns, x) & ~(1 << y)) | open << y;
+}
+
+/* Pixels from a tile's first one on to one that lies at x, none or TILE of them where that is outside. */
+INLINED lanes_i before(lanes x, int first)
+{
+    const lanes from = x - (float)first;
+    return WHOLE(from > 0.0f ? from < TILE ? from : F(TILE) : F(0.0f));
+}
+
+/* Pixels of a tile in which n segments may lie, a bit each. */
+INLINED void pixels_of(const Tile *t, const Chunk *chunk, int n, lanes_l *pixels)
+{
+#define GET(member) (*(const lanes *)(chunk->member + i))
+    for (int i = 0; i < n; i += LANES) {
+        const lanes_i steep = *(const lanes_i *)(chunk->steep + i);
+        const lanes au = GET(au), bu = GET(bu), av = GET(av), length = bu - au, bv = av + GET(slope) * length;
+        const lanes ar = GET(ar), reach = GET(tilt) * greater(ar, ar + GET(r_step) * length) + 0.1f;   // and some for rounding
+        const lanes low = lesser(av, bv) - reach, high = greater(av, bv) + reach + 1.0f;
+        const lanes_i left = before(steep ? low : au, t->left), right = before(steep ? high : bu + 1.0f, t->left);
+        const lanes_i top = before(steep ? au : low, t->top), bottom = before(steep ? bu + 1.0f : high, t->top);
+        const lanes_l row = TO(lanes_l, bu > au ? (I(1) << right) - (I(1) << left) : I(0)) * 0x0101010101010101l;
+        const lanes_l from = TO(lanes_l, 4 * top), until = TO(lanes_l, 4 * bottom), one = 1;
+        pixels[i / LANES] = row & ((one << until << until) - (one << from << from));
+    }
+}
+
 /* Draw segment i of a chunk: eight columns side by side, row by row. */
 INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
 {
     const int steep = chunk->steep[i], u0 = steep ? t->top : t->left, v0 = steep ? t->left : t->top;
-    if (!(chunk->bu[i] > chunk->au[i]) || chunk->bu[i] <= u0 || chunk->au[i] >= u0 + TILE)
-        return;
     const lanes_i lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
     Column column;
     column_of(chunk, i, view, lane + u0, &column);
     lanes_i v = column.low > v0 ? column.low : v0;
     const lanes_i bottom = column.high < v0 + TILE ? column.high : v0 + TILE;
-    lanes_i on = (column.along > 0.0f) & (v < bottom);
-    int bits = bits_of(on);
-    if (!bits)
+    const lanes_i on = (column.along > 0.0f) & (v < bottom);
+    /* Open pixels of each column that it may touch, from row v on. */
+    lanes_i todo = on & ((steep ? t->in_rows : t->in_columns) & ((I(1) << (bottom - v0 & 15)) - 1)) >> (v - v0 & 15);
+    if (!any_lane(todo))
         return;
     const uint id = chunk->id[i], number = chunk->number[i];
     const int u_stride = steep ? TILE : 1, v_stride = steep ? 1 : TILE;
@@ -383,8 +433,8 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
         *(lanes_i *)wheres = place_in(&column, v);
         *(lanes_i *)places = lane * u_stride + (v - v0) * v_stride;
         /* Each is written, and counted if it is seen: no branch. */
-        for (int todo = bits_of(on & (share > 0.0f)); todo; todo &= todo - 1) {
-            const int k = __builtin_ctz(todo), p = places[k], n = t->counts[p];
+        for (int left = bits_of(((todo & 1) != 0) & (share > 0.0f)); left; left &= left - 1) {
+            const int k = __builtin_ctz(left), p = places[k], n = t->counts[p];
             const long key = (long)((ulong)depths[k] << 32 | id);
             Slots *slots = &t->slots[p];
             slots->keys[n] = key;
@@ -400,13 +450,12 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
             }
         }
         v += 1;
-        on &= v < bottom;
-        bits = bits_of(on);
-    } while (bits);
+        todo >>= 1;
+    } while (any_lane(todo));
 }
 
 /* Sort a tile's list into BUCKETS by depth -> the least depth, and the bits below a bucket's. */
-INLINED uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *sorted)
+ONCE uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *sorted)
 {
     uint least = ~0u, most = 0, ends[BUCKETS + 1], shift = 0;
     for (uint i = 0; i < n; ++i) {
@@ -432,19 +481,15 @@ INLINED uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *s
 /* Settle all pixels as far as nothing before `until` is still to come -> whether any is still open. */
 INLINED bool settle_all(Tile *t, const Picture *picture, long until)
 {
-    bool open = false;
     for (int p = 0; p < TILE * TILE; ++p) {
-        if (t->pixels[p].closed) {
-            t->counts[p] = 0;
+        if (!(t->open >> p & 1))
             continue;
-        }
         const long before = until < t->limits[p] ? until : t->limits[p];
         t->counts[p] = settle(&t->pixels[p], picture, &t->slots[p], t->counts[p], before);
         if (t->pixels[p].closed)
-            t->bounds[p] = 0;
-        open |= !t->pixels[p].closed;
+            set_open(t, p, false);
     }
-    return open;
+    return t->open != 0;
 }
 
 /* What was dropped comes again; all before it is done.  Whether there is any. */
@@ -452,7 +497,7 @@ INLINED bool begin_again(Tile *t)
 {
     bool again = false;
     for (int p = 0; p < TILE * TILE; ++p)
-        if (!t->pixels[p].closed) {
+        if (t->open >> p & 1) {
             again |= t->limits[p] != LONG_MAX;
             t->lows[p] = t->limits[p];
             t->limits[p] = LONG_MAX;
@@ -463,20 +508,23 @@ INLINED bool begin_again(Tile *t)
 }
 
 /* Go through a tile's sorted list of n: `grain` tells the least depth, and the bits below a bucket's. */
-INLINED void go_through(Tile *t, const View *view, const Picture *picture, __global const uint2 *sorted, uint n, uint2 grain,
+ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global const uint2 *sorted, uint n, uint2 grain,
                  __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
 {
     Chunk chunk;
+    lanes_l pixels[CHUNK / LANES];
     bool open = true;
     for (uint next = 0; open && next < n;) {
         for (int fullest = 0; next < n && fullest < SLOTS / 2;) {
             const int m = n - next < CHUNK ? n - next : CHUNK;
             prepare(&chunk, view, sorted + next, m, n - next, ends, ids, cuts);
-            for (int i = 0; i < m; ++i) {
-                if (picture->lit)
-                    PREFETCH(picture->places + FEW_PLACES * (size_t)chunk.number[i]);
-                draw(t, view, &chunk, i);
-            }
+            pixels_of(t, &chunk, m, pixels);
+            for (int i = 0; i < m; ++i)
+                if (((const ulong *)pixels)[i] & t->open) {
+                    if (picture->lit)
+                        PREFETCH(picture->places + FEW_PLACES * (size_t)chunk.number[i]);
+                    draw(t, view, &chunk, i);
+                }
             next += m;
             for (int p = 0; p < TILE * TILE; ++p)
                 fullest = t->counts[p] > fullest ? t->counts[p] : fullest;
@@ -525,24 +573,33 @@ ALONE BY_HAND __kernel void tiles(
     if (tile < window.x || tile >= window.y)
         return;
     const uint first = starts[tile], n = starts[tile + 1] - first;
+    Glow glow;
+    glow.n = 0;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells, places, more, body_transmittance, alpha,
-                             front, shell_front, image};
+                             front, shell_front, image, &glow};
     Tile t;
     t.left = x * TILE;
     t.top = view.rows.x + y * TILE;
+    t.open = 0;
+    t.in_rows = t.in_columns = 0;
     t.dropped = false;
+    for (int row = 0; row < TILE && y * TILE + row < size.y; ++row)
+        for (int k = 0; k < TILE * view.size.z; k += 8)
+            PREFETCH(visible + ((size_t)(y * TILE + row) * size.x + x * TILE) * view.size.z + k);
     for (int p = 0; p < TILE * TILE; ++p) {
         const int px = x * TILE + p % TILE, py = y * TILE + p / TILE;
         t.counts[p] = t.bounds[p] = 0;
         t.lows[p] = 0;
         t.limits[p] = LONG_MAX;
-        t.pixels[p].closed = true;
-        if (px < size.x && py < size.y)
+        if (px < size.x && py < size.y) {
             t.bounds[p] = begin_pixel(&t.pixels[p], &picture, (size_t)py * size.x + px);
+            set_open(&t, p, true);
+        }
     }
     if (n) {
         const uint2 grain = sort_list(entries + first, n, sorted + first);
         go_through(&t, &view, &picture, sorted + first, n, grain, ends, ids, cuts);
+        glow_all(&glow, places, more);
     }
     for (int p = 0; p < TILE * TILE; ++p)
         if (x * TILE + p % TILE < size.x && y * TILE + p / TILE < size.y)

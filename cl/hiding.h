@@ -3,6 +3,8 @@
  * C += T a c, T *= 1 - a, but pieces of one strand lie beside each other.  Where less than 1/256 of the light is left no
  * more strands are looked at: the last one takes the rest, or what is behind them all.  coverage.cl uses this.
  */
+#include "glow.h"
+
 #define CHAINS 8                     // strands whose pieces in a pixel are remembered: these lie beside each other, not behind
 
 /* What is known of pieces, and of what else stands in pixels, and what is told of them. */
@@ -14,6 +16,7 @@ typedef struct {
     __global float *body_transmittance, *alpha;
     __global ulong *front, *shell_front;
     __global float4 *image;
+    Glow *glow;                      // light that waits, where LANES go side by side
 } Picture;
 
 /* The pieces of a pixel that wait, in any order. */
@@ -110,6 +113,7 @@ INLINED void pass_event(Pixel *p, int samples)
 
 INLINED int first_lane(uint8 mask)
 {
+#if LANES == 1
     const uint8 b = mask & (uint8)(1, 2, 4, 8, 16, 32, 64, 128);
     const uint4 c = b.lo | b.hi;
     const uint m = (c.x | c.y) | (c.z | c.w);
@@ -117,10 +121,13 @@ INLINED int first_lane(uint8 mask)
         if (m >> k & 1)
             return k;
     return CHAINS;
+#else
+    return first_of(bits_of(as_int8(mask)) | 1 << CHAINS);
+#endif
 }
 
-/* Hide a piece behind what came before it -> the share of the pixel's light that it has. */
-INLINED float hide(Pixel *p, long key, float share)
+/* Hide a piece behind what came before it -> the share of the pixel's light that it has.  sums: the pixel's. */
+INLINED float hide(Pixel *p, float8 *sums, long key, float share)
 {
     const uint8 lane = (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
     const uint id = (uint)key;
@@ -134,14 +141,22 @@ INLINED float hide(Pixel *p, long key, float share)
         const float sum = share < 1.0f ? share : 1.0f;
         p->lows = here ? id : p->lows;
         p->highs = here ? id : p->highs;
-        p->sums = here ? sum : p->sums;
+#if LANES == 1
+        *sums = here ? sum : *sums;
+#else
+        ((float *)sums)[slot] = sum;
+#endif
         hidden = p->kept * sum;
     } else {
         const int8 here = lane == (uint)chain;
-        const float before = ((float *)&p->sums)[chain], grown = before + share, sum = grown < 1.0f ? grown : 1.0f;
+        const float before = ((float *)sums)[chain], grown = before + share, sum = grown < 1.0f ? grown : 1.0f;
         p->lows = here & as_int8(p->lows > id) ? id : p->lows;
         p->highs = here & as_int8(p->highs < id) ? id : p->highs;
-        p->sums = here ? sum : p->sums;
+#if LANES == 1
+        *sums = here ? sum : *sums;
+#else
+        ((float *)sums)[chain] = sum;
+#endif
         hidden = before < 1.0f ? p->kept * (sum - before) / (1.0f - before) : 0.0f;
     }
     p->kept -= hidden;
@@ -150,10 +165,9 @@ INLINED float hide(Pixel *p, long key, float share)
         weight += p->kept * p->room;
         p->kept = 0.0f;
     }
-    if (weight > p->most) {
-        p->most = weight;
-        p->best = key;
-    }
+    const bool best = weight > p->most;
+    p->most = best ? weight : p->most;
+    p->best = best ? key : p->best;
     return weight;
 }
 
@@ -170,12 +184,29 @@ INLINED void drop(Slots *slots, long *limit)
     slots->numbers[far] = slots->numbers[SLOTS - 1];
 }
 
+/* Add the light of a piece. */
+INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, uint where)
+{
+#if LANES == 1
+    const float4 light = light_between(picture->places + FEW_PLACES * (size_t)number, picture->more,
+                                       (where & 0xFFFF) * (1.0f / 65535.0f));
+    p->light += weight * (light < MOST ? light : MOST);
+#else
+    add_glow(picture->glow, picture->places, picture->more, &p->light, weight, number, where);
+#endif
+}
+
 /* Hide those of n pieces whose keys are below `until`, of which no more will come -> those that are left. */
 INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until)
 {
     int order[SLOTS + 4], i = 0;
+    long4 soon = 0;
     for (int j = n; j & 3; ++j)
         slots->keys[j] = LONG_MAX;
+    for (int j = 0; j < n; j += 4)
+        soon |= *(const long4 *)(slots->keys + j) < until;
+    if (!((soon.x | soon.y) | (soon.z | soon.w)))
+        return n;
     for (int j = 0; j < n; j += 4) {         // each one's rank: how many are nearer
         const long4 mine = *(const long4 *)(slots->keys + j);
         long4 rank = 0;
@@ -186,27 +217,38 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
         order[rank.z] = j + 2;
         order[rank.w] = j + 3;
     }
+#if LANES == 1
+    Pixel *const hot = p;
+#else
+    Pixel registers = *p, *const hot = &registers;   // what changes with each piece
+#endif
     bool more = p->kept * p->room > UNSEEN;
     while (more && i < n && slots->keys[order[i]] < until) {
         const int j = order[i];
         const long key = slots->keys[j];
         if (p->event < p->events && p->depths[p->event] <= (uint)(key >> 32)) {
+            p->kept = hot->kept;
             pass_event(p, picture->samples);
-            more = p->kept * p->room > UNSEEN;
+            hot->room = p->room;
+            more = hot->kept * hot->room > UNSEEN;
             continue;
         }
-        const float weight = hide(p, key, slots->shares[j]);
-        if (picture->lit) {
-            const float4 light = light_between(picture->places + FEW_PLACES * (size_t)slots->numbers[j], picture->more,
-                                               (slots->wheres[j] & 0xFFFF) * (1.0f / 65535.0f));
-            p->light += weight * (light < MOST ? light : MOST);
-        }
-        more = p->kept * p->room > UNSEEN;
+        const float weight = hide(hot, &p->sums, key, slots->shares[j]);
+        if (picture->lit)
+            shine(picture, p, weight, slots->numbers[j], slots->wheres[j]);
+        more = hot->kept * hot->room > UNSEEN;
         ++i;
     }
+    p->kept = hot->kept;
+    p->most = hot->most;
+    p->best = hot->best;
+    p->lows = hot->lows;
+    p->highs = hot->highs;
+    p->chains = hot->chains;
+    p->oldest = hot->oldest;
     p->closed = !more;
-    if (!i || !more)
-        return more ? n : 0;
+    if (i == n || !more)
+        return 0;
     int left = 0;
     for (int j = 0; j < n; ++j) {
         const long key = slots->keys[j];

@@ -64,6 +64,12 @@ typedef long16 lanes_l;
 #else
 #define INLINED inline __attribute__((always_inline))
 #endif
+/* The large part of a kernel: PoCL makes two functions of each kernel, and would compile what is inlined there twice. */
+#if LANES > 1
+#define ONCE static __attribute__((noinline))
+#else
+#define ONCE INLINED
+#endif
 #define ON (LANES == 1 ? 1 : -1)  // in a mask
 #define SHIFT 12582912.0f        // 1.5 * 2^23: a float this large has no fraction
 
@@ -146,27 +152,41 @@ INLINED bool any_lane(lanes_i mask)
 #else
     const int8 b = mask;
 #endif
+#ifdef __AVX__
+    return !__builtin_ia32_ptestz256(as_long4(b), as_long4(b));
+#else
+    const int4 a = b.lo | b.hi;
+    return (a.x | a.y) | (a.z | a.w);
+#endif
+#endif
+}
+
+#if LANES > 1
+/* `bits_of` eight lanes. */
+INLINED uint bits_of_eight(int8 mask)
+{
+#ifdef __AVX__
+    return __builtin_ia32_movmskps256(as_float8(mask));
+#else
+    const int8 b = mask & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
     const int4 a = b.lo | b.hi;
     return (a.x | a.y) | (a.z | a.w);
 #endif
 }
+#endif
 
 /* The lanes of a mask that are on, a bit each. */
 INLINED uint bits_of(lanes_i mask)
 {
 #if LANES == 1
     return mask;
-#else
-    const int8 bits = (int8)(1, 2, 4, 8, 16, 32, 64, 128);
-#if LANES == 32
-    const int8 b = (mask.lo.lo & bits) | (mask.lo.hi & bits << 8) | (mask.hi.lo & bits << 16) | (mask.hi.hi & bits << 24);
+#elif LANES == 8
+    return bits_of_eight(mask);
 #elif LANES == 16
-    const int8 b = (mask.lo & bits) | (mask.hi & bits << 8);
+    return bits_of_eight(mask.lo) | bits_of_eight(mask.hi) << 8;
 #else
-    const int8 b = mask & bits;
-#endif
-    const int4 a = b.lo | b.hi;
-    return (a.x | a.y) | (a.z | a.w);
+    return bits_of_eight(mask.lo.lo) | bits_of_eight(mask.lo.hi) << 8 | bits_of_eight(mask.hi.lo) << 16
+        | bits_of_eight(mask.hi.hi) << 24;
 #endif
 }
 

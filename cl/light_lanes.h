@@ -94,7 +94,7 @@ INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, 
 
 /* Share of a light that body and other hair let through to places p of strands; n: the body's normals at their roots, width
    and alpha: of the strands. */
-INLINED lanes transmittances_at(const Obstacles *obstacles, lanes_i on, lanes3 p, lanes3 n, lanes width, lanes alpha)
+ONCE lanes transmittances_at(const Obstacles *obstacles, lanes_i on, lanes3 p, lanes3 n, lanes width, lanes alpha)
 {
     const Shadow *shadow = &obstacles->shadow;
     lanes share = on ? F(1.0f) : F(0.0f);

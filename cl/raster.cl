@@ -69,7 +69,7 @@ inline int first_pixel(int u, int offset)
 
 /* Half-open in both directions: samples with u in [u0, u1) along the longer axis, and across it within half the
    width there, [v - r, v + r), measured along the shorter axis; at least a sample's share of a pixel. */
-inline void draw_segment(
+ONCE void draw_segment(
     volatile __global ulong *visible, const View *view, int4 a, int4 b, uint id, int phase)
 {
     const bool steep = abs(b.x - a.x) < abs(b.y - a.y);
@@ -164,7 +164,7 @@ INLINED lanes_i divided(lanes_i over, int shift, lanes_i by)
 }
 
 /* What draw_segment does with thin ones, for those of LANES that are on. */
-INLINED void draw_thin(volatile __global ulong *visible, const View *view, lanes_i on, Corners a, Corners b, const uint *id,
+ONCE void draw_thin(volatile __global ulong *visible, const View *view, lanes_i on, Corners a, Corners b, const uint *id,
                        int phase)
 {
     const lanes_i dx = b.x - a.x, dy = b.y - a.y;
@@ -322,7 +322,7 @@ inline long edge_bias(int4 p, int4 q)
 }
 
 /* `after`: depth that a sample's fragment must lie behind, if `facing`, which also leaves out what faces away. */
-inline void draw_triangle(volatile __global ulong *visible, const View *view, int2 rows, int4 a, int4 b, int4 c, uint id,
+ONCE void draw_triangle(volatile __global ulong *visible, const View *view, int2 rows, int4 a, int4 b, int4 c, uint id,
                           int phase, int facing, __global const uint *after)
 {
     long area = edge(a, b, c.x, c.y);
@@ -460,7 +460,7 @@ INLINED int4 corner(const Corners *of, int k)
 
 /* Triangles, drawn side by side as draw_triangle draws them: LANES different ones, each from the first pixel that it may
    touch. Those of `there` are small. */
-INLINED void draw_small(volatile __global ulong *visible, const View *view, int2 rows, lanes_i there, Corners a, Corners b,
+ONCE void draw_small(volatile __global ulong *visible, const View *view, int2 rows, lanes_i there, Corners a, Corners b,
                         Corners c, uint first, int phase, int facing, __global const uint *after)
 {
     const lanes_i turned = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x), swap = turned < 0;

@@ -112,7 +112,7 @@ inline bool clipped(const View *view, float8 ends, float8 *result, uint *cut)
 }
 
 /* Segments `from` on of a strand whose last point is `last`: n of them, LANES at most. */
-INLINED void project(const View *view, __global const float4 *points, uint from, uint last, int n, Batch *batch)
+ONCE void project(const View *view, __global const float4 *points, uint from, uint last, int n, Batch *batch)
 {
     float8 rows[LANES];
     lanes p[8], c[8];

@@ -87,7 +87,7 @@ INLINED void body_normals(const lanes3 *at, const lanes3 *normals, lanes3 p, lan
 }
 
 /* The light that waiting samples of the body send to the eye. */
-INLINED lanes3 light_of_body(const View *view, const Lighting *lighting, const Waiting *samples,
+ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Waiting *samples,
                              __global const float4 *positions, __global const float4 *normals,
                              __global const uint4 *triangles, float4 color)
 {
@@ -113,7 +113,8 @@ INLINED lanes3 light_of_body(const View *view, const Lighting *lighting, const W
 }
 
 /* The light that waiting samples of strands send to the eye. */
-INLINED lanes3 light_of_strands(const View *view, const Lighting *lighting, const Waiting *samples, const Hair *hair, const Looks *looks)
+ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const Waiting *samples, const Hair *hair,
+                             const Looks *looks)
 {
     const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
     Fibres here;

@@ -252,6 +252,55 @@ INLINED void put_type(Growing *strands, uint lane, __global const HairType *type
     LANE_I(strands->segments, lane) = type->counts.x ? type->counts.x : -1;
 }
 
+/* Grow strands from their roots; see `grow`. */
+ONCE void lengthen(const Growing *strands, uint seed, float4 force, __global const float4 *point_forces, uint n_point_forces,
+                   uint first, uint here, uint stride, __global float4 *points, __global float4 *strand_normal)
+{
+    const Skin skin = skin_of(strands);
+    for (uint lane = 0; lane < here; ++lane)
+        strand_normal[first + lane] = (float4)(lane_of(&skin.upright, lane), 0.0f);
+    const lanes3 turn = on_skin(&skin, random_vectors(strands->number, seed, 2));
+    const lanes3 lean = on_skin(&skin, random_vectors(strands->number, seed, 3));
+    lanes3 axis = mean_of(strands, strands->corners);
+    lanes3 direction = units_or(plus(skin.upright, scaled(lean, strands->lean)), skin.upright);
+    const lanes_i bent = strands->curl > 0.0f | strands->wave > 0.0f;
+    const bool any_bent = any_lane(bent);
+    lanes3 side = units_or(crosses(direction, turn), units_or(crosses(direction, skin.edge), skin.upright));
+    lanes curl_cos = F(1.0f), curl_sin = F(0.0f), wave_cos = F(1.0f), wave_sin = F(0.0f);   // of the angle so far
+    lanes3 now = axis;
+
+    const int most = most_lane(strands->segments);
+    for (int k = 0; k <= most; ++k) {
+        axis = plus(axis, scaled(direction, strands->length));
+        lanes3 next = axis;
+        if (any_bent) {
+            const lanes3 across = crosses(direction, side);
+            const lanes c = curl_cos * strands->curl_cos - curl_sin * strands->curl_sin;
+            curl_sin = curl_cos * strands->curl_sin + curl_sin * strands->curl_cos;
+            curl_cos = c;
+            const lanes w = wave_cos * strands->wave_cos - wave_sin * strands->wave_sin;
+            wave_sin = wave_cos * strands->wave_sin + wave_sin * strands->wave_cos;
+            wave_cos = w;
+            const lanes3 off = plus(scaled(side, strands->curl * (curl_cos - 1.0f) + strands->wave * wave_sin),
+                                    scaled(across, strands->curl * curl_sin));
+            next = chosen(bent, plus(next, off), next);
+        }
+        next = chosen(k < strands->segments, next, now);     // behind the last point is none
+        for (uint lane = 0; lane < here; ++lane)
+            if (k <= LANE_I(strands->segments, lane)) {
+                const size_t to = (size_t)(first + lane) * stride + k;
+                points[to] = (float4)(lane_of(&now, lane), LANE(strands->width, lane));
+            }
+        now = next;
+
+        const lanes3 push = push_at(axis, force, point_forces, n_point_forces);
+        const lanes3 bowed = plus(direction, scaled(push, strands->weight));
+        direction = chosen(dots(bowed, bowed) > 1e-12f, units_or(bowed, direction), direction);   // else only rounding is left
+        if (any_bent)
+            side = units_or(minus(side, scaled(direction, dots(side, direction))), side);
+    }
+}
+
 /* One work-item grows LANES strands: point k + 1 = point k + direction · length; direction += weight · force, at length one
    again.  Curl and wave shift the points off that axis, in a frame carried along it with little twist.  What is random has
    directions in the frame of the skin at the root, so that it turns with it. */
@@ -318,50 +367,7 @@ __kernel void grow(
         LANE(strands.shares[1], lane) = share.y;
         LANE(strands.shares[2], lane) = share.z;
     }
-
-    const Skin skin = skin_of(&strands);
-    for (uint lane = 0; lane < here; ++lane)
-        strand_normal[first + lane] = (float4)(lane_of(&skin.upright, lane), 0.0f);
-    const lanes3 turn = on_skin(&skin, random_vectors(strands.number, seed, 2));
-    const lanes3 lean = on_skin(&skin, random_vectors(strands.number, seed, 3));
-    lanes3 axis = mean_of(&strands, strands.corners);
-    lanes3 direction = units_or(plus(skin.upright, scaled(lean, strands.lean)), skin.upright);
-    const lanes_i bent = strands.curl > 0.0f | strands.wave > 0.0f;
-    const bool any_bent = any_lane(bent);
-    lanes3 side = units_or(crosses(direction, turn), units_or(crosses(direction, skin.edge), skin.upright));
-    lanes curl_cos = F(1.0f), curl_sin = F(0.0f), wave_cos = F(1.0f), wave_sin = F(0.0f);   // of the angle so far
-    lanes3 now = axis;
-
-    const int most = most_lane(strands.segments);
-    for (int k = 0; k <= most; ++k) {
-        axis = plus(axis, scaled(direction, strands.length));
-        lanes3 next = axis;
-        if (any_bent) {
-            const lanes3 across = crosses(direction, side);
-            const lanes c = curl_cos * strands.curl_cos - curl_sin * strands.curl_sin;
-            curl_sin = curl_cos * strands.curl_sin + curl_sin * strands.curl_cos;
-            curl_cos = c;
-            const lanes w = wave_cos * strands.wave_cos - wave_sin * strands.wave_sin;
-            wave_sin = wave_cos * strands.wave_sin + wave_sin * strands.wave_cos;
-            wave_cos = w;
-            const lanes3 off = plus(scaled(side, strands.curl * (curl_cos - 1.0f) + strands.wave * wave_sin),
-                                    scaled(across, strands.curl * curl_sin));
-            next = chosen(bent, plus(next, off), next);
-        }
-        next = chosen(k < strands.segments, next, now);     // behind the last point is none
-        for (uint lane = 0; lane < here; ++lane)
-            if (k <= LANE_I(strands.segments, lane)) {
-                const size_t to = (size_t)(first + lane) * stride + k;
-                points[to] = (float4)(lane_of(&now, lane), LANE(strands.width, lane));
-            }
-        now = next;
-
-        const lanes3 push = push_at(axis, force, point_forces, n_point_forces);
-        const lanes3 bowed = plus(direction, scaled(push, strands.weight));
-        direction = chosen(dots(bowed, bowed) > 1e-12f, units_or(bowed, direction), direction);   // else only rounding is left
-        if (any_bent)
-            side = units_or(minus(side, scaled(direction, dots(side, direction))), side);
-    }
+    lengthen(&strands, seed, force, point_forces, n_point_forces, first, here, stride, points, strand_normal);
 }
 
 /* One strand of the user's goes to its place in the order: packed arrays -> those of grown strands. */

@@ -368,7 +368,7 @@ INLINED void spread(volatile __global uint *cells, const Grid *grid, Block *bloc
 }
 
 /* LANES strands from one on, `end` at most, each segment of them in turn. */
-INLINED void put_lanes(const Grid *grid, __global const float4 *points, __global const uint2 *spans,
+ONCE void put_lanes(const Grid *grid, __global const float4 *points, __global const uint2 *spans,
                        __global const float4 *strand_uv, __global const uint *weights, volatile __global uint *cells,
                        Block *block, uint strand, uint end)
 {

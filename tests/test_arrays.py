@@ -59,7 +59,7 @@ def test_arrays_are_made_as_declared(gpu):
     assert shapes == {
         "body_transmittance": ((3, 5, 4), np.float32), "alpha": ((3, 5), np.float32), "front": ((3, 5, 1), np.uint64),
         "shell_front": ((0, 5, 1), np.uint64)}
-    tiles = coverage.Tiles.empty(gpu, {"tile": 6, "counter": 1})
+    tiles = coverage.Tiles.empty(gpu, {"tile": 6, "counter": 1, "strand": 5})
     assert (tiles.counts.get() == 0).all() and (made.alpha.get() == 7).all()
     assert bytes_of(made) == coverage.Covered.bytes(pixel=15, sample=60)
     assert coverage.Covered.bytes("body_transmittance", "front", pixel=15, sample=60) == 15 * 8 + 60 * 4

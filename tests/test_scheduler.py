@@ -150,3 +150,19 @@ def test_no_wait_is_long_where_fur_follows_sky(monkeypatch):
     assert not waits                                                # it took less than a piece may
     gpu.launch("made.up", 400_000)
     assert len(waits) > 4                                           # nobody knows what the others take
+
+
+def test_an_upload_is_of_what_the_array_held_then(gpu):
+    """It is not waited for where it is small: what the caller writes afterwards must not be on the device."""
+    busy = [gpu.full(1 << 22, np.uint32, k) for k in range(8)]   # so that the device has something to do before
+    array = np.arange(1000, dtype=np.int32)
+    there = gpu.upload(array)
+    array[:] = -1
+    assert (gpu.download(there) == np.arange(1000)).all() and len(busy) == 8
+
+
+def test_small_empty_arrays_are_made_once(gpu):
+    """Kernels take one for each thing that there is not."""
+    assert gpu.empty((0, 4), np.float32) is gpu.empty((0, 4), np.float32)
+    assert gpu.empty(0, np.float32).shape == (0,) and gpu.empty(0, np.uint32).dtype == np.uint32
+    assert gpu.empty((0, 1000), np.float32) is not gpu.empty((0, 1000), np.float32)

@@ -6,6 +6,7 @@ import re
 import threading
 import time
 import warnings
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
@@ -28,6 +29,7 @@ GROUP = 64          # work-items in a work-group, where a kernel doesn't state h
 FIRST = 1024        # work-items in the first piece of a launch
 MOST = 65_472       # work-items in any piece: PoCL compiles a kernel anew for 2^16 and more
 PIECE = 0.1         # seconds that a piece of a launch should take, so that Ctrl-C need not wait long
+SMALL = 1 << 18     # bytes of an upload that is not waited for, but copied first
 SPARE = 256 << 20   # bytes that the pool may hold beyond twice of what the last frame used
 
 
@@ -103,6 +105,8 @@ class Scheduler:
         self._builds: dict[str, Future] = {}         # and those that are being built in another thread
         self._building = threading.Lock()
         self._kept: dict[str, tuple] = {}
+        self._nothing: dict[tuple, cla.Array] = {}   # empty arrays that are handed out again and again
+        self._uploads: deque = deque(maxlen=64)      # events: each holds what is copied, and waits when it goes
         self._log: list[tuple] = []
         self._label: str | None = None
         self._busy = threading.Lock()
@@ -125,6 +129,8 @@ class Scheduler:
         """Uninitialised device array, taken from the pool."""
         check_process()
         shape = (shape,) if np.isscalar(shape) else tuple(shape)
+        if not shape[0] and (there := self._nothing.get((shape, dtype))) is not None:
+            return there
         nbytes = math.prod(map(int, shape)) * np.dtype(dtype).itemsize
         if nbytes > self.largest:
             raise Error(f"an array of {nbytes / 2**20:,.0f} MiB {shape} is more than {self.name} can hold "
@@ -140,7 +146,9 @@ class Scheduler:
         except cl.Error as error:
             raise DeviceError(f"{self.name} gives no memory: {error}") from None
         self.peak = max(self.peak, self._pool.active_bytes)
-        return whole if shape[0] else whole[:0]
+        if shape[0]:
+            return whole
+        return self._nothing.setdefault((shape, dtype), whole[:0]) if whole.nbytes <= 64 else whole[:0]
 
     def full(self, shape: Any, dtype: Any, value: Any) -> cla.Array:
         """Device array filled with one value."""
@@ -162,7 +170,10 @@ class Scheduler:
         there = self.empty(array.shape, array.dtype)
         if array.size:
             with self._watched("takes no data"):
-                there.set(array)
+                if array.nbytes > SMALL:
+                    there.set(array)
+                else:   # a copy that nobody writes into: to wait would be to wait for all that is to be done before
+                    self._uploads.append(cl.enqueue_copy(self.queue, _buffer(there), array.copy(), is_blocking=False))
         return there
 
     def rows(self, array: Any, first: int, end: int) -> cla.Array:

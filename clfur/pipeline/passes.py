@@ -162,7 +162,10 @@ class Coverage:
             end = min(top + plan.rows(gpu), end)
             view = band_of(plan.rig.view, top, end)
             visible = build.rasterize_body(gpu, plan, view)
-            tiles, parts = coverage.bound(gpu, view, visible), plan.parts(gpu)
+            parts = plan.parts(gpu)
+            alone = len(parts) == 1 and parts[0].hairy
+            strands = len(build.hair(gpu, plan, parts[0], plan.settings.lod).spans) if alone else 0
+            tiles = coverage.bound(gpu, view, visible, strands)
             for part in reversed(parts):
                 if part.hairy:
                     coverage.count(gpu, view, build.hair(gpu, plan, part, plan.settings.lod), tiles, plan.longest)

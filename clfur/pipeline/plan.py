@@ -333,8 +333,9 @@ class Plan:
         if self.settings.lod:
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
             strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
-        if self.uses_coverage and not self.keeps_transmittances(gpu):
-            point += self._transmittance
+        if self.uses_coverage:
+            strand += Tiles.bytes(strand=1)
+            point += 0 if self.keeps_transmittances(gpu) else self._transmittance
         return strand, point
 
     # --- parts --------------------------------------------------------------------------------------------------

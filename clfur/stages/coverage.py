@@ -21,6 +21,7 @@ class Tiles(Arrays):
     bounds: Any = array("tile", np.uint32)               # depth
     counts: Any = array("tile", np.uint32, None, 0)
     survivors: Any = array("counter", np.uint32, None, 0)   # segments that may show anywhere
+    shown: Any = array("strand", np.uint32)      # rows of tiles in which each may show: first, one past the last << 16
 
 
 @dataclass(frozen=True)
@@ -52,14 +53,15 @@ def tiles_of(width: int, rows: int) -> tuple[int, int]:
     return (width + TILE - 1) // TILE, (rows + TILE - 1) // TILE
 
 
-def bound(gpu: Any, view: np.void, visible: Any) -> Tiles:
+def bound(gpu: Any, view: np.void, visible: Any, strands: int = 0) -> Tiles:
     """How far each tile can be seen into -> `Tiles` with nothing counted.
 
-    ``visible``: [rows, width, samples] uint64, what `raster` gives of the body.
+    ``visible``: [rows, width, samples] uint64, what `raster` gives of the body.  ``strands``: how many there are, if
+    all are counted at once: then it is remembered where each shows, and `fill` leaves out those that show elsewhere.
     """
     rows, width, _ = visible.shape
     across, down = tiles_of(width, rows)
-    tiles = Tiles.empty(gpu, {"tile": across * down, "counter": 1})
+    tiles = Tiles.empty(gpu, {"tile": across * down, "counter": 1, "strand": strands})
     gpu.launch("coverage.bound", across * down, view=view, visible=visible, bounds=tiles.bounds)
     return tiles
 
@@ -67,8 +69,8 @@ def bound(gpu: Any, view: np.void, visible: Any) -> Tiles:
 def count(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, longest: int) -> None:
     """Count the segments of strands, of at most ``longest`` points each, that each of the `Tiles` may show."""
     for stretch in _stretches(gpu, longest):
-        gpu.launch("coverage.count", len(strands.spans), view=view, stretch=stretch, **vars(tiles),
-                   **arrays(strands, "points", "spans"))
+        gpu.launch("coverage.count", len(strands.spans), view=view, stretch=stretch, known=_knows(tiles, strands),
+                   **vars(tiles), **arrays(strands, "points", "spans"))
 
 
 def allocate(gpu: Any, counts: np.ndarray, survivors: int) -> Segments:
@@ -84,8 +86,9 @@ def fill(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, segments
     those that are there already."""
     for stretch in _stretches(gpu, longest):
         gpu.launch("coverage.fill", len(strands.spans), view=view, stretch=stretch, bounds=tiles.bounds, window=window,
-                   first=strands.first_point, cursors=segments.cursors, survivors=segments.survivors,
-                   entries=segments.entries, ends=segments.ends, ids=segments.ids, cuts=segments.cuts,
+                   first=strands.first_point, known=_knows(tiles, strands), shown=tiles.shown, cursors=segments.cursors,
+                   survivors=segments.survivors, entries=segments.entries, ends=segments.ends, ids=segments.ids,
+                   cuts=segments.cuts,
                    **arrays(strands, "points", "spans", "shifts"))
 
 
@@ -150,6 +153,10 @@ def _pixels(gpu, n, **known):
         gpu.launch("coverage.pixels", n, steps=steps, fresh=fresh, listed=True, items=open_, open=none, n_open=count,
                    walks=walks, **known)
         left, fresh = int(gpu.download(count)[0]), False
+
+
+def _knows(tiles, strands):
+    return len(tiles.shown) == len(strands.spans)
 
 
 def _stretches(gpu, longest):

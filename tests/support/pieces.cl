@@ -79,8 +79,10 @@ BY_HAND __kernel void hidden(
     __global float4 *image)
 {
     WORK_ITEM(i);
+    Glow glow;
+    glow.n = 0;
     const Picture picture = {samples, has_shells, 1, visible, sample_shells, places, more, body_transmittance, alpha, front,
-                             shell_front, image};
+                             shell_front, image, &glow};
     Pixel pixel;
     Slots slots;
     const uint bound = begin_pixel(&pixel, &picture, i);
@@ -103,5 +105,6 @@ BY_HAND __kernel void hidden(
         settle(&pixel, &picture, &slots, n, limit);
         low = limit;
     }
+    glow_all(&glow, places, more);
     end_pixel(&pixel, &picture);
 }
