@@ -80,8 +80,8 @@ INLINED float4 around_strand(const Sought *sought, int k, __global const float4 
 
 /* Put into `part` the share of a light that hair sends to the eye, of those places that are `on`. t: unit tangents, towards
    the tips, v and l towards the eye and the light. A function of its own: other looks do without its registers. */
-static void __attribute__((noinline)) add_lobes(lanes3 *part, const Looks *looks, lanes_i on, lanes_i kind, const lanes3 *t,
-                                                const lanes3 *color, const lanes3 *l, const lanes3 *v)
+ONCE void add_lobes(lanes3 *part, const Looks *looks, lanes_i on, lanes_i kind, const lanes3 *t, const lanes3 *color,
+                    const lanes3 *l, const lanes3 *v)
 {
     const lanes sine_v = within(dots(*t, *v), -1.0f, 1.0f), sine_l = within(dots(*t, *l), -1.0f, 1.0f);
     const lanes cosine_v = full_root(1.0f - sine_v * sine_v), cosine_l = full_root(1.0f - sine_l * sine_l);

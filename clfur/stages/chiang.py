@@ -79,7 +79,7 @@ def entries(types: Any) -> int:
 
 def sizes(scale: float) -> tuple[int, int]:
     """(Cosines, angles) of a table of lobes as narrow as this: enough for 1 % of what is above a tenth."""
-    return min(max(math.ceil(8 * scale**-.65), 24), 160), max(math.ceil(7 / scale), 48)
+    return max(math.ceil(10 * scale**-.65), 24), max(math.ceil(9 / scale), 48)
 
 
 def shades() -> np.ndarray:
