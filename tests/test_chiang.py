@@ -144,6 +144,8 @@ def test_pictures_take_the_look(gpu, raster):
     settings = clfur.Settings(samples=16, shadows="off", raster=raster)
     picture = clfur.render(scene, gpu, settings)
     made = gpu._kept["scattering"][1]
+    mesh = clfur.Mesh(np.eye(3) - 9, np.eye(3), None, [[0, 1, 2]])
+    clfur.render(attrs.evolve(scene, mesh=mesh), gpu, settings)   # as in a film in which it moves
     again = clfur.render(attrs.evolve(scene, light=clfur.Light((0, 0, -1))), gpu, settings)
     assert gpu._kept["scattering"][1] is made
     plain = clfur.render(attrs.evolve(scene, fur=attrs.evolve(fur, look=clfur.Kajiya())), gpu, settings)

@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import Error
 from ..scene import Curves, Strands
 from ..stages.blur import blur_radius
-from ..stages.chiang import Scattering, entries, of_model
+from ..stages.chiang import bytes_of, of_model
 from ..stages.coverage import TILE, Covered, Segments, Tiles
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
@@ -311,7 +311,7 @@ class Plan:
         if settings.shadows != "off" and (self.strands or scene.shells):
             layers = Lighting.bytes(layer=(settings.grid + 1) * settings.grid**2)
             fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
-        return fixed + Scattering.bytes(type=len(self.lobed), entry=entries(self.lobed))
+        return fixed + bytes_of(self.lobed)
 
     @property
     def _transmittance(self):

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from .. import layout
-from ..layout import Arrays, array
+from ..layout import Arrays, Declared, array
 
 SHADES = int(layout.CONSTANTS["SHADES"])
 WAY = 1.85           # radii that light goes on its way through hair, about: by it shades are chosen
+SHARES = Declared("share", np.float32, 4)   # of light that leaves by each lobe, while a table is made
 KEPT = "looks"       # begins the key of what is kept of looks, whatever the scene
 
 
@@ -61,11 +62,11 @@ def scattering(gpu: Any, types: Any) -> Scattering:
 def tabulate(gpu: Any, look: Any, n_cosines: int, angles: int, first: int, table: Any) -> None:
     """Fill rows of a ``table``, [cosines, angles, SHADES] from row ``first`` on, for the `clfur.Chiang` of a type."""
     s, index = look.scale, look.index
-    x, weights = np.polynomial.legendre.leggauss(int(3 / s) + 32)    # over 0 to pi / 2, of the angle
+    x, weights = np.polynomial.legendre.leggauss(_places_across(s))   # over 0 to pi / 2, of the angle
     gammas, weights = math.pi / 4 * (x + 1), math.pi / 4 * weights
     given = {"index": index, "entries": len(x), "cosines": gpu.upload(np.float32(cosines(n_cosines))),
              "gammas": gpu.upload(np.float32(gammas)),
-             "shares": gpu.empty((n_cosines * len(x) * SHADES, 4), np.float32)}
+             "shares": SHARES.empty(gpu, n_cosines * len(x) * SHADES)}
     gpu.launch("chiang.attenuate", n_cosines * len(x), absorptions=gpu.upload(np.float32(shades())), **given)
     gpu.launch("chiang.gather", n_cosines * angles, s=s, whole=math.tanh(math.pi / (2 * s)), angles=angles, first=first,
                weights=gpu.upload(np.float32(weights * np.cos(gammas))), table=table, **given)
@@ -73,8 +74,13 @@ def tabulate(gpu: Any, look: Any, n_cosines: int, angles: int, first: int, table
 
 def entries(types: Any) -> int:
     """Rows of the tables of `clfur.HairType`s."""
-    return sum(math.prod(sizes(scale)) * SHADES for scale in {_kind_of(kind.look): kind.look.scale
-                                                              for kind in of_model(types)}.values())
+    return sum(math.prod(sizes(scale)) * SHADES for scale in _scales(types))
+
+
+def bytes_of(types: Any) -> int:
+    """Bytes on the device of `scattering`, and of what it takes meanwhile."""
+    shares = max((sizes(scale)[0] * _places_across(scale) * SHADES for scale in _scales(types)), default=0)
+    return Scattering.bytes(type=len(types), entry=entries(types)) + SHARES.bytes * shares
 
 
 def sizes(scale: float) -> tuple[int, int]:
@@ -90,6 +96,16 @@ def shades() -> np.ndarray:
 def cosines(n: int) -> np.ndarray:
     """Cosines of the eye's angle of which a table has rows -> [n] float64: near 0, where they matter most, dense."""
     return ((np.sqrt(1 + 8 * np.linspace(0, 1, n)) - 1) / 2)**2
+
+
+def _places_across(scale):
+    """How many places across half a strand's width do for lobes as narrow as this."""
+    return int(3 / scale) + 32
+
+
+def _scales(types):
+    """Scales of all tables."""
+    return list({_kind_of(kind.look): kind.look.scale for kind in of_model(types)}.values())
 
 
 def _kind_of(look):
