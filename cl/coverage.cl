@@ -163,85 +163,179 @@ INLINED long all_before(uint depth, uint2 grain)
     return (long)(grain.x + ((depth - grain.x) >> grain.y << grain.y)) << 32;
 }
 
-/* --- One pixel after the other, where LANES is 1. --- */
+/* --- A work-item each pixel, where LANES is 1; those of a tile are a work-group. --- */
+
+#define AT_ONCE 0    // a list is sorted in one launch, or in many, of a stretch each:
+#define DEPTHS 1     // the least depth and the most,
+#define TALLY 2      // how many are in each bucket,
+#define PLACE 3      // and where they go
 
 /* One work-group sorts the list of one tile into BUCKETS by depth. Not where `tiles` does so. */
 __kernel void sort(
     const ulong begin, const ulong end,    // work-items, see common.h: whole work-groups
+    const uint first_tile,                 // tile of the first group
+    const uint longest,                    // a list of more is left as it is AT_ONCE
+    const int what,                        // of the above
+    const uint2 stretch,                   // of a list: the first, one past the last; all AT_ONCE
     __global const uint *starts,           // [tiles + 1] where in `entries` those of each begin
     __global const uint2 *entries,         // depth, number of a segment
     __global uint2 *sorted,                // the same, by depth
-    __global uint2 *grains)                // [tiles] see `all_before`
+    __global uint2 *grains,                // [tiles] see `all_before`
+    __global uint *kept)                   // [BUCKETS + 2] one tile's, from launch to launch; nothing AT_ONCE
 {
 #if LANES == 1
     __local uint least, most, ends[BUCKETS];
-    const uint tile = (begin + get_global_id(0)) / get_local_size(0), me = get_local_id(0), all = get_local_size(0);
-    const uint first = starts[tile], until = starts[tile + 1];
+    const uint me = get_local_id(0), all = get_local_size(0);
+    const bool on = begin + get_group_id(0) * all < end;   // none returns before a barrier: PoCL would go astray
+    const uint tile = on ? first_tile + (begin + get_global_id(0)) / all : 0;
+    uint n = on ? starts[tile + 1] - starts[tile] : 0;
+    n = what == AT_ONCE && n > longest ? 0 : n;
+    const uint first = starts[tile] + (stretch.x < n ? stretch.x : n), until = starts[tile] + (stretch.y < n ? stretch.y : n);
     uint low = ~0u, high = 0, shift = 0;
     if (!me) {
-        least = ~0u;
-        most = 0;
+        least = what == AT_ONCE ? ~0u : kept[BUCKETS];
+        most = what == AT_ONCE ? 0 : kept[BUCKETS + 1];
     }
     for (uint k = me; k < BUCKETS; k += all)
-        ends[k] = 0;
+        ends[k] = what == AT_ONCE ? 0 : kept[k];
     barrier(CLK_LOCAL_MEM_FENCE);
-    for (uint i = first + me; i < until; i += all) {
-        const uint depth = entries[i].x;
-        low = depth < low ? depth : low;
-        high = depth > high ? depth : high;
+    if (what == AT_ONCE || what == DEPTHS) {
+        for (uint i = first + me; i < until; i += all) {
+            const uint depth = entries[i].x;
+            low = depth < low ? depth : low;
+            high = depth > high ? depth : high;
+        }
+        atomic_min(&least, low);
+        atomic_max(&most, high);
     }
-    atomic_min(&least, low);
-    atomic_max(&most, high);
     barrier(CLK_LOCAL_MEM_FENCE);
-    const uint from = least, range = most > from ? most - from : 0;
+    const uint nearest = least, range = most > nearest ? most - nearest : 0;
     while (range >> shift >= BUCKETS)
         ++shift;
-    for (uint i = first + me; i < until; i += all)
-        atomic_inc(&ends[(entries[i].x - from) >> shift]);
+    if (what == AT_ONCE || what == TALLY)
+        for (uint i = first + me; i < until; i += all)
+            atomic_inc(&ends[(entries[i].x - nearest) >> shift]);
     barrier(CLK_LOCAL_MEM_FENCE);
-    if (!me) {
-        uint sum = first;
+    if (on && !me && (what == AT_ONCE || (what == PLACE && !stretch.x))) {
+        uint sum = starts[tile];
         for (int k = 0; k < BUCKETS; ++k) {
-            const uint n = ends[k];
+            const uint in_it = ends[k];
             ends[k] = sum;
-            sum += n;
+            sum += in_it;
         }
-        grains[tile] = (uint2)(from, shift);
+        grains[tile] = (uint2)(nearest, shift);
     }
     barrier(CLK_LOCAL_MEM_FENCE);
-    for (uint i = first + me; i < until; i += all) {
-        const uint2 it = entries[i];
-        sorted[atomic_inc(&ends[(it.x - from) >> shift])] = it;
+    if (what == AT_ONCE || what == PLACE)
+        for (uint i = first + me; i < until; i += all) {
+            const uint2 it = entries[i];
+            sorted[atomic_inc(&ends[(it.x - nearest) >> shift])] = it;
+        }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    for (uint k = me; on && what != AT_ONCE && k < BUCKETS; k += all)
+        kept[k] = ends[k];
+    if (on && what != AT_ONCE && !me) {
+        kept[BUCKETS] = nearest;
+        kept[BUCKETS + 1] = most;
     }
 #endif
 }
 
 #if LANES == 1
+#define DONE ~0u
+
 /* A pixel on its way through its tile's list. */
 typedef struct {
     Slots slots;
     Pixel pixel;
     long low, limit;                       // keys below are done; those from `limit` on have gone, and come again later
-    long least;                            // key of those that wait
-    uint bound, next;                      // depth from which on nothing is seen; in the list
+    uint bound, next;                      // depth from which on nothing is seen; in the list, or DONE
     int waiting;                           // pieces
 } Walk;
 typedef char a_walk_fits[sizeof(Walk) <= 16 * WALK ? 1 : -1];
 
-/* Draw the only segment of a chunk in pixel x, y. */
-INLINED void draw(Walk *walk, const View *view, const Chunk *chunk, int x, int y)
+/* Copy what has become of one; the rest is as `begin_pixel` left it.  Member by member: a struct that is copied in one lies
+   in memory for good on llvmpipe, with all its numbers. */
+#define COPY(to, from, samples)                                \
+    {                                                          \
+        (to)->low = (from)->low;                               \
+        (to)->limit = (from)->limit;                           \
+        (to)->waiting = (from)->waiting;                       \
+        for (int k = 0; k < (from)->waiting; ++k) {            \
+            (to)->slots.keys[k] = (from)->slots.keys[k];       \
+            (to)->slots.shares[k] = (from)->slots.shares[k];   \
+            (to)->slots.wheres[k] = (from)->slots.wheres[k];   \
+            (to)->slots.numbers[k] = (from)->slots.numbers[k]; \
+        }                                                      \
+        (to)->pixel.kept = (from)->pixel.kept;                 \
+        (to)->pixel.room = (from)->pixel.room;                 \
+        (to)->pixel.most = (from)->pixel.most;                 \
+        (to)->pixel.of_body = (from)->pixel.of_body;           \
+        (to)->pixel.of_shells = (from)->pixel.of_shells;       \
+        (to)->pixel.light = (from)->pixel.light;               \
+        (to)->pixel.best = (from)->pixel.best;                 \
+        (to)->pixel.lows = (from)->pixel.lows;                 \
+        (to)->pixel.highs = (from)->pixel.highs;               \
+        (to)->pixel.sums = (from)->pixel.sums;                 \
+        (to)->pixel.chains = (from)->pixel.chains;             \
+        (to)->pixel.oldest = (from)->pixel.oldest;             \
+        (to)->pixel.event = (from)->pixel.event;               \
+        (to)->pixel.closed = (from)->pixel.closed;             \
+        for (int k = 0; k < samples; ++k) {                    \
+            (to)->pixel.open[k] = (from)->pixel.open[k];       \
+            (to)->pixel.through[k] = (from)->pixel.through[k]; \
+        }                                                      \
+    }
+
+/* What the work-items of a tile have together. */
+typedef struct {
+    Chunk chunks[TILE * TILE];             // segments that are ready, each in a chunk of its own
+    uint hits[TILE * TILE][2];             // which of them may be in each pixel, a bit each
+    uint open[2], fullest[2];              // of this turn and the next: whether any pixel is open; the most that wait in one
+} Group;
+
+/* Take the first of some bits away -> its number. */
+INLINED int next_bit(uint2 *bits)
+{
+    const bool low = bits->x != 0;
+    const uint word = low ? bits->x : bits->y;
+    bits->y = low ? bits->y : bits->y & (bits->y - 1);
+    bits->x &= bits->x - 1;
+    return 31 - (int)clz(word & -word) + (low ? 0 : 32);
+}
+
+/* Tell the pixels of a tile that segment k may be in them. */
+INLINED void touch(__local Group *group, int k, const View *view, int left, int top)
+{
+    __local const Chunk *chunk = &group->chunks[k];
+    const int steep = chunk->steep[0], u0 = steep ? top : left, v0 = steep ? left : top;
+    if (!(chunk->bu[0] > chunk->au[0]) || chunk->bu[0] <= u0 || chunk->au[0] >= u0 + TILE)
+        return;
+    uint2 bits = 0;                        // TILE * u + v
+    for (int u = 0; u < TILE; ++u) {
+        Column column;
+        column_of(chunk, 0, view, u0 + u, &column);
+        const int low = column.low > v0 ? column.low - v0 : 0, high = column.high < v0 + TILE ? column.high - v0 : TILE;
+        const uint rows = column.along > 0.0f && low < high ? (1u << high) - (1u << low) : 0;
+        bits.x |= u < TILE / 2 ? rows << TILE * u : 0;
+        bits.y |= u < TILE / 2 ? 0 : rows << TILE * (u - TILE / 2);
+    }
+    while (bits.x | bits.y) {
+        const int at = next_bit(&bits);
+        atomic_or(&group->hits[steep ? at : at % TILE * TILE + at / TILE][k / 32], 1u << k % 32);
+    }
+}
+
+/* Draw a segment in pixel x, y, in which it may be. */
+INLINED void draw(Walk *walk, const View *view, __local const Chunk *chunk, int x, int y)
 {
     const int steep = chunk->steep[0], u = steep ? y : x, v = steep ? x : y;
-    if (!(chunk->bu[0] > chunk->au[0]) || chunk->bu[0] <= u || chunk->au[0] >= u + 1)
-        return;
     Column column;
     column_of(chunk, 0, view, u, &column);
     const uint depth = column.depth;
-    if (!(column.along > 0.0f) || v < column.low || v >= column.high || depth >= walk->bound)
-        return;
     const float share = share_of(&column, v);
     const long key = (long)((ulong)depth << 32 | chunk->id[0]);
-    if (!(share > 0.0f) || key < walk->low)
+    if (depth >= walk->bound || !(share > 0.0f) || key < walk->low)
         return;
     Slots *slots = &walk->slots;
     const int n = walk->waiting++;
@@ -249,65 +343,82 @@ INLINED void draw(Walk *walk, const View *view, const Chunk *chunk, int x, int y
     slots->shares[n] = share;
     slots->wheres[n] = place_in(&column, v);
     slots->numbers[n] = chunk->number[0];
-    walk->least = key < walk->least ? key : walk->least;
     if (walk->waiting == SLOTS) {
         drop(slots, &walk->limit);
         --walk->waiting;
     }
 }
 
-/* Go on through a sorted list of n, for about so many steps -> whether all is done. */
-INLINED bool go_on(Walk *walk, const View *view, const Picture *picture, __global const uint2 *sorted, uint n, uint2 grain,
-                   uint steps, __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
+/* Steps of loops that one turn takes at most in a work-item, or in several side by side, of which none has more pieces. */
+INLINED uint steps_of(uint fullest, uint samples)
 {
-    const int x = walk->pixel.at % view->size.x, y = view->rows.x + (int)(walk->pixel.at / view->size.x);
-    while (n && !walk->pixel.closed) {
-        if (!steps)
-            return false;
-        const float8 s = ends[sorted[walk->next].y];
-        const float reach = 1.4143f * (s.s3 > s.s7 ? s.s3 : s.s7) + 0.001f;
-        if ((s.s0 < s.s4 ? s.s0 : s.s4) - reach < x + 1 && (s.s0 > s.s4 ? s.s0 : s.s4) + reach >= x
-            && (s.s1 < s.s5 ? s.s1 : s.s5) - reach < y + 1 && (s.s1 > s.s5 ? s.s1 : s.s5) + reach >= y) {
-            Chunk chunk;
-            prepare(&chunk, view, sorted + walk->next, 1, 1, ends, ids, cuts);
-            draw(walk, view, &chunk, x, y);
+    const uint drops = fullest < SLOTS - 1 ? 0 : TILE * TILE * SLOTS;
+    return TILE + 2 * TILE * TILE + drops + (fullest / 4 + 4) * (fullest + 1) + (fullest + 2 * samples) * (samples + CHAINS);
+}
+
+/* Go on through a sorted list of n, for about so many steps of loops -> whether all is done: the same in all of a group. */
+INLINED bool go_on(Walk *walk, __local Group *group, const View *view, const Picture *picture, __global const uint2 *sorted,
+                   uint n, uint2 grain, uint steps, int left, int top, __global const float8 *ends, __global const uint *ids,
+                   __global const uint *cuts)
+{
+    const int me = get_local_id(0), x = left + me % TILE, y = top + me / TILE;
+    uint next = walk->next, spent = 0;
+    bool open = n > 0;
+    group->hits[me][0] = group->hits[me][1] = 0;
+    if (me < 2)
+        group->open[me] = group->fullest[me] = 0;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    for (int turn = 0; open && spent < steps; turn = 1 - turn) {
+        const int m = n - next < TILE * TILE ? n - next : TILE * TILE;
+        if (me < m) {
+            prepare(&group->chunks[me], view, sorted + next + me, 1, 1, ends, ids, cuts);
+            touch(group, me, view, left, top);
         }
-        ++walk->next;
-        --steps;
-        const bool last = walk->next == n;
-        if (!last && (walk->waiting < SLOTS / 2 || walk->next % 8))
-            continue;
-        const long until = last ? LONG_MAX : all_before(sorted[walk->next].x, grain);
-        if (!last && walk->least >= until)
-            continue;
-        const uint taken = walk->waiting * (walk->waiting / 4 + 16);
-        steps -= steps < taken ? steps : taken;
-        walk->waiting = settle(&walk->pixel, picture, &walk->slots, walk->waiting, until < walk->limit ? until : walk->limit);
-        walk->least = walk->waiting ? until : LONG_MAX;
-        if (last && walk->limit == LONG_MAX)
-            return true;
-        if (last) {                        // what has gone comes again; all before it is done
-            walk->low = walk->limit;
-            walk->limit = walk->least = LONG_MAX;
-            walk->next = walk->waiting = 0;
+        barrier(CLK_LOCAL_MEM_FENCE);
+        uint2 bits = walk->pixel.closed ? 0 : (uint2)(group->hits[me][0], group->hits[me][1]);
+        group->hits[me][0] = group->hits[me][1] = 0;
+        while (bits.x | bits.y) {
+            const int k = next_bit(&bits);
+            draw(walk, view, &group->chunks[k], x, y);
         }
+        next += m;
+        const bool last = next == n;
+        const long until = last ? LONG_MAX : all_before(sorted[next].x, grain);
+        atomic_max(&group->fullest[turn], (uint)walk->waiting);
+        if (!walk->pixel.closed) {
+            walk->waiting = settle(&walk->pixel, picture, &walk->slots, walk->waiting, until < walk->limit ? until : walk->limit);
+            if (last) {                    // what has gone comes again; all before it is done
+                walk->low = walk->limit;
+                walk->limit = LONG_MAX;
+                walk->waiting = 0;
+            }
+            if (!walk->pixel.closed && walk->low != LONG_MAX)
+                atomic_or(&group->open[turn], 1);
+        }
+        barrier(CLK_LOCAL_MEM_FENCE);
+        open = group->open[turn];
+        spent += steps_of(group->fullest[turn], picture->samples);
+        if (!me)
+            group->open[1 - turn] = group->fullest[1 - turn] = 0;
+        next = last ? 0 : next;
     }
-    return true;
+    walk->next = open ? next : DONE;
+    return !open;
 }
 #endif
 
-/* One work-item draws one pixel; those of a tile are neighbours.  Not where LANES go side by side, but for `tiles`. */
+/* One work-item draws one pixel; a work-group is a tile.  Not where LANES go side by side, but for `tiles`. */
 __kernel void pixels(
-    const ulong begin, const ulong end,    // work-items, see common.h
+    const ulong begin, const ulong end,    // work-items, see common.h: whole work-groups
     const View view,
     const uint2 window,                    // tiles that are drawn: the first, one past the last
-    const uint steps,                      // that one may take in this launch
+    const uint steps,                      // of loops that one may take in this launch, about
     const int fresh,                       // 1: they begin, 0: they go on
-    const int listed,                      // 1: only some of them, which keep where they are
+    const int listed,                      // 1: only some tiles, which keep where they are
     __global const uint *items,            // [n] these, if so
-    __global uint *open,                   // [n or 0] those that don't come to their end, if not
+    __global uint *open,                   // [tiles or 0] those that don't come to their end, if not
     volatile __global uint *n_open,        // [1] how many these are
-    __global uint4 *walks,                 // [n, WALK] where they are
+    __global uint4 *walks,                 // [n, TILE², WALK] where they are
     __global const uint *starts,           // [tiles + 1] where in `sorted` those of each begin
     __global const uint2 *sorted,          // depth, number of a segment
     __global const uint2 *grains,          // [tiles] see `all_before`
@@ -327,33 +438,41 @@ __kernel void pixels(
     __global float4 *image)
 {
 #if LANES == 1
-    WORK_ITEM(k);
-    const size_t item = listed ? items[k] : k;
+    __local Group group;
+    const uint k = (begin + get_global_id(0)) / (TILE * TILE), me = get_local_id(0);
+    bool on = begin + get_group_id(0) * (TILE * TILE) < end;   // none returns before a barrier: PoCL would go astray
+    const uint tile = !on ? 0 : listed ? items[k] : k;
     const int2 size = (int2)(view.size.x, view.rows.y - view.rows.x);
-    const int across = (size.x + TILE - 1) / TILE, tile = item / (TILE * TILE), p = item % (TILE * TILE);
-    const int x = tile % across * TILE + p % TILE, y = tile / across * TILE + p / TILE;
-    if (x >= size.x || y >= size.y || (uint)tile < window.x || (uint)tile >= window.y)
-        return;
+    const int across = (size.x + TILE - 1) / TILE, left = tile % across * TILE, top = tile / across * TILE;
+    const int x = left + me % TILE, y = top + me / TILE;
+    __global Walk *kept = (__global Walk *)(walks + WALK * (k * TILE * TILE + me));
+    on = on && tile >= window.x && tile < window.y && (fresh || kept->next != DONE);
+    const bool within = on && x < size.x && y < size.y;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells, places, more, body_transmittance, alpha,
                              front, shell_front, image};
     Walk walk;
-    if (fresh) {
+    walk.bound = walk.next = walk.waiting = walk.low = 0;
+    walk.limit = LONG_MAX;
+    walk.pixel.closed = true;
+    if (within)
         walk.bound = begin_pixel(&walk.pixel, &picture, (size_t)y * size.x + x);
-        walk.low = walk.next = walk.waiting = 0;
-        walk.limit = walk.least = LONG_MAX;
-    } else {
-        walk = *(__global const Walk *)(walks + WALK * k);
-    }
-    if (go_on(&walk, &view, &picture, sorted + starts[tile], starts[tile + 1] - starts[tile], grains[tile], steps, ends, ids,
-              cuts)) {
+    if (on && !fresh)
+        walk.next = kept->next;
+    if (within && !fresh)
+        COPY(&walk, kept, picture.samples);
+    const bool done = go_on(&walk, &group, &view, &picture, sorted + starts[tile], on ? starts[tile + 1] - starts[tile] : 0,
+                            grains[tile], steps, left, view.rows.x + top, ends, ids, cuts);
+    if (done && within)
         end_pixel(&walk.pixel, &picture);
-        return;
+    if (on && listed)
+        kept->next = walk.next;
+    if (within && listed)
+        COPY(kept, &walk, picture.samples);
+    if (!done && !me) {
+        const uint stopped = atomic_inc(n_open);
+        if (!listed)
+            open[stopped] = tile;
     }
-    const uint n = atomic_inc(n_open);
-    if (listed)
-        *(__global Walk *)(walks + WALK * k) = walk;
-    else
-        open[n] = item;
 #endif
 }
 
@@ -441,7 +560,7 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
             slots->shares[n] = shares[k];
             slots->wheres[n] = wheres[k];
             slots->numbers[n] = number;
-            const int m = n + ((depths[k] < t->bounds[p]) & (key >= t->lows[p]));
+            const int m = n + ((depths[k] < t->bounds[p]) & (key >= t->lows[p]) & (key < t->limits[p]));
             t->counts[p] = m;
             if (m == SLOTS) {
                 drop(slots, &t->limits[p]);
@@ -454,22 +573,24 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
     } while (any_lane(todo));
 }
 
-/* Sort a tile's list into BUCKETS by depth -> the least depth, and the bits below a bucket's. */
+#define FINE (4 * BUCKETS)   // fewer pieces have to wait in a pixel
+
+/* Sort a tile's list into FINE buckets by depth -> the least depth, and the bits below a bucket's. */
 ONCE uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *sorted)
 {
-    uint least = ~0u, most = 0, ends[BUCKETS + 1], shift = 0;
+    uint least = ~0u, most = 0, ends[FINE + 1], shift = 0;
     for (uint i = 0; i < n; ++i) {
         const uint depth = entries[i].x;
         least = depth < least ? depth : least;
         most = depth > most ? depth : most;
     }
-    while ((most - least) >> shift >= BUCKETS)
+    while ((most - least) >> shift >= FINE)
         ++shift;
-    for (int k = 0; k <= BUCKETS; ++k)
+    for (int k = 0; k <= FINE; ++k)
         ends[k] = 0;
     for (uint i = 0; i < n; ++i)
         ++ends[((entries[i].x - least) >> shift) + 1];
-    for (int k = 1; k <= BUCKETS; ++k)
+    for (int k = 1; k <= FINE; ++k)
         ends[k] += ends[k - 1];
     for (uint i = 0; i < n; ++i) {
         const uint2 it = entries[i];

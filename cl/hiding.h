@@ -19,6 +19,12 @@ typedef struct {
     Glow *glow;                      // light that waits, where LANES go side by side
 } Picture;
 
+#if LANES == 1
+#define FOUR(p) ((long4)((p)[0], (p)[1], (p)[2], (p)[3]))
+#else
+#define FOUR(p) (*(const long4 *)(p))
+#endif
+
 /* The pieces of a pixel that wait, in any order. */
 typedef struct {
     long keys[SLOTS + 4] ALIGNED;    // depth << 32 | id
@@ -149,7 +155,14 @@ INLINED float hide(Pixel *p, float8 *sums, long key, float share)
         hidden = p->kept * sum;
     } else {
         const int8 here = lane == (uint)chain;
-        const float before = ((float *)sums)[chain], grown = before + share, sum = grown < 1.0f ? grown : 1.0f;
+#if LANES == 1                           // without a pointer to it: llvmpipe would keep all that is known of a pixel in memory
+        const float8 its = here ? *sums : 0.0f;
+        const float4 four = its.lo + its.hi;
+        const float before = (four.x + four.y) + (four.z + four.w);
+#else
+        const float before = ((float *)sums)[chain];
+#endif
+        const float grown = before + share, sum = grown < 1.0f ? grown : 1.0f;
         p->lows = here & as_int8(p->lows > id) ? id : p->lows;
         p->highs = here & as_int8(p->highs < id) ? id : p->highs;
 #if LANES == 1
@@ -200,15 +213,17 @@ INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, 
 INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until)
 {
     int order[SLOTS + 4], i = 0;
-    long4 soon = 0;
     for (int j = n; j & 3; ++j)
         slots->keys[j] = LONG_MAX;
+#if LANES > 1
+    long4 soon = 0;
     for (int j = 0; j < n; j += 4)
-        soon |= *(const long4 *)(slots->keys + j) < until;
+        soon |= FOUR(slots->keys + j) < until;
     if (!((soon.x | soon.y) | (soon.z | soon.w)))
         return n;
+#endif
     for (int j = 0; j < n; j += 4) {         // each one's rank: how many are nearer
-        const long4 mine = *(const long4 *)(slots->keys + j);
+        const long4 mine = FOUR(slots->keys + j);
         long4 rank = 0;
         for (int k = 0; k < n; ++k)
             rank -= slots->keys[k] < mine;

@@ -56,9 +56,15 @@ typedef long16 lanes_l;
 #else
 #define PREFETCH(p)
 #endif
+#if LANES == 1                    // without a pointer: llvmpipe would keep what it leads to in memory, and all around it
+#define LANE(v, i) (v)
+#define LANE_I(v, i) (v)
+#define LANE_U(v, i) (v)
+#else
 #define LANE(v, i) (((float *)&(v))[i])
 #define LANE_I(v, i) (((int *)&(v))[i])
 #define LANE_U(v, i) (((uint *)&(v))[i])
+#endif
 #if CHECKED
 #define INLINED inline   // Oclgrind doesn't know what clang leaves where it has inlined what gives a struct
 #else

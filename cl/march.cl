@@ -7,6 +7,14 @@
  * step wherever it has passed one more layer, or as much sideways: there it meets hair or not.  Corners of a face are
  * taken in the order of their numbers, so that neighbours divide the side between them alike.
  */
+#if LANES == 1 && LANES_HINTED > 1
+#undef LANES
+#undef BLOCK_X
+#undef BLOCK_Y
+#define LANES LANES_HINTED
+#define BLOCK_X 4
+#define BLOCK_Y (LANES / BLOCK_X)
+#endif
 #include "lanes.h"
 #include "seen.h"
 #include "scatter.h"
@@ -14,8 +22,8 @@
 #include "pattern.h"
 
 #define SIDEWAYS 8.0f    // steps on the way across one x or y, down to one where hairs are seen on average
-#define SHARP 0.85f     // of a pixel's width counts as footprint: least error against 8 x 8 samples (tools/shells_laws.py)
 #define PIXEL 8.0f       // steps across a pixel, where hairs are not filtered, if that is fewer
+#define SHARP 0.85f     // of a pixel's width counts as footprint: least error against 8 x 8 samples (tools/shells_laws.py)
 #define FAR_FROM 0.3f   // pixels that are so many sides of a cell wide begin to see hairs on average,
 #define FAR_TO 0.9f     // and those of so many see nothing else: no cell is looked for there, steps are a pixel long
 #define MOST_TETRAHEDRA 20000    // on one way, on average: no scene that is any good has so many
@@ -250,7 +258,7 @@ INLINED void onwards(int here, int slabs, int4 neighbours, lanes_i out, lanes_i 
 
 /* One work-item takes the samples of LANES pixels through the fur, from where they enter it to where they leave it, meet
    what is drawn, or see no further; and adds their light to the picture. */
-__kernel void march(
+BY_HAND __kernel void march(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const Shells shells,
@@ -290,8 +298,7 @@ __kernel void march(
     const float steep_up = shells.kind.x ? 0.0f : 1.5f * steep_here * shells.shape.z;
     const float steepest = 1.0f / shells.size.x;      // gradient of h
     const bool turned = (int)shells.shine.w == TURNED;
-    const float thin = 1.0f / shells.shape.y, thinned = 1.0f - thin, smooth = shells.shape.x - 1.0f;
-    const float square_of_place = shells.kind.x ? 0.5f : 1.0f;   // in rows of bumps ways are longer by the root of 2
+    const float half_thin = 0.5f / shells.shape.y, thinned = 1.0f - 2.0f * half_thin, smooth = shells.shape.x - 1.0f;
     int pending = 0;
 
     for (int s = 0; s < samples; ++s) {
@@ -354,17 +361,7 @@ __kernel void march(
             const int k = here % 3, slab = here / 3 % slabs, face = here / 3 / slabs;
             const uint4 corners = faces[face];
             const float4 first = lattice[CORNERS * face], second = lattice[CORNERS * face + 1];
-            float4 grad_x = lattice[CORNERS * face + 2], grad_y = lattice[CORNERS * face + 3];
-            const float square_x = dot3(grad_x, grad_x), square_y = dot3(grad_y, grad_y);
-            float4 corner_x = (float4)(first.x, first.z, second.x, 0.0f), corner_y = (float4)(first.y, first.w, second.y, 0.0f);
-            if (shells.kind.x) {
-                /* Of sines the places in their rows of bumps, see BUMP: x + y - 1/2 and x - y. */
-                const float4 along_x = corner_x + corner_y - 0.5f, along_y = corner_x - corner_y, both = grad_x + grad_y;
-                grad_y = grad_x - grad_y;
-                grad_x = both;
-                corner_x = along_x;
-                corner_y = along_y;
-            }
+            const float4 grad_x = lattice[CORNERS * face + 2], grad_y = lattice[CORNERS * face + 3];
             const float4 up = lattice[CORNERS * face + 4];
             const float4 noise_start = lattice[CORNERS * face + 5], noise_x = lattice[CORNERS * face + 6],
                 noise_y = lattice[CORNERS * face + 7];
@@ -378,8 +375,8 @@ __kernel void march(
                 fy[i] = q.x * ux + q.y * uy + q.z * uz;
                 ahead[i] = q.x * dx + q.y * dy + q.z * dz;
                 top[i] = c >= 3;
-                px[i] = side == 0 ? corner_x.x : side == 1 ? corner_x.y : corner_x.z;
-                py[i] = side == 0 ? corner_y.x : side == 1 ? corner_y.y : corner_y.z;
+                px[i] = side == 0 ? first.x : side == 1 ? first.z : second.x;
+                py[i] = side == 0 ? first.y : side == 1 ? first.w : second.y;
             }
             e[0] = fx[0] * fy[1] - fy[0] * fx[1];
             e[1] = fx[0] * fy[2] - fy[0] * fx[2];
@@ -418,7 +415,7 @@ __kernel void march(
                 const lanes low = within((new_from - z_in) * shorter, 0.0f, 1.0f);
                 const lanes high = greater(within((stop - z_in) * shorter, 0.0f, 1.0f), low);
                 const lanes rise = h_out - h_in, mx = x_out - x_in, my = y_out - y_in;
-                const lanes move = quick_root((mx * mx + my * my) * square_of_place + 1e-20f);
+                const lanes move = quick_root(mx * mx + my * my + 1e-20f);
                 const lanes footprint = shells.kind.w ? wide * (0.5f * (z_in + z_out)) : F(0.0f);
                 const lanes blur = footprint * second.w;
                 const lanes fade = within((blur - FAR_FROM) * (1.0f / (FAR_TO - FAR_FROM)), 0.0f, 1.0f);
@@ -433,6 +430,7 @@ __kernel void march(
                 }
                 if (any_far) {
                     /* Where hairs begin to be seen on average a step is a pixel long, if that is longer. */
+                    const float square_x = dot3(grad_x, grad_x), square_y = dot3(grad_y, grad_y);
                     const float slower = sqrt(square_x < square_y ? square_x : square_y);
                     const lanes longest = is_far ? 1.0f / (slower * footprint) : F(SIDEWAYS);
                     along = is_crowd ? move / blur : move * lesser(SIDEWAYS - (SIDEWAYS - 1.0f) * far, longest);
@@ -470,13 +468,12 @@ __kernel void march(
                         break;
                     const lanes at = whole ? next : span, h = within(h_first + at * h_step, 0.0f, 1.0f);
                     lanes x = x_first + at * x_step, y = y_first + at * y_step;
-                    lanes moved_x = F(0.0f), moved_y = F(0.0f), by_x = moved_x, by_y = moved_x, rise_x = moved_x, rise_y = moved_x, top = F(1.0f), fold = moved_x, v = moved_x;
+                    lanes moved_x = F(0.0f), moved_y = F(0.0f), by_x = moved_x, by_y = moved_x, top = F(1.0f), fold = moved_x, v = moved_x;
                     if (shells.shape.z > 0.0f && !all_crowd) {
                         for (int i = 0; i < LANES; ++i)
                             if (LANE_I(stepping, i)) {
-                                const float half_x = 0.5f * (LANE(x, i) + 0.5f), half_y = 0.5f * LANE(y, i);
                                 const float4 where = shells.kind.x
-                                    ? (float4)(half_x + half_y, half_x - half_y, 0.0f, 0.0f) / shells.shape.w
+                                    ? (float4)(LANE(x, i), LANE(y, i), 0.0f, 0.0f) / shells.shape.w
                                     : noise_start + (LANE(x, i) * noise_x + LANE(y, i) * noise_y);
                                 const float2 moved = shells.shape.z * noise_at(&shells, noise, where);
                                 LANE(moved_x, i) = moved.x;
@@ -486,13 +483,11 @@ __kernel void march(
                     if (all_crowd) {
                         /* No cell is seen, so none is looked for. */
                     } else if (shells.kind.x) {
-                        x += moved_x + moved_y;
-                        y += moved_x - moved_y;
-                        x -= nearest(x);
-                        y -= nearest(y);
-                        rise_x = BUMP(x * x);
-                        rise_y = BUMP(y * y);
-                        v = thinned + thin * (rise_x * rise_y);
+                        x += moved_x;
+                        y += moved_y;
+                        const lanes sx = x - 0.25f, sy = y - 0.25f, qx = 0.25f - positive(sx - nearest(sx)), qy = 0.25f - positive(sy - nearest(sy));
+                        by_x = QUARTER(qx, qx * qx) + QUARTER(qy, qy * qy);
+                        v = thinned + half_thin * positive(by_x);
                     } else {
                         v = cells(&shells, face, (int)second.z, x, y, moved_x * h, moved_y * h, &by_x, &by_y, &top, &fold);
                     }
@@ -507,8 +502,11 @@ __kernel void march(
                         continue;
                     }
                     if (shells.kind.x && !all_crowd) {
-                        by_x = -thin * (x * SLOPE(x * x)) * rise_y;
-                        by_y = -thin * (y * SLOPE(y * y)) * rise_x;
+                        const lanes slope = by_x < 0.0f ? F(-6.2831853f * half_thin) : F(6.2831853f * half_thin);
+                        const lanes qx = 0.25f - positive(x - nearest(x)), qy = 0.25f - positive(y - nearest(y));
+                        by_x = slope * QUARTER(qx, qx * qx);
+                        by_y = slope * QUARTER(qy, qy * qy);
+                        top = F(1.0f);
                         fold = F(thinned);
                     }
                     /* v - h changes across the ray by g over a pixel. */
@@ -573,10 +571,9 @@ __kernel void march(
                 const lanes_i shown = hidden > 1e-4f;
                 if (any_lane(shown)) {
                     const lanes scale = 1.0f / (shown ? hidden : F(1.0f)), mean = scale * sum, z = z_first + mean * z_step;
-                    const float2 one = (float2)(corner_x.y - corner_x.x, corner_y.y - corner_y.x),
-                        two = (float2)(corner_x.z - corner_x.x, corner_y.z - corner_y.x);
+                    const float2 one = first.zw - first.xy, two = second.xy - first.xy;
                     const float area = one.x * two.y - one.y * two.x, smaller = area != 0.0f ? 1.0f / area : 0.0f;
-                    const lanes at_x = x_first + mean * x_step - corner_x.x, at_y = y_first + mean * y_step - corner_y.x;
+                    const lanes at_x = x_first + mean * x_step - first.x, at_y = y_first + mean * y_step - first.y;
                     const lanes wb = (at_x * two.y - at_y * two.x) * smaller, wc = (one.x * at_y - one.y * at_x) * smaller;
                     const lanes wa = 1.0f - wb - wc;
                     __global const float4 *ca = curves + corners.x * (slabs + 1) + slab,

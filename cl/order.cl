@@ -20,7 +20,7 @@ inline float4 root_of(__global const float *packed, uint2 span)
     return (float4)(vload3(span.x, packed), 0.0f);
 }
 
-/* One work-item puts a box around SCAN roots; one, in another launch, around those boxes. */
+/* One work-item puts a box around SCAN roots. */
 __kernel void boxes(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float *packed,          // [points, 3]
@@ -40,19 +40,22 @@ __kernel void boxes(
     corners[2 * block + 1] = high;
 }
 
+/* One work-item puts a box around SCAN boxes: again and again, until there is one. */
 __kernel void box(
     const ulong begin, const ulong end,    // work-items, see common.h
     const uint n,                          // boxes
-    __global float4 *corners)              // [n, 2] in: of each; out: the first is around all
+    __global const float4 *corners,        // [n, 2] lowest and highest x, y, z
+    __global float4 *around)               // [ceil(n / SCAN), 2]
 {
-    WORK_ITEM(only);
-    float4 low = corners[0], high = corners[1];
-    for (uint i = 1; i < n; ++i) {
+    WORK_ITEM(block);
+    const uint first = block * SCAN, stop = min(first + (uint)SCAN, n);
+    float4 low = corners[2 * first], high = corners[2 * first + 1];
+    for (uint i = first + 1; i < stop; ++i) {
         widen(&low, &high, corners[2 * i]);
         widen(&low, &high, corners[2 * i + 1]);
     }
-    corners[0] = low;
-    corners[1] = high;
+    around[2 * block] = low;
+    around[2 * block + 1] = high;
 }
 
 inline uint cell_along(float x, float cells)

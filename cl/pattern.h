@@ -10,11 +10,6 @@
 #define QUARTER(r, z) ((r) * ((6.2831853f - 41.341702f * (z) + (z) * (z) * (81.605249f - 76.705860f * (z))) \
                               + (z) * (z) * ((z) * (z)) * (42.058694f - 15.094643f * (z))))
 
-/* cos(pi r), |r| <= 1/2, to 5e-8, and pi sin(pi r) / r to 8e-6, of z = r^2 (least errors). The report's fur is a field of
-   bumps: |sin(2 pi x) + sin(2 pi y)| / 2 = |cos(pi (x + y - 1/2)) cos(pi (x - y))|. */
-#define BUMP(z) (0.99999995f - 4.9347928f * (z) + (z) * (z) * ((4.0584114f - 1.3318766f * (z)) + (z) * (z) * 0.21968961f))
-#define SLOPE(z) ((9.869597f - 16.233887f * (z)) + (z) * (z) * (7.9922447f - 1.7576032f * (z)))
-
 INLINED lanes quarter(lanes r)
 {
     return QUARTER(r, r * r);

@@ -148,8 +148,8 @@ INLINED Corners snap_lanes(lanes4 c, lanes_i in)
     return s;
 }
 
-/* floor(over · scale / by) for scale of 1 or 2^24 where the result and `by` are at most 2^30 and 2^24, by > 0: an estimate in
-   float, what it leaves divided again, and one more or less. It is known modulo 2^32 that what is left is small. */
+/* floor(over · scale / by) for scale of 1, 2^16 or 2^24 where the result and `by` are at most 2^30 and 2^24, by > 0: an
+   estimate in float, what it leaves divided again, and one more or less. It is known modulo 2^32 that what is left is small. */
 INLINED lanes_i divided(lanes_i over, int shift, lanes_i by)
 {
     const lanes divisor = TO(lanes, by);
@@ -163,16 +163,19 @@ INLINED lanes_i divided(lanes_i over, int shift, lanes_i by)
     return rest >= by ? q + 1 : q;
 }
 
-/* What draw_segment does with thin ones, for those of LANES that are on. */
-ONCE void draw_thin(volatile __global ulong *visible, const View *view, lanes_i on, Corners a, Corners b, const uint *id,
-                       int phase)
+#define NARROW 90   // half a width [sub-pixels] up to which a segment, slanted by 45 degrees, is no more than a pixel across
+
+/* What draw_segment does with those that cover one row of a column at most, for those of LANES that are on; half widths wa
+   and wb [sub-pixels]. */
+ONCE void draw_narrow(volatile __global ulong *visible, const View *view, lanes_i on, Corners a, Corners b, lanes_i wa,
+                      lanes_i wb, const uint *id, int phase)
 {
     const lanes_i dx = b.x - a.x, dy = b.y - a.y;
     const lanes_i steep = (dx < 0 ? -dx : dx) < (dy < 0 ? -dy : dy);
     const lanes_i pu = steep ? a.y : a.x, qu = steep ? b.y : b.x, pv = steep ? a.x : a.y, qv = steep ? b.x : b.y;
     const lanes_i back = pu > qu;
     const lanes_i au = back ? qu : pu, bu = back ? pu : qu, av = back ? qv : pv, bv = back ? pv : qv;
-    const lanes_i az = back ? b.z : a.z, bz = back ? a.z : b.z;
+    const lanes_i az = back ? b.z : a.z, bz = back ? a.z : b.z, aw = back ? wb : wa, bw = back ? wa : wb;
     const lanes_i left = steep ? I(view->rows.x) : I(0), right = steep ? I(view->rows.y) : I(view->size.x);
     const lanes_i top = steep ? I(0) : I(view->rows.x), bottom = steep ? I(view->size.x) : I(view->rows.y);
     const lanes_i lower = av < bv ? av : bv, upper = av < bv ? bv : av;
@@ -185,8 +188,15 @@ ONCE void draw_thin(volatile __global ulong *visible, const View *view, lanes_i 
     const lanes_i rate = divided(there ? rise : I(0), 24, du), whole = divided(sink, 0, du), part = divided(sink - whole * du, 24, du);
     const lanes_l sinking = (TO(lanes_l, whole) << FRACTION) + TO(lanes_l, part);
     const lanes_l v_step = TO(lanes_l, dv < 0 ? -rate : rate), d_step = TO(lanes_l, dz) < 0 ? -sinking : sinking;
-    const long least = (long)view->scale.y << FRACTION;
-    const uint gap = (uint)(PIXEL - 2 * least);            // between the rows that a thin strand can cover
+    /* Half widths along the shorter axis: of thin ones the least. They fit 32 bits, and so do steps
+       where there is more than one: a segment that is a sub-pixel long has one place. */
+    const lanes slope = TO(lanes, dv) / TO(lanes, du), tilt = exact_root(1.0f + slope * slope);
+    const lanes_i ra = TO(lanes_i, TO(lanes, aw) * tilt * 256.0f), rb = TO(lanes_i, TO(lanes, bw) * tilt * 256.0f);
+    const lanes_i wide = 3 * (aw > bw ? aw : bw) > 2 * (int)view->scale.y, growth = wide ? rb - ra : I(0);
+    const lanes_i widening = divided(there ? (growth < 0 ? -growth : growth) : I(0), FRACTION - 8, du);
+    const lanes_u r_step = AS_U(growth < 0 ? -widening : widening), least = U((uint)view->scale.y << FRACTION);
+    const lanes_u r0 = wide ? AS_U(ra) << (FRACTION - 8) : least;
+    const bool grows = any_lane(growth != 0);
     const int samples = view->size.z, row_of_samples = view->size.x * samples;
     const lanes_i u_stride = steep ? I(row_of_samples) : I(samples), v_stride = steep ? I(samples) : I(row_of_samples);
     const lanes_u rows = AS_U(bottom - top);
@@ -196,24 +206,33 @@ ONCE void draw_thin(volatile __global ulong *visible, const View *view, lanes_i 
         const lanes_i first = (au - SUBPIXEL / 2 - ou + SUBPIXEL - 1) >> 8, last = (bu - SUBPIXEL / 2 - ou + SUBPIXEL - 1) >> 8;
         lanes_i u = first > left ? first : left;
         const lanes_i end = there ? (last < right ? last : right) : I(0);
-        const lanes_l along = TO(lanes_l, u * SUBPIXEL + SUBPIXEL / 2 + ou - au);
-        lanes_l low = (TO(lanes_l, av - SUBPIXEL / 2 - ov - top * SUBPIXEL) << FRACTION) + v_step * along + (PIXEL - 1 - least);
+        const lanes_i past = u * SUBPIXEL + SUBPIXEL / 2 + ou - au;
+        const lanes_l along = TO(lanes_l, past);
+        lanes_l v = (TO(lanes_l, av - SUBPIXEL / 2 - ov - top * SUBPIXEL) << FRACTION) + v_step * along + (PIXEL - 1);
+        lanes_u r = r0 + r_step * AS_U(past), half_width = r > least ? r : least;
         lanes_l d = (TO(lanes_l, az) << FRACTION) + d_step * along;
         lanes_i at = (u - left) * u_stride + s;
         for (; any_lane(there & (u < end)); ++u) {
-            const lanes_u row = AS_U(TO(lanes_i, low >> 32)), beside = TO(lanes_u, low);
+            const lanes_l low = v - TO(lanes_l, half_width);
+            /* The row beyond is reached by those whose place in this one and width add up to a pixel. */
+            const lanes_u row = AS_U(TO(lanes_i, low >> 32)), beside = TO(lanes_u, low), gap = 0u - 2u * half_width;
             const lanes_i hit = (u < end) & there & (beside >= gap) & (row < rows), sample = at + AS_I(row) * v_stride;
             const lanes_i depth = TO(lanes_i, d >> FRACTION);
             for (uint bits = bits_of(hit); bits; bits &= bits - 1) {
                 const int k = first_of(bits);
                 put(visible, (uint)LANE_I(sample, k), LANE_I(depth, k), id[k], phase);
             }
-            low += v_step * SUBPIXEL;
+            v += v_step * SUBPIXEL;
+            if (grows) {
+                r += r_step * SUBPIXEL;
+                half_width = r > least ? r : least;
+            }
             d += d_step * SUBPIXEL;
             at += u_stride;
         }
     }
 }
+
 /* The rare segment that leaves the guard band or crosses the near plane. */
 void draw_clipped(volatile __global ulong *visible, const View *view, float4 a, float4 b, float ha, float hb,
                   uint id, int phase)
@@ -246,13 +265,13 @@ INLINED void draw_waiting(volatile __global ulong *visible, const View *view, Se
     const lanes4 cb = by_columns(view->to_screen, these->b.x, these->b.y, these->b.z);
     const lanes_i in = some & within_guard_lanes(ca) & within_guard_lanes(cb);
     const lanes_i wa = half_of(view, these->width_a, ca, in), wb = half_of(view, these->width_b, cb, in);
-    lanes_i thin = in & (3 * (wa > wb ? wa : wb) <= 2 * (int)view->scale.y);
+    lanes_i narrow = in & ((wa > wb ? wa : wb) <= NARROW);
 #if LANES == 1
-    thin = 0;                              // nothing stands beside it
+    narrow = 0;                            // nothing stands beside it
 #endif
-    if (any_lane(thin))
-        draw_thin(visible, view, thin, snap_lanes(ca, in), snap_lanes(cb, in), these->id, phase);
-    for (uint bits = bits_of(some & (thin == 0)); bits; bits &= bits - 1) {
+    if (any_lane(narrow))
+        draw_narrow(visible, view, narrow, snap_lanes(ca, in), snap_lanes(cb, in), wa, wb, these->id, phase);
+    for (uint bits = bits_of(some & (narrow == 0)); bits; bits &= bits - 1) {
         const int k = first_of(bits);
         const float4 a = to_screen(view, (float4)(LANE(these->a.x, k), LANE(these->a.y, k), LANE(these->a.z, k), 0.0f));
         const float4 b = to_screen(view, (float4)(LANE(these->b.x, k), LANE(these->b.y, k), LANE(these->b.z, k), 0.0f));
@@ -553,8 +572,11 @@ __kernel void body(
     const lanes4 cc = by_columns(view.to_screen, pc.x, pc.y, pc.z);
     const lanes_i in = some & within_guard_lanes(ca) & within_guard_lanes(cb) & within_guard_lanes(cc);
     const Corners a = snap_lanes(ca, in), b = snap_lanes(cb, in), c = snap_lanes(cc, in);
-    const lanes_i small = in & (most_of(a.x, b.x, c.x) - least_of(a.x, b.x, c.x) < (SMALL - 2) * SUBPIXEL)
+    lanes_i small = in & (most_of(a.x, b.x, c.x) - least_of(a.x, b.x, c.x) < (SMALL - 2) * SUBPIXEL)
         & (most_of(a.y, b.y, c.y) - least_of(a.y, b.y, c.y) < (SMALL - 2) * SUBPIXEL);
+#if LANES == 1
+    small = 0;                             // nothing stands beside it
+#endif
     if (any_lane(small))
         draw_small(visible, &view, rows, small, a, b, c, first + t, phase, facing, after);
     for (uint k = 0; k < count; ++k) {

@@ -5,7 +5,13 @@
  */
 #define WHOLE(x) TO(lanes_i, x)
 #define REAL(x) TO(lanes, x)
+#if LANES == 1
+#define CHUNKS __local               // where chunks are: each work-item makes one segment ready, all of its group draw it
+#define ALIGNED
+#else
+#define CHUNKS
 #define ALIGNED __attribute__((aligned(32)))
+#endif
 #define MARGIN 256                   // depth steps that rounding may put a piece before the nearer end of its segment
 #define CLIPPED 0x80000000u          // of an id: the segment is clipped
 #define WHOLE_WAY 0xFFFF0000u        // `cut` of a segment that is not clipped: from 0 to 65535 of its length
@@ -225,7 +231,7 @@ INLINED void place(const View *view, const lanes *c, lanes_i steep, lanes from, 
 
 /* Make n segments ready, the next ones of a tile's list, in which so many are left; those that fill the last lanes are
    never drawn. */
-INLINED void prepare(Chunk *chunk, const View *view, __global const uint2 *list, int n, uint left,
+INLINED void prepare(CHUNKS Chunk *chunk, const View *view, __global const uint2 *list, int n, uint left,
                      __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
 {
     for (int i = 0; i < n; i += LANES) {
@@ -254,7 +260,7 @@ INLINED void prepare(Chunk *chunk, const View *view, __global const uint2 *list,
         const lanes au = swap ? qu : pu, av = swap ? qv : pv, ae = swap ? c[6] : c[2], ar = swap ? c[7] : c[3];
         const lanes bu = swap ? pu : qu, bv = swap ? pv : qv, be = swap ? c[2] : c[6], br = swap ? c[3] : c[7];
         const lanes du = bu - au, slope = (bv - av) / du;
-#define PUT(member, value) *(lanes *)(chunk->member + i) = value
+#define PUT(member, value) *(CHUNKS lanes *)(chunk->member + i) = value
         PUT(au, au);
         PUT(av, av);
         PUT(ae, ae);
@@ -269,7 +275,7 @@ INLINED void prepare(Chunk *chunk, const View *view, __global const uint2 *list,
         PUT(at_e, by[2]);
         PUT(at_one, by[3]);
         PUT(at_start, by[4]);
-        *(lanes_i *)(chunk->steep + i) = steep;
+        *(CHUNKS lanes_i *)(chunk->steep + i) = steep;
     }
 }
 
@@ -302,7 +308,7 @@ typedef struct {
 } Column;
 
 /* Segment i of a chunk in columns u.  Both its ends and each column's are cut along v, so that neighbours meet. */
-INLINED void column_of(const Chunk *c, int i, const View *view, lanes_i u, Column *column)
+INLINED void column_of(CHUNKS const Chunk *c, int i, const View *view, lanes_i u, Column *column)
 {
     const float au = c->au[i], bu = c->bu[i], slope = c->slope[i];
     const lanes uf = REAL(u), next = REAL(u + 1);

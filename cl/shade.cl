@@ -204,8 +204,15 @@ __kernel void color(
     for (uint i = 0; i < n; ++i)
         sums[i] = 0;
     int x = first % view.size.x, y = view.rows.x + (int)(first / view.size.x);
-    uint pixel = 0, s = 0;
-    for (uint i = 0; i < n * samples + 2; ++i) {
+    uint pixel = 0, s = 0, until = n * samples + 2;
+#if LANES == 1                             // in many pixels nothing is to be lit, and nothing waits for others in one
+    bool any = false;
+    for (uint i = 0; i < samples; ++i)
+        any |= local_id(visible[first * samples + i], part) != NOTHING
+            && (!attenuated || sample_transmittance[first * samples + i] > 0.0f);
+    until = any ? samples : 0;
+#endif
+    for (uint i = 0; i < until; ++i) {
         bool full = false;
         int of_body = i - n * samples;     // in the end what waits of each is lit
         if (i < n * samples) {
@@ -226,8 +233,9 @@ __kernel void color(
             if (!(share > 0.0f))
                 continue;
             of_body = ((uint)key & BODY) != 0;
-            Waiting *these = &waiting[of_body];
-            const int k = these->n++;
+            Waiting *these = &waiting[LANES == 1 ? 0 : of_body];
+            const int k = LANES == 1 ? 0 : these->n;
+            these->n = k + 1;
             LANE(these->x, k) = at_x + 0.5f + PATTERN[of_pattern].x * (1.0f / SUBPIXEL);
             LANE(these->y, k) = at_y + 0.5f + PATTERN[of_pattern].y * (1.0f / SUBPIXEL);
             LANE(these->e, k) = reversed_depth((uint)(key >> 32));
@@ -238,7 +246,7 @@ __kernel void color(
                 PREFETCH(points + these->id[k]);
             full = these->n == LANES;
         }
-        Waiting *these = &waiting[of_body];
+        Waiting *these = &waiting[LANES == 1 ? 0 : of_body];
         if (!these->n || (i < n * samples && !full))
             continue;
         for (int k = these->n; k < LANES; ++k) {   // lanes that nothing waits in do the first one's work
@@ -250,7 +258,7 @@ __kernel void color(
         const lanes3 light = of_body ? light_of_body(&view, &lighting, these, positions, normals, triangles, body_color)
             : light_of_strands(&view, &lighting, these, &hair, &looks);
         for (int k = 0; k < these->n; ++k)
-            sums[these->pixel[k]] += in_integers(LANE(these->share, k), (float4)(LANE(light.x, k), LANE(light.y, k), LANE(light.z, k), 1.0f));
+            sums[LANES == 1 ? 0 : these->pixel[k]] += in_integers(LANE(these->share, k), (float4)(LANE(light.x, k), LANE(light.y, k), LANE(light.z, k), 1.0f));
         these->n = 0;
     }
     for (uint i = 0; i < n; ++i)

@@ -34,6 +34,13 @@ def test_strands_are_the_default():
     assert settings == Settings()
 
 
+@pytest.mark.parametrize("length, width", [(1, .0012), (.02, .0012), (.01, .001), (.001, .0001)])
+def test_strands_are_never_wider_than_a_tenth_of_their_length(length, width):
+    """Both of the mesh's radius: else fur on a ground that is large covers all of the picture."""
+    hair, = load("teapot", "--length", length * radius())[0].strands.types
+    assert hair.width == pytest.approx(width * radius())
+
+
 def test_shells():
     scene, _ = load("teapot", "--fur", "shells")
     shells, plain = scene.shells, Shells()
@@ -169,6 +176,9 @@ def test_options_of_other_fur(clfur, tmp_path, fur, flag, value, other):
     (["--shadow-map", "-1"], ["Settings.shadow_map is -1"]),
     (["--pcf", "17"], ["Settings.pcf is 17", "16"]),
     (["--color", "brown"], ["--color", "#rrggbb"]),
+    (["--color", "255,128,0"], ["--color", "255,128,0", "0 to 1"]),
+    (["--color", "0.5,-0.1,0"], ["--color", "0 to 1"]),
+    (["--color", "nan,0,0"], ["--color", "0 to 1"]),
     (["--lod", "4.5"], ["--lod", "4"]),
     (["--blur", "some"], ["--blur", "edges"]),
     (["--blur-sigma", "2"], ["--blur-sigma is for a blur", "--blur all or edges"]),

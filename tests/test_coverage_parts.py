@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import attrs
 import numpy as np
 import pytest
-from support.coverage import OFF, SETTINGS
+from support.coverage import OFF, SETTINGS, ball
 from support.pictures import same
 from support.plans import bands_of, plan_of, recorded
 from support.scenes import scene_of
@@ -57,6 +57,21 @@ def test_thousands_of_strands_in_a_pixel_are_all_there(gpu, another, n, width):
     for one in (gpu, single):
         drawn = clfur.draw(scene, one, OFF, hashes=True)
         assert drawn.hashes == right.hashes and np.allclose(drawn.images["color"], right.images["color"], atol=1e-5)
+
+
+@pytest.mark.parametrize("size, n, steps",
+                         [pytest.param((5, 3), 200, 8, marks=pytest.mark.small), ((21, 15), 9000, 64)])
+def test_long_lists_are_cut_into_launches(gpu, another, size, n, steps):
+    """Where a driver ends long loops: here very short ones."""
+    rng = np.random.default_rng(5)
+    middle, way = rng.normal(size=(n, 1, 3)) * (.4, .3, .3), rng.normal(size=(n, 1, 3)) * .1
+    scene = clfur.Scene(ball(.2, 0), clfur.Curves(middle + way * np.array([-1, 1])[:, None], width=.02),
+                        clfur.Camera(eye=(0, 0, 6), size=size))
+    right = clfur.draw(scene, gpu, SETTINGS, tuple(OUTPUTS), hashes=True)
+    cut = another(lanes=1, hinted=1, steps=steps)
+    names = recorded(cut)
+    same(right, clfur.draw(scene, cut, SETTINGS, tuple(OUTPUTS), hashes=True))
+    assert names.count("coverage.sort") > 6 and names.count("coverage.pixels") > 4   # else nothing is cut
 
 
 def dense(size, n=3000):

@@ -135,6 +135,22 @@ def test_rays_equal_the_twin(gpu, monkeypatch, name):
     agree(it)
 
 
+@pytest.mark.parametrize("options", [FUR, SINE, SINE | {"shading": "turned"}], ids=["cells", "sine", "turned"])
+def test_a_step_where_bent_hair_turns_is_lit_by_either_side(gpu, monkeypatch, options):
+    """Six layers are one and a half a slab: every third step ends where one slab of bent hair meets the next, and a
+    rounding error decides which of them lights it.  What both give the twin tells, a little too early and too late.
+    """
+    it = drawn(gpu, monkeypatch, "ball", clfur.Shells(**options | BENT | {"layers": 6}), size=(48, 36))
+    either = []
+    for place in (0.5 - 1e-5, 0.5 + 1e-5):
+        monkeypatch.setattr(twin, "FIRST", place)
+        either.append(by_twin(it)[0])
+    assert (np.abs(either[0] - either[1]).max(2) > CLOSE).mean() > 0.02, "no step ends where hair turns"
+    outside = (it.image < np.minimum(*either) - CLOSE) | (it.image > np.maximum(*either) + CLOSE)
+    assert outside.any(2).mean() <= 0.2 * FLIPS
+    assert (np.abs(it.image[..., 3] - either[0][..., 3]) > CLOSE).mean() <= 0.2 * FLIPS   # there it is as much hair
+
+
 @pytest.mark.parametrize("lanes", [1, 8, 16])
 def test_rays_are_the_same_side_by_side(another, monkeypatch, lanes):
     """As GPUs and CPUs take them: one ray a work-item, or several; the other tests take as many as a scheduler does."""

@@ -29,7 +29,7 @@ _SCENE = [
                  help="Length of the hair in the mesh's units; shells under strands have half of it.  [default: 0.08 "
                       "of half the mesh's diagonal, or 0.12 for shells alone]"),
     click.option("--color", type=Color(), default="0.5,0.28,0.12", metavar="COLOR",
-                 help="R,G,B (linear) or '#rrggbb' (sRGB)."),
+                 help="R,G,B of 0 to 1 each (linear), or '#rrggbb' (sRGB)."),
     click.option("--alpha", type=click.FloatRange(0, 1), default=0.5, metavar="0..1",
                  help="How much light one hair lets through."),
     click.option("--variation", type=click.FloatRange(0, 1), default=0.3, metavar="0..1",
@@ -63,7 +63,8 @@ _STRANDS = [
                       f"{MOST} on a mesh of more faces]"),
     click.option("--surface", type=click.Choice(["pn", "flat"]), default="pn", help="Curved or flat faces."),
     click.option("--width", type=click.FloatRange(0), metavar="W",
-                 help="Diameter of a strand in the mesh's units.  [default: 0.0012 of half the mesh's diagonal]"),
+                 help="Diameter of a strand in the mesh's units.  [default: 0.0012 of half the mesh's diagonal, but at "
+                      "most a tenth of the length]"),
     click.option("--look", type=Look(), metavar="LOOK",
                  help="How strands scatter light: kajiya or chiang (real hair), and its fields, as "
                       "chiang:azimuthal_roughness=0.4,eumelanin=1.3 or chiang:absorption=0.1/0.3/0.9.  "
@@ -290,7 +291,8 @@ def _strands(options, length, radius, faces):
         "color": options["color"],
         "segments": options["segments"],
         "segment_length": length / max(options["segments"], 1),
-        "width": 0.0012 * radius if options["width"] is None else options["width"],
+        # Short fur on a mesh with a wide ground: strands that are wider than long would cover all of the picture.
+        "width": min(0.0012 * radius, 0.1 * length) if options["width"] is None else options["width"],
         "force_weight": options["force_weight"],
         "curl": options["curl"],
         "wave": options["wave"],

@@ -60,17 +60,20 @@ class Bytes(click.ParamType):
 
 
 class Color(Numbers):
-    """Linear R,G,B or sRGB #rrggbb."""
+    """Linear R,G,B of 0 to 1, or sRGB #rrggbb."""
 
     def __init__(self):
         super().__init__(3)
 
     def convert(self, value, param, ctx):
         try:
-            return from_hex(value) if isinstance(value, str) and value.startswith("#") else super().convert(
+            color = from_hex(value) if isinstance(value, str) and value.startswith("#") else super().convert(
                 value, param, ctx)
         except (ValueError, click.BadParameter):
-            self.fail(f"{value!r} is neither R,G,B (linear) nor #rrggbb (sRGB)", param, ctx)
+            color = ()
+        if not color or not all(0 <= part <= 1 for part in color):   # 255,128,0 would be 255 times too bright
+            self.fail(f"{value!r} is neither R,G,B of 0 to 1 each (linear) nor #rrggbb (sRGB)", param, ctx)
+        return color
 
 
 class Roots(click.ParamType):

@@ -11,6 +11,8 @@ from .strands import DeviceStrands, arrays
 
 TILE, WALK = int(layout.CONSTANTS["TILE"]), int(layout.CONSTANTS["WALK"])
 EVERY = 0, 2**32 - 1   # tile: the first, one past the last
+BUCKETS = int(layout.CONSTANTS["BUCKETS"])
+WALKS = 16        # tiles at a time that go on in another launch where drivers end long loops, 90 KB each
 STEPS = 64        # segments of each strand that a launch takes where drivers end long loops
 
 
@@ -128,31 +130,46 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
     if max(gpu.lanes, gpu.hinted) > 1:
         gpu.launch("coverage.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries, **known)
         return
-    grains = gpu.empty((across * down, 2), np.uint32)
-    gpu.launch("coverage.sort", across * down * TILE**2, starts=segments.starts, entries=segments.entries,
-               sorted=sorted_, grains=grains)
-    _pixels(gpu, across * down * TILE**2, grains=grains, **known)
+    known["grains"] = gpu.empty((across * down, 2), np.uint32)
+    _sort(gpu, across * down, entries=segments.entries,
+          **{name: known[name] for name in ("starts", "sorted", "grains")})
+    _pixels(gpu, across * down, **known)
+
+
+def _sort(gpu, n, starts, **known):
+    """Sort the lists of n tiles by depth.  Where a driver ends long loops, long ones in many launches."""
+    longest = TILE**2 * (gpu.steps // 4) if gpu.steps else 2**32 - 1   # three loops, and some
+    gpu.launch("coverage.sort", n * TILE**2, first_tile=0, longest=longest, what=0, stretch=EVERY, starts=starts,
+               kept=gpu.empty(0, np.uint32), **known)
+    if len(known["entries"]) <= longest:
+        return
+    lengths = np.diff(gpu.download(starts))
+    for tile in np.flatnonzero(lengths > longest):
+        kept = gpu.upload(np.array([0] * BUCKETS + [2**32 - 1, 0], np.uint32))
+        for what in 1, 2, 3:
+            for first in range(0, int(lengths[tile]), longest):
+                gpu.launch("coverage.sort", TILE**2, first_tile=int(tile), longest=longest, what=what,
+                           stretch=(first, first + longest), starts=starts, kept=kept, **known)
 
 
 def _pixels(gpu, n, **known):
-    """Draw n pixels, those of a tile as neighbours.  Where a driver ends long loops those with much to do stop on their
-    way, and go on in another launch."""
-    steps = gpu.steps // 16 if gpu.steps else 2**32 - 1   # several go side by side there, and add up their loops
-    none, count = gpu.empty(0, np.uint32), gpu.full(1, np.uint32, 0)
+    """Draw n tiles.  Where a driver ends long loops those with much to do stop, begin anew, some at a time, and go
+    on launch by launch."""
+    steps = gpu.steps // 2 if gpu.steps else 2**32 - 1   # beginning, end and the last turn take less than as many again
+    none, stopped = gpu.empty(0, np.uint32), gpu.full(1, np.uint32, 0)
     open_ = gpu.empty(n if gpu.steps else 0, np.uint32)
-    gpu.launch("coverage.pixels", n, steps=steps, fresh=True, listed=False, items=none, open=open_, n_open=count,
-               walks=gpu.empty((0, 4), np.uint32), **known)
-    if not gpu.steps:
-        return
-    left = int(gpu.download(count)[0])
-    if not left:
-        return
-    walks, fresh, n = gpu.empty((WALK * left, 4), np.uint32), True, left
-    while left:
-        count = gpu.full(1, np.uint32, 0)
-        gpu.launch("coverage.pixels", n, steps=steps, fresh=fresh, listed=True, items=open_, open=none, n_open=count,
-                   walks=walks, **known)
-        left, fresh = int(gpu.download(count)[0]), False
+    gpu.launch("coverage.pixels", n * TILE**2, steps=steps, fresh=True, listed=False, items=none, open=open_,
+               n_open=stopped, walks=gpu.empty((0, 4), np.uint32), **known)
+    left = int(gpu.download(stopped)[0]) if gpu.steps else 0
+    most = min(max(gpu.room // (TILE**2 * WALK * 16), 1), WALKS)
+    for first in range(0, left, most):
+        some, fresh, going = min(left - first, most), True, 1
+        items, walks = gpu.rows(open_, first, first + some), gpu.empty((some * TILE**2 * WALK, 4), np.uint32)
+        while going:
+            stopped = gpu.full(1, np.uint32, 0)
+            gpu.launch("coverage.pixels", some * TILE**2, steps=steps, fresh=fresh, listed=True, items=items, open=none,
+                       n_open=stopped, walks=walks, **known)
+            going, fresh = int(gpu.download(stopped)[0]), False
 
 
 def _knows(tiles, strands):

@@ -8,6 +8,7 @@ import numpy as np
 from .. import layout
 from ..layout import Arrays, array
 
+SCAN = int(layout.CONSTANTS["SCAN"])
 CELLS = 1 << 3 * int(layout.CONSTANTS["CELL_BITS"])
 
 
@@ -26,12 +27,16 @@ def order(gpu: Any, packed: Any, spans: Any) -> Order:
     The points of a strand stay together.  The order of strands in a cell is any, and so is that of their points.
     """
     n = len(spans)
-    blocks = -(-n // layout.CONSTANTS["SCAN"])
+    blocks = -(-n // SCAN)
     made = Order.empty(gpu, {"strand": n})
     corners, counts = gpu.empty((2 * blocks, 4), np.float32), gpu.full((CELLS, 2), np.uint32, 0)
     brought = {"packed": packed, "spans": spans}
     gpu.launch("order.boxes", blocks, n=n, corners=corners, **brought)
-    gpu.launch("order.box", min(blocks, 1), n=blocks, corners=corners)
+    while blocks > 1:
+        boxes, blocks = blocks, -(-blocks // SCAN)
+        around = gpu.empty((2 * blocks, 4), np.float32)
+        gpu.launch("order.box", blocks, n=boxes, corners=corners, around=around)
+        corners = around
     gpu.launch("order.count", n, corners=corners, counts=counts, ranks=made.ranks, **brought)
     gpu.launch("order.scan", 1, n=CELLS, counts=counts)
     gpu.launch("order.place", n, counts=counts, **vars(made))

@@ -12,6 +12,7 @@ from .shells import HEIGHTS, cover, height_at
 from .vectors import dot, f64, unit
 
 SIDEWAYS, PIXEL = 8.0, 8.0
+FIRST = 0.5                # place of a ray's first step, in steps from where it comes in
 SHARP = 0.85
 FAR_FROM, FAR_TO = 0.3, 0.9
 TETRAHEDRA = np.array([(0, 1, 2, 5), (0, 1, 4, 5), (0, 3, 4, 5)])   # of a prism: 0 1 2 below, 3 4 5 above them
@@ -154,7 +155,7 @@ def _steps(shells, lattice, corners, chain, end, wide, stop, slabs, ray):
     high = np.clip((stop - z_in) / (z_out - z_in), 0, 1)
     passed = np.concatenate([[0], np.cumsum(high * measure)])
     gone = np.concatenate([[0], np.cumsum(high * move)])
-    when = np.arange(0.5, passed[-1], 1.0)
+    when = np.arange(FIRST, passed[-1], 1.0)
     piece = np.searchsorted(passed, when, side="left") - 1
     along = (when - passed[piece]) / measure[piece]
     if end != "out":

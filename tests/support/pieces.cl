@@ -4,7 +4,7 @@
 #undef LANES
 #define LANES 8
 #endif
-#define CHUNK 8
+#define CHUNK (LANES == 1 ? 1 : 8)
 #include "clip.h"
 #include "lanes.h"
 #include "places.h"
@@ -27,19 +27,23 @@ BY_HAND __kernel void drawn(
     __global float *shares,                // [room]
     __global float *ats)                   // [room] where on the segment
 {
+#if LANES == 1
+    __local Chunk chunks[64], *chunk = chunks + get_local_id(0);
+#else
+    Chunk one, *chunk = &one;
+#endif
     WORK_ITEM(i);
-    Chunk chunk;
-    prepare(&chunk, &view, list + i, 1, 1, ends, ids, cuts);
-    if (!(chunk.bu[0] > chunk.au[0]))
+    prepare(chunk, &view, list + i, 1, 1, ends, ids, cuts);
+    if (!(chunk->bu[0] > chunk->au[0]))
         return;
-    const int steep = chunk.steep[0];
+    const int steep = chunk->steep[0];
     const int2 columns = (int2)(0, view.size.x), us = steep ? view.rows.xy : columns, vs = steep ? columns : view.rows.xy;
     lanes_i lane;
     for (int k = 0; k < LANES; ++k)
         LANE_I(lane, k) = k;
     for (int u = us.x; u < us.y; u += LANES) {
         Column column;
-        column_of(&chunk, 0, &view, lane + u, &column);
+        column_of(chunk, 0, &view, lane + u, &column);
         for (int k = 0; k < LANES && u + k < us.y; ++k) {
             const int top = max(LANE_I(column.low, k), vs.x), bottom = min(LANE_I(column.high, k), vs.y);
             for (int v = top; LANE(column.along, k) > 0.0f && v < bottom; ++v) {
@@ -51,7 +55,7 @@ BY_HAND __kernel void drawn(
                 if (n >= room)
                     continue;
                 const int x = steep ? v : u + k, y = (steep ? u + k : v) - view.rows.x;
-                keys[n] = (ulong)LANE_I(column.depth, k) << 32 | chunk.id[0];
+                keys[n] = (ulong)LANE_I(column.depth, k) << 32 | chunk->id[0];
                 pixels[n] = y * view.size.x + x;
                 shares[n] = LANE(share, k);
                 ats[n] = LANE_I(at, k) / 65535.0f;
