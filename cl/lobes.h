@@ -88,12 +88,14 @@ ONCE void add_lobes(lanes3 *part, const Looks *looks, lanes_i on, lanes_i kind, 
     const lanes across = greater(cosine_v * cosine_l, F(1e-9f));
     const lanes angle = angle_of(within((dots(*v, *l) - sine_v * sine_l) / across, -1.0f, 1.0f));
     const lanes place = 0.5f * (cosine_v + full_root(cosine_v));
+    #pragma unroll 1                       // what is unrolled is no faster, and slower where tables are large
     for (int first = 0; first < LANES; ++first) {
         if (!LANE_I(on, first))
             continue;
         const int type = LANE_I(kind, first);          // most of the time all are of one
         const Lobes lobes = looks->lobes[type];
         Sought sought;
+        #pragma unroll 1
         for (int p = 0; p < 4; ++p)
             sought.along[p] = along_strand(lobes.along[p], sine_v, cosine_v, sine_l, cosine_l);
         sought.cosine = place * (lobes.table.y - 1.0f);
@@ -101,6 +103,7 @@ ONCE void add_lobes(lanes3 *part, const Looks *looks, lanes_i on, lanes_i kind, 
         sought.shades[0] = shade_of(color->x, lobes.color.x);
         sought.shades[1] = shade_of(color->y, lobes.color.x);
         sought.shades[2] = shade_of(color->z, lobes.color.x);
+        #pragma unroll 1
         for (int k = first; k < LANES; ++k) {
             if (!LANE_I(on, k) || LANE_I(kind, k) != type)
                 continue;
