@@ -7,14 +7,6 @@
  * step wherever it has passed one more layer, or as much sideways: there it meets hair or not.  Corners of a face are
  * taken in the order of their numbers, so that neighbours divide the side between them alike.
  */
-#if LANES == 1 && LANES_HINTED > 1
-#undef LANES
-#undef BLOCK_X
-#undef BLOCK_Y
-#define LANES LANES_HINTED
-#define BLOCK_X 4
-#define BLOCK_Y (LANES / BLOCK_X)
-#endif
 #include "lanes.h"
 #include "seen.h"
 #include "scatter.h"
@@ -258,7 +250,7 @@ INLINED void onwards(int here, int slabs, int4 neighbours, lanes_i out, lanes_i 
 
 /* One work-item takes the samples of LANES pixels through the fur, from where they enter it to where they leave it, meet
    what is drawn, or see no further; and adds their light to the picture. */
-BY_HAND __kernel void march(
+__kernel void march(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const Shells shells,
