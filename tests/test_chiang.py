@@ -121,7 +121,7 @@ def strands_with(looks, n, seed=3):
     (1500, [clfur.Kajiya(), LOOKS[0], clfur.Kajiya(highlight="half-vector"), LOOKS[2]])],
     ids=["few", "all", "sharp", "mixed"])
 def test_strands_send_the_twins_light(gpu, n, looks):
-    """By tables: 0.4 % on average, of single values 3 % and .003."""
+    """By tables: 0.2 % on average, of single values 1.5 % and .003."""
     scene = strands_with(looks, n)
     strands, view = strands_of(gpu, scene), view_of(scene, 1)
     lights = [light_of(scene.light), light_of(clfur.Light((1, -.2, .5)))]
@@ -130,8 +130,8 @@ def test_strands_send_the_twins_light(gpu, n, looks):
     places, more, k = lit.places.get(), lit.more.get(), 2 * np.arange(n)
     found = places_twin.between(places, more, k, np.zeros(n))
     meant = places_twin.sent(view, lights, k, np.zeros(n), on_host(strands))
-    np.testing.assert_allclose(found, meant, rtol=.03, atol=.003)
-    assert np.abs(found - meant).sum() < .004 * meant.sum()
+    np.testing.assert_allclose(found, meant, rtol=.015, atol=.003)
+    assert np.abs(found - meant).sum() < .002 * meant.sum()
 
 
 @pytest.mark.parametrize("raster", ["coverage", "samples"])
