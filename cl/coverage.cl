@@ -18,9 +18,14 @@
 #define CHUNK (LANES == 1 ? 1 : 64)        // segments that are made ready together
 #include "clip.h"
 #include "lanes.h"
+#include "seen.h"
+#include "scatter.h"
+#include "light.h"
+#include "light_lanes.h"
 #include "places.h"
 #include "sums.h"
 #include "ribbon.h"
+#include "exact_light.h"
 #include "hiding.h"
 
 /* One work-item tells how far one tile can be seen into. */
@@ -398,6 +403,7 @@ INLINED bool go_on(Walk *walk, __local Group *group, const View *view, const Pic
         barrier(CLK_LOCAL_MEM_FENCE);
         open = group->open[turn];
         spent += steps_of(group->fullest[turn], picture->samples);
+        spent += picture->lit ? group->fullest[turn] * steps_of_light(&picture->sent) : 0;
         if (!me)
             group->open[1 - turn] = group->fullest[1 - turn] = 0;
         next = last ? 0 : next;
@@ -430,7 +436,17 @@ __kernel void pixels(
     __global const ulong *sample_shells,
     const int lit,
     __global const ulong *places,
-    __global const ulong *more,
+    __global const float *more,
+    __global const Lobes *lobes,
+    __global const float4 *lobe_table,
+    const int n_lights,
+    __global const Light *lights,
+    __global const Shadow *shadows,
+    __global const Grid *grids,
+    __global const View *light_views,
+    __global const float *crossings,
+    __global const ulong *shadow_maps,
+    const int shadowed,
     __global float *body_transmittance,
     __global float *alpha,
     __global ulong *front,
@@ -448,7 +464,9 @@ __kernel void pixels(
     __global Walk *kept = (__global Walk *)(walks + WALK * (k * TILE * TILE + me));
     on = on && tile >= window.x && tile < window.y && (fresh || kept->next != DONE);
     const bool within = on && x < size.x && y < size.y;
-    const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells, places, more, body_transmittance, alpha,
+    const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
+                             {places, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
+                              {lobes, lobe_table}, shadowed}, body_transmittance, alpha,
                              front, shell_front, image};
     Walk walk;
     walk.bound = walk.next = walk.waiting = walk.low = 0;
@@ -643,7 +661,7 @@ ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global
             for (int i = 0; i < m; ++i)
                 if (((const ulong *)pixels)[i] & t->open) {
                     if (picture->lit)
-                        PREFETCH(picture->places + FEW_PLACES * (size_t)chunk.number[i]);
+                        PREFETCH(picture->sent.places + FEW_PLACES * (size_t)chunk.number[i]);
                     draw(t, view, &chunk, i);
                 }
             next += m;
@@ -674,7 +692,17 @@ ALONE BY_HAND __kernel void tiles(
     __global const ulong *sample_shells,   // [rows, width, samples] depth << 32 | face where half of it is gone
     const int lit,                         // 1: there is light
     __global const ulong *places,          // [survivors, FEW_PLACES] light, see places.h
-    __global const ulong *more,            // [rows of them, MANY_PLACES + 1]
+    __global const float *more,            // [rows of them, 32] see exact_light.h
+    __global const Lobes *lobes,           // [types] see lobes.h; none where no type has that look
+    __global const float4 *lobe_table,
+    const int n_lights,                    // see light.h
+    __global const Light *lights,
+    __global const Shadow *shadows,
+    __global const Grid *grids,
+    __global const View *light_views,
+    __global const float *crossings,
+    __global const ulong *shadow_maps,
+    const int shadowed,                    // 1: something stands before them
     __global float *body_transmittance,    // [rows, width, samples] share of the body's light that what stands before it
                                            // lets through; in: shells alone, out: strands too
     __global float *alpha,                 // [rows, width]
@@ -696,7 +724,9 @@ ALONE BY_HAND __kernel void tiles(
     const uint first = starts[tile], n = starts[tile + 1] - first;
     Glow glow;
     glow.n = 0;
-    const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells, places, more, body_transmittance, alpha,
+    const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
+                             {places, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
+                              {lobes, lobe_table}, shadowed}, body_transmittance, alpha,
                              front, shell_front, image, &glow};
     Tile t;
     t.left = x * TILE;
@@ -720,7 +750,7 @@ ALONE BY_HAND __kernel void tiles(
     if (n) {
         const uint2 grain = sort_list(entries + first, n, sorted + first);
         go_through(&t, &view, &picture, sorted + first, n, grain, ends, ids, cuts);
-        glow_all(&glow, places, more);
+        glow_all(&glow, &picture.sent);
     }
     for (int p = 0; p < TILE * TILE; ++p)
         if (x * TILE + p % TILE < size.x && y * TILE + p / TILE < size.y)

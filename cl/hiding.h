@@ -11,8 +11,7 @@
 typedef struct {
     int samples, has_shells, lit;    // 1: there is shell fur; there is light
     __global const ulong *visible, *sample_shells;
-    __global const ulong *places;
-    __global const ulong *more;
+    Sent sent;                       // what there is known of light
     __global float *body_transmittance, *alpha;
     __global ulong *front, *shell_front;
     __global float4 *image;
@@ -201,11 +200,10 @@ INLINED void drop(Slots *slots, long *limit)
 INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, uint where)
 {
 #if LANES == 1
-    const float4 light = light_between(picture->places + FEW_PLACES * (size_t)number, picture->more,
-                                       (where & 0xFFFF) * (1.0f / 65535.0f));
+    const float4 light = sent_by(&picture->sent, number, (where & 0xFFFF) * (1.0f / 65535.0f));
     p->light += weight * (light < MOST ? light : MOST);
 #else
-    add_glow(picture->glow, picture->places, picture->more, &p->light, weight, number, where);
+    add_glow(picture->glow, &picture->sent, &p->light, weight, number, where);
 #endif
 }
 

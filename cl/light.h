@@ -71,6 +71,8 @@ inline float through_hair(const Obstacles *obstacles, float2 self_shadow, float4
 #define HAIR_STEEPEST 5.0f                        // of `past_body`, for hair: by the body's normal at its root
 #define HAIR_BIAS(radius) (1.0f + 2 * (radius))
 
+#define STRIDE (LANES == 1 ? 8 : 1)               // texels without a loop: llvmpipe ends long ones
+
 /* How many of the (2r + 1)² texels around texel (x0, y0) see what lies nearer to the light than a plane: at `nearest` there,
    dx and dy deeper a texel. */
 inline int dark_texels(const Obstacles *obstacles, int x0, int y0, float nearest, float dx, float dy)
@@ -95,10 +97,13 @@ inline int dark_texels(const Obstacles *obstacles, int x0, int y0, float nearest
     }
     for (int j = top; j <= bottom; ++j) {
         __global const ulong *row = obstacles->shadow_map + (long)(y0 + j) * width + x0;
-        for (int k = left; k <= right; ++k) {
-            const long seen = row[k] >> 32;               /* above DEPTH_ONE where nothing is: p may lie far behind the map */
-            dark += (seen <= DEPTH_ONE) & (seen + plane_at + k * x_step + j * y_step < DEPTH_ONE);
-        }
+        for (int k = left; k <= right; k += STRIDE)
+            #pragma unroll
+            for (int m = 0; m < STRIDE; ++m) {
+                const int at = k + m <= right ? k + m : right;
+                const long seen = row[at] >> 32;          /* above DEPTH_ONE where nothing is: p may lie far behind the map */
+                dark += (k + m <= right) & (seen <= DEPTH_ONE) & (seen + plane_at + at * x_step + j * y_step < DEPTH_ONE);
+            }
     }
     return dark;
 }

@@ -115,3 +115,18 @@ INLINED lanes3 tangent_of_lanes(lanes3 chord, lanes3 along)
     const lanes3 up = {F(0.0f), F(1.0f), F(0.0f)};
     return unit_lanes_or(chosen(dots(chord, chord) > 1e-30f, chord, along), up);
 }
+
+#define CELLS 2.0f           // cells of a light's grid that a segment may cross with transmittances known at its ends alone
+
+/* How many cells of a light's grid segments cross, from p to p + step. */
+INLINED lanes cells_crossed(const Obstacles *obstacles, lanes3 p, lanes3 step)
+{
+    const Grid *grid = &obstacles->grid;
+    if (!(obstacles->shadow.hair.x > 0.0f))
+        return F(0.0f);
+    const lanes3 q = plus(p, step);
+    const lanes4 a = by_columns(grid->to_grid, p.x, p.y, p.z), b = by_columns(grid->to_grid, q.x, q.y, q.z);
+    const lanes_i before = (a.w > 0.0f) & (b.w > 0.0f);
+    const lanes x = a.x / a.w - b.x / b.w, y = a.y / a.w - b.y / b.w, z = a.z - b.z;
+    return before ? greater(greater(positive(x), positive(y)), positive(z)) : F(1e9f);
+}

@@ -1,7 +1,7 @@
 /*
  * Light of strands at places along them: `transmittance` tells what share of each light gets through to their points, the
- * same from wherever they are seen; `radiance` what a segment sends to the eye at FEW_PLACES of it; `further` at MANY_PLACES
- * where it needs them.  Several points, segments or places side by side.
+ * same from wherever they are seen; `radiance` what a segment sends to the eye at FEW_PLACES of it; `further` what it is like
+ * where these are too few.  Several points or segments side by side.
  */
 #if LANES == 32
 #undef LANES
@@ -125,26 +125,34 @@ INLINED Places places_at(const View *view, const Segments *s, lanes at)
     return here;
 }
 
-/* How far inside a spot's cone places lie, as a cosine; 1 everywhere under parallel rays. l: towards the light. */
+/* How far inside a spot's cone places lie, as a cosine. l: towards the light. */
 INLINED lanes inside_cone(const Light *light, lanes3 l)
 {
-    return light->position.w > 0.0f ? -dots(l, all_lanes(light->direction)) - light->cone.x : F(1.0f);
+    return -dots(l, all_lanes(light->direction)) - light->cone.x;
 }
 
-#define TURN 1.5f            // by which a segment may turn, in widths of its highlight, for one parabola
-#define CELLS 2.0f           // cells of a light's grid that it may cross with transmittances known at its ends alone
-
-/* How many cells of a light's grid segments cross. */
-INLINED lanes cells_crossed(const Obstacles *obstacles, const Segments *s)
+#define TURN 1.5f            // by which a segment may turn, in widths of its highlight, for one parabola: twice as much as from
+                             // place to place
+/* `cells_crossed` by one segment, from a to b. */
+INLINED float cells_between(__global const Shadow *shadow, __global const Grid *grid, float4 a, float4 b)
 {
-    const Grid *grid = &obstacles->grid;
-    if (!(obstacles->shadow.hair.x > 0.0f))
-        return F(0.0f);
-    const lanes3 q = plus(s->p, s->p_step);
-    const lanes4 a = by_columns(grid->to_grid, s->p.x, s->p.y, s->p.z), b = by_columns(grid->to_grid, q.x, q.y, q.z);
-    const lanes_i before = (a.w > 0.0f) & (b.w > 0.0f);
-    const lanes x = a.x / a.w - b.x / b.w, y = a.y / a.w - b.y / b.w, z = a.z - b.z;
-    return before ? greater(greater(positive(x), positive(y)), positive(z)) : F(1e9f);
+    __global const float4 *to_grid = grid->to_grid;
+    if (!(shadow->hair.x > 0.0f))
+        return 0.0f;
+    const float4 p = ((to_grid[0] * a.x + to_grid[1] * a.y) + to_grid[2] * a.z) + to_grid[3];
+    const float4 q = ((to_grid[0] * b.x + to_grid[1] * b.y) + to_grid[2] * b.z) + to_grid[3];
+    const float x = fabs(p.x / p.w - q.x / q.w), y = fabs(p.y / p.w - q.y / q.w), z = fabs(p.z - q.z), wide = x > y ? x : y;
+    return p.w > 0.0f && q.w > 0.0f ? wide > z ? wide : z : 1e9f;
+}
+
+/* Whether the edge of a spot's cone may lie between two places: how far inside they are, and how far apart the directions
+   to the light (Euclid).  Between two outside they come nearest to the cone where they would meet its chord. */
+INLINED lanes_i edge_between(const Light *light, lanes inside, lanes before, lanes turn)
+{
+    const lanes nearest = greater(inside, before) + light->cone.x;
+    const lanes_i both_out = greater(inside, before) < 0.0f;
+    const lanes_i may_meet = nearest > light->cone.x * root(greater(1.0f - 0.25f * turn * turn, F(1e-6f))) - 1e-5f;
+    return ((lesser(inside, before) < 0.0f) & (greater(inside, before) >= 0.0f)) | (both_out & may_meet);
 }
 
 /* |a - b| */
@@ -152,6 +160,35 @@ INLINED lanes distance_between(lanes3 a, lanes3 b)
 {
     const lanes3 d = minus(a, b);
     return root(greater(dots(d, d), F(1e-30f)));
+}
+
+/* Which segments' light changes too much between few places: they turn far from one to the next, cross many cells of a light's
+   grid, or may cross the edge of a spot's cone. */
+INLINED lanes_i change_much(const Lighting *lighting, int shadowed, const Segments *s, const Places *here)
+{
+    lanes most = F(0.0f), turns[FEW_PLACES];
+    lanes_i needs = I(0);
+    for (int j = 1; j < FEW_PLACES; ++j)
+        turns[j] = distance_between(here[j].fibres.tangent, here[j - 1].fibres.tangent) + distance_between(here[j].v, here[j - 1].v);
+    for (int i = 0; i < lighting->n; ++i) {
+        const Light light = lighting->lights[i];
+        lanes3 l, before;
+        share_of_light(&light, here[0].p, &before);
+        for (int j = 1; j < FEW_PLACES && light.position.w > 0.0f; ++j) {
+            share_of_light(&light, here[j].p, &l);
+            const lanes turn = distance_between(l, before);
+            needs |= edge_between(&light, inside_cone(&light, l), inside_cone(&light, before), turn);
+            turns[j] += turn;
+            before = l;
+        }
+        if (shadowed) {
+            const Obstacles obstacles = obstacles_of(lighting, i);
+            needs |= cells_crossed(&obstacles, s->p, s->p_step) > CELLS;
+        }
+    }
+    for (int j = 1; j < FEW_PLACES; ++j)
+        most = greater(most, turns[j]);
+    return needs | (2.0f * most * root(1.0f + s->exponent) > TURN);
 }
 
 /* One work-item tells what LANES segments send to the eye at FEW_PLACES each, and keeps rows of `more` for those that need
@@ -200,103 +237,45 @@ __kernel void radiance(
         to[k] = end_of(&hair, from[k]);
     }
     take(&s, &hair, from, to);
-    lanes turn = F(0.0f), crossed = F(0.0f);
-    lanes_i on_edge = I(0);
-    lanes3 sent[FEW_PLACES], tangent, v;
-    for (int i = 0; i < n_lights; ++i) {
+    Places here[FEW_PLACES];
+    for (int j = 0; j < FEW_PLACES; ++j)
+        here[j] = places_at(&view, &s, F((float)j / (FEW_PLACES - 1)));
+    const lanes_i needs = change_much(&lighting, shadowed, &s, here);
+    uint needy = 0;
+    for (uint k = 0; k < count; ++k)
+        needy += LANE_I(needs, k) && from[k] != to[k];
+    uint row = needy ? atomic_add(rows, needy) : 0;
+    lanes3 sent[FEW_PLACES];
+    for (int i = 0; i < n_lights && needy < count; ++i) {
         const Light light = lights[i];
-        lanes share = F(1.0f), share_step = F(0.0f), before = F(0.0f);
-        lanes3 l_before;
+        lanes share = F(1.0f), share_step = F(0.0f);
         if (shadowed) {
-            const Obstacles obstacles = obstacles_of(&lighting, i);
             __global const float *there = transmittances + (size_t)i * n_points;
             for (int k = 0; k < LANES; ++k) {
                 LANE(share, k) = there[from[k]];
                 LANE(share_step, k) = there[to[k]] - there[from[k]];
             }
-            crossed = greater(crossed, cells_crossed(&obstacles, &s));
         }
         for (int j = 0; j < FEW_PLACES; ++j) {
-            const lanes at = F((float)j / (FEW_PLACES - 1));
-            const Places here = places_at(&view, &s, at);
             lanes3 l;
-            const lanes part = share_of_light(&light, here.p, &l) * (share + at * share_step), inside = inside_cone(&light, l);
-            const lanes3 one = fibre_lanes(&light, &here.fibres, &looks, l, here.v, part);
+            const lanes part = share_of_light(&light, here[j].p, &l) * (share + F((float)j / (FEW_PLACES - 1)) * share_step);
+            const lanes3 one = fibre_lanes(&light, &here[j].fibres, &looks, l, here[j].v, part);
             sent[j] = i ? plus(sent[j], one) : one;
-            if (j) {
-                on_edge |= (lesser(inside, before) < 0.0f) & (greater(inside, before) >= 0.0f);
-                turn += distance_between(l, l_before);
-                if (!i)
-                    turn += distance_between(here.fibres.tangent, tangent) + distance_between(here.v, v);
-            }
-            before = inside;
-            l_before = l;
-            tangent = here.fibres.tangent;
-            v = here.v;
         }
     }
-    const lanes_i turns = turn * root(1.0f + s.exponent) > TURN * FEW_PIECES;
-    const lanes_i needs = turns | (crossed > CELLS) | on_edge;
     for (uint k = 0; k < count; ++k) {
         __global ulong *few = places + FEW_PLACES * (size_t)(first + k);
         if (LANE_I(needs, k) && from[k] != to[k])
-            few[0] = MORE | (LANE_I(on_edge, k) ? ON_EDGE : 0ul) | atomic_inc(rows);
+            few[0] = MORE | row++;
         else
             for (int j = 0; j < FEW_PLACES; ++j)
                 few[j] = packed_light(LANE(sent[j].x, k), LANE(sent[j].y, k), LANE(sent[j].z, k));
     }
 }
 
-/* The segment from point id to the next one, in all lanes. */
-INLINED void take_one(Segments *s, const Hair *hair, uint id)
-{
-    const uint strand = strand_at(hair, id);
-    const Segment ends = segment_at(hair, id, hair->spans[strand]);
-    const int kind = (int)hair->strand_uv[strand].z;
-    const float4 shine = hair->types[kind].shine, along = ends.b - ends.a;
-    const float4 t = tangent_of(ends.b - ends.before, along), u = tangent_of(ends.after - ends.a, along);
-    const float4 c = hair->colors[hair->color_per == 0 ? 0 : hair->color_per == 1 ? strand : id];
-    s->p = all_lanes(ends.a);
-    s->p_step = all_lanes(along);
-    s->t = all_lanes(t);
-    s->t_step = all_lanes(u - t);
-    s->color = all_lanes(c);
-    s->color_step = all_lanes(hair->color_per == 2 ? hair->colors[id + 1] - c : (float4)(0.0f));
-    s->specular = F(shine.x);
-    s->exponent = F(shine.y);
-    s->half_vector = I((int)shine.w == HALF_VECTOR ? ON : 0);
-    s->kind = I(kind);
-    s->of_lobes = I((int)shine.w == CHIANG ? ON : 0);
-}
-
-/* Where along a segment the edges of spots' cones cross it, two of them at most, in ways between MANY_PLACES; -1: nowhere. */
-INLINED float2 edges_of(const Lighting *lighting, const View *view, const Segments *s, lanes number)
-{
-    float2 edges = -1.0f;
-    for (int i = 0; i < lighting->n; ++i) {
-        const Light light = lighting->lights[i];
-        float before = 0.0f;
-        for (int start = 0; start < MANY_PLACES && light.position.w > 0.0f; start += LANES) {
-            lanes3 l;
-            share_of_light(&light, plus(s->p, scaled(s->p_step, (number + (float)start) * (1.0f / (MANY_PLACES - 1)))), &l);
-            lanes inside = inside_cone(&light, l);
-            for (int k = 0; k < LANES && start + k < MANY_PLACES; ++k) {
-                const float here = LANE(inside, k);
-                if (start + k && (here < 0.0f) != (before < 0.0f)) {
-                    edges.y = edges.x;
-                    edges.x = start + k - 1 + before / (before - here);
-                }
-                before = here;
-            }
-        }
-    }
-    return edges;
-}
-
-/* One work-item tells what one segment after the other, of LANES, sends to the eye at MANY_PLACES, if it needs them. */
+/* One work-item tells what those of LANES segments are like whose light changes too much between few places. */
 __kernel void further(
     const ulong begin, const ulong end,    // work-items, see common.h
-    const View view,
     const uint2 range,                     // of segments: the first, one past the last
     const int listed,                      // 1: they are `segments`, 0: as many points as there are
     __global const uint *segments,         // ids, if so, their highest bits aside
@@ -309,65 +288,47 @@ __kernel void further(
     __global const float4 *strand_normal,
     __global const float4 *strand_uv,
     __global const HairType *types,
-    __global const Lobes *lobes,           // [types] see lobes.h; none where no type has that look
-    __global const float4 *lobe_table,
     __global const float4 *colors,
     const int color_per,
     const int n_lights,
-    __global const Light *lights,
     __global const Shadow *shadows,
     __global const Grid *grids,
-    __global const View *light_views,
-    __global const float *crossings,
-    __global const ulong *shadow_maps,
     const uint n_points,
     const int shadowed,                    // 1: something stands before them
     __global const float *transmittances,  // [n_lights, n_points] share of direct light, if so
     __global const ulong *places,          // [segments, FEW_PLACES] see places.h
     const uint rows_before,                // of `more` that others have
-    __global ulong *more)                  // [rows, MANY_PLACES + 1] as `radiance` has counted them
+    __global float *more)                  // [rows, 32] as `radiance` has counted them, see exact_light.h
 {
     WORK_ITEM(item);
-    const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
-    const Looks looks = {lobes, lobe_table};
     const uint first = range.x + LANES * (uint)item;
-    lanes number;
-    for (int k = 0; k < LANES; ++k)
-        LANE(number, k) = k;
     for (uint segment = first; segment < range.y && segment < first + LANES; ++segment) {
         const ulong row = places[FEW_PLACES * (size_t)segment];
         if (!(row & MORE))
             continue;
-        __global ulong *many = more + (MANY_PLACES + 1) * ((row & ROW) - rows_before);
+        __global float4 *its = (__global float4 *)more + 8 * ((row & ROW) - rows_before);
         const uint id = begin_of(segment, listed, segments, first_point, stored, run), strand = strand_at(&hair, id);
-        const float alpha = types[(int)strand_uv[strand].z].shine.z, width = points[id].w;
-        Segments s;
-        take_one(&s, &hair, id);
-        many[MANY_PLACES] = row & ON_EDGE ? as_ulong(edges_of(&lighting, &view, &s, number)) : 0;
-        for (int start = 0; start < MANY_PLACES; start += LANES) {
-            const lanes at = lesser((number + (float)start) * (1.0f / (MANY_PLACES - 1)), F(1.0f));
-            const Places here = places_at(&view, &s, at);
-            lanes3 sent;
-            for (int i = 0; i < n_lights; ++i) {
-                const Light light = lights[i];
-                lanes3 l;
-                lanes share = share_of_light(&light, here.p, &l);
-                if (shadowed) {
-                    const Obstacles obstacles = obstacles_of(&lighting, i);
-                    __global const float *there = transmittances + (size_t)i * n_points + id;
-                    lanes crossed = cells_crossed(&obstacles, &s);
-                    if (LANE(crossed, 0) > CELLS)
-                        share *= transmittances_at(&obstacles, share > 0.0f, here.p, all_lanes(strand_normal[strand]),
-                                                   width + at * (points[id + 1].w - width), F(alpha));
-                    else
-                        share *= there[0] + at * (there[1] - there[0]);
-                }
-                const lanes3 one = fibre_lanes(&light, &here.fibres, &looks, l, here.v, share);
-                sent = i ? plus(sent, one) : one;
-            }
-            for (int k = 0; k < LANES && start + k < MANY_PLACES; ++k)
-                many[start + k] = packed_light(LANE(sent.x, k), LANE(sent.y, k), LANE(sent.z, k));
+        const Segment ends = segment_at(&hair, id, spans[strand]);
+        const int kind = (int)strand_uv[strand].z;
+        const float4 shine = types[kind].shine, along = ends.b - ends.a;
+        const float4 t = tangent_of(ends.b - ends.before, along), u = tangent_of(ends.after - ends.a, along);
+        const float4 c = colors[color_per == 0 ? 0 : color_per == 1 ? strand : id];
+        const float4 d = color_per == 2 ? colors[id + 1] - c : (float4)(0.0f);
+        float known[4];
+        for (int i = 0; i < 2; ++i) {
+            const bool ask = i < n_lights && shadowed && cells_between(&shadows[i], &grids[i], ends.a, ends.b) > CELLS;
+            __global const float *there = transmittances + (i < n_lights && shadowed ? (size_t)i * n_points + id : 0);
+            known[2 * i] = ask ? -1.0f : i < n_lights && shadowed ? there[0] : 1.0f;
+            known[2 * i + 1] = !ask && i < n_lights && shadowed ? there[1] - there[0] : 0.0f;
         }
+        its[0] = ends.a;
+        its[1] = along;
+        its[2] = (float4)(t.xyz, shine.x);
+        its[3] = (float4)(u.xyz - t.xyz, shine.y);
+        its[4] = (float4)(c.xyz, shine.w);
+        its[5] = (float4)(d.xyz, shine.z);
+        its[6] = (float4)(strand_normal[strand].xyz, known[0]);
+        its[7] = (float4)(known[1], known[2], known[3], (float)kind);
     }
 }

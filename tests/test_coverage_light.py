@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.coverage import LIGHT, NONE, OFF, SETTINGS, counted, furry, pieces_of, wild
 from support.scenes import strands_of
-from support.stages import strands_on
+from support.stages import on_host, strands_on
 from support.views import pack, perspective
 
 import clfur
@@ -43,7 +43,10 @@ def test_light_is_the_twins(gpu, kind, form, n, shadowed, lights):
     pieces["at"] = twin.places(view, pieces, strands.points.get(), image.shape[1])
     number = np.empty(len(strands.points), int)
     number[segments.ids.get() & 0x7FFFFFFF] = np.arange(len(segments.ids))
-    sent = lights_twin.between(lit.places.get(), lit.more.get(), number[pieces["id"]], pieces["at"])
+    places, number = lit.places.get(), number[pieces["id"]]
+    sent = lights_twin.sent(view, lights, pieces["id"], pieces["at"], on_host(strands), transmittances)
+    few = places[number, 0] >> np.uint64(63) == 0    # the others are lit by piece
+    sent[few] = lights_twin.between(places, number[few], pieces["at"][few])
     meant = np.zeros(image.shape)
     for pixel in np.unique(pieces["pixel"]):
         y, x = divmod(int(pixel), image.shape[1])

@@ -2,15 +2,18 @@
 
 import functools
 
+import attrs
 import numpy as np
 import pytest
-from support.coverage import LIGHT, furry
+from support.coverage import LIGHT, ball, furry
 from support.scenes import squares, strands_of
 from support.stages import on_host
 
 import clfur
+from clfur.color import linear_to_srgb
 from clfur.pipeline.shadows import cast_shadows
 from clfur.pipeline.views import light_of, view_of
+from clfur.scene import highlighted
 from clfur.stages import strand_light
 from clfur.stages.lighting import unshadowed
 from clfur.stages.tessellate import no_surface, tessellate
@@ -65,15 +68,64 @@ def test_places_are_the_twins(gpu, kind, form, n, shadowed, lights, listed):
     lit = strand_light.radiance(gpu, view, unshadowed(gpu, *lights), strands,
                                 gpu.upload(transmittances) if shadowed else None,
                                 gpu.upload(k.astype(np.uint32)) if listed else None)
-    places, more = lit.places.get(), lit.more.get()
+    places = lit.places.get()
     number = np.arange(len(k)) if listed else k
-    of = functools.partial(twin.sent, view, lights, k, strands=there, transmittances=transmittances)
-    many = places[number, 0] >> np.uint64(63) > 0
-    assert len(more) == many.sum() and (many.any() or n == 4)
-    for j in range(15):                    # at each place; at the others of few light is between
-        here = many | (j % 7 == 0)
-        found = twin.between(places, more, number, np.full(len(k), j / 14))[here]
-        np.testing.assert_allclose(found, of(at=np.full(len(k), j / 14))[here], rtol=2e-4, atol=5e-5)
+    of = functools.partial(twin.sent, view, lights, strands=there, transmittances=transmittances)
+    few = places[number, 0] >> np.uint64(63) == 0
+    assert len(lit.more) == (~few).sum() and (few.any() or kind != "grown") and not few.all()
+    for j in range(5):
+        at = np.full(few.sum(), j / 4)
+        np.testing.assert_allclose(twin.between(places, number[few], at), of(k[few], at), rtol=2e-4, atol=5e-5)
+    rows = np.sort(places[number[~few], 0] & np.uint64(2**63 - 1))
+    np.testing.assert_array_equal(rows, np.arange(len(rows)))
+
+
+def fur_of(**keys):
+    given = {"width": .01, "segment_length": .05, "segments": 4} | keys
+    return clfur.Strands(inner=2, outer=2, types=clfur.HairType(**given))
+
+
+def passing(n=80):
+    """Segments that pass the eye at (0, 0, 1) closely, of strands that turn back too."""
+    rng = np.random.default_rng(6)
+    middle, length = rng.normal(size=(n, 1, 3)) * .1 + (0, 0, .8), np.repeat((.4, .002), n // 2)[:, None, None]
+    way = rng.normal(size=(n, 3, 3)) * length
+    return clfur.Curves(middle + np.cumsum(way, 1) - way[:, :1], width=.01, exponent=20, specular=1)
+
+
+SCENES = {   # fur, camera, light
+    "default": (clfur.Strands(inner=2, outer=2), {}, LIGHT),
+    "curls": (fur_of(curl=(.02, 3), segments=8), {}, LIGHT),
+    "2 bent": (fur_of(segments=2, segment_length=.2, force_weight=1), {}, LIGHT),
+    "3 bent": (fur_of(segments=3, segment_length=.1, force_weight=1), {}, LIGHT),
+    "4 bent": (fur_of(force_weight=1), {}, LIGHT),
+    "narrow highlight": (fur_of(look=clfur.Kajiya(exponent=500, specular=1)), {}, LIGHT),
+    "very narrow": (fur_of(segments=1, segment_length=.3, look=clfur.Kajiya(exponent=10000, specular=1)), {}, LIGHT),
+    "half vector": (highlighted(fur_of(force_weight=1, look=clfur.Kajiya(exponent=200)), "half-vector"), {}, LIGHT),
+    "close": (fur_of(), {"eye": (.4, .4, .5)}, LIGHT),
+    "passing": (passing(), {"eye": (0, 0, 1)}, LIGHT),
+    "wide": (fur_of(width=.3), {}, LIGHT),
+    "spot": (fur_of(), {}, attrs.evolve(SPOT, angle=12)),
+    "narrow spot": (passing(), {}, clfur.Light((-1, -1, -1), position=(1, 1, 1), angle=2)),
+    "both": (fur_of(), {}, [SPOT, LIGHT])}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_few_places_are_enough_where_there_are_no_more(gpu, name):
+    """The bound of light: .002 (rms, sRGB) and no bias beyond 4e-4; segments that turn more are lit by piece."""
+    fur, camera, light = SCENES[name]
+    scene = clfur.Scene(ball(), fur, camera=clfur.Camera(size=(64, 48), **camera), light=light)
+    strands, view, lights = strands_of(gpu, scene), view_of(scene, 1), [light_of(each) for each in scene.lights]
+    there, rng = on_host(strands), np.random.default_rng(1)
+    k = np.concatenate([first + np.arange(max(int(count) - 1, 0)) for first, count in there.spans]).astype(int)
+    k = np.repeat(k, 9)
+    at, places = rng.random(len(k)), strand_light.radiance(gpu, view, unshadowed(gpu, *lights), strands).places.get()
+    few, meant = places[k, 0] >> np.uint64(63) == 0, twin.sent(view, lights, k, at, there)
+    found = np.where(few[:, None], twin.between(np.where(few[:, None], places[k], 0), np.arange(len(k)), at), meant)
+    off = linear_to_srgb(np.clip(found, 0, 1)) - linear_to_srgb(np.clip(meant, 0, 1))
+    assert np.sqrt((off**2).mean()) < .002 and np.abs(off.mean()) < 4e-4 and meant.max() > .05
+    assert few.any() or name in ("curls", "2 bent", "very narrow")
+    assert not few.all() or name in ("default", "close", "wide")
 
 
 def test_light_in_64_bits_keeps_its_digits():

@@ -80,7 +80,7 @@ def by_clfur(device, given, seed):
             these = np.arange(number, PAIRS, LIGHTS)
             lit = strand_light.radiance(gpu, view_of(scene, 1), unshadowed(gpu, light_of(light)), strands,
                                         scattering=tables)
-            sent[these] = between(lit.places.get(), lit.more.get(), 2 * these, np.zeros(len(these))) / np.pi
+            sent[these] = between(lit.places.get(), 2 * these, np.zeros(len(these))) / np.pi
     points = scene.strands.points.astype(float).reshape(PAIRS, 2, 3)
     t = points[:, 1] - points[:, 0]
     t /= np.linalg.norm(t, axis=1, keepdims=True)

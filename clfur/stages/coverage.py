@@ -7,6 +7,8 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, array
+from .chiang import no_scattering
+from .lighting import unshadowed
 from .strands import DeviceStrands, arrays
 
 TILE, WALK = int(layout.CONSTANTS["TILE"]), int(layout.CONSTANTS["WALK"])
@@ -124,7 +126,11 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
     known = {"view": view, "window": window, "starts": segments.starts, "sorted": sorted_, "ends": segments.ends,
              "ids": segments.ids, "cuts": segments.cuts, "visible": visible, "has_shells": has_shells,
              "sample_shells": shell_front if has_shells else none, "lit": lit is not None,
-             "places": none if lit is None else lit.places, "more": none if lit is None else lit.more,
+             "places": none if lit is None else lit.places,
+             "more": gpu.empty((0, 32), np.float32) if lit is None else lit.more,
+             "shadowed": lit is not None and lit.shadowed,
+             **(unshadowed(gpu) if lit is None else lit.lighting).arrays(),
+             **(no_scattering(gpu) if lit is None or lit.scattering is None else lit.scattering).arrays(),
              "image": gpu.empty((0, 4), np.float32) if lit is None else image, **vars(covered)}
     across, down = tiles_of(width, rows)
     if max(gpu.lanes, gpu.hinted) > 1:

@@ -12,17 +12,20 @@ from .lighting import Lighting
 from .strands import DeviceStrands, arrays
 
 TRANSMITTANCE = Declared("point", np.float32)   # share of a light's direct light there, 0..1
-FEW, MANY = layout.CONSTANTS["FEW_PLACES"], layout.CONSTANTS["MANY_PLACES"] + 1   # of a segment
+FEW = layout.CONSTANTS["FEW_PLACES"]             # of a segment
 
 
 @dataclass(frozen=True)
 class Places(Arrays):
-    """Light of all lights together that segments send to the eye, linear r, g, b; `light_between` of cl/places.h gives
-    that between the places."""
+    """Light of all lights together that segments send to the eye, linear r, g, b, at places of them; between these it
+    is as cl/places.h has it, or cl/exact_light.h where it changes too much."""
 
     places: Any = array("segment", np.uint64, FEW)   # of each, or where in `more` they are: see cl/places.h
-    more: Any = array("row", np.uint64, MANY)     # of those that need more of them
+    more: Any = array("row", np.float32, 32)      # what others are like: see cl/exact_light.h
     until: int = 0                                # segments of which it is known
+    lighting: Lighting | None = None              # that falls on these,
+    shadowed: bool = False                        # whether anything stands before it
+    scattering: Scattering | None = None          # of the types of the strands, where some have lobes
 
 
 def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
@@ -59,10 +62,12 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
     gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, **given)
     more = Places.declared["more"].empty(gpu, int(gpu.download(rows)[0]) - rows_before)
     if more.size:
+        for unused in "view", "lights", "light_views", "crossings", "shadow_maps", "lobes", "lobe_table":
+            del given[unused]
         gpu.launch("strand_light.further", _items(gpu, end - first), more=more, rows_before=rows_before, **given)
     parts = [each for each in (known.more, more) if each.size]
-    joined = gpu.joined(parts, np.uint64).reshape(-1, MANY) if parts else known.more
-    return Places(known.places, joined, end)
+    joined = gpu.joined(parts, np.float32).reshape(-1, more.shape[1]) if parts else known.more
+    return Places(known.places, joined, end, lighting, transmittances is not None, scattering)
 
 
 def _items(gpu, n):

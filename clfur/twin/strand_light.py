@@ -13,7 +13,7 @@ from .vectors import dot, f64, mix, unit
 
 DEPTH_ONE = 1 << 30        # fixed-point depth at infinity; 0 is the near plane
 STEEPEST = 5               # texels by which the body may rise in depth from one texel to the next
-FEW, MANY = 5, 15         # places of a segment
+FEW = 5                    # places of a segment
 
 
 def transmittance(lights, strands, shadows, grids, light_views, crossings, shadow_maps):
@@ -105,34 +105,20 @@ def sent(view, lights, k, at, strands, transmittances=None):
     return rgb
 
 
-def between(places, more, k, at):
+def between(places, k, at):
     """Light between the places of segments k [n], shares ``at`` [n] of the way along them -> [n, 3] float64.
 
-    places: [segments, 5]; more: [rows, 16] uint64, as `strand_light.Places` has them.  Through the three places around
-    ``at`` goes a parabola (Lagrange), below 0 it is 0; on a segment that an edge crosses light changes evenly between
-    two places, and at the edge at once.
+    places: [segments, 5] uint64, as `strand_light.Places` has them.  Through the three places around ``at`` goes a
+    parabola (Lagrange), below 0 it is 0.
     """
-    few, at, rows = np.asarray(places)[k], f64(at), np.asarray(more)
-    first = few[:, 0]
-    many, edge = first >> np.uint64(63) > 0, first >> np.uint64(62) == 3
-    row = (first & np.uint64(2**62 - 1)).astype(int)
-    pieces = np.where(many, (MANY - 1) // 2, (FEW - 1) // 2)
+    few, at, pieces = np.asarray(places)[k], f64(at), (FEW - 1) // 2
     piece = np.minimum((at * pieces).astype(int), pieces - 1)
     share, result = (at * pieces - piece)[:, None], 0
     for n, node in enumerate((0, .5, 1)):
-        light = unpacked(few[np.arange(len(few)), np.where(many, 0, 2 * piece + n)])
-        light[many] = unpacked(rows[row[many], 2 * piece[many] + n])
+        light = unpacked(few[np.arange(len(few)), 2 * piece + n])
         others = [other for other in (0, .5, 1) if other != node]
         result = result + light * np.prod([(share - other) / (node - other) for other in others], 0)
-    result = np.maximum(result, 0)
-    for n in np.flatnonzero(edge):         # straight lines, but a step where the edge is
-        along, one = at[n] * (MANY - 1), rows[row[n]]
-        last = min(int(along), MANY - 2)
-        edges = [float(e) for e in one[MANY:].view(np.float32) if last <= e < last + 1]
-        share = float(along >= edges[0]) if edges else along - last
-        a, b = unpacked(one[last:last + 2])
-        result[n] = a + share * (b - a)
-    return result
+    return np.maximum(result, 0)
 
 
 def unpacked(packed):

@@ -84,7 +84,7 @@ def hidden(gpu, pieces, visible, shell_transmittance=None, shell_front=None, lig
            "image": gpu.full((rows, width, 4), np.float32, behind)}
     gpu.launch("pieces.hidden", rows * width, samples=samples, starts=gpu.upload(starts), keys=gpu.upload(keys),
                shares=gpu.upload(np.ascontiguousarray(pieces["share"])), places=gpu.upload(places),
-               more=gpu.empty(0, np.uint64), visible=gpu.upload(visible), has_shells=has_shells,
+               visible=gpu.upload(visible), has_shells=has_shells,
                sample_shells=gpu.upload(shell_front) if has_shells else gpu.empty(0, np.uint64), **out)
     return {name: array.get() for name, array in out.items()}
 

@@ -7,9 +7,14 @@
 #define CHUNK (LANES == 1 ? 1 : 8)
 #include "clip.h"
 #include "lanes.h"
+#include "seen.h"
+#include "scatter.h"
+#include "light.h"
+#include "light_lanes.h"
 #include "places.h"
 #include "sums.h"
 #include "ribbon.h"
+#include "exact_light.h"
 #include "hiding.h"
 
 /* One work-item draws one segment: counts its pieces, and writes them where there is room. */
@@ -72,7 +77,6 @@ BY_HAND __kernel void hidden(
     __global const ulong *keys,            // pieces: depth << 32 | id
     __global const float *shares,
     __global const ulong *places,          // [pieces, FEW_PLACES] light
-    __global const ulong *more,            // none
     __global const ulong *visible,
     const int has_shells,
     __global const ulong *sample_shells,
@@ -85,7 +89,7 @@ BY_HAND __kernel void hidden(
     WORK_ITEM(i);
     Glow glow;
     glow.n = 0;
-    const Picture picture = {samples, has_shells, 1, visible, sample_shells, places, more, body_transmittance, alpha, front,
+    const Picture picture = {samples, has_shells, 1, visible, sample_shells, {places}, body_transmittance, alpha, front,
                              shell_front, image, &glow};
     Pixel pixel;
     Slots slots;
@@ -109,6 +113,6 @@ BY_HAND __kernel void hidden(
         settle(&pixel, &picture, &slots, n, limit);
         low = limit;
     }
-    glow_all(&glow, places, more);
+    glow_all(&glow, &picture.sent);
     end_pixel(&pixel, &picture);
 }
