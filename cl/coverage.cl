@@ -466,7 +466,7 @@ __kernel void pixels(
     const bool within = on && x < size.x && y < size.y;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
-                              {lobes, lobe_table}, shadowed}, body_transmittance, alpha,
+                              lobes, lobe_table, shadowed}, body_transmittance, alpha,
                              front, shell_front, image};
     Walk walk;
     walk.bound = walk.next = walk.waiting = walk.low = 0;
@@ -726,7 +726,7 @@ ALONE BY_HAND __kernel void tiles(
     glow.n = 0;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
-                              {lobes, lobe_table}, shadowed}, body_transmittance, alpha,
+                              lobes, lobe_table, shadowed}, body_transmittance, alpha,
                              front, shell_front, image, &glow};
     Tile t;
     t.left = x * TILE;

@@ -4,11 +4,17 @@
  * scatter.h uses this.
  */
 
-/* What is known of types of hair that scatter light so. */
+/* Hair at LANES places, whether it scatters light so. */
 typedef struct {
     __global const Lobes *lobes;           // [types]
     __global const float4 *table;          // [cosines, angles, SHADES] of each lobe, where `lobes` say
+    lanes_i kind, on;                      // which type; a mask of where it does
 } Looks;
+
+/* What one light does there: unit tangents, towards the tips, the hair's colour, towards the light and the eye. */
+typedef struct {
+    lanes3 t, color, l, v;
+} Lit;
 
 /* exp(-x) I0(x) for x >= 0, to 2e-7 of itself: Abramowitz and Stegun 9.8.1 and 9.8.2. */
 INLINED lanes bessel(lanes x)
@@ -78,15 +84,16 @@ INLINED float4 around_strand(const Sought *sought, int k, __global const float4 
     return (float4)(rgb[0], rgb[1], rgb[2], 0.0f);
 }
 
-/* Put into `part` the share of a light that hair sends to the eye, of those places that are `on`. t: unit tangents, towards
-   the tips, v and l towards the eye and the light. A function of its own: other looks do without its registers. */
-ONCE void add_lobes(lanes3 *part, const Looks *looks, lanes_i on, lanes_i kind, const lanes3 *t, const lanes3 *color,
-                    const lanes3 *l, const lanes3 *v)
+/* The share of a light that hair sends to the eye where places are on; elsewhere `part`. A function of its own: other looks
+   do without its registers. */
+ONCE lanes3 with_lobes(const Looks *looks, const Lit *lit, lanes3 part)
 {
-    const lanes sine_v = within(dots(*t, *v), -1.0f, 1.0f), sine_l = within(dots(*t, *l), -1.0f, 1.0f);
+    lanes_i on = looks->on, kind = looks->kind;
+    const lanes3 t = lit->t, l = lit->l, v = lit->v;
+    const lanes sine_v = within(dots(t, v), -1.0f, 1.0f), sine_l = within(dots(t, l), -1.0f, 1.0f);
     const lanes cosine_v = full_root(1.0f - sine_v * sine_v), cosine_l = full_root(1.0f - sine_l * sine_l);
     const lanes across = greater(cosine_v * cosine_l, F(1e-9f));
-    const lanes angle = angle_of(within((dots(*v, *l) - sine_v * sine_l) / across, -1.0f, 1.0f));
+    const lanes angle = angle_of(within((dots(v, l) - sine_v * sine_l) / across, -1.0f, 1.0f));
     const lanes place = 0.5f * (cosine_v + full_root(cosine_v));
     #pragma unroll 1                       // what is unrolled is no faster, and slower where tables are large
     for (int first = 0; first < LANES; ++first) {
@@ -100,18 +107,19 @@ ONCE void add_lobes(lanes3 *part, const Looks *looks, lanes_i on, lanes_i kind, 
             sought.along[p] = along_strand(lobes.along[p], sine_v, cosine_v, sine_l, cosine_l);
         sought.cosine = place * (lobes.table.y - 1.0f);
         sought.angle = angle * ((lobes.table.z - 1) / M_PI_F);
-        sought.shades[0] = shade_of(color->x, lobes.color.x);
-        sought.shades[1] = shade_of(color->y, lobes.color.x);
-        sought.shades[2] = shade_of(color->z, lobes.color.x);
+        sought.shades[0] = shade_of(lit->color.x, lobes.color.x);
+        sought.shades[1] = shade_of(lit->color.y, lobes.color.x);
+        sought.shades[2] = shade_of(lit->color.z, lobes.color.x);
         #pragma unroll 1
         for (int k = first; k < LANES; ++k) {
             if (!LANE_I(on, k) || LANE_I(kind, k) != type)
                 continue;
             LANE_I(on, k) = 0;
             const float4 sent = M_PI_F * around_strand(&sought, k, looks->table + lobes.table.x, lobes.table.y, lobes.table.z);
-            LANE(part->x, k) = sent.x;
-            LANE(part->y, k) = sent.y;
-            LANE(part->z, k) = sent.z;
+            LANE(part.x, k) = sent.x;
+            LANE(part.y, k) = sent.y;
+            LANE(part.z, k) = sent.z;
         }
     }
+    return part;
 }

@@ -9,8 +9,6 @@ typedef struct {
     lanes3 tangent, color;
     lanes specular, exponent;
     lanes_i half_vector;                   // the model: 1, of a mask
-    lanes_i kind;                          // of which type
-    lanes_i of_lobes;                      // the model, a mask: Chiang's
 } Fibres;
 
 /* Light from fibres towards the eye at v of one light at l; share: of its direct light. Kajiya and Kay's own highlight is the
@@ -38,8 +36,10 @@ INLINED lanes3 fibre_lanes(const Light *light, const Fibres *here, const Looks *
     const lanes3 c = here->color;
     const float4 direct = light->color;
     lanes3 part = {c.x * bright + shine, c.y * bright + shine, c.z * bright + shine};
-    if (any_lane(here->of_lobes))
-        add_lobes(&part, looks, here->of_lobes, here->kind, &here->tangent, &c, &l, &v);
+    if (any_lane(looks->on)) {             // copies, so that nothing else must lie in memory
+        const Lit lit = {here->tangent, c, l, v};
+        part = with_lobes(looks, &lit, part);
+    }
     const lanes3 sum = {direct.x * share * part.x + direct.w * c.x,
                         direct.y * share * part.y + direct.w * c.y,
                         direct.z * share * part.z + direct.w * c.z};

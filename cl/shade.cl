@@ -114,7 +114,7 @@ ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Wait
 
 /* The light that waiting samples of strands send to the eye. */
 ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const Waiting *samples, const Hair *hair,
-                             const Looks *looks)
+                             Looks *looks)
 {
     const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
     Fibres here;
@@ -136,8 +136,8 @@ ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const W
         LANE(here.color.x, k) = c.x, LANE(here.color.y, k) = c.y, LANE(here.color.z, k) = c.z;
         LANE(here.specular, k) = shine.x, LANE(here.exponent, k) = shine.y, LANE(alpha, k) = shine.z;
         LANE_I(here.half_vector, k) = (int)shine.w == HALF_VECTOR ? ON : 0;
-        LANE_I(here.kind, k) = kind;
-        LANE_I(here.of_lobes, k) = (int)shine.w == CHIANG ? ON : 0;
+        LANE_I(looks->kind, k) = kind;
+        LANE_I(looks->on, k) = (int)shine.w == CHIANG ? ON : 0;
         LANE(width, k) = there > 0.0f ? ends.a.w + there * (ends.b.w - ends.a.w) : ends.a.w;
     }
     const lanes3 first = tangent_of_lanes(chords[0], along), last = tangent_of_lanes(chords[1], along);
@@ -197,7 +197,7 @@ __kernel void color(
     const float weight = 1.0f / samples;
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
-    const Looks looks = {lobes, lobe_table};
+    Looks looks = {lobes, lobe_table};
     long4 sums[SHADED];
     Waiting waiting[2];                    // samples of strands, and of the body
     waiting[0].n = waiting[1].n = 0;

@@ -58,11 +58,11 @@ __kernel void transmittance(
 typedef struct {
     lanes3 p, t, color, p_step, t_step, color_step;
     lanes specular, exponent;
-    lanes_i half_vector, kind, of_lobes;   // a mask, which type, a mask
+    lanes_i half_vector;                   // a mask
 } Segments;
 
 /* What LANES segments are like, those that begin at points `from` and end at `to`: both are one where none begins. */
-INLINED void take(Segments *s, const Hair *hair, const uint *from, const uint *to)
+INLINED void take(Segments *s, Looks *looks, const Hair *hair, const uint *from, const uint *to)
 {
     lanes3 chords[2];
     for (int k = 0; k < LANES; ++k) {
@@ -83,8 +83,8 @@ INLINED void take(Segments *s, const Hair *hair, const uint *from, const uint *t
         LANE(s->specular, k) = shine.x;
         LANE(s->exponent, k) = shine.y;
         LANE_I(s->half_vector, k) = (int)shine.w == HALF_VECTOR ? ON : 0;
-        LANE_I(s->kind, k) = kind;
-        LANE_I(s->of_lobes, k) = (int)shine.w == CHIANG ? ON : 0;
+        LANE_I(looks->kind, k) = kind;
+        LANE_I(looks->on, k) = (int)shine.w == CHIANG ? ON : 0;
     }
     s->t = tangent_of_lanes(chords[0], s->p_step);
     s->t_step = minus(tangent_of_lanes(chords[1], s->p_step), s->t);
@@ -120,8 +120,6 @@ INLINED Places places_at(const View *view, const Segments *s, lanes at)
     here.fibres.specular = s->specular;
     here.fibres.exponent = s->exponent;
     here.fibres.half_vector = s->half_vector;
-    here.fibres.kind = s->kind;
-    here.fibres.of_lobes = s->of_lobes;
     return here;
 }
 
@@ -228,7 +226,7 @@ __kernel void radiance(
     WORK_ITEM(item);
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
-    const Looks looks = {lobes, lobe_table};
+    Looks looks = {lobes, lobe_table};
     const uint first = range.x + LANES * (uint)item, count = range.y - first < LANES ? range.y - first : LANES;
     Segments s;
     uint from[LANES], to[LANES];
@@ -236,7 +234,7 @@ __kernel void radiance(
         from[k] = begin_of(first + (k < count ? k : 0), listed, segments, first_point, stored, run);
         to[k] = end_of(&hair, from[k]);
     }
-    take(&s, &hair, from, to);
+    take(&s, &looks, &hair, from, to);
     Places here[FEW_PLACES];
     for (int j = 0; j < FEW_PLACES; ++j)
         here[j] = places_at(&view, &s, F((float)j / (FEW_PLACES - 1)));
