@@ -10,6 +10,9 @@
  * A list is in no order; it is sorted by depth roughly, into BUCKETS.  So a pixel hides a piece only when all segments that
  * are still to come lie behind it (`settle`), and lets SLOTS of them wait meanwhile.  Where more would wait the furthest
  * goes; the list is gone through once more for those from there on.
+ *
+ * A tile whose list does not fit is drawn in slabs of depth, one after the other, and a pixel is kept in between; all that
+ * reach into a slab are listed for it.
  */
 #if LANES > 8 || LANES_HINTED > 1
 #undef LANES
@@ -120,6 +123,7 @@ BY_HAND __kernel void fill(
     const View view,
     const uint2 stretch,                   // segments of each strand: the first, one past the last
     const uint2 window,                    // tiles: the first, one past the last
+    const uint2 slab,                      // depths into which they reach: the first, one past the last
     __global const float4 *points,
     __global const uint2 *spans,
     __global const uint *bounds,
@@ -145,7 +149,8 @@ BY_HAND __kernel void fill(
         project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
         uint n = 0;
         for (int k = 0; k < LANES; ++k) {
-            batch.on[k] = batch.on[k] && each_tile(&batch, k, &view, bounds, window, ANY, 0, 0, 0);
+            batch.on[k] = batch.on[k] && batch.depth[k] < slab.y && (!slab.x || furthest(&batch, k) >= slab.x)
+                && each_tile(&batch, k, &view, bounds, window, ANY, 0, 0, 0);
             n += batch.on[k];
         }
         if (!n)
@@ -159,6 +164,36 @@ BY_HAND __kernel void fill(
                 each_tile(&batch, k, &view, bounds, window, LIST, cursors, entries, number++);
             }
     }
+}
+
+/* As `fill`, and tells how far in depth those that may show in a window reach, in any order. */
+BY_HAND __kernel void reach(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const View view,
+    const uint2 stretch,                   // segments of each strand: the first, one past the last
+    const uint2 window,                    // tiles: the first, one past the last
+    __global const float4 *points,
+    __global const uint2 *spans,
+    __global const uint *bounds,
+    volatile __global uint *survivors,     // [1] segments so far
+    __global uint2 *reaches)               // [survivors] the least depth of their pieces, and the most
+{
+    WORK_ITEM(strand);
+    const uint2 span = spans[strand];
+    for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
+        const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;
+        Batch batch;
+        project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
+        for (int k = 0; k < LANES; ++k)
+            if (batch.on[k] && each_tile(&batch, k, &view, bounds, window, ANY, 0, 0, 0))
+                reaches[atomic_inc(survivors)] = (uint2)(batch.depth[k], furthest(&batch, k));
+    }
+}
+
+/* Key of the first piece that may lie at a depth; NOTHING: behind all. */
+INLINED long key_at(uint depth)
+{
+    return depth == NOTHING ? LONG_MAX : (long)depth << 32;
 }
 
 /* Key from which on pieces may come of a segment at this depth in a sorted list, and of those after it; grain: the list's
@@ -272,24 +307,7 @@ typedef char a_walk_fits[sizeof(Walk) <= 16 * WALK ? 1 : -1];
             (to)->slots.wheres[k] = (from)->slots.wheres[k];   \
             (to)->slots.numbers[k] = (from)->slots.numbers[k]; \
         }                                                      \
-        (to)->pixel.kept = (from)->pixel.kept;                 \
-        (to)->pixel.room = (from)->pixel.room;                 \
-        (to)->pixel.most = (from)->pixel.most;                 \
-        (to)->pixel.of_body = (from)->pixel.of_body;           \
-        (to)->pixel.of_shells = (from)->pixel.of_shells;       \
-        (to)->pixel.light = (from)->pixel.light;               \
-        (to)->pixel.best = (from)->pixel.best;                 \
-        (to)->pixel.lows = (from)->pixel.lows;                 \
-        (to)->pixel.highs = (from)->pixel.highs;               \
-        (to)->pixel.sums = (from)->pixel.sums;                 \
-        (to)->pixel.chains = (from)->pixel.chains;             \
-        (to)->pixel.oldest = (from)->pixel.oldest;             \
-        (to)->pixel.event = (from)->pixel.event;               \
-        (to)->pixel.closed = (from)->pixel.closed;             \
-        for (int k = 0; k < samples; ++k) {                    \
-            (to)->pixel.open[k] = (from)->pixel.open[k];       \
-            (to)->pixel.through[k] = (from)->pixel.through[k]; \
-        }                                                      \
+        COPY_PIXEL(&(to)->pixel, &(from)->pixel, samples)      \
     }
 
 /* What the work-items of a tile have together. */
@@ -363,8 +381,8 @@ INLINED uint steps_of(uint fullest, uint samples)
 
 /* Go on through a sorted list of n, for about so many steps of loops -> whether all is done: the same in all of a group. */
 INLINED bool go_on(Walk *walk, __local Group *group, const View *view, const Picture *picture, __global const uint2 *sorted,
-                   uint n, uint2 grain, uint steps, int left, int top, __global const float8 *ends, __global const uint *ids,
-                   __global const uint *cuts)
+                   uint n, uint2 grain, uint steps, int left, int top, long end, __global const float8 *ends,
+                   __global const uint *ids, __global const uint *cuts)
 {
     const int me = get_local_id(0), x = left + me % TILE, y = top + me / TILE;
     uint next = walk->next, spent = 0;
@@ -394,10 +412,10 @@ INLINED bool go_on(Walk *walk, __local Group *group, const View *view, const Pic
             walk->waiting = settle(&walk->pixel, picture, &walk->slots, walk->waiting, until < walk->limit ? until : walk->limit);
             if (last) {                    // what has gone comes again; all before it is done
                 walk->low = walk->limit;
-                walk->limit = LONG_MAX;
+                walk->limit = end;
                 walk->waiting = 0;
             }
-            if (!walk->pixel.closed && walk->low != LONG_MAX)
+            if (!walk->pixel.closed && walk->low != end)
                 atomic_or(&group->open[turn], 1);
         }
         barrier(CLK_LOCAL_MEM_FENCE);
@@ -418,6 +436,9 @@ __kernel void pixels(
     const ulong begin, const ulong end,    // work-items, see common.h: whole work-groups
     const View view,
     const uint2 window,                    // tiles that are drawn: the first, one past the last
+    const uint2 slab,                      // depths that are drawn: the first, one past the last
+    __global uint4 *kept,                  // [a tile's pixels or 0, KEPT_PIXEL] between slabs
+    volatile __global uint *unfinished,    // [1] of these, in which more can be seen
     const uint steps,                      // of loops that one may take in this launch, about
     const int fresh,                       // 1: they begin, 0: they go on
     const int listed,                      // 1: only some tiles, which keep where they are
@@ -461,31 +482,34 @@ __kernel void pixels(
     const int2 size = (int2)(view.size.x, view.rows.y - view.rows.x);
     const int across = (size.x + TILE - 1) / TILE, left = tile % across * TILE, top = tile / across * TILE;
     const int x = left + me % TILE, y = top + me / TILE;
-    __global Walk *kept = (__global Walk *)(walks + WALK * (k * TILE * TILE + me));
-    on = on && tile >= window.x && tile < window.y && (fresh || kept->next != DONE);
+    __global Walk *walked = (__global Walk *)(walks + WALK * (k * TILE * TILE + me));
+    on = on && tile >= window.x && tile < window.y && (fresh || walked->next != DONE);
     const bool within = on && x < size.x && y < size.y;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
                               lobes, lobe_table, shadowed}, body_transmittance, alpha,
                              front, shell_front, image};
     Walk walk;
-    walk.bound = walk.next = walk.waiting = walk.low = 0;
-    walk.limit = LONG_MAX;
+    walk.bound = walk.next = walk.waiting = 0;
+    walk.low = key_at(slab.x);
+    walk.limit = key_at(slab.y);
     walk.pixel.closed = true;
     if (within)
         walk.bound = begin_pixel(&walk.pixel, &picture, (size_t)y * size.x + x);
+    if (within)
+        walk.bound = go_on_behind(&walk.pixel, walk.bound, picture.samples, slab, kept + KEPT_PIXEL * me);
     if (on && !fresh)
-        walk.next = kept->next;
+        walk.next = walked->next;
     if (within && !fresh)
-        COPY(&walk, kept, picture.samples);
+        COPY(&walk, walked, picture.samples);
     const bool done = go_on(&walk, &group, &view, &picture, sorted + starts[tile], on ? starts[tile + 1] - starts[tile] : 0,
-                            grains[tile], steps, left, view.rows.x + top, ends, ids, cuts);
+                            grains[tile], steps, left, view.rows.x + top, key_at(slab.y), ends, ids, cuts);
     if (done && within)
-        end_pixel(&walk.pixel, &picture);
+        end_slab(&walk.pixel, &picture, slab, kept + KEPT_PIXEL * me, unfinished);
     if (on && listed)
-        kept->next = walk.next;
+        walked->next = walk.next;
     if (within && listed)
-        COPY(kept, &walk, picture.samples);
+        COPY(walked, &walk, picture.samples);
     if (!done && !me) {
         const uint stopped = atomic_inc(n_open);
         if (!listed)
@@ -507,6 +531,7 @@ typedef struct {
     lanes_i in_rows, in_columns;           // those of each row, and of each column
     long lows[TILE * TILE];                // keys below are done
     long limits[TILE * TILE];              // keys from here on have gone, and come again later
+    long end;                              // or from here on in another slab
     int left, right, top, bottom;          // in the picture
     bool dropped;                          // whether any have gone
 } Tile;
@@ -637,9 +662,9 @@ INLINED bool begin_again(Tile *t)
     bool again = false;
     for (int p = 0; p < TILE * TILE; ++p)
         if (t->open >> p & 1) {
-            again |= t->limits[p] != LONG_MAX;
+            again |= t->limits[p] != t->end;
             t->lows[p] = t->limits[p];
-            t->limits[p] = LONG_MAX;
+            t->limits[p] = t->end;
             t->counts[p] = 0;
         }
     t->dropped = false;
@@ -681,6 +706,9 @@ ALONE BY_HAND __kernel void tiles(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 window,                    // tiles that are drawn: the first, one past the last
+    const uint2 slab,                      // depths that are: the first, one past the last
+    __global uint4 *kept,                  // [a tile's pixels or 0, KEPT_PIXEL] between slabs
+    volatile __global uint *unfinished,    // [1] of these, in which more can be seen
     __global const uint *starts,           // [tiles + 1] where in `entries` those of each begin
     __global const uint2 *entries,         // depth, number of a segment
     __global uint2 *sorted,                // the same, by depth
@@ -734,17 +762,19 @@ ALONE BY_HAND __kernel void tiles(
     t.open = 0;
     t.in_rows = t.in_columns = 0;
     t.dropped = false;
+    t.end = key_at(slab.y);
     for (int row = 0; row < TILE && y * TILE + row < size.y; ++row)
         for (int k = 0; k < TILE * view.size.z; k += 8)
             PREFETCH(visible + ((size_t)(y * TILE + row) * size.x + x * TILE) * view.size.z + k);
     for (int p = 0; p < TILE * TILE; ++p) {
         const int px = x * TILE + p % TILE, py = y * TILE + p / TILE;
         t.counts[p] = t.bounds[p] = 0;
-        t.lows[p] = 0;
-        t.limits[p] = LONG_MAX;
+        t.lows[p] = key_at(slab.x);
+        t.limits[p] = t.end;
         if (px < size.x && py < size.y) {
             t.bounds[p] = begin_pixel(&t.pixels[p], &picture, (size_t)py * size.x + px);
-            set_open(&t, p, true);
+            t.bounds[p] = go_on_behind(&t.pixels[p], t.bounds[p], view.size.z, slab, kept + KEPT_PIXEL * p);
+            set_open(&t, p, !t.pixels[p].closed);
         }
     }
     if (n) {
@@ -754,6 +784,6 @@ ALONE BY_HAND __kernel void tiles(
     }
     for (int p = 0; p < TILE * TILE; ++p)
         if (x * TILE + p % TILE < size.x && y * TILE + p / TILE < size.y)
-            end_pixel(&t.pixels[p], &picture);
+            end_slab(&t.pixels[p], &picture, slab, kept + KEPT_PIXEL * p, unfinished);
 #endif
 }

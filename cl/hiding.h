@@ -49,6 +49,30 @@ typedef struct {
     float through[SAMPLES];          // share of the body's light that shells let through, and strands where it has ended
     bool closed;
 } Pixel;
+typedef char a_pixel_fits[sizeof(Pixel) <= 16 * KEPT_PIXEL ? 1 : -1];
+
+/* Copy what has become of a pixel; the rest is as `begin_pixel` left it.  Member by member: see COPY of coverage.cl. */
+#define COPY_PIXEL(to, from, samples)              \
+    {                                              \
+        (to)->kept = (from)->kept;                 \
+        (to)->room = (from)->room;                 \
+        (to)->most = (from)->most;                 \
+        (to)->of_body = (from)->of_body;           \
+        (to)->of_shells = (from)->of_shells;       \
+        (to)->light = (from)->light;               \
+        (to)->best = (from)->best;                 \
+        (to)->lows = (from)->lows;                 \
+        (to)->highs = (from)->highs;               \
+        (to)->sums = (from)->sums;                 \
+        (to)->chains = (from)->chains;             \
+        (to)->oldest = (from)->oldest;             \
+        (to)->event = (from)->event;               \
+        (to)->closed = (from)->closed;             \
+        for (int j = 0; j < samples; ++j) {        \
+            (to)->open[j] = (from)->open[j];       \
+            (to)->through[j] = (from)->through[j]; \
+        }                                          \
+    }
 
 /* Begin with pixel `at`; how far it can be seen into: to the body where that fills it. */
 INLINED uint begin_pixel(Pixel *p, const Picture *picture, size_t at)
@@ -306,4 +330,27 @@ INLINED void end_pixel(Pixel *p, const Picture *picture)
             light += (p->all_shells > 0.0f ? p->of_shells / p->all_shells : 1.0f) * picture->image[p->at];
         picture->image[p->at] = (float4)(light.xyz, alpha);
     }
+}
+
+/* Go on with a pixel of which what lies before a slab of depths is done, if anything does; `bound`: how far it can be seen
+   into -> how far in the slab. */
+INLINED uint go_on_behind(Pixel *p, uint bound, int samples, uint2 slab, __global const uint4 *kept)
+{
+    __global const Pixel *before = (__global const Pixel *)kept;
+    if (slab.x)
+        COPY_PIXEL(p, before, samples)
+    return p->closed ? 0 : bound < slab.y ? bound : slab.y;
+}
+
+/* All strands of a slab are hidden. */
+INLINED void end_slab(Pixel *p, const Picture *picture, uint2 slab, __global uint4 *kept, volatile __global uint *unfinished)
+{
+    if (slab.y == NOTHING) {
+        end_pixel(p, picture);
+        return;
+    }
+    __global Pixel *until_here = (__global Pixel *)kept;
+    COPY_PIXEL(until_here, p, picture->samples)
+    if (!p->closed)
+        atomic_inc(unfinished);
 }

@@ -175,6 +175,14 @@ ONCE void project(const View *view, __global const float4 *points, uint from, ui
     }
 }
 
+/* No piece of segment k lies further away. */
+INLINED uint furthest(const Batch *batch, int k)
+{
+    const float8 s = batch->ends[k];
+    const float e = s.s2 < s.s6 ? s.s2 : s.s6;
+    return (int)DEPTH_ONE - (int)((e > 0.0f ? e < 1.0f ? e : 1.0f : 0.0f) * (float)DEPTH_ONE) + MARGIN;
+}
+
 /* Tiles of one row that a segment may touch: of a long one few of those around it.  The same in every band of rows. */
 INLINED int2 in_row(const Batch *batch, int k, int row, float first_row)
 {

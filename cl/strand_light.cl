@@ -295,8 +295,7 @@ __kernel void further(
     const int shadowed,                    // 1: something stands before them
     __global const float *transmittances,  // [n_lights, n_points] share of direct light, if so
     __global const ulong *places,          // [segments, FEW_PLACES] see places.h
-    const uint rows_before,                // of `more` that others have
-    __global float *more)                  // [rows, 32] as `radiance` has counted them, see exact_light.h
+    __global float *more)                  // [rows, 32] at least as many as `radiance` has counted, see exact_light.h
 {
     WORK_ITEM(item);
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
@@ -305,7 +304,7 @@ __kernel void further(
         const ulong row = places[FEW_PLACES * (size_t)segment];
         if (!(row & MORE))
             continue;
-        __global float4 *its = (__global float4 *)more + 8 * ((row & ROW) - rows_before);
+        __global float4 *its = (__global float4 *)more + 8 * (row & ROW);
         const uint id = begin_of(segment, listed, segments, first_point, stored, run), strand = strand_at(&hair, id);
         const Segment ends = segment_at(&hair, id, spans[strand]);
         const int kind = (int)strand_uv[strand].z;

@@ -3,6 +3,8 @@
 How pieces hide each other, their light, whole frames and parts have tests of their own: test_coverage_*.py.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from support.coverage import NONE, counted, pieces_of, wild
@@ -80,6 +82,31 @@ def test_pieces_are_the_twins(gpu, width, height, n, eye):
     points, spans = pack(wild(n, 1))
     _, pieces = gathered(gpu, view, points, spans)
     assert compare_pieces(view, points, spans, pieces, 3e-5, 640) > n
+
+
+@pytest.mark.parametrize("n", [pytest.param(20, marks=pytest.mark.small), 400])
+def test_slabs_of_depth_give_the_bits_of_all_at_once(gpu, n):
+    """As many of a tile's segments at a time as a slab's count tells, each in every slab into which it reaches."""
+    view, (points, spans), tile = perspective(13, 9, 4, eye=(0, .4, 3.2)), pack(wild(n, 1)), (0, 1)
+    strands, visible = strands_on(gpu, points, spans), gpu.upload(np.full((9, 13, 4), NONE))
+    tiles, segments = counted(gpu, view, strands, visible)
+    whole, total = coverage.nothing(gpu, visible), int(tiles.counts.get()[0])
+    coverage.cover(gpu, view, visible, segments, whole, window=tile)
+    reaches, taken = coverage.REACH.empty(gpu, total), gpu.full(1, np.uint32, 0)
+    coverage.reach(gpu, view, strands, tiles, reaches, taken, 5, tile)
+    assert int(taken.get()[0]) == total > n // 4
+    slabs = coverage.slabs_of(reaches.get(), total * 2 // 3)
+    parts, kept, counts = coverage.nothing(gpu, visible), coverage.KEPT.empty(gpu, coverage.OF_KEPT), np.zeros(4, int)
+    for slab, counts[0] in slabs:
+        segments = coverage.allocate(gpu, counts, counts[0])
+        coverage.fill(gpu, view, strands, tiles, segments, 5, tile, slab)
+        assert int(segments.survivors.get()[0]) == counts[0] < total
+        unfinished = coverage.cover(gpu, view, visible, segments, parts, window=tile, slab=slab, kept=kept).get()[0]
+        assert slab[1] == coverage.EVERY[1] or 0 < unfinished <= TILE**2
+    assert len(slabs) > 1 and (whole.alpha.get()[:TILE, :TILE] > 0).any()
+    for name in "alpha", "front", "body_transmittance":
+        one, other = (getattr(arrays, name).get()[:TILE, :TILE] for arrays in (whole, parts))
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize("first, end", [(0, 1), (5, 23), (46, 47)])
@@ -194,3 +221,28 @@ def test_the_body_bounds_what_is_gathered(gpu):
     _, pieces = gathered(gpu, flat(20, 11, 4), points, spans, visible)
     found = {x: set(pieces["id"][pieces["pixel"] % 20 == x].tolist()) for x in range(20)}
     assert found[0] == found[12] == found[19] == {0, 2, 4} and found[7] == {4} and found[11] == {4}
+
+
+@pytest.mark.parametrize("n", [pytest.param(12, marks=pytest.mark.small), 300])
+def test_windows_list_what_shows_there(gpu, monkeypatch, n):
+    """Where strands are known to show elsewhere, and where they are not; some show nowhere."""
+    view, (points, spans) = perspective(45, 37, 1, eye=(0, .4, 3.2)), pack(wild(n, 3))
+    points[:len(points) // 4, :3] += (0, 0, 9)   # behind the eye
+    strands, visible = strands_on(gpu, points, spans), gpu.upload(np.full((37, 45, 1), NONE))
+    plain, known = coverage.bound(gpu, view, visible), coverage.bound(gpu, view, visible, n)
+    longest = int(spans[:, 1].max())
+    coverage.count(gpu, view, strands, plain, longest)
+    monkeypatch.setattr(coverage, "_stretches", lambda _, most: [(k, k + 2) for k in range(0, most, 2)])
+    coverage.count(gpu, view, strands, known, longest)
+    counts, shown = plain.counts.get(), known.shown.get()
+    np.testing.assert_array_equal(counts, known.counts.get())
+    assert not (shown[:n // 5] >> 16).any() and (shown >> 16).max() == 5 and len(set(shown.tolist())) > 3
+    for window in (0, 1), (3, 11), (17, 30), coverage.EVERY:
+        within, found = counts.copy(), []
+        within[:window[0]] = within[window[1]:] = 0
+        for tiles in plain, known:
+            segments = coverage.allocate(gpu, within, int(within.sum()))
+            coverage.fill(gpu, view, strands, tiles, segments, longest, window)
+            n_ids = int(segments.survivors.get()[0])
+            found.append(listed(SimpleNamespace(**{**vars(segments), "ids": segments.ids[:n_ids]})))
+        assert found[0] == found[1] and len(found[0]) == within.sum()

@@ -12,9 +12,9 @@ from support.scenes import scene_of
 
 import clfur
 from clfur.pipeline import build
-from clfur.pipeline.plan import ENTRY
+from clfur.pipeline.plan import ENTRY, LIT
 from clfur.render import OUTPUTS
-from clfur.stages.coverage import TILE
+from clfur.stages.coverage import EVERY, TILE, slabs_of
 
 NO_LIMIT = 1 << 63, ""   # of the process, for devices that are made up
 
@@ -129,8 +129,10 @@ def test_bands_are_as_large_as_fits(gpu, seed):
                 seen = [min(survivors, n) for n in listed]
                 bytes_of = [TILE * rows * width * plan._pixel(True) + ENTRY * e + plan._survivor * s
                             for e, s in zip(listed, seen)]
-                assert bytes_of[0] <= cut.rows and max(8 * listed[0], 32 * seen[0]) <= device.largest
-                assert not more or bytes_of[1] > cut.rows or max(8 * listed[1], 32 * seen[1]) > device.largest * .87
+                largest = [max(8 * e, LIT * s) for e, s in zip(listed, seen)]
+                if listed[0] <= plan.most_listed(device, cut, rows, survivors):
+                    assert bytes_of[0] <= cut.rows and largest[0] <= device.largest
+                assert not more or bytes_of[1] > cut.rows or largest[1] > device.largest * .87
             top += rows
         assert top == 12
 
@@ -148,6 +150,63 @@ def test_a_row_of_too_many_segments_is_refused(another):
     with pytest.raises(clfur.Error, match="has no room for [0-9,]+ segments of strands in 8 x 8 pixels; "
                                           "allowed: fewer strands, or Settings.raster 'samples'"):
         clfur.render(scene, small, OFF)
+
+
+@pytest.mark.parametrize("others, built", [(("color",), {}), (tuple(OUTPUTS), {}), (tuple(OUTPUTS), {"lanes": 1})])
+@pytest.mark.parametrize("width", [.0001, .001])
+def test_a_tile_is_drawn_in_slabs_of_depth(gpu, another, width, others, built):
+    """Where not all of its segments have room: thin ones hide nothing, of thick ones those behind are left out.  Not
+    where too many of them reach into one depth."""
+    rng = np.random.default_rng(1)
+    points = rng.uniform(-.2, .2, (5000, 1, 3)) + np.linspace(0, .2, 6)[:, None] * rng.normal(size=(5000, 1, 3))
+    points += rng.uniform(-.06, .06, (5000, 6, 3))
+    scene = clfur.Scene(fur=clfur.Curves(points, width=width), camera=clfur.Camera(eye=(0, 0, 6), size=(8, 8)))
+    small, whole, drawn = another(**built), clfur.draw(scene, gpu, OFF, others, hashes=True), []
+    names = recorded(small)
+    for small.memory in (1_000_000, 1_400_000, 1_700_000, 2_500_000, 6_000_000, 26_000_000):
+        small.forget()
+        names.clear()
+        try:
+            frame = clfur.draw(scene, small, OFF, others, hashes=True)
+        except clfur.Error as error:
+            assert not drawn and "MiB has no room for" in str(error) and "segments of strands in 8 x 8" in str(error)
+            continue
+        assert frame.memory <= small.memory
+        assert frame.hashes == whole.hashes
+        assert all(np.array_equal(frame.images[name], whole.images[name]) for name in others)
+        drawn.append(bands_of(names))
+        assert names.count("coverage.fill") >= drawn[-1] - 1
+    assert len(drawn) < 6 and drawn[-1] == 1 < drawn[-2] <= drawn[0]
+
+
+def test_slabs_hold_what_fits():
+    """Each as much as fits, of all that reach into it; none where too many share a depth."""
+    rng = np.random.default_rng(3)
+    for n, most in (1, 1), (1000, 40), (1000, 300), (1000, 1000):
+        reaches = rng.integers(0, 1 << 20, (n, 1)) + rng.integers((0, 0), (1, 1 << 14), (n, 2))
+        reaches = reaches.astype(np.uint32)
+        slabs, at = slabs_of(reaches, most), 0
+        assert slabs and (len(slabs) == 1) == (n == most)
+        for (first, end), count in slabs:
+            assert first == at < end
+            assert count == ((reaches[:, 0] < end) & (reaches[:, 1] >= first)).sum() <= most
+            at = end
+        assert at == EVERY[1]
+        assert n == 1 or not slabs_of(np.concatenate([reaches, np.full((most + 1, 2), 7 << 17, np.uint32)]), most)
+
+
+def test_light_at_more_places_of_parts_stays_within_the_memory(gpu, another, sphere):
+    """Of one part it is there when the next is made, and of that alone the strands."""
+    hair = clfur.HairType(segments=8, segment_length=.04, curl=(.03, 6))
+    scene = clfur.Scene(sphere, clfur.Strands(types=[hair], roots=30_000), camera=clfur.Camera(size=(96, 64)))
+    settings, small = attrs.evolve(SETTINGS, grid=32, shadow_map=64), another()
+    names, whole = recorded(small), clfur.draw(scene, gpu, settings, hashes=True)
+    for small.memory in (14_000_000, 12_000_000):
+        small.forget()
+        names.clear()
+        frame = clfur.draw(scene, small, settings, hashes=True)
+        same(whole, frame)
+        assert frame.memory <= small.memory and names.count("strand_light.further") > bands_of(names)
 
 
 def test_parts_make_room_for_a_row_of_many_pieces(gpu, monkeypatch, sphere):
@@ -181,6 +240,17 @@ def test_entries_beyond_32_bits_are_not_listed(monkeypatch):
     assert plan.windows(large, plan.cut_counted(large, counts + 1, 9), counts + 1, 9) == [(k, k + 1) for k in range(4)]
     with pytest.raises(clfur.Error, match="4,294,967,296 segments of strands in 8 x 8 pixels"):
         plan.cut_counted(large, np.array([[1], [2**32]]), 9)
+
+
+@pytest.mark.parametrize("memory", [600_000, 700_000])
+def test_one_part_of_the_body_is_there_at_a_time(gpu, another, sphere, memory):
+    hair = clfur.HairType(segments=1, segment_length=.05)
+    scene = clfur.Scene(sphere, clfur.Strands(types=[hair], roots=100, inner=6, outer=6), clfur.Camera(size=(8, 8)))
+    small = another(memory)
+    assert len(plan_of(scene, OFF).parts(small)) > 1
+    frame = clfur.draw(scene, small, OFF)
+    np.testing.assert_array_equal(frame.images["color"], clfur.render(scene, gpu, OFF))
+    assert frame.memory <= memory
 
 
 def test_strands_grow_as_rarely_as_can_be(gpu, sphere):

@@ -314,7 +314,7 @@ def test_a_point_in_a_straight_segment_is_hardly_seen(gpu, segments, bend):
 
 @pytest.mark.parametrize("segments", [1, 2])
 def test_straight_strands_of_few_segments_are_lit_as_of_many(gpu, sphere, segments):
-    """Dense fur is dark at its roots and bright at its tips; along a segment light is known at fifteen places where it
+    """Dense fur is dark at its roots and bright at its tips; along a segment light is that of each place where it
     crosses two cells of a light's grid [.0028].  With transmittances of the ends alone: .025, .012, and too bright."""
     def coat(n):
         hair = clfur.HairType(segments=n, segment_length=.16 / n, force_weight=0, width=.01)

@@ -138,8 +138,8 @@ def status(name):
 
 extra = int(sys.argv[1])
 mesh = clfur.load_mesh("teapot")
-hair = clfur.HairType(segments=28, segment_length=.0086, width=.003)
-scene = clfur.Scene(mesh=mesh, fur=clfur.Strands(inner=9, outer=9, types=[hair]), camera=clfur.Camera(size=(320, 240)))
+hair = clfur.HairType(segments=12, segment_length=.02, width=.003)
+scene = clfur.Scene(mesh=mesh, fur=clfur.Strands(inner=9, outer=9, types=[hair]), camera=clfur.Camera(size=(160, 120)))
 if extra:
     clfur.draw(clfur.Scene(mesh=mesh, camera=clfur.Camera(size=(16, 12))), "pocl")   # the driver is there
     for which in resource.RLIMIT_AS, resource.RLIMIT_DATA:
@@ -156,7 +156,7 @@ print(json.dumps({"hashes": frame.hashes, "sum": float(frame.images["color"].sum
 def test_a_scene_that_does_not_fit_is_drawn_in_parts():
     """With a limit of addresses (`ulimit -v`) it is the same picture, and the process lives."""
     found = []
-    for extra in (0, 800 << 20):
+    for extra in (0, 700 << 20):
         done = subprocess.run([sys.executable, "-c", LIMITED, str(extra)], capture_output=True, text=True, timeout=300,
                               env={**os.environ, "PYTHONPATH": str(ROOT)})
         assert done.returncode == 0, done.stderr

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..device.team import Team
 from ..stages import coverage, shade, strand_light
-from ..stages.coverage import TILE
+from ..stages.coverage import EVERY, KEPT, OF_KEPT, REACH, TILE
 from ..stages.lighting import Lighting
 from ..stages.strands import no_strands
 from ..stages.tessellate import no_surface
@@ -143,6 +143,7 @@ class Coverage:
                 _color(gpu, plan, band.view, band.visible, none, body, lighting, None, front.body_transmittance, sums)
             if plan.others:
                 known = shade.outputs(gpu, front.view, front.keys, none, body, known)
+            del body   # goes before the next one is made
         if sums is not None:
             image = shade.blend(gpu, sums, image, None, front.outputs["coverage"])
         return image, known or {}
@@ -184,18 +185,56 @@ class Coverage:
         plan, counted = self.plan, band.counted
         counts = counted.of(band.rows).ravel().copy()
         counts[:window[0]] = counts[window[1]:] = 0   # of the others nothing is listed
-        segments = coverage.allocate(gpu, counts, min(counted.survivors, int(counts.sum(dtype=np.int64))))
-        hairy, lit = [part for part in counted.cut.parts if part.hairy], None
+        listed = int(counts.sum(dtype=np.int64))
+        most = plan.most_listed(gpu, counted.cut, len(counted.of(band.rows)), counted.survivors)
+        draw = functools.partial(self._draw, gpu, band, tiles, window, lighting, covered, image, shell_front)
+        if listed <= most:
+            draw(counts)
+            return
+        slabs, kept = self._slabs(gpu, band, tiles, window, listed, most), KEPT.empty(gpu, OF_KEPT)
+        for (first, end), counts[window[0]] in slabs:   # nearest first
+            unfinished = int(gpu.download(draw(counts, (first, end), kept))[0])
+            if not unfinished and end < EVERY[1]:   # nothing behind can be seen
+                counts[:] = 0
+                draw(counts, (end, EVERY[1]), kept)
+                return
+
+    def _slabs(self, gpu, band, tiles, window, listed, most):
+        """`coverage.slabs_of` what is listed in a tile."""
+        plan = self.plan
+        reaches, taken = REACH.empty(gpu, listed), gpu.full(1, np.uint32, 0)
+        for part in band.counted.cut.parts:
+            if part.hairy:
+                coverage.reach(gpu, band.view, build.hair(gpu, plan, part, plan.settings.lod), tiles, reaches, taken,
+                               plan.longest, window)
+        slabs = coverage.slabs_of(gpu.download(reaches), most)
+        if not slabs:
+            raise plan.too_many(gpu, listed)
+        return slabs
+
+    def _draw(self, gpu, band, tiles, window, lighting, covered, image, shell_front, counts, slab=EVERY, kept=None):
+        """Draw what ``counts`` tells to show in each tile -> what `coverage.cover` gives."""
+        counted, listed = band.counted, int(counts.sum(dtype=np.int64))
+        segments = coverage.allocate(gpu, counts, min(counted.survivors, listed))
+        lit = None if lighting is None else strand_light.unlit(gpu, lighting, len(segments.ids))
+        hairy = [part for part in counted.cut.parts if part.hairy and (listed or slab == EVERY)]
         for part in hairy:
-            hair = build.hair(gpu, plan, part, plan.settings.lod)
-            coverage.fill(gpu, band.view, hair, tiles, segments, plan.longest, window)
-            if lighting is not None:
-                all_there = window == (0, counted.counts.size) and part is hairy[-1]
-                until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
-                through = self._transmittance(gpu, band, part, hair, lighting)
-                lit = strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit,
-                                            build.scattering(gpu, plan))
-        coverage.cover(gpu, band.view, band.visible, segments, covered, lit, image, shell_front, window)
+            lit = self._list(gpu, band, part, part is hairy[-1], tiles, window, slab, segments, lighting, lit)
+        return coverage.cover(gpu, band.view, band.visible, segments, covered, lit, image, shell_front, window, slab,
+                              kept)
+
+    def _list(self, gpu, band, part, last, tiles, window, slab, segments, lighting, lit):
+        """List what shows of a part, with its light -> ``lit``, `strand_light.Places`. Nothing here holds the part when
+        the next one is made."""
+        plan, counted, hair = self.plan, band.counted, build.hair(gpu, self.plan, part, self.plan.settings.lod)
+        coverage.fill(gpu, band.view, hair, tiles, segments, plan.longest, window, slab)
+        if lighting is None:
+            return None
+        all_there = last and (window, slab) == ((0, counted.counts.size), EVERY)
+        until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
+        through = self._transmittance(gpu, band, part, hair, lighting)
+        return strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit, last,
+                                     build.scattering(gpu, plan))
 
     def _transmittance(self, gpu, band, part, hair, lighting):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where

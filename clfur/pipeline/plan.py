@@ -4,6 +4,7 @@ One thing is asked of a device: where strands are spread by area and the faces d
 of faces, in its integers (`Plan._areas`).  It costs a tessellation of the mesh, and is kept.
 """
 
+import contextlib
 import functools
 import itertools
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ from ..errors import Error
 from ..scene import Curves, Strands
 from ..stages.blur import blur_radius
 from ..stages.chiang import bytes_of, of_model
-from ..stages.coverage import TILE, Covered, Segments, Tiles
+from ..stages.coverage import KEPT, OF_KEPT, REACH, TILE, Covered, Segments, Tiles
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
@@ -45,6 +46,7 @@ OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1)
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
 LIT = Places.bytes(segment=1, row=1)   # of its light, at most
+SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
@@ -180,12 +182,15 @@ class Plan:
         """`Cut` for rows of tiles of which is known how many segments of strands each tile lists, ``counts`` [rows of
         tiles, across], and how many ``survivors`` there are in all."""
         width, fullest = self.scene.camera.size[0], int(counts.max())
-        if fullest > min(_largest(gpu) // 32, NUMBERS):
+        if fullest > min(_largest(gpu) // REACH.bytes, NUMBERS):
             raise Error(f"{gpu.name} has no room for {fullest:,} segments of strands in {TILE} x {TILE} pixels; "
                         f"allowed: fewer strands, or Settings.raster 'samples'")
         row, listed = TILE * width * self._pixel(True), int(counts.sum(dtype=np.int64))
-        rows = len(counts) * row + min(self._lists(listed, survivors), LISTS)
-        return self._cut(gpu, rows, row + self._lists(fullest, survivors), pieces=fullest)
+        some, least = min(fullest, max(SLAB, fullest // 32)), REACH.bytes * fullest
+        rows = len(counts) * row + max(min(self._lists(listed, survivors), LISTS), least)
+        with contextlib.suppress(Error):
+            return self._cut(gpu, rows, row + max(min(self._lists(fullest, survivors), LISTS), least))
+        return self._cut(gpu, rows, row + max(self._lists(some, survivors), least), pieces=fullest)   # slabs of depth
 
     def rows_counted(self, gpu: Any, cut: Cut, counts: np.ndarray, survivors: int, top: int) -> int:
         """How many of these rows, counted as for `cut_counted`, fit at a time from row ``top`` of them on, a tile's
@@ -193,19 +198,28 @@ class Plan:
         listed = np.cumsum(counts[top // TILE:].sum(1, dtype=np.int64))
         rows = TILE * np.arange(1, len(listed) + 1)
         row = self.scene.camera.size[0] * self._pixel(True)
-        lists = np.minimum(self._lists(listed, survivors), LISTS)
+        reaches = REACH.bytes * np.maximum.accumulate(counts[top // TILE:].max(1).astype(np.int64))
+        lists = np.maximum(np.minimum(self._lists(listed, survivors), LISTS), reaches)
         fits = (row * rows + lists <= cut.rows) & (row * rows <= BAND) & (self._largest_row * rows <= _largest(gpu))
         return TILE * max(int(fits.sum()), 1)
 
     def windows(self, gpu: Any, cut: Cut, counts: np.ndarray, survivors: int) -> list[tuple[int, int]]:
         """[(first tile, one past the last)] of these rows of tiles, of which so many list segments at a time as fit."""
-        room = min(cut.rows - TILE * self.scene.camera.size[0] * self._pixel(True) * len(counts), LISTS)
+        return _runs((_before(counts.ravel()), self.most_listed(gpu, cut, len(counts), survivors)))
+
+    def most_listed(self, gpu: Any, cut: Cut, rows: int, survivors: int) -> int:
+        """How many segments may be listed at a time where so many rows of tiles are drawn; a tile that has more is
+        drawn in slabs of depth."""
+        room = min(cut.rows - TILE * self.scene.camera.size[0] * self._pixel(True) * rows, LISTS)
         both = room // (ENTRY + self._survivor)
         most = max(both if both <= survivors else (room - self._survivor * survivors) // ENTRY, 1)
         most = min(most, _largest(gpu) // 8, NUMBERS)
-        if survivors > _largest(gpu) // 32:
-            most = min(most, _largest(gpu) // 32)
-        return _runs((_before(counts.ravel()), most))
+        largest = _largest(gpu) // max(SURVIVOR, LIT)
+        return int(min(most, largest) if survivors > largest else most)
+
+    def too_many(self, gpu: Any, pieces: int) -> Error:
+        """What to raise where so many segments of strands in one tile cannot be divided."""
+        return Error(self._too_much(gpu, pieces))
 
     def _lists(self, listed, survivors):
         """Bytes on the device of so many segments in lists of tiles, of which not more than ``survivors`` are different
@@ -219,7 +233,7 @@ class Plan:
 
     @property
     def _survivor(self):
-        """Bytes on the device of a segment that may show."""
+        """Bytes on the device of a segment that may show, and of its light."""
         return SURVIVOR + LIT * self.wants_color
 
     @property
@@ -311,7 +325,7 @@ class Plan:
         if settings.shadows != "off" and (self.strands or scene.shells):
             layers = Lighting.bytes(layer=(settings.grid + 1) * settings.grid**2)
             fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
-        return fixed + bytes_of(self.lobed)
+        return fixed + OF_KEPT * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property
     def _transmittance(self):

@@ -6,13 +6,17 @@ from typing import Any
 import numpy as np
 
 from .. import layout
-from ..layout import Arrays, array
+from ..layout import Arrays, Declared, array
 from .chiang import no_scattering
 from .lighting import unshadowed
 from .strands import DeviceStrands, arrays
 
 TILE, WALK = int(layout.CONSTANTS["TILE"]), int(layout.CONSTANTS["WALK"])
-EVERY = 0, 2**32 - 1   # tile: the first, one past the last
+EVERY = 0, int(layout.CONSTANTS["NOTHING"])   # tile, or depth: the first, one past the last
+REACH = Declared("segment", np.uint32, 2)   # least and most depth of a segment's pieces
+KEPT = Declared("uint4", np.uint32, 4)      # of a tile's pixels between slabs of depth, so many:
+OF_KEPT = TILE**2 * int(layout.CONSTANTS["KEPT_PIXEL"])
+SLABS = 1024      # into which a tile is divided, at most
 BUCKETS = int(layout.CONSTANTS["BUCKETS"])
 WALKS = 16        # tiles at a time that go on in another launch where drivers end long loops, 90 KB each
 STEPS = 64        # segments of each strand that a launch takes where drivers end long loops
@@ -85,15 +89,46 @@ def allocate(gpu: Any, counts: np.ndarray, survivors: int) -> Segments:
 
 
 def fill(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, segments: Segments, longest: int,
-         window: tuple[int, int] = EVERY) -> None:
-    """Write the `Segments` of strands that may show in some `Tiles`, ``window``: the first, one past the last, behind
-    those that are there already."""
+         window: tuple[int, int] = EVERY, slab: tuple[int, int] = EVERY) -> None:
+    """Write the `Segments` of strands that may show in some `Tiles`, ``window``: the first, one past the last, and
+    reach into some depths, ``slab``: the same, behind those that are there already."""
     for stretch in _stretches(gpu, longest):
         gpu.launch("coverage.fill", len(strands.spans), view=view, stretch=stretch, bounds=tiles.bounds, window=window,
-                   first=strands.first_point, known=_knows(tiles, strands), shown=tiles.shown, cursors=segments.cursors,
-                   survivors=segments.survivors, entries=segments.entries, ends=segments.ends, ids=segments.ids,
-                   cuts=segments.cuts,
+                   slab=slab, first=strands.first_point, known=_knows(tiles, strands), shown=tiles.shown,
+                   cursors=segments.cursors, survivors=segments.survivors, entries=segments.entries,
+                   ends=segments.ends, ids=segments.ids, cuts=segments.cuts,
                    **arrays(strands, "points", "spans", "shifts"))
+
+
+def reach(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, reaches: Any, taken: Any, longest: int,
+          window: tuple[int, int]) -> None:
+    """Tell how far in depth segments reach that may show in some `Tiles`, ``window``: the first, one past the last.
+
+    ``reaches``: [segments, 2] uint32, the least and the most depth of each; they go behind those that are there
+    already, ``taken``: [1] uint32, how many these are.
+    """
+    for stretch in _stretches(gpu, longest):
+        gpu.launch("coverage.reach", len(strands.spans), view=view, stretch=stretch, bounds=tiles.bounds, window=window,
+                   survivors=taken, reaches=reaches, **arrays(strands, "points", "spans"))
+
+
+def slabs_of(reaches: np.ndarray, most: int) -> list[tuple[tuple[int, int], int]]:
+    """[((first depth, one past the last), how many segments reach into it)], each for ``most`` at most, nearest first.
+
+    ``reaches``: [segments, 2] uint32, what `reach` gave, on the host.  Empty where more than so many share one depth,
+    or there would be more than SLABS.
+    """
+    near, far = np.sort(reaches[:, 0]), np.sort(reaches[:, 1])
+    slabs: list[tuple[tuple[int, int], int]] = []
+    first = 0
+    while first < EVERY[1] and len(slabs) < SLABS:
+        done = int(np.searchsorted(far, first))
+        end = int(near[done + most]) if done + most < len(near) else EVERY[1]
+        if end <= first:
+            return []
+        slabs.append(((first, end), int(np.searchsorted(near, end)) - done))
+        first = end
+    return slabs if first == EVERY[1] else []
 
 
 def nothing(gpu: Any, visible: Any, shell_transmittance: Any = None) -> Covered:
@@ -110,9 +145,14 @@ def nothing(gpu: Any, visible: Any, shell_transmittance: Any = None) -> Covered:
 
 
 def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Covered, lit: Any = None,
-          image: Any = None, shell_front: Any = None, window: tuple[int, int] = EVERY) -> None:
+          image: Any = None, shell_front: Any = None, window: tuple[int, int] = EVERY, slab: tuple[int, int] = EVERY,
+          kept: Any = None) -> Any:
     """Draw `Segments` and hide them behind each other -> ``covered``, and add their light to an ``image``: in some
     tiles, ``window``: the first, one past the last.
+
+    One tile may be drawn slab of depth after slab, from 0 to EVERY's end, ``slab``: the first depth, one past the last.
+    ``kept``: [OF_KEPT, 4] uint32, the same array for all of them.  Returns [1] uint32: in how many pixels more may be
+    seen.
 
     ``visible``: [rows, width, samples] uint64, the body's.  ``lit``: `strand_light.Places` of the segments, if there is
     light.  ``image``: then [rows, width, 4] float32: the light of shells behind all strands, if there are shells, and
@@ -121,10 +161,12 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
     """
     rows, width, _ = visible.shape
     has_shells = shell_front is not None
-    none = gpu.empty(0, np.uint64)
+    none, unfinished = gpu.empty(0, np.uint64), gpu.full(1, np.uint32, 0)
     sorted_ = gpu.empty(segments.entries.shape, np.uint32)
-    known = {"view": view, "window": window, "starts": segments.starts, "sorted": sorted_, "ends": segments.ends,
-             "ids": segments.ids, "cuts": segments.cuts, "visible": visible, "has_shells": has_shells,
+    known = {"view": view, "window": window, "slab": slab, "unfinished": unfinished,
+             "kept": gpu.empty((0, 4), np.uint32) if kept is None else kept, "starts": segments.starts,
+             "sorted": sorted_, "ends": segments.ends, "ids": segments.ids, "cuts": segments.cuts, "visible": visible,
+             "has_shells": has_shells,
              "sample_shells": shell_front if has_shells else none, "lit": lit is not None,
              "places": none if lit is None else lit.places,
              "more": gpu.empty((0, 32), np.float32) if lit is None else lit.more,
@@ -135,11 +177,12 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
     across, down = tiles_of(width, rows)
     if max(gpu.lanes, gpu.hinted) > 1:
         gpu.launch("coverage.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries, **known)
-        return
+        return unfinished
     known["grains"] = gpu.empty((across * down, 2), np.uint32)
     _sort(gpu, across * down, entries=segments.entries,
           **{name: known[name] for name in ("starts", "sorted", "grains")})
     _pixels(gpu, across * down, **known)
+    return unfinished
 
 
 def _sort(gpu, n, starts, **known):

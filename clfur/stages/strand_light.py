@@ -23,7 +23,8 @@ class Places(Arrays):
     places: Any = array("segment", np.uint64, FEW)   # of each, or where in `more` they are: see cl/places.h
     more: Any = array("row", np.float32, 32)      # what others are like: see cl/exact_light.h
     until: int = 0                                # segments of which it is known
-    lighting: Lighting | None = None              # that falls on these,
+    rows: int = 0                                 # of `more` that these have
+    lighting: Lighting | None = None              # that falls on them,
     shadowed: bool = False                        # whether anything stands before it
     scattering: Scattering | None = None          # of the types of the strands, where some have lobes
 
@@ -38,20 +39,26 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
     return result
 
 
+def unlit(gpu: Any, lighting: Lighting, n: int) -> Places:
+    """Room for the light of n segments -> `Places`, of none of them."""
+    return Places(Places.declared["places"].empty(gpu, n), Places.declared["more"].empty(gpu, 0), lighting=lighting)
+
+
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
-             segments: Any = None, until: int | None = None, before: Places | None = None,
+             segments: Any = None, until: int | None = None, before: Places | None = None, last: bool = True,
              scattering: Scattering | None = None) -> Places:
     """Light that segments send to the eye -> `Places`.
 
     ``transmittances``: [lights, points] float32, what `transmittance` gave; all light if None.
     ``segments``: [n] uint32, ids of segments, of which those of ``strands`` end at ``until``; each point if None,
-    those of strands' last points without a meaning.  ``before``: what this gave of those before them.
+    those of strands' last points without a meaning.  ``before``: what this gave of those before them.  ``last``:
+    whether no others come after them; else all that may be needed of `Places.more` is set aside at once.
     ``scattering``: of the strands' types; None where none has lobes.
     """
     n = len(strands.points) if segments is None else len(segments)
-    known = before or Places(Places.declared["places"].empty(gpu, n), Places.declared["more"].empty(gpu, 0))
-    first, end, rows_before = known.until, n if until is None else until, len(known.more)
-    rows = gpu.full(1, np.uint32, rows_before)
+    known = before or unlit(gpu, lighting, n)
+    first, end = known.until, n if until is None else until
+    rows = gpu.full(1, np.uint32, known.rows)
     given = {"view": view, "range": (first, end), "listed": segments is not None, "first_point": strands.first_point,
              "segments": gpu.empty(0, np.uint32) if segments is None else segments, "n_points": len(strands.points),
              "places": known.places, "shadowed": transmittances is not None,
@@ -60,14 +67,15 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
              **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal", "strand_uv", "types",
                       "colors", "color_per")}
     gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, **given)
-    more = Places.declared["more"].empty(gpu, int(gpu.download(rows)[0]) - rows_before)
-    if more.size:
+    more, taken = known.more, int(gpu.download(rows)[0])
+    if len(more) < taken:
+        more = Places.declared["more"].empty(gpu, taken if last else n)
+    if known.rows < taken:
         for unused in "view", "lights", "light_views", "crossings", "shadow_maps", "lobes", "lobe_table":
             del given[unused]
-        gpu.launch("strand_light.further", _items(gpu, end - first), more=more, rows_before=rows_before, **given)
-    parts = [each for each in (known.more, more) if each.size]
-    joined = gpu.joined(parts, np.float32).reshape(-1, more.shape[1]) if parts else known.more
-    return Places(known.places, joined, end, lighting, transmittances is not None, scattering)
+        gpu.launch("strand_light.further", _items(gpu, end - first), more=more, **given)
+    return Places(known.places, more, end, taken, lighting, transmittances is not None,
+                  scattering)
 
 
 def _items(gpu, n):
