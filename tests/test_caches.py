@@ -247,12 +247,20 @@ def test_a_spoilt_program_is_built_anew(gpu, monkeypatch, unkept, how):
     fresh = Scheduler(gpu.device)
     with pytest.warns(RuntimeWarning, match=r"keeps of zscan\.cl.* is spoilt"):
         assert "zscan.columns" in fresh._build("zscan")
-    assert len(driver.built) == 2
+    assert len(driver.built) == 3   # its own text twice
     if gpu.device.platform.name == caches.POCL:
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             fresh._build("zscan")
         assert str(caches.folder()) in str(said[-1].message)
+
+
+def test_a_build_that_is_cut_short_tells_of_nothing_spoilt(gpu, monkeypatch, unkept, recwarn):
+    """As a signal does while PoCL's compiler runs: the same text is built once more."""
+    driver = Driver(lambda _: len(driver.built) == 1, "error")
+    monkeypatch.setattr(programs.cl, "Program", driver)
+    assert "zscan.columns" in Scheduler(gpu.device)._build("zscan")
+    assert len(driver.built) == 2 and driver.built[0] == driver.built[1] and not list(recwarn)
 
 
 @pytest.mark.parametrize("how, words", [("error", "BUILD_PROGRAM_FAILURE"),

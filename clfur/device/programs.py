@@ -34,21 +34,22 @@ def build(context, device, source, options, names):
     if file and (binary := cache.recall_bytes(file)):
         with contextlib.suppress(cl.Error, NoKernelsError):   # else it is of another build of the driver
             return _kernels(cl.Program(context, [device], [binary]), options, names), False
-    spoilt = False
-    program = cl.Program(context, source)
-    try:
-        kernels = _kernels(program, options, names)
-    except (cl.Error, MemoryError, NoKernelsError):
-        # Drivers name what they keep by the text behind the preprocessor: that of another one they build anew.
-        program = cl.Program(context, f"{source}typedef int built_again;\n")
-        with contextlib.suppress(cl.Error, MemoryError, NoKernelsError):
-            kernels, spoilt = _kernels(program, options, names), True
-        if not spoilt:
-            raise
+    kernels, failed = None, []
+    # A signal cuts PoCL's compiler short: so once more.  Drivers name what they keep by the text behind the preprocessor:
+    # that of another one they build anew.
+    for text in source, source, f"{source}typedef int built_again;\n":
+        program = cl.Program(context, text)
+        try:
+            kernels = _kernels(program, options, names)
+            break
+        except (cl.Error, MemoryError, NoKernelsError) as error:
+            failed.append(error)
+    if kernels is None:
+        raise failed[0]
     if file:
         with contextlib.suppress(Error, cl.Error):   # built anew next time
             cache.remember_bytes(file, program.get_info(cl.program_info.BINARIES)[0])
-    return kernels, spoilt
+    return kernels, len(failed) == 2
 
 
 def _kernels(program, options, names):
