@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..device.team import Team
-from ..stages import shells
+from ..stages import chiang, shells
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
 from ..stages.raster import raster
@@ -26,7 +26,7 @@ def let_go(plan: Plan, gpu: Any) -> None:
     gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
               plan.scene.shells and plan.scene.shells.layers))
     gpu.prepare(plan.kernel_files)
-    gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh)
+    gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed))
     transmittances(gpu, plan)
     furry = plan.scene.shells is not None
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
@@ -79,6 +79,15 @@ def transmittances(gpu: Any, plan: Plan) -> dict:
     """{part: (which strands, `strand_light.transmittance` of them)}, as far as known; it goes with what it depends
     on."""
     return gpu.keep("transmittances", (*plan.light_key(plan.settings.lod), plan.settings.raster), dict)
+
+
+def scattering(gpu: Any, plan: Plan) -> chiang.Scattering | None:
+    """`Scattering` of the strands' types, kept while their looks stay, whatever else changes; None where none has
+    lobes."""
+    if not plan.lobed:
+        return None
+    looks = str([(kind.look.model, kind.look.numbers, kind.look.lobes) for kind in plan.lobed])
+    return gpu.keep("scattering", (chiang.KEPT, looks), functools.partial(chiang.scattering, gpu, plan.lobed))
 
 
 def shell(gpu: Any, plan: Plan) -> tuple[shells.Shell, np.void]:

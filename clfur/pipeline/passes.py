@@ -233,7 +233,8 @@ class Coverage:
         all_there = last and (window, slab) == ((0, counted.counts.size), EVERY)
         until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
         through = self._transmittance(gpu, band, part, hair, lighting)
-        return strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit, last)
+        return strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit, last,
+                                     build.scattering(gpu, plan))
 
     def _transmittance(self, gpu, band, part, hair, lighting):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where
@@ -271,4 +272,6 @@ class Counted:
 
 def _color(gpu, plan, view, visible, hair, body, lighting, image, sample_transmittance, sums):
     body_color = (0, 0, 0) if plan.scene.body_color is None else plan.scene.body_color
-    return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums)
+    scattering = build.scattering(gpu, plan) if len(hair.points) else None
+    return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums,
+                       scattering)

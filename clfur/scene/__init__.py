@@ -9,7 +9,7 @@ from .bounds import bounds_of, extent, fur_extent, hair_bounds
 from .camera import Camera
 from .curves import Bounds, Curves
 from .light import Light
-from .look import Kajiya, highlighted
+from .look import Chiang, Kajiya, highlighted
 from .mesh import Mesh
 from .origin import seen_from
 from .scene import Scene, frame
@@ -17,6 +17,6 @@ from .shells import Shells
 from .strands import HairType, PointForce, Strands
 
 __all__ = [
-    "Bounds", "Camera", "Curves", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Shells", "Strands",
-    "bounds_of", "extent", "frame", "fur_extent", "hair_bounds", "highlighted", "seen_from",
+    "Bounds", "Camera", "Chiang", "Curves", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Shells",
+    "Strands", "bounds_of", "extent", "frame", "fur_extent", "hair_bounds", "highlighted", "seen_from",
 ]
