@@ -34,7 +34,7 @@ def scene_of(fur, light, **options):
 
 def assert_sum(together, alone, places):
     """Colours are the sum of each light's: to rounding, 1e-6.  With ``places`` light of strands lies between places,
-    or is that of each piece if any of the lights needs that: the same mean, but 5e-5 (rms) more exact with the others."""
+    or is that of each piece if any of the lights needs that: the same mean, but 5e-5 (rms) more exact with others."""
     wrong = together[..., :3].astype(float) - np.sum(alone, 0, dtype=float)[..., :3]
     assert np.abs(wrong.mean()) < 2e-6 and np.sqrt((wrong**2).mean()) < 5e-5
     assert places or np.abs(wrong).max() < 1e-6
