@@ -133,7 +133,7 @@ def _hair(scene):
     if isinstance(fur, Strands):
         return (float(np.mean([kind.width for kind in fur.types])),
                 float(np.mean([kind.segments * kind.segment_length for kind in fur.types])))
-    if isinstance(fur, Curves) and len(fur.counts):
+    if isinstance(fur, Curves) and len(fur.points):
         return float(fur.on_host.width.mean()), hair_bounds(fur, len(fur.counts))[1] / len(fur.counts)
     return 0.0, 0.0
 

@@ -397,3 +397,13 @@ def test_points_are_multiplied_in_pieces(shape, dtype):
         np.testing.assert_allclose(times(points, matrix), points.astype(float) @ matrix, rtol=0, atol=1e-14)
     wide = np.broadcast_to(points[:1], points.shape)
     np.testing.assert_allclose(times(wide, matrix), wide.astype(float) @ matrix, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_curves_without_a_point_are_seen_nowhere(gpu, sphere, known):
+    """Strands of no points at all, also where not all that there is is in sight."""
+    mesh = sphere if known else None
+    fur = clfur.Curves(np.zeros((0, 3)), counts=[0, 0, 0])
+    scene = clfur.Scene(mesh, fur, camera=clfur.Camera(eye=(0, 0, .4), target=(0, 0, -1), size=(24, 16)))
+    other = clfur.Scene(mesh, clfur.Curves(np.zeros((0, 2, 3))), camera=scene.camera)
+    np.testing.assert_array_equal(*(clfur.render(each, gpu, SETTINGS) for each in (scene, other)))
