@@ -27,7 +27,7 @@ PRESETS = {"draft": LADDER[0], "sketch": LADDER[1], "preview": LADDER[3], "final
 BANDS, SHARE = 3, 0.1   # so many runs of rows, this share of the picture, are drawn to compare
 CELL = 0.6              # widths of a strand; in finer cells than that its shadow is narrower than itself
 HOPELESS = 2.0          # what is predicted to err so many times too much is not tried
-MARGIN = 1.15            # estimates are wrong by about as much: so much is added to each
+MARGIN = 1.15           # estimates are wrong by about as much: so much is added to each
 
 
 @dataclass(frozen=True)
