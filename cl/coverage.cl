@@ -458,6 +458,8 @@ __kernel void pixels(
     const int lit,
     __global const ulong *places,
     __global const float *more,
+    __global const Lobes *lobes,
+    __global const float4 *lobe_table,
     const int n_lights,
     __global const Light *lights,
     __global const Shadow *shadows,
@@ -485,7 +487,7 @@ __kernel void pixels(
     const bool within = on && x < size.x && y < size.y;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
-                              shadowed}, body_transmittance, alpha,
+                              lobes, lobe_table, shadowed}, body_transmittance, alpha,
                              front, shell_front, image};
     Walk walk;
     walk.bound = walk.next = walk.waiting = 0;
@@ -719,6 +721,8 @@ ALONE BY_HAND __kernel void tiles(
     const int lit,                         // 1: there is light
     __global const ulong *places,          // [survivors, FEW_PLACES] light, see places.h
     __global const float *more,            // [rows of them, 32] see exact_light.h
+    __global const Lobes *lobes,           // [types] see lobes.h; none where no type has that look
+    __global const float4 *lobe_table,
     const int n_lights,                    // see light.h
     __global const Light *lights,
     __global const Shadow *shadows,
@@ -750,7 +754,7 @@ ALONE BY_HAND __kernel void tiles(
     glow.n = 0;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
-                              shadowed}, body_transmittance, alpha,
+                              lobes, lobe_table, shadowed}, body_transmittance, alpha,
                              front, shell_front, image, &glow};
     Tile t;
     t.left = x * TILE;

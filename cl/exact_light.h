@@ -6,7 +6,7 @@
  * much of it changes to its end.
  *   x, y, z, width; changes of them        [world]
  *   tangent, strength of the highlight; change of the tangent, exponent
- *   r, g, b, model; changes of them, alpha
+ *   r, g, b, model | number of the type << MODEL_BITS; changes of them, alpha
  *   normal of the body at its root; for two lights the share of each that gets through to its start, and the change of that;
  *   a share below 0 is asked for at each place, and so are those of further lights; light of a sky, see `packed_sky`
  */
@@ -20,6 +20,8 @@ typedef struct {
     __global const float *more;
     const View *view;
     Lighting lighting;
+    __global const Lobes *lobes;           // see lobes.h
+    __global const float4 *lobe_table;
     int shadowed;                          // 1: something stands before lights
 } Sent;
 
@@ -53,7 +55,9 @@ INLINED lanes3 exact_light(const Sent *known, const Row *rows, lanes at, lanes_i
     const lanes3 start = {c[0], c[1], c[2]}, step = {c[4], c[5], c[6]}, p = plus(start, scaled(step, at)), n = {c[24], c[25], c[26]};
     const lanes3 first = {c[8], c[9], c[10]}, t = {c[8] + at * c[12], c[9] + at * c[13], c[10] + at * c[14]};
     const lanes3 color = {c[16] + at * c[20], c[17] + at * c[21], c[18] + at * c[22]}, v = towards_eye_lanes(known->view, p);
-    const Fibres fibres = {unit_lanes_or(t, first), color, c[11], c[15], c[19] == (float)HALF_VECTOR};
+    const lanes_i kind = TO(lanes_i, c[19]), model = kind & (1 << MODEL_BITS) - 1;
+    const Fibres fibres = {unit_lanes_or(t, first), color, c[11], c[15], model == HALF_VECTOR};
+    const Looks looks = {known->lobes, known->lobe_table, kind >> MODEL_BITS, model == CHIANG};
     lanes3 sent = {F(0.0f), F(0.0f), F(0.0f)};
     for (int i = 0; i < known->lighting.n; ++i) {
         const Light light = known->lighting.lights[i];
@@ -67,7 +71,7 @@ INLINED lanes3 exact_light(const Sent *known, const Row *rows, lanes at, lanes_i
                 through = ask ? share_along(known, i, start, step, n, c[3], c[7], c[23], at, ask) : through;
             share *= through;
         }
-        const lanes3 one = fibre_lanes(&light, &fibres, l, v, share);
+        const lanes3 one = fibre_lanes(&light, &fibres, &looks, l, v, share);
         sent = i ? plus(sent, one) : one;
     }
     const lanes_u sky = AS_U(c[31]);

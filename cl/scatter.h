@@ -2,6 +2,7 @@
  * How hair scatters light, LANES places side by side: that of strands and that of shells.  shade.cl, strand_light.cl and
  * march.cl use this, and lanes.h before it.
  */
+#include "lobes.h"
 
 /* What strands are like at LANES places. */
 typedef struct {
@@ -11,8 +12,8 @@ typedef struct {
 } Fibres;
 
 /* Light from fibres towards the eye at v of one light at l; share: of its direct light. Kajiya and Kay's own highlight is the
-   cone of mirror directions; the report's takes the half vector, which has no value at l = -v. */
-INLINED lanes3 fibre_lanes(const Light *light, const Fibres *here, lanes3 l, lanes3 v, lanes share)
+   cone of mirror directions; the report's takes the half vector, which has no value at l = -v. Chiang's is in lobes.h. */
+INLINED lanes3 fibre_lanes(const Light *light, const Fibres *here, const Looks *looks, lanes3 l, lanes3 v, lanes share)
 {
     const lanes tl = dots(here->tangent, l), tv = dots(here->tangent, v);
     const lanes bright = full_root(1.0f - tl * tl);
@@ -34,9 +35,14 @@ INLINED lanes3 fibre_lanes(const Light *light, const Fibres *here, lanes3 l, lan
     }
     const lanes3 c = here->color;
     const float4 direct = light->color;
-    const lanes3 sum = {direct.x * share * (c.x * bright + shine) + direct.w * c.x,
-                        direct.y * share * (c.y * bright + shine) + direct.w * c.y,
-                        direct.z * share * (c.z * bright + shine) + direct.w * c.z};
+    lanes3 part = {c.x * bright + shine, c.y * bright + shine, c.z * bright + shine};
+    if (any_lane(looks->on)) {             // copies, so that nothing else must lie in memory
+        const Lit lit = {here->tangent, c, l, v};
+        part = with_lobes(looks, &lit, part);
+    }
+    const lanes3 sum = {direct.x * share * part.x + direct.w * c.x,
+                        direct.y * share * part.y + direct.w * c.y,
+                        direct.z * share * part.z + direct.w * c.z};
     return sum;
 }
 

@@ -135,7 +135,7 @@ ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Sky 
 
 /* The light that waiting samples of strands send to the eye. */
 ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const Sky *sky, __global const float4 *sky_cells,
-                                const Waiting *samples, const Hair *hair)
+                              const Waiting *samples, const Hair *hair, Looks *looks)
 {
     const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
     Fibres here;
@@ -147,7 +147,8 @@ ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const S
         const float there = place_between(ends.a, ends.b, (float4)(lane_of(&p, k), 0.0f));
         const float4 c = hair->color_per == 0 ? hair->colors[0] : hair->color_per == 1 ? hair->colors[strand]
             : between(hair->colors[id], hair->colors[id + 1], there);
-        const float4 shine = hair->types[(int)hair->strand_uv[strand].z].shine;
+        const int kind = (int)hair->strand_uv[strand].z;
+        const float4 shine = hair->types[kind].shine;
         put_lane(&chords[0], k, ends.b - ends.before);
         put_lane(&chords[1], k, ends.after - ends.a);
         put_lane(&along, k, ends.b - ends.a);
@@ -156,6 +157,8 @@ ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const S
         LANE(here.color.x, k) = c.x, LANE(here.color.y, k) = c.y, LANE(here.color.z, k) = c.z;
         LANE(here.specular, k) = shine.x, LANE(here.exponent, k) = shine.y, LANE(alpha, k) = shine.z;
         LANE_I(here.half_vector, k) = (int)shine.w == HALF_VECTOR ? ON : 0;
+        LANE_I(looks->kind, k) = kind;
+        LANE_I(looks->on, k) = (int)shine.w == CHIANG ? ON : 0;
         LANE(width, k) = there > 0.0f ? ends.a.w + there * (ends.b.w - ends.a.w) : ends.a.w;
     }
     const lanes3 first = tangent_of_lanes(chords[0], along), last = tangent_of_lanes(chords[1], along);
@@ -166,7 +169,7 @@ ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const S
         lanes3 l;
         lanes share = share_of_light(&light, p, &l);
         share *= transmittances_at(&obstacles, share > 0.0f, p, normal, width, alpha);
-        sum = plus(sum, fibre_lanes(&light, &here, l, v, share));
+        sum = plus(sum, fibre_lanes(&light, &here, looks, l, v, share));
     }
     if (sky->size.y)
         sum = plus(sum, times(here.color, sky_lanes(sky, sky_cells, p, here.tangent, 0.0f, -0.125f)));
@@ -189,6 +192,8 @@ __kernel void color(
     __global const float4 *strand_normal,  // [strands] of the body at the root, 0: not known
     __global const float4 *strand_uv,      // [strands] u, v, type
     __global const HairType *types,
+    __global const Lobes *lobes,           // [types] see lobes.h; none where no type has that look
+    __global const float4 *lobe_table,
     __global const float4 *colors,         // one, [strands] or [points]
     const int color_per,                   // 0: one for all, 1: each strand, 2: each point
     __global const float4 *positions,      // body: see tessellate.cl
@@ -217,6 +222,7 @@ __kernel void color(
     const float weight = 1.0f / samples;
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
+    Looks looks = {lobes, lobe_table};
     long4 sums[SHADED];
     Waiting waiting[2];                    // samples of strands, and of the body
     waiting[0].n = waiting[1].n = 0;
@@ -274,8 +280,9 @@ __kernel void color(
             LANE(these->e, k) = LANE(these->e, 0);
             these->id[k] = these->id[0];
         }
-        const lanes3 light = of_body ? light_of_body(&view, &lighting, &sky, sky_cells, these, positions, normals, triangles, body_color)
-            : light_of_strands(&view, &lighting, &sky, sky_cells, these, &hair);
+        const lanes3 light = of_body
+            ? light_of_body(&view, &lighting, &sky, sky_cells, these, positions, normals, triangles, body_color)
+            : light_of_strands(&view, &lighting, &sky, sky_cells, these, &hair, &looks);
         for (int k = 0; k < these->n; ++k)
             sums[LANES == 1 ? 0 : these->pixel[k]] += in_integers(LANE(these->share, k), (float4)(LANE(light.x, k), LANE(light.y, k), LANE(light.z, k), 1.0f));
         these->n = 0;

@@ -62,13 +62,14 @@ typedef struct {
 } Segments;
 
 /* What LANES segments are like, those that begin at points `from` and end at `to`: both are one where none begins. */
-INLINED void take(Segments *s, const Hair *hair, const uint *from, const uint *to)
+INLINED void take(Segments *s, Looks *looks, const Hair *hair, const uint *from, const uint *to)
 {
     lanes3 chords[2];
     for (int k = 0; k < LANES; ++k) {
         const uint id = from[k], strand = strand_at(hair, id);
         const uint2 span = hair->spans[strand];
-        const float4 shine = hair->types[(int)hair->strand_uv[strand].z].shine;
+        const int kind = (int)hair->strand_uv[strand].z;
+        const float4 shine = hair->types[kind].shine;
         const float4 a = hair->points[id], b = hair->points[to[k]];
         const float4 before = id > span.x ? hair->points[id - 1] : a;
         const float4 after = to[k] + 1 < span.x + span.y ? hair->points[to[k] + 1] : b;
@@ -82,6 +83,8 @@ INLINED void take(Segments *s, const Hair *hair, const uint *from, const uint *t
         LANE(s->specular, k) = shine.x;
         LANE(s->exponent, k) = shine.y;
         LANE_I(s->half_vector, k) = (int)shine.w == HALF_VECTOR ? ON : 0;
+        LANE_I(looks->kind, k) = kind;
+        LANE_I(looks->on, k) = (int)shine.w == CHIANG ? ON : 0;
     }
     s->t = tangent_of_lanes(chords[0], s->p_step);
     s->t_step = minus(tangent_of_lanes(chords[1], s->p_step), s->t);
@@ -203,6 +206,8 @@ __kernel void radiance(
     __global const float4 *strand_normal,
     __global const float4 *strand_uv,
     __global const HairType *types,
+    __global const Lobes *lobes,           // [types] see lobes.h; none where no type has that look
+    __global const float4 *lobe_table,
     __global const float4 *colors,
     const int color_per,
     const int n_lights,
@@ -223,6 +228,7 @@ __kernel void radiance(
     WORK_ITEM(item);
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
+    Looks looks = {lobes, lobe_table};
     const uint first = range.x + LANES * (uint)item, count = range.y - first < LANES ? range.y - first : LANES;
     Segments s;
     uint from[LANES], to[LANES];
@@ -230,7 +236,7 @@ __kernel void radiance(
         from[k] = begin_of(first + (k < count ? k : 0), listed, segments, first_point, stored, run);
         to[k] = end_of(&hair, from[k]);
     }
-    take(&s, &hair, from, to);
+    take(&s, &looks, &hair, from, to);
     Places here[FEW_PLACES];
     for (int j = 0; j < FEW_PLACES; ++j)
         here[j] = places_at(&view, &s, F((float)j / (FEW_PLACES - 1)));
@@ -253,7 +259,7 @@ __kernel void radiance(
         for (int j = 0; j < FEW_PLACES; ++j) {
             lanes3 l;
             const lanes part = share_of_light(&light, here[j].p, &l) * (share + F((float)j / (FEW_PLACES - 1)) * share_step);
-            const lanes3 one = fibre_lanes(&light, &here[j].fibres, l, here[j].v, part);
+            const lanes3 one = fibre_lanes(&light, &here[j].fibres, &looks, l, here[j].v, part);
             sent[j] = i ? plus(sent[j], one) : one;
         }
     }
@@ -328,7 +334,8 @@ __kernel void further(
         __global float4 *its = (__global float4 *)more + 8 * (row & ROW);
         const uint id = begin_of(segment, listed, segments, first_point, stored, run), strand = strand_at(&hair, id);
         const Segment ends = segment_at(&hair, id, spans[strand]);
-        const float4 shine = types[(int)strand_uv[strand].z].shine, along = ends.b - ends.a;
+        const int kind = (int)strand_uv[strand].z;
+        const float4 shine = types[kind].shine, along = ends.b - ends.a;
         const float4 t = tangent_of(ends.b - ends.before, along), u = tangent_of(ends.after - ends.a, along);
         const float4 c = colors[color_per == 0 ? 0 : color_per == 1 ? strand : id];
         const float4 d = color_per == 2 ? colors[id + 1] - c : (float4)(0.0f);
@@ -343,7 +350,7 @@ __kernel void further(
         its[1] = along;
         its[2] = (float4)(t.xyz, shine.x);
         its[3] = (float4)(u.xyz - t.xyz, shine.y);
-        its[4] = (float4)(c.xyz, shine.w);
+        its[4] = (float4)(c.xyz, shine.w + (kind << MODEL_BITS));
         its[5] = (float4)(d.xyz, shine.z);
         its[6] = (float4)(strand_normal[strand].xyz, known[0]);
         its[7] = (float4)(known[1], known[2], known[3], under_sky ? packed_sky(0.5f * (sky_light[id] + sky_light[id + 1])) : 0.0f);

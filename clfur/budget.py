@@ -16,7 +16,7 @@ from .settings import CHOSEN, Settings
 # From cheap to dear; docs/budget.md tells why these.
 LADDER = (
     Settings(samples=1, lod=0.5, grid=48, shadow_map=256, pcf=0, raster="samples"),
-    Settings(samples=4, lod=0.25, grid=64, pcf=0, raster="samples"),
+    Settings(samples=4, grid=64, raster="samples"),
     Settings(samples=1, lod=0.45, grid=64, pcf=0, raster="coverage"),
     Settings(samples=1, grid=64, pcf=0, raster="coverage"),
     Settings(samples=4, grid=96, raster="coverage"),
@@ -27,7 +27,7 @@ PRESETS = {"draft": LADDER[0], "sketch": LADDER[1], "preview": LADDER[3], "final
 BANDS, SHARE = 3, 0.1   # so many runs of rows, this share of the picture, are drawn to compare
 CELL = 0.6              # widths of a strand; in finer cells than that its shadow is narrower than itself
 HOPELESS = 2.0          # what is predicted to err so many times too much is not tried
-MARGIN = 1.15            # estimates are wrong by about as much: so much is added to each
+MARGIN = 1.15           # estimates are wrong by about as much: so much is added to each
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ def _hair(scene):
     if isinstance(fur, Strands):
         return (float(np.mean([kind.width for kind in fur.types])),
                 float(np.mean([kind.segments * kind.segment_length for kind in fur.types])))
-    if isinstance(fur, Curves) and len(fur.counts):
+    if isinstance(fur, Curves) and len(fur.points):
         return float(fur.on_host.width.mean()), hair_bounds(fur, len(fur.counts))[1] / len(fur.counts)
     return 0.0, 0.0
 

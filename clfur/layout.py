@@ -27,15 +27,17 @@ CONSTANTS = {
     "SIDE_BITS": 2,         # of a neighbour's side: face << SIDE_BITS | side
     "ROWS": 16,             # of a face's points in the light's grid that a work-item does,
     "POINT_STEP": 0.75,     # which stand no further apart than so many sides of a cell
+    "SHADES": 24,           # of hair in a table of how it scatters light, from black to white
     "CELL_BITS": 4,         # of a coordinate of a cell by which the user's strands are put in order
     "HARMONICS": 9,         # spherical, of orders 0 to 2
+    "MODEL_BITS": 2,        # of a number that has one of the MODELS and a type
     "MOMENTS": 6,           # of hair in a cell: xx, yy, zz, xy, xz, yz
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
 
 # How hair scatters light, as the last of `shine` tells; scatter.h has a way for each.
-MODELS = {"kajiya-kay": 0, "half-vector": 1, "turned": 2}
+MODELS = {"kajiya-kay": 0, "half-vector": 1, "turned": 2, "chiang": 3}
 
 # Sample positions in 1/16 pixel from the pixel's centre: no two share a row or a column, so an edge near an
 # axis has as many steps as samples.  4 and 16 are Direct3D's standard patterns.
@@ -72,6 +74,7 @@ HairType = np.dtype([
     ("curl", *_float4),               # radius [world], cos and sin of the angle a segment, length_variation
     ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment, -
     ("shine", *_float4),              # two numbers of its model, in most specular and exponent; alpha; MODELS
+    ("lobes", *_float4),              # of a Chiang: roughness along and around the strand, tilt [radians], index
     ("counts", *_int4),               # segments; texture's first texel, width, height (width 0: none)
 ])
 
@@ -116,8 +119,14 @@ Sky = np.dtype([                      # cells of the world that hold light of a 
     ("size", *_int4),                    # cells a side; 1: there is a sky, -, -
 ])
 
+Lobes = np.dtype([                    # how hair of a type scatters light, where its model is "chiang"
+    ("along", np.float32, (4, 4)),       # a row a lobe: 1 / variance, 1 / integral, sine and cosine of the tilt
+    ("color", *_float4),                 # how fast the lobes fall with the square of log2(colour), -, -, -
+    ("table", *_int4),                   # where its table begins; how many cosines and angles it has, -
+])
+
 STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid,
-           "Shells": Shells}
+           "Shells": Shells, "Lobes": Lobes}
 
 
 def shine(look, alpha, model=None):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.command import wrong
 
-from clfur import PRESETS, Curves, Error, Kajiya, Settings, Shells, Strands, load_mesh
+from clfur import PRESETS, Chiang, Curves, Error, Kajiya, Settings, Shells, Strands, load_mesh
 from clfur.command import options as cli_scene
 
 
@@ -115,7 +115,8 @@ def test_preset():
 
 
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
-           "--types": "a.json", "--curl": "0,0", "--wave": "0,0", "--raster": "samples", "--lod": 0.5}
+           "--types": "a.json", "--curl": "0,0", "--look": "chiang", "--wave": "0,0", "--raster": "samples",
+           "--lod": 0.5}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 1, "--noise": "0.5,8",
           "--wind": "0,0,0", "--time": 0, "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
@@ -232,3 +233,28 @@ def test_roots_go_by_the_mesh_in_rest(tmp_path):
     assert both.shells.rest is both.strands.rest
     with pytest.raises(Error, match="Strands.rest has 6,320 faces and Scene.mesh"):
         load(tmp_path / "pose.obj", "--roots", 50, "--rest", "teapot")
+
+
+def test_looks(tmp_path, monkeypatch):
+    """Of strands, by an option or a type in JSON; numbers of a type's own make a Kajiya beside the option."""
+    def look(*given):
+        return load("sphere", *given)[0].strands.types[0].look
+    assert look() == Kajiya() and look("--look", "kajiya:specular=0.5,highlight=half-vector").highlight == "half-vector"
+    assert look("--look", "chiang") == Chiang()
+    assert look("--look", "chiang:tilt=3, absorption=0.1/2/3") == Chiang(tilt=3, absorption=(.1, 2, 3))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "types.json").write_text('[{"look": "chiang:eumelanin=8", "key": [0, 0, 0]}, {"specular": 1}, {}]')
+    types = cli_scene._hair_types("types.json", {"look": Chiang(tilt=3)})
+    assert [kind.look for kind in types] == [Chiang(eumelanin=8), Kajiya(specular=1), Chiang(tilt=3)]
+    (tmp_path / "types.json").write_text('[{"look": 3}]')
+    with pytest.raises(Error, match=r"types.json, type 0: HairType.look is 3; allowed: an object of class"):
+        load("sphere", "--types", "types.json")
+
+
+@pytest.mark.parametrize("text, words", [
+    ("phong", "look 'phong' is of no kind; allowed: kajiya or chiang"),
+    ("chiang:roughness=1", "look chiang has no 'roughness'; allowed: longitudinal_roughness"),
+    ("chiang:tilt=a", "Chiang.tilt is 'a'"), ("chiang:tilt", "Chiang.tilt is ''"),
+    ("chiang:tilt=1/2", "Chiang.tilt is [1.0, 2.0]")])
+def test_looks_that_are_none(clfur, text, words):
+    wrong(clfur("render", "sphere", "--look", text, "-o", "a.png"), words)

@@ -156,6 +156,19 @@ def test_fur_into_the_distance_is_told(gpu):
         assert len(caught) == told and all("cells of the light's grid are" in str(each.message) for each in caught)
 
 
+def test_faces_with_more_shells_than_they_hold_are_told(gpu):
+    """4096 on the root of the area, which is 2 here: 2896 a unit."""
+    camera = clfur.Camera((0, 3, 0), (0, 0, 0), up=(0, 0, 1), size=(16, 12))
+    for half, frequency, told in ((1, 40, 0), (1, 2800, 0), (1, 2950, 1), (1, 29500, 1)):
+        mesh = joined(ground(half, 0, 1))
+        for rest in (None, mesh):
+            scene = clfur.Scene(mesh, clfur.Shells(length=.05, frequency=frequency, rest=rest), camera, SUN)
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                clfur.render(scene, gpu, SETTINGS)
+            assert len(caught) == told and all("hairs of shells along a side" in str(each.message) for each in caught)
+
+
 def test_a_bald_ground_takes_nothing_either(gpu):
     """Strands grow on the ball alone, by their map: the other half of it is of the ground."""
     hair = clfur.HairType(segments=4, segment_length=.05, width=.01, key=(255, 0, 0))
@@ -384,3 +397,13 @@ def test_points_are_multiplied_in_pieces(shape, dtype):
         np.testing.assert_allclose(times(points, matrix), points.astype(float) @ matrix, rtol=0, atol=1e-14)
     wide = np.broadcast_to(points[:1], points.shape)
     np.testing.assert_allclose(times(wide, matrix), wide.astype(float) @ matrix, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_curves_without_a_point_are_seen_nowhere(gpu, sphere, known):
+    """Strands of no points at all, also where not all that there is is in sight."""
+    mesh = sphere if known else None
+    fur = clfur.Curves(np.zeros((0, 3)), counts=[0, 0, 0])
+    scene = clfur.Scene(mesh, fur, camera=clfur.Camera(eye=(0, 0, .4), target=(0, 0, -1), size=(24, 16)))
+    other = clfur.Scene(mesh, clfur.Curves(np.zeros((0, 2, 3))), camera=scene.camera)
+    np.testing.assert_array_equal(*(clfur.render(each, gpu, SETTINGS) for each in (scene, other)))

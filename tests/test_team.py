@@ -1,6 +1,7 @@
 """Several devices on one frame: the same bits as one, shares by speed, and what happens when one fails."""
 
 import threading
+from types import SimpleNamespace
 
 import attrs
 import numpy as np
@@ -12,6 +13,7 @@ from support.scenes import scene_of
 import clfur
 from clfur.device.team import Team, shares_of
 from clfur.render import OUTPUTS
+from clfur.stages import strands
 
 SETTINGS = clfur.Settings(raster="samples", samples=4, grid=32, shadow_map=64)
 
@@ -58,6 +60,26 @@ def test_devices_by_name(gpu, sphere):
     ([1e-9, 1, 1], [(10, 10), (10, 60), (60, 110)])])
 def test_shares_are_in_proportion_to_speed(paces, shares):
     assert shares_of(10, 110, paces) == shares
+
+
+def test_strands_that_are_made_anew_lie_in_another_order(team, monkeypatch):
+    """A team's first device counts where all strands show, makes its share of them for shadows, and then all again."""
+    rng = np.random.default_rng(2)
+    points = np.linspace(0, .2, 4)[:, None] * rng.normal(size=(5000, 1, 3))
+    points += (20, 0, 0) * (rng.random((5000, 1, 1)) < .5)   # half are out of sight
+    scene = clfur.Scene(fur=clfur.Curves(points, width=.01, alpha=.7),
+                        camera=clfur.Camera(eye=(0, 0, 3), size=(90, 70)))
+    settings = attrs.evolve(SETTINGS, raster="coverage")
+    whole = clfur.draw(scene, team[0], settings, tuple(OUTPUTS))
+
+    def any_order(gpu, packed, spans):
+        order = rng.permutation(gpu.download(spans))
+        placed = np.stack([order[:, 0] // 4, np.cumsum(order[:, 1]) - order[:, 1]], 1)
+        return SimpleNamespace(placed=gpu.upload(placed.astype(np.uint32)))
+    monkeypatch.setattr(strands, "order", any_order)
+    team[0].forget()
+    frame = clfur.draw(scene, team, settings, tuple(OUTPUTS))
+    assert all(np.array_equal(frame.images[name], whole.images[name]) for name in OUTPUTS)
 
 
 def test_the_faster_device_gets_more(gpu, team):

@@ -104,10 +104,11 @@ def table(what, rows):
 def chart(path, charts):
     """Nanoseconds a thing against how many there are, for each stage."""
     figure = Figure(figsize=(11, 4.5), layout="constrained")
+    colors = {stage: f"C{k}" for k, stage in enumerate(dict.fromkeys([*STAGES.values(), "tiles", "lists"]))}
     for axes, (what, rows) in zip(figure.subplots(1, len(charts)), charts.items(), strict=True):
         for stage in stages_of(rows):
             axes.loglog(list(rows), [row.get(stage) for row in rows.values()], marker="o", label=stage,
-                        linewidth=2.5 if stage == "frame" else 1.2, color="black" if stage == "frame" else None)
+                        linewidth=2.5 if stage == "frame" else 1.2, color=colors.get(stage, "black"))
         axes.set_xlabel(f"{what.split()[0]}s")
         axes.set_ylabel(f"ns of the processor a {what}")
         axes.grid(True, which="both", alpha=.25)

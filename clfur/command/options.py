@@ -17,7 +17,7 @@ from .. import PRESETS, Camera, Error, HairType, Light, Scene, Settings, Shells,
 from ..files.images import load_picture
 from ..scene import frame, highlighted
 from ..settings import CHOSEN, RASTERS, SHADOWS
-from .types import Color, Numbers, Roots, Size, from_hex
+from .types import Color, Look, Numbers, Roots, Size, from_hex, look_of
 
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
@@ -65,6 +65,10 @@ _STRANDS = [
     click.option("--width", type=click.FloatRange(0), metavar="W",
                  help="Diameter of a strand in the mesh's units.  [default: 0.0012 of half the mesh's diagonal, but at "
                       "most a tenth of the length]"),
+    click.option("--look", type=Look(), metavar="LOOK",
+                 help="How strands scatter light: kajiya or chiang (real hair), and its fields, as "
+                      "chiang:azimuthal_roughness=0.4,eumelanin=1.3 or chiang:absorption=0.1/0.3/0.9.  "
+                      "[default: kajiya]"),
     click.option("--type-map", metavar="PICTURE", help="Picture whose colours choose the hair type by uv."),
     click.option("--types", metavar="FILE",
                  help="JSON list of hair types, each with its key colour in the type map; what a type leaves "
@@ -113,7 +117,7 @@ _SETTINGS = [
                  help="How wide the blur is."),
 ]
 # Names of the options that only one kind of fur has.
-_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "type_map", "types", "curl", "wave",
+_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "look", "type_map", "types", "curl", "wave",
                      "raster", "lod"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 
@@ -221,7 +225,8 @@ def _scene(mesh, options):
         fur.append(_shells(options, length / 2 if kind == "both" else length, radius))
     if kind != "shells":
         fur.append(_strands(options, length, radius, len(mesh.faces)))
-    fur = highlighted(tuple(fur), options.get("specular", "kajiya-kay"))
+    if options.get("specular") == "half-vector":   # the other is that of looks which say nothing
+        fur = highlighted(tuple(fur), "half-vector")
 
     camera = frame(mesh, fur, options["size"], options["fov"])
     if options["eye"] or options["target"]:
@@ -292,6 +297,7 @@ def _strands(options, length, radius, faces):
         "curl": options["curl"],
         "wave": options["wave"],
         "alpha": options["alpha"],
+        "look": options.get("look"),
         **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), options["variation"]),
     }
     if options["type_map"] is not None and options["types"] is None:
@@ -319,7 +325,7 @@ def _hair_types(path, defaults):
         raise Error(f"{path} is not JSON: {error}") from None
     if not isinstance(listed, list) or not all(isinstance(fields, dict) for fields in listed):
         raise Error(f'{path} must hold a list of objects, such as [{{"key": [255, 0, 0], "segments": 10}}]')
-    allowed = [field.alias for field in attrs.fields(HairType) if field.init and field.alias != "look"]
+    allowed = [field.alias for field in attrs.fields(HairType) if field.init]
     types = []
     for number, fields in enumerate(listed):
         where = f"{path}, type {number}"
@@ -330,6 +336,10 @@ def _hair_types(path, defaults):
                 fields["color_texture"] = load_picture(Path(path).parent / texture)
             if isinstance(color := fields.get("color"), str):
                 fields["color"] = from_hex(color)
+            if isinstance(look := fields.get("look"), str):
+                fields["look"] = look_of(look)
+            elif "specular" in fields or "exponent" in fields:   # they make one
+                fields.setdefault("look", None)
             types.append(HairType(**{**defaults, **fields}))
         except ValueError as error:   # clfur.Error is one
             raise Error(f"{where}: {error}") from None

@@ -2,9 +2,12 @@
 
 import re
 
+import attrs
 import click
 
 from ..color import srgb_to_linear
+from ..errors import Error
+from ..scene import Chiang, Kajiya
 
 
 class Numbers(click.ParamType):
@@ -68,7 +71,7 @@ class Color(Numbers):
                 value, param, ctx)
         except (ValueError, click.BadParameter):
             color = ()
-        if not color or not all(0 <= part <= 1 for part in color):   # 255,128,0 would be 255 times too bright
+        if not color or not all(0 <= part <= 1 for part in color):   # 255,128,0 is no linear colour
             self.fail(f"{value!r} is neither R,G,B of 0 to 1 each (linear) nor #rrggbb (sRGB)", param, ctx)
         return color
 
@@ -86,6 +89,20 @@ class Roots(click.ParamType):
         return int(value)
 
 
+class Look(click.ParamType):
+    """How hair scatters light, such as chiang or chiang:azimuthal_roughness=0.4,eumelanin=1.3."""
+
+    name = "look"
+
+    def convert(self, value, param, ctx):
+        if not isinstance(value, str):
+            return value
+        try:
+            return look_of(value)
+        except ValueError as error:   # clfur.Error is one
+            self.fail(str(error), param, ctx)
+
+
 class Names(click.ParamType):
     """Names with commas between them."""
 
@@ -93,6 +110,30 @@ class Names(click.ParamType):
 
     def convert(self, value, param, ctx):
         return value if isinstance(value, tuple) else tuple(part.strip() for part in value.split(","))
+
+
+def look_of(text):
+    """The look of a text: its class in small letters, and behind a colon its fields with commas between them, each
+    NAME=NUMBER, a word, or three numbers with / between them. Raises `clfur.Error` for any other."""
+    classes = {"kajiya": Kajiya, "chiang": Chiang}
+    name, _, rest = text.partition(":")
+    if name not in classes:
+        raise Error(f"look {text!r:.60} is of no kind; allowed: kajiya or chiang, or with fields, as chiang:tilt=3")
+    known, fields = [field.name for field in attrs.fields(classes[name]) if field.init], {}
+    for part in filter(None, rest.split(",")):
+        field, _, value = (each.strip() for each in part.partition("="))
+        if field not in known:
+            raise Error(f"look {name} has no {field!r:.40}; allowed: {', '.join(known)}")
+        fields[field] = [_number(each) for each in value.split("/")] if "/" in value else _number(value)
+    return classes[name](**fields)
+
+
+def _number(text):
+    """A number, or the text where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def from_hex(text):

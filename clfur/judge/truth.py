@@ -123,10 +123,11 @@ def _geometry(scene):
         kind = np.zeros(len(counts), int) if fur.type_of is None else fur.type_of.astype(int)
         hair = SimpleNamespace(points=np.column_stack([fur.points, width]).astype(float), tangents=tangents,
                                counts=counts, colors=fur.color.astype(float), kind=kind,
-                               shine=np.array([layout.shine(t.look, t.alpha) for t in fur.hair_types]))
+                               **_looks(fur.hair_types))
     else:
         hair = SimpleNamespace(points=np.zeros((0, 4)), tangents=np.zeros((0, 3)), counts=np.zeros(0, int),
-                               colors=np.zeros((1, 3)), shine=np.ones((1, 4)), kind=np.zeros(0, int))
+                               colors=np.zeros((1, 3)), shine=np.ones((1, 4)), lobes=np.zeros((1, 4)),
+                               kind=np.zeros(0, int))
     hair.spans = np.stack([np.cumsum(hair.counts) - hair.counts, hair.counts], 1)
     hair.first, hair.owner = _segments(hair.spans)
     hair.starts = hair.first == hair.spans[hair.owner, 0]
@@ -165,7 +166,13 @@ def _grown(fur, body, rest):
     width = np.broadcast_to(np.array([t.width for t in fur.types])[kind][:, None], there.shape)
     return SimpleNamespace(points=np.column_stack([points[there], width[there]]), tangents=tangents[there],
                            counts=counts, colors=colors, kind=kind,
-                           shine=np.array([layout.shine(t.look, t.alpha) for t in fur.types]))
+                           **_looks(fur.types))
+
+
+def _looks(types):
+    """How types scatter light: {member of `layout.HairType`: [types, 4]}."""
+    return {"shine": np.array([layout.shine(kind.look, kind.alpha) for kind in types]),
+            "lobes": np.array([kind.look.lobes for kind in types])}
 
 
 def _before(eye, hair, body, near, window):
@@ -225,7 +232,8 @@ class _Light:
         to_light, direct = self._unshadowed(p)
         some = np.flatnonzero(direct.any(1))
         direct[some] *= self._transmittance(p[some], np.full(len(some), -1), strand[some])[:, None]
-        return scatter.fibre(color, hair.shine[hair.kind[strand]], t, to_light, v, direct, self.light.ambient)
+        kind = hair.kind[strand]
+        return scatter.fibre(color, hair.shine[kind], t, to_light, v, direct, self.light.ambient, hair.lobes[kind])
 
     def on_body(self, p, v, triangle):
         """Light [n, 3] from places p of triangles towards v."""

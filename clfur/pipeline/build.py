@@ -13,7 +13,7 @@ import numpy as np
 from ..device.team import Team
 from ..scene import extent, hair_bounds
 from ..scene.bounds import boxes_to_see, fur_extent
-from ..stages import shells
+from ..stages import chiang, shells
 from ..stages import sky as sky_stage
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
@@ -29,7 +29,7 @@ def let_go(plan: Plan, gpu: Any) -> None:
     gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
               plan.scene.shells and plan.scene.shells.layers))
     gpu.prepare(plan.kernel_files)
-    gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh)
+    gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed))
     transmittances(gpu, plan)
     furry = plan.scene.shells is not None
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
@@ -98,6 +98,15 @@ def sky_points(gpu: Any, plan: Plan, part: Part, hair: DeviceStrands) -> Any:
     lit = sky(gpu, plan)
     return lit and gpu.keep("sky points", (plan.scene.mesh, lit, hair),
                             functools.partial(sky_stage.at_points, gpu, lit, hair))
+
+
+def scattering(gpu: Any, plan: Plan) -> chiang.Scattering | None:
+    """`Scattering` of the strands' types, kept while their looks stay, whatever else changes; None where none has
+    lobes."""
+    if not plan.lobed:
+        return None
+    looks = str([(kind.look.model, kind.look.numbers, kind.look.lobes) for kind in plan.lobed])
+    return gpu.keep("scattering", (chiang.KEPT, looks), functools.partial(chiang.scattering, gpu, plan.lobed))
 
 
 def shell(gpu: Any, plan: Plan) -> tuple[shells.Shell, np.void]:

@@ -161,7 +161,7 @@ class Fit:
             points = fur.on_host.points
             ends, whose = clipped_segments(frustum, points[first].astype(float), points[first + 1].astype(float))
             found.append((ends, boxes.width[owner[whose]], np.full(len(ends), -1)))
-        elif isinstance(fur, Curves) and len(fur.counts):
+        elif isinstance(fur, Curves) and len(fur.points):
             bounds: Any = fur.bounds
             center, radius = (bounds.center, bounds.radius) if is_unknown(fur) else self._curves
             found.append((center[None], np.array([radius]), np.array([-1])))

@@ -8,7 +8,7 @@ next.
 
 import functools
 import weakref
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -165,8 +165,8 @@ class Coverage:
             visible = build.rasterize_body(gpu, plan, view)
             parts = plan.parts(gpu)
             alone = len(parts) == 1 and parts[0].hairy
-            strands = len(build.hair(gpu, plan, parts[0], plan.settings.lod).spans) if alone else 0
-            tiles = coverage.bound(gpu, view, visible, strands)
+            hair = build.hair(gpu, plan, parts[0], plan.settings.lod) if alone else None
+            tiles = coverage.bound(gpu, view, visible, 0 if hair is None else len(hair.spans))
             for part in reversed(parts):
                 if part.hairy:
                     coverage.count(gpu, view, build.hair(gpu, plan, part, plan.settings.lod), tiles, plan.longest)
@@ -176,7 +176,8 @@ class Coverage:
             counts = gpu.download(tiles.counts).reshape(down, across)
             survivors = int(gpu.download(tiles.survivors)[0])
             cut = plan.cut_counted(gpu, counts, survivors)
-            self._counted = Counted(gpu, top, end, tiles, counts, survivors, cut, visible)
+            self._counted = Counted(gpu, top, end, tiles, counts, survivors, cut, hair and weakref.ref(hair), visible)
+            del hair   # it may have to go for others
             build.let_go_of_parts(gpu, plan, parts, cut.parts)
         return self._counted
 
@@ -227,6 +228,8 @@ class Coverage:
         """List what shows of a part, with its light -> ``lit``, `strand_light.Places`. Nothing here holds the part when
         the next one is made."""
         plan, counted, hair = self.plan, band.counted, build.hair(gpu, self.plan, part, self.plan.settings.lod)
+        if len(tiles.shown) and not (plan.grown or counted.made_for() is hair):   # see `_transmittance`
+            tiles = replace(tiles, shown=gpu.empty(0, np.uint32))
         coverage.fill(gpu, band.view, hair, tiles, segments, plan.longest, window, slab)
         if lighting is None:
             return None
@@ -234,7 +237,7 @@ class Coverage:
         until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
         through = self._transmittance(gpu, band, part, hair, lighting)
         return strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit, last,
-                                     build.sky_points(gpu, plan, part, hair))
+                                     build.scattering(gpu, plan), build.sky_points(gpu, plan, part, hair))
 
     def _transmittance(self, gpu, band, part, hair, lighting):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where
@@ -263,6 +266,7 @@ class Counted:
     counts: Any       # [tiles down, across] uint32 segments
     survivors: int    # segments that may show anywhere
     cut: Any          # `plan.Cut` for them
+    made_for: Any     # weak reference to the strands, if all are counted at once
     visible: Any      # of the body in all of these rows, until it is taken
 
     def of(self, rows: tuple) -> Any:
@@ -272,5 +276,6 @@ class Counted:
 
 def _color(gpu, plan, view, visible, hair, body, lighting, image, sample_transmittance, sums):
     body_color = (0, 0, 0) if plan.scene.body_color is None else plan.scene.body_color
+    scattering = build.scattering(gpu, plan) if len(hair.points) else None
     return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums,
-                       build.sky(gpu, plan))
+                       scattering, build.sky(gpu, plan))

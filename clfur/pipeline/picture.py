@@ -98,7 +98,7 @@ class Picture:
 
     def __init__(self, team: Team, plan: Plan, outputs: Sequence[str], hashes: bool) -> None:
         self.team, self.plan, self.outputs, self.hashes = team, plan, outputs, hashes
-        self.warnings = {plan.rig.warning} - {""}   # what is known to be wrong in the picture
+        self.warnings = plan.rig.warnings   # what is known to be wrong in the picture
         self.digests: dict[str, str] = {}
         self._images: dict[str, np.ndarray] = {}
         self.strands = (Coverage if plan.uses_coverage else Samples)(plan, team)

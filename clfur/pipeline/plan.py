@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import Error
 from ..scene import Curves, Strands
 from ..stages.blur import blur_radius
+from ..stages.chiang import bytes_of, of_model
 from ..stages.coverage import KEPT, OF_KEPT, REACH, TILE, Covered, Segments, Tiles
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
@@ -85,6 +86,7 @@ class Plan:
 
     wants_color, others: whether color is an output, and whether others are.  faces, triangles, strands, points: how
     many there are.  body: whether there is one.  rest: the mesh by whose areas strands are spread, if it is another.
+    lobed: the types of strands, where looks of some need tables.
     """
 
     def __init__(self, rig: Rig, outputs: Sequence[str]) -> None:
@@ -96,6 +98,8 @@ class Plan:
         if isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh:
             self.rest = fur.rest
         self.body = mesh is not None and self.scene.body_color is not None
+        types = fur.types if isinstance(fur, Strands) else fur.hair_types if isinstance(fur, Curves) else ()
+        self.lobed = types if self.wants_color and of_model(types) else ()
         self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
         # Running sums: vertices and triangles before each face, points before each of the user's strands, and of all.
@@ -127,7 +131,8 @@ class Plan:
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage, "strands": self.strands,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
-            "zscan": casting, "march": shells, "strand_light": self.uses_coverage and self.wants_color,
+            "zscan": casting, "march": shells, "chiang": self.lobed,
+            "strand_light": self.uses_coverage and self.wants_color,
             "shade": True, "sky": self.wants_color and self.scene.environment is not None,
             "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
@@ -331,7 +336,7 @@ class Plan:
             fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
         if scene.environment is not None:
             fixed += sky_bytes(self.sky_cells, self.body)
-        return fixed + OF_KEPT * KEPT.bytes * self.uses_coverage
+        return fixed + OF_KEPT * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property
     def _transmittance(self):

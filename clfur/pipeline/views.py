@@ -13,6 +13,7 @@ from ..scene.seen import Seen, seen
 from ..settings import Settings
 from .fit import Fit
 
+MOST_CELLS = 4096   # of shells along a side of a face; as in shells.cl
 COARSE = 2   # lengths of fur: cells of the grid that are wider show no shadow within it
 
 
@@ -49,13 +50,21 @@ class Rig:
             fit=fit)
 
     @property
-    def warning(self) -> str:
-        """What is wrong where fur reaches so far that the sun's grid can't show its shadows, or ""."""
+    def warnings(self) -> list[str]:
+        """What is known to be wrong in the picture."""
+        found, shells, mesh = [], self.scene.shells, self.scene.mesh
         sides = [float(grid["face"][1]) for grid in self.grids if grid is not None and not grid["light"][3]]
-        if not self.fit.seen.cropped or not 0 < COARSE * self.fit.grown < max(sides, default=0):
-            return ""
-        return (f"cells of the light's grid are {max(sides):.3g} wide and fur {self.fit.grown:.3g} long, as it goes "
-                "far into the distance: its shadows are hardly seen; less of it, or a bald ground, has finer ones")
+        if self.fit.seen.cropped and 0 < COARSE * self.fit.grown < max(sides, default=0):
+            found.append(f"cells of the light's grid are {max(sides):.3g} wide and fur {self.fit.grown:.3g} long, as "
+                         "it goes far into the distance: shadows are hardly seen, near ones too; less of it, or a bald "
+                         "ground, has finer ones")
+        if shells is not None and mesh is not None and shells.pattern == "cells":
+            cells = shells.frequency * math.sqrt((shells.rest or mesh).largest_face)
+            if cells >= MOST_CELLS + 1:
+                found.append(f"the largest face would have {cells:.6g} hairs of shells along a side, but holds "
+                             f"{MOST_CELLS}: there they are {cells / MOST_CELLS:.3g} times as wide, and its borders "
+                             "are bald; more faces in the mesh, or a smaller Shells.frequency, puts it right")
+        return found
 
 
 def view_of(scene: Scene, samples: int, known: Seen | None = None) -> np.void:

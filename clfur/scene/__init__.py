@@ -10,7 +10,7 @@ from .camera import Camera
 from .curves import Bounds, Curves
 from .environment import Environment
 from .light import Light
-from .look import Kajiya, highlighted
+from .look import Chiang, Kajiya, highlighted
 from .mesh import Mesh
 from .origin import seen_from
 from .scene import Scene, frame
@@ -18,6 +18,6 @@ from .shells import Shells
 from .strands import HairType, PointForce, Strands
 
 __all__ = [
-    "Bounds", "Camera", "Curves", "Environment", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Shells",
-    "Strands", "bounds_of", "extent", "frame", "fur_extent", "hair_bounds", "highlighted", "seen_from",
+    "Bounds", "Camera", "Chiang", "Curves", "Environment", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene",
+    "Shells", "Strands", "bounds_of", "extent", "frame", "fur_extent", "hair_bounds", "highlighted", "seen_from",
 ]

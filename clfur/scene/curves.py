@@ -94,14 +94,14 @@ class Curves(Looking):
     numbers linear light. No strands at all are allowed.
     types: what strands look like and how much light they let through: HairType objects, up to 256; their color and
     width hold where color and width are not given; nothing that makes hair grow is used, nor variation, nor textures.
-    Or None, and look (a Kajiya; or specular and exponent, to make one) and alpha (0..1, how much light one hair lets
-    through) say it for all. type_of: [strands] which of types each is of, needed where there are several. root_uv:
-    [strands, 2], for the output "uv". root_normal: [strands, 3] unit normals of the mesh at the roots, by which its
-    shadow does not fall on hair that lies on it. origin: [3] what points are relative to, 0 if not given. inner,
-    outer, surface: how the mesh under them is tessellated, as in Strands. seed: by which `Settings.lod` chooses
-    strands. lod_by: what else it goes by, "place", where a strand's ends are, so that strands may be given in any
-    order and from either end; or "number", that of a strand, so that the same ones are chosen in a film in which they
-    move. bounds: what they cannot exceed, or None to measure it.
+    Or None, and look (a Kajiya or a Chiang; or specular and exponent, to make a Kajiya) and alpha (0..1, how much light
+    one hair lets through) say it for all. type_of: [strands] which of types each is of, needed where there are several.
+    root_uv: [strands, 2], for the output "uv". root_normal: [strands, 3] unit normals of the mesh at the roots, by
+    which its shadow does not fall on hair that lies on it. origin: [3] what points are relative to, 0 if not given.
+    inner, outer, surface: how the mesh under them is tessellated, as in Strands. seed: by which `Settings.lod` chooses
+    strands. lod_by: what else it goes by, "place", where a strand's ends are, so that strands may be given in any order
+    and from either end; or "number", that of a strand, so that the same ones are chosen in a film in which they move.
+    bounds: what they cannot exceed, or None to measure it.
 
     points, width, color, root_uv and root_normal may be float32 arrays on an OpenCL device (pyopencl.array.Array),
     which are drawn without a copy by a `Scheduler` of the same context. Their values are not checked, and without

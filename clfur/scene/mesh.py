@@ -224,6 +224,11 @@ class Mesh:
         return float(np.sqrt((_face_normals(self.positions, self.faces)[0] ** 2).sum(axis=1)).sum() / 2)
 
     @functools.cached_property
+    def largest_face(self) -> float:
+        """Area of the largest face, flat, in world units squared."""
+        return float(np.sqrt((_face_normals(self.positions, self.faces)[0] ** 2).sum(axis=1)).max(initial=0) / 2)
+
+    @functools.cached_property
     def inward(self) -> bool:
         """Whether the mesh is closed and its normals, as they were given, point into it: so does fur.
 

@@ -4,7 +4,7 @@ import attrs
 import numpy as np
 
 from . import checks
-from .look import Looking
+from .look import Kajiya, Looking
 from .mesh import Mesh
 
 
@@ -30,10 +30,10 @@ class Shells(Looking):
     every face at least one and at most 4096²; of "sine", f. sharpness > 1: where the smoothstep of a hair's edge ends,
     times its start. density: above 0, at most 1, how much of its cell a hair fills. noise: (how far hairs are moved,
     >= 0, size of the noise's waves, >= 1), both in hairs. length_variation: 0..1, how much hairs differ ("cells" only).
-    color: linear RGB >= 0 (arrays of uint8 or uint16 are sRGB). look: how hair scatters light, a Kajiya; or specular
-    and exponent, to make one. alpha: 0..1, how much light one hair lets through. root_shade: 0..1, the share of light
-    at the roots; it rises to 1 at the tips. shading: "kajiya-kay", by the hair's direction, or "turned", by the
-    report's turned normals.
+    color: linear RGB >= 0 (arrays of uint8 or uint16 are sRGB). look: how hair scatters light, a Kajiya, no Chiang; or
+    specular and exponent, to make one. alpha: 0..1, how much light one hair lets through. root_shade: 0..1, the share
+    of light at the roots; it rises to 1 at the tips. shading: "kajiya-kay", by the hair's direction, or "turned", by
+    the report's turned normals.
 
     wind, force, acceleration: [3]. At height h of 0..1 a hair goes along n + h · (wind, which gusts with time, + force
     − acceleration) for the normal n; force is gravity and the like, acceleration that of the object itself.
@@ -62,3 +62,8 @@ class Shells(Looking):
     time: float = checks.field(checks.real(), default=0.0, kw_only=True)
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0, kw_only=True)
     rest: Mesh | None = checks.field(checks.instance(Mesh, none=True), default=None, kw_only=True)
+
+    def __attrs_post_init__(self):
+        super().__attrs_post_init__()
+        if not isinstance(self.look, Kajiya):
+            checks.refuse("Shells.look", self.look, "a Kajiya: the pattern of shells has no single hairs")

@@ -42,8 +42,9 @@ class HairType(Looking):
     segment_length: world units. force_weight: how much of the force is added to the direction each segment.
     width: diameter in world units. curl: (radius, turns). wave: (amplitude, periods). length_variation,
     direction_variation, color_variation: 0..1, how much strands differ; which way they lean, curl and wave is drawn in
-    the frame of the skin at the root, so that it turns with it. look: how it scatters light, a Kajiya; or specular and
-    exponent, to make one. alpha: 0..1, how much light one hair lets through. key: None or the 8-bit (r, g, b) that
+    the frame of the skin at the root, so that it turns with it. look: how it scatters light, a Kajiya or a Chiang,
+    which sets the color if it has a pigment of its own; or specular and exponent, to make a Kajiya. alpha: 0..1, how
+    much light one hair lets through. key: None or the 8-bit (r, g, b) that
     means this type in `Strands.type_map`. Raises Error otherwise.
     """
 
@@ -60,6 +61,11 @@ class HairType(Looking):
     color_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5, kw_only=True)
     key: checks.Given = checks.field(checks.optional(_key), default=None, kw_only=True)
+
+    def __attrs_post_init__(self):
+        super().__attrs_post_init__()
+        if self.look.color is not None:
+            object.__setattr__(self, "color", self.look.color)
 
 
 @attrs.frozen(eq=False)

@@ -7,6 +7,7 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, Declared, array
+from .chiang import Scattering, no_scattering
 from .lighting import Lighting
 from .strands import DeviceStrands, arrays
 
@@ -25,6 +26,7 @@ class Places(Arrays):
     rows: int = 0                                 # of `more` that these have
     lighting: Lighting | None = None              # that falls on them,
     shadowed: bool = False                        # whether anything stands before it
+    scattering: Scattering | None = None          # of the types of the strands, where some have lobes
 
 
 def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
@@ -44,14 +46,15 @@ def unlit(gpu: Any, lighting: Lighting, n: int) -> Places:
 
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
              segments: Any = None, until: int | None = None, before: Places | None = None, last: bool = True,
-             sky_light: Any = None) -> Places:
+             scattering: Scattering | None = None, sky_light: Any = None) -> Places:
     """Light that segments send to the eye -> `Places`.
 
     ``transmittances``: [lights, points] float32, what `transmittance` gave; all light if None.
     ``segments``: [n] uint32, ids of segments, of which those of ``strands`` end at ``until``; each point if None,
     those of strands' last points without a meaning.  ``before``: what this gave of those before them.  ``last``:
     whether no others come after them; else all that may be needed of `Places.more` is set aside at once.
-    ``sky_light``: [points, 4] float32 r, g, b, what `sky.at_points` gave, if there is a sky.
+    ``scattering``: of the strands' types; None where none has lobes.  ``sky_light``: [points, 4] float32 r, g, b, what
+    `sky.at_points` gave, if there is a sky.
     """
     n = len(strands.points) if segments is None else len(segments)
     known = before or unlit(gpu, lighting, n)
@@ -63,17 +66,19 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
              "under_sky": sky_light is not None,
              "sky_light": gpu.empty((0, 4), np.float32) if sky_light is None else sky_light,
              "transmittances": gpu.empty(0, np.float32) if transmittances is None else transmittances,
-             **lighting.arrays(), **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal",
-                                           "strand_uv", "types", "colors", "color_per")}
+             **(scattering or no_scattering(gpu)).arrays(), **lighting.arrays(),
+             **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal", "strand_uv", "types",
+                      "colors", "color_per")}
     gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, **given)
     more, taken = known.more, int(gpu.download(rows)[0])
     if len(more) < taken:
         more = Places.declared["more"].empty(gpu, taken if last else n)
     if known.rows < taken:
-        for unused in "view", "lights", "light_views", "crossings", "shadow_maps":
+        for unused in "view", "lights", "light_views", "crossings", "shadow_maps", "lobes", "lobe_table":
             del given[unused]
         gpu.launch("strand_light.further", _items(gpu, end - first), more=more, **given)
-    return Places(known.places, more, end, taken, lighting, transmittances is not None)
+    return Places(known.places, more, end, taken, lighting, transmittances is not None,
+                  scattering)
 
 
 def _items(gpu, n):

@@ -149,7 +149,7 @@ def pack_types(types: Any) -> tuple[np.ndarray, np.ndarray]:
         row["shape"] = t.segment_length, t.width, t.force_weight, t.direction_variation
         row["curl"] = t.curl[0], *_turn(t.curl[1], t.segments), t.length_variation
         row["wave"] = t.wave[0], *_turn(t.wave[1], t.segments), 0
-        row["shine"] = layout.shine(t.look, t.alpha)
+        row["shine"], row["lobes"] = layout.shine(t.look, t.alpha), t.look.lobes
         row["counts"] = t.segments, sum(map(len, texels)), 0, 0
         if t.color_texture is not None:
             row["counts"][2:] = t.color_texture.shape[1::-1]

@@ -1,13 +1,14 @@
 """What cl/scatter.h means, in float64: how hair scatters light.
 
-``shine``: [n, 4] as `layout.HairType` has it: specular, exponent, alpha, model.
+``shine``: [n, 4] as `layout.HairType` has it: specular, exponent, alpha, model.  ``lobes``: [n, 4] as there too.
 """
 
 import numpy as np
 
+from . import chiang
 from .vectors import dot, sine, unit
 
-KAJIYA_KAY, HALF_VECTOR, TURNED = 0, 1, 2   # models
+KAJIYA_KAY, HALF_VECTOR, TURNED, CHIANG = 0, 1, 2, 3   # models
 
 
 def highlight(model, t, to_light, v):
@@ -20,11 +21,16 @@ def highlight(model, t, to_light, v):
     return np.where(model == HALF_VECTOR, half, cone)
 
 
-def fibre(color, shine, t, to_light, v, light, ambient):
-    """Light from fibres [n, 3]: diffuse and highlight (the report's section 2.2), and ambient."""
+def fibre(color, shine, t, to_light, v, light, ambient, lobes=None):
+    """Light from fibres [n, 3]: diffuse and highlight (the report's section 2.2), or that of Chiang's, and ambient."""
     specular, exponent, _, model = shine.T
-    bright = specular * highlight(model, t, to_light, v) ** exponent
-    return light * (color * sine(t, to_light)[:, None] + bright[:, None]) + ambient * color
+    color, direct, glass = np.broadcast_to(color, t.shape), np.zeros(t.shape), model == CHIANG
+    there = [each[~glass] for each in (model, t, to_light, v)]
+    bright = specular[~glass] * highlight(*there) ** exponent[~glass]
+    direct[~glass] = color[~glass] * sine(t, to_light)[~glass, None] + bright[:, None]
+    if glass.any():
+        direct[glass] = chiang.fibre(color[glass], lobes[glass], t[glass], to_light[glass], v[glass])
+    return light * direct + ambient * color
 
 
 def surface(color, shine, n, to_light, v, light, ambient):

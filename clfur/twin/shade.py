@@ -23,12 +23,13 @@ def color(view, lights, visible, strands, body, body_color):
 
     rgb = np.zeros(p.shape)
     k, strand, share, t = on_strand(strands, number[hair], p[hair])
-    shine = f64(np.asarray(strands.types)["shine"])[f64(strands.uv)[strand, 2].astype(int)]
+    kind, types = f64(strands.uv)[strand, 2].astype(int), np.asarray(strands.types)
+    shine, lobes = f64(types["shine"])[kind], f64(types["lobes"])[kind]
     base = strand_color(strands, k, strand, share)
     n, _ = on_body(body, number[~hair] - BODY, p[~hair], v[~hair])
     for light in lights:
         to_light, direct, ambient = light_at(light, p)
-        rgb[hair] += fibre(base, shine, t, to_light[hair], v[hair], direct[hair], ambient)
+        rgb[hair] += fibre(base, shine, t, to_light[hair], v[hair], direct[hair], ambient, lobes)
         lambert = np.maximum(dot(n, to_light[~hair]), 0)[:, None]
         rgb[~hair] += f64(body_color)[:3] * (direct[~hair] * lambert + ambient)
 

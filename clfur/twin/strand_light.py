@@ -95,12 +95,13 @@ def sent(view, lights, k, at, strands, transmittances=None):
     p, t = mix(*points[[k, k + 1]], at), unit(mix(*tangents_at(points, np.asarray(strands.spans)[strand], k), at))
     color = (np.broadcast_to(colors[0], p.shape) if strands.color_per == 0 else colors[strand] if strands.color_per == 1
              else mix(colors[k], colors[k + 1], at))
-    shine = f64(strands.types["shine"])[f64(strands.uv)[strand, 2].astype(int)]
+    kind = f64(strands.uv)[strand, 2].astype(int)
+    shine, lobes = f64(strands.types["shine"])[kind], f64(strands.types["lobes"])[kind]
     rgb = np.zeros(p.shape)
     for n, light in enumerate(lights):
         to_light, direct, ambient = light_at(light, p)
         there = 1 if transmittances is None else mix(*f64(transmittances[n])[[k, k + 1], None], at)
-        rgb += fibre(color, shine, t, to_light, unit(eye[:3] - eye[3] * p), there * direct, ambient)
+        rgb += fibre(color, shine, t, to_light, unit(eye[:3] - eye[3] * p), there * direct, ambient, lobes)
     return rgb
 
 
