@@ -181,7 +181,9 @@ INLINED float between_four(__global const float *slice, int n, float u, float v)
 }
 
 /* One work-item takes the light of one direction through a row of one slice of cells across it; the slice before it towards
-   that light is done. */
+   that light is done. What a cell has of a body hides what lies behind the cell alone: so the body's surface, which looks up
+   cells on both sides of it, gets what comes to it; and only what is more than half a body hides, as light that passes close
+   to it would else be lost. On a body lies all of a cell's hair before it, in a cell without one half. */
 __kernel void sweep(
     const ulong begin, const ulong end,    // work-items, see common.h
     const int n,
@@ -209,10 +211,9 @@ __kernel void sweep(
         const float along = w.x * w.x * m.s0 + w.y * w.y * m.s1 + w.z * w.z * m.s2
             + 2.0f * (w.x * w.y * m.s3 + w.x * w.z * m.s4 + w.y * w.z * m.s5);
         const float square = d * d - d * along, depth = sqrt(square > 0.0f ? square : 0.0f) / most;
-        const float half_way = sqrt(exp(-depth) * (1.0f - m.s6));
-        const float there = (turn ? between_four(before, n, u + du, v + dv) : 1.0f) * half_way;
-        through[number * n * n * n + cell] = there;
-        here[v * n + u] = there * half_way;
+        const float there = turn ? between_four(before, n, u + du, v + dv) : 1.0f;
+        through[number * n * n * n + cell] = there * exp(-depth * (0.5f + 0.5f * m.s6));
+        here[v * n + u] = there * exp(-depth) * (m.s6 > 0.5f ? 2.0f - 2.0f * m.s6 : 1.0f);
     }
 }
 

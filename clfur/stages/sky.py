@@ -10,6 +10,7 @@ from ..layout import Arrays, Declared, array
 from .strands import DeviceStrands, arrays
 from .tessellate import Surface
 
+CELLS = 32                           # a side of a scene's grid
 DIRECTIONS, NEAR_BRIGHTEST = 32, 8   # all around, and towards what is brightest
 CONE = np.radians(20)                # half the angle that these fill
 MOMENTS, HARMONICS = int(layout.CONSTANTS["MOMENTS"]), int(layout.CONSTANTS["HARMONICS"])   # a cell: of hair, of light
@@ -96,7 +97,7 @@ def at_points(gpu: Any, lit: SkyLight, strands: DeviceStrands) -> Any:
     return result
 
 
-def bytes_of(n: int, body: bool) -> int:
+def bytes_of(body: bool, n: int = CELLS) -> int:
     """Bytes on the device of all that `light` makes at once."""
     count = DIRECTIONS + NEAR_BRIGHTEST
     cell = Held.bytes(cell=1, column=3 * body) + 32 + THROUGH.bytes * count + SkyLight.bytes(harmonic=HARMONICS)
