@@ -116,7 +116,7 @@ def test_preset():
 
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
            "--types": "a.json", "--curl": "0,0", "--look": "chiang", "--wave": "0,0", "--raster": "samples",
-           "--lod": 0.5}
+           "--lod": 0.5, "--sky": "1,1,1"}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 1, "--noise": "0.5,8",
           "--wind": "0,0,0", "--time": 0, "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
@@ -136,7 +136,7 @@ def test_each_option_is_of_strands_or_of_shells_or_of_both():
             if flag not in ("--type-map", "--types"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
-    del everything["--type-map"], everything["--types"]
+    del everything["--type-map"], everything["--types"], everything["--sky"]   # which shines on strands alone
     load("sphere", *(part for option in everything.items() for part in option))
 
 

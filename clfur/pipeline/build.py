@@ -95,8 +95,7 @@ def sky(gpu: Any, plan: Plan) -> sky_stage.SkyLight | None:
 
 def sky_in(gpu: Any, plan: Plan, n: int) -> sky_stage.SkyLight:
     """Light of the scene's sky in n³ cells around all of it."""
-    scene, environment = plan.scene, plan.scene.environment
-    assert environment is not None
+    scene = plan.scene
     boxes, out = boxes_to_see(scene.mesh, scene.fur), fur_extent(scene.fur)
     center, radius = extent(scene.mesh, scene.fur)
     low, high = center - radius, center + radius
@@ -108,7 +107,7 @@ def sky_in(gpu: Any, plan: Plan, n: int) -> sky_stage.SkyLight:
     held = sky_stage.held(gpu, grid, plan.body, area)
     for part in plan.parts(gpu):
         sky_stage.deposit(gpu, grid, held, hair(gpu, plan, part, 0), body(gpu, plan, part))
-    return sky_stage.light(gpu, grid, held, *sky_stage.table_of(*environment.places))
+    return sky_stage.light(gpu, grid, held, *_sky_table(scene.environment))
 
 
 def sky_points(gpu: Any, plan: Plan, part: Part, hair: DeviceStrands) -> Any:
@@ -175,6 +174,11 @@ def on(gpu: Any, array: Any) -> Any:
 def bytes_of(gpu: Any, array: Any) -> np.ndarray:
     """The bits of an array, on the host."""
     return np.ascontiguousarray(array if isinstance(array, np.ndarray) else gpu.download(array))
+
+
+@functools.lru_cache(4)
+def _sky_table(environment):
+    return sky_stage.table_of(*environment.places)
 
 
 def _surface(gpu, plan, faces):

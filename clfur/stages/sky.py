@@ -13,9 +13,8 @@ from .tessellate import Surface
 CELLS = 32                           # a side of a scene's grid
 DIRECTIONS, NEAR_BRIGHTEST = 32, 8   # all around, and towards what is brightest
 CONE = np.radians(20)                # half the angle that these fill
-EDGE = 2                             # cells around a slice, through which all light comes
 MOMENTS, HARMONICS = int(layout.CONSTANTS["MOMENTS"]), int(layout.CONSTANTS["HARMONICS"])   # a cell: of hair, of light
-HOLDS = MOMENTS + 1
+HOLDS, EDGE, TOGETHER = MOMENTS + 1, int(layout.CONSTANTS["SKY_EDGE"]), int(layout.CONSTANTS["SKY_POINTS"])
 THROUGH = Declared("cell", np.float32)                     # of each direction
 POINT_LIGHT = Declared("point", np.float32, 4)             # r, g, b at a point of strands
 
@@ -67,9 +66,9 @@ def deposit(gpu: Any, sky: np.void, there: Held, strands: DeviceStrands, body: S
     if len(strands.spans):
         gpu.launch("sky.deposit", len(strands.spans), sky=sky, unit=there.unit, moments=there.moments,
                    **arrays(strands, "points", "spans", "strand_uv", "types"))
-    for axis in range(3 if len(body.triangles) and there.solids.size else 0):
-        gpu.launch("sky.surface", len(body.triangles), sky=sky, axis=axis, positions=body.positions,
-                   triangles=body.triangles, solids=there.solids)
+    if len(body.triangles) and there.solids.size:
+        gpu.launch("sky.surface", len(body.triangles), sky=sky, positions=body.positions, triangles=body.triangles,
+                   solids=there.solids)
 
 
 def light(gpu: Any, sky: np.void, there: Held, directions: np.ndarray, table: np.ndarray) -> SkyLight:
@@ -97,7 +96,8 @@ def light(gpu: Any, sky: np.void, there: Held, directions: np.ndarray, table: np
 def at_points(gpu: Any, lit: SkyLight, strands: DeviceStrands) -> Any:
     """Light that points of strands get from all around, over that of a sky of 1 -> [points, 4] float32 r, g, b, -."""
     result = POINT_LIGHT.empty(gpu, len(strands.points))
-    gpu.launch("sky.at_points", len(strands.points), sky=lit.sky, cells=lit.cells, light=result,
+    gpu.launch("sky.at_points", -(-len(strands.points) // TOGETHER), sky=lit.sky, cells=lit.cells, light=result,
+               n_points=len(strands.points),
                **arrays(strands, "points", "spans", "strand_of", "run"))
     return result
 
