@@ -16,7 +16,7 @@
 #define WHOLE (PARTS * PARTS * SUBPIXEL)   // of a cell that is all body
 #define HOLDS (MOMENTS + 1)                // numbers of what a cell holds: of hair, and of the body
 #define FAINT 1e-6f                      // light that is left out: a CPU is slow with numbers that are next to nothing
-#define STRIDE_OF_LIGHT 0.5f               // in sides of a cell
+#define STRIDE_OF_LIGHT 1.0f               // in sides of a cell
 
 #if LANES == 1
 typedef float loose;                       // of cells that begin anywhere
@@ -24,31 +24,43 @@ typedef float loose;                       // of cells that begin anywhere
 typedef lanes loose __attribute__((aligned(4)));
 #endif
 
-/* What a strand has left in one cell. */
-INLINED void leave(volatile __global int *moments, size_t cell, const float *sums, float unit)
+/* Sums of eight cells that do not lie alike to each other, till others come in their place: strands that follow each other
+   are neighbours, and atomics cost most of all. In integers, so that neither matters. */
+typedef struct {
+    int cell[8];                           // -1: none
+    int sums[8][MOMENTS];
+} Nearby;
+
+INLINED void give(volatile __global int *moments, Nearby *nearby, int slot)
 {
-    for (int j = 0; j < MOMENTS; ++j)
-        atomic_add(&moments[cell * MOMENTS + j], (int)floor(sums[j] * unit + 0.5f));
+    for (int j = 0; j < MOMENTS && nearby->cell[slot] >= 0; ++j)
+        atomic_add(&moments[(size_t)nearby->cell[slot] * MOMENTS + j], nearby->sums[slot][j]);
 }
 
-/* One work-item adds up, for one strand, (1 - alpha) · width · length over a cell's face, times the second moment of its
-   direction, whose trace is 1. */
-__kernel void deposit(
-    const ulong begin, const ulong end,    // work-items, see common.h
-    const Sky sky,
-    __global const float4 *points,         // [P] x, y, z, width [world]
-    __global const uint2 *spans,           // [strands] first point, points
-    __global const float4 *strand_uv,      // [strands] -, -, type
-    __global const HairType *types,
-    const float unit,                      // integers for 1
-    volatile __global int *moments)        // [n, n, n, MOMENTS]
+/* What a strand has left in one cell, at (x, y, z). */
+INLINED void leave(volatile __global int *moments, Nearby *nearby, int4 at, int n, const float *sums, float unit)
 {
-    WORK_ITEM(strand);
-    const uint2 span = spans[strand];
-    const float opaque = 1.0f - types[(int)strand_uv[strand].z].shine.z, scale = sky.place.w;
-    const int n = sky.size.x;
+    const int cell = (at.z * n + at.y) * n + at.x, slot = (at.x & 1) | (at.y & 1) << 1 | (at.z & 1) << 2;
+    if (nearby->cell[slot] != cell) {
+        give(moments, nearby, slot);
+        nearby->cell[slot] = cell;
+        for (int j = 0; j < MOMENTS; ++j)
+            nearby->sums[slot][j] = 0;
+    }
+    for (int j = 0; j < MOMENTS; ++j) {
+        const float amount = sums[j] * unit;
+        nearby->sums[slot][j] += (int)(amount < 0.0f ? amount - 0.5f : amount + 0.5f);
+    }
+}
+
+/* Of one strand: (1 - alpha) · width · length over a cell's face, times the second moment of its direction, whose trace is 1. */
+INLINED void leave_strand(volatile __global int *moments, Nearby *nearby, const Sky *sky, __global const float4 *points,
+                          uint2 span, float opaque, float unit)
+{
+    const float scale = sky->place.w;
+    const int n = sky->size.x;
     float sums[MOMENTS];
-    long cell = -1;
+    int4 cell = -1;
     for (int j = 0; j < MOMENTS; ++j)
         sums[j] = 0.0f;
     for (uint k = 0; k + 1 < span.y; ++k) {
@@ -57,27 +69,52 @@ __kernel void deposit(
         if (!(square > 0.0f))
             continue;
         const int steps = length * PARTS < 4096.0f ? (int)(length * PARTS) + 1 : 4096;
-        const float each = opaque * length * scale / steps;
+        const float one = 1.0f / steps, part = opaque * scale * length * one / square;
         for (int i = 0; i < steps; ++i) {
-            const float4 p = a + ((i + 0.5f) / steps) * d;
-            const float4 c = (p - sky.place) * scale;
+            const float4 p = a + ((i + 0.5f) * one) * d, c = (p - sky->place) * scale;
             if (!(c.x >= 0.0f && c.y >= 0.0f && c.z >= 0.0f && c.x < n && c.y < n && c.z < n))
                 continue;
-            const long here = ((long)(int)c.z * n + (int)c.y) * n + (int)c.x;
-            if (here != cell) {
-                if (cell >= 0)
-                    leave(moments, cell, sums, unit);
+            const int4 here = (int4)((int)c.x, (int)c.y, (int)c.z, 0);
+            if (here.x != cell.x || here.y != cell.y || here.z != cell.z) {
+                if (cell.x >= 0)
+                    leave(moments, nearby, cell, n, sums, unit);
                 for (int j = 0; j < MOMENTS; ++j)
                     sums[j] = 0.0f;
                 cell = here;
             }
-            const float amount = each * p.w / square;
+            const float amount = part * p.w;
             sums[0] += amount * (d.x * d.x), sums[1] += amount * (d.y * d.y), sums[2] += amount * (d.z * d.z);
             sums[3] += amount * (d.x * d.y), sums[4] += amount * (d.x * d.z), sums[5] += amount * (d.y * d.z);
         }
     }
-    if (cell >= 0)
-        leave(moments, cell, sums, unit);
+    if (cell.x >= 0)
+        leave(moments, nearby, cell, n, sums, unit);
+}
+
+/* One work-item adds up what some strands leave in cells. */
+__kernel void deposit(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const Sky sky,
+    const uint n_strands,
+    const uint each,                       // strands of a work-item
+    __global const float4 *points,         // [P] x, y, z, width [world]
+    __global const uint2 *spans,           // [strands] first point, points
+    __global const float4 *strand_uv,      // [strands] -, -, type
+    __global const HairType *types,
+    const float unit,                      // integers for 1
+    volatile __global int *moments)        // [n, n, n, MOMENTS]
+{
+    WORK_ITEM(item);
+    Nearby nearby;
+    for (int slot = 0; slot < 8; ++slot)
+        nearby.cell[slot] = -1;
+    const uint first = each * (uint)item;
+    for (uint strand = first; strand < n_strands && strand < first + each; ++strand) {
+        const float opaque = 1.0f - types[(int)strand_uv[strand].z].shine.z;
+        leave_strand(moments, &nearby, &sky, points, spans[strand], opaque, unit);
+    }
+    for (int slot = 0; slot < 8; ++slot)
+        give(moments, &nearby, slot);
 }
 
 /* A coordinate in 1/SUBPIXEL of a part of a cell. */
@@ -327,8 +364,8 @@ INLINED float4 light_of_point(__global const float4 *points, uint id, uint2 span
     return light_around(known, unit_or(along, (float4)(0.0f, 1.0f, 0.0f, 0.0f)), 0.0f, -0.125f);
 }
 
-/* One work-item tells the light that SKY_POINTS points of strands get from all around their fibres. What cells have is looked
-   up at points that are STRIDE_OF_LIGHT of a cell from each other, and lies on a line between. */
+/* One work-item tells the light that some points of strands get from all around their fibres. What cells have is looked up at
+   points that are STRIDE_OF_LIGHT of a cell from each other, and lies on a line between. */
 __kernel void at_points(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Sky sky,
@@ -338,11 +375,12 @@ __kernel void at_points(
     __global const uint *strand_of,
     const uint run,
     const uint n_points,
+    const uint each,                       // points of a work-item
     __global float4 *light)                // [points] r, g, b
 {
     WORK_ITEM(item);
-    uint id = SKY_POINTS * (uint)item;
-    const uint until = n_points - id < SKY_POINTS ? n_points : id + SKY_POINTS;
+    uint id = each * (uint)item;
+    const uint until = n_points - id < each ? n_points : id + each;
     const float most = STRIDE_OF_LIGHT / sky.place.w;
     while (id < until) {
         const uint2 span = spans[strand_of[id / run]];
@@ -365,9 +403,10 @@ __kernel void at_points(
             const Known to = known_at(&sky, cells, p, false);
             for (uint k = id + 1; k <= next; ++k) {
                 const float share = (float)(k - id) / (next - id);
-                Known here;
-                for (int i = 0; i < 5; ++i)
-                    here.of[i] = from.of[i] + share * (to.of[i] - from.of[i]);
+                Known here = from;
+                here.of[0] += share * (to.of[0] - from.of[0]);
+                for (int i = 2; i < 5; ++i)   // order 1 is not a fibre's
+                    here.of[i] += share * (to.of[i] - from.of[i]);
                 light[k] = light_of_point(points, k, span, &here);
             }
             from = to;

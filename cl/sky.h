@@ -60,11 +60,12 @@ INLINED Known known_at(const Sky *sky, __global const float4 *cells, float4 p, b
 INLINED float4 light_around(const Known *known, float4 w, float one, float two)
 {
     const float a = one * 0.488602512f, b = two * 1.092548431f;
-    const float8 sum = known->of[0] * (float8)((float4)0.282094792f, (float4)(a * w.y))
-        + known->of[1] * (float8)((float4)(a * w.z), (float4)(a * w.x))
+    float8 sum = known->of[0] * (float8)((float4)0.282094792f, (float4)(a * w.y))
         + known->of[2] * (float8)((float4)(b * w.x * w.y), (float4)(b * w.y * w.z))
         + known->of[3] * (float8)((float4)(two * 0.315391565f * (3.0f * w.z * w.z - 1.0f)), (float4)(b * w.x * w.z))
         + known->of[4] * (float8)((float4)0.0f, (float4)(two * 0.546274215f * (w.x * w.x - w.y * w.y)));
+    if (one != 0.0f)
+        sum += known->of[1] * (float8)((float4)(a * w.z), (float4)(a * w.x));
     const float4 light = sum.lo + sum.hi;
     return (float4)(light.x > 0.0f ? light.x : 0.0f, light.y > 0.0f ? light.y : 0.0f, light.z > 0.0f ? light.z : 0.0f, 0.0f);
 }

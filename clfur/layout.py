@@ -32,7 +32,6 @@ CONSTANTS = {
     "HARMONICS": 9,         # spherical, of orders 0 to 2
     "MODEL_BITS": 2,        # of a number that has one of the MODELS and a type
     "SKY_EDGE": 2,          # cells around a slice of a sky's grid, through which all light comes
-    "SKY_POINTS": 16,       # of strands, which a work-item looks up together
     "MOMENTS": 6,           # of hair in a cell: xx, yy, zz, xy, xz, yz
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
