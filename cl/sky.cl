@@ -16,7 +16,6 @@
 #define WHOLE (PARTS * PARTS * SUBPIXEL)   // of a cell that is all body
 #define HOLDS (MOMENTS + 1)                // numbers of what a cell holds: of hair, and of the body
 #define FAINT 1e-6f                      // light that is left out: a CPU is slow with numbers that are next to nothing
-#define STRIDE_OF_LIGHT 1.0f               // in sides of a cell
 
 #if LANES == 1
 typedef float loose;                       // of cells that begin anywhere
@@ -354,18 +353,26 @@ BY_HAND __kernel void gather(
             for (int j = 0; j < HARMONICS; ++j)
                 cells[((first + k) * HARMONICS + j) * 4 + c] = LANE(sums[j], k);
     }
+    for (int k = 0; k < LANES * HARMONICS; ++k)
+        cells[(first * HARMONICS + k) * 4 + 3] = 0.0f;
 }
 
-/* Light that a point of a strand gets from all around its fibre; span: its strand's. */
-INLINED float4 light_of_point(__global const float4 *points, uint id, uint2 span, const Known *known)
+/* Light that a point of a strand gets from all around its fibre, between the points beside it. */
+INLINED float4 light_of_point(float4 before, float4 after, const Known *known)
 {
-    const float4 before = points[id > span.x ? id - 1 : id], after = points[id + 1 < span.x + span.y ? id + 1 : id];
     const float4 along = (float4)((after - before).xyz, 0.0f);
     return light_around(known, unit_or(along, (float4)(0.0f, 1.0f, 0.0f, 0.0f)), 0.0f, -0.125f);
 }
 
+/* |a - b| */
+INLINED float apart(float4 a, float4 b)
+{
+    const float4 d = a - b;
+    return sqrt(dot3(d, d));
+}
+
 /* One work-item tells the light that some points of strands get from all around their fibres. What cells have is looked up at
-   points that are STRIDE_OF_LIGHT of a cell from each other, and lies on a line between. */
+   every `far`th of a strand's points, where these are within a cell, and lies on a line between. */
 __kernel void at_points(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Sky sky,
@@ -379,39 +386,42 @@ __kernel void at_points(
     __global float4 *light)                // [points] r, g, b
 {
     WORK_ITEM(item);
-    uint id = each * (uint)item;
+    uint id = each * (uint)item, known_to = n_points;
     const uint until = n_points - id < each ? n_points : id + each;
-    const float most = STRIDE_OF_LIGHT / sky.place.w;
+    const float most = 1.6f / sky.place.w;
+    Known from, to;
     while (id < until) {
         const uint2 span = spans[strand_of[id / run]];
-        const uint past = span.x + span.y, last = (past < until ? past : until) - 1;
+        const uint past = span.x + span.y;
         if (id < span.x || id >= past) {   // no strand's
             light[id++] = (float4)(0.0f);
             continue;
         }
-        float4 p = points[id];
-        Known from = known_at(&sky, cells, p, false);
-        light[id] = light_of_point(points, id, span, &from);
-        while (id < last) {
-            uint next = id;
-            float way = 0.0f;
-            do {
-                const float4 q = points[++next], d = q - p;
-                way += sqrt(dot3(d, d));
-                p = q;
-            } while (next < last && way < most);
-            const Known to = known_at(&sky, cells, p, false);
-            for (uint k = id + 1; k <= next; ++k) {
-                const float share = (float)(k - id) / (next - id);
-                Known here = from;
-                here.of[0] += share * (to.of[0] - from.of[0]);
-                for (int i = 2; i < 5; ++i)   // order 1 is not a fibre's
-                    here.of[i] += share * (to.of[i] - from.of[i]);
-                light[k] = light_of_point(points, k, span, &here);
-            }
-            from = to;
-            id = next;
+        const float length = span.y > 1 ? apart(points[span.x], points[span.x + 1]) : 0.0f;
+        uint far = 4.0f * length < most ? 4 : 2.0f * length < most ? 2 : 1, first = id - (id - span.x) % far;
+        uint last = first + far < past ? first + far : past - 1;
+        float way = 0.0f;
+        for (uint k = first; k < last && run == 1; ++k)
+            way += apart(points[k], points[k + 1]);
+        if (way > 2.0f * most)             // of the user's strands, others may be longer than the first
+            far = 1, first = id, last = id + 1 < past ? id + 1 : id;
+        if (first != known_to)
+            to = known_at(&sky, cells, points[first], false);
+        from = to;
+        if (last != first)
+            to = known_at(&sky, cells, points[last], false);
+        known_to = last;
+        const uint stop = last + 1 < past ? last : past;
+        float4 here = points[id], before = points[id > span.x ? id - 1 : id];
+        for (; id < stop && id < until; ++id) {
+            const float4 after = points[id + 1 < past ? id + 1 : id];
+            const float share = last == first ? 0.0f : (float)(id - first) / (last - first);
+            Known known = from;
+            known.of[0] += share * (to.of[0] - from.of[0]);
+            for (int i = 2; i < 5; ++i)    // order 1 is not a fibre's
+                known.of[i] += share * (to.of[i] - from.of[i]);
+            light[id] = light_of_point(before, after, &known);
+            before = here, here = after;
         }
-        ++id;
     }
 }

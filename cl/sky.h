@@ -31,7 +31,7 @@ INLINED Between cells_around(const Sky *sky, __global const float4 *cells, float
 
 /* What is known at a place: harmonics 2 i and 2 i + 1 side by side, the last one with the one before. */
 typedef struct {
-    pair of[5];
+    float8 of[5];
 } Known;
 
 INLINED Known known_at(const Sky *sky, __global const float4 *cells, float4 p, bool odd)

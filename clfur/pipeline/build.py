@@ -31,10 +31,11 @@ def let_go(plan: Plan, gpu: Any) -> None:
     gpu.prepare(plan.kernel_files)
     gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed))
     transmittances(gpu, plan)
-    furry = plan.scene.shells is not None
+    furry, under_sky = plan.scene.shells is not None, plan.scene.environment is not None
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
                        ("thinned", plan.strands and plan.settings.lod),
-                       ("shell", furry), ("pattern", furry), ("border", furry)):
+                       ("shell", furry), ("pattern", furry), ("border", furry),
+                       ("sky", under_sky), ("sky points", under_sky)):
         if not used:
             gpu.keep(name, (), dict)
     if len(plan.parts(gpu)) > 1 and not plan.keeps_transmittances(gpu):
