@@ -67,10 +67,17 @@ inline int first_pixel(int u, int offset)
     return (u - SUBPIXEL / 2 - offset + SUBPIXEL - 1) >> 8;
 }
 
+/* Pixels of all that is drawn: from left, to right, from top, to bottom. */
+inline int4 all_of(const View *view)
+{
+    return (int4)(0, view->size.x, view->rows.x, view->rows.y);
+}
+
 /* Half-open in both directions: samples with u in [u0, u1) along the longer axis, and across it within half the
-   width there, [v - r, v + r), measured along the shorter axis; at least a sample's share of a pixel. */
-ONCE void draw_segment(
-    volatile __global ulong *visible, const View *view, int4 a, int4 b, uint id, int phase)
+   width there, [v - r, v + r), measured along the shorter axis; at least a sample's share of a pixel.  Those of a window,
+   see `all_of`; -> whether it was drawn: not if that would take more than `steps` of loops. */
+ONCE bool draw_segment(
+    volatile __global ulong *visible, const View *view, int4 window, int4 a, int4 b, uint id, int phase, uint *steps)
 {
     const bool steep = abs(b.x - a.x) < abs(b.y - a.y);
     if (steep) {
@@ -81,12 +88,20 @@ ONCE void draw_segment(
         const int4 t = a; a = b; b = t;
     }
     const int du = b.x - a.x;
-    const int2 columns = (int2)(0, view->size.x), us = steep ? view->rows.xy : columns, vs = steep ? columns : view->rows.xy;
+    const int2 us = steep ? window.zw : window.xy, vs = steep ? window.xy : window.zw;
     const int v_size = vs.y - vs.x;
     const int samples = view->size.z, margin = max(a.w, b.w) / 2 * 3 + SUBPIXEL;
     if (du == 0 || b.x < us.x * SUBPIXEL || a.x >= us.y * SUBPIXEL
         || max(a.y, b.y) + margin < vs.x * SUBPIXEL || min(a.y, b.y) - margin >= vs.y * SUBPIXEL)
-        return;
+        return true;
+#if LANES == 1
+    const int across = min(b.x >> 8, us.y) - max(a.x >> 8, us.x) + 2;
+    const int high = min(max(3 * max(a.w, b.w), 2 * (int)view->scale.y) / SUBPIXEL + 2, v_size);
+    const ulong taken = samples * (2 + (ulong)across * (2 + high));
+    if (taken > *steps)
+        return false;
+    *steps -= (uint)taken;
+#endif
 
     /* Measured along the shorter axis a slanted strand is thicker, by up to sqrt(2); most are thin all the same. */
     const long least = (long)view->scale.y << FRACTION;
@@ -98,6 +113,8 @@ ONCE void draw_segment(
     }
     const long v_step = ((long)(b.y - a.y) << FRACTION) / du, d_step = ((long)(b.z - a.z) << FRACTION) / du;
     const size_t u_stride = (steep ? view->size.x : 1) * samples, v_stride = (steep ? 1 : view->size.x) * samples;
+    const int left = window.x, top = window.z - view->rows.x;   // where its first pixel lies among those that are there
+    const size_t first = ((size_t)top * view->size.x + left) * samples;
     for (int s = 0; s < samples; ++s) {
         const int2 offset = PATTERN[view->size.w + s];
         const int ou = steep ? offset.y : offset.x, ov = steep ? offset.x : offset.y;
@@ -106,7 +123,7 @@ ONCE void draw_segment(
         /* v counts from the sample of the first row, rounded up, so that v >> 32 is the first row at or beyond. */
         long v = ((long)(a.y - SUBPIXEL / 2 - ov - vs.x * SUBPIXEL) << FRACTION) + v_step * along + (PIXEL - 1);
         long r = r0 + r_step * along, d = ((long)a.z << FRACTION) + d_step * along;
-        size_t at = (size_t)(begin - us.x) * u_stride + s;
+        size_t at = first + (size_t)(begin - us.x) * u_stride + s;
         for (int u = begin; u < end; ++u) {
             const long half_width = max(r, least);
             const int low = max((int)((v - half_width) >> 32), 0), high = min((int)((v + half_width) >> 32), v_size);
@@ -118,6 +135,7 @@ ONCE void draw_segment(
             at += u_stride;
         }
     }
+    return true;
 }
 
 /* See `within_guard`. */
@@ -233,12 +251,17 @@ ONCE void draw_narrow(volatile __global ulong *visible, const View *view, lanes_
     }
 }
 
-/* The rare segment that leaves the guard band or crosses the near plane. */
-void draw_clipped(volatile __global ulong *visible, const View *view, float4 a, float4 b, float ha, float hb,
-                  uint id, int phase)
+/* Draw the segment from a to b [world, width], see `draw_segment`. */
+inline bool draw_alone(volatile __global ulong *visible, const View *view, int4 window, float4 a, float4 b, uint id,
+                       int phase, uint *steps)
 {
-    if (clip(&a, &b, &ha, &hb))
-        draw_segment(visible, view, snap_clip(a, ha), snap_clip(b, hb), id, phase);
+    float4 p = to_screen(view, a), q = to_screen(view, b);
+    float ha = 0.5f * a.w * view->scale.x, hb = 0.5f * b.w * view->scale.x;
+    if (within_guard(p) && within_guard(q))
+        return draw_segment(visible, view, window, snap((float4)(p.xyz, min(ha, GUARD * p.w)) / p.w),
+                            snap((float4)(q.xyz, min(hb, GUARD * q.w)) / q.w), id, phase, steps);
+    return !clip(&p, &q, &ha, &hb)         // the rare one that leaves the guard band or crosses the near plane
+        || draw_segment(visible, view, window, snap_clip(p, ha), snap_clip(q, hb), id, phase, steps);
 }
 
 /* Segments that wait to be drawn side by side. */
@@ -249,62 +272,76 @@ typedef struct {
     int n;
 } Segments;
 
+/* Segments that take too many steps of loops for one work-item. */
+typedef struct {
+    volatile __global uint *n;             // how many there are
+    __global uint2 *list;                  // their first points, and their ids
+    uint room;                             // how many can be listed
+    uint steps;                            // that the work-item may take still
+    uint point;                            // of the next segment
+} Left;
+
 INLINED lanes_i half_of(const View *view, lanes width, lanes4 c, lanes_i in)
 {
     const lanes wide = 0.5f * width * view->scale.x, most = GUARD * c.w;
     return snapped((in ? lesser(wide, most) / c.w : F(0.0f)) * (float)SUBPIXEL);
 }
 
-INLINED void draw_waiting(volatile __global ulong *visible, const View *view, Segments *these, int phase)
+INLINED void draw_waiting(volatile __global ulong *visible, const View *view, Segments *these, int phase, Left *left)
 {
     lanes_i some;
     for (int k = 0; k < LANES; ++k)
         LANE_I(some, k) = k < these->n ? ON : 0;
     these->n = 0;
+    lanes_i narrow = I(0);
+#if LANES > 1
     const lanes4 ca = by_columns(view->to_screen, these->a.x, these->a.y, these->a.z);
     const lanes4 cb = by_columns(view->to_screen, these->b.x, these->b.y, these->b.z);
     const lanes_i in = some & within_guard_lanes(ca) & within_guard_lanes(cb);
     const lanes_i wa = half_of(view, these->width_a, ca, in), wb = half_of(view, these->width_b, cb, in);
-    lanes_i narrow = in & ((wa > wb ? wa : wb) <= NARROW);
-#if LANES == 1
-    narrow = 0;                            // nothing stands beside it
-#endif
+    narrow = in & ((wa > wb ? wa : wb) <= NARROW);
     if (any_lane(narrow))
         draw_narrow(visible, view, narrow, snap_lanes(ca, in), snap_lanes(cb, in), wa, wb, these->id, phase);
+#endif
     for (uint bits = bits_of(some & (narrow == 0)); bits; bits &= bits - 1) {
         const int k = first_of(bits);
-        const float4 a = to_screen(view, (float4)(LANE(these->a.x, k), LANE(these->a.y, k), LANE(these->a.z, k), 0.0f));
-        const float4 b = to_screen(view, (float4)(LANE(these->b.x, k), LANE(these->b.y, k), LANE(these->b.z, k), 0.0f));
-        const float ha = 0.5f * LANE(these->width_a, k) * view->scale.x, hb = 0.5f * LANE(these->width_b, k) * view->scale.x;
-        if (LANE_I(in, k))
-            draw_segment(visible, view, snap((float4)(a.xyz, min(ha, GUARD * a.w)) / a.w),
-                         snap((float4)(b.xyz, min(hb, GUARD * b.w)) / b.w), these->id[k], phase);
-        else
-            draw_clipped(visible, view, a, b, ha, hb, these->id[k], phase);
+        const float4 a = (float4)(LANE(these->a.x, k), LANE(these->a.y, k), LANE(these->a.z, k), LANE(these->width_a, k));
+        const float4 b = (float4)(LANE(these->b.x, k), LANE(these->b.y, k), LANE(these->b.z, k), LANE(these->width_b, k));
+        if (draw_alone(visible, view, all_of(view), a, b, these->id[k], phase, &left->steps))
+            continue;
+        const uint n = atomic_inc(left->n);
+        if (n < left->room)
+            left->list[n] = (uint2)(left->point, these->id[k]);
     }
 }
 
-/* One work-item draws DRAWN strands, LANES segments at once. */
+/* One work-item draws DRAWN strands, LANES segments at once.  Where LANES is 1 it may leave some. */
 __kernel void lines(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
+    const uint2 stretch,                   // segments of each strand: the first, one past the last
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
     __global const uint *shifts,           // [strands] added to the number of a segment's first point,
     const uint first,                      // and this, to make its id
     const uint strands,
     const int phase,
+    const uint steps,                      // of loops that one may take, about
+    const uint room,                       // of those that it leaves: how many can be listed
+    volatile __global uint *n_left,        // [1] how many there are
+    __global uint2 *left,                  // [room] their first points, and their ids
     volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
     WORK_ITEM(item);
     Segments waiting;
     waiting.n = 0;
+    Left those = {n_left, left, room, steps, 0};
     const uint until = item * DRAWN + DRAWN < strands ? item * DRAWN + DRAWN : strands;
     for (uint strand = item * DRAWN; strand < until; ++strand) {
         const uint2 span = spans[strand];
-        const uint first_id = first + shifts[strand] + span.x;
-        float4 a, b = span.y ? points[span.x] : (float4)(0.0f);
-        for (uint k = 1; k < span.y; ++k) {
+        const uint first_id = first + shifts[strand] + span.x, last = span.y <= stretch.y ? span.y : stretch.y + 1;
+        float4 a, b = span.y > stretch.x ? points[span.x + stretch.x] : (float4)(0.0f);
+        for (uint k = stretch.x + 1; k < last; ++k) {
             a = b;
             b = points[span.x + k];
             const int n = waiting.n++;
@@ -313,12 +350,33 @@ __kernel void lines(
             LANE(waiting.width_a, n) = a.w;
             LANE(waiting.width_b, n) = b.w;
             waiting.id[n] = first_id + k - 1;
+            those.point = span.x + k - 1;
             if (waiting.n == LANES)
-                draw_waiting(visible, &view, &waiting, phase);
+                draw_waiting(visible, &view, &waiting, phase, &those);
         }
     }
     if (waiting.n)
-        draw_waiting(visible, &view, &waiting, phase);
+        draw_waiting(visible, &view, &waiting, phase, &those);
+}
+
+/* One work-item draws what one window of the picture shows of one segment that `lines` has left. */
+__kernel void pieces(
+    const ulong begin, const ulong end,    // work-items, see common.h: all segments for each window
+    const View view,
+    __global const float4 *points,         // [P] x, y, z, width [world]
+    const uint n,                          // segments
+    __global const uint2 *left,            // [n] their first points, and their ids
+    const int side,                        // pixels of a window
+    const int phase,
+    volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
+{
+    WORK_ITEM(item);
+    const uint2 one = left[item % n];
+    const int window = item / n, across = (view.size.x + side - 1) / side;
+    const int x = window % across * side, y = view.rows.x + window / across * side;
+    uint all = ~0u;
+    draw_alone(visible, &view, (int4)(x, min(x + side, view.size.x), y, min(y + side, view.rows.y)), points[one.x],
+               points[one.x + 1], one.y, phase, &all);
 }
 
 /* n·2^14 / area, exact but for the last bit, modulo 2^64. */

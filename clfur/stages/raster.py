@@ -1,5 +1,6 @@
 """Strands and body triangles -> the nearest (depth, id) of every sample of a view."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -9,15 +10,18 @@ from .strands import DeviceStrands, arrays
 
 NONE = (1 << 64) - 1                                  # nothing there: depth and id NOTHING
 VISIBLE = Declared("sample", np.uint64, None, NONE)   # depth << 32 | id
+LEFT = Declared("segment", np.uint32, 2)              # first point, id of one that takes too many steps of loops
+SOME = 1 << 12                                        # of these there is room for at first
 
 
 def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: Any = None,
-           visible: Any = None, after: Any = None) -> Any:
+           visible: Any = None, after: Any = None, longest: int | None = None) -> Any:
     """Draw `DeviceStrands` as lines and a `Surface` or `Shell` as triangles -> [rows, width, samples] uint64.
 
     A sample holds depth << 32 | id: depth in 1/DEPTH_ONE (0 at the near plane), id the number of a segment's
     first point or BODY | triangle.  Strands are as wide as their width projects, but at least 1/samples of a
     pixel.  Equal depths go to the smaller id.  ``visible``: such an array to draw into, with what is there already.
+    ``longest``: points of the longest strand; as many as all have if None.
     ``after``: [rows, width, samples] uint32; if given, triangles count only where they face the eye behind this depth.
     """
     width, _, samples, _ = (int(n) for n in view["size"])
@@ -31,11 +35,34 @@ def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: 
             gpu.launch("raster.body", -(-n // gpu.lanes) * bands, view=view, positions=body.positions,
                        triangles=body.triangles, n=n, first=body.first_triangle, band=-(-rows // bands), facing=facing,
                        after=after, phase=phase, visible=visible)
-        if strands is not None:
-            n = len(strands.spans)
-            gpu.launch("raster.lines", -(-n // drawn(gpu.lanes)), view=view, strands=n, first=strands.first_point,
-                       phase=phase, visible=visible, **arrays(strands, "points", "spans", "shifts"))
+        if strands is not None and len(strands.points):
+            _lines(gpu, view, strands, phase, visible, longest or len(strands.points))
     return visible
+
+
+def _lines(gpu, view, strands, phase, visible, longest):
+    """Draw strands of at most so many points.  Where a driver ends long loops, in stretches, and `_pieces`."""
+    n, most = len(strands.spans), gpu.steps // 8 if gpu.steps else longest   # three steps of loops each, at least
+    for first in range(0, longest, most):
+        room, n_left = SOME if gpu.steps else 0, None
+        while n_left is None or n_left > room:   # to draw them once more changes nothing
+            room = max(room, n_left or 0)
+            left, counter = LEFT.empty(gpu, room), gpu.full(1, np.uint32, 0)
+            gpu.launch("raster.lines", -(-n // drawn(gpu.lanes)), view=view, strands=n, first=strands.first_point,
+                       stretch=(first, first + most), phase=phase, visible=visible, steps=gpu.own_steps // 2,
+                       room=room, n_left=counter, left=left, **arrays(strands, "points", "spans", "shifts"))
+            n_left = int(gpu.download(counter)[0]) if gpu.steps else 0
+        if n_left:
+            _pieces(gpu, view, strands.points, phase, visible, left, n_left)
+
+
+def _pieces(gpu, view, points, phase, visible, left, n):
+    """Draw n segments that are ``left``, window by window of the picture."""
+    width, _, samples, _ = (int(n) for n in view["size"])
+    side = max(math.isqrt(gpu.steps // (2 * samples)), 2)
+    windows = -(-width // side) * -(-int(view["rows"][1] - view["rows"][0]) // side)
+    gpu.launch("raster.pieces", n * windows, view=view, points=points, n=n, left=left, side=side, phase=phase,
+               visible=visible)
 
 
 def _bands(view, body):
