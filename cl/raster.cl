@@ -73,6 +73,14 @@ inline int4 all_of(const View *view)
     return (int4)(0, view->size.x, view->rows.x, view->rows.y);
 }
 
+/* The same of one of the windows, `side` pixels across and down, that all of it is cut into. */
+inline int4 window_of(const View *view, int number, int side)
+{
+    const int across = (view->size.x + side - 1) / side;
+    const int x = number % across * side, y = view->rows.x + number / across * side;
+    return (int4)(x, min(x + side, view->size.x), y, min(y + side, view->rows.y));
+}
+
 /* Half-open in both directions: samples with u in [u0, u1) along the longer axis, and across it within half the
    width there, [v - r, v + r), measured along the shorter axis; at least a sample's share of a pixel.  Those of a window,
    see `all_of`; -> whether it was drawn: not if that would take more than `steps` of loops. */
@@ -360,7 +368,7 @@ __kernel void lines(
 }
 
 /* One work-item draws what one window of the picture shows of one segment that `lines` has left. */
-__kernel void pieces(
+__kernel void line_pieces(
     const ulong begin, const ulong end,    // work-items, see common.h: all segments for each window
     const View view,
     __global const float4 *points,         // [P] x, y, z, width [world]
@@ -372,11 +380,8 @@ __kernel void pieces(
 {
     WORK_ITEM(item);
     const uint2 one = left[item % n];
-    const int window = item / n, across = (view.size.x + side - 1) / side;
-    const int x = window % across * side, y = view.rows.x + window / across * side;
     uint all = ~0u;
-    draw_alone(visible, &view, (int4)(x, min(x + side, view.size.x), y, min(y + side, view.rows.y)), points[one.x],
-               points[one.x + 1], one.y, phase, &all);
+    draw_alone(visible, &view, window_of(&view, item / n, side), points[one.x], points[one.x + 1], one.y, phase, &all);
 }
 
 /* n·2^14 / area, exact but for the last bit, modulo 2^64. */
@@ -398,8 +403,9 @@ inline long edge_bias(int4 p, int4 q)
     return q.y < p.y || (q.y == p.y && q.x > p.x) ? 0 : -1;
 }
 
-/* `after`: depth that a sample's fragment must lie behind, if `facing`, which also leaves out what faces away. */
-ONCE void draw_triangle(volatile __global ulong *visible, const View *view, int2 rows, int4 a, int4 b, int4 c, uint id,
+/* Samples of a window, see `all_of`.  `after`: depth that a sample's fragment must lie behind, if `facing`, which also leaves
+   out what faces away. */
+ONCE void draw_triangle(volatile __global ulong *visible, const View *view, int4 window, int4 a, int4 b, int4 c, uint id,
                           int phase, int facing, __global const uint *after)
 {
     long area = edge(a, b, c.x, c.y);
@@ -410,10 +416,10 @@ ONCE void draw_triangle(volatile __global ulong *visible, const View *view, int2
         area = -area;
     }
     const int samples = view->size.z, furthest = SUBPIXEL / 2;   // no sample lies further from a pixel's centre
-    const int x0 = max((min(min(a.x, b.x), c.x) - furthest) >> 8, 0);
-    const int y0 = max((min(min(a.y, b.y), c.y) - furthest) >> 8, rows.x);
-    const int x1 = min((max(max(a.x, b.x), c.x) + furthest) >> 8, view->size.x - 1);
-    const int y1 = min((max(max(a.y, b.y), c.y) + furthest) >> 8, rows.y - 1);
+    const int x0 = max((min(min(a.x, b.x), c.x) - furthest) >> 8, window.x);
+    const int y0 = max((min(min(a.y, b.y), c.y) - furthest) >> 8, window.z);
+    const int x1 = min((max(max(a.x, b.x), c.x) + furthest) >> 8, window.y - 1);
+    const int y1 = min((max(max(a.y, b.y), c.y) + furthest) >> 8, window.w - 1);
     if (x0 > x1 || y0 > y1)
         return;
 
@@ -453,7 +459,7 @@ inline float before_near(const View *view, float4 c, int i)
 
 /* The rare triangle that leaves the guard band or crosses the near plane: clip it to a polygon and fan that.
    `before`: of what lies before the near plane, which is drawn at it; of what lies behind it else. */
-void draw_triangle_clipped(volatile __global ulong *visible, const View *view, int2 rows, float4 a, float4 b, float4 c,
+void draw_triangle_clipped(volatile __global ulong *visible, const View *view, int4 window, float4 a, float4 b, float4 c,
                            uint id, int phase, int facing, __global const uint *after, bool before)
 {
     float4 polygon[9], next[9];
@@ -482,8 +488,21 @@ void draw_triangle_clipped(volatile __global ulong *visible, const View *view, i
         if (!(polygon[j].w > 0.0f))
             return;
     for (int j = 1; j + 1 < n; ++j)
-        draw_triangle(visible, view, rows, snap_clip(polygon[0], 0.0f), snap_clip(polygon[j], 0.0f),
+        draw_triangle(visible, view, window, snap_clip(polygon[0], 0.0f), snap_clip(polygon[j], 0.0f),
                       snap_clip(polygon[j + 1], 0.0f), id, phase, facing, after);
+}
+
+/* Draw a triangle [world] by itself: `whole` if it is not to be clipped. */
+inline void draw_triangle_alone(volatile __global ulong *visible, const View *view, int4 window, float4 a, float4 b, float4 c,
+                                bool whole, uint id, int phase, int facing, __global const uint *after)
+{
+    const float4 p = to_screen(view, a), q = to_screen(view, b), r = to_screen(view, c);
+    if (whole)
+        draw_triangle(visible, view, window, snap((float4)(p.xyz, 0.0f) / p.w), snap((float4)(q.xyz, 0.0f) / q.w),
+                      snap((float4)(r.xyz, 0.0f) / r.w), id, phase, facing, after);
+    else
+        for (int before = 0; before < (view->scale.z > 0.0f ? 2 : 1); ++before)
+            draw_triangle_clipped(visible, view, window, p, q, r, id, phase, facing, after, before);
 }
 
 INLINED lanes_i least_of(lanes_i a, lanes_i b, lanes_i c)
@@ -537,7 +556,7 @@ INLINED int4 corner(const Corners *of, int k)
 
 /* Triangles, drawn side by side as draw_triangle draws them: LANES different ones, each from the first pixel that it may
    touch. Those of `there` are small. */
-ONCE void draw_small(volatile __global ulong *visible, const View *view, int2 rows, lanes_i there, Corners a, Corners b,
+ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 window, lanes_i there, Corners a, Corners b,
                         Corners c, uint first, int phase, int facing, __global const uint *after)
 {
     const lanes_i turned = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x), swap = turned < 0;
@@ -548,9 +567,9 @@ ONCE void draw_small(volatile __global ulong *visible, const View *view, int2 ro
     lanes_i x0 = (least_of(a.x, b.x, c.x) - furthest) >> 8, y0 = (least_of(a.y, b.y, c.y) - furthest) >> 8;
     lanes_i x1 = (most_of(a.x, b.x, c.x) + furthest) >> 8, y1 = (most_of(a.y, b.y, c.y) + furthest) >> 8;
     x0 = x0 > 0 ? x0 : I(0);
-    y0 = y0 > rows.x ? y0 : I(rows.x);
+    y0 = y0 > window.z ? y0 : I(window.z);
     x1 = x1 < view->size.x ? x1 : I(view->size.x - 1);
-    y1 = y1 < rows.y ? y1 : I(rows.y - 1);
+    y1 = y1 < window.w ? y1 : I(window.w - 1);
     there &= (x0 <= x1) & (y0 <= y1) & (turned != 0);
     if (facing)
         there &= swap;
@@ -598,7 +617,8 @@ ONCE void draw_small(volatile __global ulong *visible, const View *view, int2 ro
     }
 }
 
-/* One work-item draws what one band of the picture shows of LANES triangles of the body: a large one is no long job. */
+/* One work-item draws what one band of the picture shows of LANES triangles of the body: a large one is no long job.  Where
+   LANES is 1 it may leave its triangle. */
 __kernel void body(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
@@ -610,12 +630,16 @@ __kernel void body(
     const int facing,                      // 1: only triangles that face the eye, behind `after`
     __global const uint *after,            // [rows, width, samples] depth, if facing
     const int phase,
+    const int side,                        // pixels across and down of a triangle that is drawn, at most
+    const uint room,                       // of those that are left: how many can be listed
+    volatile __global uint *n_left,        // [1] how many there are
+    __global uint2 *left,                  // [room] these, and whether they are whole
     volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
     WORK_ITEM(item);
     const uint groups = (n - 1) / LANES + 1, t = item % groups * LANES, count = n - t < LANES ? n - t : LANES;
     const int top = view.rows.x + (int)(item / groups) * band;
-    const int2 rows = (int2)(top, min(top + band, view.rows.y));
+    const int4 window = (int4)(0, view.size.x, top, min(top + band, view.rows.y));
     lanes3 pa, pb, pc;
     lanes_i some;
     for (uint k = 0; k < LANES; ++k) {
@@ -630,24 +654,47 @@ __kernel void body(
     const lanes4 cc = by_columns(view.to_screen, pc.x, pc.y, pc.z);
     const lanes_i in = some & within_guard_lanes(ca) & within_guard_lanes(cb) & within_guard_lanes(cc);
     const Corners a = snap_lanes(ca, in), b = snap_lanes(cb, in), c = snap_lanes(cc, in);
-    lanes_i small = in & (most_of(a.x, b.x, c.x) - least_of(a.x, b.x, c.x) < (SMALL - 2) * SUBPIXEL)
-        & (most_of(a.y, b.y, c.y) - least_of(a.y, b.y, c.y) < (SMALL - 2) * SUBPIXEL);
+    const lanes_i across = most_of(a.x, b.x, c.x) - least_of(a.x, b.x, c.x);
+    const lanes_i down = most_of(a.y, b.y, c.y) - least_of(a.y, b.y, c.y);
 #if LANES == 1
-    small = 0;                             // nothing stands beside it
-#endif
-    if (any_lane(small))
-        draw_small(visible, &view, rows, small, a, b, c, first + t, phase, facing, after);
-    for (uint k = 0; k < count; ++k) {
-        if (LANE_I(small, k))
-            continue;
-        const uint4 v = triangles[t + k];
-        const uint id = BODY | (first + t + k);
-        const float4 p = to_screen(&view, positions[v.x]), q = to_screen(&view, positions[v.y]), r = to_screen(&view, positions[v.z]);
-        if (LANE_I(in, k))
-            draw_triangle(visible, &view, rows, snap((float4)(p.xyz, 0.0f) / p.w), snap((float4)(q.xyz, 0.0f) / q.w),
-                          snap((float4)(r.xyz, 0.0f) / r.w), id, phase, facing, after);
-        else
-            for (int before = 0; before < (view.scale.z > 0.0f ? 2 : 1); ++before)
-                draw_triangle_clipped(visible, &view, rows, p, q, r, id, phase, facing, after, before);
+    const lanes_i small = 0;               // nothing stands beside it
+    if (side && (!in || across / SUBPIXEL + 2 > side || down / SUBPIXEL + 2 > side)) {
+        const uint number = atomic_inc(n_left);
+        if (number < room)
+            left[number] = (uint2)(t, in);
+        return;
     }
+#else
+    const lanes_i small = in & (across < (SMALL - 2) * SUBPIXEL) & (down < (SMALL - 2) * SUBPIXEL);
+    if (any_lane(small))
+        draw_small(visible, &view, window, small, a, b, c, first + t, phase, facing, after);
+#endif
+    for (uint k = 0; k < count; ++k) {
+        const uint4 v = triangles[t + k];
+        if (!LANE_I(small, k))
+            draw_triangle_alone(visible, &view, window, positions[v.x], positions[v.y], positions[v.z], LANE_I(in, k),
+                                BODY | (first + t + k), phase, facing, after);
+    }
+}
+
+/* One work-item draws what one window of the picture shows of one triangle that `body` has left. */
+__kernel void body_pieces(
+    const ulong begin, const ulong end,    // work-items, see common.h: all triangles for each window
+    const View view,
+    __global const float4 *positions,      // as of `body`
+    __global const uint4 *triangles,
+    const uint n,                          // triangles that are left
+    __global const uint2 *left,            // [n] these, and whether they are whole
+    const uint first,
+    const int side,                        // pixels of a window
+    const int facing,
+    __global const uint *after,
+    const int phase,
+    volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
+{
+    WORK_ITEM(item);
+    const uint2 one = left[item % n];
+    const uint4 v = triangles[one.x];
+    draw_triangle_alone(visible, &view, window_of(&view, item / n, side), positions[v.x], positions[v.y], positions[v.z],
+                        one.y, BODY | (first + one.x), phase, facing, after);
 }

@@ -171,7 +171,22 @@ def test_strands_where_a_driver_ends_long_loops(gpu, another, samples, int64_ato
     launched, launch = [], limited.launch
     limited.launch = lambda name, *size, **arguments: launched.append(name) or launch(name, *size, **arguments)
     np.testing.assert_array_equal(draw(limited, view, strands), judged(gpu, view, strands))
-    assert launched.count("raster.lines") > 2 and "raster.pieces" in launched
+    assert launched.count("raster.lines") > 2 and "raster.line_pieces" in launched
+
+
+@pytest.mark.parametrize("facing", [False, True])
+def test_triangles_where_a_driver_ends_long_loops(gpu, another, facing):
+    """Large ones and those that are clipped are drawn window by window."""
+    rng = np.random.default_rng(10)
+    corners = rng.uniform(-1, 1, (90, 1, 3)) + rng.normal(size=(90, 3, 3)) * 10.0 ** rng.uniform(-2, 1, (90, 1, 1))
+    view, body = perspective(61, 47, 4), surface(corners.reshape(-1, 3), np.arange(270).reshape(-1, 3))
+    limited = another(lanes=1, hinted=1, steps=2000)
+    after = np.full((47, 61, 4), DEPTH_ONE // 3, np.uint32) if facing else None
+    drawn, cut = (raster(one, view, None, body_on(one, *body), after=one.upload(after) if facing else None).get()
+                  for one in (gpu, limited))
+    np.testing.assert_array_equal(cut, drawn)
+    if not facing:
+        np.testing.assert_array_equal(cut, twin.raster(view, *pack(()), *body))
 
 
 @pytest.mark.parametrize("samples", [1, 16])
@@ -657,8 +672,9 @@ def test_a_tapering_strand_tapers_within_its_segment(gpu):
     np.testing.assert_allclose(wide[10:300], 40 * (1 - (np.arange(10, 300) - 9.5) / 300), rtol=0, atol=1)
 
 
-@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("samples", [1, 16])
 def test_a_triangle_that_fills_the_picture(gpu, samples):
-    """More samples than some drivers let one loop visit; nothing may be missing."""
-    body = surface([[-700, -10, .5], [2000, -10, .5], [-700, 2000, .5]], [[0, 1, 2]])
-    assert covered(draw(gpu, flat(640, 480, samples), body=body)).all()
+    """More samples than some drivers let one loop visit; nothing may be missing, nor of one that is clipped."""
+    for size in 1, 1000:
+        body = surface(np.array([[-700, -10, .5], [2000, -10, .5], [-700, 2000, .5]]) * [size, size, 1], [[0, 1, 2]])
+        assert covered(draw(gpu, flat(640, 480, samples), body=body)).all()
