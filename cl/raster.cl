@@ -260,7 +260,7 @@ ONCE void draw_narrow(volatile __global ulong *visible, const View *view, lanes_
 }
 
 /* Draw the segment from a to b [world, width], see `draw_segment`. */
-inline bool draw_alone(volatile __global ulong *visible, const View *view, int4 window, float4 a, float4 b, uint id,
+ONCE bool draw_alone(volatile __global ulong *visible, const View *view, int4 window, float4 a, float4 b, uint id,
                        int phase, uint *steps)
 {
     float4 p = to_screen(view, a), q = to_screen(view, b);
@@ -315,11 +315,11 @@ INLINED void draw_waiting(volatile __global ulong *visible, const View *view, Se
         const int k = first_of(bits);
         const float4 a = (float4)(LANE(these->a.x, k), LANE(these->a.y, k), LANE(these->a.z, k), LANE(these->width_a, k));
         const float4 b = (float4)(LANE(these->b.x, k), LANE(these->b.y, k), LANE(these->b.z, k), LANE(these->width_b, k));
-        if (draw_alone(visible, view, all_of(view), a, b, these->id[k], phase, &left->steps))
-            continue;
-        const uint n = atomic_inc(left->n);
-        if (n < left->room)
-            left->list[n] = (uint2)(left->point, these->id[k]);
+        if (!draw_alone(visible, view, all_of(view), a, b, these->id[k], phase, &left->steps)) {
+            const uint n = atomic_inc(left->n);
+            if (n < left->room)
+                left->list[n] = (uint2)(left->point, these->id[k]);
+        }
     }
 }
 
@@ -358,7 +358,9 @@ __kernel void lines(
             LANE(waiting.width_a, n) = a.w;
             LANE(waiting.width_b, n) = b.w;
             waiting.id[n] = first_id + k - 1;
+#if LANES == 1
             those.point = span.x + k - 1;
+#endif
             if (waiting.n == LANES)
                 draw_waiting(visible, &view, &waiting, phase, &those);
         }
