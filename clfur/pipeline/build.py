@@ -110,8 +110,7 @@ def rasterize(plan: Plan, view: np.void, gpu: Any, strands: tuple[int, int] | No
     """
     visible = None
     for part in plan.parts(gpu, strands, is_body):
-        visible = raster(gpu, view, hair(gpu, plan, part, plan.settings.lod), body(gpu, plan, part), visible,
-                         longest=plan.longest)
+        visible = raster(gpu, view, hair(gpu, plan, part, plan.settings.lod), body(gpu, plan, part), visible)
     return [visible]
 
 

@@ -41,7 +41,7 @@ from ..stages.shells import Topology, pack, size_of, topology_of
 from ..stages.strand_light import TRANSMITTANCE, Places
 from ..stages.strands import AREA, ROOTS, SORTED_FROM, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
-from ..stages.voxelize import CELLS
+from ..stages.voxelize import CELLS, RESTS
 from .views import Rig
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
@@ -362,7 +362,8 @@ class Plan:
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
             strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
         if gpu.steps:
-            strand, point = strand + STAGES.bytes * self.uses_coverage, point + LEFT.bytes * (not self.uses_coverage)
+            strand += RESTS.bytes + STAGES.bytes * self.uses_coverage
+            point += 0 if self.uses_coverage else LEFT.bytes
         if self.uses_coverage:
             strand += Tiles.bytes(strand=1)
             point += 0 if self.keeps_transmittances(gpu) else self._transmittance

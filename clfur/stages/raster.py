@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..layout import Declared, drawn
-from .strands import DeviceStrands, arrays
+from .strands import DeviceStrands, arrays, stretches_of
 
 NONE = (1 << 64) - 1                                  # nothing there: depth and id NOTHING
 VISIBLE = Declared("sample", np.uint64, None, NONE)   # depth << 32 | id
@@ -16,13 +16,12 @@ SOME = 1 << 12                                        # of these there is room f
 
 
 def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: Any = None,
-           visible: Any = None, after: Any = None, longest: int | None = None) -> Any:
+           visible: Any = None, after: Any = None) -> Any:
     """Draw `DeviceStrands` as lines and a `Surface` or `Shell` as triangles -> [rows, width, samples] uint64.
 
     A sample holds depth << 32 | id: depth in 1/DEPTH_ONE (0 at the near plane), id the number of a segment's
     first point or BODY | triangle.  Strands are as wide as their width projects, but at least 1/samples of a
     pixel.  Equal depths go to the smaller id.  ``visible``: such an array to draw into, with what is there already.
-    ``longest``: points of the longest strand; as many as all have if None.
     ``after``: [rows, width, samples] uint32; if given, triangles count only where they face the eye behind this depth.
     """
     width, _, samples, _ = (int(n) for n in view["size"])
@@ -32,7 +31,7 @@ def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: 
         if body is not None:
             _body(gpu, view, body, after, phase, visible)
         if strands is not None and len(strands.points):
-            _lines(gpu, view, strands, phase, visible, longest or len(strands.points))
+            _lines(gpu, view, strands, phase, visible)
     return visible
 
 
@@ -48,14 +47,12 @@ def _body(gpu, view, body, after, phase, visible):
     _pieces(gpu, "raster.body_pieces", left, n_left, CLIPPED, **known)
 
 
-def _lines(gpu, view, strands, phase, visible, longest):
-    """Draw strands of at most so many points.  Where a driver ends long loops, in stretches, and large segments window
-    by window."""
-    n, most = len(strands.spans), gpu.steps // 8 if gpu.steps else longest   # three steps of loops each, at least
-    known = {"view": view, "phase": phase, "visible": visible}
-    for first in range(0, longest, most):
+def _lines(gpu, view, strands, phase, visible):
+    """Draw strands.  Where a driver ends long loops, in stretches, and large segments window by window."""
+    n, known = len(strands.spans), {"view": view, "phase": phase, "visible": visible}
+    for stretch in stretches_of(gpu, strands, 8):   # three steps each, and as many again for what they show
         left, n_left = _left(gpu, "raster.lines", -(-n // drawn(gpu.lanes)), strands=n, first=strands.first_point,
-                             stretch=(first, first + most), steps=gpu.own_steps // 2, **known,
+                             stretch=stretch, steps=gpu.own_steps // 2, **known,
                              **arrays(strands, "points", "spans", "shifts"))
         _pieces(gpu, "raster.line_pieces", left, n_left, 1, points=strands.points, **known)
 
