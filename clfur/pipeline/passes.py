@@ -169,7 +169,7 @@ class Coverage:
             tiles = coverage.bound(gpu, view, visible, 0 if hair is None else len(hair.spans))
             for part in reversed(parts):
                 if part.hairy:
-                    coverage.count(gpu, view, build.hair(gpu, plan, part, plan.settings.lod), tiles, plan.longest)
+                    coverage.count(gpu, view, build.hair(gpu, plan, part, plan.settings.lod), tiles)
                     if len(parts) > 1:
                         build.tally(gpu, plan, part)
             across, down = coverage.tiles_of(visible.shape[1], end - top)
@@ -207,7 +207,7 @@ class Coverage:
         for part in band.counted.cut.parts:
             if part.hairy:
                 coverage.reach(gpu, band.view, build.hair(gpu, plan, part, plan.settings.lod), tiles, reaches, taken,
-                               plan.longest, window)
+                               window)
         slabs = coverage.slabs_of(gpu.download(reaches), most)
         if not slabs:
             raise plan.too_many(gpu, listed)
@@ -230,7 +230,7 @@ class Coverage:
         plan, counted, hair = self.plan, band.counted, build.hair(gpu, self.plan, part, self.plan.settings.lod)
         if len(tiles.shown) and not (plan.grown or counted.made_for() is hair):   # see `_transmittance`
             tiles = replace(tiles, shown=gpu.empty(0, np.uint32))
-        coverage.fill(gpu, band.view, hair, tiles, segments, plan.longest, window, slab)
+        coverage.fill(gpu, band.view, hair, tiles, segments, window, slab)
         if lighting is None:
             return None
         all_there = last and (window, slab) == ((0, counted.counts.size), EVERY)

@@ -17,12 +17,25 @@ from ..errors import Error
 from ..scene import Curves, Strands
 from ..stages.blur import blur_radius
 from ..stages.chiang import bytes_of, of_model
-from ..stages.coverage import KEPT, OF_KEPT, REACH, TILE, Covered, Segments, Tiles
+from ..stages.coverage import (
+    GRAINS,
+    KEPT,
+    OF_KEPT,
+    OF_WALKED,
+    OPEN,
+    REACH,
+    STAGES,
+    TILE,
+    WALKED,
+    Covered,
+    Segments,
+    Tiles,
+)
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
 from ..stages.order import Order
-from ..stages.raster import VISIBLE
+from ..stages.raster import LEFT, VISIBLE
 from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs
 from ..stages.shells import Topology, pack, size_of, topology_of
 from ..stages.sky import POINT_LIGHT
@@ -30,7 +43,7 @@ from ..stages.sky import bytes_of as sky_bytes
 from ..stages.strand_light import TRANSMITTANCE, Places
 from ..stages.strands import AREA, ROOTS, SORTED_FROM, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
-from ..stages.voxelize import CELLS
+from ..stages.voxelize import CELLS, RESTS
 from .views import Rig
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
@@ -44,7 +57,7 @@ THIN_POINT, THIN_STRAND = DeviceStrands.bytes(*THINNED, point=1), DeviceStrands.
 THIN_COLOR = DeviceStrands.bytes("colors", color=1)                               # where points have colours
 MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
 OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
-OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1)
+OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1) + GRAINS.bytes + OPEN.bytes
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
 LIT = Places.bytes(segment=1, row=1)   # of its light, at most
@@ -280,7 +293,8 @@ class Plan:
             "rows": row,
         }
         kept = self._transmittance * self.points * self.keeps_transmittances(gpu)
-        spare = self._memory(gpu)[0] * 15 // 16 - self._fixed - sum(least.values()) - kept
+        walked = OF_WALKED * WALKED.bytes * bool(gpu.steps and self.uses_coverage)
+        spare = self._memory(gpu)[0] * 15 // 16 - self._fixed - sum(least.values()) - kept - walked
         room = _share(spare, {name: need[name] - least[name] for name in need})
         room = {name: least[name] + room[name] for name in need}
         if spare < 0 or self._largest_row > _largest(gpu):
@@ -353,6 +367,9 @@ class Plan:
         if self.settings.lod:
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
             strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
+        if gpu.steps:
+            strand += RESTS.bytes + STAGES.bytes * self.uses_coverage
+            point += 0 if self.uses_coverage else LEFT.bytes
         if self.uses_coverage:
             strand += Tiles.bytes(strand=1)
             point += 0 if self.keeps_transmittances(gpu) else self._transmittance

@@ -53,6 +53,16 @@ class Packed(Arrays):
     type_of: Any = array("strand", np.uint32)
 
 
+def stretches_of(gpu: Any, strands: DeviceStrands, steps: int) -> list[tuple[int, int]]:
+    """[(first segment of each strand, one past the last)] of launches, in which a segment takes so many ``steps`` of
+    loops at most: all at once but where a driver ends long loops."""
+    if not gpu.steps or not len(strands.spans):
+        return [(0, 2**32 - 1)]
+    most = max(gpu.steps // steps, 1)
+    longest = int(gpu.download(strands.spans)[:, 1].max())
+    return [(0, 2**32 - 1)] if longest <= most else [(first, first + most) for first in range(0, longest, most)]
+
+
 def arrays(strands: DeviceStrands, *names: str) -> dict[str, Any]:
     """What of `DeviceStrands` has these names in kernels, as arguments of a launch: normals and uv are strand_normal
     and strand_uv there."""
