@@ -686,7 +686,7 @@ ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global
             for (int i = 0; i < m; ++i)
                 if (((const ulong *)pixels)[i] & t->open) {
                     if (picture->lit)
-                        PREFETCH(picture->sent.places + FEW_PLACES * (size_t)chunk.number[i]);
+                        PREFETCH(places_of(&picture->sent, chunk.number[i]));
                     draw(t, view, &chunk, i);
                 }
             next += m;
@@ -719,7 +719,7 @@ ALONE BY_HAND __kernel void tiles(
     const int has_shells,                  // 1: there is shell fur
     __global const ulong *sample_shells,   // [rows, width, samples] depth << 32 | face where half of it is gone
     const int lit,                         // 1: there is light
-    __global const ulong *places,          // [survivors, FEW_PLACES] light, see places.h
+    __global const ulong *places,          // [survivors, n_lights, FEW_PLACES] light, see places.h
     __global const float *more,            // [rows of them, 32] see exact_light.h
     __global const Lobes *lobes,           // [types] see lobes.h; none where no type has that look
     __global const float4 *lobe_table,

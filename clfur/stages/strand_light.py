@@ -17,10 +17,11 @@ FEW = layout.CONSTANTS["FEW_PLACES"]             # of a segment
 
 @dataclass(frozen=True)
 class Places(Arrays):
-    """Light of all lights together that segments send to the eye, linear r, g, b, at places of them; between these it
-    is as cl/places.h has it, or cl/exact_light.h where it changes too much."""
+    """Light of each light that segments send to the eye, linear r, g, b, at places of them; between these it is as
+    cl/places.h has it, or cl/exact_light.h where it changes too much."""
 
-    places: Any = array("segment", np.uint64, FEW)   # of each, or where in `more` they are: see cl/places.h
+    places: Any = array("place", np.uint64, FEW)   # of each segment and light, in that order, or where in `more` they
+                                                  # are: see cl/places.h
     more: Any = array("row", np.float32, 32)      # what others are like: see cl/exact_light.h
     until: int = 0                                # segments of which it is known
     rows: int = 0                                 # of `more` that these have
@@ -41,7 +42,8 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
 
 def unlit(gpu: Any, lighting: Lighting, n: int) -> Places:
     """Room for the light of n segments -> `Places`, of none of them."""
-    return Places(Places.declared["places"].empty(gpu, n), Places.declared["more"].empty(gpu, 0), lighting=lighting)
+    return Places(Places.declared["places"].empty(gpu, n * len(lighting.lights)), Places.declared["more"].empty(gpu, 0),
+                  lighting=lighting)
 
 
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
