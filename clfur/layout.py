@@ -30,7 +30,6 @@ CONSTANTS = {
     "SHADES": 24,           # of hair in a table of how it scatters light, from black to white
     "CELL_BITS": 4,         # of a coordinate of a cell by which the user's strands are put in order
     "HARMONICS": 9,         # spherical, of orders 0 to 2
-    "MODEL_BITS": 2,        # of a number that has one of the MODELS and a type
     "SKY_EDGE": 2,          # cells around a slice of a sky's grid, through which all light comes
     "MOMENTS": 6,           # of hair in a cell: xx, yy, zz, xy, xz, yz
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps

@@ -217,7 +217,8 @@ class Coverage:
         """Draw what ``counts`` tells to show in each tile -> what `coverage.cover` gives."""
         counted, listed = band.counted, int(counts.sum(dtype=np.int64))
         segments = coverage.allocate(gpu, counts, min(counted.survivors, listed))
-        lit = None if lighting is None else strand_light.unlit(gpu, lighting, len(segments.ids))
+        lit = None if lighting is None else strand_light.unlit(gpu, lighting, len(segments.ids),
+                                                                      self.plan.scene.environment is not None)
         hairy = [part for part in counted.cut.parts if part.hairy and (listed or slab == EVERY)]
         for part in hairy:
             lit = self._list(gpu, band, part, part is hairy[-1], tiles, window, slab, segments, lighting, lit)

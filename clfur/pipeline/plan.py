@@ -60,7 +60,8 @@ OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
 OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1) + GRAINS.bytes + OPEN.bytes
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
-LIT = Places.bytes(segment=1, row=1)   # of its light, at most
+LIT = Places.bytes(row=1)               # of its light, at most, and of each light and the sky
+PLACES = Places.bytes(place=1)
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
@@ -231,7 +232,7 @@ class Plan:
         both = room // (ENTRY + self._survivor)
         most = max(both if both <= survivors else (room - self._survivor * survivors) // ENTRY, 1)
         most = min(most, _largest(gpu) // 8, NUMBERS)
-        largest = _largest(gpu) // max(SURVIVOR, LIT)
+        largest = _largest(gpu) // max(SURVIVOR, LIT, PLACES * self._sources)
         return int(min(most, largest) if survivors > largest else most)
 
     def too_many(self, gpu: Any, pieces: int) -> Error:
@@ -249,9 +250,14 @@ class Plan:
         return TILE if self.uses_coverage else 1
 
     @property
+    def _sources(self):
+        """Lights, and the sky."""
+        return len(self.scene.lights) + (self.scene.environment is not None)
+
+    @property
     def _survivor(self):
         """Bytes on the device of a segment that may show, and of its light."""
-        return SURVIVOR + LIT * self.wants_color
+        return SURVIVOR + (LIT + PLACES * self._sources) * self.wants_color
 
     @property
     def _largest_row(self):

@@ -17,11 +17,13 @@ FEW = layout.CONSTANTS["FEW_PLACES"]             # of a segment
 
 @dataclass(frozen=True)
 class Places(Arrays):
-    """Light of all lights together that segments send to the eye, linear r, g, b, at places of them; between these it
-    is as cl/places.h has it, or cl/exact_light.h where it changes too much."""
+    """Light of each light, and of the sky, that segments send to the eye, linear r, g, b, at places of them; between
+    these it is as cl/places.h has it, or cl/exact_light.h where it changes too much."""
 
-    places: Any = array("segment", np.uint64, FEW)   # of each, or where in `more` they are: see cl/places.h
+    places: Any = array("place", np.uint64, FEW)   # of each segment and source, in that order, or where in `more`
+                                                  # they are: see cl/places.h
     more: Any = array("row", np.float32, 32)      # what others are like: see cl/exact_light.h
+    sources: int = 1                              # lights, and the sky if there is one
     until: int = 0                                # segments of which it is known
     rows: int = 0                                 # of `more` that these have
     lighting: Lighting | None = None              # that falls on them,
@@ -39,9 +41,11 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
     return result
 
 
-def unlit(gpu: Any, lighting: Lighting, n: int) -> Places:
+def unlit(gpu: Any, lighting: Lighting, n: int, under_sky: bool = False) -> Places:
     """Room for the light of n segments -> `Places`, of none of them."""
-    return Places(Places.declared["places"].empty(gpu, n), Places.declared["more"].empty(gpu, 0), lighting=lighting)
+    sources = len(lighting.lights) + under_sky
+    return Places(Places.declared["places"].empty(gpu, n * sources), Places.declared["more"].empty(gpu, 0), sources,
+                  lighting=lighting)
 
 
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
@@ -57,7 +61,7 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
     `sky.at_points` gave, if there is a sky.
     """
     n = len(strands.points) if segments is None else len(segments)
-    known = before or unlit(gpu, lighting, n)
+    known = before or unlit(gpu, lighting, n, sky_light is not None)
     first, end = known.until, n if until is None else until
     rows = gpu.full(1, np.uint32, known.rows)
     given = {"view": view, "range": (first, end), "listed": segments is not None, "first_point": strands.first_point,
@@ -74,11 +78,10 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
     if len(more) < taken:
         more = Places.declared["more"].empty(gpu, taken if last else n)
     if known.rows < taken:
-        for unused in "view", "lights", "light_views", "crossings", "shadow_maps", "lobes", "lobe_table":
+        for unused in "view", "lights", "light_views", "crossings", "shadow_maps", "lobes", "lobe_table", "sky_light":
             del given[unused]
         gpu.launch("strand_light.further", _items(gpu, end - first), more=more, **given)
-    return Places(known.places, more, end, taken, lighting, transmittances is not None,
-                  scattering)
+    return Places(known.places, more, known.sources, end, taken, lighting, transmittances is not None, scattering)
 
 
 def _items(gpu, n):
