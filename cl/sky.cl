@@ -416,10 +416,10 @@ __kernel void at_points(
         for (; id < stop && id < until; ++id) {
             const float4 after = points[id + 1 < past ? id + 1 : id];
             const float share = last == first ? 0.0f : (float)(id - first) / (last - first);
-            Known known = from;
-            known.of[0] += share * (to.of[0] - from.of[0]);
-            for (int i = 2; i < 5; ++i)    // order 1 is not a fibre's
-                known.of[i] += share * (to.of[i] - from.of[i]);
+            Known known;
+            known.of[0] = from.of[0] + share * (to.of[0] - from.of[0]);
+            for (int j = 4; j < HARMONICS; ++j)   // order 1 is not a fibre's
+                known.of[j] = from.of[j] + share * (to.of[j] - from.of[j]);
             light[id] = light_of_point(before, after, &known);
             before = here, here = after;
         }
