@@ -12,7 +12,8 @@
 #include "light.h"
 #include "sky.h"
 
-#define PARTS 4                            // of a cell's side: columns of the body, and steps along hair
+#define PARTS 4                            // of a cell's side: columns of the body
+#define STEPS 2                            // along hair
 #define WHOLE (PARTS * PARTS * SUBPIXEL)   // of a cell that is all body
 #define HOLDS (MOMENTS + 1)                // numbers of what a cell holds: of hair, and of the body
 #define FAINT 1e-6f                      // light that is left out: a CPU is slow with numbers that are next to nothing
@@ -67,7 +68,7 @@ INLINED void leave_strand(volatile __global int *moments, Nearby *nearby, const 
         const float square = dot3(d, d), length = sqrt(square) * scale;
         if (!(square > 0.0f))
             continue;
-        const int steps = length * PARTS < 4096.0f ? (int)(length * PARTS) + 1 : 4096;
+        const int steps = length * STEPS < 4096.0f ? (int)(length * STEPS) + 1 : 4096;
         const float one = 1.0f / steps, part = opaque * scale * length * one / square;
         for (int i = 0; i < steps; ++i) {
             const float4 p = a + ((i + 0.5f) * one) * d, c = (p - sky->place) * scale;
@@ -221,14 +222,17 @@ __kernel void contents(
                                            // and by x, z, y
 {
     WORK_ITEM(cell);
-    const size_t cells = (size_t)n * n * n, turned = ((cell % n) * n + cell / (n * n)) * n + cell / n % n;
+    const uint here = cell, side = n, x = here % side, y = here / side % side, z = here / (side * side);
+    const size_t cells = (size_t)n * n * n, turned = (x * side + z) * side + y;
+    const float one = 1.0f / unit;         // a power of two
     float solid = is_body ? 1.0f : 0.0f;
     for (int axis = 0; is_body && axis < 3; ++axis) {
-        const float share = fabs((float)solids[axis * cells + cell]) / WHOLE;
+        const int many = solids[axis * cells + cell];
+        const float share = (float)(many < 0 ? -many : many) / WHOLE;
         solid = share < solid ? share : solid;
     }
     for (int j = 0; j < HOLDS; ++j) {
-        const float value = j < MOMENTS ? moments[cell * MOMENTS + j] / unit : solid;
+        const float value = j < MOMENTS ? moments[cell * MOMENTS + j] * one : solid;
         held[j * cells + cell] = value;
         held[(HOLDS + j) * cells + turned] = value;
     }
@@ -416,10 +420,10 @@ __kernel void at_points(
         for (; id < stop && id < until; ++id) {
             const float4 after = points[id + 1 < past ? id + 1 : id];
             const float share = last == first ? 0.0f : (float)(id - first) / (last - first);
-            Known known = from;
-            known.of[0] += share * (to.of[0] - from.of[0]);
-            for (int i = 2; i < 5; ++i)    // order 1 is not a fibre's
-                known.of[i] += share * (to.of[i] - from.of[i]);
+            Known known;
+            known.of[0] = from.of[0] + share * (to.of[0] - from.of[0]);
+            for (int j = 4; j < HARMONICS; ++j)   // order 1 is not a fibre's
+                known.of[j] = from.of[j] + share * (to.of[j] - from.of[j]);
             light[id] = light_of_point(before, after, &known);
             before = here, here = after;
         }
