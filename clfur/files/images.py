@@ -78,7 +78,7 @@ def _coded(color):
     color = np.nan_to_num(color.astype(np.float32), nan=0.0, posinf=1.0, neginf=0.0)
     if color.shape[2] == 4:
         alpha = np.clip(color[:, :, 3:], 0, 1)
-        straight = np.where(alpha > 0, color[:, :, :3] / np.where(alpha > 0, alpha, 1), 0)
+        straight = np.where(alpha > 0, np.clip(color[:, :, :3], 0, alpha) / np.where(alpha > 0, alpha, 1), 0)
         coded = np.concatenate([linear_to_srgb(straight), alpha], axis=2)
     else:
         coded = linear_to_srgb(color)
