@@ -1,6 +1,7 @@
 """The one contract between host and device: constants, sample patterns, structs and arrays, written once."""
 
 import dataclasses
+import math
 from typing import Any, ClassVar
 
 import numpy as np
@@ -45,6 +46,7 @@ PATTERNS = {
          (-2, 6), (0, -7), (-4, -6), (-6, 4), (-8, 0), (7, -4), (6, 7), (-7, -8)],
 }
 
+CONSTANTS["DISC_POINTS"] = DISC_POINTS = 64   # at which a disc's shadow of the body is asked for
 CONSTANTS["SAMPLES"] = max(PATTERNS)   # the most a pixel can have
 
 HELD = 1 << 15   # cells of a light's grid that a work-group gathers by itself: no faster with more
@@ -86,6 +88,8 @@ Light = np.dtype([
 Shadow = np.dtype([                   # how a place is looked up in a light's grid and map
     ("hair", *_float4),               # optical depth of one crossing; self-shadow: of a width, of a fragment; method
     ("body", *_int4),                 # 1: there is a shadow map; filter radius in texels, -, -
+    ("disc", *_float4),               # how wide a disc is: radius in texels of its shadow's blur, to a difference of
+                                      # reversed depth of 1 in the map, 0: a point; -, -, -
     ("place", *_int4),                # where its cells and its texels begin: low and high 32 bits of each
 ])
 
@@ -159,6 +163,13 @@ def drawn(lanes):
     return 1 if lanes == 1 else 16
 
 
+def disc(points):
+    """So many points of a disc of radius 1, as even as can be, from its middle on: float32 [points, 2] (Vogel 1979)."""
+    number = np.arange(points)
+    radius, angle = np.sqrt((number + 0.5) / points), number * (math.pi * (3 - math.sqrt(5)))
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1).astype(np.float32)
+
+
 def preamble(int64_atomics, checked=False, lanes=1, hinted=1, local=1 << 15):
     """The C text that every program starts with.
 
@@ -182,6 +193,7 @@ def preamble(int64_atomics, checked=False, lanes=1, hinted=1, local=1 << 15):
         f"#define SHADED {shaded(lanes)}\n#define DRAWN {drawn(lanes)}\n",
         *(_c_struct(name, dtype) for name, dtype in STRUCTS.items()),
         f"__constant int2 PATTERN[] = {{{table}}};\n",
+        "__constant float2 DISC[] = {{{}}};\n".format(", ".join(f"(float2)({x}f, {y}f)" for x, y in disc(DISC_POINTS))),
     ])
 
 

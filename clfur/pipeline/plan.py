@@ -130,7 +130,8 @@ class Plan:
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage, "strands": self.strands,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
-            "zscan": casting, "march": shells, "chiang": self.lobed,
+            "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
+            "march": shells, "chiang": self.lobed,
             "strand_light": self.uses_coverage and self.wants_color,
             "shade": True, "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
@@ -320,7 +321,7 @@ class Plan:
         scene, settings = self.scene, self.settings
         fixed = self.faces * MESH_FACE + self._shells
         fixed += MESH_VERTEX * max((len(mesh.positions) for mesh in (scene.mesh, self.rest) if mesh), default=0)
-        casting = sum(bool(np.any(light.color)) for light in scene.lights)   # the others are out
+        casting = sum(light.casts for light in scene.lights)
         maps = casting * (1 + (casting > 1))                                 # several are put together from as many
         fixed += maps * Lighting.bytes(sample=settings.shadow_map**2)
         if settings.shadows != "off" and (self.strands or scene.shells):
