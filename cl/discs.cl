@@ -15,7 +15,7 @@ __kernel void rays(
     const uint4 size,                      // nx, ny, nz, columns of rays across and down besides nx and ny on all sides
     __global const float *shifts,          // [2 nz + 1] columns to the rim of the disc, at each half layer
     const float2 point,                    // of the disc of radius 1
-    const float2 round,                    // 0..1: what is added before a shift is cut to whole columns
+    const float2 offset,                   // 0..1: what is added before a shift is cut to whole columns
     const float depth,                     // log2 of light that one unit of the cells takes away, below 0
     const int first,                       // 1: nothing is there yet
     __global float *light)                 // [nz + 1, ny, nx] of the points, at the near side of each layer; last: behind all
@@ -27,7 +27,7 @@ __kernel void rays(
     for (int k = 0; k < LANES; ++k)
         sum[k] = 0.0f;
     for (int z = 0; z <= nz; ++z) {
-        const int x = u - (int)floor(point.x * shifts[2 * z] + round.x), y = v - (int)floor(point.y * shifts[2 * z] + round.y);
+        const int x = u - (int)floor(point.x * shifts[2 * z] + offset.x), y = v - (int)floor(point.y * shifts[2 * z] + offset.y);
         if (y >= 0 && y < ny) {
             lanes gone;
             for (int k = 0; k < LANES; ++k)
@@ -41,7 +41,7 @@ __kernel void rays(
         if (z == nz)
             break;
         const float middle = shifts[2 * z + 1];
-        const int cx = u - (int)floor(point.x * middle + round.x), cy = v - (int)floor(point.y * middle + round.y);
+        const int cx = u - (int)floor(point.x * middle + offset.x), cy = v - (int)floor(point.y * middle + offset.y);
         if (cy < 0 || cy >= ny)
             continue;
         __global const uint *row = cells + ((size_t)z * ny + cy) * nx;

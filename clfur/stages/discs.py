@@ -33,7 +33,7 @@ def discs(gpu: Any, cells: Any, crossing_unit: int, of_one: float, shifts: np.nd
     on_device = gpu.upload(shifts)
     for i, point in enumerate(points):
         gpu.launch("discs.rays", across * (ny + 2 * aside), cells=cells, size=(nx, ny, nz, aside), shifts=on_device,
-                   point=tuple(point), round=tuple(i * turn % 1 for turn in TURNS),
+                   point=tuple(point), offset=tuple(i * turn % 1 for turn in TURNS),
                    depth=-of_one / crossing_unit / np.log(2), first=i == 0, light=light)
     gpu.launch("discs.crossings", light.size, points=len(points), of_one=of_one, light=light)
     return light
