@@ -71,7 +71,15 @@ inline float through_hair(const Obstacles *obstacles, float2 self_shadow, float4
 #define HAIR_STEEPEST 5.0f                        // of `past_body`, for hair: by the body's normal at its root
 #define HAIR_BIAS(radius) (1.0f + 2 * (radius))
 
-#define STRIDE (LANES == 1 ? 8 : 1)               // texels without a loop: llvmpipe ends long ones
+#if LANES == 1
+#define STRIDE 8                                  // texels without a loop, since llvmpipe ends long ones,
+#define STRIDES 5                                 // and so many of these: a row of the widest filter is 33 wide
+#define ALONG_ROW(first, left, right) const int first = left;
+#else
+#define STRIDE 1
+#define STRIDES 1
+#define ALONG_ROW(first, left, right) for (int first = left; first <= right; ++first)
+#endif
 
 /* How many of the (2r + 1)² texels around texel (x0, y0) see what lies nearer to the light than a plane: at `nearest` there,
    dx and dy deeper a texel. */
@@ -97,13 +105,17 @@ inline int dark_texels(const Obstacles *obstacles, int x0, int y0, float nearest
     }
     for (int j = top; j <= bottom; ++j) {
         __global const ulong *row = obstacles->shadow_map + (long)(y0 + j) * width + x0;
-        for (int k = left; k <= right; k += STRIDE)
+        ALONG_ROW(first, left, right)
             #pragma unroll
-            for (int m = 0; m < STRIDE; ++m) {
-                const int at = k + m <= right ? k + m : right;
-                const long seen = row[at] >> 32;          /* above DEPTH_ONE where nothing is: p may lie far behind the map */
-                dark += (k + m <= right) & (seen <= DEPTH_ONE) & (seen + plane_at + at * x_step + j * y_step < DEPTH_ONE);
-            }
+            for (int k = first; k < first + STRIDE * STRIDES; k += STRIDE)
+                if (k <= right) {
+                    #pragma unroll
+                    for (int m = 0; m < STRIDE; ++m) {
+                        const int at = k + m <= right ? k + m : right;
+                        const long seen = row[at] >> 32;  /* above DEPTH_ONE where nothing is: p may lie far behind the map */
+                        dark += (k + m <= right) & (seen <= DEPTH_ONE) & (seen + plane_at + at * x_step + j * y_step < DEPTH_ONE);
+                    }
+                }
     }
     return dark;
 }
@@ -129,23 +141,25 @@ inline float hidden_share(const Obstacles *obstacles, float x, float y, float e,
     const float disc = obstacles->shadow.disc.x, half_map = 0.5f * obstacles->view.size.x;
     const float reach = disc * (1.0f - e) < half_map ? disc * (1.0f - e) : half_map;
     float area = 0.0f, sum = 0.0f;
-    for (int i = 0; i < DISC_POINTS; i += 8)
+    int dark = 0;
+    for (int i = 0; i < SEARCH_POINTS; i += 8)
         #pragma unroll
         for (int k = 0; k < 8; ++k) {
-            const float2 point = DISC[i + k];
+            const float2 point = SEARCH[i + k];
             const float square = point.x * point.x + point.y * point.y, far = reach * square;
             const float by = nearer_by(obstacles, x + far * point.x, y + far * point.y, e, plane, dx, dy);
             const bool hides = by > 0.0f && disc * disc * by * by >= far * far * square;
             const float its = square * square / (by * by);   /* the area on the disc that it hides */
             area += hides ? its : 0.0f;
             sum += hides ? its * by : 0.0f;
+            dark += by > 0.0f;
         }
-    if (!(area > 0.0f))
-        return -1.0f;
-    const float radius = disc * sum / area;
+    const float radius = area > 0.0f ? disc * sum / area : 0.0f;
     if (radius < 0.5f + obstacles->shadow.body.y)
         return -1.0f;
-    int dark = 0;
+    if (dark == SEARCH_POINTS)             // all around, and further than the circle reaches
+        return 1.0f;
+    dark = 0;
     for (int i = 0; i < DISC_POINTS; i += 8)
         #pragma unroll
         for (int k = 0; k < 8; ++k) {

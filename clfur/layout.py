@@ -29,6 +29,7 @@ CONSTANTS = {
     "ROWS": 16,             # of a face's points in the light's grid that a work-item does,
     "POINT_STEP": 0.75,     # which stand no further apart than so many sides of a cell
     "SHADES": 24,           # of hair in a table of how it scatters light, from black to white
+    "LOOK": 16,             # steps of loops that a look at a light's map may take, besides one a row of its filter
     "CELL_BITS": 4,         # of a coordinate of a cell by which the user's strands are put in order
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
@@ -46,7 +47,8 @@ PATTERNS = {
          (-2, 6), (0, -7), (-4, -6), (-6, 4), (-8, 0), (7, -4), (6, 7), (-7, -8)],
 }
 
-CONSTANTS["DISC_POINTS"] = DISC_POINTS = 64   # at which a disc's shadow of the body is asked for
+CONSTANTS["DISC_POINTS"] = DISC_POINTS = 64       # of a disc at which its shadow of the body is asked for,
+CONSTANTS["SEARCH_POINTS"] = SEARCH_POINTS = 24   # and where it is looked for what casts it
 CONSTANTS["SAMPLES"] = max(PATTERNS)   # the most a pixel can have
 
 HELD = 1 << 15   # cells of a light's grid that a work-group gathers by itself: no faster with more
@@ -193,7 +195,8 @@ def preamble(int64_atomics, checked=False, lanes=1, hinted=1, local=1 << 15):
         f"#define SHADED {shaded(lanes)}\n#define DRAWN {drawn(lanes)}\n",
         *(_c_struct(name, dtype) for name, dtype in STRUCTS.items()),
         f"__constant int2 PATTERN[] = {{{table}}};\n",
-        "__constant float2 DISC[] = {{{}}};\n".format(", ".join(f"(float2)({x}f, {y}f)" for x, y in disc(DISC_POINTS))),
+        *("__constant float2 {}[] = {{{}}};\n".format(name, ", ".join(f"(float2)({x}f, {y}f)" for x, y in disc(points)))
+          for name, points in (("DISC", DISC_POINTS), ("SEARCH", SEARCH_POINTS))),
     ])
 
 

@@ -164,3 +164,14 @@ def test_what_lights_take():
     with pytest.raises(clfur.Error, match="Light.position is .*, inside of all that is drawn"):
         scene_of("body", inside)
     scene_of("body", attrs.evolve(inside, shadows=False))
+
+
+def test_lights_that_a_device_would_not_finish_are_refused(gpu, monkeypatch):
+    """llvmpipe ends a work-item's loops after 65,535 steps, silently."""
+    monkeypatch.setattr(gpu, "steps", 65_535)
+    scene, settings = scene_of("strands", [SUN] * 9), clfur.Settings(pcf=16, **SMALL)
+    clfur.render(scene, gpu, settings)
+    scene = scene_of("strands", [SUN] * 40)
+    with pytest.raises(clfur.Error, match="Scene.light has 40 lights and Settings.pcf is 16, .*; allowed: fewer lights"):
+        clfur.render(scene, gpu, settings)
+    clfur.render(scene, gpu, clfur.Settings(shadows="off", **SMALL))

@@ -14,7 +14,7 @@ from .vectors import dot, f64, mix, unit
 DEPTH_ONE = 1 << 30        # fixed-point depth at infinity; 0 is the near plane
 STEEPEST = 5               # texels by which the body may rise in depth from one texel to the next
 FEW = 5                    # places of a segment
-POINTS = 64                # of a disc
+POINTS, SEARCHED = 64, 24  # of a disc, and where what hides it is looked for
 
 
 def transmittance(lights, strands, shadows, grids, light_views, crossings, shadow_maps):
@@ -92,9 +92,7 @@ def past_body(view, shadow_map, radius, p, n, disc=0.0):
 def hidden_share(depths, disc, radius, x, y, e, plane, dx, dy):
     """Share of a disc that a map hides from a place (x, y, e) of it, -1 where its blur is narrower than the filter's
     ``radius`` (Fernando 2005); disc: how many texels it is wide to a difference of depth of 1."""
-    number = np.arange(POINTS)
-    at, angle = np.sqrt((number + .5) / POINTS), number * (np.pi * (3 - np.sqrt(5)))
-    points = np.stack([at * np.cos(angle), at * np.sin(angle)], 1)
+    (points, at), (around, away) = spiral(POINTS), spiral(SEARCHED)
 
     def nearer_by(places):
         column, row = np.floor(places).astype(int).T
@@ -103,16 +101,23 @@ def hidden_share(depths, disc, radius, x, y, e, plane, dx, dy):
         there = 1 - seen / DEPTH_ONE
         return np.where((seen <= DEPTH_ONE) & (there > plane + dx * (column + .5) + dy * (row + .5)), there - e, 0)
     reach = min(disc * (1 - e), depths.shape[1] / 2)
-    by = nearer_by((x, y) + reach * at[:, None]**2 * points)
-    hides = (by > 0) & (disc * by >= reach * at**3)
-    if not hides.any():
-        return -1
-    area = at[hides]**4 / by[hides]**2
-    wide = disc * (area * by[hides]).sum() / area.sum()
+    by = nearer_by((x, y) + reach * away[:, None]**2 * around)
+    hides = (by > 0) & (disc * by >= reach * away**3)
+    area = away[hides]**4 / by[hides]**2
+    wide = disc * (area * by[hides]).sum() / area.sum() if hides.any() else 0
     if wide < .5 + radius:
         return -1
+    if (by > 0).all():
+        return 1
     by = nearer_by((x, y) + wide * points)
     return ((by > 0) & (2 * disc * by >= wide * at)).mean()
+
+
+def spiral(points):
+    """(Points [n, 2] of a disc of radius 1, their distances [n] from its middle) (Vogel 1979)."""
+    number = np.arange(points)
+    at, angle = np.sqrt((number + .5) / points), number * (np.pi * (3 - np.sqrt(5)))
+    return np.stack([at * np.cos(angle), at * np.sin(angle)], 1), at
 
 
 def sent(view, lights, k, at, strands, transmittances=None):
