@@ -125,3 +125,53 @@ def test_lights_of_a_scene():
             scene_of("body", wrong)
     with pytest.raises(clfur.Error, match="Light.position is .* at most 1000 radii"):
         scene_of("body", [SUN, attrs.evolve(SPOT, position=(9e3, 0, 0))])
+
+
+def test_a_light_without_shadows_makes_and_costs_none(gpu):
+    settings, free = clfur.Settings(samples=1, **SMALL), attrs.evolve(SUN, shadows=False)
+    off = attrs.evolve(settings, shadows="off")
+    one, other = (clfur.draw(scene_of("strands", light), gpu, each) for light, each in ((free, settings), (SUN, off)))
+    np.testing.assert_array_equal(one.images["color"], other.images["color"])
+    assert set(one.stages) == set(other.stages) and "voxelize" not in one.stages
+    rig = Rig.of(scene_of("strands", [SUN, free]), settings)
+    assert rig.grids[0] is not None and rig.grids[1] is None and rig.light_views[1] is None
+    together, *alone = (clfur.render(scene_of("strands", light), gpu, settings) for light in ([SPOT, free], SPOT, free))
+    assert_sum(together, alone)
+
+
+@pytest.mark.parametrize("fur", ["strands", "body"])
+def test_a_point_light_shines_as_a_spot_that_sees_all(gpu, fur):
+    place = np.array((-3, 4, 5.0))
+    point = clfur.Light(color=(1, .5, .2), position=place, angle=360)
+    spot = attrs.evolve(point, direction=-place, angle=170)
+    one, other = (clfur.render(scene_of(fur, light), gpu, clfur.Settings(grid=32)) for light in (point, spot))
+    np.testing.assert_allclose(one, other, atol=1e-4)
+    assert one[..., :3].max() > .1
+    one, other = (truth.picture(attrs.evolve(scene_of("curves", light), camera=clfur.Camera(size=(12, 9))), 2)
+                  for light in (point, spot))
+    np.testing.assert_allclose(one, other, atol=1e-9)
+
+
+def test_what_lights_take():
+    assert clfur.Light(color=(.5, 1, 0), intensity=3).strength.tolist() == [1.5, 3, 0]
+    assert not clfur.Light(intensity=0).casts and not clfur.Light(shadows=False).casts and clfur.Light().casts
+    for wrong, text in (({"size": 91}, "Light.size is 91.0; allowed: at most 90 degrees"), ({"size": -1}, "Light.size"),
+                        ({"angle": 200}, "Light.angle is 200"), ({"angle": 360}, "Light.angle is 360.0"),
+                        ({"shadows": 1}, "Light.shadows"), ({"intensity": -1}, "Light.intensity")):
+        with pytest.raises(clfur.Error, match=text):
+            clfur.Light(**wrong)
+    inside = clfur.Light(position=(.2, 0, 0), angle=360)
+    with pytest.raises(clfur.Error, match="Light.position is .*, inside of all that is drawn"):
+        scene_of("body", inside)
+    scene_of("body", attrs.evolve(inside, shadows=False))
+
+
+def test_lights_that_a_device_would_not_finish_are_refused(gpu, monkeypatch):
+    """llvmpipe ends a work-item's loops after 65,535 steps, silently."""
+    monkeypatch.setattr(gpu, "steps", 65_535)
+    scene, settings = scene_of("strands", [SUN] * 9), clfur.Settings(pcf=16, **SMALL)
+    clfur.render(scene, gpu, settings)
+    scene = scene_of("strands", [SUN] * 40)
+    with pytest.raises(clfur.Error, match="Scene.light has 40 lights and Settings.pcf is 16, .*; allowed: fewer lights"):
+        clfur.render(scene, gpu, settings)
+    clfur.render(scene, gpu, clfur.Settings(shadows="off", **SMALL))

@@ -38,7 +38,8 @@ def obstacles_of(lighting):
     (500, clfur.Settings(grid=32, shadow_map=64, pcf=2)),
     (500, clfur.Settings(shadows="count", grid=16, shadow_map=32)),
     (500, clfur.Settings(grid=48, shadow_map=0))])
-@pytest.mark.parametrize("lights", [[LIGHT], [SPOT, LIGHT]], ids=["far", "both"])
+@pytest.mark.parametrize("lights", [[LIGHT], [SPOT, LIGHT], [
+    attrs.evolve(SPOT, size=.2), attrs.evolve(LIGHT, size=30)]], ids=["far", "both", "discs"])
 def test_transmittances_are_the_twins(gpu, n, settings, lights):
     """All but where rounding takes a place into the next texel, or a texel from one side of the plane to the other: of
     100 places one at most.  Sums of crossings in float32: 3e-6 of a transmittance."""
@@ -47,7 +48,8 @@ def test_transmittances_are_the_twins(gpu, n, settings, lights):
     lighting = cast_shadows(gpu, scene, settings, strands, tessellate(gpu, scene.mesh))
     there = strand_light.transmittance(gpu, strands, lighting).get()
     meant = twin.transmittance(on_host(lighting).lights, on_host(strands), *obstacles_of(lighting))
-    assert (np.abs(there - meant) > 3e-6).mean() < .01
+    off = (np.abs(there - meant) > 3e-6).mean()
+    assert off < (.01 if not lights[0].size else .03)   # of discs 128 texels are asked for, not 9
     assert there.shape == (len(lights), len(strands.points)) and ((meant > 0) & (meant < .9)).any()
 
 

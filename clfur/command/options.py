@@ -13,11 +13,11 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
-from .. import PRESETS, Camera, Error, HairType, Light, Scene, Settings, Shells, Strands, load_mesh
+from .. import PRESETS, Camera, Error, HairType, Scene, Settings, Shells, Strands, load_mesh
 from ..files.images import load_picture
 from ..scene import frame, highlighted
 from ..settings import CHOSEN, RASTERS, SHADOWS
-from .types import Color, Look, Numbers, Roots, Size, Sky, from_hex, look_of
+from .types import Color, LightText, Look, Numbers, Roots, Size, Sky, from_hex, light_of, look_of
 
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
@@ -46,8 +46,11 @@ _SCENE = [
                  help="What it looks at.  [default: the mesh's centre]"),
     click.option("--fov", type=click.FloatRange(1e-3, 179.99), default=45.0, metavar="DEG",
                  help="Vertical field of view."),
-    click.option("--light", type=Numbers(3), default="1,-1,-0.6", metavar="X,Y,Z",
-                 help="The way the light travels."),
+    click.option("--light", "lights", type=LightText(), default=["1,-1,-0.6"], multiple=True, metavar="LIGHT",
+                 help="The way that distant light travels, X,Y,Z; or sun, point or spot and its fields, as 'sun "
+                      "direction=1,-1,-0.6 size=0.5' (degrees across) or 'spot position=2,3,1 direction=-2,-3,-1 "
+                      "angle=40 color=#ffe0c0 intensity=2 size=0.2 shadows=off' (size: a disc's radius).  Again for "
+                      "each further light."),
     click.option("--sky", type=Sky(), metavar="SKY",
                  help="Light from all around, hidden by hair and body, instead of the flat ambient: a colour, R,G,B of "
                       "0 or more each (linear) or '#rrggbb'; ZENITH:HORIZON:GROUND, three of these; or an "
@@ -240,8 +243,13 @@ def _scene(mesh, options):
         upright = aside > 1e-3 * up
         camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
                         fov=options["fov"], size=options["size"])
-    return Scene(mesh=mesh, fur=fur, camera=camera, light=Light(direction=options["light"]),
+    return Scene(mesh=mesh, fur=fur, camera=camera, light=_lights(options["lights"]),
                  environment=options["sky"])
+
+
+def _lights(texts):
+    """The `Light`s of texts; ambient light, where a text has none, comes with the first."""
+    return [light_of(text, {"ambient": 0.0} if number else {}) for number, text in enumerate(texts)]
 
 
 def _shells(options, length, radius):

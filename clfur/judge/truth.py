@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
+import attrs
 import numpy as np
 
 from .. import cache, layout
@@ -23,6 +24,9 @@ from .sky import Sky, spread
 
 VERSION = 2              # of what `picture` gives, strands and bodies included: another makes the cache anew
 RAYS = 1 << 18           # of the picture at a time
+STEEP = 1.5              # radians aside that a point light looks for what shades
+DISC = 64                # points of a disc from which it shines
+EVEN = (math.sqrt(5) - 1) / 2
 
 
 def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | None = None) -> np.ndarray:
@@ -33,7 +37,8 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     The light there is as hair's look has it, or Lambert's on the body.  Of direct light a ray towards the light leaves
     the product of the alphas of all strands that it crosses (round, of their real width, all but the one it starts on),
     and nothing where it meets the body.  Light of a sky is what comes through along one ray for each of these, whose
-    direction is chosen at random; it counts by its sine with a strand, its cosine on the body, over the sum of these.
+    direction is chosen at random; it counts by its sine with a strand, its cosine on the body, over the sum of these. A light that
+    is a disc shines from one of its points to each place.
     ``progress`` is called with the share that is done.  Raises `clfur.Error`
     for shells: these are judged by their own picture at many samples (tools/shells_laws.py).
     """
@@ -49,7 +54,7 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     corners = np.array([(x, y, 1) for x in (0, width) for y in (0, height)]) @ to_place.T
     window = corners[:, :2].min(0), corners[:, :2].max(0)
     fibres, triangles = _before(eye, hair, body, near, window)
-    lights = [_Light(scene, light, hair, body) for light in scene.lights]
+    lights = [(_Disc if light.size and light.casts else _Light)(scene, light, hair, body) for light in scene.lights]
     sky = None if scene.environment is None else Sky(scene, hair, body)
 
     result = np.zeros((height, width, 4))
@@ -246,11 +251,17 @@ class _Light:
         self.light, self.hair, self.body, self.body_color = light, hair, body, scene.body_color
         self.ambient = ambient_of(light, scene.environment)
         spot, direction = self.light.position is not None, self.light.direction
-        _, radius = extent(scene.mesh, scene.fur)
+        center, radius = extent(scene.mesh, scene.fur)
+        if light.everywhere:
+            direction = _ahead(light, center)
         self.eye = Eye(self.light.position if spot else np.zeros(3), frame_along(direction), not spot)
         near = 1e-6 * (radius or 1.0)
         if spot:
-            window = np.array([[-1], [1]]) * np.full(2, math.tan(math.radians(self.light.angle) / 2))
+            half = math.radians(self.light.angle) / 2
+            if light.everywhere:   # what lies behind it shades nothing that it may stand before
+                off = max(float(np.linalg.norm(center - light.position)), 1e-30)
+                half = min(math.asin(min(1.01 * radius / off, 1)), STEEP)
+            window = np.array([[-1], [1]]) * np.full(2, math.tan(half))
         else:
             places = self.eye.places(self.eye.frame(np.concatenate([hair.points[:, :3], body.positions])))
             grown = hair.points[:, 3].max(initial=0)
@@ -281,17 +292,18 @@ class _Light:
     def _unshadowed(self, p):
         """(unit vectors to the light, its colour where nothing is in its way) [n, 3]."""
         light = self.light
-        direct = np.repeat(light.color[None].astype(float), len(p), 0)
+        direct = np.repeat(light.strength[None].astype(float), len(p), 0)
         if light.position is None:
             return np.broadcast_to(-light.direction, p.shape), direct
         to_light = unit(light.position - p)
-        direct[-to_light @ light.direction < math.cos(math.radians(light.angle) / 2)] = 0
+        if not light.everywhere:
+            direct[-to_light @ light.direction < math.cos(math.radians(light.angle) / 2)] = 0
         return to_light, direct
 
     def _transmittance(self, p, triangle, strand):
         """Share of the light [n] that is left at places p, which lie on a triangle or a strand (-1: not)."""
-        if not len(p):
-            return np.zeros(0)
+        if not len(p) or not self.light.shadows:
+            return np.ones(len(p))
         framed = self.eye.frame(p)
         places, z = self.eye.places(framed), framed[:, 2]
         share = np.where(self.triangles.any_before(places, z - self.bias, triangle), 0.0, 1.0)
@@ -300,6 +312,46 @@ class _Light:
             share[some] = np.exp(self.fibres.sum_before(
                 places[some], z[some], strand[some], self.hair.owner, self.depth))
         return share
+
+
+class _Disc:
+    """A light of a scene that is a disc: as many lights without a size, one of which shines to each place."""
+
+    def __init__(self, scene, light, hair, body):
+        center, _ = extent(scene.mesh, scene.fur)
+        x, y, z = frame_along(_ahead(light, center) if light.everywhere else light.direction)
+        across = light.size if light.position is not None else math.tan(math.radians(light.size) / 2)
+        self.points, self.turn = [], 0.0
+        for a, b in layout.disc(DISC).astype(float) * across:
+            where = {"direction": z + a * x + b * y} if light.position is None else {
+                "position": light.position + a * x + b * y}
+            self.points.append(_Light(scene, attrs.evolve(light, size=0.0, **where), hair, body))
+
+    def on_hair(self, p, v, fibre, share):
+        """See `_Light.on_hair`."""
+        return self._from_each(p, "on_hair", v, fibre, share)
+
+    def on_body(self, p, v, triangle):
+        """See `_Light.on_body`."""
+        return self._from_each(p, "on_body", v, triangle)
+
+    def _from_each(self, p, name, *rest):
+        """What the points give of places [n], each of one of them: neighbours of others, all over the disc."""
+        which = ((np.arange(len(p)) * EVEN + self.turn) % 1 * DISC).astype(int)
+        self.turn += EVEN * (len(p) + .5)
+        result = np.zeros((len(p), 3))
+        for number, point in enumerate(self.points):
+            its = np.flatnonzero(which == number)
+            if len(its):
+                result[its] = getattr(point, name)(p[its], *(each[its] for each in rest))
+        return result
+
+
+def _ahead(light, center):
+    """The way [3] from a point light to the middle of a scene."""
+    way = center - light.position
+    length = np.linalg.norm(way)
+    return way / length if length else np.array([0.0, 0, -1])
 
 
 # --- light in hair alone --------------------------------------------------------------------------------

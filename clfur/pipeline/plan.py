@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import layout
 from ..errors import Error
 from ..scene import Curves, Strands
 from ..stages.blur import blur_radius
@@ -65,6 +66,7 @@ PLACES = Places.bytes(place=1)
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
+LOOK, SLOTS = (layout.CONSTANTS[name] for name in ("LOOK", "SLOTS"))
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -145,7 +147,8 @@ class Plan:
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage, "strands": self.strands,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
-            "zscan": casting, "march": shells, "chiang": self.lobed,
+            "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
+            "march": shells, "chiang": self.lobed,
             "strand_light": self.uses_coverage and self.wants_color,
             "shade": True, "sky": self.wants_color and self.scene.environment is not None,
             "blur": self.wants_color and settings.blur != "off"}
@@ -343,7 +346,7 @@ class Plan:
         scene, settings = self.scene, self.settings
         fixed = self.faces * MESH_FACE + self._shells
         fixed += MESH_VERTEX * max((len(mesh.positions) for mesh in (scene.mesh, self.rest) if mesh), default=0)
-        casting = sum(bool(np.any(light.color)) for light in scene.lights)   # the others are out
+        casting = sum(light.casts for light in scene.lights)
         maps = casting * (1 + (casting > 1))                                 # several are put together from as many
         fixed += maps * Lighting.bytes(sample=settings.shadow_map**2)
         if settings.shadows != "off" and (self.strands or scene.shells):
@@ -357,6 +360,19 @@ class Plan:
     def _transmittance(self):
         """Bytes on the device of the transmittance to a point of strands, of all lights."""
         return TRANSMITTANCE.bytes * len(self.scene.lights) + POINT_LIGHT.bytes * (self.scene.environment is not None)
+
+    def check(self, gpu: Any) -> None:
+        """Raise `clfur.Error` where a device that ends long loops, silently, could end those over lights."""
+        settings, lights = self.settings, self.scene.lights
+        if not gpu.steps or not self.wants_color:
+            return
+        maps = sum(light.casts for light in lights) * (settings.shadows != "off" and bool(settings.shadow_map))
+        look = 2 * settings.pcf + 1 + LOOK
+        sample, piece = len(lights) * 4 + maps * look, len(lights) * 12 + maps * 2 * look
+        slots = SLOTS * self.uses_coverage
+        if sample * settings.samples > gpu.steps or piece * slots > gpu.steps // 2:
+            raise Error(f"Scene.light has {len(lights)} lights and Settings.pcf is {settings.pcf}, which take more steps "
+                        f"of loops than {gpu.name} does; allowed: fewer lights, or with shadows=False, or a smaller pcf")
 
     def keeps_transmittances(self, gpu: Any) -> bool:
         """Whether there is room for the transmittances to all points of strands: then they are asked once for all bands

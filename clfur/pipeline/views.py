@@ -15,6 +15,7 @@ from ..settings import Settings
 from .fit import Fit
 
 MOST_CELLS = 4096   # of shells along a side of a face; as in shells.cl
+NO_CONE = -2.0   # less than any cosine: all is inside
 COARSE = 2   # lengths of fur: cells of the grid that are wider show no shadow within it
 
 
@@ -23,20 +24,20 @@ class Rig:
     """A scene and all that looks at it, made once a frame; whatever needs a view or a size is handed this."""
 
     scene: Scene
-    settings: Settings    # shadows are off where no light shines: what stands before one that is out cannot matter
+    settings: Settings    # shadows are off where no light casts any: what stands before one that is out cannot matter
     center: np.ndarray    # [3] of a ball around all that is drawn,
     radius: float         # and its radius [world]
     view: np.void         # layout.View: the whole picture
     lights: tuple         # layout.Light of each light of the scene,
-    light_views: tuple    # its layout.View, None without a shadow map or where it is out,
-    grids: tuple          # and its layout.Grid, None without shadows or where it is out
+    light_views: tuple    # its layout.View, None without a shadow map or where it casts none,
+    grids: tuple          # and its layout.Grid, None where it casts no shadows
     fit: Fit              # what these two are fitted to
 
     @classmethod
     def of(cls, scene: Scene, settings: Settings = Settings()) -> "Rig":
         """The `Rig` of a scene and how it is drawn."""
         scene = scene.local
-        if not any(np.any(light.color) for light in scene.lights):
+        if not any(light.casts for light in scene.lights):
             settings = attrs.evolve(settings, shadows="off")
         known, shadows = seen(scene), settings.shadows != "off"
         fit = Fit(scene, known)
@@ -44,9 +45,9 @@ class Rig:
             scene, settings, *known.ball, view_of(scene, settings.samples, known),
             lights=tuple(light_of(light, scene.environment) for light in scene.lights),
             light_views=tuple(light_view_of(scene, settings.shadow_map, light, fit)
-                              if shadows and settings.shadow_map and np.any(light.color) else None
+                              if shadows and settings.shadow_map and light.casts else None
                               for light in scene.lights),
-            grids=tuple(grid_of(scene, settings.grid, light, fit) if shadows and np.any(light.color) else None
+            grids=tuple(grid_of(scene, settings.grid, light, fit) if shadows and light.casts else None
                         for light in scene.lights),
             fit=fit)
 
@@ -89,10 +90,10 @@ def light_of(light: Light, environment: Environment | None = None) -> np.void:
     """A `clfur.Light` as a `layout.Light`, under a sky if there is one."""
     packed: Any = np.zeros((), layout.Light)
     packed["direction"][:3] = light.direction
-    packed["color"] = *light.color, ambient_of(light, environment)
+    packed["color"] = *light.strength, ambient_of(light, environment)
     if light.position is not None:
         packed["position"] = *light.position, 1
-        packed["cone"][0] = math.cos(math.radians(light.angle) / 2)
+        packed["cone"][0] = NO_CONE if light.everywhere else math.cos(math.radians(light.angle) / 2)
     return packed
 
 

@@ -21,6 +21,7 @@ from .rest import posed
 from .shells import Shells
 from .strands import Strands
 
+OUTSIDE = 1.05   # radii of the scene from its middle must a point light stand that casts shadows
 MOST_PERIODS = 1 << 16, 1 << 12   # of the sines of shell fur: from uv 0, where float32 is exact enough, and on a face
 
 
@@ -161,6 +162,11 @@ class Scene:
             if np.linalg.norm(place - center) > 1e3 * (radius or 1):
                 raise Error(f"Light.position is {checks.shown(place)}; allowed: at most 1000 radii of the scene away, "
                             f"or no position: light that is all but parallel")
+        for light in self.lights:
+            if light.everywhere and light.casts and np.linalg.norm(light.position - center) < OUTSIDE * radius:
+                raise Error(f"Light.position is {checks.shown(light.position)}, inside of all that is drawn, with "
+                            f"Light.angle 360; allowed: at least {OUTSIDE:g} radii from its middle, which is "
+                            f"{checks.shown(np.round(center, 3).tolist())}, a spot, or shadows=False")
         if self.camera is None:
             object.__setattr__(self, "camera", frame(self.mesh, self.fur))
 
