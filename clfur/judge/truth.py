@@ -37,8 +37,8 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     The light there is as hair's look has it, or Lambert's on the body.  Of direct light a ray towards the light leaves
     the product of the alphas of all strands that it crosses (round, of their real width, all but the one it starts on),
     and nothing where it meets the body.  Light of a sky is what comes through along one ray for each of these, whose
-    direction is chosen at random; it counts by its sine with a strand, its cosine on the body, over the sum of these. A light that
-    is a disc shines from one of its points to each place.
+    direction is chosen at random; it counts by its sine with a strand, its cosine on the body, over the sum of these.
+    A light that is a disc shines from one of its points to each place.
     ``progress`` is called with the share that is done.  Raises `clfur.Error`
     for shells: these are judged by their own picture at many samples (tools/shells_laws.py).
     """

@@ -371,8 +371,9 @@ class Plan:
         sample, piece = len(lights) * 4 + maps * look, len(lights) * 12 + maps * 2 * look
         slots = SLOTS * self.uses_coverage
         if sample * settings.samples > gpu.steps or piece * slots > gpu.steps // 2:
-            raise Error(f"Scene.light has {len(lights)} lights and Settings.pcf is {settings.pcf}, which take more steps "
-                        f"of loops than {gpu.name} does; allowed: fewer lights, or with shadows=False, or a smaller pcf")
+            raise Error(f"Scene.light has {len(lights)} lights and Settings.pcf is {settings.pcf}, which take more "
+                        f"steps of loops than {gpu.name} does; allowed: fewer lights, or with shadows=False, or a "
+                        f"smaller pcf")
 
     def keeps_transmittances(self, gpu: Any) -> bool:
         """Whether there is room for the transmittances to all points of strands: then they are asked once for all bands
