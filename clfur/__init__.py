@@ -15,13 +15,27 @@ from .judge import truth
 from .judge.compare import Comparison, compare
 from .judge.frontier import Frontier, frontier
 from .render import Frame, draw, grow, render
-from .scene import Camera, Chiang, Curves, HairType, Kajiya, Light, Mesh, PointForce, Scene, Shells, Strands
+from .scene import (
+    Camera,
+    Chiang,
+    Curves,
+    Ground,
+    HairType,
+    Kajiya,
+    Light,
+    Mesh,
+    PointForce,
+    Scene,
+    Shells,
+    Strands,
+    over,
+)
 from .settings import Settings
 
 __all__ = [
-    "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Error", "Frame", "Frontier", "HairType",
-    "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "compare", "draw",
-    "frontier", "grow", "load_mesh", "render", "save", "truth",
+    "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Error", "Frame", "Frontier", "Ground",
+    "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands",
+    "compare", "draw", "frontier", "grow", "load_mesh", "over", "render", "save", "truth",
 ]
 
 install()

@@ -13,11 +13,11 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
-from .. import PRESETS, Camera, Error, HairType, Light, Scene, Settings, Shells, Strands, load_mesh
+from .. import PRESETS, Camera, Error, Ground, HairType, Light, Scene, Settings, Shells, Strands, load_mesh
 from ..files.images import load_picture
 from ..scene import frame, highlighted
 from ..settings import CHOSEN, RASTERS, SHADOWS
-from .types import Color, Look, Numbers, Roots, Size, from_hex, look_of
+from .types import Color, Height, Look, Numbers, Roots, Size, from_hex, look_of
 
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
@@ -48,6 +48,10 @@ _SCENE = [
                  help="Vertical field of view."),
     click.option("--light", type=Numbers(3), default="1,-1,-0.6", metavar="X,Y,Z",
                  help="The way the light travels."),
+    click.option("--body", type=click.Choice(["drawn", "holdout"]), default="drawn",
+                 help="A holdout hides and shades hair, but is not seen itself."),
+    click.option("--ground", type=Height(), metavar="lowest|Y",
+                 help="A level ground at the mesh's lowest point or at a height, of which the shadow alone is drawn."),
     click.option("--rest", metavar="MESH",
                  help="The mesh in rest, of the same faces: lengths go by it, and N roots and the cells of shells stay "
                       "where they are on it in every pose."),
@@ -236,7 +240,10 @@ def _scene(mesh, options):
         upright = aside > 1e-3 * up
         camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
                         fov=options["fov"], size=options["size"])
-    return Scene(mesh=mesh, fur=fur, camera=camera, light=Light(direction=options["light"]))
+    height = options["ground"]
+    ground = None if height is None else Ground(None if height == "lowest" else height)
+    return Scene(mesh=mesh, fur=fur, camera=camera, light=Light(direction=options["light"]), body=options["body"],
+                 ground=ground)
 
 
 def _shells(options, length, radius):

@@ -13,9 +13,10 @@ from .. import cache, layout
 from ..errors import Error
 from ..render import schedulers
 from ..scene import Curves, Scene, Strands, checks, extent
+from ..scene.ground import ground_from, height_of
 from ..scene.seen import seen
 from ..stages.tessellate import tessellate
-from ..twin import scatter, shade, strands
+from ..twin import ground, scatter, shade, strands
 from ..twin.vectors import dot, unit
 from .rays import Eye, Fibres, Triangles, frame_along
 
@@ -30,8 +31,9 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     over the pixel.  Each sees what is nearest: strands of their real width (ribbons that face the eye), or the body.
     The light there is as hair's look has it, or Lambert's on the body.  Of direct light a ray towards the light leaves
     the product of the alphas of all strands that it crosses (round, of their real width, all but the one it starts on),
-    and nothing where it meets the body.  ``progress`` is called with the share that is done.  Raises `clfur.Error`
-    for shells: these are judged by their own picture at many samples (tools/shells_laws.py).
+    and nothing where it meets the body. A ground is seen as `Ground` has it, a holdout hides. ``progress`` is called
+    with the share that is done. Raises `clfur.Error` for shells: these are judged by their own picture at many samples
+    (tools/shells_laws.py).
     """
     if not isinstance(scene, Scene):
         raise Error(f"scene is {scene!r:.60}; allowed: a clfur.Scene")
@@ -46,6 +48,7 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     window = corners[:, :2].min(0), corners[:, :2].max(0)
     fibres, triangles = _before(eye, hair, body, near, window)
     lights = [_Light(scene, light, hair, body) for light in scene.lights]
+    under = _Ground(scene) if scene.ground else None
 
     result = np.zeros((height, width, 4))
     rows = max(RAYS // (width * samples**2), 1)
@@ -56,14 +59,19 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
         color = np.zeros((len(places), 4))
         depth, fibre = fibres.nearest(places)
         body_depth, triangle = triangles.nearest(places)
-        nearer = np.flatnonzero(depth < body_depth)
-        bare = np.flatnonzero((body_depth <= depth) & (triangle >= 0))
-        color[nearer, 3] = color[bare, 3] = 1
+        ground_depth = under.distances(pixels) if under else np.full(len(depth), np.inf)
+        nearer = np.flatnonzero(depth < np.minimum(body_depth, ground_depth))
+        bare = np.flatnonzero((body_depth <= np.minimum(depth, ground_depth)) & (triangle >= 0))
+        below = np.flatnonzero(ground_depth < np.minimum(depth, body_depth))
+        color[nearer, 3] = 1
         p, fibre = eye.points(places[nearer], depth[nearer]), fibre[nearer]
         v, share = _towards(eye, p), fibres.share(places[nearer], fibre)
         color[nearer, :3] = sum(light.on_hair(p, v, fibre, share) for light in lights)
-        p = eye.points(places[bare], body_depth[bare])
-        color[bare, :3] = sum(light.on_body(p, _towards(eye, p), triangle[bare]) for light in lights)
+        if scene.body == "drawn":
+            p, color[bare, 3] = eye.points(places[bare], body_depth[bare]), 1
+            color[bare, :3] = sum(light.on_body(p, _towards(eye, p), triangle[bare]) for light in lights)
+        if under:
+            color[below] = under.light(eye.points(places[below], ground_depth[below]), lights)
         result[top:end] = color.reshape(end - top, width, samples**2, 4).mean(2)
         if progress:
             progress(end / height)
@@ -244,6 +252,15 @@ class _Light:
         direct[some] *= self._transmittance(p[some], triangle[some], np.full(len(some), -1))[:, None]
         return self.body_color * (direct + self.light.ambient)
 
+    def on_ground(self, p):
+        """What falls on places p of a level plane: (all of it, what is left of it) [n, 3]."""
+        to_light, direct = self._unshadowed(p)
+        direct = direct * np.maximum(to_light[:, 1:2], 0)
+        left, some = direct.copy(), np.flatnonzero(direct.any(1))
+        none = np.full(len(some), -1)
+        left[some] *= self._transmittance(p[some], none, none)[:, None]
+        return direct + self.light.ambient, left + self.light.ambient
+
     def _unshadowed(self, p):
         """(unit vectors to the light, its colour where nothing is in its way) [n, 3]."""
         light = self.light
@@ -266,6 +283,32 @@ class _Light:
             share[some] = np.exp(self.fibres.sum_before(
                 places[some], z[some], strand[some], self.hair.owner, self.depth))
         return share
+
+
+class _Ground:
+    """The scene's ground, as its camera sees it."""
+
+    def __init__(self, scene):
+        self.color, self.seen = scene.ground.color, ground_from(scene.camera, height_of(scene))
+
+    def distances(self, pixels):
+        """How far ahead each ray [n, 2] meets it, [n]: infinite where it does not."""
+        if self.seen is None:
+            return np.full(len(pixels), np.inf)
+        down, above = self.seen
+        falls = np.column_stack([pixels, np.ones(len(pixels))]) @ down
+        return np.where(falls > 0, above / np.where(falls > 0, falls, 1), np.inf)
+
+    def light(self, p, lights):
+        """Light and alpha [n, 4] at places p of it."""
+        if not len(p):
+            return np.zeros((0, 4))
+        whole, left = (sum(each) for each in zip(*(light.on_ground(p) for light in lights)))
+        if self.color is not None:
+            return np.column_stack([self.color * left, np.ones(len(p))])
+        all_of_it = whole @ ground.LUMINANCE
+        alpha = np.where(all_of_it > 0, 1 - left @ ground.LUMINANCE / np.where(all_of_it > 0, all_of_it, 1), 0)
+        return np.column_stack([np.zeros((len(p), 3)), alpha])
 
 
 # --- light in hair alone --------------------------------------------------------------------------------

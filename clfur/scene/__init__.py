@@ -5,9 +5,11 @@ Arrays are copied on the way in and are read-only, so that a scene never changes
 that `Curves` take on a device are not.
 """
 
+from .background import backdrop, over
 from .bounds import bounds_of, extent, fur_extent, hair_bounds
 from .camera import Camera
 from .curves import Bounds, Curves
+from .ground import Ground
 from .light import Light
 from .look import Chiang, Kajiya, highlighted
 from .mesh import Mesh
@@ -17,6 +19,7 @@ from .shells import Shells
 from .strands import HairType, PointForce, Strands
 
 __all__ = [
-    "Bounds", "Camera", "Chiang", "Curves", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Shells",
-    "Strands", "bounds_of", "extent", "frame", "fur_extent", "hair_bounds", "highlighted", "seen_from",
+    "Bounds", "Camera", "Chiang", "Curves", "Ground", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene",
+    "Shells", "Strands", "backdrop", "bounds_of", "extent", "frame", "fur_extent", "hair_bounds", "highlighted", "over",
+    "seen_from",
 ]

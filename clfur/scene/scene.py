@@ -13,6 +13,7 @@ from . import checks
 from .bounds import extent, fur_extent, local, origin_of, points_to_see, strands_and_shells
 from .camera import FOV, Camera, size_of
 from .curves import Curves
+from .ground import Ground
 from .light import Light
 from .mesh import Mesh
 from .origin import copied, seen_from
@@ -84,9 +85,10 @@ class Scene:
     mesh: Mesh or None. fur: Strands or Shells (which need a mesh), Curves, a list of Shells (undercoat) and one of
     Strands and Curves (guard hairs), or None; a mesh or fur is required. camera: Camera, or None to frame all of it.
     light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself (arrays of uint8 or
-    uint16 are sRGB), or None to leave it undrawn. Raises Error where the parts don't fit: a type_map, color_texture or
-    pattern "sine" on a mesh without uv, levels for another number of faces, an edge whose two faces give it different
-    levels, or a rest mesh of other faces.
+    uint16 are sRGB), or None to leave it undrawn. body: "drawn", or "holdout": it hides and shades what is behind it,
+    but is not seen itself, so that its pixels are free for a picture of it. ground: a Ground, or None. Raises Error
+    where the parts don't fit: a type_map, color_texture or pattern "sine" on a mesh without uv, levels for another
+    number of faces, an edge whose two faces give it different levels, or a rest mesh of other faces.
 
     Faces that have no area or normal in this pose, but have in rest, become part of `mesh`: what grows there stands as
     the normals of their corners, or of faces beside them, point.
@@ -100,6 +102,8 @@ class Scene:
     camera: checks.Given = checks.field(checks.instance(Camera, none=True), default=None)
     light: checks.Given = checks.field(_lights, default=Light())
     body_color: checks.Given = checks.field(checks.optional(checks.color), default=(0.30, 0.20, 0.12))
+    body: str = checks.field(checks.choice("drawn", "holdout"), default="drawn")
+    ground: Ground | None = checks.field(checks.instance(Ground, none=True), default=None)
     strands: Strands | Curves = attrs.field(init=False, repr=False)
     shells: Shells = attrs.field(init=False, repr=False)
 
@@ -125,7 +129,7 @@ class Scene:
             shells = gusty(shells, float(shells.time - turns))
             fur = shells if strands is None else (strands, shells)
         return copied(self, mesh=mesh, fur=fur, strands=strands, shells=shells, light=seen_from(self.light, there),
-                      camera=seen_from(self.camera, there))
+                      camera=seen_from(self.camera, there), ground=seen_from(self.ground, there))
 
     def __attrs_post_init__(self):
         strands, shells = strands_and_shells(self.fur)
@@ -133,6 +137,8 @@ class Scene:
         object.__setattr__(self, "shells", shells)
         if self.mesh is None and strands is None and shells is None:
             raise Error("Scene.mesh and Scene.fur are None; allowed: at least one of them")
+        if self.body == "holdout" and (self.mesh is None or self.body_color is None):
+            raise Error("Scene.body is 'holdout' but no body is drawn; allowed: with a mesh and any body_color")
         for fur in (strands, shells):
             if isinstance(fur, (Strands, Shells)) and self.mesh is None:
                 raise Error(f"Scene.mesh is None but Scene.fur has {type(fur).__name__}; "
