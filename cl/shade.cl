@@ -325,6 +325,23 @@ __kernel void cover(
     image[pixel].w = covered_share(visible, transmittance, pixel, samples);
 }
 
+/* One work-item takes out of the alpha of one pixel what the samples add to it that see anything: a holdout adds nothing, and
+   a ground only its shadow. */
+__kernel void uncover(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const int samples,
+    __global const ulong *visible,         // [rows, width, samples]
+    __global const float *transmittance,   // [rows, width, samples] share of each that comes through what stands before it
+    __global float4 *image)                // [rows, width]
+{
+    WORK_ITEM(pixel);
+    float covered = 0.0f;
+    for (int s = 0; s < samples; ++s)
+        covered += (uint)visible[pixel * samples + s] == NOTHING ? 0.0f : transmittance[pixel * samples + s];
+    const float left = image[pixel].w - covered / samples;
+    image[pixel].w = left > 0.0f ? left : 0.0f;
+}
+
 /* One work-item tells what the nearest covered sample of one pixel sees, if this part of the scene holds it: the outputs
    but color (AOVs). */
 __kernel void outputs(

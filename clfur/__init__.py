@@ -20,6 +20,7 @@ from .scene import (
     Chiang,
     Curves,
     Environment,
+    Ground,
     HairType,
     Kajiya,
     Light,
@@ -28,13 +29,15 @@ from .scene import (
     Scene,
     Shells,
     Strands,
+    over,
 )
 from .settings import Settings
 
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
-    "Frontier", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Scheduler", "Settings", "Shells",
-    "Strands", "compare", "draw", "frontier", "grow", "load_mesh", "load_picture", "render", "save", "truth",
+    "Frontier", "Ground", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Scheduler", "Settings",
+    "Shells", "Strands", "compare", "draw", "frontier", "grow", "load_mesh", "load_picture", "over", "render", "save",
+    "truth",
 ]
 
 install()

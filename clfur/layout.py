@@ -21,6 +21,8 @@ CONSTANTS = {
     "ID_NOTHING": -1,       # output "id" of a pixel where nothing is; strands are numbered from 0
     "ID_BODY": -2,
     "ID_SHELLS": -3,
+    "ID_GROUND": -4,
+    "GROUND": 0xFFFFFFFE,   # id of the ground: BODY | a triangle that there is none
     "CORNERS": 8,           # float4 a face in the lattice of shell fur
     "HEIGHTS": 64,          # of its table of means
     "FEW_PIECES": 2,        # of a segment, in which its light is a parabola,
@@ -125,6 +127,11 @@ Sky = np.dtype([                      # cells of the world that hold light of a 
     ("size", *_int4),                    # cells a side; 1: there is a sky, -, -
 ])
 
+Ground = np.dtype([                   # a level plane, as a camera above it sees it
+    ("plane", *_float4),                 # reversed depth at (x, y, 1) [pixels]: its three factors; height [world]
+    ("color", *_float4),                 # linear r, g, b; 1, or 0 if its shadow alone is seen
+])
+
 Lobes = np.dtype([                    # how hair of a type scatters light, where its model is "chiang"
     ("along", np.float32, (4, 4)),       # a row a lobe: 1 / variance, 1 / integral, sine and cosine of the tilt
     ("color", *_float4),                 # how fast the lobes fall with the square of log2(colour), -, -, -
@@ -132,7 +139,7 @@ Lobes = np.dtype([                    # how hair of a type scatters light, where
 ])
 
 STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid,
-           "Shells": Shells, "Lobes": Lobes}
+           "Shells": Shells, "Ground": Ground, "Lobes": Lobes}
 
 
 def shine(look, alpha, model=None):

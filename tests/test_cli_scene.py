@@ -41,6 +41,15 @@ def test_strands_are_never_wider_than_a_tenth_of_their_length(length, width):
     assert hair.width == pytest.approx(width * radius())
 
 
+def test_a_body_and_a_ground():
+    scene, _ = load("teapot")
+    assert (scene.body, scene.ground) == ("drawn", None)
+    scene, _ = load("teapot", "--body", "holdout", "--ground", "lowest")
+    assert scene.body == "holdout" and scene.ground.height is None and scene.ground.color is None
+    assert load("teapot", "--ground", 0)[0].ground.height == 0
+    assert load("teapot", "--ground", -1.5)[0].ground.height == -1.5
+
+
 def test_shells():
     scene, _ = load("teapot", "--fur", "shells")
     shells, plain = scene.shells, Shells()
@@ -124,7 +133,7 @@ SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "
           "--target": "0,0,0", "--fov": 30, "--light": "0,-1,0", "--shadows": "off", "--grid": 16, "--samples": 1,
           "--shadow-map": 64, "--pcf": 0,
           "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
-          "--preset": "draft", "--rest": "sphere"}
+          "--preset": "draft", "--rest": "sphere", "--body": "holdout", "--ground": -1.5}
 
 
 def test_each_option_is_of_strands_or_of_shells_or_of_both():

@@ -13,11 +13,11 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
-from .. import PRESETS, Camera, Error, HairType, Scene, Settings, Shells, Strands, load_mesh
+from .. import PRESETS, Camera, Error, Ground, HairType, Scene, Settings, Shells, Strands, load_mesh
 from ..files.images import load_picture
 from ..scene import frame, highlighted
 from ..settings import CHOSEN, RASTERS, SHADOWS
-from .types import Color, LightText, Look, Numbers, Roots, Size, Sky, from_hex, light_of, look_of
+from .types import Color, Height, LightText, Look, Numbers, Roots, Size, Sky, from_hex, light_of, look_of
 
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
@@ -55,6 +55,10 @@ _SCENE = [
                  help="Light from all around, hidden by hair and body, instead of the flat ambient: a colour, R,G,B of "
                       "0 or more each (linear) or '#rrggbb'; ZENITH:HORIZON:GROUND, three of these; or an "
                       "equirectangular picture, .hdr, .exr, .png.  [default: none]"),
+    click.option("--body", type=click.Choice(["drawn", "holdout"]), default="drawn",
+                 help="A holdout hides and shades hair, but is not seen itself."),
+    click.option("--ground", type=Height(), metavar="lowest|Y",
+                 help="A level ground at the mesh's lowest point or at a height, of which the shadow alone is drawn."),
     click.option("--rest", metavar="MESH",
                  help="The mesh in rest, of the same faces: lengths go by it, and N roots and the cells of shells stay "
                       "where they are on it in every pose."),
@@ -243,8 +247,10 @@ def _scene(mesh, options):
         upright = aside > 1e-3 * up
         camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
                         fov=options["fov"], size=options["size"])
-    return Scene(mesh=mesh, fur=fur, camera=camera, light=_lights(options["lights"]),
-                 environment=options["sky"])
+    height = options["ground"]
+    ground = None if height is None else Ground(None if height == "lowest" else height)
+    return Scene(mesh=mesh, fur=fur, camera=camera, light=_lights(options["lights"]), environment=options["sky"],
+                 body=options["body"], ground=ground)
 
 
 def _lights(texts):

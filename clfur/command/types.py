@@ -78,6 +78,30 @@ class Color(Numbers):
         return color
 
 
+class Height(click.ParamType):
+    """A number, or the word lowest."""
+
+    name = "height"
+
+    def convert(self, value, param, ctx):
+        if value == "lowest" or isinstance(value, float):
+            return value
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither 'lowest' nor a height, a number", param, ctx)
+
+
+class Backdrop(Color):
+    """A colour as `Color` has it, or the name of a picture."""
+
+    def convert(self, value, param, ctx):
+        words = value.split(",") if isinstance(value, str) else []
+        if isinstance(value, str) and not value.startswith("#") and not all(map(_is_number, words)):
+            return value
+        return super().convert(value, param, ctx)
+
+
 class Roots(click.ParamType):
     """The word faces, or a number of strands."""
 
@@ -217,6 +241,10 @@ def look_of(text):
             raise Error(f"look {name} has no {field!r:.40}; allowed: {', '.join(known)}")
         fields[field] = [_number(each) for each in value.split("/")] if "/" in value else _number(value)
     return classes[name](**fields)
+
+
+def _is_number(text):
+    return isinstance(_number(text), float)
 
 
 def _number(text):

@@ -15,9 +15,10 @@ from ..errors import Error
 from ..render import schedulers
 from ..scene import Curves, Scene, Strands, checks, extent
 from ..scene.environment import ambient_of
+from ..scene.ground import ground_from, height_of
 from ..scene.seen import seen
 from ..stages.tessellate import tessellate
-from ..twin import scatter, shade, strands
+from ..twin import ground, scatter, shade, strands
 from ..twin.vectors import dot, unit
 from .rays import Eye, Fibres, Triangles, frame_along
 from .sky import Sky, spread
@@ -39,6 +40,7 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     and nothing where it meets the body.  Light of a sky is what comes through along one ray for each of these, whose
     direction is chosen at random; it counts by its sine with a strand, its cosine on the body, over the sum of these.
     A light that is a disc shines from one of its points to each place.
+    A ground is seen as `Ground` has it, a holdout hides.
     ``progress`` is called with the share that is done.  Raises `clfur.Error`
     for shells: these are judged by their own picture at many samples (tools/shells_laws.py).
     """
@@ -56,6 +58,7 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     fibres, triangles = _before(eye, hair, body, near, window)
     lights = [(_Disc if light.size and light.casts else _Light)(scene, light, hair, body) for light in scene.lights]
     sky = None if scene.environment is None else Sky(scene, hair, body)
+    under = _Ground(scene) if scene.ground else None
 
     result = np.zeros((height, width, 4))
     rows = max(RAYS // (width * samples**2), 1)
@@ -66,19 +69,25 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
         color = np.zeros((len(places), 4))
         depth, fibre = fibres.nearest(places)
         body_depth, triangle = triangles.nearest(places)
-        nearer = np.flatnonzero(depth < body_depth)
-        bare = np.flatnonzero((body_depth <= depth) & (triangle >= 0))
-        color[nearer, 3] = color[bare, 3] = 1
+        ground_depth = under.distances(pixels) if under else np.full(len(depth), np.inf)
+        nearer = np.flatnonzero(depth < np.minimum(body_depth, ground_depth))
+        bare = np.flatnonzero((body_depth <= np.minimum(depth, ground_depth)) & (triangle >= 0))
+        below = np.flatnonzero(ground_depth < np.minimum(depth, body_depth))
+        color[nearer, 3] = 1
         p, fibre = eye.points(places[nearer], depth[nearer]), fibre[nearer]
         v, share = _towards(eye, p), fibres.share(places[nearer], fibre)
         color[nearer, :3] = sum(light.on_hair(p, v, fibre, share) for light in lights)
-        at = eye.points(places[bare], body_depth[bare])
-        color[bare, :3] = sum(light.on_body(at, _towards(eye, at), triangle[bare]) for light in lights)
+        if scene.body == "drawn":
+            at, color[bare, 3] = eye.points(places[bare], body_depth[bare]), 1
+            color[bare, :3] = sum(light.on_body(at, _towards(eye, at), triangle[bare]) for light in lights)
         if sky:
             random = np.concatenate([_of_sky(row, width, samples, seed) for row in range(top, end)])
             color[nearer, :3] += _sky_on_hair(sky, hair, p, fibre, share, random[nearer])
+        if sky and scene.body == "drawn":
             color[bare, :3] += scene.body_color * _sky_on_body(sky, body, at, _towards(eye, at), triangle[bare],
                                                                random[bare])
+        if under:
+            color[below] = under.light(eye.points(places[below], ground_depth[below]), lights)
         result[top:end] = color.reshape(end - top, width, samples**2, 4).mean(2)
         if progress:
             progress(end / height)
@@ -289,6 +298,15 @@ class _Light:
         direct[some] *= self._transmittance(p[some], triangle[some], np.full(len(some), -1))[:, None]
         return self.body_color * (direct + self.ambient)
 
+    def on_ground(self, p):
+        """What falls on places p of a level plane: (all of it, what is left of it) [n, 3]."""
+        to_light, direct = self._unshadowed(p)
+        direct = direct * np.maximum(to_light[:, 1:2], 0)
+        left, some = direct.copy(), np.flatnonzero(direct.any(1))
+        none = np.full(len(some), -1)
+        left[some] *= self._transmittance(p[some], none, none)[:, None]
+        return direct + self.ambient, left + self.ambient
+
     def _unshadowed(self, p):
         """(unit vectors to the light, its colour where nothing is in its way) [n, 3]."""
         light = self.light
@@ -335,15 +353,19 @@ class _Disc:
         """See `_Light.on_body`."""
         return self._from_each(p, "on_body", v, triangle)
 
+    def on_ground(self, p):
+        """See `_Light.on_ground`."""
+        return self._from_each(p, "on_ground")
+
     def _from_each(self, p, name, *rest):
         """What the points give of places [n], each of one of them: neighbours of others, all over the disc."""
         which = ((np.arange(len(p)) * EVEN + self.turn) % 1 * DISC).astype(int)
         self.turn += EVEN * (len(p) + .5)
-        result = np.zeros((len(p), 3))
+        result = np.zeros((2, len(p), 3) if name == "on_ground" else (len(p), 3))
         for number, point in enumerate(self.points):
             its = np.flatnonzero(which == number)
             if len(its):
-                result[its] = getattr(point, name)(p[its], *(each[its] for each in rest))
+                result[..., its, :] = getattr(point, name)(p[its], *(each[its] for each in rest))
         return result
 
 
@@ -352,6 +374,32 @@ def _ahead(light, center):
     way = center - light.position
     length = np.linalg.norm(way)
     return way / length if length else np.array([0.0, 0, -1])
+
+
+class _Ground:
+    """The scene's ground, as its camera sees it."""
+
+    def __init__(self, scene):
+        self.color, self.seen = scene.ground.color, ground_from(scene.camera, height_of(scene))
+
+    def distances(self, pixels):
+        """How far ahead each ray [n, 2] meets it, [n]: infinite where it does not."""
+        if self.seen is None:
+            return np.full(len(pixels), np.inf)
+        down, above = self.seen
+        falls = np.column_stack([pixels, np.ones(len(pixels))]) @ down
+        return np.where(falls > 0, above / np.where(falls > 0, falls, 1), np.inf)
+
+    def light(self, p, lights):
+        """Light and alpha [n, 4] at places p of it."""
+        if not len(p):
+            return np.zeros((0, 4))
+        whole, left = (sum(each) for each in zip(*(light.on_ground(p) for light in lights)))
+        if self.color is not None:
+            return np.column_stack([self.color * left, np.ones(len(p))])
+        all_of_it = whole @ ground.LUMINANCE
+        alpha = np.where(all_of_it > 0, 1 - left @ ground.LUMINANCE / np.where(all_of_it > 0, all_of_it, 1), 0)
+        return np.column_stack([np.zeros((len(p), 3)), alpha])
 
 
 # --- light in hair alone --------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ import numpy as np
 from ..device.team import Team
 from ..scene import extent, hair_bounds
 from ..scene.bounds import boxes_to_see, fur_extent
-from ..stages import chiang, shells
+from ..stages import chiang, ground, shells
 from ..stages import sky as sky_stage
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
@@ -149,16 +149,16 @@ def rasterize(plan: Plan, view: np.void, gpu: Any, strands: tuple[int, int] | No
     visible = None
     for part in plan.parts(gpu, strands, is_body):
         visible = raster(gpu, view, hair(gpu, plan, part, plan.settings.lod), body(gpu, plan, part), visible)
-    return [visible]
+    return [visible if plan.ground is None or not is_body else ground.put(gpu, view, plan.ground, visible)]
 
 
 def rasterize_body(gpu: Any, plan: Plan, view: np.void) -> Any:
-    """Depth and id of the body where it is nearest in each sample -> [rows, width, samples] uint64."""
+    """Depth and id of body or ground where they are nearest in each sample -> [rows, width, samples] uint64."""
     visible = None
     for part in plan.parts(gpu):
         if part.body or visible is None:
             visible = raster(gpu, view, None, body(gpu, plan, part), visible)
-    return visible
+    return visible if plan.ground is None else ground.put(gpu, view, plan.ground, visible)
 
 
 def lighting(gpu: Any, team: Team, plan: Plan, hashes: bool) -> tuple[Lighting, dict]:

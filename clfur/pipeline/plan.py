@@ -102,13 +102,17 @@ class Plan:
 
     wants_color, others: whether color is an output, and whether others are.  faces, triangles, strands, points: how
     many there are.  body: whether there is one.  rest: the mesh by whose areas strands are spread, if it is another.
-    lobed: the types of strands, where looks of some need tables.
+    lobed: the types of strands, where looks of some need tables.  ground: `layout.Ground`, or None.  held: whether the
+    body is a holdout.
     """
 
     def __init__(self, rig: Rig, outputs: Sequence[str]) -> None:
         self.rig, self.scene, self.settings = rig, rig.scene, rig.settings
         self.wants_color, self.others = "color" in outputs, bool(set(outputs) - {"color"})
         mesh, fur = self.scene.mesh, self.scene.strands
+        self.ground, self.held = rig.ground, self.scene.body == "holdout"
+        if self.seen_through and "coverage" in outputs:   # only light tells it
+            self.wants_color = True
         self.grown = isinstance(fur, Strands)
         self.rest = None
         if isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh:
@@ -147,6 +151,7 @@ class Plan:
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage, "strands": self.strands,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
+            "ground": self.ground is not None,
             "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
             "march": shells, "chiang": self.lobed,
             "strand_light": self.uses_coverage and self.wants_color,
@@ -158,6 +163,11 @@ class Plan:
     def uses_coverage(self) -> bool:
         """Whether strands are drawn by the area that they cover."""
         return self.settings.raster == "coverage" and self.strands > 0
+
+    @property
+    def seen_through(self) -> bool:
+        """Whether samples of body or ground hide what is behind them, but do not cover the picture by themselves."""
+        return self.held or self.ground is not None
 
     def light_key(self, lod: float = 0.0) -> tuple:
         """What light depends on that falls on anything, or on strands thinned so, as a key of `Scheduler.keep`."""

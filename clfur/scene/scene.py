@@ -14,6 +14,7 @@ from .bounds import extent, fur_extent, local, origin_of, points_to_see, strands
 from .camera import FOV, Camera, size_of
 from .curves import Curves
 from .environment import Environment
+from .ground import Ground
 from .light import Light
 from .mesh import Mesh
 from .origin import copied, seen_from
@@ -88,9 +89,10 @@ class Scene:
     light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself (arrays of uint8 or
     uint16 are sRGB), or None to leave it undrawn. environment: an Environment, whose light falls on strands and
     body beside the lights', or None. With one, lights leave out the flat ambient that they have by
-    default (0.1); any other counts beside it. Raises Error where the parts don't fit: a type_map, color_texture or
-    pattern "sine" on a mesh without uv, levels for another number of faces, an edge whose two faces give it different
-    levels, or a rest mesh of other faces.
+    default (0.1); any other counts beside it. body: "drawn", or "holdout": it hides and shades what is behind it,
+    but is not seen itself, so that its pixels are free for a picture of it. ground: a Ground, or None. Raises Error
+    where the parts don't fit: a type_map, color_texture or pattern "sine" on a mesh without uv, levels for another
+    number of faces, an edge whose two faces give it different levels, or a rest mesh of other faces.
 
     Faces that have no area or normal in this pose, but have in rest, become part of `mesh`: what grows there stands as
     the normals of their corners, or of faces beside them, point.
@@ -105,6 +107,8 @@ class Scene:
     light: checks.Given = checks.field(_lights, default=Light())
     body_color: checks.Given = checks.field(checks.optional(checks.color), default=(0.30, 0.20, 0.12))
     environment: Environment | None = checks.field(checks.instance(Environment, none=True), default=None)
+    body: str = checks.field(checks.choice("drawn", "holdout"), default="drawn")
+    ground: Ground | None = checks.field(checks.instance(Ground, none=True), default=None)
     strands: Strands | Curves = attrs.field(init=False, repr=False)
     shells: Shells = attrs.field(init=False, repr=False)
 
@@ -130,7 +134,7 @@ class Scene:
             shells = gusty(shells, float(shells.time - turns))
             fur = shells if strands is None else (strands, shells)
         return copied(self, mesh=mesh, fur=fur, strands=strands, shells=shells, light=seen_from(self.light, there),
-                      camera=seen_from(self.camera, there))
+                      camera=seen_from(self.camera, there), ground=seen_from(self.ground, there))
 
     def __attrs_post_init__(self):
         strands, shells = strands_and_shells(self.fur)
@@ -139,8 +143,13 @@ class Scene:
         if shells is not None and self.environment is not None:
             raise Error("Scene.environment is given but Scene.fur has Shells, on which no sky shines; allowed: "
                         "Strands or Curves, or Light.ambient")
+        if self.ground is not None and self.environment is not None:
+            raise Error("Scene.environment and Scene.ground are given, but no sky shines on a ground; allowed: one of "
+                        "them, or Light.ambient")
         if self.mesh is None and strands is None and shells is None:
             raise Error("Scene.mesh and Scene.fur are None; allowed: at least one of them")
+        if self.body == "holdout" and (self.mesh is None or self.body_color is None):
+            raise Error("Scene.body is 'holdout' but no body is drawn; allowed: with a mesh and any body_color")
         for fur in (strands, shells):
             if isinstance(fur, (Strands, Shells)) and self.mesh is None:
                 raise Error(f"Scene.mesh is None but Scene.fur has {type(fur).__name__}; "

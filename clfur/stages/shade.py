@@ -86,6 +86,17 @@ def cover(gpu: Any, visible: Any, transmittance: Any, image: Any) -> None:
     gpu.launch("shade.cover", rows * width, samples=samples, visible=visible, transmittance=transmittance, image=image)
 
 
+def uncover(gpu: Any, visible: Any, transmittance: Any, image: Any) -> None:
+    """Take out of the alpha of an ``image``, [rows, width, 4] float32, what samples that see anything add to it.
+
+    ``visible``: [rows, width, samples] uint64.  ``transmittance``: [rows, width, samples] float32, the share of each
+    sample that comes through what stands before it.  The light of these samples adds what they do cover.
+    """
+    rows, width, samples = visible.shape
+    gpu.launch("shade.uncover", rows * width, samples=samples, visible=visible, transmittance=transmittance,
+               image=image)
+
+
 def outputs(gpu: Any, view: np.void, visible: Any, strands: DeviceStrands, body: Surface,
             result: dict | None = None) -> dict:
     """What the nearest covered sample of each pixel sees -> {name: [rows, width(, 4)]}.
