@@ -25,7 +25,6 @@ from ..stages.coverage import (
     OF_WALKED,
     OPEN,
     REACH,
-    STAGES,
     TILE,
     WALKED,
     Covered,
@@ -42,7 +41,7 @@ from ..stages.shells import Topology, pack, size_of, topology_of
 from ..stages.sky import POINT_LIGHT
 from ..stages.sky import bytes_of as sky_bytes
 from ..stages.strand_light import TRANSMITTANCE, Places
-from ..stages.strands import AREA, ROOTS, SORTED_FROM, DeviceStrands, Packed, area_sums, first_strand_at
+from ..stages.strands import AREA, ROOTS, SORTED_FROM, STAGES, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.voxelize import CELLS, RESTS
 from .views import Rig
@@ -401,7 +400,7 @@ class Plan:
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
             strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
         if gpu.steps:
-            strand += RESTS.bytes + STAGES.bytes * self.uses_coverage
+            strand += RESTS.bytes + STAGES.bytes
             point += 0 if self.uses_coverage else LEFT.bytes
         if self.uses_coverage:
             strand += Tiles.bytes(strand=1)

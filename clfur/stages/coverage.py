@@ -9,7 +9,7 @@ from .. import layout
 from ..layout import Arrays, Declared, array
 from .chiang import no_scattering
 from .lighting import unshadowed
-from .strands import DeviceStrands, arrays
+from .strands import DeviceStrands, arrays, go_through
 
 TILE, WALK = int(layout.CONSTANTS["TILE"]), int(layout.CONSTANTS["WALK"])
 EVERY = 0, int(layout.CONSTANTS["NOTHING"])   # tile, or depth: the first, one past the last
@@ -23,7 +23,6 @@ OPEN = Declared("tile", np.uint32)           # that have not come to their end, 
 GRAINS = Declared("tile", np.uint32, 2)      # where LANES is 1: how a tile's list is sorted
 WALKED = Declared("uint4", np.uint32, 4)     # where a pixel has come to, of a tile so many:
 OF_WALKED = TILE**2 * WALK
-STAGES = Declared("strand", np.uint32, 4, 0)   # how far each has come where drivers end long loops
 
 
 @dataclass(frozen=True)
@@ -80,8 +79,8 @@ def bound(gpu: Any, view: np.void, visible: Any, strands: int = 0) -> Tiles:
 
 def count(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles) -> None:
     """Count the segments of strands that each of the `Tiles` may show."""
-    _go_through(gpu, "coverage.count", strands, view=view, known=_knows(tiles, strands), **vars(tiles),
-                **arrays(strands, "points", "spans"))
+    go_through(gpu, "coverage.count", strands, _a_row(view), view=view, known=_knows(tiles, strands), **vars(tiles),
+               **arrays(strands, "points", "spans"))
 
 
 def allocate(gpu: Any, counts: np.ndarray, survivors: int) -> Segments:
@@ -95,10 +94,10 @@ def fill(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, segments
          window: tuple[int, int] = EVERY, slab: tuple[int, int] = EVERY) -> None:
     """Write the `Segments` of strands that may show in some `Tiles`, ``window``: the first, one past the last, and
     reach into some depths, ``slab``: the same, behind those that are there already."""
-    _go_through(gpu, "coverage.fill", strands, view=view, bounds=tiles.bounds, window=window, slab=slab,
-                first=strands.first_point, known=_knows(tiles, strands), shown=tiles.shown, cursors=segments.cursors,
-                survivors=segments.survivors, entries=segments.entries, ends=segments.ends, ids=segments.ids,
-                cuts=segments.cuts, **arrays(strands, "points", "spans", "shifts"))
+    go_through(gpu, "coverage.fill", strands, _a_row(view), view=view, bounds=tiles.bounds, window=window, slab=slab,
+               first=strands.first_point, known=_knows(tiles, strands), shown=tiles.shown, cursors=segments.cursors,
+               survivors=segments.survivors, entries=segments.entries, ends=segments.ends, ids=segments.ids,
+               cuts=segments.cuts, **arrays(strands, "points", "spans", "shifts"))
 
 
 def reach(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, reaches: Any, taken: Any,
@@ -108,8 +107,8 @@ def reach(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, reaches
     ``reaches``: [segments, 2] uint32, the least and the most depth of each; they go behind those that are there
     already, ``taken``: [1] uint32, how many these are.
     """
-    _go_through(gpu, "coverage.reach", strands, view=view, bounds=tiles.bounds, window=window, survivors=taken,
-                reaches=reaches, **arrays(strands, "points", "spans"))
+    go_through(gpu, "coverage.reach", strands, _a_row(view), view=view, bounds=tiles.bounds, window=window,
+               survivors=taken, reaches=reaches, **arrays(strands, "points", "spans"))
 
 
 def slabs_of(reaches: np.ndarray, most: int) -> list[tuple[tuple[int, int], int]]:
@@ -226,12 +225,6 @@ def _knows(tiles, strands):
     return len(tiles.shown) == len(strands.spans)
 
 
-def _go_through(gpu, kernel, strands, view, **known):
-    """Launch a kernel over strands; where a driver ends long loops again and again, till all have come to their end."""
-    going, n = 1, len(strands.spans)
-    stages = STAGES.empty(gpu, n if gpu.steps else 0)
-    steps = max(gpu.own_steps // 2, int(view["size"][0]) // TILE + 8) if gpu.steps else 2**32 - 1   # a row at least
-    while going:
-        n_open = gpu.full(1, np.uint32, 0) if gpu.steps else gpu.empty(0, np.uint32)
-        gpu.launch(kernel, n, view=view, steps=steps, stages=stages, n_open=n_open, **known)
-        going = int(gpu.download(n_open)[0]) if gpu.steps else 0
+def _a_row(view):
+    """Steps of loops that a row of tiles takes, and some."""
+    return int(view["size"][0]) // TILE + 8
