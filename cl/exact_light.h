@@ -130,7 +130,7 @@ INLINED uint steps_of_light(const Sent *known)
     uint steps = 4 + 4 * known->lighting.n;
     for (int i = 0; i < known->lighting.n && known->shadowed; ++i) {
         const int side = 2 * known->lighting.shadows[i].body.y + 1;
-        steps += 1 + (i < 2 ? 1 : 2) * (side + LOOK);
+        steps += 1 + (i < 2 ? 1 : 2) * (side * (side / STRIDE + 2) + LOOK);
     }
     return steps;
 }

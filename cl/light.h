@@ -71,15 +71,7 @@ inline float through_hair(const Obstacles *obstacles, float2 self_shadow, float4
 #define HAIR_STEEPEST 5.0f                        // of `past_body`, for hair: by the body's normal at its root
 #define HAIR_BIAS(radius) (1.0f + 2 * (radius))
 
-#if LANES == 1
-#define STRIDE 8                                  // texels without a loop, since llvmpipe ends long ones,
-#define STRIDES 5                                 // and so many of these: a row of the widest filter is 33 wide
-#define ALONG_ROW(first, left, right) const int first = left;
-#else
-#define STRIDE 1
-#define STRIDES 1
-#define ALONG_ROW(first, left, right) for (int first = left; first <= right; ++first)
-#endif
+#define STRIDE (LANES == 1 ? LOOK_AT_ONCE : 1)               // texels without a loop: llvmpipe ends long ones
 
 /* How many of the (2r + 1)² texels around texel (x0, y0) see what lies nearer to the light than a plane: at `nearest` there,
    dx and dy deeper a texel. */
@@ -105,17 +97,13 @@ inline int dark_texels(const Obstacles *obstacles, int x0, int y0, float nearest
     }
     for (int j = top; j <= bottom; ++j) {
         __global const ulong *row = obstacles->shadow_map + (long)(y0 + j) * width + x0;
-        ALONG_ROW(first, left, right)
+        for (int k = left; k <= right; k += STRIDE)
             #pragma unroll
-            for (int k = first; k < first + STRIDE * STRIDES; k += STRIDE)
-                if (k <= right) {
-                    #pragma unroll
-                    for (int m = 0; m < STRIDE; ++m) {
-                        const int at = k + m <= right ? k + m : right;
-                        const long seen = row[at] >> 32;  /* above DEPTH_ONE where nothing is: p may lie far behind the map */
-                        dark += (k + m <= right) & (seen <= DEPTH_ONE) & (seen + plane_at + at * x_step + j * y_step < DEPTH_ONE);
-                    }
-                }
+            for (int m = 0; m < STRIDE; ++m) {
+                const int at = k + m <= right ? k + m : right;
+                const long seen = row[at] >> 32;          /* above DEPTH_ONE where nothing is: p may lie far behind the map */
+                dark += (k + m <= right) & (seen <= DEPTH_ONE) & (seen + plane_at + at * x_step + j * y_step < DEPTH_ONE);
+            }
     }
     return dark;
 }

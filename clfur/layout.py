@@ -31,7 +31,8 @@ CONSTANTS = {
     "ROWS": 16,             # of a face's points in the light's grid that a work-item does,
     "POINT_STEP": 0.75,     # which stand no further apart than so many sides of a cell
     "SHADES": 24,           # of hair in a table of how it scatters light, from black to white
-    "LOOK": 16,             # steps of loops that a look at a light's map may take, besides one a row of its filter
+    "LOOK": 16,             # steps of loops that a look at a light's map may take, besides its filter's,
+    "LOOK_AT_ONCE": 8,      # which takes so many texels of a row in one
     "CELL_BITS": 4,         # of a coordinate of a cell by which the user's strands are put in order
     "HARMONICS": 9,         # spherical, of orders 0 to 2
     "SKY_EDGE": 2,          # cells around a slice of a sky's grid, through which all light comes

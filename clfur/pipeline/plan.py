@@ -65,7 +65,7 @@ PLACES = Places.bytes(place=1)
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
-LOOK, SLOTS = (layout.CONSTANTS[name] for name in ("LOOK", "SLOTS"))
+LOOK, LOOK_AT_ONCE, SLOTS = (layout.CONSTANTS[name] for name in ("LOOK", "LOOK_AT_ONCE", "SLOTS"))
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -376,13 +376,13 @@ class Plan:
         if not gpu.steps or not self.wants_color:
             return
         maps = sum(light.casts for light in lights) * (settings.shadows != "off" and bool(settings.shadow_map))
-        look = 2 * settings.pcf + 1 + LOOK
+        side = 2 * settings.pcf + 1
+        look = side * (side // LOOK_AT_ONCE + 2) + LOOK
         sample, piece = len(lights) * 4 + maps * look, len(lights) * 12 + maps * 2 * look
         slots = SLOTS * self.uses_coverage
-        if sample * settings.samples > gpu.steps or piece * slots > gpu.steps // 2:
-            raise Error(f"Scene.light has {len(lights)} lights and Settings.pcf is {settings.pcf}, which take more "
-                        f"steps of loops than {gpu.name} does; allowed: fewer lights, or with shadows=False, or a "
-                        f"smaller pcf")
+        if sample * settings.samples > gpu.steps * 3 // 4 or piece * slots > gpu.steps // 2:
+            raise Error(f"Scene.light has {len(lights)} lights and Settings.pcf is {settings.pcf}, which take longer "
+                        f"loops than {gpu.name} ends; allowed: fewer lights, or with shadows=False, or a smaller pcf")
 
     def keeps_transmittances(self, gpu: Any) -> bool:
         """Whether there is room for the transmittances to all points of strands: then they are asked once for all bands
