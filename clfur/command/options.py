@@ -13,7 +13,21 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
-from .. import PRESETS, Camera, Error, Ground, HairType, Light, Scene, Settings, Shells, Strands, load_mesh
+from .. import (
+    PRESETS,
+    Camera,
+    Error,
+    Ground,
+    HairType,
+    Light,
+    Material,
+    Scene,
+    Settings,
+    Shells,
+    Strands,
+    load_materials,
+    load_mesh,
+)
 from ..files.images import load_picture
 from ..scene import frame, highlighted
 from ..settings import CHOSEN, RASTERS, SHADOWS
@@ -48,6 +62,10 @@ _SCENE = [
                  help="Vertical field of view."),
     click.option("--light", type=Numbers(3), default="1,-1,-0.6", metavar="X,Y,Z",
                  help="The way the light travels."),
+    click.option("--body-color", type=Color(), metavar="COLOR",
+                 help="Base colour of the body.  [default: a glTF file's own, else 0.3,0.2,0.12]"),
+    click.option("--body-texture", metavar="PICTURE",
+                 help="Picture that is laid on the body by uv; --body-color, if given, multiplies it."),
     click.option("--body", type=click.Choice(["drawn", "holdout"]), default="drawn",
                  help="A holdout hides and shades hair, but is not seen itself."),
     click.option("--ground", type=Height(), metavar="lowest|Y",
@@ -152,7 +170,7 @@ def load_scene(given, options):
     if not is_scene_file(given):
         _check_fur(flags, options)
         _check_blur(flags, settings)
-        return _scene(load_mesh(given), options), settings
+        return _scene(load_mesh(given), options | {"given": given}), settings
     scene, given_settings = _run(given)
     # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
     for name, flag in flags.items():
@@ -243,7 +261,18 @@ def _scene(mesh, options):
     height = options["ground"]
     ground = None if height is None else Ground(None if height == "lowest" else height)
     return Scene(mesh=mesh, fur=fur, camera=camera, light=Light(direction=options["light"]), body=options["body"],
-                 ground=ground)
+                 ground=ground, **_body_color(options))
+
+
+def _body_color(options):
+    """{"body_color"} of the options or else of the mesh's file; {} for a scene's own."""
+    color, picture = options["body_color"], options["body_texture"]
+    if picture is not None:
+        return {"body_color": Material(color or (1, 1, 1), load_picture(picture))}
+    if color is not None or options["body"] == "holdout":   # which is not seen
+        return {} if color is None else {"body_color": color}
+    materials = load_materials(options["given"])
+    return {"body_color": materials} if materials else {}
 
 
 def _shells(options, length, radius):

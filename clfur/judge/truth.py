@@ -215,6 +215,7 @@ class _Light:
 
     def __init__(self, scene, light, hair, body):
         self.light, self.hair, self.body, self.body_color = light, hair, body, scene.body_color
+        self.material_of = scene.mesh and scene.mesh.material_of if isinstance(scene.body_color, tuple) else None
         spot, direction = self.light.position is not None, self.light.direction
         _, radius = extent(scene.mesh, scene.fur)
         self.eye = Eye(self.light.position if spot else np.zeros(3), frame_along(direction), not spot)
@@ -245,12 +246,15 @@ class _Light:
 
     def on_body(self, p, v, triangle):
         """Light [n, 3] from places p of triangles towards v."""
-        n, _ = shade.on_body(self.body, triangle, p, v)
+        n, weights = shade.on_body(self.body, triangle, p, v)
         to_light, direct = self._unshadowed(p)
         direct *= np.maximum(dot(n, to_light), 0)[:, None]
         some = np.flatnonzero(direct.any(1))
         direct[some] *= self._transmittance(p[some], triangle[some], np.full(len(some), -1))[:, None]
-        return self.body_color * (direct + self.light.ambient)
+        color = self.body_color
+        if isinstance(color, tuple):
+            color = shade.painted(self.body, color, self.material_of, triangle, weights)
+        return color * (direct + self.light.ambient)
 
     def on_ground(self, p):
         """What falls on places p of a level plane: (all of it, what is left of it) [n, 3]."""

@@ -23,7 +23,7 @@ from ..stages.lod import THINNED
 from ..stages.march import Rays
 from ..stages.order import Order
 from ..stages.raster import VISIBLE
-from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs
+from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs, Paint
 from ..stages.shells import Topology, pack, size_of, topology_of
 from ..stages.strand_light import TRANSMITTANCE, Places
 from ..stages.strands import AREA, ROOTS, SORTED_FROM, DeviceStrands, Packed, area_sums, first_strand_at
@@ -85,7 +85,7 @@ class Plan:
     wants_color, others: whether color is an output, and whether others are.  faces, triangles, strands, points: how
     many there are.  body: whether there is one.  rest: the mesh by whose areas strands are spread, if it is another.
     lobed: the types of strands, where looks of some need tables.  ground: `layout.Ground`, or None.  held: whether the
-    body is a holdout.
+    body is a holdout.  painted: its Materials, where it has more than one colour.
     """
 
     def __init__(self, rig: Rig, outputs: Sequence[str]) -> None:
@@ -102,6 +102,8 @@ class Plan:
         self.body = mesh is not None and self.scene.body_color is not None
         types = fur.types if isinstance(fur, Strands) else fur.hair_types if isinstance(fur, Curves) else ()
         self.lobed = types if self.wants_color and of_model(types) else ()
+        color = self.scene.body_color
+        self.painted = color if isinstance(color, tuple) and self.wants_color and not self.held else ()
         self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
         # Running sums: vertices and triangles before each face, points before each of the user's strands, and of all.
@@ -334,6 +336,7 @@ class Plan:
         if settings.shadows != "off" and (self.strands or scene.shells):
             layers = Lighting.bytes(layer=(settings.grid + 1) * settings.grid**2)
             fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
+        fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
         return fixed + OF_KEPT * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property

@@ -12,6 +12,7 @@ from .curves import Bounds, Curves
 from .ground import Ground
 from .light import Light
 from .look import Chiang, Kajiya, highlighted
+from .material import Material
 from .mesh import Mesh
 from .origin import seen_from
 from .scene import Scene, frame
@@ -19,7 +20,7 @@ from .shells import Shells
 from .strands import HairType, PointForce, Strands
 
 __all__ = [
-    "Bounds", "Camera", "Chiang", "Curves", "Ground", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene",
-    "Shells", "Strands", "backdrop", "bounds_of", "extent", "frame", "fur_extent", "hair_bounds", "highlighted", "over",
-    "seen_from",
+    "Bounds", "Camera", "Chiang", "Curves", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh", "PointForce",
+    "Scene", "Shells", "Strands", "backdrop", "bounds_of", "extent", "frame", "fur_extent", "hair_bounds",
+    "highlighted", "over", "seen_from",
 ]
