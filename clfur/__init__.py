@@ -9,6 +9,7 @@ from ._moved import install
 from .budget import PRESETS
 from .device.scheduler import Scheduler
 from .errors import DeviceError, Error
+from .files.gltf import load_materials
 from .files.images import load_picture, save
 from .files.meshes import load_mesh
 from .judge import truth
@@ -24,6 +25,7 @@ from .scene import (
     HairType,
     Kajiya,
     Light,
+    Material,
     Mesh,
     PointForce,
     Scene,
@@ -35,9 +37,9 @@ from .settings import Settings
 
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
-    "Frontier", "Ground", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Scheduler", "Settings",
-    "Shells", "Strands", "compare", "draw", "frontier", "grow", "load_mesh", "load_picture", "over", "render", "save",
-    "truth",
+    "Frontier", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
+    "Settings", "Shells", "Strands", "compare", "draw", "frontier", "grow", "load_materials", "load_mesh",
+    "load_picture", "over", "render", "save", "truth",
 ]
 
 install()

@@ -44,6 +44,9 @@ CONSTANTS = {
 # How hair scatters light, as the last of `shine` tells; scatter.h has a way for each.
 MODELS = {"kajiya-kay": 0, "half-vector": 1, "turned": 2, "chiang": 3}
 
+WRAPS = "repeat", "mirror", "clamp"   # what is seen of a picture outside of it
+CONSTANTS |= {f"WRAP_{name.upper()}": number for number, name in enumerate(WRAPS)}
+
 # Sample positions in 1/16 pixel from the pixel's centre: no two share a row or a column, so an edge near an
 # axis has as many steps as samples.  4 and 16 are Direct3D's standard patterns.
 PATTERNS = {
@@ -133,6 +136,12 @@ Ground = np.dtype([                   # a level plane, as a camera above it sees
     ("color", *_float4),                 # linear r, g, b; 1, or 0 if its shadow alone is seen
 ])
 
+Material = np.dtype([                 # what the body is painted with
+    ("color", *_float4),                 # linear r, g, b, which a picture's texels multiply
+    ("size", *_int4),                    # its picture's width and height (0: none), its first texel, its levels
+    ("wrap", *_int4),                    # WRAPS of u and v, -, -
+])
+
 Lobes = np.dtype([                    # how hair of a type scatters light, where its model is "chiang"
     ("along", np.float32, (4, 4)),       # a row a lobe: 1 / variance, 1 / integral, sine and cosine of the tilt
     ("color", *_float4),                 # how fast the lobes fall with the square of log2(colour), -, -, -
@@ -140,7 +149,7 @@ Lobes = np.dtype([                    # how hair of a type scatters light, where
 ])
 
 STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid,
-           "Shells": Shells, "Ground": Ground, "Lobes": Lobes}
+           "Shells": Shells, "Ground": Ground, "Material": Material, "Lobes": Lobes}
 
 
 def shine(look, alpha, model=None):

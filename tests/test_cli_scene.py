@@ -133,7 +133,8 @@ SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "
           "--target": "0,0,0", "--fov": 30, "--light": "0,-1,0", "--shadows": "off", "--grid": 16, "--samples": 1,
           "--shadow-map": 64, "--pcf": 0,
           "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
-          "--preset": "draft", "--rest": "sphere", "--body": "holdout", "--ground": -1.5}
+          "--preset": "draft", "--rest": "sphere", "--body": "holdout", "--body-color": "1,0,0", "--body-texture": "",
+          "--ground": -1.5}
 
 
 def test_each_option_is_of_strands_or_of_shells_or_of_both():
@@ -142,10 +143,11 @@ def test_each_option_is_of_strands_or_of_shells_or_of_both():
     for fur in ("strands", "shells"):
         alone = {"strands": STRANDS, "shells": SHELLS}[fur]
         for flag, value in ({**alone, **SHARED, "--fur": fur}).items():
-            if flag not in ("--type-map", "--types"):
+            if flag not in ("--type-map", "--types", "--body-texture"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
-    del everything["--type-map"], everything["--types"], everything["--sky"]   # which shines on strands alone
+    for flag in "--type-map", "--types", "--body-texture", "--sky":   # a sky shines on strands alone
+        del everything[flag]
     load("sphere", *(part for option in everything.items() for part in option))
 
 

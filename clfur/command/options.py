@@ -13,7 +13,20 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
-from .. import PRESETS, Camera, Error, Ground, HairType, Scene, Settings, Shells, Strands, load_mesh
+from .. import (
+    PRESETS,
+    Camera,
+    Error,
+    Ground,
+    HairType,
+    Material,
+    Scene,
+    Settings,
+    Shells,
+    Strands,
+    load_materials,
+    load_mesh,
+)
 from ..files.images import load_picture
 from ..scene import frame, highlighted
 from ..settings import CHOSEN, RASTERS, SHADOWS
@@ -55,6 +68,10 @@ _SCENE = [
                  help="Light from all around, hidden by hair and body, instead of the flat ambient: a colour, R,G,B of "
                       "0 or more each (linear) or '#rrggbb'; ZENITH:HORIZON:GROUND, three of these; or an "
                       "equirectangular picture, .hdr, .exr, .png.  [default: none]"),
+    click.option("--body-color", type=Color(), metavar="COLOR",
+                 help="Base colour of the body.  [default: a glTF file's own, else 0.3,0.2,0.12]"),
+    click.option("--body-texture", metavar="PICTURE",
+                 help="Picture that is laid on the body by uv; --body-color, if given, multiplies it."),
     click.option("--body", type=click.Choice(["drawn", "holdout"]), default="drawn",
                  help="A holdout hides and shades hair, but is not seen itself."),
     click.option("--ground", type=Height(), metavar="lowest|Y",
@@ -159,7 +176,7 @@ def load_scene(given, options):
     if not is_scene_file(given):
         _check_fur(flags, options)
         _check_blur(flags, settings)
-        return _scene(load_mesh(given), options), settings
+        return _scene(load_mesh(given), options | {"given": given}), settings
     scene, given_settings = _run(given)
     # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
     for name, flag in flags.items():
@@ -250,12 +267,23 @@ def _scene(mesh, options):
     height = options["ground"]
     ground = None if height is None else Ground(None if height == "lowest" else height)
     return Scene(mesh=mesh, fur=fur, camera=camera, light=_lights(options["lights"]), environment=options["sky"],
-                 body=options["body"], ground=ground)
+                 body=options["body"], ground=ground, **_body_color(options))
 
 
 def _lights(texts):
     """The `Light`s of texts; ambient light, where a text has none, comes with the first."""
     return [light_of(text, {"ambient": 0.0} if number else {}) for number, text in enumerate(texts)]
+
+
+def _body_color(options):
+    """{"body_color"} of the options or else of the mesh's file; {} for a scene's own."""
+    color, picture = options["body_color"], options["body_texture"]
+    if picture is not None:
+        return {"body_color": Material(color or (1, 1, 1), load_picture(picture))}
+    if color is not None or options["body"] == "holdout":   # which is not seen
+        return {} if color is None else {"body_color": color}
+    materials = load_materials(options["given"])
+    return {"body_color": materials} if materials else {}
 
 
 def _shells(options, length, radius):

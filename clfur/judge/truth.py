@@ -84,8 +84,7 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
             random = np.concatenate([_of_sky(row, width, samples, seed) for row in range(top, end)])
             color[nearer, :3] += _sky_on_hair(sky, hair, p, fibre, share, random[nearer])
         if sky and scene.body == "drawn":
-            color[bare, :3] += scene.body_color * _sky_on_body(sky, body, at, _towards(eye, at), triangle[bare],
-                                                               random[bare])
+            color[bare, :3] += _sky_on_body(scene, sky, body, at, _towards(eye, at), triangle[bare], random[bare])
         if under:
             color[below] = under.light(eye.points(places[below], ground_depth[below]), lights)
         result[top:end] = color.reshape(end - top, width, samples**2, 4).mean(2)
@@ -247,18 +246,27 @@ def _sky_on_hair(sky, hair, p, fibre, share, random):
     return color * sky.light(p, t, none > 0, strand, none, random)
 
 
-def _sky_on_body(sky, body, p, v, triangle, random):
-    """Light [n, 3] of a sky that comes to places p of triangles, on the side that v sees."""
-    n, _ = shade.on_body(body, triangle, p, v)
-    return sky.light(p, n, triangle >= 0, np.full(len(p), -1), triangle, random)
+def _sky_on_body(scene, sky, body, p, v, triangle, random):
+    """Light [n, 3] of a sky from places p of triangles, on the side that v sees."""
+    n, weights = shade.on_body(body, triangle, p, v)
+    color = _base_color(scene, body, triangle, weights)
+    return color * sky.light(p, n, triangle >= 0, np.full(len(p), -1), triangle, random)
+
+
+def _base_color(scene, body, triangle, weights):
+    """Base colours of triangles at weights of their corners, [n, 3], or one for all."""
+    if not isinstance(scene.body_color, tuple):
+        return scene.body_color
+    return shade.painted(body, scene.body_color, scene.mesh and scene.mesh.material_of, triangle, weights)
 
 
 class _Light:
     """One light of a scene on places in it."""
 
     def __init__(self, scene, light, hair, body):
-        self.light, self.hair, self.body, self.body_color = light, hair, body, scene.body_color
+        self.light, self.hair, self.body = light, hair, body
         self.ambient = ambient_of(light, scene.environment)
+        self.scene = scene
         spot, direction = self.light.position is not None, self.light.direction
         center, radius = extent(scene.mesh, scene.fur)
         if light.everywhere:
@@ -291,12 +299,12 @@ class _Light:
 
     def on_body(self, p, v, triangle):
         """Light [n, 3] from places p of triangles towards v."""
-        n, _ = shade.on_body(self.body, triangle, p, v)
+        n, weights = shade.on_body(self.body, triangle, p, v)
         to_light, direct = self._unshadowed(p)
         direct *= np.maximum(dot(n, to_light), 0)[:, None]
         some = np.flatnonzero(direct.any(1))
         direct[some] *= self._transmittance(p[some], triangle[some], np.full(len(some), -1))[:, None]
-        return self.body_color * (direct + self.ambient)
+        return _base_color(self.scene, self.body, triangle, weights) * (direct + self.ambient)
 
     def on_ground(self, p):
         """What falls on places p of a level plane: (all of it, what is left of it) [n, 3]."""

@@ -13,7 +13,7 @@ import numpy as np
 from ..device.team import Team
 from ..scene import extent, hair_bounds
 from ..scene.bounds import boxes_to_see, fur_extent
-from ..stages import chiang, ground, shells
+from ..stages import chiang, ground, shade, shells
 from ..stages import sky as sky_stage
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
@@ -30,7 +30,7 @@ def let_go(plan: Plan, gpu: Any) -> None:
     gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
               plan.scene.shells and plan.scene.shells.layers))
     gpu.prepare(plan.kernel_files)
-    gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed))
+    gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed), *plan.painted[:1])
     transmittances(gpu, plan)
     furry, under_sky = plan.scene.shells is not None, plan.scene.environment is not None
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
@@ -126,6 +126,16 @@ def scattering(gpu: Any, plan: Plan) -> chiang.Scattering | None:
         return None
     looks = str([(kind.look.model, kind.look.numbers, kind.look.lobes) for kind in plan.lobed])
     return gpu.keep("scattering", (chiang.KEPT, looks), functools.partial(chiang.scattering, gpu, plan.lobed))
+
+
+def paint(gpu: Any, plan: Plan, part: Part | None) -> tuple:
+    """(`shade.Paint` of the body, kept while its materials stay; which of these the faces of a part have), None where
+    it is of one colour."""
+    if not plan.painted or part is None:
+        return None, None
+    known = gpu.keep("paint", plan.painted, functools.partial(shade.paint_of, gpu, plan.painted))
+    mesh: Any = plan.scene.mesh
+    return known, gpu.upload(mesh.material_of[slice(*part.faces)]) if len(plan.painted) > 1 else None
 
 
 def shell(gpu: Any, plan: Plan) -> tuple[shells.Shell, np.void]:

@@ -82,8 +82,9 @@ class Samples:
             if len(parts) > 1:
                 build.tally(gpu, plan, part)
             if plan.wants_color:
-                result = _color(gpu, plan, band.view, band.visible, build.hair(gpu, plan, part, plan.settings.lod),
-                                build.body(gpu, plan, part), lighting, image, front.shell_transmittance, sums)
+                result = _color(gpu, plan, part, band.view, band.visible,
+                                build.hair(gpu, plan, part, plan.settings.lod), build.body(gpu, plan, part), lighting,
+                                image, front.shell_transmittance, sums)
             if plan.others:
                 known = shade.outputs(gpu, front.view, front.keys, build.hair(gpu, plan, part, plan.settings.lod),
                                       build.body(gpu, plan, part), known)
@@ -149,7 +150,8 @@ class Coverage:
         for part in bodies:
             body, none = build.body(gpu, plan, part), no_strands(gpu)
             if plan.wants_color and not plan.held:
-                _color(gpu, plan, band.view, band.visible, none, body, lighting, None, front.body_transmittance, sums)
+                _color(gpu, plan, part, band.view, band.visible, none, body, lighting, None, front.body_transmittance,
+                       sums)
             if plan.others:
                 known = shade.outputs(gpu, front.view, front.keys, none, body, known)
             del body   # goes before the next one is made
@@ -292,12 +294,13 @@ class Counted:
         return self.counts[(rows[0] - self.first) // TILE:-(-(rows[1] - self.first) // TILE)]
 
 
-def _color(gpu, plan, view, visible, hair, body, lighting, image, sample_transmittance, sums):
-    body_color = (0, 0, 0) if plan.scene.body_color is None else plan.scene.body_color
+def _color(gpu, plan, part, view, visible, hair, body, lighting, image, sample_transmittance, sums):
+    body_color = (0, 0, 0) if plan.scene.body_color is None or plan.painted else plan.scene.body_color
     body = no_surface(gpu) if plan.held else body   # what is hidden needs no light
     scattering = build.scattering(gpu, plan) if len(hair.points) else None
     return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums,
-                       scattering, build.sky(gpu, plan))
+                       scattering, build.sky(gpu, plan),
+                       *build.paint(gpu, plan, part if len(body.triangles) else None))
 
 
 def _light_ground(gpu, plan, band, lighting, sums, sample_transmittance):

@@ -36,7 +36,7 @@ from ..stages.lod import THINNED
 from ..stages.march import Rays
 from ..stages.order import Order
 from ..stages.raster import LEFT, VISIBLE
-from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs
+from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs, Paint
 from ..stages.shells import Topology, pack, size_of, topology_of
 from ..stages.sky import POINT_LIGHT
 from ..stages.sky import bytes_of as sky_bytes
@@ -102,7 +102,7 @@ class Plan:
     wants_color, others: whether color is an output, and whether others are.  faces, triangles, strands, points: how
     many there are.  body: whether there is one.  rest: the mesh by whose areas strands are spread, if it is another.
     lobed: the types of strands, where looks of some need tables.  ground: `layout.Ground`, or None.  held: whether the
-    body is a holdout.
+    body is a holdout.  painted: its Materials, where it has more than one colour.
     """
 
     def __init__(self, rig: Rig, outputs: Sequence[str]) -> None:
@@ -119,6 +119,8 @@ class Plan:
         self.body = mesh is not None and self.scene.body_color is not None
         types = fur.types if isinstance(fur, Strands) else fur.hair_types if isinstance(fur, Curves) else ()
         self.lobed = types if self.wants_color and of_model(types) else ()
+        color = self.scene.body_color
+        self.painted = color if isinstance(color, tuple) and self.wants_color and not self.held else ()
         self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
         # Running sums: vertices and triangles before each face, points before each of the user's strands, and of all.
@@ -363,6 +365,7 @@ class Plan:
             fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
         if scene.environment is not None:
             fixed += sky_bytes(self.body)
+        fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
         return fixed + OF_KEPT * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property
