@@ -220,6 +220,8 @@ __kernel void radiance(
     const uint n_points,
     const int shadowed,                    // 1: something stands before them
     __global const float *transmittances,  // [n_lights, n_points] share of direct light, if so
+    const int is_scattered,                // 1: light comes from hair to hair too
+    __global const float8 *scattered,      // [segments] what they send of it at their starts and ends, if so
     __global ulong *places,                // [segments, FEW_PLACES] see places.h
     volatile __global uint *rows)          // [1] of `more` that are taken
 {
@@ -260,6 +262,16 @@ __kernel void radiance(
             const lanes3 one = fibre_lanes(&light, &here[j].fibres, &looks, l, here[j].v, part);
             sent[j] = i ? plus(sent[j], one) : one;
         }
+    }
+    if (is_scattered && needy < count) {
+        lanes3 start, step;
+        for (int k = 0; k < LANES; ++k) {
+            const float8 there = scattered[first + (k < count ? k : 0)];
+            put_lane(&start, k, there.lo);
+            put_lane(&step, k, there.hi - there.lo);
+        }
+        for (int j = 0; j < FEW_PLACES; ++j)
+            sent[j] = plus(sent[j], plus(start, scaled(step, F((float)j / (FEW_PLACES - 1)))));
     }
     for (uint k = 0; k < count; ++k) {
         __global ulong *few = places + FEW_PLACES * (size_t)(first + k);

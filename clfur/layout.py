@@ -29,6 +29,12 @@ CONSTANTS = {
     "POINT_STEP": 0.75,     # which stand no further apart than so many sides of a cell
     "SHADES": 24,           # of hair in a table of how it scatters light, from black to white
     "CELL_BITS": 4,         # of a coordinate of a cell by which the user's strands are put in order
+    "HARMONICS": 9,         # spherical, of orders 0 to 2
+    "MOMENTS": 6,           # of hair in a cell: xx, yy, zz, xy, xz, yz
+    "DIRECTIONS": 24,       # in which light goes from hair to hair; a multiple of 8
+    "PARTS_OF_ONE": 8,      # of each, over which light is averaged
+    "TANGENTS": 96,         # of hair for which it is tabulated how light is scattered,
+    "ALBEDOS": 32,          # and angles of the eye for which how much of it
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
@@ -111,13 +117,18 @@ Shells = np.dtype([                   # fur as a height field on the body, drawn
     ("to_noise", np.float32, (3, 4)),    # columns: from the middle of the mesh in rest -> in lattices of the noise
 ])
 
+Sky = np.dtype([                      # cells of the world that hold light of a sky
+    ("place", *_float4),                 # lowest corner [world]; cells a unit of length
+    ("size", *_int4),                    # cells a side; 1: there is a sky, -, -
+])
+
 Lobes = np.dtype([                    # how hair of a type scatters light, where its model is "chiang"
     ("along", np.float32, (4, 4)),       # a row a lobe: 1 / variance, 1 / integral, sine and cosine of the tilt
     ("color", *_float4),                 # how fast the lobes fall with the square of log2(colour), -, -, -
     ("table", *_int4),                   # where its table begins; how many cosines and angles it has, -
 ])
 
-STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Shells": Shells,
+STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Shells": Shells,
            "Lobes": Lobes}
 
 

@@ -9,6 +9,7 @@ from .scene import checks
 
 RASTERS = ("coverage", "samples")
 CHOSEN = ("samples", "raster", "shadows", "grid", "shadow_map", "pcf", "lod")   # by `Settings.max_error` and seconds
+SCATTERING = ("off", "grid")
 SHADOWS = ("off", "binary", "count", "trilinear", "length")
 
 
@@ -54,6 +55,7 @@ class Settings:
     shadow_map: int = checks.field(checks.whole(0, 8192), default=512)
     pcf: int = checks.field(checks.whole(0, 16), default=1)
     specular: str | None = checks.field(checks.optional(checks.choice("kajiya-kay", "half-vector")), default=None)
+    scattering: str = checks.field(checks.choice(*SCATTERING), default="off")
     lod: float = checks.field(checks.real(low=0, high=4), default=0.0)
     filtered: bool = checks.field(checks.flag, default=True)
     blur: str = checks.field(checks.choice("off", "all", "edges"), default="off")

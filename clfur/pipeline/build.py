@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 
 from ..device.team import Team
-from ..stages import chiang, shells
+from ..scene import extent, hair_bounds
+from ..stages import chiang, shells, sky
+from ..stages import transport as transport_stage
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
 from ..stages.raster import raster
@@ -90,6 +92,15 @@ def scattering(gpu: Any, plan: Plan) -> chiang.Scattering | None:
     return gpu.keep("scattering", (chiang.KEPT, looks), functools.partial(chiang.scattering, gpu, plan.lobed))
 
 
+def transport(gpu: Any, plan: Plan, lighting: Lighting) -> Any:
+    """`Transport` of light from hair to hair; that of the frame before if only the camera has moved.  None where it is
+    not followed."""
+    if not plan.scatters:
+        return None
+    return gpu.keep("transport", (plan.scene.mesh, lighting, *plan.light_key()),
+                    functools.partial(_transport, gpu, plan, lighting))
+
+
 def shell(gpu: Any, plan: Plan) -> tuple[shells.Shell, np.void]:
     """Shell fur -> (`Shell`, `layout.Shells`)."""
     mesh, topology, packed = plan.scene.mesh, plan.topology, plan.packed_shells
@@ -138,6 +149,22 @@ def on(gpu: Any, array: Any) -> Any:
 def bytes_of(gpu: Any, array: Any) -> np.ndarray:
     """The bits of an array, on the host."""
     return np.ascontiguousarray(array if isinstance(array, np.ndarray) else gpu.download(array))
+
+
+def _transport(gpu, plan, lighting):
+    scene, looks = plan.scene, scattering(gpu, plan)
+    made = gpu.keep("phases", (chiang.KEPT, looks), functools.partial(transport_stage.phases, gpu, looks))
+    center, radius = extent(scene.mesh, scene.strands)
+    grid = sky.sky_of(center - radius, center + radius, transport_stage.CELLS)
+    held = sky.held(gpu, grid, plan.body, hair_bounds(scene.strands, plan.strands)[2])
+    there = transport_stage.amounts(gpu, grid, len(plan.lobed))
+    for part in plan.parts(gpu):
+        strands = hair(gpu, plan, part, 0)
+        sky.deposit(gpu, grid, held, strands, body(gpu, plan, part))
+        if part.hairy:
+            transport_stage.deposit(gpu, grid, there, held.unit, strands, looks)
+    outside = np.zeros((transport_stage.DIRECTIONS, 3))
+    return transport_stage.transport(gpu, grid, held, there, lighting, looks, made, outside, transport_stage.ORDERS)
 
 
 def _surface(gpu, plan, faces):

@@ -130,9 +130,15 @@ class Plan:
             "order": not self.grown and self.strands >= SORTED_FROM,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "zscan": casting, "march": shells, "chiang": self.lobed,
+            "sky": self.scatters, "transport": self.scatters,
             "strand_light": self.uses_coverage and self.wants_color,
             "shade": True, "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
+
+    @property
+    def scatters(self) -> bool:
+        """Whether light is followed from hair to hair."""
+        return bool(self.settings.scattering == "grid" and self.lobed)
 
     @property
     def uses_coverage(self) -> bool:
@@ -144,7 +150,7 @@ class Plan:
         scene, settings = self.scene, self.settings
         fit = b"".join(each.tobytes() for each in (*self.rig.grids, *self.rig.light_views) if each is not None).hex()
         return (scene.mesh, scene.strands, scene.shells, *scene.lights, int(self.body), settings.shadows, settings.grid,
-                settings.shadow_map, settings.pcf, str(lod), scene.camera if lod else None, fit)
+                settings.shadow_map, settings.pcf, settings.scattering, str(lod), scene.camera if lod else None, fit)
 
     def _points(self, first, end):
         """Points set aside for a run of strands."""

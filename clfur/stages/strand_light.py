@@ -9,6 +9,7 @@ from .. import layout
 from ..layout import Arrays, Declared, array
 from .chiang import Scattering, no_scattering
 from .lighting import Lighting
+from .transport import Transport, leaving
 from .strands import DeviceStrands, arrays
 
 TRANSMITTANCE = Declared("point", np.float32)   # share of a light's direct light there, 0..1
@@ -22,6 +23,7 @@ class Places(Arrays):
 
     places: Any = array("segment", np.uint64, FEW)   # of each, or where in `more` they are: see cl/places.h
     more: Any = array("row", np.float32, 32)      # what others are like: see cl/exact_light.h
+    scattered: Any = array("segment", np.float32, 8)   # what they send of light from hair to hair, at their ends, if any
     until: int = 0                                # segments of which it is known
     rows: int = 0                                 # of `more` that these have
     lighting: Lighting | None = None              # that falls on them,
@@ -39,26 +41,30 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
     return result
 
 
-def unlit(gpu: Any, lighting: Lighting, n: int) -> Places:
-    """Room for the light of n segments -> `Places`, of none of them."""
-    return Places(Places.declared["places"].empty(gpu, n), Places.declared["more"].empty(gpu, 0), lighting=lighting)
+def unlit(gpu: Any, lighting: Lighting, n: int, scatters: bool = False) -> Places:
+    """Room for the light of n segments -> `Places`, of none of them; ``scatters``: also of what goes from hair to hair."""
+    return Places(*(Places.declared[name].empty(gpu, rows) for name, rows in (
+        ("places", n), ("more", 0), ("scattered", n * scatters))), lighting=lighting)
 
 
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
              segments: Any = None, until: int | None = None, before: Places | None = None, last: bool = True,
-             scattering: Scattering | None = None) -> Places:
+             scattering: Scattering | None = None, transport: Transport | None = None) -> Places:
     """Light that segments send to the eye -> `Places`.
 
     ``transmittances``: [lights, points] float32, what `transmittance` gave; all light if None.
     ``segments``: [n] uint32, ids of segments, of which those of ``strands`` end at ``until``; each point if None,
     those of strands' last points without a meaning.  ``before``: what this gave of those before them.  ``last``:
     whether no others come after them; else all that may be needed of `Places.more` is set aside at once.
-    ``scattering``: of the strands' types; None where none has lobes.
+    ``scattering``: of the strands' types; None where none has lobes.  ``transport``: light that goes from hair to
+    hair, if it is followed.
     """
     n = len(strands.points) if segments is None else len(segments)
-    known = before or unlit(gpu, lighting, n)
+    known = before or unlit(gpu, lighting, n, transport is not None)
     first, end = known.until, n if until is None else until
     rows = gpu.full(1, np.uint32, known.rows)
+    if transport is not None:
+        leaving(gpu, view, transport, strands, segments, first, end, known.scattered)
     given = {"view": view, "range": (first, end), "listed": segments is not None, "first_point": strands.first_point,
              "segments": gpu.empty(0, np.uint32) if segments is None else segments, "n_points": len(strands.points),
              "places": known.places, "shadowed": transmittances is not None,
@@ -66,7 +72,8 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
              **(scattering or no_scattering(gpu)).arrays(), **lighting.arrays(),
              **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal", "strand_uv", "types",
                       "colors", "color_per")}
-    gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, **given)
+    gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, is_scattered=transport is not None,
+               scattered=known.scattered, **given)
     more, taken = known.more, int(gpu.download(rows)[0])
     if len(more) < taken:
         more = Places.declared["more"].empty(gpu, taken if last else n)
@@ -74,8 +81,7 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
         for unused in "view", "lights", "light_views", "crossings", "shadow_maps", "lobes", "lobe_table":
             del given[unused]
         gpu.launch("strand_light.further", _items(gpu, end - first), more=more, **given)
-    return Places(known.places, more, end, taken, lighting, transmittances is not None,
-                  scattering)
+    return Places(known.places, more, known.scattered, end, taken, lighting, transmittances is not None, scattering)
 
 
 def _items(gpu, n):
