@@ -468,6 +468,8 @@ __kernel void pixels(
     __global const float *crossings,
     __global const ulong *shadow_maps,
     const int shadowed,
+    const int is_scattered,
+    __global const float8 *scattered,
     __global float *body_transmittance,
     __global float *alpha,
     __global ulong *front,
@@ -487,7 +489,7 @@ __kernel void pixels(
     const bool within = on && x < size.x && y < size.y;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
-                              lobes, lobe_table, shadowed}, body_transmittance, alpha,
+                              lobes, lobe_table, shadowed, is_scattered, scattered}, body_transmittance, alpha,
                              front, shell_front, image};
     Walk walk;
     walk.bound = walk.next = walk.waiting = 0;
@@ -731,6 +733,8 @@ ALONE BY_HAND __kernel void tiles(
     __global const float *crossings,
     __global const ulong *shadow_maps,
     const int shadowed,                    // 1: something stands before them
+    const int is_scattered,                // 1: light comes from hair to hair too
+    __global const float8 *scattered,      // [survivors] what they send of it, see strand_light.cl
     __global float *body_transmittance,    // [rows, width, samples] share of the body's light that what stands before it
                                            // lets through; in: shells alone, out: strands too
     __global float *alpha,                 // [rows, width]
@@ -754,7 +758,7 @@ ALONE BY_HAND __kernel void tiles(
     glow.n = 0;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
-                              lobes, lobe_table, shadowed}, body_transmittance, alpha,
+                              lobes, lobe_table, shadowed, is_scattered, scattered}, body_transmittance, alpha,
                              front, shell_front, image, &glow};
     Tile t;
     t.left = x * TILE;

@@ -6,9 +6,9 @@
  * much of it changes to its end.
  *   x, y, z, width; changes of them        [world]
  *   tangent, strength of the highlight; change of the tangent, exponent
- *   r, g, b, model; changes of them, alpha
+ *   r, g, b, model | number of the type << MODEL_BITS; changes of them, alpha
  *   normal of the body at its root; for two lights the share of each that gets through to its start, and the change of that;
- *   a share below 0 is asked for at each place, and so are those of further lights; number of the type
+ *   a share below 0 is asked for at each place, and so are those of further lights; light of a sky, see `packed_sky`
  */
 typedef struct {
     float8 of[4];
@@ -23,6 +23,8 @@ typedef struct {
     __global const Lobes *lobes;           // see lobes.h
     __global const float4 *lobe_table;
     int shadowed;                          // 1: something stands before lights
+    int is_scattered;                      // 1: light comes from hair to hair too
+    __global const float8 *scattered;      // what each sends of it at its start and its end, if so
 } Sent;
 
 /* Share of light i that gets through to places of segments, from p to p + step; of lights of which no row tells. */
@@ -55,8 +57,9 @@ INLINED lanes3 exact_light(const Sent *known, const Row *rows, lanes at, lanes_i
     const lanes3 start = {c[0], c[1], c[2]}, step = {c[4], c[5], c[6]}, p = plus(start, scaled(step, at)), n = {c[24], c[25], c[26]};
     const lanes3 first = {c[8], c[9], c[10]}, t = {c[8] + at * c[12], c[9] + at * c[13], c[10] + at * c[14]};
     const lanes3 color = {c[16] + at * c[20], c[17] + at * c[21], c[18] + at * c[22]}, v = towards_eye_lanes(known->view, p);
-    const Fibres fibres = {unit_lanes_or(t, first), color, c[11], c[15], c[19] == (float)HALF_VECTOR};
-    const Looks looks = {known->lobes, known->lobe_table, TO(lanes_i, c[31]), c[19] == (float)CHIANG};
+    const lanes_i kind = TO(lanes_i, c[19]), model = kind & (1 << MODEL_BITS) - 1;
+    const Fibres fibres = {unit_lanes_or(t, first), color, c[11], c[15], model == HALF_VECTOR};
+    const Looks looks = {known->lobes, known->lobe_table, kind >> MODEL_BITS, model == CHIANG};
     lanes3 sent = {F(0.0f), F(0.0f), F(0.0f)};
     for (int i = 0; i < known->lighting.n; ++i) {
         const Light light = known->lighting.lights[i];
@@ -73,7 +76,21 @@ INLINED lanes3 exact_light(const Sent *known, const Row *rows, lanes at, lanes_i
         const lanes3 one = fibre_lanes(&light, &fibres, &looks, l, v, share);
         sent = i ? plus(sent, one) : one;
     }
+    const lanes_u sky = AS_U(c[31]);
+    if (any_lane(sky != 0u)) {
+        const lanes scale = AS_F(sky & 0x7F800000u) * (1.0f / 256);
+        sent.x += color.x * scale * TO(lanes, sky & 255u);
+        sent.y += color.y * scale * TO(lanes, sky >> 8 & 255u);
+        sent.z += color.z * scale * 2.0f * TO(lanes, sky >> 16 & 127u);
+    }
     return sent;
+}
+
+/* Light that came from hair to hair, which segment `number` sends on from the place `at` of it. */
+INLINED float4 scattered_along(const Sent *known, uint number, float at)
+{
+    const float8 ends = known->scattered[number];
+    return ends.lo + at * (ends.hi - ends.lo);
 }
 
 INLINED Row row_of(const Sent *known, uint number)
@@ -92,7 +109,8 @@ INLINED float4 sent_by(const Sent *known, uint number, float at)
         return light_between(few, at);
     const Row row = row_of(known, number);
     const lanes3 light = exact_light(known, &row, at, 1);
-    return (float4)(light.x, light.y, light.z, 0.0f);
+    const float4 sent = (float4)(light.x, light.y, light.z, 0.0f);
+    return known->is_scattered ? sent + scattered_along(known, number, at) : sent;
 }
 #endif
 

@@ -35,6 +35,12 @@ INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
         }
         lanes3 light = exact_light(known, rows, at, on);
         for (int k = 0; k < LANES && first + k < left; ++k) {
+            if (known->is_scattered) {
+                const float4 more = scattered_along(known, glow->numbers[which[first + k]], LANE(at, k));
+                LANE(light.x, k) += more.x;
+                LANE(light.y, k) += more.y;
+                LANE(light.z, k) += more.z;
+            }
             glow->exact[0][which[first + k]] = LANE(light.x, k);
             glow->exact[1][which[first + k]] = LANE(light.y, k);
             glow->exact[2][which[first + k]] = LANE(light.z, k);

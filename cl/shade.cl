@@ -8,6 +8,7 @@
 #include "scatter.h"
 #include "light.h"
 #include "light_lanes.h"
+#include "sky.h"
 #include "sums.h"
 
 /* Weights of a triangle's corners at a point of its plane. */
@@ -86,8 +87,26 @@ INLINED void body_normals(const lanes3 *at, const lanes3 *normals, lanes3 p, lan
     *face = unit_lanes_or(across, *n);
 }
 
+/* A product of each colour. */
+INLINED lanes3 times(lanes3 a, lanes3 b)
+{
+    const lanes3 c = {a.x * b.x, a.y * b.y, a.z * b.z};
+    return c;
+}
+
+/* `sky_light` at LANES places. */
+INLINED lanes3 sky_lanes(const Sky *sky, __global const float4 *cells, lanes3 p, lanes3 direction, float one, float two)
+{
+    lanes3 light;
+    for (int k = 0; k < LANES; ++k)
+        put_lane(&light, k, sky_light(sky, cells, (float4)(lane_of(&p, k), 0.0f), (float4)(lane_of(&direction, k), 0.0f),
+                                      one, two));
+    return light;
+}
+
 /* The light that waiting samples of the body send to the eye. */
-ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Waiting *samples,
+ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Sky *sky, __global const float4 *sky_cells,
+                             const Waiting *samples,
                              __global const float4 *positions, __global const float4 *normals,
                              __global const uint4 *triangles, float4 color)
 {
@@ -109,12 +128,14 @@ ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Wait
         sum.y += color.y * (light.color.y * share + light.color.w);
         sum.z += color.z * (light.color.z * share + light.color.w);
     }
+    if (sky->size.y)
+        sum = plus(sum, times(all_lanes(color), sky_lanes(sky, sky_cells, p, n, 2.0f / 3, 0.25f)));
     return sum;
 }
 
 /* The light that waiting samples of strands send to the eye. */
-ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const Waiting *samples, const Hair *hair,
-                             Looks *looks)
+ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const Sky *sky, __global const float4 *sky_cells,
+                              const Waiting *samples, const Hair *hair, Looks *looks)
 {
     const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
     Fibres here;
@@ -150,6 +171,8 @@ ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const W
         share *= transmittances_at(&obstacles, share > 0.0f, p, normal, width, alpha);
         sum = plus(sum, fibre_lanes(&light, &here, looks, l, v, share));
     }
+    if (sky->size.y)
+        sum = plus(sum, times(here.color, sky_lanes(sky, sky_cells, p, here.tangent, 0.0f, -0.125f)));
     return sum;
 }
 
@@ -184,6 +207,8 @@ __kernel void color(
     __global const View *light_views,
     __global const float *crossings,
     __global const ulong *shadow_maps,
+    const Sky sky,                         // see sky.h
+    __global const float4 *sky_cells,      // [n, n, n, HARMONICS] r, g, b, if there is one
     const uint pixels,                     // rows · width
     const int attenuated,                  // 1: something before the samples lets only a share of their light through
     __global const float *sample_transmittance,   // [rows, width, samples] that share
@@ -255,8 +280,9 @@ __kernel void color(
             LANE(these->e, k) = LANE(these->e, 0);
             these->id[k] = these->id[0];
         }
-        const lanes3 light = of_body ? light_of_body(&view, &lighting, these, positions, normals, triangles, body_color)
-            : light_of_strands(&view, &lighting, these, &hair, &looks);
+        const lanes3 light = of_body
+            ? light_of_body(&view, &lighting, &sky, sky_cells, these, positions, normals, triangles, body_color)
+            : light_of_strands(&view, &lighting, &sky, sky_cells, these, &hair, &looks);
         for (int k = 0; k < these->n; ++k)
             sums[LANES == 1 ? 0 : these->pixel[k]] += in_integers(LANE(these->share, k), (float4)(LANE(light.x, k), LANE(light.y, k), LANE(light.z, k), 1.0f));
         these->n = 0;

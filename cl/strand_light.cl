@@ -220,6 +220,8 @@ __kernel void radiance(
     const uint n_points,
     const int shadowed,                    // 1: something stands before them
     __global const float *transmittances,  // [n_lights, n_points] share of direct light, if so
+    const int under_sky,                   // 1: a sky shines too
+    __global const float4 *sky_light,      // [n_points] r, g, b of it, if so
     const int is_scattered,                // 1: light comes from hair to hair too
     __global const float8 *scattered,      // [segments] what they send of it at their starts and ends, if so
     __global ulong *places,                // [segments, FEW_PLACES] see places.h
@@ -263,6 +265,18 @@ __kernel void radiance(
             sent[j] = i ? plus(sent[j], one) : one;
         }
     }
+    if (under_sky && needy < count) {
+        lanes3 light, light_step;
+        for (int k = 0; k < LANES; ++k) {
+            put_lane(&light, k, sky_light[from[k]]);
+            put_lane(&light_step, k, sky_light[to[k]] - sky_light[from[k]]);
+        }
+        for (int j = 0; j < FEW_PLACES; ++j) {
+            const lanes3 there = plus(light, scaled(light_step, F((float)j / (FEW_PLACES - 1)))), c = here[j].fibres.color;
+            const lanes3 one = {c.x * there.x, c.y * there.y, c.z * there.z};
+            sent[j] = plus(sent[j], one);
+        }
+    }
     if (is_scattered && needy < count) {
         lanes3 start, step;
         for (int k = 0; k < LANES; ++k) {
@@ -281,6 +295,17 @@ __kernel void radiance(
             for (int j = 0; j < FEW_PLACES; ++j)
                 few[j] = packed_light(LANE(sent[j].x, k), LANE(sent[j].y, k), LANE(sent[j].z, k));
     }
+}
+
+/* Light of a sky in one float that is a number: a power of two above the largest of r, g, b in its exponent, and shares of
+   that, in 8, 8 and 7 bits. */
+INLINED float packed_sky(float4 c)
+{
+    const float most = c.x > c.y ? c.x > c.z ? c.x : c.z : c.y > c.z ? c.y : c.z;
+    const uint power = (as_uint(most < 1e-20f ? 1e-20f : most > 1e20f ? 1e20f : most) & 0x7F800000u) + 0x00800000u;
+    const float share = 1.0f / as_float(power), r = c.x * share * 256 + 0.5f, g = c.y * share * 256 + 0.5f;
+    const float b = c.z * share * 128 + 0.5f;
+    return as_float(power | (uint)(r < 255 ? r : 255.0f) | (uint)(g < 255 ? g : 255.0f) << 8 | (uint)(b < 127 ? b : 127.0f) << 16);
 }
 
 /* One work-item tells what those of LANES segments are like whose light changes too much between few places. */
@@ -306,6 +331,8 @@ __kernel void further(
     const uint n_points,
     const int shadowed,                    // 1: something stands before them
     __global const float *transmittances,  // [n_lights, n_points] share of direct light, if so
+    const int under_sky,                   // 1: a sky shines too
+    __global const float4 *sky_light,      // [n_points] r, g, b of it, if so
     __global const ulong *places,          // [segments, FEW_PLACES] see places.h
     __global float *more)                  // [rows, 32] at least as many as `radiance` has counted, see exact_light.h
 {
@@ -335,9 +362,9 @@ __kernel void further(
         its[1] = along;
         its[2] = (float4)(t.xyz, shine.x);
         its[3] = (float4)(u.xyz - t.xyz, shine.y);
-        its[4] = (float4)(c.xyz, shine.w);
+        its[4] = (float4)(c.xyz, shine.w + (kind << MODEL_BITS));
         its[5] = (float4)(d.xyz, shine.z);
         its[6] = (float4)(strand_normal[strand].xyz, known[0]);
-        its[7] = (float4)(known[1], known[2], known[3], (float)kind);
+        its[7] = (float4)(known[1], known[2], known[3], under_sky ? packed_sky(0.5f * (sky_light[id] + sky_light[id + 1])) : 0.0f);
     }
 }

@@ -15,13 +15,26 @@ from .judge import truth
 from .judge.compare import Comparison, compare
 from .judge.frontier import Frontier, frontier
 from .render import Frame, draw, grow, render
-from .scene import Camera, Chiang, Curves, HairType, Kajiya, Light, Mesh, PointForce, Scene, Shells, Strands
+from .scene import (
+    Camera,
+    Chiang,
+    Curves,
+    Environment,
+    HairType,
+    Kajiya,
+    Light,
+    Mesh,
+    PointForce,
+    Scene,
+    Shells,
+    Strands,
+)
 from .settings import Settings
 
 __all__ = [
-    "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Error", "Frame", "Frontier", "HairType",
-    "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "compare", "draw",
-    "frontier", "grow", "load_mesh", "render", "save", "truth",
+    "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
+    "Frontier", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Scheduler", "Settings", "Shells",
+    "Strands", "compare", "draw", "frontier", "grow", "load_mesh", "render", "save", "truth",
 ]
 
 install()

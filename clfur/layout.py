@@ -30,6 +30,7 @@ CONSTANTS = {
     "SHADES": 24,           # of hair in a table of how it scatters light, from black to white
     "CELL_BITS": 4,         # of a coordinate of a cell by which the user's strands are put in order
     "HARMONICS": 9,         # spherical, of orders 0 to 2
+    "MODEL_BITS": 2,        # of a number that has one of the MODELS and a type
     "MOMENTS": 6,           # of hair in a cell: xx, yy, zz, xy, xz, yz
     "DIRECTIONS": 24,       # in which light goes from hair to hair; a multiple of 8
     "PARTS_OF_ONE": 8,      # of each, over which light is averaged
@@ -128,8 +129,8 @@ Lobes = np.dtype([                    # how hair of a type scatters light, where
     ("table", *_int4),                   # where its table begins; how many cosines and angles it has, -
 ])
 
-STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Shells": Shells,
-           "Lobes": Lobes}
+STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid,
+           "Shells": Shells, "Lobes": Lobes}
 
 
 def shine(look, alpha, model=None):

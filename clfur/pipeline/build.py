@@ -12,7 +12,9 @@ import numpy as np
 
 from ..device.team import Team
 from ..scene import extent, hair_bounds
-from ..stages import chiang, shells, sky
+from ..scene.bounds import boxes_to_see, fur_extent
+from ..stages import chiang, shells
+from ..stages import sky as sky_stage
 from ..stages import transport as transport_stage
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
@@ -83,6 +85,22 @@ def transmittances(gpu: Any, plan: Plan) -> dict:
     return gpu.keep("transmittances", (*plan.light_key(plan.settings.lod), plan.settings.raster), dict)
 
 
+def sky(gpu: Any, plan: Plan) -> sky_stage.SkyLight | None:
+    """Light of the scene's sky in cells of the world, None without one; it stays while camera and lights change."""
+    scene = plan.scene
+    if scene.environment is None:
+        return None
+    return gpu.keep("sky", (scene.mesh, scene.strands, scene.environment, int(plan.body)),
+                    functools.partial(_sky, gpu, plan))
+
+
+def sky_points(gpu: Any, plan: Plan, part: Part, hair: DeviceStrands) -> Any:
+    """`sky.at_points` of the strands of a part, None without a sky; those of the last part stay."""
+    lit = None if plan.scatters else sky(gpu, plan)   # where light goes from hair to hair, the sky's does too
+    return lit and gpu.keep("sky points", (plan.scene.mesh, lit, hair),
+                            functools.partial(sky_stage.at_points, gpu, lit, hair))
+
+
 def scattering(gpu: Any, plan: Plan) -> chiang.Scattering | None:
     """`Scattering` of the strands' types, kept while their looks stay, whatever else changes; None where none has
     lobes."""
@@ -151,19 +169,35 @@ def bytes_of(gpu: Any, array: Any) -> np.ndarray:
     return np.ascontiguousarray(array if isinstance(array, np.ndarray) else gpu.download(array))
 
 
+def _sky(gpu, plan):
+    scene = plan.scene
+    boxes, out = boxes_to_see(scene.mesh, scene.fur), fur_extent(scene.fur)
+    center, radius = extent(scene.mesh, scene.fur)
+    low, high = center - radius, center + radius
+    if boxes:
+        low = np.maximum(low, np.min([each for each, _ in boxes], 0) - out)
+        high = np.minimum(high, np.max([each for _, each in boxes], 0) + out)
+    grid = sky_stage.sky_of(low, high, plan.sky_cells)
+    area = hair_bounds(scene.strands, plan.strands)[2] if plan.strands else 0.0
+    held = sky_stage.held(gpu, grid, plan.body, area)
+    for part in plan.parts(gpu):
+        sky_stage.deposit(gpu, grid, held, hair(gpu, plan, part, 0), body(gpu, plan, part))
+    return sky_stage.light(gpu, grid, held, *sky_stage.table_of(*scene.environment.places))
+
+
 def _transport(gpu, plan, lighting):
     scene, looks = plan.scene, scattering(gpu, plan)
     made = gpu.keep("phases", (chiang.KEPT, looks), functools.partial(transport_stage.phases, gpu, looks))
     center, radius = extent(scene.mesh, scene.strands)
-    grid = sky.sky_of(center - radius, center + radius, transport_stage.CELLS)
-    held = sky.held(gpu, grid, plan.body, hair_bounds(scene.strands, plan.strands)[2])
+    grid = sky_stage.sky_of(center - radius, center + radius, transport_stage.CELLS)
+    held = sky_stage.held(gpu, grid, plan.body, hair_bounds(scene.strands, plan.strands)[2])
     there = transport_stage.amounts(gpu, grid, len(plan.lobed))
     for part in plan.parts(gpu):
         strands = hair(gpu, plan, part, 0)
-        sky.deposit(gpu, grid, held, strands, body(gpu, plan, part))
+        sky_stage.deposit(gpu, grid, held, strands, body(gpu, plan, part))
         if part.hairy:
             transport_stage.deposit(gpu, grid, there, held.unit, strands, looks)
-    outside = np.zeros((transport_stage.DIRECTIONS, 3))
+    outside = transport_stage.outside(None if scene.environment is None else scene.environment.places)
     return transport_stage.transport(gpu, grid, held, there, lighting, looks, made, outside, transport_stage.ORDERS)
 
 

@@ -237,7 +237,8 @@ class Coverage:
         until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
         through = self._transmittance(gpu, band, part, hair, lighting)
         return strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit, last,
-                                     build.scattering(gpu, plan), build.transport(gpu, plan, lighting))
+                                     build.scattering(gpu, plan), build.sky_points(gpu, plan, part, hair),
+                                     build.transport(gpu, plan, lighting))
 
     def _transmittance(self, gpu, band, part, hair, lighting):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where
@@ -278,4 +279,4 @@ def _color(gpu, plan, view, visible, hair, body, lighting, image, sample_transmi
     body_color = (0, 0, 0) if plan.scene.body_color is None else plan.scene.body_color
     scattering = build.scattering(gpu, plan) if len(hair.points) else None
     return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums,
-                       scattering)
+                       scattering, build.sky(gpu, plan))

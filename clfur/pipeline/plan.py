@@ -25,6 +25,8 @@ from ..stages.order import Order
 from ..stages.raster import VISIBLE
 from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs
 from ..stages.shells import Topology, pack, size_of, topology_of
+from ..stages.sky import POINT_LIGHT
+from ..stages.sky import bytes_of as sky_bytes
 from ..stages.strand_light import TRANSMITTANCE, Places
 from ..stages.strands import AREA, ROOTS, SORTED_FROM, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
@@ -130,9 +132,10 @@ class Plan:
             "order": not self.grown and self.strands >= SORTED_FROM,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "zscan": casting, "march": shells, "chiang": self.lobed,
-            "sky": self.scatters, "transport": self.scatters,
+            "transport": self.scatters,
             "strand_light": self.uses_coverage and self.wants_color,
-            "shade": True, "blur": self.wants_color and settings.blur != "off"}
+            "shade": True, "sky": self.scatters or (self.wants_color and self.scene.environment is not None),
+            "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
 
     @property
@@ -145,12 +148,18 @@ class Plan:
         """Whether strands are drawn by the area that they cover."""
         return self.settings.raster == "coverage" and self.strands > 0
 
+    @property
+    def sky_cells(self) -> int:
+        """Cells a side of the grid that a sky's light is known in: a body, which hides it sharply, asks for more."""
+        return 48 if self.body else 32
+
     def light_key(self, lod: float = 0.0) -> tuple:
         """What light depends on that falls on anything, or on strands thinned so, as a key of `Scheduler.keep`."""
         scene, settings = self.scene, self.settings
         fit = b"".join(each.tobytes() for each in (*self.rig.grids, *self.rig.light_views) if each is not None).hex()
-        return (scene.mesh, scene.strands, scene.shells, *scene.lights, int(self.body), settings.shadows, settings.grid,
-                settings.shadow_map, settings.pcf, settings.scattering, str(lod), scene.camera if lod else None, fit)
+        return (scene.mesh, scene.strands, scene.shells, scene.environment, *scene.lights, int(self.body),
+                settings.shadows, settings.grid, settings.shadow_map, settings.pcf, settings.scattering, str(lod),
+                scene.camera if lod else None, fit)
 
     def _points(self, first, end):
         """Points set aside for a run of strands."""
@@ -331,12 +340,14 @@ class Plan:
         if settings.shadows != "off" and (self.strands or scene.shells):
             layers = Lighting.bytes(layer=(settings.grid + 1) * settings.grid**2)
             fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
+        if scene.environment is not None:
+            fixed += sky_bytes(self.sky_cells, self.body)
         return fixed + OF_KEPT * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property
     def _transmittance(self):
         """Bytes on the device of the transmittance to a point of strands, of all lights."""
-        return TRANSMITTANCE.bytes * len(self.scene.lights)
+        return TRANSMITTANCE.bytes * len(self.scene.lights) + POINT_LIGHT.bytes * (self.scene.environment is not None)
 
     def keeps_transmittances(self, gpu: Any) -> bool:
         """Whether there is room for the transmittances to all points of strands: then they are asked once for all bands

@@ -8,6 +8,7 @@ that `Curves` take on a device are not.
 from .bounds import bounds_of, extent, fur_extent, hair_bounds
 from .camera import Camera
 from .curves import Bounds, Curves
+from .environment import Environment
 from .light import Light
 from .look import Chiang, Kajiya, highlighted
 from .mesh import Mesh
@@ -17,6 +18,6 @@ from .shells import Shells
 from .strands import HairType, PointForce, Strands
 
 __all__ = [
-    "Bounds", "Camera", "Chiang", "Curves", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Shells",
-    "Strands", "bounds_of", "extent", "frame", "fur_extent", "hair_bounds", "highlighted", "seen_from",
+    "Bounds", "Camera", "Chiang", "Curves", "Environment", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene",
+    "Shells", "Strands", "bounds_of", "extent", "frame", "fur_extent", "hair_bounds", "highlighted", "seen_from",
 ]

@@ -13,6 +13,7 @@ from . import checks
 from .bounds import extent, fur_extent, local, origin_of, points_to_see, strands_and_shells
 from .camera import FOV, Camera, size_of
 from .curves import Curves
+from .environment import Environment
 from .light import Light
 from .mesh import Mesh
 from .origin import copied, seen_from
@@ -84,7 +85,9 @@ class Scene:
     mesh: Mesh or None. fur: Strands or Shells (which need a mesh), Curves, a list of Shells (undercoat) and one of
     Strands and Curves (guard hairs), or None; a mesh or fur is required. camera: Camera, or None to frame all of it.
     light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself (arrays of uint8 or
-    uint16 are sRGB), or None to leave it undrawn. Raises Error where the parts don't fit: a type_map, color_texture or
+    uint16 are sRGB), or None to leave it undrawn. environment: an Environment, whose light falls on strands and
+    body beside the lights', or None. With one, lights leave out the flat ambient that they have by
+    default (0.1); any other counts beside it. Raises Error where the parts don't fit: a type_map, color_texture or
     pattern "sine" on a mesh without uv, levels for another number of faces, an edge whose two faces give it different
     levels, or a rest mesh of other faces.
 
@@ -100,6 +103,7 @@ class Scene:
     camera: checks.Given = checks.field(checks.instance(Camera, none=True), default=None)
     light: checks.Given = checks.field(_lights, default=Light())
     body_color: checks.Given = checks.field(checks.optional(checks.color), default=(0.30, 0.20, 0.12))
+    environment: Environment | None = checks.field(checks.instance(Environment, none=True), default=None)
     strands: Strands | Curves = attrs.field(init=False, repr=False)
     shells: Shells = attrs.field(init=False, repr=False)
 
@@ -131,6 +135,9 @@ class Scene:
         strands, shells = strands_and_shells(self.fur)
         object.__setattr__(self, "strands", strands)
         object.__setattr__(self, "shells", shells)
+        if shells is not None and self.environment is not None:
+            raise Error("Scene.environment is given but Scene.fur has Shells, on which no sky shines; allowed: "
+                        "Strands or Curves, or Light.ambient")
         if self.mesh is None and strands is None and shells is None:
             raise Error("Scene.mesh and Scene.fur are None; allowed: at least one of them")
         for fur in (strands, shells):

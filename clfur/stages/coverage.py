@@ -170,7 +170,8 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
              "sample_shells": shell_front if has_shells else none, "lit": lit is not None,
              "places": none if lit is None else lit.places,
              "more": gpu.empty((0, 32), np.float32) if lit is None else lit.more,
-             "shadowed": lit is not None and lit.shadowed,
+             "shadowed": lit is not None and lit.shadowed, "is_scattered": lit is not None and len(lit.scattered) > 0,
+             "scattered": gpu.empty((0, 8), np.float32) if lit is None else lit.scattered,
              **(unshadowed(gpu) if lit is None else lit.lighting).arrays(),
              **(no_scattering(gpu) if lit is None or lit.scattering is None else lit.scattering).arrays(),
              "image": gpu.empty((0, 4), np.float32) if lit is None else image, **vars(covered)}

@@ -49,15 +49,16 @@ def unlit(gpu: Any, lighting: Lighting, n: int, scatters: bool = False) -> Place
 
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
              segments: Any = None, until: int | None = None, before: Places | None = None, last: bool = True,
-             scattering: Scattering | None = None, transport: Transport | None = None) -> Places:
+             scattering: Scattering | None = None, sky_light: Any = None,
+             transport: Transport | None = None) -> Places:
     """Light that segments send to the eye -> `Places`.
 
     ``transmittances``: [lights, points] float32, what `transmittance` gave; all light if None.
     ``segments``: [n] uint32, ids of segments, of which those of ``strands`` end at ``until``; each point if None,
     those of strands' last points without a meaning.  ``before``: what this gave of those before them.  ``last``:
     whether no others come after them; else all that may be needed of `Places.more` is set aside at once.
-    ``scattering``: of the strands' types; None where none has lobes.  ``transport``: light that goes from hair to
-    hair, if it is followed.
+    ``scattering``: of the strands' types; None where none has lobes.  ``sky_light``: [points, 4] float32 r, g, b, what
+    `sky.at_points` gave, if there is a sky.  ``transport``: light that goes from hair to hair, if it is followed.
     """
     n = len(strands.points) if segments is None else len(segments)
     known = before or unlit(gpu, lighting, n, transport is not None)
@@ -68,6 +69,8 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
     given = {"view": view, "range": (first, end), "listed": segments is not None, "first_point": strands.first_point,
              "segments": gpu.empty(0, np.uint32) if segments is None else segments, "n_points": len(strands.points),
              "places": known.places, "shadowed": transmittances is not None,
+             "under_sky": sky_light is not None,
+             "sky_light": gpu.empty((0, 4), np.float32) if sky_light is None else sky_light,
              "transmittances": gpu.empty(0, np.float32) if transmittances is None else transmittances,
              **(scattering or no_scattering(gpu)).arrays(), **lighting.arrays(),
              **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal", "strand_uv", "types",

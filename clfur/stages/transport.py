@@ -56,6 +56,18 @@ def directions() -> tuple[np.ndarray, np.ndarray]:
     return axes, np.array(parts)
 
 
+def outside(places: tuple | None) -> np.ndarray:
+    """Mean light of a sky's ``places``, see `Environment.places`, around each direction -> [DIRECTIONS, 3]; none if
+    None."""
+    if places is None:
+        return np.zeros((DIRECTIONS, 3))
+    towards, light, angles = places
+    nearest = np.argmax(towards @ directions()[0].T, 1)
+    weights = np.bincount(nearest, angles, DIRECTIONS)
+    sums = np.stack([np.bincount(nearest, light[:, k] * angles, DIRECTIONS) for k in range(CHANNELS)], 1)
+    return sums / weights[:, None]
+
+
 def phases(gpu: Any, scattering: Scattering) -> Phases:
     """`Phases` of the looks of types."""
     axes, parts = directions()
