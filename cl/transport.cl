@@ -370,20 +370,26 @@ __kernel void sweep(
                 const size_t place = cell * (CHANNELS * DIRECTIONS) + number;
                 const float8 m = held[cell];
                 const float d = m.s0 + m.s1 + m.s2;
-                float4 there = turn ? between_cells(before, n, u + du, v + dv, beyond) : beyond, on = there;
-                if (d > 0.0f || m.s6 > 0.0f) {
+                const float open = 1.0f - m.s6;
+                float4 there = turn ? between_cells(before, n, u + du, v + dv, beyond) : beyond;
+                const float most_open = there.w > open ? there.w : open;
+                there = most_open > 0.0f ? there / most_open : 0.0f;
+                float4 on = there;
+                if (d > 0.0f) {
                     const float along = w.x * w.x * m.s0 + w.y * w.y * m.s1 + w.z * w.z * m.s2
                         + 2.0f * (w.x * w.y * m.s3 + w.x * w.z * m.s4 + w.y * w.z * m.s5);
                     const float square = d * d - d * along, depth = sqrt(square > 0.0f ? square : 0.0f) / most;
-                    const float half_way = exp(-0.5f * depth), past_body = sqrt(1.0f - m.s6);
+                    const float half_way = exp(-0.5f * depth);
                     const float4 source = (1.0f - half_way)
                         * (float4)(sent[place], sent[place + DIRECTIONS], sent[place + 2 * DIRECTIONS], 0.0f);
-                    there = (there * half_way + source) * past_body;
-                    on = (there * half_way + source) * past_body;
+                    there = there * half_way + source;
+                    on = there * half_way + source;
                 }
                 light[place] = there.x;
                 light[place + DIRECTIONS] = there.y;
                 light[place + 2 * DIRECTIONS] = there.z;
+                on *= open;
+                on.w = open;
                 here[v * n + u] = on;
             }
     }

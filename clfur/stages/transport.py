@@ -109,7 +109,7 @@ def transport(gpu: Any, sky: np.void, held: sky_stage.Held, there: Any, lighting
     gpu.launch("transport.direct", cells, sky=sky, n_types=types, lobes=scattering.lobes, table=scattering.lobe_table,
                kinds=kinds, parts=made.parts, first=first, **lighting.arrays())
     towards = gpu.upload(np.column_stack([directions()[0], np.zeros(DIRECTIONS)]).astype(np.float32))
-    beyond = gpu.upload(np.column_stack([outside, np.zeros(DIRECTIONS)]).astype(np.float32))
+    beyond = gpu.upload(np.column_stack([outside, np.ones(DIRECTIONS)]).astype(np.float32))
     behind = gpu.empty((DIRECTIONS * 2 * n * n, 4), np.float32)
     slices, rows = (1, 1) if gpu.lanes == 1 else (n, n)
     source = first
