@@ -4,12 +4,24 @@
  * all of it as spherical harmonics.
  */
 
+#if LANES == 32
+#undef LANES
+#define LANES 16                           // n is a multiple of that
+#endif
 #include "lanes.h"
 #include "light.h"
 #include "sky.h"
 
 #define PARTS 4                            // of a cell's side: columns of the body, and steps along hair
 #define WHOLE (PARTS * PARTS * SUBPIXEL)   // of a cell that is all body
+#define HOLDS (MOMENTS + 1)                // numbers of what a cell holds: of hair, and of the body
+#define EDGE 2                             // cells around a slice, through which all light comes
+
+#if LANES == 1
+typedef float loose;                       // of cells that begin anywhere
+#else
+typedef lanes loose __attribute__((aligned(4)));
+#endif
 
 /* What a strand has left in one cell. */
 INLINED void leave(volatile __global int *moments, size_t cell, const float *sums, float unit)
@@ -155,87 +167,140 @@ __kernel void contents(
     __global const int *moments,           // [n, n, n, MOMENTS]
     const int is_body,                     // 1: there is one
     __global const int *solids,            // [3, n, n, n] in 1/WHOLE, if so
-    __global float8 *held)                 // [n, n, n] xx, yy, zz, xy, xz, yz of hair; share that is body
+    __global float *held)                  // [2, HOLDS, n, n, n] xx, yy, zz, xy, xz, yz of hair; share that is body; by z, y, x
+                                           // and by x, z, y
 {
     WORK_ITEM(cell);
-    __global const int *m = moments + cell * MOMENTS;
+    const size_t cells = (size_t)n * n * n, turned = ((cell % n) * n + cell / (n * n)) * n + cell / n % n;
     float solid = is_body ? 1.0f : 0.0f;
     for (int axis = 0; is_body && axis < 3; ++axis) {
-        const float share = fabs((float)solids[(size_t)axis * n * n * n + cell]) / WHOLE;
+        const float share = fabs((float)solids[axis * cells + cell]) / WHOLE;
         solid = share < solid ? share : solid;
     }
-    held[cell] = (float8)(m[0] / unit, m[1] / unit, m[2] / unit, m[3] / unit, m[4] / unit, m[5] / unit, solid, 0.0f);
-}
-
-/* What four cells of a slice let through around (u, v); 1 outside of the grid. */
-INLINED float between_four(__global const float *slice, int n, float u, float v)
-{
-    const float lu = floor(u), lv = floor(v), fu = u - lu, fv = v - lv;
-    float sum = 0.0f;
-    for (int k = 0; k < 4; ++k) {
-        const int a = (int)lu + (k & 1), b = (int)lv + (k >> 1);
-        const float weight = ((k & 1) ? fu : 1.0f - fu) * ((k & 2) ? fv : 1.0f - fv);
-        sum += weight * (a < 0 || b < 0 || a >= n || b >= n ? 1.0f : slice[b * n + a]);
+    for (int j = 0; j < HOLDS; ++j) {
+        const float value = j < MOMENTS ? moments[cell * MOMENTS + j] / unit : solid;
+        held[j * cells + cell] = value;
+        held[(HOLDS + j) * cells + turned] = value;
     }
-    return sum;
 }
 
-/* One work-item takes the light of one direction through a row of one slice of cells across it; the slice before it towards
-   that light is done. */
-__kernel void sweep(
+/* One direction's way through the cells: along an axis by slices of rows, in each of which cells lie side by side. */
+typedef struct {
+    float4 towards;                        // unit
+    float length;                          // of its way through a slice, in sides of a cell
+    bool upwards;                          // whether the last slice is the first one that light meets
+    int forward, down;                     // cells held from slice to slice and from row to row
+    int step, level;                       // which cell of the slice before comes to the first one, along and across rows
+    float between, above;                  // and how far on to the next ones
+    int along, across, aside;              // in `through`: from cell to cell of a row, from row to row, from slice to slice
+} Way;
+
+INLINED Way way_of(float4 w, int n)
+{
+    const float ax = fabs(w.x), ay = fabs(w.y), az = fabs(w.z);
+    const int axis = ax >= ay && ax >= az ? 0 : ay >= az ? 1 : 2, square = n * n;
+    const float ahead = axis == 0 ? w.x : axis == 1 ? w.y : w.z, length = 1.0f / fabs(ahead);
+    const float du = (axis == 0 ? w.y : w.x) * length, dv = (axis == 2 ? w.y : w.z) * length;
+    const int step = (int)floor(du), level = (int)floor(dv);
+    const Way way = {w, length, ahead > 0.0f, axis == 1 ? n : square, axis == 1 ? square : n, step, level, du - step, dv - level,
+                     axis == 0 ? n : 1, axis == 2 ? n : square, axis == 0 ? 1 : axis == 1 ? n : square};
+    return way;
+}
+
+/* The light that comes to LANES cells of a row, from between four of the slice before. */
+INLINED lanes between_rows(__global const float *before, int width, const Way *way)
+{
+    __global const float *next = before + width;
+    const lanes a = *(__global const loose *)before, b = *(__global const loose *)(before + 1);
+    const lanes c = *(__global const loose *)next, d = *(__global const loose *)(next + 1);
+    const lanes low = a + way->between * (b - a), high = c + way->between * (d - c);
+    return low + way->above * (high - low);
+}
+
+/* Optical depth of LANES cells along a way; planes: of what they hold. */
+INLINED lanes depth_of(__global const float *planes, size_t cells, const Way *way)
+{
+    const float4 w = way->towards;
+    lanes m[MOMENTS];
+    for (int j = 0; j < MOMENTS; ++j)
+        m[j] = *(__global const lanes *)(planes + j * cells);
+    const lanes d = m[0] + m[1] + m[2];
+    const lanes along = w.x * w.x * m[0] + w.y * w.y * m[1] + w.z * w.z * m[2]
+        + 2.0f * (w.x * w.y * m[3] + w.x * w.z * m[4] + w.y * w.z * m[5]);
+    return full_root(d * d - d * along) * way->length;
+}
+
+/* One work-item takes the light of one direction through rows of slices of cells across it. What a cell has of a body hides
+   what lies behind the cell alone: so the body's surface, which looks up cells on both sides of it, gets what comes to it; and
+   only what is more than half a body hides, as light that passes close to it would else be lost. On a body lies all of a
+   cell's hair before it, in a cell without one half. */
+BY_HAND __kernel void sweep(
     const ulong begin, const ulong end,    // work-items, see common.h
-    const int n,
-    const int turn,                        // the slice: 0 is the first one that light meets
-    __global const float8 *held,           // [n, n, n], see `contents`
+    const int n,                           // cells a side, a multiple of 16
+    const int2 turns,                      // slices: the first one, 0 is that which light meets first; one past the last
+    const int rows,                        // of a slice that a work-item takes: all, where there is more than one slice
+    __global const float *held,            // [2, HOLDS, n, n, n], see `contents`
     __global const float4 *directions,     // [directions] unit, towards the light
-    __global float *behind,                // [directions, 2, n, n] what is left behind this slice and the one before
+    __global float *behind,                // [directions, 2, n + 2 EDGE, n + 2 EDGE] what is left behind a slice and the
+                                           // one before; all 1 at first
     __global float *through)               // [directions, n, n, n] what reaches the middles of cells
 {
     WORK_ITEM(item);
-    const size_t number = item / n;
-    const int v = item % n;
-    const float4 w = directions[number];
-    const float xyz[3] = {w.x, w.y, w.z}, ax = fabs(w.x), ay = fabs(w.y), az = fabs(w.z);
-    const int axis = ax >= ay && ax >= az ? 0 : ay >= az ? 1 : 2;
-    const int one = axis == 0 ? 1 : 0, two = axis == 2 ? 1 : 2, stride[3] = {1, n, n * n};
-    const float most = fabs(xyz[axis]), du = xyz[one] / most, dv = xyz[two] / most;
-    const int slice = xyz[axis] > 0.0f ? n - 1 - turn : turn;
-    __global float *here = behind + (2 * number + (turn & 1)) * n * n;
-    __global const float *before = behind + (2 * number + 1 - (turn & 1)) * n * n;
-    for (int u = 0; u < n; ++u) {
-        const size_t cell = (size_t)slice * stride[axis] + (size_t)u * stride[one] + (size_t)v * stride[two];
-        const float8 m = held[cell];
-        const float d = m.s0 + m.s1 + m.s2;
-        const float along = w.x * w.x * m.s0 + w.y * w.y * m.s1 + w.z * w.z * m.s2
-            + 2.0f * (w.x * w.y * m.s3 + w.x * w.z * m.s4 + w.y * w.z * m.s5);
-        const float square = d * d - d * along, depth = sqrt(square > 0.0f ? square : 0.0f) / most;
-        const float half_way = sqrt(exp(-depth) * (1.0f - m.s6));
-        const float there = (turn ? between_four(before, n, u + du, v + dv) : 1.0f) * half_way;
-        through[number * n * n * n + cell] = there;
-        here[v * n + u] = there * half_way;
+    const size_t number = item / (n / rows), cells = (size_t)n * n * n;
+    const int first = (int)(item % (n / rows)) * rows, width = n + 2 * EDGE;
+    const Way way = way_of(directions[number], n);
+    __global const float *planes = held + (way.along == 1 ? 0 : HOLDS * cells);
+    __global float *own = behind + 2 * number * width * width + EDGE * width + EDGE;
+    for (int turn = turns.x; turn < turns.y; ++turn) {
+        const int slice = way.upwards ? n - 1 - turn : turn;
+        __global float *here = own + (turn & 1) * width * width;
+        __global const float *before = own + (1 - (turn & 1)) * width * width + way.level * width + way.step;
+        for (int v = first; v < first + rows; ++v)
+            for (int u = 0; u < n; u += LANES) {
+                __global const float *these = planes + slice * way.forward + v * way.down + u;
+                const lanes come = between_rows(before + v * width + u, width, &way);
+                const lanes solid = *(__global const lanes *)(these + MOMENTS * cells), depth = depth_of(these, cells, &way);
+                lanes there = come, left = solid > 0.5f ? come * (2.0f - 2.0f * solid) : come;
+                if (any_lane(depth > 0.0f)) {
+                    const lanes lost = lesser(depth * 1.44269504f, F(100.0f));   // as a power of two
+                    there *= exp2_of(lost * (-0.5f - 0.5f * solid));
+                    left *= exp2_of(-lost);
+                }
+                *(__global loose *)(here + v * width + u) = left;
+                __global float *out = through + number * cells + slice * way.aside + v * way.across + u * way.along;
+                if (LANES == 1 || way.along == 1)
+                    *(__global lanes *)out = there;
+                else
+                    for (int k = 0; k < LANES; ++k)
+                        out[k * way.along] = LANE(there, k);
+            }
     }
 }
 
-/* One work-item adds up the light of all directions in one cell. */
-__kernel void gather(
+/* One work-item adds up the light of all directions in LANES cells. */
+BY_HAND __kernel void gather(
     const ulong begin, const ulong end,    // work-items, see common.h
-    const int n,
+    const int n,                           // cells a side, a multiple of 16
     const int n_directions,
     __global const float *through,         // [directions, n, n, n]
-    __global const float4 *table,          // [directions, HARMONICS] r, g, b of each direction's light
-    __global float4 *cells)                // [n, n, n, HARMONICS]
+    __global const float *table,           // [directions, HARMONICS, 4] r, g, b of each direction's light
+    __global float *cells)                 // [n, n, n, HARMONICS, 4] r, g, b
 {
-    WORK_ITEM(cell);
-    float4 sums[HARMONICS];
-    for (int j = 0; j < HARMONICS; ++j)
-        sums[j] = 0.0f;
-    for (int i = 0; i < n_directions; ++i) {
-        const float share = through[(size_t)i * n * n * n + cell];
+    WORK_ITEM(item);
+    const size_t first = LANES * item, count = (size_t)n * n * n;
+    for (int c = 0; c < 3; ++c) {          // nine sums stay in registers
+        lanes sums[HARMONICS];
         for (int j = 0; j < HARMONICS; ++j)
-            sums[j] += share * table[i * HARMONICS + j];
+            sums[j] = F(0.0f);
+        for (int i = 0; i < n_directions; ++i) {
+            const lanes share = *(__global const lanes *)(through + i * count + first);
+            for (int j = 0; j < HARMONICS; ++j)
+                sums[j] += share * table[(i * HARMONICS + j) * 4 + c];
+        }
+        for (int k = 0; k < LANES; ++k)
+            for (int j = 0; j < HARMONICS; ++j)
+                cells[((first + k) * HARMONICS + j) * 4 + c] = LANE(sums[j], k);
     }
-    for (int j = 0; j < HARMONICS; ++j)
-        cells[cell * HARMONICS + j] = sums[j];
 }
 
 /* One work-item looks up the light that one point of strands gets from all around its fibre. */

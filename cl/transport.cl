@@ -15,6 +15,7 @@
 
 #define STEPS 4                            // along hair, in a cell's side
 #define SUMS 8                             // of hair of a type in a cell: tangents, how much, shades
+#define HOLDS (MOMENTS + 1)
 #define RAYS 8                             // of light through a cell, by which its mean is known
 
 /* What a strand has left in one cell. */
@@ -346,7 +347,7 @@ __kernel void sweep(
     const int n,
     const int2 turns,                      // slices: the first, one past the last
     const int rows,                        // of a slice that a work-item takes; all of them where there are several slices
-    __global const float8 *held,           // [n, n, n] see `contents` in sky.cl
+    __global const float *held,            // [2, HOLDS, n, n, n] see `contents` in sky.cl
     __global const float4 *towards,        // [DIRECTIONS] unit, where light comes from
     __global const float4 *outside,        // [DIRECTIONS] r, g, b of the light that comes from out of the grid
     __global const float *sent,            // [n, n, n, CHANNELS, DIRECTIONS] see `scatter`
@@ -368,16 +369,17 @@ __kernel void sweep(
             for (int u = 0; u < n; ++u) {
                 const size_t cell = (size_t)slice * stride[axis] + (size_t)u * stride[one] + (size_t)v * stride[two];
                 const size_t place = cell * (CHANNELS * DIRECTIONS) + number;
-                const float8 m = held[cell];
-                const float d = m.s0 + m.s1 + m.s2;
-                const float open = 1.0f - m.s6;
+                float m[HOLDS];
+                for (int j = 0; j < HOLDS; ++j)
+                    m[j] = held[(size_t)j * n * n * n + cell];
+                const float d = m[0] + m[1] + m[2], open = 1.0f - m[MOMENTS];
                 float4 there = turn ? between_cells(before, n, u + du, v + dv, beyond) : beyond;
                 const float most_open = there.w > open ? there.w : open;
                 there = most_open > 0.0f ? there / most_open : 0.0f;
                 float4 on = there;
                 if (d > 0.0f) {
-                    const float along = w.x * w.x * m.s0 + w.y * w.y * m.s1 + w.z * w.z * m.s2
-                        + 2.0f * (w.x * w.y * m.s3 + w.x * w.z * m.s4 + w.y * w.z * m.s5);
+                    const float along = w.x * w.x * m[0] + w.y * w.y * m[1] + w.z * w.z * m[2]
+                        + 2.0f * (w.x * w.y * m[3] + w.x * w.z * m[4] + w.y * w.z * m[5]);
                     const float square = d * d - d * along, depth = sqrt(square > 0.0f ? square : 0.0f) / most;
                     const float half_way = exp(-0.5f * depth);
                     const float4 source = (1.0f - half_way)

@@ -9,7 +9,7 @@ from ._moved import install
 from .budget import PRESETS
 from .device.scheduler import Scheduler
 from .errors import DeviceError, Error
-from .files.images import save
+from .files.images import load_picture, save
 from .files.meshes import load_mesh
 from .judge import truth
 from .judge.compare import Comparison, compare
@@ -34,7 +34,7 @@ from .settings import Settings
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
     "Frontier", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Scheduler", "Settings", "Shells",
-    "Strands", "compare", "draw", "frontier", "grow", "load_mesh", "render", "save", "truth",
+    "Strands", "compare", "draw", "frontier", "grow", "load_mesh", "load_picture", "render", "save", "truth",
 ]
 
 install()

@@ -11,7 +11,7 @@ from clfur.stages.strands import grow, no_strands, upload_curves
 from clfur.stages.tessellate import tessellate
 from clfur.twin import sky as twin
 
-N = 8
+N = 16
 SINE, COSINE = (1, 0, -1 / 8), (1, 2 / 3, 1 / 4)
 BOX = clfur.Mesh(np.array([(x, y, z) for z in (-.5, .5) for y in (-.5, .5) for x in (-.5, .5)], float), faces=np.array(
     [(0, 2, 3), (0, 3, 1), (4, 5, 7), (4, 7, 6), (0, 1, 5), (0, 5, 4), (2, 6, 7), (2, 7, 3), (0, 4, 6), (0, 6, 2),

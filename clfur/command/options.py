@@ -17,7 +17,7 @@ from .. import PRESETS, Camera, Error, HairType, Light, Scene, Settings, Shells,
 from ..files.images import load_picture
 from ..scene import frame, highlighted
 from ..settings import CHOSEN, RASTERS, SHADOWS
-from .types import Color, Look, Numbers, Roots, Size, from_hex, look_of
+from .types import Color, Look, Numbers, Roots, Size, Sky, from_hex, look_of
 
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
@@ -48,6 +48,10 @@ _SCENE = [
                  help="Vertical field of view."),
     click.option("--light", type=Numbers(3), default="1,-1,-0.6", metavar="X,Y,Z",
                  help="The way the light travels."),
+    click.option("--sky", type=Sky(), metavar="SKY",
+                 help="Light from all around, hidden by hair and body, instead of the flat ambient: a colour, R,G,B of "
+                      "0 or more each (linear) or '#rrggbb'; ZENITH:HORIZON:GROUND, three of these; or an "
+                      "equirectangular picture, .hdr, .exr, .png.  [default: none]"),
     click.option("--rest", metavar="MESH",
                  help="The mesh in rest, of the same faces: lengths go by it, and N roots and the cells of shells stay "
                       "where they are on it in every pose."),
@@ -236,7 +240,8 @@ def _scene(mesh, options):
         upright = aside > 1e-3 * up
         camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
                         fov=options["fov"], size=options["size"])
-    return Scene(mesh=mesh, fur=fur, camera=camera, light=Light(direction=options["light"]))
+    return Scene(mesh=mesh, fur=fur, camera=camera, light=Light(direction=options["light"]),
+                 environment=options["sky"])
 
 
 def _shells(options, length, radius):
@@ -311,7 +316,7 @@ def _strands(options, length, radius, faces):
 def _type_map(path):
     pixels = load_picture(path)
     if pixels.dtype != np.uint8:
-        raise Error(f"{path}: has 16 bits a channel; allowed in a type map: 8, as the keys of types have")
+        raise Error(f"{path}: has more than 8 bits a channel; allowed in a type map: 8, as the keys of types have")
     return pixels
 
 

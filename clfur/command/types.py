@@ -1,13 +1,15 @@
 """What the options of the commands take: numbers, sizes, colours, names."""
 
 import re
+from pathlib import Path
 
 import attrs
 import click
 
 from ..color import srgb_to_linear
 from ..errors import Error
-from ..scene import Chiang, Kajiya
+from ..files.images import load_picture
+from ..scene import Chiang, Environment, Kajiya
 
 
 class Numbers(click.ParamType):
@@ -101,6 +103,35 @@ class Look(click.ParamType):
             return look_of(value)
         except ValueError as error:   # clfur.Error is one
             self.fail(str(error), param, ctx)
+
+
+class Sky(click.ParamType):
+    """A sky of one colour, of three, or of a picture, such as #88aaff, 1,1,1:.5,.5,.6:.1,.1,.1 or studio.hdr."""
+
+    name = "sky"
+
+    def convert(self, value, param, ctx):
+        if not isinstance(value, str):
+            return value
+        if not re.fullmatch(r"[#\d.,:+\-eEa-fA-F\s]+", value) or Path(value).is_file():
+            try:
+                return Environment(load_picture(value))
+            except Error as error:
+                self.fail(f"{'' if value in str(error) else value + ': '}{error}", param, ctx)
+        colors = [_color(part) for part in value.split(":")]
+        if len(colors) not in (1, 3) or None in colors:
+            self.fail(f"{value!r} is neither a colour, R,G,B of 0 or more each (linear) or #rrggbb (sRGB), nor "
+                      "ZENITH:HORIZON:GROUND of three, nor a picture file", param, ctx)
+        return Environment(colors if len(colors) == 3 else colors[0])
+
+
+def _color(text):
+    """Linear colour of a part of a sky's text, or None."""
+    try:
+        color = from_hex(text) if text.startswith("#") else tuple(map(float, text.split(",")))
+    except ValueError:
+        return None
+    return color if len(color) == 3 and all(0 <= part < 1e20 for part in color) else None
 
 
 class Names(click.ParamType):

@@ -13,11 +13,13 @@ from .. import cache, layout
 from ..errors import Error
 from ..render import schedulers
 from ..scene import Curves, Scene, Strands, checks, extent
+from ..scene.environment import ambient_of
 from ..scene.seen import seen
 from ..stages.tessellate import tessellate
 from ..twin import scatter, shade, strands
 from ..twin.vectors import dot, unit
 from .rays import Eye, Fibres, Triangles, frame_along
+from .sky import Sky, spread
 
 VERSION = 2              # of what `picture` gives, strands and bodies included: another makes the cache anew
 RAYS = 1 << 18           # of the picture at a time
@@ -30,7 +32,9 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     over the pixel.  Each sees what is nearest: strands of their real width (ribbons that face the eye), or the body.
     The light there is as hair's look has it, or Lambert's on the body.  Of direct light a ray towards the light leaves
     the product of the alphas of all strands that it crosses (round, of their real width, all but the one it starts on),
-    and nothing where it meets the body.  ``progress`` is called with the share that is done.  Raises `clfur.Error`
+    and nothing where it meets the body.  Light of a sky is what comes through along one ray for each of these, whose
+    direction is chosen at random; it counts by its sine with a strand, its cosine on the body, over the sum of these.
+    ``progress`` is called with the share that is done.  Raises `clfur.Error`
     for shells: these are judged by their own picture at many samples (tools/shells_laws.py).
     """
     if not isinstance(scene, Scene):
@@ -46,6 +50,7 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     window = corners[:, :2].min(0), corners[:, :2].max(0)
     fibres, triangles = _before(eye, hair, body, near, window)
     lights = [_Light(scene, light, hair, body) for light in scene.lights]
+    sky = None if scene.environment is None else Sky(scene, hair, body)
 
     result = np.zeros((height, width, 4))
     rows = max(RAYS // (width * samples**2), 1)
@@ -62,8 +67,13 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
         p, fibre = eye.points(places[nearer], depth[nearer]), fibre[nearer]
         v, share = _towards(eye, p), fibres.share(places[nearer], fibre)
         color[nearer, :3] = sum(light.on_hair(p, v, fibre, share) for light in lights)
-        p = eye.points(places[bare], body_depth[bare])
-        color[bare, :3] = sum(light.on_body(p, _towards(eye, p), triangle[bare]) for light in lights)
+        at = eye.points(places[bare], body_depth[bare])
+        color[bare, :3] = sum(light.on_body(at, _towards(eye, at), triangle[bare]) for light in lights)
+        if sky:
+            random = np.concatenate([_of_sky(row, width, samples, seed) for row in range(top, end)])
+            color[nearer, :3] += _sky_on_hair(sky, hair, p, fibre, share, random[nearer])
+            color[bare, :3] += scene.body_color * _sky_on_body(sky, body, at, _towards(eye, at), triangle[bare],
+                                                               random[bare])
         result[top:end] = color.reshape(end - top, width, samples**2, 4).mean(2)
         if progress:
             progress(end / height)
@@ -195,6 +205,11 @@ def _in_row(row, width, samples, seed):
     return (within / samples + np.stack([np.arange(width), np.full(width, row)], 1)[:, None]).reshape(-1, 2)
 
 
+def _of_sky(row, width, samples, seed):
+    """Random numbers of the rays of a row, for what they get from the sky: [width * samples², 3]."""
+    return spread(samples**2, np.random.default_rng((seed, row, 1)).random((width, 1, 2))).reshape(-1, 3)
+
+
 def _towards(eye, p):
     return unit(eye.origin - p)
 
@@ -202,11 +217,34 @@ def _towards(eye, p):
 # --- light ----------------------------------------------------------------------------------------------
 
 
+def _on_strand(hair, fibre, share):
+    """(strand [n], unit tangent [n, 3], colour [n, 3]) a share of the way along segments."""
+    first, strand = hair.first[fibre], hair.owner[fibre]
+    t = hair.tangents[first] + share[:, None] * (hair.tangents[first + 1] - hair.tangents[first])
+    length = np.linalg.norm(t, axis=1, keepdims=True)
+    t = np.where(length > 1e-15, t / np.where(length > 1e-15, length, 1), hair.tangents[first])
+    return strand, t, shade.strand_color(hair, first, strand, share)
+
+
+def _sky_on_hair(sky, hair, p, fibre, share, random):
+    """Light [n, 3] of a sky from places p of segments, the same in all directions."""
+    strand, t, color = _on_strand(hair, fibre, share)
+    none = np.full(len(p), -1)
+    return color * sky.light(p, t, none > 0, strand, none, random)
+
+
+def _sky_on_body(sky, body, p, v, triangle, random):
+    """Light [n, 3] of a sky that comes to places p of triangles, on the side that v sees."""
+    n, _ = shade.on_body(body, triangle, p, v)
+    return sky.light(p, n, triangle >= 0, np.full(len(p), -1), triangle, random)
+
+
 class _Light:
     """One light of a scene on places in it."""
 
     def __init__(self, scene, light, hair, body):
         self.light, self.hair, self.body, self.body_color = light, hair, body, scene.body_color
+        self.ambient = ambient_of(light, scene.environment)
         spot, direction = self.light.position is not None, self.light.direction
         _, radius = extent(scene.mesh, scene.fur)
         self.eye = Eye(self.light.position if spot else np.zeros(3), frame_along(direction), not spot)
@@ -224,16 +262,12 @@ class _Light:
 
     def on_hair(self, p, v, fibre, share):
         """Light [n, 3] from places p of segments, a share of the way along them, towards v."""
-        hair, first, strand = self.hair, self.hair.first[fibre], self.hair.owner[fibre]
-        t = hair.tangents[first] + share[:, None] * (hair.tangents[first + 1] - hair.tangents[first])
-        length = np.linalg.norm(t, axis=1, keepdims=True)
-        t = np.where(length > 1e-15, t / np.where(length > 1e-15, length, 1), hair.tangents[first])
-        color = shade.strand_color(hair, first, strand, share)
+        hair, (strand, t, color) = self.hair, _on_strand(self.hair, fibre, share)
         to_light, direct = self._unshadowed(p)
         some = np.flatnonzero(direct.any(1))
         direct[some] *= self._transmittance(p[some], np.full(len(some), -1), strand[some])[:, None]
         kind = hair.kind[strand]
-        return scatter.fibre(color, hair.shine[kind], t, to_light, v, direct, self.light.ambient, hair.lobes[kind])
+        return scatter.fibre(color, hair.shine[kind], t, to_light, v, direct, self.ambient, hair.lobes[kind])
 
     def on_body(self, p, v, triangle):
         """Light [n, 3] from places p of triangles towards v."""
@@ -242,7 +276,7 @@ class _Light:
         direct *= np.maximum(dot(n, to_light), 0)[:, None]
         some = np.flatnonzero(direct.any(1))
         direct[some] *= self._transmittance(p[some], triangle[some], np.full(len(some), -1))[:, None]
-        return self.body_color * (direct + self.light.ambient)
+        return self.body_color * (direct + self.ambient)
 
     def _unshadowed(self, p):
         """(unit vectors to the light, its colour where nothing is in its way) [n, 3]."""

@@ -91,7 +91,25 @@ def sky(gpu: Any, plan: Plan) -> sky_stage.SkyLight | None:
     if scene.environment is None:
         return None
     return gpu.keep("sky", (scene.mesh, scene.strands, scene.environment, int(plan.body)),
-                    functools.partial(_sky, gpu, plan))
+                    functools.partial(sky_in, gpu, plan, sky_stage.CELLS))
+
+
+def sky_in(gpu: Any, plan: Plan, n: int) -> sky_stage.SkyLight:
+    """Light of the scene's sky in n³ cells around all of it."""
+    scene, environment = plan.scene, plan.scene.environment
+    assert environment is not None
+    boxes, out = boxes_to_see(scene.mesh, scene.fur), fur_extent(scene.fur)
+    center, radius = extent(scene.mesh, scene.fur)
+    low, high = center - radius, center + radius
+    if boxes:
+        low = np.maximum(low, np.min([each for each, _ in boxes], 0) - out)
+        high = np.minimum(high, np.max([each for _, each in boxes], 0) + out)
+    grid = sky_stage.sky_of(low, high, n)
+    area = hair_bounds(scene.strands, plan.strands)[2] if plan.strands else 0.0
+    held = sky_stage.held(gpu, grid, plan.body, area)
+    for part in plan.parts(gpu):
+        sky_stage.deposit(gpu, grid, held, hair(gpu, plan, part, 0), body(gpu, plan, part))
+    return sky_stage.light(gpu, grid, held, *sky_stage.table_of(*environment.places))
 
 
 def sky_points(gpu: Any, plan: Plan, part: Part, hair: DeviceStrands) -> Any:
@@ -167,22 +185,6 @@ def on(gpu: Any, array: Any) -> Any:
 def bytes_of(gpu: Any, array: Any) -> np.ndarray:
     """The bits of an array, on the host."""
     return np.ascontiguousarray(array if isinstance(array, np.ndarray) else gpu.download(array))
-
-
-def _sky(gpu, plan):
-    scene = plan.scene
-    boxes, out = boxes_to_see(scene.mesh, scene.fur), fur_extent(scene.fur)
-    center, radius = extent(scene.mesh, scene.fur)
-    low, high = center - radius, center + radius
-    if boxes:
-        low = np.maximum(low, np.min([each for each, _ in boxes], 0) - out)
-        high = np.minimum(high, np.max([each for _, each in boxes], 0) + out)
-    grid = sky_stage.sky_of(low, high, plan.sky_cells)
-    area = hair_bounds(scene.strands, plan.strands)[2] if plan.strands else 0.0
-    held = sky_stage.held(gpu, grid, plan.body, area)
-    for part in plan.parts(gpu):
-        sky_stage.deposit(gpu, grid, held, hair(gpu, plan, part, 0), body(gpu, plan, part))
-    return sky_stage.light(gpu, grid, held, *sky_stage.table_of(*scene.environment.places))
 
 
 def _transport(gpu, plan, lighting):

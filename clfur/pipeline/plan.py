@@ -148,11 +148,6 @@ class Plan:
         """Whether strands are drawn by the area that they cover."""
         return self.settings.raster == "coverage" and self.strands > 0
 
-    @property
-    def sky_cells(self) -> int:
-        """Cells a side of the grid that a sky's light is known in: a body, which hides it sharply, asks for more."""
-        return 48 if self.body else 32
-
     def light_key(self, lod: float = 0.0) -> tuple:
         """What light depends on that falls on anything, or on strands thinned so, as a key of `Scheduler.keep`."""
         scene, settings = self.scene, self.settings
@@ -341,7 +336,7 @@ class Plan:
             layers = Lighting.bytes(layer=(settings.grid + 1) * settings.grid**2)
             fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
         if scene.environment is not None:
-            fixed += sky_bytes(self.sky_cells, self.body)
+            fixed += sky_bytes(self.body)
         return fixed + OF_KEPT * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property

@@ -7,7 +7,9 @@ import attrs
 import numpy as np
 
 from ..color import linear_of
+from ..errors import Error
 from . import checks
+from .light import Light
 
 ROWS = 64   # of a gradient's picture, and about as many of a large one's
 
@@ -18,8 +20,9 @@ def _sky(value, where):
     array = linear_of(checks.numbers(value, where, allowed))
     if array.ndim not in (1, 2, 3) or array.shape[-1] != 3 or (array.ndim == 2 and len(array) != 3) or not array.size:
         checks.refuse(where, value, allowed)
-    if not (np.isfinite(array).all() and (array >= 0).all() and (array <= checks.LARGEST).all()):
-        checks.refuse(where, value, allowed)
+    bad = np.argwhere(~((array >= 0) & (array <= checks.LARGEST)))   # no number is neither
+    if len(bad):
+        raise Error(f"{where} is {array[tuple(bad[0])]} at {bad[0].tolist()}; allowed: {allowed}")
     return checks.frozen(np.array(array, np.float32))
 
 
@@ -37,28 +40,37 @@ class Environment:
     intensity: float = checks.field(checks.real(low=0, high=checks.LARGEST), default=1.0)
     rotation: float = checks.field(checks.real(low=-checks.LARGEST, high=checks.LARGEST), default=0.0)
 
+    @property
+    def picture(self) -> np.ndarray:
+        """The sky's light [h, w, 3], as a picture: what `places` are means of."""
+        sky: Any = self.sky
+        if sky.ndim == 2:
+            up = np.sin(np.pi * (0.5 - (np.arange(ROWS) + 0.5) / ROWS))[:, None]
+            zenith, horizon, ground = sky.astype(float)
+            sky = (horizon + np.where(up > 0, up * (zenith - horizon), -up * (ground - horizon)))[:, None]
+        return self.intensity * (np.broadcast_to(sky, (ROWS, 2 * ROWS, 3)) if self.sky.ndim < 3 else sky)
+
     @functools.cached_property
     def places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Places of the sky: (unit directions towards them [n, 3], their light [n, 3], solid angles [n]), float64."""
-        picture: Any = self.sky.astype(float)
-        if picture.ndim == 1:
-            picture = np.broadcast_to(picture, (ROWS, 2 * ROWS, 3))
-        elif picture.ndim == 2:
-            up = np.sin(np.pi * (0.5 - (np.arange(ROWS) + 0.5) / ROWS))[:, None]
-            zenith, horizon, ground = picture
-            rows = horizon + np.where(up > 0, up * (zenith - horizon), -up * (ground - horizon))
-            picture = np.broadcast_to(rows[:, None], (ROWS, 2 * ROWS, 3))
+        picture, shares = self.picture, []
         for axis, most in (0, ROWS), (1, 2 * ROWS):   # a large picture's places are means
             length = picture.shape[axis]
-            if length > most:
-                starts = np.arange(most) * length // most
-                counts = np.diff(np.append(starts, length)).reshape([-1 if a == axis else 1 for a in range(3)])
-                picture = np.add.reduceat(picture, starts, axis) / counts
-        height, width = picture.shape[:2]
-        edges = np.sin(np.pi * (0.5 - np.arange(height + 1) / height))
+            starts = np.arange(min(most, length)) * length // min(most, length)
+            counts = np.diff(np.append(starts, length))
+            picture = np.add.reduceat(picture, starts, axis, np.float64)
+            picture = picture / counts.reshape([-1 if a == axis else 1 for a in range(3)])
+            shares.append(np.append(starts, length) / length)
+        edges = np.sin(np.pi * (0.5 - shares[0]))
         up = (edges[1:] + edges[:-1]) / 2
-        turn = 2 * np.pi * ((np.arange(width) + 0.5) / width - 0.5) + np.radians(self.rotation)
+        width = picture.shape[1]
+        turn = np.pi * (shares[1][1:] + shares[1][:-1] - 1) + np.radians(self.rotation)
         aside = np.sqrt(1 - up * up)[:, None]
         towards = np.stack([aside * np.sin(turn), np.repeat(up[:, None], width, 1), -aside * np.cos(turn)], 2)
-        angles = np.repeat((edges[:-1] - edges[1:])[:, None] * 2 * np.pi / width, width, 1)
-        return towards.reshape(-1, 3), self.intensity * picture.reshape(-1, 3), angles.reshape(-1)
+        angles = (edges[:-1] - edges[1:])[:, None] * (2 * np.pi * np.diff(shares[1]))
+        return towards.reshape(-1, 3), picture.reshape(-1, 3), angles.reshape(-1)
+
+
+def ambient_of(light: Light, environment: Environment | None) -> float:
+    """The flat ambient of a light: under a sky none, unless it is set to another than it is by default."""
+    return 0.0 if environment is not None and light.ambient == Light().ambient else light.ambient

@@ -10,9 +10,12 @@ from ..layout import Arrays, Declared, array
 from .strands import DeviceStrands, arrays
 from .tessellate import Surface
 
+CELLS = 32                           # a side of a scene's grid
 DIRECTIONS, NEAR_BRIGHTEST = 32, 8   # all around, and towards what is brightest
 CONE = np.radians(20)                # half the angle that these fill
+EDGE = 2                             # cells around a slice, through which all light comes
 MOMENTS, HARMONICS = int(layout.CONSTANTS["MOMENTS"]), int(layout.CONSTANTS["HARMONICS"])   # a cell: of hair, of light
+HOLDS = MOMENTS + 1
 THROUGH = Declared("cell", np.float32)                     # of each direction
 POINT_LIGHT = Declared("point", np.float32, 4)             # r, g, b at a point of strands
 
@@ -42,7 +45,7 @@ def arguments(gpu: Any, lit: SkyLight | None) -> dict:
 
 
 def sky_of(low: Any, high: Any, n: int) -> np.void:
-    """A `layout.Sky` of n³ cells around a box [3], [3] world."""
+    """A `layout.Sky` of n³ cells around a box [3], [3] world; n: a multiple of 16, which lanes divide."""
     low, high = np.asarray(low, float), np.asarray(high, float)
     side = float((high - low).max()) * 1.02 / n or 1.0
     packed: Any = np.zeros((), layout.Sky)
@@ -70,11 +73,11 @@ def deposit(gpu: Any, sky: np.void, there: Held, strands: DeviceStrands, body: S
 
 
 def contents(gpu: Any, sky: np.void, there: Held) -> Any:
-    """What each cell holds, once all is deposited -> [n³, 8] float32 xx, yy, zz, xy, xz, yz of hair, share of body, -."""
+    """What each cell holds, once all is deposited -> [2 HOLDS, n³] float32, see sky.cl."""
     n = int(sky["size"][0])
     if there.solids.size:
         gpu.launch("sky.fill", 3 * n * n, n=n, solids=there.solids)
-    cells = gpu.empty((n**3, 8), np.float32)
+    cells = gpu.empty((2 * HOLDS, n**3), np.float32)
     gpu.launch("sky.contents", n**3, n=n, unit=there.unit, moments=there.moments, is_body=there.solids.size > 0,
                solids=there.solids, held=cells)
     return cells
@@ -84,13 +87,16 @@ def light(gpu: Any, sky: np.void, there: Held, directions: np.ndarray, table: np
     """Take the light of all directions through the grid -> `SkyLight`; see `table_of`."""
     n, count = int(sky["size"][0]), len(directions)
     cells = contents(gpu, sky, there)
-    through, behind = THROUGH.empty(gpu, (count, n**3)), gpu.empty((count, 2 * n * n), np.float32)
+    through, behind = THROUGH.empty(gpu, (count, n**3)), gpu.full((count, 2, (n + 2 * EDGE)**2), np.float32, 1)
     towards = gpu.upload(np.column_stack([directions, np.zeros(count)]).astype(np.float32))
-    for step in range(n):
-        gpu.launch("sky.sweep", count * n, n=n, turn=step, held=cells, directions=towards, behind=behind,
-                   through=through)
+    lanes = min(gpu.lanes, 16)
+    # A CPU has work enough in directions alone; else a slice's rows are divided, and wait for the slice before.
+    rows, slices = (n, n) if lanes > 1 else (1, 1)
+    for first in range(0, n, slices):
+        gpu.launch("sky.sweep", count * n // rows, n=n, turns=(first, first + slices), rows=rows, held=cells,
+                   directions=towards, behind=behind, through=through)
     result = SkyLight(sky, SkyLight.declared["cells"].empty(gpu, HARMONICS * n**3))
-    gpu.launch("sky.gather", n**3, n=n, n_directions=count, through=through, table=gpu.upload(table.reshape(-1, 4)),
+    gpu.launch("sky.gather", n**3 // lanes, n=n, n_directions=count, through=through, table=gpu.upload(table),
                cells=result.cells)
     return result
 
@@ -103,11 +109,11 @@ def at_points(gpu: Any, lit: SkyLight, strands: DeviceStrands) -> Any:
     return result
 
 
-def bytes_of(n: int, body: bool) -> int:
+def bytes_of(body: bool, n: int = CELLS) -> int:
     """Bytes on the device of all that `light` makes at once."""
     count = DIRECTIONS + NEAR_BRIGHTEST
-    cell = Held.bytes(cell=1, column=3 * body) + 32 + THROUGH.bytes * count + SkyLight.bytes(harmonic=HARMONICS)
-    return n**3 * cell + 8 * count * n * n
+    cell = Held.bytes(cell=1, column=3 * body) + 8 * HOLDS + THROUGH.bytes * count + SkyLight.bytes(harmonic=HARMONICS)
+    return n**3 * cell + 8 * count * (n + 2 * EDGE)**2
 
 
 def table_of(directions: np.ndarray, light: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,5 @@
 """Strands of Chiang's look and the lights on them -> light that goes from hair to hair, in cells of the world."""
 
-import functools
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +16,7 @@ CELLS = 24                # a side of the grid
 DIRECTIONS, PARTS, TANGENTS, ALBEDOS = (
     int(layout.CONSTANTS[name]) for name in ("DIRECTIONS", "PARTS_OF_ONE", "TANGENTS", "ALBEDOS"))
 CHANNELS = 3
-ORDERS = 24               # that are followed, at most,
+ORDERS = 12               # that are followed
 AMOUNTS = Declared("fibre", np.int32, 8, 0)               # of a type in a cell, see transport.cl
 FIELD = Declared("cell", np.float32, CHANNELS * DIRECTIONS)
 
@@ -43,7 +42,6 @@ class Transport(Arrays):
     scattering: Scattering
 
 
-@functools.cache
 def directions() -> tuple[np.ndarray, np.ndarray]:
     """Directions [DIRECTIONS, 3] in which light goes, and parts of each [DIRECTIONS, PARTS, 3], unit."""
     axes, fine = sky_stage.spiral(DIRECTIONS), sky_stage.spiral(DIRECTIONS * PARTS)

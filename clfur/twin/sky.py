@@ -59,6 +59,8 @@ def solid(low, scale, n, corners):
 def through(cells, body, directions):
     """Share of the light of each direction that reaches the middles of cells -> [directions, n, n, n].
 
+    A body lies behind what its cells tell: its surface gets what comes to them.
+
     cells, body: as `moments` and `solid` give them; directions: [D, 3] towards the light.
     """
     n, result = len(body), []
@@ -67,7 +69,7 @@ def through(cells, body, directions):
         axis = int(np.argmax(np.abs(w)))
         step = w / abs(w[axis])
         depth = np.sqrt(np.maximum(density**2 - density * np.einsum("zyxij,i,j->zyx", cells, w, w), 0))
-        passed = np.exp(-depth / abs(w[axis])) * (1 - body)
+        depth = depth / abs(w[axis])
         there = np.zeros((n, n, n))
         behind = np.ones((n + 4, n + 4, n + 4))        # with what lies around the grid
         order = range(n)[::-1] if w[axis] > 0 else range(n)
@@ -82,8 +84,9 @@ def through(cells, body, directions):
                 x, y, z = np.moveaxis(base + corner + 2, -1, 0)
                 value = value + weight * behind[z, y, x]
             x, y, z = np.moveaxis(at, -1, 0)
-            there[z, y, x] = value * np.sqrt(passed[z, y, x])
-            behind[z + 2, y + 2, x + 2] = value * passed[z, y, x]
+            share, d = body[z, y, x], depth[z, y, x]
+            there[z, y, x] = value * np.exp(-d * (1 + share) / 2)
+            behind[z + 2, y + 2, x + 2] = value * np.exp(-d) * np.minimum(2 - 2 * share, 1)
         result.append(there)
     return np.array(result)
 
