@@ -94,13 +94,14 @@ INLINED lanes3 times(lanes3 a, lanes3 b)
     return c;
 }
 
-/* `sky_light` at LANES places. */
+/* Light of a sky at LANES places around directions, see sky.h. */
 INLINED lanes3 sky_lanes(const Sky *sky, __global const float4 *cells, lanes3 p, lanes3 direction, float one, float two)
 {
     lanes3 light;
-    for (int k = 0; k < LANES; ++k)
-        put_lane(&light, k, sky_light(sky, cells, (float4)(lane_of(&p, k), 0.0f), (float4)(lane_of(&direction, k), 0.0f),
-                                      one, two));
+    for (int k = 0; k < LANES; ++k) {
+        const Known known = known_at(sky, cells, (float4)(lane_of(&p, k), 0.0f), one != 0.0f);
+        put_lane(&light, k, light_around(&known, (float4)(lane_of(&direction, k), 0.0f), one, two));
+    }
     return light;
 }
 

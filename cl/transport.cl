@@ -13,7 +13,7 @@
 #include "light_lanes.h"
 #include "transport.h"
 
-#define STEPS 4                            // along hair, in a cell's side
+#define OF_SIDE 4                          // steps along hair, in a cell's side
 #define SUMS 8                             // of hair of a type in a cell: tangents, how much, shades
 #define HOLDS (MOMENTS + 1)
 #define RAYS 8                             // of light through a cell, by which its mean is known
@@ -58,7 +58,7 @@ __kernel void hold(
         const float length = sqrt(dot3(d, d)) * scale;
         if (!(length > 0.0f))
             continue;
-        const int steps = length * STEPS < 4096.0f ? (int)(length * STEPS) + 1 : 4096;
+        const int steps = length * OF_SIDE < 4096.0f ? (int)(length * OF_SIDE) + 1 : 4096;
         const float4 c = colors[color_per == 0 ? 0 : color_per == 1 ? (uint)strand : id];
         const float4 shades = shades_of(c, lobes[type].color.x), t = unit_or(along, (float4)(0.0f, 1.0f, 0.0f, 0.0f));
         float amount = 0.0f;

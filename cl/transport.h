@@ -2,7 +2,6 @@
  * Light that goes from hair to hair, of one place: transport.cl uses this, and lobes.h and sky.h before it.  A cell holds, of
  * each colour, the mean light from around each of DIRECTIONS.
  */
-#define CHANNELS 3
 
 /* Where strands of one type along t look up how much light they send to the eye at v from directions l. */
 INLINED Sought sought_of(const Lobes *lobes, lanes3 t, lanes3 v, lanes3 l)

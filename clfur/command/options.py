@@ -16,7 +16,7 @@ from click.core import ParameterSource
 from .. import PRESETS, Camera, Error, HairType, Light, Scene, Settings, Shells, Strands, load_mesh
 from ..files.images import load_picture
 from ..scene import frame, highlighted
-from ..settings import CHOSEN, RASTERS, SHADOWS
+from ..settings import CHOSEN, RASTERS, SCATTERING, SHADOWS
 from .types import Color, Look, Numbers, Roots, Size, Sky, from_hex, look_of
 
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
@@ -105,6 +105,8 @@ _SETTINGS = [
                  help="Strands transparent by the area that they cover, or opaque in each sample."),
     click.option("--shadows", type=click.Choice(SHADOWS), default="length",
                  help="How hair shades: by what rays cross, by the report's voxels, or not at all."),
+    click.option("--scattering", type=click.Choice(SCATTERING), default="off",
+                 help="Follow light from hair to hair: grid, for --look chiang."),
     click.option("--grid", type=int, default=96, metavar="N",
                  help="Cells a side of the grid for shadows; a multiple of 16."),
     click.option("--shadow-map", type=int, default=512, metavar="N",
@@ -122,7 +124,7 @@ _SETTINGS = [
 ]
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "look", "type_map", "types", "curl", "wave",
-                     "raster", "lod"),
+                     "raster", "lod", "sky"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 
 

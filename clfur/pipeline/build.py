@@ -32,10 +32,12 @@ def let_go(plan: Plan, gpu: Any) -> None:
     gpu.prepare(plan.kernel_files)
     gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed))
     transmittances(gpu, plan)
-    furry = plan.scene.shells is not None
+    furry, under_sky = plan.scene.shells is not None, plan.scene.environment is not None
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
                        ("thinned", plan.strands and plan.settings.lod),
-                       ("shell", furry), ("pattern", furry), ("border", furry)):
+                       ("transport", plan.scatters), ("phases", plan.scatters),
+                       ("shell", furry), ("pattern", furry), ("border", furry),
+                       ("sky", under_sky), ("sky points", under_sky)):
         if not used:
             gpu.keep(name, (), dict)
     if len(plan.parts(gpu)) > 1 and not plan.keeps_transmittances(gpu):
@@ -96,8 +98,7 @@ def sky(gpu: Any, plan: Plan) -> sky_stage.SkyLight | None:
 
 def sky_in(gpu: Any, plan: Plan, n: int) -> sky_stage.SkyLight:
     """Light of the scene's sky in n³ cells around all of it."""
-    scene, environment = plan.scene, plan.scene.environment
-    assert environment is not None
+    scene = plan.scene
     boxes, out = boxes_to_see(scene.mesh, scene.fur), fur_extent(scene.fur)
     center, radius = extent(scene.mesh, scene.fur)
     low, high = center - radius, center + radius
@@ -109,7 +110,7 @@ def sky_in(gpu: Any, plan: Plan, n: int) -> sky_stage.SkyLight:
     held = sky_stage.held(gpu, grid, plan.body, area)
     for part in plan.parts(gpu):
         sky_stage.deposit(gpu, grid, held, hair(gpu, plan, part, 0), body(gpu, plan, part))
-    return sky_stage.light(gpu, grid, held, *sky_stage.table_of(*environment.places))
+    return sky_stage.light(gpu, grid, held, *_sky_table(scene.environment))
 
 
 def sky_points(gpu: Any, plan: Plan, part: Part, hair: DeviceStrands) -> Any:
@@ -128,7 +129,7 @@ def scattering(gpu: Any, plan: Plan) -> chiang.Scattering | None:
     return gpu.keep("scattering", (chiang.KEPT, looks), functools.partial(chiang.scattering, gpu, plan.lobed))
 
 
-def transport(gpu: Any, plan: Plan, lighting: Lighting) -> Any:
+def transport(gpu: Any, plan: Plan, lighting: Lighting) -> transport_stage.Transport | None:
     """`Transport` of light from hair to hair; that of the frame before if only the camera has moved.  None where it is
     not followed."""
     if not plan.scatters:
@@ -201,6 +202,11 @@ def _transport(gpu, plan, lighting):
             transport_stage.deposit(gpu, grid, there, held.unit, strands, looks)
     outside = transport_stage.outside(None if scene.environment is None else scene.environment.places)
     return transport_stage.transport(gpu, grid, held, there, lighting, looks, made, outside, transport_stage.ORDERS)
+
+
+@functools.lru_cache(4)
+def _sky_table(environment):
+    return sky_stage.table_of(*environment.places)
 
 
 def _surface(gpu, plan, faces):

@@ -30,6 +30,7 @@ from ..stages.sky import bytes_of as sky_bytes
 from ..stages.strand_light import TRANSMITTANCE, Places
 from ..stages.strands import AREA, ROOTS, SORTED_FROM, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
+from ..stages.transport import bytes_of as transport_bytes
 from ..stages.voxelize import CELLS
 from .views import Rig
 
@@ -47,7 +48,8 @@ OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
 OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1)
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
-LIT = Places.bytes(segment=1, row=1)   # of its light, at most
+LIT = Places.bytes("places", "more", segment=1, row=1)   # of its light, at most
+OF_SCATTERED = Places.bytes("scattered", segment=1)        # and of what came from hair to hair
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
@@ -100,6 +102,11 @@ class Plan:
         self.body = mesh is not None and self.scene.body_color is not None
         types = fur.types if isinstance(fur, Strands) else fur.hair_types if isinstance(fur, Curves) else ()
         self.lobed = types if self.wants_color and of_model(types) else ()
+        if self.settings.scattering != "off" and (not types or len(of_model(types)) < len(types)):
+            models = [kind.look.model for kind in types]
+            other = next((model for model in models if model != "chiang"), "none, there are no strands")
+            raise Error(f"Settings.scattering is {self.settings.scattering!r}, but the look of hair is {other}; "
+                        f"allowed: 'off', or clfur.Chiang for all strands")
         self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
         # Running sums: vertices and triangles before each face, points before each of the user's strands, and of all.
@@ -141,7 +148,7 @@ class Plan:
     @property
     def scatters(self) -> bool:
         """Whether light is followed from hair to hair."""
-        return bool(self.settings.scattering == "grid" and self.lobed)
+        return bool(self.settings.scattering != "off" and self.lobed)
 
     @property
     def uses_coverage(self) -> bool:
@@ -244,7 +251,7 @@ class Plan:
     @property
     def _survivor(self):
         """Bytes on the device of a segment that may show, and of its light."""
-        return SURVIVOR + LIT * self.wants_color
+        return SURVIVOR + LIT * self.wants_color + OF_SCATTERED * self.scatters
 
     @property
     def _largest_row(self):
@@ -337,6 +344,8 @@ class Plan:
             fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
         if scene.environment is not None:
             fixed += sky_bytes(self.body)
+        if self.scatters:
+            fixed += transport_bytes(len(self.lobed), self.body)
         return fixed + OF_KEPT * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property

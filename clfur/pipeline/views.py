@@ -42,7 +42,7 @@ class Rig:
         fit = Fit(scene, known)
         return cls(
             scene, settings, *known.ball, view_of(scene, settings.samples, known),
-            lights=tuple(light_of(light, scene.environment) for light in scene.lights),
+            lights=tuple(light_of(light, scene.environment, settings.scattering != "off") for light in scene.lights),
             light_views=tuple(light_view_of(scene, settings.shadow_map, light, fit)
                               if shadows and settings.shadow_map and np.any(light.color) else None
                               for light in scene.lights),
@@ -85,11 +85,11 @@ def view_of(scene: Scene, samples: int, known: Seen | None = None) -> np.void:
     return _view(to_screen, (*pose[:3, 3], 1), camera.size, samples, math.sqrt(k[0, 0] * k[1, 1]))
 
 
-def light_of(light: Light, environment: Environment | None = None) -> np.void:
-    """A `clfur.Light` as a `layout.Light`, under a sky if there is one."""
+def light_of(light: Light, environment: Environment | None = None, scatters: bool = False) -> np.void:
+    """A `clfur.Light` as a `layout.Light`, under a sky if there is one; see `ambient_of`."""
     packed: Any = np.zeros((), layout.Light)
     packed["direction"][:3] = light.direction
-    packed["color"] = *light.color, ambient_of(light, environment)
+    packed["color"] = *light.color, ambient_of(light, environment, scatters)
     if light.position is not None:
         packed["position"] = *light.position, 1
         packed["cone"][0] = math.cos(math.radians(light.angle) / 2)

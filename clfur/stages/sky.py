@@ -13,9 +13,11 @@ from .tessellate import Surface
 CELLS = 32                           # a side of a scene's grid
 DIRECTIONS, NEAR_BRIGHTEST = 32, 8   # all around, and towards what is brightest
 CONE = np.radians(20)                # half the angle that these fill
-EDGE = 2                             # cells around a slice, through which all light comes
 MOMENTS, HARMONICS = int(layout.CONSTANTS["MOMENTS"]), int(layout.CONSTANTS["HARMONICS"])   # a cell: of hair, of light
-HOLDS = MOMENTS + 1
+HOLDS = MOMENTS + 1                  # numbers of what a cell holds
+EDGE = int(layout.CONSTANTS["SKY_EDGE"])
+POINTS = 16                          # of strands, or more, whose light a work-item looks up
+STRANDS = 64                         # that a CPU's work-item adds up: more of its atomics are spared
 THROUGH = Declared("cell", np.float32)                     # of each direction
 POINT_LIGHT = Declared("point", np.float32, 4)             # r, g, b at a point of strands
 
@@ -65,11 +67,12 @@ def held(gpu: Any, sky: np.void, body: bool, most: float) -> Held:
 def deposit(gpu: Any, sky: np.void, there: Held, strands: DeviceStrands, body: Surface) -> None:
     """Add strands and a body, or parts of them, to what a grid holds."""
     if len(strands.spans):
-        gpu.launch("sky.deposit", len(strands.spans), sky=sky, unit=there.unit, moments=there.moments,
-                   **arrays(strands, "points", "spans", "strand_uv", "types"))
-    for axis in range(3 if len(body.triangles) and there.solids.size else 0):
-        gpu.launch("sky.surface", len(body.triangles), sky=sky, axis=axis, positions=body.positions,
-                   triangles=body.triangles, solids=there.solids)
+        each = STRANDS if gpu.lanes > 1 else 1
+        gpu.launch("sky.deposit", -(-len(strands.spans) // each), sky=sky, unit=there.unit, moments=there.moments,
+                   n_strands=len(strands.spans), each=each, **arrays(strands, "points", "spans", "strand_uv", "types"))
+    if len(body.triangles) and there.solids.size:
+        gpu.launch("sky.surface", len(body.triangles), sky=sky, positions=body.positions, triangles=body.triangles,
+                   solids=there.solids)
 
 
 def contents(gpu: Any, sky: np.void, there: Held) -> Any:
@@ -104,7 +107,9 @@ def light(gpu: Any, sky: np.void, there: Held, directions: np.ndarray, table: np
 def at_points(gpu: Any, lit: SkyLight, strands: DeviceStrands) -> Any:
     """Light that points of strands get from all around, over that of a sky of 1 -> [points, 4] float32 r, g, b, -."""
     result = POINT_LIGHT.empty(gpu, len(strands.points))
-    gpu.launch("sky.at_points", len(strands.points), sky=lit.sky, cells=lit.cells, light=result,
+    each = strands.run * -(-POINTS // strands.run)   # whole strands, where all are alike
+    gpu.launch("sky.at_points", -(-len(strands.points) // each), sky=lit.sky, cells=lit.cells, light=result,
+               n_points=len(strands.points), each=each,
                **arrays(strands, "points", "spans", "strand_of", "run"))
     return result
 

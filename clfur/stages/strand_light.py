@@ -9,8 +9,8 @@ from .. import layout
 from ..layout import Arrays, Declared, array
 from .chiang import Scattering, no_scattering
 from .lighting import Lighting
-from .transport import Transport, leaving
 from .strands import DeviceStrands, arrays
+from .transport import Transport, leaving
 
 TRANSMITTANCE = Declared("point", np.float32)   # share of a light's direct light there, 0..1
 FEW = layout.CONSTANTS["FEW_PLACES"]             # of a segment
@@ -23,7 +23,7 @@ class Places(Arrays):
 
     places: Any = array("segment", np.uint64, FEW)   # of each, or where in `more` they are: see cl/places.h
     more: Any = array("row", np.float32, 32)      # what others are like: see cl/exact_light.h
-    scattered: Any = array("segment", np.float32, 8)   # what they send of light from hair to hair, at their ends, if any
+    scattered: Any = array("segment", np.float32, 8)   # at both ends, of light from hair to hair, if any
     until: int = 0                                # segments of which it is known
     rows: int = 0                                 # of `more` that these have
     lighting: Lighting | None = None              # that falls on them,
@@ -42,9 +42,11 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
 
 
 def unlit(gpu: Any, lighting: Lighting, n: int, scatters: bool = False) -> Places:
-    """Room for the light of n segments -> `Places`, of none of them; ``scatters``: also of what goes from hair to hair."""
-    return Places(*(Places.declared[name].empty(gpu, rows) for name, rows in (
-        ("places", n), ("more", 0), ("scattered", n * scatters))), lighting=lighting)
+    """Room for the light of n segments -> `Places`, of none of them; ``scatters``: also of what goes from hair to
+    hair."""
+    places, more, scattered = (Places.declared[name].empty(gpu, rows) for name, rows in (
+        ("places", n), ("more", 0), ("scattered", n * scatters)))
+    return Places(places, more, scattered, lighting=lighting)
 
 
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,

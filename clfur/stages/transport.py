@@ -8,14 +8,13 @@ import numpy as np
 from .. import layout
 from ..layout import Arrays, Declared, array
 from . import sky as sky_stage
-from .chiang import KEPT, SHADES, Scattering
+from .chiang import SHADES, Scattering
 from .lighting import Lighting
 from .strands import DeviceStrands, arrays
 
 CELLS = 24                # a side of the grid
-DIRECTIONS, PARTS, TANGENTS, ALBEDOS = (
-    int(layout.CONSTANTS[name]) for name in ("DIRECTIONS", "PARTS_OF_ONE", "TANGENTS", "ALBEDOS"))
-CHANNELS = 3
+DIRECTIONS, CHANNELS, PARTS, TANGENTS, ALBEDOS = (
+    int(layout.CONSTANTS[name]) for name in ("DIRECTIONS", "CHANNELS", "PARTS_OF_ONE", "TANGENTS", "ALBEDOS"))
 ORDERS = 12               # that are followed
 AMOUNTS = Declared("fibre", np.int32, 8, 0)               # of a type in a cell, see transport.cl
 FIELD = Declared("cell", np.float32, CHANNELS * DIRECTIONS)
@@ -37,21 +36,21 @@ class Transport(Arrays):
     """Light in each cell of a grid, from around each of the directions: of the sky and of hair."""
 
     sky: np.void
-    light: Any = array(FIELD)
     phases: Phases
     scattering: Scattering
+    light: Any = array(FIELD)
 
 
 def directions() -> tuple[np.ndarray, np.ndarray]:
     """Directions [DIRECTIONS, 3] in which light goes, and parts of each [DIRECTIONS, PARTS, 3], unit."""
-    axes, fine = sky_stage.spiral(DIRECTIONS), sky_stage.spiral(DIRECTIONS * PARTS)
-    cosines = fine @ axes.T                      # each direction gets PARTS that are near, the surest first
-    parts, room = [[] for _ in axes], np.full(DIRECTIONS, PARTS)
-    for number in np.argsort(np.partition(cosines, -2, axis=1)[:, -2] - cosines.max(1)):
-        best = int(np.argmax(np.where(room > 0, cosines[number], -2)))
-        parts[best].append(fine[number])
-        room[best] -= 1
-    return axes, np.array(parts)
+    axes = sky_stage.spiral(DIRECTIONS)
+    x = np.cross(axes, np.eye(3)[np.argmin(np.abs(axes), 1)])
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    part = np.arange(PARTS) + 0.5                # of a cone, each of the same solid angle
+    cosine, turn = 1 - 2 / DIRECTIONS * part / PARTS, np.pi * (3 - np.sqrt(5)) * part
+    aside = np.sqrt(1 - cosine**2)[:, None]
+    around = np.cos(turn)[:, None] * x[:, None] + np.sin(turn)[:, None] * np.cross(axes, x)[:, None]
+    return axes, cosine[:, None] * axes[:, None] + aside * around
 
 
 def outside(places: tuple | None) -> np.ndarray:
@@ -66,16 +65,18 @@ def outside(places: tuple | None) -> np.ndarray:
     return sums / weights[:, None]
 
 
-def phases(gpu: Any, scattering: Scattering) -> Phases:
-    """`Phases` of the looks of types."""
+def phases(gpu: Any, scattering: Scattering, items: int | None = None) -> Phases:
+    """`Phases` of the looks of types; of the first ``items`` of tangents and directions alone, if not None."""
     axes, parts = directions()
     tangents = np.column_stack([sky_stage.spiral(TANGENTS), np.zeros(TANGENTS)]).astype(np.float32)
     types = len(scattering.lobes)
-    made = Phases.empty(gpu, {"eye": types * ALBEDOS, "phase": types * TANGENTS * SHADES}, tangents=gpu.upload(tangents),
+    rows = {"eye": types * ALBEDOS, "phase": types * TANGENTS * SHADES}
+    made = Phases.empty(gpu, rows, tangents=gpu.upload(tangents),
                         directions=gpu.upload(np.float32(axes.T)), parts=gpu.upload(np.float32(parts.reshape(-1, 3).T)))
     looks = {"lobes": scattering.lobes, "table": scattering.lobe_table}
     gpu.launch("transport.albedos", types * ALBEDOS, albedos=made.albedos, **looks)
-    gpu.launch("transport.phases", types * TANGENTS * DIRECTIONS, albedos=made.albedos, tangents=made.tangents,
+    items = types * TANGENTS * DIRECTIONS if items is None else items
+    gpu.launch("transport.phases", items, albedos=made.albedos, tangents=made.tangents,
                directions=made.directions, parts=made.parts, phases=made.phases, **looks)
     return made
 
@@ -119,7 +120,15 @@ def transport(gpu: Any, sky: np.void, held: sky_stage.Held, there: Any, lighting
         for turn in range(0, n, slices):
             gpu.launch("transport.sweep", DIRECTIONS * n // rows, n=n, turns=(turn, turn + slices), rows=rows,
                        held=contents, towards=towards, outside=beyond, sent=source, behind=behind, light=light)
-    return Transport(sky, light, made, scattering)
+    return Transport(sky, made, scattering, light)
+
+
+def bytes_of(types: int, body: bool) -> int:
+    """Bytes on the device of all that `transport` makes at once, and of `Phases`, of so many types of hair."""
+    held = sky_stage.Held.bytes(cell=1, column=3 * body) + 8 * sky_stage.HOLDS
+    cells = held + 3 * FIELD.bytes + types * (AMOUNTS.bytes + 32)
+    looks = Phases.bytes("albedos", "phases", eye=types * ALBEDOS, phase=types * TANGENTS * SHADES)
+    return CELLS**3 * cells + DIRECTIONS * 2 * CELLS**2 * 16 + looks
 
 
 def leaving(gpu: Any, view: np.void, lit: Transport, strands: DeviceStrands, segments: Any, first: int, end: int,

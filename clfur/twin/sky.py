@@ -2,14 +2,14 @@
 
 import numpy as np
 
-PARTS, FULL = 4, 256   # of a cell's side, and of one of those
+PARTS, STEPS = 4, 2   # of a cell's side, for the body and along hair
 
 
 def moments(low, scale, n, points, spans, opaque):
     """What strands leave in cells -> [n, n, n, 3, 3] float64, (1 - alpha) · width · length · t tᵀ over a cell's face.
 
     low [3], scale: of the grid, cells a unit.  points [P, 4]; spans [strands, 2]; opaque [strands] 1 - alpha.  Where
-    steps of a quarter of a cell lie is found in float32, as there.
+    steps of half a cell lie is found in float32, as there.
     """
     cells = np.zeros((n, n, n, 3, 3))
     points, low, scale = np.asarray(points, np.float32), np.asarray(low, np.float32), np.float32(scale)
@@ -19,7 +19,7 @@ def moments(low, scale, n, points, spans, opaque):
             square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
             if not square > 0:
                 continue
-            steps = int(np.sqrt(square) * scale * PARTS) + 1
+            steps = int(np.sqrt(square) * scale * STEPS) + 1
             p = a + ((np.arange(steps, dtype=np.float32) + np.float32(0.5)) / np.float32(steps))[:, None] * d
             at = (p[:, :3] - low) * scale
             inside = ((at >= 0) & (at < n)).all(1)
