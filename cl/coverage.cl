@@ -795,7 +795,7 @@ ALONE BY_HAND __kernel void tiles(
     __global const ulong *sample_shells,   // [rows, width, samples] depth << 32 | face where half of it is gone
     const int lit,                         // 1: there is light
     __global const ulong *places,          // [survivors, sources, FEW_PLACES] light, see places.h
-    const int sources,                     // lights, and the sky if there is one
+    const int sources,                     // lights, and one for a sky or for light from hair to hair
     __global const float *more,            // [rows of them, 32] see exact_light.h
     __global const Lobes *lobes,           // [types] see lobes.h; none where no type has that look
     __global const float4 *lobe_table,

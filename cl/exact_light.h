@@ -17,7 +17,7 @@ typedef struct {
 /* What is known of light that segments send: at places, see places.h, or what it depends on. */
 typedef struct {
     __global const ulong *places;          // [segments, sources, FEW_PLACES]
-    int sources;                           // lights, and the sky if there is one
+    int sources;                           // lights, and one for a sky or for light from hair to hair
     __global const float *more;
     const View *view;
     Lighting lighting;
@@ -43,7 +43,7 @@ INLINED lanes share_along(const Sent *sent, int i, lanes3 p, lanes3 step, lanes3
     return share;
 }
 
-/* The places of segment `number`, of all lights and the sky. */
+/* The places of segment `number`, of all sources. */
 INLINED __global const ulong *places_of(const Sent *known, uint number)
 {
     return known->places + FEW_PLACES * known->sources * (size_t)number;

@@ -231,7 +231,9 @@ __kernel void radiance(
     __global const float *transmittances,  // [n_lights, n_points] share of direct light, if so
     const int under_sky,                   // 1: a sky shines too
     __global const float4 *sky_light,      // [n_points] r, g, b of it, if so
-    __global ulong *places,                // [segments, n_lights + under_sky, FEW_PLACES] see places.h
+    const int is_scattered,                // 1: light comes from hair to hair too
+    __global const float8 *scattered,      // [segments] what they send of it at their starts and ends, if so
+    __global ulong *places,                // [segments, n_lights + under_sky + is_scattered, FEW_PLACES] see places.h
     volatile __global uint *rows)          // [1] of `more` that are taken
 {
     WORK_ITEM(item);
@@ -255,7 +257,7 @@ __kernel void radiance(
         turns[j] = distance_between(here[j].fibres.tangent, here[j - 1].fibres.tangent) + distance_between(here[j].v, here[j - 1].v);
     for (uint k = 0; k < LANES; ++k)
         LANE_I(inside, k) = from[k] != to[k] ? ON : 0;
-    const int sources = n_lights + under_sky;
+    const int sources = n_lights + under_sky + is_scattered;
     __global ulong *few = places + FEW_PLACES * sources * (size_t)first;
     for (int i = 0; i < n_lights; ++i) {
         const Light light = lights[i];
@@ -290,6 +292,17 @@ __kernel void radiance(
             sent[j].z = c.z * there.z;
         }
         put_places(few, sources, n_lights, count, I(0), sent);
+    }
+    if (is_scattered) {
+        lanes3 start, step, sent[FEW_PLACES];
+        for (int k = 0; k < LANES; ++k) {
+            const float8 there = scattered[first + (k < count ? k : 0)];
+            put_lane(&start, k, there.lo);
+            put_lane(&step, k, there.hi - there.lo);
+        }
+        for (int j = 0; j < FEW_PLACES; ++j)
+            sent[j] = plus(start, scaled(step, F((float)j / (FEW_PLACES - 1))));
+        put_places(few, sources, n_lights + under_sky, count, I(0), sent);
     }
     uint needy = 0;
     for (uint k = 0; k < count; ++k)
@@ -326,15 +339,15 @@ __kernel void further(
     const uint n_points,
     const int shadowed,                    // 1: something stands before them
     __global const float *transmittances,  // [n_lights, n_points] share of direct light, if so
-    const int under_sky,                   // 1: a sky shines too
-    __global const ulong *places,          // [segments, n_lights + under_sky, FEW_PLACES] see places.h
+    const int sources,                     // of light: these, and others that need no more than few places
+    __global const ulong *places,          // [segments, sources, FEW_PLACES] see places.h
     __global float *more)                  // [rows, 32] at least as many as `radiance` has counted, see exact_light.h
 {
     WORK_ITEM(item);
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
     const uint first = range.x + LANES * (uint)item;
     for (uint segment = first; segment < range.y && segment < first + LANES; ++segment) {
-        __global const ulong *few = places + FEW_PLACES * (n_lights + under_sky) * (size_t)segment;
+        __global const ulong *few = places + FEW_PLACES * sources * (size_t)segment;
         ulong row = 0;
         for (int i = 0; i < n_lights; ++i)
             row = few[FEW_PLACES * i] & MORE ? few[FEW_PLACES * i] : row;

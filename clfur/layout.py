@@ -37,6 +37,11 @@ CONSTANTS = {
     "HARMONICS": 9,         # spherical, of orders 0 to 2
     "SKY_EDGE": 2,          # cells around a slice of a sky's grid, through which all light comes
     "MOMENTS": 6,           # of hair in a cell: xx, yy, zz, xy, xz, yz
+    "DIRECTIONS": 24,       # in which light goes from hair to hair; a multiple of 8
+    "CHANNELS": 3,          # of each; r, g, b
+    "PARTS_OF_ONE": 8,      # of each, over which light is averaged
+    "TANGENTS": 96,         # of hair for which it is tabulated how light is scattered,
+    "ALBEDOS": 32,          # and angles of the eye for which how much of it
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }

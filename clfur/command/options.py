@@ -29,7 +29,7 @@ from .. import (
 )
 from ..files.images import load_picture
 from ..scene import frame, highlighted
-from ..settings import CHOSEN, RASTERS, SHADOWS
+from ..settings import CHOSEN, RASTERS, SCATTERING, SHADOWS
 from .types import Color, Height, LightText, Look, Numbers, Roots, Size, Sky, from_hex, light_of, look_of
 
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
@@ -129,6 +129,8 @@ _SETTINGS = [
                  help="Strands transparent by the area that they cover, or opaque in each sample."),
     click.option("--shadows", type=click.Choice(SHADOWS), default="length",
                  help="How hair shades: by what rays cross, by the report's voxels, or not at all."),
+    click.option("--scattering", type=click.Choice(SCATTERING), default="off",
+                 help="Follow light from hair to hair: grid, for --look chiang."),
     click.option("--grid", type=int, default=96, metavar="N",
                  help="Cells a side of the grid for shadows; a multiple of 16."),
     click.option("--shadow-map", type=int, default=512, metavar="N",

@@ -15,6 +15,7 @@ from ..scene import extent, hair_bounds
 from ..scene.bounds import boxes_to_see, fur_extent
 from ..stages import chiang, ground, shade, shells
 from ..stages import sky as sky_stage
+from ..stages import transport as transport_stage
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
 from ..stages.raster import raster
@@ -35,6 +36,7 @@ def let_go(plan: Plan, gpu: Any) -> None:
     furry, under_sky = plan.scene.shells is not None, plan.scene.environment is not None
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
                        ("thinned", plan.strands and plan.settings.lod),
+                       ("transport", plan.scatters), ("phases", plan.scatters),
                        ("shell", furry), ("pattern", furry), ("border", furry),
                        ("sky", under_sky), ("sky points", under_sky)):
         if not used:
@@ -114,7 +116,7 @@ def sky_in(gpu: Any, plan: Plan, n: int) -> sky_stage.SkyLight:
 
 def sky_points(gpu: Any, plan: Plan, part: Part, hair: DeviceStrands) -> Any:
     """`sky.at_points` of the strands of a part, None without a sky; those of the last part stay."""
-    lit = sky(gpu, plan)
+    lit = None if plan.scatters else sky(gpu, plan)   # where light goes from hair to hair, the sky's does too
     return lit and gpu.keep("sky points", (plan.scene.mesh, lit, hair),
                             functools.partial(sky_stage.at_points, gpu, lit, hair))
 
@@ -136,6 +138,15 @@ def paint(gpu: Any, plan: Plan, part: Part | None) -> tuple:
     known = gpu.keep("paint", plan.painted, functools.partial(shade.paint_of, gpu, plan.painted))
     mesh: Any = plan.scene.mesh
     return known, gpu.upload(mesh.material_of[slice(*part.faces)]) if len(plan.painted) > 1 else None
+
+
+def transport(gpu: Any, plan: Plan, lighting: Lighting) -> transport_stage.Transport | None:
+    """`Transport` of light from hair to hair; that of the frame before if only the camera has moved.  None where it is
+    not followed."""
+    if not plan.scatters:
+        return None
+    return gpu.keep("transport", (plan.scene.mesh, lighting, *plan.light_key()),
+                    functools.partial(_transport, gpu, plan, lighting))
 
 
 def shell(gpu: Any, plan: Plan) -> tuple[shells.Shell, np.void]:
@@ -186,6 +197,22 @@ def on(gpu: Any, array: Any) -> Any:
 def bytes_of(gpu: Any, array: Any) -> np.ndarray:
     """The bits of an array, on the host."""
     return np.ascontiguousarray(array if isinstance(array, np.ndarray) else gpu.download(array))
+
+
+def _transport(gpu, plan, lighting):
+    scene, looks = plan.scene, scattering(gpu, plan)
+    made = gpu.keep("phases", (chiang.KEPT, looks), functools.partial(transport_stage.phases, gpu, looks))
+    center, radius = extent(scene.mesh, scene.strands)
+    grid = sky_stage.sky_of(center - radius, center + radius, transport_stage.CELLS)
+    held = sky_stage.held(gpu, grid, plan.body, hair_bounds(scene.strands, plan.strands)[2])
+    there = transport_stage.amounts(gpu, grid, len(plan.lobed))
+    for part in plan.parts(gpu):
+        strands = hair(gpu, plan, part, 0)
+        sky_stage.deposit(gpu, grid, held, strands, body(gpu, plan, part))
+        if part.hairy:
+            transport_stage.deposit(gpu, grid, there, held.unit, strands, looks)
+    outside = transport_stage.outside(None if scene.environment is None else scene.environment.places)
+    return transport_stage.transport(gpu, grid, held, there, lighting, looks, made, outside, transport_stage.ORDERS)
 
 
 @functools.lru_cache(4)

@@ -236,8 +236,7 @@ class Coverage:
         """Draw what ``counts`` tells to show in each tile -> what `coverage.cover` gives."""
         counted, listed = band.counted, int(counts.sum(dtype=np.int64))
         segments = coverage.allocate(gpu, counts, min(counted.survivors, listed))
-        lit = None if lighting is None else strand_light.unlit(gpu, lighting, len(segments.ids),
-                                                                      self.plan.scene.environment is not None)
+        lit = None if lighting is None else strand_light.unlit(gpu, lighting, len(segments.ids), self.plan.around)
         hairy = [part for part in counted.cut.parts if part.hairy and (listed or slab == EVERY)]
         for part in hairy:
             lit = self._list(gpu, band, part, part is hairy[-1], tiles, window, slab, segments, lighting, lit)
@@ -257,7 +256,8 @@ class Coverage:
         until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
         through = self._transmittance(gpu, band, part, hair, lighting)
         return strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit, last,
-                                     build.scattering(gpu, plan), build.sky_points(gpu, plan, part, hair))
+                                     build.scattering(gpu, plan), build.sky_points(gpu, plan, part, hair),
+                                     build.transport(gpu, plan, lighting))
 
     def _transmittance(self, gpu, band, part, hair, lighting):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where

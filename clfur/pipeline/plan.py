@@ -43,6 +43,8 @@ from ..stages.sky import bytes_of as sky_bytes
 from ..stages.strand_light import TRANSMITTANCE, Places
 from ..stages.strands import AREA, ROOTS, SORTED_FROM, STAGES, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
+from ..stages.transport import LEAVING
+from ..stages.transport import bytes_of as transport_bytes
 from ..stages.voxelize import CELLS, RESTS
 from .views import Rig
 
@@ -60,7 +62,7 @@ OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
 OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1) + GRAINS.bytes + OPEN.bytes
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
-LIT = Places.bytes(row=1)               # of its light, at most, and of each light and the sky
+LIT = Places.bytes(row=1)               # of its light, at most, and of each source of it
 PLACES = Places.bytes(place=1)
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
@@ -121,6 +123,11 @@ class Plan:
         self.lobed = types if self.wants_color and of_model(types) else ()
         color = self.scene.body_color
         self.painted = color if isinstance(color, tuple) and self.wants_color and not self.held else ()
+        if self.settings.scattering != "off" and (not types or len(of_model(types)) < len(types)):
+            models = [kind.look.model for kind in types]
+            other = next((model for model in models if model != "chiang"), "none, there are no strands")
+            raise Error(f"Settings.scattering is {self.settings.scattering!r}, but the look of hair is {other}; "
+                        f"allowed: 'off', or clfur.Chiang for all strands")
         self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
         # Running sums: vertices and triangles before each face, points before each of the user's strands, and of all.
@@ -154,11 +161,16 @@ class Plan:
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "ground": self.ground is not None,
             "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
-            "march": shells, "chiang": self.lobed,
+            "march": shells, "chiang": self.lobed, "transport": self.scatters,
             "strand_light": self.uses_coverage and self.wants_color,
-            "shade": True, "sky": self.wants_color and self.scene.environment is not None,
+            "shade": True, "sky": self.scatters or (self.wants_color and self.scene.environment is not None),
             "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
+
+    @property
+    def scatters(self) -> bool:
+        """Whether light is followed from hair to hair."""
+        return bool(self.settings.scattering != "off" and self.lobed)
 
     @property
     def uses_coverage(self) -> bool:
@@ -174,9 +186,9 @@ class Plan:
         """What light depends on that falls on anything, or on strands thinned so, as a key of `Scheduler.keep`."""
         scene, settings = self.scene, self.settings
         fit = b"".join(each.tobytes() for each in (*self.rig.grids, *self.rig.light_views) if each is not None).hex()
-        return (scene.mesh, scene.strands, scene.shells, scene.environment, *scene.lights,
-                int(self.body), settings.shadows,
-                settings.grid, settings.shadow_map, settings.pcf, str(lod), scene.camera if lod else None, fit)
+        return (scene.mesh, scene.strands, scene.shells, scene.environment, *scene.lights, int(self.body),
+                settings.shadows, settings.grid, settings.shadow_map, settings.pcf, settings.scattering, str(lod),
+                scene.camera if lod else None, fit)
 
     def _points(self, first, end):
         """Points set aside for a run of strands."""
@@ -264,14 +276,18 @@ class Plan:
         return TILE if self.uses_coverage else 1
 
     @property
+    def around(self) -> int:
+        """Sources of strands' light beside lights: a sky, or what comes from hair to hair, with the sky's."""
+        return int(self.scatters or self.scene.environment is not None)
+
+    @property
     def _sources(self):
-        """Lights, and the sky."""
-        return len(self.scene.lights) + (self.scene.environment is not None)
+        return len(self.scene.lights) + self.around
 
     @property
     def _survivor(self):
         """Bytes on the device of a segment that may show, and of its light."""
-        return SURVIVOR + (LIT + PLACES * self._sources) * self.wants_color
+        return SURVIVOR + (LIT + PLACES * self._sources) * self.wants_color + LEAVING.bytes * self.scatters
 
     @property
     def _largest_row(self):
@@ -366,6 +382,8 @@ class Plan:
         if scene.environment is not None:
             fixed += sky_bytes(self.body)
         fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
+        if self.scatters:
+            fixed += transport_bytes(len(self.lobed), self.body)
         return fixed + OF_KEPT * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property

@@ -45,7 +45,7 @@ class Rig:
         fit, view = Fit(scene, known), view_of(scene, settings.samples, known)
         return cls(
             scene, settings, *known.ball, view,
-            lights=tuple(light_of(light, scene.environment) for light in scene.lights),
+            lights=tuple(light_of(light, scene.environment, settings.scattering != "off") for light in scene.lights),
             light_views=tuple(light_view_of(scene, settings.shadow_map, light, fit)
                               if shadows and settings.shadow_map and light.casts else None
                               for light in scene.lights),
@@ -106,11 +106,11 @@ def ground_of(scene: Scene, view: np.void) -> np.void | None:
     return packed
 
 
-def light_of(light: Light, environment: Environment | None = None) -> np.void:
-    """A `clfur.Light` as a `layout.Light`, under a sky if there is one."""
+def light_of(light: Light, environment: Environment | None = None, scatters: bool = False) -> np.void:
+    """A `clfur.Light` as a `layout.Light`, under a sky if there is one; see `ambient_of`."""
     packed: Any = np.zeros((), layout.Light)
     packed["direction"][:3] = light.direction
-    packed["color"] = *light.strength, ambient_of(light, environment)
+    packed["color"] = *light.strength, ambient_of(light, environment, scatters)
     if light.position is not None:
         packed["position"] = *light.position, 1
         packed["cone"][0] = NO_CONE if light.everywhere else math.cos(math.radians(light.angle) / 2)

@@ -71,6 +71,7 @@ class Environment:
         return towards.reshape(-1, 3), picture.reshape(-1, 3), angles.reshape(-1)
 
 
-def ambient_of(light: Light, environment: Environment | None) -> float:
-    """The flat ambient of a light: under a sky none, unless it is set to another than it is by default."""
-    return 0.0 if environment is not None and light.ambient == Light().ambient else light.ambient
+def ambient_of(light: Light, environment: Environment | None, scatters: bool = False) -> float:
+    """The flat ambient of a light: none under a sky, or where light goes from hair to hair, unless it is set to
+    another than it is by default."""
+    return 0.0 if (scatters or environment is not None) and light.ambient == Light().ambient else light.ambient

@@ -75,14 +75,21 @@ def deposit(gpu: Any, sky: np.void, there: Held, strands: DeviceStrands, body: S
                    solids=there.solids)
 
 
-def light(gpu: Any, sky: np.void, there: Held, directions: np.ndarray, table: np.ndarray) -> SkyLight:
-    """Take the light of all directions through the grid -> `SkyLight`; see `table_of`."""
-    n, count = int(sky["size"][0]), len(directions)
+def contents(gpu: Any, sky: np.void, there: Held) -> Any:
+    """What each cell holds, once all is deposited -> [2 HOLDS, n³] float32, see sky.cl."""
+    n = int(sky["size"][0])
     if there.solids.size:
         gpu.launch("sky.fill", 3 * n * n, n=n, solids=there.solids)
     cells = gpu.empty((2 * HOLDS, n**3), np.float32)
     gpu.launch("sky.contents", n**3, n=n, unit=there.unit, moments=there.moments, is_body=there.solids.size > 0,
                solids=there.solids, held=cells)
+    return cells
+
+
+def light(gpu: Any, sky: np.void, there: Held, directions: np.ndarray, table: np.ndarray) -> SkyLight:
+    """Take the light of all directions through the grid -> `SkyLight`; see `table_of`."""
+    n, count = int(sky["size"][0]), len(directions)
+    cells = contents(gpu, sky, there)
     through, behind = THROUGH.empty(gpu, (count, n**3)), gpu.full((count, 2, (n + 2 * EDGE)**2), np.float32, 1)
     towards = gpu.upload(np.column_stack([directions, np.zeros(count)]).astype(np.float32))
     lanes = min(gpu.lanes, 16)
