@@ -531,6 +531,7 @@ __kernel void pixels(
     __global const ulong *sample_shells,
     const int lit,
     __global const ulong *places,
+    const int sources,
     __global const float *more,
     __global const Lobes *lobes,
     __global const float4 *lobe_table,
@@ -560,7 +561,7 @@ __kernel void pixels(
     on = on && tile >= window.x && tile < window.y && (fresh || walked->next != DONE);
     const bool within = on && x < size.x && y < size.y;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
-                             {places, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
+                             {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
                               lobes, lobe_table, shadowed}, body_transmittance, alpha,
                              front, shell_front, image};
     Walk walk;
@@ -760,7 +761,7 @@ ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global
             for (int i = 0; i < m; ++i)
                 if (((const ulong *)pixels)[i] & t->open) {
                     if (picture->lit)
-                        PREFETCH(picture->sent.places + FEW_PLACES * (size_t)chunk.number[i]);
+                        PREFETCH(places_of(&picture->sent, chunk.number[i]));
                     draw(t, view, &chunk, i);
                 }
             next += m;
@@ -793,7 +794,8 @@ ALONE BY_HAND __kernel void tiles(
     const int has_shells,                  // 1: there is shell fur
     __global const ulong *sample_shells,   // [rows, width, samples] depth << 32 | face where half of it is gone
     const int lit,                         // 1: there is light
-    __global const ulong *places,          // [survivors, FEW_PLACES] light, see places.h
+    __global const ulong *places,          // [survivors, sources, FEW_PLACES] light, see places.h
+    const int sources,                     // lights, and the sky if there is one
     __global const float *more,            // [rows of them, 32] see exact_light.h
     __global const Lobes *lobes,           // [types] see lobes.h; none where no type has that look
     __global const float4 *lobe_table,
@@ -827,7 +829,7 @@ ALONE BY_HAND __kernel void tiles(
     Glow glow;
     glow.n = 0;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
-                             {places, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
+                             {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
                               lobes, lobe_table, shadowed}, body_transmittance, alpha,
                              front, shell_front, image, &glow};
     Tile t;

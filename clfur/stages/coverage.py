@@ -168,6 +168,7 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
              "has_shells": has_shells,
              "sample_shells": shell_front if has_shells else none, "lit": lit is not None,
              "places": none if lit is None else lit.places,
+             "sources": 0 if lit is None else lit.sources,
              "more": gpu.empty((0, 32), np.float32) if lit is None else lit.more,
              "shadowed": lit is not None and lit.shadowed,
              **(unshadowed(gpu) if lit is None else lit.lighting).arrays(),
