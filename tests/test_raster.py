@@ -174,13 +174,14 @@ def test_strands_where_a_driver_ends_long_loops(gpu, another, samples, int64_ato
     assert launched.count("raster.lines") > 2 and "raster.line_pieces" in launched
 
 
-@pytest.mark.parametrize("facing", [False, True])
-def test_triangles_where_a_driver_ends_long_loops(gpu, another, facing):
+@pytest.mark.parametrize("int64_atomics", [True, False])
+@pytest.mark.parametrize("facing", [pytest.param(False, marks=pytest.mark.small), True])
+def test_triangles_where_a_driver_ends_long_loops(gpu, another, facing, int64_atomics):
     """Large ones and those that are clipped are drawn window by window."""
     rng = np.random.default_rng(10)
     corners = rng.uniform(-1, 1, (90, 1, 3)) + rng.normal(size=(90, 3, 3)) * 10.0 ** rng.uniform(-2, 1, (90, 1, 1))
     view, body = perspective(61, 47, 4), surface(corners.reshape(-1, 3), np.arange(270).reshape(-1, 3))
-    limited = another(lanes=1, hinted=1, steps=2000)
+    limited = another(lanes=1, hinted=1, steps=2000, int64_atomics=int64_atomics and gpu.int64_atomics)
     after = np.full((47, 61, 4), DEPTH_ONE // 3, np.uint32) if facing else None
     drawn, cut = (raster(one, view, None, body_on(one, *body), after=one.upload(after) if facing else None).get()
                   for one in (gpu, limited))
