@@ -16,7 +16,8 @@ typedef struct {
 
 /* What is known of light that segments send: at places, see places.h, or what it depends on. */
 typedef struct {
-    __global const ulong *places;          // [segments, lights, FEW_PLACES]
+    __global const ulong *places;          // [segments, sources, FEW_PLACES]
+    int sources;                           // lights, and the sky if there is one
     __global const float *more;
     const View *view;
     Lighting lighting;
@@ -42,10 +43,10 @@ INLINED lanes share_along(const Sent *sent, int i, lanes3 p, lanes3 step, lanes3
     return share;
 }
 
-/* The places of segment `number`, of all lights. */
+/* The places of segment `number`, of all lights and the sky. */
 INLINED __global const ulong *places_of(const Sent *known, uint number)
 {
-    return known->places + FEW_PLACES * known->lighting.n * (size_t)number;
+    return known->places + FEW_PLACES * known->sources * (size_t)number;
 }
 
 /* The row of `more` that a segment has, with MORE; 0 where each light is known at its places. */
@@ -117,7 +118,7 @@ INLINED float4 sent_by(const Sent *known, uint number, float at)
         sum = (float4)(light.x, light.y, light.z, 0.0f);
         sum = sum > 0.0f ? sum : 0.0f;
     }
-    for (int i = 0; i < known->lighting.n; ++i, few += FEW_PLACES)
+    for (int i = 0; i < known->sources; ++i, few += FEW_PLACES)
         sum += few[0] & MORE ? (float4)(0.0f) : light_between(few, at);
     return sum;
 }

@@ -58,7 +58,7 @@ INLINED void glow_eight(const Glow *glow, int first, const Sent *known)
         froms[k] = places_of(known, glow->numbers[first + k]);
     for (int i = 0; i < 8; ++i)
         light[i] = F(0.0f);
-    for (int i = 0; i < known->lighting.n; ++i) {
+    for (int i = 0; i < known->sources; ++i) {
         lanes_i exact = I(0);
         lanes r[3], g[3], b[3];
         for (int k = 0; k < LANES; ++k)

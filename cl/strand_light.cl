@@ -188,11 +188,11 @@ INLINED lanes_i change_much(const Lighting *lighting, int i, int shadowed, const
     return needs | (2.0f * most * root(1.0f + s->exponent) > TURN);
 }
 
-/* Put what LANES segments send to the eye into their places of light i, of `count` of them, where they don't `need` more. */
-INLINED void put_places(__global ulong *places, int n_lights, int i, uint count, lanes_i need, const lanes3 *sent)
+/* Put what LANES segments send to the eye into their places of light i, or of the sky after all lights, of `count` of them, where they don't `need` more. */
+INLINED void put_places(__global ulong *places, int sources, int i, uint count, lanes_i need, const lanes3 *sent)
 {
     for (uint k = 0; k < count; ++k) {
-        __global ulong *few = places + FEW_PLACES * ((size_t)n_lights * k + i);
+        __global ulong *few = places + FEW_PLACES * ((size_t)sources * k + i);
         for (int j = 0; j < FEW_PLACES; ++j)
             few[j] = LANE_I(need, k) ? MORE : packed_light(LANE(sent[j].x, k), LANE(sent[j].y, k), LANE(sent[j].z, k));
     }
@@ -229,7 +229,9 @@ __kernel void radiance(
     const uint n_points,
     const int shadowed,                    // 1: something stands before them
     __global const float *transmittances,  // [n_lights, n_points] share of direct light, if so
-    __global ulong *places,                // [segments, n_lights, FEW_PLACES] see places.h
+    const int under_sky,                   // 1: a sky shines too
+    __global const float4 *sky_light,      // [n_points] r, g, b of it, if so
+    __global ulong *places,                // [segments, n_lights + under_sky, FEW_PLACES] see places.h
     volatile __global uint *rows)          // [1] of `more` that are taken
 {
     WORK_ITEM(item);
@@ -253,7 +255,8 @@ __kernel void radiance(
         turns[j] = distance_between(here[j].fibres.tangent, here[j - 1].fibres.tangent) + distance_between(here[j].v, here[j - 1].v);
     for (uint k = 0; k < LANES; ++k)
         LANE_I(inside, k) = from[k] != to[k] ? ON : 0;
-    __global ulong *few = places + FEW_PLACES * n_lights * (size_t)first;
+    const int sources = n_lights + under_sky;
+    __global ulong *few = places + FEW_PLACES * sources * (size_t)first;
     for (int i = 0; i < n_lights; ++i) {
         const Light light = lights[i];
         const lanes_i need = inside & change_much(&lighting, i, shadowed, &s, here, turns);
@@ -272,7 +275,21 @@ __kernel void radiance(
             const lanes part = share_of_light(&light, here[j].p, &l) * (share + F((float)j / (FEW_PLACES - 1)) * share_step);
             sent[j] = fibre_lanes(&light, &here[j].fibres, &looks, l, here[j].v, part);
         }
-        put_places(few, n_lights, i, count, need, sent);
+        put_places(few, sources, i, count, need, sent);
+    }
+    if (under_sky) {
+        lanes3 light, light_step, sent[FEW_PLACES];
+        for (int k = 0; k < LANES; ++k) {
+            put_lane(&light, k, sky_light[from[k]]);
+            put_lane(&light_step, k, sky_light[to[k]] - sky_light[from[k]]);
+        }
+        for (int j = 0; j < FEW_PLACES; ++j) {
+            const lanes3 there = plus(light, scaled(light_step, F((float)j / (FEW_PLACES - 1)))), c = here[j].fibres.color;
+            sent[j].x = c.x * there.x;
+            sent[j].y = c.y * there.y;
+            sent[j].z = c.z * there.z;
+        }
+        put_places(few, sources, n_lights, count, I(0), sent);
     }
     uint needy = 0;
     for (uint k = 0; k < count; ++k)
@@ -281,7 +298,7 @@ __kernel void radiance(
     for (uint k = 0; k < count; ++k)
         if (LANE_I(some, k)) {
             for (int i = 0; i < n_lights; ++i)
-                few[FEW_PLACES * (n_lights * k + i)] |= few[FEW_PLACES * (n_lights * k + i)] & MORE ? row : 0;
+                few[FEW_PLACES * (sources * k + i)] |= few[FEW_PLACES * (sources * k + i)] & MORE ? row : 0;
             ++row;
         }
 }
@@ -309,14 +326,15 @@ __kernel void further(
     const uint n_points,
     const int shadowed,                    // 1: something stands before them
     __global const float *transmittances,  // [n_lights, n_points] share of direct light, if so
-    __global const ulong *places,          // [segments, n_lights, FEW_PLACES] see places.h
+    const int under_sky,                   // 1: a sky shines too
+    __global const ulong *places,          // [segments, n_lights + under_sky, FEW_PLACES] see places.h
     __global float *more)                  // [rows, 32] at least as many as `radiance` has counted, see exact_light.h
 {
     WORK_ITEM(item);
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
     const uint first = range.x + LANES * (uint)item;
     for (uint segment = first; segment < range.y && segment < first + LANES; ++segment) {
-        __global const ulong *few = places + FEW_PLACES * n_lights * (size_t)segment;
+        __global const ulong *few = places + FEW_PLACES * (n_lights + under_sky) * (size_t)segment;
         ulong row = 0;
         for (int i = 0; i < n_lights; ++i)
             row = few[FEW_PLACES * i] & MORE ? few[FEW_PLACES * i] : row;

@@ -21,6 +21,8 @@ CONSTANTS = {
     "ID_NOTHING": -1,       # output "id" of a pixel where nothing is; strands are numbered from 0
     "ID_BODY": -2,
     "ID_SHELLS": -3,
+    "ID_GROUND": -4,
+    "GROUND": 0xFFFFFFFE,   # id of the ground: BODY | a triangle that there is none
     "CORNERS": 8,           # float4 a face in the lattice of shell fur
     "HEIGHTS": 64,          # of its table of means
     "FEW_PIECES": 2,        # of a segment, in which its light is a parabola,
@@ -32,12 +34,18 @@ CONSTANTS = {
     "LOOK": 16,             # steps of loops that a look at a light's map may take, besides its filter's,
     "LOOK_AT_ONCE": 8,      # which takes so many texels of a row in one
     "CELL_BITS": 4,         # of a coordinate of a cell by which the user's strands are put in order
+    "HARMONICS": 9,         # spherical, of orders 0 to 2
+    "SKY_EDGE": 2,          # cells around a slice of a sky's grid, through which all light comes
+    "MOMENTS": 6,           # of hair in a cell: xx, yy, zz, xy, xz, yz
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
 
 # How hair scatters light, as the last of `shine` tells; scatter.h has a way for each.
 MODELS = {"kajiya-kay": 0, "half-vector": 1, "turned": 2, "chiang": 3}
+
+WRAPS = "repeat", "mirror", "clamp"   # what is seen of a picture outside of it
+CONSTANTS |= {f"WRAP_{name.upper()}": number for number, name in enumerate(WRAPS)}
 
 # Sample positions in 1/16 pixel from the pixel's centre: no two share a row or a column, so an edge near an
 # axis has as many steps as samples.  4 and 16 are Direct3D's standard patterns.
@@ -118,14 +126,30 @@ Shells = np.dtype([                   # fur as a height field on the body, drawn
     ("to_noise", np.float32, (3, 4)),    # columns: from the middle of the mesh in rest -> in lattices of the noise
 ])
 
+Sky = np.dtype([                      # cells of the world that hold light of a sky
+    ("place", *_float4),                 # lowest corner [world]; cells a unit of length
+    ("size", *_int4),                    # cells a side; 1: there is a sky, -, -
+])
+
+Ground = np.dtype([                   # a level plane, as a camera above it sees it
+    ("plane", *_float4),                 # reversed depth at (x, y, 1) [pixels]: its three factors; height [world]
+    ("color", *_float4),                 # linear r, g, b; 1, or 0 if its shadow alone is seen
+])
+
+Material = np.dtype([                 # what the body is painted with
+    ("color", *_float4),                 # linear r, g, b, which a picture's texels multiply
+    ("size", *_int4),                    # its picture's width and height (0: none), its first texel, its levels
+    ("wrap", *_int4),                    # WRAPS of u and v, -, -
+])
+
 Lobes = np.dtype([                    # how hair of a type scatters light, where its model is "chiang"
     ("along", np.float32, (4, 4)),       # a row a lobe: 1 / variance, 1 / integral, sine and cosine of the tilt
     ("color", *_float4),                 # how fast the lobes fall with the square of log2(colour), -, -, -
     ("table", *_int4),                   # where its table begins; how many cosines and angles it has, -
 ])
 
-STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Shells": Shells,
-           "Lobes": Lobes}
+STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid,
+           "Shells": Shells, "Ground": Ground, "Material": Material, "Lobes": Lobes}
 
 
 def shine(look, alpha, model=None):

@@ -1,13 +1,15 @@
 """What the options of the commands take: numbers, sizes, colours, names."""
 
 import re
+from pathlib import Path
 
 import attrs
 import click
 
 from ..color import srgb_to_linear
 from ..errors import Error
-from ..scene import Chiang, Kajiya, Light
+from ..files.images import load_picture
+from ..scene import Chiang, Environment, Kajiya, Light
 
 
 class Numbers(click.ParamType):
@@ -76,6 +78,30 @@ class Color(Numbers):
         return color
 
 
+class Height(click.ParamType):
+    """A number, or the word lowest."""
+
+    name = "height"
+
+    def convert(self, value, param, ctx):
+        if value == "lowest" or isinstance(value, float):
+            return value
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither 'lowest' nor a height, a number", param, ctx)
+
+
+class Backdrop(Color):
+    """A colour as `Color` has it, or the name of a picture."""
+
+    def convert(self, value, param, ctx):
+        words = value.split(",") if isinstance(value, str) else []
+        if isinstance(value, str) and not value.startswith("#") and not all(map(_is_number, words)):
+            return value
+        return super().convert(value, param, ctx)
+
+
 class Roots(click.ParamType):
     """The word faces, or a number of strands."""
 
@@ -101,6 +127,35 @@ class Look(click.ParamType):
             return look_of(value)
         except ValueError as error:   # clfur.Error is one
             self.fail(str(error), param, ctx)
+
+
+class Sky(click.ParamType):
+    """A sky of one colour, of three, or of a picture, such as #88aaff, 1,1,1:.5,.5,.6:.1,.1,.1 or studio.hdr."""
+
+    name = "sky"
+
+    def convert(self, value, param, ctx):
+        if not isinstance(value, str):
+            return value
+        if not re.fullmatch(r"[#\d.,:+\-eEa-fA-F\s]+", value) or Path(value).is_file():
+            try:
+                return Environment(load_picture(value))
+            except Error as error:
+                self.fail(f"{'' if value in str(error) else value + ': '}{error}", param, ctx)
+        colors = [_color(part) for part in value.split(":")]
+        if len(colors) not in (1, 3) or None in colors:
+            self.fail(f"{value!r} is neither a colour, R,G,B of 0 or more each (linear) or #rrggbb (sRGB), nor "
+                      "ZENITH:HORIZON:GROUND of three, nor a picture file", param, ctx)
+        return Environment(colors if len(colors) == 3 else colors[0])
+
+
+def _color(text):
+    """Linear colour of a part of a sky's text, or None."""
+    try:
+        color = from_hex(text) if text.startswith("#") else tuple(map(float, text.split(",")))
+    except ValueError:
+        return None
+    return color if len(color) == 3 and all(0 <= part < 1e20 for part in color) else None
 
 
 class LightText(click.ParamType):
@@ -186,6 +241,10 @@ def look_of(text):
             raise Error(f"look {name} has no {field!r:.40}; allowed: {', '.join(known)}")
         fields[field] = [_number(each) for each in value.split("/")] if "/" in value else _number(value)
     return classes[name](**fields)
+
+
+def _is_number(text):
+    return isinstance(_number(text), float)
 
 
 def _number(text):

@@ -14,11 +14,14 @@ from .. import cache, layout
 from ..errors import Error
 from ..render import schedulers
 from ..scene import Curves, Scene, Strands, checks, extent
+from ..scene.environment import ambient_of
+from ..scene.ground import ground_from, height_of
 from ..scene.seen import seen
 from ..stages.tessellate import tessellate
-from ..twin import scatter, shade, strands
+from ..twin import ground, scatter, shade, strands
 from ..twin.vectors import dot, unit
 from .rays import Eye, Fibres, Triangles, frame_along
+from .sky import Sky, spread
 
 VERSION = 2              # of what `picture` gives, strands and bodies included: another makes the cache anew
 RAYS = 1 << 18           # of the picture at a time
@@ -34,7 +37,10 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     over the pixel.  Each sees what is nearest: strands of their real width (ribbons that face the eye), or the body.
     The light there is as hair's look has it, or Lambert's on the body.  Of direct light a ray towards the light leaves
     the product of the alphas of all strands that it crosses (round, of their real width, all but the one it starts on),
-    and nothing where it meets the body.  A light that is a disc shines from one of its points to each place.
+    and nothing where it meets the body.  Light of a sky is what comes through along one ray for each of these, whose
+    direction is chosen at random; it counts by its sine with a strand, its cosine on the body, over the sum of these.
+    A light that is a disc shines from one of its points to each place.
+    A ground is seen as `Ground` has it, a holdout hides.
     ``progress`` is called with the share that is done.  Raises `clfur.Error`
     for shells: these are judged by their own picture at many samples (tools/shells_laws.py).
     """
@@ -51,6 +57,8 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     window = corners[:, :2].min(0), corners[:, :2].max(0)
     fibres, triangles = _before(eye, hair, body, near, window)
     lights = [(_Disc if light.size and light.casts else _Light)(scene, light, hair, body) for light in scene.lights]
+    sky = None if scene.environment is None else Sky(scene, hair, body)
+    under = _Ground(scene) if scene.ground else None
 
     result = np.zeros((height, width, 4))
     rows = max(RAYS // (width * samples**2), 1)
@@ -61,14 +69,24 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
         color = np.zeros((len(places), 4))
         depth, fibre = fibres.nearest(places)
         body_depth, triangle = triangles.nearest(places)
-        nearer = np.flatnonzero(depth < body_depth)
-        bare = np.flatnonzero((body_depth <= depth) & (triangle >= 0))
-        color[nearer, 3] = color[bare, 3] = 1
+        ground_depth = under.distances(pixels) if under else np.full(len(depth), np.inf)
+        nearer = np.flatnonzero(depth < np.minimum(body_depth, ground_depth))
+        bare = np.flatnonzero((body_depth <= np.minimum(depth, ground_depth)) & (triangle >= 0))
+        below = np.flatnonzero(ground_depth < np.minimum(depth, body_depth))
+        color[nearer, 3] = 1
         p, fibre = eye.points(places[nearer], depth[nearer]), fibre[nearer]
         v, share = _towards(eye, p), fibres.share(places[nearer], fibre)
         color[nearer, :3] = sum(light.on_hair(p, v, fibre, share) for light in lights)
-        p = eye.points(places[bare], body_depth[bare])
-        color[bare, :3] = sum(light.on_body(p, _towards(eye, p), triangle[bare]) for light in lights)
+        if scene.body == "drawn":
+            at, color[bare, 3] = eye.points(places[bare], body_depth[bare]), 1
+            color[bare, :3] = sum(light.on_body(at, _towards(eye, at), triangle[bare]) for light in lights)
+        if sky:
+            random = np.concatenate([_of_sky(row, width, samples, seed) for row in range(top, end)])
+            color[nearer, :3] += _sky_on_hair(sky, hair, p, fibre, share, random[nearer])
+        if sky and scene.body == "drawn":
+            color[bare, :3] += _sky_on_body(scene, sky, body, at, _towards(eye, at), triangle[bare], random[bare])
+        if under:
+            color[below] = under.light(eye.points(places[below], ground_depth[below]), lights)
         result[top:end] = color.reshape(end - top, width, samples**2, 4).mean(2)
         if progress:
             progress(end / height)
@@ -200,6 +218,11 @@ def _in_row(row, width, samples, seed):
     return (within / samples + np.stack([np.arange(width), np.full(width, row)], 1)[:, None]).reshape(-1, 2)
 
 
+def _of_sky(row, width, samples, seed):
+    """Random numbers of the rays of a row, for what they get from the sky: [width * samples², 3]."""
+    return spread(samples**2, np.random.default_rng((seed, row, 1)).random((width, 1, 2))).reshape(-1, 3)
+
+
 def _towards(eye, p):
     return unit(eye.origin - p)
 
@@ -207,11 +230,43 @@ def _towards(eye, p):
 # --- light ----------------------------------------------------------------------------------------------
 
 
+def _on_strand(hair, fibre, share):
+    """(strand [n], unit tangent [n, 3], colour [n, 3]) a share of the way along segments."""
+    first, strand = hair.first[fibre], hair.owner[fibre]
+    t = hair.tangents[first] + share[:, None] * (hair.tangents[first + 1] - hair.tangents[first])
+    length = np.linalg.norm(t, axis=1, keepdims=True)
+    t = np.where(length > 1e-15, t / np.where(length > 1e-15, length, 1), hair.tangents[first])
+    return strand, t, shade.strand_color(hair, first, strand, share)
+
+
+def _sky_on_hair(sky, hair, p, fibre, share, random):
+    """Light [n, 3] of a sky from places p of segments, the same in all directions."""
+    strand, t, color = _on_strand(hair, fibre, share)
+    none = np.full(len(p), -1)
+    return color * sky.light(p, t, none > 0, strand, none, random)
+
+
+def _sky_on_body(scene, sky, body, p, v, triangle, random):
+    """Light [n, 3] of a sky from places p of triangles, on the side that v sees."""
+    n, weights = shade.on_body(body, triangle, p, v)
+    color = _base_color(scene, body, triangle, weights)
+    return color * sky.light(p, n, triangle >= 0, np.full(len(p), -1), triangle, random)
+
+
+def _base_color(scene, body, triangle, weights):
+    """Base colours of triangles at weights of their corners, [n, 3], or one for all."""
+    if not isinstance(scene.body_color, tuple):
+        return scene.body_color
+    return shade.painted(body, scene.body_color, scene.mesh and scene.mesh.material_of, triangle, weights)
+
+
 class _Light:
     """One light of a scene on places in it."""
 
     def __init__(self, scene, light, hair, body):
-        self.light, self.hair, self.body, self.body_color = light, hair, body, scene.body_color
+        self.light, self.hair, self.body = light, hair, body
+        self.ambient = ambient_of(light, scene.environment)
+        self.scene = scene
         spot, direction = self.light.position is not None, self.light.direction
         center, radius = extent(scene.mesh, scene.fur)
         if light.everywhere:
@@ -235,25 +290,30 @@ class _Light:
 
     def on_hair(self, p, v, fibre, share):
         """Light [n, 3] from places p of segments, a share of the way along them, towards v."""
-        hair, first, strand = self.hair, self.hair.first[fibre], self.hair.owner[fibre]
-        t = hair.tangents[first] + share[:, None] * (hair.tangents[first + 1] - hair.tangents[first])
-        length = np.linalg.norm(t, axis=1, keepdims=True)
-        t = np.where(length > 1e-15, t / np.where(length > 1e-15, length, 1), hair.tangents[first])
-        color = shade.strand_color(hair, first, strand, share)
+        hair, (strand, t, color) = self.hair, _on_strand(self.hair, fibre, share)
         to_light, direct = self._unshadowed(p)
         some = np.flatnonzero(direct.any(1))
         direct[some] *= self._transmittance(p[some], np.full(len(some), -1), strand[some])[:, None]
         kind = hair.kind[strand]
-        return scatter.fibre(color, hair.shine[kind], t, to_light, v, direct, self.light.ambient, hair.lobes[kind])
+        return scatter.fibre(color, hair.shine[kind], t, to_light, v, direct, self.ambient, hair.lobes[kind])
 
     def on_body(self, p, v, triangle):
         """Light [n, 3] from places p of triangles towards v."""
-        n, _ = shade.on_body(self.body, triangle, p, v)
+        n, weights = shade.on_body(self.body, triangle, p, v)
         to_light, direct = self._unshadowed(p)
         direct *= np.maximum(dot(n, to_light), 0)[:, None]
         some = np.flatnonzero(direct.any(1))
         direct[some] *= self._transmittance(p[some], triangle[some], np.full(len(some), -1))[:, None]
-        return self.body_color * (direct + self.light.ambient)
+        return _base_color(self.scene, self.body, triangle, weights) * (direct + self.ambient)
+
+    def on_ground(self, p):
+        """What falls on places p of a level plane: (all of it, what is left of it) [n, 3]."""
+        to_light, direct = self._unshadowed(p)
+        direct = direct * np.maximum(to_light[:, 1:2], 0)
+        left, some = direct.copy(), np.flatnonzero(direct.any(1))
+        none = np.full(len(some), -1)
+        left[some] *= self._transmittance(p[some], none, none)[:, None]
+        return direct + self.ambient, left + self.ambient
 
     def _unshadowed(self, p):
         """(unit vectors to the light, its colour where nothing is in its way) [n, 3]."""
@@ -301,15 +361,19 @@ class _Disc:
         """See `_Light.on_body`."""
         return self._from_each(p, "on_body", v, triangle)
 
+    def on_ground(self, p):
+        """See `_Light.on_ground`."""
+        return self._from_each(p, "on_ground")
+
     def _from_each(self, p, name, *rest):
         """What the points give of places [n], each of one of them: neighbours of others, all over the disc."""
         which = ((np.arange(len(p)) * EVEN + self.turn) % 1 * DISC).astype(int)
         self.turn += EVEN * (len(p) + .5)
-        result = np.zeros((len(p), 3))
+        result = np.zeros((2, len(p), 3) if name == "on_ground" else (len(p), 3))
         for number, point in enumerate(self.points):
             its = np.flatnonzero(which == number)
             if len(its):
-                result[its] = getattr(point, name)(p[its], *(each[its] for each in rest))
+                result[..., its, :] = getattr(point, name)(p[its], *(each[its] for each in rest))
         return result
 
 
@@ -318,6 +382,32 @@ def _ahead(light, center):
     way = center - light.position
     length = np.linalg.norm(way)
     return way / length if length else np.array([0.0, 0, -1])
+
+
+class _Ground:
+    """The scene's ground, as its camera sees it."""
+
+    def __init__(self, scene):
+        self.color, self.seen = scene.ground.color, ground_from(scene.camera, height_of(scene))
+
+    def distances(self, pixels):
+        """How far ahead each ray [n, 2] meets it, [n]: infinite where it does not."""
+        if self.seen is None:
+            return np.full(len(pixels), np.inf)
+        down, above = self.seen
+        falls = np.column_stack([pixels, np.ones(len(pixels))]) @ down
+        return np.where(falls > 0, above / np.where(falls > 0, falls, 1), np.inf)
+
+    def light(self, p, lights):
+        """Light and alpha [n, 4] at places p of it."""
+        if not len(p):
+            return np.zeros((0, 4))
+        whole, left = (sum(each) for each in zip(*(light.on_ground(p) for light in lights)))
+        if self.color is not None:
+            return np.column_stack([self.color * left, np.ones(len(p))])
+        all_of_it = whole @ ground.LUMINANCE
+        alpha = np.where(all_of_it > 0, 1 - left @ ground.LUMINANCE / np.where(all_of_it > 0, all_of_it, 1), 0)
+        return np.column_stack([np.zeros((len(p), 3)), alpha])
 
 
 # --- light in hair alone --------------------------------------------------------------------------------

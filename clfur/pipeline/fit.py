@@ -7,12 +7,15 @@ full light, which is what it has; what stands outside, before the cube, counts i
 """
 
 import functools
+import itertools
 import math
 from typing import Any
 
 import numpy as np
 
 from ..scene import Curves, Light, Mesh, Scene, Strands, fur_extent, hair_bounds
+from ..scene.bounds import boxes_to_see
+from ..scene.ground import height_of
 from ..scene.seen import Seen, clipped_faces, clipped_segments, faces_of, is_unknown, seen, segments_of, times
 
 STEPS = 4            # sizes of a cube between one and its double; distances from a spot have 2
@@ -123,7 +126,10 @@ class Fit:
 
     def _cube(self, light, cells):
         """(Center, half a side, True) of a cube around what casts shadows on what is seen; or the ball and False."""
-        low, high = self._boxes.get(light) or self._boxes.setdefault(light, self._shading(light))
+        if self.scene.ground and light.position is not None:   # whose shadows grow with the way to the ground
+            return *self.whole, False
+        low, high = self._boxes.get(light) or self._boxes.setdefault(light, self._on_ground(
+            light, *self._shading(light)))
         axes = axes_along(self.ahead(light))
         center = axes.T @ ((low + high) / 2)
         half = (high - low) / 2
@@ -152,6 +158,39 @@ class Fit:
             one[:, :2], other[:, :2] = np.maximum(one[:, :2], least[:2]), np.minimum(other[:, :2], most[:2])
             low, high = np.minimum(low, one.min(0)), np.maximum(high, other.max(0))
         return low, high
+
+    def _on_ground(self, light, low, high):
+        """A box in a distant light's axes, as `_shading` gives it, grown by what shades the ground where it is seen."""
+        if self.scene.ground is None or not light.direction[1] < 0:
+            return low, high
+        # The shadow of a rectangle around everything, as two triangles of the ground.
+        axes = axes_along(light.direction)
+        one, other = _box(times(self._corners, axes.T), np.zeros(8))
+        square = np.array([(x, y, 0) for x, y in zip((one[0], other[0], other[0], one[0]),
+                                                     (one[1], one[1], other[1], other[1]))]) @ axes
+        square += ((height_of(self.scene) - square[:, 1]) / light.direction[1])[:, None] * light.direction
+        points, _ = clipped_faces(self.seen.frustum, square[[(0, 1, 2), (0, 2, 3)]])
+        if not len(points):
+            return low, high
+        one, other = _box(times(points, axes.T), np.zeros(len(points)))
+        low, high = low.copy(), high.copy()
+        low[:2], high[:2] = np.minimum(low, one)[:2], np.maximum(high, other)[:2]
+        center, reach = self._unseen(np.zeros(len(self._idle(light)) - 1, bool))
+        center = times(center, axes.T)
+        before = ((center[:, :2] + reach[:, None] > low[:2]) & (center[:, :2] - reach[:, None] < high[:2])).all(1)
+        high[2] = (center[before, 2] + reach[before]).max(initial=high[2])
+        return low, high
+
+    @functools.cached_property
+    def _corners(self):
+        """Corners [8, 3] of a box around everything."""
+        center, radius = self.whole
+        low, high = center - radius, center + radius
+        if not is_unknown(self.scene.strands):
+            boxes, reach = boxes_to_see(self.scene.mesh, self.scene.fur), fur_extent(self.scene.fur)
+            low = np.maximum(low, np.min([each for each, _ in boxes], 0) - reach)
+            high = np.minimum(high, np.max([each for _, each in boxes], 0) + reach)
+        return np.array(list(itertools.product(*zip(low, high))))
 
     @functools.cached_property
     def visible(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

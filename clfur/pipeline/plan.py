@@ -18,18 +18,32 @@ from ..errors import Error
 from ..scene import Curves, Strands
 from ..stages.blur import blur_radius
 from ..stages.chiang import bytes_of, of_model
-from ..stages.coverage import KEPT, OF_KEPT, REACH, TILE, Covered, Segments, Tiles
+from ..stages.coverage import (
+    GRAINS,
+    KEPT,
+    OF_KEPT,
+    OF_WALKED,
+    OPEN,
+    REACH,
+    TILE,
+    WALKED,
+    Covered,
+    Segments,
+    Tiles,
+)
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
 from ..stages.order import Order
-from ..stages.raster import VISIBLE
-from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs
+from ..stages.raster import LEFT, VISIBLE
+from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs, Paint
 from ..stages.shells import Topology, pack, size_of, topology_of
+from ..stages.sky import POINT_LIGHT
+from ..stages.sky import bytes_of as sky_bytes
 from ..stages.strand_light import TRANSMITTANCE, Places
-from ..stages.strands import AREA, ROOTS, SORTED_FROM, DeviceStrands, Packed, area_sums, first_strand_at
+from ..stages.strands import AREA, ROOTS, SORTED_FROM, STAGES, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
-from ..stages.voxelize import CELLS
+from ..stages.voxelize import CELLS, RESTS
 from .views import Rig
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
@@ -43,10 +57,10 @@ THIN_POINT, THIN_STRAND = DeviceStrands.bytes(*THINNED, point=1), DeviceStrands.
 THIN_COLOR = DeviceStrands.bytes("colors", color=1)                               # where points have colours
 MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
 OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
-OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1)
+OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1) + GRAINS.bytes + OPEN.bytes
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
-LIT = Places.bytes(row=1)               # of its light, at most, and of each light
+LIT = Places.bytes(row=1)               # of its light, at most, and of each light and the sky
 PLACES = Places.bytes(place=1)
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
@@ -87,13 +101,17 @@ class Plan:
 
     wants_color, others: whether color is an output, and whether others are.  faces, triangles, strands, points: how
     many there are.  body: whether there is one.  rest: the mesh by whose areas strands are spread, if it is another.
-    lobed: the types of strands, where looks of some need tables.
+    lobed: the types of strands, where looks of some need tables.  ground: `layout.Ground`, or None.  held: whether the
+    body is a holdout.  painted: its Materials, where it has more than one colour.
     """
 
     def __init__(self, rig: Rig, outputs: Sequence[str]) -> None:
         self.rig, self.scene, self.settings = rig, rig.scene, rig.settings
         self.wants_color, self.others = "color" in outputs, bool(set(outputs) - {"color"})
         mesh, fur = self.scene.mesh, self.scene.strands
+        self.ground, self.held = rig.ground, self.scene.body == "holdout"
+        if self.seen_through and "coverage" in outputs:   # only light tells it
+            self.wants_color = True
         self.grown = isinstance(fur, Strands)
         self.rest = None
         if isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh:
@@ -101,6 +119,8 @@ class Plan:
         self.body = mesh is not None and self.scene.body_color is not None
         types = fur.types if isinstance(fur, Strands) else fur.hair_types if isinstance(fur, Curves) else ()
         self.lobed = types if self.wants_color and of_model(types) else ()
+        color = self.scene.body_color
+        self.painted = color if isinstance(color, tuple) and self.wants_color and not self.held else ()
         self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
         # Running sums: vertices and triangles before each face, points before each of the user's strands, and of all.
@@ -132,10 +152,12 @@ class Plan:
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage, "strands": self.strands,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
+            "ground": self.ground is not None,
             "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
             "march": shells, "chiang": self.lobed,
             "strand_light": self.uses_coverage and self.wants_color,
-            "shade": True, "blur": self.wants_color and settings.blur != "off"}
+            "shade": True, "sky": self.wants_color and self.scene.environment is not None,
+            "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
 
     @property
@@ -143,12 +165,18 @@ class Plan:
         """Whether strands are drawn by the area that they cover."""
         return self.settings.raster == "coverage" and self.strands > 0
 
+    @property
+    def seen_through(self) -> bool:
+        """Whether samples of body or ground hide what is behind them, but do not cover the picture by themselves."""
+        return self.held or self.ground is not None
+
     def light_key(self, lod: float = 0.0) -> tuple:
         """What light depends on that falls on anything, or on strands thinned so, as a key of `Scheduler.keep`."""
         scene, settings = self.scene, self.settings
         fit = b"".join(each.tobytes() for each in (*self.rig.grids, *self.rig.light_views) if each is not None).hex()
-        return (scene.mesh, scene.strands, scene.shells, *scene.lights, int(self.body), settings.shadows, settings.grid,
-                settings.shadow_map, settings.pcf, str(lod), scene.camera if lod else None, fit)
+        return (scene.mesh, scene.strands, scene.shells, scene.environment, *scene.lights,
+                int(self.body), settings.shadows,
+                settings.grid, settings.shadow_map, settings.pcf, str(lod), scene.camera if lod else None, fit)
 
     def _points(self, first, end):
         """Points set aside for a run of strands."""
@@ -218,7 +246,7 @@ class Plan:
         both = room // (ENTRY + self._survivor)
         most = max(both if both <= survivors else (room - self._survivor * survivors) // ENTRY, 1)
         most = min(most, _largest(gpu) // 8, NUMBERS)
-        largest = _largest(gpu) // max(SURVIVOR, LIT, PLACES * len(self.scene.lights))
+        largest = _largest(gpu) // max(SURVIVOR, LIT, PLACES * self._sources)
         return int(min(most, largest) if survivors > largest else most)
 
     def too_many(self, gpu: Any, pieces: int) -> Error:
@@ -236,9 +264,14 @@ class Plan:
         return TILE if self.uses_coverage else 1
 
     @property
+    def _sources(self):
+        """Lights, and the sky."""
+        return len(self.scene.lights) + (self.scene.environment is not None)
+
+    @property
     def _survivor(self):
         """Bytes on the device of a segment that may show, and of its light."""
-        return SURVIVOR + (LIT + PLACES * len(self.scene.lights)) * self.wants_color
+        return SURVIVOR + (LIT + PLACES * self._sources) * self.wants_color
 
     @property
     def _largest_row(self):
@@ -280,7 +313,8 @@ class Plan:
             "rows": row,
         }
         kept = self._transmittance * self.points * self.keeps_transmittances(gpu)
-        spare = self._memory(gpu)[0] * 15 // 16 - self._fixed - sum(least.values()) - kept
+        walked = OF_WALKED * WALKED.bytes * bool(gpu.steps and self.uses_coverage)
+        spare = self._memory(gpu)[0] * 15 // 16 - self._fixed - sum(least.values()) - kept - walked
         room = _share(spare, {name: need[name] - least[name] for name in need})
         room = {name: least[name] + room[name] for name in need}
         if spare < 0 or self._largest_row > _largest(gpu):
@@ -329,12 +363,15 @@ class Plan:
         if settings.shadows != "off" and (self.strands or scene.shells):
             layers = Lighting.bytes(layer=(settings.grid + 1) * settings.grid**2)
             fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
+        if scene.environment is not None:
+            fixed += sky_bytes(self.body)
+        fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
         return fixed + OF_KEPT * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property
     def _transmittance(self):
         """Bytes on the device of the transmittance to a point of strands, of all lights."""
-        return TRANSMITTANCE.bytes * len(self.scene.lights)
+        return TRANSMITTANCE.bytes * len(self.scene.lights) + POINT_LIGHT.bytes * (self.scene.environment is not None)
 
     def check(self, gpu: Any) -> None:
         """Raise `clfur.Error` where a device that ends long loops, silently, could end those over lights."""
@@ -365,6 +402,9 @@ class Plan:
         if self.settings.lod:
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
             strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
+        if gpu.steps:
+            strand += RESTS.bytes + STAGES.bytes
+            point += 0 if self.uses_coverage else LEFT.bytes
         if self.uses_coverage:
             strand += Tiles.bytes(strand=1)
             point += 0 if self.keeps_transmittances(gpu) else self._transmittance

@@ -8,7 +8,9 @@ import attrs
 import numpy as np
 
 from .. import layout
-from ..scene import Light, Scene
+from ..scene import Environment, Light, Scene
+from ..scene.environment import ambient_of
+from ..scene.ground import ground_from, height_of
 from ..scene.seen import Seen, seen
 from ..settings import Settings
 from .fit import Fit
@@ -31,6 +33,7 @@ class Rig:
     light_views: tuple    # its layout.View, None without a shadow map or where it casts none,
     grids: tuple          # and its layout.Grid, None where it casts no shadows
     fit: Fit              # what these two are fitted to
+    ground: np.void | None   # layout.Ground, None where none is seen
 
     @classmethod
     def of(cls, scene: Scene, settings: Settings = Settings()) -> "Rig":
@@ -39,16 +42,16 @@ class Rig:
         if not any(light.casts for light in scene.lights):
             settings = attrs.evolve(settings, shadows="off")
         known, shadows = seen(scene), settings.shadows != "off"
-        fit = Fit(scene, known)
+        fit, view = Fit(scene, known), view_of(scene, settings.samples, known)
         return cls(
-            scene, settings, *known.ball, view_of(scene, settings.samples, known),
-            lights=tuple(light_of(light) for light in scene.lights),
+            scene, settings, *known.ball, view,
+            lights=tuple(light_of(light, scene.environment) for light in scene.lights),
             light_views=tuple(light_view_of(scene, settings.shadow_map, light, fit)
                               if shadows and settings.shadow_map and light.casts else None
                               for light in scene.lights),
             grids=tuple(grid_of(scene, settings.grid, light, fit) if shadows and light.casts else None
                         for light in scene.lights),
-            fit=fit)
+            fit=fit, ground=ground_of(scene, view))
 
     @property
     def warnings(self) -> list[str]:
@@ -85,11 +88,29 @@ def view_of(scene: Scene, samples: int, known: Seen | None = None) -> np.void:
     return _view(to_screen, (*pose[:3, 3], 1), camera.size, samples, math.sqrt(k[0, 0] * k[1, 1]))
 
 
-def light_of(light: Light) -> np.void:
-    """A `clfur.Light` as a `layout.Light`."""
+def ground_of(scene: Scene, view: np.void) -> np.void | None:
+    """The scene's ground in a view of `view_of`, as a `layout.Ground`; None without one, or where its eye is not above
+    it."""
+    scene = scene.local
+    if scene.ground is None:
+        return None
+    height = height_of(scene)
+    known = ground_from(scene.camera, height)
+    if known is None:
+        return None
+    down, above = known
+    packed: Any = np.zeros((), layout.Ground)
+    packed["plane"] = *(float(view["to_screen"][3, 2]) / above * down), height
+    if scene.ground.color is not None:
+        packed["color"] = *scene.ground.color, 1
+    return packed
+
+
+def light_of(light: Light, environment: Environment | None = None) -> np.void:
+    """A `clfur.Light` as a `layout.Light`, under a sky if there is one."""
     packed: Any = np.zeros((), layout.Light)
     packed["direction"][:3] = light.direction
-    packed["color"] = *light.strength, light.ambient
+    packed["color"] = *light.strength, ambient_of(light, environment)
     if light.position is not None:
         packed["position"] = *light.position, 1
         packed["cone"][0] = NO_CONE if light.everywhere else math.cos(math.radians(light.angle) / 2)
