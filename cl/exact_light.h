@@ -6,9 +6,9 @@
  * much of it changes to its end.
  *   x, y, z, width; changes of them        [world]
  *   tangent, strength of the highlight; change of the tangent, exponent
- *   r, g, b, model | number of the type << MODEL_BITS; changes of them, alpha
+ *   r, g, b, model; changes of them, alpha
  *   normal of the body at its root; for two lights the share of each that gets through to its start, and the change of that;
- *   a share below 0 is asked for at each place, and so are those of further lights; light of a sky, see `packed_sky`
+ *   a share below 0 is asked for at each place, and so are those of further lights; number of the type
  */
 typedef struct {
     float8 of[4];
@@ -16,15 +16,14 @@ typedef struct {
 
 /* What is known of light that segments send: at places, see places.h, or what it depends on. */
 typedef struct {
-    __global const ulong *places;
+    __global const ulong *places;          // [segments, sources, FEW_PLACES]
+    int sources;                           // lights, and one for a sky or for light from hair to hair
     __global const float *more;
     const View *view;
     Lighting lighting;
     __global const Lobes *lobes;           // see lobes.h
     __global const float4 *lobe_table;
     int shadowed;                          // 1: something stands before lights
-    int is_scattered;                      // 1: light comes from hair to hair too
-    __global const float8 *scattered;      // what each sends of it at its start and its end, if so
 } Sent;
 
 /* Share of light i that gets through to places of segments, from p to p + step; of lights of which no row tells. */
@@ -44,8 +43,25 @@ INLINED lanes share_along(const Sent *sent, int i, lanes3 p, lanes3 step, lanes3
     return share;
 }
 
-/* Light from places `at` of segments, where lanes are `on`; the others are like one of these. */
-INLINED lanes3 exact_light(const Sent *known, const Row *rows, lanes at, lanes_i on)
+/* The places of segment `number`, of all sources. */
+INLINED __global const ulong *places_of(const Sent *known, uint number)
+{
+    return known->places + FEW_PLACES * known->sources * (size_t)number;
+}
+
+/* The row of `more` that a segment has, with MORE; 0 where each light is known at its places. */
+INLINED ulong more_of(const Sent *known, uint number)
+{
+    __global const ulong *few = places_of(known, number);
+    ulong row = 0;
+    for (int i = 0; i < known->lighting.n; ++i)
+        row = few[FEW_PLACES * i] & MORE ? few[FEW_PLACES * i] : row;
+    return row;
+}
+
+/* Light from places `at` of segments, where lanes are `on`, of those lights of which no places are known; the other lanes are
+   like one of these. */
+INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *rows, lanes at, lanes_i on)
 {
     float8 part[LANES];
     lanes c[32];
@@ -57,45 +73,35 @@ INLINED lanes3 exact_light(const Sent *known, const Row *rows, lanes at, lanes_i
     const lanes3 start = {c[0], c[1], c[2]}, step = {c[4], c[5], c[6]}, p = plus(start, scaled(step, at)), n = {c[24], c[25], c[26]};
     const lanes3 first = {c[8], c[9], c[10]}, t = {c[8] + at * c[12], c[9] + at * c[13], c[10] + at * c[14]};
     const lanes3 color = {c[16] + at * c[20], c[17] + at * c[21], c[18] + at * c[22]}, v = towards_eye_lanes(known->view, p);
-    const lanes_i kind = TO(lanes_i, c[19]), model = kind & (1 << MODEL_BITS) - 1;
-    const Fibres fibres = {unit_lanes_or(t, first), color, c[11], c[15], model == HALF_VECTOR};
-    const Looks looks = {known->lobes, known->lobe_table, kind >> MODEL_BITS, model == CHIANG};
+    const Fibres fibres = {unit_lanes_or(t, first), color, c[11], c[15], c[19] == (float)HALF_VECTOR};
+    const Looks looks = {known->lobes, known->lobe_table, TO(lanes_i, c[31]), c[19] == (float)CHIANG};
     lanes3 sent = {F(0.0f), F(0.0f), F(0.0f)};
     for (int i = 0; i < known->lighting.n; ++i) {
         const Light light = known->lighting.lights[i];
         lanes3 l;
+        lanes_i here = on;
+        for (int k = 0; k < LANES && known->lighting.n > 1; ++k)
+            LANE_I(here, k) &= places_of(known, numbers[k])[FEW_PLACES * i] & MORE ? ON : 0;
+        if (!any_lane(here))
+            continue;
         lanes share = share_of_light(&light, p, &l);
         if (known->shadowed) {
             const lanes there = i == 0 ? c[27] : i == 1 ? c[29] : F(-1.0f);
-            const lanes_i ask = on & (there < 0.0f) & (share > 0.0f);
+            const lanes_i ask = here & (there < 0.0f) & (share > 0.0f);
             lanes through = there + at * (i == 0 ? c[28] : c[30]);
             if (any_lane(ask))
                 through = ask ? share_along(known, i, start, step, n, c[3], c[7], c[23], at, ask) : through;
             share *= through;
         }
-        const lanes3 one = fibre_lanes(&light, &fibres, &looks, l, v, share);
-        sent = i ? plus(sent, one) : one;
-    }
-    const lanes_u sky = AS_U(c[31]);
-    if (any_lane(sky != 0u)) {
-        const lanes scale = AS_F(sky & 0x7F800000u) * (1.0f / 256);
-        sent.x += color.x * scale * TO(lanes, sky & 255u);
-        sent.y += color.y * scale * TO(lanes, sky >> 8 & 255u);
-        sent.z += color.z * scale * 2.0f * TO(lanes, sky >> 16 & 127u);
+        const lanes3 one = fibre_lanes(&light, &fibres, &looks, l, v, share), none = {F(0.0f), F(0.0f), F(0.0f)};
+        sent = known->lighting.n == 1 ? one : plus(sent, chosen(here, one, none));
     }
     return sent;
 }
 
-/* Light that came from hair to hair, which segment `number` sends on from the place `at` of it. */
-INLINED float4 scattered_along(const Sent *known, uint number, float at)
-{
-    const float8 ends = known->scattered[number];
-    return ends.lo + at * (ends.hi - ends.lo);
-}
-
 INLINED Row row_of(const Sent *known, uint number)
 {
-    __global const float8 *its = (__global const float8 *)known->more + 4 * (known->places[FEW_PLACES * (size_t)number] & ROW);
+    __global const float8 *its = (__global const float8 *)known->more + 4 * (more_of(known, number) & ROW);
     const Row row = {{its[0], its[1], its[2], its[3]}};
     return row;
 }
@@ -104,23 +110,27 @@ INLINED Row row_of(const Sent *known, uint number)
 /* Light that segment `number` sends to the eye from the place `at` of it. */
 INLINED float4 sent_by(const Sent *known, uint number, float at)
 {
-    __global const ulong *few = known->places + FEW_PLACES * (size_t)number;
-    if (!(few[0] & MORE))
-        return light_between(few, at);
-    const Row row = row_of(known, number);
-    const lanes3 light = exact_light(known, &row, at, 1);
-    const float4 sent = (float4)(light.x, light.y, light.z, 0.0f);
-    return known->is_scattered ? sent + scattered_along(known, number, at) : sent;
+    __global const ulong *few = places_of(known, number);
+    float4 sum = (float4)(0.0f);
+    if (more_of(known, number)) {
+        const Row row = row_of(known, number);
+        const lanes3 light = exact_light(known, &number, &row, at, 1);
+        sum = (float4)(light.x, light.y, light.z, 0.0f);
+        sum = sum > 0.0f ? sum : 0.0f;
+    }
+    for (int i = 0; i < known->sources; ++i, few += FEW_PLACES)
+        sum += few[0] & MORE ? (float4)(0.0f) : light_between(few, at);
+    return sum;
 }
 #endif
 
 /* Steps of loops that the light of one piece may take. */
 INLINED uint steps_of_light(const Sent *known)
 {
-    uint steps = 4;
+    uint steps = 4 + 4 * known->lighting.n;
     for (int i = 0; i < known->lighting.n && known->shadowed; ++i) {
         const int side = 2 * known->lighting.shadows[i].body.y + 1;
-        steps += 1 + (i < 2 ? 1 : 2) * side * (side / STRIDE + 2);
+        steps += 1 + (i < 2 ? 1 : 2) * (side * (side / STRIDE + 2) + LOOK);
     }
     return steps;
 }

@@ -23,6 +23,8 @@ inline float4 barycentric(float4 a, float4 b, float4 c, float4 p)
     return (float4)(1.0f - v - w, v, w, 0.0f);
 }
 
+#include "paint.h"
+
 /* The surface's normal at a point of triangle t, on the eye's side. */
 inline float4 body_normal(__global const float4 *positions, __global const float4 *normals, uint4 t,
                           float4 p, float4 v, float4 *weights)
@@ -105,13 +107,24 @@ INLINED lanes3 sky_lanes(const Sky *sky, __global const float4 *cells, lanes3 p,
     return light;
 }
 
+/* Base colours where samples see triangles. */
+ONCE void paint_lanes(lanes3 *color, const Paint *paint, const View *view, const Waiting *samples,
+                      __global const float4 *positions, __global const uint4 *triangles)
+{
+    for (int k = 0; k < LANES; ++k)
+        put_lane(color, k, base_color(paint, view, positions, triangles[samples->id[k]], LANE(samples->x, k),
+                                      LANE(samples->y, k), LANE(samples->e, k)));
+}
+
 /* The light that waiting samples of the body send to the eye. */
 ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Sky *sky, __global const float4 *sky_cells,
                              const Waiting *samples,
                              __global const float4 *positions, __global const float4 *normals,
-                             __global const uint4 *triangles, float4 color)
+                             __global const uint4 *triangles, const Paint *paint)
 {
-    lanes3 at[3], normal[3], n, face, sum = {F(0.0f), F(0.0f), F(0.0f)};
+    lanes3 at[3], normal[3], n, face, color = all_lanes(paint->color), sum = {F(0.0f), F(0.0f), F(0.0f)};
+    if (paint->n)
+        paint_lanes(&color, paint, view, samples, positions, triangles);
     corners(at, positions, triangles, samples->id);
     corners(normal, normals, triangles, samples->id);
     const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
@@ -130,7 +143,7 @@ ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Sky 
         sum.z += color.z * (light.color.z * share + light.color.w);
     }
     if (sky->size.y)
-        sum = plus(sum, times(all_lanes(color), sky_lanes(sky, sky_cells, p, n, 2.0f / 3, 0.25f)));
+        sum = plus(sum, times(color, sky_lanes(sky, sky_cells, p, n, 2.0f / 3, 0.25f)));
     return sum;
 }
 
@@ -200,7 +213,12 @@ __kernel void color(
     __global const float4 *positions,      // body: see tessellate.cl
     __global const float4 *normals,
     __global const uint4 *triangles,
-    const float4 body_color,
+    const float4 body_color,               // where there are no materials
+    const int n_materials,                 // see paint.h
+    __global const Material *materials,
+    __global const uint *material_of,      // [faces of the part]
+    __global const uint2 *texels,
+    __global const float4 *uv,             // body
     const int n_lights,
     __global const Light *lights,          // see light.h
     __global const Shadow *shadows,
@@ -224,6 +242,7 @@ __kernel void color(
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
     Looks looks = {lobes, lobe_table};
+    const Paint paint = {body_color, n_materials, materials, material_of, texels, uv};
     long4 sums[SHADED];
     Waiting waiting[2];                    // samples of strands, and of the body
     waiting[0].n = waiting[1].n = 0;
@@ -282,7 +301,7 @@ __kernel void color(
             these->id[k] = these->id[0];
         }
         const lanes3 light = of_body
-            ? light_of_body(&view, &lighting, &sky, sky_cells, these, positions, normals, triangles, body_color)
+            ? light_of_body(&view, &lighting, &sky, sky_cells, these, positions, normals, triangles, &paint)
             : light_of_strands(&view, &lighting, &sky, sky_cells, these, &hair, &looks);
         for (int k = 0; k < these->n; ++k)
             sums[LANES == 1 ? 0 : these->pixel[k]] += in_integers(LANE(these->share, k), (float4)(LANE(light.x, k), LANE(light.y, k), LANE(light.z, k), 1.0f));
@@ -323,6 +342,23 @@ __kernel void cover(
 {
     WORK_ITEM(pixel);
     image[pixel].w = covered_share(visible, transmittance, pixel, samples);
+}
+
+/* One work-item takes out of the alpha of one pixel what the samples add to it that see anything: a holdout adds nothing, and
+   a ground only its shadow. */
+__kernel void uncover(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const int samples,
+    __global const ulong *visible,         // [rows, width, samples]
+    __global const float *transmittance,   // [rows, width, samples] share of each that comes through what stands before it
+    __global float4 *image)                // [rows, width]
+{
+    WORK_ITEM(pixel);
+    float covered = 0.0f;
+    for (int s = 0; s < samples; ++s)
+        covered += (uint)visible[pixel * samples + s] == NOTHING ? 0.0f : transmittance[pixel * samples + s];
+    const float left = image[pixel].w - covered / samples;
+    image[pixel].w = left > 0.0f ? left : 0.0f;
 }
 
 /* One work-item tells what the nearest covered sample of one pixel sees, if this part of the scene holds it: the outputs

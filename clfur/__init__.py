@@ -9,6 +9,7 @@ from ._moved import install
 from .budget import PRESETS
 from .device.scheduler import Scheduler
 from .errors import DeviceError, Error
+from .files.gltf import load_materials
 from .files.images import load_picture, save
 from .files.meshes import load_mesh
 from .judge import truth
@@ -20,21 +21,25 @@ from .scene import (
     Chiang,
     Curves,
     Environment,
+    Ground,
     HairType,
     Kajiya,
     Light,
+    Material,
     Mesh,
     PointForce,
     Scene,
     Shells,
     Strands,
+    over,
 )
 from .settings import Settings
 
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
-    "Frontier", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Scheduler", "Settings", "Shells",
-    "Strands", "compare", "draw", "frontier", "grow", "load_mesh", "load_picture", "render", "save", "truth",
+    "Frontier", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
+    "Settings", "Shells", "Strands", "compare", "draw", "frontier", "grow", "load_materials", "load_mesh",
+    "load_picture", "over", "render", "save", "truth",
 ]
 
 install()

@@ -41,6 +41,15 @@ def test_strands_are_never_wider_than_a_tenth_of_their_length(length, width):
     assert hair.width == pytest.approx(width * radius())
 
 
+def test_a_body_and_a_ground():
+    scene, _ = load("teapot")
+    assert (scene.body, scene.ground) == ("drawn", None)
+    scene, _ = load("teapot", "--body", "holdout", "--ground", "lowest")
+    assert scene.body == "holdout" and scene.ground.height is None and scene.ground.color is None
+    assert load("teapot", "--ground", 0)[0].ground.height == 0
+    assert load("teapot", "--ground", -1.5)[0].ground.height == -1.5
+
+
 def test_shells():
     scene, _ = load("teapot", "--fur", "shells")
     shells, plain = scene.shells, Shells()
@@ -124,7 +133,8 @@ SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "
           "--target": "0,0,0", "--fov": 30, "--light": "0,-1,0", "--shadows": "off", "--grid": 16, "--samples": 1,
           "--shadow-map": 64, "--pcf": 0,
           "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
-          "--preset": "draft", "--rest": "sphere"}
+          "--preset": "draft", "--rest": "sphere", "--body": "holdout", "--body-color": "1,0,0", "--body-texture": "",
+          "--ground": -1.5}
 
 
 def test_each_option_is_of_strands_or_of_shells_or_of_both():
@@ -133,10 +143,11 @@ def test_each_option_is_of_strands_or_of_shells_or_of_both():
     for fur in ("strands", "shells"):
         alone = {"strands": STRANDS, "shells": SHELLS}[fur]
         for flag, value in ({**alone, **SHARED, "--fur": fur}).items():
-            if flag not in ("--type-map", "--types"):
+            if flag not in ("--type-map", "--types", "--body-texture"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
-    del everything["--type-map"], everything["--types"], everything["--sky"]   # which shines on strands alone
+    for flag in "--type-map", "--types", "--body-texture", "--sky":   # a sky shines on strands alone
+        del everything[flag]
     load("sphere", *(part for option in everything.items() for part in option))
 
 
@@ -285,3 +296,17 @@ def test_skies_that_are_none(clfur, tmp_path, text, words):
     ("chiang:tilt=1/2", "Chiang.tilt is [1.0, 2.0]")])
 def test_looks_that_are_none(clfur, text, words):
     wrong(clfur("render", "sphere", "--look", text, "-o", "a.png"), words)
+
+
+def test_lights_of_the_command():
+    def lights(*texts):
+        return load("sphere", *(part for text in texts for part in ("--light", text)))[0].lights
+    sun, = lights("0,-2,0")
+    assert sun.direction.tolist() == [0, -1, 0] and (sun.ambient, sun.size, sun.shadows) == (.1, 0, True)
+    sun, point, spot = lights("sun direction=0,0,-1 size=0.5", "point position=9,8,7 color=#ffffff intensity=2",
+                              "spot position=1,2,3 direction=0,-1,0 angle=40 shadows=off ambient=.2 color=3,2,1")
+    assert (sun.size, sun.ambient, sun.position) == (.5, .1, None)
+    assert point.everywhere and point.position.tolist() == [9, 8, 7] and point.strength.tolist() == [2, 2, 2]
+    assert (point.ambient, spot.ambient, spot.angle, spot.shadows) == (0, .2, 40, False)
+    assert spot.color.tolist() == [3, 2, 1]
+    assert len(lights()) == 1 and np.allclose(lights()[0].direction, np.array([1, -1, -.6]) / np.sqrt(2.36))

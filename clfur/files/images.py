@@ -78,7 +78,7 @@ def _coded(color):
     color = np.nan_to_num(color.astype(np.float32), nan=0.0, posinf=1.0, neginf=0.0)
     if color.shape[2] == 4:
         alpha = np.clip(color[:, :, 3:], 0, 1)
-        straight = np.where(alpha > 0, color[:, :, :3] / np.where(alpha > 0, alpha, 1), 0)
+        straight = np.where(alpha > 0, np.clip(color[:, :, :3], 0, alpha) / np.where(alpha > 0, alpha, 1), 0)
         coded = np.concatenate([linear_to_srgb(straight), alpha], axis=2)
     else:
         coded = linear_to_srgb(color)
@@ -164,6 +164,14 @@ def load_picture(path: str | os.PathLike) -> np.ndarray:
         problem = "is a folder" if os.path.isdir(path) else "no such file"
         raise Error(f"{path}: {problem}; allowed: a picture file")
     data = read(path)
+    try:
+        return picture_of(data)
+    except Error as error:
+        raise Error(f"{path}: {error}") from error.__cause__
+
+
+def picture_of(data: bytes) -> np.ndarray:
+    """Return the pixels of the bytes of a picture file, as `load_picture` does; its errors do not name the file."""
     from PIL import Image, UnidentifiedImageError
 
     try:
@@ -171,14 +179,14 @@ def load_picture(path: str | os.PathLike) -> np.ndarray:
             warnings.simplefilter("ignore")   # of many pixels, which are counted here, and of odd metadata
             return (radiance.decoded(data, MAX_PIXELS) if data.startswith(radiance.MAGIC) else
                     _of_exr(data) if data.startswith(EXR) else _pixels(data))
-    except Error as error:
-        raise Error(f"{path}: {error}") from None
+    except Error:
+        raise
     except UnidentifiedImageError:
-        raise Error(f"{path}: cannot be read as a picture; allowed: {', '.join(READ)}, EXR, HDR") from None
+        raise Error(f"cannot be read as a picture; allowed: {', '.join(READ)}, EXR, HDR") from None
     except Image.DecompressionBombError:
-        raise Error(f"{path}: has more pixels than allowed: at most {MAX_PIXELS}") from None
+        raise Error(f"has more pixels than allowed: at most {MAX_PIXELS}") from None
     except Exception as error:  # a damaged file can fail in any way
-        raise Error(f"{path}: cannot be read as a picture: {reason(error)}") from error
+        raise Error(f"cannot be read as a picture: {reason(error)}") from error
 
 
 def _pixels(data):

@@ -13,7 +13,7 @@ import numpy as np
 from ..device.team import Team
 from ..scene import extent, hair_bounds
 from ..scene.bounds import boxes_to_see, fur_extent
-from ..stages import chiang, shells
+from ..stages import chiang, ground, shade, shells
 from ..stages import sky as sky_stage
 from ..stages import transport as transport_stage
 from ..stages.lighting import Lighting
@@ -27,10 +27,11 @@ from .shadows import accumulate, finish, plan_shadows
 
 def let_go(plan: Plan, gpu: Any) -> None:
     """Make a device ready for a frame: before anything new is made, it lets go of what this frame has no use for."""
+    plan.check(gpu)
     gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
               plan.scene.shells and plan.scene.shells.layers))
     gpu.prepare(plan.kernel_files)
-    gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed))
+    gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed), *plan.painted[:1])
     transmittances(gpu, plan)
     furry, under_sky = plan.scene.shells is not None, plan.scene.environment is not None
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
@@ -129,6 +130,16 @@ def scattering(gpu: Any, plan: Plan) -> chiang.Scattering | None:
     return gpu.keep("scattering", (chiang.KEPT, looks), functools.partial(chiang.scattering, gpu, plan.lobed))
 
 
+def paint(gpu: Any, plan: Plan, part: Part | None) -> tuple:
+    """(`shade.Paint` of the body, kept while its materials stay; which of these the faces of a part have), None where
+    it is of one colour."""
+    if not plan.painted or part is None:
+        return None, None
+    known = gpu.keep("paint", plan.painted, functools.partial(shade.paint_of, gpu, plan.painted))
+    mesh: Any = plan.scene.mesh
+    return known, gpu.upload(mesh.material_of[slice(*part.faces)]) if len(plan.painted) > 1 else None
+
+
 def transport(gpu: Any, plan: Plan, lighting: Lighting) -> transport_stage.Transport | None:
     """`Transport` of light from hair to hair; that of the frame before if only the camera has moved.  None where it is
     not followed."""
@@ -159,16 +170,16 @@ def rasterize(plan: Plan, view: np.void, gpu: Any, strands: tuple[int, int] | No
     visible = None
     for part in plan.parts(gpu, strands, is_body):
         visible = raster(gpu, view, hair(gpu, plan, part, plan.settings.lod), body(gpu, plan, part), visible)
-    return [visible]
+    return [visible if plan.ground is None or not is_body else ground.put(gpu, view, plan.ground, visible)]
 
 
 def rasterize_body(gpu: Any, plan: Plan, view: np.void) -> Any:
-    """Depth and id of the body where it is nearest in each sample -> [rows, width, samples] uint64."""
+    """Depth and id of body or ground where they are nearest in each sample -> [rows, width, samples] uint64."""
     visible = None
     for part in plan.parts(gpu):
         if part.body or visible is None:
             visible = raster(gpu, view, None, body(gpu, plan, part), visible)
-    return visible
+    return visible if plan.ground is None else ground.put(gpu, view, plan.ground, visible)
 
 
 def lighting(gpu: Any, team: Team, plan: Plan, hashes: bool) -> tuple[Lighting, dict]:

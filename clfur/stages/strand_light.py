@@ -10,7 +10,7 @@ from ..layout import Arrays, Declared, array
 from .chiang import Scattering, no_scattering
 from .lighting import Lighting
 from .strands import DeviceStrands, arrays
-from .transport import Transport, leaving
+from .transport import LEAVING, Transport, leaving
 
 TRANSMITTANCE = Declared("point", np.float32)   # share of a light's direct light there, 0..1
 FEW = layout.CONSTANTS["FEW_PLACES"]             # of a segment
@@ -18,12 +18,13 @@ FEW = layout.CONSTANTS["FEW_PLACES"]             # of a segment
 
 @dataclass(frozen=True)
 class Places(Arrays):
-    """Light of all lights together that segments send to the eye, linear r, g, b, at places of them; between these it
-    is as cl/places.h has it, or cl/exact_light.h where it changes too much."""
+    """Light of each light, and of the sky, that segments send to the eye, linear r, g, b, at places of them; between
+    these it is as cl/places.h has it, or cl/exact_light.h where it changes too much."""
 
-    places: Any = array("segment", np.uint64, FEW)   # of each, or where in `more` they are: see cl/places.h
+    places: Any = array("place", np.uint64, FEW)   # of each segment and source, in that order, or where in `more`
+                                                  # they are: see cl/places.h
     more: Any = array("row", np.float32, 32)      # what others are like: see cl/exact_light.h
-    scattered: Any = array("segment", np.float32, 8)   # at both ends, of light from hair to hair, if any
+    sources: int = 1                              # lights, the sky, and what comes from hair to hair, if any
     until: int = 0                                # segments of which it is known
     rows: int = 0                                 # of `more` that these have
     lighting: Lighting | None = None              # that falls on them,
@@ -41,12 +42,11 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
     return result
 
 
-def unlit(gpu: Any, lighting: Lighting, n: int, scatters: bool = False) -> Places:
-    """Room for the light of n segments -> `Places`, of none of them; ``scatters``: also of what goes from hair to
-    hair."""
-    places, more, scattered = (Places.declared[name].empty(gpu, rows) for name, rows in (
-        ("places", n), ("more", 0), ("scattered", n * scatters)))
-    return Places(places, more, scattered, lighting=lighting)
+def unlit(gpu: Any, lighting: Lighting, n: int, around: int = 0) -> Places:
+    """Room for the light of n segments -> `Places`, of none of them; ``around``: sources of it beside lights."""
+    sources = len(lighting.lights) + around
+    return Places(Places.declared["places"].empty(gpu, n * sources), Places.declared["more"].empty(gpu, 0), sources,
+                  lighting=lighting)
 
 
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
@@ -63,30 +63,30 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
     `sky.at_points` gave, if there is a sky.  ``transport``: light that goes from hair to hair, if it is followed.
     """
     n = len(strands.points) if segments is None else len(segments)
-    known = before or unlit(gpu, lighting, n, transport is not None)
+    known = before or unlit(gpu, lighting, n, (sky_light is not None) + (transport is not None))
     first, end = known.until, n if until is None else until
     rows = gpu.full(1, np.uint32, known.rows)
+    scattered = LEAVING.empty(gpu, n if transport is not None else 0)
     if transport is not None:
-        leaving(gpu, view, transport, strands, segments, first, end, known.scattered)
+        leaving(gpu, view, transport, strands, segments, first, end, scattered)
     given = {"view": view, "range": (first, end), "listed": segments is not None, "first_point": strands.first_point,
              "segments": gpu.empty(0, np.uint32) if segments is None else segments, "n_points": len(strands.points),
              "places": known.places, "shadowed": transmittances is not None,
-             "under_sky": sky_light is not None,
-             "sky_light": gpu.empty((0, 4), np.float32) if sky_light is None else sky_light,
              "transmittances": gpu.empty(0, np.float32) if transmittances is None else transmittances,
              **(scattering or no_scattering(gpu)).arrays(), **lighting.arrays(),
              **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal", "strand_uv", "types",
                       "colors", "color_per")}
-    gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, is_scattered=transport is not None,
-               scattered=known.scattered, **given)
+    gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, under_sky=sky_light is not None,
+               sky_light=gpu.empty((0, 4), np.float32) if sky_light is None else sky_light,
+               is_scattered=transport is not None, scattered=scattered, **given)
     more, taken = known.more, int(gpu.download(rows)[0])
     if len(more) < taken:
         more = Places.declared["more"].empty(gpu, taken if last else n)
     if known.rows < taken:
         for unused in "view", "lights", "light_views", "crossings", "shadow_maps", "lobes", "lobe_table":
             del given[unused]
-        gpu.launch("strand_light.further", _items(gpu, end - first), more=more, **given)
-    return Places(known.places, more, known.scattered, end, taken, lighting, transmittances is not None, scattering)
+        gpu.launch("strand_light.further", _items(gpu, end - first), more=more, sources=known.sources, **given)
+    return Places(known.places, more, known.sources, end, taken, lighting, transmittances is not None, scattering)
 
 
 def _items(gpu, n):

@@ -17,6 +17,7 @@ DIRECTIONS, CHANNELS, PARTS, TANGENTS, ALBEDOS = (
     int(layout.CONSTANTS[name]) for name in ("DIRECTIONS", "CHANNELS", "PARTS_OF_ONE", "TANGENTS", "ALBEDOS"))
 ORDERS = 12               # that are followed
 AMOUNTS = Declared("fibre", np.int32, 8, 0)               # of a type in a cell, see transport.cl
+LEAVING = Declared("segment", np.float32, 8)   # r, g, b, - at its start and at its end
 FIELD = Declared("cell", np.float32, CHANNELS * DIRECTIONS)
 
 
