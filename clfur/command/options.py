@@ -148,7 +148,7 @@ _SETTINGS = [
 ]
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "look", "type_map", "types", "curl", "wave",
-                     "raster", "lod", "sky"),
+                     "raster", "scattering", "lod", "sky"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 
 
