@@ -74,11 +74,11 @@ INLINED void glow_eight(const Glow *glow, int first, const Sent *known)
         }
         const lanes of_one[3] = {r[0] + r[1] + r[2], g[0] + g[1] + g[2], b[0] + b[1] + b[2]};
         for (int k = 0; k < 3; ++k)
-            light[k] += exact == 0 & of_one[k] > 0.0f ? of_one[k] : F(0.0f);
+            light[k] += ((exact == 0) & (of_one[k] > 0.0f)) ? of_one[k] : F(0.0f);
     }
     for (int k = 0; k < 3; ++k) {
         const lanes here = *(const lanes *)(glow->exact[k] + first);
-        light[k] += some & here > 0.0f ? here : F(0.0f);
+        light[k] += (some & (here > 0.0f)) ? here : F(0.0f);
         light[k] = *(const lanes *)(glow->weights + first) * (light[k] < MOST ? light[k] : F(MOST));
     }
     transposed(light, rows);
