@@ -8,6 +8,7 @@
 #include "scatter.h"
 #include "light.h"
 #include "light_lanes.h"
+#include "sky.h"
 #include "sums.h"
 
 /* Weights of a triangle's corners at a point of its plane. */
@@ -88,6 +89,24 @@ INLINED void body_normals(const lanes3 *at, const lanes3 *normals, lanes3 p, lan
     *face = unit_lanes_or(across, *n);
 }
 
+/* A product of each colour. */
+INLINED lanes3 times(lanes3 a, lanes3 b)
+{
+    const lanes3 c = {a.x * b.x, a.y * b.y, a.z * b.z};
+    return c;
+}
+
+/* Light of a sky at LANES places around directions, see sky.h. */
+INLINED lanes3 sky_lanes(const Sky *sky, __global const float4 *cells, lanes3 p, lanes3 direction, float one, float two)
+{
+    lanes3 light;
+    for (int k = 0; k < LANES; ++k) {
+        const Known known = known_at(sky, cells, (float4)(lane_of(&p, k), 0.0f), one != 0.0f);
+        put_lane(&light, k, light_around(&known, (float4)(lane_of(&direction, k), 0.0f), one, two));
+    }
+    return light;
+}
+
 /* Light of white places, times base colours where samples see triangles. */
 ONCE void multiply_by_paint(lanes3 *light, const Paint *paint, const View *view, const Waiting *samples,
                             __global const float4 *positions, __global const uint4 *triangles)
@@ -99,7 +118,8 @@ ONCE void multiply_by_paint(lanes3 *light, const Paint *paint, const View *view,
 }
 
 /* The light that waiting samples of the body send to the eye. */
-ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Waiting *samples,
+ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Sky *sky, __global const float4 *sky_cells,
+                             const Waiting *samples,
                              __global const float4 *positions, __global const float4 *normals,
                              __global const uint4 *triangles, float4 color)
 {
@@ -121,12 +141,14 @@ ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Wait
         sum.y += color.y * (light.color.y * share + light.color.w);
         sum.z += color.z * (light.color.z * share + light.color.w);
     }
+    if (sky->size.y)
+        sum = plus(sum, times(all_lanes(color), sky_lanes(sky, sky_cells, p, n, 2.0f / 3, 0.25f)));
     return sum;
 }
 
 /* The light that waiting samples of strands send to the eye. */
-ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const Waiting *samples, const Hair *hair,
-                             Looks *looks)
+ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const Sky *sky, __global const float4 *sky_cells,
+                              const Waiting *samples, const Hair *hair, Looks *looks)
 {
     const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
     Fibres here;
@@ -162,6 +184,8 @@ ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const W
         share *= transmittances_at(&obstacles, share > 0.0f, p, normal, width, alpha);
         sum = plus(sum, fibre_lanes(&light, &here, looks, l, v, share));
     }
+    if (sky->size.y)
+        sum = plus(sum, times(here.color, sky_lanes(sky, sky_cells, p, here.tangent, 0.0f, -0.125f)));
     return sum;
 }
 
@@ -201,6 +225,8 @@ __kernel void color(
     __global const View *light_views,
     __global const float *crossings,
     __global const ulong *shadow_maps,
+    const Sky sky,                         // see sky.h
+    __global const float4 *sky_cells,      // [n, n, n, HARMONICS] r, g, b, if there is one
     const uint pixels,                     // rows · width
     const int attenuated,                  // 1: something before the samples lets only a share of their light through
     __global const float *sample_transmittance,   // [rows, width, samples] that share
@@ -273,8 +299,9 @@ __kernel void color(
             LANE(these->e, k) = LANE(these->e, 0);
             these->id[k] = these->id[0];
         }
-        lanes3 light = of_body ? light_of_body(&view, &lighting, these, positions, normals, triangles, body_color)
-            : light_of_strands(&view, &lighting, these, &hair, &looks);
+        lanes3 light = of_body
+            ? light_of_body(&view, &lighting, &sky, sky_cells, these, positions, normals, triangles, body_color)
+            : light_of_strands(&view, &lighting, &sky, sky_cells, these, &hair, &looks);
         if (of_body && n_materials)
             multiply_by_paint(&light, &paint, &view, these, positions, triangles);
         for (int k = 0; k < these->n; ++k)

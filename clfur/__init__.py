@@ -10,7 +10,7 @@ from .budget import PRESETS
 from .device.scheduler import Scheduler
 from .errors import DeviceError, Error
 from .files.gltf import load_materials
-from .files.images import save
+from .files.images import load_picture, save
 from .files.meshes import load_mesh
 from .judge import truth
 from .judge.compare import Comparison, compare
@@ -20,6 +20,7 @@ from .scene import (
     Camera,
     Chiang,
     Curves,
+    Environment,
     Ground,
     HairType,
     Kajiya,
@@ -35,9 +36,10 @@ from .scene import (
 from .settings import Settings
 
 __all__ = [
-    "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Error", "Frame", "Frontier", "Ground",
-    "HairType", "Kajiya", "Light", "Material", "Mesh", "PointForce", "Scene", "Scheduler", "Settings", "Shells",
-    "Strands", "compare", "draw", "frontier", "grow", "load_materials", "load_mesh", "over", "render", "save", "truth",
+    "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
+    "Frontier", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
+    "Settings", "Shells", "Strands", "compare", "draw", "frontier", "grow", "load_materials", "load_mesh",
+    "load_picture", "over", "render", "save", "truth",
 ]
 
 install()

@@ -1,6 +1,7 @@
 """The one contract between host and device: constants, sample patterns, structs and arrays, written once."""
 
 import dataclasses
+import math
 from typing import Any, ClassVar
 
 import numpy as np
@@ -30,7 +31,12 @@ CONSTANTS = {
     "ROWS": 16,             # of a face's points in the light's grid that a work-item does,
     "POINT_STEP": 0.75,     # which stand no further apart than so many sides of a cell
     "SHADES": 24,           # of hair in a table of how it scatters light, from black to white
+    "LOOK": 16,             # steps of loops that a look at a light's map may take, besides its filter's,
+    "LOOK_AT_ONCE": 8,      # which takes so many texels of a row in one
     "CELL_BITS": 4,         # of a coordinate of a cell by which the user's strands are put in order
+    "HARMONICS": 9,         # spherical, of orders 0 to 2
+    "SKY_EDGE": 2,          # cells around a slice of a sky's grid, through which all light comes
+    "MOMENTS": 6,           # of hair in a cell: xx, yy, zz, xy, xz, yz
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
@@ -50,6 +56,8 @@ PATTERNS = {
          (-2, 6), (0, -7), (-4, -6), (-6, 4), (-8, 0), (7, -4), (6, 7), (-7, -8)],
 }
 
+CONSTANTS["DISC_POINTS"] = DISC_POINTS = 64       # of a disc at which its shadow of the body is asked for,
+CONSTANTS["SEARCH_POINTS"] = SEARCH_POINTS = 24   # and where it is looked for what casts it
 CONSTANTS["SAMPLES"] = max(PATTERNS)   # the most a pixel can have
 
 HELD = 1 << 15   # cells of a light's grid that a work-group gathers by itself: no faster with more
@@ -91,6 +99,8 @@ Light = np.dtype([
 Shadow = np.dtype([                   # how a place is looked up in a light's grid and map
     ("hair", *_float4),               # optical depth of one crossing; self-shadow: of a width, of a fragment; method
     ("body", *_int4),                 # 1: there is a shadow map; filter radius in texels, -, -
+    ("disc", *_float4),               # how wide a disc is: radius in texels of its shadow's blur, to a difference of
+                                      # reversed depth of 1 in the map, 0: a point; -, -, -
     ("place", *_int4),                # where its cells and its texels begin: low and high 32 bits of each
 ])
 
@@ -116,6 +126,11 @@ Shells = np.dtype([                   # fur as a height field on the body, drawn
     ("to_noise", np.float32, (3, 4)),    # columns: from the middle of the mesh in rest -> in lattices of the noise
 ])
 
+Sky = np.dtype([                      # cells of the world that hold light of a sky
+    ("place", *_float4),                 # lowest corner [world]; cells a unit of length
+    ("size", *_int4),                    # cells a side; 1: there is a sky, -, -
+])
+
 Ground = np.dtype([                   # a level plane, as a camera above it sees it
     ("plane", *_float4),                 # reversed depth at (x, y, 1) [pixels]: its three factors; height [world]
     ("color", *_float4),                 # linear r, g, b; 1, or 0 if its shadow alone is seen
@@ -133,8 +148,8 @@ Lobes = np.dtype([                    # how hair of a type scatters light, where
     ("table", *_int4),                   # where its table begins; how many cosines and angles it has, -
 ])
 
-STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Shells": Shells,
-           "Ground": Ground, "Material": Material, "Lobes": Lobes}
+STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid,
+           "Shells": Shells, "Ground": Ground, "Material": Material, "Lobes": Lobes}
 
 
 def shine(look, alpha, model=None):
@@ -175,6 +190,13 @@ def drawn(lanes):
     return 1 if lanes == 1 else 16
 
 
+def disc(points):
+    """So many points of a disc of radius 1, as even as can be, from its middle on: float32 [points, 2] (Vogel 1979)."""
+    number = np.arange(points)
+    radius, angle = np.sqrt((number + 0.5) / points), number * (math.pi * (3 - math.sqrt(5)))
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1).astype(np.float32)
+
+
 def preamble(int64_atomics, checked=False, lanes=1, hinted=1, local=1 << 15):
     """The C text that every program starts with.
 
@@ -198,6 +220,8 @@ def preamble(int64_atomics, checked=False, lanes=1, hinted=1, local=1 << 15):
         f"#define SHADED {shaded(lanes)}\n#define DRAWN {drawn(lanes)}\n",
         *(_c_struct(name, dtype) for name, dtype in STRUCTS.items()),
         f"__constant int2 PATTERN[] = {{{table}}};\n",
+        *("__constant float2 {}[] = {{{}}};\n".format(name, ", ".join(f"(float2)({x}f, {y}f)" for x, y in disc(points)))
+          for name, points in (("DISC", DISC_POINTS), ("SEARCH", SEARCH_POINTS))),
     ])
 
 

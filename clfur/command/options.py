@@ -19,7 +19,6 @@ from .. import (
     Error,
     Ground,
     HairType,
-    Light,
     Material,
     Scene,
     Settings,
@@ -31,7 +30,7 @@ from .. import (
 from ..files.images import load_picture
 from ..scene import frame, highlighted
 from ..settings import CHOSEN, RASTERS, SHADOWS
-from .types import Color, Height, Look, Numbers, Roots, Size, from_hex, look_of
+from .types import Color, Height, LightText, Look, Numbers, Roots, Size, Sky, from_hex, light_of, look_of
 
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
@@ -60,8 +59,15 @@ _SCENE = [
                  help="What it looks at.  [default: the mesh's centre]"),
     click.option("--fov", type=click.FloatRange(1e-3, 179.99), default=45.0, metavar="DEG",
                  help="Vertical field of view."),
-    click.option("--light", type=Numbers(3), default="1,-1,-0.6", metavar="X,Y,Z",
-                 help="The way the light travels."),
+    click.option("--light", "lights", type=LightText(), default=["1,-1,-0.6"], multiple=True, metavar="LIGHT",
+                 help="The way that distant light travels, X,Y,Z; or sun, point or spot and its fields, as 'sun "
+                      "direction=1,-1,-0.6 size=0.5' (degrees across) or 'spot position=2,3,1 direction=-2,-3,-1 "
+                      "angle=40 color=#ffe0c0 intensity=2 size=0.2 shadows=off' (size: a disc's radius).  Again for "
+                      "each further light."),
+    click.option("--sky", type=Sky(), metavar="SKY",
+                 help="Light from all around, hidden by hair and body, instead of the flat ambient: a colour, R,G,B of "
+                      "0 or more each (linear) or '#rrggbb'; ZENITH:HORIZON:GROUND, three of these; or an "
+                      "equirectangular picture, .hdr, .exr, .png.  [default: none]"),
     click.option("--body-color", type=Color(), metavar="COLOR",
                  help="Base colour of the body.  [default: a glTF file's own, else 0.3,0.2,0.12]"),
     click.option("--body-texture", metavar="PICTURE",
@@ -140,7 +146,7 @@ _SETTINGS = [
 ]
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "look", "type_map", "types", "curl", "wave",
-                     "raster", "lod"),
+                     "raster", "lod", "sky"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 
 
@@ -260,8 +266,13 @@ def _scene(mesh, options):
                         fov=options["fov"], size=options["size"])
     height = options["ground"]
     ground = None if height is None else Ground(None if height == "lowest" else height)
-    return Scene(mesh=mesh, fur=fur, camera=camera, light=Light(direction=options["light"]), body=options["body"],
-                 ground=ground, **_body_color(options))
+    return Scene(mesh=mesh, fur=fur, camera=camera, light=_lights(options["lights"]), environment=options["sky"],
+                 body=options["body"], ground=ground, **_body_color(options))
+
+
+def _lights(texts):
+    """The `Light`s of texts; ambient light, where a text has none, comes with the first."""
+    return [light_of(text, {"ambient": 0.0} if number else {}) for number, text in enumerate(texts)]
 
 
 def _body_color(options):
@@ -347,7 +358,7 @@ def _strands(options, length, radius, faces):
 def _type_map(path):
     pixels = load_picture(path)
     if pixels.dtype != np.uint8:
-        raise Error(f"{path}: has 16 bits a channel; allowed in a type map: 8, as the keys of types have")
+        raise Error(f"{path}: has more than 8 bits a channel; allowed in a type map: 8, as the keys of types have")
     return pixels
 
 

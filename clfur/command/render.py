@@ -75,7 +75,8 @@ def render(given, output, outputs, background, device, memory, as_json, **option
              "inward": bool(scene.mesh and scene.mesh.inward)}
     shells, fewer = scene.shells, "" if is_scene_file(given) else lowered(options, scene.strands)
     if as_json:
-        of_options = {} if is_scene_file(given) else {name: options[name] for name in ("fov", "light", "alpha", "seed")}
+        of_options = {} if is_scene_file(given) else {
+            "light": _told(options["lights"]), **{name: options[name] for name in ("fov", "alpha", "seed")}}
         print(json.dumps({
             "file": str(output), "size": scene.camera.size, "device": drawn.device,
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
@@ -102,6 +103,13 @@ def render(given, output, outputs, background, device, memory, as_json, **option
              if wound["one_sided"] else "")
           + ("; the mesh's normals point inwards, and so does its fur" if wound["inward"] else "")
           + (f"; {label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""))
+
+
+def _told(lights):
+    """Lights of the command in JSON: the numbers of one that has no more than a direction, else their texts."""
+    if len(lights) == 1 and lights[0][:1] in "-.0123456789":
+        return [float(part) for part in lights[0].split(",")]
+    return list(lights)
 
 
 def _background(given, size):

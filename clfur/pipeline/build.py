@@ -11,7 +11,10 @@ from typing import Any
 import numpy as np
 
 from ..device.team import Team
+from ..scene import extent, hair_bounds
+from ..scene.bounds import boxes_to_see, fur_extent
 from ..stages import chiang, ground, shade, shells
+from ..stages import sky as sky_stage
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
 from ..stages.raster import raster
@@ -23,15 +26,17 @@ from .shadows import accumulate, finish, plan_shadows
 
 def let_go(plan: Plan, gpu: Any) -> None:
     """Make a device ready for a frame: before anything new is made, it lets go of what this frame has no use for."""
+    plan.check(gpu)
     gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
               plan.scene.shells and plan.scene.shells.layers))
     gpu.prepare(plan.kernel_files)
     gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed), *plan.painted[:1])
     transmittances(gpu, plan)
-    furry = plan.scene.shells is not None
+    furry, under_sky = plan.scene.shells is not None, plan.scene.environment is not None
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
                        ("thinned", plan.strands and plan.settings.lod),
-                       ("shell", furry), ("pattern", furry), ("border", furry)):
+                       ("shell", furry), ("pattern", furry), ("border", furry),
+                       ("sky", under_sky), ("sky points", under_sky)):
         if not used:
             gpu.keep(name, (), dict)
     if len(plan.parts(gpu)) > 1 and not plan.keeps_transmittances(gpu):
@@ -79,6 +84,39 @@ def transmittances(gpu: Any, plan: Plan) -> dict:
     """{part: (which strands, `strand_light.transmittance` of them)}, as far as known; it goes with what it depends
     on."""
     return gpu.keep("transmittances", (*plan.light_key(plan.settings.lod), plan.settings.raster), dict)
+
+
+def sky(gpu: Any, plan: Plan) -> sky_stage.SkyLight | None:
+    """Light of the scene's sky in cells of the world, None without one; it stays while camera and lights change."""
+    scene = plan.scene
+    if scene.environment is None:
+        return None
+    return gpu.keep("sky", (scene.mesh, scene.strands, scene.environment, int(plan.body)),
+                    functools.partial(sky_in, gpu, plan, sky_stage.CELLS))
+
+
+def sky_in(gpu: Any, plan: Plan, n: int) -> sky_stage.SkyLight:
+    """Light of the scene's sky in n³ cells around all of it."""
+    scene = plan.scene
+    boxes, out = boxes_to_see(scene.mesh, scene.fur), fur_extent(scene.fur)
+    center, radius = extent(scene.mesh, scene.fur)
+    low, high = center - radius, center + radius
+    if boxes:
+        low = np.maximum(low, np.min([each for each, _ in boxes], 0) - out)
+        high = np.minimum(high, np.max([each for _, each in boxes], 0) + out)
+    grid = sky_stage.sky_of(low, high, n)
+    area = hair_bounds(scene.strands, plan.strands)[2] if plan.strands else 0.0
+    held = sky_stage.held(gpu, grid, plan.body, area)
+    for part in plan.parts(gpu):
+        sky_stage.deposit(gpu, grid, held, hair(gpu, plan, part, 0), body(gpu, plan, part))
+    return sky_stage.light(gpu, grid, held, *_sky_table(scene.environment))
+
+
+def sky_points(gpu: Any, plan: Plan, part: Part, hair: DeviceStrands) -> Any:
+    """`sky.at_points` of the strands of a part, None without a sky; those of the last part stay."""
+    lit = sky(gpu, plan)
+    return lit and gpu.keep("sky points", (plan.scene.mesh, lit, hair),
+                            functools.partial(sky_stage.at_points, gpu, lit, hair))
 
 
 def scattering(gpu: Any, plan: Plan) -> chiang.Scattering | None:
@@ -148,6 +186,11 @@ def on(gpu: Any, array: Any) -> Any:
 def bytes_of(gpu: Any, array: Any) -> np.ndarray:
     """The bits of an array, on the host."""
     return np.ascontiguousarray(array if isinstance(array, np.ndarray) else gpu.download(array))
+
+
+@functools.lru_cache(4)
+def _sky_table(environment):
+    return sky_stage.table_of(*environment.places)
 
 
 def _surface(gpu, plan, faces):

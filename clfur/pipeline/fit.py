@@ -24,6 +24,7 @@ LARGE = 0.05         # of the area of all faces have those in a plane of which i
 ROUNDING = 1e-2      # of a texel may the uv of a root be off
 MOST_HIDDEN = 1 << 22   # pairs of points and faces that are looked at whether one hides the other
 LEAST = 0.05         # of the radius: what is nearer to a spot casts no shadow
+STEEP = 1.45         # radians aside that a light at a position may have to see
 
 
 class Fit:
@@ -53,7 +54,7 @@ class Fit:
         center, radius, cropped = self._cube(light, cells) if self.seen.cropped else (*self.whole, False)
         radius = 1.001 * radius or 1.0                       # nothing lies on the border
         to_light = np.eye(4)
-        to_light[:3, :3] = axes_along(light.direction)
+        to_light[:3, :3] = axes_along(self.ahead(light))
         if light.position is None:
             to_light[:3, 3] = -to_light[:3, :3] @ center
             if cropped:
@@ -69,11 +70,22 @@ class Fit:
         # The cone, or as much of it as the ball around the scene fills.
         off = np.linalg.norm(center - light.position)
         widest = math.acos(max(min(distance / off, 1), -1)) + math.asin(radius / off) if off > radius else math.pi
-        half = math.tan(min(math.radians(light.angle) / 2, widest))
+        cone = math.tan(min(math.radians(light.angle) / 2, widest))
+        # What shades the edge of a disc stands aside of what shades its middle.
+        half = cone if light.everywhere else min(cone + light.size * (1 / near - 1 / far), math.tan(min(widest, STEEP)))
+        half = max(half, cone)
         if cropped:
             near, far = max(_step(near, math.floor, 2), least), _step(far, math.ceil, 2)
-            half = min(_step(half, math.ceil), math.tan(math.radians(light.angle) / 2))
+            half = min(_step(half, math.ceil), max(half, math.tan(min(math.radians(light.angle) / 2, STEEP))))
         return to_light, (far - near) / 2, (far + near) / 2, half, least if near > least else 0.0
+
+    def ahead(self, light: Light) -> np.ndarray:
+        """The way [3] that a light looks: its own, or of a point light that to the middle of everything."""
+        if not light.everywhere:
+            return light.direction
+        way = self.whole[0] - light.position
+        length = float(np.linalg.norm(way))
+        return way / length if length else light.direction
 
     def hair_before(self, grid: np.void, strands: int) -> tuple[int, float, float, float]:
         """What `hair_bounds` tells of as many strands, of those alone that can lie in a grid's columns, and their
@@ -118,16 +130,18 @@ class Fit:
             return *self.whole, False
         low, high = self._boxes.get(light) or self._boxes.setdefault(light, self._on_ground(
             light, *self._shading(light)))
-        axes = axes_along(light.direction)
+        axes = axes_along(self.ahead(light))
         center = axes.T @ ((low + high) / 2)
         half = (high - low) / 2
         radius = float(half.max() if light.position is None else np.linalg.norm(half))
+        if light.position is None:   # what shades the edge of a disc stands aside
+            radius *= 1 + 2 * math.tan(math.radians(light.size) / 2)
         radius = _step(radius * (1 + 4 / cells) or self.whole[1], math.ceil)
         return (center, radius, True) if GAIN * radius <= self.whole[1] else (*self.whole, False)
 
     def _shading(self, light):
         """Corners (low, high) [3] of a box in the light's axes around what is seen and casts a shadow on it."""
-        (points, radius, faces), axes = self.visible, axes_along(light.direction)
+        (points, radius, faces), axes = self.visible, axes_along(self.ahead(light))
         idle = self._idle(light)
         casts = ~idle[faces]
         if not casts.any():

@@ -188,7 +188,7 @@ class Coverage:
             tiles = coverage.bound(gpu, view, visible, 0 if hair is None else len(hair.spans))
             for part in reversed(parts):
                 if part.hairy:
-                    coverage.count(gpu, view, build.hair(gpu, plan, part, plan.settings.lod), tiles, plan.longest)
+                    coverage.count(gpu, view, build.hair(gpu, plan, part, plan.settings.lod), tiles)
                     if len(parts) > 1:
                         build.tally(gpu, plan, part)
             across, down = coverage.tiles_of(visible.shape[1], end - top)
@@ -226,7 +226,7 @@ class Coverage:
         for part in band.counted.cut.parts:
             if part.hairy:
                 coverage.reach(gpu, band.view, build.hair(gpu, plan, part, plan.settings.lod), tiles, reaches, taken,
-                               plan.longest, window)
+                               window)
         slabs = coverage.slabs_of(gpu.download(reaches), most)
         if not slabs:
             raise plan.too_many(gpu, listed)
@@ -236,7 +236,8 @@ class Coverage:
         """Draw what ``counts`` tells to show in each tile -> what `coverage.cover` gives."""
         counted, listed = band.counted, int(counts.sum(dtype=np.int64))
         segments = coverage.allocate(gpu, counts, min(counted.survivors, listed))
-        lit = None if lighting is None else strand_light.unlit(gpu, lighting, len(segments.ids))
+        lit = None if lighting is None else strand_light.unlit(gpu, lighting, len(segments.ids),
+                                                                      self.plan.scene.environment is not None)
         hairy = [part for part in counted.cut.parts if part.hairy and (listed or slab == EVERY)]
         for part in hairy:
             lit = self._list(gpu, band, part, part is hairy[-1], tiles, window, slab, segments, lighting, lit)
@@ -249,14 +250,14 @@ class Coverage:
         plan, counted, hair = self.plan, band.counted, build.hair(gpu, self.plan, part, self.plan.settings.lod)
         if len(tiles.shown) and not (plan.grown or counted.made_for() is hair):   # see `_transmittance`
             tiles = replace(tiles, shown=gpu.empty(0, np.uint32))
-        coverage.fill(gpu, band.view, hair, tiles, segments, plan.longest, window, slab)
+        coverage.fill(gpu, band.view, hair, tiles, segments, window, slab)
         if lighting is None:
             return None
         all_there = last and (window, slab) == ((0, counted.counts.size), EVERY)
         until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
         through = self._transmittance(gpu, band, part, hair, lighting)
         return strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit, last,
-                                     build.scattering(gpu, plan))
+                                     build.scattering(gpu, plan), build.sky_points(gpu, plan, part, hair))
 
     def _transmittance(self, gpu, band, part, hair, lighting):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where
@@ -298,7 +299,8 @@ def _color(gpu, plan, part, view, visible, hair, body, lighting, image, sample_t
     body = no_surface(gpu) if plan.held else body   # what is hidden needs no light
     scattering = build.scattering(gpu, plan) if len(hair.points) else None
     return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums,
-                       scattering, *build.paint(gpu, plan, part if len(body.triangles) else None))
+                       scattering, build.sky(gpu, plan),
+                       *build.paint(gpu, plan, part if len(body.triangles) else None))
 
 
 def _light_ground(gpu, plan, band, lighting, sums, sample_transmittance):

@@ -13,22 +13,37 @@ from typing import Any
 
 import numpy as np
 
+from .. import layout
 from ..errors import Error
 from ..scene import Curves, Strands
 from ..stages.blur import blur_radius
 from ..stages.chiang import bytes_of, of_model
-from ..stages.coverage import KEPT, OF_KEPT, REACH, TILE, Covered, Segments, Tiles
+from ..stages.coverage import (
+    GRAINS,
+    KEPT,
+    OF_KEPT,
+    OF_WALKED,
+    OPEN,
+    REACH,
+    TILE,
+    WALKED,
+    Covered,
+    Segments,
+    Tiles,
+)
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
 from ..stages.order import Order
-from ..stages.raster import VISIBLE
+from ..stages.raster import LEFT, VISIBLE
 from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs, Paint
 from ..stages.shells import Topology, pack, size_of, topology_of
+from ..stages.sky import POINT_LIGHT
+from ..stages.sky import bytes_of as sky_bytes
 from ..stages.strand_light import TRANSMITTANCE, Places
-from ..stages.strands import AREA, ROOTS, SORTED_FROM, DeviceStrands, Packed, area_sums, first_strand_at
+from ..stages.strands import AREA, ROOTS, SORTED_FROM, STAGES, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
-from ..stages.voxelize import CELLS
+from ..stages.voxelize import CELLS, RESTS
 from .views import Rig
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
@@ -42,13 +57,15 @@ THIN_POINT, THIN_STRAND = DeviceStrands.bytes(*THINNED, point=1), DeviceStrands.
 THIN_COLOR = DeviceStrands.bytes("colors", color=1)                               # where points have colours
 MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
 OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
-OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1)
+OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1) + GRAINS.bytes + OPEN.bytes
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
-LIT = Places.bytes(segment=1, row=1)   # of its light, at most
+LIT = Places.bytes(row=1)               # of its light, at most, and of each light and the sky
+PLACES = Places.bytes(place=1)
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
+LOOK, LOOK_AT_ONCE, SLOTS = (layout.CONSTANTS[name] for name in ("LOOK", "LOOK_AT_ONCE", "SLOTS"))
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -135,9 +152,12 @@ class Plan:
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage, "strands": self.strands,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
-            "ground": self.ground is not None, "zscan": casting, "march": shells, "chiang": self.lobed,
+            "ground": self.ground is not None,
+            "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
+            "march": shells, "chiang": self.lobed,
             "strand_light": self.uses_coverage and self.wants_color,
-            "shade": True, "blur": self.wants_color and settings.blur != "off"}
+            "shade": True, "sky": self.wants_color and self.scene.environment is not None,
+            "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
 
     @property
@@ -154,8 +174,9 @@ class Plan:
         """What light depends on that falls on anything, or on strands thinned so, as a key of `Scheduler.keep`."""
         scene, settings = self.scene, self.settings
         fit = b"".join(each.tobytes() for each in (*self.rig.grids, *self.rig.light_views) if each is not None).hex()
-        return (scene.mesh, scene.strands, scene.shells, *scene.lights, int(self.body), settings.shadows, settings.grid,
-                settings.shadow_map, settings.pcf, str(lod), scene.camera if lod else None, fit)
+        return (scene.mesh, scene.strands, scene.shells, scene.environment, *scene.lights,
+                int(self.body), settings.shadows,
+                settings.grid, settings.shadow_map, settings.pcf, str(lod), scene.camera if lod else None, fit)
 
     def _points(self, first, end):
         """Points set aside for a run of strands."""
@@ -225,7 +246,7 @@ class Plan:
         both = room // (ENTRY + self._survivor)
         most = max(both if both <= survivors else (room - self._survivor * survivors) // ENTRY, 1)
         most = min(most, _largest(gpu) // 8, NUMBERS)
-        largest = _largest(gpu) // max(SURVIVOR, LIT)
+        largest = _largest(gpu) // max(SURVIVOR, LIT, PLACES * self._sources)
         return int(min(most, largest) if survivors > largest else most)
 
     def too_many(self, gpu: Any, pieces: int) -> Error:
@@ -243,9 +264,14 @@ class Plan:
         return TILE if self.uses_coverage else 1
 
     @property
+    def _sources(self):
+        """Lights, and the sky."""
+        return len(self.scene.lights) + (self.scene.environment is not None)
+
+    @property
     def _survivor(self):
         """Bytes on the device of a segment that may show, and of its light."""
-        return SURVIVOR + LIT * self.wants_color
+        return SURVIVOR + (LIT + PLACES * self._sources) * self.wants_color
 
     @property
     def _largest_row(self):
@@ -287,7 +313,8 @@ class Plan:
             "rows": row,
         }
         kept = self._transmittance * self.points * self.keeps_transmittances(gpu)
-        spare = self._memory(gpu)[0] * 15 // 16 - self._fixed - sum(least.values()) - kept
+        walked = OF_WALKED * WALKED.bytes * bool(gpu.steps and self.uses_coverage)
+        spare = self._memory(gpu)[0] * 15 // 16 - self._fixed - sum(least.values()) - kept - walked
         room = _share(spare, {name: need[name] - least[name] for name in need})
         room = {name: least[name] + room[name] for name in need}
         if spare < 0 or self._largest_row > _largest(gpu):
@@ -330,19 +357,35 @@ class Plan:
         scene, settings = self.scene, self.settings
         fixed = self.faces * MESH_FACE + self._shells
         fixed += MESH_VERTEX * max((len(mesh.positions) for mesh in (scene.mesh, self.rest) if mesh), default=0)
-        casting = sum(bool(np.any(light.color)) for light in scene.lights)   # the others are out
+        casting = sum(light.casts for light in scene.lights)
         maps = casting * (1 + (casting > 1))                                 # several are put together from as many
         fixed += maps * Lighting.bytes(sample=settings.shadow_map**2)
         if settings.shadows != "off" and (self.strands or scene.shells):
             layers = Lighting.bytes(layer=(settings.grid + 1) * settings.grid**2)
             fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
+        if scene.environment is not None:
+            fixed += sky_bytes(self.body)
         fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
         return fixed + OF_KEPT * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property
     def _transmittance(self):
         """Bytes on the device of the transmittance to a point of strands, of all lights."""
-        return TRANSMITTANCE.bytes * len(self.scene.lights)
+        return TRANSMITTANCE.bytes * len(self.scene.lights) + POINT_LIGHT.bytes * (self.scene.environment is not None)
+
+    def check(self, gpu: Any) -> None:
+        """Raise `clfur.Error` where a device that ends long loops, silently, could end those over lights."""
+        settings, lights = self.settings, self.scene.lights
+        if not gpu.steps or not self.wants_color:
+            return
+        maps = sum(light.casts for light in lights) * (settings.shadows != "off" and bool(settings.shadow_map))
+        side = 2 * settings.pcf + 1
+        look = side * (side // LOOK_AT_ONCE + 2) + LOOK
+        sample, piece = len(lights) * 4 + maps * look, len(lights) * 12 + maps * 2 * look
+        slots = SLOTS * self.uses_coverage
+        if sample * settings.samples > gpu.steps * 3 // 4 or piece * slots > gpu.steps // 2:
+            raise Error(f"Scene.light has {len(lights)} lights and Settings.pcf is {settings.pcf}, which take longer "
+                        f"loops than {gpu.name} ends; allowed: fewer lights, or with shadows=False, or a smaller pcf")
 
     def keeps_transmittances(self, gpu: Any) -> bool:
         """Whether there is room for the transmittances to all points of strands: then they are asked once for all bands
@@ -359,6 +402,9 @@ class Plan:
         if self.settings.lod:
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
             strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
+        if gpu.steps:
+            strand += RESTS.bytes + STAGES.bytes
+            point += 0 if self.uses_coverage else LEFT.bytes
         if self.uses_coverage:
             strand += Tiles.bytes(strand=1)
             point += 0 if self.keeps_transmittances(gpu) else self._transmittance

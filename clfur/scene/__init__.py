@@ -9,6 +9,7 @@ from .background import backdrop, over
 from .bounds import bounds_of, extent, fur_extent, hair_bounds
 from .camera import Camera
 from .curves import Bounds, Curves
+from .environment import Environment
 from .ground import Ground
 from .light import Light
 from .look import Chiang, Kajiya, highlighted
@@ -20,7 +21,7 @@ from .shells import Shells
 from .strands import HairType, PointForce, Strands
 
 __all__ = [
-    "Bounds", "Camera", "Chiang", "Curves", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh", "PointForce",
-    "Scene", "Shells", "Strands", "backdrop", "bounds_of", "extent", "frame", "fur_extent", "hair_bounds",
+    "Bounds", "Camera", "Chiang", "Curves", "Environment", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh",
+    "PointForce", "Scene", "Shells", "Strands", "backdrop", "bounds_of", "extent", "frame", "fur_extent", "hair_bounds",
     "highlighted", "over", "seen_from",
 ]

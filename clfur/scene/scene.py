@@ -13,6 +13,7 @@ from . import checks
 from .bounds import extent, fur_extent, local, origin_of, points_to_see, strands_and_shells
 from .camera import FOV, Camera, size_of
 from .curves import Curves
+from .environment import Environment
 from .ground import Ground
 from .light import Light
 from .material import body_color
@@ -22,6 +23,7 @@ from .rest import posed
 from .shells import Shells
 from .strands import Strands
 
+OUTSIDE = 1.05   # radii of the scene from its middle must a point light stand that casts shadows
 MOST_PERIODS = 1 << 16, 1 << 12   # of the sines of shell fur: from uv 0, where float32 is exact enough, and on a face
 
 
@@ -87,10 +89,12 @@ class Scene:
     Strands and Curves (guard hairs), or None; a mesh or fur is required. camera: Camera, or None to frame all of it.
     light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself (arrays of uint8 or
     uint16 are sRGB), a picture of them [h, w, 3] that is laid on by uv, a Material or a list of those that
-    `Mesh.material_of` tells the faces of, or None to leave it undrawn. body: "drawn", or "holdout": it hides and shades
-    what is behind it, but is not seen itself, so that its pixels are free for a picture of it. ground: a Ground, or
-    None. Raises Error where the parts don't fit: a type_map, color_texture or pattern "sine" on a mesh without uv,
-    levels for another number of faces, an edge whose two faces give it different levels, or a rest mesh of other faces.
+    `Mesh.material_of` tells the faces of, or None to leave it undrawn. environment: an Environment, whose light falls
+    on strands and body beside the lights', or None. With one, lights leave out the flat ambient that they have by
+    default (0.1); any other counts beside it. body: "drawn", or "holdout": it hides and shades what is behind it,
+    but is not seen itself, so that its pixels are free for a picture of it. ground: a Ground, or None. Raises Error
+    where the parts don't fit: a type_map, color_texture or pattern "sine" on a mesh without uv, levels for another
+    number of faces, an edge whose two faces give it different levels, or a rest mesh of other faces.
 
     Faces that have no area or normal in this pose, but have in rest, become part of `mesh`: what grows there stands as
     the normals of their corners, or of faces beside them, point.
@@ -104,6 +108,7 @@ class Scene:
     camera: checks.Given = checks.field(checks.instance(Camera, none=True), default=None)
     light: checks.Given = checks.field(_lights, default=Light())
     body_color: checks.Given = checks.field(checks.optional(body_color), default=(0.30, 0.20, 0.12))
+    environment: Environment | None = checks.field(checks.instance(Environment, none=True), default=None)
     body: str = checks.field(checks.choice("drawn", "holdout"), default="drawn")
     ground: Ground | None = checks.field(checks.instance(Ground, none=True), default=None)
     strands: Strands | Curves = attrs.field(init=False, repr=False)
@@ -137,6 +142,12 @@ class Scene:
         strands, shells = strands_and_shells(self.fur)
         object.__setattr__(self, "strands", strands)
         object.__setattr__(self, "shells", shells)
+        if shells is not None and self.environment is not None:
+            raise Error("Scene.environment is given but Scene.fur has Shells, on which no sky shines; allowed: "
+                        "Strands or Curves, or Light.ambient")
+        if self.ground is not None and self.environment is not None:
+            raise Error("Scene.environment and Scene.ground are given, but no sky shines on a ground; allowed: one of "
+                        "them, or Light.ambient")
         if self.mesh is None and strands is None and shells is None:
             raise Error("Scene.mesh and Scene.fur are None; allowed: at least one of them")
         if self.body == "holdout" and (self.mesh is None or self.body_color is None):
@@ -164,6 +175,11 @@ class Scene:
             if np.linalg.norm(place - center) > 1e3 * (radius or 1):
                 raise Error(f"Light.position is {checks.shown(place)}; allowed: at most 1000 radii of the scene away, "
                             f"or no position: light that is all but parallel")
+        for light in self.lights:
+            if light.everywhere and light.casts and np.linalg.norm(light.position - center) < OUTSIDE * radius:
+                raise Error(f"Light.position is {checks.shown(light.position)}, inside of all that is drawn, with "
+                            f"Light.angle 360; allowed: at least {OUTSIDE:g} radii from its middle, which is "
+                            f"{checks.shown(np.round(center, 3).tolist())}, a spot, or shadows=False")
         if self.camera is None:
             object.__setattr__(self, "camera", frame(self.mesh, self.fur))
 

@@ -9,6 +9,7 @@ from .. import layout
 from ..layout import Arrays, Declared, array
 from .chiang import Scattering, no_scattering
 from .lighting import Lighting
+from .sky import SkyLight, arguments
 from .strands import DeviceStrands, arrays
 from .tessellate import Surface
 
@@ -51,7 +52,8 @@ def paint_of(gpu: Any, materials: tuple) -> Paint:
 
 def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: DeviceStrands, body: Surface,
           body_color: tuple, image: Any = None, sample_transmittance: Any = None, sums: Any = None,
-          scattering: Scattering | None = None, paint: Paint | None = None, material_of: Any = None) -> Any:
+          scattering: Scattering | None = None, sky: SkyLight | None = None, paint: Paint | None = None,
+          material_of: Any = None) -> Any:
     """Light every sample and average -> [rows, width, 4] float32, linear, premultiplied, alpha = coverage.
 
     Strands by their types' looks, the body by Lambert.
@@ -59,7 +61,7 @@ def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: De
     ``image``: what it is added to.  ``sample_transmittance``: [rows, width, samples] float32, the share of each
     sample's light and coverage that comes through what stands before it and is in ``image`` already; all if None.
     ``strands`` and ``body`` may be a part of what is visible: it is then added to ``sums``, [rows, width, 4] int64, see
-    `blend`.  ``scattering``: of the strands' types; None where none has lobes.
+    `blend`.  ``scattering``: of the strands' types; None where none has lobes.  ``sky``: its light, if there is one.
     ``paint``: what the body has in place of ``body_color``; ``material_of``: [faces of ``body``] uint32, which of
     several materials each has.
     """
@@ -73,7 +75,7 @@ def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: De
                sample_transmittance=_or_none(gpu, sample_transmittance), more=sums is not None,
                radiance_sums=gpu.empty((0, 4), np.int64) if sums is None else sums,
                image=gpu.empty((0, 4), np.float32) if image is None else image, **lighting.arrays(),
-               **(scattering or no_scattering(gpu)).arrays(),
+               **arguments(gpu, sky), **(scattering or no_scattering(gpu)).arrays(),
                **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal", "strand_uv",
                         "types", "colors", "color_per"))
     return image if sums is None else sums
