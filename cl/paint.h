@@ -1,8 +1,7 @@
-/* Base colours of the body: one, or of materials, which may have a picture laid on by uv.  shade.cl uses this. */
+/* Base colours of the body by materials, which may have a picture laid on by uv.  shade.cl uses this. */
 
 /* What the body is painted with; pictures are there at half their size too, and at half of that, down to one texel. */
 typedef struct {
-    float4 color;                          // of all of it, where there are no materials
     int n;                                 // materials
     __global const Material *materials;
     __global const uint *material_of;      // [faces of the part] index, where there are several

@@ -107,24 +107,23 @@ INLINED lanes3 sky_lanes(const Sky *sky, __global const float4 *cells, lanes3 p,
     return light;
 }
 
-/* Base colours where samples see triangles. */
-ONCE void paint_lanes(lanes3 *color, const Paint *paint, const View *view, const Waiting *samples,
-                      __global const float4 *positions, __global const uint4 *triangles)
+/* Light of white places, times base colours where samples see triangles. */
+ONCE void multiply_by_paint(lanes3 *light, const Paint *paint, const View *view, const Waiting *samples,
+                            __global const float4 *positions, __global const uint4 *triangles)
 {
     for (int k = 0; k < LANES; ++k)
-        put_lane(color, k, base_color(paint, view, positions, triangles[samples->id[k]], LANE(samples->x, k),
-                                      LANE(samples->y, k), LANE(samples->e, k)));
+        put_lane(light, k, (float4)(lane_of(light, k), 0.0f)
+                     * base_color(paint, view, positions, triangles[samples->id[k]], LANE(samples->x, k),
+                                  LANE(samples->y, k), LANE(samples->e, k)));
 }
 
 /* The light that waiting samples of the body send to the eye. */
 ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Sky *sky, __global const float4 *sky_cells,
                              const Waiting *samples,
                              __global const float4 *positions, __global const float4 *normals,
-                             __global const uint4 *triangles, const Paint *paint)
+                             __global const uint4 *triangles, float4 color)
 {
-    lanes3 at[3], normal[3], n, face, color = all_lanes(paint->color), sum = {F(0.0f), F(0.0f), F(0.0f)};
-    if (paint->n)
-        paint_lanes(&color, paint, view, samples, positions, triangles);
+    lanes3 at[3], normal[3], n, face, sum = {F(0.0f), F(0.0f), F(0.0f)};
     corners(at, positions, triangles, samples->id);
     corners(normal, normals, triangles, samples->id);
     const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
@@ -143,7 +142,7 @@ ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Sky 
         sum.z += color.z * (light.color.z * share + light.color.w);
     }
     if (sky->size.y)
-        sum = plus(sum, times(color, sky_lanes(sky, sky_cells, p, n, 2.0f / 3, 0.25f)));
+        sum = plus(sum, times(all_lanes(color), sky_lanes(sky, sky_cells, p, n, 2.0f / 3, 0.25f)));
     return sum;
 }
 
@@ -213,7 +212,7 @@ __kernel void color(
     __global const float4 *positions,      // body: see tessellate.cl
     __global const float4 *normals,
     __global const uint4 *triangles,
-    const float4 body_color,               // where there are no materials
+    const float4 body_color,               // white where there are materials
     const int n_materials,                 // see paint.h
     __global const Material *materials,
     __global const uint *material_of,      // [faces of the part]
@@ -242,7 +241,7 @@ __kernel void color(
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
     Looks looks = {lobes, lobe_table};
-    const Paint paint = {body_color, n_materials, materials, material_of, texels, uv};
+    const Paint paint = {n_materials, materials, material_of, texels, uv};
     long4 sums[SHADED];
     Waiting waiting[2];                    // samples of strands, and of the body
     waiting[0].n = waiting[1].n = 0;
@@ -300,9 +299,11 @@ __kernel void color(
             LANE(these->e, k) = LANE(these->e, 0);
             these->id[k] = these->id[0];
         }
-        const lanes3 light = of_body
-            ? light_of_body(&view, &lighting, &sky, sky_cells, these, positions, normals, triangles, &paint)
+        lanes3 light = of_body
+            ? light_of_body(&view, &lighting, &sky, sky_cells, these, positions, normals, triangles, body_color)
             : light_of_strands(&view, &lighting, &sky, sky_cells, these, &hair, &looks);
+        if (of_body && n_materials)
+            multiply_by_paint(&light, &paint, &view, these, positions, triangles);
         for (int k = 0; k < these->n; ++k)
             sums[LANES == 1 ? 0 : these->pixel[k]] += in_integers(LANE(these->share, k), (float4)(LANE(light.x, k), LANE(light.y, k), LANE(light.z, k), 1.0f));
         these->n = 0;

@@ -5,6 +5,7 @@ import pytest
 
 import clfur
 from clfur import truth
+from clfur.stages import shade
 
 LIGHT = clfur.Light((1, -1, -.6))
 CAMERA = clfur.Camera(eye=(2.2, 1.6, 3.4), target=(0, -.3, 0), size=(65, 49))
@@ -67,3 +68,16 @@ def test_a_holdout_needs_a_body(sphere):
         scene(sphere, FUR, body="holdout", body_color=None)
     with pytest.raises(clfur.Error, match="Scene.body is 'none'; allowed: 'drawn' or 'holdout'"):
         scene(sphere, FUR, body="none")
+
+
+@pytest.mark.small
+def test_uncovered_small(gpu):
+    """What samples add that see anything, by the share that comes through, is taken out of alpha alone, down to 0."""
+    rng = np.random.default_rng(0)
+    visible = rng.integers(0, 2**63, (3, 5, 4), np.uint64)
+    visible[rng.random(visible.shape) < .4] = np.uint64((1 << 64) - 1)
+    through, image = rng.random(visible.shape).astype(np.float32), rng.random((3, 5, 4)).astype(np.float32)
+    there = gpu.upload(image)
+    shade.uncover(gpu, gpu.upload(visible), gpu.upload(through), there)
+    image[..., 3] -= np.where(visible == (1 << 64) - 1, 0, through).mean(2)
+    np.testing.assert_allclose(there.get(), np.maximum(image, 0), atol=1e-6)

@@ -295,7 +295,7 @@ class Counted:
 
 
 def _color(gpu, plan, part, view, visible, hair, body, lighting, image, sample_transmittance, sums):
-    body_color = (0, 0, 0) if plan.scene.body_color is None or plan.painted else plan.scene.body_color
+    body_color = (0, 0, 0) if plan.scene.body_color is None else plan.scene.body_color
     body = no_surface(gpu) if plan.held else body   # what is hidden needs no light
     scattering = build.scattering(gpu, plan) if len(hair.points) else None
     return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums,

@@ -70,8 +70,8 @@ def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: De
         image = IMAGE.empty(gpu, (rows, width))
     gpu.launch("shade.color", -(-rows * width // layout.shaded(gpu.lanes)), view=view, part=_part(strands, body),
                visible=visible, pixels=rows * width, positions=body.positions, normals=body.normals,
-               triangles=body.triangles, uv=body.uv, body_color=(*body_color, 0), **_painted(gpu, paint, material_of),
-               attenuated=sample_transmittance is not None,
+               triangles=body.triangles, uv=body.uv, body_color=(1, 1, 1, 0) if paint else (*body_color, 0),
+               attenuated=sample_transmittance is not None, **_painted(gpu, paint, material_of),
                sample_transmittance=_or_none(gpu, sample_transmittance), more=sums is not None,
                radiance_sums=gpu.empty((0, 4), np.int64) if sums is None else sums,
                image=gpu.empty((0, 4), np.float32) if image is None else image, **lighting.arrays(),
