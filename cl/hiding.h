@@ -220,14 +220,14 @@ INLINED void drop(Slots *slots, long *limit)
     slots->numbers[far] = slots->numbers[SLOTS - 1];
 }
 
-/* Add the light of a piece. */
-INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, uint where)
+/* Add the light of a piece, which covers such a share of its pixel. */
+INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, uint where, float share)
 {
 #if LANES == 1
-    const float4 light = sent_by(&picture->sent, number, (where & 0xFFFF) * (1.0f / 65535.0f));
+    const float4 light = sent_by(&picture->sent, number, (where & 0xFFFF) * (1.0f / 65535.0f), share);
     p->light += weight * (light < MOST ? light : MOST);
 #else
-    add_glow(picture->glow, &picture->sent, &p->light, weight, number, where);
+    add_glow(picture->glow, &picture->sent, &p->light, weight, number, where, share);
 #endif
 }
 
@@ -272,7 +272,7 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
         }
         const float weight = hide(hot, &p->sums, key, slots->shares[j]);
         if (picture->lit)
-            shine(picture, p, weight, slots->numbers[j], slots->wheres[j]);
+            shine(picture, p, weight, slots->numbers[j], slots->wheres[j], slots->shares[j]);
         more = hot->kept * hot->room > UNSEEN;
         ++i;
     }

@@ -29,6 +29,8 @@ CONSTANTS = {
     "POINT_STEP": 0.75,     # which stand no further apart than so many sides of a cell
     "SHADES": 24,           # of hair in a table of how it scatters light, from black to white
     "CELL_BITS": 4,         # of a coordinate of a cell by which the user's strands are put in order
+    "DEEP_LAST": (1 << 23) - 1,   # the most depth of a piece of hair that a light sees,
+    "DEEP_UNIT": 1024,      # and parts of an octave in which it tells how opaque it is
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
@@ -98,6 +100,12 @@ Grid = np.dtype([                     # cells seen from the light: world -> (x·
                                          # the grid, and of all that counts
 ])
 
+Deep = np.dtype([                     # a light's map of pieces of hair: world -> (x·w, y·w, depth, w), texels
+    ("to_map", np.float32, (4, 4)),      # columns; depth: 0 to DEEP_LAST, linear along the light
+    ("size", *_int4),                    # texels a side, 0: none; where its texels begin, -, -
+    ("depth", *_float4),                 # x + y · reversed depth of its view, or where z is 1 x + y / that
+])
+
 Shells = np.dtype([                   # fur as a height field on the body, drawn layer by layer
     ("size", *_float4),                  # length [world], layers, frequency, length_variation
     ("shape", *_float4),                 # sharpness, density, noise [hairs], size of its waves [hairs]
@@ -117,8 +125,8 @@ Lobes = np.dtype([                    # how hair of a type scatters light, where
     ("table", *_int4),                   # where its table begins; how many cosines and angles it has, -
 ])
 
-STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Shells": Shells,
-           "Lobes": Lobes}
+STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Deep": Deep,
+           "Shells": Shells, "Lobes": Lobes}
 
 
 def shine(look, alpha, model=None):

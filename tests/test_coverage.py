@@ -232,7 +232,7 @@ def test_windows_list_what_shows_there(gpu, monkeypatch, n):
     plain, known = coverage.bound(gpu, view, visible), coverage.bound(gpu, view, visible, n)
     longest = int(spans[:, 1].max())
     coverage.count(gpu, view, strands, plain, longest)
-    monkeypatch.setattr(coverage, "_stretches", lambda _, most: [(k, k + 2) for k in range(0, most, 2)])
+    monkeypatch.setattr(coverage, "stretches", lambda _, most: [(k, k + 2) for k in range(0, most, 2)])
     coverage.count(gpu, view, strands, known, longest)
     counts, shown = plain.counts.get(), known.shown.get()
     np.testing.assert_array_equal(counts, known.counts.get())

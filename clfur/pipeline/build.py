@@ -12,13 +12,14 @@ import numpy as np
 
 from ..device.team import Team
 from ..stages import chiang, shells
+from ..stages.deep import Deep
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
 from ..stages.raster import raster
 from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, upload_curves
 from ..stages.tessellate import Surface, no_surface, tessellate
 from .plan import Part, Plan
-from .shadows import accumulate, finish, plan_shadows
+from .shadows import accumulate, deep_maps, finish, plan_shadows
 
 
 def let_go(plan: Plan, gpu: Any) -> None:
@@ -31,7 +32,7 @@ def let_go(plan: Plan, gpu: Any) -> None:
     furry = plan.scene.shells is not None
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
                        ("thinned", plan.strands and plan.settings.lod),
-                       ("shell", furry), ("pattern", furry), ("border", furry)):
+                       ("deep", plan.is_deep), ("shell", furry), ("pattern", furry), ("border", furry)):
         if not used:
             gpu.keep(name, (), dict)
     if len(plan.parts(gpu)) > 1 and not plan.keeps_transmittances(gpu):
@@ -130,6 +131,12 @@ def lighting(gpu: Any, team: Team, plan: Plan, hashes: bool) -> tuple[Lighting, 
                     functools.partial(_lighting, gpu, team, plan, hashes))
 
 
+def deep(gpu: Any, plan: Plan) -> Deep | None:
+    """Maps of the hair that lights see, those of the frame before if only the camera has moved; None where these are
+    not asked for."""
+    return gpu.keep("deep", plan.light_key(), functools.partial(_deep, gpu, plan)) if plan.is_deep else None
+
+
 def on(gpu: Any, array: Any) -> Any:
     """An array on the device: it is there already, or comes from the host; None stays None."""
     return gpu.upload(array) if isinstance(array, np.ndarray) else array
@@ -188,6 +195,17 @@ def _lighting(gpu, team, plan, hashes):
     for i, array in enumerate(counted):
         counted[i] = on(gpu, array)
     return finish(gpu, shadow_plans, counted), digests
+
+
+def _deep(gpu, plan):
+    return deep_maps(gpu, plan.deep, functools.partial(_all_hair, gpu, plan), plan.longest)
+
+
+def _all_hair(gpu, plan):
+    """Yield the strands of each part."""
+    for part in plan.parts(gpu):
+        if part.hairy:
+            yield hair(gpu, plan, part, 0)
 
 
 def _digest(gpu, arrays):

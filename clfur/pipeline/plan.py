@@ -18,6 +18,7 @@ from ..scene import Curves, Strands
 from ..stages.blur import blur_radius
 from ..stages.chiang import bytes_of, of_model
 from ..stages.coverage import KEPT, OF_KEPT, REACH, TILE, Covered, Segments, Tiles
+from ..stages.deep import PADDING, PIECE, TEXEL
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
@@ -29,6 +30,7 @@ from ..stages.strand_light import TRANSMITTANCE, Places
 from ..stages.strands import AREA, ROOTS, SORTED_FROM, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.voxelize import CELLS
+from .shadows import DeepPlan, plan_deep
 from .views import Rig
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
@@ -49,6 +51,7 @@ LIT = Places.bytes(segment=1, row=1)   # of its light, at most
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
+COARSE = 0.5    # texels to the width of hair: of fewer is told
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -130,7 +133,7 @@ class Plan:
             "order": not self.grown and self.strands >= SORTED_FROM,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "zscan": casting, "march": shells, "chiang": self.lobed,
-            "strand_light": self.uses_coverage and self.wants_color,
+            "strand_light": self.uses_coverage and self.wants_color, "deep": self.is_deep,
             "shade": True, "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
 
@@ -138,6 +141,26 @@ class Plan:
     def uses_coverage(self) -> bool:
         """Whether strands are drawn by the area that they cover."""
         return self.settings.raster == "coverage" and self.strands > 0
+
+    @property
+    def is_deep(self) -> bool:
+        """Whether pieces of strands that are seen look at single hairs before lights."""
+        return self.wants_color and self.uses_coverage and self.settings.shadows == "deep"
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is known to be wrong in the picture."""
+        found = self.rig.warnings
+        if self.is_deep and 0 < self.deep.coarsest < COARSE:
+            found.append(f"texels in which lights see single hairs are {1 / self.deep.coarsest:.2g} times as wide as "
+                         f"hair, so that they hold no more than {self.deep.pieces:,} pieces of it: shadows are softer; "
+                         "less hair, or shorter, has sharper ones")
+        return found
+
+    @functools.cached_property
+    def deep(self) -> DeepPlan:
+        """`DeepPlan` of it."""
+        return plan_deep(self.rig, self.strands)
 
     def light_key(self, lod: float = 0.0) -> tuple:
         """What light depends on that falls on anything, or on strands thinned so, as a key of `Scheduler.keep`."""
@@ -302,6 +325,7 @@ class Plan:
         dense = f" with {pieces:,} segments of strands in {TILE} x {TILE} of them" * bool(pieces)
         smaller = "smaller ones" + ", or Settings.raster 'samples'" * bool(pieces)
         memory, limit = self._memory(gpu)
+        furry += f"{self.deep.pieces:,} pieces of hair that lights see, " if self.is_deep else ""
         return (f"{gpu.name} with {memory / 2**20:,.1f} MiB{f' ({limit})' * bool(limit)} has no room for "
                 f"Settings.grid {settings.grid}, Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces of up "
                 f"to {self._face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, {furry}"
@@ -325,6 +349,8 @@ class Plan:
         if settings.shadows != "off" and (self.strands or scene.shells):
             layers = Lighting.bytes(layer=(settings.grid + 1) * settings.grid**2)
             fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
+        if self.is_deep:
+            fixed += PIECE * (self.deep.pieces + PADDING) + TEXEL * (self.deep.texels + 1)
         return fixed + OF_KEPT * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property
@@ -335,7 +361,7 @@ class Plan:
     def keeps_transmittances(self, gpu: Any) -> bool:
         """Whether there is room for the transmittances to all points of strands: then they are asked once for all bands
         of the picture, and for frames in which only the camera moves."""
-        shadowed = self.uses_coverage and self.settings.shadows != "off"
+        shadowed = self.uses_coverage and self.settings.shadows not in ("off", "deep")
         return shadowed and self._transmittance * self.points <= self._memory(gpu)[0] // 8
 
     def _bytes(self, gpu):

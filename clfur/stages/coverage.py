@@ -8,8 +8,9 @@ import numpy as np
 from .. import layout
 from ..layout import Arrays, Declared, array
 from .chiang import no_scattering
+from .deep import no_deep
 from .lighting import unshadowed
-from .strands import DeviceStrands, arrays
+from .strands import DeviceStrands, arrays, stretches
 
 TILE, WALK = int(layout.CONSTANTS["TILE"]), int(layout.CONSTANTS["WALK"])
 EVERY = 0, int(layout.CONSTANTS["NOTHING"])   # tile, or depth: the first, one past the last
@@ -19,7 +20,6 @@ OF_KEPT = TILE**2 * int(layout.CONSTANTS["KEPT_PIXEL"])
 SLABS = 1024      # into which a tile is divided, at most
 BUCKETS = int(layout.CONSTANTS["BUCKETS"])
 WALKS = 16        # tiles at a time that go on in another launch where drivers end long loops, 90 KB each
-STEPS = 64        # segments of each strand that a launch takes where drivers end long loops
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def bound(gpu: Any, view: np.void, visible: Any, strands: int = 0) -> Tiles:
 
 def count(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, longest: int) -> None:
     """Count the segments of strands, of at most ``longest`` points each, that each of the `Tiles` may show."""
-    for stretch in _stretches(gpu, longest):
+    for stretch in stretches(gpu, longest):
         gpu.launch("coverage.count", len(strands.spans), view=view, stretch=stretch, known=_knows(tiles, strands),
                    **vars(tiles), **arrays(strands, "points", "spans"))
 
@@ -92,7 +92,7 @@ def fill(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, segments
          window: tuple[int, int] = EVERY, slab: tuple[int, int] = EVERY) -> None:
     """Write the `Segments` of strands that may show in some `Tiles`, ``window``: the first, one past the last, and
     reach into some depths, ``slab``: the same, behind those that are there already."""
-    for stretch in _stretches(gpu, longest):
+    for stretch in stretches(gpu, longest):
         gpu.launch("coverage.fill", len(strands.spans), view=view, stretch=stretch, bounds=tiles.bounds, window=window,
                    slab=slab, first=strands.first_point, known=_knows(tiles, strands), shown=tiles.shown,
                    cursors=segments.cursors, survivors=segments.survivors, entries=segments.entries,
@@ -107,7 +107,7 @@ def reach(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, reaches
     ``reaches``: [segments, 2] uint32, the least and the most depth of each; they go behind those that are there
     already, ``taken``: [1] uint32, how many these are.
     """
-    for stretch in _stretches(gpu, longest):
+    for stretch in stretches(gpu, longest):
         gpu.launch("coverage.reach", len(strands.spans), view=view, stretch=stretch, bounds=tiles.bounds, window=window,
                    survivors=taken, reaches=reaches, **arrays(strands, "points", "spans"))
 
@@ -173,6 +173,7 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
              "shadowed": lit is not None and lit.shadowed,
              **(unshadowed(gpu) if lit is None else lit.lighting).arrays(),
              **(no_scattering(gpu) if lit is None or lit.scattering is None else lit.scattering).arrays(),
+             **(no_deep(gpu) if lit is None or lit.deep is None else lit.deep).arrays(),
              "image": gpu.empty((0, 4), np.float32) if lit is None else image, **vars(covered)}
     across, down = tiles_of(width, rows)
     if max(gpu.lanes, gpu.hinted) > 1:
@@ -223,9 +224,3 @@ def _pixels(gpu, n, **known):
 
 def _knows(tiles, strands):
     return len(tiles.shown) == len(strands.spans)
-
-
-def _stretches(gpu, longest):
-    """[(first segment of each strand, one past the last)] of each launch: all at once but where drivers end loops."""
-    most = STEPS if gpu.steps else max(longest, 1)
-    return [(first, first + most) for first in range(0, max(longest, 1), most)]
