@@ -24,6 +24,8 @@ typedef struct {
     float4 depth;                          // see layout.Deep
     ulong strand;                          // where it stands in a piece
     float opaque;                          // share of light that one takes which fills a texel
+    int cells;                             // a side of `dark`,
+    __global const uint *dark;             // [cells, cells] depth from which on no light comes
 } Kind;
 
 /* Put segments ready to be drawn, see `prepare`. */
@@ -34,13 +36,13 @@ INLINED void ready(const Batch *batch, Chunk *chunk)
     put_ends(chunk, 0, c);
 }
 
-/* Go through the texels, in some columns, that segment k of a chunk may have pieces in.  counts: of each texel one more;
-   or, where there is a kind, where in `pieces` its next one goes. */
+/* Go through the texels, in some columns, that segment k of a chunk may have pieces in, but those so deep that no light comes
+   there.  counts: of each texel one more; or, where `pieces` are wanted, where in these its next one goes. */
 INLINED void each_texel(const View *view, const Chunk *chunk, int k, int2 columns, const Kind *kind,
                         volatile __global uint *counts, __global ulong *pieces)
 {
     const int n = view->size.x, u_stride = chunk->steep[k] ? n : 1, v_stride = chunk->steep[k] ? 1 : n;
-    const float from = chunk->au[k], until = chunk->bu[k];
+    const float from = chunk->au[k], until = chunk->bu[k], ratio = (float)kind->cells / n;
     const int first = from > columns.x ? (int)from : columns.x, last = until < columns.y ? (int)until : columns.y - 1;
 #if LANES == 1
     const lanes_i lane = 0;
@@ -52,20 +54,21 @@ INLINED void each_texel(const View *view, const Chunk *chunk, int k, int2 column
         column_of(chunk, k, view, lane + u, &column);
         const lanes_i on = (column.along > 0.0f) & (lane + u <= last), bottom = column.high < n ? column.high : I(n);
         lanes_i v = column.low > 0 ? column.low : I(0), at = (lane + u) * u_stride + v * v_stride;
-        lanes depth, e = REAL((int)DEPTH_ONE - column.depth) * (1.0f / DEPTH_ONE);
-        if (kind)
-            depth = within(kind->depth.x + kind->depth.y * (kind->depth.z > 0.0f ? 1.0f / e : e), 0.0f, (float)DEEP_LAST);
+        const lanes e = REAL((int)DEPTH_ONE - column.depth) * (1.0f / DEPTH_ONE);
+        const lanes depth = within(kind->depth.x + kind->depth.y * (kind->depth.z > 0.0f ? 1.0f / e : e), 0.0f, (float)DEEP_LAST);
         for (lanes_i todo = on & (v < bottom); any_lane(todo); v += 1, at += v_stride, todo = on & (v < bottom)) {
+            const lanes_i in_u = WHOLE((REAL(lane + u) + 0.5f) * ratio), in_v = WHOLE((REAL(v) + 0.5f) * ratio);
+            const lanes_i cell = chunk->steep[k] ? in_u * kind->cells + in_v : in_v * kind->cells + in_u;
             lanes octaves = F(0.0f);
-            if (kind) {
+            if (pieces) {
                 const lanes share = lesser(kind->opaque * share_of(&column, v), F(DARKEST));
                 octaves = -(float)DEEP_UNIT * log2_of(1.0f - greater(share, F(0.0f))) + 0.5f;
             }
             for (int j = 0; j < LANES; ++j) {
-                if (!LANE_I(todo, j))
+                if (!LANE_I(todo, j) || (uint)LANE(depth, j) >= kind->dark[LANE_I(cell, j)])
                     continue;
                 const uint place = atomic_inc(&counts[LANE_I(at, j)]);
-                if (kind)
+                if (pieces)
                     pieces[place] = (ulong)LANE(depth, j) << 40 | kind->strand | (uint)LANE(octaves, j);
             }
         }
@@ -76,6 +79,9 @@ INLINED void each_texel(const View *view, const Chunk *chunk, int k, int2 column
 BY_HAND __kernel void count(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,                       // of the light
+    const Deep map,                        // where its texels begin, and how depths are counted
+    const int cells,                       // a side of `dark`
+    __global const uint *dark,             // [cells, cells] depth from which on no light comes
     const uint2 stretch,                   // segments of each strand: the first, one past the last
     const int2 columns,                    // of texels, along a segment's longer axis: likewise
     __global const float4 *points,         // [P] x, y, z, width [world]
@@ -84,6 +90,7 @@ BY_HAND __kernel void count(
 {
     WORK_ITEM(strand);
     const uint2 span = spans[strand];
+    const Kind kind = {map.depth, 0, 0.0f, cells, dark};
     for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
         const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;
         Batch batch;
@@ -92,7 +99,7 @@ BY_HAND __kernel void count(
         ready(&batch, &chunk);
         for (int k = 0; k < LANES; ++k)
             if (batch.on[k])
-                each_texel(&view, &chunk, k, columns, 0, counts, 0);
+                each_texel(&view, &chunk, k, columns, &kind, counts, 0);
     }
 }
 
@@ -100,7 +107,9 @@ BY_HAND __kernel void count(
 BY_HAND __kernel void fill(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
-    const Deep map,                        // where its texels begin, and how depths are counted
+    const Deep map,
+    const int cells,
+    __global const uint *dark,
     const uint2 stretch,
     const int2 columns,
     __global const float4 *points,
@@ -115,7 +124,7 @@ BY_HAND __kernel void fill(
     WORK_ITEM(strand);
     const uint2 span = spans[strand];
     const Kind kind = {map.depth, (ulong)(first_strand + numbers[strand] & DEEP_STRAND) << 16,
-                       1.0f - types[(int)strand_uv[strand].z].shine.z};
+                       1.0f - types[(int)strand_uv[strand].z].shine.z, cells, dark};
     for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
         const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;
         Batch batch;

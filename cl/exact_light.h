@@ -51,7 +51,7 @@ typedef struct {
 } Two;
 
 /* ends: of the segments, see Sent.  at, share: where the middle of a piece is nearest to its pixel's, and how much of the pixel
-   it covers, which is its width times its length. */
+   it covers, which is its width times its length; 0: both are there. */
 INLINED Two two_places(const float8 *ends, lanes at, lanes share)
 {
     lanes c[8];
@@ -72,8 +72,12 @@ INLINED lanes share_deep(const Sent *sent, int i, lanes3 p, lanes3 step, lanes3 
         share *= past_body_lanes(&obstacles, on, plus(p, scaled(step, at)), n, HAIR_STEEPEST, HAIR_BIAS(obstacles.shadow.body.y));
     const lanes_i left = on & (share > 0.0f);
     if (sent->deep.maps[i].size.x && any_lane(left)) {
+        const lanes_i both = left & (two.first != two.second);
         const lanes a = through_deep(&sent->deep, i, left, plus(p, scaled(step, two.first)), own);
-        share *= 0.5f * (a + through_deep(&sent->deep, i, left, plus(p, scaled(step, two.second)), own));
+        lanes b = a;
+        if (any_lane(both))
+            b = through_deep(&sent->deep, i, both, plus(p, scaled(step, two.second)), own);
+        share *= both ? 0.5f * (a + b) : a;
     }
     return share;
 }

@@ -7,6 +7,8 @@ from support.coverage import LIGHT, SETTINGS, ball, furry, wild
 
 import clfur
 from clfur import measures, truth
+from clfur.device.team import Team
+from clfur.pipeline import build, shadows
 from clfur.pipeline.fit import Fit
 from clfur.pipeline.plan import Plan
 from clfur.pipeline.shadows import DeepPlan, deep_maps
@@ -147,7 +149,33 @@ def test_shadows_are_nearer_to_the_truth(gpu):
                         clfur.Camera(size=(64, 48)), LIGHT)
     one, other = (measures.shown(truth.picture(scene, 4, seed)) for seed in (0, 1))
     errors = []
-    for shadows in "length", "deep":
-        shown = measures.shown(clfur.render(scene, gpu, attrs.evolve(DEEP, shadows=shadows, grid=96, shadow_map=512)))
+    for method in "length", "deep":
+        shown = measures.shown(clfur.render(scene, gpu, attrs.evolve(DEEP, shadows=method, grid=96, shadow_map=512)))
         errors.append(np.sqrt(((shown - one) * (shown - other)).mean()))
     assert errors[1] < .8 * errors[0], errors
+
+
+@pytest.mark.parametrize("lights", [[LIGHT], [SPOT, LIGHT]], ids=["one", "two"])
+def test_what_lies_in_the_dark_is_left_out_unseen(gpu, monkeypatch, lights):
+    """Behind so much hair, or the body, that 5e-5 of the light gets there: fewer pieces, and the same picture."""
+    kind = clfur.HairType(width=.02, segment_length=.06, segments=4, alpha=.2)
+    scene = clfur.Scene(ball(subdivisions=2), clfur.Strands(inner=1, outer=1, roots=6000, types=kind),
+                        clfur.Camera(size=(64, 48)), lights)
+    settings = attrs.evolve(DEEP, grid=64, shadow_map=256)
+    plan, found = Plan(Rig.of(scene, settings), ["color"]), []
+    nothing = shadows.dark_of(gpu, None, len(lights))
+    for dark in (shadows.dark_of, lambda *_: nothing):
+        monkeypatch.setattr(shadows, "dark_of", dark)
+        gpu.forget()
+        color = clfur.render(scene, gpu, settings)
+        lighting, _ = build.lighting(gpu, Team([gpu]), plan, False)
+        found.append((color, len(build.deep(gpu, plan, lighting).pieces)))
+    (with_it, some), (without, pieces) = found
+    assert some < .9 * pieces
+    assert np.abs(with_it - without).max() < 1e-3
+
+
+def test_shells_are_refused(sphere):
+    fur = [clfur.Strands(inner=1, outer=1), clfur.Shells(length=.1)]
+    with pytest.raises(clfur.Error, match="shadows is 'deep', but the scene has shells; allowed: 'length', or strands"):
+        clfur.render(clfur.Scene(sphere, fur), settings=DEEP)

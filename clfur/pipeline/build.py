@@ -131,10 +131,10 @@ def lighting(gpu: Any, team: Team, plan: Plan, hashes: bool) -> tuple[Lighting, 
                     functools.partial(_lighting, gpu, team, plan, hashes))
 
 
-def deep(gpu: Any, plan: Plan) -> Deep | None:
+def deep(gpu: Any, plan: Plan, lighting: Lighting) -> Deep | None:
     """Maps of the hair that lights see, those of the frame before if only the camera has moved; None where these are
     not asked for."""
-    return gpu.keep("deep", plan.light_key(), functools.partial(_deep, gpu, plan)) if plan.is_deep else None
+    return gpu.keep("deep", plan.light_key(), functools.partial(_deep, gpu, plan, lighting)) if plan.is_deep else None
 
 
 def on(gpu: Any, array: Any) -> Any:
@@ -197,8 +197,8 @@ def _lighting(gpu, team, plan, hashes):
     return finish(gpu, shadow_plans, counted), digests
 
 
-def _deep(gpu, plan):
-    return deep_maps(gpu, plan.deep, functools.partial(_all_hair, gpu, plan), plan.longest)
+def _deep(gpu, plan, lighting):
+    return deep_maps(gpu, plan.deep, functools.partial(_all_hair, gpu, plan), plan.longest, lighting)
 
 
 def _all_hair(gpu, plan):

@@ -81,7 +81,7 @@ def draw_band(picture: "Picture", top: int, end: int, gpu: Any) -> tuple:
     if plan.wants_color:
         lighting, digests = build.lighting(gpu, picture.team, plan, picture.hashes)
         picture.digests |= digests
-        build.deep(gpu, plan)
+        build.deep(gpu, plan, lighting)
     image = shell_transmittance = shell_front = None
     if plan.scene.shells:
         shell = build.shell(gpu, plan)

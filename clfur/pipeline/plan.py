@@ -119,6 +119,8 @@ class Plan:
         self._face = int(np.diff(self._bytes_of_faces).max(initial=0))
         self.longest = self.stride if self.grown else int(np.diff(self._before).max(initial=0))
         self._cuts: dict[tuple, Cut] = {}
+        if self.settings.shadows == "deep" and self.scene.shells:
+            raise Error("Settings.shadows is 'deep', but the scene has shells; allowed: 'length', or strands alone")
         if self.points >= 2**31 or self.triangles >= 2**31:
             raise Error(f"the scene has {self.points:,} points of strands and {self.triangles:,} triangles; "
                         f"allowed: fewer than {2**31:,} of each")

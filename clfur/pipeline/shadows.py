@@ -19,13 +19,15 @@ from ..stages.tessellate import Surface
 from ..stages.voxelize import crossing_unit_for, depths_for, most_of, self_shadow, voxelize
 from ..stages.zscan import zscan
 from .fit import Fit
-from .views import Rig, deep_of, grid_of
+from .views import DEEP_LAST, Rig, deep_of, grid_of
 
 TEXELS = 1.5            # of a light's map of hair to the width of one
 DEEP_STEP = 64          # its sides are a multiple of,
 DEEP_MOST = 4096        # at most this
 DEEP_PIECES = 1 << 25   # in all maps together, about
 PIECES = 1.3, 1.5, 2.5  # of hair: a texel of its length, more for each of its width, and for each segment
+DARK = 10.0             # optical depth behind which there is no light: 5e-5 of it
+STEEPEST = 5.0          # as HAIR_STEEPEST in light.h
 LEAST_WEIGHT = 4   # of a crossing in the counters, which rounding should not spoil
 
 
@@ -154,17 +156,20 @@ def _pieces(segments, length, width, scale):
     return int(length * scale * (PIECES[0] + PIECES[1] * width * scale) + PIECES[2] * segments)
 
 
-def deep_maps(gpu: Any, plan: DeepPlan, hair: Callable[[], Iterable[DeviceStrands]], longest: int) -> deep.Deep:
+def deep_maps(gpu: Any, plan: DeepPlan, hair: Callable[[], Iterable[DeviceStrands]], longest: int,
+              lighting: Lighting | None = None) -> deep.Deep:
     """Put strands into maps of their pieces -> `Deep`.
 
+    ``lighting``: what there is of the lights' grids and maps; what lies where they tell of no light is left out.
     ``hair``: gives the strands, part by part, each time that it is called.  ``longest``: points of one at most.
     Raises `clfur.Error` if there is no room for so many pieces, before anything is drawn.
     """
     sizes = plan.maps["size"][:, 0].astype(np.int64) ** 2
+    dark = dark_of(gpu, lighting, len(sizes))
     counted = {i: gpu.full(int(size), np.uint32, 0) for i, size in enumerate(sizes) if size}
     for strands in hair():
         for i, counts in counted.items():
-            deep.count(gpu, plan.views[i], strands, counts, longest)
+            deep.count(gpu, plan.views[i], plan.maps[i], dark[i], strands, counts, longest)
         del strands   # goes before the next ones are made
     found = [gpu.download(counts) for counts in counted.values()]
     counted.clear()
@@ -178,10 +183,64 @@ def deep_maps(gpu: Any, plan: DeepPlan, hair: Callable[[], Iterable[DeviceStrand
     for strands in hair():
         for i, size in enumerate(sizes):
             if size:
-                deep.fill(gpu, plan.views[i], maps[i], strands, made, cursors, longest)
+                deep.fill(gpu, plan.views[i], maps[i], dark[i], strands, made, cursors, longest)
         del strands
     deep.sort(gpu, made)
     return made
+
+
+def dark_of(gpu: Any, lighting: Lighting | None, n: int) -> list:
+    """[[cells, cells] uint32 depth in its map of hair, as of `layout.Deep`, from which on none of its light comes] of n
+    lights: behind hair that lets nothing through, or the body; beside that too, as far as lookups reach."""
+    if lighting is None:
+        return [gpu.upload(np.full((1, 1), DEEP_LAST + 1, np.uint32))] * n
+    result = []
+    shadows, grids, views = (gpu.download(each) for each in (lighting.shadows, lighting.grids, lighting.light_views))
+    crossings, maps = gpu.download(lighting.crossings), gpu.download(lighting.shadow_maps).ravel()
+    for shadow, grid, view in zip(shadows, grids, views):
+        nx, ny, nz, _ = (int(size) for size in grid["size"])
+        first_cell, first_texel = (int(place) for place in shadow["place"].view(np.uint64))
+        dark = np.full((max(nx, 1), max(nx, 1)), np.inf)
+        if nx:
+            sums = crossings.ravel()[first_cell:][:(nz + 1) * ny * nx].reshape(nz + 1, ny, nx)
+            layers = (sums * shadow["hair"][0] <= DARK).sum(0)
+            dark = _widest(np.where(layers > nz, np.inf, layers * ((DEEP_LAST + 1) / nz)), 1)
+        if nx and shadow["body"][0]:
+            size = int(view["size"][0])
+            texels = maps[first_texel:][:size * size].reshape(size, size)
+            dark = np.minimum(dark, _behind_body(grid, view, texels, int(shadow["body"][1])))
+        result.append(gpu.upload(np.minimum(dark, DEEP_LAST + 1).astype(np.uint32)))
+    return result
+
+
+def _behind_body(grid, view, texels, radius):
+    """[cells, cells] depth from which on the body hides all light, in columns of a grid; texels: of its shadow map."""
+    cells, size = int(grid["size"][0]), len(texels)
+    e = 1 - (texels >> np.uint64(32)).astype(float) / layout.CONSTANTS["DEPTH_ONE"]
+    slack = 1 + 2 * radius + STEEPEST * (radius + 1.5)   # texels that `past_body` of light.h allows
+    if view["eye"][3]:
+        near = float(grid["face"][2])
+        deep_by = cells / float(np.linalg.norm(grid["to_grid"][:3, 2].astype(float)))
+        behind = e * (1 - slack / float(view["scale"][0]))
+        depth = np.where(behind > 0, near * (1 / np.maximum(behind, 1e-9) - 1) / deep_by, np.inf)
+    else:
+        depth = 1 - e + slack / size
+    depth = np.where(e < 0, np.inf, depth) * (DEEP_LAST + 1)
+    if size >= cells:
+        begins = np.arange(cells) * size // cells
+        depth = np.maximum.reduceat(np.maximum.reduceat(depth, begins, 0), begins, 1)
+    else:
+        nearest = (np.arange(cells) * size + size // 2) // cells
+        depth = depth[np.ix_(nearest, nearest)]
+    return _widest(depth, 1 + math.ceil((radius + 3) * cells / size))
+
+
+def _widest(values, reach):
+    """The most of values [n, n] within ``reach`` of each place."""
+    for axis in 0, 1:
+        padded = np.pad(values, [(reach, reach) if axis == k else (0, 0) for k in (0, 1)], constant_values=np.inf)
+        values = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis).max(-1)
+    return values
 
 
 def accumulate(gpu: Any, plans: list[ShadowPlan], strands: DeviceStrands, body: Surface, counted: list | None = None,

@@ -37,12 +37,14 @@ def no_deep(gpu: Any) -> Deep:
     return Deep(gpu.empty(0, layout.Deep), gpu.empty(0, np.uint32), gpu.empty(0, np.uint64))
 
 
-def count(gpu: Any, view: np.void, strands: DeviceStrands, counts: Any, longest: int) -> None:
-    """Count the pieces of strands, of at most ``longest`` points each, in the texels of a light's `layout.View`.
+def count(gpu: Any, view: np.void, packed: np.void, dark: Any, strands: DeviceStrands, counts: Any,
+          longest: int) -> None:
+    """Count the pieces of strands, of at most ``longest`` points each, in the texels of a light's map.
 
-    ``counts``: [texels] uint32, to which they are added.
+    ``view``, ``packed``: its `layout.View` and `layout.Deep`.  ``dark``: [cells, cells] uint32, depth from which on no
+    light comes in a part of the map.  ``counts``: [texels] uint32, to which they are added.
     """
-    _each(gpu, "deep.count", longest, view, strands, counts=counts)
+    _each(gpu, "deep.count", longest, view, strands, map=packed, dark=dark, cells=len(dark), counts=counts)
 
 
 def allocate(gpu: Any, maps: np.ndarray, counts: np.ndarray) -> tuple[Deep, Any]:
@@ -59,11 +61,11 @@ def allocate(gpu: Any, maps: np.ndarray, counts: np.ndarray) -> tuple[Deep, Any]
     return made, gpu.upload(starts[:-1])
 
 
-def fill(gpu: Any, view: np.void, packed: np.void, strands: DeviceStrands, made: Deep, cursors: Any,
+def fill(gpu: Any, view: np.void, packed: np.void, dark: Any, strands: DeviceStrands, made: Deep, cursors: Any,
          longest: int) -> None:
     """Write the pieces of strands that were counted in a light's map; ``packed``: its `layout.Deep`, with its place."""
-    _each(gpu, "deep.fill", longest, view, strands, map=packed, cursors=cursors, pieces=made.pieces,
-          **arrays(strands, "numbers", "first_strand", "strand_uv", "types"))
+    _each(gpu, "deep.fill", longest, view, strands, map=packed, dark=dark, cells=len(dark), cursors=cursors,
+          pieces=made.pieces, **arrays(strands, "numbers", "first_strand", "strand_uv", "types"))
 
 
 def sort(gpu: Any, made: Deep) -> None:
