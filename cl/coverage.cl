@@ -19,6 +19,9 @@
 #define LANES 8                            // columns of a tile
 #endif
 #define CHUNK (LANES == 1 ? 1 : 64)        // segments that are made ready together
+#if LANES == 1
+#define CHUNKS __local                     // where: each work-item makes one ready, all of its group draw it
+#endif
 #include "clip.h"
 #include "lanes.h"
 #include "seen.h"
@@ -28,6 +31,7 @@
 #include "places.h"
 #include "sums.h"
 #include "ribbon.h"
+#include "deep.h"
 #include "exact_light.h"
 #include "hiding.h"
 
@@ -543,6 +547,10 @@ __kernel void pixels(
     __global const float *crossings,
     __global const ulong *shadow_maps,
     const int shadowed,
+    const int deep_longest,
+    __global const Deep *deep_maps,
+    __global const uint *deep_starts,
+    __global const ulong *deep_pieces,
     __global float *body_transmittance,
     __global float *alpha,
     __global ulong *front,
@@ -562,7 +570,8 @@ __kernel void pixels(
     const bool within = on && x < size.x && y < size.y;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
-                              lobes, lobe_table, shadowed}, body_transmittance, alpha,
+                              lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_pieces}},
+                             body_transmittance, alpha,
                              front, shell_front, image};
     Walk walk;
     walk.bound = walk.next = walk.waiting = 0;
@@ -807,6 +816,10 @@ ALONE BY_HAND __kernel void tiles(
     __global const float *crossings,
     __global const ulong *shadow_maps,
     const int shadowed,                    // 1: something stands before them
+    const int deep_longest,                // list of pieces in maps of hair, see deep.h; 0: there are none
+    __global const Deep *deep_maps,
+    __global const uint *deep_starts,
+    __global const ulong *deep_pieces,
     __global float *body_transmittance,    // [rows, width, samples] share of the body's light that what stands before it
                                            // lets through; in: shells alone, out: strands too
     __global float *alpha,                 // [rows, width]
@@ -830,7 +843,8 @@ ALONE BY_HAND __kernel void tiles(
     glow.n = 0;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
-                              lobes, lobe_table, shadowed}, body_transmittance, alpha,
+                              lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_pieces}},
+                             body_transmittance, alpha,
                              front, shell_front, image, &glow};
     Tile t;
     t.left = x * TILE;

@@ -9,7 +9,7 @@
 /* Pieces whose light is to be added: so many side by side. */
 typedef struct {
     uint numbers[GLOWS] ALIGNED, wheres[GLOWS] ALIGNED;
-    float weights[GLOWS] ALIGNED;
+    float weights[GLOWS] ALIGNED, shares[GLOWS] ALIGNED;
     float4 *to[GLOWS];               // the light of their pixels
     float exact[3][GLOWS] ALIGNED;   // r, g, b of lights of which no places are known
     int n;
@@ -26,16 +26,19 @@ INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
     for (int first = 0; first < left; first += LANES) {
         Row rows[LANES];
         uint numbers[LANES];
-        lanes at;
+        lanes at, share;
         lanes_i on;
+        float8 ends[LANES];
         for (int k = 0; k < LANES; ++k) {
             const int j = which[first + k < left ? first + k : first];
             numbers[k] = glow->numbers[j];
             rows[k] = row_of(known, numbers[k]);
+            ends[k] = known->deep.longest ? known->ends[numbers[k]] : 0.0f;
             LANE(at, k) = (glow->wheres[j] & 0xFFFF) * (1.0f / 65535.0f);
+            LANE(share, k) = glow->shares[j];
             LANE_I(on, k) = first + k < left ? ON : 0;
         }
-        lanes3 light = exact_light(known, numbers, rows, at, on);
+        lanes3 light = exact_light(known, numbers, rows, ends, at, share, on);
         for (int k = 0; k < LANES && first + k < left; ++k) {
             glow->exact[0][which[first + k]] = LANE(light.x, k);
             glow->exact[1][which[first + k]] = LANE(light.y, k);
@@ -102,7 +105,7 @@ INLINED void glow_all(Glow *glow, const Sent *known)
     glow->n = 0;
 }
 
-INLINED void add_glow(Glow *glow, const Sent *known, float4 *to, float weight, uint number, uint where)
+INLINED void add_glow(Glow *glow, const Sent *known, float4 *to, float weight, uint number, uint where, float share)
 {
     const int n = glow->n++;
     PREFETCH(places_of(known, number));
@@ -110,6 +113,7 @@ INLINED void add_glow(Glow *glow, const Sent *known, float4 *to, float weight, u
     glow->numbers[n] = number;
     glow->wheres[n] = where;
     glow->weights[n] = weight;
+    glow->shares[n] = share;
     glow->to[n] = to;
     if (n == GLOWS - 1)
         glow_all(glow, known);

@@ -5,6 +5,7 @@
  */
 #include "glow.h"
 
+#define ONE_LOOK 0.03f               // weight up to which a piece is lit at one place of what is seen of it, not at two
 #define CHAINS 8                     // strands whose pieces in a pixel are remembered: these lie beside each other, not behind
 
 /* What is known of pieces, and of what else stands in pixels, and what is told of them. */
@@ -220,14 +221,15 @@ INLINED void drop(Slots *slots, long *limit)
     slots->numbers[far] = slots->numbers[SLOTS - 1];
 }
 
-/* Add the light of a piece. */
-INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, uint where)
+/* Add the light of a piece, which covers such a share of its pixel. */
+INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, uint where, float share)
 {
+    const float seen = weight > ONE_LOOK ? share : 0.0f;
 #if LANES == 1
-    const float4 light = sent_by(&picture->sent, number, (where & 0xFFFF) * (1.0f / 65535.0f));
+    const float4 light = sent_by(&picture->sent, number, (where & 0xFFFF) * (1.0f / 65535.0f), seen);
     p->light += weight * (light < MOST ? light : MOST);
 #else
-    add_glow(picture->glow, &picture->sent, &p->light, weight, number, where);
+    add_glow(picture->glow, &picture->sent, &p->light, weight, number, where, seen);
 #endif
 }
 
@@ -272,7 +274,7 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
         }
         const float weight = hide(hot, &p->sums, key, slots->shares[j]);
         if (picture->lit)
-            shine(picture, p, weight, slots->numbers[j], slots->wheres[j]);
+            shine(picture, p, weight, slots->numbers[j], slots->wheres[j], slots->shares[j]);
         more = hot->kept * hot->room > UNSEEN;
         ++i;
     }

@@ -6,11 +6,12 @@
 #define WHOLE(x) TO(lanes_i, x)
 #define REAL(x) TO(lanes, x)
 #if LANES == 1
-#define CHUNKS __local               // where chunks are: each work-item makes one segment ready, all of its group draw it
 #define ALIGNED
 #else
-#define CHUNKS
 #define ALIGNED __attribute__((aligned(32)))
+#endif
+#ifndef CHUNKS
+#define CHUNKS                       // where chunks are
 #endif
 #define MARGIN 256                   // depth steps that rounding may put a piece before the nearer end of its segment
 #define CLIPPED 0x80000000u          // of an id: the segment is clipped
@@ -237,6 +238,30 @@ INLINED void place(const View *view, const lanes *c, lanes_i steep, lanes from, 
     by[4] = from - dots(d, p[0]);
 }
 
+/* Put LANES segments into a chunk at i, by their ends as of a `Batch` -> which are steep. */
+INLINED lanes_i put_ends(CHUNKS Chunk *chunk, int i, const lanes *c)
+{
+    const lanes dx = c[4] - c[0], dy = c[5] - c[1];
+    const lanes_i steep = positive(dx) < positive(dy);
+    const lanes pu = steep ? c[1] : c[0], pv = steep ? c[0] : c[1], qu = steep ? c[5] : c[4], qv = steep ? c[4] : c[5];
+    const lanes_i swap = pu > qu;
+    const lanes au = swap ? qu : pu, av = swap ? qv : pv, ae = swap ? c[6] : c[2], ar = swap ? c[7] : c[3];
+    const lanes bu = swap ? pu : qu, bv = swap ? pv : qv, be = swap ? c[2] : c[6], br = swap ? c[3] : c[7];
+    const lanes du = bu - au, slope = (bv - av) / du;
+#define PUT(member, value) *(CHUNKS lanes *)(chunk->member + i) = value
+    PUT(au, au);
+    PUT(av, av);
+    PUT(ae, ae);
+    PUT(ar, ar);
+    PUT(bu, bu);
+    PUT(slope, slope);
+    PUT(e_step, (be - ae) / du);
+    PUT(r_step, (br - ar) / du);
+    PUT(tilt, sqrt(1.0f + slope * slope));
+    *(CHUNKS lanes_i *)(chunk->steep + i) = steep;
+    return steep;
+}
+
 /* Make n segments ready, the next ones of a tile's list, in which so many are left; those that fill the last lanes are
    never drawn. */
 INLINED void prepare(CHUNKS Chunk *chunk, const View *view, __global const uint2 *list, int n, uint left,
@@ -259,31 +284,13 @@ INLINED void prepare(CHUNKS Chunk *chunk, const View *view, __global const uint2
             LANE(until, k) = (cut >> 16) * (1.0f / 65535.0f);
         }
         columns_of(rows, c);
-        const lanes dx = c[4] - c[0], dy = c[5] - c[1];
-        const lanes_i steep = positive(dx) < positive(dy);
         lanes by[5];
-        place(view, c, steep, from, until, by);
-        const lanes pu = steep ? c[1] : c[0], pv = steep ? c[0] : c[1], qu = steep ? c[5] : c[4], qv = steep ? c[4] : c[5];
-        const lanes_i swap = pu > qu;
-        const lanes au = swap ? qu : pu, av = swap ? qv : pv, ae = swap ? c[6] : c[2], ar = swap ? c[7] : c[3];
-        const lanes bu = swap ? pu : qu, bv = swap ? pv : qv, be = swap ? c[2] : c[6], br = swap ? c[3] : c[7];
-        const lanes du = bu - au, slope = (bv - av) / du;
-#define PUT(member, value) *(CHUNKS lanes *)(chunk->member + i) = value
-        PUT(au, au);
-        PUT(av, av);
-        PUT(ae, ae);
-        PUT(ar, ar);
-        PUT(bu, bu);
-        PUT(slope, slope);
-        PUT(e_step, (be - ae) / du);
-        PUT(r_step, (br - ar) / du);
-        PUT(tilt, sqrt(1.0f + slope * slope));
+        place(view, c, put_ends(chunk, i, c), from, until, by);
         PUT(at_u, by[0]);
         PUT(at_v, by[1]);
         PUT(at_e, by[2]);
         PUT(at_one, by[3]);
         PUT(at_start, by[4]);
-        *(CHUNKS lanes_i *)(chunk->steep + i) = steep;
     }
 }
 

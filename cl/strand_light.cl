@@ -378,3 +378,49 @@ __kernel void further(
         its[7] = (float4)(known[1], known[2], known[3], (float)kind);
     }
 }
+
+/* One work-item tells what a segment is like whose pieces are all lit by themselves, since its shadow is looked up in maps of
+   pieces: see exact_light.h. */
+__kernel void apart(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const uint first,                      // of segments
+    __global const uint *segments,         // their ids, their highest bits aside
+    const uint first_point,                // the id of the first of these points
+    __global const float4 *points,         // strands: see strands.cl
+    __global const uint2 *spans,
+    __global const uint *strand_of,
+    __global const uint *stored,
+    const uint run,
+    __global const uint *numbers,
+    const uint first_strand,
+    __global const float4 *strand_normal,
+    __global const float4 *strand_uv,
+    __global const HairType *types,
+    __global const float4 *colors,
+    const int color_per,
+    const int n_lights,
+    __global ulong *places,                // [segments, n_lights, FEW_PLACES] see places.h
+    __global float *more)                  // [segments, 32]
+{
+    WORK_ITEM(item);
+    const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
+    const size_t segment = first + item;
+    const uint id = lies_at(stored, run, (segments[segment] & ~BODY) - first_point), strand = strand_at(&hair, id);
+    const Segment ends = segment_at(&hair, id, spans[strand]);
+    const float kind = strand_uv[strand].z, number = first_strand + numbers[strand] & 0xFFFFFF;
+    const float4 shine = types[(int)kind].shine, along = ends.b - ends.a;
+    const float4 t = tangent_of(ends.b - ends.before, along), u = tangent_of(ends.after - ends.a, along);
+    const float4 c = colors[color_per == 0 ? 0 : color_per == 1 ? strand : id];
+    const float4 d = color_per == 2 ? colors[id + 1] - c : (float4)(0.0f);
+    __global float4 *its = (__global float4 *)more + 8 * segment;
+    its[0] = ends.a;
+    its[1] = along;
+    its[2] = (float4)(t.xyz, shine.x);
+    its[3] = (float4)(u.xyz - t.xyz, shine.y);
+    its[4] = (float4)(c.xyz, shine.w);
+    its[5] = (float4)(d.xyz, shine.z);
+    its[6] = (float4)(strand_normal[strand].xyz, number);
+    its[7] = (float4)(0.0f, 0.0f, 0.0f, kind);
+    for (int i = 0; i < n_lights; ++i)
+        places[FEW_PLACES * (n_lights * segment + i)] = MORE | segment;
+}

@@ -10,7 +10,7 @@ from .scene import checks
 RASTERS = ("coverage", "samples")
 CHOSEN = ("samples", "raster", "shadows", "grid", "shadow_map", "pcf", "lod")   # by `Settings.max_error` and seconds
 SCATTERING = ("off", "grid")
-SHADOWS = ("off", "binary", "count", "trilinear", "length")
+SHADOWS = ("off", "binary", "count", "trilinear", "length", "deep")
 
 
 def _samples(value, where):
@@ -34,7 +34,9 @@ class Settings:
     and sorted by depth, and samples for the body alone; "samples" draws strands as opaque and at least 1/samples of a
     pixel wide.
     shadows: "length" deposits what rays of light are expected to cross; "binary", "count" and "trilinear" are the
-    report's voxels; "off".  grid: cells a side, a multiple of 16.  shadow_map: texels a side of the body's shadow
+    report's voxels; "off"; "deep" is "length" for body and shells, while each piece of a strand that is seen looks at
+    the single hairs before each light; of raster "coverage" alone.  grid: cells a side, a multiple of 16.
+    shadow_map: texels a side of the body's shadow
     map, 0 for none.  pcf: radius in texels over which its comparisons are averaged (the report's equation 8).
     scattering: "grid" follows light from hair to hair, where all strands have the look `clfur.Chiang`, in cells of the
     world; lights leave out the flat ambient that they have by default, which stands for that light.  For raster
@@ -74,11 +76,18 @@ class Settings:
             field = self.goal or "raster"
             raise Error(f"Settings.scattering is {self.scattering!r}, but Settings.{field} is "
                         f"{getattr(self, field)!r}; allowed: 'off', or raster 'coverage' without max_error and seconds")
+        if self.shadows == "deep" and self.raster != "coverage":
+            raise Error(f"Settings.shadows is 'deep', but raster is {self.raster!r}; allowed: raster 'coverage'")
         if goal := self.goal:
             for field in attrs.fields(Settings):
                 if field.name in CHOSEN and getattr(self, field.name) != field.default:
                     raise Error(f"Settings.{field.name} is {getattr(self, field.name)!r}, but Settings.{goal} chooses "
                                 f"it; allowed: one of them")
+
+    @property
+    def method(self) -> str:
+        """How hair is put into the lights' grids: one of `layout.METHODS`, or "off"."""
+        return "length" if self.shadows == "deep" else self.shadows
 
     @property
     def goal(self) -> str | None:

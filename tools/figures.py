@@ -39,7 +39,7 @@ from clfur.stages.strands import grow
 from clfur.stages.tessellate import tessellate
 
 Settings = functools.partial(clfur.Settings, raster="samples", grid=48)   # as the report: opaque lines, coarse cells
-METHODS = SHADOWS[1:]
+METHODS = SHADOWS[1:-1]
 INK = {"binary": "#7f7f7f", "count": "#d95f02", "trilinear": "#7570b3", "length": "#1b9e77"}
 FUR = (0.5, 0.28, 0.12)
 STEPS = 24                                                 # of a cell's angle, in the light's sweep

@@ -16,13 +16,14 @@ from ..scene.bounds import boxes_to_see, fur_extent
 from ..stages import chiang, ground, shade, shells
 from ..stages import sky as sky_stage
 from ..stages import transport as transport_stage
+from ..stages.deep import Deep
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
 from ..stages.raster import raster
 from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, upload_curves
 from ..stages.tessellate import Surface, no_surface, tessellate
 from .plan import Part, Plan
-from .shadows import accumulate, finish, plan_shadows
+from .shadows import accumulate, deep_maps, finish, plan_shadows
 
 
 def let_go(plan: Plan, gpu: Any) -> None:
@@ -36,7 +37,7 @@ def let_go(plan: Plan, gpu: Any) -> None:
     furry, under_sky = plan.scene.shells is not None, plan.scene.environment is not None
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
                        ("thinned", plan.strands and plan.settings.lod),
-                       ("transport", plan.scatters), ("phases", plan.scatters),
+                       ("transport", plan.scatters), ("phases", plan.scatters), ("deep", plan.is_deep),
                        ("shell", furry), ("pattern", furry), ("border", furry),
                        ("sky", under_sky), ("sky points", under_sky)):
         if not used:
@@ -189,6 +190,12 @@ def lighting(gpu: Any, team: Team, plan: Plan, hashes: bool) -> tuple[Lighting, 
                     functools.partial(_lighting, gpu, team, plan, hashes))
 
 
+def deep(gpu: Any, plan: Plan, lighting: Lighting) -> Deep | None:
+    """Maps of the hair that lights see, those of the frame before if only the camera has moved; None where these are
+    not asked for."""
+    return gpu.keep("deep", plan.light_key(), functools.partial(_deep, gpu, plan, lighting)) if plan.is_deep else None
+
+
 def on(gpu: Any, array: Any) -> Any:
     """An array on the device: it is there already, or comes from the host; None stays None."""
     return gpu.upload(array) if isinstance(array, np.ndarray) else array
@@ -268,6 +275,17 @@ def _lighting(gpu, team, plan, hashes):
     for i, array in enumerate(counted):
         counted[i] = on(gpu, array)
     return finish(gpu, shadow_plans, counted), digests
+
+
+def _deep(gpu, plan, lighting):
+    return deep_maps(gpu, plan.deep, functools.partial(_all_hair, gpu, plan), plan.longest, lighting)
+
+
+def _all_hair(gpu, plan):
+    """Yield the strands of each part."""
+    for part in plan.parts(gpu):
+        if part.hairy:
+            yield hair(gpu, plan, part, 0)
 
 
 def _digest(gpu, arrays):

@@ -254,6 +254,9 @@ class Coverage:
             return None
         all_there = last and (window, slab) == ((0, counted.counts.size), EVERY)
         until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
+        if plan.is_deep:
+            return strand_light.apart(gpu, build.deep(gpu, plan, lighting), lighting, hair, segments.ids, until, lit,
+                                      build.scattering(gpu, plan))
         through = self._transmittance(gpu, band, part, hair, lighting)
         return strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit, last,
                                      build.scattering(gpu, plan), build.sky_points(gpu, plan, part, hair),

@@ -82,6 +82,7 @@ def draw_band(picture: "Picture", top: int, end: int, gpu: Any) -> tuple:
         lighting, digests = build.lighting(gpu, picture.team, plan, picture.hashes)
         picture.digests |= digests
         build.sky(gpu, plan)   # before anything holds a part of the scene, as it takes all of them
+        build.deep(gpu, plan, lighting)
     image = shell_transmittance = shell_front = None
     if plan.scene.shells:
         shell = build.shell(gpu, plan)
@@ -99,7 +100,7 @@ class Picture:
 
     def __init__(self, team: Team, plan: Plan, outputs: Sequence[str], hashes: bool) -> None:
         self.team, self.plan, self.outputs, self.hashes = team, plan, outputs, hashes
-        self.warnings = plan.rig.warnings   # what is known to be wrong in the picture
+        self.warnings = plan.warnings   # what is known to be wrong in the picture
         self.digests: dict[str, str] = {}
         self._images: dict[str, np.ndarray] = {}
         self.strands = (Coverage if plan.uses_coverage else Samples)(plan, team)

@@ -31,6 +31,7 @@ from ..stages.coverage import (
     Segments,
     Tiles,
 )
+from ..stages.deep import PADDING, PIECE, TEXEL
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
@@ -46,6 +47,7 @@ from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellat
 from ..stages.transport import LEAVING
 from ..stages.transport import bytes_of as transport_bytes
 from ..stages.voxelize import CELLS, RESTS
+from .shadows import DeepPlan, plan_deep
 from .views import Rig
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
@@ -68,6 +70,7 @@ SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
 LOOK, LOOK_AT_ONCE, SLOTS = (layout.CONSTANTS[name] for name in ("LOOK", "LOOK_AT_ONCE", "SLOTS"))
+COARSE = 0.5    # texels to the width of hair: of fewer is told
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -146,6 +149,8 @@ class Plan:
         self._face = int(np.diff(self._bytes_of_faces).max(initial=0))
         self.longest = self.stride if self.grown else int(np.diff(self._before).max(initial=0))
         self._cuts: dict[tuple, Cut] = {}
+        if self.settings.shadows == "deep":
+            self._check_deep()
         if self.points >= 2**31 or self.triangles >= 2**31:
             raise Error(f"the scene has {self.points:,} points of strands and {self.triangles:,} triangles; "
                         f"allowed: fewer than {2**31:,} of each")
@@ -161,7 +166,7 @@ class Plan:
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "ground": self.ground is not None,
             "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
-            "march": shells, "chiang": self.lobed, "transport": self.scatters,
+            "march": shells, "chiang": self.lobed, "transport": self.scatters, "deep": self.is_deep,
             "strand_light": self.uses_coverage and self.wants_color,
             "shade": True, "sky": self.scatters or (self.wants_color and self.scene.environment is not None),
             "blur": self.wants_color and settings.blur != "off"}
@@ -181,6 +186,35 @@ class Plan:
     def seen_through(self) -> bool:
         """Whether samples of body or ground hide what is behind them, but do not cover the picture by themselves."""
         return self.held or self.ground is not None
+
+    def _check_deep(self) -> None:
+        """Raise `clfur.Error` for what does not go with "deep"."""
+        others = {"the scene has shells": self.scene.shells, "Scene.environment is given": self.scene.environment,
+                  "Settings.scattering is 'grid'": self.settings.scattering != "off",
+                  "a light has a size": any(light.size and light.casts for light in self.scene.lights)}
+        for what, there in others.items():
+            if there:
+                raise Error(f"Settings.shadows is 'deep', but {what}; allowed: 'length', or 'deep' without")
+
+    @property
+    def is_deep(self) -> bool:
+        """Whether pieces of strands that are seen look at single hairs before lights."""
+        return self.wants_color and self.uses_coverage and self.settings.shadows == "deep"
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is known to be wrong in the picture."""
+        found = self.rig.warnings
+        if self.is_deep and 0 < self.deep.coarsest < COARSE:
+            found.append(f"texels in which lights see single hairs are {1 / self.deep.coarsest:.2g} times as wide as "
+                         f"hair, so that they hold no more than {self.deep.pieces:,} pieces of it: shadows are softer; "
+                         "less hair, or shorter, has sharper ones")
+        return found
+
+    @functools.cached_property
+    def deep(self) -> DeepPlan:
+        """`DeepPlan` of it."""
+        return plan_deep(self.rig, self.strands)
 
     def light_key(self, lod: float = 0.0) -> tuple:
         """What light depends on that falls on anything, or on strands thinned so, as a key of `Scheduler.keep`."""
@@ -356,6 +390,7 @@ class Plan:
         dense = f" with {pieces:,} segments of strands in {TILE} x {TILE} of them" * bool(pieces)
         smaller = "smaller ones" + ", or Settings.raster 'samples'" * bool(pieces)
         memory, limit = self._memory(gpu)
+        furry += f"{self.deep.pieces:,} pieces of hair that lights see, " if self.is_deep else ""
         return (f"{gpu.name} with {memory / 2**20:,.1f} MiB{f' ({limit})' * bool(limit)} has no room for "
                 f"Settings.grid {settings.grid}, Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces of up "
                 f"to {self._face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, {furry}"
@@ -384,6 +419,8 @@ class Plan:
         fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
         if self.scatters:
             fixed += transport_bytes(len(self.lobed), self.body)
+        if self.is_deep:
+            fixed += PIECE * (self.deep.pieces + PADDING) + TEXEL * (self.deep.texels + 1)
         return fixed + OF_KEPT * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property
@@ -408,7 +445,7 @@ class Plan:
     def keeps_transmittances(self, gpu: Any) -> bool:
         """Whether there is room for the transmittances to all points of strands: then they are asked once for all bands
         of the picture, and for frames in which only the camera moves."""
-        shadowed = self.uses_coverage and self.settings.shadows != "off"
+        shadowed = self.uses_coverage and self.settings.shadows not in ("off", "deep")
         return shadowed and self._transmittance * self.points <= self._memory(gpu)[0] // 8
 
     def _bytes(self, gpu):

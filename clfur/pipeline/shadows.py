@@ -1,6 +1,7 @@
 """What stands before the lights: hair in a grid of cells, the body in a shadow map, of each light."""
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +11,7 @@ from .. import layout
 from ..errors import Error
 from ..scene import Scene
 from ..settings import Settings
-from ..stages import shells
+from ..stages import deep, shells
 from ..stages.discs import discs
 from ..stages.lighting import Lighting, lighting_of
 from ..stages.raster import raster
@@ -19,10 +20,17 @@ from ..stages.tessellate import Surface
 from ..stages.voxelize import crossing_unit_for, depths_for, most_of, self_shadow, voxelize
 from ..stages.zscan import zscan
 from .fit import Fit
-from .views import Rig, grid_of
+from .views import DEEP_LAST, Rig, deep_of, grid_of
 
 NARROWEST = 0.25   # columns of a grid by which the light of a disc's rim goes astray, that are worth a look
 LEAST_SHARE = 1e-3  # of a spot's furthest distance
+TEXELS = 1.5            # of a light's map of hair to the width of one
+DEEP_STEP = 64          # its sides are a multiple of,
+DEEP_MOST = 4096        # at most this
+DEEP_PIECES = 1 << 25   # in all maps together, about
+PIECES = 1.3, 1.5, 2.5  # of hair: a texel of its length, more for each of its width, and for each segment
+DARK = 10.0             # optical depth behind which there is no light: 5e-5 of it
+STEEPEST = 5.0          # as HAIR_STEEPEST in light.h
 LEAST_WEIGHT = 4   # of a crossing in the counters, which rounding should not spoil
 
 
@@ -31,7 +39,7 @@ class ShadowPlan:
     """How a light's shadow is cast, before anything is.
 
     light: `layout.Light`.  grid, light_view: `layout.Grid` and `layout.View` of it, or None where there is no hair or
-    no body to cast a shadow.  method: as in `Settings.shadows`.  weights: [types] uint32, what a crossing of each
+    no body to cast a shadow.  method: `Settings.method`.  weights: [types] uint32, what a crossing of each
     adds; of shells: the last.  crossing_unit: what one amounts to.  shadow: `layout.Shadow`.  shifts: of a light that
     is a disc, see `stages.discs`, or None.
     """
@@ -71,7 +79,7 @@ def _most(rig, grid, strands, shell_bounds):
     """The fragments or crossings in a grid that hair cannot exceed."""
     settings = rig.settings
     segments, length, area, nearest = rig.fit.hair_before(grid, strands)
-    most = most_of(grid, settings.shadows, segments, length, area, nearest)
+    most = most_of(grid, settings.method, segments, length, area, nearest)
     if shell_bounds:
         pieces, area = shell_bounds
         most += most_of(grid, "length", pieces, 0.0, area, nearest)
@@ -81,7 +89,7 @@ def _most(rig, grid, strands, shell_bounds):
 def _plan(rig, number, light, grid, light_view, strands, body, shell_bounds):
     """`ShadowPlan` of one light."""
     scene, settings = rig.scene, rig.settings
-    method, weights, crossing_unit, shadow = settings.shadows, None, 0, np.zeros((), layout.Shadow)
+    method, weights, crossing_unit, shadow = settings.method, None, 0, np.zeros((), layout.Shadow)
     hairs = scene.strands.hair_types if scene.strands else []
     depths = depths_for([hair.alpha for hair in hairs], method)
     if shell_bounds:
@@ -107,6 +115,139 @@ def _plan(rig, number, light, grid, light_view, strands, body, shell_bounds):
         light_view = None
     shifts = None if grid is None else _shifts(scene.lights[number], grid)
     return ShadowPlan(light, grid, light_view, method, weights, crossing_unit, shadow, shifts)
+
+
+@dataclass(frozen=True)
+class DeepPlan:
+    """Maps of the pieces of hair that lights see, before there are any.
+
+    views: of each light `layout.View`, or None.  maps: [lights] `layout.Deep`.  pieces: how many there may be in all;
+    texels: likewise.  coarsest: how many texels the hair is wide where these are widest; 0 without a map.
+    """
+
+    views: list
+    maps: np.ndarray
+    pieces: int
+    texels: int
+    coarsest: float
+
+
+def plan_deep(rig: Rig, strands: int) -> DeepPlan:
+    """`DeepPlan` of the lights of a `Rig`, for this many strands: of as many texels as the mean width of hair asks for,
+    or as fewer pieces allow."""
+    n = len(rig.lights)
+    views: list = [None] * n
+    maps, widths, pieces = np.zeros(n, layout.Deep), [], 0
+    casting = [i for i, grid in enumerate(rig.grids) if grid is not None and strands]
+    for i in casting:
+        segments, length, area, _ = rig.fit.hair_before(rig.grids[i], strands)
+        width, side = area / length if length else 0.0, float(rig.grids[i]["face"][1]) * rig.settings.grid
+        if rig.lights[i]["position"][3]:
+            side *= rig.fit.frame(rig.scene.lights[i], rig.settings.grid)[2]   # where the middle of all is
+        if not width > 0:
+            continue
+        most = DEEP_PIECES // len(casting)
+        size = DEEP_STEP * math.ceil(min(TEXELS * side / width, DEEP_MOST) / DEEP_STEP)
+        while size > DEEP_STEP and _pieces(segments, length, width, size / side) > most:
+            size -= DEEP_STEP
+        views[i], maps[i] = deep_of(rig.scene, size, rig.scene.lights[i], rig.fit)
+        pieces += _pieces(segments, length, width, size / side)
+        widths.append(width * size / side)
+    texels = int((maps["size"][:, 0].astype(np.int64) ** 2).sum())
+    return DeepPlan(views, maps, pieces, texels, min(widths, default=0.0))
+
+
+def _pieces(segments, length, width, scale):
+    """How many pieces so many segments of such a length in all have at most, about, in texels of which ``scale`` make a
+    unit of length."""
+    return int(length * scale * (PIECES[0] + PIECES[1] * width * scale) + PIECES[2] * segments)
+
+
+def deep_maps(gpu: Any, plan: DeepPlan, hair: Callable[[], Iterable[DeviceStrands]], longest: int,
+              lighting: Lighting | None = None) -> deep.Deep:
+    """Put strands into maps of their pieces -> `Deep`.
+
+    ``lighting``: what there is of the lights' grids and maps; what lies where they tell of no light is left out.
+    ``hair``: gives the strands, part by part, each time that it is called.  ``longest``: points of one at most.
+    Raises `clfur.Error` if there is no room for so many pieces, before anything is drawn.
+    """
+    sizes = plan.maps["size"][:, 0].astype(np.int64) ** 2
+    dark = dark_of(gpu, lighting, len(sizes))
+    counted = {i: gpu.full(int(size), np.uint32, 0) for i, size in enumerate(sizes) if size}
+    for strands in hair():
+        for i, counts in counted.items():
+            deep.count(gpu, plan.views[i], plan.maps[i], dark[i], strands, counts, longest)
+        del strands   # goes before the next ones are made
+    found = [gpu.download(counts) for counts in counted.values()]
+    counted.clear()
+    total = sum(int(counts.sum(dtype=np.uint64)) for counts in found)
+    room = max(plan.pieces, gpu.room // 2 // deep.PIECE)
+    if total > room:
+        raise Error(f"{gpu.name} has room for {room:,} pieces of hair that lights see, where there are {total:,}; "
+                    "allowed: fewer or shorter strands, or Settings.shadows 'length'")
+    made, cursors = deep.allocate(gpu, plan.maps, np.concatenate(found or [np.zeros(0, np.uint32)]))
+    maps = gpu.download(made.maps)
+    for strands in hair():
+        for i, size in enumerate(sizes):
+            if size:
+                deep.fill(gpu, plan.views[i], maps[i], dark[i], strands, made, cursors, longest)
+        del strands
+    deep.sort(gpu, made)
+    return made
+
+
+def dark_of(gpu: Any, lighting: Lighting | None, n: int) -> list:
+    """[[cells, cells] uint32 depth in its map of hair, as of `layout.Deep`, from which on none of its light comes] of n
+    lights: behind hair that lets nothing through, or the body; beside that too, as far as lookups reach."""
+    if lighting is None:
+        return [gpu.upload(np.full((1, 1), DEEP_LAST + 1, np.uint32))] * n
+    result = []
+    shadows, grids, views = (gpu.download(each) for each in (lighting.shadows, lighting.grids, lighting.light_views))
+    crossings, maps = gpu.download(lighting.crossings), gpu.download(lighting.shadow_maps).ravel()
+    for shadow, grid, view in zip(shadows, grids, views):
+        nx, ny, nz, _ = (int(size) for size in grid["size"])
+        first_cell, first_texel = (int(place) for place in shadow["place"].view(np.uint64))
+        dark = np.full((max(nx, 1), max(nx, 1)), np.inf)
+        if nx:
+            sums = crossings.ravel()[first_cell:][:(nz + 1) * ny * nx].reshape(nz + 1, ny, nx)
+            layers = (sums * shadow["hair"][0] <= DARK).sum(0)
+            dark = _widest(np.where(layers > nz, np.inf, layers * ((DEEP_LAST + 1) / nz)), 1)
+        if nx and shadow["body"][0]:
+            size = int(view["size"][0])
+            texels = maps[first_texel:][:size * size].reshape(size, size)
+            dark = np.minimum(dark, _behind_body(grid, view, texels, int(shadow["body"][1])))
+        result.append(gpu.upload(np.minimum(dark, DEEP_LAST + 1).astype(np.uint32)))
+    return result
+
+
+def _behind_body(grid, view, texels, radius):
+    """[cells, cells] depth from which on the body hides all light, in columns of a grid; texels: of its shadow map."""
+    cells, size = int(grid["size"][0]), len(texels)
+    e = 1 - (texels >> np.uint64(32)).astype(float) / layout.CONSTANTS["DEPTH_ONE"]
+    slack = 1 + 2 * radius + STEEPEST * (radius + 1.5)   # texels that `past_body` of light.h allows
+    if view["eye"][3]:
+        near = float(grid["face"][2])
+        deep_by = cells / float(np.linalg.norm(grid["to_grid"][:3, 2].astype(float)))
+        behind = e * (1 - slack / float(view["scale"][0]))
+        depth = np.where(behind > 0, near * (1 / np.maximum(behind, 1e-9) - 1) / deep_by, np.inf)
+    else:
+        depth = 1 - e + slack / size
+    depth = np.where(e < 0, np.inf, depth) * (DEEP_LAST + 1)
+    if size >= cells:
+        begins = np.arange(cells) * size // cells
+        depth = np.maximum.reduceat(np.maximum.reduceat(depth, begins, 0), begins, 1)
+    else:
+        nearest = (np.arange(cells) * size + size // 2) // cells
+        depth = depth[np.ix_(nearest, nearest)]
+    return _widest(depth, 1 + math.ceil((radius + 3) * cells / size))
+
+
+def _widest(values, reach):
+    """The most of values [n, n] within ``reach`` of each place."""
+    for axis in 0, 1:
+        padded = np.pad(values, [(reach, reach) if axis == k else (0, 0) for k in (0, 1)], constant_values=np.inf)
+        values = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis).max(-1)
+    return values
 
 
 def accumulate(gpu: Any, plans: list[ShadowPlan], strands: DeviceStrands, body: Surface, counted: list | None = None,

@@ -8,6 +8,7 @@ import numpy as np
 from .. import layout
 from ..layout import Arrays, Declared, array
 from .chiang import no_scattering
+from .deep import no_deep
 from .lighting import unshadowed
 from .strands import DeviceStrands, arrays, go_through
 
@@ -173,6 +174,7 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
              "shadowed": lit is not None and lit.shadowed,
              **(unshadowed(gpu) if lit is None else lit.lighting).arrays(),
              **(no_scattering(gpu) if lit is None or lit.scattering is None else lit.scattering).arrays(),
+             **(no_deep(gpu) if lit is None or lit.deep is None else lit.deep).arrays(),
              "image": gpu.empty((0, 4), np.float32) if lit is None else image, **vars(covered)}
     across, down = tiles_of(width, rows)
     if max(gpu.lanes, gpu.hinted) > 1:

@@ -1,6 +1,6 @@
 """Strands -> their light at places along them: what gets through to points, and what segments send to the eye."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from .. import layout
 from ..layout import Arrays, Declared, array
 from .chiang import Scattering, no_scattering
+from .deep import Deep
 from .lighting import Lighting
 from .strands import DeviceStrands, arrays
 from .transport import LEAVING, Transport, leaving
@@ -30,6 +31,7 @@ class Places(Arrays):
     lighting: Lighting | None = None              # that falls on them,
     shadowed: bool = False                        # whether anything stands before it
     scattering: Scattering | None = None          # of the types of the strands, where some have lobes
+    deep: Deep | None = None                      # maps of the hair before lights, where each piece looks at these
 
 
 def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
@@ -87,6 +89,21 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
             del given[unused]
         gpu.launch("strand_light.further", _items(gpu, end - first), more=more, sources=known.sources, **given)
     return Places(known.places, more, known.sources, end, taken, lighting, transmittances is not None, scattering)
+
+
+def apart(gpu: Any, maps: Deep, lighting: Lighting, strands: DeviceStrands, segments: Any, until: int,
+          before: Places | None = None, scattering: Scattering | None = None) -> Places:
+    """What segments are like, so that each piece of them is lit by itself, behind the hair of maps -> `Places`.
+
+    ``segments``, ``until``, ``before``, ``scattering``: as for `radiance`.
+    """
+    known = before or unlit(gpu, lighting, len(segments))
+    more = known.more if len(known.more) else Places.declared["more"].empty(gpu, len(segments))
+    gpu.launch("strand_light.apart", until - known.until, first=known.until, segments=segments, places=known.places,
+               n_lights=len(lighting.lights), more=more,
+               **arrays(strands, "first_point", "points", "spans", "strand_of", "stored", "run", "numbers",
+                        "first_strand", "strand_normal", "strand_uv", "types", "colors", "color_per"))
+    return replace(known, more=more, until=until, rows=until, shadowed=True, scattering=scattering, deep=maps)
 
 
 def _items(gpu, n):

@@ -5,6 +5,9 @@
 #define LANES 8
 #endif
 #define CHUNK (LANES == 1 ? 1 : 8)
+#if LANES == 1
+#define CHUNKS __local
+#endif
 #include "clip.h"
 #include "lanes.h"
 #include "seen.h"
@@ -14,6 +17,7 @@
 #include "places.h"
 #include "sums.h"
 #include "ribbon.h"
+#include "deep.h"
 #include "exact_light.h"
 #include "hiding.h"
 
