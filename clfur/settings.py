@@ -25,6 +25,10 @@ def _cells(value, where):
     return number if number % 16 == 0 else checks.refuse(where, value, "a multiple of 16 from 16 to 1024")
 
 
+def _masks(value, where):
+    return value if value in (0, 4) and not isinstance(value, bool) else checks.refuse(where, value, "0 or 4")
+
+
 @attrs.frozen
 class Settings:
     """How a scene is drawn.
@@ -35,6 +39,8 @@ class Settings:
     shadows: "length" deposits what rays of light are expected to cross; "binary", "count" and "trilinear" are the
     report's voxels; "off".  grid: cells a side, a multiple of 16.  shadow_map: texels a side of the body's shadow
     map, 0 for none.  pcf: radius in texels over which its comparisons are averaged (the report's equation 8).
+    masks: 0 or 4; 4: strands hide each other in 4x4 parts of a pixel by the area that they have in each, else as if
+    they lay at random in it; with raster "coverage" alone.
     lod: pixels, 0 to 4; strands that are thinner are drawn as fewer and wider ones, at least 1/8 of them, and points
     within lod/4 pixels of a straight line are left out; 0: all there is.
     filtered: whether the pattern of shell fur is averaged over the pixel.  blur: where the report's Gaussian is laid
@@ -54,6 +60,7 @@ class Settings:
     shadow_map: int = checks.field(checks.whole(0, 8192), default=512)
     pcf: int = checks.field(checks.whole(0, 16), default=1)
     specular: str | None = checks.field(checks.optional(checks.choice("kajiya-kay", "half-vector")), default=None)
+    masks: int = checks.field(_masks, default=0)
     lod: float = checks.field(checks.real(low=0, high=4), default=0.0)
     filtered: bool = checks.field(checks.flag, default=True)
     blur: str = checks.field(checks.choice("off", "all", "edges"), default="off")
@@ -62,6 +69,8 @@ class Settings:
     seconds: float | None = checks.field(checks.optional(checks.positive()), default=None)
 
     def __attrs_post_init__(self):
+        if self.masks and self.raster != "coverage":
+            raise Error(f"Settings.masks is {self.masks}, but Settings.raster is {self.raster!r}; allowed: 0 with it")
         if self.specular is not None:
             warnings.warn(f"Settings.specular goes away: give hair look=clfur.Kajiya(highlight={self.specular!r})",
                           DeprecationWarning, stacklevel=3)
