@@ -1,4 +1,4 @@
-"""Pieces that hide each other patch by patch of a pixel: the twin's values on every device, and the laws of area and order."""
+"""Pieces that hide each other patch by patch of a pixel: the twin's values, and the laws of area and order."""
 
 import numpy as np
 import pytest
@@ -37,9 +37,9 @@ def test_alpha_is_the_twins(gpu, n):
     np.testing.assert_allclose(alpha, meant, rtol=0, atol=1e-4)
 
 
-@pytest.mark.parametrize("low, high", [pytest.param(.01, .05, marks=pytest.mark.small), (.1, 3)])
+@pytest.mark.parametrize("low, high", [pytest.param(.01, .05, marks=pytest.mark.small), (.1, .7)])
 def test_alpha_of_one_strand_adds_up_to_its_area(gpu, low, high):
-    """Of each alone; alpha is 1 less what is left: 2^-24 in each pixel."""
+    """Of each alone; alpha is 1 less what is left: 2^-24 in each pixel. None is nearly filled."""
     rng, view = np.random.default_rng(3), flat(32, 24, 1)
     for _ in range(8):
         a, b = rng.uniform(6, (26, 18), (2, 2))

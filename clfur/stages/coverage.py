@@ -176,7 +176,8 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
              "image": gpu.empty((0, 4), np.float32) if lit is None else image, **vars(covered)}
     across, down = tiles_of(width, rows)
     if max(gpu.lanes, gpu.hinted) > 1:
-        gpu.launch(f"{kernels}.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries, **known)
+        gpu.launch(f"{kernels}.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries,
+                   **known)
         return unfinished
     known["grains"] = gpu.empty((across * down, 2), np.uint32)
     _sort(gpu, across * down, entries=segments.entries,
@@ -216,8 +217,8 @@ def _pixels(gpu, n, kernels, **known):
         items, walks = gpu.rows(open_, first, first + some), gpu.empty((some * TILE**2 * WALK, 4), np.uint32)
         while going:
             stopped = gpu.full(1, np.uint32, 0)
-            gpu.launch(f"{kernels}.pixels", some * TILE**2, steps=steps, fresh=fresh, listed=True, items=items, open=none,
-                       n_open=stopped, walks=walks, **known)
+            gpu.launch(f"{kernels}.pixels", some * TILE**2, steps=steps, fresh=fresh, listed=True, items=items,
+                       open=none, n_open=stopped, walks=walks, **known)
             going, fresh = int(gpu.download(stopped)[0]), False
 
 
