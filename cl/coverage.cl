@@ -54,16 +54,33 @@ __kernel void bound(
 #define COUNT 1      // counts them
 #define LIST 2       // lists them
 
+/* How far a strand has come where a driver ends long loops: then it goes on in another launch. */
+typedef struct {
+    uint steps;                            // of loops that may be taken still
+    uint segment;                          // that is gone through
+    int row;                               // of tiles that is next
+    uint shown;                            // 1: in those before it shows; where they are listed, its number, and 1
+} Stage;
+
 /* Go through the tiles that segment k of a batch may show in -> how many there are.  counts: to COUNT them in, or where in
-   `entries` to LIST the next one. */
+   `entries` to LIST the next one.  Where LANES is 1 it may come to a stop: then `stage` has no steps left. */
 INLINED uint each_tile(const Batch *batch, int k, const View *view, __global const uint *bounds, uint2 window, const int what,
-                       volatile __global uint *counts, __global uint2 *entries, uint number)
+                       volatile __global uint *counts, __global uint2 *entries, uint number, Stage *stage)
 {
     const int across = (view->size.x + TILE - 1) / TILE;
     const uint depth = batch->depth[k];
     uint n = 0;
-    for (int y = batch->top[k]; y <= batch->bottom[k]; ++y) {
+    for (int y = LANES == 1 && stage->row > batch->top[k] ? stage->row : batch->top[k]; y <= batch->bottom[k]; ++y) {
         const int2 row = in_row(batch, k, y, view->rows.x);
+#if LANES == 1
+        const uint steps = 3 + (row.y > row.x ? row.y - row.x : 0);
+        stage->row = y;
+        if (steps >= stage->steps) {
+            stage->steps = 0;
+            return n;
+        }
+        stage->steps -= steps;
+#endif
         for (int x = row.x; x <= row.y; ++x) {
             const uint tile = y * across + x;
             if (tile < window.x || tile >= window.y || depth >= bounds[tile])
@@ -80,36 +97,80 @@ INLINED uint each_tile(const Batch *batch, int k, const View *view, __global con
     return n;
 }
 
+/* Go on with a strand where it has come to -> whether it is not at its beginning. */
+INLINED bool begun(Stage *stage, __global uint4 *stages, uint strand)
+{
+#if LANES == 1
+    if (stage->steps != ~0u) {
+        const uint4 there = stages[strand];
+        stage->segment = there.x;
+        stage->row = there.y;
+        stage->shown = there.z;
+        stages[strand].x = ~0u - 1;        // at its end, if it does not come to a stop
+        return there.x || there.y;
+    }
+#endif
+    return false;
+}
+
+#define SPENT 8      // steps that a segment takes beside those of its tiles, at most
+
+/* Leave a segment -> whether the strand comes to a stop, there or behind it. */
+INLINED bool stops(Stage *stage, __global uint4 *stages, volatile __global uint *n_open, uint strand, uint segment)
+{
+#if LANES == 1
+    const bool within = !stage->steps;
+    if (!within) {
+        stage->row = stage->shown = 0;
+        if (stage->steps > 2 * SPENT) {
+            stage->steps -= SPENT;
+            return false;
+        }
+    }
+    stages[strand] = (uint4)(segment + !within, stage->row, stage->shown, 0);
+    atomic_inc(n_open);
+    return true;
+#else
+    return false;
+#endif
+}
+
 /* One work-item counts the tiles in which segments of one strand may show. */
 BY_HAND __kernel void count(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
-    const uint2 stretch,                   // segments of each strand: the first, one past the last
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
     __global const uint *bounds,           // [tiles] depth
     volatile __global uint *counts,        // [tiles] segments
     volatile __global uint *survivors,     // [1] segments that may show anywhere
     const int known,                       // 1: the next is wanted
-    __global uint *shown)                  // [strands] rows of tiles in which it may show: the first, one past the last << 16
+    __global uint *shown,                  // [strands] rows of tiles in which it may show: the first, one past the last << 16
+    const uint steps,                      // of loops that one may take in this launch, about
+    __global uint4 *stages,                // [strands or 0] how far each has come, if there is another
+    volatile __global uint *n_open)        // [1] how many have not come to their end
 {
     WORK_ITEM(strand);
     const uint2 span = spans[strand];
     uint n = 0, first = 0xFFFF, last = 0;
-    if (known && stretch.x) {
+    Stage stage = {steps, 0, 0, 0};
+    if (begun(&stage, stages, strand) && known) {
         first = shown[strand] & 0xFFFF;
         last = shown[strand] >> 16;
     }
-    for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
-        const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;
+    for (uint i = stage.segment; i + 1 < span.y; i += LANES) {
+        const uint left = span.y - 1 - i;
         Batch batch;
         project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
         for (int k = 0; k < LANES; ++k)
-            if (batch.on[k] && each_tile(&batch, k, &view, bounds, (uint2)(0, ~0u), COUNT, counts, 0, 0)) {
-                ++n;
+            if (batch.on[k] && each_tile(&batch, k, &view, bounds, (uint2)(0, ~0u), COUNT, counts, 0, 0, &stage)) {
+                n += !stage.shown;
+                stage.shown = LANES == 1;
                 first = batch.top[k] < first ? batch.top[k] : first;
                 last = batch.bottom[k] + 1 > last ? batch.bottom[k] + 1 : last;
             }
+        if (stops(&stage, stages, n_open, strand, i))
+            break;
     }
     if (known)
         shown[strand] = last << 16 | first;
@@ -121,7 +182,6 @@ BY_HAND __kernel void count(
 BY_HAND __kernel void fill(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
-    const uint2 stretch,                   // segments of each strand: the first, one past the last
     const uint2 window,                    // tiles: the first, one past the last
     const uint2 slab,                      // depths into which they reach: the first, one past the last
     __global const float4 *points,
@@ -136,33 +196,41 @@ BY_HAND __kernel void fill(
     __global uint2 *entries,               // of each tile: depth, number of a segment among those that may show
     __global float8 *ends,                 // [survivors] each end's x, y, reversed depth, half width [pixels]
     __global uint *ids,                    // [survivors] and CLIPPED where they are
-    __global uint *cuts)                   // [survivors] what is left where they are clipped: from and to, in 1/65535
+    __global uint *cuts,                   // [survivors] what is left where they are clipped: from and to, in 1/65535
+    const uint steps,                      // of loops that one may take in this launch, about
+    __global uint4 *stages,                // [strands or 0] how far each has come, if there is another
+    volatile __global uint *n_open)        // [1] how many have not come to their end
 {
     WORK_ITEM(strand);
     const uint across = (view.size.x + TILE - 1) / TILE;
     if (known && ((shown[strand] >> 16) * across <= window.x || (shown[strand] & 0xFFFF) * across >= window.y))
         return;
     const uint2 span = spans[strand];
-    for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
-        const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;
+    Stage stage = {steps, 0, 0, 0};
+    begun(&stage, stages, strand);
+    for (uint i = stage.segment; i + 1 < span.y; i += LANES) {
+        const uint left = span.y - 1 - i;
         Batch batch;
         project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
         uint n = 0;
         for (int k = 0; k < LANES; ++k) {
             batch.on[k] = batch.on[k] && batch.depth[k] < slab.y && (!slab.x || furthest(&batch, k) >= slab.x)
-                && each_tile(&batch, k, &view, bounds, window, ANY, 0, 0, 0);
+                && (stage.shown || each_tile(&batch, k, &view, bounds, window, ANY, 0, 0, 0, &stage));
             n += batch.on[k];
         }
-        if (!n)
-            continue;
-        uint number = atomic_add(survivors, n);
-        for (int k = 0; k < LANES; ++k)
-            if (batch.on[k]) {
-                ends[number] = batch.ends[k];
-                ids[number] = (first + shifts[strand] + span.x + i + k) | (batch.cut[k] == WHOLE_WAY ? 0 : CLIPPED);
-                cuts[number] = batch.cut[k];
-                each_tile(&batch, k, &view, bounds, window, LIST, cursors, entries, number++);
-            }
+        if (n) {
+            uint number = stage.shown ? stage.shown - 1 : atomic_add(survivors, n);
+            for (int k = 0; k < LANES; ++k)
+                if (batch.on[k]) {
+                    ends[number] = batch.ends[k];
+                    ids[number] = (first + shifts[strand] + span.x + i + k) | (batch.cut[k] == WHOLE_WAY ? 0 : CLIPPED);
+                    cuts[number] = batch.cut[k];
+                    stage.shown = LANES == 1 ? number + 1 : 0;
+                    each_tile(&batch, k, &view, bounds, window, LIST, cursors, entries, number++, &stage);
+                }
+        }
+        if (stops(&stage, stages, n_open, strand, i))
+            break;
     }
 }
 
@@ -170,23 +238,29 @@ BY_HAND __kernel void fill(
 BY_HAND __kernel void reach(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
-    const uint2 stretch,                   // segments of each strand: the first, one past the last
     const uint2 window,                    // tiles: the first, one past the last
     __global const float4 *points,
     __global const uint2 *spans,
     __global const uint *bounds,
     volatile __global uint *survivors,     // [1] segments so far
-    __global uint2 *reaches)               // [survivors] the least depth of their pieces, and the most
+    __global uint2 *reaches,               // [survivors] the least depth of their pieces, and the most
+    const uint steps,                      // of loops that one may take in this launch, about
+    __global uint4 *stages,                // [strands or 0] how far each has come, if there is another
+    volatile __global uint *n_open)        // [1] how many have not come to their end
 {
     WORK_ITEM(strand);
     const uint2 span = spans[strand];
-    for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
-        const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;
+    Stage stage = {steps, 0, 0, 0};
+    begun(&stage, stages, strand);
+    for (uint i = stage.segment; i + 1 < span.y; i += LANES) {
+        const uint left = span.y - 1 - i;
         Batch batch;
         project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
         for (int k = 0; k < LANES; ++k)
-            if (batch.on[k] && each_tile(&batch, k, &view, bounds, window, ANY, 0, 0, 0))
+            if (batch.on[k] && each_tile(&batch, k, &view, bounds, window, ANY, 0, 0, 0, &stage))
                 reaches[atomic_inc(survivors)] = (uint2)(batch.depth[k], furthest(&batch, k));
+        if (stops(&stage, stages, n_open, strand, i))
+            break;
     }
 }
 
@@ -459,6 +533,7 @@ __kernel void pixels(
     __global const ulong *sample_shells,
     const int lit,
     __global const ulong *places,
+    const int sources,
     __global const float *more,
     __global const Lobes *lobes,
     __global const float4 *lobe_table,
@@ -488,7 +563,7 @@ __kernel void pixels(
     on = on && tile >= window.x && tile < window.y && (fresh || walked->next != DONE);
     const bool within = on && x < size.x && y < size.y;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
-                             {places, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
+                             {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
                               lobes, lobe_table, shadowed}, body_transmittance, alpha,
                              front, shell_front, image};
     Walk walk;
@@ -697,7 +772,7 @@ ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global
             for (int i = 0; i < m; ++i)
                 if (((const ulong *)pixels)[i] & t->open) {
                     if (picture->lit)
-                        PREFETCH(picture->sent.places + FEW_PLACES * (size_t)chunk.number[i]);
+                        PREFETCH(places_of(&picture->sent, chunk.number[i]));
                     draw(t, view, &chunk, i);
                 }
             next += m;
@@ -730,7 +805,8 @@ ALONE BY_HAND __kernel void tiles(
     const int has_shells,                  // 1: there is shell fur
     __global const ulong *sample_shells,   // [rows, width, samples] depth << 32 | face where half of it is gone
     const int lit,                         // 1: there is light
-    __global const ulong *places,          // [survivors, FEW_PLACES] light, see places.h
+    __global const ulong *places,          // [survivors, sources, FEW_PLACES] light, see places.h
+    const int sources,                     // lights, and one for a sky or for light from hair to hair
     __global const float *more,            // [rows of them, 32] see exact_light.h
     __global const Lobes *lobes,           // [types] see lobes.h; none where no type has that look
     __global const float4 *lobe_table,
@@ -764,7 +840,7 @@ ALONE BY_HAND __kernel void tiles(
     Glow glow;
     glow.n = 0;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
-                             {places, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
+                             {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
                               lobes, lobe_table, shadowed}, body_transmittance, alpha,
                              front, shell_front, image, &glow};
     Tile t;

@@ -16,7 +16,8 @@ typedef struct {
 
 /* What is known of light that segments send: at places, see places.h, or what it depends on. */
 typedef struct {
-    __global const ulong *places;
+    __global const ulong *places;          // [segments, sources, FEW_PLACES]
+    int sources;                           // lights, and one for a sky or for light from hair to hair
     __global const float *more;
     const View *view;
     Lighting lighting;
@@ -42,8 +43,25 @@ INLINED lanes share_along(const Sent *sent, int i, lanes3 p, lanes3 step, lanes3
     return share;
 }
 
-/* Light from places `at` of segments, where lanes are `on`; the others are like one of these. */
-INLINED lanes3 exact_light(const Sent *known, const Row *rows, lanes at, lanes_i on)
+/* The places of segment `number`, of all sources. */
+INLINED __global const ulong *places_of(const Sent *known, uint number)
+{
+    return known->places + FEW_PLACES * known->sources * (size_t)number;
+}
+
+/* The row of `more` that a segment has, with MORE; 0 where each light is known at its places. */
+INLINED ulong more_of(const Sent *known, uint number)
+{
+    __global const ulong *few = places_of(known, number);
+    ulong row = 0;
+    for (int i = 0; i < known->lighting.n; ++i)
+        row = few[FEW_PLACES * i] & MORE ? few[FEW_PLACES * i] : row;
+    return row;
+}
+
+/* Light from places `at` of segments, where lanes are `on`, of those lights of which no places are known; the other lanes are
+   like one of these. */
+INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *rows, lanes at, lanes_i on)
 {
     float8 part[LANES];
     lanes c[32];
@@ -61,24 +79,29 @@ INLINED lanes3 exact_light(const Sent *known, const Row *rows, lanes at, lanes_i
     for (int i = 0; i < known->lighting.n; ++i) {
         const Light light = known->lighting.lights[i];
         lanes3 l;
+        lanes_i here = on;
+        for (int k = 0; k < LANES && known->lighting.n > 1; ++k)
+            LANE_I(here, k) &= places_of(known, numbers[k])[FEW_PLACES * i] & MORE ? ON : 0;
+        if (!any_lane(here))
+            continue;
         lanes share = share_of_light(&light, p, &l);
         if (known->shadowed) {
             const lanes there = i == 0 ? c[27] : i == 1 ? c[29] : F(-1.0f);
-            const lanes_i ask = on & (there < 0.0f) & (share > 0.0f);
+            const lanes_i ask = here & (there < 0.0f) & (share > 0.0f);
             lanes through = there + at * (i == 0 ? c[28] : c[30]);
             if (any_lane(ask))
                 through = ask ? share_along(known, i, start, step, n, c[3], c[7], c[23], at, ask) : through;
             share *= through;
         }
-        const lanes3 one = fibre_lanes(&light, &fibres, &looks, l, v, share);
-        sent = i ? plus(sent, one) : one;
+        const lanes3 one = fibre_lanes(&light, &fibres, &looks, l, v, share), none = {F(0.0f), F(0.0f), F(0.0f)};
+        sent = known->lighting.n == 1 ? one : plus(sent, chosen(here, one, none));
     }
     return sent;
 }
 
 INLINED Row row_of(const Sent *known, uint number)
 {
-    __global const float8 *its = (__global const float8 *)known->more + 4 * (known->places[FEW_PLACES * (size_t)number] & ROW);
+    __global const float8 *its = (__global const float8 *)known->more + 4 * (more_of(known, number) & ROW);
     const Row row = {{its[0], its[1], its[2], its[3]}};
     return row;
 }
@@ -87,22 +110,27 @@ INLINED Row row_of(const Sent *known, uint number)
 /* Light that segment `number` sends to the eye from the place `at` of it. */
 INLINED float4 sent_by(const Sent *known, uint number, float at)
 {
-    __global const ulong *few = known->places + FEW_PLACES * (size_t)number;
-    if (!(few[0] & MORE))
-        return light_between(few, at);
-    const Row row = row_of(known, number);
-    const lanes3 light = exact_light(known, &row, at, 1);
-    return (float4)(light.x, light.y, light.z, 0.0f);
+    __global const ulong *few = places_of(known, number);
+    float4 sum = (float4)(0.0f);
+    if (more_of(known, number)) {
+        const Row row = row_of(known, number);
+        const lanes3 light = exact_light(known, &number, &row, at, 1);
+        sum = (float4)(light.x, light.y, light.z, 0.0f);
+        sum = sum > 0.0f ? sum : 0.0f;
+    }
+    for (int i = 0; i < known->sources; ++i, few += FEW_PLACES)
+        sum += few[0] & MORE ? (float4)(0.0f) : light_between(few, at);
+    return sum;
 }
 #endif
 
 /* Steps of loops that the light of one piece may take. */
 INLINED uint steps_of_light(const Sent *known)
 {
-    uint steps = 4;
+    uint steps = 4 + 4 * known->lighting.n;
     for (int i = 0; i < known->lighting.n && known->shadowed; ++i) {
         const int side = 2 * known->lighting.shadows[i].body.y + 1;
-        steps += 1 + (i < 2 ? 1 : 2) * side * (side / STRIDE + 2);
+        steps += 1 + (i < 2 ? 1 : 2) * (side * (side / STRIDE + 2) + LOOK);
     }
     return steps;
 }

@@ -11,29 +11,31 @@ typedef struct {
     uint numbers[GLOWS] ALIGNED, wheres[GLOWS] ALIGNED;
     float weights[GLOWS] ALIGNED;
     float4 *to[GLOWS];               // the light of their pixels
-    float exact[3][GLOWS] ALIGNED;   // r, g, b of those of which no places are known
+    float exact[3][GLOWS] ALIGNED;   // r, g, b of lights of which no places are known
     int n;
 } Glow;
 
-/* Light of those of n pieces of which no places are known, eight at a time -> `exact`. */
+/* Light of those of n pieces that some lights fall on of which no places are known, eight at a time -> `exact`. */
 INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
 {
     int which[GLOWS + LANES], left = 0;
     for (int k = 0; k < n; ++k) {
         which[left] = k;
-        left += (known->places[FEW_PLACES * (size_t)glow->numbers[k]] & MORE) != 0;
+        left += more_of(known, glow->numbers[k]) != 0;
     }
     for (int first = 0; first < left; first += LANES) {
         Row rows[LANES];
+        uint numbers[LANES];
         lanes at;
         lanes_i on;
         for (int k = 0; k < LANES; ++k) {
             const int j = which[first + k < left ? first + k : first];
-            rows[k] = row_of(known, glow->numbers[j]);
+            numbers[k] = glow->numbers[j];
+            rows[k] = row_of(known, numbers[k]);
             LANE(at, k) = (glow->wheres[j] & 0xFFFF) * (1.0f / 65535.0f);
             LANE_I(on, k) = first + k < left ? ON : 0;
         }
-        lanes3 light = exact_light(known, rows, at, on);
+        lanes3 light = exact_light(known, numbers, rows, at, on);
         for (int k = 0; k < LANES && first + k < left; ++k) {
             glow->exact[0][which[first + k]] = LANE(light.x, k);
             glow->exact[1][which[first + k]] = LANE(light.y, k);
@@ -42,38 +44,43 @@ INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
     }
 }
 
-/* Add the light of eight pieces: `light_between`, with the same expressions. */
-INLINED void glow_eight(const Glow *glow, int first, __global const ulong *places)
+/* Add the light of eight pieces: `light_between` for each light, with the same expressions. */
+INLINED void glow_eight(const Glow *glow, int first, const Sent *known)
 {
     __global const ulong *froms[LANES];
-    lanes_i exact = I(0);
+    lanes_i some = I(0);
     lanes light[8], rows[LANES];
     const lanes at = TO(lanes, *(const lanes_u *)(glow->wheres + first) & 0xFFFF) * (1.0f / 65535.0f);
     const lanes along = at * FEW_PIECES;
     const lanes_i whole = WHOLE(along), piece = whole < FEW_PIECES - 1 ? whole : I(FEW_PIECES - 1);
-    for (int k = 0; k < LANES; ++k) {
-        __global const ulong *few = places + FEW_PLACES * (size_t)glow->numbers[first + k];
-        froms[k] = few + 2 * LANE_I(piece, k);
-        LANE_I(exact, k) = few[0] & MORE ? ON : 0;
-    }
     const lanes t = along - REAL(piece), parts[3] = {(1.0f - t) * (1.0f - 2.0f * t), 4.0f * t * (1.0f - t), t * (2.0f * t - 1.0f)};
-    lanes r[3], g[3], b[3];
-    for (int k = 0; k < 3; ++k) {
-        const ulong8 here = (ulong8)(froms[0][k], froms[1][k], froms[2][k], froms[3][k], froms[4][k], froms[5][k], froms[6][k],
-                                     froms[7][k]);
-        r[k] = parts[k] * AS_F(TO(lanes_u, here >> 32) & 0x7FFFFC00u);
-        g[k] = parts[k] * AS_F(TO(lanes_u, here >> 11) & 0x7FFFFC00u);
-        b[k] = parts[k] * AS_F(TO(lanes_u, here) << 10 & 0x7FFFFC00u);
+    for (int k = 0; k < LANES; ++k)
+        froms[k] = places_of(known, glow->numbers[first + k]);
+    for (int i = 0; i < 8; ++i)
+        light[i] = F(0.0f);
+    for (int i = 0; i < known->sources; ++i) {
+        lanes_i exact = I(0);
+        lanes r[3], g[3], b[3];
+        for (int k = 0; k < LANES; ++k)
+            LANE_I(exact, k) = froms[k][FEW_PLACES * i] & MORE ? ON : 0;
+        some |= exact;
+        for (int k = 0; k < 3; ++k) {
+            ulong8 here;
+            for (int j = 0; j < LANES; ++j)
+                here[j] = froms[j][FEW_PLACES * i + 2 * LANE_I(piece, j) + k];
+            r[k] = parts[k] * AS_F(TO(lanes_u, here >> 32) & 0x7FFFFC00u);
+            g[k] = parts[k] * AS_F(TO(lanes_u, here >> 11) & 0x7FFFFC00u);
+            b[k] = parts[k] * AS_F(TO(lanes_u, here) << 10 & 0x7FFFFC00u);
+        }
+        const lanes of_one[3] = {r[0] + r[1] + r[2], g[0] + g[1] + g[2], b[0] + b[1] + b[2]};
+        for (int k = 0; k < 3; ++k)
+            light[k] += ((exact == 0) & (of_one[k] > 0.0f)) ? of_one[k] : F(0.0f);
     }
-    light[0] = r[0] + r[1] + r[2];
-    light[1] = g[0] + g[1] + g[2];
-    light[2] = b[0] + b[1] + b[2];
     for (int k = 0; k < 3; ++k) {
-        const lanes here = exact ? *(const lanes *)(glow->exact[k] + first) : light[k], above = here > 0.0f ? here : F(0.0f);
-        light[k] = *(const lanes *)(glow->weights + first) * (above < MOST ? above : F(MOST));
+        const lanes here = *(const lanes *)(glow->exact[k] + first);
+        light[k] += (some & (here > 0.0f)) ? here : F(0.0f);
+        light[k] = *(const lanes *)(glow->weights + first) * (light[k] < MOST ? light[k] : F(MOST));
     }
-    for (int k = 3; k < 8; ++k)
-        light[k] = F(0.0f);
     transposed(light, rows);
     for (int k = 0; k < LANES; ++k)
         *glow->to[first + k] += rows[k].lo;
@@ -91,15 +98,15 @@ INLINED void glow_all(Glow *glow, const Sent *known)
     }
     glow_exactly(glow, n, known);
     for (int k = 0; k < n; k += LANES)
-        glow_eight(glow, k, known->places);
+        glow_eight(glow, k, known);
     glow->n = 0;
 }
 
 INLINED void add_glow(Glow *glow, const Sent *known, float4 *to, float weight, uint number, uint where)
 {
     const int n = glow->n++;
-    PREFETCH(known->places + FEW_PLACES * (size_t)number);
-    PREFETCH(known->places + FEW_PLACES * (size_t)number + 4);
+    PREFETCH(places_of(known, number));
+    PREFETCH(places_of(known, number) + 4);
     glow->numbers[n] = number;
     glow->wheres[n] = where;
     glow->weights[n] = weight;

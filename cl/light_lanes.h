@@ -85,10 +85,12 @@ INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, 
     const lanes x0 = whole_below(x), y0 = whole_below(y);
     const lanes nearest_seen = e + bias * texel + dx * (x0 + 0.5f - x) + dy * (y0 + 0.5f - y);
     lanes dark = F(0.0f);
+    const bool disc = obstacles->shadow.disc.x > 0.0f;
     for (int k = 0; k < LANES; ++k)
         if (LANE_I(in, k))
-            LANE(dark, k) = dark_texels(obstacles, (int)LANE(x0, k), (int)LANE(y0, k), LANE(nearest_seen, k), LANE(dx, k),
-                                        LANE(dy, k));
+            LANE(dark, k) = disc
+                ? texels_hidden(obstacles, LANE(x, k), LANE(y, k), LANE(e, k), LANE(dx, k), LANE(dy, k), bias * LANE(texel, k))
+                : dark_texels(obstacles, (int)LANE(x0, k), (int)LANE(y0, k), LANE(nearest_seen, k), LANE(dx, k), LANE(dy, k));
     return 1.0f - dark / (float)((2 * radius + 1) * (2 * radius + 1));
 }
 

@@ -78,9 +78,20 @@ __kernel void thin(
     __global float4 *out_points,           // [P] what is kept, at the front or, where gone through backwards, the end of
                                            // each strand's own run
     __global uint2 *out_spans,             // [strands] first point, points kept (0: bald)
-    __global float4 *out_colors)           // [P] if color_per is 2
+    __global float4 *out_colors,           // [P] if color_per is 2
+    const uint steps,                      // of loops that one may take in this launch, about; ~0: all
+    __global uint4 *stages,                // [strands or 0] points kept and gone through, if there is another; ~0: all
+    volatile __global uint *n_open)        // [1] how many have not come to their end
 {
     WORK_ITEM(i);
+    uint kept = 0, from = 0, spent = 0;
+    if (steps != ~0u) {
+        kept = stages[i].x;
+        from = stages[i].y;
+        stages[i].x = ~0u;
+        if (kept == ~0u)
+            return;
+    }
     const uint first = spans[i].x, count = spans[i].y, last = first + count - 1;
     out_spans[i] = (uint2)(first, 0);
     if (!count)
@@ -100,8 +111,12 @@ __kernel void thin(
     __global const float4 *point_colors = color_per == 2 ? colors + start : 0;
     const float world = 0.25f * lod / view.scale.x;         // a quarter of lod at w = 1
     const uint most = min((count - 1 + PARTS - 1) / PARTS, MOST);
-    uint kept = 0, from = 0;
     for (;;) {
+        if (spent >= steps) {
+            stages[i] = (uint4)(kept, from, 0, 0);
+            atomic_inc(n_open);
+            return;
+        }
         const uint to = start + step * (int)kept++;
         const int at = step * (int)from;
         out_points[to] = (float4)(points[at].xyz, points[at].w * wider);
@@ -112,12 +127,14 @@ __kernel void thin(
         const float here = to_screen(&view, points[at]).w;
         uint next = from + 1;
         while (next < count - 1 && next + 1 - from <= most) {
+            spent += next + 2 - from;
             const float nearer = min(here, to_screen(&view, points[step * (int)(next + 1)]).w);
             if (!(nearer > 0.0f && stands_for(points, point_colors, step, from, next + 1, world * nearer, wider)))
                 break;
             ++next;
         }
         from = next;
+        spent += 2;
     }
     out_spans[i] = (uint2)(step > 0 ? first : last + 1 - kept, kept);
 }

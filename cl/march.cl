@@ -7,6 +7,14 @@
  * step wherever it has passed one more layer, or as much sideways: there it meets hair or not.  Corners of a face are
  * taken in the order of their numbers, so that neighbours divide the side between them alike.
  */
+#if LANES == 1 && LANES_HINTED > 1
+#undef LANES
+#undef BLOCK_X
+#undef BLOCK_Y
+#define LANES LANES_HINTED
+#define BLOCK_X 4
+#define BLOCK_Y (LANES / BLOCK_X)
+#endif
 #include "lanes.h"
 #include "seen.h"
 #include "scatter.h"
@@ -250,7 +258,7 @@ INLINED void onwards(int here, int slabs, int4 neighbours, lanes_i out, lanes_i 
 
 /* One work-item takes the samples of LANES pixels through the fur, from where they enter it to where they leave it, meet
    what is drawn, or see no further; and adds their light to the picture. */
-__kernel void march(
+BY_HAND __kernel void march(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const Shells shells,
@@ -438,8 +446,8 @@ __kernel void march(
                 const lanes x_step = mx * measure_inverse, y_step = my * measure_inverse;
                 const lanes z_first = z_in + low * length, h_first = h_in + low * rise;
                 const lanes x_first = x_in + low * mx, y_first = y_in + low * my, span = (high - low) * measure;
-                /* Most of half a footprint; in far fur all is near hair. */
-                const lanes room = is_far ? F(2.0f) : 0.5f * footprint * (up.w * steep_here + steepest);
+                /* Most of half a footprint; in far fur all is near hair, however thin that is. */
+                const lanes room = is_far ? F(1e9f) : 0.5f * footprint * (up.w * steep_here + steepest);
                 /* Gradients across the ray. */
                 const lanes grad_xa = grad_x.x * ax + grad_x.y * ay + grad_x.z * az, grad_xu = grad_x.x * ux + grad_x.y * uy + grad_x.z * uz;
                 const lanes grad_ya = grad_y.x * ax + grad_y.y * ay + grad_y.z * az, grad_yu = grad_y.x * ux + grad_y.y * uy + grad_y.z * uz;

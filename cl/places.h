@@ -2,6 +2,7 @@
  * Light of strands' segments between the places where it is known: FEW_PLACES of each, from its start to its end, evenly
  * apart; through three that follow each other goes a parabola.  Where it changes too much between these, a row of `more` has
  * what a segment is like, and exact_light.h tells its light at any place.  strand_light.cl makes both, coverage.cl adds up.
+ * Each light has places of its own, so that what one sends does not hang on the others; those of a segment stand together.
  */
 #define MORE (1ul << 63)                   // instead of the first place: the row of `more` that it has
 #define ROW (MORE - 1)
@@ -21,7 +22,7 @@ INLINED float4 unpacked_light(ulong packed)
 }
 
 /* Light that a segment sends to the eye from the place `at`, 0..1, of its length in the world: r, g, b, 0.
-   few: of the segment.  `at` is that of the place nearest to the pixel's middle at the piece's depth. */
+   few: of the segment and a light.  `at` is that of the place nearest to the pixel's middle at the piece's depth. */
 INLINED float4 light_between(__global const ulong *few, float at)
 {
     const float along = at * FEW_PIECES;

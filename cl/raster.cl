@@ -67,10 +67,25 @@ inline int first_pixel(int u, int offset)
     return (u - SUBPIXEL / 2 - offset + SUBPIXEL - 1) >> 8;
 }
 
+/* Pixels of all that is drawn: from left, to right, from top, to bottom. */
+inline int4 all_of(const View *view)
+{
+    return (int4)(0, view->size.x, view->rows.x, view->rows.y);
+}
+
+/* The same of one of the windows, `side` pixels across and down, that all of it is cut into. */
+inline int4 window_of(const View *view, int number, int side)
+{
+    const int across = (view->size.x + side - 1) / side;
+    const int x = number % across * side, y = view->rows.x + number / across * side;
+    return (int4)(x, min(x + side, view->size.x), y, min(y + side, view->rows.y));
+}
+
 /* Half-open in both directions: samples with u in [u0, u1) along the longer axis, and across it within half the
-   width there, [v - r, v + r), measured along the shorter axis; at least a sample's share of a pixel. */
-ONCE void draw_segment(
-    volatile __global ulong *visible, const View *view, int4 a, int4 b, uint id, int phase)
+   width there, [v - r, v + r), measured along the shorter axis; at least a sample's share of a pixel.  Those of a window,
+   see `all_of`; -> whether it was drawn: not if that would take more than `steps` of loops. */
+ONCE bool draw_segment(
+    volatile __global ulong *visible, const View *view, int4 window, int4 a, int4 b, uint id, int phase, uint *steps)
 {
     const bool steep = abs(b.x - a.x) < abs(b.y - a.y);
     if (steep) {
@@ -81,12 +96,20 @@ ONCE void draw_segment(
         const int4 t = a; a = b; b = t;
     }
     const int du = b.x - a.x;
-    const int2 columns = (int2)(0, view->size.x), us = steep ? view->rows.xy : columns, vs = steep ? columns : view->rows.xy;
+    const int2 us = steep ? window.zw : window.xy, vs = steep ? window.xy : window.zw;
     const int v_size = vs.y - vs.x;
     const int samples = view->size.z, margin = max(a.w, b.w) / 2 * 3 + SUBPIXEL;
     if (du == 0 || b.x < us.x * SUBPIXEL || a.x >= us.y * SUBPIXEL
         || max(a.y, b.y) + margin < vs.x * SUBPIXEL || min(a.y, b.y) - margin >= vs.y * SUBPIXEL)
-        return;
+        return true;
+#if LANES == 1
+    const int across = min(b.x >> 8, us.y) - max(a.x >> 8, us.x) + 2;
+    const int high = min(max(3 * max(a.w, b.w), 2 * (int)view->scale.y) / SUBPIXEL + 2, v_size);
+    const ulong taken = samples * (2 + (ulong)across * (2 + high));
+    if (taken > *steps)
+        return false;
+    *steps -= (uint)taken;
+#endif
 
     /* Measured along the shorter axis a slanted strand is thicker, by up to sqrt(2); most are thin all the same. */
     const long least = (long)view->scale.y << FRACTION;
@@ -98,6 +121,8 @@ ONCE void draw_segment(
     }
     const long v_step = ((long)(b.y - a.y) << FRACTION) / du, d_step = ((long)(b.z - a.z) << FRACTION) / du;
     const size_t u_stride = (steep ? view->size.x : 1) * samples, v_stride = (steep ? 1 : view->size.x) * samples;
+    const int left = window.x, top = window.z - view->rows.x;   // where its first pixel lies among those that are there
+    const size_t first = ((size_t)top * view->size.x + left) * samples;
     for (int s = 0; s < samples; ++s) {
         const int2 offset = PATTERN[view->size.w + s];
         const int ou = steep ? offset.y : offset.x, ov = steep ? offset.x : offset.y;
@@ -106,7 +131,7 @@ ONCE void draw_segment(
         /* v counts from the sample of the first row, rounded up, so that v >> 32 is the first row at or beyond. */
         long v = ((long)(a.y - SUBPIXEL / 2 - ov - vs.x * SUBPIXEL) << FRACTION) + v_step * along + (PIXEL - 1);
         long r = r0 + r_step * along, d = ((long)a.z << FRACTION) + d_step * along;
-        size_t at = (size_t)(begin - us.x) * u_stride + s;
+        size_t at = first + (size_t)(begin - us.x) * u_stride + s;
         for (int u = begin; u < end; ++u) {
             const long half_width = max(r, least);
             const int low = max((int)((v - half_width) >> 32), 0), high = min((int)((v + half_width) >> 32), v_size);
@@ -118,6 +143,7 @@ ONCE void draw_segment(
             at += u_stride;
         }
     }
+    return true;
 }
 
 /* See `within_guard`. */
@@ -233,12 +259,17 @@ ONCE void draw_narrow(volatile __global ulong *visible, const View *view, lanes_
     }
 }
 
-/* The rare segment that leaves the guard band or crosses the near plane. */
-void draw_clipped(volatile __global ulong *visible, const View *view, float4 a, float4 b, float ha, float hb,
-                  uint id, int phase)
+/* Draw the segment from a to b [world, width], see `draw_segment`. */
+ONCE bool draw_alone(volatile __global ulong *visible, const View *view, int4 window, float4 a, float4 b, uint id,
+                       int phase, uint *steps)
 {
-    if (clip(&a, &b, &ha, &hb))
-        draw_segment(visible, view, snap_clip(a, ha), snap_clip(b, hb), id, phase);
+    float4 p = to_screen(view, a), q = to_screen(view, b);
+    float ha = 0.5f * a.w * view->scale.x, hb = 0.5f * b.w * view->scale.x;
+    if (within_guard(p) && within_guard(q))
+        return draw_segment(visible, view, window, snap((float4)(p.xyz, min(ha, GUARD * p.w)) / p.w),
+                            snap((float4)(q.xyz, min(hb, GUARD * q.w)) / q.w), id, phase, steps);
+    return !clip(&p, &q, &ha, &hb)         // the rare one that leaves the guard band or crosses the near plane
+        || draw_segment(visible, view, window, snap_clip(p, ha), snap_clip(q, hb), id, phase, steps);
 }
 
 /* Segments that wait to be drawn side by side. */
@@ -249,62 +280,76 @@ typedef struct {
     int n;
 } Segments;
 
+/* Segments that take too many steps of loops for one work-item. */
+typedef struct {
+    volatile __global uint *n;             // how many there are
+    __global uint2 *list;                  // their first points, and their ids
+    uint room;                             // how many can be listed
+    uint steps;                            // that the work-item may take still
+    uint point;                            // of the next segment
+} Left;
+
 INLINED lanes_i half_of(const View *view, lanes width, lanes4 c, lanes_i in)
 {
     const lanes wide = 0.5f * width * view->scale.x, most = GUARD * c.w;
     return snapped((in ? lesser(wide, most) / c.w : F(0.0f)) * (float)SUBPIXEL);
 }
 
-INLINED void draw_waiting(volatile __global ulong *visible, const View *view, Segments *these, int phase)
+INLINED void draw_waiting(volatile __global ulong *visible, const View *view, Segments *these, int phase, Left *left)
 {
     lanes_i some;
     for (int k = 0; k < LANES; ++k)
         LANE_I(some, k) = k < these->n ? ON : 0;
     these->n = 0;
+    lanes_i narrow = I(0);
+#if LANES > 1
     const lanes4 ca = by_columns(view->to_screen, these->a.x, these->a.y, these->a.z);
     const lanes4 cb = by_columns(view->to_screen, these->b.x, these->b.y, these->b.z);
     const lanes_i in = some & within_guard_lanes(ca) & within_guard_lanes(cb);
     const lanes_i wa = half_of(view, these->width_a, ca, in), wb = half_of(view, these->width_b, cb, in);
-    lanes_i narrow = in & ((wa > wb ? wa : wb) <= NARROW);
-#if LANES == 1
-    narrow = 0;                            // nothing stands beside it
-#endif
+    narrow = in & ((wa > wb ? wa : wb) <= NARROW);
     if (any_lane(narrow))
         draw_narrow(visible, view, narrow, snap_lanes(ca, in), snap_lanes(cb, in), wa, wb, these->id, phase);
+#endif
     for (uint bits = bits_of(some & (narrow == 0)); bits; bits &= bits - 1) {
         const int k = first_of(bits);
-        const float4 a = to_screen(view, (float4)(LANE(these->a.x, k), LANE(these->a.y, k), LANE(these->a.z, k), 0.0f));
-        const float4 b = to_screen(view, (float4)(LANE(these->b.x, k), LANE(these->b.y, k), LANE(these->b.z, k), 0.0f));
-        const float ha = 0.5f * LANE(these->width_a, k) * view->scale.x, hb = 0.5f * LANE(these->width_b, k) * view->scale.x;
-        if (LANE_I(in, k))
-            draw_segment(visible, view, snap((float4)(a.xyz, min(ha, GUARD * a.w)) / a.w),
-                         snap((float4)(b.xyz, min(hb, GUARD * b.w)) / b.w), these->id[k], phase);
-        else
-            draw_clipped(visible, view, a, b, ha, hb, these->id[k], phase);
+        const float4 a = (float4)(LANE(these->a.x, k), LANE(these->a.y, k), LANE(these->a.z, k), LANE(these->width_a, k));
+        const float4 b = (float4)(LANE(these->b.x, k), LANE(these->b.y, k), LANE(these->b.z, k), LANE(these->width_b, k));
+        if (!draw_alone(visible, view, all_of(view), a, b, these->id[k], phase, &left->steps)) {
+            const uint n = atomic_inc(left->n);
+            if (n < left->room)
+                left->list[n] = (uint2)(left->point, these->id[k]);
+        }
     }
 }
 
-/* One work-item draws DRAWN strands, LANES segments at once. */
+/* One work-item draws DRAWN strands, LANES segments at once.  Where LANES is 1 it may leave some. */
 __kernel void lines(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
+    const uint2 stretch,                   // segments of each strand: the first, one past the last
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
     __global const uint *shifts,           // [strands] added to the number of a segment's first point,
     const uint first,                      // and this, to make its id
     const uint strands,
     const int phase,
+    const uint steps,                      // of loops that one may take, about
+    const uint room,                       // of those that it leaves: how many can be listed
+    volatile __global uint *n_left,        // [1] how many there are
+    __global uint2 *left,                  // [room] their first points, and their ids
     volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
     WORK_ITEM(item);
     Segments waiting;
     waiting.n = 0;
+    Left those = {n_left, left, room, steps, 0};
     const uint until = item * DRAWN + DRAWN < strands ? item * DRAWN + DRAWN : strands;
     for (uint strand = item * DRAWN; strand < until; ++strand) {
         const uint2 span = spans[strand];
-        const uint first_id = first + shifts[strand] + span.x;
-        float4 a, b = span.y ? points[span.x] : (float4)(0.0f);
-        for (uint k = 1; k < span.y; ++k) {
+        const uint first_id = first + shifts[strand] + span.x, last = span.y <= stretch.y ? span.y : stretch.y + 1;
+        float4 a, b = span.y > stretch.x ? points[span.x + stretch.x] : (float4)(0.0f);
+        for (uint k = stretch.x + 1; k < last; ++k) {
             a = b;
             b = points[span.x + k];
             const int n = waiting.n++;
@@ -313,12 +358,32 @@ __kernel void lines(
             LANE(waiting.width_a, n) = a.w;
             LANE(waiting.width_b, n) = b.w;
             waiting.id[n] = first_id + k - 1;
+#if LANES == 1
+            those.point = span.x + k - 1;
+#endif
             if (waiting.n == LANES)
-                draw_waiting(visible, &view, &waiting, phase);
+                draw_waiting(visible, &view, &waiting, phase, &those);
         }
     }
     if (waiting.n)
-        draw_waiting(visible, &view, &waiting, phase);
+        draw_waiting(visible, &view, &waiting, phase, &those);
+}
+
+/* One work-item draws what one window of the picture shows of one segment that `lines` has left. */
+__kernel void line_pieces(
+    const ulong begin, const ulong end,    // work-items, see common.h: all segments for each window
+    const View view,
+    __global const float4 *points,         // [P] x, y, z, width [world]
+    const uint n,                          // segments
+    __global const uint2 *left,            // [n] their first points, and their ids
+    const int side,                        // pixels of a window
+    const int phase,
+    volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
+{
+    WORK_ITEM(item);
+    const uint2 one = left[item % n];
+    uint all = ~0u;
+    draw_alone(visible, &view, window_of(&view, item / n, side), points[one.x], points[one.x + 1], one.y, phase, &all);
 }
 
 /* n·2^14 / area, exact but for the last bit, modulo 2^64. */
@@ -340,8 +405,9 @@ inline long edge_bias(int4 p, int4 q)
     return q.y < p.y || (q.y == p.y && q.x > p.x) ? 0 : -1;
 }
 
-/* `after`: depth that a sample's fragment must lie behind, if `facing`, which also leaves out what faces away. */
-ONCE void draw_triangle(volatile __global ulong *visible, const View *view, int2 rows, int4 a, int4 b, int4 c, uint id,
+/* Samples of a window, see `all_of`.  `after`: depth that a sample's fragment must lie behind, if `facing`, which also leaves
+   out what faces away. */
+ONCE void draw_triangle(volatile __global ulong *visible, const View *view, int4 window, int4 a, int4 b, int4 c, uint id,
                           int phase, int facing, __global const uint *after)
 {
     long area = edge(a, b, c.x, c.y);
@@ -352,10 +418,10 @@ ONCE void draw_triangle(volatile __global ulong *visible, const View *view, int2
         area = -area;
     }
     const int samples = view->size.z, furthest = SUBPIXEL / 2;   // no sample lies further from a pixel's centre
-    const int x0 = max((min(min(a.x, b.x), c.x) - furthest) >> 8, 0);
-    const int y0 = max((min(min(a.y, b.y), c.y) - furthest) >> 8, rows.x);
-    const int x1 = min((max(max(a.x, b.x), c.x) + furthest) >> 8, view->size.x - 1);
-    const int y1 = min((max(max(a.y, b.y), c.y) + furthest) >> 8, rows.y - 1);
+    const int x0 = max((min(min(a.x, b.x), c.x) - furthest) >> 8, window.x);
+    const int y0 = max((min(min(a.y, b.y), c.y) - furthest) >> 8, window.z);
+    const int x1 = min((max(max(a.x, b.x), c.x) + furthest) >> 8, window.y - 1);
+    const int y1 = min((max(max(a.y, b.y), c.y) + furthest) >> 8, window.w - 1);
     if (x0 > x1 || y0 > y1)
         return;
 
@@ -395,7 +461,7 @@ inline float before_near(const View *view, float4 c, int i)
 
 /* The rare triangle that leaves the guard band or crosses the near plane: clip it to a polygon and fan that.
    `before`: of what lies before the near plane, which is drawn at it; of what lies behind it else. */
-void draw_triangle_clipped(volatile __global ulong *visible, const View *view, int2 rows, float4 a, float4 b, float4 c,
+void draw_triangle_clipped(volatile __global ulong *visible, const View *view, int4 window, float4 a, float4 b, float4 c,
                            uint id, int phase, int facing, __global const uint *after, bool before)
 {
     float4 polygon[9], next[9];
@@ -424,8 +490,21 @@ void draw_triangle_clipped(volatile __global ulong *visible, const View *view, i
         if (!(polygon[j].w > 0.0f))
             return;
     for (int j = 1; j + 1 < n; ++j)
-        draw_triangle(visible, view, rows, snap_clip(polygon[0], 0.0f), snap_clip(polygon[j], 0.0f),
+        draw_triangle(visible, view, window, snap_clip(polygon[0], 0.0f), snap_clip(polygon[j], 0.0f),
                       snap_clip(polygon[j + 1], 0.0f), id, phase, facing, after);
+}
+
+/* Draw a triangle [world] by itself: `whole` if it is not to be clipped. */
+inline void draw_triangle_alone(volatile __global ulong *visible, const View *view, int4 window, float4 a, float4 b, float4 c,
+                                bool whole, uint id, int phase, int facing, __global const uint *after)
+{
+    const float4 p = to_screen(view, a), q = to_screen(view, b), r = to_screen(view, c);
+    if (whole)
+        draw_triangle(visible, view, window, snap((float4)(p.xyz, 0.0f) / p.w), snap((float4)(q.xyz, 0.0f) / q.w),
+                      snap((float4)(r.xyz, 0.0f) / r.w), id, phase, facing, after);
+    else
+        for (int before = 0; before < (view->scale.z > 0.0f ? 2 : 1); ++before)
+            draw_triangle_clipped(visible, view, window, p, q, r, id, phase, facing, after, before);
 }
 
 INLINED lanes_i least_of(lanes_i a, lanes_i b, lanes_i c)
@@ -479,7 +558,7 @@ INLINED int4 corner(const Corners *of, int k)
 
 /* Triangles, drawn side by side as draw_triangle draws them: LANES different ones, each from the first pixel that it may
    touch. Those of `there` are small. */
-ONCE void draw_small(volatile __global ulong *visible, const View *view, int2 rows, lanes_i there, Corners a, Corners b,
+ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 window, lanes_i there, Corners a, Corners b,
                         Corners c, uint first, int phase, int facing, __global const uint *after)
 {
     const lanes_i turned = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x), swap = turned < 0;
@@ -490,9 +569,9 @@ ONCE void draw_small(volatile __global ulong *visible, const View *view, int2 ro
     lanes_i x0 = (least_of(a.x, b.x, c.x) - furthest) >> 8, y0 = (least_of(a.y, b.y, c.y) - furthest) >> 8;
     lanes_i x1 = (most_of(a.x, b.x, c.x) + furthest) >> 8, y1 = (most_of(a.y, b.y, c.y) + furthest) >> 8;
     x0 = x0 > 0 ? x0 : I(0);
-    y0 = y0 > rows.x ? y0 : I(rows.x);
+    y0 = y0 > window.z ? y0 : I(window.z);
     x1 = x1 < view->size.x ? x1 : I(view->size.x - 1);
-    y1 = y1 < rows.y ? y1 : I(rows.y - 1);
+    y1 = y1 < window.w ? y1 : I(window.w - 1);
     there &= (x0 <= x1) & (y0 <= y1) & (turned != 0);
     if (facing)
         there &= swap;
@@ -540,7 +619,8 @@ ONCE void draw_small(volatile __global ulong *visible, const View *view, int2 ro
     }
 }
 
-/* One work-item draws what one band of the picture shows of LANES triangles of the body: a large one is no long job. */
+/* One work-item draws what one band of the picture shows of LANES triangles of the body: a large one is no long job.  Where
+   LANES is 1 it may leave its triangle. */
 __kernel void body(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
@@ -552,12 +632,16 @@ __kernel void body(
     const int facing,                      // 1: only triangles that face the eye, behind `after`
     __global const uint *after,            // [rows, width, samples] depth, if facing
     const int phase,
+    const int side,                        // pixels across and down of a triangle that is drawn, at most
+    const uint room,                       // of those that are left: how many can be listed
+    volatile __global uint *n_left,        // [1] how many there are
+    __global uint2 *left,                  // [room] these, and whether they are whole
     volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
 {
     WORK_ITEM(item);
     const uint groups = (n - 1) / LANES + 1, t = item % groups * LANES, count = n - t < LANES ? n - t : LANES;
     const int top = view.rows.x + (int)(item / groups) * band;
-    const int2 rows = (int2)(top, min(top + band, view.rows.y));
+    const int4 window = (int4)(0, view.size.x, top, min(top + band, view.rows.y));
     lanes3 pa, pb, pc;
     lanes_i some;
     for (uint k = 0; k < LANES; ++k) {
@@ -572,24 +656,47 @@ __kernel void body(
     const lanes4 cc = by_columns(view.to_screen, pc.x, pc.y, pc.z);
     const lanes_i in = some & within_guard_lanes(ca) & within_guard_lanes(cb) & within_guard_lanes(cc);
     const Corners a = snap_lanes(ca, in), b = snap_lanes(cb, in), c = snap_lanes(cc, in);
-    lanes_i small = in & (most_of(a.x, b.x, c.x) - least_of(a.x, b.x, c.x) < (SMALL - 2) * SUBPIXEL)
-        & (most_of(a.y, b.y, c.y) - least_of(a.y, b.y, c.y) < (SMALL - 2) * SUBPIXEL);
+    const lanes_i across = most_of(a.x, b.x, c.x) - least_of(a.x, b.x, c.x);
+    const lanes_i down = most_of(a.y, b.y, c.y) - least_of(a.y, b.y, c.y);
 #if LANES == 1
-    small = 0;                             // nothing stands beside it
-#endif
-    if (any_lane(small))
-        draw_small(visible, &view, rows, small, a, b, c, first + t, phase, facing, after);
-    for (uint k = 0; k < count; ++k) {
-        if (LANE_I(small, k))
-            continue;
-        const uint4 v = triangles[t + k];
-        const uint id = BODY | (first + t + k);
-        const float4 p = to_screen(&view, positions[v.x]), q = to_screen(&view, positions[v.y]), r = to_screen(&view, positions[v.z]);
-        if (LANE_I(in, k))
-            draw_triangle(visible, &view, rows, snap((float4)(p.xyz, 0.0f) / p.w), snap((float4)(q.xyz, 0.0f) / q.w),
-                          snap((float4)(r.xyz, 0.0f) / r.w), id, phase, facing, after);
-        else
-            for (int before = 0; before < (view.scale.z > 0.0f ? 2 : 1); ++before)
-                draw_triangle_clipped(visible, &view, rows, p, q, r, id, phase, facing, after, before);
+    const lanes_i small = 0;               // nothing stands beside it
+    if (side && (!in || across / SUBPIXEL + 2 > side || down / SUBPIXEL + 2 > side)) {
+        const uint number = atomic_inc(n_left);
+        if (number < room)
+            left[number] = (uint2)(t, in);
+        return;
     }
+#else
+    const lanes_i small = in & (across < (SMALL - 2) * SUBPIXEL) & (down < (SMALL - 2) * SUBPIXEL);
+    if (any_lane(small))
+        draw_small(visible, &view, window, small, a, b, c, first + t, phase, facing, after);
+#endif
+    for (uint k = 0; k < count; ++k) {
+        const uint4 v = triangles[t + k];
+        if (!LANE_I(small, k))
+            draw_triangle_alone(visible, &view, window, positions[v.x], positions[v.y], positions[v.z], LANE_I(in, k),
+                                BODY | (first + t + k), phase, facing, after);
+    }
+}
+
+/* One work-item draws what one window of the picture shows of one triangle that `body` has left. */
+__kernel void body_pieces(
+    const ulong begin, const ulong end,    // work-items, see common.h: all triangles for each window
+    const View view,
+    __global const float4 *positions,      // as of `body`
+    __global const uint4 *triangles,
+    const uint n,                          // triangles that are left
+    __global const uint2 *left,            // [n] these, and whether they are whole
+    const uint first,
+    const int side,                        // pixels of a window
+    const int facing,
+    __global const uint *after,
+    const int phase,
+    volatile __global ulong *visible)      // [rows, width, samples] depth << 32 | id
+{
+    WORK_ITEM(item);
+    const uint2 one = left[item % n];
+    const uint4 v = triangles[one.x];
+    draw_triangle_alone(visible, &view, window_of(&view, item / n, side), positions[v.x], positions[v.y], positions[v.z],
+                        one.y, BODY | (first + one.x), phase, facing, after);
 }

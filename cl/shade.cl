@@ -8,6 +8,7 @@
 #include "scatter.h"
 #include "light.h"
 #include "light_lanes.h"
+#include "sky.h"
 #include "sums.h"
 
 /* Weights of a triangle's corners at a point of its plane. */
@@ -21,6 +22,8 @@ inline float4 barycentric(float4 a, float4 b, float4 c, float4 p)
     const float w = clamp(dot3(cross3(b - a, p - a), n) / square, 0.0f, 1.0f - v);
     return (float4)(1.0f - v - w, v, w, 0.0f);
 }
+
+#include "paint.h"
 
 /* The surface's normal at a point of triangle t, on the eye's side. */
 inline float4 body_normal(__global const float4 *positions, __global const float4 *normals, uint4 t,
@@ -86,12 +89,42 @@ INLINED void body_normals(const lanes3 *at, const lanes3 *normals, lanes3 p, lan
     *face = unit_lanes_or(across, *n);
 }
 
-/* The light that waiting samples of the body send to the eye. */
-ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Waiting *samples,
-                             __global const float4 *positions, __global const float4 *normals,
-                             __global const uint4 *triangles, float4 color)
+/* A product of each colour. */
+INLINED lanes3 times(lanes3 a, lanes3 b)
 {
-    lanes3 at[3], normal[3], n, face, sum = {F(0.0f), F(0.0f), F(0.0f)};
+    const lanes3 c = {a.x * b.x, a.y * b.y, a.z * b.z};
+    return c;
+}
+
+/* Light of a sky at LANES places around directions, see sky.h. */
+INLINED lanes3 sky_lanes(const Sky *sky, __global const float4 *cells, lanes3 p, lanes3 direction, float one, float two)
+{
+    lanes3 light;
+    for (int k = 0; k < LANES; ++k) {
+        const Known known = known_at(sky, cells, (float4)(lane_of(&p, k), 0.0f), one != 0.0f);
+        put_lane(&light, k, light_around(&known, (float4)(lane_of(&direction, k), 0.0f), one, two));
+    }
+    return light;
+}
+
+/* Base colours where samples see triangles. */
+ONCE void paint_lanes(lanes3 *color, const Paint *paint, const View *view, const Waiting *samples,
+                      __global const float4 *positions, __global const uint4 *triangles)
+{
+    for (int k = 0; k < LANES; ++k)
+        put_lane(color, k, base_color(paint, view, positions, triangles[samples->id[k]], LANE(samples->x, k),
+                                      LANE(samples->y, k), LANE(samples->e, k)));
+}
+
+/* The light that waiting samples of the body send to the eye. */
+ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Sky *sky, __global const float4 *sky_cells,
+                             const Waiting *samples,
+                             __global const float4 *positions, __global const float4 *normals,
+                             __global const uint4 *triangles, const Paint *paint)
+{
+    lanes3 at[3], normal[3], n, face, color = all_lanes(paint->color), sum = {F(0.0f), F(0.0f), F(0.0f)};
+    if (paint->n)
+        paint_lanes(&color, paint, view, samples, positions, triangles);
     corners(at, positions, triangles, samples->id);
     corners(normal, normals, triangles, samples->id);
     const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
@@ -109,12 +142,14 @@ ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Wait
         sum.y += color.y * (light.color.y * share + light.color.w);
         sum.z += color.z * (light.color.z * share + light.color.w);
     }
+    if (sky->size.y)
+        sum = plus(sum, times(color, sky_lanes(sky, sky_cells, p, n, 2.0f / 3, 0.25f)));
     return sum;
 }
 
 /* The light that waiting samples of strands send to the eye. */
-ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const Waiting *samples, const Hair *hair,
-                             Looks *looks)
+ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const Sky *sky, __global const float4 *sky_cells,
+                              const Waiting *samples, const Hair *hair, Looks *looks)
 {
     const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
     Fibres here;
@@ -150,6 +185,8 @@ ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const W
         share *= transmittances_at(&obstacles, share > 0.0f, p, normal, width, alpha);
         sum = plus(sum, fibre_lanes(&light, &here, looks, l, v, share));
     }
+    if (sky->size.y)
+        sum = plus(sum, times(here.color, sky_lanes(sky, sky_cells, p, here.tangent, 0.0f, -0.125f)));
     return sum;
 }
 
@@ -176,7 +213,12 @@ __kernel void color(
     __global const float4 *positions,      // body: see tessellate.cl
     __global const float4 *normals,
     __global const uint4 *triangles,
-    const float4 body_color,
+    const float4 body_color,               // where there are no materials
+    const int n_materials,                 // see paint.h
+    __global const Material *materials,
+    __global const uint *material_of,      // [faces of the part]
+    __global const uint2 *texels,
+    __global const float4 *uv,             // body
     const int n_lights,
     __global const Light *lights,          // see light.h
     __global const Shadow *shadows,
@@ -184,6 +226,8 @@ __kernel void color(
     __global const View *light_views,
     __global const float *crossings,
     __global const ulong *shadow_maps,
+    const Sky sky,                         // see sky.h
+    __global const float4 *sky_cells,      // [n, n, n, HARMONICS] r, g, b, if there is one
     const uint pixels,                     // rows · width
     const int attenuated,                  // 1: something before the samples lets only a share of their light through
     __global const float *sample_transmittance,   // [rows, width, samples] that share
@@ -198,6 +242,7 @@ __kernel void color(
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
     Looks looks = {lobes, lobe_table};
+    const Paint paint = {body_color, n_materials, materials, material_of, texels, uv};
     long4 sums[SHADED];
     Waiting waiting[2];                    // samples of strands, and of the body
     waiting[0].n = waiting[1].n = 0;
@@ -255,8 +300,9 @@ __kernel void color(
             LANE(these->e, k) = LANE(these->e, 0);
             these->id[k] = these->id[0];
         }
-        const lanes3 light = of_body ? light_of_body(&view, &lighting, these, positions, normals, triangles, body_color)
-            : light_of_strands(&view, &lighting, these, &hair, &looks);
+        const lanes3 light = of_body
+            ? light_of_body(&view, &lighting, &sky, sky_cells, these, positions, normals, triangles, &paint)
+            : light_of_strands(&view, &lighting, &sky, sky_cells, these, &hair, &looks);
         for (int k = 0; k < these->n; ++k)
             sums[LANES == 1 ? 0 : these->pixel[k]] += in_integers(LANE(these->share, k), (float4)(LANE(light.x, k), LANE(light.y, k), LANE(light.z, k), 1.0f));
         these->n = 0;
@@ -296,6 +342,23 @@ __kernel void cover(
 {
     WORK_ITEM(pixel);
     image[pixel].w = covered_share(visible, transmittance, pixel, samples);
+}
+
+/* One work-item takes out of the alpha of one pixel what the samples add to it that see anything: a holdout adds nothing, and
+   a ground only its shadow. */
+__kernel void uncover(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const int samples,
+    __global const ulong *visible,         // [rows, width, samples]
+    __global const float *transmittance,   // [rows, width, samples] share of each that comes through what stands before it
+    __global float4 *image)                // [rows, width]
+{
+    WORK_ITEM(pixel);
+    float covered = 0.0f;
+    for (int s = 0; s < samples; ++s)
+        covered += (uint)visible[pixel * samples + s] == NOTHING ? 0.0f : transmittance[pixel * samples + s];
+    const float left = image[pixel].w - covered / samples;
+    image[pixel].w = left > 0.0f ? left : 0.0f;
 }
 
 /* One work-item tells what the nearest covered sample of one pixel sees, if this part of the scene holds it: the outputs

@@ -160,33 +160,42 @@ INLINED lanes distance_between(lanes3 a, lanes3 b)
     return root(greater(dots(d, d), F(1e-30f)));
 }
 
-/* Which segments' light changes too much between few places: they turn far from one to the next, cross many cells of a light's
-   grid, or may cross the edge of a spot's cone. */
-INLINED lanes_i change_much(const Lighting *lighting, int shadowed, const Segments *s, const Places *here)
+/* Which segments' light of light i changes too much between few places: they turn far from one to the next, by `turns` or
+   as seen from the light too, cross many cells of its grid, or may cross the edge of a spot's cone. */
+INLINED lanes_i change_much(const Lighting *lighting, int i, int shadowed, const Segments *s, const Places *here,
+                            const lanes *turns)
 {
-    lanes most = F(0.0f), turns[FEW_PLACES];
+    const Light light = lighting->lights[i];
+    lanes most = F(0.0f);
     lanes_i needs = I(0);
-    for (int j = 1; j < FEW_PLACES; ++j)
-        turns[j] = distance_between(here[j].fibres.tangent, here[j - 1].fibres.tangent) + distance_between(here[j].v, here[j - 1].v);
-    for (int i = 0; i < lighting->n; ++i) {
-        const Light light = lighting->lights[i];
-        lanes3 l, before;
-        share_of_light(&light, here[0].p, &before);
-        for (int j = 1; j < FEW_PLACES && light.position.w > 0.0f; ++j) {
+    lanes3 l, before;
+    share_of_light(&light, here[0].p, &before);
+    for (int j = 1; j < FEW_PLACES; ++j) {
+        lanes turn = turns[j];
+        if (light.position.w > 0.0f) {
             share_of_light(&light, here[j].p, &l);
-            const lanes turn = distance_between(l, before);
-            needs |= edge_between(&light, inside_cone(&light, l), inside_cone(&light, before), turn);
-            turns[j] += turn;
+            const lanes aside = distance_between(l, before);
+            needs |= edge_between(&light, inside_cone(&light, l), inside_cone(&light, before), aside);
+            turn += aside;
             before = l;
         }
-        if (shadowed) {
-            const Obstacles obstacles = obstacles_of(lighting, i);
-            needs |= cells_crossed(&obstacles, s->p, s->p_step) > CELLS;
-        }
+        most = greater(most, turn);
     }
-    for (int j = 1; j < FEW_PLACES; ++j)
-        most = greater(most, turns[j]);
+    if (shadowed) {
+        const Obstacles obstacles = obstacles_of(lighting, i);
+        needs |= cells_crossed(&obstacles, s->p, s->p_step) > CELLS;
+    }
     return needs | (2.0f * most * root(1.0f + s->exponent) > TURN);
+}
+
+/* Put what LANES segments send to the eye into their places of light i, or of the sky after all lights, of `count` of them, where they don't `need` more. */
+INLINED void put_places(__global ulong *places, int sources, int i, uint count, lanes_i need, const lanes3 *sent)
+{
+    for (uint k = 0; k < count; ++k) {
+        __global ulong *few = places + FEW_PLACES * ((size_t)sources * k + i);
+        for (int j = 0; j < FEW_PLACES; ++j)
+            few[j] = LANE_I(need, k) ? MORE : packed_light(LANE(sent[j].x, k), LANE(sent[j].y, k), LANE(sent[j].z, k));
+    }
 }
 
 /* One work-item tells what LANES segments send to the eye at FEW_PLACES each, and keeps rows of `more` for those that need
@@ -220,7 +229,11 @@ __kernel void radiance(
     const uint n_points,
     const int shadowed,                    // 1: something stands before them
     __global const float *transmittances,  // [n_lights, n_points] share of direct light, if so
-    __global ulong *places,                // [segments, FEW_PLACES] see places.h
+    const int under_sky,                   // 1: a sky shines too
+    __global const float4 *sky_light,      // [n_points] r, g, b of it, if so
+    const int is_scattered,                // 1: light comes from hair to hair too
+    __global const float8 *scattered,      // [segments] what they send of it at their starts and ends, if so
+    __global ulong *places,                // [segments, n_lights + under_sky + is_scattered, FEW_PLACES] see places.h
     volatile __global uint *rows)          // [1] of `more` that are taken
 {
     WORK_ITEM(item);
@@ -238,15 +251,20 @@ __kernel void radiance(
     Places here[FEW_PLACES];
     for (int j = 0; j < FEW_PLACES; ++j)
         here[j] = places_at(&view, &s, F((float)j / (FEW_PLACES - 1)));
-    const lanes_i needs = change_much(&lighting, shadowed, &s, here);
-    uint needy = 0;
-    for (uint k = 0; k < count; ++k)
-        needy += LANE_I(needs, k) && from[k] != to[k];
-    uint row = needy ? atomic_add(rows, needy) : 0;
-    lanes3 sent[FEW_PLACES];
-    for (int i = 0; i < n_lights && needy < count; ++i) {
+    lanes turns[FEW_PLACES];
+    lanes_i some = I(0), inside = I(ON);
+    for (int j = 1; j < FEW_PLACES; ++j)
+        turns[j] = distance_between(here[j].fibres.tangent, here[j - 1].fibres.tangent) + distance_between(here[j].v, here[j - 1].v);
+    for (uint k = 0; k < LANES; ++k)
+        LANE_I(inside, k) = from[k] != to[k] ? ON : 0;
+    const int sources = n_lights + under_sky + is_scattered;
+    __global ulong *few = places + FEW_PLACES * sources * (size_t)first;
+    for (int i = 0; i < n_lights; ++i) {
         const Light light = lights[i];
+        const lanes_i need = inside & change_much(&lighting, i, shadowed, &s, here, turns);
         lanes share = F(1.0f), share_step = F(0.0f);
+        lanes3 sent[FEW_PLACES];
+        some |= need;
         if (shadowed) {
             __global const float *there = transmittances + (size_t)i * n_points;
             for (int k = 0; k < LANES; ++k) {
@@ -254,21 +272,48 @@ __kernel void radiance(
                 LANE(share_step, k) = there[to[k]] - there[from[k]];
             }
         }
-        for (int j = 0; j < FEW_PLACES; ++j) {
+        for (int j = 0; j < FEW_PLACES && any_lane(need == 0); ++j) {
             lanes3 l;
             const lanes part = share_of_light(&light, here[j].p, &l) * (share + F((float)j / (FEW_PLACES - 1)) * share_step);
-            const lanes3 one = fibre_lanes(&light, &here[j].fibres, &looks, l, here[j].v, part);
-            sent[j] = i ? plus(sent[j], one) : one;
+            sent[j] = fibre_lanes(&light, &here[j].fibres, &looks, l, here[j].v, part);
         }
+        put_places(few, sources, i, count, need, sent);
     }
-    for (uint k = 0; k < count; ++k) {
-        __global ulong *few = places + FEW_PLACES * (size_t)(first + k);
-        if (LANE_I(needs, k) && from[k] != to[k])
-            few[0] = MORE | row++;
-        else
-            for (int j = 0; j < FEW_PLACES; ++j)
-                few[j] = packed_light(LANE(sent[j].x, k), LANE(sent[j].y, k), LANE(sent[j].z, k));
+    if (under_sky) {
+        lanes3 light, light_step, sent[FEW_PLACES];
+        for (int k = 0; k < LANES; ++k) {
+            put_lane(&light, k, sky_light[from[k]]);
+            put_lane(&light_step, k, sky_light[to[k]] - sky_light[from[k]]);
+        }
+        for (int j = 0; j < FEW_PLACES; ++j) {
+            const lanes3 there = plus(light, scaled(light_step, F((float)j / (FEW_PLACES - 1)))), c = here[j].fibres.color;
+            sent[j].x = c.x * there.x;
+            sent[j].y = c.y * there.y;
+            sent[j].z = c.z * there.z;
+        }
+        put_places(few, sources, n_lights, count, I(0), sent);
     }
+    if (is_scattered) {
+        lanes3 start, step, sent[FEW_PLACES];
+        for (int k = 0; k < LANES; ++k) {
+            const float8 there = scattered[first + (k < count ? k : 0)];
+            put_lane(&start, k, there.lo);
+            put_lane(&step, k, there.hi - there.lo);
+        }
+        for (int j = 0; j < FEW_PLACES; ++j)
+            sent[j] = plus(start, scaled(step, F((float)j / (FEW_PLACES - 1))));
+        put_places(few, sources, n_lights + under_sky, count, I(0), sent);
+    }
+    uint needy = 0;
+    for (uint k = 0; k < count; ++k)
+        needy += LANE_I(some, k) ? 1 : 0;
+    uint row = needy ? atomic_add(rows, needy) : 0;
+    for (uint k = 0; k < count; ++k)
+        if (LANE_I(some, k)) {
+            for (int i = 0; i < n_lights; ++i)
+                few[FEW_PLACES * (sources * k + i)] |= few[FEW_PLACES * (sources * k + i)] & MORE ? row : 0;
+            ++row;
+        }
 }
 
 /* One work-item tells what those of LANES segments are like whose light changes too much between few places. */
@@ -294,15 +339,19 @@ __kernel void further(
     const uint n_points,
     const int shadowed,                    // 1: something stands before them
     __global const float *transmittances,  // [n_lights, n_points] share of direct light, if so
-    __global const ulong *places,          // [segments, FEW_PLACES] see places.h
+    const int sources,                     // of light: these, and others that need no more than few places
+    __global const ulong *places,          // [segments, sources, FEW_PLACES] see places.h
     __global float *more)                  // [rows, 32] at least as many as `radiance` has counted, see exact_light.h
 {
     WORK_ITEM(item);
     const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
     const uint first = range.x + LANES * (uint)item;
     for (uint segment = first; segment < range.y && segment < first + LANES; ++segment) {
-        const ulong row = places[FEW_PLACES * (size_t)segment];
-        if (!(row & MORE))
+        __global const ulong *few = places + FEW_PLACES * sources * (size_t)segment;
+        ulong row = 0;
+        for (int i = 0; i < n_lights; ++i)
+            row = few[FEW_PLACES * i] & MORE ? few[FEW_PLACES * i] : row;
+        if (!row)
             continue;
         __global float4 *its = (__global float4 *)more + 8 * (row & ROW);
         const uint id = begin_of(segment, listed, segments, first_point, stored, run), strand = strand_at(&hair, id);

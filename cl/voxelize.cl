@@ -35,6 +35,7 @@ bool ends_in_reach(const Grid *grid, float4 *from, float4 *to, int4 *a, int4 *b,
 __kernel void fragments(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Grid grid,
+    const uint2 stretch,                   // segments of each strand: the first, one past the last
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
     __global const float4 *strand_uv,      // [strands] -, -, type
@@ -47,9 +48,9 @@ __kernel void fragments(
     const uint weight = weights[(int)strand_uv[strand].z];
     int4 a, b;
     float w;
-    for (uint k = 0; k < span.y; ++k, a = b) {
+    for (uint k = stretch.x; k < span.y && k <= stretch.y; ++k, a = b) {
         b = to_cells(&grid, points[span.x + k], &w);
-        if (k == 0)
+        if (k == stretch.x)
             continue;
         int4 p = a, q = b;
         if (a.x == OUTSIDE || b.x == OUTSIDE) {
@@ -367,14 +368,15 @@ INLINED void spread(volatile __global uint *cells, const Grid *grid, Block *bloc
     }
 }
 
-/* LANES strands from one on, `end` at most, each segment of them in turn. */
-ONCE void put_lanes(const Grid *grid, __global const float4 *points, __global const uint2 *spans,
+/* LANES strands from one on, `end` at most, each segment of them in turn; of a stretch of segments -> what rounding leaves of
+   the first one, which had so much of it `before`. */
+ONCE float put_lanes(const Grid *grid, __global const float4 *points, __global const uint2 *spans,
                        __global const float4 *strand_uv, __global const uint *weights, volatile __global uint *cells,
-                       Block *block, uint strand, uint end)
+                       Block *block, uint strand, uint end, uint2 stretch, float before)
 {
     uint first[LANES], at[LANES], some = 0, longest = 0;
     lanes_i counts;
-    lanes weight, left = F(0.5f);
+    lanes weight, left = F(before);
     for (uint l = 0; l < LANES; ++l) {
         const bool there = strand + l < end;
         const uint2 span = there ? spans[strand + l] : (uint2)(0);
@@ -385,11 +387,11 @@ ONCE void put_lanes(const Grid *grid, __global const float4 *points, __global co
         longest = span.y > longest ? span.y : longest;
     }
     Places a, b;
-    for (uint k = 0; k < longest; ++k, a = b) {
+    for (uint k = stretch.x; k < longest && k <= stretch.y; ++k, a = b) {
         for (uint l = 0; l < LANES; ++l)   // where a strand has ended, any point will do
             at[l] = (int)k < LANE_I(counts, l) ? first[l] + k : some;
         take(grid, points, at, &b);
-        if (k == 0)
+        if (k == stretch.x)
             continue;
         Places p = a, q = b;
         lanes_i on = counts > (int)k;
@@ -400,6 +402,7 @@ ONCE void put_lanes(const Grid *grid, __global const float4 *points, __global co
         const lanes_u amount = crossings_of(grid, &p, &q, weight, on, &left);
         spread(cells, grid, block, &p, &q, amount, on);
     }
+    return LANE(left, 0);
 }
 
 /* What a ray through a cell's face is expected to cross there: length · width · sin(fibre, light) / area of the face.
@@ -408,6 +411,8 @@ ONCE void put_lanes(const Grid *grid, __global const float4 *points, __global co
 BY_HAND __kernel void lengths(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Grid grid,
+    const uint2 stretch,                   // segments of each strand: the first, one past the last; all where LANES > 1
+    __global float *rests,                 // [strands] what rounding left of those before; nothing if all are
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
     __global const float4 *strand_uv,      // [strands] -, -, type
@@ -417,7 +422,11 @@ BY_HAND __kernel void lengths(
 #if LANES == 1
     WORK_ITEM(i);
     Block block;
-    put_lanes(&grid, points, spans, strand_uv, weights, cells, &block, i, i + 1);
+    const bool all = !stretch.x && stretch.y == ~0u;
+    const float before = stretch.x ? rests[i] : 0.5f;
+    const float rest = put_lanes(&grid, points, spans, strand_uv, weights, cells, &block, i, i + 1, stretch, before);
+    if (!all)
+        rests[i] = rest;
 #else
     __local uint held[HELD];
     WORK_ITEM(i);
@@ -430,7 +439,7 @@ BY_HAND __kernel void lengths(
     for (uint first = i, past; first < last; first = past) {
         past = open_block(&block, &grid, points, spans, first, last, &run);
         for (uint strand = first; strand < past; strand += LANES)
-            put_lanes(&grid, points, spans, strand_uv, weights, cells, &block, strand, past);
+            put_lanes(&grid, points, spans, strand_uv, weights, cells, &block, strand, past, stretch, 0.5f);
         give_back(&block, &grid, cells);
     }
 #endif

@@ -9,19 +9,37 @@ from ._moved import install
 from .budget import PRESETS
 from .device.scheduler import Scheduler
 from .errors import DeviceError, Error
-from .files.images import save
+from .files.gltf import load_materials
+from .files.images import load_picture, save
 from .files.meshes import load_mesh
 from .judge import truth
 from .judge.compare import Comparison, compare
 from .judge.frontier import Frontier, frontier
 from .render import Frame, draw, grow, render
-from .scene import Camera, Chiang, Curves, HairType, Kajiya, Light, Mesh, PointForce, Scene, Shells, Strands
+from .scene import (
+    Camera,
+    Chiang,
+    Curves,
+    Environment,
+    Ground,
+    HairType,
+    Kajiya,
+    Light,
+    Material,
+    Mesh,
+    PointForce,
+    Scene,
+    Shells,
+    Strands,
+    over,
+)
 from .settings import Settings
 
 __all__ = [
-    "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Error", "Frame", "Frontier", "HairType",
-    "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "compare", "draw",
-    "frontier", "grow", "load_mesh", "render", "save", "truth",
+    "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
+    "Frontier", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
+    "Settings", "Shells", "Strands", "compare", "draw", "frontier", "grow", "load_materials", "load_mesh",
+    "load_picture", "over", "render", "save", "truth",
 ]
 
 install()

@@ -1,6 +1,7 @@
 """The one contract between host and device: constants, sample patterns, structs and arrays, written once."""
 
 import dataclasses
+import math
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,6 +21,8 @@ CONSTANTS = {
     "ID_NOTHING": -1,       # output "id" of a pixel where nothing is; strands are numbered from 0
     "ID_BODY": -2,
     "ID_SHELLS": -3,
+    "ID_GROUND": -4,
+    "GROUND": 0xFFFFFFFE,   # id of the ground: BODY | a triangle that there is none
     "CORNERS": 8,           # float4 a face in the lattice of shell fur
     "HEIGHTS": 64,          # of its table of means
     "FEW_PIECES": 2,        # of a segment, in which its light is a parabola,
@@ -28,13 +31,26 @@ CONSTANTS = {
     "ROWS": 16,             # of a face's points in the light's grid that a work-item does,
     "POINT_STEP": 0.75,     # which stand no further apart than so many sides of a cell
     "SHADES": 24,           # of hair in a table of how it scatters light, from black to white
+    "LOOK": 16,             # steps of loops that a look at a light's map may take, besides its filter's,
+    "LOOK_AT_ONCE": 8,      # which takes so many texels of a row in one
     "CELL_BITS": 4,         # of a coordinate of a cell by which the user's strands are put in order
+    "HARMONICS": 9,         # spherical, of orders 0 to 2
+    "SKY_EDGE": 2,          # cells around a slice of a sky's grid, through which all light comes
+    "MOMENTS": 6,           # of hair in a cell: xx, yy, zz, xy, xz, yz
+    "DIRECTIONS": 24,       # in which light goes from hair to hair; a multiple of 8
+    "CHANNELS": 3,          # of each; r, g, b
+    "PARTS_OF_ONE": 8,      # of each, over which light is averaged
+    "TANGENTS": 96,         # of hair for which it is tabulated how light is scattered,
+    "ALBEDOS": 32,          # and angles of the eye for which how much of it
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
 
 # How hair scatters light, as the last of `shine` tells; scatter.h has a way for each.
 MODELS = {"kajiya-kay": 0, "half-vector": 1, "turned": 2, "chiang": 3}
+
+WRAPS = "repeat", "mirror", "clamp"   # what is seen of a picture outside of it
+CONSTANTS |= {f"WRAP_{name.upper()}": number for number, name in enumerate(WRAPS)}
 
 # Sample positions in 1/16 pixel from the pixel's centre: no two share a row or a column, so an edge near an
 # axis has as many steps as samples.  4 and 16 are Direct3D's standard patterns.
@@ -45,6 +61,8 @@ PATTERNS = {
          (-2, 6), (0, -7), (-4, -6), (-6, 4), (-8, 0), (7, -4), (6, 7), (-7, -8)],
 }
 
+CONSTANTS["DISC_POINTS"] = DISC_POINTS = 64       # of a disc at which its shadow of the body is asked for,
+CONSTANTS["SEARCH_POINTS"] = SEARCH_POINTS = 24   # and where it is looked for what casts it
 CONSTANTS["SAMPLES"] = max(PATTERNS)   # the most a pixel can have
 
 HELD = 1 << 15   # cells of a light's grid that a work-group gathers by itself: no faster with more
@@ -86,6 +104,8 @@ Light = np.dtype([
 Shadow = np.dtype([                   # how a place is looked up in a light's grid and map
     ("hair", *_float4),               # optical depth of one crossing; self-shadow: of a width, of a fragment; method
     ("body", *_int4),                 # 1: there is a shadow map; filter radius in texels, -, -
+    ("disc", *_float4),               # how wide a disc is: radius in texels of its shadow's blur, to a difference of
+                                      # reversed depth of 1 in the map, 0: a point; -, -, -
     ("place", *_int4),                # where its cells and its texels begin: low and high 32 bits of each
 ])
 
@@ -111,14 +131,30 @@ Shells = np.dtype([                   # fur as a height field on the body, drawn
     ("to_noise", np.float32, (3, 4)),    # columns: from the middle of the mesh in rest -> in lattices of the noise
 ])
 
+Sky = np.dtype([                      # cells of the world that hold light of a sky
+    ("place", *_float4),                 # lowest corner [world]; cells a unit of length
+    ("size", *_int4),                    # cells a side; 1: there is a sky, -, -
+])
+
+Ground = np.dtype([                   # a level plane, as a camera above it sees it
+    ("plane", *_float4),                 # reversed depth at (x, y, 1) [pixels]: its three factors; height [world]
+    ("color", *_float4),                 # linear r, g, b; 1, or 0 if its shadow alone is seen
+])
+
+Material = np.dtype([                 # what the body is painted with
+    ("color", *_float4),                 # linear r, g, b, which a picture's texels multiply
+    ("size", *_int4),                    # its picture's width and height (0: none), its first texel, its levels
+    ("wrap", *_int4),                    # WRAPS of u and v, -, -
+])
+
 Lobes = np.dtype([                    # how hair of a type scatters light, where its model is "chiang"
     ("along", np.float32, (4, 4)),       # a row a lobe: 1 / variance, 1 / integral, sine and cosine of the tilt
     ("color", *_float4),                 # how fast the lobes fall with the square of log2(colour), -, -, -
     ("table", *_int4),                   # where its table begins; how many cosines and angles it has, -
 ])
 
-STRUCTS = {"View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Shells": Shells,
-           "Lobes": Lobes}
+STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid,
+           "Shells": Shells, "Ground": Ground, "Material": Material, "Lobes": Lobes}
 
 
 def shine(look, alpha, model=None):
@@ -159,6 +195,13 @@ def drawn(lanes):
     return 1 if lanes == 1 else 16
 
 
+def disc(points):
+    """So many points of a disc of radius 1, as even as can be, from its middle on: float32 [points, 2] (Vogel 1979)."""
+    number = np.arange(points)
+    radius, angle = np.sqrt((number + 0.5) / points), number * (math.pi * (3 - math.sqrt(5)))
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1).astype(np.float32)
+
+
 def preamble(int64_atomics, checked=False, lanes=1, hinted=1, local=1 << 15):
     """The C text that every program starts with.
 
@@ -182,6 +225,8 @@ def preamble(int64_atomics, checked=False, lanes=1, hinted=1, local=1 << 15):
         f"#define SHADED {shaded(lanes)}\n#define DRAWN {drawn(lanes)}\n",
         *(_c_struct(name, dtype) for name, dtype in STRUCTS.items()),
         f"__constant int2 PATTERN[] = {{{table}}};\n",
+        *("__constant float2 {}[] = {{{}}};\n".format(name, ", ".join(f"(float2)({x}f, {y}f)" for x, y in disc(points)))
+          for name, points in (("DISC", DISC_POINTS), ("SEARCH", SEARCH_POINTS))),
     ])
 
 

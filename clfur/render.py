@@ -30,11 +30,12 @@ def render(scene: Scene, device: Any = None, settings: Settings | None = None,
 
     ``device``: what `Scheduler` accepts, or a `Scheduler` to keep between frames, or a list of these, which then draw
     the frame together: they share the strands' shadows by speed (and with `Settings.raster` "samples" what is seen),
-    and the picture is the same.  ``outputs``: names of pictures to return as {name: array} instead: "color" as above,
+    and the picture is the same. ``outputs``: names of pictures to return as {name: array} instead: "color" as above,
     "depth" float32 [h, w] (distance along the view axis, inf where nothing is), "id" int32 [h, w] (strand, -1 nothing,
-    -2 body, -3 shells), "tangent" and "normal" float32 [h, w, 3], "uv" float32 [h, w, 2], "coverage" float32 [h, w].
-    All but color and coverage tell of what fills most of a pixel, with raster "samples" of its nearest sample.  Of
-    shells they tell where half of the light from behind is gone; coverage is what color's alpha is before any blur.
+    -2 body, -3 shells, -4 ground), "tangent" and "normal" float32 [h, w, 3], "uv" float32 [h, w, 2], "coverage" float32
+    [h, w]. All but color and coverage tell of what fills most of a pixel, with raster "samples" of its nearest sample.
+    Of shells they tell where half of the light from behind is gone; coverage is what color's alpha is before any blur:
+    so of a ground it is its shadow, and of a holdout nothing, while the others tell of these as if they were opaque.
     Raises `clfur.Error` for an unknown device or output, and for a picture that the device cannot hold.
     """
     frame = draw(scene, device, settings, ("color",) if outputs is None else outputs)

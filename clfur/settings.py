@@ -9,6 +9,7 @@ from .scene import checks
 
 RASTERS = ("coverage", "samples")
 CHOSEN = ("samples", "raster", "shadows", "grid", "shadow_map", "pcf", "lod")   # by `Settings.max_error` and seconds
+SCATTERING = ("off", "grid")
 SHADOWS = ("off", "binary", "count", "trilinear", "length")
 
 
@@ -41,6 +42,9 @@ class Settings:
     map, 0 for none.  pcf: radius in texels over which its comparisons are averaged (the report's equation 8).
     masks: 0 or 4; 4: strands hide each other in 4x4 parts of a pixel by the area that they have in each, else as if
     they lay at random in it; with raster "coverage" alone.
+    scattering: "grid" follows light from hair to hair, where all strands have the look `clfur.Chiang`, in cells of the
+    world; lights leave out the flat ambient that they have by default, which stands for that light.  For raster
+    "coverage"; not where max_error or seconds choose.
     lod: pixels, 0 to 4; strands that are thinner are drawn as fewer and wider ones, at least 1/8 of them, and points
     within lod/4 pixels of a straight line are left out; 0: all there is.
     filtered: whether the pattern of shell fur is averaged over the pixel.  blur: where the report's Gaussian is laid
@@ -61,6 +65,7 @@ class Settings:
     pcf: int = checks.field(checks.whole(0, 16), default=1)
     specular: str | None = checks.field(checks.optional(checks.choice("kajiya-kay", "half-vector")), default=None)
     masks: int = checks.field(_masks, default=0)
+    scattering: str = checks.field(checks.choice(*SCATTERING), default="off")
     lod: float = checks.field(checks.real(low=0, high=4), default=0.0)
     filtered: bool = checks.field(checks.flag, default=True)
     blur: str = checks.field(checks.choice("off", "all", "edges"), default="off")
@@ -74,6 +79,10 @@ class Settings:
         if self.specular is not None:
             warnings.warn(f"Settings.specular goes away: give hair look=clfur.Kajiya(highlight={self.specular!r})",
                           DeprecationWarning, stacklevel=3)
+        if self.scattering != "off" and (self.goal or self.raster != "coverage"):
+            field = self.goal or "raster"
+            raise Error(f"Settings.scattering is {self.scattering!r}, but Settings.{field} is "
+                        f"{getattr(self, field)!r}; allowed: 'off', or raster 'coverage' without max_error and seconds")
         if goal := self.goal:
             for field in attrs.fields(Settings):
                 if field.name in CHOSEN and getattr(self, field.name) != field.default:

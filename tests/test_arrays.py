@@ -186,9 +186,9 @@ def test_the_plan_counts_all_of_segments(gpu, mesh):
     def make():
         visible = raster(gpu, view)
         tiles = coverage.bound(gpu, view, visible)
-        coverage.count(gpu, view, grown, tiles, 9)
+        coverage.count(gpu, view, grown, tiles)
         segments = coverage.allocate(gpu, tiles.counts.get(), int(tiles.survivors.get()[0]))
-        coverage.fill(gpu, view, grown, tiles, segments, 9)
+        coverage.fill(gpu, view, grown, tiles, segments)
         lit = strand_light.radiance(gpu, view, unshadowed(gpu, np.zeros((), layout.Light)), grown, None, segments.ids)
         image = shade.IMAGE.empty(gpu, (152, 200))
         covered = coverage.nothing(gpu, visible)

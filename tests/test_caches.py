@@ -178,6 +178,28 @@ def test_folders_of_killed_processes_are_removed(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [tmp_path / "clfur-others"]
 
 
+@pytest.mark.skipif(caches.fcntl is None, reason="files have no locks here, so nothing is removed")
+def test_what_others_call_clfur_stays(tmp_path, monkeypatch):
+    """A folder with a file of another kind that is called lock, a link to one, and a folder whose lock is a link."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(caches, "YOUNG", -1)
+    ours = tmp_path / "elsewhere"
+    for folder in tmp_path / "clfur-work", tmp_path / "clfur-linked", ours:
+        folder.mkdir()
+    (tmp_path / "clfur-work" / "lock").write_bytes(caches.OURS + b"and more")
+    (ours / "lock").write_bytes(caches.OURS)
+    (tmp_path / "clfur-linked" / "lock").symlink_to(ours / "lock")
+    (tmp_path / "clfur-link").symlink_to(ours)
+    before = sorted(tmp_path.rglob("*"))
+    with caches.temporary():
+        pass
+    assert sorted(tmp_path.rglob("*")) == before
+    ours.rename(tmp_path / "clfur-ours")
+    with caches.temporary():
+        pass
+    assert not (tmp_path / "clfur-ours").exists() and (tmp_path / "clfur-work").exists()
+
+
 def test_without_locks_folders_of_others_stay(tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     (tmp_path / "clfur-old").mkdir()

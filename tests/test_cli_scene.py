@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.command import wrong
 
-from clfur import PRESETS, Chiang, Curves, Error, Kajiya, Settings, Shells, Strands, load_mesh
+from clfur import PRESETS, Chiang, Curves, Error, Kajiya, Settings, Shells, Strands, load_mesh, save
 from clfur.command import options as cli_scene
 
 
@@ -39,6 +39,15 @@ def test_strands_are_never_wider_than_a_tenth_of_their_length(length, width):
     """Both of the mesh's radius: else fur on a ground that is large covers all of the picture."""
     hair, = load("teapot", "--length", length * radius())[0].strands.types
     assert hair.width == pytest.approx(width * radius())
+
+
+def test_a_body_and_a_ground():
+    scene, _ = load("teapot")
+    assert (scene.body, scene.ground) == ("drawn", None)
+    scene, _ = load("teapot", "--body", "holdout", "--ground", "lowest")
+    assert scene.body == "holdout" and scene.ground.height is None and scene.ground.color is None
+    assert load("teapot", "--ground", 0)[0].ground.height == 0
+    assert load("teapot", "--ground", -1.5)[0].ground.height == -1.5
 
 
 def test_shells():
@@ -116,7 +125,7 @@ def test_preset():
 
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
            "--types": "a.json", "--curl": "0,0", "--look": "chiang", "--wave": "0,0", "--raster": "samples",
-           "--lod": 0.5}
+           "--lod": 0.5, "--scattering": "off", "--sky": "1,1,1"}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 1, "--noise": "0.5,8",
           "--wind": "0,0,0", "--time": 0, "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
@@ -124,7 +133,8 @@ SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "
           "--target": "0,0,0", "--fov": 30, "--light": "0,-1,0", "--shadows": "off", "--grid": 16, "--samples": 1,
           "--shadow-map": 64, "--pcf": 0,
           "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
-          "--preset": "draft", "--rest": "sphere"}
+          "--preset": "draft", "--rest": "sphere", "--body": "holdout", "--body-color": "1,0,0", "--body-texture": "",
+          "--ground": -1.5}
 
 
 def test_each_option_is_of_strands_or_of_shells_or_of_both():
@@ -133,10 +143,11 @@ def test_each_option_is_of_strands_or_of_shells_or_of_both():
     for fur in ("strands", "shells"):
         alone = {"strands": STRANDS, "shells": SHELLS}[fur]
         for flag, value in ({**alone, **SHARED, "--fur": fur}).items():
-            if flag not in ("--type-map", "--types"):
+            if flag not in ("--type-map", "--types", "--body-texture"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
-    del everything["--type-map"], everything["--types"]
+    for flag in "--type-map", "--types", "--body-texture", "--sky":   # a sky shines on strands alone
+        del everything[flag]
     load("sphere", *(part for option in everything.items() for part in option))
 
 
@@ -251,6 +262,33 @@ def test_looks(tmp_path, monkeypatch):
         load("sphere", "--types", "types.json")
 
 
+def test_skies(tmp_path):
+    """One colour, three, or a picture; sRGB and linear; none without the option."""
+    def sky(*given):
+        environment = load("sphere", *given)[0].environment
+        return environment and environment.sky.tolist()
+    assert sky() is None
+    assert sky("--sky", "1,2.5,0") == [1, 2.5, 0] and sky("--sky", "#ffffff") == [1, 1, 1]
+    assert sky("--sky", "#ffffff:.5,.5,.5:0,0,1e3") == [[1, 1, 1], [.5, .5, .5], [0, 0, 1000]]
+    picture = np.full((2, 4, 3), .25, np.float32)
+    save(tmp_path / "a.exr", picture)
+    assert sky("--sky", tmp_path / "a.exr") == picture.tolist()
+    save(tmp_path / "a.png", picture)
+    np.testing.assert_allclose(sky("--sky", tmp_path / "a.png"), picture, atol=.003)   # sRGB of 8 bits
+
+
+@pytest.mark.parametrize("text, words", [
+    ("1,1", "'1,1' is neither a colour"), ("1,1,1:0,0,0", "nor ZENITH:HORIZON:GROUND of three"), ("-1,0,0", "neither"),
+    ("#12", "neither"), ("none.hdr", "none.hdr: no such file"), ("a.txt", "a.txt: cannot be read as a picture"),
+    ("nan.exr", "nan.exr: Environment.sky is nan at [0, 1, 2]")])
+def test_skies_that_are_none(clfur, tmp_path, text, words):
+    (tmp_path / "a.txt").write_text("sky")
+    picture = np.ones((2, 4, 3), np.float32)
+    picture[0, 1, 2] = np.nan
+    save(tmp_path / "nan.exr", picture)
+    wrong(clfur("render", "sphere", "--sky", text, "-o", "a.png"), words)
+
+
 @pytest.mark.parametrize("text, words", [
     ("phong", "look 'phong' is of no kind; allowed: kajiya or chiang"),
     ("chiang:roughness=1", "look chiang has no 'roughness'; allowed: longitudinal_roughness"),
@@ -258,3 +296,17 @@ def test_looks(tmp_path, monkeypatch):
     ("chiang:tilt=1/2", "Chiang.tilt is [1.0, 2.0]")])
 def test_looks_that_are_none(clfur, text, words):
     wrong(clfur("render", "sphere", "--look", text, "-o", "a.png"), words)
+
+
+def test_lights_of_the_command():
+    def lights(*texts):
+        return load("sphere", *(part for text in texts for part in ("--light", text)))[0].lights
+    sun, = lights("0,-2,0")
+    assert sun.direction.tolist() == [0, -1, 0] and (sun.ambient, sun.size, sun.shadows) == (.1, 0, True)
+    sun, point, spot = lights("sun direction=0,0,-1 size=0.5", "point position=9,8,7 color=#ffffff intensity=2",
+                              "spot position=1,2,3 direction=0,-1,0 angle=40 shadows=off ambient=.2 color=3,2,1")
+    assert (sun.size, sun.ambient, sun.position) == (.5, .1, None)
+    assert point.everywhere and point.position.tolist() == [9, 8, 7] and point.strength.tolist() == [2, 2, 2]
+    assert (point.ambient, spot.ambient, spot.angle, spot.shadows) == (0, .2, 40, False)
+    assert spot.color.tolist() == [3, 2, 1]
+    assert len(lights()) == 1 and np.allclose(lights()[0].direction, np.array([1, -1, -.6]) / np.sqrt(2.36))

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from support.coverage import NONE, counted, pieces_of, wild
+from support.plans import recorded
 from support.stages import strands_on
 from support.views import flat, pack, perspective
 
@@ -93,13 +94,13 @@ def test_slabs_of_depth_give_the_bits_of_all_at_once(gpu, n):
     whole, total = coverage.nothing(gpu, visible), int(tiles.counts.get()[0])
     coverage.cover(gpu, view, visible, segments, whole, window=tile)
     reaches, taken = coverage.REACH.empty(gpu, total), gpu.full(1, np.uint32, 0)
-    coverage.reach(gpu, view, strands, tiles, reaches, taken, 5, tile)
+    coverage.reach(gpu, view, strands, tiles, reaches, taken, tile)
     assert int(taken.get()[0]) == total > n // 4
     slabs = coverage.slabs_of(reaches.get(), total * 2 // 3)
     parts, kept, counts = coverage.nothing(gpu, visible), coverage.KEPT.empty(gpu, coverage.OF_KEPT), np.zeros(4, int)
     for slab, counts[0] in slabs:
         segments = coverage.allocate(gpu, counts, counts[0])
-        coverage.fill(gpu, view, strands, tiles, segments, 5, tile, slab)
+        coverage.fill(gpu, view, strands, tiles, segments, tile, slab)
         assert int(segments.survivors.get()[0]) == counts[0] < total
         unfinished = coverage.cover(gpu, view, visible, segments, parts, window=tile, slab=slab, kept=kept).get()[0]
         assert slab[1] == coverage.EVERY[1] or 0 < unfinished <= TILE**2
@@ -224,25 +225,38 @@ def test_the_body_bounds_what_is_gathered(gpu):
 
 
 @pytest.mark.parametrize("n", [pytest.param(12, marks=pytest.mark.small), 300])
-def test_windows_list_what_shows_there(gpu, monkeypatch, n):
-    """Where strands are known to show elsewhere, and where they are not; some show nowhere."""
-    view, (points, spans) = perspective(45, 37, 1, eye=(0, .4, 3.2)), pack(wild(n, 3))
-    points[:len(points) // 4, :3] += (0, 0, 9)   # behind the eye
-    strands, visible = strands_on(gpu, points, spans), gpu.upload(np.full((37, 45, 1), NONE))
-    plain, known = coverage.bound(gpu, view, visible), coverage.bound(gpu, view, visible, n)
-    longest = int(spans[:, 1].max())
-    coverage.count(gpu, view, strands, plain, longest)
-    monkeypatch.setattr(coverage, "_stretches", lambda _, most: [(k, k + 2) for k in range(0, most, 2)])
-    coverage.count(gpu, view, strands, known, longest)
-    counts, shown = plain.counts.get(), known.shown.get()
-    np.testing.assert_array_equal(counts, known.counts.get())
+def test_windows_list_what_shows_there(gpu, another, n):
+    """Where strands are known to show elsewhere, where they are not, and where a driver ends long loops, so that they
+    come to a stop; some show nowhere, one everywhere."""
+    view, wide = perspective(45, 37, 1, eye=(0, .4, 3.2)), np.array([[-2, 0, .1, 3], [-1, .1, 0, 3], [2, .2, 0, 3]])
+    points, spans = pack([*wild(n, 3), wide])
+    points[:5 * (n // 4), :3] += (0, 0, 9)   # behind the eye
+    limited, all_of = another(lanes=1, hinted=1, steps=16), []
+    launched = recorded(limited)
+    for one, known in (gpu, 0), (gpu, n + 1), (limited, n + 1):
+        strands, visible = strands_on(one, points, spans), one.upload(np.full((37, 45, 1), NONE))
+        tiles = coverage.bound(one, view, visible, known)
+        coverage.count(one, view, strands, tiles)
+        all_of.append((one, strands, tiles))
+    counts, shown = all_of[0][2].counts.get(), all_of[1][2].shown.get()
+    for _, _, tiles in all_of[1:]:
+        np.testing.assert_array_equal(counts, tiles.counts.get())
+        np.testing.assert_array_equal(shown, tiles.shown.get())
+        assert tiles.survivors.get() == all_of[0][2].survivors.get()
     assert not (shown[:n // 5] >> 16).any() and (shown >> 16).max() == 5 and len(set(shown.tolist())) > 3
     for window in (0, 1), (3, 11), (17, 30), coverage.EVERY:
-        within, found = counts.copy(), []
+        within, found, reached = counts.copy(), [], []
         within[:window[0]] = within[window[1]:] = 0
-        for tiles in plain, known:
-            segments = coverage.allocate(gpu, within, int(within.sum()))
-            coverage.fill(gpu, view, strands, tiles, segments, longest, window)
+        for one, strands, tiles in all_of:
+            segments = coverage.allocate(one, within, int(within.sum()))
+            coverage.fill(one, view, strands, tiles, segments, window)
             n_ids = int(segments.survivors.get()[0])
             found.append(listed(SimpleNamespace(**{**vars(segments), "ids": segments.ids[:n_ids]})))
-        assert found[0] == found[1] and len(found[0]) == within.sum()
+            reaches, taken = coverage.REACH.empty(one, n_ids), one.full(1, np.uint32, 0)
+            coverage.reach(one, view, strands, tiles, reaches, taken, window)
+            reached.append(np.sort(reaches.get().view(np.uint64), 0))
+        for other in reached[1:]:
+            np.testing.assert_array_equal(reached[0], other)
+        assert found[0] == found[1] == found[2] and len(found[0]) == within.sum()
+    for kernel, once in ("count", 1), ("fill", 4), ("reach", 4):
+        assert launched.count(f"coverage.{kernel}") > once, kernel

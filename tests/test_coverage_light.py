@@ -44,9 +44,13 @@ def test_light_is_the_twins(gpu, kind, form, n, shadowed, lights):
     number = np.empty(len(strands.points), int)
     number[segments.ids.get() & 0x7FFFFFFF] = np.arange(len(segments.ids))
     places, number = lit.places.get(), number[pieces["id"]]
-    sent = lights_twin.sent(view, lights, pieces["id"], pieces["at"], on_host(strands), transmittances)
-    few = places[number, 0] >> np.uint64(63) == 0    # the others are lit by piece
-    sent[few] = lights_twin.between(places, number[few], pieces["at"][few])
+    sent = np.zeros((len(number), 3))
+    for n, light in enumerate(lights):
+        one, its = lights_twin.sent(view, [light], pieces["id"], pieces["at"], on_host(strands),
+                                    transmittances[n:n + 1] if shadowed else None), places[n::len(lights)]
+        few = its[number, 0] >> np.uint64(63) == 0   # the others are lit by piece
+        one[few] = lights_twin.between(its, number[few], pieces["at"][few])
+        sent += one
     meant = np.zeros(image.shape)
     for pixel in np.unique(pieces["pixel"]):
         y, x = divmod(int(pixel), image.shape[1])

@@ -112,7 +112,7 @@ def test_bands_are_as_large_as_fits(gpu, seed):
     counts = rng.integers(0, 10 ** rng.integers(1, 5), (12, 8)) * (rng.random((12, 8)) < .7)
     survivors = int(counts.sum() * rng.random())
     for memory in 2_000_000, 8_000_000, 64_000_000:
-        device = SimpleNamespace(name="made up", memory=memory, largest=memory // 2, allowed=NO_LIMIT)
+        device = SimpleNamespace(name="made up", memory=memory, largest=memory // 2, allowed=NO_LIMIT, steps=None)
         try:
             cut = plan.cut_counted(device, counts, survivors)
         except clfur.Error:
@@ -232,7 +232,7 @@ def test_parts_make_room_for_a_row_of_many_pieces(gpu, monkeypatch, sphere):
 def test_entries_beyond_32_bits_are_not_listed(monkeypatch):
     """A device that holds more than 64 GiB of them would take their numbers for others."""
     plan, large = plan_of(dense((2, 32), 5), OFF), SimpleNamespace(
-        name="large", memory=1 << 50, largest=1 << 50, allowed=NO_LIMIT)
+        name="large", memory=1 << 50, largest=1 << 50, allowed=NO_LIMIT, steps=None)
     monkeypatch.setattr("clfur.pipeline.plan.LISTS", 1 << 60)
     counts = np.full((4, 1), 2**31 - 1)
     cut = plan.cut_counted(large, counts, 9)

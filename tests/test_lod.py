@@ -8,6 +8,7 @@ import attrs
 import numpy as np
 import pytest
 from support.devices import DEVICES
+from support.plans import recorded
 
 import clfur
 from clfur import layout
@@ -130,6 +131,18 @@ def test_twin(gpu, sphere, kind, lod):
     checked = check_twin(gpu, grown, view, lod, seed, kind == "wild by place")
     assert (checked[:, 1] < checked[:, 0]).any()
     assert (checked[:, 2] > 1).any() and (checked[checked[:, 0] > 0, 2] == 0).any()
+
+
+@pytest.mark.parametrize("by_place", [False, True])
+def test_strands_where_a_driver_ends_long_loops(gpu, another, by_place):
+    """They go on in another launch: the same bits."""
+    fur, thinned = wild(80, 60, per_point=True), []
+    limited = another(lanes=1, hinted=1, steps=500)
+    launched = recorded(limited)
+    for one in gpu, limited:
+        result = thin(one, upload_curves(one, fur), near_view(), 1, 0, by_place)
+        thinned.append([result.spans.get().tolist(), *((a.tobytes(), b.tobytes()) for a, b in strands_of(result))])
+    assert thinned[0] == thinned[1] and launched.count("lod.thin") > 3
 
 
 # --- fewer and wider ------------------------------------------------------------------------------------

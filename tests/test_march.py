@@ -96,6 +96,8 @@ CASES = {
     "cells, two lights": ("ball", FUR, {"light": [LIGHT, SPOT]}),
     "sine, turned, two lights": ("ball", SINE | {"shading": "turned"}, {"light": [SPOT, LIGHT]}),
     "sine": ("ball", SINE, {}),
+    "sine, very thin, nearly far": ("ball", SINE | {"density": 0.11, "frequency": 16.0}, {}),
+    "cells, very thin, nearly far": ("ball", FUR | {"density": 0.11, "frequency": 9.0}, {}),
     "sine, unfiltered, 4 samples": ("ball", SINE, {"filtered": False, "samples": 4}),
     "sine, bent, turned": ("ball", SINE | BENT | {"shading": "turned"}, {}),
     "sine, thin, no noise": ("ball", SINE | {"density": 0.5, "noise": (0, 8)}, {}),

@@ -307,6 +307,7 @@ def test_colors_come_back_and_keep_their_order(coded):
 @QUIET
 @given(arrays.arrays(np.float32, st.tuples(st.integers(1, 5), st.integers(1, 5), st.sampled_from([3, 4])),
                      elements=st.floats(width=32)))
+@example(np.array([[[5e9, -5e9, 1, 1e-29]]], np.float32))
 def test_any_picture_can_be_saved(image):
     """Infinities, NaN, negative light and alphas beyond 1 among them."""
     from imageio.v3 import imread

@@ -158,6 +158,49 @@ def test_thin_strands_of_any_length_slope_and_depth(gpu, fallback, samples):
     np.testing.assert_array_equal(draw(fallback, view, list(strands)), drawn)
 
 
+@pytest.mark.parametrize("int64_atomics", [True, False])
+@pytest.mark.parametrize("samples", [pytest.param(1, marks=pytest.mark.small), 4])
+def test_strands_where_a_driver_ends_long_loops(gpu, another, samples, int64_atomics):
+    """Some as wide as the picture, some of many points: what takes too many steps is drawn in launches of its own."""
+    rng = np.random.default_rng(9)
+    strands = random_strands(4, 60, pixel=1 / 20)
+    strands.append(np.column_stack([rng.uniform(-1, 1, (300, 3)), np.full(300, .01)]))
+    strands.append(np.array([[-3, 0, .1, 3], [3, .2, -.1, 1]]))
+    view = perspective(61, 47, samples)
+    limited = another(lanes=1, hinted=1, steps=1000, int64_atomics=int64_atomics and gpu.int64_atomics)
+    launched, launch = [], limited.launch
+    limited.launch = lambda name, *size, **arguments: launched.append(name) or launch(name, *size, **arguments)
+    np.testing.assert_array_equal(draw(limited, view, strands), judged(gpu, view, strands))
+    assert launched.count("raster.lines") > 2 and "raster.line_pieces" in launched
+
+
+@pytest.mark.parametrize("int64_atomics", [True, False])
+@pytest.mark.parametrize("facing", [pytest.param(False, marks=pytest.mark.small), True])
+def test_triangles_where_a_driver_ends_long_loops(gpu, another, facing, int64_atomics):
+    """Large ones and those that are clipped are drawn window by window."""
+    rng = np.random.default_rng(10)
+    corners = rng.uniform(-1, 1, (90, 1, 3)) + rng.normal(size=(90, 3, 3)) * 10.0 ** rng.uniform(-2, 1, (90, 1, 1))
+    view, body = perspective(61, 47, 4), surface(corners.reshape(-1, 3), np.arange(270).reshape(-1, 3))
+    limited = another(lanes=1, hinted=1, steps=2000, int64_atomics=int64_atomics and gpu.int64_atomics)
+    after = np.full((47, 61, 4), DEPTH_ONE // 3, np.uint32) if facing else None
+    drawn, cut = (raster(one, view, None, body_on(one, *body), after=one.upload(after) if facing else None).get()
+                  for one in (gpu, limited))
+    np.testing.assert_array_equal(cut, drawn)
+    if not facing:
+        np.testing.assert_array_equal(cut, twin.raster(view, *pack(()), *body))
+
+
+@pytest.mark.parametrize("samples", [1, 16])
+def test_a_strand_that_fills_the_picture(gpu, samples):
+    """More samples than llvmpipe's loops take steps, flat, steep and in many pieces; nothing may be missing."""
+    for way in ((400, 0), (0, 400), (300, 200)):
+        ends = np.array([320, 240]) + np.outer(np.linspace(-3, 3, 7), way)
+        strand = np.column_stack([ends, np.full(7, .5), np.full(7, 3000)])
+        assert covered(draw(gpu, flat(640, 480, samples), [strand])).all(), way
+    zigzag = np.column_stack([np.arange(2000) % 2 * 600 + 20, np.full(2000, 100.5), np.full(2000, .5), np.ones(2000)])
+    assert covered(draw(gpu, flat(640, 200, samples), [zigzag]))[100, 30:610].all()
+
+
 @pytest.mark.parametrize("facing", [False, True])
 def test_triangles_of_any_size_in_one_group(gpu, fallback, facing):
     """Those that are drawn side by side and those that are too large for that, those that nothing is left of, and some
@@ -630,8 +673,9 @@ def test_a_tapering_strand_tapers_within_its_segment(gpu):
     np.testing.assert_allclose(wide[10:300], 40 * (1 - (np.arange(10, 300) - 9.5) / 300), rtol=0, atol=1)
 
 
-@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("samples", [1, 16])
 def test_a_triangle_that_fills_the_picture(gpu, samples):
-    """More samples than some drivers let one loop visit; nothing may be missing."""
-    body = surface([[-700, -10, .5], [2000, -10, .5], [-700, 2000, .5]], [[0, 1, 2]])
-    assert covered(draw(gpu, flat(640, 480, samples), body=body)).all()
+    """More samples than some drivers let one loop visit; nothing may be missing, nor of one that is clipped."""
+    for size in 1, 1000:
+        body = surface(np.array([[-700, -10, .5], [2000, -10, .5], [-700, 2000, .5]]) * [size, size, 1], [[0, 1, 2]])
+        assert covered(draw(gpu, flat(640, 480, samples), body=body)).all()

@@ -221,7 +221,8 @@ def test_arrays_of_another_shape_cannot_be_swapped(gpu, sphere):
     strands = grow(gpu, tessellate(gpu, sphere), Strands())
     view = view_of(Scene(sphere), 1)
     right = raster(gpu, view, strands).get()
-    given = {"view": view, "first": 0, "phase": 0, "strands": len(strands.spans),
+    given = {"view": view, "first": 0, "phase": 0, "strands": len(strands.spans), "stretch": (0, 99),
+             "steps": 2**32 - 1, "room": 0, "n_left": gpu.full(1, np.uint32, 0), "left": gpu.empty((0, 2), np.uint32),
              **arrays(strands, "points", "spans", "shifts")}
     visible = gpu.full(right.shape, np.uint64, NONE)
     if gpu.int64_atomics:

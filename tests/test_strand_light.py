@@ -38,7 +38,8 @@ def obstacles_of(lighting):
     (500, clfur.Settings(grid=32, shadow_map=64, pcf=2)),
     (500, clfur.Settings(shadows="count", grid=16, shadow_map=32)),
     (500, clfur.Settings(grid=48, shadow_map=0))])
-@pytest.mark.parametrize("lights", [[LIGHT], [SPOT, LIGHT]], ids=["far", "both"])
+@pytest.mark.parametrize("lights", [[LIGHT], [SPOT, LIGHT], [
+    attrs.evolve(SPOT, size=.2), attrs.evolve(LIGHT, size=30)]], ids=["far", "both", "discs"])
 def test_transmittances_are_the_twins(gpu, n, settings, lights):
     """All but where rounding takes a place into the next texel, or a texel from one side of the plane to the other: of
     100 places one at most.  Sums of crossings in float32: 3e-6 of a transmittance."""
@@ -47,7 +48,8 @@ def test_transmittances_are_the_twins(gpu, n, settings, lights):
     lighting = cast_shadows(gpu, scene, settings, strands, tessellate(gpu, scene.mesh))
     there = strand_light.transmittance(gpu, strands, lighting).get()
     meant = twin.transmittance(on_host(lighting).lights, on_host(strands), *obstacles_of(lighting))
-    assert (np.abs(there - meant) > 3e-6).mean() < .01
+    off = (np.abs(there - meant) > 3e-6).mean()
+    assert off < (.01 if not lights[0].size else .03)   # of discs 128 texels are asked for, not 9
     assert there.shape == (len(lights), len(strands.points)) and ((meant > 0) & (meant < .9)).any()
 
 
@@ -68,16 +70,21 @@ def test_places_are_the_twins(gpu, kind, form, n, shadowed, lights, listed):
     lit = strand_light.radiance(gpu, view, unshadowed(gpu, *lights), strands,
                                 gpu.upload(transmittances) if shadowed else None,
                                 gpu.upload(k.astype(np.uint32)) if listed else None)
-    places = lit.places.get()
-    number = np.arange(len(k)) if listed else k
-    of = functools.partial(twin.sent, view, lights, strands=there, transmittances=transmittances)
-    few = places[number, 0] >> np.uint64(63) == 0
-    assert len(lit.more) == (~few).sum() and (few.any() or kind != "grown") and not few.all()
-    for j in range(5):
-        at = np.full(few.sum(), j / 4)
-        np.testing.assert_allclose(twin.between(places, number[few], at), of(k[few], at), rtol=2e-4, atol=5e-5)
-    rows = np.sort(places[number[~few], 0] & np.uint64(2**63 - 1))
-    np.testing.assert_array_equal(rows, np.arange(len(rows)))
+    number, least = np.arange(len(k)) if listed else k, np.uint64(2**63)
+    every = lit.places.get().reshape(-1, len(lights), 5)[number]
+    few = every[:, :, 0] < least
+    assert len(lit.more) == (~few.all(1)).sum() and (few.any() or kind != "grown") and not few.all()
+    for n, light in enumerate(lights):
+        one, places = few[:, n], every[few[:, n], n]
+        of = functools.partial(twin.sent, view, [light], strands=there,
+                               transmittances=transmittances[n:n + 1] if shadowed else None)
+        for j in range(5):
+            at = np.full(len(places), j / 4)
+            np.testing.assert_allclose(twin.between(places, np.arange(len(at)), at), of(k[one], at), rtol=2e-4,
+                                       atol=5e-5)
+    rows = np.where(few, least - np.uint64(1), every[:, :, 0] - least)   # of a segment the same for all lights
+    rows = [set(row[~known]) for row, known in zip(rows, few) if not known.all()]
+    assert {len(row) for row in rows} <= {1} and set().union(*rows) == set(range(len(rows)))
 
 
 def fur_of(**keys):
@@ -120,8 +127,12 @@ def test_few_places_are_enough_where_there_are_no_more(gpu, name):
     k = np.concatenate([first + np.arange(max(int(count) - 1, 0)) for first, count in there.spans]).astype(int)
     k = np.repeat(k, 9)
     at, places = rng.random(len(k)), strand_light.radiance(gpu, view, unshadowed(gpu, *lights), strands).places.get()
-    few, meant = places[k, 0] >> np.uint64(63) == 0, twin.sent(view, lights, k, at, there)
-    found = np.where(few[:, None], twin.between(np.where(few[:, None], places[k], 0), np.arange(len(k)), at), meant)
+    places, found, meant = places.reshape(-1, len(lights), 5)[k], 0, twin.sent(view, lights, k, at, there)
+    few = places[:, :, 0] >> np.uint64(63) == 0
+    for n, light in enumerate(lights):
+        one = few[:, n, None]
+        found = found + np.where(one, twin.between(np.where(one, places[:, n], 0), np.arange(len(k)), at),
+                                 twin.sent(view, [light], k, at, there))
     off = linear_to_srgb(np.clip(found, 0, 1)) - linear_to_srgb(np.clip(meant, 0, 1))
     assert np.sqrt((off**2).mean()) < .002 and np.abs(off.mean()) < 4e-4 and meant.max() > .05
     assert few.any() or name in ("curls", "2 bent", "very narrow")

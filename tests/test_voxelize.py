@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.plans import recorded
 from support.stages import strands_on
 
 import clfur
@@ -166,9 +167,9 @@ def test_neither_order_nor_groups_nor_runs_change_a_count(gpu, method):
     for group in (1, 7, 30):
         again, there = gpu.full(cells.shape, np.uint32, 0), strands_on(gpu, points, spans, kinds)
         kernel = gpu._kernels["voxelize.lengths" if method == "length" else "voxelize.fragments"]
-        given = {"grid": grid, "weights": gpu.upload(WEIGHTS), "cells": again,
+        given = {"grid": grid, "stretch": (0, 2**32 - 1), "weights": gpu.upload(WEIGHTS), "cells": again,
                  **arrays(there, "points", "spans", "strand_uv")}
-        given |= {} if method == "length" else {"method": METHODS.index(method)}
+        given |= {"rests": gpu.empty(0, np.float32)} if method == "length" else {"method": METHODS.index(method)}
         kernel.run(gpu.queue, (-(-len(spans) // group) * group,), (group,), 0, len(spans), *kernel.bind(given))
         np.testing.assert_array_equal(cells, again.get())
 
@@ -421,6 +422,23 @@ def test_hair_beside_the_lamp_adds_nothing_elsewhere(gpu, near):
     for method, (total, most, _) in sums_and_bounds(gpu, scene, upload_curves(gpu, curves), 64).items():
         assert total <= most, method
         assert total < 64, method                # the grid's diagonal; measured 24 crossings of the one strand at most
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_strands_where_a_driver_ends_long_loops(gpu, another, method):
+    """A stretch of them in each launch: the same cells, with what rounding leaves from one to the next."""
+    strands, grid = random_strands(11, -3, 40, 9, 30, 40), plain_grid((16, 32, 48))
+    limited = another(lanes=1, hinted=1, steps=2000)
+    launched = recorded(limited)
+    cells = counted(limited, grid, strands, method)
+    np.testing.assert_array_equal(cells, counted(gpu, grid, strands, method))
+    assert cells.any() and len(launched) > (9 if method == "length" else 0)
+    totals = []
+    for n in 15_001, 30_001:
+        long = np.column_stack([np.arange(n) % 2 * 15.5 + .2, *[np.full(n, 8.5)] * 2, np.ones(n)]).astype(np.float32)
+        cells = counted(gpu, grid, (long, np.array([[0, n]]), np.zeros(1, int)), method, np.full(4, 500, np.uint32))
+        totals.append(cells.sum(dtype=np.uint64))
+    assert totals[0] > 0 and (method == "binary" or totals[1] == pytest.approx(2 * int(totals[0]), rel=1e-6))
 
 
 def test_a_million_strands_in_one_column(gpu):

@@ -107,6 +107,7 @@ SPOT = clfur.Light(direction=(-.5, -.6, -2), position=(.6, .7, 2.4), angle=24, a
 SHINY = clfur.Kajiya(specular=.6, exponent=25)
 REPORTS = clfur.Kajiya(specular=.6, exponent=25, highlight="half-vector")
 BLOND = clfur.Chiang(eumelanin=.2, pheomelanin=.4)
+DARK, SKY = clfur.Light(color=(0, 0, 0)), clfur.Environment([(.4, .8, 2), (1.5, 1.1, .8), (.3, .2, .1)])
 TEXTURE = np.array([(.7, .3, .02), (.02, .1, .6)])[np.indices((6, 12)).sum(0) % 2]
 
 BLOWN = shells(length=.9, frequency=5, density=.4, noise=(0, 8), wind=(2.5, 0, 0), time=.2)
@@ -130,6 +131,7 @@ PICTURES = {
     "highlight": (lambda: scene(grown(types=hair(look=SHINY)), light=(-.3, -1, -.8)), {}),
     "half-vector": (lambda: scene(grown(types=hair(look=REPORTS)), light=(-.3, -1, -.8)), {}),
     "chiang": (lambda: scene(grown(types=hair(look=BLOND)), light=(-.6, -.7, .6)), {}),
+    "sky": (lambda: scene(grown(types=hair(color=(.8, .8, .8))), light=DARK, environment=SKY), {}),
     "no-shadows": (lambda: scene(grown()), {"shadows": "off"}),
     "lod": (lambda: scene(grown(), eye=(1.2, 1.35, 3.9)), {"lod": 4}),
     "blur-edges": (lambda: scene(grown()), {"blur": "edges", "blur_sigma": 1.5}),

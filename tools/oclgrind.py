@@ -42,7 +42,7 @@ PLANTED = [
     ("cells.h", "atomic_add(&cells[((size_t)z * grid->size.y + y) * grid->size.x + x], amount);",
      "cells[((size_t)z * grid->size.y + y) * grid->size.x + x] += amount;",
      "Read-write data race at global memory", "cells.h", "x] += amount;"),
-    ("voxelize.cl", "lanes weight, left = F(0.5f);", "lanes weight, left;",
+    ("voxelize.cl", "lanes weight, left = F(before);", "lanes weight, left;",
      "Controlflow depends on uninitialized value", "lanes.h", "    return r > x ? r - 1.0f : r;"),
 ]
 

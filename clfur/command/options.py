@@ -13,11 +13,24 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
-from .. import PRESETS, Camera, Error, HairType, Light, Scene, Settings, Shells, Strands, load_mesh
+from .. import (
+    PRESETS,
+    Camera,
+    Error,
+    Ground,
+    HairType,
+    Material,
+    Scene,
+    Settings,
+    Shells,
+    Strands,
+    load_materials,
+    load_mesh,
+)
 from ..files.images import load_picture
 from ..scene import frame, highlighted
-from ..settings import CHOSEN, RASTERS, SHADOWS
-from .types import Color, Look, Numbers, Roots, Size, from_hex, look_of
+from ..settings import CHOSEN, RASTERS, SCATTERING, SHADOWS
+from .types import Color, Height, LightText, Look, Numbers, Roots, Size, Sky, from_hex, light_of, look_of
 
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
@@ -46,8 +59,23 @@ _SCENE = [
                  help="What it looks at.  [default: the mesh's centre]"),
     click.option("--fov", type=click.FloatRange(1e-3, 179.99), default=45.0, metavar="DEG",
                  help="Vertical field of view."),
-    click.option("--light", type=Numbers(3), default="1,-1,-0.6", metavar="X,Y,Z",
-                 help="The way the light travels."),
+    click.option("--light", "lights", type=LightText(), default=["1,-1,-0.6"], multiple=True, metavar="LIGHT",
+                 help="The way that distant light travels, X,Y,Z; or sun, point or spot and its fields, as 'sun "
+                      "direction=1,-1,-0.6 size=0.5' (degrees across) or 'spot position=2,3,1 direction=-2,-3,-1 "
+                      "angle=40 color=#ffe0c0 intensity=2 size=0.2 shadows=off' (size: a disc's radius).  Again for "
+                      "each further light."),
+    click.option("--sky", type=Sky(), metavar="SKY",
+                 help="Light from all around, hidden by hair and body, instead of the flat ambient: a colour, R,G,B of "
+                      "0 or more each (linear) or '#rrggbb'; ZENITH:HORIZON:GROUND, three of these; or an "
+                      "equirectangular picture, .hdr, .exr, .png.  [default: none]"),
+    click.option("--body-color", type=Color(), metavar="COLOR",
+                 help="Base colour of the body.  [default: a glTF file's own, else 0.3,0.2,0.12]"),
+    click.option("--body-texture", metavar="PICTURE",
+                 help="Picture that is laid on the body by uv; --body-color, if given, multiplies it."),
+    click.option("--body", type=click.Choice(["drawn", "holdout"]), default="drawn",
+                 help="A holdout hides and shades hair, but is not seen itself."),
+    click.option("--ground", type=Height(), metavar="lowest|Y",
+                 help="A level ground at the mesh's lowest point or at a height, of which the shadow alone is drawn."),
     click.option("--rest", metavar="MESH",
                  help="The mesh in rest, of the same faces: lengths go by it, and N roots and the cells of shells stay "
                       "where they are on it in every pose."),
@@ -101,6 +129,8 @@ _SETTINGS = [
                  help="Strands transparent by the area that they cover, or opaque in each sample."),
     click.option("--shadows", type=click.Choice(SHADOWS), default="length",
                  help="How hair shades: by what rays cross, by the report's voxels, or not at all."),
+    click.option("--scattering", type=click.Choice(SCATTERING), default="off",
+                 help="Follow light from hair to hair: grid, for --look chiang."),
     click.option("--grid", type=int, default=96, metavar="N",
                  help="Cells a side of the grid for shadows; a multiple of 16."),
     click.option("--shadow-map", type=int, default=512, metavar="N",
@@ -118,7 +148,7 @@ _SETTINGS = [
 ]
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "look", "type_map", "types", "curl", "wave",
-                     "raster", "lod"),
+                     "raster", "scattering", "lod", "sky"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 
 
@@ -148,7 +178,7 @@ def load_scene(given, options):
     if not is_scene_file(given):
         _check_fur(flags, options)
         _check_blur(flags, settings)
-        return _scene(load_mesh(given), options), settings
+        return _scene(load_mesh(given), options | {"given": given}), settings
     scene, given_settings = _run(given)
     # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
     for name, flag in flags.items():
@@ -236,7 +266,26 @@ def _scene(mesh, options):
         upright = aside > 1e-3 * up
         camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
                         fov=options["fov"], size=options["size"])
-    return Scene(mesh=mesh, fur=fur, camera=camera, light=Light(direction=options["light"]))
+    height = options["ground"]
+    ground = None if height is None else Ground(None if height == "lowest" else height)
+    return Scene(mesh=mesh, fur=fur, camera=camera, light=_lights(options["lights"]), environment=options["sky"],
+                 body=options["body"], ground=ground, **_body_color(options))
+
+
+def _lights(texts):
+    """The `Light`s of texts; ambient light, where a text has none, comes with the first."""
+    return [light_of(text, {"ambient": 0.0} if number else {}) for number, text in enumerate(texts)]
+
+
+def _body_color(options):
+    """{"body_color"} of the options or else of the mesh's file; {} for a scene's own."""
+    color, picture = options["body_color"], options["body_texture"]
+    if picture is not None:
+        return {"body_color": Material(color or (1, 1, 1), load_picture(picture))}
+    if color is not None or options["body"] == "holdout":   # which is not seen
+        return {} if color is None else {"body_color": color}
+    materials = load_materials(options["given"])
+    return {"body_color": materials} if materials else {}
 
 
 def _shells(options, length, radius):
@@ -311,7 +360,7 @@ def _strands(options, length, radius, faces):
 def _type_map(path):
     pixels = load_picture(path)
     if pixels.dtype != np.uint8:
-        raise Error(f"{path}: has 16 bits a channel; allowed in a type map: 8, as the keys of types have")
+        raise Error(f"{path}: has more than 8 bits a channel; allowed in a type map: 8, as the keys of types have")
     return pixels
 
 

@@ -7,12 +7,13 @@ from pathlib import Path
 import attrs
 import click
 
-from .. import Scheduler, draw, save
-from ..files.images import check_writable
+from .. import Scheduler, draw, over, save
+from ..files.images import check_writable, load_picture
 from ..judge.frontier import label
+from ..scene import backdrop
 from .devices import ask_drivers
 from .options import is_scene_file, load_scene, lowered, scene_options, sparse
-from .types import Bytes, Names
+from .types import Backdrop, Bytes, Names
 from .waiting import waiting
 
 TOLD = 0.05   # seconds of building kernels that a summary tells
@@ -25,6 +26,9 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
 @scene_options
 @click.option("--outputs", type=Names(), default="color", metavar="NAMES",
               help="What to save: color, depth, id, tangent, normal, uv, coverage; PNG holds color alone.")
+@click.option("--background", type=Backdrop(), metavar="COLOR|PICTURE",
+              help="What the picture is laid over, which then has no alpha: R,G,B, '#rrggbb' or a picture of the same "
+                   "aspect.")
 @click.option("--max-error", type=click.FloatRange(0, min_open=True), metavar="E",
               help="Choose the cheapest samples, raster, shadows, grid and lod that err by no more, such as 0.05: root "
                    "mean square of sRGB, 0 to 1, against the true picture.")
@@ -37,24 +41,20 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
               help="What arrays may take on the device, such as 2GiB: what does not fit is drawn part by part.  "
                    "[default: three quarters of the device's, or what this process may still take]")
 @click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
-def render(given, output, outputs, device, memory, as_json, **options):
+def render(given, output, outputs, background, device, memory, as_json, **options):
     """Draw MESH with fur and save the picture.
 
     MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.  Or it is a
     Python file (.py) that sets `scene`, a clfur.Scene, and maybe `settings`, a clfur.Settings.
     """
-    output = Path(given).stem + ".png" if output is None else output
-    check_writable(output)
-    output = Path(output)
-    if output.suffix.lower() == ".png" and set(outputs) != {"color"}:
-        raise click.UsageError(f"{output} can hold the output color alone; .exr and .npz hold others")
-    for read in (given, options["type_map"], options["types"], options["rest"]):
-        if read and output.exists() and Path(read).exists() and output.samefile(read):
-            raise click.UsageError(f"{output} is read by this command and would be overwritten: name another with -o")
+    output = Path(Path(given).stem + ".png" if output is None else output)
+    read = [given, *(options[name] for name in ("type_map", "types", "rest", "body_texture"))]
+    _check_files(output, outputs, background, read)
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
     with waiting(f"reading {given}") as tell:
         scene, settings = load_scene(given, options)
+        behind = background and _background(background, scene.camera.size)
         tell("starting OpenCL")
         ask_drivers()
         if memory is not None:
@@ -64,7 +64,8 @@ def render(given, output, outputs, device, memory, as_json, **options):
         if "color" in drawn.images and not drawn.images["color"][..., 3].any():
             warnings.warn("nothing of the scene is to be seen in the picture", stacklevel=2)
         tell(f"saving {output}")
-        save(output, drawn.images)
+        laid = {} if behind is None else {"color": over(drawn.images["color"], behind)}
+        save(output, drawn.images | laid)
 
     skipped = {"degenerate": scene.mesh.degenerate_faces if scene.mesh else 0,
                "zero_normal": scene.mesh.zero_normal_faces if scene.mesh else 0,
@@ -74,7 +75,8 @@ def render(given, output, outputs, device, memory, as_json, **options):
              "inward": bool(scene.mesh and scene.mesh.inward)}
     shells, fewer = scene.shells, "" if is_scene_file(given) else lowered(options, scene.strands)
     if as_json:
-        of_options = {} if is_scene_file(given) else {name: options[name] for name in ("fov", "light", "alpha", "seed")}
+        of_options = {} if is_scene_file(given) else {
+            "light": _told(options["lights"]), **{name: options[name] for name in ("fov", "alpha", "seed")}}
         print(json.dumps({
             "file": str(output), "size": scene.camera.size, "device": drawn.device,
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
@@ -101,3 +103,29 @@ def render(given, output, outputs, device, memory, as_json, **options):
              if wound["one_sided"] else "")
           + ("; the mesh's normals point inwards, and so does its fur" if wound["inward"] else "")
           + (f"; {label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""))
+
+
+def _told(lights):
+    """Lights of the command in JSON: the numbers of one that has no more than a direction, else their texts."""
+    if len(lights) == 1 and lights[0][:1] in "-.0123456789":
+        return [float(part) for part in lights[0].split(",")]
+    return list(lights)
+
+
+def _background(given, size):
+    """What `over` takes, of the option's colour or picture, for a picture of (width, height)."""
+    if isinstance(given, str):
+        return backdrop(load_picture(given), size, f"{given}, the --background,")
+    return backdrop(given, size, "--background")
+
+
+def _check_files(output, outputs, background, read):
+    """Raise what the user got wrong of what is written, before anything is ``read``."""
+    check_writable(output)
+    if output.suffix.lower() == ".png" and set(outputs) != {"color"}:
+        raise click.UsageError(f"{output} can hold the output color alone; .exr and .npz hold others")
+    if background and "color" not in outputs:
+        raise click.UsageError("--background is for the output color, which is not asked for; allowed: with it")
+    for name in [*read, background if isinstance(background, str) else None]:
+        if name and output.exists() and Path(name).exists() and output.samefile(name):
+            raise click.UsageError(f"{output} is read by this command and would be overwritten: name another with -o")

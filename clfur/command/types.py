@@ -1,13 +1,15 @@
 """What the options of the commands take: numbers, sizes, colours, names."""
 
 import re
+from pathlib import Path
 
 import attrs
 import click
 
 from ..color import srgb_to_linear
 from ..errors import Error
-from ..scene import Chiang, Kajiya
+from ..files.images import load_picture
+from ..scene import Chiang, Environment, Kajiya, Light
 
 
 class Numbers(click.ParamType):
@@ -76,6 +78,30 @@ class Color(Numbers):
         return color
 
 
+class Height(click.ParamType):
+    """A number, or the word lowest."""
+
+    name = "height"
+
+    def convert(self, value, param, ctx):
+        if value == "lowest" or isinstance(value, float):
+            return value
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither 'lowest' nor a height, a number", param, ctx)
+
+
+class Backdrop(Color):
+    """A colour as `Color` has it, or the name of a picture."""
+
+    def convert(self, value, param, ctx):
+        words = value.split(",") if isinstance(value, str) else []
+        if isinstance(value, str) and not value.startswith("#") and not all(map(_is_number, words)):
+            return value
+        return super().convert(value, param, ctx)
+
+
 class Roots(click.ParamType):
     """The word faces, or a number of strands."""
 
@@ -103,6 +129,48 @@ class Look(click.ParamType):
             self.fail(str(error), param, ctx)
 
 
+class Sky(click.ParamType):
+    """A sky of one colour, of three, or of a picture, such as #88aaff, 1,1,1:.5,.5,.6:.1,.1,.1 or studio.hdr."""
+
+    name = "sky"
+
+    def convert(self, value, param, ctx):
+        if not isinstance(value, str):
+            return value
+        if not re.fullmatch(r"[#\d.,:+\-eEa-fA-F\s]+", value) or Path(value).is_file():
+            try:
+                return Environment(load_picture(value))
+            except Error as error:
+                self.fail(f"{'' if value in str(error) else value + ': '}{error}", param, ctx)
+        colors = [_color(part) for part in value.split(":")]
+        if len(colors) not in (1, 3) or None in colors:
+            self.fail(f"{value!r} is neither a colour, R,G,B of 0 or more each (linear) or #rrggbb (sRGB), nor "
+                      "ZENITH:HORIZON:GROUND of three, nor a picture file", param, ctx)
+        return Environment(colors if len(colors) == 3 else colors[0])
+
+
+def _color(text):
+    """Linear colour of a part of a sky's text, or None."""
+    try:
+        color = from_hex(text) if text.startswith("#") else tuple(map(float, text.split(",")))
+    except ValueError:
+        return None
+    return color if len(color) == 3 and all(0 <= part < 1e20 for part in color) else None
+
+
+class LightText(click.ParamType):
+    """A light, such as 1,-1,-0.6, the way that it travels, or sun direction=1,-1,-0.6 size=0.5."""
+
+    name = "light"
+
+    def convert(self, value, param, ctx):
+        try:
+            light_of(value)
+        except ValueError as error:   # clfur.Error is one
+            self.fail(str(error), param, ctx)
+        return value
+
+
 class Names(click.ParamType):
     """Names with commas between them."""
 
@@ -110,6 +178,53 @@ class Names(click.ParamType):
 
     def convert(self, value, param, ctx):
         return value if isinstance(value, tuple) else tuple(part.strip() for part in value.split(","))
+
+
+_ANY = "color", "intensity", "ambient", "size", "shadows"
+LIGHTS = {"sun": ("direction", *_ANY), "point": ("position", *_ANY), "spot": ("position", "direction", "angle", *_ANY)}
+
+
+def light_of(text, fields=None):
+    """The `Light` of a text: numbers with commas between them, the way of a distant light, or a kind, sun, point or
+    spot, and its fields, NAME=VALUE each, with spaces between them. fields: what the text may leave out. Raises
+    `clfur.Error` for any other."""
+    kind, *parts = text.split() or [""]
+    if kind not in LIGHTS:
+        way = [_number(part) for part in text.split(",")]
+        if len(way) != 3 or not all(isinstance(part, float) for part in way):
+            raise Error(f"light {text!r:.60} is of no kind; allowed: X,Y,Z, the way it travels, or sun, point or spot "
+                        "and fields, as sun direction=1,-1,-0.6 size=0.5")
+        return Light(**{**(fields or {}), "direction": way})
+    given = {**(fields or {}), **({"angle": 360.0} if kind == "point" else {})}
+    for part in parts:
+        field, _, value = part.partition("=")
+        if field not in LIGHTS[kind]:
+            raise Error(f"light {kind} has no {field!r:.40}; allowed: {', '.join(LIGHTS[kind])}")
+        given[field] = _light_value(kind, field, value)
+    if kind != "sun" and "position" not in given:
+        raise Error(f"light {kind} has no position; allowed: position=X,Y,Z")
+    return Light(**given)
+
+
+def _light_value(kind, field, value):
+    """What a light's field is, of its text."""
+    if field == "shadows" and value in ("on", "off"):
+        return value == "on"
+    if field in ("direction", "position", "color") and value.startswith("#") <= (field == "color"):
+        try:
+            return from_hex(value) if value.startswith("#") else _three(value)
+        except ValueError:
+            pass
+    elif field != "shadows" and isinstance(number := _number(value), float):
+        return number
+    allowed = {"shadows": "on or off", "color": "R,G,B, linear, or #rrggbb", "direction": "X,Y,Z", "position": "X,Y,Z"}
+    raise Error(f"light {kind}: {field} is {value!r:.40}; allowed: {allowed.get(field, 'a number')}")
+
+
+def _three(text):
+    """Three numbers with commas between them; raises ValueError."""
+    x, y, z = (float(part) for part in text.split(","))
+    return x, y, z
 
 
 def look_of(text):
@@ -126,6 +241,10 @@ def look_of(text):
             raise Error(f"look {name} has no {field!r:.40}; allowed: {', '.join(known)}")
         fields[field] = [_number(each) for each in value.split("/")] if "/" in value else _number(value)
     return classes[name](**fields)
+
+
+def _is_number(text):
+    return isinstance(_number(text), float)
 
 
 def _number(text):

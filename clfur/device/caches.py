@@ -9,6 +9,7 @@ import hashlib
 import os
 import platform
 import shutil
+import stat
 import tempfile
 import threading
 import time
@@ -30,6 +31,7 @@ POCL, VARIABLE = "Portable Computing Language", "POCL_CACHE_DIR"
 ROOM = 16 << 20   # bytes: the kernels of a driver take 2 MiB
 SAME = 5.0        # seconds: when a process began is told by the system's clock, which may be set meanwhile
 OTHERS = 8        # folders of clfur's own that are tried, one after the other, where processes died
+OURS = b"clfur made this folder, and removes it\n"   # in the file that locks one
 YOUNG = 60.0      # seconds in which a process has long locked the folder that it has made
 
 notes: list[str] = []                       # what `prepare` has to say, a line each
@@ -143,13 +145,16 @@ def temporary():
 def _lock(made):
     """Lock a folder of this process till it ends, however it does -> the open file; None where files have no locks."""
     with contextlib.suppress(OSError):
-        return fcntl and _locked(made, os.O_CREAT)
+        if fcntl:
+            lock = _locked(made, os.O_CREAT)
+            os.write(lock, OURS)
+            return lock
     return None
 
 
 def _locked(made, flags=0):
     """The open file that locks a folder; raises OSError if another process has it, or if it was never locked."""
-    lock = os.open(made / "lock", os.O_RDWR | os.O_CLOEXEC | flags, 0o600)
+    lock = os.open(made / "lock", os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | flags, 0o600)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BaseException:
@@ -159,12 +164,15 @@ def _locked(made, flags=0):
 
 
 def _remove_left():
-    """Remove the temporary folders of processes that were killed."""
+    """Remove the temporary folders of processes that were killed: what clfur has made, and nothing else of its name."""
     for lock in list(Path(tempfile.gettempdir()).glob("clfur-*/lock")) if fcntl else []:
         with contextlib.suppress(OSError):   # another user's, or locked: its process lives
-            if os.lstat(lock.parent).st_uid == os.getuid() and time.time() - os.stat(lock).st_mtime > YOUNG:
+            made, there = os.lstat(lock.parent), os.lstat(lock)
+            if (stat.S_ISDIR(made.st_mode) and stat.S_ISREG(there.st_mode) and made.st_uid == os.getuid()
+                    and time.time() - there.st_mtime > YOUNG):
                 ours = _locked(lock.parent)
-                shutil.rmtree(lock.parent, ignore_errors=True)
+                if os.read(ours, len(OURS) + 1) == OURS:
+                    shutil.rmtree(lock.parent, ignore_errors=True)
                 os.close(ours)
 
 

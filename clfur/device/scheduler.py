@@ -30,6 +30,7 @@ FIRST = 1024        # work-items in the first piece of a launch
 MOST = 65_472       # work-items in any piece: PoCL compiles a kernel anew for 2^16 and more
 PIECE = 0.1         # seconds that a piece of a launch should take, so that Ctrl-C need not wait long
 SMALL = 1 << 18     # bytes of an upload that is not waited for, but copied first
+ABREAST = 16        # work-items that share the steps of loops, at most
 SPARE = 256 << 20   # bytes that the pool may hold beyond twice of what the last frame used
 
 
@@ -92,7 +93,8 @@ class Scheduler:
             by_itself = self.lanes == 1 and self.device.type & cl.device_type.CPU
             self.hinted = 8 if by_itself and self.device.native_vector_width_float >= 8 else 1
             self.largest = self.device.max_mem_alloc_size   # bytes of one array
-            self.steps = 65_535 if "llvmpipe" in self.device.name else None   # it ends a work-item's loops, silently
+            # It ends loops after so many steps, silently: of all loops together, and of work-items side by side.
+            self.steps = 65_535 if "llvmpipe" in self.device.name else None
         if memory is not None:
             self.memory = min(_bytes(memory), self.memory)
         self.build_seconds = 0.0   # that building programs has taken so far
@@ -158,6 +160,11 @@ class Scheduler:
             with self._watched("does not fill an array"):
                 cl.enqueue_fill_buffer(self.queue, _buffer(there), pattern, 0, there.nbytes)
         return there
+
+    @property
+    def own_steps(self) -> int:
+        """Steps of loops that a work-item may take, whatever those beside it do."""
+        return self.steps // ABREAST if self.steps else 2**32 - 1
 
     @property
     def room(self) -> int:

@@ -6,6 +6,7 @@ fans, skins, morph targets, instances and extensions that a file needs.
 
 import json
 import math
+import os
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,9 +16,11 @@ import attrs
 import numpy as np
 
 from ..errors import Error
-from ..scene import checks
+from ..scene import Material, checks
 from .gltf_data import Source, child, vector, whole
+from .gltf_materials import materials_of
 from .gltf_nodes import IDENTITY, Nodes, composed
+from .input import read
 
 MAX_PLACED = 2**26   # faces, and vertices, of all nodes and instances together
 MAX_USES = 2**18     # of primitives by nodes
@@ -43,7 +46,35 @@ HARMLESS = {
 
 
 def glb(data: bytes, path: Path) -> dict:
-    """Return the fields of the Mesh in a GLB file: its header, a chunk of JSON, a binary one or none."""
+    """Return the fields of the Mesh in a GLB file."""
+    return gltf(*_chunks(data, path))
+
+
+def load_materials(path: str | os.PathLike) -> tuple[Material, ...]:
+    """Return the materials of a glTF or GLB file, in the order that `Mesh.material_of` of its mesh counts them in.
+
+    path: str or path-like. Of each material the base colour is read: its factor, and its picture with how that repeats
+    (PNG, JPEG, WebP, AVIF; in the file or beside it); those that no face has are left white. () where no face has any,
+    and for files of other formats, whose materials are not read. Raises Error, one line that names the file, as
+    `load_mesh` does, and for pictures that cannot be read.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in (".glb", ".gltf"):
+        return ()
+    data = read(path)
+    try:
+        tree, _, binary = _chunks(data, path) if path.suffix.lower() == ".glb" else (data, path, None)
+        source = Source(_tree(tree), path, binary)
+        used = {use.material for use in _uses(source, Nodes(source)) if use.material is not None}
+        return materials_of(source, used) if used else ()
+    except Error as error:
+        raise Error(f"{path}: {error}") from None
+    except Exception as error:   # of a damaged file
+        raise Error(f"{path}: cannot be read as {path.suffix.lower()}: {type(error).__name__}") from error
+
+
+def _chunks(data, path):
+    """Return what `gltf` takes of a GLB file: its header, a chunk of JSON, a binary one or none."""
     if data[:4] != b"glTF" or len(data) < 20:
         raise Error("is damaged or cut short: it has no GLB header")
     version, length = struct.unpack("<2I", data[4:12])
@@ -62,11 +93,12 @@ def glb(data: bytes, path: Path) -> dict:
     if not chunks or chunks[0][0] != 0x4E4F534A:
         raise Error("is damaged or cut short: its first chunk is not JSON")
     binary = chunks[1][1] if len(chunks) > 1 and chunks[1][0] == 0x004E4942 else None
-    return gltf(bytes(chunks[0][1]), path, binary)
+    return bytes(chunks[0][1]), path, binary
 
 
 def gltf(data: bytes, path: Path, binary: memoryview | None = None) -> dict:
-    """Return the fields of the Mesh of a glTF file: float64 positions, normals and uv (or None), int64 faces.
+    """Return the fields of the Mesh of a glTF file: float64 positions, normals and uv (or None), int64 faces, and which
+    of `load_materials` each has (or None).
 
     data: its JSON. path: of the file, for buffers beside it. binary: the GLB's chunk. All triangles of the scene that
     is shown become one mesh in its world, as they stand before any animation begins: instances, morph targets by
@@ -79,6 +111,10 @@ def gltf(data: bytes, path: Path, binary: memoryview | None = None) -> dict:
     if max(vertices, faces) > MAX_PLACED:
         raise Error(f"has {faces} faces of {vertices} vertices; allowed: at most {MAX_PLACED} of each")
     result: dict[str, Any] = {"positions": None, "normals": None, "uv": None, "faces": np.empty((faces, 3), np.int64)}
+    default = len(source.items("materials"))
+    if any(use.material is not None for use in uses):
+        result["material_of"] = np.repeat([default if use.material is None else use.material for use in uses],
+                                          [use.faces * use.copies for use in uses])
     vertex = face = 0
     with np.errstate(all="ignore"):   # what is not finite is found by Mesh
         for use in uses:
@@ -123,7 +159,8 @@ def _no_number(name):
 
 @attrs.frozen
 class _Use:
-    """A primitive of a node's mesh. weights: of its morph targets; vertices, faces: how many; copies: instances."""
+    """A primitive of a node's mesh. weights: of its morph targets; vertices, faces: how many; copies: instances;
+    material: which, or None."""
 
     node: int
     primitive: dict
@@ -133,6 +170,7 @@ class _Use:
     vertices: int
     faces: int
     copies: int
+    material: int | None
 
 
 def _uses(source: Source, nodes: Nodes) -> Iterator[_Use]:
@@ -155,7 +193,11 @@ def _uses(source: Source, nodes: Nodes) -> Iterator[_Use]:
                 others.add(MODES[mode])
             elif count:
                 faces += count
-                yield _Use(k, primitive, where, _weights(node, mesh, primitive, where), mode, vertices, count, copies)
+                material = None
+                if "material" in primitive:
+                    material, _ = source.item("materials", primitive, "material", where)
+                yield _Use(k, primitive, where, _weights(node, mesh, primitive, where), mode, vertices, count, copies,
+                           material)
     if not faces:
         raise Error(f"has no faces, only {' and '.join(sorted(others))}" if others else
                     "has no faces: no node of its scene has a mesh of triangles")

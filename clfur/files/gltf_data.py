@@ -183,6 +183,18 @@ class Source:
         content = self._buffer(view, name, start + length)
         return np.ndarray((count, width), dtype, content, start + offset if count else 0, (stride, dtype.itemsize))
 
+    def content_of(self, holder: dict, where: str) -> bytes:
+        """Return the bytes of a file that is in a bufferView, in a data URI, or beside this one."""
+        if "bufferView" in holder:
+            number, view = self.item("bufferViews", holder, "bufferView", where)
+            name = f"bufferViews[{number}]"
+            start, length = whole(view, "byteOffset", name, 0), whole(view, "byteLength", name)
+            return bytes(memoryview(self._buffer(view, name, start + length))[start:start + length])
+        uri: Any = holder.get("uri")
+        if not isinstance(uri, str):
+            checks.refuse(f"{where}.uri", uri, "a text")
+        return _of_data_uri(uri, where) if uri.startswith("data:") else self._of_file(uri, where)
+
     def _buffer(self, view: dict, where: str, needed: int) -> Any:
         """Return the bytes of the buffer that a bufferView names, of which it needs so many."""
         number, buffer = self.item("buffers", view, "buffer", where)

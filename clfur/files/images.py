@@ -1,5 +1,6 @@
 """Pictures <-> files; the only importer of imageio, Pillow and OpenEXR, each where it is needed."""
 
+import contextlib
 import io
 import os
 import re
@@ -12,7 +13,7 @@ import numpy as np
 from ..color import linear_to_srgb
 from ..errors import Error, shown
 from ..scene import checks
-from . import output
+from . import output, radiance
 from .input import read
 from .output import is_path, output_path, reason, whole
 
@@ -77,7 +78,7 @@ def _coded(color):
     color = np.nan_to_num(color.astype(np.float32), nan=0.0, posinf=1.0, neginf=0.0)
     if color.shape[2] == 4:
         alpha = np.clip(color[:, :, 3:], 0, 1)
-        straight = np.where(alpha > 0, color[:, :, :3] / np.where(alpha > 0, alpha, 1), 0)
+        straight = np.where(alpha > 0, np.clip(color[:, :, :3], 0, alpha) / np.where(alpha > 0, alpha, 1), 0)
         coded = np.concatenate([linear_to_srgb(straight), alpha], axis=2)
     else:
         coded = linear_to_srgb(color)
@@ -139,19 +140,22 @@ WRITERS = {".png": _png, ".exr": _exr, ".npz": _npz}
 READ = ["PNG", "JPEG", "MPO", "TIFF", "GIF", "WEBP", "BMP", "DIB", "TGA", "PPM", "PCX", "ICO", "SGI", "JPEG2000",
         "AVIF"]
 MAX_PIXELS = 2**27   # of a picture: while it is read, it takes 10 bytes each, 16 where it has 16 bits a channel
+EXR = b"v/1\1"       # how such a file begins
 GREY16 = {"I;16", "I;16B", "I;16L", "I;16N"}
 # Where the other byte of a channel stands: Pillow keeps one of the two alone.
 OTHER_BYTE = {"B": "L", "L": "B", "N": "B" if sys.byteorder == "little" else "L"}
 
 
 def load_picture(path: str | os.PathLike) -> np.ndarray:
-    """Return a picture file's pixels as stored, without alpha: uint8 or uint16 [h, w, 3], the top row first.
+    """Return a picture file's pixels as stored, without alpha: [h, w, 3], the top row first.
 
-    path: str or path-like: PNG or TIFF of 8 or 16 bits a channel, JPEG, GIF, WebP, BMP and others of 8.
+    path: str or path-like: PNG or TIFF of 8 or 16 bits a channel, JPEG, GIF, WebP, BMP and others of 8 are uint8 or
+    uint16, sRGB; EXR and Radiance's HDR are float32, linear.
     Grey becomes three equal channels, CMYK and palettes become RGB; of several frames the first is taken; the
     orientation that a camera wrote (EXIF) is not applied, since uv is of pixels as they are stored.
     Raises Error, one line that names the file, where it is missing, damaged, no regular file, larger than 2**30 bytes
-    or MAX_PIXELS, or has channels that would be cut: more than 8 bits in other formats, floats, 16-bit grey with alpha.
+    or MAX_PIXELS, or has channels that would be cut: more than 8 bits in other formats, floats but of EXR and HDR,
+    16-bit grey with alpha.
     """
     if not is_path(path):
         raise Error(f"load_picture path is {shown(path)}; allowed: a file's name")
@@ -160,20 +164,29 @@ def load_picture(path: str | os.PathLike) -> np.ndarray:
         problem = "is a folder" if os.path.isdir(path) else "no such file"
         raise Error(f"{path}: {problem}; allowed: a picture file")
     data = read(path)
+    try:
+        return picture_of(data)
+    except Error as error:
+        raise Error(f"{path}: {error}") from error.__cause__
+
+
+def picture_of(data: bytes) -> np.ndarray:
+    """Return the pixels of the bytes of a picture file, as `load_picture` does; its errors do not name the file."""
     from PIL import Image, UnidentifiedImageError
 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")   # of many pixels, which are counted here, and of odd metadata
-            return _pixels(data)
-    except Error as error:
-        raise Error(f"{path}: {error}") from None
+            return (radiance.decoded(data, MAX_PIXELS) if data.startswith(radiance.MAGIC) else
+                    _of_exr(data) if data.startswith(EXR) else _pixels(data))
+    except Error:
+        raise
     except UnidentifiedImageError:
-        raise Error(f"{path}: cannot be read as a picture; allowed: {', '.join(READ)}") from None
+        raise Error(f"cannot be read as a picture; allowed: {', '.join(READ)}, EXR, HDR") from None
     except Image.DecompressionBombError:
-        raise Error(f"{path}: has more pixels than allowed: at most {MAX_PIXELS}") from None
+        raise Error(f"has more pixels than allowed: at most {MAX_PIXELS}") from None
     except Exception as error:  # a damaged file can fail in any way
-        raise Error(f"{path}: cannot be read as a picture: {reason(error)}") from error
+        raise Error(f"cannot be read as a picture: {reason(error)}") from error
 
 
 def _pixels(data):
@@ -193,6 +206,30 @@ def _pixels(data):
     else:
         pixels = np.asarray(picture if picture.mode == "RGB" else picture.convert("RGB"))
     return np.repeat(pixels[:, :, None], 3, axis=2) if pixels.ndim == 2 else pixels
+
+
+def _of_exr(data):
+    """Return the pixels of the bytes of an EXR file's first part: R, G and B, or Y; others don't count."""
+    import Imath
+    import OpenEXR
+
+    with contextlib.closing(OpenEXR.InputFile(io.BytesIO(data))) as file:
+        header = file.header()
+        channels, window, whole = header["channels"], header["dataWindow"], header["displayWindow"]
+        size = [window.max.y - window.min.y + 1, window.max.x - window.min.x + 1]
+        names = ["R", "G", "B"] if {"R", "G", "B"} <= channels.keys() else ["Y", "Y", "Y"]
+        if names[0] not in channels:
+            raise Error(f"is EXR with the channels {', '.join(sorted(channels))[:60]}; allowed: R, G, B or Y")
+        if str(window) != str(whole) or any((channels[name].xSampling, channels[name].ySampling) != (1, 1)
+                                            for name in names):
+            raise Error("is EXR that stores a part of its picture; allowed: all pixels of its display window")
+        if not 0 < size[0] * size[1] <= MAX_PIXELS:
+            raise Error(f"has {size[1]} x {size[0]} pixels; allowed: at least 1 and at most {MAX_PIXELS}")
+        pixels = np.empty((*size, 3), np.float32)
+        for k, name in enumerate(names):
+            of_one = file.channel(name, Imath.PixelType(Imath.PixelType.FLOAT))
+            pixels[:, :, k] = np.frombuffer(of_one, np.float32).reshape(size)
+    return pixels
 
 
 def _in_planes(picture):

@@ -25,7 +25,8 @@ def load_mesh(path: str | os.PathLike) -> Mesh:
     path: str or path-like; obj, ply, stl, off, glb or gltf, by suffix. Normals and uv are kept (missing
     normals are computed by Mesh), polygons become triangles (fans, or ears cut where a fan would be wrong),
     several meshes in a scene become one with their transforms applied. Vertices that no face uses are left out,
-    faces of less than three corners are counted in `Mesh.degenerate_faces`. Materials and textures are not read.
+    faces of less than three corners are counted in `Mesh.degenerate_faces`. Of materials
+    only which a face of a glTF file has is read (`Mesh.material_of`); see `load_materials`.
     Raises Error, one line that names the file, for anything that is missing, damaged, cut short, without faces, no
     regular file or of more than 2**30 bytes.
     """

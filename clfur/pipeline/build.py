@@ -11,7 +11,11 @@ from typing import Any
 import numpy as np
 
 from ..device.team import Team
-from ..stages import chiang, shells
+from ..scene import extent, hair_bounds
+from ..scene.bounds import boxes_to_see, fur_extent
+from ..stages import chiang, ground, shade, shells
+from ..stages import sky as sky_stage
+from ..stages import transport as transport_stage
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
 from ..stages.raster import raster
@@ -23,15 +27,18 @@ from .shadows import accumulate, finish, plan_shadows
 
 def let_go(plan: Plan, gpu: Any) -> None:
     """Make a device ready for a frame: before anything new is made, it lets go of what this frame has no use for."""
+    plan.check(gpu)
     gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
               plan.scene.shells and plan.scene.shells.layers))
     gpu.prepare(plan.kernel_files)
-    gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed))
+    gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed), *plan.painted[:1])
     transmittances(gpu, plan)
-    furry = plan.scene.shells is not None
+    furry, under_sky = plan.scene.shells is not None, plan.scene.environment is not None
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
                        ("thinned", plan.strands and plan.settings.lod),
-                       ("shell", furry), ("pattern", furry), ("border", furry)):
+                       ("transport", plan.scatters), ("phases", plan.scatters),
+                       ("shell", furry), ("pattern", furry), ("border", furry),
+                       ("sky", under_sky), ("sky points", under_sky)):
         if not used:
             gpu.keep(name, (), dict)
     if len(plan.parts(gpu)) > 1 and not plan.keeps_transmittances(gpu):
@@ -81,6 +88,39 @@ def transmittances(gpu: Any, plan: Plan) -> dict:
     return gpu.keep("transmittances", (*plan.light_key(plan.settings.lod), plan.settings.raster), dict)
 
 
+def sky(gpu: Any, plan: Plan) -> sky_stage.SkyLight | None:
+    """Light of the scene's sky in cells of the world, None without one; it stays while camera and lights change."""
+    scene = plan.scene
+    if scene.environment is None:
+        return None
+    return gpu.keep("sky", (scene.mesh, scene.strands, scene.environment, int(plan.body)),
+                    functools.partial(sky_in, gpu, plan, sky_stage.CELLS))
+
+
+def sky_in(gpu: Any, plan: Plan, n: int) -> sky_stage.SkyLight:
+    """Light of the scene's sky in n³ cells around all of it."""
+    scene = plan.scene
+    boxes, out = boxes_to_see(scene.mesh, scene.fur), fur_extent(scene.fur)
+    center, radius = extent(scene.mesh, scene.fur)
+    low, high = center - radius, center + radius
+    if boxes:
+        low = np.maximum(low, np.min([each for each, _ in boxes], 0) - out)
+        high = np.minimum(high, np.max([each for _, each in boxes], 0) + out)
+    grid = sky_stage.sky_of(low, high, n)
+    area = hair_bounds(scene.strands, plan.strands)[2] if plan.strands else 0.0
+    held = sky_stage.held(gpu, grid, plan.body, area)
+    for part in plan.parts(gpu):
+        sky_stage.deposit(gpu, grid, held, hair(gpu, plan, part, 0), body(gpu, plan, part))
+    return sky_stage.light(gpu, grid, held, *_sky_table(scene.environment))
+
+
+def sky_points(gpu: Any, plan: Plan, part: Part, hair: DeviceStrands) -> Any:
+    """`sky.at_points` of the strands of a part, None without a sky; those of the last part stay."""
+    lit = None if plan.scatters else sky(gpu, plan)   # where light goes from hair to hair, the sky's does too
+    return lit and gpu.keep("sky points", (plan.scene.mesh, lit, hair),
+                            functools.partial(sky_stage.at_points, gpu, lit, hair))
+
+
 def scattering(gpu: Any, plan: Plan) -> chiang.Scattering | None:
     """`Scattering` of the strands' types, kept while their looks stay, whatever else changes; None where none has
     lobes."""
@@ -88,6 +128,25 @@ def scattering(gpu: Any, plan: Plan) -> chiang.Scattering | None:
         return None
     looks = str([(kind.look.model, kind.look.numbers, kind.look.lobes) for kind in plan.lobed])
     return gpu.keep("scattering", (chiang.KEPT, looks), functools.partial(chiang.scattering, gpu, plan.lobed))
+
+
+def paint(gpu: Any, plan: Plan, part: Part | None) -> tuple:
+    """(`shade.Paint` of the body, kept while its materials stay; which of these the faces of a part have), None where
+    it is of one colour."""
+    if not plan.painted or part is None:
+        return None, None
+    known = gpu.keep("paint", plan.painted, functools.partial(shade.paint_of, gpu, plan.painted))
+    mesh: Any = plan.scene.mesh
+    return known, gpu.upload(mesh.material_of[slice(*part.faces)]) if len(plan.painted) > 1 else None
+
+
+def transport(gpu: Any, plan: Plan, lighting: Lighting) -> transport_stage.Transport | None:
+    """`Transport` of light from hair to hair; that of the frame before if only the camera has moved.  None where it is
+    not followed."""
+    if not plan.scatters:
+        return None
+    return gpu.keep("transport", (plan.scene.mesh, lighting, *plan.light_key()),
+                    functools.partial(_transport, gpu, plan, lighting))
 
 
 def shell(gpu: Any, plan: Plan) -> tuple[shells.Shell, np.void]:
@@ -111,16 +170,16 @@ def rasterize(plan: Plan, view: np.void, gpu: Any, strands: tuple[int, int] | No
     visible = None
     for part in plan.parts(gpu, strands, is_body):
         visible = raster(gpu, view, hair(gpu, plan, part, plan.settings.lod), body(gpu, plan, part), visible)
-    return [visible]
+    return [visible if plan.ground is None or not is_body else ground.put(gpu, view, plan.ground, visible)]
 
 
 def rasterize_body(gpu: Any, plan: Plan, view: np.void) -> Any:
-    """Depth and id of the body where it is nearest in each sample -> [rows, width, samples] uint64."""
+    """Depth and id of body or ground where they are nearest in each sample -> [rows, width, samples] uint64."""
     visible = None
     for part in plan.parts(gpu):
         if part.body or visible is None:
             visible = raster(gpu, view, None, body(gpu, plan, part), visible)
-    return visible
+    return visible if plan.ground is None else ground.put(gpu, view, plan.ground, visible)
 
 
 def lighting(gpu: Any, team: Team, plan: Plan, hashes: bool) -> tuple[Lighting, dict]:
@@ -138,6 +197,27 @@ def on(gpu: Any, array: Any) -> Any:
 def bytes_of(gpu: Any, array: Any) -> np.ndarray:
     """The bits of an array, on the host."""
     return np.ascontiguousarray(array if isinstance(array, np.ndarray) else gpu.download(array))
+
+
+def _transport(gpu, plan, lighting):
+    scene, looks = plan.scene, scattering(gpu, plan)
+    made = gpu.keep("phases", (chiang.KEPT, looks), functools.partial(transport_stage.phases, gpu, looks))
+    center, radius = extent(scene.mesh, scene.strands)
+    grid = sky_stage.sky_of(center - radius, center + radius, transport_stage.CELLS)
+    held = sky_stage.held(gpu, grid, plan.body, hair_bounds(scene.strands, plan.strands)[2])
+    there = transport_stage.amounts(gpu, grid, len(plan.lobed))
+    for part in plan.parts(gpu):
+        strands = hair(gpu, plan, part, 0)
+        sky_stage.deposit(gpu, grid, held, strands, body(gpu, plan, part))
+        if part.hairy:
+            transport_stage.deposit(gpu, grid, there, held.unit, strands, looks)
+    outside = transport_stage.outside(None if scene.environment is None else scene.environment.places)
+    return transport_stage.transport(gpu, grid, held, there, lighting, looks, made, outside, transport_stage.ORDERS)
+
+
+@functools.lru_cache(4)
+def _sky_table(environment):
+    return sky_stage.table_of(*environment.places)
 
 
 def _surface(gpu, plan, faces):

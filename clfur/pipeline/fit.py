@@ -7,12 +7,15 @@ full light, which is what it has; what stands outside, before the cube, counts i
 """
 
 import functools
+import itertools
 import math
 from typing import Any
 
 import numpy as np
 
 from ..scene import Curves, Light, Mesh, Scene, Strands, fur_extent, hair_bounds
+from ..scene.bounds import boxes_to_see
+from ..scene.ground import height_of
 from ..scene.seen import Seen, clipped_faces, clipped_segments, faces_of, is_unknown, seen, segments_of, times
 
 STEPS = 4            # sizes of a cube between one and its double; distances from a spot have 2
@@ -21,6 +24,7 @@ LARGE = 0.05         # of the area of all faces have those in a plane of which i
 ROUNDING = 1e-2      # of a texel may the uv of a root be off
 MOST_HIDDEN = 1 << 22   # pairs of points and faces that are looked at whether one hides the other
 LEAST = 0.05         # of the radius: what is nearer to a spot casts no shadow
+STEEP = 1.45         # radians aside that a light at a position may have to see
 
 
 class Fit:
@@ -50,7 +54,7 @@ class Fit:
         center, radius, cropped = self._cube(light, cells) if self.seen.cropped else (*self.whole, False)
         radius = 1.001 * radius or 1.0                       # nothing lies on the border
         to_light = np.eye(4)
-        to_light[:3, :3] = axes_along(light.direction)
+        to_light[:3, :3] = axes_along(self.ahead(light))
         if light.position is None:
             to_light[:3, 3] = -to_light[:3, :3] @ center
             if cropped:
@@ -66,11 +70,22 @@ class Fit:
         # The cone, or as much of it as the ball around the scene fills.
         off = np.linalg.norm(center - light.position)
         widest = math.acos(max(min(distance / off, 1), -1)) + math.asin(radius / off) if off > radius else math.pi
-        half = math.tan(min(math.radians(light.angle) / 2, widest))
+        cone = math.tan(min(math.radians(light.angle) / 2, widest))
+        # What shades the edge of a disc stands aside of what shades its middle.
+        half = cone if light.everywhere else min(cone + light.size * (1 / near - 1 / far), math.tan(min(widest, STEEP)))
+        half = max(half, cone)
         if cropped:
             near, far = max(_step(near, math.floor, 2), least), _step(far, math.ceil, 2)
-            half = min(_step(half, math.ceil), math.tan(math.radians(light.angle) / 2))
+            half = min(_step(half, math.ceil), max(half, math.tan(min(math.radians(light.angle) / 2, STEEP))))
         return to_light, (far - near) / 2, (far + near) / 2, half, least if near > least else 0.0
+
+    def ahead(self, light: Light) -> np.ndarray:
+        """The way [3] that a light looks: its own, or of a point light that to the middle of everything."""
+        if not light.everywhere:
+            return light.direction
+        way = self.whole[0] - light.position
+        length = float(np.linalg.norm(way))
+        return way / length if length else light.direction
 
     def hair_before(self, grid: np.void, strands: int) -> tuple[int, float, float, float]:
         """What `hair_bounds` tells of as many strands, of those alone that can lie in a grid's columns, and their
@@ -111,17 +126,22 @@ class Fit:
 
     def _cube(self, light, cells):
         """(Center, half a side, True) of a cube around what casts shadows on what is seen; or the ball and False."""
-        low, high = self._boxes.get(light) or self._boxes.setdefault(light, self._shading(light))
-        axes = axes_along(light.direction)
+        if self.scene.ground and light.position is not None:   # whose shadows grow with the way to the ground
+            return *self.whole, False
+        low, high = self._boxes.get(light) or self._boxes.setdefault(light, self._on_ground(
+            light, *self._shading(light)))
+        axes = axes_along(self.ahead(light))
         center = axes.T @ ((low + high) / 2)
         half = (high - low) / 2
         radius = float(half.max() if light.position is None else np.linalg.norm(half))
+        if light.position is None:   # what shades the edge of a disc stands aside
+            radius *= 1 + 2 * math.tan(math.radians(light.size) / 2)
         radius = _step(radius * (1 + 4 / cells) or self.whole[1], math.ceil)
         return (center, radius, True) if GAIN * radius <= self.whole[1] else (*self.whole, False)
 
     def _shading(self, light):
         """Corners (low, high) [3] of a box in the light's axes around what is seen and casts a shadow on it."""
-        (points, radius, faces), axes = self.visible, axes_along(light.direction)
+        (points, radius, faces), axes = self.visible, axes_along(self.ahead(light))
         idle = self._idle(light)
         casts = ~idle[faces]
         if not casts.any():
@@ -138,6 +158,39 @@ class Fit:
             one[:, :2], other[:, :2] = np.maximum(one[:, :2], least[:2]), np.minimum(other[:, :2], most[:2])
             low, high = np.minimum(low, one.min(0)), np.maximum(high, other.max(0))
         return low, high
+
+    def _on_ground(self, light, low, high):
+        """A box in a distant light's axes, as `_shading` gives it, grown by what shades the ground where it is seen."""
+        if self.scene.ground is None or not light.direction[1] < 0:
+            return low, high
+        # The shadow of a rectangle around everything, as two triangles of the ground.
+        axes = axes_along(light.direction)
+        one, other = _box(times(self._corners, axes.T), np.zeros(8))
+        square = np.array([(x, y, 0) for x, y in zip((one[0], other[0], other[0], one[0]),
+                                                     (one[1], one[1], other[1], other[1]))]) @ axes
+        square += ((height_of(self.scene) - square[:, 1]) / light.direction[1])[:, None] * light.direction
+        points, _ = clipped_faces(self.seen.frustum, square[[(0, 1, 2), (0, 2, 3)]])
+        if not len(points):
+            return low, high
+        one, other = _box(times(points, axes.T), np.zeros(len(points)))
+        low, high = low.copy(), high.copy()
+        low[:2], high[:2] = np.minimum(low, one)[:2], np.maximum(high, other)[:2]
+        center, reach = self._unseen(np.zeros(len(self._idle(light)) - 1, bool))
+        center = times(center, axes.T)
+        before = ((center[:, :2] + reach[:, None] > low[:2]) & (center[:, :2] - reach[:, None] < high[:2])).all(1)
+        high[2] = (center[before, 2] + reach[before]).max(initial=high[2])
+        return low, high
+
+    @functools.cached_property
+    def _corners(self):
+        """Corners [8, 3] of a box around everything."""
+        center, radius = self.whole
+        low, high = center - radius, center + radius
+        if not is_unknown(self.scene.strands):
+            boxes, reach = boxes_to_see(self.scene.mesh, self.scene.fur), fur_extent(self.scene.fur)
+            low = np.maximum(low, np.min([each for each, _ in boxes], 0) - reach)
+            high = np.minimum(high, np.max([each for _, each in boxes], 0) + reach)
+        return np.array(list(itertools.product(*zip(low, high))))
 
     @functools.cached_property
     def visible(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..device.team import Team
-from ..stages import coverage, masks, shade, strand_light
+from ..stages import coverage, ground, masks, shade, strand_light
 from ..stages.coverage import EVERY, KEPT, OF_KEPT, REACH, TILE
 from ..stages.lighting import Lighting
 from ..stages.strands import no_strands
@@ -71,22 +71,31 @@ class Samples:
 
     def shade(self, gpu: Any, band: Band, front: Front, lighting: Lighting | None) -> tuple:
         """Light what is in front -> (image, {other output: array}), None and {} where not asked for."""
-        plan, known, image = self.plan, None, front.image
-        parts = plan.parts(gpu)
-        sums = shade.no_light(gpu, *band.visible.shape[:2]) if plan.wants_color and len(parts) > 1 else None
+        plan, known, image, through = self.plan, None, front.image, front.shell_transmittance
+        parts, on_ground = plan.parts(gpu), plan.ground is not None
+        several = len(parts) > 1 or on_ground
+        sums = shade.no_light(gpu, *band.visible.shape[:2]) if plan.wants_color and several else None
+        if plan.seen_through and image is not None:   # what the fur of shells covers
+            shade.cover(gpu, band.visible, through, image)
+            shade.uncover(gpu, band.visible, through, image)
         for part in reversed(parts):
             if len(parts) > 1:
                 build.tally(gpu, plan, part)
             if plan.wants_color:
-                result = _color(gpu, plan, band.view, band.visible, build.hair(gpu, plan, part, plan.settings.lod),
-                                build.body(gpu, plan, part), lighting, image, front.shell_transmittance, sums)
+                result = _color(gpu, plan, part, band.view, band.visible,
+                                build.hair(gpu, plan, part, plan.settings.lod), build.body(gpu, plan, part), lighting,
+                                image, front.shell_transmittance, sums)
             if plan.others:
                 known = shade.outputs(gpu, front.view, front.keys, build.hair(gpu, plan, part, plan.settings.lod),
                                       build.body(gpu, plan, part), known)
         if plan.wants_color:
+            if on_ground:
+                _light_ground(gpu, plan, band, lighting, sums, through)
             image = result if sums is None else shade.blend(gpu, sums, image)
-            if front.shell_transmittance is not None:
-                shade.cover(gpu, front.keys, front.shell_transmittance, image)
+            if through is not None and not plan.seen_through:
+                shade.cover(gpu, front.keys, through, image)
+        if plan.others and on_ground:
+            _tell_ground(gpu, plan, front, known)
         return image, known or {}
 
     def hashed(self, gpu: Any, band: Band, front: Front) -> list:
@@ -136,15 +145,25 @@ class Coverage:
             if part.hairy and plan.others:
                 known = shade.outputs(gpu, front.view, front.keys, build.hair(gpu, plan, part, plan.settings.lod),
                                       no_surface(gpu), known)
-        sums = shade.no_light(gpu, *band.visible.shape[:2]) if plan.wants_color and bodies else None
+        on_ground = plan.ground is not None
+        sums = shade.no_light(gpu, *band.visible.shape[:2]) if plan.wants_color and (bodies or on_ground) else None
         for part in bodies:
             body, none = build.body(gpu, plan, part), no_strands(gpu)
-            if plan.wants_color:
-                _color(gpu, plan, band.view, band.visible, none, body, lighting, None, front.body_transmittance, sums)
+            if plan.wants_color and not plan.held:
+                _color(gpu, plan, part, band.view, band.visible, none, body, lighting, None, front.body_transmittance,
+                       sums)
             if plan.others:
                 known = shade.outputs(gpu, front.view, front.keys, none, body, known)
             del body   # goes before the next one is made
-        if sums is not None:
+        if plan.others and on_ground:
+            known = known or shade.outputs(gpu, front.view, front.keys, no_strands(gpu), no_surface(gpu))
+            _tell_ground(gpu, plan, front, known)
+        if sums is not None and plan.seen_through:
+            if on_ground:
+                _light_ground(gpu, plan, band, lighting, sums, front.body_transmittance)
+            shade.uncover(gpu, band.visible, front.body_transmittance, image)
+            image = shade.blend(gpu, sums, image)
+        elif sums is not None:
             image = shade.blend(gpu, sums, image, None, front.outputs["coverage"])
         return image, known or {}
 
@@ -169,7 +188,7 @@ class Coverage:
             tiles = coverage.bound(gpu, view, visible, 0 if hair is None else len(hair.spans))
             for part in reversed(parts):
                 if part.hairy:
-                    coverage.count(gpu, view, build.hair(gpu, plan, part, plan.settings.lod), tiles, plan.longest)
+                    coverage.count(gpu, view, build.hair(gpu, plan, part, plan.settings.lod), tiles)
                     if len(parts) > 1:
                         build.tally(gpu, plan, part)
             across, down = coverage.tiles_of(visible.shape[1], end - top)
@@ -207,7 +226,7 @@ class Coverage:
         for part in band.counted.cut.parts:
             if part.hairy:
                 coverage.reach(gpu, band.view, build.hair(gpu, plan, part, plan.settings.lod), tiles, reaches, taken,
-                               plan.longest, window)
+                               window)
         slabs = coverage.slabs_of(gpu.download(reaches), most)
         if not slabs:
             raise plan.too_many(gpu, listed)
@@ -217,7 +236,7 @@ class Coverage:
         """Draw what ``counts`` tells to show in each tile -> what `coverage.cover` gives."""
         counted, listed = band.counted, int(counts.sum(dtype=np.int64))
         segments = coverage.allocate(gpu, counts, min(counted.survivors, listed))
-        lit = None if lighting is None else strand_light.unlit(gpu, lighting, len(segments.ids))
+        lit = None if lighting is None else strand_light.unlit(gpu, lighting, len(segments.ids), self.plan.around)
         hairy = [part for part in counted.cut.parts if part.hairy and (listed or slab == EVERY)]
         for part in hairy:
             lit = self._list(gpu, band, part, part is hairy[-1], tiles, window, slab, segments, lighting, lit)
@@ -230,14 +249,15 @@ class Coverage:
         plan, counted, hair = self.plan, band.counted, build.hair(gpu, self.plan, part, self.plan.settings.lod)
         if len(tiles.shown) and not (plan.grown or counted.made_for() is hair):   # see `_transmittance`
             tiles = replace(tiles, shown=gpu.empty(0, np.uint32))
-        coverage.fill(gpu, band.view, hair, tiles, segments, plan.longest, window, slab)
+        coverage.fill(gpu, band.view, hair, tiles, segments, window, slab)
         if lighting is None:
             return None
         all_there = last and (window, slab) == ((0, counted.counts.size), EVERY)
         until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
         through = self._transmittance(gpu, band, part, hair, lighting)
         return strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit, last,
-                                     build.scattering(gpu, plan))
+                                     build.scattering(gpu, plan), build.sky_points(gpu, plan, part, hair),
+                                     build.transport(gpu, plan, lighting))
 
     def _transmittance(self, gpu, band, part, hair, lighting):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where
@@ -274,8 +294,18 @@ class Counted:
         return self.counts[(rows[0] - self.first) // TILE:-(-(rows[1] - self.first) // TILE)]
 
 
-def _color(gpu, plan, view, visible, hair, body, lighting, image, sample_transmittance, sums):
-    body_color = (0, 0, 0) if plan.scene.body_color is None else plan.scene.body_color
+def _color(gpu, plan, part, view, visible, hair, body, lighting, image, sample_transmittance, sums):
+    body_color = (0, 0, 0) if plan.scene.body_color is None or plan.painted else plan.scene.body_color
+    body = no_surface(gpu) if plan.held else body   # what is hidden needs no light
     scattering = build.scattering(gpu, plan) if len(hair.points) else None
     return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums,
-                       scattering)
+                       scattering, build.sky(gpu, plan),
+                       *build.paint(gpu, plan, part if len(body.triangles) else None))
+
+
+def _light_ground(gpu, plan, band, lighting, sums, sample_transmittance):
+    ground.light(gpu, band.view, plan.ground, lighting, band.visible, sums, sample_transmittance)
+
+
+def _tell_ground(gpu, plan, front, known):
+    ground.outputs(gpu, front.view, plan.ground, front.keys, known)

@@ -81,6 +81,7 @@ def draw_band(picture: "Picture", top: int, end: int, gpu: Any) -> tuple:
     if plan.wants_color:
         lighting, digests = build.lighting(gpu, picture.team, plan, picture.hashes)
         picture.digests |= digests
+        build.sky(gpu, plan)   # before anything holds a part of the scene, as it takes all of them
     image = shell_transmittance = shell_front = None
     if plan.scene.shells:
         shell = build.shell(gpu, plan)
@@ -107,6 +108,8 @@ class Picture:
     def read(self, gpu: Any, band: Band, front: Front, found: dict) -> tuple:
         """What `draw_band` gives: the outputs that are ``found``, on the host."""
         images = {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in self.outputs}
+        if self.plan.seen_through and "coverage" in images:   # what color's alpha is
+            images["coverage"] = np.ascontiguousarray(gpu.download(found["color"])[..., 3])
         return band.rows, images, self.strands.hashed(gpu, band, front) if self.hashes else []
 
     def put(self, rows: tuple[int, int], images: dict, bits: list) -> int:

@@ -13,22 +13,39 @@ from typing import Any
 
 import numpy as np
 
+from .. import layout
 from ..errors import Error
 from ..scene import Curves, Strands
 from ..stages.blur import blur_radius
 from ..stages.chiang import bytes_of, of_model
-from ..stages.coverage import KEPT, OF_KEPT, REACH, TILE, Covered, Segments, Tiles
+from ..stages.coverage import (
+    GRAINS,
+    KEPT,
+    OF_KEPT,
+    OF_WALKED,
+    OPEN,
+    REACH,
+    TILE,
+    WALKED,
+    Covered,
+    Segments,
+    Tiles,
+)
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
 from ..stages.order import Order
-from ..stages.raster import VISIBLE
-from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs
+from ..stages.raster import LEFT, VISIBLE
+from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs, Paint
 from ..stages.shells import Topology, pack, size_of, topology_of
+from ..stages.sky import POINT_LIGHT
+from ..stages.sky import bytes_of as sky_bytes
 from ..stages.strand_light import TRANSMITTANCE, Places
-from ..stages.strands import AREA, ROOTS, SORTED_FROM, DeviceStrands, Packed, area_sums, first_strand_at
+from ..stages.strands import AREA, ROOTS, SORTED_FROM, STAGES, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
-from ..stages.voxelize import CELLS
+from ..stages.transport import LEAVING
+from ..stages.transport import bytes_of as transport_bytes
+from ..stages.voxelize import CELLS, RESTS
 from .views import Rig
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
@@ -42,13 +59,15 @@ THIN_POINT, THIN_STRAND = DeviceStrands.bytes(*THINNED, point=1), DeviceStrands.
 THIN_COLOR = DeviceStrands.bytes("colors", color=1)                               # where points have colours
 MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
 OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
-OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1)
+OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1) + GRAINS.bytes + OPEN.bytes
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
-LIT = Places.bytes(segment=1, row=1)   # of its light, at most
+LIT = Places.bytes(row=1)               # of its light, at most, and of each source of it
+PLACES = Places.bytes(place=1)
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
+LOOK, LOOK_AT_ONCE, SLOTS = (layout.CONSTANTS[name] for name in ("LOOK", "LOOK_AT_ONCE", "SLOTS"))
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -84,13 +103,17 @@ class Plan:
 
     wants_color, others: whether color is an output, and whether others are.  faces, triangles, strands, points: how
     many there are.  body: whether there is one.  rest: the mesh by whose areas strands are spread, if it is another.
-    lobed: the types of strands, where looks of some need tables.
+    lobed: the types of strands, where looks of some need tables.  ground: `layout.Ground`, or None.  held: whether the
+    body is a holdout.  painted: its Materials, where it has more than one colour.
     """
 
     def __init__(self, rig: Rig, outputs: Sequence[str]) -> None:
         self.rig, self.scene, self.settings = rig, rig.scene, rig.settings
         self.wants_color, self.others = "color" in outputs, bool(set(outputs) - {"color"})
         mesh, fur = self.scene.mesh, self.scene.strands
+        self.ground, self.held = rig.ground, self.scene.body == "holdout"
+        if self.seen_through and "coverage" in outputs:   # only light tells it
+            self.wants_color = True
         self.grown = isinstance(fur, Strands)
         self.rest = None
         if isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh:
@@ -98,6 +121,13 @@ class Plan:
         self.body = mesh is not None and self.scene.body_color is not None
         types = fur.types if isinstance(fur, Strands) else fur.hair_types if isinstance(fur, Curves) else ()
         self.lobed = types if self.wants_color and of_model(types) else ()
+        color = self.scene.body_color
+        self.painted = color if isinstance(color, tuple) and self.wants_color and not self.held else ()
+        if self.settings.scattering != "off" and (not types or len(of_model(types)) < len(types)):
+            models = [kind.look.model for kind in types]
+            other = next((model for model in models if model != "chiang"), "none, there are no strands")
+            raise Error(f"Settings.scattering is {self.settings.scattering!r}, but the look of hair is {other}; "
+                        f"allowed: 'off', or clfur.Chiang for all strands")
         self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
         # Running sums: vertices and triangles before each face, points before each of the user's strands, and of all.
@@ -130,22 +160,36 @@ class Plan:
             "masks": self.uses_coverage and settings.masks, "strands": self.strands,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
-            "zscan": casting, "march": shells, "chiang": self.lobed,
+            "ground": self.ground is not None,
+            "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
+            "march": shells, "chiang": self.lobed, "transport": self.scatters,
             "strand_light": self.uses_coverage and self.wants_color,
-            "shade": True, "blur": self.wants_color and settings.blur != "off"}
+            "shade": True, "sky": self.scatters or (self.wants_color and self.scene.environment is not None),
+            "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
+
+    @property
+    def scatters(self) -> bool:
+        """Whether light is followed from hair to hair."""
+        return bool(self.settings.scattering != "off" and self.lobed)
 
     @property
     def uses_coverage(self) -> bool:
         """Whether strands are drawn by the area that they cover."""
         return self.settings.raster == "coverage" and self.strands > 0
 
+    @property
+    def seen_through(self) -> bool:
+        """Whether samples of body or ground hide what is behind them, but do not cover the picture by themselves."""
+        return self.held or self.ground is not None
+
     def light_key(self, lod: float = 0.0) -> tuple:
         """What light depends on that falls on anything, or on strands thinned so, as a key of `Scheduler.keep`."""
         scene, settings = self.scene, self.settings
         fit = b"".join(each.tobytes() for each in (*self.rig.grids, *self.rig.light_views) if each is not None).hex()
-        return (scene.mesh, scene.strands, scene.shells, *scene.lights, int(self.body), settings.shadows, settings.grid,
-                settings.shadow_map, settings.pcf, str(lod), scene.camera if lod else None, fit)
+        return (scene.mesh, scene.strands, scene.shells, scene.environment, *scene.lights, int(self.body),
+                settings.shadows, settings.grid, settings.shadow_map, settings.pcf, settings.scattering, str(lod),
+                scene.camera if lod else None, fit)
 
     def _points(self, first, end):
         """Points set aside for a run of strands."""
@@ -215,7 +259,7 @@ class Plan:
         both = room // (ENTRY + self._survivor)
         most = max(both if both <= survivors else (room - self._survivor * survivors) // ENTRY, 1)
         most = min(most, _largest(gpu) // 8, NUMBERS)
-        largest = _largest(gpu) // max(SURVIVOR, LIT)
+        largest = _largest(gpu) // max(SURVIVOR, LIT, PLACES * self._sources)
         return int(min(most, largest) if survivors > largest else most)
 
     def too_many(self, gpu: Any, pieces: int) -> Error:
@@ -233,9 +277,18 @@ class Plan:
         return TILE if self.uses_coverage else 1
 
     @property
+    def around(self) -> int:
+        """Sources of strands' light beside lights: a sky, or what comes from hair to hair, with the sky's."""
+        return int(self.scatters or self.scene.environment is not None)
+
+    @property
+    def _sources(self):
+        return len(self.scene.lights) + self.around
+
+    @property
     def _survivor(self):
         """Bytes on the device of a segment that may show, and of its light."""
-        return SURVIVOR + LIT * self.wants_color
+        return SURVIVOR + (LIT + PLACES * self._sources) * self.wants_color + LEAVING.bytes * self.scatters
 
     @property
     def _largest_row(self):
@@ -277,7 +330,8 @@ class Plan:
             "rows": row,
         }
         kept = self._transmittance * self.points * self.keeps_transmittances(gpu)
-        spare = self._memory(gpu)[0] * 15 // 16 - self._fixed - sum(least.values()) - kept
+        walked = OF_WALKED * WALKED.bytes * bool(gpu.steps and self.uses_coverage)
+        spare = self._memory(gpu)[0] * 15 // 16 - self._fixed - sum(least.values()) - kept - walked
         room = _share(spare, {name: need[name] - least[name] for name in need})
         room = {name: least[name] + room[name] for name in need}
         if spare < 0 or self._largest_row > _largest(gpu):
@@ -320,18 +374,37 @@ class Plan:
         scene, settings = self.scene, self.settings
         fixed = self.faces * MESH_FACE + self._shells
         fixed += MESH_VERTEX * max((len(mesh.positions) for mesh in (scene.mesh, self.rest) if mesh), default=0)
-        casting = sum(bool(np.any(light.color)) for light in scene.lights)   # the others are out
+        casting = sum(light.casts for light in scene.lights)
         maps = casting * (1 + (casting > 1))                                 # several are put together from as many
         fixed += maps * Lighting.bytes(sample=settings.shadow_map**2)
         if settings.shadows != "off" and (self.strands or scene.shells):
             layers = Lighting.bytes(layer=(settings.grid + 1) * settings.grid**2)
             fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
+        if scene.environment is not None:
+            fixed += sky_bytes(self.body)
+        fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
+        if self.scatters:
+            fixed += transport_bytes(len(self.lobed), self.body)
         return fixed + OF_KEPT * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property
     def _transmittance(self):
         """Bytes on the device of the transmittance to a point of strands, of all lights."""
-        return TRANSMITTANCE.bytes * len(self.scene.lights)
+        return TRANSMITTANCE.bytes * len(self.scene.lights) + POINT_LIGHT.bytes * (self.scene.environment is not None)
+
+    def check(self, gpu: Any) -> None:
+        """Raise `clfur.Error` where a device that ends long loops, silently, could end those over lights."""
+        settings, lights = self.settings, self.scene.lights
+        if not gpu.steps or not self.wants_color or len(lights) == 1:   # one is never too many
+            return
+        maps = sum(light.casts for light in lights) * (settings.shadows != "off" and bool(settings.shadow_map))
+        side = 2 * settings.pcf + 1
+        look = side * (side // LOOK_AT_ONCE + 2) + LOOK
+        sample, piece = len(lights) * 4 + maps * look, len(lights) * 12 + maps * 2 * look
+        slots = SLOTS * self.uses_coverage
+        if sample * settings.samples > gpu.steps * 3 // 4 or piece * slots > gpu.steps // 2:
+            raise Error(f"Scene.light has {len(lights)} lights and Settings.pcf is {settings.pcf}, which take longer "
+                        f"loops than {gpu.name} ends; allowed: fewer lights, or with shadows=False, or a smaller pcf")
 
     def keeps_transmittances(self, gpu: Any) -> bool:
         """Whether there is room for the transmittances to all points of strands: then they are asked once for all bands
@@ -348,6 +421,9 @@ class Plan:
         if self.settings.lod:
             per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
             strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
+        if gpu.steps:
+            strand += RESTS.bytes + STAGES.bytes
+            point += 0 if self.uses_coverage else LEFT.bytes
         if self.uses_coverage:
             strand += Tiles.bytes(strand=1)
             point += 0 if self.keeps_transmittances(gpu) else self._transmittance

@@ -1,5 +1,6 @@
 """What stands before the lights: hair in a grid of cells, the body in a shadow map, of each light."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,6 +11,7 @@ from ..errors import Error
 from ..scene import Scene
 from ..settings import Settings
 from ..stages import shells
+from ..stages.discs import discs
 from ..stages.lighting import Lighting, lighting_of
 from ..stages.raster import raster
 from ..stages.strands import DeviceStrands
@@ -19,6 +21,8 @@ from ..stages.zscan import zscan
 from .fit import Fit
 from .views import Rig, grid_of
 
+NARROWEST = 0.25   # columns of a grid by which the light of a disc's rim goes astray, that are worth a look
+LEAST_SHARE = 1e-3  # of a spot's furthest distance
 LEAST_WEIGHT = 4   # of a crossing in the counters, which rounding should not spoil
 
 
@@ -28,7 +32,8 @@ class ShadowPlan:
 
     light: `layout.Light`.  grid, light_view: `layout.Grid` and `layout.View` of it, or None where there is no hair or
     no body to cast a shadow.  method: as in `Settings.shadows`.  weights: [types] uint32, what a crossing of each
-    adds; of shells: the last.  crossing_unit: what one amounts to.  shadow: `layout.Shadow`.
+    adds; of shells: the last.  crossing_unit: what one amounts to.  shadow: `layout.Shadow`.  shifts: of a light that
+    is a disc, see `stages.discs`, or None.
     """
 
     light: np.void
@@ -38,6 +43,7 @@ class ShadowPlan:
     weights: Any
     crossing_unit: int
     shadow: np.void
+    shifts: Any = None
 
 
 def shells_depth(alpha: float, method: str) -> float:
@@ -96,9 +102,11 @@ def _plan(rig, number, light, grid, light_view, strands, body, shell_bounds):
         grid = None
     if light_view is not None and body:
         shadow["body"][:2] = 1, settings.pcf
+        shadow["disc"][0] = _disc(scene.lights[number], light_view)
     else:
         light_view = None
-    return ShadowPlan(light, grid, light_view, method, weights, crossing_unit, shadow)
+    shifts = None if grid is None else _shifts(scene.lights[number], grid)
+    return ShadowPlan(light, grid, light_view, method, weights, crossing_unit, shadow, shifts)
 
 
 def accumulate(gpu: Any, plans: list[ShadowPlan], strands: DeviceStrands, body: Surface, counted: list | None = None,
@@ -128,11 +136,42 @@ def finish(gpu: Any, plans: list[ShadowPlan], counted: list) -> Lighting:
     crossings = []
     for i, plan in enumerate(plans):   # cells go as soon as they are summed
         cells, counted[i] = counted[i], None
-        crossings.append(None if cells is None else zscan(gpu, cells, plan.crossing_unit))
+        crossings.append(None if cells is None else _sums(gpu, cells, plan))
         del cells
     maps = counted[len(plans):]
     return lighting_of(gpu, [plan.light for plan in plans], [plan.shadow for plan in plans],
                        [plan.grid for plan in plans], [plan.light_view for plan in plans], crossings, maps)
+
+
+def _disc(light, view):
+    """`disc` of a `layout.Shadow`: of a light of a scene that has a size, and of the view of its map."""
+    size = int(view["size"][0])
+    if light.position is None:   # as deep as wide
+        return math.tan(math.radians(light.size) / 2) * size
+    return light.size * float(view["scale"][0]) / float(view["to_screen"][3, 2])
+
+
+def _sums(gpu, cells, plan):
+    """What lies before each layer of a light's cells, as seen from all of its disc."""
+    shifts = plan.shifts
+    if shifts is None:
+        return zscan(gpu, cells, plan.crossing_unit)
+    return discs(gpu, cells, plan.crossing_unit, float(plan.shadow["hair"][0]), shifts)
+
+
+def _shifts(light, grid):
+    """How many columns of a grid a ray to the rim of a light's disc passes, at each half layer, [2 nz + 1] float32,
+    from that in the middle of the grid on; None where it is too narrow to be seen in it."""
+    nz, side = int(grid["size"][2]), float(grid["face"][1])
+    at, m = np.arange(2 * nz + 1) / 2, grid["to_grid"].astype(float)
+    if light.position is None:
+        shifts = math.tan(math.radians(light.size) / 2) * at
+    else:   # distances, by the way the light looks, of whole layers
+        depth = float(np.linalg.norm(m[:3, 2]))
+        distance = (at - (m[3, 2] + light.position @ m[:3, 2])) / depth
+        shifts = -light.size / side / np.maximum(distance, LEAST_SHARE * distance[-1])
+    shifts = np.clip(shifts - shifts[nz], -nz / 2, nz / 2)   # a disc as wide as the grid
+    return shifts.astype(np.float32) if np.ptp(shifts) >= NARROWEST else None
 
 
 def cast_shadows(gpu: Any, scene: Scene, settings: Settings, strands: DeviceStrands, body: Surface,

@@ -8,12 +8,15 @@ import attrs
 import numpy as np
 
 from .. import layout
-from ..scene import Light, Scene
+from ..scene import Environment, Light, Scene
+from ..scene.environment import ambient_of
+from ..scene.ground import ground_from, height_of
 from ..scene.seen import Seen, seen
 from ..settings import Settings
 from .fit import Fit
 
 MOST_CELLS = 4096   # of shells along a side of a face; as in shells.cl
+NO_CONE = -2.0   # less than any cosine: all is inside
 COARSE = 2   # lengths of fur: cells of the grid that are wider show no shadow within it
 
 
@@ -22,32 +25,33 @@ class Rig:
     """A scene and all that looks at it, made once a frame; whatever needs a view or a size is handed this."""
 
     scene: Scene
-    settings: Settings    # shadows are off where no light shines: what stands before one that is out cannot matter
+    settings: Settings    # shadows are off where no light casts any: what stands before one that is out cannot matter
     center: np.ndarray    # [3] of a ball around all that is drawn,
     radius: float         # and its radius [world]
     view: np.void         # layout.View: the whole picture
     lights: tuple         # layout.Light of each light of the scene,
-    light_views: tuple    # its layout.View, None without a shadow map or where it is out,
-    grids: tuple          # and its layout.Grid, None without shadows or where it is out
+    light_views: tuple    # its layout.View, None without a shadow map or where it casts none,
+    grids: tuple          # and its layout.Grid, None where it casts no shadows
     fit: Fit              # what these two are fitted to
+    ground: np.void | None   # layout.Ground, None where none is seen
 
     @classmethod
     def of(cls, scene: Scene, settings: Settings = Settings()) -> "Rig":
         """The `Rig` of a scene and how it is drawn."""
         scene = scene.local
-        if not any(np.any(light.color) for light in scene.lights):
+        if not any(light.casts for light in scene.lights):
             settings = attrs.evolve(settings, shadows="off")
         known, shadows = seen(scene), settings.shadows != "off"
-        fit = Fit(scene, known)
+        fit, view = Fit(scene, known), view_of(scene, settings.samples, known)
         return cls(
-            scene, settings, *known.ball, view_of(scene, settings.samples, known),
-            lights=tuple(light_of(light) for light in scene.lights),
+            scene, settings, *known.ball, view,
+            lights=tuple(light_of(light, scene.environment, settings.scattering != "off") for light in scene.lights),
             light_views=tuple(light_view_of(scene, settings.shadow_map, light, fit)
-                              if shadows and settings.shadow_map and np.any(light.color) else None
+                              if shadows and settings.shadow_map and light.casts else None
                               for light in scene.lights),
-            grids=tuple(grid_of(scene, settings.grid, light, fit) if shadows and np.any(light.color) else None
+            grids=tuple(grid_of(scene, settings.grid, light, fit) if shadows and light.casts else None
                         for light in scene.lights),
-            fit=fit)
+            fit=fit, ground=ground_of(scene, view))
 
     @property
     def warnings(self) -> list[str]:
@@ -84,14 +88,32 @@ def view_of(scene: Scene, samples: int, known: Seen | None = None) -> np.void:
     return _view(to_screen, (*pose[:3, 3], 1), camera.size, samples, math.sqrt(k[0, 0] * k[1, 1]))
 
 
-def light_of(light: Light) -> np.void:
-    """A `clfur.Light` as a `layout.Light`."""
+def ground_of(scene: Scene, view: np.void) -> np.void | None:
+    """The scene's ground in a view of `view_of`, as a `layout.Ground`; None without one, or where its eye is not above
+    it."""
+    scene = scene.local
+    if scene.ground is None:
+        return None
+    height = height_of(scene)
+    known = ground_from(scene.camera, height)
+    if known is None:
+        return None
+    down, above = known
+    packed: Any = np.zeros((), layout.Ground)
+    packed["plane"] = *(float(view["to_screen"][3, 2]) / above * down), height
+    if scene.ground.color is not None:
+        packed["color"] = *scene.ground.color, 1
+    return packed
+
+
+def light_of(light: Light, environment: Environment | None = None, scatters: bool = False) -> np.void:
+    """A `clfur.Light` as a `layout.Light`, under a sky if there is one; see `ambient_of`."""
     packed: Any = np.zeros((), layout.Light)
     packed["direction"][:3] = light.direction
-    packed["color"] = *light.color, light.ambient
+    packed["color"] = *light.strength, ambient_of(light, environment, scatters)
     if light.position is not None:
         packed["position"] = *light.position, 1
-        packed["cone"][0] = math.cos(math.radians(light.angle) / 2)
+        packed["cone"][0] = NO_CONE if light.everywhere else math.cos(math.radians(light.angle) / 2)
     return packed
 
 

@@ -5,11 +5,15 @@ Arrays are copied on the way in and are read-only, so that a scene never changes
 that `Curves` take on a device are not.
 """
 
+from .background import backdrop, over
 from .bounds import bounds_of, extent, fur_extent, hair_bounds
 from .camera import Camera
 from .curves import Bounds, Curves
+from .environment import Environment
+from .ground import Ground
 from .light import Light
 from .look import Chiang, Kajiya, highlighted
+from .material import Material
 from .mesh import Mesh
 from .origin import seen_from
 from .scene import Scene, frame
@@ -17,6 +21,7 @@ from .shells import Shells
 from .strands import HairType, PointForce, Strands
 
 __all__ = [
-    "Bounds", "Camera", "Chiang", "Curves", "HairType", "Kajiya", "Light", "Mesh", "PointForce", "Scene", "Shells",
-    "Strands", "bounds_of", "extent", "frame", "fur_extent", "hair_bounds", "highlighted", "seen_from",
+    "Bounds", "Camera", "Chiang", "Curves", "Environment", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh",
+    "PointForce", "Scene", "Shells", "Strands", "backdrop", "bounds_of", "extent", "frame", "fur_extent", "hair_bounds",
+    "highlighted", "over", "seen_from",
 ]

@@ -21,6 +21,16 @@ def _uv_array(value, where):
     return array
 
 
+def _materials(value, where):
+    if value is None:
+        return None
+    allowed = "None or an array [faces] of whole numbers from 0 to 65535"
+    array = checks.numbers(value, where, allowed, "iu")
+    if array.ndim != 1 or (array < 0).any() or (array > 65535).any():
+        checks.refuse(where, value, allowed)
+    return checks.frozen(array.astype(np.uint32))
+
+
 def first_of_equal_rows(rows):
     """Return, for each row of rows [n, 3], the index of the first row with the same numbers: int64 [n]."""
     order = np.lexsort(rows.T)  # stable: among equal rows the first stays first
@@ -47,6 +57,7 @@ class Mesh:
     OBJ files), and pictures repeat outside 0..1.
     faces: [F, 3] whole numbers 0 to V-1, counter-clockwise seen from outside (see below). Required.
     origin: [3] what positions are relative to, 0 if not given.
+    material_of: None, or [F] whole numbers from 0: which of several materials, of `Scene.body_color`, each face has.
 
     As stored: `positions` float32 [P, 3] holds each position once (files split vertices where uv or normals
     jump, and fur would part there), in the order given, without those that no face uses. They are relative to
@@ -73,6 +84,7 @@ class Mesh:
     uv: checks.Given = checks.field(_uv_array, default=None)
     faces: checks.Given = checks.field(checks.rows(3, kinds="iu"), default=None)
     origin: checks.Given = checks.field(origin, default=ZERO, kw_only=True)
+    material_of: checks.Given = checks.field(_materials, default=None, kw_only=True)
     has_uv: bool = attrs.field(init=False)
     degenerate_faces: int = attrs.field(init=False)
     zero_normal_faces: int = attrs.field(init=False)
@@ -80,13 +92,14 @@ class Mesh:
     turned_faces: int = attrs.field(init=False)
     one_sided_faces: int = attrs.field(init=False)
     kept_faces: np.ndarray = attrs.field(init=False, repr=False)
-    dropped: tuple = attrs.field(init=False, repr=False)   # (which [D], places [D, 3, 3] as positions, uv [D, 3, 2])
+    # (which [D], places [D, 3, 3] as positions, uv [D, 3, 2], materials [D])
+    dropped: tuple = attrs.field(init=False, repr=False)
 
     def __attrs_post_init__(self):
         given, origin = near_origin(self.positions, self.origin, "Mesh.positions")
         given = given + np.float32(0)  # turns -0.0 into 0.0
         faces = self.faces.astype(np.int64)
-        corner_uv = self._check(given, self.faces)
+        corner_uv, material_of = self._check(given, self.faces), self.material_of
 
         # Weld: from here on a vertex has the index of the first given one at the same position.
         first = first_of_equal_rows(given)
@@ -122,7 +135,10 @@ class Mesh:
             zero_normal_faces=zero_normal,
             **counts,
             kept_faces=checks.frozen(keep),
-            dropped=tuple(checks.frozen(each) for each in (dropped, given[faces[dropped]], uv[dropped])),
+            material_of=None if material_of is None else checks.frozen(material_of[keep]),
+            dropped=tuple(checks.frozen(each) for each in (
+                dropped, given[faces[dropped]], uv[dropped],
+                np.zeros(len(dropped), np.uint32) if material_of is None else material_of[dropped])),
         )
 
     def _store(self, **fields):
@@ -141,6 +157,8 @@ class Mesh:
             )
         if self.normals is not None and len(self.normals) != len(positions):
             checks.refuse("Mesh.normals", self.normals, f"None or [{len(positions)}, 3], one for each position")
+        if self.material_of is not None and len(self.material_of) != len(faces):
+            checks.refuse("Mesh.material_of", self.material_of, f"None or [{len(faces)}], one for each face")
         if self.uv is None:
             return None
         allowed = f"None, [{len(positions)}, 2] per vertex or [{len(faces)}, 3, 2] per corner"

@@ -58,8 +58,9 @@ def copied(thing: Any, **fields: Any) -> Any:
 
 
 def seen_from(thing: Any, there: np.ndarray) -> Any:
-    """Return a Mesh, Curves, Strands, Camera, Light or Bounds as it is seen from a place, float64 [3], as if that were
-    the world's origin; a tuple of them; None and others as they are.  Asked again, it is the very same object."""
+    """Return a Mesh, Curves, Strands, Camera, Light, Ground or Bounds as it is seen from a place, float64 [3], as if
+    that were the world's origin; a tuple of them; None and others as they are. Asked again, it is the very same
+    object."""
     if isinstance(thing, tuple):
         return tuple(seen_from(each, there) for each in thing)
     return thing if thing is None else _seen_from(thing, tuple(there.tolist()))
@@ -86,6 +87,8 @@ def _seen_from(thing, there):
         places = {each: None if getattr(thing, each) is None else checks.frozen(getattr(thing, each) - there)
                   for each in ("eye", "target")}
         return copied(thing, pose=checks.frozen(pose), **places)
+    if hasattr(thing, "height"):   # Ground
+        return thing if thing.height is None else copied(thing, height=thing.height - there[1])
     for name in ("position", "center"):   # Light, PointForce; Bounds
         if getattr(thing, name, None) is not None:
             return copied(thing, **{name: checks.frozen(getattr(thing, name) - there)})

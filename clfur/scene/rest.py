@@ -43,7 +43,7 @@ def posed(mesh: Mesh, rest: Mesh | None, where: str) -> Mesh:
 def _completed(mesh, rest):
     """The mesh with those of its dropped faces that rest has kept. Their vertices that no other face has get the
     normals of their neighbours, or those in rest."""
-    numbers, places, uv = mesh.dropped
+    numbers, places, uv, materials = mesh.dropped
     missing = np.isin(numbers, rest.kept_faces)
     if not missing.any():
         return mesh
@@ -62,6 +62,8 @@ def _completed(mesh, rest):
         normals=checks.frozen(normals.astype(np.float32)),
         uv=checks.frozen(np.concatenate([mesh.uv, uv])[order]),
         faces=checks.frozen(np.concatenate([mesh.faces, faces.astype(np.uint32)])[order]),
+        material_of=None if mesh.material_of is None else checks.frozen(
+            np.concatenate([mesh.material_of, materials[missing]])[order]),
         kept_faces=checks.frozen(kept[order]), dropped=tuple(each[:0] for each in mesh.dropped),
         **{name: getattr(rest, name) for name in ("degenerate_faces", "zero_normal_faces", "doubled_faces")})
 

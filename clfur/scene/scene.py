@@ -13,13 +13,17 @@ from . import checks
 from .bounds import extent, fur_extent, local, origin_of, points_to_see, strands_and_shells
 from .camera import FOV, Camera, size_of
 from .curves import Curves
+from .environment import Environment
+from .ground import Ground
 from .light import Light
+from .material import body_color
 from .mesh import Mesh
 from .origin import copied, seen_from
 from .rest import posed
 from .shells import Shells
 from .strands import Strands
 
+OUTSIDE = 1.05   # radii of the scene from its middle must a point light stand that casts shadows
 MOST_PERIODS = 1 << 16, 1 << 12   # of the sines of shell fur: from uv 0, where float32 is exact enough, and on a face
 
 
@@ -84,9 +88,13 @@ class Scene:
     mesh: Mesh or None. fur: Strands or Shells (which need a mesh), Curves, a list of Shells (undercoat) and one of
     Strands and Curves (guard hairs), or None; a mesh or fur is required. camera: Camera, or None to frame all of it.
     light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself (arrays of uint8 or
-    uint16 are sRGB), or None to leave it undrawn. Raises Error where the parts don't fit: a type_map, color_texture or
-    pattern "sine" on a mesh without uv, levels for another number of faces, an edge whose two faces give it different
-    levels, or a rest mesh of other faces.
+    uint16 are sRGB), a picture of them [h, w, 3] that is laid on by uv, a Material or a list of those that
+    `Mesh.material_of` tells the faces of, or None to leave it undrawn. environment: an Environment, whose light falls
+    on strands and body beside the lights', or None. With one, lights leave out the flat ambient that they have by
+    default (0.1); any other counts beside it. body: "drawn", or "holdout": it hides and shades what is behind it,
+    but is not seen itself, so that its pixels are free for a picture of it. ground: a Ground, or None. Raises Error
+    where the parts don't fit: a type_map, color_texture or pattern "sine" on a mesh without uv, levels for another
+    number of faces, an edge whose two faces give it different levels, or a rest mesh of other faces.
 
     Faces that have no area or normal in this pose, but have in rest, become part of `mesh`: what grows there stands as
     the normals of their corners, or of faces beside them, point.
@@ -99,7 +107,10 @@ class Scene:
     fur: checks.Given = checks.field(_fur, default=None)
     camera: checks.Given = checks.field(checks.instance(Camera, none=True), default=None)
     light: checks.Given = checks.field(_lights, default=Light())
-    body_color: checks.Given = checks.field(checks.optional(checks.color), default=(0.30, 0.20, 0.12))
+    body_color: checks.Given = checks.field(checks.optional(body_color), default=(0.30, 0.20, 0.12))
+    environment: Environment | None = checks.field(checks.instance(Environment, none=True), default=None)
+    body: str = checks.field(checks.choice("drawn", "holdout"), default="drawn")
+    ground: Ground | None = checks.field(checks.instance(Ground, none=True), default=None)
     strands: Strands | Curves = attrs.field(init=False, repr=False)
     shells: Shells = attrs.field(init=False, repr=False)
 
@@ -125,14 +136,22 @@ class Scene:
             shells = gusty(shells, float(shells.time - turns))
             fur = shells if strands is None else (strands, shells)
         return copied(self, mesh=mesh, fur=fur, strands=strands, shells=shells, light=seen_from(self.light, there),
-                      camera=seen_from(self.camera, there))
+                      camera=seen_from(self.camera, there), ground=seen_from(self.ground, there))
 
     def __attrs_post_init__(self):
         strands, shells = strands_and_shells(self.fur)
         object.__setattr__(self, "strands", strands)
         object.__setattr__(self, "shells", shells)
+        if shells is not None and self.environment is not None:
+            raise Error("Scene.environment is given but Scene.fur has Shells, on which no sky shines; allowed: "
+                        "Strands or Curves, or Light.ambient")
+        if self.ground is not None and self.environment is not None:
+            raise Error("Scene.environment and Scene.ground are given, but no sky shines on a ground; allowed: one of "
+                        "them, or Light.ambient")
         if self.mesh is None and strands is None and shells is None:
             raise Error("Scene.mesh and Scene.fur are None; allowed: at least one of them")
+        if self.body == "holdout" and (self.mesh is None or self.body_color is None):
+            raise Error("Scene.body is 'holdout' but no body is drawn; allowed: with a mesh and any body_color")
         for fur in (strands, shells):
             if isinstance(fur, (Strands, Shells)) and self.mesh is None:
                 raise Error(f"Scene.mesh is None but Scene.fur has {type(fur).__name__}; "
@@ -142,6 +161,8 @@ class Scene:
             _check_uv(self.mesh, strands)
         if strands is not None and self.mesh is not None:
             _check_levels(self.mesh, strands)
+        if isinstance(self.body_color, tuple) and self.mesh is not None:
+            _check_materials(self.mesh, self.body_color)
         if shells is not None:
             object.__setattr__(self, "mesh", posed(self.mesh, shells.rest, "Shells.rest"))
             if shells.pattern == "sine":
@@ -154,6 +175,11 @@ class Scene:
             if np.linalg.norm(place - center) > 1e3 * (radius or 1):
                 raise Error(f"Light.position is {checks.shown(place)}; allowed: at most 1000 radii of the scene away, "
                             f"or no position: light that is all but parallel")
+        for light in self.lights:
+            if light.everywhere and light.casts and np.linalg.norm(light.position - center) < OUTSIDE * radius:
+                raise Error(f"Light.position is {checks.shown(light.position)}, inside of all that is drawn, with "
+                            f"Light.angle 360; allowed: at least {OUTSIDE:g} radii from its middle, which is "
+                            f"{checks.shown(np.round(center, 3).tolist())}, a spot, or shadows=False")
         if self.camera is None:
             object.__setattr__(self, "camera", frame(self.mesh, self.fur))
 
@@ -166,6 +192,18 @@ def _check_uv(mesh, strands):
     if any(hair.color_texture is not None for hair in strands.types):
         raise Error("HairType.color_texture is looked up by uv but Scene.mesh has none; "
                     "allowed: a mesh with uv")
+
+
+def _check_materials(mesh, materials):
+    if not mesh.has_uv and any(material.texture is not None for material in materials):
+        raise Error("Scene.body_color has a texture, which is laid on by uv, but Scene.mesh has none; "
+                    "allowed: a mesh with uv")
+    if len(materials) == 1:
+        return
+    if mesh.material_of is None or mesh.material_of.max() >= len(materials):
+        has = "no material_of" if mesh.material_of is None else f"material_of up to {mesh.material_of.max()}"
+        raise Error(f"Scene.body_color has {len(materials)} materials but Scene.mesh has {has}; allowed: one material, "
+                    "or a mesh that tells which of them each face has")
 
 
 def _check_sines(mesh, shells):

@@ -185,7 +185,7 @@ def seen(scene: Any) -> Seen:
         strands = None if inside.all() else (boxes, inside, touched)
     cropped = [each is not None and bool((each[1] != each[2]).any()) for each in (faces, strands)]
     ball = extent(mesh, scene.fur)
-    if strands is not None and not fur.bounds:
+    if strands is not None and not fur.bounds and scene.ground is None:   # on which shadows of all of them may fall
         ball = _ball(scene, strands[0], strands[2])
     return Seen(frustum, ball, _near(scene, ball, faces, strands), faces, strands, any(cropped))
 

@@ -18,7 +18,8 @@ def _radius_and_count(value, where):
     return size, number
 
 
-def _texture(value, where):
+def texture(value, where):
+    """Return linear float32 [h, w, 3] of a picture as `HairType.color_texture` takes it."""
     allowed = "None or a picture [h, w, 3]: uint8 or uint16 (sRGB), or linear floats >= 0"
     pixels = linear_of(checks.pixels(value, where, "uf", allowed))
     if pixels.dtype.kind != "f":   # whole numbers of a picture that are neither: nobody knows what is white
@@ -49,7 +50,7 @@ class HairType(Looking):
     """
 
     color: checks.Given = checks.field(checks.color, default=(0.8, 0.6, 0.4))
-    color_texture: checks.Given = checks.field(checks.optional(_texture), default=None)
+    color_texture: checks.Given = checks.field(checks.optional(texture), default=None)
     segments: int = checks.field(checks.whole(0, 255), default=8)
     segment_length: float = checks.field(checks.real(low=0), default=0.02)
     force_weight: float = checks.field(checks.real(), default=1.0)

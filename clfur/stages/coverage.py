@@ -9,7 +9,7 @@ from .. import layout
 from ..layout import Arrays, Declared, array
 from .chiang import no_scattering
 from .lighting import unshadowed
-from .strands import DeviceStrands, arrays
+from .strands import DeviceStrands, arrays, go_through
 
 TILE, WALK = int(layout.CONSTANTS["TILE"]), int(layout.CONSTANTS["WALK"])
 EVERY = 0, int(layout.CONSTANTS["NOTHING"])   # tile, or depth: the first, one past the last
@@ -19,7 +19,10 @@ OF_KEPT = TILE**2 * int(layout.CONSTANTS["KEPT_PIXEL"])
 SLABS = 1024      # into which a tile is divided, at most
 BUCKETS = int(layout.CONSTANTS["BUCKETS"])
 WALKS = 16        # tiles at a time that go on in another launch where drivers end long loops, 90 KB each
-STEPS = 64        # segments of each strand that a launch takes where drivers end long loops
+OPEN = Declared("tile", np.uint32)           # that have not come to their end, likewise
+GRAINS = Declared("tile", np.uint32, 2)      # where LANES is 1: how a tile's list is sorted
+WALKED = Declared("uint4", np.uint32, 4)     # where a pixel has come to, of a tile so many:
+OF_WALKED = TILE**2 * WALK
 
 
 @dataclass(frozen=True)
@@ -74,11 +77,10 @@ def bound(gpu: Any, view: np.void, visible: Any, strands: int = 0) -> Tiles:
     return tiles
 
 
-def count(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, longest: int) -> None:
-    """Count the segments of strands, of at most ``longest`` points each, that each of the `Tiles` may show."""
-    for stretch in _stretches(gpu, longest):
-        gpu.launch("coverage.count", len(strands.spans), view=view, stretch=stretch, known=_knows(tiles, strands),
-                   **vars(tiles), **arrays(strands, "points", "spans"))
+def count(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles) -> None:
+    """Count the segments of strands that each of the `Tiles` may show."""
+    go_through(gpu, "coverage.count", strands, _a_row(view), view=view, known=_knows(tiles, strands), **vars(tiles),
+               **arrays(strands, "points", "spans"))
 
 
 def allocate(gpu: Any, counts: np.ndarray, survivors: int) -> Segments:
@@ -88,28 +90,25 @@ def allocate(gpu: Any, counts: np.ndarray, survivors: int) -> Segments:
     return Segments.empty(gpu, rows, starts=gpu.upload(starts), cursors=gpu.upload(starts[:-1]))
 
 
-def fill(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, segments: Segments, longest: int,
+def fill(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, segments: Segments,
          window: tuple[int, int] = EVERY, slab: tuple[int, int] = EVERY) -> None:
     """Write the `Segments` of strands that may show in some `Tiles`, ``window``: the first, one past the last, and
     reach into some depths, ``slab``: the same, behind those that are there already."""
-    for stretch in _stretches(gpu, longest):
-        gpu.launch("coverage.fill", len(strands.spans), view=view, stretch=stretch, bounds=tiles.bounds, window=window,
-                   slab=slab, first=strands.first_point, known=_knows(tiles, strands), shown=tiles.shown,
-                   cursors=segments.cursors, survivors=segments.survivors, entries=segments.entries,
-                   ends=segments.ends, ids=segments.ids, cuts=segments.cuts,
-                   **arrays(strands, "points", "spans", "shifts"))
+    go_through(gpu, "coverage.fill", strands, _a_row(view), view=view, bounds=tiles.bounds, window=window, slab=slab,
+               first=strands.first_point, known=_knows(tiles, strands), shown=tiles.shown, cursors=segments.cursors,
+               survivors=segments.survivors, entries=segments.entries, ends=segments.ends, ids=segments.ids,
+               cuts=segments.cuts, **arrays(strands, "points", "spans", "shifts"))
 
 
-def reach(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, reaches: Any, taken: Any, longest: int,
+def reach(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, reaches: Any, taken: Any,
           window: tuple[int, int]) -> None:
     """Tell how far in depth segments reach that may show in some `Tiles`, ``window``: the first, one past the last.
 
     ``reaches``: [segments, 2] uint32, the least and the most depth of each; they go behind those that are there
     already, ``taken``: [1] uint32, how many these are.
     """
-    for stretch in _stretches(gpu, longest):
-        gpu.launch("coverage.reach", len(strands.spans), view=view, stretch=stretch, bounds=tiles.bounds, window=window,
-                   survivors=taken, reaches=reaches, **arrays(strands, "points", "spans"))
+    go_through(gpu, "coverage.reach", strands, _a_row(view), view=view, bounds=tiles.bounds, window=window,
+               survivors=taken, reaches=reaches, **arrays(strands, "points", "spans"))
 
 
 def slabs_of(reaches: np.ndarray, most: int) -> list[tuple[tuple[int, int], int]]:
@@ -169,6 +168,7 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
              "has_shells": has_shells,
              "sample_shells": shell_front if has_shells else none, "lit": lit is not None,
              "places": none if lit is None else lit.places,
+             "sources": 0 if lit is None else lit.sources,
              "more": gpu.empty((0, 32), np.float32) if lit is None else lit.more,
              "shadowed": lit is not None and lit.shadowed,
              **(unshadowed(gpu) if lit is None else lit.lighting).arrays(),
@@ -179,7 +179,7 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
         gpu.launch(f"{kernels}.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries,
                    **known)
         return unfinished
-    known["grains"] = gpu.empty((across * down, 2), np.uint32)
+    known["grains"] = GRAINS.empty(gpu, across * down)
     _sort(gpu, across * down, entries=segments.entries,
           **{name: known[name] for name in ("starts", "sorted", "grains")})
     _pixels(gpu, across * down, kernels, **known)
@@ -207,14 +207,14 @@ def _pixels(gpu, n, kernels, **known):
     on launch by launch."""
     steps = gpu.steps // 2 if gpu.steps else 2**32 - 1   # beginning, end and the last turn take less than as many again
     none, stopped = gpu.empty(0, np.uint32), gpu.full(1, np.uint32, 0)
-    open_ = gpu.empty(n if gpu.steps else 0, np.uint32)
+    open_ = OPEN.empty(gpu, n if gpu.steps else 0)
     gpu.launch(f"{kernels}.pixels", n * TILE**2, steps=steps, fresh=True, listed=False, items=none, open=open_,
                n_open=stopped, walks=gpu.empty((0, 4), np.uint32), **known)
     left = int(gpu.download(stopped)[0]) if gpu.steps else 0
-    most = min(max(gpu.room // (TILE**2 * WALK * 16), 1), WALKS)
+    most = min(max(gpu.room // (OF_WALKED * WALKED.bytes), 1), WALKS)
     for first in range(0, left, most):
         some, fresh, going = min(left - first, most), True, 1
-        items, walks = gpu.rows(open_, first, first + some), gpu.empty((some * TILE**2 * WALK, 4), np.uint32)
+        items, walks = gpu.rows(open_, first, first + some), WALKED.empty(gpu, some * OF_WALKED)
         while going:
             stopped = gpu.full(1, np.uint32, 0)
             gpu.launch(f"{kernels}.pixels", some * TILE**2, steps=steps, fresh=fresh, listed=True, items=items,
@@ -226,7 +226,6 @@ def _knows(tiles, strands):
     return len(tiles.shown) == len(strands.spans)
 
 
-def _stretches(gpu, longest):
-    """[(first segment of each strand, one past the last)] of each launch: all at once but where drivers end loops."""
-    most = STEPS if gpu.steps else max(longest, 1)
-    return [(first, first + most) for first in range(0, max(longest, 1), most)]
+def _a_row(view):
+    """Steps of loops that a row of tiles takes, and some."""
+    return int(view["size"][0]) // TILE + 8

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .strands import DeviceStrands, arrays
+from .strands import DeviceStrands, arrays, go_through
 
 THINNED = "points", "spans"   # arrays that are made anew, and colors where each point has one
 
@@ -28,7 +28,7 @@ def thin(gpu: Any, strands: DeviceStrands, view: np.void, lod: float, seed: int 
     per_point = strands.color_per == 2
     thinned = replace(strands, **{name: DeviceStrands.declared[name].empty(gpu, len(getattr(strands, name)))
                                   for name in (*THINNED, *["colors"] * per_point)})
-    gpu.launch("lod.thin", len(strands.spans), view=view, lod=lod, seed=seed, by_place=by_place,
+    go_through(gpu, "lod.thin", strands, 1, view=view, lod=lod, seed=seed, by_place=by_place,
                out_points=thinned.points, out_spans=thinned.spans,
                out_colors=thinned.colors if per_point else gpu.empty((0, 4), np.float32),
                **arrays(strands, "first_strand", "points", "spans", "numbers", "colors", "color_per"))

@@ -36,7 +36,7 @@ def march(gpu: Any, view: np.void, shell: Shell, packed: np.void, lighting: Ligh
     rows, width, _samples = visible.shape
     image, rays = IMAGE.empty(gpu, (rows, width)), Rays.empty(gpu, {"sample": visible.shape})
     pattern = shell.pattern
-    across, down = block(gpu.lanes)
+    across, down = block(max(gpu.lanes, gpu.hinted))
     blocks = -(-width // across) * -(-rows // down)
     for _ in range(ENTRIES):
         left = gpu.full(1, np.int32, 0)

@@ -1,14 +1,18 @@
 """Strands and body triangles -> the nearest (depth, id) of every sample of a view."""
 
+import math
 from typing import Any
 
 import numpy as np
 
 from ..layout import Declared, drawn
-from .strands import DeviceStrands, arrays
+from .strands import DeviceStrands, arrays, stretches_of
 
 NONE = (1 << 64) - 1                                  # nothing there: depth and id NOTHING
 VISIBLE = Declared("sample", np.uint64, None, NONE)   # depth << 32 | id
+LEFT = Declared("segment", np.uint32, 2)              # or triangle that takes too many steps of loops: see raster.cl
+CLIPPED = 14                                          # pieces of a triangle, at most
+SOME = 1 << 12                                        # of these there is room for at first
 
 
 def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: Any = None,
@@ -22,26 +26,66 @@ def raster(gpu: Any, view: np.void, strands: DeviceStrands | None = None, body: 
     """
     width, _, samples, _ = (int(n) for n in view["size"])
     rows = int(view["rows"][1] - view["rows"][0])
-    bands = _bands(view, body)
     visible = VISIBLE.empty(gpu, (rows, width, samples)) if visible is None else visible
-    facing, after = after is not None, gpu.empty(0, np.uint32) if after is None else after
     for phase in range(1 if gpu.int64_atomics else 2):
         if body is not None:
-            n = len(body.triangles)
-            gpu.launch("raster.body", -(-n // gpu.lanes) * bands, view=view, positions=body.positions,
-                       triangles=body.triangles, n=n, first=body.first_triangle, band=-(-rows // bands), facing=facing,
-                       after=after, phase=phase, visible=visible)
-        if strands is not None:
-            n = len(strands.spans)
-            gpu.launch("raster.lines", -(-n // drawn(gpu.lanes)), view=view, strands=n, first=strands.first_point,
-                       phase=phase, visible=visible, **arrays(strands, "points", "spans", "shifts"))
+            _body(gpu, view, body, after, phase, visible)
+        if strands is not None and len(strands.points):
+            _lines(gpu, view, strands, phase, visible)
     return visible
+
+
+def _body(gpu, view, body, after, phase, visible):
+    """Draw triangles.  Where a driver ends long loops, large ones and those that are clipped window by window."""
+    n, rows = len(body.triangles), len(visible)
+    bands = _bands(view, body) if not gpu.steps else 1
+    known = {"view": view, "positions": body.positions, "triangles": body.triangles, "first": body.first_triangle,
+             "facing": after is not None, "after": gpu.empty(0, np.uint32) if after is None else after, "phase": phase,
+             "visible": visible}
+    left, n_left = _left(gpu, "raster.body", -(-n // gpu.lanes) * bands, n=n, band=-(-rows // bands),
+                         side=_side(gpu, view, 1), **known)
+    _pieces(gpu, "raster.body_pieces", left, n_left, CLIPPED, **known)
+
+
+def _lines(gpu, view, strands, phase, visible):
+    """Draw strands.  Where a driver ends long loops, in stretches, and large segments window by window."""
+    n, known = len(strands.spans), {"view": view, "phase": phase, "visible": visible}
+    for stretch in stretches_of(gpu, strands, 8):   # three steps each, and as many again for what they show
+        left, n_left = _left(gpu, "raster.lines", -(-n // drawn(gpu.lanes)), strands=n, first=strands.first_point,
+                             stretch=stretch, steps=gpu.own_steps // 2, **known,
+                             **arrays(strands, "points", "spans", "shifts"))
+        _pieces(gpu, "raster.line_pieces", left, n_left, 1, points=strands.points, **known)
+
+
+def _left(gpu, kernel, size, **known):
+    """Launch a kernel that may leave some -> these, and how many there are."""
+    room, n = SOME if gpu.steps else 0, None
+    while n is None or n > room:   # to draw the others once more changes nothing
+        room = max(room, n or 0)
+        left = LEFT.empty(gpu, room)
+        counter = gpu.full(1, np.uint32, 0) if gpu.steps else gpu.empty(0, np.uint32)
+        gpu.launch(kernel, size, room=room, left=left, n_left=counter, **known)
+        n = int(gpu.download(counter)[0]) if gpu.steps else 0
+    return left, n
+
+
+def _pieces(gpu, kernel, left, n, pieces, view, **known):
+    """Draw n that are left, each in so many pieces at most, window by window of the picture."""
+    if n:
+        side, rows = _side(gpu, view, pieces), int(view["rows"][1] - view["rows"][0])
+        windows = -(-int(view["size"][0]) // side) * -(-rows // side)
+        gpu.launch(kernel, n * windows, n=n, left=left, side=side, view=view, **known)
+
+
+def _side(gpu, view, pieces):
+    """Side of a square of pixels in which so many pieces can be drawn before a driver ends the loop; 0: any."""
+    return max(math.isqrt(gpu.steps // (2 * pieces * int(view["size"][2]))), 2) if gpu.steps else 0
 
 
 def _bands(view, body):
     """Bands to divide the rows into, so that no work-item has much more than 2^14 samples to visit.
 
-    A long work-item holds up everything behind it, and Mesa's llvmpipe ends loops after 65,535 steps, silently.
+    A long work-item holds up everything behind it.
     """
     width, _, samples, _ = (int(n) for n in view["size"])
     rows = int(view["rows"][1] - view["rows"][0])

@@ -9,6 +9,7 @@ from .. import layout
 from ..layout import Arrays, Declared, array
 from .chiang import Scattering, no_scattering
 from .lighting import Lighting
+from .sky import SkyLight, arguments
 from .strands import DeviceStrands, arrays
 from .tessellate import Surface
 
@@ -28,9 +29,31 @@ class Outputs(Arrays):
     coverage: Any = array("pixel", np.float32, None, 0)
 
 
+@dataclass(frozen=True)
+class Paint(Arrays):
+    """What the body is painted with, where that is not one colour."""
+
+    materials: Any = array("material", layout.Material)
+    texels: Any = array("texel", np.uint32, 2)       # of their pictures, at all sizes: 16 bits each of r, g, b, -
+
+
+def paint_of(gpu: Any, materials: tuple) -> Paint:
+    """`Paint` of `clfur.Material`s."""
+    packed, first = np.zeros(len(materials), layout.Material), 0
+    for row, material in zip(packed, materials):
+        size, levels, texels, scale = material.texels
+        row["color"] = *(material.color * (scale if levels else 1)), 0
+        row["size"] = *size, first, levels
+        row["wrap"][:2] = [layout.WRAPS.index(each) for each in material.wrap]
+        first += len(texels)
+    joined = np.concatenate([material.texels[2] for material in materials])
+    return Paint(gpu.upload(packed), gpu.upload(joined.view(np.uint32)))
+
+
 def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: DeviceStrands, body: Surface,
           body_color: tuple, image: Any = None, sample_transmittance: Any = None, sums: Any = None,
-          scattering: Scattering | None = None) -> Any:
+          scattering: Scattering | None = None, sky: SkyLight | None = None, paint: Paint | None = None,
+          material_of: Any = None) -> Any:
     """Light every sample and average -> [rows, width, 4] float32, linear, premultiplied, alpha = coverage.
 
     Strands by their types' looks, the body by Lambert.
@@ -38,18 +61,21 @@ def color(gpu: Any, view: np.void, lighting: Lighting, visible: Any, strands: De
     ``image``: what it is added to.  ``sample_transmittance``: [rows, width, samples] float32, the share of each
     sample's light and coverage that comes through what stands before it and is in ``image`` already; all if None.
     ``strands`` and ``body`` may be a part of what is visible: it is then added to ``sums``, [rows, width, 4] int64, see
-    `blend`.  ``scattering``: of the strands' types; None where none has lobes.
+    `blend`.  ``scattering``: of the strands' types; None where none has lobes.  ``sky``: its light, if there is one.
+    ``paint``: what the body has in place of ``body_color``; ``material_of``: [faces of ``body``] uint32, which of
+    several materials each has.
     """
     rows, width, _ = visible.shape
     if sums is None and image is None:
         image = IMAGE.empty(gpu, (rows, width))
     gpu.launch("shade.color", -(-rows * width // layout.shaded(gpu.lanes)), view=view, part=_part(strands, body),
                visible=visible, pixels=rows * width, positions=body.positions, normals=body.normals,
-               triangles=body.triangles, body_color=(*body_color, 0), attenuated=sample_transmittance is not None,
+               triangles=body.triangles, uv=body.uv, body_color=(*body_color, 0), **_painted(gpu, paint, material_of),
+               attenuated=sample_transmittance is not None,
                sample_transmittance=_or_none(gpu, sample_transmittance), more=sums is not None,
                radiance_sums=gpu.empty((0, 4), np.int64) if sums is None else sums,
                image=gpu.empty((0, 4), np.float32) if image is None else image, **lighting.arrays(),
-               **(scattering or no_scattering(gpu)).arrays(),
+               **arguments(gpu, sky), **(scattering or no_scattering(gpu)).arrays(),
                **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal", "strand_uv",
                         "types", "colors", "color_per"))
     return image if sums is None else sums
@@ -85,6 +111,17 @@ def cover(gpu: Any, visible: Any, transmittance: Any, image: Any) -> None:
     gpu.launch("shade.cover", rows * width, samples=samples, visible=visible, transmittance=transmittance, image=image)
 
 
+def uncover(gpu: Any, visible: Any, transmittance: Any, image: Any) -> None:
+    """Take out of the alpha of an ``image``, [rows, width, 4] float32, what samples that see anything add to it.
+
+    ``visible``: [rows, width, samples] uint64.  ``transmittance``: [rows, width, samples] float32, the share of each
+    sample that comes through what stands before it.  The light of these samples adds what they do cover.
+    """
+    rows, width, samples = visible.shape
+    gpu.launch("shade.uncover", rows * width, samples=samples, visible=visible, transmittance=transmittance,
+               image=image)
+
+
 def outputs(gpu: Any, view: np.void, visible: Any, strands: DeviceStrands, body: Surface,
             result: dict | None = None) -> dict:
     """What the nearest covered sample of each pixel sees -> {name: [rows, width(, 4)]}.
@@ -102,6 +139,13 @@ def outputs(gpu: Any, view: np.void, visible: Any, strands: DeviceStrands, body:
                **arrays(strands, "first_strand", "points", "spans", "strand_of", "numbers", "stored", "run",
                         "strand_uv"))
     return result
+
+
+def _painted(gpu, paint, material_of):
+    """`Paint` as arguments of a launch; arrays of none where the body has one colour."""
+    paint = paint or Paint.empty(gpu, {"material": 0, "texel": 0})
+    return {"n_materials": len(paint.materials), "material_of": gpu.empty(0, np.uint32) if material_of is None
+            else material_of, **vars(paint)}
 
 
 def _or_none(gpu, transmittance):

@@ -38,6 +38,7 @@ class DeviceStrands(Arrays):
     color_per: int = 1      # what has a colour of its own: 0 everything together, 1 each strand, 2 each point
 
 
+STAGES = layout.Declared("strand", np.uint32, 4, 0)   # how far each has come where drivers end long loops
 ROOTS = layout.Declared("strand", np.uint32, 4)   # triangle; weights of its corners, float32
 
 
@@ -51,6 +52,27 @@ class Packed(Arrays):
     root_normals: Any = array("strand", np.float32, 3)
     root_uv: Any = array("strand", np.float32, 2)
     type_of: Any = array("strand", np.uint32)
+
+
+def stretches_of(gpu: Any, strands: DeviceStrands, steps: int) -> list[tuple[int, int]]:
+    """[(first segment of each strand, one past the last)] of launches, in which a segment takes so many ``steps`` of
+    loops at most: all at once but where a driver ends long loops."""
+    if not gpu.steps or not len(strands.spans):
+        return [(0, 2**32 - 1)]
+    most = max(gpu.steps // steps, 1)
+    longest = int(gpu.download(strands.spans)[:, 1].max())
+    return [(0, 2**32 - 1)] if longest <= most else [(first, first + most) for first in range(0, longest, most)]
+
+
+def go_through(gpu: Any, kernel: str, strands: DeviceStrands, least: int, **known: Any) -> None:
+    """Launch a kernel over strands; where a driver ends long loops again and again, each time for so many steps of
+    them, ``least`` at least, till all strands have come to their end."""
+    n, going = len(strands.spans), 1
+    stages, steps = STAGES.empty(gpu, n if gpu.steps else 0), max(gpu.own_steps // 2, least) if gpu.steps else 2**32 - 1
+    while going:
+        n_open = gpu.full(1, np.uint32, 0) if gpu.steps else gpu.empty(0, np.uint32)
+        gpu.launch(kernel, n, steps=steps, stages=stages, n_open=n_open, **known)
+        going = int(gpu.download(n_open)[0]) if gpu.steps else 0
 
 
 def arrays(strands: DeviceStrands, *names: str) -> dict[str, Any]:

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from ..layout import METHODS, Declared
-from .strands import DeviceStrands, arrays
+from .strands import DeviceStrands, arrays, stretches_of
 
 CELLS = Declared("cell", np.uint32, None, 0)   # amounts of crossings
+RESTS = Declared("strand", np.float32)         # what rounding leaves from stretch to stretch of a strand
 
 
 def voxelize(gpu: Any, grid: np.void, strands: DeviceStrands, method: str, weights: np.ndarray,
@@ -23,10 +24,13 @@ def voxelize(gpu: Any, grid: np.void, strands: DeviceStrands, method: str, weigh
     cells = CELLS.empty(gpu, (nz, ny, nx)) if cells is None else cells
     given = {"grid": grid, "weights": gpu.upload(weights), "cells": cells,
              **arrays(strands, "points", "spans", "strand_uv")}
-    if method == "length":
-        gpu.launch("voxelize.lengths", len(strands.spans), **given)
-    else:
-        gpu.launch("voxelize.fragments", len(strands.spans), method=METHODS.index(method), **given)
+    stretches = stretches_of(gpu, strands, (11 if method == "length" else 1) * max(nx, ny, nz) + 9)   # to 4 grids away
+    rests = RESTS.empty(gpu, len(strands.spans) if len(stretches) > 1 else 0)
+    for stretch in stretches:
+        if method == "length":
+            gpu.launch("voxelize.lengths", len(strands.spans), stretch=stretch, rests=rests, **given)
+        else:
+            gpu.launch("voxelize.fragments", len(strands.spans), stretch=stretch, method=METHODS.index(method), **given)
     return cells
 
 

@@ -12,10 +12,11 @@ from .strands import tangents_at
 from .vectors import dot, f64, merge, mix, unit
 
 
-def color(view, lights, visible, strands, body, body_color):
+def color(view, lights, visible, strands, body, body_color, paint=None):
     """Light every sample and average -> [height, width, 4] float64: linear, premultiplied, coverage in alpha.
 
-    view, lights [n]: structs. visible: [height, width, samples] uint64, depth << 32 | id.
+    view, lights [n]: structs. visible: [height, width, samples] uint64, depth << 32 | id. paint: what `painted` takes
+    of materials in place of ``body_color``.
     """
     radiance = np.zeros((*visible.shape, 4))
     on, number, p, v = samples_of(view, visible)
@@ -26,12 +27,17 @@ def color(view, lights, visible, strands, body, body_color):
     kind, types = f64(strands.uv)[strand, 2].astype(int), np.asarray(strands.types)
     shine, lobes = f64(types["shine"])[kind], f64(types["lobes"])[kind]
     base = strand_color(strands, k, strand, share)
-    n, _ = on_body(body, number[~hair] - BODY, p[~hair], v[~hair])
+    n, weights = on_body(body, number[~hair] - BODY, p[~hair], v[~hair])
+    if paint is not None:
+        steps = steps_on(view, body, number[~hair] - BODY, p[~hair])
+        body_color = painted(body, *paint, number[~hair] - BODY, weights, steps / np.sqrt(visible.shape[2]))
+    else:
+        body_color = f64(body_color)[:3]
     for light in lights:
         to_light, direct, ambient = light_at(light, p)
         rgb[hair] += fibre(base, shine, t, to_light[hair], v[hair], direct[hair], ambient, lobes)
         lambert = np.maximum(dot(n, to_light[~hair]), 0)[:, None]
-        rgb[~hair] += f64(body_color)[:3] * (direct[~hair] * lambert + ambient)
+        rgb[~hair] += body_color * (direct[~hair] * lambert + ambient)
 
     radiance[on] = np.concatenate([rgb, np.ones((len(rgb), 1))], 1)
     return radiance.mean(2)
@@ -120,3 +126,71 @@ def on_body(body, triangle, p, v):
     weights = np.stack([1 - at_b - at_c, at_b, at_c], 1)
     n = unit((weights[..., None] * f64(body.normals)[corners, :3]).sum(1))
     return np.where(dot(n, v)[:, None] < 0, -n, n), weights
+
+
+# --- base colours ---------------------------------------------------------------------------------------
+
+
+def painted(body, materials, material_of, triangle, weights, steps=None):
+    """Base colours [n, 3] of triangles [n] at weights [n, 3] of their corners.
+
+    materials: objects with color [3], levels ([h, w, 3] each, half as large as the one before, or none) and wrap;
+    material_of: [faces] which each face has, or None for the first. steps: [n, 2, 2] how far in uv a sample's share of
+    the picture goes along x and y; None for no size at all.
+    """
+    triangles = np.asarray(body.triangles)[triangle]
+    uv = (weights[..., None] * f64(body.uv)[triangles[:, :3], :2]).sum(1)
+    which = np.zeros(len(uv), int) if material_of is None else np.asarray(material_of)[triangles[:, 3]]
+    colors = np.zeros((len(uv), 3))
+    for k, material in enumerate(materials):
+        mine = which == k
+        colors[mine] = f64(material.color)
+        if material.levels and mine.any():
+            height, width = material.levels[0].shape[:2]
+            length = 0 if steps is None else np.linalg.norm(steps[mine] * (width, height), axis=2).max(1)
+            level = np.clip(np.log2(np.maximum(length, 1e-9)), 0, len(material.levels) - 1) * np.ones(mine.sum())
+            seen = np.zeros((mine.sum(), 3))
+            for j, picture in enumerate(material.levels):   # each counts as far as it is near
+                seen += np.maximum(1 - np.abs(level - j), 0)[:, None] * picture_at(picture, uv[mine], material.wrap)
+            colors[mine] *= seen
+    return colors
+
+
+def picture_at(picture, uv, wrap):
+    """A picture [h, w, 3] at uv [n, 2], between the four texels around -> [n, 3]; v runs up."""
+    picture, ends = f64(picture), []
+    for place, n, how in (1 - uv[:, 1], picture.shape[0], wrap[1]), (uv[:, 0], picture.shape[1], wrap[0]):
+        at = place * n - .5 if how != "clamp" else np.clip(place, 0, 1) * n - .5
+        low = np.floor(at).astype(np.int64)
+        both = np.stack([low, low + 1])
+        if how == "repeat":
+            both %= n
+        elif how == "mirror":
+            both %= 2 * n
+            both = np.minimum(both, 2 * n - 1 - both)
+        ends.append((np.clip(both, 0, n - 1), np.stack([low + 1 - at, at - low])))
+    (rows, down), (columns, across) = ends
+    return sum((down[i] * across[j])[:, None] * picture[rows[i], columns[j]] for i in (0, 1) for j in (0, 1))
+
+
+def steps_on(view, body, triangle, p):
+    """How far in uv rays a pixel further along x and y pass on the planes of triangles -> [n, 2, 2]."""
+    corners = np.asarray(body.triangles)[triangle, :3]
+    a, b, c = np.moveaxis(f64(body.positions)[corners, :3], 1, 0)
+    uv = f64(body.uv)[corners, :2]
+    n, eye, matrix = np.cross(b - a, c - a), f64(view["eye"])[:3], f64(view["to_screen"]).T
+    q = np.concatenate([p, np.ones((len(p), 1))], 1) @ matrix.T
+    place, steps, delta = q[:, :3] / q[:, 3:], [], 1e-3
+    for axis in (0, 1):
+        ends = []
+        for sign in (-1, 1):
+            there = np.concatenate([place, np.ones((len(p), 1))], 1)
+            there[:, axis] += sign * delta / 2
+            d = np.linalg.solve(matrix, there.T).T
+            d = d[:, :3] / d[:, 3:] - eye
+            with np.errstate(divide="ignore", invalid="ignore"):
+                met = eye + (dot(n, a - eye) / dot(n, d))[:, None] * d
+            two, three = dot(np.cross(met - a, c - a), n) / dot(n, n), dot(np.cross(b - a, met - a), n) / dot(n, n)
+            ends.append(two[:, None] * (uv[:, 1] - uv[:, 0]) + three[:, None] * (uv[:, 2] - uv[:, 0]))
+        steps.append((ends[1] - ends[0]) / delta)
+    return np.stack(steps, 1)

@@ -14,6 +14,7 @@ from .vectors import dot, f64, mix, unit
 DEPTH_ONE = 1 << 30        # fixed-point depth at infinity; 0 is the near plane
 STEEPEST = 5               # texels by which the body may rise in depth from one texel to the next
 FEW = 5                    # places of a segment
+POINTS, SEARCHED = 64, 24  # of a disc, and where what hides it is looked for
 
 
 def transmittance(lights, strands, shadows, grids, light_views, crossings, shadow_maps):
@@ -29,7 +30,7 @@ def transmittance(lights, strands, shadows, grids, light_views, crossings, shado
     for n, shadow in enumerate(shadows):
         if shadow["body"][0]:
             result[n] = past_body(light_views[n], shadow_maps[n], int(shadow["body"][1]), points[:, :3],
-                                  f64(strands.normals)[strand, :3])
+                                  f64(strands.normals)[strand, :3], float(shadow["disc"][0]))
         once, by_width, by_fragment, by_count = f64(shadow["hair"])
         if once > 0:
             depth = 1 - alpha if by_count > 0 else -np.log(np.maximum(alpha, 1e-6))
@@ -59,9 +60,10 @@ def through_hair(grid, crossings, once, p, by_width, by_fragment):
     return np.where(inside, np.exp(-once * np.maximum(total - by_width / w - by_fragment, 0)), 1)
 
 
-def past_body(view, shadow_map, radius, p, n):
-    """Share of the texels around places p [n, 3] in which the body is not nearer to the light than the plane through p
-    across n, brought nearer by 2 radius + 1 texels (Reeves, Salesin and Cook 1987; planes: Schüler 2005)."""
+def past_body(view, shadow_map, radius, p, n, disc=0.0):
+    """What `hidden_share` leaves of a light that is a ``disc``; where that tells nothing, the share of the texels
+    around places p [n, 3] in which the body is not nearer to the light than the plane through p across n, brought
+    nearer by 2 radius + 1 texels (Reeves, Salesin and Cook 1987; planes: Schüler 2005)."""
     q = np.c_[p, np.ones(len(p))] @ f64(view["to_screen"])
     height, width = shadow_map.shape
     x, y, e = (q[:, :3] / q[:, 3:]).T
@@ -79,7 +81,43 @@ def past_body(view, shadow_map, radius, p, n):
             seen = depths[np.where(inside, row, 0), np.where(inside, column, 0)] / DEPTH_ONE
             mine = 1 - (e + (1 + 2 * radius) * texel + dx * (column + .5 - x) + dy * (row + .5 - y))
             dark += inside & (seen <= 1) & (seen < mine)
-    return np.where(q[:, 3] > 0, 1 - dark / (2 * radius + 1)**2, 1)
+    light = 1 - dark / (2 * radius + 1)**2
+    if disc:
+        plane = e + (1 + 2 * radius) * texel - dx * x - dy * y
+        hidden = [hidden_share(depths, disc, radius, *place) for place in zip(x, y, e, plane, dx, dy)]
+        light = np.where(np.array(hidden) >= 0, 1 - np.array(hidden), light)
+    return np.where(q[:, 3] > 0, light, 1)
+
+
+def hidden_share(depths, disc, radius, x, y, e, plane, dx, dy):
+    """Share of a disc that a map hides from a place (x, y, e) of it, -1 where its blur is narrower than the filter's
+    ``radius`` (Fernando 2005); disc: how many texels it is wide to a difference of depth of 1."""
+    (points, at), (around, away) = spiral(POINTS), spiral(SEARCHED)
+
+    def nearer_by(places):
+        column, row = np.floor(places).astype(int).T
+        inside = (column >= 0) & (row >= 0) & (column < depths.shape[1]) & (row < depths.shape[0])
+        seen = np.where(inside, depths[np.where(inside, row, 0), np.where(inside, column, 0)], np.inf)
+        there = 1 - seen / DEPTH_ONE
+        return np.where((seen <= DEPTH_ONE) & (there > plane + dx * (column + .5) + dy * (row + .5)), there - e, 0)
+    reach = min(disc * (1 - e), depths.shape[1] / 2)
+    by = nearer_by((x, y) + reach * away[:, None]**2 * around)
+    hides = (by > 0) & (disc * by >= reach * away**3)
+    area = away[hides]**4 / by[hides]**2
+    wide = disc * (area * by[hides]).sum() / area.sum() if hides.any() else 0
+    if wide < .5 + radius:
+        return -1
+    if (by > 0).all():
+        return 1
+    by = nearer_by((x, y) + wide * points)
+    return ((by > 0) & (2 * disc * by >= wide * at)).mean()
+
+
+def spiral(points):
+    """(Points [n, 2] of a disc of radius 1, their distances [n] from its middle) (Vogel 1979)."""
+    number = np.arange(points)
+    at, angle = np.sqrt((number + .5) / points), number * (np.pi * (3 - np.sqrt(5)))
+    return np.stack([at * np.cos(angle), at * np.sin(angle)], 1), at
 
 
 def sent(view, lights, k, at, strands, transmittances=None):

@@ -33,11 +33,10 @@ class Kernels:
 
 def counted(gpu, view, strands, visible):
     """(`Tiles`, `Segments`) of strands."""
-    longest = int(strands.spans.get()[:, 1].max(initial=0))
     tiles = coverage.bound(gpu, view, visible)
-    coverage.count(gpu, view, strands, tiles, longest)
+    coverage.count(gpu, view, strands, tiles)
     segments = coverage.allocate(gpu, tiles.counts.get(), int(tiles.survivors.get()[0]))
-    coverage.fill(gpu, view, strands, tiles, segments, longest)
+    coverage.fill(gpu, view, strands, tiles, segments)
     assert (segments.cursors.get() == segments.starts.get()[1:]).all()
     assert segments.survivors.get() == tiles.survivors.get()
     return tiles, segments

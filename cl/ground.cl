@@ -1,0 +1,150 @@
+/*
+ * The ground: a level plane without an end, seen from above, on which shadows fall.  It is no part of the body: each sample's
+ * place on it comes from the plane itself, so that it takes no triangles, no depths and no room before the near plane.
+ */
+
+#include "lanes.h"
+#include "seen.h"
+#include "light.h"
+#include "light_lanes.h"
+#include "sums.h"
+
+#define LUMINANCE ((float4)(0.2126f, 0.7152f, 0.0722f, 0.0f))   // ITU-R BT.709
+
+/* Reversed depth of the ground at a place of the picture, above 1 before the near plane; it lies there where that is > 0. */
+INLINED lanes ground_depth(const Ground *ground, lanes x, lanes y)
+{
+    return (ground->plane.x * x + ground->plane.y * y) + ground->plane.z;
+}
+
+/* One work-item offers the ground to the samples of one pixel.  Before the near plane it hides all, as nothing else stands
+   there. */
+__kernel void put(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const View view,
+    const Ground ground,
+    __global ulong *visible)               // [rows, width, samples] depth << 32 | id
+{
+    WORK_ITEM(pixel);
+    const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
+    for (int s = 0; s < samples; ++s) {
+        const int2 offset = PATTERN[view.size.w + s];
+        const float px = x + 0.5f + offset.x * (1.0f / SUBPIXEL), py = y + 0.5f + offset.y * (1.0f / SUBPIXEL);
+        const float e = (ground.plane.x * px + ground.plane.y * py) + ground.plane.z;
+        if (!(e > 0.0f))
+            continue;
+        const uint depth = e < 1.0f ? DEPTH_ONE - (uint)(e * DEPTH_ONE) : 0;
+        const ulong key = (ulong)depth << 32 | GROUND;
+        if (key < visible[pixel * samples + s])
+            visible[pixel * samples + s] = key;
+    }
+}
+
+/* What the ground at places of the picture sends to the eye; alpha: 1, or how much of the light that falls on it is missing. */
+ONCE lanes4 light_of_ground(const View *view, const Ground *ground, const Lighting *lighting, lanes x, lanes y)
+{
+    const lanes4 ahead = by_columns(view->to_world, x, y, F(0.0f));
+    const lanes distance = view->to_screen[3].z / greater(ground_depth(ground, x, y), F(1e-30f));
+    const lanes3 p = {view->eye.x + distance * ahead.x, F(ground->plane.w), view->eye.z + distance * ahead.z};
+    const lanes3 n = {F(0.0f), F(1.0f), F(0.0f)};
+    lanes3 sum = {F(0.0f), F(0.0f), F(0.0f)};
+    lanes left = F(0.0f), whole = F(0.0f);
+    for (int i = 0; i < lighting->n; ++i) {
+        const Light light = lighting->lights[i];
+        const Obstacles obstacles = obstacles_of(lighting, i);
+        const float bright = dot3(light.color, LUMINANCE);
+        lanes3 l;
+        const lanes all = share_of_light(&light, p, &l);
+        lanes share = all * greater(l.y, F(0.0f));
+        whole += bright * share + light.color.w;
+        if (obstacles.shadow.body.x)
+            share *= past_body_lanes(&obstacles, share > 0.0f, p, n, 64.0f, 1.0f);
+        if (obstacles.shadow.hair.x > 0.0f && any_lane(share > 0.0f))
+            share *= through_hair_lanes(&obstacles, F(0.0f), F(0.0f), p);
+        left += bright * share + light.color.w;
+        sum.x += ground->color.x * (light.color.x * share + light.color.w);
+        sum.y += ground->color.y * (light.color.y * share + light.color.w);
+        sum.z += ground->color.z * (light.color.z * share + light.color.w);
+    }
+    const lanes missing = whole > 0.0f ? 1.0f - left / whole : F(0.0f);
+    const lanes4 result = {sum.x, sum.y, sum.z, ground->color.w > 0.0f ? F(1.0f) : missing};
+    return result;
+}
+
+/* One work-item lights the samples of SHADED pixels that see the ground, LANES of them side by side, and adds them to sums. */
+__kernel void light(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const View view,
+    const Ground ground,
+    __global const ulong *visible,         // [rows, width, samples] depth << 32 | id
+    const int n_lights,
+    __global const Light *lights,          // see light.h
+    __global const Shadow *shadows,
+    __global const Grid *grids,
+    __global const View *light_views,
+    __global const float *crossings,
+    __global const ulong *shadow_maps,
+    const uint pixels,                     // rows · width
+    const int attenuated,                  // 1: something before the samples lets only a share of their light through
+    __global const float *sample_transmittance,   // [rows, width, samples] that share
+    __global long4 *radiance_sums)         // [rows, width] r, g, b, alpha in 1/ONE
+{
+    WORK_ITEM(item);
+    const size_t first = item * SHADED;
+    const uint n = pixels - first < SHADED ? (uint)(pixels - first) : SHADED, samples = view.size.z;
+    const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
+    lanes x = F(0.0f), y = F(0.0f), share = F(0.0f);
+    uint at[LANES];
+    int waiting = 0;
+    for (uint i = 0; i < n * samples; ++i) {
+        const size_t sample = first * samples + i, pixel = first + i / samples;
+        const float its = attenuated ? sample_transmittance[sample] : 1.0f;
+        if ((uint)visible[sample] == GROUND && its > 0.0f) {
+            const int2 offset = PATTERN[view.size.w + i % samples];
+            LANE(x, waiting) = (int)(pixel % view.size.x) + 0.5f + offset.x * (1.0f / SUBPIXEL);
+            LANE(y, waiting) = view.rows.x + (int)(pixel / view.size.x) + 0.5f + offset.y * (1.0f / SUBPIXEL);
+            LANE(share, waiting) = its / samples;
+            at[waiting++] = i / samples;
+        }
+        if (!waiting || (waiting < LANES && i + 1 < n * samples))
+            continue;
+        for (int k = waiting; k < LANES; ++k) {   // lanes that nothing waits in do the first one's work
+            LANE(x, k) = LANE(x, 0);
+            LANE(y, k) = LANE(y, 0);
+        }
+        const lanes4 light = light_of_ground(&view, &ground, &lighting, x, y);
+        for (int k = 0; k < waiting; ++k)
+            radiance_sums[first + at[k]] += in_integers(LANE(share, k), (float4)(LANE(light.x, k), LANE(light.y, k),
+                                                                                LANE(light.z, k), LANE(light.w, k)));
+        waiting = 0;
+    }
+}
+
+/* One work-item tells what is known of one pixel whose nearest sample sees the ground. */
+__kernel void outputs(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const View view,
+    const Ground ground,
+    __global const ulong *visible,         // [rows, width, samples] depth << 32 | id
+    __global float *out_depth,             // [rows, width] distance along the view axis
+    __global int *out_id,                  // ID_GROUND
+    __global float4 *out_normal)           // up
+{
+    WORK_ITEM(pixel);
+    const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
+    ulong key = ~0ul;
+    int nearest = 0;
+    for (int s = 0; s < samples; ++s)
+        if (visible[pixel * samples + s] < key) {
+            key = visible[pixel * samples + s];
+            nearest = s;
+        }
+    if ((uint)key != GROUND)
+        return;
+    const int2 offset = PATTERN[view.size.w + nearest];
+    const float px = x + 0.5f + offset.x * (1.0f / SUBPIXEL), py = y + 0.5f + offset.y * (1.0f / SUBPIXEL);
+    const float e = (ground.plane.x * px + ground.plane.y * py) + ground.plane.z, least = 0.5f / DEPTH_ONE;
+    out_depth[pixel] = view.to_screen[3].z / (e > least ? e : least);
+    out_id[pixel] = ID_GROUND;
+    out_normal[pixel] = (float4)(0.0f, 1.0f, 0.0f, 0.0f);
+}

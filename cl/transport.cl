@@ -1,0 +1,445 @@
+/*
+ * Light that goes from hair to hair, in cells of the world: what hair that scatters in lobes (lobes.h) makes of light from each
+ * of DIRECTIONS, of lights' and of the sky's, slice by slice through the grid, order by order; then what it sends to the eye.
+ */
+#if LANES > 8
+#undef LANES
+#define LANES 8                            // so many parts of a direction are there
+#endif
+#include "lanes.h"
+#include "seen.h"
+#include "scatter.h"
+#include "light.h"
+#include "light_lanes.h"
+#include "transport.h"
+
+#define OF_SIDE 4                          // steps along hair, in a cell's side
+#define SUMS 8                             // of hair of a type in a cell: tangents, how much, shades
+#define HOLDS (MOMENTS + 1)
+#define RAYS 8                             // of light through a cell, by which its mean is known
+
+/* What a strand has left in one cell. */
+INLINED void leave(volatile __global int *amounts, size_t cell, float amount, float4 t, float4 shades, float unit)
+{
+    volatile __global int *there = amounts + cell * SUMS;
+    const float4 tangent = unit * amount * t, colored = unit * amount / (SHADES - 1) * shades;
+    atomic_add(&there[0], (int)floor(tangent.x + 0.5f));
+    atomic_add(&there[1], (int)floor(tangent.y + 0.5f));
+    atomic_add(&there[2], (int)floor(tangent.z + 0.5f));
+    atomic_add(&there[3], (int)floor(unit * amount + 0.5f));
+    atomic_add(&there[4], (int)floor(colored.x + 0.5f));
+    atomic_add(&there[5], (int)floor(colored.y + 0.5f));
+    atomic_add(&there[6], (int)floor(colored.z + 0.5f));
+}
+
+/* One work-item adds up, for one strand, (1 - alpha) · width · length over a cell's face, and that times its direction, towards
+   the tip, and the shades of its colour. */
+__kernel void hold(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const Sky sky,
+    __global const float4 *points,         // strands: see strands.cl
+    __global const uint2 *spans,
+    __global const float4 *strand_uv,
+    __global const HairType *types,
+    __global const Lobes *lobes,
+    __global const float4 *colors,
+    const int color_per,
+    const float unit,                      // integers for 1
+    volatile __global int *amounts)         // [types, n, n, n, SUMS]
+{
+    WORK_ITEM(strand);
+    const uint2 span = spans[strand];
+    const int type = (int)strand_uv[strand].z, n = sky.size.x;
+    const float opaque = 1.0f - types[type].shine.z, scale = sky.place.w;
+    const size_t first = (size_t)type * n * n * n;
+    for (uint k = 0; k + 1 < span.y; ++k) {
+        const uint id = span.x + k;
+        const float4 a = points[id], d = points[id + 1] - a, along = (float4)(d.xyz, 0.0f);
+        const float length = sqrt(dot3(d, d)) * scale;
+        if (!(length > 0.0f))
+            continue;
+        const int steps = length * OF_SIDE < 4096.0f ? (int)(length * OF_SIDE) + 1 : 4096;
+        const float4 c = colors[color_per == 0 ? 0 : color_per == 1 ? (uint)strand : id];
+        const float4 shades = shades_of(c, lobes[type].color.x), t = unit_or(along, (float4)(0.0f, 1.0f, 0.0f, 0.0f));
+        float amount = 0.0f;
+        long cell = -1;
+        for (int i = 0; i < steps; ++i) {
+            const float4 p = a + ((i + 0.5f) / steps) * d, q = (p - sky.place) * scale;
+            if (!(q.x >= 0.0f && q.y >= 0.0f && q.z >= 0.0f && q.x < n && q.y < n && q.z < n))
+                continue;
+            const long here = ((long)(int)q.z * n + (int)q.y) * n + (int)q.x;
+            if (here != cell && cell >= 0) {
+                leave(amounts, first + cell, amount, t, shades, unit);
+                amount = 0.0f;
+            }
+            cell = here;
+            amount += opaque * length * scale / steps * p.w;
+        }
+        if (cell >= 0)
+            leave(amounts, first + cell, amount, t, shades, unit);
+    }
+}
+
+/* One work-item tells what hair of one type is like in one cell. */
+__kernel void kinds(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const uint n_types,
+    const uint cells,
+    __global const int *amounts,            // [types, cells, SUMS] see `hold`
+    __global const float4 *tangents,       // [TANGENTS] unit
+    __global float4 *kinds)                // [types, cells, 2] the nearest of the tangents, its number; shades, and of the
+                                           // hair in the cell what share is of this type
+{
+    WORK_ITEM(item);
+    const size_t cell = item % cells;
+    __global const int *its = amounts + item * SUMS;
+    float all = 0.0f, nearest = -2.0f;
+    for (uint i = 0; i < n_types; ++i)
+        all += amounts[((size_t)i * cells + cell) * SUMS + 3];
+    const float4 t = unit_or((float4)(its[0], its[1], its[2], 0.0f), (float4)(0.0f, 1.0f, 0.0f, 0.0f));
+    int number = 0;
+    for (int i = 0; i < TANGENTS; ++i) {
+        const float cosine = dot3(t, tangents[i]);
+        if (cosine > nearest) {
+            nearest = cosine;
+            number = i;
+        }
+    }
+    const float amount = its[3] > 0 ? its[3] : 1.0f;
+    kinds[2 * item] = (float4)(tangents[number].xyz, number);
+    kinds[2 * item + 1] = (float4)((float3)(its[4], its[5], its[6]) * ((SHADES - 1) / amount), all > 0.0f ? its[3] / all : 0.0f);
+}
+
+/* One work-item tells what share of all light around hair of a type sends to an eye at one angle, of each shade. */
+__kernel void albedos(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    __global const Lobes *lobes,           // [types]
+    __global const float4 *table,
+    __global float *albedos)               // [types, ALBEDOS, SHADES]
+{
+    WORK_ITEM(item);
+    const Lobes its = lobes[item / ALBEDOS];
+    const int n_cosines = its.table.y, n_angles = its.table.z;
+    const float x = (float)(item % ALBEDOS) * (n_cosines - 1) / (ALBEDOS - 1);
+    const int i = x < n_cosines - 2 ? (int)x : n_cosines - 2;
+    float sums[SHADES];
+    for (int k = 0; k < SHADES; ++k)
+        sums[k] = 0.0f;
+    for (int j = 0; j < n_angles; ++j) {
+        __global const float4 *a = table + its.table.x + (size_t)(i * n_angles + j) * SHADES, *b = a + (size_t)n_angles * SHADES;
+        const float weight = (j == 0 || j == n_angles - 1 ? 1.0f : 2.0f) * M_PI_F / (n_angles - 1);   // both sides
+        for (int k = 0; k < SHADES; ++k) {
+            const float4 lobe = a[k] + (x - i) * (b[k] - a[k]);
+            sums[k] += weight * ((lobe.x + lobe.y) + (lobe.z + lobe.w));
+        }
+    }
+    for (int k = 0; k < SHADES; ++k)
+        albedos[item * SHADES + k] = sums[k] < 1.0f ? sums[k] : 1.0f;
+}
+
+/* Add to sums what hair of each shade scatters at LANES places of its table. */
+INLINED void add_shades(const Sought *sought, const Lobes *lobes, __global const float4 *table, float *sums)
+{
+    const int n_cosines = lobes->table.y, n_angles = lobes->table.z;
+    for (int k = 0; k < LANES; ++k) {
+        const float4 along = (float4)(LANE(sought->along[0], k), LANE(sought->along[1], k), LANE(sought->along[2], k),
+                                      LANE(sought->along[3], k));
+        const float x = LANE(sought->cosine, k), y = LANE(sought->angle, k);
+        const int i = x < n_cosines - 1 ? (int)x : n_cosines - 2, j = y < n_angles - 1 ? (int)y : n_angles - 2;
+        const float right = x - i, below = y - j;
+        __global const float4 *a = table + lobes->table.x + (size_t)(i * n_angles + j) * SHADES, *b = a + SHADES;
+        __global const float4 *c = a + (size_t)n_angles * SHADES, *d = c + SHADES;
+        for (int s = 0; s < SHADES; ++s) {
+            const float4 left = a[s] + below * (b[s] - a[s]), lobe = along * (left + right * (c[s] + below * (d[s] - c[s]) - left));
+            sums[s] += (lobe.x + lobe.y) + (lobe.z + lobe.w);
+        }
+    }
+}
+
+/* One work-item tells what hair of one type and tangent sends in one direction, of light from each of all: of each shade, so
+   that its sum is the albedo. */
+__kernel void phases(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    __global const Lobes *lobes,           // [types]
+    __global const float4 *table,
+    __global const float *albedos,         // [types, ALBEDOS, SHADES]
+    __global const float4 *tangents,       // [TANGENTS]
+    __global const float *directions,      // [3, DIRECTIONS] towards where light comes from
+    __global const float *parts,           // [3, DIRECTIONS, PARTS_OF_ONE] of each of them
+    __global float *phases)                // [types, TANGENTS, SHADES, from DIRECTIONS, to DIRECTIONS]
+{
+    WORK_ITEM(item);
+    const int to = item % DIRECTIONS;
+    const size_t row = item / DIRECTIONS;
+    const int type = row / TANGENTS;
+    const Lobes its = lobes[type];
+    const float4 t = tangents[row % TANGENTS];
+    const float4 v = -(float4)(directions[to], directions[DIRECTIONS + to], directions[2 * DIRECTIONS + to], 0.0f);
+    __global float *rows = phases + row * (SHADES * DIRECTIONS * DIRECTIONS) + to;
+    float totals[SHADES], sums[SHADES];
+    for (int s = 0; s < SHADES; ++s)
+        totals[s] = 0.0f;
+    for (int from = 0; from < DIRECTIONS; ++from) {
+        for (int s = 0; s < SHADES; ++s)
+            sums[s] = 0.0f;
+        for (int k = 0; k < PARTS_OF_ONE; k += LANES) {
+            __global const float *its_parts = parts + from * PARTS_OF_ONE + k;
+            const lanes3 l = {*(__global const lanes *)its_parts, *(__global const lanes *)(its_parts + DIRECTIONS * PARTS_OF_ONE),
+                              *(__global const lanes *)(its_parts + 2 * DIRECTIONS * PARTS_OF_ONE)};
+            const Sought sought = sought_of(&its, all_lanes(t), all_lanes(v), l);
+            add_shades(&sought, &its, table, sums);
+        }
+        for (int s = 0; s < SHADES; ++s) {
+            rows[(s * DIRECTIONS + from) * DIRECTIONS] = sums[s];
+            totals[s] += sums[s];
+        }
+    }
+    for (int s = 0; s < SHADES; ++s) {
+        const float scale = albedo_of(albedos + type * (ALBEDOS * SHADES), t, v, s) / (totals[s] > 1e-20f ? totals[s] : 1e-20f);
+        for (int from = 0; from < DIRECTIONS; ++from)
+            rows[(s * DIRECTIONS + from) * DIRECTIONS] *= scale;
+    }
+}
+
+/* Mean share of a light's direct light in a cell; l: towards it. */
+INLINED float share_in_cell(const Obstacles *obstacles, const Light *light, float4 low, float side, float4 *l)
+{
+    float sum = 0.0f;
+    lanes3 towards;
+    const lanes3 none = {F(0.0f), F(0.0f), F(0.0f)};
+    for (int first = 0; first < RAYS; first += LANES) {
+        lanes3 p;
+        for (int k = 0; k < LANES; ++k) {
+            const int i = first + k;
+            put_lane(&p, k, low + side * (float4)(0.25f + 0.5f * (i & 1), 0.25f + 0.5f * (i >> 1 & 1), 0.25f + 0.5f * (i >> 2), 0.0f));
+        }
+        const lanes there = share_of_light(light, p, &towards);
+        const lanes share = there * transmittances_at(obstacles, there > 0.0f, p, none, F(0.0f), F(1.0f));
+        for (int k = 0; k < LANES; ++k)
+            sum += LANE(share, k);
+    }
+    share_of_light(light, all_lanes(low + 0.5f * side), &towards);
+    *l = (float4)(LANE(towards.x, 0), LANE(towards.y, 0), LANE(towards.z, 0), 0.0f);
+    return sum / RAYS;
+}
+
+/* One work-item tells what hair in one cell scatters of all lights' direct light. */
+__kernel void direct(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const Sky sky,
+    const uint n_types,
+    const int n_lights,
+    __global const Light *lights,          // see light.h
+    __global const Shadow *shadows,
+    __global const Grid *grids,
+    __global const View *light_views,
+    __global const float *crossings,
+    __global const ulong *shadow_maps,
+    __global const Lobes *lobes,           // [types]
+    __global const float4 *table,
+    __global const float4 *kinds,          // [types, n, n, n, 2] see `kinds`
+    __global const float *parts,           // [3, DIRECTIONS, PARTS_OF_ONE] see `phases`
+    __global float *first)                 // [n, n, n, CHANNELS, DIRECTIONS]
+{
+    WORK_ITEM(cell);
+    const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
+    const int n = sky.size.x;
+    const size_t cells = (size_t)n * n * n;
+    __global float *sent = first + cell * (CHANNELS * DIRECTIONS);
+    float amount = 0.0f;
+    for (int k = 0; k < CHANNELS * DIRECTIONS; ++k)
+        sent[k] = 0.0f;
+    for (uint i = 0; i < n_types; ++i)
+        amount += kinds[2 * (i * cells + cell) + 1].w;
+    if (amount == 0.0f)
+        return;
+    const float side = 1.0f / sky.place.w;
+    const float4 low = (float4)(sky.place.xyz + side * (float3)(cell % n, cell / n % n, cell / n / n), 0.0f);
+    for (int i = 0; i < n_lights; ++i) {
+        const Light light = lights[i];
+        const Obstacles obstacles = obstacles_of(&lighting, i);
+        float4 l;
+        const float share = share_in_cell(&obstacles, &light, low, side, &l);
+        for (uint type = 0; type < n_types && share > 0.0f; ++type) {
+            const float4 t = kinds[2 * (type * cells + cell)], shades = kinds[2 * (type * cells + cell) + 1];
+            if (shades.w == 0.0f)
+                continue;
+            const Lobes its = lobes[type];
+            const float4 scale = M_PI_F / PARTS_OF_ONE * share * shades.w * light.color;
+            for (int to = 0; to < DIRECTIONS; ++to) {
+                float4 sum = 0.0f;
+                for (int k = 0; k < PARTS_OF_ONE; k += LANES) {
+                    __global const float *its_parts = parts + to * PARTS_OF_ONE + k;
+                    const lanes3 v = {-*(__global const lanes *)its_parts,
+                                      -*(__global const lanes *)(its_parts + DIRECTIONS * PARTS_OF_ONE),
+                                      -*(__global const lanes *)(its_parts + 2 * DIRECTIONS * PARTS_OF_ONE)};
+                    Sought sought = sought_of(&its, all_lanes(t), v, all_lanes(l));
+                    sought.shades[0] = F(shades.x);
+                    sought.shades[1] = F(shades.y);
+                    sought.shades[2] = F(shades.z);
+                    for (int j = 0; j < LANES; ++j)
+                        sum += around_strand(&sought, j, table + its.table.x, its.table.y, its.table.z);
+                }
+                sent[to] += scale.x * sum.x;
+                sent[DIRECTIONS + to] += scale.y * sum.y;
+                sent[2 * DIRECTIONS + to] += scale.z * sum.z;
+            }
+        }
+    }
+}
+
+/* One work-item tells what hair in one cell scatters: of lights', and of what light the cell has from all directions. */
+__kernel void scatter(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const uint n_types,
+    const uint cells,
+    __global const float4 *kinds,          // [types, cells, 2] see `kinds`
+    __global const float *phases,          // [types, TANGENTS, SHADES, from DIRECTIONS, to DIRECTIONS]
+    __global const float *first,           // [cells, CHANNELS, DIRECTIONS] of lights' direct light
+    __global const float *light,           // [cells, CHANNELS, DIRECTIONS] that comes from there
+    __global float *sent)                  // [cells, CHANNELS, DIRECTIONS] that goes on the same way
+{
+    WORK_ITEM(cell);
+    const size_t place = cell * (CHANNELS * DIRECTIONS);
+    for (int channel = 0; channel < CHANNELS; ++channel) {
+        lanes sums[DIRECTIONS / LANES];
+        for (int k = 0; k < DIRECTIONS / LANES; ++k)
+            sums[k] = ((__global const lanes *)(first + place + channel * DIRECTIONS))[k];
+        for (uint type = 0; type < n_types; ++type) {
+            const float4 t = kinds[2 * ((size_t)type * cells + cell)], shades = kinds[2 * ((size_t)type * cells + cell) + 1];
+            if (shades.w == 0.0f)
+                continue;
+            const float shade = channel == 0 ? shades.x : channel == 1 ? shades.y : shades.z;
+            const int dark = shade < SHADES - 2 ? (int)shade : SHADES - 2;
+            __global const float *rows = phases
+                + (((size_t)type * TANGENTS + (int)t.w) * SHADES + dark) * (DIRECTIONS * DIRECTIONS);
+            const float pale = shade - dark;
+            for (int from = 0; from < DIRECTIONS; ++from) {
+                __global const lanes *a = (__global const lanes *)(rows + from * DIRECTIONS);
+                __global const lanes *b = (__global const lanes *)(rows + (DIRECTIONS + from) * DIRECTIONS);
+                const float in = shades.w * light[place + channel * DIRECTIONS + from], p = in * (1.0f - pale), q = in * pale;
+                for (int k = 0; k < DIRECTIONS / LANES; ++k)
+                    sums[k] += p * a[k] + q * b[k];
+            }
+        }
+        for (int k = 0; k < DIRECTIONS / LANES; ++k)
+            ((__global lanes *)(sent + place + channel * DIRECTIONS))[k] = sums[k];
+    }
+}
+
+/* What four cells of a slice send on around (u, v); `outside` out of the grid. */
+INLINED float4 between_cells(__global const float4 *slice, int n, float u, float v, float4 outside)
+{
+    const float lu = floor(u), lv = floor(v), fu = u - lu, fv = v - lv;
+    float4 sum = 0.0f;
+    for (int k = 0; k < 4; ++k) {
+        const int a = (int)lu + (k & 1), b = (int)lv + (k >> 1);
+        const float weight = ((k & 1) ? fu : 1.0f - fu) * ((k & 2) ? fv : 1.0f - fv);
+        sum += weight * (a < 0 || b < 0 || a >= n || b >= n ? outside : slice[b * n + a]);
+    }
+    return sum;
+}
+
+/* One work-item takes the light of one direction through some rows of slices of cells across it, from the first that light
+   meets on; a slice before these is done. */
+__kernel void sweep(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const int n,
+    const int2 turns,                      // slices: the first, one past the last
+    const int rows,                        // of a slice that a work-item takes; all of them where there are several slices
+    __global const float *held,            // [2, HOLDS, n, n, n] see `contents` in sky.cl
+    __global const float4 *towards,        // [DIRECTIONS] unit, where light comes from
+    __global const float4 *outside,        // [DIRECTIONS] r, g, b of the light that comes from out of the grid
+    __global const float *sent,            // [n, n, n, CHANNELS, DIRECTIONS] see `scatter`
+    __global float4 *behind,               // [DIRECTIONS, 2, n, n] what is left behind a slice and the one before
+    __global float *light)                 // [n, n, n, CHANNELS, DIRECTIONS] in the middles of cells
+{
+    WORK_ITEM(item);
+    const int each = n / rows, number = item / each, begin_row = item % each * rows;
+    const float4 w = towards[number], beyond = outside[number];
+    const float xyz[3] = {w.x, w.y, w.z}, ax = fabs(w.x), ay = fabs(w.y), az = fabs(w.z);
+    const int axis = ax >= ay && ax >= az ? 0 : ay >= az ? 1 : 2;
+    const int one = axis == 0 ? 1 : 0, two = axis == 2 ? 1 : 2, stride[3] = {1, n, n * n};
+    const float most = fabs(xyz[axis]), du = xyz[one] / most, dv = xyz[two] / most;
+    for (int turn = turns.x; turn < turns.y; ++turn) {
+        const int slice = xyz[axis] > 0.0f ? n - 1 - turn : turn;
+        __global float4 *here = behind + (size_t)(2 * number + (turn & 1)) * n * n;
+        __global const float4 *before = behind + (size_t)(2 * number + 1 - (turn & 1)) * n * n;
+        for (int v = begin_row; v < begin_row + rows; ++v)
+            for (int u = 0; u < n; ++u) {
+                const size_t cell = (size_t)slice * stride[axis] + (size_t)u * stride[one] + (size_t)v * stride[two];
+                const size_t place = cell * (CHANNELS * DIRECTIONS) + number;
+                float m[HOLDS];
+                for (int j = 0; j < HOLDS; ++j)
+                    m[j] = held[(size_t)j * n * n * n + cell];
+                const float d = m[0] + m[1] + m[2], open = 1.0f - m[MOMENTS];
+                float4 there = turn ? between_cells(before, n, u + du, v + dv, beyond) : beyond;
+                const float most_open = there.w > open ? there.w : open;
+                there = most_open > 0.0f ? there / most_open : 0.0f;
+                float4 on = there;
+                if (d > 0.0f) {
+                    const float along = w.x * w.x * m[0] + w.y * w.y * m[1] + w.z * w.z * m[2]
+                        + 2.0f * (w.x * w.y * m[3] + w.x * w.z * m[4] + w.y * w.z * m[5]);
+                    const float square = d * d - d * along, depth = sqrt(square > 0.0f ? square : 0.0f) / most;
+                    const float half_way = exp(-0.5f * depth);
+                    const float4 source = (1.0f - half_way)
+                        * (float4)(sent[place], sent[place + DIRECTIONS], sent[place + 2 * DIRECTIONS], 0.0f);
+                    there = there * half_way + source;
+                    on = there * half_way + source;
+                }
+                light[place] = there.x;
+                light[place + DIRECTIONS] = there.y;
+                light[place + 2 * DIRECTIONS] = there.z;
+                on *= open;
+                on.w = open;
+                here[v * n + u] = on;
+            }
+    }
+}
+
+/* One work-item tells what one segment sends to the eye at its start and its end, of the light of cells. */
+__kernel void leaving(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const View view,
+    const uint first,                      // of the segments
+    const int listed,                      // 1: they are `segments`, 0: as many points as there are
+    __global const uint *segments,         // ids, if so, their highest bits aside
+    const uint first_point,                // the id of the first of these points
+    __global const float4 *points,         // strands: see strands.cl
+    __global const uint2 *spans,
+    __global const uint *strand_of,
+    __global const uint *stored,
+    const uint run,
+    __global const float4 *strand_normal,
+    __global const float4 *strand_uv,
+    __global const HairType *types,
+    __global const float4 *colors,
+    const int color_per,
+    const Sky sky,
+    __global const float *light,           // [n, n, n, CHANNELS, DIRECTIONS] see `sweep`
+    __global const float *directions,      // [3, DIRECTIONS]
+    __global const Lobes *lobes,
+    __global const float4 *table,
+    __global const float *albedos,         // [types, ALBEDOS, SHADES]
+    __global float8 *scattered)            // [segments] r, g, b at its start and its end
+{
+    WORK_ITEM(item);
+    const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
+    const uint number = first + (uint)item;
+    const uint id = listed ? lies_at(stored, run, (segments[number] & ~BODY) - first_point) : number;
+    const uint strand = strand_at(&hair, id);
+    const Segment s = segment_at(&hair, id, spans[strand]);
+    const int type = (int)strand_uv[strand].z;
+    const float4 step = s.b - s.a, c = colors[color_per == 0 ? 0 : color_per == 1 ? strand : id];
+    const Lobes its = lobes[type];
+    float4 shades = shades_of(c, its.color.x);
+    float4 sent[2];
+    for (int k = 0; k < 2; ++k) {
+        const float4 p = (float4)((k ? s.b : s.a).xyz, 0.0f), t = tangent_of(k ? s.after - s.a : s.b - s.before, step);
+        if (k && color_per == 2 && id + 1 < spans[strand].x + spans[strand].y)
+            shades = shades_of(colors[id + 1], its.color.x);
+        sent[k] = scattered_at(&sky, light, directions, &its, table, albedos + type * (ALBEDOS * SHADES), p, t,
+                               towards_eye(&view, p), shades);
+    }
+    scattered[number] = (float8)(sent[0], sent[1]);
+}

@@ -1,0 +1,62 @@
+"""What the body is painted with."""
+
+import functools
+from typing import Any
+
+import attrs
+import numpy as np
+
+from . import checks
+from .mips import levels_of
+from .strands import texture
+
+WRAPS = "repeat", "mirror", "clamp"   # in the order of `layout.WRAPS`
+
+
+def _wrap(value, where):
+    allowed = f"two of {', '.join(map(repr, WRAPS))}, or one for both"
+    pair = (value, value) if isinstance(value, str) else tuple(value) if isinstance(value, (list, tuple)) else ()
+    if len(pair) != 2 or not all(isinstance(each, str) and each in WRAPS for each in pair):
+        checks.refuse(where, value, allowed)
+    return pair
+
+
+@attrs.frozen(eq=False)
+class Material:
+    """Base colour of a body, or of those faces of a mesh that it is for: it reflects light as Lambert has it.
+
+    color: linear RGB >= 0 (arrays of uint8 or uint16 are sRGB). texture: None or a picture [h, w, 3] that multiplies
+    it, laid on by uv, its top row at v = 1; the same holds for it; stored as linear float32. It is seen bilinear, and
+    where it is seen small as the mean of what a sample sees of it. wrap: what is outside of it, along u and v:
+    "repeat", "mirror" or "clamp", or one of these for both. Raises Error otherwise.
+    """
+
+    color: checks.Given = checks.field(checks.color, default=(1.0, 1.0, 1.0))
+    texture: checks.Given = checks.field(checks.optional(texture), default=None)
+    wrap: checks.Given = checks.field(_wrap, default=("repeat", "repeat"))
+
+    @functools.cached_property
+    def levels(self) -> list[np.ndarray]:
+        """The texture [h, w, 3] at all sizes, each half as large as the one before; none without."""
+        return [] if self.texture is None else levels_of(self.texture)
+
+    @functools.cached_property
+    def texels(self) -> tuple[tuple[int, int], int, np.ndarray, float]:
+        """The texture at all sizes: ((width, height), how many sizes, texels uint16 [n, 4] from the largest size on,
+        rows from the top; what 1 of them is)."""
+        if self.texture is None:
+            return (0, 0), 0, np.zeros((0, 4), np.uint16), 1.0
+        levels, scale = self.levels, float(self.texture.max()) / 65535 or 1.0
+        texels = np.zeros((sum(level.shape[0] * level.shape[1] for level in levels), 4), np.uint16)
+        np.rint(np.concatenate([level.reshape(-1, 3) for level in levels]) / scale, out=texels[:, :3], casting="unsafe")
+        return self.texture.shape[1::-1], len(levels), texels, scale
+
+
+def body_color(value: Any, where: str) -> Any:
+    """Return what `Scene.body_color` takes: a colour float64 [3], or a tuple of Materials."""
+    if isinstance(value, Material) or (isinstance(value, (tuple, list)) and any(
+            isinstance(each, Material) for each in value)):
+        return checks.tuple_of(Material)(value, where)
+    if getattr(value, "ndim", 0) == 3:
+        return (Material(texture=texture(value, where)),)
+    return checks.color(value, where)

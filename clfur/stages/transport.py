@@ -1,0 +1,144 @@
+"""Strands of Chiang's look and the lights on them -> light that goes from hair to hair, in cells of the world."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import layout
+from ..layout import Arrays, Declared, array
+from . import sky as sky_stage
+from .chiang import SHADES, Scattering
+from .lighting import Lighting
+from .strands import DeviceStrands, arrays
+
+CELLS = 24                # a side of the grid
+DIRECTIONS, CHANNELS, PARTS, TANGENTS, ALBEDOS = (
+    int(layout.CONSTANTS[name]) for name in ("DIRECTIONS", "CHANNELS", "PARTS_OF_ONE", "TANGENTS", "ALBEDOS"))
+ORDERS = 12               # that are followed
+AMOUNTS = Declared("fibre", np.int32, 8, 0)               # of a type in a cell, see transport.cl
+LEAVING = Declared("segment", np.float32, 8)   # r, g, b, - at its start and at its end
+FIELD = Declared("cell", np.float32, CHANNELS * DIRECTIONS)
+
+
+@dataclass(frozen=True)
+class Phases(Arrays):
+    """How hair of each type scatters light from each direction to each other, for some tangents."""
+
+    albedos: Any = array("eye", np.float32, SHADES)                  # [types · ALBEDOS] share of all light around
+    phases: Any = array("phase", np.float32, DIRECTIONS * DIRECTIONS)   # [types · TANGENTS · SHADES] from, to
+    tangents: Any = array("tangent", np.float32, 4)
+    directions: Any = array("axis", np.float32, DIRECTIONS)          # [3]
+    parts: Any = array("axis", np.float32, DIRECTIONS * PARTS)       # [3]
+
+
+@dataclass(frozen=True)
+class Transport(Arrays):
+    """Light in each cell of a grid, from around each of the directions: of the sky and of hair."""
+
+    sky: np.void
+    phases: Phases
+    scattering: Scattering
+    light: Any = array(FIELD)
+
+
+def directions() -> tuple[np.ndarray, np.ndarray]:
+    """Directions [DIRECTIONS, 3] in which light goes, and parts of each [DIRECTIONS, PARTS, 3], unit."""
+    axes = sky_stage.spiral(DIRECTIONS)
+    x = np.cross(axes, np.eye(3)[np.argmin(np.abs(axes), 1)])
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    part = np.arange(PARTS) + 0.5                # of a cone, each of the same solid angle
+    cosine, turn = 1 - 2 / DIRECTIONS * part / PARTS, np.pi * (3 - np.sqrt(5)) * part
+    aside = np.sqrt(1 - cosine**2)[:, None]
+    around = np.cos(turn)[:, None] * x[:, None] + np.sin(turn)[:, None] * np.cross(axes, x)[:, None]
+    return axes, cosine[:, None] * axes[:, None] + aside * around
+
+
+def outside(places: tuple | None) -> np.ndarray:
+    """Mean light of a sky's ``places``, see `Environment.places`, around each direction -> [DIRECTIONS, 3]; none if
+    None."""
+    if places is None:
+        return np.zeros((DIRECTIONS, 3))
+    towards, light, angles = places
+    nearest = np.argmax(towards @ directions()[0].T, 1)
+    weights = np.bincount(nearest, angles, DIRECTIONS)
+    sums = np.stack([np.bincount(nearest, light[:, k] * angles, DIRECTIONS) for k in range(CHANNELS)], 1)
+    return sums / weights[:, None]
+
+
+def phases(gpu: Any, scattering: Scattering, items: int | None = None) -> Phases:
+    """`Phases` of the looks of types; of the first ``items`` of tangents and directions alone, if not None."""
+    axes, parts = directions()
+    tangents = np.column_stack([sky_stage.spiral(TANGENTS), np.zeros(TANGENTS)]).astype(np.float32)
+    types = len(scattering.lobes)
+    rows = {"eye": types * ALBEDOS, "phase": types * TANGENTS * SHADES}
+    made = Phases.empty(gpu, rows, tangents=gpu.upload(tangents),
+                        directions=gpu.upload(np.float32(axes.T)), parts=gpu.upload(np.float32(parts.reshape(-1, 3).T)))
+    looks = {"lobes": scattering.lobes, "table": scattering.lobe_table}
+    gpu.launch("transport.albedos", types * ALBEDOS, albedos=made.albedos, **looks)
+    items = types * TANGENTS * DIRECTIONS if items is None else items
+    gpu.launch("transport.phases", items, albedos=made.albedos, tangents=made.tangents,
+               directions=made.directions, parts=made.parts, phases=made.phases, **looks)
+    return made
+
+
+def amounts(gpu: Any, sky: np.void, types: int) -> Any:
+    """Room for what cells hold of hair of each type: nothing yet -> [types · n³, 8] int32."""
+    return AMOUNTS.empty(gpu, types * int(sky["size"][0]) ** 3)
+
+
+def deposit(gpu: Any, sky: np.void, there: Any, unit: float, strands: DeviceStrands, scattering: Scattering) -> None:
+    """Add strands, or a part of them, to what cells hold of hair; ``unit``: that of `sky.held`."""
+    gpu.launch("transport.hold", len(strands.spans), sky=sky, unit=unit, amounts=there, lobes=scattering.lobes,
+               **arrays(strands, "points", "spans", "strand_uv", "types", "colors", "color_per"))
+
+
+def transport(gpu: Any, sky: np.void, held: sky_stage.Held, there: Any, lighting: Lighting, scattering: Scattering,
+              made: Phases, outside: np.ndarray, orders: int) -> Transport:
+    """Take light from hair to hair ``orders`` times -> `Transport`.
+
+    held, there: what cells hold, by `sky.deposit` and `deposit`.  outside: [DIRECTIONS, 3] light of the sky.
+    """
+    n, types = int(sky["size"][0]), len(scattering.lobes)
+    cells = n**3
+    contents = sky_stage.contents(gpu, sky, held)
+    kinds = gpu.empty((types * cells * 2, 4), np.float32)
+    gpu.launch("transport.kinds", types * cells, n_types=types, cells=cells, amounts=there, tangents=made.tangents,
+               kinds=kinds)
+    first, sent, light = (FIELD.empty(gpu, cells) for _ in range(3))
+    gpu.launch("transport.direct", cells, sky=sky, n_types=types, lobes=scattering.lobes, table=scattering.lobe_table,
+               kinds=kinds, parts=made.parts, first=first, **lighting.arrays())
+    towards = gpu.upload(np.column_stack([directions()[0], np.zeros(DIRECTIONS)]).astype(np.float32))
+    beyond = gpu.upload(np.column_stack([outside, np.ones(DIRECTIONS)]).astype(np.float32))
+    behind = gpu.empty((DIRECTIONS * 2 * n * n, 4), np.float32)
+    slices, rows = (1, 1) if gpu.lanes == 1 else (n, n)
+    source = first
+    for order in range(orders):
+        if order:
+            gpu.launch("transport.scatter", cells, n_types=types, cells=cells, kinds=kinds, phases=made.phases,
+                       first=first, light=light, sent=sent)
+            source = sent
+        for turn in range(0, n, slices):
+            gpu.launch("transport.sweep", DIRECTIONS * n // rows, n=n, turns=(turn, turn + slices), rows=rows,
+                       held=contents, towards=towards, outside=beyond, sent=source, behind=behind, light=light)
+    return Transport(sky, made, scattering, light)
+
+
+def bytes_of(types: int, body: bool) -> int:
+    """Bytes on the device of all that `transport` makes at once, and of `Phases`, of so many types of hair."""
+    held = sky_stage.Held.bytes(cell=1, column=3 * body) + 8 * sky_stage.HOLDS
+    cells = held + 3 * FIELD.bytes + types * (AMOUNTS.bytes + 32)
+    looks = Phases.bytes("albedos", "phases", eye=types * ALBEDOS, phase=types * TANGENTS * SHADES)
+    return CELLS**3 * cells + DIRECTIONS * 2 * CELLS**2 * 16 + looks
+
+
+def leaving(gpu: Any, view: np.void, lit: Transport, strands: DeviceStrands, segments: Any, first: int, end: int,
+            scattered: Any) -> None:
+    """Tell what segments ``first`` to ``end`` of those listed send to the eye of the light of cells -> scattered,
+    [segments, 8] float32 r, g, b, - at their starts and at their ends."""
+    gpu.launch("transport.leaving", end - first, view=view, first=first, listed=segments is not None,
+               segments=gpu.empty(0, np.uint32) if segments is None else segments, first_point=strands.first_point,
+               sky=lit.sky, light=lit.light, directions=lit.phases.directions, lobes=lit.scattering.lobes,
+               table=lit.scattering.lobe_table, albedos=lit.phases.albedos, scattered=scattered,
+               **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal", "strand_uv", "types",
+                        "colors", "color_per"))

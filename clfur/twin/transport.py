@@ -1,0 +1,110 @@
+"""What cl/transport.cl and cl/transport.h mean, in float64: sums over strands, exact values of `chiang` in place of
+tables, and each direction's way through the cells as one loop over them, slice by slice."""
+
+import numpy as np
+
+from . import chiang
+from .vectors import dot, unit
+
+STEPS = 4
+
+
+def amounts(low, scale, n, points, spans, opaque, shades):
+    """What strands leave in cells -> [n, n, n, 7] float64: tangents x, y, z, (1 - alpha) · width · length over a cell's
+    face, shades r, g, b, 0..1, all but the amount times that.
+
+    points [P, 4]; spans [strands, 2]; opaque, shades: [strands], [strands, 3].  Places are found in float32, as there.
+    """
+    cells = np.zeros((n, n, n, 7))
+    points, low, scale = np.asarray(points, np.float32), np.asarray(low, np.float32), np.float32(scale)
+    for (first, count), share, shade in zip(np.asarray(spans, int), opaque, shades):
+        for a, b in zip(points[first:first + count - 1], points[first + 1:first + count]):
+            d = b - a
+            length = np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * scale
+            if not length > 0:
+                continue
+            steps = int(length * STEPS) + 1
+            p = a + ((np.arange(steps, dtype=np.float32) + np.float32(0.5)) / np.float32(steps))[:, None] * d
+            at = (p[:, :3] - low) * scale
+            inside = ((at >= 0) & (at < n)).all(1)
+            x, y, z = np.floor(at[inside]).astype(int).T
+            amount = share * float(length) * float(scale) / steps * p[inside, 3].astype(float)
+            t = d[:3].astype(float) / np.linalg.norm(d[:3].astype(float))
+            np.add.at(cells, (z, y, x), amount[:, None] * np.concatenate([t, [1], shade]))
+    return cells
+
+
+def scattering(t, v, to_light, sigma, lobes):
+    """S of hair of one look along t that sends light from to_light towards v, all [n, 3] unit; sigma: what a radius
+    absorbs."""
+    roughness, around, tilt, index = lobes
+    sine_v, sine_l = np.clip(dot(t, v), -1, 1), np.clip(dot(t, to_light), -1, 1)
+    one, other = unit(v - sine_v[:, None] * t), unit(to_light - sine_l[:, None] * t)
+    phi = np.arctan2(np.linalg.norm(np.cross(one, other), axis=-1), dot(one, other))
+    m = chiang.longitudinal(np.arcsin(sine_v), np.arcsin(sine_l), roughness, tilt)
+    return (m * chiang.across(np.arcsin(sine_v), phi, np.full(len(t), float(sigma)), around, index)).sum(1)
+
+
+def albedo(theta, sigma, lobes):
+    """Share of all light around that hair sends towards an eye at angles theta [n] to the plane across it -> [n]."""
+    h, weights = chiang.fejer(200)
+    shares = chiang.attenuations(np.asarray(theta, float)[:, None], h, float(sigma), lobes[3]).sum(-1)
+    return (shares * weights).sum(1) / 2
+
+
+def phase(t, directions, parts, sigma, lobes):
+    """What hair along t [3] sends on in each direction of light from each -> [from, to]: means over parts [D, k, 3]
+    of where it comes from, so that sums are the albedo."""
+    count, each = parts.shape[:2]
+    result = np.zeros((count, count))
+    for to, w in enumerate(directions):
+        come = parts.reshape(-1, 3)
+        values = scattering(np.broadcast_to(t, come.shape), np.broadcast_to(-w, come.shape), come, sigma, lobes)
+        sums = values.reshape(count, each).sum(1)
+        result[:, to] = sums / sums.sum() * albedo([np.arcsin(np.clip(-w @ t, -1, 1))], sigma, lobes)
+    return result
+
+
+def swept(cells, body, directions, outside, sent):
+    """Light in the middles of cells -> [D, n, n, n]: that of `outside` [D] and what cells send, [D, n, n, n].
+
+    cells: [n, n, n, 3, 3] moments of hair, see `sky.moments`; body: [n, n, n] shares; directions: towards where light
+    comes from.  Where a share of a cell is open, light that came through less is spread, through more is stopped.
+    """
+    n, result, open_ = len(body), np.zeros(sent.shape), 1 - body
+    density = np.trace(cells, axis1=3, axis2=4)
+    for number, w in enumerate(np.asarray(directions, float)):
+        axis = int(np.argmax(np.abs(w)))
+        step = w / abs(w[axis])
+        depth = np.sqrt(np.maximum(density**2 - density * np.einsum("zyxij,i,j->zyx", cells, w, w), 0)) / abs(w[axis])
+        passed = np.exp(-depth / 2)
+        flux = np.full((n + 4, n + 4, n + 4, 2), [outside[number], 1.0])   # through what is open, and how much is
+        for k in range(n)[::-1] if w[axis] > 0 else range(n):
+            at = np.stack(np.meshgrid(*[np.arange(n) if a != axis else [k] for a in range(3)], indexing="ij"), -1)
+            part = np.where(np.arange(3) == axis, 0, step - np.floor(step))
+            base = at + np.where(np.arange(3) == axis, np.sign(w[axis]), np.floor(step)).astype(int)
+            came = 0
+            for corner in np.ndindex(2, 2, 2):
+                x, y, z = np.moveaxis(base + corner + 2, -1, 0)
+                came = came + np.prod(np.where(corner, part, 1 - part)) * flux[z, y, x]
+            x, y, z = np.moveaxis(at, -1, 0)
+            widest = np.maximum(came[..., 1], open_[z, y, x])
+            value = np.where(widest > 0, came[..., 0] / np.where(widest > 0, widest, 1), 0)
+            middle = value * passed[z, y, x] + (1 - passed[z, y, x]) * sent[number, z, y, x]
+            behind = middle * passed[z, y, x] + (1 - passed[z, y, x]) * sent[number, z, y, x]
+            result[number, z, y, x] = middle
+            flux[z + 2, y + 2, x + 2] = np.stack([behind * open_[z, y, x], open_[z, y, x]], -1)
+    return result
+
+
+def leaving(low, scale, light, directions, p, t, v, sigma, lobes):
+    """What hair at places p [n, 3] sends towards v of one channel's light in cells [D, n, n, n] -> [n]."""
+    n = light.shape[1]
+    at = np.clip((np.asarray(p, float) - low) * scale - 0.5, 0, n - 1)
+    base = np.minimum(at.astype(int), n - 2)
+    part, come = at - base, 0
+    for corner in np.ndindex(2, 2, 2):
+        x, y, z = (base + corner).T
+        come = come + np.prod(np.where(corner, part, 1 - part), 1) * light[:, z, y, x]
+    values = np.array([scattering(t, v, np.broadcast_to(w, t.shape), sigma, lobes) for w in directions])
+    return (values * come).sum(0) / values.sum(0) * albedo(np.arcsin(np.clip(dot(t, v), -1, 1)), sigma, lobes)
