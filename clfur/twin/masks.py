@@ -8,8 +8,8 @@ SIDE = 4   # patches of a pixel, across and down
 
 
 def pieces(view, points, spans):
-    """Yield (y, x, depth << 32 | id, areas [SIDE, SIDE] of patches) of ribbons, as `coverage.ribbon` cuts
-    them: each patch is a pixel of a picture SIDE times as large, and a column has the width and depth of the pixel's."""
+    """Yield (y, x, depth << 32 | id, areas [SIDE, SIDE]) of ribbons, as `coverage.ribbon` cuts
+    them: a patch is a pixel of a picture SIDE times as large; a column has the width and depth of the pixel's."""
     width, rows = int(view["size"][0]), [int(each) for each in view["rows"][:2]]
     for number, a, b in segments(view, points, spans):
         steep = abs(b[0] - a[0]) < abs(b[1] - a[1])
