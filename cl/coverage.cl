@@ -380,10 +380,7 @@ typedef char a_walk_fits[sizeof(Walk) <= 16 * WALK ? 1 : -1];
         (to)->limit = (from)->limit;                           \
         (to)->waiting = (from)->waiting;                       \
         for (int k = 0; k < (from)->waiting; ++k) {            \
-            (to)->slots.keys[k] = (from)->slots.keys[k];       \
-            (to)->slots.shares[k] = (from)->slots.shares[k];   \
-            (to)->slots.wheres[k] = (from)->slots.wheres[k];   \
-            (to)->slots.numbers[k] = (from)->slots.numbers[k]; \
+            COPY_PIECE(&(to)->slots, k, &(from)->slots, k)     \
         }                                                      \
         COPY_PIXEL(&(to)->pixel, &(from)->pixel, samples)      \
     }
@@ -444,6 +441,11 @@ INLINED void draw(Walk *walk, const View *view, __local const Chunk *chunk, int 
     slots->shares[n] = share;
     slots->wheres[n] = place_in(&column, v);
     slots->numbers[n] = chunk->number[0];
+#if MASKS
+    float8 strip;
+    strips_of(chunk, 0, &column, u, v, &strip);
+    slots->strips[n] = *(const Strip *)&strip;
+#endif
     if (walk->waiting == SLOTS) {
         drop(slots, &walk->limit);
         --walk->waiting;
@@ -670,6 +672,9 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
     const uint id = chunk->id[i], number = chunk->number[i];
     const int u_stride = steep ? TILE : 1, v_stride = steep ? 1 : TILE;
     uint depths[LANES] ALIGNED, wheres[LANES] ALIGNED;
+#if MASKS
+    float8 strips[LANES];
+#endif
     float shares[LANES] ALIGNED;
     int places[LANES] ALIGNED;
     *(lanes_i *)depths = column.depth;
@@ -678,6 +683,9 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
         *(lanes *)shares = share;
         *(lanes_i *)wheres = place_in(&column, v);
         *(lanes_i *)places = lane * u_stride + (v - v0) * v_stride;
+#if MASKS
+        strips_of(chunk, i, &column, lane + u0, v, strips);
+#endif
         /* Each is written, and counted if it is seen: no branch. */
         for (int left = bits_of(((todo & 1) != 0) & (share > 0.0f)); left; left &= left - 1) {
             const int k = __builtin_ctz(left), p = places[k], n = t->counts[p];
@@ -687,6 +695,9 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
             slots->shares[n] = shares[k];
             slots->wheres[n] = wheres[k];
             slots->numbers[n] = number;
+#if MASKS
+            *(float8 *)&slots->strips[n] = strips[k];
+#endif
             const int m = n + ((depths[k] < t->bounds[p]) & (key >= t->lows[p]) & (key < t->limits[p]));
             t->counts[p] = m;
             if (m == SLOTS) {

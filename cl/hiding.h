@@ -4,6 +4,9 @@
  * more strands are looked at: the last one takes the rest, or what is behind them all.  coverage.cl uses this.
  */
 #include "glow.h"
+#if MASKS
+#include "mask.h"
+#endif
 
 #define ONE_LOOK 0.03f               // weight up to which a piece is lit at one place of what is seen of it, not at two
 #define CHAINS 8                     // strands whose pieces in a pixel are remembered: these lie beside each other, not behind
@@ -31,7 +34,24 @@ typedef struct {
     float shares[SLOTS + 4];         // of the pixel's area
     uint wheres[SLOTS + 4];          // on the segment, in 1/65535 of its length; 16 bits are free
     uint numbers[SLOTS + 4];         // the segment's, among those that are seen
+#if MASKS
+    Strip strips[SLOTS + 4] ALIGNED; // what its strand is like in the pixel
+#endif
 } Slots;
+
+#if MASKS
+#define COPY_STRIP(to, i, from, j) (to)->strips[i] = (from)->strips[j];
+#else
+#define COPY_STRIP(to, i, from, j)
+#endif
+#define COPY_PIECE(to, i, from, j)            \
+    {                                         \
+        (to)->keys[i] = (from)->keys[j];      \
+        (to)->shares[i] = (from)->shares[j];  \
+        (to)->wheres[i] = (from)->wheres[j];  \
+        (to)->numbers[i] = (from)->numbers[j];\
+        COPY_STRIP(to, i, from, j)            \
+    }
 
 /* One pixel on its way. */
 typedef struct {
@@ -49,8 +69,23 @@ typedef struct {
     float open[SAMPLES];             // share of the pixel that goes on
     float through[SAMPLES];          // share of the body's light that shells let through, and strands where it has ended
     bool closed;
+#if MASKS
+    float left[PATCHES] ALIGNED;     // what strands let through of each patch; `kept` is the mean
+    float covered[CHAINS][PATCHES] ALIGNED;   // what each chain's pieces cover of them
+#endif
 } Pixel;
 typedef char a_pixel_fits[sizeof(Pixel) <= 16 * KEPT_PIXEL ? 1 : -1];
+
+#if MASKS
+#define COPY_PATCHES(to, from)                                \
+    for (int i = 0; i < PATCHES; ++i) {                       \
+        (to)->left[i] = (from)->left[i];                      \
+        for (int chain = 0; chain < CHAINS; ++chain)          \
+            (to)->covered[chain][i] = (from)->covered[chain][i]; \
+    }
+#else
+#define COPY_PATCHES(to, from)
+#endif
 
 /* Copy what has become of a pixel; the rest is as `begin_pixel` left it.  Member by member: see COPY of coverage.cl. */
 #define COPY_PIXEL(to, from, samples)              \
@@ -69,6 +104,7 @@ typedef char a_pixel_fits[sizeof(Pixel) <= 16 * KEPT_PIXEL ? 1 : -1];
         (to)->oldest = (from)->oldest;             \
         (to)->event = (from)->event;               \
         (to)->closed = (from)->closed;             \
+        COPY_PATCHES(to, from)                     \
         for (int j = 0; j < samples; ++j) {        \
             (to)->open[j] = (from)->open[j];       \
             (to)->through[j] = (from)->through[j]; \
@@ -92,6 +128,10 @@ INLINED uint begin_pixel(Pixel *p, const Picture *picture, size_t at)
     p->chains = p->oldest = 0;
     p->event = 0;
     p->closed = false;
+#if MASKS
+    for (int i = 0; i < PATCHES; ++i)
+        p->left[i] = 1.0f;
+#endif
     for (int s = 0; s < samples; ++s) {
         const size_t sample = at * samples + s;
         const uint body = picture->visible[sample] >> 32;
@@ -156,47 +196,67 @@ INLINED int first_lane(uint8 mask)
 #endif
 }
 
-/* Hide a piece behind what came before it -> the share of the pixel's light that it has.  sums: the pixel's. */
-INLINED float hide(Pixel *p, float8 *sums, long key, float share)
+/* The chain of a piece, a new one if `*begins`: pieces of one strand follow each other in number. */
+INLINED int chain_of(Pixel *p, uint id, bool *begins)
 {
     const uint8 lane = (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
-    const uint id = (uint)key;
-    float hidden;
-    /* Pieces of one strand follow each other in number. */
-    const int chain = first_lane(as_uint8((id + 1 >= p->lows) & (id <= p->highs + 1)));
+    int chain = first_lane(as_uint8((id + 1 >= p->lows) & (id <= p->highs + 1)));
+    *begins = chain == CHAINS;
     if (chain == CHAINS) {
-        const uint slot = p->chains < CHAINS ? p->chains++ : p->oldest;
-        p->oldest = p->chains < CHAINS ? 0 : (slot + 1) % CHAINS;
-        const int8 here = lane == slot;
-        const float sum = share < 1.0f ? share : 1.0f;
+        chain = p->chains < CHAINS ? p->chains++ : p->oldest;
+        p->oldest = p->chains < CHAINS ? 0 : (chain + 1) % CHAINS;
+        const int8 here = lane == (uint)chain;
         p->lows = here ? id : p->lows;
         p->highs = here ? id : p->highs;
-#if LANES == 1
-        *sums = here ? sum : *sums;
-#else
-        ((float *)sums)[slot] = sum;
-#endif
-        hidden = p->kept * sum;
     } else {
         const int8 here = lane == (uint)chain;
-#if LANES == 1                           // without a pointer to it: llvmpipe would keep all that is known of a pixel in memory
-        const float8 its = here ? *sums : 0.0f;
-        const float4 four = its.lo + its.hi;
-        const float before = (four.x + four.y) + (four.z + four.w);
-#else
-        const float before = ((float *)sums)[chain];
-#endif
-        const float grown = before + share, sum = grown < 1.0f ? grown : 1.0f;
         p->lows = here & as_int8(p->lows > id) ? id : p->lows;
         p->highs = here & as_int8(p->highs < id) ? id : p->highs;
-#if LANES == 1
-        *sums = here ? sum : *sums;
-#else
-        ((float *)sums)[chain] = sum;
-#endif
-        hidden = before < 1.0f ? p->kept * (sum - before) / (1.0f - before) : 0.0f;
     }
+    return chain;
+}
+
+#if MASKS
+/* Hide a piece behind what came before it, patch by patch -> what it takes of the pixel's light.  whole: the pixel. */
+INLINED float take(Pixel *p, Pixel *whole, long key, const Strip *strip, float *hidden)
+{
+    bool begins;
+    const int chain = chain_of(p, (uint)key, &begins);
+    float areas[PATCHES] ALIGNED;
+    areas_of(strip, areas);
+    const float before = p->kept;
+    p->kept = hide_patches(whole->left, whole->covered[chain], areas, begins, hidden);
+    return before - p->kept;
+}
+#else
+/* Hide a piece behind what came before it -> what it takes of the pixel's light.  sums: the pixel's. */
+INLINED float take(Pixel *p, float8 *sums, long key, float share)
+{
+    bool begins;
+    const int chain = chain_of(p, (uint)key, &begins);
+#if LANES == 1                           // without a pointer to it: llvmpipe would keep all that is known of a pixel in memory
+    const int8 here = (uint8)(0, 1, 2, 3, 4, 5, 6, 7) == (uint)chain;
+    const float8 its = here ? *sums : 0.0f;
+    const float4 four = its.lo + its.hi;
+    const float before = begins ? 0.0f : (four.x + four.y) + (four.z + four.w);
+#else
+    const float before = begins ? 0.0f : ((float *)sums)[chain];
+#endif
+    const float grown = before + share, sum = grown < 1.0f ? grown : 1.0f;
+#if LANES == 1
+    *sums = here ? sum : *sums;
+#else
+    ((float *)sums)[chain] = sum;
+#endif
+    const float hidden = begins ? p->kept * sum : before < 1.0f ? p->kept * (sum - before) / (1.0f - before) : 0.0f;
     p->kept -= hidden;
+    return hidden;
+}
+#endif
+
+/* The share of the pixel's light that a piece has which has taken so much. */
+INLINED float weight_of(Pixel *p, long key, float hidden)
+{
     float weight = hidden * p->room;
     if (!(p->kept * p->room > UNSEEN)) {
         weight += p->kept * p->room;
@@ -215,10 +275,7 @@ INLINED void drop(Slots *slots, long *limit)
     for (int k = 1; k < SLOTS; ++k)
         far = slots->keys[k] > slots->keys[far] ? k : far;
     *limit = slots->keys[far] < *limit ? slots->keys[far] : *limit;
-    slots->keys[far] = slots->keys[SLOTS - 1];
-    slots->shares[far] = slots->shares[SLOTS - 1];
-    slots->wheres[far] = slots->wheres[SLOTS - 1];
-    slots->numbers[far] = slots->numbers[SLOTS - 1];
+    COPY_PIECE(slots, far, slots, SLOTS - 1)
 }
 
 /* Add the light of a piece, which covers such a share of its pixel. */
@@ -272,9 +329,19 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
             more = hot->kept * hot->room > UNSEEN;
             continue;
         }
-        const float weight = hide(hot, &p->sums, key, slots->shares[j]);
+#if MASKS
+        float hidden[PATCHES] ALIGNED;
+        const float weight = weight_of(hot, key, take(hot, p, key, &slots->strips[j], hidden));
+        if (picture->lit) {
+            const uint where = places_seen(&slots->strips[j], hidden);
+            shine(picture, p, 0.5f * weight, slots->numbers[j], where, 0.0f);
+            shine(picture, p, 0.5f * weight, slots->numbers[j], where >> 16, 0.0f);
+        }
+#else
+        const float weight = weight_of(hot, key, take(hot, &p->sums, key, slots->shares[j]));
         if (picture->lit)
             shine(picture, p, weight, slots->numbers[j], slots->wheres[j], slots->shares[j]);
+#endif
         more = hot->kept * hot->room > UNSEEN;
         ++i;
     }
@@ -291,10 +358,7 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
     int left = 0;
     for (int j = 0; j < n; ++j) {
         const long key = slots->keys[j];
-        slots->keys[left] = key;
-        slots->shares[left] = slots->shares[j];
-        slots->wheres[left] = slots->wheres[j];
-        slots->numbers[left] = slots->numbers[j];
+        COPY_PIECE(slots, left, slots, j)
         left += key >= until;
     }
     return left;

@@ -319,7 +319,7 @@ typedef struct {
     lanes along, v0, v1, radius;     // its length; its height at both ends; half its width, along v
     lanes_i low, high;               // rows that it may touch: the first, one past the last
     lanes_i depth;
-    lanes at, at_step;               // where row 0 falls on it, and how much further each row does
+    lanes at, at_step, at_across;    // where row 0 falls on it, and how much further each row and each column do
 } Column;
 
 /* Segment i of a chunk in columns u.  Both its ends and each column's are cut along v, so that neighbours meet. */
@@ -341,6 +341,7 @@ INLINED void column_of(CHUNKS const Chunk *c, int i, const View *view, lanes_i u
     column->depth = (int)DEPTH_ONE - WHOLE(in_range * (float)DEPTH_ONE);
     const lanes over = 1.0f / (view->to_world[2].w * e + view->to_world[3].w);
     column->at_step = c->at_v[i] * over;
+    column->at_across = c->at_u[i] * over;
     column->at = ((uf + 0.5f) * c->at_u[i] + 0.5f * c->at_v[i] + e * c->at_e[i] + c->at_one[i]) * over + c->at_start[i];
 }
 

@@ -26,6 +26,10 @@ def _cells(value, where):
     return number if number % 16 == 0 else checks.refuse(where, value, "a multiple of 16 from 16 to 1024")
 
 
+def _masks(value, where):
+    return value if value in (0, 4) and not isinstance(value, bool) else checks.refuse(where, value, "0 or 4")
+
+
 @attrs.frozen
 class Settings:
     """How a scene is drawn.
@@ -38,6 +42,8 @@ class Settings:
     the single hairs before each light; of raster "coverage" alone.  grid: cells a side, a multiple of 16.
     shadow_map: texels a side of the body's shadow
     map, 0 for none.  pcf: radius in texels over which its comparisons are averaged (the report's equation 8).
+    masks: 0 or 4; 4: strands hide each other in 4x4 parts of a pixel by the area that they have in each, else as if
+    they lay at random in it; with raster "coverage" alone.
     scattering: "grid" follows light from hair to hair, where all strands have the look `clfur.Chiang`, in cells of the
     world; lights leave out the flat ambient that they have by default, which stands for that light.  For raster
     "coverage"; not where max_error or seconds choose.
@@ -60,6 +66,7 @@ class Settings:
     shadow_map: int = checks.field(checks.whole(0, 8192), default=512)
     pcf: int = checks.field(checks.whole(0, 16), default=1)
     specular: str | None = checks.field(checks.optional(checks.choice("kajiya-kay", "half-vector")), default=None)
+    masks: int = checks.field(_masks, default=0)
     scattering: str = checks.field(checks.choice(*SCATTERING), default="off")
     lod: float = checks.field(checks.real(low=0, high=4), default=0.0)
     filtered: bool = checks.field(checks.flag, default=True)
@@ -69,6 +76,8 @@ class Settings:
     seconds: float | None = checks.field(checks.optional(checks.positive()), default=None)
 
     def __attrs_post_init__(self):
+        if self.masks and self.raster != "coverage":
+            raise Error(f"Settings.masks is {self.masks}, but Settings.raster is {self.raster!r}; allowed: 0 with it")
         if self.specular is not None:
             warnings.warn(f"Settings.specular goes away: give hair look=clfur.Kajiya(highlight={self.specular!r})",
                           DeprecationWarning, stacklevel=3)

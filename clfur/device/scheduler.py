@@ -46,7 +46,7 @@ def _text(file):
     """A kernel file with what it includes, each line under the name and number that it has in its own file."""
     lines = [f'#line 1 "{file}"']
     for number, line in enumerate(kernel_dir().joinpath(file).read_text(encoding="utf-8").splitlines(), 1):
-        if include := re.match(r'#include "(\w+\.h)"$', line):
+        if include := re.match(r'#include "(\w+\.(?:h|cl))"$', line):
             line = f'{_text(include[1])}#line {number + 1} "{file}"'
         lines.append(line)
     return "\n".join(lines) + "\n"

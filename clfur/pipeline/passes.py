@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..device.team import Team
-from ..stages import coverage, ground, shade, strand_light
+from ..stages import coverage, ground, masks, shade, strand_light
 from ..stages.coverage import EVERY, KEPT, OF_KEPT, REACH, TILE
 from ..stages.lighting import Lighting
 from ..stages.strands import no_strands
@@ -240,8 +240,8 @@ class Coverage:
         hairy = [part for part in counted.cut.parts if part.hairy and (listed or slab == EVERY)]
         for part in hairy:
             lit = self._list(gpu, band, part, part is hairy[-1], tiles, window, slab, segments, lighting, lit)
-        return coverage.cover(gpu, band.view, band.visible, segments, covered, lit, image, shell_front, window, slab,
-                              kept)
+        cover = masks.cover if self.plan.settings.masks else coverage.cover
+        return cover(gpu, band.view, band.visible, segments, covered, lit, image, shell_front, window, slab, kept)
 
     def _list(self, gpu, band, part, last, tiles, window, slab, segments, lighting, lit):
         """List what shows of a part, with its light -> ``lit``, `strand_light.Places`. Nothing here holds the part when

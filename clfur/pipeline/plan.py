@@ -161,7 +161,8 @@ class Plan:
         settings, shells = self.settings, self.scene.shells is not None
         casting = self.wants_color and any(grid is not None for grid in self.rig.grids) and bool(self.strands or shells)
         needed = {
-            "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage, "strands": self.strands,
+            "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage,
+            "masks": self.uses_coverage and settings.masks, "strands": self.strands,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "ground": self.ground is not None,

@@ -146,7 +146,7 @@ def nothing(gpu: Any, visible: Any, shell_transmittance: Any = None) -> Covered:
 
 def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Covered, lit: Any = None,
           image: Any = None, shell_front: Any = None, window: tuple[int, int] = EVERY, slab: tuple[int, int] = EVERY,
-          kept: Any = None) -> Any:
+          kept: Any = None, kernels: str = "coverage") -> Any:
     """Draw `Segments` and hide them behind each other -> ``covered``, and add their light to an ``image``: in some
     tiles, ``window``: the first, one past the last.
 
@@ -157,7 +157,7 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
     ``visible``: [rows, width, samples] uint64, the body's.  ``lit``: `strand_light.Places` of the segments, if there is
     light.  ``image``: then [rows, width, 4] float32: the light of shells behind all strands, if there are shells, and
     the result, with alpha.  ``shell_front``: [rows, width, samples] uint64, what `march.march` gave, if there are
-    shells.
+    shells.  ``kernels``: the file whose kernels draw: see `masks`.
     """
     rows, width, _ = visible.shape
     has_shells = shell_front is not None
@@ -178,12 +178,13 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
              "image": gpu.empty((0, 4), np.float32) if lit is None else image, **vars(covered)}
     across, down = tiles_of(width, rows)
     if max(gpu.lanes, gpu.hinted) > 1:
-        gpu.launch("coverage.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries, **known)
+        gpu.launch(f"{kernels}.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries,
+                   **known)
         return unfinished
     known["grains"] = GRAINS.empty(gpu, across * down)
     _sort(gpu, across * down, entries=segments.entries,
           **{name: known[name] for name in ("starts", "sorted", "grains")})
-    _pixels(gpu, across * down, **known)
+    _pixels(gpu, across * down, kernels, **known)
     return unfinished
 
 
@@ -203,13 +204,13 @@ def _sort(gpu, n, starts, **known):
                            stretch=(first, first + longest), starts=starts, kept=kept, **known)
 
 
-def _pixels(gpu, n, **known):
+def _pixels(gpu, n, kernels, **known):
     """Draw n tiles.  Where a driver ends long loops those with much to do stop, begin anew, some at a time, and go
     on launch by launch."""
     steps = gpu.steps // 2 if gpu.steps else 2**32 - 1   # beginning, end and the last turn take less than as many again
     none, stopped = gpu.empty(0, np.uint32), gpu.full(1, np.uint32, 0)
     open_ = OPEN.empty(gpu, n if gpu.steps else 0)
-    gpu.launch("coverage.pixels", n * TILE**2, steps=steps, fresh=True, listed=False, items=none, open=open_,
+    gpu.launch(f"{kernels}.pixels", n * TILE**2, steps=steps, fresh=True, listed=False, items=none, open=open_,
                n_open=stopped, walks=gpu.empty((0, 4), np.uint32), **known)
     left = int(gpu.download(stopped)[0]) if gpu.steps else 0
     most = min(max(gpu.room // (OF_WALKED * WALKED.bytes), 1), WALKS)
@@ -218,8 +219,8 @@ def _pixels(gpu, n, **known):
         items, walks = gpu.rows(open_, first, first + some), WALKED.empty(gpu, some * OF_WALKED)
         while going:
             stopped = gpu.full(1, np.uint32, 0)
-            gpu.launch("coverage.pixels", some * TILE**2, steps=steps, fresh=fresh, listed=True, items=items, open=none,
-                       n_open=stopped, walks=walks, **known)
+            gpu.launch(f"{kernels}.pixels", some * TILE**2, steps=steps, fresh=fresh, listed=True, items=items,
+                       open=none, n_open=stopped, walks=walks, **known)
             going, fresh = int(gpu.download(stopped)[0]), False
 
 
