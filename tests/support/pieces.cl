@@ -89,7 +89,7 @@ BY_HAND __kernel void hidden(
     WORK_ITEM(i);
     Glow glow;
     glow.n = 0;
-    const Picture picture = {samples, has_shells, 1, visible, sample_shells, {places}, body_transmittance, alpha, front,
+    const Picture picture = {samples, has_shells, 1, visible, sample_shells, {places, 1}, body_transmittance, alpha, front,
                              shell_front, image, &glow};
     Pixel pixel;
     Slots slots;
