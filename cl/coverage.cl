@@ -370,7 +370,7 @@ typedef struct {
     uint bound, next;                      // depth from which on nothing is seen; in the list, or DONE
     int waiting;                           // pieces
 } Walk;
-typedef char a_walk_fits[sizeof(Walk) <= 16 * WALK ? 1 : -1];
+typedef char a_walk_fits[sizeof(Walk) <= 16 * OF_WALK ? 1 : -1];
 
 /* Copy what has become of one; the rest is as `begin_pixel` left it.  Member by member: a struct that is copied in one lies
    in memory for good on llvmpipe, with all its numbers. */
@@ -517,7 +517,7 @@ __kernel void pixels(
     const View view,
     const uint2 window,                    // tiles that are drawn: the first, one past the last
     const uint2 slab,                      // depths that are drawn: the first, one past the last
-    __global uint4 *kept,                  // [a tile's pixels or 0, KEPT_PIXEL] between slabs
+    __global uint4 *kept,                  // [a tile's pixels or 0, OF_PIXEL] between slabs
     volatile __global uint *unfinished,    // [1] of these, in which more can be seen
     const uint steps,                      // of loops that one may take in this launch, about
     const int fresh,                       // 1: they begin, 0: they go on
@@ -525,7 +525,7 @@ __kernel void pixels(
     __global const uint *items,            // [n] these, if so
     __global uint *open,                   // [tiles or 0] those that don't come to their end, if not
     volatile __global uint *n_open,        // [1] how many these are
-    __global uint4 *walks,                 // [n, TILE², WALK] where they are
+    __global uint4 *walks,                 // [n, TILE², OF_WALK] where they are
     __global const uint *starts,           // [tiles + 1] where in `sorted` those of each begin
     __global const uint2 *sorted,          // depth, number of a segment
     __global const uint2 *grains,          // [tiles] see `all_before`
@@ -567,7 +567,7 @@ __kernel void pixels(
     const int2 size = (int2)(view.size.x, view.rows.y - view.rows.x);
     const int across = (size.x + TILE - 1) / TILE, left = tile % across * TILE, top = tile / across * TILE;
     const int x = left + me % TILE, y = top + me / TILE;
-    __global Walk *walked = (__global Walk *)(walks + WALK * (k * TILE * TILE + me));
+    __global Walk *walked = (__global Walk *)(walks + OF_WALK * (k * TILE * TILE + me));
     on = on && tile >= window.x && tile < window.y && (fresh || walked->next != DONE);
     const bool within = on && x < size.x && y < size.y;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
@@ -583,7 +583,7 @@ __kernel void pixels(
     if (within)
         walk.bound = begin_pixel(&walk.pixel, &picture, (size_t)y * size.x + x);
     if (within)
-        walk.bound = go_on_behind(&walk.pixel, walk.bound, picture.samples, slab, kept + KEPT_PIXEL * me);
+        walk.bound = go_on_behind(&walk.pixel, walk.bound, picture.samples, slab, kept + OF_PIXEL * me);
     if (on && !fresh)
         walk.next = walked->next;
     if (within && !fresh)
@@ -591,7 +591,7 @@ __kernel void pixels(
     const bool done = go_on(&walk, &group, &view, &picture, sorted + starts[tile], on ? starts[tile + 1] - starts[tile] : 0,
                             grains[tile], steps, left, view.rows.x + top, key_at(slab.y), ends, ids, cuts);
     if (done && within)
-        end_slab(&walk.pixel, &picture, slab, kept + KEPT_PIXEL * me, unfinished);
+        end_slab(&walk.pixel, &picture, slab, kept + OF_PIXEL * me, unfinished);
     if (on && listed)
         walked->next = walk.next;
     if (within && listed)
@@ -802,7 +802,7 @@ ALONE BY_HAND __kernel void tiles(
     const View view,
     const uint2 window,                    // tiles that are drawn: the first, one past the last
     const uint2 slab,                      // depths that are: the first, one past the last
-    __global uint4 *kept,                  // [a tile's pixels or 0, KEPT_PIXEL] between slabs
+    __global uint4 *kept,                  // [a tile's pixels or 0, OF_PIXEL] between slabs
     volatile __global uint *unfinished,    // [1] of these, in which more can be seen
     __global const uint *starts,           // [tiles + 1] where in `entries` those of each begin
     __global const uint2 *entries,         // depth, number of a segment
@@ -874,7 +874,7 @@ ALONE BY_HAND __kernel void tiles(
         t.limits[p] = t.end;
         if (px < size.x && py < size.y) {
             t.bounds[p] = begin_pixel(&t.pixels[p], &picture, (size_t)py * size.x + px);
-            t.bounds[p] = go_on_behind(&t.pixels[p], t.bounds[p], view.size.z, slab, kept + KEPT_PIXEL * p);
+            t.bounds[p] = go_on_behind(&t.pixels[p], t.bounds[p], view.size.z, slab, kept + OF_PIXEL * p);
             set_open(&t, p, !t.pixels[p].closed);
         }
     }
@@ -885,6 +885,6 @@ ALONE BY_HAND __kernel void tiles(
     }
     for (int p = 0; p < TILE * TILE; ++p)
         if (x * TILE + p % TILE < size.x && y * TILE + p / TILE < size.y)
-            end_slab(&t.pixels[p], &picture, slab, kept + KEPT_PIXEL * p, unfinished);
+            end_slab(&t.pixels[p], &picture, slab, kept + OF_PIXEL * p, unfinished);
 #endif
 }

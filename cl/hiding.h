@@ -6,6 +6,11 @@
 #include "glow.h"
 #if MASKS
 #include "mask.h"
+#define OF_PIXEL MASKED_PIXEL
+#define OF_WALK MASKED_WALK
+#else
+#define OF_PIXEL KEPT_PIXEL
+#define OF_WALK WALK
 #endif
 
 #define ONE_LOOK 0.03f               // weight up to which a piece is lit at one place of what is seen of it, not at two
@@ -74,7 +79,7 @@ typedef struct {
     float covered[CHAINS][PATCHES] ALIGNED;   // what each chain's pieces cover of them
 #endif
 } Pixel;
-typedef char a_pixel_fits[sizeof(Pixel) <= 16 * KEPT_PIXEL ? 1 : -1];
+typedef char a_pixel_fits[sizeof(Pixel) <= 16 * OF_PIXEL ? 1 : -1];
 
 #if MASKS
 #define COPY_PATCHES(to, from)                                \

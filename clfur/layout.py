@@ -15,8 +15,10 @@ CONSTANTS = {
     "SCAN": 256,            # values one work-item sums in a prefix scan
     "TILE": 8,              # pixels a side of a tile, in which strands are drawn together
     "SLOTS": 32,            # pieces of strands that a pixel lets wait; a multiple of 4
-    "WALK": 212,            # uint4 of a pixel that stops on its way through these
-    "KEPT_PIXEL": 72,       # uint4 of a pixel between slabs of depth
+    "WALK": 88,             # uint4 of a pixel that stops on its way through these,
+    "MASKED_WALK": 212,     # and where it has masks
+    "KEPT_PIXEL": 32,       # uint4 of a pixel between slabs of depth,
+    "MASKED_PIXEL": 72,     # and where it has masks
     "BUCKETS": 256,         # by depth, into which the segments of a tile are sorted
     "ID_NOTHING": -1,       # output "id" of a pixel where nothing is; strands are numbered from 0
     "ID_BODY": -2,

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..device.team import Team
 from ..stages import coverage, ground, masks, shade, strand_light
-from ..stages.coverage import EVERY, KEPT, OF_KEPT, REACH, TILE
+from ..stages.coverage import EVERY, KEPT, REACH, TILE
 from ..stages.lighting import Lighting
 from ..stages.strands import no_strands
 from ..stages.tessellate import no_surface
@@ -211,7 +211,7 @@ class Coverage:
         if listed <= most:
             draw(counts)
             return
-        slabs, kept = self._slabs(gpu, band, tiles, window, listed, most), KEPT.empty(gpu, OF_KEPT)
+        slabs, kept = self._slabs(gpu, band, tiles, window, listed, most), KEPT.empty(gpu, plan.of_kept)
         for (first, end), counts[window[0]] in slabs:   # nearest first
             unfinished = int(gpu.download(draw(counts, (first, end), kept))[0])
             if not unfinished and end < EVERY[1]:   # nothing behind can be seen

@@ -22,7 +22,9 @@ from ..stages.coverage import (
     GRAINS,
     KEPT,
     OF_KEPT,
+    OF_KEPT_MASKED,
     OF_WALKED,
+    OF_WALKED_MASKED,
     OPEN,
     REACH,
     TILE,
@@ -172,6 +174,11 @@ class Plan:
             "shade": True, "sky": self.scatters or (self.wants_color and self.scene.environment is not None),
             "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
+
+    @property
+    def of_kept(self) -> int:
+        """Of `coverage.KEPT` in a tile."""
+        return OF_KEPT_MASKED if self.settings.masks else OF_KEPT
 
     @property
     def scatters(self) -> bool:
@@ -364,7 +371,8 @@ class Plan:
             "rows": row,
         }
         kept = self._transmittance * self.points * self.keeps_transmittances(gpu)
-        walked = OF_WALKED * WALKED.bytes * bool(gpu.steps and self.uses_coverage)
+        of_walked = OF_WALKED_MASKED if self.settings.masks else OF_WALKED
+        walked = of_walked * WALKED.bytes * bool(gpu.steps and self.uses_coverage)
         spare = self._memory(gpu)[0] * 15 // 16 - self._fixed - sum(least.values()) - kept - walked
         room = _share(spare, {name: need[name] - least[name] for name in need})
         room = {name: least[name] + room[name] for name in need}
@@ -422,7 +430,7 @@ class Plan:
             fixed += transport_bytes(len(self.lobed), self.body)
         if self.is_deep:
             fixed += PIECE * (self.deep.pieces + PADDING) + TEXEL * (self.deep.texels + 1)
-        return fixed + OF_KEPT * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
+        return fixed + self.of_kept * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property
     def _transmittance(self):

@@ -12,18 +12,18 @@ from .deep import no_deep
 from .lighting import unshadowed
 from .strands import DeviceStrands, arrays, go_through
 
-TILE, WALK = int(layout.CONSTANTS["TILE"]), int(layout.CONSTANTS["WALK"])
+TILE = int(layout.CONSTANTS["TILE"])
 EVERY = 0, int(layout.CONSTANTS["NOTHING"])   # tile, or depth: the first, one past the last
 REACH = Declared("segment", np.uint32, 2)   # least and most depth of a segment's pieces
 KEPT = Declared("uint4", np.uint32, 4)      # of a tile's pixels between slabs of depth, so many:
-OF_KEPT = TILE**2 * int(layout.CONSTANTS["KEPT_PIXEL"])
+OF_KEPT, OF_KEPT_MASKED = (TILE**2 * int(layout.CONSTANTS[name]) for name in ("KEPT_PIXEL", "MASKED_PIXEL"))
 SLABS = 1024      # into which a tile is divided, at most
 BUCKETS = int(layout.CONSTANTS["BUCKETS"])
 WALKS = 16        # tiles at a time that go on in another launch where drivers end long loops, 90 KB each
 OPEN = Declared("tile", np.uint32)           # that have not come to their end, likewise
 GRAINS = Declared("tile", np.uint32, 2)      # where LANES is 1: how a tile's list is sorted
 WALKED = Declared("uint4", np.uint32, 4)     # where a pixel has come to, of a tile so many:
-OF_WALKED = TILE**2 * WALK
+OF_WALKED, OF_WALKED_MASKED = (TILE**2 * int(layout.CONSTANTS[name]) for name in ("WALK", "MASKED_WALK"))
 
 
 @dataclass(frozen=True)
@@ -213,10 +213,11 @@ def _pixels(gpu, n, kernels, **known):
     gpu.launch(f"{kernels}.pixels", n * TILE**2, steps=steps, fresh=True, listed=False, items=none, open=open_,
                n_open=stopped, walks=gpu.empty((0, 4), np.uint32), **known)
     left = int(gpu.download(stopped)[0]) if gpu.steps else 0
-    most = min(max(gpu.room // (OF_WALKED * WALKED.bytes), 1), WALKS)
+    of_walked = OF_WALKED_MASKED if kernels == "masks" else OF_WALKED
+    most = min(max(gpu.room // (of_walked * WALKED.bytes), 1), WALKS)
     for first in range(0, left, most):
         some, fresh, going = min(left - first, most), True, 1
-        items, walks = gpu.rows(open_, first, first + some), WALKED.empty(gpu, some * OF_WALKED)
+        items, walks = gpu.rows(open_, first, first + some), WALKED.empty(gpu, some * of_walked)
         while going:
             stopped = gpu.full(1, np.uint32, 0)
             gpu.launch(f"{kernels}.pixels", some * TILE**2, steps=steps, fresh=fresh, listed=True, items=items,

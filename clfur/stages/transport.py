@@ -39,7 +39,7 @@ class Transport(Arrays):
     sky: np.void
     phases: Phases
     scattering: Scattering
-    light: Any = array(FIELD)
+    light: Any = array(FIELD)   # counted in `bytes_of`
 
 
 def directions() -> tuple[np.ndarray, np.ndarray]:
