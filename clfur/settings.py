@@ -38,12 +38,12 @@ class Settings:
     and sorted by depth, and samples for the body alone; "samples" draws strands as opaque and at least 1/samples of a
     pixel wide.
     shadows: "length" deposits what rays of light are expected to cross; "binary", "count" and "trilinear" are the
-    report's voxels; "off"; "deep" is "length" for body and shells, while each piece of a strand that is seen looks at
-    the single hairs before each light; of raster "coverage" alone.  grid: cells a side, a multiple of 16.
-    shadow_map: texels a side of the body's shadow
-    map, 0 for none.  pcf: radius in texels over which its comparisons are averaged (the report's equation 8).
+    report's voxels; "off"; "deep" is "length" for the body, while each piece of a strand that is seen looks at the
+    single hairs before each light; of raster "coverage", without shells, skies, scattering and lights with a size.
+    grid: cells a side, a multiple of 16.  shadow_map: texels a side of the body's shadow map, 0 for none.  pcf: radius
+    in texels over which its comparisons are averaged (the report's equation 8).
     masks: 0 or 4; 4: strands hide each other in 4x4 parts of a pixel by the area that they have in each, else as if
-    they lay at random in it; with raster "coverage" alone.
+    they lay at random in it; with raster "coverage" alone, not where max_error or seconds choose.
     scattering: "grid" follows light from hair to hair, where all strands have the look `clfur.Chiang`, in cells of the
     world; lights leave out the flat ambient that they have by default, which stands for that light.  For raster
     "coverage"; not where max_error or seconds choose.
@@ -76,8 +76,10 @@ class Settings:
     seconds: float | None = checks.field(checks.optional(checks.positive()), default=None)
 
     def __attrs_post_init__(self):
-        if self.masks and self.raster != "coverage":
-            raise Error(f"Settings.masks is {self.masks}, but Settings.raster is {self.raster!r}; allowed: 0 with it")
+        if self.masks and (self.goal or self.raster != "coverage"):
+            field = self.goal or "raster"
+            raise Error(f"Settings.masks is {self.masks}, but Settings.{field} is {getattr(self, field)!r}; allowed: "
+                        "0, or raster 'coverage' without max_error and seconds")
         if self.specular is not None:
             warnings.warn(f"Settings.specular goes away: give hair look=clfur.Kajiya(highlight={self.specular!r})",
                           DeprecationWarning, stacklevel=3)

@@ -125,7 +125,7 @@ def test_preset():
 
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
            "--types": "a.json", "--curl": "0,0", "--look": "chiang", "--wave": "0,0", "--raster": "samples",
-           "--lod": 0.5, "--scattering": "off", "--sky": "1,1,1"}
+           "--lod": 0.5, "--masks": 0, "--scattering": "off", "--sky": "1,1,1"}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 1, "--noise": "0.5,8",
           "--wind": "0,0,0", "--time": 0, "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
@@ -186,6 +186,8 @@ def test_options_of_other_fur(clfur, tmp_path, fur, flag, value, other):
     (["--lod", "-0.1"], ["--lod", "4"]),
     (["--shadow-map", "-1"], ["Settings.shadow_map is -1"]),
     (["--pcf", "17"], ["Settings.pcf is 17", "16"]),
+    (["--masks", "2"], ["Settings.masks is 2", "0 or 4"]),
+    (["--masks", "4", "--raster", "samples"], ["Settings.masks is 4", "Settings.raster is 'samples'"]),
     (["--color", "brown"], ["--color", "#rrggbb"]),
     (["--color", "255,128,0"], ["--color", "255,128,0", "0 to 1"]),
     (["--color", "0.5,-0.1,0"], ["--color", "0 to 1"]),

@@ -128,7 +128,10 @@ _SETTINGS = [
     click.option("--raster", type=click.Choice(RASTERS), default="coverage",
                  help="Strands transparent by the area that they cover, or opaque in each sample."),
     click.option("--shadows", type=click.Choice(SHADOWS), default="length",
-                 help="How hair shades: by what rays cross, by the report's voxels, or not at all."),
+                 help="How hair shades: by what rays cross (length), by the report's voxels, not at all, or by the "
+                      "single hairs before each light (deep)."),
+    click.option("--masks", type=int, default=0, metavar="0|4",
+                 help="4: strands hide each other in 4x4 parts of a pixel, not as if at random in it."),
     click.option("--scattering", type=click.Choice(SCATTERING), default="off",
                  help="Follow light from hair to hair: grid, for --look chiang."),
     click.option("--grid", type=int, default=96, metavar="N",
@@ -148,7 +151,7 @@ _SETTINGS = [
 ]
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "look", "type_map", "types", "curl", "wave",
-                     "raster", "scattering", "lod", "sky"),
+                     "raster", "masks", "scattering", "lod", "sky"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 
 
