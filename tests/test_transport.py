@@ -198,3 +198,6 @@ def test_other_looks_are_refused(gpu):
         clfur.render(tuft(look=clfur.Kajiya()), device=gpu, settings=GRID)
     with pytest.raises(clfur.Error, match="scattering is 'grid'.*allowed"):
         clfur.render(clfur.Scene(mesh=BOX), device=gpu, settings=GRID)
+    fur = [clfur.Shells(), clfur.Strands(types=[clfur.HairType(look=clfur.Chiang())])]
+    with pytest.raises(clfur.Error, match="scattering is 'grid', but the scene has shells; allowed: 'off'"):
+        clfur.render(clfur.Scene(BOX, fur), device=gpu, settings=GRID)

@@ -67,7 +67,8 @@ _SCENE = [
     click.option("--sky", type=Sky(), metavar="SKY",
                  help="Light from all around, hidden by hair and body, instead of the flat ambient: a colour, R,G,B of "
                       "0 or more each (linear) or '#rrggbb'; ZENITH:HORIZON:GROUND, three of these; or an "
-                      "equirectangular picture, .hdr, .exr, .png.  [default: none]"),
+                      "equirectangular picture, .hdr, .exr, .png.  Lights shine too: --light 'sun intensity=0' leaves "
+                      "the sky alone.  [default: none]"),
     click.option("--body-color", type=Color(), metavar="COLOR",
                  help="Base colour of the body.  [default: a glTF file's own, else 0.3,0.2,0.12]"),
     click.option("--body-texture", metavar="PICTURE",
@@ -133,7 +134,8 @@ _SETTINGS = [
     click.option("--masks", type=int, default=0, metavar="0|4",
                  help="4: strands hide each other in 4x4 parts of a pixel, not as if at random in it."),
     click.option("--scattering", type=click.Choice(SCATTERING), default="off",
-                 help="Follow light from hair to hair: grid, for --look chiang."),
+                 help="Follow light from hair to hair: grid, for --look chiang alone and --raster coverage.  Lights "
+                      "then leave out their default ambient."),
     click.option("--grid", type=int, default=96, metavar="N",
                  help="Cells a side of the grid for shadows; a multiple of 16."),
     click.option("--shadow-map", type=int, default=512, metavar="N",

@@ -128,11 +128,8 @@ class Plan:
         self.lobed = types if self.wants_color and of_model(types) else ()
         color = self.scene.body_color
         self.painted = color if isinstance(color, tuple) and self.wants_color and not self.held else ()
-        if self.settings.scattering != "off" and (not types or len(of_model(types)) < len(types)):
-            models = [kind.look.model for kind in types]
-            other = next((model for model in models if model != "chiang"), "none, there are no strands")
-            raise Error(f"Settings.scattering is {self.settings.scattering!r}, but the look of hair is {other}; "
-                        f"allowed: 'off', or clfur.Chiang for all strands")
+        if self.settings.scattering != "off":
+            self._check_scattering(types)
         self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
         # Running sums: vertices and triangles before each face, points before each of the user's strands, and of all.
@@ -194,6 +191,15 @@ class Plan:
     def seen_through(self) -> bool:
         """Whether samples of body or ground hide what is behind them, but do not cover the picture by themselves."""
         return self.held or self.ground is not None
+
+    def _check_scattering(self, types: Sequence[Any]) -> None:
+        """Raise `clfur.Error` for what does not go with light that goes from hair to hair."""
+        other = next((f"the look of hair is {kind.look.model}" for kind in types if kind.look.model != "chiang"), "")
+        if self.scene.shells is not None or not types:
+            other = "the scene has shells" if self.scene.shells is not None else "there are no strands"
+        if other:
+            raise Error(f"Settings.scattering is {self.settings.scattering!r}, but {other}; allowed: 'off', or "
+                        f"clfur.Chiang for all strands (--look chiang), without shells")
 
     def _check_deep(self) -> None:
         """Raise `clfur.Error` for what does not go with "deep"."""
