@@ -214,3 +214,12 @@ def test_command(clfur):
     assert code == 0, err
     wrong(clfur("render", "sphere", "--ground", "low"), "'--ground'", "'low' is neither 'lowest' nor a height")
     wrong(clfur("render", "sphere", "--ground", "nan"), "Ground.height is nan")
+
+
+@RASTERS
+def test_a_painted_holdout_is_a_holdout(gpu, sphere, raster):
+    """What paints it is not seen."""
+    settings = clfur.Settings(raster=raster, grid=32, shadow_map=64)
+    plain, painted = (clfur.render(scene(sphere, body="holdout", body_color=color), gpu, settings)
+                      for color in ((.3, .2, .1), np.random.default_rng(1).random((3, 4, 3))))
+    np.testing.assert_array_equal(painted, plain)

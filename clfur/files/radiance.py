@@ -33,9 +33,13 @@ def decoded(data: bytes, most: int) -> np.ndarray:
         raise Error(f"has FORMAT={values[b'FORMAT'][:40].decode('ascii', 'replace')}; allowed: 32-bit_rle_rgbe")
     rgbe = _rows(memoryview(data)[line_end + 1:], height, width)
     power = rgbe[:, :, 3].astype(np.int32)
-    scale = np.ldexp(np.float32(1 / values[b"EXPOSURE"]), power - 136)
-    scale[power == 0] = 0
-    return rgbe[:, :, :3] * scale[:, :, None]
+    with np.errstate(over="ignore"):   # told below
+        scale = np.ldexp(np.float32(1 / values[b"EXPOSURE"]), power - 136)
+        scale[power == 0] = 0
+        pixels = rgbe[:, :, :3] * scale[:, :, None]
+    if not np.isfinite(pixels).all():
+        raise Error("has an EXPOSURE by which its light is more than float32 holds")
+    return pixels
 
 
 def _values(header):

@@ -298,7 +298,9 @@ class Counted:
 
 
 def _color(gpu, plan, part, view, visible, hair, body, lighting, image, sample_transmittance, sums):
-    body_color = (0, 0, 0) if plan.scene.body_color is None else plan.scene.body_color
+    body_color = plan.scene.body_color
+    if body_color is None or isinstance(body_color, tuple):   # none is drawn, or materials tell, where its light counts
+        body_color = (0, 0, 0)
     body = no_surface(gpu) if plan.held else body   # what is hidden needs no light
     scattering = build.scattering(gpu, plan) if len(hair.points) else None
     return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums,
