@@ -441,5 +441,8 @@ __kernel void leaving(
         sent[k] = scattered_at(&sky, light, directions, &its, table, albedos + type * (ALBEDOS * SHADES), p, t,
                                towards_eye(&view, p), shades);
     }
-    scattered[number] = (float8)(sent[0], sent[1]);
+    float8 both;   // half by half: Oclgrind 21.10 does not bear two float4 at once
+    both.lo = sent[0];
+    both.hi = sent[1];
+    scattered[number] = both;
 }

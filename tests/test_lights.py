@@ -81,7 +81,8 @@ def test_a_light_more_in_parts_and_by_a_team_is_the_same_bits(gpu):
     scene = scene_of("strands", [SUN, SPOT])
     settings = clfur.Settings(samples=4, **SMALL)
     whole = clfur.draw(scene, gpu, settings, ("color",), hashes=True)
-    small, other = clfur.Scheduler(gpu.device, memory=480_000), clfur.Scheduler(gpu.device)
+    room = 480_000 + 100_000 * bool(gpu.steps)   # for a pixel's way through a tile, where drivers end long loops
+    small, other = clfur.Scheduler(gpu.device, memory=room), clfur.Scheduler(gpu.device)
     assert len(Plan(Rig.of(scene, settings), ("color",)).parts(small)) > 1
     for device in small, [gpu, other]:
         frame = clfur.draw(scene, device, settings, ("color",), hashes=True)
