@@ -56,8 +56,8 @@ INLINED __global const ulong *places_of(const Sent *known, uint number)
 INLINED ulong more_of(const Sent *known, uint number)
 {
     __global const ulong *few = places_of(known, number);
-    ulong row = 0;
-    for (int i = 0; i < known->lighting.n; ++i)
+    ulong row = few[0] & MORE ? few[0] : 0;   // there is a light at least
+    for (int i = 1; i < known->lighting.n; ++i)
         row = few[FEW_PLACES * i] & MORE ? few[FEW_PLACES * i] : row;
     return row;
 }

@@ -64,13 +64,16 @@ INLINED void glow_eight(const Glow *glow, int first, const Sent *known)
     for (int i = 0; i < known->sources; ++i) {
         lanes_i exact = I(0);
         lanes r[3], g[3], b[3];
-        for (int k = 0; k < LANES; ++k)
-            LANE_I(exact, k) = froms[k][FEW_PLACES * i] & MORE ? ON : 0;
+        __global const ulong *starts[LANES];
+        for (int k = 0; k < LANES; ++k) {
+            LANE_I(exact, k) = froms[k][0] & MORE ? ON : 0;
+            starts[k] = froms[k] + 2 * LANE_I(piece, k);
+            froms[k] += FEW_PLACES;
+        }
         some |= exact;
         for (int k = 0; k < 3; ++k) {
-            ulong8 here;
-            for (int j = 0; j < LANES; ++j)
-                here[j] = froms[j][FEW_PLACES * i + 2 * LANE_I(piece, j) + k];
+            const ulong8 here = (ulong8)(starts[0][k], starts[1][k], starts[2][k], starts[3][k], starts[4][k], starts[5][k],
+                                         starts[6][k], starts[7][k]);
             r[k] = parts[k] * AS_F(TO(lanes_u, here >> 32) & 0x7FFFFC00u);
             g[k] = parts[k] * AS_F(TO(lanes_u, here >> 11) & 0x7FFFFC00u);
             b[k] = parts[k] * AS_F(TO(lanes_u, here) << 10 & 0x7FFFFC00u);
