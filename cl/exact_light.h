@@ -55,11 +55,7 @@ INLINED __global const ulong *places_of(const Sent *known, uint number)
 /* The row of `more` that a segment has, with MORE; 0 where each light is known at its places. */
 INLINED ulong more_of(const Sent *known, uint number)
 {
-    __global const ulong *few = places_of(known, number);
-    ulong row = few[0] & MORE ? few[0] : 0;   // there is a light at least
-    for (int i = 1; i < known->lighting.n; ++i)
-        row = few[FEW_PLACES * i] & MORE ? few[FEW_PLACES * i] : row;
-    return row;
+    return row_among(places_of(known, number), known->lighting.n);
 }
 
 /* The two places of segments, 1/4 and 3/4 of the way along pieces of them. */

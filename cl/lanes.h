@@ -79,6 +79,16 @@ typedef long16 lanes_l;
 #define ON (LANES == 1 ? 1 : -1)  // in a mask
 #define SHIFT 12582912.0f        // 1.5 * 2^23: a float this large has no fraction
 
+/* Two rows of four as one of eight, number by number where Oclgrind may run it. */
+INLINED float8 both(float4 a, float4 b)
+{
+#if LANES == 1
+    return (float8)(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w);
+#else
+    return (float8)(a, b);
+#endif
+}
+
 INLINED lanes lesser(lanes a, lanes b)
 {
     return a < b ? a : b;

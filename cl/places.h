@@ -7,6 +7,15 @@
 #define MORE (1ul << 63)                   // instead of the first place: the row of `more` that it has
 #define ROW (MORE - 1)
 
+/* The row of `more`, with MORE, of a segment whose places these are, of all sources; 0 where all lights are known there. */
+INLINED ulong row_among(__global const ulong *few, int n_lights)
+{
+    ulong row = few[0] & MORE ? few[0] : 0;   // there is a light at least
+    for (int i = 1; i < n_lights; ++i)
+        row = few[FEW_PLACES * i] & MORE ? few[FEW_PLACES * i] : row;
+    return row;
+}
+
 /* Light in 63 bits: of each of r, g, b the upper 21 bits of its float, but for its sign, which would be taken for MORE: what
    is not above 0 is 0. */
 INLINED ulong packed_light(float r, float g, float b)

@@ -44,16 +44,6 @@ INLINED void transposed(const float8 *r, float8 *m)
 }
 #endif
 
-/* Two rows of four as one of eight; by numbers where Oclgrind may run it, which dies of a vector put into half of another. */
-INLINED float8 both(float4 a, float4 b)
-{
-#if LANES == 1
-    return (float8)(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w);
-#else
-    return (float8)(a, b);
-#endif
-}
-
 /* Two points of each of LANES segments, or ends on the screen: rows -> their eight numbers, and back. */
 INLINED void columns_of(const float8 *rows, lanes *columns)
 {

@@ -1,15 +1,15 @@
 /*
- * Light of a sky at a place, hidden by hair and body: sky.cl and shade.cl use this. A cell of the world's grid holds it as
- * nine spherical harmonics a colour.
+ * Light of a sky at a place, hidden by hair and body: sky.cl, shade.cl and transport.cl use this.  A cell of the world's grid
+ * holds it as nine spherical harmonics a colour.
  */
 
-/* Where a place lies between eight cells: the first of them, and how far on to the others. */
+/* Where a place lies between eight cells: the number of the first of them, and how far on to the others. */
 typedef struct {
-    __global const float4 *first;
+    size_t first;
     float x, y, z;
 } Between;
 
-INLINED Between cells_around(const Sky *sky, __global const float4 *cells, float4 p)
+INLINED Between cells_around(const Sky *sky, float4 p)
 {
     const int n = sky->size.x;
     const float most = n - 1.0f;
@@ -19,7 +19,7 @@ INLINED Between cells_around(const Sky *sky, __global const float4 *cells, float
     c.z = c.z > 0.0f ? c.z < most ? c.z : most : 0.0f;
     const int x = (int)c.x < n - 2 ? (int)c.x : n - 2, y = (int)c.y < n - 2 ? (int)c.y : n - 2;
     const int z = (int)c.z < n - 2 ? (int)c.z : n - 2;
-    const Between between = {cells + HARMONICS * (((size_t)z * n + y) * n + x), c.x - x, c.y - y, c.z - z};
+    const Between between = {((size_t)z * n + y) * n + x, c.x - x, c.y - y, c.z - z};
     return between;
 }
 
@@ -31,14 +31,14 @@ typedef struct {
 INLINED Known known_at(const Sky *sky, __global const float4 *cells, float4 p, bool odd)
 {
     const int n = sky->size.x;
-    const Between here = cells_around(sky, cells, p);
+    const Between here = cells_around(sky, p);
     Known known;
     for (int j = 0; j < HARMONICS; ++j)
         known.of[j] = 0.0f;
     for (int k = 0; k < 8; ++k) {
         const float weight = ((k & 1) ? here.x : 1.0f - here.x) * ((k & 2) ? here.y : 1.0f - here.y)
             * ((k & 4) ? here.z : 1.0f - here.z);
-        __global const float4 *there = here.first + HARMONICS * (((k >> 2) * n + (k >> 1 & 1)) * n + (k & 1));
+        __global const float4 *there = cells + HARMONICS * (here.first + ((k >> 2) * n + (k >> 1 & 1)) * n + (k & 1));
         known.of[0] += weight * there[0];
         for (int j = odd ? 1 : 4; j < HARMONICS; ++j)
             known.of[j] += weight * there[j];

@@ -188,7 +188,8 @@ INLINED lanes_i change_much(const Lighting *lighting, int i, int shadowed, const
     return needs | (2.0f * most * root(1.0f + s->exponent) > TURN);
 }
 
-/* Put what LANES segments send to the eye into their places of light i, or of the sky after all lights, of `count` of them, where they don't `need` more. */
+/* Put what LANES segments send to the eye into their places of source i, a light or after all lights another, of `count` of
+   them, where they don't `need` more. */
 INLINED void put_places(__global ulong *places, int sources, int i, uint count, lanes_i need, const lanes3 *sent)
 {
     for (uint k = 0; k < count; ++k) {
@@ -316,6 +317,26 @@ __kernel void radiance(
         }
 }
 
+/* Put what a segment is like into a row of `more`; known: what is told there of the light on it. */
+INLINED void put_row(__global float *more, ulong row, const Hair *hair, uint id, uint strand, const Segment *ends,
+                     const float known[4])
+{
+    __global float4 *its = (__global float4 *)more + 8 * row;
+    const float kind = hair->strand_uv[strand].z;
+    const float4 shine = hair->types[(int)kind].shine, along = ends->b - ends->a;
+    const float4 t = tangent_of(ends->b - ends->before, along), u = tangent_of(ends->after - ends->a, along);
+    const float4 c = hair->colors[hair->color_per == 0 ? 0 : hair->color_per == 1 ? strand : id];
+    const float4 d = hair->color_per == 2 ? hair->colors[id + 1] - c : (float4)(0.0f);
+    its[0] = ends->a;
+    its[1] = along;
+    its[2] = (float4)(t.xyz, shine.x);
+    its[3] = (float4)(u.xyz - t.xyz, shine.y);
+    its[4] = (float4)(c.xyz, shine.w);
+    its[5] = (float4)(d.xyz, shine.z);
+    its[6] = (float4)(hair->strand_normal[strand].xyz, known[0]);
+    its[7] = (float4)(known[1], known[2], known[3], kind);
+}
+
 /* One work-item tells what those of LANES segments are like whose light changes too much between few places. */
 __kernel void further(
     const ulong begin, const ulong end,    // work-items, see common.h
@@ -348,19 +369,11 @@ __kernel void further(
     const uint first = range.x + LANES * (uint)item;
     for (uint segment = first; segment < range.y && segment < first + LANES; ++segment) {
         __global const ulong *few = places + FEW_PLACES * sources * (size_t)segment;
-        ulong row = 0;
-        for (int i = 0; i < n_lights; ++i)
-            row = few[FEW_PLACES * i] & MORE ? few[FEW_PLACES * i] : row;
+        const ulong row = row_among(few, n_lights);
         if (!row)
             continue;
-        __global float4 *its = (__global float4 *)more + 8 * (row & ROW);
         const uint id = begin_of(segment, listed, segments, first_point, stored, run), strand = strand_at(&hair, id);
         const Segment ends = segment_at(&hair, id, spans[strand]);
-        const int kind = (int)strand_uv[strand].z;
-        const float4 shine = types[kind].shine, along = ends.b - ends.a;
-        const float4 t = tangent_of(ends.b - ends.before, along), u = tangent_of(ends.after - ends.a, along);
-        const float4 c = colors[color_per == 0 ? 0 : color_per == 1 ? strand : id];
-        const float4 d = color_per == 2 ? colors[id + 1] - c : (float4)(0.0f);
         float known[4];
         for (int i = 0; i < 2; ++i) {
             const bool ask = i < n_lights && shadowed && cells_between(&shadows[i], &grids[i], ends.a, ends.b) > CELLS;
@@ -368,14 +381,7 @@ __kernel void further(
             known[2 * i] = ask ? -1.0f : i < n_lights && shadowed ? there[0] : 1.0f;
             known[2 * i + 1] = !ask && i < n_lights && shadowed ? there[1] - there[0] : 0.0f;
         }
-        its[0] = ends.a;
-        its[1] = along;
-        its[2] = (float4)(t.xyz, shine.x);
-        its[3] = (float4)(u.xyz - t.xyz, shine.y);
-        its[4] = (float4)(c.xyz, shine.w);
-        its[5] = (float4)(d.xyz, shine.z);
-        its[6] = (float4)(strand_normal[strand].xyz, known[0]);
-        its[7] = (float4)(known[1], known[2], known[3], (float)kind);
+        put_row(more, row & ROW, &hair, id, strand, &ends, known);
     }
 }
 
@@ -407,20 +413,8 @@ __kernel void apart(
     const size_t segment = first + item;
     const uint id = lies_at(stored, run, (segments[segment] & ~BODY) - first_point), strand = strand_at(&hair, id);
     const Segment ends = segment_at(&hair, id, spans[strand]);
-    const float kind = strand_uv[strand].z, number = first_strand + numbers[strand] & 0xFFFFFF;
-    const float4 shine = types[(int)kind].shine, along = ends.b - ends.a;
-    const float4 t = tangent_of(ends.b - ends.before, along), u = tangent_of(ends.after - ends.a, along);
-    const float4 c = colors[color_per == 0 ? 0 : color_per == 1 ? strand : id];
-    const float4 d = color_per == 2 ? colors[id + 1] - c : (float4)(0.0f);
-    __global float4 *its = (__global float4 *)more + 8 * segment;
-    its[0] = ends.a;
-    its[1] = along;
-    its[2] = (float4)(t.xyz, shine.x);
-    its[3] = (float4)(u.xyz - t.xyz, shine.y);
-    its[4] = (float4)(c.xyz, shine.w);
-    its[5] = (float4)(d.xyz, shine.z);
-    its[6] = (float4)(strand_normal[strand].xyz, number);
-    its[7] = (float4)(0.0f, 0.0f, 0.0f, kind);
+    const float known[4] = {first_strand + numbers[strand] & 0xFFFFFF, 0.0f, 0.0f, 0.0f};
+    put_row(more, segment, &hair, id, strand, &ends, known);
     for (int i = 0; i < n_lights; ++i)
         places[FEW_PLACES * (n_lights * segment + i)] = MORE | segment;
 }

@@ -11,6 +11,7 @@
 #include "scatter.h"
 #include "light.h"
 #include "light_lanes.h"
+#include "sky.h"
 #include "transport.h"
 
 #define OF_SIDE 4                          // steps along hair, in a cell's side
@@ -441,8 +442,5 @@ __kernel void leaving(
         sent[k] = scattered_at(&sky, light, directions, &its, table, albedos + type * (ALBEDOS * SHADES), p, t,
                                towards_eye(&view, p), shades);
     }
-    float8 both;   // half by half: Oclgrind 21.10 does not bear two float4 at once
-    both.lo = sent[0];
-    both.hi = sent[1];
-    scattered[number] = both;
+    scattered[number] = both(sent[0], sent[1]);
 }

@@ -47,16 +47,10 @@ INLINED Around around_place(const Sky *sky, float4 p)
 {
     Around around;
     const int n = sky->size.x;
-    const float most = n - 1.0f;
-    float4 c = (p - sky->place) * sky->place.w - 0.5f;
-    c.x = c.x > 0.0f ? c.x < most ? c.x : most : 0.0f;   // also where it is no number
-    c.y = c.y > 0.0f ? c.y < most ? c.y : most : 0.0f;
-    c.z = c.z > 0.0f ? c.z < most ? c.z : most : 0.0f;
-    const int x = (int)c.x < n - 2 ? (int)c.x : n - 2, y = (int)c.y < n - 2 ? (int)c.y : n - 2;
-    const int z = (int)c.z < n - 2 ? (int)c.z : n - 2;
-    const float fx = c.x - x, fy = c.y - y, fz = c.z - z;
+    const Between between = cells_around(sky, p);
+    const float fx = between.x, fy = between.y, fz = between.z;
     for (int k = 0; k < 8; ++k) {
-        around.cells[k] = ((size_t)(z + (k >> 2)) * n + y + (k >> 1 & 1)) * n + x + (k & 1);
+        around.cells[k] = between.first + ((size_t)(k >> 2) * n + (k >> 1 & 1)) * n + (k & 1);
         around.weights[k] = ((k & 1) ? fx : 1.0f - fx) * ((k & 2) ? fy : 1.0f - fy) * ((k & 4) ? fz : 1.0f - fz);
     }
     return around;

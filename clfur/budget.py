@@ -48,7 +48,8 @@ def choose(team, scene, settings, draw):
     """
     rig = Rig.of(scene)
     half_octaves = round(2 * math.log2(features(rig, 0)[0]))   # of a strand's width in pixels
-    what = scene.mesh, scene.strands, scene.shells, *scene.lights, str(scene.camera.size), half_octaves
+    what = (scene.mesh, scene.strands, scene.shells, scene.environment, *scene.lights, str(scene.camera.size),
+            half_octaves)
     goals = str([settings.max_error, settings.seconds, settings.filtered, scene.body_color is None, scene.body,
                  scene.ground is None])
     choice = team.gpus[0].keep("choice", (*what, goals), lambda: _choose(team, rig, settings, draw))

@@ -88,7 +88,7 @@ def test_the_same_every_time(gpu, another, sphere):
 
 
 def test_it_is_chosen_once_for_a_scene(gpu, sphere, frames):
-    """Not again for another place of the camera; again for another distance, light, fur or goal."""
+    """Not again for another place of the camera; again for another distance, light, sky, fur or goal."""
     furry, goal = scene(sphere), clfur.Settings(max_error=0.07)
 
     def tried(drawn, settings=goal):
@@ -101,7 +101,8 @@ def test_it_is_chosen_once_for_a_scene(gpu, sphere, frames):
     assert tried(furry, attrs.evolve(goal, specular="half-vector", blur="all")) == 0
     assert frames[-1][0].specular == "half-vector" and frames[-1][0].blur == "all"
     assert tried(attrs.evolve(furry, camera=clfur.Camera(eye=(0, 1, 9), size=(64, 48)))) > 0
-    for change in ({"fur": scene(sphere).fur}, {"light": clfur.Light((0, -1, 0))}, {"body_color": None}):
+    for change in ({"fur": scene(sphere).fur}, {"light": clfur.Light((0, -1, 0))}, {"body_color": None},
+                   {"environment": clfur.Environment((1, 1, 1))}):
         assert tried(furry) > 0
         assert tried(attrs.evolve(furry, **change)) > 0
     assert tried(furry) > 0 and tried(furry, clfur.Settings(max_error=0.08)) > 0

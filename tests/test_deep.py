@@ -28,7 +28,7 @@ def made(gpu, curves, size, light=LIGHT, room=1 << 20):
     scene = clfur.Scene(fur=curves, light=light)
     view, packed = deep_of(scene, size, light, Fit.of(scene))
     plan = DeepPlan([view], np.array([packed]), room, size**2, 1)
-    there = deep_maps(gpu, plan, lambda: [upload_curves(gpu, curves)], 5)
+    there = deep_maps(gpu, plan, lambda: [upload_curves(gpu, curves)])
     return there, view, packed
 
 

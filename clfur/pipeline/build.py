@@ -278,7 +278,7 @@ def _lighting(gpu, team, plan, hashes):
 
 
 def _deep(gpu, plan, lighting):
-    return deep_maps(gpu, plan.deep, functools.partial(_all_hair, gpu, plan), plan.longest, lighting)
+    return deep_maps(gpu, plan.deep, functools.partial(_all_hair, gpu, plan), lighting)
 
 
 def _all_hair(gpu, plan):

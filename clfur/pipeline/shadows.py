@@ -163,12 +163,12 @@ def _pieces(segments, length, width, scale):
     return int(length * scale * (PIECES[0] + PIECES[1] * width * scale) + PIECES[2] * segments)
 
 
-def deep_maps(gpu: Any, plan: DeepPlan, hair: Callable[[], Iterable[DeviceStrands]], longest: int,
+def deep_maps(gpu: Any, plan: DeepPlan, hair: Callable[[], Iterable[DeviceStrands]],
               lighting: Lighting | None = None) -> deep.Deep:
     """Put strands into maps of their pieces -> `Deep`.
 
     ``lighting``: what there is of the lights' grids and maps; what lies where they tell of no light is left out.
-    ``hair``: gives the strands, part by part, each time that it is called.  ``longest``: points of one at most.
+    ``hair``: gives the strands, part by part, each time that it is called.
     Raises `clfur.Error` if there is no room for so many pieces, before anything is drawn.
     """
     sizes = plan.maps["size"][:, 0].astype(np.int64) ** 2
@@ -176,7 +176,7 @@ def deep_maps(gpu: Any, plan: DeepPlan, hair: Callable[[], Iterable[DeviceStrand
     counted = {i: gpu.full(int(size), np.uint32, 0) for i, size in enumerate(sizes) if size}
     for strands in hair():
         for i, counts in counted.items():
-            deep.count(gpu, plan.views[i], plan.maps[i], dark[i], strands, counts, longest)
+            deep.count(gpu, plan.views[i], plan.maps[i], dark[i], strands, counts)
         del strands   # goes before the next ones are made
     found = [gpu.download(counts) for counts in counted.values()]
     counted.clear()
@@ -190,7 +190,7 @@ def deep_maps(gpu: Any, plan: DeepPlan, hair: Callable[[], Iterable[DeviceStrand
     for strands in hair():
         for i, size in enumerate(sizes):
             if size:
-                deep.fill(gpu, plan.views[i], maps[i], dark[i], strands, made, cursors, longest)
+                deep.fill(gpu, plan.views[i], maps[i], dark[i], strands, made, cursors)
         del strands
     deep.sort(gpu, made)
     return made

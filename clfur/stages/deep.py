@@ -7,11 +7,12 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, array
-from .strands import DeviceStrands, arrays, stretches
+from .strands import DeviceStrands, arrays, stretches_of
 
 PADDING = 4       # pieces behind the last, which may be read
 SORTED = 512      # pieces that are sorted in one work-item there: it takes n log² n steps
-COLUMNS = 512     # texels of a segment that a launch takes where drivers end long loops
+SEGMENTS = 64     # of each strand that a launch takes where drivers end long loops,
+COLUMNS = 512     # and texels of each of these
 
 
 @dataclass(frozen=True)
@@ -37,14 +38,13 @@ def no_deep(gpu: Any) -> Deep:
     return Deep(gpu.empty(0, layout.Deep), gpu.empty(0, np.uint32), gpu.empty(0, np.uint64))
 
 
-def count(gpu: Any, view: np.void, packed: np.void, dark: Any, strands: DeviceStrands, counts: Any,
-          longest: int) -> None:
-    """Count the pieces of strands, of at most ``longest`` points each, in the texels of a light's map.
+def count(gpu: Any, view: np.void, packed: np.void, dark: Any, strands: DeviceStrands, counts: Any) -> None:
+    """Count the pieces of strands in the texels of a light's map.
 
     ``view``, ``packed``: its `layout.View` and `layout.Deep`.  ``dark``: [cells, cells] uint32, depth from which on no
     light comes in a part of the map.  ``counts``: [texels] uint32, to which they are added.
     """
-    _each(gpu, "deep.count", longest, view, strands, map=packed, dark=dark, cells=len(dark), counts=counts)
+    _each(gpu, "deep.count", view, strands, map=packed, dark=dark, cells=len(dark), counts=counts)
 
 
 def allocate(gpu: Any, maps: np.ndarray, counts: np.ndarray) -> tuple[Deep, Any]:
@@ -61,10 +61,9 @@ def allocate(gpu: Any, maps: np.ndarray, counts: np.ndarray) -> tuple[Deep, Any]
     return made, gpu.upload(starts[:-1])
 
 
-def fill(gpu: Any, view: np.void, packed: np.void, dark: Any, strands: DeviceStrands, made: Deep, cursors: Any,
-         longest: int) -> None:
+def fill(gpu: Any, view: np.void, packed: np.void, dark: Any, strands: DeviceStrands, made: Deep, cursors: Any) -> None:
     """Write the pieces of strands that were counted in a light's map; ``packed``: its `layout.Deep`, with its place."""
-    _each(gpu, "deep.fill", longest, view, strands, map=packed, dark=dark, cells=len(dark), cursors=cursors,
+    _each(gpu, "deep.fill", view, strands, map=packed, dark=dark, cells=len(dark), cursors=cursors,
           pieces=made.pieces, **arrays(strands, "numbers", "first_strand", "strand_uv", "types"))
 
 
@@ -82,10 +81,10 @@ def sort(gpu: Any, made: Deep) -> None:
                        apart=apart, pieces=made.pieces)
 
 
-def _each(gpu, name, longest, view, strands, **more):
+def _each(gpu, name, view, strands, **more):
     """Launch a kernel over strands: where a driver ends long loops, some segments and columns of texels at a time."""
     size = int(view["size"][0])
-    for stretch in stretches(gpu, longest):
+    for stretch in stretches_of(gpu, strands, max((gpu.steps or 0) // SEGMENTS, 1)):
         for first in range(0, size, COLUMNS if gpu.steps else size):
             gpu.launch(name, len(strands.spans), view=view, stretch=stretch,
                        columns=(first, min(first + COLUMNS, size) if gpu.steps else size), **more,

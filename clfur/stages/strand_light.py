@@ -19,8 +19,8 @@ FEW = layout.CONSTANTS["FEW_PLACES"]             # of a segment
 
 @dataclass(frozen=True)
 class Places(Arrays):
-    """Light of each light, and of the sky, that segments send to the eye, linear r, g, b, at places of them; between
-    these it is as cl/places.h has it, or cl/exact_light.h where it changes too much."""
+    """Light of each source that segments send to the eye, linear r, g, b, at places of them; between these it is as
+    cl/places.h has it, or cl/exact_light.h where it changes too much."""
 
     places: Any = array("place", np.uint64, FEW)   # of each segment and source, in that order, or where in `more`
                                                   # they are: see cl/places.h

@@ -11,7 +11,6 @@ from ..layout import Arrays, array
 from .order import order
 from .tessellate import Surface, as_float4
 
-STEPS = 64           # segments of each strand that a launch takes where drivers end long loops
 SORTED_FROM = 4096   # strands of the user's: fewer are near each other in memory anyway
 AREA = layout.Declared("triangle", np.uint64)   # running sums of triangles' areas, by which roots are spread
 
@@ -81,15 +80,6 @@ def arrays(strands: DeviceStrands, *names: str) -> dict[str, Any]:
     and strand_uv there."""
     renamed = {"strand_normal": "normals", "strand_uv": "uv"}
     return {name: getattr(strands, renamed.get(name, name)) for name in names}
-
-
-def stretches(gpu: Any, longest: int) -> list[tuple[int, int]]:
-    """[(first segment of each strand, one past the last)] of each launch: all at once but where drivers end loops.
-
-    ``longest``: points of a strand at most.
-    """
-    most = STEPS if gpu.steps else max(longest, 1)
-    return [(first, first + most) for first in range(0, max(longest, 1), most)]
 
 
 def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None = None,
