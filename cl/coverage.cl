@@ -857,6 +857,12 @@ ALONE BY_HAND __kernel void tiles(
                               lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_pieces}},
                              body_transmittance, alpha,
                              front, shell_front, image, &glow};
+    if (!n && !has_shells && !slab.x && slab.y == NOTHING) {
+        for (int py = y * TILE; py < (y + 1) * TILE && py < size.y; ++py)
+            for (int px = x * TILE; px < (x + 1) * TILE && px < size.x; ++px)
+                pass_pixel(&picture, (size_t)py * size.x + px);
+        return;
+    }
     Tile t;
     t.left = x * TILE;
     t.top = view.rows.x + y * TILE;
