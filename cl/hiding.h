@@ -403,6 +403,25 @@ INLINED void end_pixel(Pixel *p, const Picture *picture)
     }
 }
 
+/* A pixel in which neither strands nor shells are: what `begin_pixel` and `end_pixel` tell, the same bits. */
+INLINED void pass_pixel(const Picture *picture, size_t at)
+{
+    const int samples = picture->samples;
+    ulong body = ~0ul;
+    int seen = 0;
+    for (size_t sample = at * samples; sample < (at + 1) * samples; ++sample) {
+        const ulong key = picture->visible[sample];
+        body = key < body ? key : body;
+        seen += (uint)(key >> 32) != NOTHING;
+        picture->body_transmittance[sample] = 1.0f;
+    }
+    const float alpha = (float)seen / samples;
+    picture->alpha[at] = alpha;
+    picture->front[at] = seen ? body : ~0ul;
+    if (picture->lit)
+        picture->image[at] = (float4)(0.0f, 0.0f, 0.0f, alpha);
+}
+
 /* Go on with a pixel of which what lies before a slab of depths is done, if anything does; `bound`: how far it can be seen
    into -> how far in the slab. */
 INLINED uint go_on_behind(Pixel *p, uint bound, int samples, uint2 slab, __global const uint4 *kept)
