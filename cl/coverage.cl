@@ -54,6 +54,9 @@ __kernel void bound(
     bounds[tile] = furthest;
 }
 
+#define STRANDS (LANES == 1 ? 1 : AT_A_TIME)   // that one work-item lists,
+#define BATCHES (LANES == 1 ? 1 : 8)           // and of their segments that get numbers together
+
 #define ANY 0        // whether there is one
 #define COUNT 1      // counts them
 #define LIST 2       // lists them
@@ -139,10 +142,11 @@ INLINED bool stops(Stage *stage, __global uint4 *stages, volatile __global uint 
 #endif
 }
 
-/* One work-item counts the tiles in which segments of one strand may show. */
+/* One work-item counts the tiles in which segments of STRANDS strands may show. */
 BY_HAND __kernel void count(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
+    const uint n_strands,
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
     __global const uint *bounds,           // [tiles] depth
@@ -154,40 +158,74 @@ BY_HAND __kernel void count(
     __global uint4 *stages,                // [strands or 0] how far each has come, if there is another
     volatile __global uint *n_open)        // [1] how many have not come to their end
 {
-    WORK_ITEM(strand);
-    const uint2 span = spans[strand];
-    uint n = 0, first = 0xFFFF, last = 0;
+    WORK_ITEM(item);
+    const uint from = item * STRANDS;
+    uint n = 0;
     Stage stage = {steps, 0, 0, 0};
-    if (begun(&stage, stages, strand) && known) {
-        first = shown[strand] & 0xFFFF;
-        last = shown[strand] >> 16;
+    for (uint strand = from; strand < from + STRANDS && strand < n_strands; ++strand) {
+        const uint2 span = spans[strand];
+        uint first = 0xFFFF, last = 0;
+        if (begun(&stage, stages, strand) && known) {
+            first = shown[strand] & 0xFFFF;
+            last = shown[strand] >> 16;
+        }
+        for (uint i = stage.segment; i + 1 < span.y; i += LANES) {
+            const uint left = span.y - 1 - i;
+            Batch batch;
+            project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
+            for (int k = 0; k < LANES; ++k)
+                if (batch.on[k] && each_tile(&batch, k, &view, bounds, (uint2)(0, ~0u), COUNT, counts, 0, 0, &stage)) {
+                    n += !stage.shown;
+                    stage.shown = LANES == 1;
+                    first = batch.top[k] < first ? batch.top[k] : first;
+                    last = batch.bottom[k] + 1 > last ? batch.bottom[k] + 1 : last;
+                }
+            if (stops(&stage, stages, n_open, strand, i))
+                break;
+        }
+        if (known)
+            shown[strand] = last << 16 | first;
     }
-    for (uint i = stage.segment; i + 1 < span.y; i += LANES) {
-        const uint left = span.y - 1 - i;
-        Batch batch;
-        project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
-        for (int k = 0; k < LANES; ++k)
-            if (batch.on[k] && each_tile(&batch, k, &view, bounds, (uint2)(0, ~0u), COUNT, counts, 0, 0, &stage)) {
-                n += !stage.shown;
-                stage.shown = LANES == 1;
-                first = batch.top[k] < first ? batch.top[k] : first;
-                last = batch.bottom[k] + 1 > last ? batch.bottom[k] + 1 : last;
-            }
-        if (stops(&stage, stages, n_open, strand, i))
-            break;
-    }
-    if (known)
-        shown[strand] = last << 16 | first;
     if (n)
         atomic_add(survivors, n);
 }
 
-/* As `count`, and lists them; in any order, since nobody knows who comes first. */
+
+/* Segments that wait for their numbers. */
+typedef struct {
+    Batch batches[BATCHES];
+    uint ids[BATCHES];                     // of each one's first segment
+    uint segments;
+    int n;                                 // batches
+} Found;
+
+/* Number and list segments that were found.  All that get numbers take them from one counter: seldom, and many at a time. */
+INLINED void list(Found *found, const View *view, __global const uint *bounds, uint2 window, volatile __global uint *cursors,
+                  volatile __global uint *survivors, __global uint2 *entries, __global float8 *ends, __global uint *ids,
+                  __global uint *cuts, Stage *stage)
+{
+    uint number = stage->shown ? stage->shown - 1 : atomic_add(survivors, found->segments);
+    for (int m = 0; m < found->n; ++m) {
+        const Batch *batch = found->batches + m;
+        for (int k = 0; k < LANES; ++k)
+            if (batch->on[k]) {
+                ends[number] = batch->ends[k];
+                ids[number] = (found->ids[m] + k) | (batch->cut[k] == WHOLE_WAY ? 0 : CLIPPED);
+                cuts[number] = batch->cut[k];
+                stage->shown = LANES == 1 ? number + 1 : 0;
+                each_tile(batch, k, view, bounds, window, LIST, cursors, entries, number++, stage);
+            }
+    }
+    found->n = found->segments = 0;
+}
+
+/* As `count`, and lists them, STRANDS strands a work-item; in any order, since nobody knows who comes first. */
 BY_HAND __kernel void fill(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 window,                    // tiles: the first, one past the last
     const uint2 slab,                      // depths into which they reach: the first, one past the last
+    const uint n_strands,
     __global const float4 *points,
     __global const uint2 *spans,
     __global const uint *bounds,
@@ -205,37 +243,37 @@ BY_HAND __kernel void fill(
     __global uint4 *stages,                // [strands or 0] how far each has come, if there is another
     volatile __global uint *n_open)        // [1] how many have not come to their end
 {
-    WORK_ITEM(strand);
-    const uint across = (view.size.x + TILE - 1) / TILE;
-    if (known && ((shown[strand] >> 16) * across <= window.x || (shown[strand] & 0xFFFF) * across >= window.y))
-        return;
-    const uint2 span = spans[strand];
+    WORK_ITEM(item);
+    const uint across = (view.size.x + TILE - 1) / TILE, from = item * STRANDS;
+    Found found;
     Stage stage = {steps, 0, 0, 0};
-    begun(&stage, stages, strand);
-    for (uint i = stage.segment; i + 1 < span.y; i += LANES) {
-        const uint left = span.y - 1 - i;
-        Batch batch;
-        project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
-        uint n = 0;
-        for (int k = 0; k < LANES; ++k) {
-            batch.on[k] = batch.on[k] && batch.depth[k] < slab.y && (!slab.x || furthest(&batch, k) >= slab.x)
-                && (stage.shown || each_tile(&batch, k, &view, bounds, window, ANY, 0, 0, 0, &stage));
-            n += batch.on[k];
+    found.n = found.segments = 0;
+    for (uint strand = from; strand < from + STRANDS && strand < n_strands; ++strand) {
+        if (known && ((shown[strand] >> 16) * across <= window.x || (shown[strand] & 0xFFFF) * across >= window.y))
+            continue;
+        const uint2 span = spans[strand];
+        begun(&stage, stages, strand);
+        for (uint i = stage.segment; i + 1 < span.y; i += LANES) {
+            const uint left = span.y - 1 - i;
+            Batch *batch = found.batches + found.n;
+            project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, batch);
+            uint n = 0;
+            for (int k = 0; k < LANES; ++k) {
+                batch->on[k] = batch->on[k] && batch->depth[k] < slab.y && (!slab.x || furthest(batch, k) >= slab.x)
+                    && (stage.shown || each_tile(batch, k, &view, bounds, window, ANY, 0, 0, 0, &stage));
+                n += batch->on[k];
+            }
+            found.ids[found.n] = first + shifts[strand] + span.x + i;
+            found.n += n > 0;
+            found.segments += n;
+            if (found.n == BATCHES)
+                list(&found, &view, bounds, window, cursors, survivors, entries, ends, ids, cuts, &stage);
+            if (stops(&stage, stages, n_open, strand, i))
+                break;
         }
-        if (n) {
-            uint number = stage.shown ? stage.shown - 1 : atomic_add(survivors, n);
-            for (int k = 0; k < LANES; ++k)
-                if (batch.on[k]) {
-                    ends[number] = batch.ends[k];
-                    ids[number] = (first + shifts[strand] + span.x + i + k) | (batch.cut[k] == WHOLE_WAY ? 0 : CLIPPED);
-                    cuts[number] = batch.cut[k];
-                    stage.shown = LANES == 1 ? number + 1 : 0;
-                    each_tile(&batch, k, &view, bounds, window, LIST, cursors, entries, number++, &stage);
-                }
-        }
-        if (stops(&stage, stages, n_open, strand, i))
-            break;
     }
+    if (found.n)
+        list(&found, &view, bounds, window, cursors, survivors, entries, ends, ids, cuts, &stage);
 }
 
 /* As `fill`, and tells how far in depth those that may show in a window reach, in any order. */

@@ -80,8 +80,8 @@ def bound(gpu: Any, view: np.void, visible: Any, strands: int = 0) -> Tiles:
 
 def count(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles) -> None:
     """Count the segments of strands that each of the `Tiles` may show."""
-    go_through(gpu, "coverage.count", strands, _a_row(view), view=view, known=_knows(tiles, strands), **vars(tiles),
-               **arrays(strands, "points", "spans"))
+    go_through(gpu, "coverage.count", strands, _a_row(view), _at_a_time(gpu), view=view, n_strands=len(strands.spans),
+               known=_knows(tiles, strands), **vars(tiles), **arrays(strands, "points", "spans"))
 
 
 def allocate(gpu: Any, counts: np.ndarray, survivors: int) -> Segments:
@@ -95,10 +95,10 @@ def fill(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, segments
          window: tuple[int, int] = EVERY, slab: tuple[int, int] = EVERY) -> None:
     """Write the `Segments` of strands that may show in some `Tiles`, ``window``: the first, one past the last, and
     reach into some depths, ``slab``: the same, behind those that are there already."""
-    go_through(gpu, "coverage.fill", strands, _a_row(view), view=view, bounds=tiles.bounds, window=window, slab=slab,
-               first=strands.first_point, known=_knows(tiles, strands), shown=tiles.shown, cursors=segments.cursors,
-               survivors=segments.survivors, entries=segments.entries, ends=segments.ends, ids=segments.ids,
-               cuts=segments.cuts, **arrays(strands, "points", "spans", "shifts"))
+    go_through(gpu, "coverage.fill", strands, _a_row(view), _at_a_time(gpu), view=view, n_strands=len(strands.spans),
+               bounds=tiles.bounds, window=window, slab=slab, first=strands.first_point, known=_knows(tiles, strands),
+               shown=tiles.shown, cursors=segments.cursors, survivors=segments.survivors, entries=segments.entries,
+               ends=segments.ends, ids=segments.ids, cuts=segments.cuts, **arrays(strands, "points", "spans", "shifts"))
 
 
 def reach(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, reaches: Any, taken: Any,
@@ -227,6 +227,11 @@ def _pixels(gpu, n, kernels, **known):
 
 def _knows(tiles, strands):
     return len(tiles.shown) == len(strands.spans)
+
+
+def _at_a_time(gpu):
+    """Strands of a work-item, see cl/coverage.cl."""
+    return int(layout.CONSTANTS["AT_A_TIME"]) if max(gpu.lanes, gpu.hinted) > 1 else 1
 
 
 def _a_row(view):
