@@ -7,7 +7,7 @@ from support.coverage import LIGHT, SETTINGS, ball, furry
 from support.plans import recorded
 
 import clfur
-from clfur.pipeline import passes
+from clfur.pipeline import plan
 from clfur.render import OUTPUTS
 from clfur.stages import coverage
 
@@ -24,7 +24,7 @@ def scene_of(fur=LONG, **known):
 
 def drawn(gpu, monkeypatch, scene, settings, dense, bundles=coverage.BUNDLES):
     """(Frame, names of its kernels), where light is asked for from so many segments a pixel on."""
-    monkeypatch.setattr(passes, "DENSE", dense)
+    monkeypatch.setattr(plan, "DENSE", dense)
     monkeypatch.setattr(coverage, "BUNDLES", bundles)
     gpu.forget()
     with monkeypatch.context() as patch:
