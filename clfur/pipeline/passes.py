@@ -243,7 +243,7 @@ class Coverage:
         if len(hairy) == 1 and slab == EVERY and self.plan.waits(gpu, counts):
             hair = self._list(gpu, band, hairy[0], tiles, window, slab, segments)
             light = functools.partial(self._light, gpu, band, hairy[0], hair, lighting)
-            coverage.cover_seen(gpu, segments, counts, light, draw)
+            coverage.cover_seen(gpu, segments, counts, window, light, draw)
             return None
         lit = None if lighting is None else strand_light.unlit(gpu, lighting, len(segments.ids), self.plan.around)
         for part in hairy:
