@@ -11,6 +11,7 @@ import clfur
 from clfur import layout, truth
 from clfur.pipeline.views import Rig, ground_of, light_of, view_of
 from clfur.scene.ground import height_of
+from clfur.scene.light import AMBIENT
 from clfur.stages import ground, shade
 from clfur.stages.lighting import unshadowed
 from clfur.stages.raster import VISIBLE
@@ -87,7 +88,7 @@ def test_shadow_alone_takes_away_what_a_white_ground_has_not(gpu, sphere, raster
     catcher = clfur.draw(scene(sphere), gpu, settings, OUTPUTS).images
     color = (.5, .4, .3)
     drawn = clfur.draw(scene(sphere, color), gpu, settings, OUTPUTS).images
-    full = -GREY.direction[1] + GREY.ambient
+    full = -GREY.direction[1] + AMBIENT
     ends = np.zeros((49, 65, 4)) + (*np.array(color) * full, 1)
     sky = drawn["id"] == -1
     laid = catcher["color"] + (1 - catcher["color"][..., 3:]) * np.where(sky[..., None], 0, ends)
@@ -136,6 +137,7 @@ def test_the_lowest_vertex_is_its_height():
     assert height_of(far) == 2**20 + 4 - far.origin[1]
 
 
+@pytest.mark.filterwarnings("ignore:nothing is seen of the ground")
 def test_it_hides_what_is_under_it_and_is_not_seen_from_there(gpu, sphere):
     settings = clfur.Settings(grid=32, shadow_map=64)
     above = attrs.evolve(CAMERA, eye=(0, 1, 4))
@@ -223,3 +225,15 @@ def test_a_painted_holdout_is_a_holdout(gpu, sphere, raster):
     plain, painted = (clfur.render(scene(sphere, body="holdout", body_color=color), gpu, settings)
                       for color in ((.3, .2, .1), np.random.default_rng(1).random((3, 4, 3))))
     np.testing.assert_array_equal(painted, plain)
+
+
+@pytest.mark.parametrize("more, words", [
+    ({"camera": attrs.evolve(CAMERA, eye=(0, -1, 4)), "height": 0}, "the camera does not stand above it"),
+    ({"light": clfur.Light((0, -1, 0), shadows=False)}, "no shadow falls on it"),
+    ({"light": clfur.Light((0, 1, 1))}, "no shadow falls on it"),
+])
+def test_a_ground_of_which_nothing_is_seen_is_told(sphere, more, words):
+    found, = Rig.of(scene(sphere, **more)).warnings
+    assert words in found and found.startswith("nothing is seen of the ground")
+    assert not Rig.of(scene(sphere, **{"light": clfur.Light((0, -1, 0))} | (
+        {"height": -2} if "height" in more else {"color": (1, 1, 1)}))).warnings

@@ -117,11 +117,13 @@ def test_a_frame_s_body_gets_half_of_a_wall_s_sky(gpu):
     assert .25 < color[0] < .55
 
 
-def test_the_flat_ambient_is_left_out_under_a_sky_unless_it_is_set(gpu):
-    black, none = clfur.render(bald(Environment((0, 0, 0)), color=(0, 0, 0)), device=gpu), 0
-    assert black[8, 8, 0] == none
-    set_to = clfur.render(bald(Environment((0, 0, 0)), color=(0, 0, 0), ambient=.2), device=gpu)
-    np.testing.assert_allclose(set_to[8, 8, :3], .1, rtol=1e-5)
+@pytest.mark.parametrize("ambient", [None, .1, .2])
+def test_the_flat_ambient_is_left_out_under_a_sky_unless_it_is_given(gpu, ambient):
+    """Also where what is given is what lights have without a sky."""
+    image = clfur.render(bald(Environment((0, 0, 0)), color=(0, 0, 0), ambient=ambient), device=gpu)
+    np.testing.assert_allclose(image[8, 8, :3], .5 * (ambient or 0), rtol=1e-5)
+    alone = clfur.render(attrs.evolve(bald(None, color=(0, 0, 0), ambient=ambient)), device=gpu)
+    np.testing.assert_allclose(alone[8, 8, :3], .5 * (ambient or .1), rtol=1e-5)
 
 
 @pytest.mark.parametrize("raster", ["coverage", "samples"])
