@@ -7,6 +7,7 @@
 #include "seen.h"
 #include "light.h"
 #include "light_lanes.h"
+#include "sky.h"
 #include "sums.h"
 
 #define LUMINANCE ((float4)(0.2126f, 0.7152f, 0.0722f, 0.0f))   // ITU-R BT.709
@@ -41,7 +42,8 @@ __kernel void put(
 }
 
 /* What the ground at places of the picture sends to the eye; alpha: 1, or how much of the light that falls on it is missing. */
-ONCE lanes4 light_of_ground(const View *view, const Ground *ground, const Lighting *lighting, lanes x, lanes y)
+ONCE lanes4 light_of_ground(const View *view, const Ground *ground, const Lighting *lighting, const OnGround *plane,
+                            __global const float4 *squares, lanes x, lanes y)
 {
     const lanes4 ahead = by_columns(view->to_world, x, y, F(0.0f));
     const lanes distance = view->to_screen[3].z / greater(ground_depth(ground, x, y), F(1e-30f));
@@ -66,6 +68,16 @@ ONCE lanes4 light_of_ground(const View *view, const Ground *ground, const Lighti
         sum.y += ground->color.y * (light.color.y * share + light.color.w);
         sum.z += ground->color.z * (light.color.z * share + light.color.w);
     }
+    if (plane->size.x) {
+        whole += dot3(plane->whole, LUMINANCE);
+        for (int k = 0; k < LANES; ++k) {
+            const float4 falls = light_on_plane(plane, squares, LANE(p.x, k), LANE(p.z, k));
+            LANE(left, k) += dot3(falls, LUMINANCE);
+            LANE(sum.x, k) += ground->color.x * falls.x;
+            LANE(sum.y, k) += ground->color.y * falls.y;
+            LANE(sum.z, k) += ground->color.z * falls.z;
+        }
+    }
     const lanes missing = whole > 0.0f ? 1.0f - left / whole : F(0.0f);
     const lanes4 result = {sum.x, sum.y, sum.z, ground->color.w > 0.0f ? F(1.0f) : missing};
     return result;
@@ -84,6 +96,8 @@ __kernel void light(
     __global const View *light_views,
     __global const float *crossings,
     __global const ulong *shadow_maps,
+    const OnGround plane,                     // see sky.h
+    __global const float4 *squares,        // [side, side] r, g, b of a sky's light on it, if there is one
     const uint pixels,                     // rows · width
     const int attenuated,                  // 1: something before the samples lets only a share of their light through
     __global const float *sample_transmittance,   // [rows, width, samples] that share
@@ -112,7 +126,7 @@ __kernel void light(
             LANE(x, k) = LANE(x, 0);
             LANE(y, k) = LANE(y, 0);
         }
-        const lanes4 light = light_of_ground(&view, &ground, &lighting, x, y);
+        const lanes4 light = light_of_ground(&view, &ground, &lighting, &plane, squares, x, y);
         for (int k = 0; k < waiting; ++k)
             radiance_sums[first + at[k]] += in_integers(LANE(share, k), (float4)(LANE(light.x, k), LANE(light.y, k),
                                                                                 LANE(light.z, k), LANE(light.w, k)));

@@ -9,11 +9,11 @@ typedef struct {
     float x, y, z;
 } Between;
 
-INLINED Between cells_around(const Sky *sky, float4 p)
+/* c: in cells of n a side. */
+INLINED Between between_cells(int n, float4 c)
 {
-    const int n = sky->size.x;
     const float most = n - 1.0f;
-    float4 c = (p - sky->place) * sky->place.w - 0.5f;
+    c -= 0.5f;
     c.x = c.x > 0.0f ? c.x < most ? c.x : most : 0.0f;   // also where it is no number
     c.y = c.y > 0.0f ? c.y < most ? c.y : most : 0.0f;
     c.z = c.z > 0.0f ? c.z < most ? c.z : most : 0.0f;
@@ -21,6 +21,16 @@ INLINED Between cells_around(const Sky *sky, float4 p)
     const int z = (int)c.z < n - 2 ? (int)c.z : n - 2;
     const Between between = {((size_t)z * n + y) * n + x, c.x - x, c.y - y, c.z - z};
     return between;
+}
+
+INLINED float corner_weight(const Between *here, int k)
+{
+    return ((k & 1) ? here->x : 1.0f - here->x) * ((k & 2) ? here->y : 1.0f - here->y) * ((k & 4) ? here->z : 1.0f - here->z);
+}
+
+INLINED Between cells_around(const Sky *sky, float4 p)
+{
+    return between_cells(sky->size.x, (p - sky->place) * sky->place.w);
 }
 
 /* What is known at a place of each harmonic; of order 1 only what is asked for. */
@@ -36,8 +46,7 @@ INLINED Known known_at(const Sky *sky, __global const float4 *cells, float4 p, b
     for (int j = 0; j < HARMONICS; ++j)
         known.of[j] = 0.0f;
     for (int k = 0; k < 8; ++k) {
-        const float weight = ((k & 1) ? here.x : 1.0f - here.x) * ((k & 2) ? here.y : 1.0f - here.y)
-            * ((k & 4) ? here.z : 1.0f - here.z);
+        const float weight = corner_weight(&here, k);
         __global const float4 *there = cells + HARMONICS * (here.first + ((k >> 2) * n + (k >> 1 & 1)) * n + (k & 1));
         known.of[0] += weight * there[0];
         for (int j = odd ? 1 : 4; j < HARMONICS; ++j)
@@ -59,4 +68,26 @@ INLINED float4 light_around(const Known *known, float4 w, float one, float two)
     if (one != 0.0f)
         sum += (a * w.y) * of[1] + (a * w.z) * of[2] + (a * w.x) * of[3];
     return (float4)(sum.x > 0.0f ? sum.x : 0.0f, sum.y > 0.0f ? sum.y : 0.0f, sum.z > 0.0f ? sum.z : 0.0f, 0.0f);
+}
+
+/* Light of a sky on the ground, whose squares grow with the way to its middle: a quadratic B-spline, so that no square is seen. */
+INLINED float4 light_on_plane(const OnGround *plane, __global const float4 *squares, float x, float z)
+{
+    const int side = plane->size.x;
+    const float s = (x - plane->place.x) * plane->place.z, t = (z - plane->place.y) * plane->place.w;
+    const float far = sqrt(s * s + t * t);
+    if (!(far < 1e6f))
+        return plane->whole;
+    const float u = (s / (1.0f + far) + 1.0f) * 0.5f * side, v = (t / (1.0f + far) + 1.0f) * 0.5f * side;
+    const int i = (int)u < side - 1 ? (int)u : side - 1, j = (int)v < side - 1 ? (int)v : side - 1;
+    const float a = u - i, b = v - j;
+    const float across[3] = {0.5f * (1.0f - a) * (1.0f - a), 0.5f + a * (1.0f - a), 0.5f * a * a};
+    const float down[3] = {0.5f * (1.0f - b) * (1.0f - b), 0.5f + b * (1.0f - b), 0.5f * b * b};
+    float4 sum = 0.0f;
+    for (int k = 0; k < 9; ++k) {
+        const int column = i + k % 3 - 1, row = j + k / 3 - 1;
+        const bool in = column >= 0 && column < side && row >= 0 && row < side;
+        sum += across[k % 3] * down[k / 3] * (in ? squares[row * side + column] : plane->whole);
+    }
+    return sum;
 }
