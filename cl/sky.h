@@ -69,25 +69,3 @@ INLINED float4 light_around(const Known *known, float4 w, float one, float two)
         sum += (a * w.y) * of[1] + (a * w.z) * of[2] + (a * w.x) * of[3];
     return (float4)(sum.x > 0.0f ? sum.x : 0.0f, sum.y > 0.0f ? sum.y : 0.0f, sum.z > 0.0f ? sum.z : 0.0f, 0.0f);
 }
-
-/* Light of a sky on the ground, whose squares grow with the way to its middle: a quadratic B-spline, so that no square is seen. */
-INLINED float4 light_on_plane(const OnGround *plane, __global const float4 *squares, float x, float z)
-{
-    const int side = plane->size.x;
-    const float s = (x - plane->place.x) * plane->place.z, t = (z - plane->place.y) * plane->place.w;
-    const float far = sqrt(s * s + t * t);
-    if (!(far < 1e6f))
-        return plane->whole;
-    const float u = (s / (1.0f + far) + 1.0f) * 0.5f * side, v = (t / (1.0f + far) + 1.0f) * 0.5f * side;
-    const int i = (int)u < side - 1 ? (int)u : side - 1, j = (int)v < side - 1 ? (int)v : side - 1;
-    const float a = u - i, b = v - j;
-    const float across[3] = {0.5f * (1.0f - a) * (1.0f - a), 0.5f + a * (1.0f - a), 0.5f * a * a};
-    const float down[3] = {0.5f * (1.0f - b) * (1.0f - b), 0.5f + b * (1.0f - b), 0.5f * b * b};
-    float4 sum = 0.0f;
-    for (int k = 0; k < 9; ++k) {
-        const int column = i + k % 3 - 1, row = j + k / 3 - 1;
-        const bool in = column >= 0 && column < side && row >= 0 && row < side;
-        sum += across[k % 3] * down[k / 3] * (in ? squares[row * side + column] : plane->whole);
-    }
-    return sum;
-}

@@ -36,7 +36,8 @@ def of_sky(plane, squares, p):
     weights = [np.select([d <= .5, d < 1.5], [.75 - d * d, (1.5 - d)**2 / 2], 0)
                for d in (np.abs(each[:, None] - np.arange(-1, side + 1) - .5) for each in (u, v))]
     around = np.pad(squares - outside, [(1, 1), (1, 1), (0, 0)])
-    return outside + np.einsum("ni,nj,jic->nc", *weights, around)
+    end = ((u < 1) | (v < 1) | (u >= side - 1) | (v >= side - 1))[:, None]
+    return outside + np.where(end, 0, np.einsum("ni,nj,jic->nc", *weights, around))
 
 
 def light(view, height, color, lights, through, visible, plane=None, squares=None):
