@@ -147,6 +147,12 @@ Sky = np.dtype([                      # cells of the world that hold light of a 
     ("size", *_int4),                    # cells a side; 1: there is a sky, -, -
 ])
 
+OnGround = np.dtype([                 # squares of a plane that tell of a sky's light, narrower near its middle
+    ("place", *_float4),                 # x and z of its middle [world]; 1 / how far along each half of its squares are
+    ("whole", *_float4),                 # linear r, g, b where nothing hides it; height [world]
+    ("size", *_int4),                    # squares a side, 0: no sky, -, -, -
+])
+
 Ground = np.dtype([                   # a level plane, as a camera above it sees it
     ("plane", *_float4),                 # reversed depth at (x, y, 1) [pixels]: its three factors; height [world]
     ("color", *_float4),                 # linear r, g, b; 1, or 0 if its shadow alone is seen
@@ -165,7 +171,7 @@ Lobes = np.dtype([                    # how hair of a type scatters light, where
 ])
 
 STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Deep": Deep,
-           "Shells": Shells, "Ground": Ground, "Material": Material, "Lobes": Lobes}
+           "Shells": Shells, "Ground": Ground, "OnGround": OnGround, "Material": Material, "Lobes": Lobes}
 
 
 def shine(look, alpha, model=None):

@@ -304,10 +304,10 @@ def test_lights_of_the_command():
     def lights(*texts):
         return load("sphere", *(part for text in texts for part in ("--light", text)))[0].lights
     sun, = lights("0,-2,0")
-    assert sun.direction.tolist() == [0, -1, 0] and (sun.ambient, sun.size, sun.shadows) == (.1, 0, True)
+    assert sun.direction.tolist() == [0, -1, 0] and (sun.ambient, sun.size, sun.shadows) == (None, 0, True)
     sun, point, spot = lights("sun direction=0,0,-1 size=0.5", "point position=9,8,7 color=#ffffff intensity=2",
                               "spot position=1,2,3 direction=0,-1,0 angle=40 shadows=off ambient=.2 color=3,2,1")
-    assert (sun.size, sun.ambient, sun.position) == (.5, .1, None)
+    assert (sun.size, sun.ambient, sun.position) == (.5, None, None)
     assert point.everywhere and point.position.tolist() == [9, 8, 7] and point.strength.tolist() == [2, 2, 2]
     assert (point.ambient, spot.ambient, spot.angle, spot.shadows) == (0, .2, 40, False)
     assert spot.color.tolist() == [3, 2, 1]

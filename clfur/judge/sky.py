@@ -29,6 +29,12 @@ class Sky:
         row, column = self._pixel(w)
         return self.picture[row, column]
 
+    def on_level(self):
+        """Light [3] that falls on a level plane where nothing hides the sky, over that of a sky of 1."""
+        width = self.picture.shape[1]
+        counts = np.diff(np.maximum(self.edges, 0) ** 2) / width   # of cosines, over pi
+        return (self.picture[::-1] * counts[:, None, None]).sum((0, 1))
+
     def light(self, p, axis, surface, strand, triangle, random):
         """Estimates [n, 3] of the light that comes to places p [n, 3] from all around, over that of a sky of 1.
 

@@ -86,7 +86,8 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
         if sky and scene.body == "drawn":
             color[bare, :3] += _sky_on_body(scene, sky, body, at, _towards(eye, at), triangle[bare], random[bare])
         if under:
-            color[below] = under.light(eye.points(places[below], ground_depth[below]), lights)
+            at = eye.points(places[below], ground_depth[below])
+            color[below] = under.light(at, lights, sky, random[below] if sky else None)
         result[top:end] = color.reshape(end - top, width, samples**2, 4).mean(2)
         if progress:
             progress(end / height)
@@ -398,11 +399,15 @@ class _Ground:
         falls = np.column_stack([pixels, np.ones(len(pixels))]) @ down
         return np.where(falls > 0, above / np.where(falls > 0, falls, 1), np.inf)
 
-    def light(self, p, lights):
-        """Light and alpha [n, 4] at places p of it."""
+    def light(self, p, lights, sky, random):
+        """Light and alpha [n, 4] at places p of it, also of a sky; for ``random`` see `Sky.light`."""
         if not len(p):
             return np.zeros((0, 4))
         whole, left = (sum(each) for each in zip(*(light.on_ground(p) for light in lights)))
+        if sky:
+            none, up = np.full(len(p), -1), np.tile((0.0, 1.0, 0.0), (len(p), 1))
+            whole = whole + sky.on_level()
+            left = left + sky.light(p, up, none < 0, none, none, random)
         if self.color is not None:
             return np.column_stack([self.color * left, np.ones(len(p))])
         all_of_it = whole @ ground.LUMINANCE

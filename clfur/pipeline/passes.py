@@ -309,7 +309,7 @@ def _color(gpu, plan, part, view, visible, hair, body, lighting, image, sample_t
 
 
 def _light_ground(gpu, plan, band, lighting, sums, sample_transmittance):
-    ground.light(gpu, band.view, plan.ground, lighting, band.visible, sums, sample_transmittance)
+    ground.light(gpu, band.view, plan.ground, lighting, band.visible, sums, sample_transmittance, build.sky(gpu, plan))
 
 
 def _tell_ground(gpu, plan, front, known):

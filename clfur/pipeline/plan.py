@@ -430,7 +430,7 @@ class Plan:
             layers = Lighting.bytes(layer=(settings.grid + 1) * settings.grid**2)
             fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
         if scene.environment is not None:
-            fixed += sky_bytes(self.body)
+            fixed += sky_bytes(self.body, self.ground is not None)
         fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
         if self.scatters:
             fixed += transport_bytes(len(self.lobed), self.body)
