@@ -17,7 +17,9 @@ DIRECTIONS, CHANNELS, PARTS, TANGENTS, ALBEDOS = (
     int(layout.CONSTANTS[name]) for name in ("DIRECTIONS", "CHANNELS", "PARTS_OF_ONE", "TANGENTS", "ALBEDOS"))
 ORDERS = 12               # that are followed
 AMOUNTS = Declared("fibre", np.int32, 8, 0)               # of a type in a cell, see transport.cl
-LEAVING = Declared("segment", np.float32, 8)   # r, g, b, - at its start and at its end
+ASKED = Declared("point", np.uint32)            # whether its light is asked for
+LEAVING = Declared("point", np.float32, 4)     # r, g, b, - that it sends to the eye
+POINTS = 16               # of strands, or more, whose light a work-item looks up
 FIELD = Declared("cell", np.float32, CHANNELS * DIRECTIONS)
 
 
@@ -132,13 +134,20 @@ def bytes_of(types: int, body: bool) -> int:
     return CELLS**3 * cells + DIRECTIONS * 2 * CELLS**2 * 16 + looks
 
 
-def leaving(gpu: Any, view: np.void, lit: Transport, strands: DeviceStrands, segments: Any, first: int, end: int,
-            scattered: Any) -> None:
-    """Tell what segments ``first`` to ``end`` of those listed send to the eye of the light of cells -> scattered,
-    [segments, 8] float32 r, g, b, - at their starts and at their ends."""
-    gpu.launch("transport.leaving", end - first, view=view, first=first, listed=segments is not None,
-               segments=gpu.empty(0, np.uint32) if segments is None else segments, first_point=strands.first_point,
-               sky=lit.sky, light=lit.light, directions=lit.phases.directions, lobes=lit.scattering.lobes,
-               table=lit.scattering.lobe_table, albedos=lit.phases.albedos, scattered=scattered,
-               **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal", "strand_uv", "types",
-                        "colors", "color_per"))
+def leaving(gpu: Any, view: np.void, lit: Transport, strands: DeviceStrands, segments: Any, first: int,
+            end: int) -> Any:
+    """What points of strands send to the eye of the light of cells -> [points, 4] float32 r, g, b, -; of those of
+    segments ``first`` to ``end`` of the ids ``segments`` alone, if not None."""
+    n_points = len(strands.points)
+    asked = ASKED.empty(gpu, 0)
+    if segments is not None:
+        asked = gpu.full(n_points, np.uint32, 0)
+        gpu.launch("transport.ask", end - first, first=first, segments=segments, first_point=strands.first_point,
+                   asked=asked, **arrays(strands, "spans", "strand_of", "stored", "run"))
+    each, scattered = strands.run * -(-POINTS // strands.run), LEAVING.empty(gpu, n_points)
+    gpu.launch("transport.leaving", -(-n_points // each), view=view, n_points=n_points, each=each,
+               asks=segments is not None, asked=asked, sky=lit.sky, light=lit.light, directions=lit.phases.directions,
+               lobes=lit.scattering.lobes, table=lit.scattering.lobe_table, albedos=lit.phases.albedos,
+               scattered=scattered,
+               **arrays(strands, "points", "spans", "strand_of", "run", "strand_uv", "colors", "color_per"))
+    return scattered
