@@ -18,6 +18,22 @@ INLINED Sought sought_of(const Lobes *lobes, lanes3 t, lanes3 v, lanes3 l)
     return sought;
 }
 
+/* Light of one place of a look: r, g, b; as `around_strand`, with the nearest of the table's cosines: what is normalised needs no more. */
+INLINED float4 nearly_around(const Sought *sought, int k, __global const float4 *row, int n_angles, int4 dark, float4 pale)
+{
+    const float4 along = (float4)(LANE(sought->along[0], k), LANE(sought->along[1], k), LANE(sought->along[2], k),
+                                  LANE(sought->along[3], k));
+    const float y = LANE(sought->angle, k);
+    const int j = y < n_angles - 1 ? (int)y : n_angles - 2;
+    const float below = y - j;
+    __global const float4 *a = row + j * SHADES, *b = a + SHADES;
+    const float4 near = (1.0f - below) * along, far = below * along;
+    const float4 r = near * (a[dark.x] + pale.x * (a[dark.x + 1] - a[dark.x])) + far * (b[dark.x] + pale.x * (b[dark.x + 1] - b[dark.x]));
+    const float4 g = near * (a[dark.y] + pale.y * (a[dark.y + 1] - a[dark.y])) + far * (b[dark.y] + pale.y * (b[dark.y + 1] - b[dark.y]));
+    const float4 c = near * (a[dark.z] + pale.z * (a[dark.z + 1] - a[dark.z])) + far * (b[dark.z] + pale.z * (b[dark.z + 1] - b[dark.z]));
+    return (float4)((r.x + r.y) + (r.z + r.w), (g.x + g.y) + (g.z + g.w), (c.x + c.y) + (c.z + c.w), 0.0f);
+}
+
 /* Share of all light around that hair along t sends to the eye at v; shade: 0 black, SHADES - 1 white.
    albedos: of its type, [ALBEDOS, SHADES]. */
 INLINED float albedo_of(__global const float *albedos, float4 t, float4 v, float shade)
@@ -65,6 +81,12 @@ ONCE float4 scattered_at(const Sky *sky, __global const float *light, __global c
     const Around around = around_place(sky, p);
     const lanes3 along = all_lanes(t), eye = all_lanes(v);
     float4 sum = 0.0f, total = 0.0f;
+    const float sine = dot3(t, v), square = 1.0f - sine * sine, cosine = square > 0.0f ? sqrt(square) : 0.0f;
+    const int nearest = (int)(0.5f * (cosine + sqrt(cosine)) * (lobes->table.y - 1) + 0.5f);
+    __global const float4 *row = table + lobes->table.x + (size_t)nearest * lobes->table.z * SHADES;
+    const float4 cut = shades < SHADES - 1.5f ? shades : SHADES - 1.5f;
+    const int4 dark = convert_int4(cut);
+    const float4 pale = shades - convert_float4(dark);
     for (int first = 0; first < DIRECTIONS; first += LANES) {
         const lanes3 l = {*(__global const lanes *)(directions + first), *(__global const lanes *)(directions + DIRECTIONS + first),
                           *(__global const lanes *)(directions + 2 * DIRECTIONS + first)};
@@ -76,11 +98,8 @@ ONCE float4 scattered_at(const Sky *sky, __global const float *light, __global c
             in.z += around.weights[k] * *(__global const lanes *)(there + 2 * DIRECTIONS);
         }
         Sought sought = sought_of(lobes, along, eye, l);
-        sought.shades[0] = F(shades.x);
-        sought.shades[1] = F(shades.y);
-        sought.shades[2] = F(shades.z);
         for (int k = 0; k < LANES; ++k) {
-            const float4 sent = around_strand(&sought, k, table + lobes->table.x, lobes->table.y, lobes->table.z);
+            const float4 sent = nearly_around(&sought, k, row, lobes->table.z, dark, pale);
             sum += sent * (float4)(LANE(in.x, k), LANE(in.y, k), LANE(in.z, k), 0.0f);
             total += sent;
         }
