@@ -331,17 +331,25 @@ __kernel void scatter(
     }
 }
 
-/* What four cells of a slice send on around (u, v); `outside` out of the grid. */
-INLINED float4 between_cells(__global const float4 *slice, int n, float u, float v, float4 outside)
+/* One work-item tells what goes straight through one cell in one direction, and what does on average to places in it. */
+__kernel void passing(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const uint cells,
+    __global const float *held,            // [2, HOLDS, n, n, n] see `contents` in sky.cl
+    __global const float4 *towards,        // [DIRECTIONS] unit, where light comes from
+    __global float2 *passes)               // [DIRECTIONS, n, n, n] shares
 {
-    const float lu = floor(u), lv = floor(v), fu = u - lu, fv = v - lv;
-    float4 sum = 0.0f;
-    for (int k = 0; k < 4; ++k) {
-        const int a = (int)lu + (k & 1), b = (int)lv + (k >> 1);
-        const float weight = ((k & 1) ? fu : 1.0f - fu) * ((k & 2) ? fv : 1.0f - fv);
-        sum += weight * (a < 0 || b < 0 || a >= n || b >= n ? outside : slice[b * n + a]);
-    }
-    return sum;
+    WORK_ITEM(item);
+    const size_t cell = item % cells;
+    const float4 w = towards[item / cells];
+    const float ax = fabs(w.x), ay = fabs(w.y), az = fabs(w.z), most = ax >= ay && ax >= az ? ax : ay >= az ? ay : az;
+    float m[MOMENTS];
+    for (int j = 0; j < MOMENTS; ++j)
+        m[j] = held[(size_t)j * cells + cell];
+    const float d = m[0] + m[1] + m[2], along = w.x * w.x * m[0] + w.y * w.y * m[1] + w.z * w.z * m[2]
+        + 2.0f * (w.x * w.y * m[3] + w.x * w.z * m[4] + w.y * w.z * m[5]);
+    const float square = d * d - d * along, depth = sqrt(square > 0.0f ? square : 0.0f) / most, through = exp(-depth);
+    passes[item] = (float2)(through, depth > 0.02f ? (1.0f - through) / depth : 1.0f - 0.5f * depth);
 }
 
 /* One work-item takes the light of one direction through some rows of slices of cells across it, from the first that light
@@ -352,51 +360,49 @@ __kernel void sweep(
     const int2 turns,                      // slices: the first, one past the last
     const int rows,                        // of a slice that a work-item takes; all of them where there are several slices
     __global const float *held,            // [2, HOLDS, n, n, n] see `contents` in sky.cl
+    __global const float2 *passes,         // [DIRECTIONS, n, n, n] see `passing`
     __global const float4 *towards,        // [DIRECTIONS] unit, where light comes from
-    __global const float4 *outside,        // [DIRECTIONS] r, g, b of the light that comes from out of the grid
     __global const float *sent,            // [n, n, n, CHANNELS, DIRECTIONS] see `scatter`
-    __global float4 *behind,               // [DIRECTIONS, 2, n, n] what is left behind a slice and the one before
-    __global float *light)                 // [n, n, n, CHANNELS, DIRECTIONS] in the middles of cells
+    __global float4 *behind,               // [DIRECTIONS, 2, (n + 2 SKY_EDGE)²] r, g, b, how much is open, of what is left behind
+                                           // a slice and the one before; around these, and at first, light out of the grid
+    __global float *light)                 // [n, n, n, CHANNELS, DIRECTIONS] mean of cells
 {
     WORK_ITEM(item);
-    const int each = n / rows, number = item / each, begin_row = item % each * rows;
-    const float4 w = towards[number], beyond = outside[number];
+    const int each = n / rows, number = item / each, begin_row = item % each * rows, width = n + 2 * SKY_EDGE;
+    const float4 w = towards[number];
     const float xyz[3] = {w.x, w.y, w.z}, ax = fabs(w.x), ay = fabs(w.y), az = fabs(w.z);
     const int axis = ax >= ay && ax >= az ? 0 : ay >= az ? 1 : 2;
     const int one = axis == 0 ? 1 : 0, two = axis == 2 ? 1 : 2, stride[3] = {1, n, n * n};
     const float most = fabs(xyz[axis]), du = xyz[one] / most, dv = xyz[two] / most;
+    const int step_u = (int)floor(du), step_v = (int)floor(dv);
+    const float fu = du - step_u, fv = dv - step_v;
+    const float corners[4] = {(1.0f - fu) * (1.0f - fv), fu * (1.0f - fv), (1.0f - fu) * fv, fu * fv};
+    __global float4 *own = behind + (size_t)2 * number * width * width + SKY_EDGE * width + SKY_EDGE;
+    const float4 beyond = own[-1];
     for (int turn = turns.x; turn < turns.y; ++turn) {
         const int slice = xyz[axis] > 0.0f ? n - 1 - turn : turn;
-        __global float4 *here = behind + (size_t)(2 * number + (turn & 1)) * n * n;
-        __global const float4 *before = behind + (size_t)(2 * number + 1 - (turn & 1)) * n * n;
+        __global float4 *here = own + (turn & 1) * width * width;
+        __global const float4 *before = own + (1 - (turn & 1)) * width * width + step_v * width + step_u;
         for (int v = begin_row; v < begin_row + rows; ++v)
             for (int u = 0; u < n; ++u) {
                 const size_t cell = (size_t)slice * stride[axis] + (size_t)u * stride[one] + (size_t)v * stride[two];
                 const size_t place = cell * (CHANNELS * DIRECTIONS) + number;
-                float m[HOLDS];
-                for (int j = 0; j < HOLDS; ++j)
-                    m[j] = held[(size_t)j * n * n * n + cell];
-                const float d = m[0] + m[1] + m[2], open = 1.0f - m[MOMENTS];
-                float4 there = turn ? between_cells(before, n, u + du, v + dv, beyond) : beyond;
+                __global const float4 *four = before + v * width + u;
+                const float open = 1.0f - held[(size_t)MOMENTS * n * n * n + cell];
+                const float2 pass = passes[(size_t)number * n * n * n + cell];
+                float4 there = beyond;
+                if (turn)
+                    there = corners[0] * four[0] + corners[1] * four[1] + corners[2] * four[width] + corners[3] * four[width + 1];
                 const float most_open = there.w > open ? there.w : open;
                 there = most_open > 0.0f ? there / most_open : 0.0f;
-                float4 on = there;
-                if (d > 0.0f) {
-                    const float along = w.x * w.x * m[0] + w.y * w.y * m[1] + w.z * w.z * m[2]
-                        + 2.0f * (w.x * w.y * m[3] + w.x * w.z * m[4] + w.y * w.z * m[5]);
-                    const float square = d * d - d * along, depth = sqrt(square > 0.0f ? square : 0.0f) / most;
-                    const float half_way = exp(-0.5f * depth);
-                    const float4 source = (1.0f - half_way)
-                        * (float4)(sent[place], sent[place + DIRECTIONS], sent[place + 2 * DIRECTIONS], 0.0f);
-                    there = there * half_way + source;
-                    on = there * half_way + source;
-                }
-                light[place] = there.x;
-                light[place + DIRECTIONS] = there.y;
-                light[place + 2 * DIRECTIONS] = there.z;
-                on *= open;
-                on.w = open;
-                here[v * n + u] = on;
+                const float4 source = (float4)(sent[place], sent[place + DIRECTIONS], sent[place + 2 * DIRECTIONS], 0.0f);
+                const float4 mean = pass.y * there + (1.0f - pass.y) * source;
+                light[place] = mean.x;
+                light[place + DIRECTIONS] = mean.y;
+                light[place + 2 * DIRECTIONS] = mean.z;
+                there = (pass.x * there + (1.0f - pass.x) * source) * open;
+                there.w = open;
+                here[v * width + u] = there;
             }
     }
 }

@@ -20,6 +20,7 @@ AMOUNTS = Declared("fibre", np.int32, 8, 0)               # of a type in a cell,
 ASKED = Declared("point", np.uint32)            # whether its light is asked for
 LEAVING = Declared("point", np.float32, 4)     # r, g, b, - that it sends to the eye
 POINTS = 16               # of strands, or more, whose light a work-item looks up
+PASSES = Declared("cell", np.float32, 2)                  # of one direction
 FIELD = Declared("cell", np.float32, CHANNELS * DIRECTIONS)
 
 
@@ -111,8 +112,10 @@ def transport(gpu: Any, sky: np.void, held: sky_stage.Held, there: Any, lighting
     gpu.launch("transport.direct", cells, sky=sky, n_types=types, lobes=scattering.lobes, table=scattering.lobe_table,
                kinds=kinds, parts=made.parts, first=first, **lighting.arrays())
     towards = gpu.upload(np.column_stack([directions()[0], np.zeros(DIRECTIONS)]).astype(np.float32))
-    beyond = gpu.upload(np.column_stack([outside, np.ones(DIRECTIONS)]).astype(np.float32))
-    behind = gpu.empty((DIRECTIONS * 2 * n * n, 4), np.float32)
+    beyond = np.column_stack([outside, np.ones(DIRECTIONS)]).astype(np.float32)
+    behind = gpu.upload(np.repeat(beyond, 2 * (n + 2 * sky_stage.EDGE)**2, 0))
+    passes = PASSES.empty(gpu, DIRECTIONS * cells)
+    gpu.launch("transport.passing", DIRECTIONS * cells, cells=cells, held=contents, towards=towards, passes=passes)
     slices, rows = (1, 1) if gpu.lanes == 1 else (n, n)
     source = first
     for order in range(orders):
@@ -122,16 +125,16 @@ def transport(gpu: Any, sky: np.void, held: sky_stage.Held, there: Any, lighting
             source = sent
         for turn in range(0, n, slices):
             gpu.launch("transport.sweep", DIRECTIONS * n // rows, n=n, turns=(turn, turn + slices), rows=rows,
-                       held=contents, towards=towards, outside=beyond, sent=source, behind=behind, light=light)
+                       held=contents, passes=passes, towards=towards, sent=source, behind=behind, light=light)
     return Transport(sky, made, scattering, light)
 
 
 def bytes_of(types: int, body: bool) -> int:
     """Bytes on the device of all that `transport` makes at once, and of `Phases`, of so many types of hair."""
     held = sky_stage.Held.bytes(cell=1, column=3 * body) + 8 * sky_stage.HOLDS
-    cells = held + 3 * FIELD.bytes + types * (AMOUNTS.bytes + 32)
+    cells = held + 3 * FIELD.bytes + DIRECTIONS * PASSES.bytes + types * (AMOUNTS.bytes + 32)
     looks = Phases.bytes("albedos", "phases", eye=types * ALBEDOS, phase=types * TANGENTS * SHADES)
-    return CELLS**3 * cells + DIRECTIONS * 2 * CELLS**2 * 16 + looks
+    return CELLS**3 * cells + DIRECTIONS * 2 * (CELLS + 2 * sky_stage.EDGE)**2 * 16 + looks
 
 
 def leaving(gpu: Any, view: np.void, lit: Transport, strands: DeviceStrands, segments: Any, first: int,
