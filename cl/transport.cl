@@ -14,33 +14,53 @@
 #include "sky.h"
 #include "transport.h"
 
-#define OF_SIDE 4                          // steps along hair, in a cell's side
-#define SUMS 8                             // of hair of a type in a cell: tangents, how much, shades
-#define HOLDS (MOMENTS + 1)
+#define OF_CELL 16                         // sums of hair of a type in a cell: its direction, shades, second moment; 4 more
+#define DIRECTION 0
+#define COLOR 3
+#define MOMENT 6
+#include "nearby.h"
+
+#define STEPS 2                            // along hair, in a cell's side
 #define FAR 4                              // segments of a strand at whose ends alone light is looked up, where that is EVEN
 #define EVEN 0.75f                         // sides of a cell
 #define STRAIGHT 0.98f                     // cosine to its chord of each of them
+#define LARGEST 0.95f                      // ratio of what one order adds to what the one before does, from which it is told
 #define RAYS 8                             // of light through a cell, by which its mean is known
 
-/* What a strand has left in one cell. */
-INLINED void leave(volatile __global int *amounts, size_t cell, float amount, float4 t, float4 shades, float unit)
+/* Of one segment from a, that long in sides of a cell: (1 - alpha) · width · length over a cell's face, times its direction,
+   towards the tip, the shades of its colour, and the second moment of its direction. */
+INLINED void leave_segment(volatile __global int *amounts, Nearby *nearby, const Sky *sky, float4 a, float4 d, float length,
+                           float opaque, float4 shades, int type, float unit)
 {
-    volatile __global int *there = amounts + cell * SUMS;
-    const float4 tangent = unit * amount * t, colored = unit * amount / (SHADES - 1) * shades;
-    atomic_add(&there[0], (int)floor(tangent.x + 0.5f));
-    atomic_add(&there[1], (int)floor(tangent.y + 0.5f));
-    atomic_add(&there[2], (int)floor(tangent.z + 0.5f));
-    atomic_add(&there[3], (int)floor(unit * amount + 0.5f));
-    atomic_add(&there[4], (int)floor(colored.x + 0.5f));
-    atomic_add(&there[5], (int)floor(colored.y + 0.5f));
-    atomic_add(&there[6], (int)floor(colored.z + 0.5f));
+    const float scale = sky->place.w;
+    const int n = sky->size.x, steps = length * STEPS < 4096.0f ? (int)(length * STEPS) + 1 : 4096;
+    const float4 t = unit_or((float4)(d.xyz, 0.0f), (float4)(0.0f, 1.0f, 0.0f, 0.0f));
+    float amount = 0.0f;
+    int4 cell = -1;
+    for (int i = 0; i <= steps; ++i) {     // the last is none, but ends the cell before it
+        const float4 p = a + ((i + 0.5f) / steps) * d, q = (p - sky->place) * scale;
+        const bool inside = i < steps && q.x >= 0.0f && q.y >= 0.0f && q.z >= 0.0f && q.x < n && q.y < n && q.z < n;
+        const int4 here = inside ? (int4)((int)q.x, (int)q.y, (int)q.z, 0) : (int4)(-1);
+        if (cell.x >= 0 && (here.x != cell.x || here.y != cell.y || here.z != cell.z)) {
+            const float sums[OF_CELL] = {
+                amount * t.x, amount * t.y, amount * t.z,
+                amount * shades.x, amount * shades.y, amount * shades.z,
+                amount * t.x * t.x, amount * t.y * t.y, amount * t.z * t.z,
+                amount * t.x * t.y, amount * t.x * t.z, amount * t.y * t.z};
+            leave(amounts, nearby, cell, n, type, sums, unit);
+            amount = 0.0f;
+        }
+        cell = here;
+        amount += inside ? opaque * length * scale / steps * p.w : 0.0f;
+    }
 }
 
-/* One work-item adds up, for one strand, (1 - alpha) · width · length over a cell's face, and that times its direction, towards
-   the tip, and the shades of its colour. */
+/* One work-item adds up what some strands leave in cells. */
 __kernel void hold(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Sky sky,
+    const uint n_strands,
+    const uint each,                       // strands of a work-item
     __global const float4 *points,         // strands: see strands.cl
     __global const uint2 *spans,
     __global const float4 *strand_uv,
@@ -49,58 +69,49 @@ __kernel void hold(
     __global const float4 *colors,
     const int color_per,
     const float unit,                      // integers for 1
-    volatile __global int *amounts)         // [types, n, n, n, SUMS]
-{
-    WORK_ITEM(strand);
-    const uint2 span = spans[strand];
-    const int type = (int)strand_uv[strand].z, n = sky.size.x;
-    const float opaque = 1.0f - types[type].shine.z, scale = sky.place.w;
-    const size_t first = (size_t)type * n * n * n;
-    for (uint k = 0; k + 1 < span.y; ++k) {
-        const uint id = span.x + k;
-        const float4 a = points[id], d = points[id + 1] - a, along = (float4)(d.xyz, 0.0f);
-        const float length = sqrt(dot3(d, d)) * scale;
-        if (!(length > 0.0f))
-            continue;
-        const int steps = length * OF_SIDE < 4096.0f ? (int)(length * OF_SIDE) + 1 : 4096;
-        const float4 c = colors[color_per == 0 ? 0 : color_per == 1 ? (uint)strand : id];
-        const float4 shades = shades_of(c, lobes[type].color.x), t = unit_or(along, (float4)(0.0f, 1.0f, 0.0f, 0.0f));
-        float amount = 0.0f;
-        long cell = -1;
-        for (int i = 0; i < steps; ++i) {
-            const float4 p = a + ((i + 0.5f) / steps) * d, q = (p - sky.place) * scale;
-            if (!(q.x >= 0.0f && q.y >= 0.0f && q.z >= 0.0f && q.x < n && q.y < n && q.z < n))
-                continue;
-            const long here = ((long)(int)q.z * n + (int)q.y) * n + (int)q.x;
-            if (here != cell && cell >= 0) {
-                leave(amounts, first + cell, amount, t, shades, unit);
-                amount = 0.0f;
-            }
-            cell = here;
-            amount += opaque * length * scale / steps * p.w;
-        }
-        if (cell >= 0)
-            leave(amounts, first + cell, amount, t, shades, unit);
-    }
-}
-
-/* One work-item tells what hair of one type is like in one cell. */
-__kernel void kinds(
-    const ulong begin, const ulong end,    // work-items, see common.h
-    const uint n_types,
-    const uint cells,
-    __global const int *amounts,            // [types, cells, SUMS] see `hold`
-    __global const float4 *tangents,       // [TANGENTS] unit
-    __global float4 *kinds)                // [types, cells, 2] the nearest of the tangents, its number; shades, and of the
-                                           // hair in the cell what share is of this type
+    volatile __global int *amounts)        // [types, n, n, n, OF_CELL]
 {
     WORK_ITEM(item);
-    const size_t cell = item % cells;
-    __global const int *its = amounts + item * SUMS;
-    float all = 0.0f, nearest = -2.0f;
-    for (uint i = 0; i < n_types; ++i)
-        all += amounts[((size_t)i * cells + cell) * SUMS + 3];
-    const float4 t = unit_or((float4)(its[0], its[1], its[2], 0.0f), (float4)(0.0f, 1.0f, 0.0f, 0.0f));
+    Nearby nearby;
+    begin_nearby(&nearby);
+    const uint first = each * (uint)item;
+    for (uint strand = first; strand < n_strands && strand < first + each; ++strand) {
+        const uint2 span = spans[strand];
+        const int type = (int)strand_uv[strand].z;
+        const float opaque = 1.0f - types[type].shine.z;
+        float4 shades = 0.0f;
+        for (uint k = 0; k + 1 < span.y; ++k) {
+            const uint id = span.x + k;
+            const float4 a = points[id], d = points[id + 1] - a;
+            const float length = sqrt(dot3(d, d)) * sky.place.w;
+            if (k == 0 || color_per == 2)
+                shades = shades_of(colors[color_per == 0 ? 0 : color_per == 1 ? strand : id], lobes[type].color.x) / (SHADES - 1);
+            if (length > 0.0f)
+                leave_segment(amounts, &nearby, &sky, a, d, length, opaque, shades, type, unit);
+        }
+    }
+    end_nearby(amounts, &nearby);
+}
+
+/* A cell beside one along an axis, -1 to 1 on; the grid goes on beyond its sides as it is there. */
+INLINED int beside(int place, int step, int n)
+{
+    const int there = place + step;
+    return there < 0 ? 0 : there < n ? there : n - 1;
+}
+
+/* The k-th of the 27 cells around one, and its weight: 8, 4, 2 or 1 of 64. */
+INLINED size_t around_cell(size_t cell, int n, int k, float *weight)
+{
+    const int x = k % 3 - 1, y = k / 3 % 3 - 1, z = k / 9 - 1;
+    *weight = (1.0f / 64) * ((x ? 1 : 2) * (y ? 1 : 2) * (z ? 1 : 2));
+    return ((size_t)beside(cell / n / n, z, n) * n + beside(cell / n % n, y, n)) * n + beside(cell % n, x, n);
+}
+
+/* The number of the tangent that is nearest to t. */
+INLINED int nearest_tangent(__global const float4 *tangents, float4 t)
+{
+    float nearest = -2.0f;
     int number = 0;
     for (int i = 0; i < TANGENTS; ++i) {
         const float cosine = dot3(t, tangents[i]);
@@ -109,9 +120,46 @@ __kernel void kinds(
             number = i;
         }
     }
-    const float amount = its[3] > 0 ? its[3] : 1.0f;
-    kinds[2 * item] = (float4)(tangents[number].xyz, number);
-    kinds[2 * item + 1] = (float4)((float3)(its[4], its[5], its[6]) * ((SHADES - 1) / amount), all > 0.0f ? its[3] / all : 0.0f);
+    return number;
+}
+
+/* One work-item tells what hair is like in and around one cell: where only the cell counts, the layers of cells show. */
+__kernel void kinds(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const uint n_types,
+    const int n,
+    const float unit,                      // integers for 1
+    __global const int *amounts,           // [types, n, n, n, OF_CELL] see `hold`
+    __global const float4 *tangents,       // [TANGENTS] unit
+    __global float4 *kinds,                // [types, n, n, n, 2] the nearest of the tangents, its number; shades, and of the
+                                           // hair in the cell what share is of this type
+    __global float8 *dense)                // [n, n, n] moments of all its hair; their trace; -
+{
+    WORK_ITEM(cell);
+    const size_t cells = (size_t)n * n * n;
+    float8 all = 0.0f;
+    for (uint type = 0; type < n_types; ++type) {
+        float sums[OF_CELL];
+        for (int j = 0; j < OF_CELL; ++j)
+            sums[j] = 0.0f;
+        for (int k = 0; k < 27; ++k) {
+            float weight;
+            __global const int *its = amounts + (type * cells + around_cell(cell, n, k, &weight)) * OF_CELL;
+            for (int j = 0; j < OF_CELL; ++j)
+                sums[j] += weight * its[j];
+        }
+        const float amount = sums[MOMENT] + sums[MOMENT + 1] + sums[MOMENT + 2];
+        const float4 t = unit_or((float4)(sums[0], sums[1], sums[2], 0.0f), (float4)(0.0f, 1.0f, 0.0f, 0.0f));
+        const int number = amount > 0.0f ? nearest_tangent(tangents, t) : 0;
+        const float scale = amount > 0.0f ? (SHADES - 1) / amount : 0.0f;
+        __global float4 *its = kinds + 2 * (type * cells + cell);
+        its[0] = (float4)(tangents[number].xyz, number);
+        its[1] = (float4)(scale * sums[COLOR], scale * sums[COLOR + 1], scale * sums[COLOR + 2], amount);
+        all += (float8)(sums[MOMENT], sums[MOMENT + 1], sums[MOMENT + 2], sums[MOMENT + 3], sums[MOMENT + 4], sums[MOMENT + 5], amount, 0.0f);
+    }
+    for (uint type = 0; type < n_types; ++type)
+        kinds[2 * (type * cells + cell) + 1].w /= all.s6 > 0.0f ? all.s6 : 1.0f;
+    dense[cell] = all / unit;
 }
 
 /* One work-item tells what share of all light around hair of a type sends to an eye at one angle, of each shade. */
@@ -335,34 +383,33 @@ __kernel void scatter(
 __kernel void passing(
     const ulong begin, const ulong end,    // work-items, see common.h
     const uint cells,
-    __global const float *held,            // [2, HOLDS, n, n, n] see `contents` in sky.cl
+    __global const float8 *dense,          // [cells] see `kinds`
     __global const float4 *towards,        // [DIRECTIONS] unit, where light comes from
-    __global float2 *passes)               // [DIRECTIONS, n, n, n] shares
+    __global float2 *passes)               // [DIRECTIONS, cells] shares
 {
     WORK_ITEM(item);
-    const size_t cell = item % cells;
+    const float8 m = dense[item % cells];
     const float4 w = towards[item / cells];
     const float ax = fabs(w.x), ay = fabs(w.y), az = fabs(w.z), most = ax >= ay && ax >= az ? ax : ay >= az ? ay : az;
-    float m[MOMENTS];
-    for (int j = 0; j < MOMENTS; ++j)
-        m[j] = held[(size_t)j * cells + cell];
-    const float d = m[0] + m[1] + m[2], along = w.x * w.x * m[0] + w.y * w.y * m[1] + w.z * w.z * m[2]
-        + 2.0f * (w.x * w.y * m[3] + w.x * w.z * m[4] + w.y * w.z * m[5]);
+    const float d = m.s6, along = w.x * w.x * m.s0 + w.y * w.y * m.s1 + w.z * w.z * m.s2
+        + 2.0f * (w.x * w.y * m.s3 + w.x * w.z * m.s4 + w.y * w.z * m.s5);
     const float square = d * d - d * along, depth = sqrt(square > 0.0f ? square : 0.0f) / most, through = exp(-depth);
     passes[item] = (float2)(through, depth > 0.02f ? (1.0f - through) / depth : 1.0f - 0.5f * depth);
 }
 
 /* One work-item takes the light of one direction through some rows of slices of cells across it, from the first that light
-   meets on; a slice before these is done. */
+   meets on; a slice before these is done.  What a body hides in a cell stops there; where light leaves the body, what it
+   sends takes the place of what it hides. */
 __kernel void sweep(
     const ulong begin, const ulong end,    // work-items, see common.h
     const int n,
     const int2 turns,                      // slices: the first, one past the last
     const int rows,                        // of a slice that a work-item takes; all of them where there are several slices
-    __global const float *held,            // [2, HOLDS, n, n, n] see `contents` in sky.cl
     __global const float2 *passes,         // [DIRECTIONS, n, n, n] see `passing`
     __global const float4 *towards,        // [DIRECTIONS] unit, where light comes from
     __global const float *sent,            // [n, n, n, CHANNELS, DIRECTIONS] see `scatter`
+    const int is_body,                     // 1: there is one
+    __global const float4 *faces,          // [n, n, n, 3] see bounce.cl, if so
     __global float4 *behind,               // [DIRECTIONS, 2, (n + 2 SKY_EDGE)²] r, g, b, how much is open, of what is left behind
                                            // a slice and the one before; around these, and at first, light out of the grid
     __global float *light)                 // [n, n, n, CHANNELS, DIRECTIONS] mean of cells
@@ -388,23 +435,86 @@ __kernel void sweep(
                 const size_t cell = (size_t)slice * stride[axis] + (size_t)u * stride[one] + (size_t)v * stride[two];
                 const size_t place = cell * (CHANNELS * DIRECTIONS) + number;
                 __global const float4 *four = before + v * width + u;
-                const float open = 1.0f - held[(size_t)MOMENTS * n * n * n + cell];
                 const float2 pass = passes[(size_t)number * n * n * n + cell];
-                float4 there = beyond;
+                const float4 source = (float4)(sent[place], sent[place + DIRECTIONS], sent[place + 2 * DIRECTIONS], 0.0f);
+                float4 there = beyond, glow = 0.0f;
+                float open = 1.0f;
+                bool leaves = false;
                 if (turn)
                     there = corners[0] * four[0] + corners[1] * four[1] + corners[2] * four[width] + corners[3] * four[width + 1];
-                const float most_open = there.w > open ? there.w : open;
-                there = most_open > 0.0f ? there / most_open : 0.0f;
-                const float4 source = (float4)(sent[place], sent[place + DIRECTIONS], sent[place + 2 * DIRECTIONS], 0.0f);
+                if (is_body) {
+                    const float4 normal = faces[3 * cell];
+                    open = 1.0f - normal.w;
+                    leaves = dot3(normal, w) < 0.0f;
+                    if (leaves)
+                        glow = faces[3 * cell + 1];
+                }
+                const float hidden = open > there.w ? open - there.w : 0.0f, most_open = there.w + hidden;
+                there = most_open > 0.0f ? (there + hidden * glow) / most_open : 0.0f;
                 const float4 mean = pass.y * there + (1.0f - pass.y) * source;
                 light[place] = mean.x;
                 light[place + DIRECTIONS] = mean.y;
                 light[place + 2 * DIRECTIONS] = mean.z;
-                there = (pass.x * there + (1.0f - pass.x) * source) * open;
-                there.w = open;
+                const float share = leaves ? 1.0f : open;
+                there = leaves ? open * there + (1.0f - open) * glow : there;
+                there = share * (pass.x * there + (1.0f - pass.x) * source);
+                there.w = share;
                 here[v * width + u] = there;
             }
     }
+}
+
+/* One work-item adds to the light of one cell what would come of further orders: the sum of a geometric series, as each order
+   adds less than the one before. */
+__kernel void settle(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const int turn,                        // 0, 1, 2: of three orders that follow each other
+    __global float *sums,                  // [cells, CHANNELS, 2] of the first two
+    __global float *light)                 // [cells, CHANNELS, DIRECTIONS] see `sweep`
+{
+    WORK_ITEM(item);
+    __global float *its = light + item * DIRECTIONS, *before = sums + 2 * item;
+    float sum = 0.0f;
+    for (int k = 0; k < DIRECTIONS; ++k)
+        sum += its[k];
+    if (turn < 2) {
+        before[turn] = sum;
+        return;
+    }
+    const float first = before[1] - before[0], last = sum - before[1];
+    const float ratio = first > 0.0f && last > 0.0f ? last < LARGEST * first ? last / first : LARGEST : 0.0f;
+    const float more = last * ratio / (1.0f - ratio) / DIRECTIONS;
+    for (int k = 0; k < DIRECTIONS && more > 0.0f; ++k)
+        its[k] += more;
+}
+
+/* One work-item evens out the light of one cell with that of hair in the cells around it, as far as these are dense: there it
+   changes within a cell, and the layers of cells would show. */
+__kernel void even_out(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const int n,
+    __global const float8 *dense,          // [n, n, n] see `kinds`
+    __global const float *light,           // [n, n, n, CHANNELS, DIRECTIONS] see `sweep`
+    __global float *evened)                // [n, n, n, CHANNELS, DIRECTIONS]
+{
+    WORK_ITEM(cell);
+    const float square = dense[cell].s6 * dense[cell].s6, share = square / (square + 1.0f);
+    __global const lanes *all = (__global const lanes *)light, *its = all + cell * (CHANNELS * DIRECTIONS / LANES);
+    __global lanes *to = (__global lanes *)evened + cell * (CHANNELS * DIRECTIONS / LANES);
+    lanes sums[CHANNELS * DIRECTIONS / LANES];
+    float total = 0.0f;
+    for (int j = 0; j < CHANNELS * DIRECTIONS / LANES; ++j)
+        sums[j] = F(0.0f);
+    for (int k = 0; k < 27 && share > 0.001f; ++k) {
+        float weight;
+        const size_t there = around_cell(cell, n, k, &weight);
+        weight *= dense[there].s6;
+        total += weight;
+        for (int j = 0; j < CHANNELS * DIRECTIONS / LANES; ++j)
+            sums[j] += weight * all[there * (CHANNELS * DIRECTIONS / LANES) + j];
+    }
+    for (int j = 0; j < CHANNELS * DIRECTIONS / LANES; ++j)
+        to[j] = total > 0.0f ? its[j] + share * (sums[j] / total - its[j]) : its[j];
 }
 
 /* One work-item notes that the points of one segment are looked up. */

@@ -166,7 +166,7 @@ class Plan:
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "ground": self.ground is not None,
             "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
-            "march": shells, "chiang": self.lobed, "transport": self.scatters, "deep": self.is_deep,
+            "march": shells, "chiang": self.lobed, "transport": self.scatters, "bounce": self.scatters, "deep": self.is_deep,
             "strand_light": self.uses_coverage and self.wants_color,
             "shade": True, "sky": self.scatters or (self.wants_color and self.scene.environment is not None),
             "blur": self.wants_color and settings.blur != "off"}

@@ -7,6 +7,7 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, Declared, array
+from . import bounce
 from . import sky as sky_stage
 from .chiang import SHADES, Scattering
 from .lighting import Lighting
@@ -15,8 +16,10 @@ from .strands import DeviceStrands, arrays
 CELLS = 24                # a side of the grid
 DIRECTIONS, CHANNELS, PARTS, TANGENTS, ALBEDOS = (
     int(layout.CONSTANTS[name]) for name in ("DIRECTIONS", "CHANNELS", "PARTS_OF_ONE", "TANGENTS", "ALBEDOS"))
-ORDERS = 12               # that are followed
-AMOUNTS = Declared("fibre", np.int32, 8, 0)               # of a type in a cell, see transport.cl
+ORDERS, SETTLED = 12, 6   # that are followed; after so many, those that would come are told from the last three
+AMOUNTS = Declared("fibre", np.int32, 16, 0)              # of a type in a cell, see transport.cl
+DENSE = Declared("cell", np.float32, 8)                   # of all hair in a cell
+STRANDS = 64              # that a CPU's work-item adds up: more of its atomics are spared
 ASKED = Declared("point", np.uint32)            # whether its light is asked for
 LEAVING = Declared("point", np.float32, 4)     # r, g, b, - that it sends to the eye
 POINTS = 16               # of strands, or more, whose light a work-item looks up
@@ -43,6 +46,7 @@ class Transport(Arrays):
     phases: Phases
     scattering: Scattering
     light: Any = array(FIELD)   # counted in `bytes_of`
+    around: sky_stage.SkyLight | None = None   # as a body shows it, if there is one
 
 
 def directions() -> tuple[np.ndarray, np.ndarray]:
@@ -86,55 +90,76 @@ def phases(gpu: Any, scattering: Scattering, items: int | None = None) -> Phases
 
 
 def amounts(gpu: Any, sky: np.void, types: int) -> Any:
-    """Room for what cells hold of hair of each type: nothing yet -> [types · n³, 8] int32."""
+    """Room for what cells hold of hair of each type: nothing yet -> [types · n³, 16] int32."""
     return AMOUNTS.empty(gpu, types * int(sky["size"][0]) ** 3)
 
 
 def deposit(gpu: Any, sky: np.void, there: Any, unit: float, strands: DeviceStrands, scattering: Scattering) -> None:
     """Add strands, or a part of them, to what cells hold of hair; ``unit``: that of `sky.held`."""
-    gpu.launch("transport.hold", len(strands.spans), sky=sky, unit=unit, amounts=there, lobes=scattering.lobes,
+    each = STRANDS if gpu.lanes > 1 else 1
+    gpu.launch("transport.hold", -(-len(strands.spans) // each), sky=sky, n_strands=len(strands.spans), each=each,
+               unit=unit, amounts=there, lobes=scattering.lobes,
                **arrays(strands, "points", "spans", "strand_uv", "types", "colors", "color_per"))
 
 
 def transport(gpu: Any, sky: np.void, held: sky_stage.Held, there: Any, lighting: Lighting, scattering: Scattering,
-              made: Phases, outside: np.ndarray, orders: int) -> Transport:
+              made: Phases, outside: np.ndarray, body_color: tuple = (0, 0, 0), orders: int = ORDERS) -> Transport:
     """Take light from hair to hair ``orders`` times -> `Transport`.
 
-    held, there: what cells hold, by `sky.deposit` and `deposit`.  outside: [DIRECTIONS, 3] light of the sky.
+    held, there: what cells hold, by `sky.deposit` of the body and `deposit`.  outside: [DIRECTIONS, 3] light of the
+    sky.  body_color: linear r, g, b, one for all of it.
     """
     n, types = int(sky["size"][0]), len(scattering.lobes)
-    cells = n**3
-    contents = sky_stage.contents(gpu, sky, held)
-    kinds = gpu.empty((types * cells * 2, 4), np.float32)
-    gpu.launch("transport.kinds", types * cells, n_types=types, cells=cells, amounts=there, tangents=made.tangents,
-               kinds=kinds)
+    cells, is_body = n**3, held.solids.size > 0
+    kinds, dense = gpu.empty((types * cells * 2, 4), np.float32), DENSE.empty(gpu, cells)
+    gpu.launch("transport.kinds", cells, n_types=types, n=n, unit=held.unit, amounts=there, tangents=made.tangents,
+               kinds=kinds, dense=dense)
     first, sent, light = (FIELD.empty(gpu, cells) for _ in range(3))
     gpu.launch("transport.direct", cells, sky=sky, n_types=types, lobes=scattering.lobes, table=scattering.lobe_table,
                kinds=kinds, parts=made.parts, first=first, **lighting.arrays())
-    towards = gpu.upload(np.column_stack([directions()[0], np.zeros(DIRECTIONS)]).astype(np.float32))
-    beyond = np.column_stack([outside, np.ones(DIRECTIONS)]).astype(np.float32)
-    behind = gpu.upload(np.repeat(beyond, 2 * (n + 2 * sky_stage.EDGE)**2, 0))
-    passes = PASSES.empty(gpu, DIRECTIONS * cells)
-    gpu.launch("transport.passing", DIRECTIONS * cells, cells=cells, held=contents, towards=towards, passes=passes)
-    slices, rows = (1, 1) if gpu.lanes == 1 else (n, n)
-    source = first
+    faces = bounce.FACES.empty(gpu, 0)
+    if is_body:
+        faces = bounce.faces(gpu, sky, sky_stage.contents(gpu, sky, held), body_color, lighting)
+    sweep = _sweeper(gpu, n, dense, outside, {"is_body": is_body, "faces": faces, "light": light})
+    sums = gpu.empty((2 * CHANNELS * cells,), np.float32)
     for order in range(orders):
         if order:
             gpu.launch("transport.scatter", cells, n_types=types, cells=cells, kinds=kinds, phases=made.phases,
                        first=first, light=light, sent=sent)
-            source = sent
+        if order and is_body:
+            bounce.glow(gpu, body_color, made.directions, light, faces)
+        sweep(sent if order else first)
+        turn = order % SETTLED - (SETTLED - 3)
+        if turn >= 0:
+            gpu.launch("transport.settle", cells * CHANNELS, turn=turn, sums=sums, light=light)
+    gpu.launch("transport.even_out", cells, n=n, dense=dense, light=light, evened=sent)
+    around = bounce.light_around(gpu, sky, directions()[0], sent) if is_body else None
+    return Transport(sky, made, scattering, sent, around)
+
+
+def _sweeper(gpu, n, dense, outside, given):
+    """A function that takes what cells send through all of the grid, in all directions."""
+    cells = n**3
+    towards = gpu.upload(np.column_stack([directions()[0], np.zeros(DIRECTIONS)]).astype(np.float32))
+    beyond = np.column_stack([outside, np.ones(DIRECTIONS)]).astype(np.float32)
+    behind = gpu.upload(np.repeat(beyond, 2 * (n + 2 * sky_stage.EDGE)**2, 0))
+    passes = PASSES.empty(gpu, DIRECTIONS * cells)
+    gpu.launch("transport.passing", DIRECTIONS * cells, cells=cells, dense=dense, towards=towards, passes=passes)
+    slices, rows = (1, 1) if gpu.lanes == 1 else (n, n)
+
+    def sweep(sent):
         for turn in range(0, n, slices):
             gpu.launch("transport.sweep", DIRECTIONS * n // rows, n=n, turns=(turn, turn + slices), rows=rows,
-                       held=contents, passes=passes, towards=towards, sent=source, behind=behind, light=light)
-    return Transport(sky, made, scattering, light)
+                       passes=passes, towards=towards, sent=sent, behind=behind, **given)
+    return sweep
 
 
 def bytes_of(types: int, body: bool) -> int:
     """Bytes on the device of all that `transport` makes at once, and of `Phases`, of so many types of hair."""
-    held = sky_stage.Held.bytes(cell=1, column=3 * body) + 8 * sky_stage.HOLDS
+    held = sky_stage.Held.bytes(cell=1, column=3 * body) + 8 * sky_stage.HOLDS + DENSE.bytes + 8 * CHANNELS
     cells = held + 3 * FIELD.bytes + DIRECTIONS * PASSES.bytes + types * (AMOUNTS.bytes + 32)
     looks = Phases.bytes("albedos", "phases", eye=types * ALBEDOS, phase=types * TANGENTS * SHADES)
-    return CELLS**3 * cells + DIRECTIONS * 2 * (CELLS + 2 * sky_stage.EDGE)**2 * 16 + looks
+    return CELLS**3 * cells + DIRECTIONS * 2 * (CELLS + 2 * sky_stage.EDGE)**2 * 16 + looks + bounce.bytes_of(CELLS) * body
 
 
 def leaving(gpu: Any, view: np.void, lit: Transport, strands: DeviceStrands, segments: Any, first: int,
