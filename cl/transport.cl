@@ -24,7 +24,7 @@
 #define FAR 4                              // segments of a strand at whose ends alone light is looked up, where that is EVEN
 #define EVEN 0.75f                         // sides of a cell
 #define STRAIGHT 0.98f                     // cosine to its chord of each of them
-#define LARGEST 0.95f                      // ratio of what one order adds to what the one before does, from which it is told
+#define LARGEST 0.9f                      // ratio of what one order adds to what the one before does, from which it is told
 #define RAYS 8                             // of light through a cell, by which its mean is known
 
 /* Of one segment from a, that long in sides of a cell: (1 - alpha) · width · length over a cell's face, times its direction,

@@ -16,7 +16,7 @@ from .strands import DeviceStrands, arrays
 CELLS = 24                # a side of the grid
 DIRECTIONS, CHANNELS, PARTS, TANGENTS, ALBEDOS = (
     int(layout.CONSTANTS[name]) for name in ("DIRECTIONS", "CHANNELS", "PARTS_OF_ONE", "TANGENTS", "ALBEDOS"))
-ORDERS, SETTLED = 12, 6   # that are followed; after so many, those that would come are told from the last three
+ORDERS, SETTLED = 12, 10  # that are followed; after so many, what further ones add is told from the last three
 AMOUNTS = Declared("fibre", np.int32, 16, 0)              # of a type in a cell, see transport.cl
 DENSE = Declared("cell", np.float32, 8)                   # of all hair in a cell
 STRANDS = 64              # that a CPU's work-item adds up: more of its atomics are spared
@@ -129,8 +129,8 @@ def transport(gpu: Any, sky: np.void, held: sky_stage.Held, there: Any, lighting
         if order and is_body:
             bounce.glow(gpu, body_color, made.directions, light, faces)
         sweep(sent if order else first)
-        turn = order % SETTLED - (SETTLED - 3)
-        if turn >= 0:
+        turn = order - (SETTLED - 3)
+        if turn in (0, 1, 2):
             gpu.launch("transport.settle", cells * CHANNELS, turn=turn, sums=sums, light=light)
     gpu.launch("transport.even_out", cells, n=n, dense=dense, light=light, evened=sent)
     around = bounce.light_around(gpu, sky, directions()[0], sent) if is_body else None
