@@ -238,7 +238,7 @@ __kernel void phases(
             __global const float *its_parts = parts + from * PARTS_OF_ONE + k;
             const lanes3 l = {*(__global const lanes *)its_parts, *(__global const lanes *)(its_parts + DIRECTIONS * PARTS_OF_ONE),
                               *(__global const lanes *)(its_parts + 2 * DIRECTIONS * PARTS_OF_ONE)};
-            const Sought sought = sought_of(&its, all_lanes(t), all_lanes(v), l);
+            const Sought sought = sought_of(&its, all_lanes(t), all_lanes(v), l, 4);
             add_shades(&sought, &its, table, sums);
         }
         for (int s = 0; s < SHADES; ++s) {
@@ -325,7 +325,7 @@ __kernel void direct(
                     const lanes3 v = {-*(__global const lanes *)its_parts,
                                       -*(__global const lanes *)(its_parts + DIRECTIONS * PARTS_OF_ONE),
                                       -*(__global const lanes *)(its_parts + 2 * DIRECTIONS * PARTS_OF_ONE)};
-                    Sought sought = sought_of(&its, all_lanes(t), v, all_lanes(l));
+                    Sought sought = sought_of(&its, all_lanes(t), v, all_lanes(l), 4);
                     sought.shades[0] = F(shades.x);
                     sought.shades[1] = F(shades.y);
                     sought.shades[2] = F(shades.z);
@@ -349,7 +349,8 @@ __kernel void scatter(
     __global const float *phases,          // [types, TANGENTS, SHADES, from DIRECTIONS, to DIRECTIONS]
     __global const float *first,           // [cells, CHANNELS, DIRECTIONS] of lights' direct light
     __global const float *light,           // [cells, CHANNELS, DIRECTIONS] that comes from there
-    __global float *sent)                  // [cells, CHANNELS, DIRECTIONS] that goes on the same way
+    __global float *sent,                  // [cells, CHANNELS, DIRECTIONS] that goes on the same way
+    __global float2 *before)               // [cells, CHANNELS] sum of the light, and which share of it goes on
 {
     WORK_ITEM(cell);
     const size_t place = cell * (CHANNELS * DIRECTIONS);
@@ -374,27 +375,44 @@ __kernel void scatter(
                     sums[k] += p * a[k] + q * b[k];
             }
         }
-        for (int k = 0; k < DIRECTIONS / LANES; ++k)
+        lanes ins = F(0.0f), outs = F(0.0f);
+        for (int k = 0; k < DIRECTIONS / LANES; ++k) {
+            ins += ((__global const lanes *)(light + place + channel * DIRECTIONS))[k];
+            outs += sums[k] - ((__global const lanes *)(first + place + channel * DIRECTIONS))[k];
             ((__global lanes *)(sent + place + channel * DIRECTIONS))[k] = sums[k];
+        }
+        float in = 0.0f, out = 0.0f;
+        for (int k = 0; k < LANES; ++k) {
+            in += LANE(ins, k);
+            out += LANE(outs, k);
+        }
+        before[cell * CHANNELS + channel] = (float2)(in, in > 0.0f ? out / in : 0.0f);
     }
 }
 
-/* One work-item tells what goes straight through one cell in one direction, and what does on average to places in it. */
+/* One work-item tells what goes straight through one cell in each direction, and what does on average to places in it. */
 __kernel void passing(
     const ulong begin, const ulong end,    // work-items, see common.h
     const uint cells,
     __global const float8 *dense,          // [cells] see `kinds`
     __global const float4 *towards,        // [DIRECTIONS] unit, where light comes from
-    __global float2 *passes)               // [DIRECTIONS, cells] shares
+    __global float2 *passes,               // [DIRECTIONS, cells] shares
+    __global float *keeps)                 // [cells] share of what hair in a cell sends that stays there, mean of directions
 {
-    WORK_ITEM(item);
-    const float8 m = dense[item % cells];
-    const float4 w = towards[item / cells];
-    const float ax = fabs(w.x), ay = fabs(w.y), az = fabs(w.z), most = ax >= ay && ax >= az ? ax : ay >= az ? ay : az;
-    const float d = m.s6, along = w.x * w.x * m.s0 + w.y * w.y * m.s1 + w.z * w.z * m.s2
-        + 2.0f * (w.x * w.y * m.s3 + w.x * w.z * m.s4 + w.y * w.z * m.s5);
-    const float square = d * d - d * along, depth = sqrt(square > 0.0f ? square : 0.0f) / most, through = exp(-depth);
-    passes[item] = (float2)(through, depth > 0.02f ? (1.0f - through) / depth : 1.0f - 0.5f * depth);
+    WORK_ITEM(cell);
+    const float8 m = dense[cell];
+    float sum = 0.0f;
+    for (int k = 0; k < DIRECTIONS; ++k) {
+        const float4 w = towards[k];
+        const float ax = fabs(w.x), ay = fabs(w.y), az = fabs(w.z), most = ax >= ay && ax >= az ? ax : ay >= az ? ay : az;
+        const float d = m.s6, along = w.x * w.x * m.s0 + w.y * w.y * m.s1 + w.z * w.z * m.s2
+            + 2.0f * (w.x * w.y * m.s3 + w.x * w.z * m.s4 + w.y * w.z * m.s5);
+        const float square = d * d - d * along, depth = sqrt(square > 0.0f ? square : 0.0f) / most;
+        const float through = depth > 0.0f ? exp(-depth) : 1.0f, mean = depth > 0.02f ? (1.0f - through) / depth : 1.0f - 0.5f * depth;
+        passes[(size_t)k * cells + cell] = (float2)(through, mean);
+        sum += 1.0f - mean;
+    }
+    keeps[cell] = sum / DIRECTIONS;
 }
 
 /* One work-item takes the light of one direction through some rows of slices of cells across it, from the first that light
@@ -464,28 +482,34 @@ __kernel void sweep(
     }
 }
 
-/* One work-item adds to the light of one cell what would come of further orders: the sum of a geometric series, as each order
-   adds less than the one before. */
+/* One work-item adds to one channel's light of one cell, after an order of `scatter` and `sweep`, what of it comes back there
+   again and again: the sum of a geometric series; and after the last of three orders, what further ones would add. */
 __kernel void settle(
     const ulong begin, const ulong end,    // work-items, see common.h
-    const int turn,                        // 0, 1, 2: of three orders that follow each other
-    __global float *sums,                  // [cells, CHANNELS, 2] of the first two
+    const int turn,                        // 0, 1, 2: of these three orders; else -1
+    __global const float *keeps,           // [cells] see `passing`
+    __global const float2 *before,         // [cells, CHANNELS] see `scatter`
+    __global float *sums,                  // [cells, CHANNELS, 2] of the first two of three
     __global float *light)                 // [cells, CHANNELS, DIRECTIONS] see `sweep`
 {
     WORK_ITEM(item);
-    __global float *its = light + item * DIRECTIONS, *before = sums + 2 * item;
+    __global float *its = light + item * DIRECTIONS, *earlier = sums + 2 * item;
+    const float stays = keeps[item / CHANNELS] * before[item].y, ratio = stays < LARGEST ? stays : LARGEST;
     float sum = 0.0f;
     for (int k = 0; k < DIRECTIONS; ++k)
         sum += its[k];
-    if (turn < 2) {
-        before[turn] = sum;
-        return;
+    float more = (sum - before[item].x) * ratio / (1.0f - ratio);
+    if (turn == 0 || turn == 1)
+        earlier[turn] = sum + more;
+    if (turn == 2) {
+        const float first = earlier[1] - earlier[0], last = sum + more - earlier[1];
+        const float falls = first > 0.0f && last > 0.0f ? last < LARGEST * first ? last / first : LARGEST : 0.0f;
+        more += last * falls / (1.0f - falls);
     }
-    const float first = before[1] - before[0], last = sum - before[1];
-    const float ratio = first > 0.0f && last > 0.0f ? last < LARGEST * first ? last / first : LARGEST : 0.0f;
-    const float more = last * ratio / (1.0f - ratio) / DIRECTIONS;
-    for (int k = 0; k < DIRECTIONS && more > 0.0f; ++k)
-        its[k] += more;
+    for (int k = 0; k < DIRECTIONS; ++k) {
+        const float value = its[k] + more / DIRECTIONS;
+        its[k] = value > 0.0f ? value : 0.0f;
+    }
 }
 
 /* One work-item evens out the light of one cell with that of hair in the cells around it, as far as these are dense: there it

@@ -3,8 +3,9 @@
  * each colour, the mean light from around each of DIRECTIONS.
  */
 
-/* Where strands of one type along t look up how much light they send to the eye at v from directions l. */
-INLINED Sought sought_of(const Lobes *lobes, lanes3 t, lanes3 v, lanes3 l)
+/* Where strands of one type along t look up how much light they send to the eye at v from directions l.  along: how many of
+   their lobes are told apart along the strand; what is left is as the last of these. */
+INLINED Sought sought_of(const Lobes *lobes, lanes3 t, lanes3 v, lanes3 l, int along)
 {
     Sought sought;
     const lanes sine_v = within(dots(t, v), -1.0f, 1.0f), sine_l = within(dots(t, l), -1.0f, 1.0f);
@@ -12,7 +13,7 @@ INLINED Sought sought_of(const Lobes *lobes, lanes3 t, lanes3 v, lanes3 l)
     const lanes across = greater(cosine_v * cosine_l, F(1e-9f));
     const lanes angle = angle_of(within((dots(v, l) - sine_v * sine_l) / across, -1.0f, 1.0f));
     for (int p = 0; p < 4; ++p)
-        sought.along[p] = along_strand(lobes->along[p], sine_v, cosine_v, sine_l, cosine_l);
+        sought.along[p] = p < along ? along_strand(lobes->along[p], sine_v, cosine_v, sine_l, cosine_l) : sought.along[along - 1];
     sought.cosine = 0.5f * (cosine_v + full_root(cosine_v)) * (lobes->table.y - 1.0f);
     sought.angle = angle * ((lobes->table.z - 1) / M_PI_F);
     return sought;
@@ -97,7 +98,7 @@ ONCE float4 scattered_at(const Sky *sky, __global const float *light, __global c
             in.y += around.weights[k] * *(__global const lanes *)(there + DIRECTIONS);
             in.z += around.weights[k] * *(__global const lanes *)(there + 2 * DIRECTIONS);
         }
-        Sought sought = sought_of(lobes, along, eye, l);
+        Sought sought = sought_of(lobes, along, eye, l, 3);
         for (int k = 0; k < LANES; ++k) {
             const float4 sent = nearly_around(&sought, k, row, lobes->table.z, dark, pale);
             sum += sent * (float4)(LANE(in.x, k), LANE(in.y, k), LANE(in.z, k), 0.0f);

@@ -71,10 +71,10 @@ def test_a_small_grid_is_lit(gpu):
     lit = transport.transport(gpu, packed, held, there, unshadowed(gpu, light_of(clfur.Light(color=(0, 0, 0)))), looks,
                               phases, np.ones((24, 3)), orders=2)
     light = gpu.download(lit.light)
-    np.testing.assert_allclose(light.max(), 1, rtol=1e-5)
+    np.testing.assert_allclose(light.max(), 1, rtol=1e-3)
     assert .3 < light.min() < .999
     sent = gpu.download(transport.leaving(gpu, view_of(scene, 1), lit, strands, None, 0, 3))[:, :3]
-    assert (sent > .3).all() and (sent <= 1.0001).all()
+    assert (sent > .3).all() and (sent <= 1.001).all()
     of_one = gpu.download(transport.leaving(gpu, view_of(scene, 1), lit, strands, gpu.upload(np.uint32([1])), 0, 1))
     np.testing.assert_array_equal(of_one[1:, :3], sent[1:])   # the first is not asked for
 
@@ -116,11 +116,13 @@ def test_light_is_the_twins(gpu):
     for z, y, x in filled:
         first[:, z, y, x] = values[nearest[z, y, x]]
     orders, glow = [], .6 * np.maximum(facing @ to_light, 0)
-    sent, sends = first, glow
-    for _ in range(12):
-        orders.append(twin.swept(cells, solid, facing, axes, np.full(24, .7), sent, sends))
-        if len(orders) == 10:
-            orders[-1] = twin.settled(orders[-3:])
+    sent, sends, stays = first, glow, twin.kept(cells, axes)
+    for number in range(12):
+        light = twin.swept(cells, solid, facing, axes, np.full(24, .7), sent, sends)
+        if 0 < number < 11:
+            share = (sent - first).sum(0) / np.maximum(orders[-1].sum(0), 1e-30)
+            light = twin.settled(light, orders[-1], stays * share)
+        orders.append(light if number != 10 else twin.continued([*orders[-2:], light]))
         sent = first.copy()
         for z, y, x in filled:
             sent[:, z, y, x] += table[nearest[z, y, x], 23].T @ orders[-1][:, z, y, x]
@@ -158,12 +160,28 @@ def test_orders_of_strands_and_parts_give_the_same_bits(gpu):
 
 
 def test_a_white_clump_in_a_white_sky_is_white(gpu):
-    """The furnace: no light is made, and hair that takes none gives back all of it, but for the orders left out."""
+    """The furnace: hair that takes no light gives back all of it, but for orders that are told from the last ones."""
     scene = tuft((1, 1, 1), n=400, light=clfur.Light(color=(0, 0, 0)), environment=clfur.Environment((1, 1, 1)))
     image = clfur.render(scene, device=gpu, settings=GRID)
     there = image[..., 3] > .5
     sent = image[there, :3] / image[there, 3:]
-    assert there.sum() > 200 and sent.max() < 1 + 1e-3 and sent.min() > .97
+    assert there.sum() > 200 and sent.max() < 1.003 and sent.min() > .997
+
+
+def test_white_fur_on_a_white_body_in_a_white_sky_is_white(gpu):
+    """The furnace with a body: a black one takes half of the light, a white one all but nothing.  Orders would have to
+    go on and on where fur is thick: twelve alone leave .85."""
+    mesh, sent = clfur.load_mesh("sphere"), []
+    hair = clfur.HairType(segments=4, segment_length=.05, width=.01, direction_variation=.6, alpha=0, color=(1, 1, 1),
+                          look=LOOK)
+    for body in (1, 1, 1), (0, 0, 0):
+        scene = clfur.Scene(mesh, clfur.Strands(types=[hair], roots=20000, inner=1, outer=1, seed=2), clfur.Camera(
+            eye=(0, .5, 4), target=(0, 0, 0), size=(48, 36)), clfur.Light(color=(0, 0, 0)), body,
+            environment=clfur.Environment((1, 1, 1)))
+        image = clfur.render(scene, device=gpu, settings=GRID)
+        sent.append(image[image[..., 3] > .9][:, :3])
+    assert sent[0].max() < 1.01 and sent[0].mean() > .95 and sent[0].min() > .88
+    assert sent[1].mean() < .7
 
 
 def test_darker_hair_sends_less_and_all_light_is_linear(gpu):

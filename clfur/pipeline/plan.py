@@ -166,7 +166,8 @@ class Plan:
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "ground": self.ground is not None,
             "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
-            "march": shells, "chiang": self.lobed, "transport": self.scatters, "bounce": self.scatters, "deep": self.is_deep,
+            "march": shells, "chiang": self.lobed, "transport": self.scatters, "bounce": self.scatters,
+            "deep": self.is_deep,
             "strand_light": self.uses_coverage and self.wants_color,
             "shade": True, "sky": self.scatters or (self.wants_color and self.scene.environment is not None),
             "blur": self.wants_color and settings.blur != "off"}
@@ -441,7 +442,8 @@ class Plan:
     @property
     def _transmittance(self):
         """Bytes on the device of the transmittance to a point of strands, of all lights."""
-        around = (LEAVING.bytes + ASKED.bytes) * self.scatters + POINT_LIGHT.bytes * (self.scene.environment is not None)
+        under_sky = self.scene.environment is not None
+        around = (LEAVING.bytes + ASKED.bytes) * self.scatters + POINT_LIGHT.bytes * under_sky
         return TRANSMITTANCE.bytes * len(self.scene.lights) + around
 
     def check(self, gpu: Any) -> None:

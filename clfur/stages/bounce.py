@@ -8,7 +8,7 @@ from ..layout import Declared
 from . import sky as sky_stage
 from .lighting import Lighting
 
-FACES = Declared("face", np.float32, 4)   # of each cell three: which way the body faces there and its share; what it sends
+FACES = Declared("face", np.float32, 4)   # three of each cell: which way the body faces, its share; what it sends
 
 
 def faces(gpu: Any, sky: np.void, contents: Any, body_color: tuple, lighting: Lighting) -> Any:

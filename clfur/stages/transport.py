@@ -16,8 +16,9 @@ from .strands import DeviceStrands, arrays
 CELLS = 24                # a side of the grid
 DIRECTIONS, CHANNELS, PARTS, TANGENTS, ALBEDOS = (
     int(layout.CONSTANTS[name]) for name in ("DIRECTIONS", "CHANNELS", "PARTS_OF_ONE", "TANGENTS", "ALBEDOS"))
-ORDERS, SETTLED = 12, 10  # that are followed; after so many, what further ones add is told from the last three
+ORDERS, SETTLED = 12, 11  # that are followed; after so many, what further ones add is told from the last three
 AMOUNTS = Declared("fibre", np.int32, 16, 0)              # of a type in a cell, see transport.cl
+BEFORE = Declared("channel", np.float32, 2)               # of a cell's light
 DENSE = Declared("cell", np.float32, 8)                   # of all hair in a cell
 STRANDS = 64              # that a CPU's work-item adds up: more of its atomics are spared
 ASKED = Declared("point", np.uint32)            # whether its light is asked for
@@ -120,31 +121,32 @@ def transport(gpu: Any, sky: np.void, held: sky_stage.Held, there: Any, lighting
     faces = bounce.FACES.empty(gpu, 0)
     if is_body:
         faces = bounce.faces(gpu, sky, sky_stage.contents(gpu, sky, held), body_color, lighting)
-    sweep = _sweeper(gpu, n, dense, outside, {"is_body": is_body, "faces": faces, "light": light})
-    sums = gpu.empty((2 * CHANNELS * cells,), np.float32)
+    keeps, before = gpu.empty(cells, np.float32), BEFORE.empty(gpu, CHANNELS * cells)
+    sweep = _sweeper(gpu, n, dense, outside, keeps, {"is_body": is_body, "faces": faces, "light": light})
+    sums = gpu.empty(2 * CHANNELS * cells, np.float32)
     for order in range(orders):
         if order:
             gpu.launch("transport.scatter", cells, n_types=types, cells=cells, kinds=kinds, phases=made.phases,
-                       first=first, light=light, sent=sent)
+                       first=first, light=light, sent=sent, before=before)
         if order and is_body:
             bounce.glow(gpu, body_color, made.directions, light, faces)
         sweep(sent if order else first)
-        turn = order - (SETTLED - 3)
-        if turn in (0, 1, 2):
-            gpu.launch("transport.settle", cells * CHANNELS, turn=turn, sums=sums, light=light)
+        if order and order < SETTLED:
+            gpu.launch("transport.settle", cells * CHANNELS, turn=max(order - (SETTLED - 3), -1), keeps=keeps,
+                       before=before, sums=sums, light=light)
     gpu.launch("transport.even_out", cells, n=n, dense=dense, light=light, evened=sent)
     around = bounce.light_around(gpu, sky, directions()[0], sent) if is_body else None
     return Transport(sky, made, scattering, sent, around)
 
 
-def _sweeper(gpu, n, dense, outside, given):
+def _sweeper(gpu, n, dense, outside, keeps, given):
     """A function that takes what cells send through all of the grid, in all directions."""
     cells = n**3
     towards = gpu.upload(np.column_stack([directions()[0], np.zeros(DIRECTIONS)]).astype(np.float32))
     beyond = np.column_stack([outside, np.ones(DIRECTIONS)]).astype(np.float32)
     behind = gpu.upload(np.repeat(beyond, 2 * (n + 2 * sky_stage.EDGE)**2, 0))
     passes = PASSES.empty(gpu, DIRECTIONS * cells)
-    gpu.launch("transport.passing", DIRECTIONS * cells, cells=cells, dense=dense, towards=towards, passes=passes)
+    gpu.launch("transport.passing", cells, cells=cells, dense=dense, towards=towards, passes=passes, keeps=keeps)
     slices, rows = (1, 1) if gpu.lanes == 1 else (n, n)
 
     def sweep(sent):
@@ -156,10 +158,11 @@ def _sweeper(gpu, n, dense, outside, given):
 
 def bytes_of(types: int, body: bool) -> int:
     """Bytes on the device of all that `transport` makes at once, and of `Phases`, of so many types of hair."""
-    held = sky_stage.Held.bytes(cell=1, column=3 * body) + 8 * sky_stage.HOLDS + DENSE.bytes + 8 * CHANNELS
+    held = sky_stage.Held.bytes(cell=1, column=3 * body) + 8 * sky_stage.HOLDS + DENSE.bytes + 4 + 16 * CHANNELS
     cells = held + 3 * FIELD.bytes + DIRECTIONS * PASSES.bytes + types * (AMOUNTS.bytes + 32)
     looks = Phases.bytes("albedos", "phases", eye=types * ALBEDOS, phase=types * TANGENTS * SHADES)
-    return CELLS**3 * cells + DIRECTIONS * 2 * (CELLS + 2 * sky_stage.EDGE)**2 * 16 + looks + bounce.bytes_of(CELLS) * body
+    behind = DIRECTIONS * 2 * (CELLS + 2 * sky_stage.EDGE)**2 * 16
+    return CELLS**3 * cells + behind + looks + bounce.bytes_of(CELLS) * body
 
 
 def leaving(gpu: Any, view: np.void, lit: Transport, strands: DeviceStrands, segments: Any, first: int,

@@ -52,13 +52,30 @@ def tensors(moments):
     return moments[..., [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
 
 
-def settled(lights):
+def kept(cells, directions):
+    """Share of what hair in cells sends that stays there, mean of directions; cells: [n, n, n, 3, 3] moments."""
+    density, shares = np.trace(cells, axis1=3, axis2=4), 0
+    for w in np.asarray(directions, float):
+        across = np.maximum(density**2 - density * np.einsum("zyxij,i,j->zyx", cells, w, w), 0)
+        depth = np.sqrt(across) / np.abs(w).max()
+        shares = shares + np.where(depth > 0, 1 + np.expm1(-depth) / np.where(depth > 0, depth, 1), 0)
+    return shares / len(directions)
+
+
+def settled(light, before, share):
+    """Light [D, n, n, n] after an order, with what of it comes back to its own cell again and again, evenly from all
+    directions.  before: the light that it comes of; share: [n, n, n] of light that hair in a cell sends and gets."""
+    more = (light - before).sum(0) * np.minimum(share, LARGEST) / (1 - np.minimum(share, LARGEST))
+    return np.maximum(light + more / len(light), 0)
+
+
+def continued(lights):
     """Light [D, n, n, n] of three orders that follow each other -> that of the last, with what further ones would add:
     evenly to all directions, the rest of a geometric series."""
     sums = [each.sum(0) for each in lights]
     first, last = sums[1] - sums[0], sums[2] - sums[1]
     ratio = np.where((first > 0) & (last > 0), np.minimum(last / np.where(first > 0, first, 1), LARGEST), 0)
-    return lights[2] + np.maximum(last * ratio / (1 - ratio), 0) / len(lights[2])
+    return lights[2] + last * ratio / (1 - ratio) / len(lights[2])
 
 
 def evened(light, amount):
