@@ -233,7 +233,7 @@ __kernel void radiance(
     const int under_sky,                   // 1: a sky shines too
     __global const float4 *sky_light,      // [n_points] r, g, b of it, if so
     const int is_scattered,                // 1: light comes from hair to hair too
-    __global const float8 *scattered,      // [segments] what they send of it at their starts and ends, if so
+    __global const float4 *scattered,      // [n_points] what they send of it, if so
     __global ulong *places,                // [segments, n_lights + under_sky + is_scattered, FEW_PLACES] see places.h
     volatile __global uint *rows)          // [1] of `more` that are taken
 {
@@ -297,9 +297,8 @@ __kernel void radiance(
     if (is_scattered) {
         lanes3 start, step, sent[FEW_PLACES];
         for (int k = 0; k < LANES; ++k) {
-            const float8 there = scattered[first + (k < count ? k : 0)];
-            put_lane(&start, k, there.lo);
-            put_lane(&step, k, there.hi - there.lo);
+            put_lane(&start, k, scattered[from[k]]);
+            put_lane(&step, k, scattered[to[k]] - scattered[from[k]]);
         }
         for (int j = 0; j < FEW_PLACES; ++j)
             sent[j] = plus(start, scaled(step, F((float)j / (FEW_PLACES - 1))));

@@ -46,7 +46,7 @@ from ..stages.sky import bytes_of as sky_bytes
 from ..stages.strand_light import TRANSMITTANCE, Places
 from ..stages.strands import AREA, ROOTS, SORTED_FROM, STAGES, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
-from ..stages.transport import LEAVING
+from ..stages.transport import ASKED, LEAVING
 from ..stages.transport import bytes_of as transport_bytes
 from ..stages.voxelize import CELLS, RESTS
 from .shadows import DeepPlan, plan_deep
@@ -166,7 +166,8 @@ class Plan:
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "ground": self.ground is not None,
             "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
-            "march": shells, "chiang": self.lobed, "transport": self.scatters, "deep": self.is_deep,
+            "march": shells, "chiang": self.lobed, "transport": self.scatters, "bounce": self.scatters,
+            "deep": self.is_deep,
             "strand_light": self.uses_coverage and self.wants_color,
             "shade": True, "sky": self.scatters or (self.wants_color and self.scene.environment is not None),
             "blur": self.wants_color and settings.blur != "off"}
@@ -335,7 +336,7 @@ class Plan:
     @property
     def _survivor(self):
         """Bytes on the device of a segment that may show, and of its light."""
-        return SURVIVOR + (LIT + PLACES * self._sources) * self.wants_color + LEAVING.bytes * self.scatters
+        return SURVIVOR + (LIT + PLACES * self._sources) * self.wants_color
 
     @property
     def _largest_row(self):
@@ -441,7 +442,9 @@ class Plan:
     @property
     def _transmittance(self):
         """Bytes on the device of the transmittance to a point of strands, of all lights."""
-        return TRANSMITTANCE.bytes * len(self.scene.lights) + POINT_LIGHT.bytes * (self.scene.environment is not None)
+        under_sky = self.scene.environment is not None
+        around = (LEAVING.bytes + ASKED.bytes) * self.scatters + POINT_LIGHT.bytes * under_sky
+        return TRANSMITTANCE.bytes * len(self.scene.lights) + around
 
     def check(self, gpu: Any) -> None:
         """Raise `clfur.Error` where a device that ends long loops, silently, could end those over lights."""
