@@ -75,7 +75,7 @@ def test_bad_files_are_told_in_one_line(tmp_path, pixels):
         (whole.replace(b"-Y 9", b"-Y 99999"), "cut off or damaged"),
         (hdr(pixels, head=b"EXPOSURE=0\n"), "EXPOSURE"), (hdr(pixels, head=b"EXPOSURE=nan\n"), "EXPOSURE"),
         (hdr(np.full((2, 3, 3), 1e25), False, b"EXPOSURE=1e-19\n"), "EXPOSURE"),
-        (exr[:-100], "cannot be read"), (exr[:60], "cannot be read"),
+        (exr[:-100], "is EXR that is cut off"), (exr[:60], "is EXR that is cut off"),
     ]:
         (tmp_path / "bad").write_bytes(data)
         with pytest.raises(Error, match=f"bad: .*{words}") as caught:

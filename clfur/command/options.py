@@ -1,8 +1,10 @@
 """What the commands that draw have in common: their options, and the scene that these or a file describe."""
 
 import contextlib
+import functools
 import json
 import math
+import re
 import runpy
 import sys
 import traceback
@@ -12,6 +14,8 @@ import attrs
 import click
 import numpy as np
 from click.core import ParameterSource
+
+import clfur
 
 from .. import (
     PRESETS,
@@ -28,6 +32,7 @@ from .. import (
     load_mesh,
 )
 from ..files.images import load_picture
+from ..files.input import read
 from ..scene import frame, highlighted
 from ..settings import CHOSEN, RASTERS, SCATTERING, SHADOWS
 from .types import Color, Height, LightText, Look, Numbers, Roots, Size, Sky, from_hex, light_of, look_of
@@ -62,8 +67,8 @@ _SCENE = [
     click.option("--light", "lights", type=LightText(), default=["1,-1,-0.6"], multiple=True, metavar="LIGHT",
                  help="The way that distant light travels, X,Y,Z; or sun, point or spot and its fields, as 'sun "
                       "direction=1,-1,-0.6 size=0.5' (degrees across) or 'spot position=2,3,1 direction=-2,-3,-1 "
-                      "angle=40 color=#ffe0c0 intensity=2 size=0.2 shadows=off' (size: a disc's radius).  Again for "
-                      "each further light."),
+                      "angle=40 color=#ffe0c0 intensity=2 size=0.2 shadows=off' (size: a disc's radius; a spot without "
+                      "a direction looks at the mesh's middle).  Again for each further light."),
     click.option("--sky", type=Sky(), metavar="SKY",
                  help="Light from all around, hidden by hair and body, instead of the flat ambient: a colour, R,G,B of "
                       "0 or more each (linear) or '#rrggbb'; ZENITH:HORIZON:GROUND, three of these; or an "
@@ -160,9 +165,56 @@ _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "look", "typ
 def scene_options(command, size="640x480", settings=True):
     """Give a command the options that `load_scene` reads: a size like this, and those of `Settings` or none."""
     sized = click.option("--size", type=Size(), default=size, metavar="WxH", help="Size of the picture in pixels.")
+    command = _naming_options(command)
     for option in reversed([sized] + _SCENE + _STRANDS + _SHELLS + (_SETTINGS if settings else [])):
         command = option(command)
     return command
+
+
+# Fields that have another name than the option which sets them; all of a Light are of --light.
+_NAMES = {"segment_length": "length", "height": "ground", "environment": "sky",
+          **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), "variation")}
+
+
+def _naming_options(command):
+    """A command whose errors of a field begin with the option that has set it, where one was given."""
+
+    @functools.wraps(command)
+    def naming(*arguments, **options):
+        try:
+            return command(*arguments, **options)
+        except Error as error:
+            if flag := _flag_of(str(error), _given(options)):
+                raise type(error)(f"{flag}: {error}") from error
+            raise
+    return naming
+
+
+def _flag_of(message, flags):
+    """The one of the options given, {name: flag}, that has set the field with which a message begins, or None."""
+    if not (found := re.match(r"([A-Z]\w*\.|frame )(\w+)", message)):
+        return None
+    kind, field = found.groups()
+    if kind == "Light.":
+        return flags.get("lights")
+    if field == "body_color":
+        return flags.get("body_texture", flags.get("body_color"))
+    return flags.get(_NAMES.get(field, field))
+
+
+def _given(options):
+    """{name: flag} of the options that were given, not left to their defaults."""
+    context = click.get_current_context()
+    return {option.name: option.opts[0] for option in context.command.params if option.name in options
+            and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE}
+
+
+def read_for(flag, read, path):
+    """What ``read`` gives of a path; its error begins with the option that names the file."""
+    try:
+        return read(path)
+    except Error as error:
+        raise Error(f"{flag}: {error}") from error
 
 
 def is_scene_file(given):
@@ -176,9 +228,7 @@ def load_scene(given, options):
     Raises `clfur.Error` for what cannot be loaded, and click.UsageError for options that have no say: the
     scene file sets them itself, or they are of another fur than is chosen.
     """
-    context = click.get_current_context()
-    flags = {option.name: option.opts[0] for option in context.command.params if option.name in options
-             and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE}
+    flags = _given(options)
     settings = _settings(flags, options)
     if not is_scene_file(given):
         _check_fur(flags, options)
@@ -238,7 +288,8 @@ def _run(path):
         lines = [place.lineno for place in traceback.extract_tb(error.__traceback__) if place.filename == path]
         line = error.lineno if isinstance(error, SyntaxError) and error.filename == path else lines[-1] if lines else 0
         kind = "" if isinstance(error, Error) else f"{type(error).__name__}: "
-        raise Error(f"{path}, line {line}: {kind}{error.msg if isinstance(error, SyntaxError) else error}") from error
+        said = f"{error.msg if isinstance(error, SyntaxError) else error}{_known(error)}"
+        raise Error(f"{path}, line {line}: {kind}{said}") from error
     scene, settings = there.get("scene"), there.get("settings")
     if not isinstance(scene, Scene):
         raise Error(f"{path} sets {f'scene = {scene!r:.60}' if 'scene' in there else 'no scene'}; "
@@ -248,9 +299,18 @@ def _run(path):
     return scene, settings
 
 
+def _known(error):
+    """For a scene file's error: the fields of the class of ours that was given another; or ""."""
+    found = re.match(r"(\w+)\.__init__\(\) got an unexpected keyword", str(error))
+    kind = found and getattr(clfur, found[1], None)
+    if not (isinstance(error, TypeError) and isinstance(kind, type) and attrs.has(kind)):
+        return ""
+    return f"; allowed: {', '.join(field.alias for field in attrs.fields(kind) if field.init)}"
+
+
 def _scene(mesh, options):
     """The scene of a mesh that the options describe."""
-    options = options | {"rest": None if options["rest"] is None else load_mesh(options["rest"])}
+    options = options | {"rest": None if options["rest"] is None else read_for("--rest", load_mesh, options["rest"])}
     _, radius = (options["rest"] or mesh).bounds   # hair is as long in every pose
     kind, length = options["fur"], options["length"]
     if length is None:
@@ -263,7 +323,10 @@ def _scene(mesh, options):
     if options.get("specular") == "half-vector":   # the other is that of looks which say nothing
         fur = highlighted(tuple(fur), "half-vector")
 
-    camera = frame(mesh, fur, options["size"], options["fov"])
+    height = options["ground"]
+    ground = None if height is None else Ground(None if height == "lowest" else height)
+    lights = _lights(options["lights"], mesh.bounds[0])
+    camera = frame(mesh, fur, options["size"], options["fov"], ground=ground, lights=lights)
     if options["eye"] or options["target"]:
         target = options["target"] or tuple(camera.target)
         eye = options["eye"] or tuple(camera.eye + target - camera.target)
@@ -271,22 +334,21 @@ def _scene(mesh, options):
         upright = aside > 1e-3 * up
         camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
                         fov=options["fov"], size=options["size"])
-    height = options["ground"]
-    ground = None if height is None else Ground(None if height == "lowest" else height)
-    return Scene(mesh=mesh, fur=fur, camera=camera, light=_lights(options["lights"]), environment=options["sky"],
+    return Scene(mesh=mesh, fur=fur, camera=camera, light=lights, environment=options["sky"],
                  body=options["body"], ground=ground, **_body_color(options))
 
 
-def _lights(texts):
-    """The `Light`s of texts; ambient light, where a text has none, comes with the first."""
-    return [light_of(text, {"ambient": 0.0} if number else {}) for number, text in enumerate(texts)]
+def _lights(texts, middle):
+    """The `Light`s of texts, in which spots without a direction look at the middle [3] of the mesh; ambient light,
+    where a text has none, comes with the first."""
+    return [light_of(text, {"ambient": 0.0} if number else {}, middle) for number, text in enumerate(texts)]
 
 
 def _body_color(options):
     """{"body_color"} of the options or else of the mesh's file; {} for a scene's own."""
     color, picture = options["body_color"], options["body_texture"]
     if picture is not None:
-        return {"body_color": Material(color or (1, 1, 1), load_picture(picture))}
+        return {"body_color": Material(color or (1, 1, 1), read_for("--body-texture", load_picture, picture))}
     if color is not None or options["body"] == "holdout":   # which is not seen
         return {} if color is None else {"body_color": color}
     materials = load_materials(options["given"])
@@ -357,24 +419,35 @@ def _strands(options, length, radius, faces):
     if options["type_map"] is not None and options["types"] is None:
         raise click.UsageError("--type-map needs --types, the hair types that its colours mean")
     return Strands(
-        types=[HairType(**hair)] if options["types"] is None else _hair_types(options["types"], hair),
+        types=[HairType(**hair)] if options["types"] is None else read_for(
+            "--types", lambda path: _hair_types(path, hair), options["types"]),
         type_map=None if options["type_map"] is None else _type_map(options["type_map"]),
         **density(options, faces), **{name: options[name] for name in ("surface", "force", "seed", "rest")})
 
 
 def _type_map(path):
-    pixels = load_picture(path)
+    pixels = read_for("--type-map", load_picture, path)
     if pixels.dtype != np.uint8:
-        raise Error(f"{path}: has more than 8 bits a channel; allowed in a type map: 8, as the keys of types have")
+        raise Error(f"--type-map: {path}: has more than 8 bits a channel; allowed in a type map: 8, as the keys of "
+                    "types have")
     return pixels
+
+
+def _once(pairs):
+    """The dict of a JSON object's pairs; ValueError for a name that is there twice."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"{next(name for name in names if names.count(name) > 1)!r:.40} is there twice in an object")
+    return found
 
 
 def _hair_types(path, defaults):
     """The hair types of a JSON file; raises `clfur.Error` naming the file, the type and the field."""
     try:
-        listed = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise Error(f"{path}: {error.strerror}") from None
+        listed = json.loads(read(Path(path)).decode("utf-8-sig"), object_pairs_hook=_once)
+    except Error:
+        raise
     except (ValueError, RecursionError) as error:
         raise Error(f"{path} is not JSON: {error}") from None
     if not isinstance(listed, list) or not all(isinstance(fields, dict) for fields in listed):

@@ -12,7 +12,7 @@ from ..files.images import check_writable, load_picture
 from ..judge.frontier import label
 from ..scene import backdrop
 from .devices import ask_drivers
-from .options import is_scene_file, load_scene, lowered, scene_options, sparse
+from .options import is_scene_file, load_scene, lowered, read_for, scene_options, sparse
 from .types import Backdrop, Bytes, Names
 from .waiting import waiting
 
@@ -115,7 +115,7 @@ def _told(lights):
 def _background(given, size):
     """What `over` takes, of the option's colour or picture, for a picture of (width, height)."""
     if isinstance(given, str):
-        return backdrop(load_picture(given), size, f"{given}, the --background,")
+        return backdrop(read_for("--background", load_picture, given), size, f"--background: {given}")
     return backdrop(given, size, "--background")
 
 
