@@ -32,22 +32,29 @@ FORMATS = ", ".join((*READERS, *USD))
 SHADES = 255     # of transparency that strands of one file may differ by
 
 
-def load_curves(path: str | os.PathLike, *, width: float | None = None, tolerance: float = 0.25,
+def load_curves(path: str | os.PathLike, *, width: float | None = None, color: Any = None, tolerance: float = 0.25,
                 time: float | None = None) -> Curves:
     """Return the `Curves` of a strand file.
 
     path: str or path-like; .hair (cyHair), .tfx (TressFX 4), .data (USC-HairSalon), .ply (strands or edges), .npz,
     .npy, and with usd-core .usd, .usda, .usdc, .usdz (BasisCurves), by suffix; docs/formats.md says of each what its
     width means, where the root is, and its units. width: the strands' diameter where the file says none; None: 0.0012
-    of half the diagonal of all strands. tolerance: how far a polyline may be from a cubic curve of USD, in its widths.
-    time: of USD's time samples, in its time codes; None: the first.
+    of half the diagonal of all strands. color: RGB, linear light, where the file says none; None: a HairType's.
+    tolerance: how far a polyline may be from a cubic curve of USD, in its widths. time: of USD's time samples, in its
+    time codes; None: the first.
     Strands whose transparency differs become types. Raises Error, one line that names the file, for one that is
     missing, damaged, cut short, without strands, no regular file or of more than 2**30 bytes.
     """
+    given = {"width": None if width is None else checks.real(low=0)(width, "load_curves width"), "color": color}
+    return curves_of(path, {name: value for name, value in given.items() if value is not None}, tolerance, time)
+
+
+def curves_of(path: str | os.PathLike, given: dict[str, Any], tolerance: float = 0.25, time: float | None = None
+              ) -> Curves:
+    """Return the `Curves` of a file; ``given``: fields of theirs where the file says nothing of them."""
     if not is_path(path):
         raise Error(f"load_curves path is {shown(path)}; allowed: a file's name")
     file = Path(path)
-    given = None if width is None else checks.real(low=0)(width, "load_curves width")
     tolerance = checks.real(low=1e-3, high=1e3)(tolerance, "load_curves tolerance")
     time = None if time is None else checks.real()(time, "load_curves time")
     suffix = file.suffix.lower()
@@ -105,7 +112,7 @@ def stored(curves: Curves) -> dict[str, Any]:
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _curves(strands, width):
+def _curves(strands, given):
     """The Curves of what a reader returns: as `stored`, but color may also be sRGB, values may be per strand, and width
     and the rest may be missing."""
     points, counts = np.asarray(strands["points"]), strands.get("counts")
@@ -121,11 +128,12 @@ def _curves(strands, width):
     for name, tail in ("width", ()), ("color", (3,)):
         if name in strands:
             fields[name] = _by_strand(np.asarray(strands[name]), tail, counts)
-    if "width" not in fields or not np.any(fields["width"]):
-        fields["width"] = width if width is not None else usual_width(points)
+    if not np.any(fields.get("width", 0)):
+        fields["width"] = given.get("width", usual_width(points))
     if "transparency" in strands:
-        fields |= _types(np.asarray(strands["transparency"], np.float64), counts)
-    return Curves(points, counts, **fields)
+        fields |= _types(np.asarray(strands["transparency"], np.float64), counts, given.get("look"))
+        given = {name: value for name, value in given.items() if name not in ("alpha", "look") or "alpha" in fields}
+    return Curves(points, counts, **{**given, **fields})
 
 
 def _by_strand(values, tail, counts):
@@ -139,7 +147,7 @@ def _by_strand(values, tail, counts):
     return roots[:, None] if np.array_equal(np.repeat(roots, counts, axis=0), values) else values
 
 
-def _types(clear, counts):
+def _types(clear, counts, look):
     """{"alpha"} of transparency that is the same for all, else {"types", "type_of"} of each strand's mean."""
     if not (np.isfinite(clear).all() and clear.min() >= 0 and clear.max() <= 1):
         raise Error(f"has transparencies of {clear.min():g} to {clear.max():g}; allowed: 0 to 1")
@@ -150,4 +158,4 @@ def _types(clear, counts):
         ends = np.cumsum(counts)
         clear = (sums[ends] - sums[ends - counts]) / np.maximum(counts, 1)
     steps, type_of = np.unique(np.rint(clear.ravel() * SHADES).astype(np.uint8), return_inverse=True)
-    return {"types": [HairType(alpha=float(step) / SHADES) for step in steps], "type_of": type_of}
+    return {"types": [HairType(alpha=float(step) / SHADES, look=look) for step in steps], "type_of": type_of}
