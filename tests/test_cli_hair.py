@@ -15,8 +15,8 @@ def test_grown_strands_come_back(clfur, tmp_path):
 @pytest.mark.parametrize("arguments, says", [
     (["render", "sphere", "--hair", "hair.np"], "hair.np: no such file"),
     (["render", "sphere", "--hair", "bad.hair"], "bad.hair: is no .hair file: it does not begin with HAIR"),
-    (["render", "sphere", "--hair", "bad.hair", "--curl", "1,2"], "--curl is for hair that grows, but --hair has its own; "
-                                                              "allowed: one of them"),
+    (["render", "sphere", "--hair", "bad.hair", "--curl", "1,2"], "--curl is for hair that grows, but --hair has its "
+                                                              "own; allowed: one of them"),
     (["render", "sphere", "--hair", "bad.hair", "--length", 1], "--length is for hair that grows"),
     (["render", "sphere", "--hair", "bad.hair", "--fur", "shells"], "--hair is for strands, but --fur is shells"),
     (["grow", "sphere", "-o", "a.abc"], "a.abc: .abc is not supported; allowed: .hair, "),
