@@ -31,6 +31,7 @@ from .. import (
     load_materials,
     load_mesh,
 )
+from ..files.curves import curves_of
 from ..files.images import load_picture
 from ..files.input import read
 from ..scene import frame, highlighted
@@ -82,6 +83,9 @@ _SCENE = [
                  help="A holdout hides and shades hair, but is not seen itself."),
     click.option("--ground", type=Height(), metavar="lowest|Y",
                  help="A level ground at the mesh's lowest point or at a height, of which the shadow alone is drawn."),
+    click.option("--hair", metavar="FILE",
+                 help="Strands of a file in place of grown ones, placed as the mesh is: .hair, .tfx, .data, .ply, "
+                      ".npz, .npy or USD.  --width, --color and --alpha count where it says none."),
     click.option("--rest", metavar="MESH",
                  help="The mesh in rest, of the same faces: lengths go by it, and N roots and the cells of shells stay "
                       "where they are on it in every pose."),
@@ -158,8 +162,11 @@ _SETTINGS = [
 ]
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "look", "type_map", "types", "curl", "wave",
-                     "raster", "masks", "scattering", "lod", "sky"),
+                     "raster", "masks", "scattering", "lod", "sky", "hair"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
+# Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
+_GROWN = "segments", "force", "force_weight", "roots", "type_map", "types", "curl", "wave", "rest"
+_GROWN_OR_SHELLS = "length", "variation"
 
 
 def scene_options(command, size="640x480", settings=True):
@@ -266,6 +273,11 @@ def _check_fur(flags, options):
             if name in flags:
                 raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
                                        f"allowed: with --fur {fur} or --fur both")
+    if options["hair"]:
+        for name in _GROWN + (_GROWN_OR_SHELLS if options["fur"] == "strands" else ()):
+            if name in flags:
+                raise click.UsageError(f"{flags[name]} is for hair that grows, but --hair has its own; allowed: one of "
+                                       "them")
     if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
         raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
                                "allowed: with --pattern cells or --fur both")
@@ -319,7 +331,7 @@ def _scene(mesh, options):
     if kind != "strands":
         fur.append(_shells(options, length / 2 if kind == "both" else length, radius))
     if kind != "shells":
-        fur.append(_strands(options, length, radius, len(mesh.faces)))
+        fur.append((_hair if options["hair"] else _strands)(options, length, radius, len(mesh.faces)))
     if options.get("specular") == "half-vector":   # the other is that of looks which say nothing
         fur = highlighted(tuple(fur), "half-vector")
 
@@ -423,6 +435,14 @@ def _strands(options, length, radius, faces):
             "--types", lambda path: _hair_types(path, hair), options["types"]),
         type_map=None if options["type_map"] is None else _type_map(options["type_map"]),
         **density(options, faces), **{name: options[name] for name in ("surface", "force", "seed", "rest")})
+
+
+def _hair(options, length, radius, faces):
+    """The `Curves` of the strand file that the options name; what it does not say is theirs."""
+    levels = density(options, faces)
+    given = {name: options[name] for name in ("width", "color", "alpha", "look", "surface", "seed")}
+    given |= {"inner": levels["inner"], "outer": levels["outer"]}
+    return curves_of(options["hair"], {name: value for name, value in given.items() if value is not None})
 
 
 def _type_map(path):

@@ -48,7 +48,7 @@ def render(given, output, outputs, background, device, memory, as_json, **option
     Python file (.py) that sets `scene`, a clfur.Scene, and maybe `settings`, a clfur.Settings.
     """
     output = Path(Path(given).stem + ".png" if output is None else output)
-    read = [given, *(options[name] for name in ("type_map", "types", "rest", "body_texture"))]
+    read = [given, *(options[name] for name in ("hair", "type_map", "types", "rest", "body_texture"))]
     _check_files(output, outputs, background, read)
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
