@@ -93,6 +93,9 @@ HairType = np.dtype([
     ("shape", *_float4),              # segment_length, width [world], force_weight, direction_variation
     ("curl", *_float4),               # radius [world], cos and sin of the angle a segment, length_variation
     ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment, -
+    ("taper", *_float4),              # shares of the width: at the root, gained to the tip; 1 / taper - 2; -
+    ("root", *_float4),               # linear r, g, b there, -; where points have colours
+    ("tip", *_float4),
     ("shine", *_float4),              # two numbers of its model, in most specular and exponent; alpha; MODELS
     ("lobes", *_float4),              # of a Chiang: roughness along and around the strand, tilt [radians], index
     ("counts", *_int4),               # segments; texture's first texel, width, height (width 0: none)

@@ -20,6 +20,7 @@ import clfur
 from .. import (
     PRESETS,
     Camera,
+    Chiang,
     Error,
     Ground,
     HairType,
@@ -103,6 +104,11 @@ _STRANDS = [
     click.option("--width", type=click.FloatRange(0), metavar="W",
                  help="Diameter of a strand in the mesh's units.  [default: 0.0012 of half the mesh's diagonal, but at "
                       "most a tenth of the length]"),
+    click.option("--tip-width", type=click.FloatRange(0, 16), default=0.2, metavar="SHARE",
+                 help="Of its width, what a strand has at its tip."),
+    click.option("--root-color", type=Color(), metavar="COLOR",
+                 help="Of a strand at its root.  [default: half of --color's light; with --look chiang as --color]"),
+    click.option("--tip-color", type=Color(), metavar="COLOR", help="Of a strand at its tip.  [default: --color]"),
     click.option("--look", type=Look(), metavar="LOOK",
                  help="How strands scatter light: kajiya or chiang (real hair), and its fields, as "
                       "chiang:azimuthal_roughness=0.4,eumelanin=1.3 or chiang:absorption=0.1/0.3/0.9.  "
@@ -161,11 +167,12 @@ _SETTINGS = [
                  help="How wide the blur is."),
 ]
 # Names of the options that only one kind of fur has.
-_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "look", "type_map", "types", "curl", "wave",
-                     "raster", "masks", "scattering", "lod", "sky", "hair"),
+_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "tip_width", "root_color", "tip_color", "look",
+                     "type_map", "types", "curl", "wave", "raster", "masks", "scattering", "lod", "sky", "hair"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 # Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
-_GROWN = "segments", "force", "force_weight", "roots", "type_map", "types", "curl", "wave", "rest"
+_GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "force_weight", "roots", "type_map", "types",
+          "curl", "wave", "rest")
 _GROWN_OR_SHELLS = "length", "variation"
 
 
@@ -421,6 +428,9 @@ def _strands(options, length, radius, faces):
         "segment_length": length / max(options["segments"], 1),
         # Short fur on a mesh with a wide ground: strands that are wider than long would cover all of the picture.
         "width": min(0.0012 * radius, 0.1 * length) if options["width"] is None else options["width"],
+        "tip_width": options["tip_width"],
+        "root_color": options["root_color"],
+        "tip_color": options["tip_color"],
         "force_weight": options["force_weight"],
         "curl": options["curl"],
         "wave": options["wave"],
@@ -431,7 +441,7 @@ def _strands(options, length, radius, faces):
     if options["type_map"] is not None and options["types"] is None:
         raise click.UsageError("--type-map needs --types, the hair types that its colours mean")
     return Strands(
-        types=[HairType(**hair)] if options["types"] is None else read_for(
+        types=[_hair_type(hair)] if options["types"] is None else read_for(
             "--types", lambda path: _hair_types(path, hair), options["types"]),
         type_map=None if options["type_map"] is None else _type_map(options["type_map"]),
         **density(options, faces), **{name: options[name] for name in ("surface", "force", "seed", "rest")})
@@ -443,6 +453,14 @@ def _hair(options, length, radius, faces):
     given = {name: options[name] for name in ("width", "color", "alpha", "look", "surface", "seed")}
     given |= {"inner": levels["inner"], "outer": levels["outer"]}
     return curves_of(options["hair"], {name: value for name, value in given.items() if value is not None})
+
+
+def _hair_type(fields):
+    """A `HairType`, whose roots are half as bright where nothing is said; a Chiang's pigment may be all its colour."""
+    kind = HairType(**fields)
+    if kind.root_color is None and not isinstance(kind.look, Chiang):
+        kind = attrs.evolve(kind, root_color=kind.color / 2)
+    return kind
 
 
 def _type_map(path):
@@ -481,13 +499,14 @@ def _hair_types(path, defaults):
         try:
             if isinstance(texture := fields.get("color_texture"), str):
                 fields["color_texture"] = load_picture(Path(path).parent / texture)
-            if isinstance(color := fields.get("color"), str):
-                fields["color"] = from_hex(color)
+            for name in ("color", "root_color", "tip_color"):
+                if isinstance(color := fields.get(name), str):
+                    fields[name] = from_hex(color)
             if isinstance(look := fields.get("look"), str):
                 fields["look"] = look_of(look)
             elif "specular" in fields or "exponent" in fields:   # they make one
                 fields.setdefault("look", None)
-            types.append(HairType(**{**defaults, **fields}))
+            types.append(_hair_type({**defaults, **fields}))
         except ValueError as error:   # clfur.Error is one
             raise Error(f"{where}: {error}") from None
     return types

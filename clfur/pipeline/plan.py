@@ -55,12 +55,12 @@ from .views import Rig
 # Bytes on the device, of all arrays that stages make, as they declare them.
 VERTEX, TRIANGLE = Surface.bytes(vertex=1), Surface.bytes(triangle=1) + AREA.bytes
 POINT, STRAND = DeviceStrands.bytes(point=1), DeviceStrands.bytes(strand=1, color=1, run=1) + ROOTS.bytes
+COLOR = DeviceStrands.bytes(color=1)    # of a point, where it has one
 # More of the user's strands: of a point, where each has a width and a colour, and of a strand.
 PACKED = Packed.bytes(point=1, width=1, color=1) + DeviceStrands.bytes(color=1)
 RUN = DeviceStrands.bytes(run=1)        # and where strands differ in points
 PUT_IN_ORDER = Packed.bytes(strand=1) + Order.bytes(strand=1) + DeviceStrands.bytes("spans", strand=1)
 THIN_POINT, THIN_STRAND = DeviceStrands.bytes(*THINNED, point=1), DeviceStrands.bytes(*THINNED, strand=1)
-THIN_COLOR = DeviceStrands.bytes("colors", color=1)                               # where points have colours
 MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
 OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
 OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1) + GRAINS.bytes + OPEN.bytes
@@ -472,9 +472,11 @@ class Plan:
         strand, point = (STRAND, POINT) if self.grown else (STRAND + PUT_IN_ORDER, POINT + PACKED)
         if isinstance(fur, Curves) and fur.uniform is None:
             point += RUN
+        if self.grown and fur.shaded:
+            point += COLOR
         if self.settings.lod:
-            per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
-            strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
+            per_point = fur.shaded if self.grown else len(fur.color) == len(fur.points)
+            strand, point = strand + THIN_STRAND, point + THIN_POINT + COLOR * per_point
         if gpu.steps:
             strand += RESTS.bytes + STAGES.bytes
             point += 0 if self.uses_coverage else LEFT.bytes
