@@ -352,7 +352,6 @@ def test_what_is_said_twice(clfur, tmp_path, arguments, words):
     (["--sky", "no.hdr"], "'--sky': no.hdr: no such file"), (["--sky", ""], "'--sky': '' is neither"),
     (["--sky", "nan,1,1"], "'--sky': 'nan,1,1' is neither"),
     (["--sky", "1e12,0,0"], "'--sky': '1e12,0,0' is neither a colour, R,G,B of 0 to 1e+09 each"),
-    (["--sky", "1,1,1", "--ground", "lowest"], "--sky: Scene.environment and Scene.ground are given"),
     (["--length", "nan"], "--length: HairType.segment_length is nan"),
     (["--fur", "shells", "--length", "0"], "--length: Shells.length is 0.0"),
     (["--variation", "nan"], "--variation: HairType.length_variation is nan"),
