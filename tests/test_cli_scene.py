@@ -143,10 +143,10 @@ def test_each_option_is_of_strands_or_of_shells_or_of_both():
     for fur in ("strands", "shells"):
         alone = {"strands": STRANDS, "shells": SHELLS}[fur]
         for flag, value in ({**alone, **SHARED, "--fur": fur}).items():
-            if flag not in ("--type-map", "--types", "--body-texture"):
+            if flag not in ("--type-map", "--types", "--body-texture", "--hair"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
-    for flag in "--type-map", "--types", "--body-texture", "--sky":   # a sky shines on strands alone
+    for flag in "--type-map", "--types", "--body-texture", "--hair", "--sky":   # a sky shines on strands alone
         del everything[flag]
     load("sphere", *(part for option in everything.items() for part in option))
 
