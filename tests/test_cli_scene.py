@@ -131,11 +131,12 @@ SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 
           "--wind": "0,0,0", "--time": 0, "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
           "--segments": 1, "--force": "0,0,0", "--force-weight": 1, "--seed": 1, "--eye": "9,9,9",
-          "--target": "0,0,0", "--fov": 30, "--light": "0,-1,0", "--shadows": "off", "--grid": 16, "--samples": 1,
+          "--target": "0,0,0", "--fov": 30, "--zoom": 2, "--light": "0,-1,0", "--shadows": "off",
+          "--grid": 16, "--samples": 1,
           "--shadow-map": 64, "--pcf": 0,
           "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
           "--preset": "draft", "--rest": "sphere", "--body": "holdout", "--body-color": "1,0,0", "--body-texture": "",
-          "--ground": -1.5}
+          "--ground": -1.5, "--view": "front"}
 
 
 def test_each_option_is_of_strands_or_of_shells_or_of_both():
@@ -147,7 +148,8 @@ def test_each_option_is_of_strands_or_of_shells_or_of_both():
             if flag not in ("--type-map", "--types", "--body-texture", "--hair"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
-    for flag in "--type-map", "--types", "--body-texture", "--hair", "--sky":   # a sky shines on strands alone
+    # A sky shines on strands alone; an eye is given too.
+    for flag in "--type-map", "--types", "--body-texture", "--hair", "--sky", "--view":
         del everything[flag]
     load("sphere", *(part for option in everything.items() for part in option))
 
@@ -383,3 +385,28 @@ def test_an_error_of_a_field_that_no_option_has_set(clfur, tmp_path):
     (tmp_path / "fur.py").write_text("import clfur\nscene = clfur.Scene(clfur.load_mesh('sphere'), clfur.Shells())\n"
                                      "settings = clfur.Settings(shadows='deep')")
     wrong(clfur("render", "fur.py"), "clfur: error: Settings.shadows is 'deep', but the scene has shells")
+
+
+@pytest.mark.parametrize("view, towards", [
+    ("front", (0, 0, 1)), ("back", (0, 0, -1)), ("left", (-1, 0, 0)), ("right", (1, 0, 0)), ("top", (0, 1, 0)),
+    ("90,0", (1, 0, 0)), ("0,-90", (0, -1, 0)), ("-45,0", (-.5**.5, 0, .5**.5))])
+def test_views(view, towards):
+    """All of the mesh is in the picture, from there; its middle stays when it is enlarged."""
+    scene, _ = load("sphere", "--view", view)
+    eye = scene.camera.pose[:3, 3]
+    np.testing.assert_allclose(eye / np.linalg.norm(eye), towards, atol=1e-3)   # it is centred exactly
+    near, _ = load("sphere", "--view", view, "--zoom", 3)
+    np.testing.assert_array_equal(near.camera.pose, scene.camera.pose)
+    assert near.camera.intrinsics[1, 1] == pytest.approx(3 * scene.camera.intrinsics[1, 1])
+
+
+@pytest.mark.parametrize("arguments, says", [
+    (["--view", "side"], "'side' is none of 34, front, back, left, right, top, nor AZIMUTH,ELEVATION in degrees"),
+    (["--view", "0,91"], "-90 to 90"), (["--view", "nan,0"], "none of"), (["--zoom", "0"], "--zoom"),
+    (["--view", "top", "--eye", "0,9,0"], "--view places the camera, and so does --eye; allowed: one of them")])
+def test_views_that_are_none(clfur, arguments, says):
+    wrong(clfur("render", "sphere", *arguments), says)
+
+
+def test_skin_is_as_the_hair_but_darker():
+    assert load("sphere", "--color", "1,.5,.25")[0].body_color == pytest.approx((.6, .3, .15))

@@ -37,7 +37,7 @@ from ..files.images import load_picture
 from ..files.input import read
 from ..scene import frame, highlighted
 from ..settings import CHOSEN, RASTERS, SCATTERING, SHADOWS
-from .types import Color, Height, LightText, Look, Numbers, Roots, Size, Sky, from_hex, light_of, look_of
+from .types import Color, Height, LightText, Look, Numbers, Roots, Size, Sky, View, from_hex, light_of, look_of
 
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
@@ -64,6 +64,11 @@ _SCENE = [
                  help="The camera's place.  [default: where it sees the whole mesh]"),
     click.option("--target", type=Numbers(3), metavar="X,Y,Z",
                  help="What it looks at.  [default: the mesh's centre]"),
+    click.option("--view", type=View(), metavar="VIEW",
+                 help="From where the camera sees all of the mesh: front (from +Z), back, left (from -X), right, top, "
+                      "34 (between front and right), or AZIMUTH,ELEVATION in degrees.  [default: near 34]"),
+    click.option("--zoom", type=click.FloatRange(0.01, 100), default=1.0, metavar="TIMES",
+                 help="How many times larger the middle of the picture is."),
     click.option("--fov", type=click.FloatRange(1e-3, 179.99), default=45.0, metavar="DEG",
                  help="Vertical field of view."),
     click.option("--light", "lights", type=LightText(), default=["1,-1,-0.6"], multiple=True, metavar="LIGHT",
@@ -77,7 +82,7 @@ _SCENE = [
                       "equirectangular picture, .hdr, .exr, .png.  Lights shine too: --light 'sun intensity=0' leaves "
                       "the sky alone.  [default: none]"),
     click.option("--body-color", type=Color(), metavar="COLOR",
-                 help="Base colour of the body.  [default: a glTF file's own, else 0.3,0.2,0.12]"),
+                 help="Base colour of the body.  [default: a glTF file's own, else 0.6 of --color's light]"),
     click.option("--body-texture", metavar="PICTURE",
                  help="Picture that is laid on the body by uv; --body-color, if given, multiplies it."),
     click.option("--body", type=click.Choice(["drawn", "holdout"]), default="drawn",
@@ -243,6 +248,8 @@ def load_scene(given, options):
     scene file sets them itself, or they are of another fur than is chosen.
     """
     flags = _given(options)
+    if "view" in flags and (other := next((flags[name] for name in ("eye", "target") if name in flags), None)):
+        raise click.UsageError(f"--view places the camera, and so does {other}; allowed: one of them")
     settings = _settings(flags, options)
     if not is_scene_file(given):
         _check_fur(flags, options)
@@ -345,7 +352,8 @@ def _scene(mesh, options):
     height = options["ground"]
     ground = None if height is None else Ground(None if height == "lowest" else height)
     lights = _lights(options["lights"], mesh.bounds[0])
-    camera = frame(mesh, fur, options["size"], options["fov"], ground=ground, lights=lights)
+    towards = {"direction": options["view"]} if options["view"] else {}
+    camera = frame(mesh, fur, options["size"], options["fov"], ground=ground, lights=lights, **towards)
     if options["eye"] or options["target"]:
         target = options["target"] or tuple(camera.target)
         eye = options["eye"] or tuple(camera.eye + target - camera.target)
@@ -353,6 +361,9 @@ def _scene(mesh, options):
         upright = aside > 1e-3 * up
         camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
                         fov=options["fov"], size=options["size"])
+    if options["zoom"] != 1:
+        fov = 2 * math.degrees(math.atan(math.tan(math.radians(camera.fov) / 2) / options["zoom"]))
+        camera = attrs.evolve(camera, fov=fov)
     return Scene(mesh=mesh, fur=fur, camera=camera, light=lights, environment=options["sky"],
                  body=options["body"], ground=ground, **_body_color(options))
 
@@ -371,7 +382,7 @@ def _body_color(options):
     if color is not None or options["body"] == "holdout":   # which is not seen
         return {} if color is None else {"body_color": color}
     materials = load_materials(options["given"])
-    return {"body_color": materials} if materials else {}
+    return {"body_color": materials or tuple(0.6 * part for part in options["color"])}
 
 
 def _shells(options, length, radius):
