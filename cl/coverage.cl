@@ -306,6 +306,37 @@ BY_HAND __kernel void reach(
     }
 }
 
+/* One work-item gives slots to those of MARKED segments that are marked, and takes their marks away. */
+__kernel void choose(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    __global ulong *marks,                 // [segments / 8, rounded up] a byte each: 1 or 0
+    __global const uint *ids,              // [segments] see `fill`
+    const uint n,                          // of these
+    volatile __global uint *taken,         // [1] slots so far
+    __global uint *slots,                  // [segments] whose number is in it
+    __global uint *chosen)                 // [slots] their ids
+{
+    WORK_ITEM(item);
+    const uint first = item * MARKED, until = first + MARKED < n ? first + MARKED : n;
+    uint marked = 0;
+    for (uint i = first; i < until; i += 8) {
+        const ulong eight = marks[i / 8];
+        marked += (uint)(eight * 0x0101010101010101ul >> 56);
+    }
+    uint slot = marked ? atomic_add(taken, marked) : 0;
+    for (uint i = first; marked && i < until; i += 8) {
+        ulong eight = marks[i / 8];
+        if (!eight)
+            continue;
+        marks[i / 8] = 0;
+        for (uint k = i; eight; ++k, eight >>= 8)
+            if (eight & 1) {
+                slots[k] = slot;
+                chosen[slot++] = ids[k];
+            }
+    }
+}
+
 /* Key of the first piece that may lie at a depth; NOTHING: behind all. */
 INLINED long key_at(uint depth)
 {
@@ -497,7 +528,7 @@ ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global
             pixels_of(t, &chunk, m, pixels);
             for (int i = 0; i < m; ++i)
                 if (((const ulong *)pixels)[i] & t->open) {
-                    if (picture->lit)
+                    if (picture->lit && picture->glow->store->when == LIGHT_AT_ONCE)
                         PREFETCH(places_of(&picture->sent, chunk.number[i]));
                     draw(t, view, &chunk, i);
                 }
@@ -530,8 +561,16 @@ ALONE BY_HAND __kernel void tiles(
     __global const ulong *visible,         // [rows, width, samples] depth << 32 | id of the body
     const int has_shells,                  // 1: there is shell fur
     __global const ulong *sample_shells,   // [rows, width, samples] depth << 32 | face where half of it is gone
-    const int lit,                         // 1: there is light
-    __global const ulong *places,          // [survivors, sources, FEW_PLACES] light, see places.h
+    const int lit,                         // 1: there is light,
+    const int when,                        // and when it is added: see glow.h
+    const uint room,                       // for bundles of pieces that wait for light
+    volatile __global uint *taken,         // [1] of these
+    __global uint *bundles,                // [room, 4, GLOWS]
+    __global uint *nexts,                  // [room]
+    __global uint *heads,                  // [tiles or 0] the first bundle of each, and 1
+    __global ulong *marks,                 // [survivors / 8 or 0] a byte of each, 1: its light is looked at
+    __global const uint *slots,            // [survivors or 0] whose places it has
+    __global const ulong *places,          // [survivors or slots, sources, FEW_PLACES] light, see places.h
     const int sources,                     // lights, and one for a sky or for light from hair to hair
     __global const float *more,            // [rows of them, 32] see exact_light.h
     __global const Lobes *lobes,           // [types] see lobes.h; none where no type has that look
@@ -567,13 +606,24 @@ ALONE BY_HAND __kernel void tiles(
     if (tile < window.x || tile >= window.y)
         return;
     const uint first = starts[tile], n = starts[tile + 1] - first;
+    const Store store = {when, room, taken, (__global uint8 *)bundles, nexts, heads, (__global uchar *)marks, slots};
     Glow glow;
-    glow.n = 0;
+    begin_glow(&glow, &store);
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
                               lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_pieces}},
                              body_transmittance, alpha,
                              front, shell_front, image, &glow};
+    if (when == LIGHT_NOW && (!n || heads[tile] != NOTHING)) {
+        if (n)
+            glow_stored(&glow, &picture.sent, heads[tile]);
+        for (int p = 0; n && p < TILE * TILE; ++p) {
+            const int px = x * TILE + p % TILE, py = y * TILE + p / TILE;
+            if (px < size.x && py < size.y)
+                add_light(&picture, (size_t)py * size.x + px, glow.lights[p]);
+        }
+        return;
+    }
     if (!n && !has_shells && !slab.x && slab.y == NOTHING) {
         for (int py = y * TILE; py < (y + 1) * TILE && py < size.y; ++py)
             for (int px = x * TILE; px < (x + 1) * TILE && px < size.x; ++px)
@@ -598,6 +648,8 @@ ALONE BY_HAND __kernel void tiles(
         if (px < size.x && py < size.y) {
             t.bounds[p] = begin_pixel(&t.pixels[p], &picture, (size_t)py * size.x + px);
             t.bounds[p] = go_on_behind(&t.pixels[p], t.bounds[p], view.size.z, slab, kept + OF_PIXEL * p);
+            t.pixels[p].number = p;
+            glow.lights[p] = t.pixels[p].light;
             set_open(&t, p, !t.pixels[p].closed);
         }
     }
@@ -606,8 +658,17 @@ ALONE BY_HAND __kernel void tiles(
         go_through(&t, &view, &picture, sorted + first, n, grain, ends, ids, cuts);
         glow_all(&glow, &picture.sent);
     }
+    if (when == LIGHT_LATER && n) {
+        heads[tile] = glow.first;
+        for (uint i = first; glow.first == NOTHING && i < first + n; ++i)
+            store.marks[entries[i].y] = 1;
+        if (glow.first == NOTHING)             // it is drawn anew when there is light
+            return;
+    }
     for (int p = 0; p < TILE * TILE; ++p)
-        if (x * TILE + p % TILE < size.x && y * TILE + p / TILE < size.y)
+        if (x * TILE + p % TILE < size.x && y * TILE + p / TILE < size.y) {
+            t.pixels[p].light = glow.lights[p];
             end_slab(&t.pixels[p], &picture, slab, kept + OF_PIXEL * p, unfinished);
+        }
 #endif
 }
