@@ -23,7 +23,7 @@ HAIR = {"white": {"absorption": (0, 0, 0)}, "blond": {"eumelanin": .2, "pheomela
         "red": {"eumelanin": .1, "pheomelanin": 1.4}, "brown": {"eumelanin": 1.3, "pheomelanin": .2},
         "black": {"eumelanin": 8}}
 SUNS = {"sun": [((1, -1, -.6), (6, 6, 6))], "sky": [],                        # directions, irradiances
-        "three lights": [((1, -1, -.6), (4, 3.6, 3)), ((-1, -.4, -.5), (1, 1.4, 2)), ((.2, -.3, 1), (3, 3, 3))]}
+        "three lights": [((1, -1, -.6), (4, 3.6, 3)), ((-1, -.4, -.5), (1, 1.4, 2)), ((.2, -.3, -1), (3, 3, 3))]}
 BLACK, RED = (0, 0, 0), (.7, .1, .1)
 CASES = {f"{hair}, {light}": (hair, BLACK, light) for light in SUNS for hair in HAIR}
 CASES |= {f"white on red, {light}": ("white", RED, light) for light in ("sun", "sky")}
@@ -45,12 +45,13 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         kept = Path(options.keep or folder)
         kept.mkdir(exist_ok=True)
-        names = [name for name in CASES if options.only in name]
-        pictures = {name: [theirs_of(name, options, kept), *by_clfur(name, options.device)] for name in names}
-    wrong = [name for name, each in pictures.items() if not agrees(name, *each)]
+        pictures, wrong = {}, 0
+        for name in [name for name in CASES if options.only in name]:
+            pictures[name] = [theirs_of(name, options, kept), *by_clfur(name, options.device)]
+            wrong += not agrees(name, *pictures[name])
     if options.sheet:
         sheet(Path(options.sheet), pictures)
-    return bool(wrong)
+    return wrong > 0
 
 
 def agrees(name, theirs, on, off):
