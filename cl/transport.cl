@@ -24,6 +24,7 @@
 #define FAR 4                              // segments of a strand at whose ends alone light is looked up, where that is EVEN
 #define EVEN 0.75f                         // sides of a cell
 #define STRAIGHT 0.98f                     // cosine to its chord of each of them
+#define MOST (1.0f - 0x1p-24f)             // next to 1
 #define LARGEST 0.9f                      // ratio of what one order adds to what the one before does, from which it is told
 #define RAYS 8                             // of light through a cell, by which its mean is known
 
@@ -290,21 +291,19 @@ __kernel void direct(
     __global const Lobes *lobes,           // [types]
     __global const float4 *table,
     __global const float4 *kinds,          // [types, n, n, n, 2] see `kinds`
+    __global const float8 *dense,          // [n, n, n] see `kinds`
     __global const float *parts,           // [3, DIRECTIONS, PARTS_OF_ONE] see `phases`
-    __global float *first)                 // [n, n, n, CHANNELS, DIRECTIONS]
+    __global float *first)                 // [n, n, n, CHANNELS, DIRECTIONS] where hair is
 {
     WORK_ITEM(cell);
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const int n = sky.size.x;
     const size_t cells = (size_t)n * n * n;
     __global float *sent = first + cell * (CHANNELS * DIRECTIONS);
-    float amount = 0.0f;
+    if (dense[cell].s6 == 0.0f)
+        return;
     for (int k = 0; k < CHANNELS * DIRECTIONS; ++k)
         sent[k] = 0.0f;
-    for (uint i = 0; i < n_types; ++i)
-        amount += kinds[2 * (i * cells + cell) + 1].w;
-    if (amount == 0.0f)
-        return;
     const float side = 1.0f / sky.place.w;
     const float4 low = (float4)(sky.place.xyz + side * (float3)(cell % n, cell / n % n, cell / n / n), 0.0f);
     for (int i = 0; i < n_lights; ++i) {
@@ -346,13 +345,16 @@ __kernel void scatter(
     const uint n_types,
     const uint cells,
     __global const float4 *kinds,          // [types, cells, 2] see `kinds`
+    __global const float8 *dense,          // [cells] see `kinds`
     __global const float *phases,          // [types, TANGENTS, SHADES, from DIRECTIONS, to DIRECTIONS]
     __global const float *first,           // [cells, CHANNELS, DIRECTIONS] of lights' direct light
     __global const float *light,           // [cells, CHANNELS, DIRECTIONS] that comes from there
-    __global float *sent,                  // [cells, CHANNELS, DIRECTIONS] that goes on the same way
-    __global float2 *before)               // [cells, CHANNELS] sum of the light, and which share of it goes on
+    __global float *sent,                  // [cells, CHANNELS, DIRECTIONS] that goes on the same way, where hair is
+    __global float2 *before)               // [cells, CHANNELS] sum of the light, and which share of it goes on, likewise
 {
     WORK_ITEM(cell);
+    if (dense[cell].s6 == 0.0f)
+        return;
     const size_t place = cell * (CHANNELS * DIRECTIONS);
     for (int channel = 0; channel < CHANNELS; ++channel) {
         lanes sums[DIRECTIONS / LANES];
@@ -396,7 +398,7 @@ __kernel void passing(
     const uint cells,
     __global const float8 *dense,          // [cells] see `kinds`
     __global const float4 *towards,        // [DIRECTIONS] unit, where light comes from
-    __global float2 *passes,               // [DIRECTIONS, cells] shares
+    __global float2 *passes,               // [DIRECTIONS, cells] shares; the second is 1 where there is no hair, and only there
     __global float *keeps)                 // [cells] share of what hair in a cell sends that stays there, mean of directions
 {
     WORK_ITEM(cell);
@@ -409,10 +411,10 @@ __kernel void passing(
             + 2.0f * (w.x * w.y * m.s3 + w.x * w.z * m.s4 + w.y * w.z * m.s5);
         const float square = d * d - d * along, depth = sqrt(square > 0.0f ? square : 0.0f) / most;
         const float through = depth > 0.0f ? exp(-depth) : 1.0f, mean = depth > 0.02f ? (1.0f - through) / depth : 1.0f - 0.5f * depth;
-        passes[(size_t)k * cells + cell] = (float2)(through, mean);
+        passes[(size_t)k * cells + cell] = (float2)(through, d > 0.0f && mean > MOST ? MOST : mean);
         sum += 1.0f - mean;
     }
-    keeps[cell] = sum / DIRECTIONS;
+    keeps[cell] = m.s6 > 0.0f ? sum / DIRECTIONS : 0.0f;
 }
 
 /* One work-item takes the light of one direction through some rows of slices of cells across it, from the first that light
@@ -423,6 +425,7 @@ __kernel void sweep(
     const int n,
     const int2 turns,                      // slices: the first, one past the last
     const int rows,                        // of a slice that a work-item takes; all of them where there are several slices
+    const int all,                         // 1: light of all cells is told, 0: of those with hair or a body's surface
     __global const float2 *passes,         // [DIRECTIONS, n, n, n] see `passing`
     __global const float4 *towards,        // [DIRECTIONS] unit, where light comes from
     __global const float *sent,            // [n, n, n, CHANNELS, DIRECTIONS] see `scatter`
@@ -454,25 +457,29 @@ __kernel void sweep(
                 const size_t place = cell * (CHANNELS * DIRECTIONS) + number;
                 __global const float4 *four = before + v * width + u;
                 const float2 pass = passes[(size_t)number * n * n * n + cell];
-                const float4 source = (float4)(sent[place], sent[place + DIRECTIONS], sent[place + 2 * DIRECTIONS], 0.0f);
-                float4 there = beyond, glow = 0.0f;
+                float4 there = beyond, source = 0.0f, glow = 0.0f;
                 float open = 1.0f;
-                bool leaves = false;
+                bool leaves = false, told = all || pass.y < 1.0f;
+                if (pass.y < 1.0f)
+                    source = (float4)(sent[place], sent[place + DIRECTIONS], sent[place + 2 * DIRECTIONS], 0.0f);
                 if (turn)
                     there = corners[0] * four[0] + corners[1] * four[1] + corners[2] * four[width] + corners[3] * four[width + 1];
                 if (is_body) {
                     const float4 normal = faces[3 * cell];
                     open = 1.0f - normal.w;
                     leaves = dot3(normal, w) < 0.0f;
+                    told |= dot3(normal, normal) > 0.0f;
                     if (leaves)
                         glow = faces[3 * cell + 1];
                 }
                 const float hidden = open > there.w ? open - there.w : 0.0f, most_open = there.w + hidden;
                 there = most_open > 0.0f ? (there + hidden * glow) / most_open : 0.0f;
                 const float4 mean = pass.y * there + (1.0f - pass.y) * source;
-                light[place] = mean.x;
-                light[place + DIRECTIONS] = mean.y;
-                light[place + 2 * DIRECTIONS] = mean.z;
+                if (told) {
+                    light[place] = mean.x;
+                    light[place + DIRECTIONS] = mean.y;
+                    light[place + 2 * DIRECTIONS] = mean.z;
+                }
                 const float share = leaves ? 1.0f : open;
                 there = leaves ? open * there + (1.0f - open) * glow : there;
                 there = share * (pass.x * there + (1.0f - pass.x) * source);
@@ -494,11 +501,17 @@ __kernel void settle(
 {
     WORK_ITEM(item);
     __global float *its = light + item * DIRECTIONS, *earlier = sums + 2 * item;
-    const float stays = keeps[item / CHANNELS] * before[item].y, ratio = stays < LARGEST ? stays : LARGEST;
-    float sum = 0.0f;
+    const float keep = keeps[item / CHANNELS];
+    if (keep == 0.0f && turn < 0)
+        return;
+    float sum = 0.0f, more = 0.0f;
     for (int k = 0; k < DIRECTIONS; ++k)
         sum += its[k];
-    float more = (sum - before[item].x) * ratio / (1.0f - ratio);
+    if (keep > 0.0f) {
+        const float2 came = before[item];
+        const float stays = keep * came.y, ratio = stays < LARGEST ? stays : LARGEST;
+        more = (sum - came.x) * ratio / (1.0f - ratio);
+    }
     if (turn == 0 || turn == 1)
         earlier[turn] = sum + more;
     if (turn == 2) {

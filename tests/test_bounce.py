@@ -21,7 +21,7 @@ GRID = clfur.Settings(scattering="grid", grid=48)
 @pytest.mark.small
 def test_what_a_body_sends_is_the_twins(gpu):
     """Where it faces, what it sends of a light and of light in cells, and that light as harmonics."""
-    n, light, rng = 16, clfur.Light((-1, -2, -.5), color=(1, 2, 3)), np.random.default_rng(1)
+    n, light, rng = 8, clfur.Light((-1, -2, -.5), color=(1, 2, 3)), np.random.default_rng(1)
     packed = sky.sky_of((-1, -1.1, -.9), (1, 1, 1.2), n)
     held = sky.held(gpu, packed, True, 0)
     sky.deposit(gpu, packed, held, no_strands(gpu), tessellate(gpu, BOX, 1, 1, "flat"))

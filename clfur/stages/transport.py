@@ -117,7 +117,7 @@ def transport(gpu: Any, sky: np.void, held: sky_stage.Held, there: Any, lighting
                kinds=kinds, dense=dense)
     first, sent, light = (FIELD.empty(gpu, cells) for _ in range(3))
     gpu.launch("transport.direct", cells, sky=sky, n_types=types, lobes=scattering.lobes, table=scattering.lobe_table,
-               kinds=kinds, parts=made.parts, first=first, **lighting.arrays())
+               kinds=kinds, dense=dense, parts=made.parts, first=first, **lighting.arrays())
     faces = bounce.FACES.empty(gpu, 0)
     if is_body:
         faces = bounce.faces(gpu, sky, sky_stage.contents(gpu, sky, held), body_color, lighting)
@@ -126,11 +126,11 @@ def transport(gpu: Any, sky: np.void, held: sky_stage.Held, there: Any, lighting
     sums = gpu.empty(2 * CHANNELS * cells, np.float32)
     for order in range(orders):
         if order:
-            gpu.launch("transport.scatter", cells, n_types=types, cells=cells, kinds=kinds, phases=made.phases,
-                       first=first, light=light, sent=sent, before=before)
+            gpu.launch("transport.scatter", cells, n_types=types, cells=cells, kinds=kinds, dense=dense,
+                       phases=made.phases, first=first, light=light, sent=sent, before=before)
         if order and is_body:
             bounce.glow(gpu, body_color, made.directions, light, faces)
-        sweep(sent if order else first)
+        sweep(sent if order else first, order >= min(SETTLED - 3, orders - 1))
         if order and order < SETTLED:
             gpu.launch("transport.settle", cells * CHANNELS, turn=max(order - (SETTLED - 3), -1), keeps=keeps,
                        before=before, sums=sums, light=light)
@@ -149,10 +149,10 @@ def _sweeper(gpu, n, dense, outside, keeps, given):
     gpu.launch("transport.passing", cells, cells=cells, dense=dense, towards=towards, passes=passes, keeps=keeps)
     slices, rows = (1, 1) if gpu.lanes == 1 else (n, n)
 
-    def sweep(sent):
+    def sweep(sent, is_all):
         for turn in range(0, n, slices):
             gpu.launch("transport.sweep", DIRECTIONS * n // rows, n=n, turns=(turn, turn + slices), rows=rows,
-                       passes=passes, towards=towards, sent=sent, behind=behind, **given)
+                       all=is_all, passes=passes, towards=towards, sent=sent, behind=behind, **given)
     return sweep
 
 
