@@ -91,6 +91,18 @@ def test_directions_are_chosen_as_likely_as_they_say(look):
         assert (abs(values.mean(0) - expected) < 4.5 * values.std(0) / n**.5 + 2e-3 * expected).all()
 
 
+@pytest.mark.parametrize("lobe", range(4))
+def test_rough_hair_turns_light_as_its_look_says(lobe):
+    """So rough that half a turn cuts the logistic off."""
+    n, look = 40000, clfur.Chiang(.3, .9)
+    its = seen(look, 1)[0].take(np.zeros(n, int))
+    h, phi = np.full(n, .4), 2 * np.pi * np.arange(2000) / 2000
+    turns = its._turn(h, np.full(n, lobe), np.random.default_rng(2))
+    expected = chiang.turned(phi, its.theta[0], .4, .9, 1.55)[:, lobe] * 2 * np.pi / 2000
+    for of in np.cos, np.sin:
+        assert of(turns).mean() == pytest.approx((of(phi) * expected).sum(), abs=4 * n**-.5)
+
+
 def test_white_hair_takes_nothing_wherever_it_is_met():
     its, _, _ = seen(LOOKS[1], 500, (1, 1, 1))
     factor = its.choose(np.ones((500, 3)), np.random.default_rng(1))[1]
@@ -159,6 +171,24 @@ def test_all_that_is_white_cannot_be_seen_in_white(fields):
     picture = truth.picture(scene, 2, orders=truth.ALL)
     assert picture[..., 3].sum() > 20
     np.testing.assert_allclose(picture[..., :3], np.repeat(picture[..., 3:], 3, 2), rtol=1e-9)
+
+
+def test_paths_leave_a_ball_by_its_faces():
+    """Its normals lean over them, but nothing of a coarse ball hides its own faces."""
+    scene = clfur.Scene(mesh=ball(1), body_color=(.8, .5, .2), light=DARK, camera=CAMERA,
+                        environment=clfur.Environment())
+    picture = truth.picture(scene, 4, orders=truth.ALL)
+    np.testing.assert_allclose(picture[..., :3], picture[..., 3:] * (.8, .5, .2), rtol=1e-9)
+
+
+def test_a_flat_ambient_that_is_given_counts_once():
+    color = .9, .6, .3
+    scene = clfur.Scene(fur=tuft(color=color), mesh=floor(-.1), body_color=color, light=SUN, camera=CAMERA)
+    dark, ambient = (truth.picture(attrs.evolve(scene, light=attrs.evolve(SUN, ambient=a)), 4, orders=truth.ALL)
+                     for a in (0, .3))
+    np.testing.assert_allclose(ambient - dark, dark[..., 3:] * (.27, .18, .09, 0), atol=1e-9)
+    default = truth.picture(attrs.evolve(scene, light=attrs.evolve(SUN, ambient=.1)), 4, orders=truth.ALL)
+    np.testing.assert_array_equal(default, dark)
 
 
 def test_a_ball_of_light_is_lit_by_itself():
@@ -241,7 +271,7 @@ def test_the_same_seed_gives_the_same_picture():
 
 def test_what_cannot_be_followed_is_refused():
     scene = clfur.Scene(fur=clfur.Curves([[(0, 0, 0), (0, 1, 0)]]), camera=CAMERA)
-    with pytest.raises(clfur.Error, match="orders is not 0, but the look of hair is kajiya-kay; allowed: 0, or"):
+    with pytest.raises(clfur.Error, match="the look of hair is kajiya-kay; allowed: clfur.Chiang"):
         truth.picture(scene, 1, orders=2)
     for orders in (-1, 1.5, truth.ALL + 1):
         with pytest.raises(clfur.Error, match="orders"):

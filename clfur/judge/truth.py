@@ -143,7 +143,8 @@ def _check_looks(scene):
     types = () if fur is None else fur.hair_types if isinstance(fur, Curves) else fur.types
     other = next((kind.look.model for kind in types if kind.look.model != "chiang"), None)
     if other is not None:
-        raise Error(f"orders is not 0, but the look of hair is {other}; allowed: 0, or clfur.Chiang for all strands")
+        raise Error(f"light is to go from hair to hair, but the look of hair is {other}; allowed: clfur.Chiang for all "
+                    "strands (--look chiang), or orders=0")
 
 
 # --- the scene ------------------------------------------------------------------------------------------
