@@ -2,11 +2,13 @@
 
 import io
 import time
+from pathlib import Path
 
 import numpy as np
 
 import clfur
 from clfur import cache, measures, truth
+from clfur.device.scheduler import kernel_dir
 from clfur.judge.frontier import digest
 from clfur.scene import frame
 
@@ -39,6 +41,14 @@ def truths_of(scene):
         np.save(stream, found)
         cache.write(file, stream.getvalue())
     return np.load(file)
+
+
+def sources():
+    """Hash of all that pictures and their times hang on."""
+    here = Path(clfur.__file__).parent
+    files = [file for name in ("scene", "device", "stages", "pipeline") for file in here.joinpath(name).rglob("*.py")]
+    files += [file for file in kernel_dir().iterdir() if file.suffix in (".cl", ".h")]
+    return digest([[file.name, file.read_bytes()] for file in sorted(files, key=str)])
 
 
 def error_of(picture, truths):
