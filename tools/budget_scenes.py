@@ -15,8 +15,12 @@ from clfur.scene import frame
 SAMPLES = 6   # of each of two truths, squared, a pixel
 
 
-def furry(mesh, strands, pixels, length, away=1.0, size=(160, 120), light=(1, -1, -0.6), segments=8, **hair):
-    """A mesh with so many strands, so many pixels wide, so long (in its radii), as much further than fits."""
+def furry(mesh, strands, pixels, length, away=1.0, size=(160, 120), light=(1, -1, -0.6), segments=8, environment=None,
+          **hair):
+    """A mesh with so many strands, so many pixels wide, so long (in its radii), as much further than fits.
+
+    ``light``: a direction, or what `clfur.Scene` takes.
+    """
     mesh = clfur.load_mesh(mesh) if isinstance(mesh, str) else mesh
     center, radius = mesh.bounds
 
@@ -30,7 +34,8 @@ def furry(mesh, strands, pixels, length, away=1.0, size=(160, 120), light=(1, -1
     eye = near.target + away * (near.eye - near.target)
     camera = clfur.Camera(eye=eye, target=near.target, size=size)
     width = pixels * np.linalg.norm(eye - center) / camera.intrinsics[1, 1]
-    return clfur.Scene(mesh=mesh, fur=fur(width), camera=camera, light=clfur.Light(direction=light))
+    light = clfur.Light(direction=light) if isinstance(light[0], (int, float)) else light
+    return clfur.Scene(mesh=mesh, fur=fur(width), camera=camera, light=light, environment=environment)
 
 
 def truths_of(scene):
