@@ -123,6 +123,16 @@ def test_preset():
     assert load("sphere", "--grid", 96, "--preset", "final")[1].grid == 96   # also where it is the default's
 
 
+def test_a_preset_that_the_scene_refuses():
+    """The next below is taken, and told; options beside it still count."""
+    with pytest.warns(UserWarning, match="^--preset reference: Settings.shadows is 'deep', but the scene has shells; "
+                                         "drawn with 4 samples, coverage, length 32, masks 4, blur all$"):
+        taken = load("sphere", "--fur", "both", "--preset", "reference", "--grid", 32, "--blur", "all")[1]
+    assert taken == Settings(grid=32, masks=4, blur="all")
+    beside = load("sphere", "--preset", "reference", "--scattering", "grid")[1]   # which no preset mends
+    assert beside == attrs.evolve(PRESETS["reference"], scattering="grid")
+
+
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
            "--types": "a.json", "--curl": "0,0", "--look": "chiang", "--wave": "0,0", "--raster": "samples",
            "--lod": 0.5, "--tip-width": 1, "--root-color": "1,1,1", "--tip-color": "1,1,1",

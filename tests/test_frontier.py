@@ -228,9 +228,11 @@ def test_sweep(sphere, fur):
     assert {layers for _, layers in ways} == ({8, 15, 30, 60} if fur in ("shells", "both") else {None})
     assert {settings.grid for settings, _ in ways} == (
         {96} if fur == "none" else {32, 48, 64, 96, 128} | (
-            {settings.grid for settings in clfur.PRESETS.values()} if fur in ("strands", "both") else set()))
+            {160, 256} if fur in ("strands", "both") else set()))
     named = {settings for settings, _ in ways} & {*clfur.PRESETS.values()}
-    assert len(named) == (len(clfur.PRESETS) if fur in ("strands", "both") else 0)
+    assert len(named) == {"strands": 5, "both": 4}.get(fur, 0)   # shells refuse "deep"
+    assert {(settings.shadows, settings.masks) for settings, _ in ways if settings.masks} == {
+        "strands": {("length", 4), ("deep", 4)}, "both": {("length", 4)}}.get(fur, set())
     assert {settings.filtered for settings, _ in ways} == ({True, False} if fur in ("shells", "both") else {True})
 
 

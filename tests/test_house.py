@@ -87,7 +87,7 @@ SEES = {
     "budget": "errors scene settings measures fitted pipeline",
     "render": "errors scene settings device pipeline budget",
     "judge": "errors color cache measures layout settings scene files device budget render twin stages.tessellate",
-    "command": "clfur errors color cache settings scene files device judge",
+    "command": "clfur errors color cache settings scene files device budget judge",
     "_moved": "", "__main__": "command", "__init__": "*",
 }
 GUARDED = {"pyopencl", "trimesh", "mapbox_earcut", "imageio", "OpenEXR", "Imath"}

@@ -8,6 +8,7 @@ import re
 import runpy
 import sys
 import traceback
+import warnings
 from pathlib import Path
 
 import attrs
@@ -32,9 +33,11 @@ from .. import (
     load_materials,
     load_mesh,
 )
+from ..budget import LADDER, refused
 from ..files.curves import curves_of
 from ..files.images import load_picture
 from ..files.input import read
+from ..judge.frontier import label
 from ..scene import frame, highlighted
 from ..settings import CHOSEN, RASTERS, SCATTERING, SHADOWS
 from .types import Color, Height, LightText, Look, Numbers, Roots, Size, Sky, View, from_hex, light_of, look_of
@@ -145,7 +148,8 @@ _SHELLS = [
 ]
 _SETTINGS = [
     click.option("--preset", type=click.Choice(list(PRESETS)),
-                 help="Settings that were measured to be worth their time; options beside it count more."),
+                 help="Settings that were measured to be worth their time, from draft, the fastest, to reference, the "
+                      "nearest to the truth (masks and deep shadows); options beside it count more."),
     click.option("--raster", type=click.Choice(RASTERS), default="coverage",
                  help="Strands transparent by the area that they cover, or opaque in each sample."),
     click.option("--shadows", type=click.Choice(SHADOWS), default="length",
@@ -254,7 +258,8 @@ def load_scene(given, options):
     if not is_scene_file(given):
         _check_fur(flags, options)
         _check_blur(flags, settings)
-        return _scene(load_mesh(given), options | {"given": given}), settings
+        scene = _scene(load_mesh(given), options | {"given": given})
+        return scene, _taken(scene, settings, flags, options)
     scene, given_settings = _run(given)
     # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
     for name, flag in flags.items():
@@ -263,7 +268,7 @@ def load_scene(given, options):
     _check_blur(flags, settings)
     if "specular" in flags:
         scene = attrs.evolve(scene, fur=highlighted(scene.fur, options["specular"]))
-    return scene, given_settings or settings
+    return scene, given_settings or _taken(scene, settings, flags, options)
 
 
 def _settings(flags, options):
@@ -278,6 +283,20 @@ def _settings(flags, options):
     if preset := options.get("preset"):
         return attrs.evolve(PRESETS[preset], **{name: value for name, value in values.items() if name in flags})
     return Settings(**values)
+
+
+def _taken(scene, settings, flags, options):
+    """The `Settings`, but of a preset that the scene refuses those of the rung below that it takes; which is told."""
+    why = options.get("preset") and refused(scene, settings)
+    for rung in reversed(LADDER[:LADDER.index(PRESETS[options["preset"]])] if why else ()):
+        if rung.raster != settings.raster:   # cheap ones, and another picture
+            continue
+        lower = attrs.evolve(rung, **{name: getattr(settings, name) for name in flags if hasattr(settings, name)})
+        if not refused(scene, lower):
+            warnings.warn(f"--preset {options['preset']}: {why.partition(';')[0]}; drawn with {label(lower)}",
+                          stacklevel=2)
+            return lower
+    return settings
 
 
 def _check_fur(flags, options):

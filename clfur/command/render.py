@@ -30,8 +30,8 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
               help="What the picture is laid over, which then has no alpha: R,G,B, '#rrggbb' or a picture of the same "
                    "aspect.")
 @click.option("--max-error", type=click.FloatRange(0, min_open=True), metavar="E",
-              help="Choose the cheapest samples, raster, shadows, grid and lod that err by no more, such as 0.05: root "
-                   "mean square of sRGB, 0 to 1, against the true picture.")
+              help="Choose the cheapest samples, raster, shadows, grid, masks and lod that err by no more, such as "
+                   "0.05: root mean square of sRGB, 0 to 1, against the true picture.")
 @click.option("--budget", "seconds", type=click.FloatRange(0, min_open=True), metavar="SECONDS",
               help="Choose the best whose frame takes no longer; the frames that this tries are not counted.")
 @click.option("--device", metavar="DEVICE",

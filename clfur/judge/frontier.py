@@ -14,7 +14,7 @@ import attrs
 import numpy as np
 
 from .. import cache, measures
-from ..budget import PRESETS
+from ..budget import PRESETS, refused
 from ..cache import digest
 from ..device.scheduler import Scheduler, kernel_dir
 from ..errors import Error
@@ -91,13 +91,14 @@ def sweep(scene):
     Every product of every knob would be thousands of pictures, nearly all of them foolish.  Knobs that change each
     other's worth are multiplied: samples, raster and lod all spend time on edges of strands (or, of shells: samples,
     layers and the filter), so these meet in full under good shadows.  How hair shades and in how fine a grid hardly
-    depends on them, so each method meets each grid under one good raster; then the body's shadow map and its filter
-    alone.  Last come the two ends, where every knob is cheap or every knob is dear.  Knobs that this scene, or what is
-    without shadows, has no use for stay as they are.
+    depends on them, so each method meets each grid under one good raster; masks, which cost more than they, the finer
+    ones; single hairs before lights ("deep") need no fine grid.  Then the body's shadow map and its filter alone.  Last
+    come the two ends, where every knob is cheap or every knob is dear.  Knobs that this scene, or what is without
+    shadows, has no use for stay as they are, and settings that it refuses are left out.
     """
     strands, shells = scene.strands is not None, scene.shells is not None
     used = {field.name for field in attrs.fields(Settings)}
-    used -= (set() if strands else {"raster", "lod"}) | (set() if strands or shells else {"grid"})
+    used -= (set() if strands else {"raster", "lod", "masks"}) | (set() if strands or shells else {"grid"})
     good, found = {"grid": 64, "raster": "coverage"}, []
 
     def add(layers=(30,), **knobs):
@@ -110,6 +111,9 @@ def sweep(scene):
     if shells:
         add(samples=[4] if strands else [1, 4, 16], filtered=[True, False], layers=[8, 15, 30, 60])
     add(shadows=["count", "trilinear", "length"] if "grid" in used else ["length"], grid=[32, 48, 64, 96, 128])
+    if strands:
+        add(masks=[4], grid=[96, 160, 256])
+        add(shadows=["deep"], masks=[0, 4], grid=[96])
     add(shadows=["off"])
     add(pcf=[0, 1, 3], shadow_map=[512, 2048])
     cheap = {"samples": [1], "raster": ["samples", "coverage"], "lod": [0, 2], "layers": [8]}
@@ -118,7 +122,8 @@ def sweep(scene):
     add(samples=[4, 16], grid=[96, 128], shadow_map=[2048], layers=[60])
     found += [(settings, scene.shells.layers if shells else None) for settings in NAMED.values()
               if strands or settings not in PRESETS.values()]   # presets are of strands
-    return list(dict.fromkeys(found))
+    found = list(dict.fromkeys(found))
+    return [way for way in found if not refused(scene, way[0])] or found
 
 
 def frontier(scene: Scene, candidates: Sequence[Settings] | None = None, device: Any = None, repeat: int = 3,
