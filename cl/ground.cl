@@ -87,10 +87,10 @@ ONCE lanes4 light_of_ground(const View *view, const Ground *ground, const Lighti
         const float bright = dot3(light.color, LUMINANCE);
         lanes3 l;
         const lanes all = share_of_light(&light, p, &l);
-        lanes share = all * greater(l.y, F(0.0f));
+        lanes share = all * cosine_to(&light, p, n, l.y, l);
         whole += bright * share + light.color.w;
         if (obstacles.shadow.body.x)
-            share *= past_body_lanes(&obstacles, share > 0.0f, p, n, 64.0f, 1.0f);
+            share *= past_body_lanes(&obstacles, share > 0.0f, p, n, l.y < 0.0f, 64.0f, 1.0f);
         if (obstacles.shadow.hair.x > 0.0f && any_lane(share > 0.0f))
             share *= through_hair_lanes(&obstacles, F(0.0f), F(0.0f), p);
         left += bright * share + light.color.w;

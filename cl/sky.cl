@@ -347,7 +347,7 @@ INLINED float share_from(__global const float *through, int n, float4 from, floa
     }
     if (!(first < last))
         return 1.0f;
-    const Between here = between_cells(n, from + first * w);
+    const Between here = between_these(n, from + first * w);
     float sum = 0.0f;
     for (int k = 0; k < 8; ++k)
         sum += corner_weight(&here, k) * through[here.first + ((k >> 2) * n + (k >> 1 & 1)) * n + (k & 1)];

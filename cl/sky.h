@@ -10,7 +10,7 @@ typedef struct {
 } Between;
 
 /* c: in cells of n a side. */
-INLINED Between between_cells(int n, float4 c)
+INLINED Between between_these(int n, float4 c)
 {
     const float most = n - 1.0f;
     c -= 0.5f;
@@ -30,7 +30,7 @@ INLINED float corner_weight(const Between *here, int k)
 
 INLINED Between cells_around(const Sky *sky, float4 p)
 {
-    return between_cells(sky->size.x, (p - sky->place) * sky->place.w);
+    return between_these(sky->size.x, (p - sky->place) * sky->place.w);
 }
 
 /* What is known at a place of each harmonic; of order 1 only what is asked for. */

@@ -287,7 +287,7 @@ __kernel void radiance(
         for (int j = 0; j < FEW_PLACES && any_lane(need == 0); ++j) {
             lanes3 l;
             const lanes part = share_of_light(&light, here[j].p, &l) * (share + F((float)j / (FEW_PLACES - 1)) * share_step);
-            sent[j] = fibre_lanes(&light, &here[j].fibres, &looks, l, here[j].v, part);
+            sent[j] = fibre_lanes(&light, &here[j].fibres, &looks, l, here[j].v, disc_at(&light, here[j].p), part);
         }
         put_places(few, sources, i, count, need, sent);
     }

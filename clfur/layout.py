@@ -107,7 +107,8 @@ Light = np.dtype([
     ("direction", *_float4),          # unit vector, the way the light travels
     ("color", *_float4),              # linear r, g, b; ambient
     ("position", *_float4),           # of a spot light and 1, or 0
-    ("cone", *_float4),               # cosine of half a spot's angle, -, -, -
+    ("cone", *_float4),               # cosine of half a spot's angle; a disc's radius if it has a position, else the
+                                      # tangent of half its angle; -, -
 ])
 
 # method: 1 if a type's optical depth is 1 - alpha, 0 if it is -ln(alpha).

@@ -16,6 +16,7 @@ from clfur.stages import ground, shade, sky
 from clfur.stages.lighting import unshadowed
 from clfur.stages.raster import VISIBLE
 from clfur.twin import ground as twin
+from clfur.twin import lighting
 
 GREY = clfur.Light((1, -1, -.6))
 LIGHTS = [GREY, clfur.Light((-.5, -1, .3), (1, .5, .2), 0, position=(.5, 2, -.5), angle=70)]
@@ -87,6 +88,27 @@ def test_put_light_and_outputs_are_the_twins(gpu, sphere, samples, eye, height):
     ground.outputs(gpu, view, packed, gpu.upload(visible), vars(known))
     for name, value in twin.outputs(view, height, visible).items():
         np.testing.assert_allclose(getattr(known, name).get(), value, rtol=1e-4, err_msg=name)
+
+
+@pytest.mark.small
+@pytest.mark.parametrize("light, off", [
+    (clfur.Light((1, -.2, 0), size=40), .005), (clfur.Light((1, .1, 0), size=40), .005),
+    (clfur.Light((0, -1, 0), size=8), 1e-4),
+    (clfur.Light((-3, -1, 0), position=(3, 0, 0), angle=360, size=1.0), .03)], ids=["low", "set", "high", "lamp"])
+def test_a_disc_is_the_mean_of_its_points_over_the_ground(gpu, light, off):
+    """Of the sun partly under the horizon too. How much shorter a way to the rim is counts by its mean; and a lamp
+    is taken to look at each place."""
+    light = attrs.evolve(light, shadows=False)
+    there = clfur.Scene(fur=clfur.Curves([[(0, 0, 0), (0, 1, 0)]]), light=light, ground=clfur.Ground(-1, (1, 1, 1)),
+                        camera=clfur.Camera(eye=(0, 3, 4), target=(0, -1, 0), size=(13, 9)))
+    view, packed = view_of(there, 1), light_of(light)
+    visible = ground.put(gpu, view, ground_of(there, view), VISIBLE.empty(gpu, (9, 13, 1)))
+    sums = shade.no_light(gpu, 9, 13)
+    ground.light(gpu, view, ground_of(there, view), unshadowed(gpu, packed), visible, sums)
+    image, points = shade.blend(gpu, sums).get(), lighting.points_of(packed)
+    meant = np.mean([twin.light(view, -1, (1, 1, 1), [each], [1], visible.get()) for each in points], 0)
+    np.testing.assert_allclose(image, meant, atol=off)
+    assert meant[..., :3].max() > .1
 
 
 # --- laws -----------------------------------------------------------------------------------------------

@@ -69,8 +69,7 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     corners = np.array([(x, y, 1) for x in (0, width) for y in (0, height)]) @ to_place.T
     window = corners[:, :2].min(0), corners[:, :2].max(0)
     fibres, triangles = _before(eye, hair, body, near, window)
-    lights = [(_Disc if light.size and light.casts else _Light)(scene, light, hair, body, orders > 0)
-              for light in scene.lights]
+    lights = [(_Disc if light.size else _Light)(scene, light, hair, body, orders > 0) for light in scene.lights]
     sky = None if scene.environment is None else Sky(scene, hair, body)
     under = _Ground(scene) if scene.ground else None
     shining = Paths(scene, hair, body, lights, sky, orders) if orders else _Straight(scene, hair, body, lights, sky)

@@ -135,6 +135,7 @@ def light_of(light: Light, environment: Environment | None = None, scatters: boo
     if light.position is not None:
         packed["position"] = *light.position, 1
         packed["cone"][0] = NO_CONE if light.everywhere else math.cos(math.radians(light.angle) / 2)
+    packed["cone"][1] = math.tan(math.radians(light.size) / 2) if light.position is None else light.size
     return packed
 
 

@@ -27,9 +27,8 @@ class Light:
     position: [3], or None of a distant light. angle: the whole cone of a spot, degrees; 360 of a point light, which
     must stand outside of all that is drawn if it casts shadows. Light does not fall off with distance.
     size: of the disc that it shines from, across the way it looks: of a distant light its angular diameter, 0 to 90
-    degrees (the sun's is 0.53), of others its radius in the scene's units; 0 casts hard shadows. Only shadows know
-    of it: all is lit from the disc's middle. shadows: whether it casts any. intensity: >= 0, by which its colour is
-    multiplied, not its ambient.
+    degrees (the sun's is 0.53), of others its radius in the scene's units; 0 casts hard shadows. shadows: whether it
+    casts any. intensity: >= 0, by which its colour is multiplied, not its ambient.
     Raises Error otherwise.
     """
 
