@@ -94,9 +94,9 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
         p = np.concatenate([eye.points(places[nearer], depth[nearer]), eye.points(places[bare], body_depth[bare])])
         fibre[bare], triangle[nearer] = -1, -1
         share = np.concatenate([fibres.share(places[nearer], fibre[nearer]), np.zeros(len(bare))])
-        random = np.random.default_rng((seed, top, 2)) if orders else (
-            sky and np.concatenate([_of_sky(row, width, samples, seed) for row in range(top, end)])[on])
-        color[on, :3] = shining.light(p, _towards(eye, p), fibre[on], triangle[on], share, random)
+        random = sky and np.concatenate([_of_sky(row, width, samples, seed) for row in range(top, end)])
+        own = np.random.default_rng((seed, top, 2)) if orders else sky and random[on]
+        color[on, :3] = shining.light(p, _towards(eye, p), fibre[on], triangle[on], share, own)
         if under:
             at = eye.points(places[below], ground_depth[below])
             color[below] = under.light(at, lights, sky, random[below] if sky else None)

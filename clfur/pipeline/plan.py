@@ -474,10 +474,11 @@ class Plan:
         strand, point = (STRAND, POINT) if self.grown else (STRAND + PUT_IN_ORDER, POINT + PACKED)
         if isinstance(fur, Curves) and fur.uniform is None:
             point += RUN
-        if self.grown and fur.shaded:
+        if isinstance(fur, Strands) and fur.shaded:
             point += COLOR
         if self.settings.lod:
-            per_point = fur.shaded if self.grown else len(fur.color) == len(fur.points)
+            per_point = fur.shaded if isinstance(fur, Strands) else isinstance(fur, Curves) and (
+                len(fur.color) == len(fur.points))
             strand, point = strand + THIN_STRAND, point + THIN_POINT + COLOR * per_point
         if gpu.steps:
             strand += RESTS.bytes + STAGES.bytes
