@@ -133,7 +133,7 @@ class Paths:
             return color[those] * (likely * others[:, 0] / (others[:, 0] + likely))[:, None]
         light = self._straight(at.p, strand, at.triangle, sends, random)
         light += color * (self.ambient * (at.order == 0))[:, None]
-        return light, w, color, _facing(n, flat, w)
+        return light, w, np.minimum(color, 1), _facing(n, flat, w)   # or light would never end
 
     def _straight(self, p, strand, triangle, sends, random):
         """What places send on [n, 3] of light that comes to them straight; sends(places, directions, how likely these
