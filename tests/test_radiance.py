@@ -53,8 +53,14 @@ def test_hdr(tmp_path, pixels, runs):
 
 
 def test_exr(tmp_path, pixels):
+    import OpenEXR
     clfur.save(tmp_path / "a.exr", pixels.astype(np.float32))
     np.testing.assert_array_equal(load_picture(tmp_path / "a.exr"), pixels.astype(np.float32))
+    for number, header in enumerate([{"lineOrder": OpenEXR.DECREASING_Y}, {"compression": OpenEXR.PIZ_COMPRESSION},
+                                     {"type": OpenEXR.tiledimage, "tiles": OpenEXR.TileDescription()}]):
+        with OpenEXR.File({"type": OpenEXR.scanlineimage} | header, {"RGB": pixels.astype(np.float32)}) as file:
+            file.write(str(tmp_path / f"{number}.exr"))
+        np.testing.assert_array_equal(load_picture(tmp_path / f"{number}.exr"), pixels.astype(np.float32))
     clfur.save(tmp_path / "y.exr", {"Y": pixels[:, :, 0].astype(np.float32), "Z": pixels[:, :, 1]})
     grey = np.repeat(pixels[:, :, :1], 3, 2).astype(np.float32)
     np.testing.assert_array_equal(load_picture(tmp_path / "y.exr"), grey)

@@ -244,15 +244,16 @@ def _of_exr(data):
 def _is_cut(data):
     """Whether the last rows of an EXR file of one part, top to bottom, end behind its bytes; False for others."""
     at, number = 8, lambda place, size=4: int.from_bytes(data[place:place + size], "little")
-    with contextlib.suppress(ValueError):                       # of what is not to be found
+    with contextlib.suppress(ValueError, IndexError):           # of what is not to be found
         if number(4) & 0x1A00:                                  # tiles, deep data, several parts
             return False
         while data[at:at + 1] not in (b"", b"\0"):             # each attribute: a name, a type, a size, as many bytes
             at = data.index(0, data.index(0, at) + 1) + 1
             at += 4 + number(at)
         places = np.frombuffer(data, "<u8", (number(at + 1, 8) - at - 1) // 8, at + 1)
-        last = int(places.max())                                # there: a row's number, a size, as many bytes
-        return last + 8 > len(data) or last + 8 + number(last + 4) > len(data)
+        if (places[1:] > places[:-1]).all():
+            last = int(places[-1])                              # there: a row's number, a size, as many bytes
+            return last + 8 > len(data) or last + 8 + number(last + 4) > len(data)
     return False
 
 
