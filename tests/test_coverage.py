@@ -176,8 +176,8 @@ def drawn_of(gpu, view, strand):
 
 @pytest.mark.parametrize("n", [pytest.param(2, marks=pytest.mark.small), 20])
 def test_wide_strands_end_square(gpu, n):
-    """Two pixels wide or more, a straight one is a rectangle, whatever its slope, length and points.  A corner is known to half a
-    step: 4 / 21845 / 2 of a pixel."""
+    """Two pixels wide or more, a straight one is a rectangle, whatever its slope, length and points.  A corner is
+    known to half a step: 4 / 21845 / 2 of a pixel."""
     view, rng = flat(40, 32, 1), np.random.default_rng(9)
     for _ in range(n):
         a, way = rng.uniform(12, (28, 20)), rng.normal(size=2)
@@ -198,12 +198,12 @@ def test_wide_strands_meet_at_bends(gpu, turn):
     for start in rng.uniform(0, 2 * np.pi, 4):
         middle, half = rng.uniform(22, 26, 2), 3.0
         ways = [np.array([np.cos(angle), np.sin(angle)]) for angle in (start, start + np.radians(turn))]
-        strand = np.column_stack([[middle - 12 * ways[0], middle, middle + 12 * ways[1]], np.full((3, 2), (.5, 2 * half))])
+        ends = np.array([middle - 12 * ways[0], middle, middle + 12 * ways[1]])
+        strand = np.column_stack([ends, np.full((3, 2), (.5, 2 * half))])
         whole, each = drawn_of(gpu, view, strand)
         assert whole.max() < 1 + 1.4e-4 and (each > 0).all(0).any()
-        across, bent = ([half * way[::-1] * (-1, 1) for way in (*ways, ways[0] + ways[1])][k] for k in (0, 2))
+        across, bent = (half * way[::-1] * (-1, 1) for way in (ways[0], ways[0] + ways[1]))
         bent = bent * half**2 / (bent @ across)
-        ends = strand[:, :2]
         for k, way in enumerate(ways):
             side = half * way[::-1] * (-1, 1)
             far = ends[2 * k]
