@@ -30,6 +30,7 @@ from ..stages.coverage import (
     TILE,
     WALKED,
     Covered,
+    Seen,
     Segments,
     Tiles,
 )
@@ -63,10 +64,11 @@ THIN_POINT, THIN_STRAND = DeviceStrands.bytes(*THINNED, point=1), DeviceStrands.
 THIN_COLOR = DeviceStrands.bytes("colors", color=1)                               # where points have colours
 MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
 OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
-OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1) + GRAINS.bytes + OPEN.bytes
+OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1) + Seen.bytes(tile=1) + GRAINS.bytes + OPEN.bytes
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
-LIT = Places.bytes(row=1)               # of its light, at most, and of each source of it
+LIT = Places.bytes(row=1)               # of its light, at most, and of each source of it; where only those get light
+                                        # that are seen, `Seen` and theirs take less
 PLACES = Places.bytes(place=1)
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart

@@ -64,14 +64,14 @@ def stretches_of(gpu: Any, strands: DeviceStrands, steps: int) -> list[tuple[int
     return [(0, 2**32 - 1)] if longest <= most else [(first, first + most) for first in range(0, longest, most)]
 
 
-def go_through(gpu: Any, kernel: str, strands: DeviceStrands, least: int, **known: Any) -> None:
-    """Launch a kernel over strands; where a driver ends long loops again and again, each time for so many steps of
-    them, ``least`` at least, till all strands have come to their end."""
+def go_through(gpu: Any, kernel: str, strands: DeviceStrands, least: int, each: int = 1, **known: Any) -> None:
+    """Launch a kernel over strands, so many for ``each`` work-item; where a driver ends long loops again and again,
+    each time for so many steps of them, ``least`` at least, till all strands have come to their end."""
     n, going = len(strands.spans), 1
     stages, steps = STAGES.empty(gpu, n if gpu.steps else 0), max(gpu.own_steps // 2, least) if gpu.steps else 2**32 - 1
     while going:
         n_open = gpu.full(1, np.uint32, 0) if gpu.steps else gpu.empty(0, np.uint32)
-        gpu.launch(kernel, n, steps=steps, stages=stages, n_open=n_open, **known)
+        gpu.launch(kernel, -(-n // each), steps=steps, stages=stages, n_open=n_open, **known)
         going = int(gpu.download(n_open)[0]) if gpu.steps else 0
 
 
