@@ -179,7 +179,7 @@ def _hair(scene):
     """(width, length) in world units that a strand has on average; (0, 0) without strands."""
     fur = scene.strands
     if isinstance(fur, Strands):
-        return (float(np.mean([kind.width for kind in fur.types])),
+        return (float(np.mean([kind.width * (kind.root_width + kind.tip_width) / 2 for kind in fur.types])),
                 float(np.mean([kind.segments * kind.segment_length for kind in fur.types])))
     if isinstance(fur, Curves) and len(fur.points):
         return float(fur.on_host.width.mean()), hair_bounds(fur, len(fur.counts))[1] / len(fur.counts)

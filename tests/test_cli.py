@@ -196,6 +196,9 @@ def test_scene_file_with_settings_and_no_mesh(clfur, tmp_path):
     ("def f():\n    return 1 / 0\n\nf()", [], ["fur.py, line 2: ZeroDivisionError: division by zero"]),
     ("x = 1\nscene = (", [], ["fur.py, line 2: SyntaxError: '(' was never closed"]),
     ("x = 1\nimport sys; sys.exit('bye')", [], ["fur.py, line 2: SystemExit: bye"]),
+    ("import clfur\nclfur.Light(dirction=(0, 0, 1))", [], [
+        "fur.py, line 2: TypeError: ", "keyword argument 'dirction'", "allowed: direction, color, ambient, position"]),
+    ("class Light:\n    pass\nLight(dirction=3)", [], ["fur.py, line 3: TypeError: Light() takes no arguments\n"]),
     ("x = 1\nimport nowhere", [], ["fur.py, line 2: ModuleNotFoundError: No module named 'nowhere'"]),
     (None, [], ["fur.py: no such file"]),
 ])

@@ -17,11 +17,11 @@ WAYS = [clfur.Settings(samples=1, shadows="off"), clfur.Settings(), clfur.Settin
 TIMED = {"times", "seconds", "best"}
 
 
-def like_truth(scene, samples, seed=0, progress=None):
+def like_truth(scene, samples, seed=0, progress=None, orders=0):
     """In place of `clfur.truth.picture`."""
     if progress:
         progress(0.5)
-    return clfur.render(scene, settings=clfur.Settings(samples=4))
+    return clfur.render(scene, settings=clfur.Settings(samples=4, scattering="grid" if orders else "off"))
 
 
 @pytest.fixture(scope="module")
@@ -159,6 +159,18 @@ def test_own_settings(sphere, drawn):
     assert [point.settings for point in found.points if point.name == "own"] == [own] and len(found.points) == 2
     found = clfur.frontier(scene(sphere), WAYS, repeat=1, pan=False, own=WAYS[1])
     assert {point.name for point in found.points} == {"", "default, own"} and len(found.points) == 3
+
+
+def test_light_from_hair_to_hair_is_in_the_truth_where_it_is_asked_for(sphere):
+    """And is kept apart from the truth without."""
+    kind = clfur.HairType(look=clfur.Chiang(), color=(.9, .9, .9), alpha=0)
+    furry = scene(sphere, clfur.Strands(inner=1, outer=1, roots=200, types=[kind]), body_color=None)
+    ways = [clfur.Settings(), clfur.Settings(scattering="grid")]
+    both = library.frontier(furry, ways, repeat=1, pan=False)
+    alone = library.frontier(furry, ways[:1], repeat=1, pan=False)
+    errors = {point.settings.scattering: point.error for point in both.points}
+    assert both.truth == "brute force, light from hair to hair" and alone.truth == "brute force"
+    assert errors["grid"] < .5 * errors["off"] and alone.points[0].error < .5 * errors["off"]
 
 
 def test_without_a_pan(sphere, drawn):

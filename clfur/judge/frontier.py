@@ -139,7 +139,8 @@ def frontier(scene: Scene, candidates: Sequence[Settings] | None = None, device:
     now, done, in all).  What was measured is kept in clfur's cache folder, so that a run that is cut short goes on
     where it was, and one like it needs to draw nothing; ``fresh`` begins anew, but with the truth that is kept.
     ``own``: `Settings` to try beside the candidates, or None; their `Point` is named "own".
-    The truth is `clfur.truth.picture` of strands and bodies; of shells, which it does not know, the scene drawn 8 times
+    The truth is `clfur.truth.picture` of strands and bodies, of all orders of light where a candidate's scattering is
+    on, to which those without are compared too; of shells, which it does not know, the scene drawn 8 times
     as large in 120 unfiltered layers with the finest shadows.
     Raises `clfur.Error` for a device that is not there and other wrong arguments, before anything is drawn, and for a
     scene of which nothing is to be seen.
@@ -156,11 +157,12 @@ def frontier(scene: Scene, candidates: Sequence[Settings] | None = None, device:
                     f"{16384 // OVER}, since the truth is drawn {OVER} times as large")
     gpu = Scheduler(device)
     progress = tell or (lambda *_: None)
-    truths, noise = _truths(scene, gpu, progress)
+    orders = truth.ALL if any(settings.scattering != "off" for settings, _ in ways) else 0
+    truths, noise = _truths(scene, gpu, progress, orders)
     if not truths[..., 3].any():
         raise Error("nothing of the scene is to be seen in the picture; allowed: a camera that looks at it")
     flips = measures.flip(truths[0], truths[0]) is not None
-    kept = _Kept(digest(scene, OVER, _sources(), gpu.name, gpu.device.driver_version, pan, flips), fresh)
+    kept = _Kept(digest(scene, OVER, orders, _sources(), gpu.name, gpu.device.driver_version, pan, flips), fresh)
 
     for number, way in enumerate(ways):
         progress("pictures", number, len(ways))
@@ -181,8 +183,8 @@ def frontier(scene: Scene, candidates: Sequence[Settings] | None = None, device:
         if point.error < least:   # never of a picture that holds NaN
             least, points[place] = point.error, attrs.evolve(point, best=True)
     return Frontier(gpu.name, scene.camera.size, noise,
-                    f"the scene's own shells in {LAYERS} unfiltered layers" if scene.shells else "brute force",
-                    earlier, points)
+                    f"the scene's own shells in {LAYERS} unfiltered layers" if scene.shells else
+                    "brute force" + ", light from hair to hair" * (orders > 0), earlier, points)
 
 
 def label(settings, layers=None):
@@ -244,9 +246,10 @@ def _moved(scene, pixels, over=1, wider=0):
     return attrs.evolve(scene, camera=Camera.calibrated(scene.camera.pose, k, ((width + wider) * over, height * over)))
 
 
-def _truths(scene, gpu, progress):
+def _truths(scene, gpu, progress, orders=0):
     """(truth at each step of the pan float32 [STEPS + 1, h, w, 4], its noise)."""
-    known = digest(scene, OVER, STEPS, *((LAYERS, FINEST, _sources()) if scene.shells else (truth.VERSION,)))
+    known = digest(scene, OVER, STEPS, *((LAYERS, FINEST, _sources()) if scene.shells else (truth.VERSION,)),
+                   *([orders] if orders else []))
     file = cache.folder("charts") / f"truth-{known[:32]}.npz"
     try:
         with np.load(file) as there:
@@ -260,7 +263,8 @@ def _truths(scene, gpu, progress):
     if scene.shells:
         fine = draw(_layered(large, LAYERS), gpu, Settings(**FINEST)).images["color"]
     else:
-        fine = truth.picture(large, samples=1, progress=lambda share: progress("truth", round(100 * share), 100))
+        fine = truth.picture(large, samples=1, progress=lambda share: progress("truth", round(100 * share), 100),
+                             orders=orders)
     width, height = scene.camera.size
     progress("truth", 100, 100)
     starts = [OVER - step * OVER // STEPS for step in range(STEPS + 1)]
