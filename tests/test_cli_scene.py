@@ -363,12 +363,24 @@ def test_what_is_said_twice(clfur, tmp_path, arguments, words):
     (["--light", "point position=0,0,0"], "--light: Light.position is "),
     (["--body-texture", "white.png"], "--body-texture: Scene.body_color has a texture, which is laid on by uv"),
     (["--types", "types.json"], "--types: types.json, type 0: HairType.segments is 'a'"),
+    (["--types", "keys.json", "--type-map", "white.png"], "--types: HairType.key (0, 0, 0) is that of more than one"),
+    (["--target", "nan,0,0"], "--target: Camera.target is (nan, 0.0, 0.0)"),
+    (["--segments", "1.5"], "'--segments': '1.5' is not a whole number from 0 to 255"),
+    (["--segments", "256"], "'--segments': '256' is not a whole number from 0 to 255"),
+    (["--seed", "x"], "'--seed': 'x' is not a whole number\n"),
+    (["--force-weight", "x"], "'--force-weight': 'x' is not a number\n"),
+    (["--alpha", "1.5"], "'--alpha': '1.5' is not a number from 0 to 1"),
+    (["--max-error", "0"], "'--max-error': '0' is not a number above 0\n"),
+    (["--fur", "shells", "--density", "2"], "'--density': '2' is not a number above 0 and at most 1"),
+    (["--width", "-1"], "'--width': '-1' is not a number from 0\n"),
+    (["--background", ""], "--background: .: is a folder"),
     (["-o", ""], "save path is '.'; allowed: a file's name")])
 def test_an_error_begins_with_the_option(clfur, tmp_path, arguments, words):
     """Whose value is wrong, or whose file; the field of Python's follows."""
     (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")   # without uv
     (tmp_path / "types.json").write_text('[{"segments": "a"}]')
-    (tmp_path / "plain.json").write_text("[{}]")
+    (tmp_path / "plain.json").write_text("[{}]", encoding="utf-16")
+    (tmp_path / "keys.json").write_text('[{"key": [0, 0, 0]}, {"key": [0, 0, 0]}]')
     save(tmp_path / "white.png", np.ones((1, 1, 3)))
     before = sorted(tmp_path.iterdir())
     mesh = "m.obj" if "white.png" in arguments else "sphere"
