@@ -314,6 +314,15 @@ def test_lights_of_the_command():
     assert len(lights()) == 1 and np.allclose(lights()[0].direction, np.array([1, -1, -.6]) / np.sqrt(2.36))
 
 
+def test_a_grounds_shadow_is_framed_where_no_camera_is_given():
+    """Another camera stands where it does without a ground."""
+    def pose(*given):
+        return load("sphere", *given)[0].camera.pose
+    assert np.abs(pose("--ground", "lowest") - pose()).max() > .1
+    for given in ("--eye", "0,1,5"), ("--target", "0,.5,0"):
+        np.testing.assert_array_equal(pose("--ground", "lowest", *given), pose(*given))
+
+
 def test_a_spot_without_a_direction_looks_at_the_mesh(tmp_path):
     """At the middle of it, wherever that is; another direction counts more."""
     (tmp_path / "m.obj").write_text("v 7 0 0\nv 9 0 0\nv 7 4 0\nv 7 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")

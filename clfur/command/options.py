@@ -60,7 +60,7 @@ _SCENE = [
                  help="How much a segment gives way to it; a hair of shells does so as much as half of all segments."),
     click.option("--seed", type=int, default=0, metavar="N", help="Of all that is random."),
     click.option("--eye", type=Numbers(3), metavar="X,Y,Z",
-                 help="The camera's place.  [default: where it sees the whole mesh]"),
+                 help="The camera's place.  [default: where it sees the whole mesh, and its shadow on a --ground]"),
     click.option("--target", type=Numbers(3), metavar="X,Y,Z",
                  help="What it looks at.  [default: the mesh's centre]"),
     click.option("--fov", type=Real(1e-3, 179.99), default=45.0, metavar="DEG",
@@ -327,8 +327,9 @@ def _scene(mesh, options):
     height = options["ground"]
     ground = None if height is None else Ground(None if height == "lowest" else height)
     lights = _lights(options["lights"], mesh.bounds[0])
-    camera = frame(mesh, fur, options["size"], options["fov"], ground=ground, lights=lights)
-    if options["eye"] or options["target"]:
+    given = options["eye"] or options["target"]
+    camera = frame(mesh, fur, options["size"], options["fov"], ground=None if given else ground, lights=lights)
+    if given:
         target = vector(3)(options["target"] or camera.target, "Camera.target")
         eye = options["eye"] or (camera.eye + target - camera.target).tolist()
         aside, up = math.hypot(eye[0] - target[0], eye[2] - target[2]), abs(eye[1] - target[1])
