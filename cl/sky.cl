@@ -332,6 +332,52 @@ BY_HAND __kernel void gather(
         cells[(first * HARMONICS + k) * 4 + 3] = 0.0f;
 }
 
+/* What reaches a place of some light, at `from` in cells: where it leaves the grid on its way `w` there, or 1 beside it. */
+INLINED float share_from(__global const float *through, int n, float4 from, float4 w)
+{
+    const float start[3] = {from.x, from.y, from.z}, along[3] = {w.x, w.y, w.z};
+    float first = 0.0f, last = INFINITY;
+    for (int i = 0; i < 3; ++i) {
+        const float a = (along[i] > 0.0f ? 0.0f : n) - start[i], b = (along[i] > 0.0f ? n : 0.0f) - start[i];
+        const bool level = !(fabs(along[i]) > 1e-6f);
+        const float near = level ? (start[i] > 0.0f && start[i] < n ? 0.0f : INFINITY) : a / along[i];
+        const float far = level ? INFINITY : b / along[i];
+        first = near > first ? near : first;
+        last = far < last ? far : last;
+    }
+    if (!(first < last))
+        return 1.0f;
+    const Between here = between_these(n, from + first * w);
+    float sum = 0.0f;
+    for (int k = 0; k < 8; ++k)
+        sum += corner_weight(&here, k) * through[here.first + ((k >> 2) * n + (k >> 1 & 1)) * n + (k & 1)];
+    return sum;
+}
+
+/* One work-item adds up what comes of some directions to one place of a level plane. */
+__kernel void plane(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const Sky sky,
+    const OnGround plane,
+    const int n_directions,
+    const float share,                     // of all directions that these are
+    __global const float4 *directions,     // [directions] unit, towards the light, upwards
+    __global const float4 *light,          // [directions] r, g, b that each sends to the plane
+    __global const float *through,         // [directions, n, n, n], see `sweep`
+    __global float4 *squares)              // [side, side] r, g, b at their middles
+{
+    WORK_ITEM(item);
+    const int n = sky.size.x, side = plane.size.x;
+    const float u = ((int)(item % side) + 0.5f) * (2.0f / side) - 1.0f, v = ((int)(item / side) + 0.5f) * (2.0f / side) - 1.0f;
+    const float far = sqrt(u * u + v * v), wide = far < 1.0f ? 1.0f / (1.0f - far) : 0.0f;
+    const float x = plane.place.x + u * wide / plane.place.z, z = plane.place.y + v * wide / plane.place.w;
+    const float4 from = ((float4)(x, plane.whole.w, z, 0.0f) - sky.place) * sky.place.w;
+    float4 sum = wide > 0.0f ? (float4)(0.0f) : (float4)(plane.whole.xyz, 0.0f) * share;
+    for (int i = 0; i < n_directions && wide > 0.0f; ++i)
+        sum += share_from(through + (size_t)i * n * n * n, n, from, directions[i]) * light[i];
+    squares[item] += sum;
+}
+
 /* Light that a point of a strand gets from all around its fibre, between the points beside it. */
 INLINED float4 light_of_point(float4 before, float4 after, const Known *known)
 {

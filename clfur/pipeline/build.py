@@ -94,12 +94,13 @@ def sky(gpu: Any, plan: Plan) -> sky_stage.SkyLight | None:
     scene = plan.scene
     if scene.environment is None:
         return None
-    return gpu.keep("sky", (scene.mesh, scene.strands, scene.environment, int(plan.body)),
+    ground = None if plan.ground is None else str(float(plan.ground["plane"][3]))
+    return gpu.keep("sky", (scene.mesh, scene.strands, scene.environment, int(plan.body), ground),
                     functools.partial(sky_in, gpu, plan, sky_stage.CELLS))
 
 
 def sky_in(gpu: Any, plan: Plan, n: int) -> sky_stage.SkyLight:
-    """Light of the scene's sky in n³ cells around all of it."""
+    """Light of the scene's sky in n³ cells around all of it, and on its ground."""
     scene = plan.scene
     boxes, out = boxes_to_see(scene.mesh, scene.fur), fur_extent(scene.fur)
     center, radius = extent(scene.mesh, scene.fur)
@@ -112,7 +113,12 @@ def sky_in(gpu: Any, plan: Plan, n: int) -> sky_stage.SkyLight:
     held = sky_stage.held(gpu, grid, plan.body, area)
     for part in plan.parts(gpu):
         sky_stage.deposit(gpu, grid, held, hair(gpu, plan, part, 0), body(gpu, plan, part))
-    return sky_stage.light(gpu, grid, held, *_sky_table(scene.environment))
+    around, table = _sky_table(scene.environment)
+    if plan.ground is None:
+        return sky_stage.light(gpu, grid, held, around, table)
+    towards, sent = _falling(scene.environment)
+    plane = sky_stage.plane_of(low, high, float(plan.ground["plane"][3]), sent[:, :3].sum(0, np.float64))
+    return sky_stage.light(gpu, grid, held, around, table, (plane, towards, sent))
 
 
 def sky_points(gpu: Any, plan: Plan, part: Part, hair: DeviceStrands) -> Any:
@@ -247,6 +253,11 @@ def _transport(gpu, plan, lighting, color):
 @functools.lru_cache(4)
 def _sky_table(environment):
     return sky_stage.table_of(*environment.places)
+
+
+@functools.lru_cache(4)
+def _falling(environment):
+    return sky_stage.falling_of(*environment.places)
 
 
 def _surface(gpu, plan, faces):

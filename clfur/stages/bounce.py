@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..layout import Declared
+from ..layout import Declared, OnGround
 from . import sky as sky_stage
 from .lighting import Lighting
 
@@ -34,7 +34,8 @@ def light_around(gpu: Any, sky: np.void, axes: np.ndarray, light: Any) -> sky_st
     """Light of cells in directions ``axes`` [D, 3] -> the same as harmonics, so that a body shows it as it shows a
     sky's."""
     table = np.linalg.pinv(sky_stage.harmonics(axes))   # exact for light that harmonics can tell
-    result = sky_stage.SkyLight(sky, sky_stage.SkyLight.declared["cells"].empty(gpu, sky_stage.HARMONICS * len(light)))
+    result = sky_stage.SkyLight.empty(gpu, {"harmonic": sky_stage.HARMONICS * len(light), "square": 0}, sky=sky,
+                                      plane=np.zeros((), OnGround))
     gpu.launch("bounce.harmonics", len(light), light=light, table=gpu.upload(np.float32(table)),
                sky_cells=result.cells)
     return result
