@@ -133,7 +133,7 @@ def check_counts(gpu, mesh, curves):
     scene = clfur.Scene(mesh, camera=clfur.Camera(eye=(0, 0, 300)))
     taken, thinned = most(gpu, lambda: thin(gpu, made, view_of(scene, 1), 1.0))
     more = plan.THIN_POINT * len(made.points) + plan.THIN_STRAND * len(made.spans) + (
-        plan.THIN_COLOR * len(made.points) * (made.color_per == 2))
+        plan.COLOR * len(made.points) * (made.color_per == 2))
     assert .9 * more < taken < room(more) and len(thinned.points) == len(made.points)
 
 
