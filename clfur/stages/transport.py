@@ -164,8 +164,8 @@ def _sweeper(gpu, n, dense, outside, keeps, given):
 
 def bytes_of(types: int, body: bool) -> int:
     """Bytes on the device of all that `transport` makes at once, and of `Phases`, of so many types of hair."""
-    held = sky_stage.Held.bytes(cell=1, column=3 * body) + 8 * sky_stage.HOLDS + DENSE.bytes + 4 + 16 * CHANNELS
-    cells = held + 3 * FIELD.bytes + DIRECTIONS * PASSES.bytes + types * (AMOUNTS.bytes + 32)
+    held = sky_stage.Held.bytes(cell=1, column=3 * body) + 8 * sky_stage.HOLDS + DENSE.bytes + 4 + 8 * CHANNELS
+    cells = held + 3 * FIELD.bytes + CHANNELS * BEFORE.bytes + DIRECTIONS * PASSES.bytes + types * (AMOUNTS.bytes + 32)
     looks = Phases.bytes("albedos", "phases", eye=types * ALBEDOS, phase=types * TANGENTS * SHADES)
     looks += OF_LIGHT.bytes * types * TANGENTS * SHADES
     behind = DIRECTIONS * 2 * (CELLS + 2 * sky_stage.EDGE)**2 * 16
