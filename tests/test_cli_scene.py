@@ -123,18 +123,30 @@ def test_preset():
     assert load("sphere", "--grid", 96, "--preset", "final")[1].grid == 96   # also where it is the default's
 
 
+def test_a_preset_that_the_scene_refuses():
+    """The next below is taken, and told; options beside it still count."""
+    with pytest.warns(UserWarning, match="^--preset reference: Settings.shadows is 'deep', but the scene has shells; "
+                                         "drawn with 4 samples, coverage, length 32, masks 4, blur all$"):
+        taken = load("sphere", "--fur", "both", "--preset", "reference", "--grid", 32, "--blur", "all")[1]
+    assert taken == Settings(grid=32, masks=4, blur="all")
+    beside = load("sphere", "--preset", "reference", "--scattering", "grid")[1]   # which no preset mends
+    assert beside == attrs.evolve(PRESETS["reference"], scattering="grid")
+
+
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
            "--types": "a.json", "--curl": "0,0", "--look": "chiang", "--wave": "0,0", "--raster": "samples",
-           "--lod": 0.5, "--masks": 0, "--scattering": "off", "--sky": "1,1,1"}
+           "--lod": 0.5, "--tip-width": 1, "--root-color": "1,1,1", "--tip-color": "1,1,1",
+           "--masks": 0, "--scattering": "off", "--sky": "1,1,1", "--hair": "a.npz"}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 1, "--noise": "0.5,8",
           "--wind": "0,0,0", "--time": 0, "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
           "--segments": 1, "--force": "0,0,0", "--force-weight": 1, "--seed": 1, "--eye": "9,9,9",
-          "--target": "0,0,0", "--fov": 30, "--light": "0,-1,0", "--shadows": "off", "--grid": 16, "--samples": 1,
+          "--target": "0,0,0", "--fov": 30, "--zoom": 2, "--light": "0,-1,0", "--shadows": "off",
+          "--grid": 16, "--samples": 1,
           "--shadow-map": 64, "--pcf": 0,
           "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
           "--preset": "draft", "--rest": "sphere", "--body": "holdout", "--body-color": "1,0,0", "--body-texture": "",
-          "--ground": -1.5}
+          "--ground": -1.5, "--view": "front"}
 
 
 def test_each_option_is_of_strands_or_of_shells_or_of_both():
@@ -143,10 +155,11 @@ def test_each_option_is_of_strands_or_of_shells_or_of_both():
     for fur in ("strands", "shells"):
         alone = {"strands": STRANDS, "shells": SHELLS}[fur]
         for flag, value in ({**alone, **SHARED, "--fur": fur}).items():
-            if flag not in ("--type-map", "--types", "--body-texture"):
+            if flag not in ("--type-map", "--types", "--body-texture", "--hair"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
-    for flag in "--type-map", "--types", "--body-texture", "--sky":   # a sky shines on strands alone
+    # A sky shines on strands alone; an eye is given too.
+    for flag in "--type-map", "--types", "--body-texture", "--hair", "--sky", "--view":
         del everything[flag]
     load("sphere", *(part for option in everything.items() for part in option))
 
@@ -304,10 +317,10 @@ def test_lights_of_the_command():
     def lights(*texts):
         return load("sphere", *(part for text in texts for part in ("--light", text)))[0].lights
     sun, = lights("0,-2,0")
-    assert sun.direction.tolist() == [0, -1, 0] and (sun.ambient, sun.size, sun.shadows) == (.1, 0, True)
+    assert sun.direction.tolist() == [0, -1, 0] and (sun.ambient, sun.size, sun.shadows) == (None, 0, True)
     sun, point, spot = lights("sun direction=0,0,-1 size=0.5", "point position=9,8,7 color=#ffffff intensity=2",
                               "spot position=1,2,3 direction=0,-1,0 angle=40 shadows=off ambient=.2 color=3,2,1")
-    assert (sun.size, sun.ambient, sun.position) == (.5, .1, None)
+    assert (sun.size, sun.ambient, sun.position) == (.5, None, None)
     assert point.everywhere and point.position.tolist() == [9, 8, 7] and point.strength.tolist() == [2, 2, 2]
     assert (point.ambient, spot.ambient, spot.angle, spot.shadows) == (0, .2, 40, False)
     assert spot.color.tolist() == [3, 2, 1]
@@ -361,7 +374,6 @@ def test_what_is_said_twice(clfur, tmp_path, arguments, words):
     (["--sky", "no.hdr"], "'--sky': no.hdr: no such file"), (["--sky", ""], "'--sky': '' is neither"),
     (["--sky", "nan,1,1"], "'--sky': 'nan,1,1' is neither"),
     (["--sky", "1e12,0,0"], "'--sky': '1e12,0,0' is neither a colour, R,G,B of 0 to 1e+09 each"),
-    (["--sky", "1,1,1", "--ground", "lowest"], "--sky: Scene.environment and Scene.ground are given"),
     (["--length", "nan"], "--length: HairType.segment_length is nan"),
     (["--fur", "shells", "--length", "0"], "--length: Shells.length is 0.0"),
     (["--variation", "nan"], "--variation: HairType.length_variation is nan"),
@@ -404,3 +416,28 @@ def test_an_error_of_a_field_that_no_option_has_set(clfur, tmp_path):
     (tmp_path / "fur.py").write_text("import clfur\nscene = clfur.Scene(clfur.load_mesh('sphere'), clfur.Shells())\n"
                                      "settings = clfur.Settings(shadows='deep')")
     wrong(clfur("render", "fur.py"), "clfur: error: Settings.shadows is 'deep', but the scene has shells")
+
+
+@pytest.mark.parametrize("view, towards", [
+    ("front", (0, 0, 1)), ("back", (0, 0, -1)), ("left", (-1, 0, 0)), ("right", (1, 0, 0)), ("top", (0, 1, 0)),
+    ("90,0", (1, 0, 0)), ("0,-90", (0, -1, 0)), ("-45,0", (-.5**.5, 0, .5**.5))])
+def test_views(view, towards):
+    """All of the mesh is in the picture, from there; its middle stays when it is enlarged."""
+    scene, _ = load("sphere", "--view", view)
+    eye = scene.camera.pose[:3, 3]
+    np.testing.assert_allclose(eye / np.linalg.norm(eye), towards, atol=1e-3)   # it is centred exactly
+    near, _ = load("sphere", "--view", view, "--zoom", 3)
+    np.testing.assert_array_equal(near.camera.pose, scene.camera.pose)
+    assert near.camera.intrinsics[1, 1] == pytest.approx(3 * scene.camera.intrinsics[1, 1])
+
+
+@pytest.mark.parametrize("arguments, says", [
+    (["--view", "side"], "'side' is none of 34, front, back, left, right, top, nor AZIMUTH,ELEVATION in degrees"),
+    (["--view", "0,91"], "-90 to 90"), (["--view", "nan,0"], "none of"), (["--zoom", "0"], "--zoom"),
+    (["--view", "top", "--eye", "0,9,0"], "--view places the camera, and so does --eye; allowed: one of them")])
+def test_views_that_are_none(clfur, arguments, says):
+    wrong(clfur("render", "sphere", *arguments), says)
+
+
+def test_skin_is_as_the_hair_but_darker():
+    assert load("sphere", "--color", "1,.5,.25")[0].body_color == pytest.approx((.6, .3, .15))

@@ -8,6 +8,7 @@ import re
 import runpy
 import sys
 import traceback
+import warnings
 from pathlib import Path
 
 import attrs
@@ -20,6 +21,7 @@ import clfur
 from .. import (
     PRESETS,
     Camera,
+    Chiang,
     Error,
     Ground,
     HairType,
@@ -31,12 +33,30 @@ from .. import (
     load_materials,
     load_mesh,
 )
+from ..budget import LADDER, refused
+from ..files.curves import curves_of
 from ..files.images import load_picture
 from ..files.input import plain, read
+from ..judge.frontier import label
 from ..scene import frame, highlighted
 from ..scene.checks import vector
 from ..settings import CHOSEN, RASTERS, SCATTERING, SHADOWS
-from .types import Color, Height, LightText, Look, Numbers, Real, Roots, Size, Sky, Whole, from_hex, light_of, look_of
+from .types import (
+    Color,
+    Height,
+    LightText,
+    Look,
+    Numbers,
+    Real,
+    Roots,
+    Size,
+    Sky,
+    View,
+    Whole,
+    from_hex,
+    light_of,
+    look_of,
+)
 
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
@@ -63,6 +83,11 @@ _SCENE = [
                  help="The camera's place.  [default: where it sees the whole mesh, and its shadow on a --ground]"),
     click.option("--target", type=Numbers(3), metavar="X,Y,Z",
                  help="What it looks at.  [default: the mesh's centre]"),
+    click.option("--view", type=View(), metavar="VIEW",
+                 help="From where the camera sees all of the mesh: front (from +Z), back, left (from -X), right, top, "
+                      "34 (between front and right), or AZIMUTH,ELEVATION in degrees.  [default: near 34]"),
+    click.option("--zoom", type=Real(0.01, 100), default=1.0, metavar="TIMES",
+                 help="How many times larger the middle of the picture is."),
     click.option("--fov", type=Real(1e-3, 179.99), default=45.0, metavar="DEG",
                  help="Vertical field of view."),
     click.option("--light", "lights", type=LightText(), default=["1,-1,-0.6"], multiple=True, metavar="LIGHT",
@@ -76,13 +101,16 @@ _SCENE = [
                       "equirectangular picture, .hdr, .exr, .png.  Lights shine too: --light 'sun intensity=0' leaves "
                       "the sky alone.  [default: none]"),
     click.option("--body-color", type=Color(), metavar="COLOR",
-                 help="Base colour of the body.  [default: a glTF file's own, else 0.3,0.2,0.12]"),
+                 help="Base colour of the body.  [default: a glTF file's own, else 0.6 of --color's light]"),
     click.option("--body-texture", metavar="PICTURE",
                  help="Picture that is laid on the body by uv; --body-color, if given, multiplies it."),
     click.option("--body", type=click.Choice(["drawn", "holdout"]), default="drawn",
                  help="A holdout hides and shades hair, but is not seen itself."),
     click.option("--ground", type=Height(), metavar="lowest|Y",
                  help="A level ground at the mesh's lowest point or at a height, of which the shadow alone is drawn."),
+    click.option("--hair", metavar="FILE",
+                 help="Strands of a file in place of grown ones, placed as the mesh is: .hair, .tfx, .data, .ply, "
+                      ".npz, .npy or USD.  --width, --color and --alpha count where it says none."),
     click.option("--rest", metavar="MESH",
                  help="The mesh in rest, of the same faces: lengths go by it, and N roots and the cells of shells stay "
                       "where they are on it in every pose."),
@@ -100,6 +128,11 @@ _STRANDS = [
     click.option("--width", type=Real(0), metavar="W",
                  help="Diameter of a strand in the mesh's units.  [default: 0.0012 of half the mesh's diagonal, but at "
                       "most a tenth of the length]"),
+    click.option("--tip-width", type=Real(0, 16), default=0.2, metavar="SHARE",
+                 help="Of its width, what a strand has at its tip."),
+    click.option("--root-color", type=Color(), metavar="COLOR",
+                 help="Of a strand at its root.  [default: half of --color's light; with --look chiang as --color]"),
+    click.option("--tip-color", type=Color(), metavar="COLOR", help="Of a strand at its tip.  [default: --color]"),
     click.option("--look", type=Look(), metavar="LOOK",
                  help="How strands scatter light: kajiya or chiang (real hair), and its fields, as "
                       "chiang:azimuthal_roughness=0.4,eumelanin=1.3 or chiang:absorption=0.1/0.3/0.9.  "
@@ -131,7 +164,8 @@ _SHELLS = [
 ]
 _SETTINGS = [
     click.option("--preset", type=click.Choice(list(PRESETS)),
-                 help="Settings that were measured to be worth their time; options beside it count more."),
+                 help="Settings that were measured to be worth their time, from draft, the fastest, to reference, the "
+                      "nearest to the truth (masks and deep shadows); options beside it count more."),
     click.option("--raster", type=click.Choice(RASTERS), default="coverage",
                  help="Strands transparent by the area that they cover, or opaque in each sample."),
     click.option("--shadows", type=click.Choice(SHADOWS), default="length",
@@ -158,9 +192,13 @@ _SETTINGS = [
                  help="How wide the blur is."),
 ]
 # Names of the options that only one kind of fur has.
-_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "look", "type_map", "types", "curl", "wave",
-                     "raster", "masks", "scattering", "lod", "sky"),
+_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "tip_width", "root_color", "tip_color", "look",
+                     "type_map", "types", "curl", "wave", "raster", "masks", "scattering", "lod", "sky", "hair"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
+# Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
+_GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "force_weight", "roots", "type_map", "types",
+          "curl", "wave", "rest")
+_GROWN_OR_SHELLS = "length", "variation"
 
 
 def scene_options(command, size="640x480", settings=True):
@@ -230,11 +268,14 @@ def load_scene(given, options):
     scene file sets them itself, or they are of another fur than is chosen.
     """
     flags = _given(options)
+    if "view" in flags and (other := next((flags[name] for name in ("eye", "target") if name in flags), None)):
+        raise click.UsageError(f"--view places the camera, and so does {other}; allowed: one of them")
     settings = _settings(flags, options)
     if not is_scene_file(given):
         _check_fur(flags, options)
         _check_blur(flags, settings)
-        return _scene(load_mesh(given), options | {"given": given}), settings
+        scene = _scene(load_mesh(given), options | {"given": given})
+        return scene, _taken(scene, settings, flags, options)
     scene, given_settings = _run(given)
     # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
     for name, flag in flags.items():
@@ -243,7 +284,7 @@ def load_scene(given, options):
     _check_blur(flags, settings)
     if "specular" in flags:
         scene = attrs.evolve(scene, fur=highlighted(scene.fur, options["specular"]))
-    return scene, given_settings or settings
+    return scene, given_settings or _taken(scene, settings, flags, options)
 
 
 def _settings(flags, options):
@@ -260,6 +301,20 @@ def _settings(flags, options):
     return Settings(**values)
 
 
+def _taken(scene, settings, flags, options):
+    """The `Settings`, but of a preset that the scene refuses those of the rung below that it takes; which is told."""
+    why = options.get("preset") and refused(scene, settings)
+    for rung in reversed(LADDER[:LADDER.index(PRESETS[options["preset"]])] if why else ()):
+        if rung.raster != settings.raster:   # cheap ones, and another picture
+            continue
+        lower = attrs.evolve(rung, **{name: getattr(settings, name) for name in flags if hasattr(settings, name)})
+        if not refused(scene, lower):
+            warnings.warn(f"--preset {options['preset']}: {why.partition(';')[0]}; drawn with {label(lower)}",
+                          stacklevel=2)
+            return lower
+    return settings
+
+
 def _check_fur(flags, options):
     """Raise click.UsageError for one of the options given, {name: flag}, that the fur which is drawn has no use for."""
     for fur, names in _ONLY.items():
@@ -267,6 +322,11 @@ def _check_fur(flags, options):
             if name in flags:
                 raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
                                        f"allowed: with --fur {fur} or --fur both")
+    if options["hair"]:
+        for name in _GROWN + (_GROWN_OR_SHELLS if options["fur"] == "strands" else ()):
+            if name in flags:
+                raise click.UsageError(f"{flags[name]} is for hair that grows, but --hair has its own; allowed: one of "
+                                       "them")
     if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
         raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
                                "allowed: with --pattern cells or --fur both")
@@ -320,7 +380,7 @@ def _scene(mesh, options):
     if kind != "strands":
         fur.append(_shells(options, length / 2 if kind == "both" else length, radius))
     if kind != "shells":
-        fur.append(_strands(options, length, radius, len(mesh.faces)))
+        fur.append((_hair if options["hair"] else _strands)(options, length, radius, len(mesh.faces)))
     if options.get("specular") == "half-vector":   # the other is that of looks which say nothing
         fur = highlighted(tuple(fur), "half-vector")
 
@@ -328,7 +388,9 @@ def _scene(mesh, options):
     ground = None if height is None else Ground(None if height == "lowest" else height)
     lights = _lights(options["lights"], mesh.bounds[0])
     given = options["eye"] or options["target"]
-    camera = frame(mesh, fur, options["size"], options["fov"], ground=None if given else ground, lights=lights)
+    towards = {"direction": options["view"]} if options["view"] else {}
+    camera = frame(mesh, fur, options["size"], options["fov"], ground=None if given else ground, lights=lights,
+                   **towards)
     if given:
         target = vector(3)(options["target"] or camera.target, "Camera.target")
         eye = options["eye"] or (camera.eye + target - camera.target).tolist()
@@ -336,6 +398,9 @@ def _scene(mesh, options):
         upright = aside > 1e-3 * up
         camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
                         fov=options["fov"], size=options["size"])
+    if options["zoom"] != 1:
+        fov = 2 * math.degrees(math.atan(math.tan(math.radians(camera.fov) / 2) / options["zoom"]))
+        camera = attrs.evolve(camera, fov=fov)
     return Scene(mesh=mesh, fur=fur, camera=camera, light=lights, environment=options["sky"],
                  body=options["body"], ground=ground, **_body_color(options))
 
@@ -354,7 +419,7 @@ def _body_color(options):
     if color is not None or options["body"] == "holdout":   # which is not seen
         return {} if color is None else {"body_color": color}
     materials = load_materials(options["given"])
-    return {"body_color": materials} if materials else {}
+    return {"body_color": materials or tuple(0.6 * part for part in options["color"])}
 
 
 def _shells(options, length, radius):
@@ -411,6 +476,9 @@ def _strands(options, length, radius, faces):
         "segment_length": length / max(options["segments"], 1),
         # Short fur on a mesh with a wide ground: strands that are wider than long would cover all of the picture.
         "width": min(0.0012 * radius, 0.1 * length) if options["width"] is None else options["width"],
+        "tip_width": options["tip_width"],
+        "root_color": options["root_color"],
+        "tip_color": options["tip_color"],
         "force_weight": options["force_weight"],
         "curl": options["curl"],
         "wave": options["wave"],
@@ -421,10 +489,26 @@ def _strands(options, length, radius, faces):
     if options["type_map"] is not None and options["types"] is None:
         raise click.UsageError("--type-map needs --types, the hair types that its colours mean")
     return Strands(
-        types=[HairType(**hair)] if options["types"] is None else read_for(
+        types=[_hair_type(hair)] if options["types"] is None else read_for(
             "--types", lambda path: _hair_types(path, hair), options["types"]),
         type_map=None if options["type_map"] is None else _type_map(options["type_map"]),
         **density(options, faces), **{name: options[name] for name in ("surface", "force", "seed", "rest")})
+
+
+def _hair(options, length, radius, faces):
+    """The `Curves` of the strand file that the options name; what it does not say is theirs."""
+    levels = density(options, faces)
+    given = {name: options[name] for name in ("width", "color", "alpha", "look", "surface", "seed")}
+    given |= {"inner": levels["inner"], "outer": levels["outer"]}
+    return curves_of(options["hair"], {name: value for name, value in given.items() if value is not None})
+
+
+def _hair_type(fields):
+    """A `HairType`, whose roots are half as bright where nothing is said; a Chiang's pigment may be all its colour."""
+    kind = HairType(**fields)
+    if kind.root_color is None and not isinstance(kind.look, Chiang):
+        kind = attrs.evolve(kind, root_color=kind.color / 2)
+    return kind
 
 
 def _type_map(path):
@@ -463,13 +547,14 @@ def _hair_types(path, defaults):
         try:
             if isinstance(texture := fields.get("color_texture"), str):
                 fields["color_texture"] = load_picture(Path(path).parent / texture)
-            if isinstance(color := fields.get("color"), str):
-                fields["color"] = from_hex(color)
+            for name in ("color", "root_color", "tip_color"):
+                if isinstance(color := fields.get(name), str):
+                    fields[name] = from_hex(color)
             if isinstance(look := fields.get("look"), str):
                 fields["look"] = look_of(look)
             elif "specular" in fields or "exponent" in fields:   # they make one
                 fields.setdefault("look", None)
-            types.append(HairType(**{**defaults, **fields}))
+            types.append(_hair_type({**defaults, **fields}))
         except ValueError as error:   # clfur.Error is one
             raise Error(f"{where}: {error}") from None
     return types

@@ -30,8 +30,8 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
               help="What the picture is laid over, which then has no alpha: R,G,B, '#rrggbb' or a picture of the same "
                    "aspect.")
 @click.option("--max-error", type=Real(0, min_open=True), metavar="E",
-              help="Choose the cheapest samples, raster, shadows, grid and lod that err by no more, such as 0.05: root "
-                   "mean square of sRGB, 0 to 1, against the true picture.")
+              help="Choose the cheapest samples, raster, shadows, grid, masks and lod that err by no more, such as "
+                   "0.05: root mean square of sRGB, 0 to 1, against the true picture.")
 @click.option("--budget", "seconds", type=Real(0, min_open=True), metavar="SECONDS",
               help="Choose the best whose frame takes no longer; the frames that this tries are not counted.")
 @click.option("--device", metavar="DEVICE",
@@ -48,7 +48,7 @@ def render(given, output, outputs, background, device, memory, as_json, **option
     Python file (.py) that sets `scene`, a clfur.Scene, and maybe `settings`, a clfur.Settings.
     """
     output = Path(Path(given).stem + ".png" if output is None else output)
-    read = [given, *(options[name] for name in ("type_map", "types", "rest", "body_texture"))]
+    read = [given, *(options[name] for name in ("hair", "type_map", "types", "rest", "body_texture"))]
     _check_files(output, outputs, background, read)
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]

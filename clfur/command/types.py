@@ -1,5 +1,6 @@
 """What the options of the commands take: numbers, sizes, colours, names."""
 
+import math
 import re
 from pathlib import Path
 
@@ -53,6 +54,11 @@ class Numbers(click.ParamType):
         return numbers
 
 
+# Azimuth, from +Z towards +X, and elevation of the camera, in degrees.
+VIEWS = {"34": (35.0, 15.0), "front": (0.0, 0.0), "back": (180.0, 0.0), "left": (-90.0, 0.0), "right": (90.0, 0.0),
+         "top": (0.0, 90.0)}
+
+
 class Size(click.ParamType):
     """Width and height in pixels, such as 640x480."""
 
@@ -65,6 +71,29 @@ class Size(click.ParamType):
         if len(parts) != 2 or not all(part.isdecimal() and len(part) < 6 and 1 <= int(part) <= 16384 for part in parts):
             self.fail(f"{value!r} is not WIDTHxHEIGHT of 1 to 16384 pixels each, such as 640x480", param, ctx)
         return tuple(map(int, parts))
+
+
+class View(click.ParamType):
+    """From where the camera looks, a name of `VIEWS` or AZIMUTH,ELEVATION in degrees -> direction [3] towards it."""
+
+    name = "view"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        if value in VIEWS:
+            azimuth, elevation = VIEWS[value]
+        else:
+            parts = value.split(",")
+            try:
+                azimuth, elevation = (float(part) for part in parts)
+            except ValueError:
+                azimuth = elevation = math.inf
+            if not (abs(azimuth) <= 360 and abs(elevation) <= 90):
+                self.fail(f"{value!r} is none of {', '.join(VIEWS)}, nor AZIMUTH,ELEVATION in degrees, -360 to 360 and "
+                          "-90 to 90", param, ctx)
+        around, up = math.radians(azimuth), math.radians(elevation)
+        return math.sin(around) * math.cos(up), math.sin(up), math.cos(around) * math.cos(up)
 
 
 class Bytes(click.ParamType):

@@ -9,7 +9,7 @@ import numpy as np
 from ..color import linear_of
 from ..errors import Error
 from . import checks
-from .light import Light
+from .light import AMBIENT, Light
 
 ROWS = 64   # of a gradient's picture, and about as many of a large one's
 
@@ -73,6 +73,7 @@ class Environment:
 
 
 def ambient_of(light: Light, environment: Environment | None, scatters: bool = False) -> float:
-    """The flat ambient of a light: none under a sky, or where light goes from hair to hair, unless it is set to
-    another than it is by default."""
-    return 0.0 if (scatters or environment is not None) and light.ambient == Light().ambient else light.ambient
+    """The flat ambient of a light: where it tells none, none under a sky or where light goes from hair to hair."""
+    if light.ambient is not None:
+        return light.ambient
+    return 0.0 if scatters or environment is not None else AMBIENT

@@ -18,8 +18,8 @@ class Ground:
 
     height: its y in the world; None is the lowest vertex of the mesh, or without one the lowest point of Curves.
     color: None for its shadow alone, black and as opaque as light is missing there, to be laid over a photo; or linear
-    RGB >= 0 (arrays of uint8 or uint16 are sRGB) of a plane that reflects light as the body does. It hides what lies
-    under it and casts no shadow; a camera under it does not see it. Raises Error otherwise.
+    RGB >= 0 (arrays of uint8 or uint16 are sRGB) of a plane that reflects light as the body does, an Environment's too.
+    It hides what lies under it and casts no shadow; a camera under it does not see it. Raises Error otherwise.
     """
 
     height: float | None = checks.field(checks.optional(checks.real()), default=None)

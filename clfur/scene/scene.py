@@ -96,11 +96,11 @@ class Scene:
     light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself (arrays of uint8 or
     uint16 are sRGB), a picture of them [h, w, 3] that is laid on by uv, a Material or a list of those that
     `Mesh.material_of` tells the faces of, or None to leave it undrawn. environment: an Environment, whose light falls
-    on strands and body beside the lights', or None. With one, lights leave out the flat ambient that they have by
-    default (0.1); any other counts beside it. body: "drawn", or "holdout": it hides and shades what is behind it,
-    but is not seen itself, so that its pixels are free for a picture of it. ground: a Ground, or None. Raises Error
-    where the parts don't fit: a type_map, color_texture or pattern "sine" on a mesh without uv, levels for another
-    number of faces, an edge whose two faces give it different levels, or a rest mesh of other faces.
+    on fur, body and ground beside the lights', or None. With one, lights that tell no ambient have none. body: "drawn",
+    or "holdout": it hides and shades what is behind it, but is not seen itself, so that its pixels are free for a
+    picture of it. ground: a Ground, or None. Raises Error where the parts don't fit: a type_map, color_texture or
+    pattern "sine" on a mesh without uv, levels for another number of faces, an edge whose two faces give it different
+    levels, or a rest mesh of other faces.
 
     Faces that have no area or normal in this pose, but have in rest, become part of `mesh`: what grows there stands as
     the normals of their corners, or of faces beside them, point.
@@ -151,9 +151,6 @@ class Scene:
         if shells is not None and self.environment is not None:
             raise Error("Scene.environment is given but Scene.fur has Shells, on which no sky shines; allowed: "
                         "Strands or Curves, or Light.ambient")
-        if self.ground is not None and self.environment is not None:
-            raise Error("Scene.environment and Scene.ground are given, but no sky shines on a ground; allowed: one of "
-                        "them, or Light.ambient")
         if self.mesh is None and strands is None and shells is None:
             raise Error("Scene.mesh and Scene.fur are None; allowed: at least one of them")
         if self.body == "holdout" and (self.mesh is None or self.body_color is None):
