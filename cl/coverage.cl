@@ -552,7 +552,9 @@ __kernel void pixels(
     const int deep_longest,
     __global const Deep *deep_maps,
     __global const uint *deep_starts,
-    __global const ulong *deep_pieces,
+    __global const float *deep_nears,
+    __global const uint *deep_blocks,
+    __global const float8 *axes,
     __global float *body_transmittance,
     __global float *alpha,
     __global ulong *front,
@@ -572,7 +574,7 @@ __kernel void pixels(
     const bool within = on && x < size.x && y < size.y;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
-                              lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_pieces}},
+                              lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_nears, deep_blocks, axes}},
                              body_transmittance, alpha,
                              front, shell_front, image};
     Walk walk;
@@ -827,10 +829,12 @@ ALONE BY_HAND __kernel void tiles(
     __global const float *crossings,
     __global const ulong *shadow_maps,
     const int shadowed,                    // 1: something stands before them
-    const int deep_longest,                // list of pieces in maps of hair, see deep.h; 0: there are none
+    const int deep_longest,                // list of blocks in maps of hair, see deep.h; 0: there are none
     __global const Deep *deep_maps,
     __global const uint *deep_starts,
-    __global const ulong *deep_pieces,
+    __global const float *deep_nears,
+    __global const uint *deep_blocks,
+    __global const float8 *axes,           // [survivors or 0] in the world
     __global float *body_transmittance,    // [rows, width, samples] share of the body's light that what stands before it
                                            // lets through; in: shells alone, out: strands too
     __global float *alpha,                 // [rows, width]
@@ -854,7 +858,7 @@ ALONE BY_HAND __kernel void tiles(
     glow.n = 0;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
-                              lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_pieces}},
+                              lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_nears, deep_blocks, axes}},
                              body_transmittance, alpha,
                              front, shell_front, image, &glow};
     Tile t;

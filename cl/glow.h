@@ -8,8 +8,9 @@
 
 /* Pieces whose light is to be added: so many side by side. */
 typedef struct {
-    uint numbers[GLOWS] ALIGNED, wheres[GLOWS] ALIGNED;
-    float weights[GLOWS] ALIGNED, shares[GLOWS] ALIGNED;
+    uint numbers[GLOWS] ALIGNED;
+    float weights[GLOWS] ALIGNED;
+    float ats[GLOWS] ALIGNED;        // where on their segments
     float4 *to[GLOWS];               // the light of their pixels
     float exact[3][GLOWS] ALIGNED;   // r, g, b of lights of which no places are known
     int n;
@@ -26,19 +27,16 @@ INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
     for (int first = 0; first < left; first += LANES) {
         Row rows[LANES];
         uint numbers[LANES];
-        lanes at, share;
+        lanes at;
         lanes_i on;
-        float8 ends[LANES];
         for (int k = 0; k < LANES; ++k) {
             const int j = which[first + k < left ? first + k : first];
             numbers[k] = glow->numbers[j];
             rows[k] = row_of(known, numbers[k]);
-            ends[k] = known->deep.longest ? known->ends[numbers[k]] : 0.0f;
-            LANE(at, k) = (glow->wheres[j] & 0xFFFF) * (1.0f / 65535.0f);
-            LANE(share, k) = glow->shares[j];
+            LANE(at, k) = glow->ats[j];
             LANE_I(on, k) = first + k < left ? ON : 0;
         }
-        lanes3 light = exact_light(known, numbers, rows, ends, at, share, on);
+        lanes3 light = exact_light(known, numbers, rows, at, on);
         for (int k = 0; k < LANES && first + k < left; ++k) {
             glow->exact[0][which[first + k]] = LANE(light.x, k);
             glow->exact[1][which[first + k]] = LANE(light.y, k);
@@ -53,7 +51,7 @@ INLINED void glow_eight(const Glow *glow, int first, const Sent *known)
     __global const ulong *froms[LANES];
     lanes_i some = I(0);
     lanes light[8], rows[LANES];
-    const lanes at = TO(lanes, *(const lanes_u *)(glow->wheres + first) & 0xFFFF) * (1.0f / 65535.0f);
+    const lanes at = *(const lanes *)(glow->ats + first);
     const lanes along = at * FEW_PIECES;
     const lanes_i whole = WHOLE(along), piece = whole < FEW_PIECES - 1 ? whole : I(FEW_PIECES - 1);
     const lanes t = along - REAL(piece), parts[3] = {(1.0f - t) * (1.0f - 2.0f * t), 4.0f * t * (1.0f - t), t * (2.0f * t - 1.0f)};
@@ -79,8 +77,12 @@ INLINED void glow_eight(const Glow *glow, int first, const Sent *known)
             b[k] = parts[k] * AS_F(TO(lanes_u, here) << 10 & 0x7FFFFC00u);
         }
         const lanes of_one[3] = {r[0] + r[1] + r[2], g[0] + g[1] + g[2], b[0] + b[1] + b[2]};
+        lanes share = F(1.0f);
+        if (known->deep.longest && i < known->lighting.n)
+            share = share_deep(known, i, glow->numbers + first, at,
+                               (exact == 0) & ((of_one[0] > 0.0f) | (of_one[1] > 0.0f) | (of_one[2] > 0.0f)));
         for (int k = 0; k < 3; ++k)
-            light[k] += ((exact == 0) & (of_one[k] > 0.0f)) ? of_one[k] : F(0.0f);
+            light[k] += ((exact == 0) & (of_one[k] > 0.0f)) ? share * of_one[k] : F(0.0f);
     }
     for (int k = 0; k < 3; ++k) {
         const lanes here = *(const lanes *)(glow->exact[k] + first);
@@ -98,7 +100,7 @@ INLINED void glow_all(Glow *glow, const Sent *known)
     const int n = glow->n;
     for (int k = n; k & LANES - 1; ++k) {      // nothing of the last piece again
         glow->numbers[k] = glow->numbers[n - 1];
-        glow->wheres[k] = 0;
+        glow->ats[k] = 0.0f;
         glow->weights[k] = 0.0f;
         glow->to[k] = glow->to[n - 1];
     }
@@ -108,15 +110,16 @@ INLINED void glow_all(Glow *glow, const Sent *known)
     glow->n = 0;
 }
 
-INLINED void add_glow(Glow *glow, const Sent *known, float4 *to, float weight, uint number, uint where, float share)
+INLINED void add_glow(Glow *glow, const Sent *known, float4 *to, float weight, uint number, float at)
 {
     const int n = glow->n++;
     PREFETCH(places_of(known, number));
     PREFETCH(places_of(known, number) + 4);
+    if (known->deep.longest)
+        PREFETCH(known->deep.axes + number);
     glow->numbers[n] = number;
-    glow->wheres[n] = where;
     glow->weights[n] = weight;
-    glow->shares[n] = share;
+    glow->ats[n] = at;
     glow->to[n] = to;
     if (n == GLOWS - 1)
         glow_all(glow, known);

@@ -254,13 +254,14 @@ class Coverage:
             return None
         all_there = last and (window, slab) == ((0, counted.counts.size), EVERY)
         until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
-        if plan.is_deep:
-            return strand_light.apart(gpu, build.deep(gpu, plan, lighting), lighting, hair, segments.ids, until, lit,
-                                      build.scattering(gpu, plan))
-        through = self._transmittance(gpu, band, part, hair, lighting)
-        return strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit, last,
-                                     build.scattering(gpu, plan), build.sky_points(gpu, plan, part, hair),
-                                     build.transport(gpu, plan, lighting))
+        first, falling = lit.until, build.on_hair(gpu, plan, lighting)
+        through = self._transmittance(gpu, band, part, hair, falling)
+        lit = strand_light.radiance(gpu, band.view, falling, hair, through, segments.ids, until, lit, last,
+                                    build.scattering(gpu, plan), build.sky_points(gpu, plan, part, hair), plan.even,
+                                    build.transport(gpu, plan, lighting))
+        if not plan.is_deep:
+            return lit
+        return strand_light.axes(gpu, build.deep(gpu, plan, lighting), hair, segments.ids, first, lit)
 
     def _transmittance(self, gpu, band, part, hair, lighting):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where

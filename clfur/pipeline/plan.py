@@ -33,7 +33,7 @@ from ..stages.coverage import (
     Segments,
     Tiles,
 )
-from ..stages.deep import PADDING, PIECE, TEXEL
+from ..stages.deep import bytes_of as deep_bytes
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
@@ -67,12 +67,12 @@ OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1) + GRAINS.bytes +
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
 LIT = Places.bytes(row=1)               # of its light, at most, and of each source of it
+AXIS = Places.bytes(axis=1)             # of where it lies in the world
 PLACES = Places.bytes(place=1)
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
 LOOK, LOOK_AT_ONCE, SLOTS = (layout.CONSTANTS[name] for name in ("LOOK", "LOOK_AT_ONCE", "SLOTS"))
-COARSE = 0.5    # texels to the width of hair: of fewer is told
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -218,12 +218,7 @@ class Plan:
     @property
     def warnings(self) -> list[str]:
         """What is known to be wrong in the picture."""
-        found = self.rig.warnings
-        if self.is_deep and 0 < self.deep.coarsest < COARSE:
-            found.append(f"texels in which lights see single hairs are {1 / self.deep.coarsest:.2g} times as wide as "
-                         f"hair, so that they hold no more than {self.deep.pieces:,} pieces of it: shadows are softer; "
-                         "less hair, or shorter, has sharper ones")
-        return found
+        return self.rig.warnings
 
     @functools.cached_property
     def deep(self) -> DeepPlan:
@@ -325,8 +320,14 @@ class Plan:
 
     @property
     def around(self) -> int:
-        """Sources of strands' light beside lights: a sky, or what comes from hair to hair, with the sky's."""
-        return int(self.scatters or self.scene.environment is not None)
+        """Sources of strands' light beside lights: what comes from hair to hair, with a sky's; a sky, and `even`."""
+        sky = self.scene.environment is not None and not self.scatters
+        return int(self.scatters) + int(sky or self.even > 0)
+
+    @functools.cached_property
+    def even(self) -> float:
+        """Ambient light on strands that does not go with that of a light, as it does where hair hides both at once."""
+        return float(sum(light["color"][3] for light in self.rig.lights)) if self.is_deep else 0.0
 
     @property
     def _sources(self):
@@ -335,7 +336,8 @@ class Plan:
     @property
     def _survivor(self):
         """Bytes on the device of a segment that may show, and of its light."""
-        return SURVIVOR + (LIT + PLACES * self._sources) * self.wants_color + LEAVING.bytes * self.scatters
+        lit = LIT + AXIS * self.is_deep + PLACES * self._sources
+        return SURVIVOR + lit * self.wants_color + LEAVING.bytes * self.scatters
 
     @property
     def _largest_row(self):
@@ -405,7 +407,7 @@ class Plan:
         dense = f" with {pieces:,} segments of strands in {TILE} x {TILE} of them" * bool(pieces)
         smaller = "smaller ones" + ", or Settings.raster 'samples'" * bool(pieces)
         memory, limit = self._memory(gpu)
-        furry += f"{self.deep.pieces:,} pieces of hair that lights see, " if self.is_deep else ""
+        furry += f"{self.deep.entries:,} segments of hair in lists of what lights see, " if self.is_deep else ""
         return (f"{gpu.name} with {memory / 2**20:,.1f} MiB{f' ({limit})' * bool(limit)} has no room for "
                 f"Settings.grid {settings.grid}, Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces of up "
                 f"to {self._face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, {furry}"
@@ -435,7 +437,7 @@ class Plan:
         if self.scatters:
             fixed += transport_bytes(len(self.lobed), self.body)
         if self.is_deep:
-            fixed += PIECE * (self.deep.pieces + PADDING) + TEXEL * (self.deep.texels + 1)
+            fixed += deep_bytes(self.deep.entries, self.deep.segments, int(self.deep.tiles.sum()))
         return fixed + self.of_kept * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property
