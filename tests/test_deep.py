@@ -172,9 +172,40 @@ def test_what_lies_in_the_dark_is_left_out_unseen(gpu, monkeypatch, lights):
     assert np.abs(with_it - without).max() < 1e-3
 
 
+@pytest.mark.parametrize("more", ["sky", "scattering", "ambient"])
+def test_light_from_all_around_is_added(gpu, more):
+    """What a sky, hair itself or the ambient adds hangs on no light's shadow: the same as without single hairs.  Light in
+    places is right to 2^-12 of itself, where some lights are in one place."""
+    kind = clfur.HairType(width=.02, segment_length=.06, segments=4, look=clfur.Chiang())
+    lights = [clfur.Light((-1, -.3, -.5), ambient=0), clfur.Light((1, -1, -.3), (.3, .2, .4), ambient=0)]
+    scene = clfur.Scene(ball(subdivisions=2), clfur.Strands(inner=1, outer=1, roots=900, types=kind),
+                        clfur.Camera(size=(48, 36)), lights)
+    bright = {"sky": {"environment": clfur.Environment([(.6, .7, 1), (.4, .4, .4), (.2, .1, .1)])}, "scattering": {},
+              "ambient": {"light": [attrs.evolve(light, ambient=.3) for light in lights]}}[more]
+    ways = {"scattering": "grid"} if more == "scattering" else {}
+    added = []
+    for method in "length", "deep":
+        settings = attrs.evolve(DEEP, shadows=method)
+        added.append(clfur.render(attrs.evolve(scene, **bright), gpu, attrs.evolve(settings, **ways))
+                     - clfur.render(scene, gpu, settings))
+    assert added[0][..., :3].mean() > .005
+    np.testing.assert_allclose(added[0], added[1], rtol=0, atol=5e-4)
+
+
+def test_shadows_are_nearer_to_the_truth_under_a_sky(gpu):
+    kind = clfur.HairType(width=.02, segment_length=.03, segments=8, force_weight=.2, color=(.5, .28, .12))
+    scene = clfur.Scene(ball(subdivisions=2), clfur.Strands(inner=1, outer=1, roots=1500, types=kind),
+                        clfur.Camera(size=(48, 36)), LIGHT, environment=clfur.Environment((.3, .3, .3)))
+    one, other = (measures.shown(truth.picture(scene, 3, seed)) for seed in (0, 1))
+    errors = []
+    for ways in {}, {"shadows": "deep", "masks": 4}:
+        shown = measures.shown(clfur.render(scene, gpu, attrs.evolve(SETTINGS, grid=96, shadow_map=512, **ways)))
+        errors.append(np.sqrt(((shown - one) * (shown - other)).mean()))
+    assert errors[1] < .6 * errors[0], errors
+
+
 @pytest.mark.parametrize("what, given", [
     ("the scene has shells", {"fur": [clfur.Strands(inner=1, outer=1), clfur.Shells(length=.1)]}),
-    ("Scene.environment is given", {"environment": clfur.Environment((1, 1, 1))}),
     ("a light has a size", {"light": clfur.Light(size=2)}),
 ])
 def test_what_does_not_go_with_it_is_refused(sphere, what, given):

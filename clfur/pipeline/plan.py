@@ -203,8 +203,7 @@ class Plan:
 
     def _check_deep(self) -> None:
         """Raise `clfur.Error` for what does not go with "deep"."""
-        others = {"the scene has shells": self.scene.shells, "Scene.environment is given": self.scene.environment,
-                  "Settings.scattering is 'grid'": self.settings.scattering != "off",
+        others = {"the scene has shells": self.scene.shells,
                   "a light has a size": any(light.size and light.casts for light in self.scene.lights)}
         for what, there in others.items():
             if there:
