@@ -555,6 +555,7 @@ __kernel void pixels(
     __global const float *deep_nears,
     __global const uint *deep_blocks,
     __global const float8 *axes,
+    __global const uint *hazes,
     __global float *body_transmittance,
     __global float *alpha,
     __global ulong *front,
@@ -574,7 +575,7 @@ __kernel void pixels(
     const bool within = on && x < size.x && y < size.y;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
-                              lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_nears, deep_blocks, axes}},
+                              lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_nears, deep_blocks, axes, hazes}},
                              body_transmittance, alpha,
                              front, shell_front, image};
     Walk walk;
@@ -834,7 +835,8 @@ ALONE BY_HAND __kernel void tiles(
     __global const uint *deep_starts,
     __global const float *deep_nears,
     __global const uint *deep_blocks,
-    __global const float8 *axes,           // [survivors or 0] in the world
+    __global const float8 *axes,           // [survivors or 0] in the world, likewise
+    __global const uint *hazes,            // [survivors or 0, n_lights]
     __global float *body_transmittance,    // [rows, width, samples] share of the body's light that what stands before it
                                            // lets through; in: shells alone, out: strands too
     __global float *alpha,                 // [rows, width]
@@ -858,7 +860,7 @@ ALONE BY_HAND __kernel void tiles(
     glow.n = 0;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
-                              lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_nears, deep_blocks, axes}},
+                              lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_nears, deep_blocks, axes, hazes}},
                              body_transmittance, alpha,
                              front, shell_front, image, &glow};
     Tile t;

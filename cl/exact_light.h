@@ -58,23 +58,37 @@ INLINED ulong more_of(const Sent *known, uint number)
     return row_among(places_of(known, number), known->lighting.n);
 }
 
-/* Share of light i that hair lets through to places `at` of segments, see deep.h. */
-INLINED lanes share_deep(const Sent *sent, int i, const uint *numbers, lanes at, lanes_i on)
+#define FAINT 0.04f          // weight in its pixel up to which a piece is shaded by the grid of cells
+
+/* Share of light i that hair lets through to places `at` of segments: single hairs, see deep.h, or all of them as if at random
+   where pieces have little weight. */
+INLINED lanes share_deep(const Sent *sent, int i, const uint *numbers, lanes at, lanes weight, lanes_i on)
 {
     if (!sent->deep.maps[i].size.x || !any_lane(on))
         return F(1.0f);
+    const lanes_i look = on & (weight > FAINT);
+    lanes start, end;
+    for (int k = 0; k < LANES; ++k) {
+        const uint haze = sent->deep.hazes[numbers[k] * (size_t)sent->lighting.n + i];
+        LANE(start, k) = (float)(haze & 0xFFFF);
+        LANE(end, k) = (float)(haze >> 16);
+    }
+    const lanes share = (start + at * (end - start)) * (1.0f / 65535.0f);
+    if (!any_lane(look))
+        return share;
     float8 axes[LANES];
     lanes c[8];
     for (int k = 0; k < LANES; ++k)
         axes[k] = sent->deep.axes[numbers[k]];
     columns_of(axes, c);
     const lanes3 p = {c[0], c[1], c[2]}, step = {c[4], c[5], c[6]};
-    return through_deep(&sent->deep, i, on, plus(p, scaled(step, at)), c[3]);
+    const lanes through = through_deep(&sent->deep, i, look, plus(p, scaled(step, at)), c[3]);
+    return look ? through : share;
 }
 
 /* Light from places `at` of segments, where lanes are `on`, of those lights of which no places are known; the other lanes are
-   like one of these. */
-INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *rows, lanes at, lanes_i on)
+   like one of these.  weight: in their pixels. */
+INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *rows, lanes at, lanes weight, lanes_i on)
 {
     float8 part[LANES];
     lanes c[32];
@@ -107,7 +121,7 @@ INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *ro
             share *= through;
         }
         if (known->deep.longest)
-            share *= share_deep(known, i, numbers, at, here & (share > 0.0f));
+            share *= share_deep(known, i, numbers, at, weight, here & (share > 0.0f));
         const lanes3 one = fibre_lanes(&light, &fibres, &looks, l, v, share), none = {F(0.0f), F(0.0f), F(0.0f)};
         sent = known->lighting.n == 1 ? one : plus(sent, chosen(here, one, none));
     }
@@ -122,20 +136,21 @@ INLINED Row row_of(const Sent *known, uint number)
 }
 
 #if LANES == 1
-/* Light that segment `number` sends to the eye from the place `at` of it. */
-INLINED float4 sent_by(const Sent *known, uint number, float at)
+/* Light that segment `number` sends to the eye from the place `at` of it, a piece of such a weight in its
+   pixel. */
+INLINED float4 sent_by(const Sent *known, uint number, float at, float weight)
 {
     __global const ulong *few = places_of(known, number);
     float4 sum = (float4)(0.0f);
     if (more_of(known, number)) {
         const Row row = row_of(known, number);
-        const lanes3 light = exact_light(known, &number, &row, at, 1);
+        const lanes3 light = exact_light(known, &number, &row, at, weight, 1);
         sum = (float4)(light.x, light.y, light.z, 0.0f);
         sum = sum > 0.0f ? sum : 0.0f;
     }
     for (int i = 0; i < known->sources; ++i, few += FEW_PLACES)
         if (!(few[0] & MORE)) {
-            const float share = known->deep.longest && i < known->lighting.n ? share_deep(known, i, &number, at, 1) : 1.0f;
+            const float share = known->deep.longest && i < known->lighting.n ? share_deep(known, i, &number, at, weight, 1) : 1.0f;
             sum += share * light_between(few, at);
         }
     return sum;

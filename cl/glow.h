@@ -27,16 +27,17 @@ INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
     for (int first = 0; first < left; first += LANES) {
         Row rows[LANES];
         uint numbers[LANES];
-        lanes at;
+        lanes at, weight;
         lanes_i on;
         for (int k = 0; k < LANES; ++k) {
             const int j = which[first + k < left ? first + k : first];
             numbers[k] = glow->numbers[j];
             rows[k] = row_of(known, numbers[k]);
             LANE(at, k) = glow->ats[j];
+            LANE(weight, k) = glow->weights[j];
             LANE_I(on, k) = first + k < left ? ON : 0;
         }
-        lanes3 light = exact_light(known, numbers, rows, at, on);
+        lanes3 light = exact_light(known, numbers, rows, at, weight, on);
         for (int k = 0; k < LANES && first + k < left; ++k) {
             glow->exact[0][which[first + k]] = LANE(light.x, k);
             glow->exact[1][which[first + k]] = LANE(light.y, k);
@@ -79,7 +80,7 @@ INLINED void glow_eight(const Glow *glow, int first, const Sent *known)
         const lanes of_one[3] = {r[0] + r[1] + r[2], g[0] + g[1] + g[2], b[0] + b[1] + b[2]};
         lanes share = F(1.0f);
         if (known->deep.longest && i < known->lighting.n)
-            share = share_deep(known, i, glow->numbers + first, at,
+            share = share_deep(known, i, glow->numbers + first, at, *(const lanes *)(glow->weights + first),
                                (exact == 0) & ((of_one[0] > 0.0f) | (of_one[1] > 0.0f) | (of_one[2] > 0.0f)));
         for (int k = 0; k < 3; ++k)
             light[k] += ((exact == 0) & (of_one[k] > 0.0f)) ? share * of_one[k] : F(0.0f);

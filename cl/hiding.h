@@ -286,7 +286,7 @@ INLINED void drop(Slots *slots, long *limit)
 INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, float at)
 {
 #if LANES == 1
-    const float4 light = sent_by(&picture->sent, number, at);
+    const float4 light = sent_by(&picture->sent, number, at, weight);
     p->light += weight * (light < MOST ? light : MOST);
 #else
     add_glow(picture->glow, &picture->sent, &p->light, weight, number, at);

@@ -400,11 +400,20 @@ __kernel void axes(
     const uint run,
     __global const uint *numbers,
     const uint first_strand,
-    __global float8 *axes)                 // [segments]
+    const int n_lights,
+    const uint n_points,
+    __global const float *transmittances,  // [n_lights, n_points] share of light that hair as of the grid lets through
+    __global float8 *axes,                 // [segments]
+    __global uint *hazes)                  // [segments, n_lights]
 {
     WORK_ITEM(item);
     const uint id = lies_at(stored, run, (segments[first + item] & ~BODY) - first_point);
     const uint strand = strand_of[id / run];
     const float4 a = points[id], way = points[id + 1] - a;
+    for (int i = 0; i < n_lights; ++i) {
+        __global const float *there = transmittances + (size_t)i * n_points + id;
+        const uint start = (uint)(there[0] * 65535.0f + 0.5f), at_end = (uint)(there[1] * 65535.0f + 0.5f);
+        hazes[(first + item) * n_lights + i] = at_end << 16 | start;
+    }
     axes[first + item] = both((float4)(a.xyz, first_strand + numbers[strand] & 0xFFFFFF), (float4)(way.xyz, 0.0f));
 }

@@ -109,7 +109,9 @@ def test_samples_are_refused():
 
 @pytest.mark.small
 def test_a_small_frame(gpu):
-    scene = furry("grown", size=(9, 7), light=[LIGHT, SPOT])
+    scene = furry("grown", 12, size=(14, 11), light=[LIGHT, SPOT])
+    fur = clfur.Strands(inner=1, outer=1, roots=12, types=clfur.HairType(width=.1, segment_length=.2, segments=2))
+    scene = attrs.evolve(scene, fur=fur)
     color = clfur.render(scene, gpu, DEEP)
     assert np.isfinite(color).all() and color.max() > .05
     assert np.abs(color - clfur.render(scene, gpu, attrs.evolve(DEEP, shadows="length"))).max() > .005

@@ -261,9 +261,10 @@ class Coverage:
                                     build.transport(gpu, plan, lighting))
         if not plan.is_deep:
             return lit
-        return strand_light.axes(gpu, build.deep(gpu, plan, lighting), hair, segments.ids, first, lit)
+        through = self._transmittance(gpu, band, part, hair, build.hair_alone(gpu, plan, lighting), "hair")
+        return strand_light.axes(gpu, build.deep(gpu, plan, lighting), hair, segments.ids, first, lit, through)
 
-    def _transmittance(self, gpu, band, part, hair, lighting):
+    def _transmittance(self, gpu, band, part, hair, lighting, what=""):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where
         there is room."""
         plan = self.plan
@@ -271,11 +272,11 @@ class Coverage:
             return None
         one = len(band.counted.cut.parts) == 1
         known = build.transmittances(gpu, plan) if one or plan.keeps_transmittances(gpu) else {}
-        made_for, result = known.get(part, (None, None))
+        made_for, result = known.get((part, what), (None, None))
         # The user's strands of one place lie in any order among themselves, another one each time that they are made.
         if result is None or not (plan.grown or made_for() is hair):
             result = strand_light.transmittance(gpu, hair, lighting)
-            known[part] = weakref.ref(hair), result
+            known[part, what] = weakref.ref(hair), result
         return result
 
 

@@ -67,7 +67,7 @@ OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1) + GRAINS.bytes +
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
 LIT = Places.bytes(row=1)               # of its light, at most, and of each source of it
-AXIS = Places.bytes(axis=1)             # of where it lies in the world
+AXIS, HAZE = Places.bytes(axis=1), Places.bytes(haze=1)   # of where it lies in the world; of each light
 PLACES = Places.bytes(place=1)
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
@@ -335,7 +335,7 @@ class Plan:
     @property
     def _survivor(self):
         """Bytes on the device of a segment that may show, and of its light."""
-        lit = LIT + AXIS * self.is_deep + PLACES * self._sources
+        lit = LIT + (AXIS + HAZE * len(self.scene.lights)) * self.is_deep + PLACES * self._sources
         return SURVIVOR + lit * self.wants_color + LEAVING.bytes * self.scatters
 
     @property
@@ -442,7 +442,8 @@ class Plan:
     @property
     def _transmittance(self):
         """Bytes on the device of the transmittance to a point of strands, of all lights."""
-        return TRANSMITTANCE.bytes * len(self.scene.lights) + POINT_LIGHT.bytes * (self.scene.environment is not None)
+        shares = TRANSMITTANCE.bytes * len(self.scene.lights) * (1 + self.is_deep)   # of the body and hair apart
+        return shares + POINT_LIGHT.bytes * (self.scene.environment is not None)
 
     def check(self, gpu: Any) -> None:
         """Raise `clfur.Error` where a device that ends long loops, silently, could end those over lights."""
@@ -461,7 +462,7 @@ class Plan:
     def keeps_transmittances(self, gpu: Any) -> bool:
         """Whether there is room for the transmittances to all points of strands: then they are asked once for all bands
         of the picture, and for frames in which only the camera moves."""
-        shadowed = self.uses_coverage and self.settings.shadows not in ("off", "deep")
+        shadowed = self.uses_coverage and self.settings.shadows != "off"
         return shadowed and self._transmittance * self.points <= self._memory(gpu)[0] // 8
 
     def _bytes(self, gpu):

@@ -205,6 +205,13 @@ def without_hair(gpu: Any, lighting: Lighting) -> Lighting:
     return replace(lighting, lights=gpu.upload(lights), shadows=gpu.upload(shadows))
 
 
+def without_body(gpu: Any, lighting: Lighting) -> Lighting:
+    """The same lights, before which the body hides nothing."""
+    shadows = gpu.download(lighting.shadows).copy()
+    shadows["body"][:, 0] = 0
+    return replace(lighting, shadows=gpu.upload(shadows))
+
+
 def dark_of(gpu: Any, plan: DeepPlan, lighting: Lighting | None) -> list:
     """[[tiles, tiles] float32 reversed depth in its map from which on none of its light comes] of each light: behind
     hair that lets nothing through, or the body; beside that too, as far as lookups reach."""

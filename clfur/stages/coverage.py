@@ -176,6 +176,7 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
              **(no_scattering(gpu) if lit is None or lit.scattering is None else lit.scattering).arrays(),
              **(no_deep(gpu) if lit is None or lit.deep is None else lit.deep).arrays(),
              "axes": gpu.empty((0, 8), np.float32) if lit is None else lit.axes,
+             "hazes": gpu.empty(0, np.uint32) if lit is None else lit.hazes,
              "image": gpu.empty((0, 4), np.float32) if lit is None else image, **vars(covered)}
     across, down = tiles_of(width, rows)
     if max(gpu.lanes, gpu.hinted) > 1:

@@ -27,6 +27,7 @@ class Places(Arrays):
     more: Any = array("row", np.float32, 32)      # what others are like: see cl/exact_light.h
     axes: Any = array("axis", np.float32, 8)      # where in the world they lie, if their pieces look at the hair before
                                                   # lights: start x, y, z, strand's number; way x, y, z, -
+    hazes: Any = array("haze", np.uint32)         # and for each light how much the grid's hair lets through: cl/deep.h
     sources: int = 1                              # lights, the sky, and what comes from hair to hair, if any
     until: int = 0                                # segments of which it is known
     rows: int = 0                                 # of `more` that these have
@@ -50,7 +51,8 @@ def unlit(gpu: Any, lighting: Lighting, n: int, around: int = 0) -> Places:
     """Room for the light of n segments -> `Places`, of none of them; ``around``: sources of it beside lights."""
     sources = len(lighting.lights) + around
     return Places(Places.declared["places"].empty(gpu, n * sources), Places.declared["more"].empty(gpu, 0),
-                  Places.declared["axes"].empty(gpu, 0), sources, lighting=lighting)
+                  Places.declared["axes"].empty(gpu, 0), Places.declared["hazes"].empty(gpu, 0), sources,
+                  lighting=lighting)
 
 
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
@@ -97,16 +99,22 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
                    scattering=scattering)
 
 
-def axes(gpu: Any, maps: Deep, strands: DeviceStrands, segments: Any, first: int, known: Places) -> Places:
+def axes(gpu: Any, maps: Deep, strands: DeviceStrands, segments: Any, first: int, known: Places,
+         transmittances: Any) -> Places:
     """``known`` `Places`, and where segments lie in the world, for pieces that look at the hair before lights.
 
     ``maps``: of that.  ``segments``: [n] uint32, ids of segments, of which those of ``strands`` begin at ``first`` and
-    end where their light is known to end.
+    end where their light is known to end.  ``transmittances``: [lights, points] float32, what `transmittance` gives of
+    lights before which hair alone stands; it is for pieces of little weight.
     """
-    there = known.axes if len(known.axes) else Places.declared["axes"].empty(gpu, len(segments))
-    gpu.launch("strand_light.axes", known.until - first, first=first, segments=segments, axes=there,
+    new, n_lights, there, hazes = not len(known.axes), len(transmittances), known.axes, known.hazes
+    if new:
+        there = Places.declared["axes"].empty(gpu, len(segments))
+        hazes = Places.declared["hazes"].empty(gpu, len(segments) * n_lights)
+    gpu.launch("strand_light.axes", known.until - first, first=first, segments=segments, axes=there, hazes=hazes,
+               n_lights=n_lights, n_points=len(strands.points), transmittances=transmittances,
                **arrays(strands, "first_point", "points", "strand_of", "stored", "run", "numbers", "first_strand"))
-    return replace(known, deep=maps, axes=there)
+    return replace(known, deep=maps, axes=there, hazes=hazes)
 
 
 def _items(gpu, n):

@@ -20,7 +20,7 @@ BY_HAND __kernel void through(
     __global float *shares)                // [n]
 {
     WORK_ITEM(item);
-    const Deeps deep = {deep_longest, deep_maps, deep_starts, deep_nears, deep_blocks, 0};
+    const Deeps deep = {deep_longest, deep_maps, deep_starts, deep_nears, deep_blocks, 0, 0};
     const uint first = LANES * (uint)item;
     lanes3 p;
     lanes own;
