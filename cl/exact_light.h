@@ -122,7 +122,7 @@ INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *ro
         }
         if (known->deep.longest)
             share *= share_deep(known, i, numbers, at, weight, here & (share > 0.0f));
-        const lanes3 one = fibre_lanes(&light, &fibres, &looks, l, v, share), none = {F(0.0f), F(0.0f), F(0.0f)};
+        const lanes3 one = fibre_lanes(&light, &fibres, &looks, l, v, disc_at(&light, p), share), none = {F(0.0f), F(0.0f), F(0.0f)};
         sent = known->lighting.n == 1 ? one : plus(sent, chosen(here, one, none));
     }
     return sent;

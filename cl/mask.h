@@ -78,8 +78,8 @@ INLINED float hide_patches(float *left, float *covered, const float *areas, bool
     return all_of(left) * (1.0f / PATCHES);
 }
 
-/* The mean place of what is seen of a strand, on its segment. */
-INLINED float place_seen(const Strip *s, const float *hidden)
+/* The mean place of what is seen of a strand, on its segment, in 1/65535. */
+INLINED uint place_seen(const Strip *s, const float *hidden)
 {
     const bool steep = s->along < 0.0f;
     const float at_x = steep ? s->at_v : s->at_u, at_y = steep ? s->at_u : s->at_v;
@@ -89,5 +89,5 @@ INLINED float place_seen(const Strip *s, const float *hidden)
         *(lanes *)(places + i) = *(const lanes *)(hidden + i) * (at_x * x + at_y * y);
     }
     const float all = all_of(hidden), at = s->at + (all > 0.0f ? all_of(places) / all : 0.0f);
-    return at > 0.0f ? at < 1.0f ? at : 1.0f : 0.0f;
+    return (uint)((at > 0.0f ? at < 1.0f ? at : 1.0f : 0.0f) * 65535.0f + 0.5f);
 }

@@ -176,8 +176,8 @@ def test_what_lies_in_the_dark_is_left_out_unseen(gpu, monkeypatch, lights):
 
 @pytest.mark.parametrize("more", ["sky", "scattering", "ambient"])
 def test_light_from_all_around_is_added(gpu, more):
-    """What a sky, hair itself or the ambient adds hangs on no light's shadow: the same as without single hairs.  Light in
-    places is right to 2^-12 of itself, where some lights are in one place."""
+    """What a sky, hair itself or the ambient adds hangs on no light's shadow: the same as without single hairs.  Light
+    in places is right to 2^-12 of itself, where some lights are in one place."""
     kind = clfur.HairType(width=.02, segment_length=.06, segments=4, look=clfur.Chiang())
     lights = [clfur.Light((-1, -.3, -.5), ambient=0), clfur.Light((1, -1, -.3), (.3, .2, .4), ambient=0)]
     scene = clfur.Scene(ball(subdivisions=2), clfur.Strands(inner=1, outer=1, roots=900, types=kind),

@@ -12,7 +12,7 @@ from ..files.images import check_writable, load_picture
 from ..judge.frontier import label
 from ..scene import backdrop
 from .devices import ask_drivers
-from .options import is_scene_file, load_scene, lowered, scene_options, sparse
+from .options import is_scene_file, load_scene, lowered, read_for, scene_options, sparse
 from .types import Backdrop, Bytes, Names
 from .waiting import waiting
 
@@ -30,8 +30,8 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
               help="What the picture is laid over, which then has no alpha: R,G,B, '#rrggbb' or a picture of the same "
                    "aspect.")
 @click.option("--max-error", type=click.FloatRange(0, min_open=True), metavar="E",
-              help="Choose the cheapest samples, raster, shadows, grid and lod that err by no more, such as 0.05: root "
-                   "mean square of sRGB, 0 to 1, against the true picture.")
+              help="Choose the cheapest samples, raster, shadows, grid, masks and lod that err by no more, such as "
+                   "0.05: root mean square of sRGB, 0 to 1, against the true picture.")
 @click.option("--budget", "seconds", type=click.FloatRange(0, min_open=True), metavar="SECONDS",
               help="Choose the best whose frame takes no longer; the frames that this tries are not counted.")
 @click.option("--device", metavar="DEVICE",
@@ -48,7 +48,7 @@ def render(given, output, outputs, background, device, memory, as_json, **option
     Python file (.py) that sets `scene`, a clfur.Scene, and maybe `settings`, a clfur.Settings.
     """
     output = Path(Path(given).stem + ".png" if output is None else output)
-    read = [given, *(options[name] for name in ("type_map", "types", "rest", "body_texture"))]
+    read = [given, *(options[name] for name in ("hair", "type_map", "types", "rest", "body_texture"))]
     _check_files(output, outputs, background, read)
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
@@ -115,7 +115,7 @@ def _told(lights):
 def _background(given, size):
     """What `over` takes, of the option's colour or picture, for a picture of (width, height)."""
     if isinstance(given, str):
-        return backdrop(load_picture(given), size, f"{given}, the --background,")
+        return backdrop(read_for("--background", load_picture, given), size, f"--background: {given}")
     return backdrop(given, size, "--background")
 
 

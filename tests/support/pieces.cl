@@ -92,12 +92,18 @@ BY_HAND __kernel void hidden(
 {
     WORK_ITEM(i);
     Glow glow;
-    glow.n = 0;
+#if LANES > 1
+    const Store at_once = {LIGHT_AT_ONCE};
+    begin_glow(&glow, &at_once);
+#endif
     const Picture picture = {samples, has_shells, 1, visible, sample_shells, {places, 1}, body_transmittance, alpha, front,
                              shell_front, image, &glow};
     Pixel pixel;
     Slots slots;
     const uint bound = begin_pixel(&pixel, &picture, i);
+#if LANES > 1
+    pixel.number = 0;
+#endif
     long low = 0, limit = 0;
     while (!pixel.closed && limit != LONG_MAX) {
         int n = 0;
@@ -117,6 +123,9 @@ BY_HAND __kernel void hidden(
         settle(&pixel, &picture, &slots, n, limit);
         low = limit;
     }
+#if LANES > 1
     glow_all(&glow, &picture.sent);
+    pixel.light = glow.lights[0];
+#endif
     end_pixel(&pixel, &picture);
 }
