@@ -76,11 +76,7 @@ SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
 LOOK, LOOK_AT_ONCE, SLOTS = (layout.CONSTANTS[name] for name in ("LOOK", "LOOK_AT_ONCE", "SLOTS"))
-<<<<<<< HEAD
 DENSE = 16                              # of these a pixel from which on only segments that are seen get light
-COARSE = 0.5    # texels to the width of hair: of fewer is told
-=======
->>>>>>> x19-deep
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
