@@ -266,17 +266,18 @@ class Coverage:
 
     def _light(self, gpu, band, part, hair, lighting, ids, until=None, lit=None, last=True):
         """Light of those segments of a part that end at ``until`` -> `strand_light.Places`, of these and of ``lit``."""
-        plan = self.plan
-        if plan.is_deep:
-            return strand_light.apart(gpu, build.deep(gpu, plan, lighting), lighting, hair, ids,
-                                      len(ids) if until is None else until, lit, build.scattering(gpu, plan))
-        some = ids if until is None else None   # else all of a part
-        through = self._transmittance(gpu, band, part, hair, lighting, some)
-        return strand_light.radiance(gpu, band.view, lighting, hair, through, ids, until, lit, last,
-                                     build.scattering(gpu, plan), build.sky_points(gpu, plan, part, hair),
-                                     build.transport(gpu, plan, lighting), some is not None)
+        plan, falling = self.plan, build.on_hair(gpu, self.plan, lighting)
+        some, first = ids if until is None else None, lit.until if lit else 0   # else all of a part
+        through = self._transmittance(gpu, band, part, hair, falling, some)
+        lit = strand_light.radiance(gpu, band.view, falling, hair, through, ids, until, lit, last,
+                                    build.scattering(gpu, plan), build.sky_points(gpu, plan, part, hair), plan.even,
+                                    build.transport(gpu, plan, lighting), some is not None)
+        if not plan.is_deep:
+            return lit
+        through = self._transmittance(gpu, band, part, hair, build.hair_alone(gpu, plan, lighting), some, "hair")
+        return strand_light.axes(gpu, build.deep(gpu, plan, lighting), hair, ids, first, lit, through, some is not None)
 
-    def _transmittance(self, gpu, band, part, hair, lighting, some):
+    def _transmittance(self, gpu, band, part, hair, lighting, some, what=""):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where
         there is room.  [lights, 2n] of ``some`` segments' ends alone, unless these are None."""
         plan = self.plan
@@ -286,11 +287,11 @@ class Coverage:
             return strand_light.transmittance(gpu, hair, lighting, some)
         one = len(band.counted.cut.parts) == 1
         known = build.transmittances(gpu, plan) if one or plan.keeps_transmittances(gpu) else {}
-        made_for, result = known.get(part, (None, None))
+        made_for, result = known.get((part, what), (None, None))
         # The user's strands of one place lie in any order among themselves, another one each time that they are made.
         if result is None or not (plan.grown or made_for() is hair):
             result = strand_light.transmittance(gpu, hair, lighting)
-            known[part] = weakref.ref(hair), result
+            known[part, what] = weakref.ref(hair), result
         return result
 
 

@@ -59,7 +59,7 @@ class Segments(Arrays):
 class Seen(Arrays):
     """Pieces of strands that wait for light, and which segments have any: see cl/glow.h."""
 
-    bundles: Any = array("bundle", np.uint32, 4 * GLOWS)
+    bundles: Any = array("bundle", np.uint32, 3 * GLOWS)
     nexts: Any = array("bundle", np.uint32)
     heads: Any = array("tile", np.uint32)
     marks: Any = array("mark", np.uint64, None, 0)   # a byte of each segment
@@ -193,6 +193,8 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
              **(unshadowed(gpu) if lit is None else lit.lighting).arrays(),
              **(no_scattering(gpu) if lit is None or lit.scattering is None else lit.scattering).arrays(),
              **(no_deep(gpu) if lit is None or lit.deep is None else lit.deep).arrays(),
+             "axes": gpu.empty((0, 8), np.float32) if lit is None else lit.axes,
+             "hazes": gpu.empty(0, np.uint32) if lit is None else lit.hazes,
              "image": image if lights else gpu.empty((0, 4), np.float32), **vars(covered)}
     across, down = tiles_of(width, rows)
     if max(gpu.lanes, gpu.hinted) > 1:
