@@ -82,7 +82,8 @@ INLINED lanes share_deep(const Sent *sent, int i, lanes3 p, lanes3 step, lanes3 
     const Obstacles obstacles = obstacles_of(&sent->lighting, i);
     lanes share = on ? F(1.0f) : F(0.0f);
     if (obstacles.shadow.body.x)
-        share *= past_body_lanes(&obstacles, on, plus(p, scaled(step, at)), n, HAIR_STEEPEST, HAIR_BIAS(obstacles.shadow.body.y));
+        share *= past_body_lanes(&obstacles, on, plus(p, scaled(step, at)), n, I(0), HAIR_STEEPEST,
+                                 HAIR_BIAS(obstacles.shadow.body.y));
     const lanes_i left = on & (share > 0.0f);
     if (sent->deep.maps[i].size.x && any_lane(left)) {
         const lanes_i both = left & (two.first != two.second);
@@ -151,7 +152,7 @@ INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *ro
                 through = ask ? share_along(known, i, start, step, n, c[3], c[7], c[23], at, ask) : through;
             share *= through;
         }
-        const lanes3 one = fibre_lanes(&light, &fibres, &looks, l, v, share), none = {F(0.0f), F(0.0f), F(0.0f)};
+        const lanes3 one = fibre_lanes(&light, &fibres, &looks, l, v, disc_at(&light, p), share), none = {F(0.0f), F(0.0f), F(0.0f)};
         sent = known->lighting.n == 1 ? one : plus(sent, chosen(here, one, none));
     }
     return sent;

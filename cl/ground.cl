@@ -40,8 +40,40 @@ __kernel void put(
     }
 }
 
+/* Light of a sky at places (x, z) of the ground, whose squares grow with the way to its middle: a quadratic B-spline, so that
+   no square is seen. */
+INLINED lanes3 light_of_sky(const OnGround *plane, __global const float4 *squares, lanes x, lanes z)
+{
+    const int side = plane->size.x;
+    const lanes s = (x - plane->place.x) * plane->place.z, t = (z - plane->place.y) * plane->place.w;
+    const lanes far = full_root(s * s + t * t);
+    const lanes_i near = far < 1e6f;       // also where it is no number
+    const lanes wide = (0.5f * side) / (1.0f + (near ? far : F(0.0f)));
+    const lanes u = near ? s * wide + 0.5f * side : F(0.0f), v = near ? t * wide + 0.5f * side : F(0.0f);
+    const lanes column = lesser(whole_below(u), F(side - 1.0f)), row = lesser(whole_below(v), F(side - 1.0f));
+    const lanes a = u - column, b = v - row, one = 0.5f + a * (1.0f - a), two = 0.5f * a * a, three = 0.5f + b * (1.0f - b);
+    const lanes four = 0.5f * b * b;
+    lanes3 sum;
+    for (int k = 0; k < LANES; ++k) {
+        const int i = (int)LANE(column, k), j = (int)LANE(row, k);
+        const float across[3] = {1.0f - LANE(one, k) - LANE(two, k), LANE(one, k), LANE(two, k)};
+        const float down[3] = {1.0f - LANE(three, k) - LANE(four, k), LANE(three, k), LANE(four, k)};
+        float4 light = plane->whole;
+        if (i > 0 && j > 0 && i < side - 1 && j < side - 1) {
+            __global const float4 *first = squares + (j - 1) * side + (i - 1);
+            light = 0.0f;
+            #pragma unroll
+            for (int m = 0; m < 3; ++m)
+                light += down[m] * (across[0] * first[m * side] + across[1] * first[m * side + 1] + across[2] * first[m * side + 2]);
+        }
+        put_lane(&sum, k, light);
+    }
+    return sum;
+}
+
 /* What the ground at places of the picture sends to the eye; alpha: 1, or how much of the light that falls on it is missing. */
-ONCE lanes4 light_of_ground(const View *view, const Ground *ground, const Lighting *lighting, lanes x, lanes y)
+ONCE lanes4 light_of_ground(const View *view, const Ground *ground, const Lighting *lighting, const OnGround *plane,
+                            __global const float4 *squares, lanes x, lanes y)
 {
     const lanes4 ahead = by_columns(view->to_world, x, y, F(0.0f));
     const lanes distance = view->to_screen[3].z / greater(ground_depth(ground, x, y), F(1e-30f));
@@ -55,16 +87,24 @@ ONCE lanes4 light_of_ground(const View *view, const Ground *ground, const Lighti
         const float bright = dot3(light.color, LUMINANCE);
         lanes3 l;
         const lanes all = share_of_light(&light, p, &l);
-        lanes share = all * greater(l.y, F(0.0f));
+        lanes share = all * cosine_to(&light, p, n, l.y, l);
         whole += bright * share + light.color.w;
         if (obstacles.shadow.body.x)
-            share *= past_body_lanes(&obstacles, share > 0.0f, p, n, 64.0f, 1.0f);
+            share *= past_body_lanes(&obstacles, share > 0.0f, p, n, l.y < 0.0f, 64.0f, 1.0f);
         if (obstacles.shadow.hair.x > 0.0f && any_lane(share > 0.0f))
             share *= through_hair_lanes(&obstacles, F(0.0f), F(0.0f), p);
         left += bright * share + light.color.w;
         sum.x += ground->color.x * (light.color.x * share + light.color.w);
         sum.y += ground->color.y * (light.color.y * share + light.color.w);
         sum.z += ground->color.z * (light.color.z * share + light.color.w);
+    }
+    if (plane->size.x) {
+        whole += dot3(plane->whole, LUMINANCE);
+        const lanes3 falls = light_of_sky(plane, squares, p.x, p.z);
+        left += dots(falls, all_lanes(LUMINANCE));
+        sum.x += ground->color.x * falls.x;
+        sum.y += ground->color.y * falls.y;
+        sum.z += ground->color.z * falls.z;
     }
     const lanes missing = whole > 0.0f ? 1.0f - left / whole : F(0.0f);
     const lanes4 result = {sum.x, sum.y, sum.z, ground->color.w > 0.0f ? F(1.0f) : missing};
@@ -84,6 +124,8 @@ __kernel void light(
     __global const View *light_views,
     __global const float *crossings,
     __global const ulong *shadow_maps,
+    const OnGround plane,
+    __global const float4 *squares,        // [side, side] r, g, b of a sky's light on it, if there is one
     const uint pixels,                     // rows · width
     const int attenuated,                  // 1: something before the samples lets only a share of their light through
     __global const float *sample_transmittance,   // [rows, width, samples] that share
@@ -112,7 +154,7 @@ __kernel void light(
             LANE(x, k) = LANE(x, 0);
             LANE(y, k) = LANE(y, 0);
         }
-        const lanes4 light = light_of_ground(&view, &ground, &lighting, x, y);
+        const lanes4 light = light_of_ground(&view, &ground, &lighting, &plane, squares, x, y);
         for (int k = 0; k < waiting; ++k)
             radiance_sums[first + at[k]] += in_integers(LANE(share, k), (float4)(LANE(light.x, k), LANE(light.y, k),
                                                                                 LANE(light.z, k), LANE(light.w, k)));

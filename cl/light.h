@@ -108,23 +108,25 @@ inline int dark_texels(const Obstacles *obstacles, int x0, int y0, float nearest
     return dark;
 }
 
-/* What a light that is a disc sees of the body's map around (x, y, e): where that is nearer to the light than a plane, at
-   `plane` in (0, 0), dx and dy deeper a texel, how much nearer than e; 0 elsewhere. */
-inline float nearer_by(const Obstacles *obstacles, float x, float y, float e, float plane, float dx, float dy)
+/* What a light that is a disc sees of the body's map around (x, y, e): where that is before a plane, at `plane` in (0, 0), dx
+   and dy deeper a texel, how much nearer to the light than e; 0 elsewhere. side: 1, what is before it is nearer to the light,
+   or -1, further. */
+inline float nearer_by(const Obstacles *obstacles, float x, float y, float e, float plane, float dx, float dy,
+                        float side)
 {
     const int width = obstacles->view.size.x, height = obstacles->view.size.y;
     const bool in = x >= 0.0f && y >= 0.0f && x < width && y < height;
     const int column = in ? (int)x : 0, row = in ? (int)y : 0;
     const ulong seen = in ? obstacles->shadow_map[(long)row * width + column] >> 32 : NOTHING;
     const float there = (float)((long)DEPTH_ONE - (long)seen) * (1.0f / DEPTH_ONE);
-    return seen <= DEPTH_ONE && there > plane + dx * (column + 0.5f) + dy * (row + 0.5f) ? there - e : 0.0f;
+    return seen <= DEPTH_ONE && side * there > side * (plane + dx * (column + 0.5f) + dy * (row + 0.5f)) ? there - e : 0.0f;
 }
 
 /* Share of a disc that the body hides from (x, y, e) of a light's view (Fernando 2005, "Percentage-closer soft shadows"):
    first how far away what hides it is, on average over the disc, looked for closer together near the place; then how much
-   of the map is nearer in a circle as wide as the disc looks through there.  plane, dx, dy: see `nearer_by`.  Below 0 where
-   that circle is no wider than the filter of a light without a size: it is asked instead. */
-inline float hidden_share(const Obstacles *obstacles, float x, float y, float e, float plane, float dx, float dy)
+   of the map is nearer in a circle as wide as the disc looks through there.  plane, dx, dy, side: see `nearer_by`.  Below 0
+   where that circle is no wider than the filter of a light without a size: it is asked instead. */
+inline float hidden_share(const Obstacles *obstacles, float x, float y, float e, float plane, float dx, float dy, float side)
 {
     const float disc = obstacles->shadow.disc.x, half_map = 0.5f * obstacles->view.size.x;
     const float reach = disc * (1.0f - e) < half_map ? disc * (1.0f - e) : half_map;
@@ -135,7 +137,7 @@ inline float hidden_share(const Obstacles *obstacles, float x, float y, float e,
         for (int k = 0; k < 8; ++k) {
             const float2 point = SEARCH[i + k];
             const float square = point.x * point.x + point.y * point.y, far = reach * square;
-            const float by = nearer_by(obstacles, x + far * point.x, y + far * point.y, e, plane, dx, dy);
+            const float by = nearer_by(obstacles, x + far * point.x, y + far * point.y, e, plane, dx, dy, side);
             const bool hides = by > 0.0f && disc * disc * by * by >= far * far * square;
             const float its = square * square / (by * by);   /* the area on the disc that it hides */
             area += hides ? its : 0.0f;
@@ -144,7 +146,7 @@ inline float hidden_share(const Obstacles *obstacles, float x, float y, float e,
         }
     const float radius = area > 0.0f ? disc * sum / area : 0.0f;
     if (radius < 0.5f + obstacles->shadow.body.y)
-        return -1.0f;
+        return side < 0.0f ? 0.0f : -1.0f;
     if (dark == SEARCH_POINTS)             // all around, and further than the circle reaches
         return 1.0f;
     dark = 0;
@@ -152,18 +154,19 @@ inline float hidden_share(const Obstacles *obstacles, float x, float y, float e,
         #pragma unroll
         for (int k = 0; k < 8; ++k) {
             const float2 point = DISC[i + k];
-            const float by = nearer_by(obstacles, x + radius * point.x, y + radius * point.y, e, plane, dx, dy);
+            const float by = nearer_by(obstacles, x + radius * point.x, y + radius * point.y, e, plane, dx, dy, side);
             dark += by > 0.0f && 4.0f * disc * disc * by * by >= radius * radius * (point.x * point.x + point.y * point.y);
         }
     return dark * (1.0f / DISC_POINTS);
 }
 
 /* How many of the texels around a place hide a light, of as many as its filter has. */
-ONCE float texels_hidden(const Obstacles *obstacles, float x, float y, float e, float dx, float dy, float bias)
+ONCE float texels_hidden(const Obstacles *obstacles, float x, float y, float e, float dx, float dy, float bias, bool away)
 {
     const int x0 = (int)floor(x), y0 = (int)floor(y), side = 2 * obstacles->shadow.body.y + 1;
     if (obstacles->shadow.disc.x > 0.0f) {
-        const float share = hidden_share(obstacles, x, y, e, e + bias - dx * x - dy * y, dx, dy);
+        const float before = away ? -1.0f : 1.0f;
+        const float share = hidden_share(obstacles, x, y, e, e + before * bias - dx * x - dy * y, dx, dy, before);
         if (!(share < 0.0f))
             return share * side * side;
     }
@@ -189,7 +192,7 @@ inline float past_body(const Obstacles *obstacles, float4 p, float4 n, float ste
     const float dx = clamp(dot(plane, view->to_world[0]) * flat, -limit, limit);
     const float dy = clamp(dot(plane, view->to_world[1]) * flat, -limit, limit);
     /* What lies nearer to the light than the plane by more than the bias. */
-    return 1.0f - texels_hidden(obstacles, x, y, e, dx, dy, bias * texel) / ((2 * radius + 1) * (2 * radius + 1));
+    return 1.0f - texels_hidden(obstacles, x, y, e, dx, dy, bias * texel, false) / ((2 * radius + 1) * (2 * radius + 1));
 }
 
 /* mix() without calling it, as PoCL would. */

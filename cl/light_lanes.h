@@ -31,6 +31,34 @@ INLINED lanes share_of_light(const Light *light, lanes3 p, lanes3 *l)
     return -dots(*l, all_lanes(light->direction)) >= light->cone.x ? F(1.0f) : F(0.0f);
 }
 
+/* Tangent of half the angle that a light's disc has at p, 0: it is none. */
+INLINED lanes disc_at(const Light *light, lanes3 p)
+{
+    if (!(light->cone.y > 0.0f) || !(light->position.w > 0.0f))
+        return F(light->cone.y);
+    const lanes3 way = {light->position.x - p.x, light->position.y - p.y, light->position.z - p.z};
+    return light->cone.y / full_root(greater(dots(way, way), F(1e-30f)));
+}
+
+/* Mean over a disc of the cosines of its directions with a normal, 0 where these come from behind it or behind the face there:
+   of its middle, the cosines are these two.  disc: see `disc_at`.  The horizon cuts the disc along a straight line; what of it
+   is more than u aside counts by u (0.42 ... is the series of the disc's own mean of that, its slope the area). */
+INLINED lanes clipped_cosine(lanes cosine, lanes of_face, lanes disc)
+{
+    const lanes slant = 2.0f / (1.0f + full_root(1.0f + disc * disc)), wide = disc * full_root(greater(1.0f - cosine * cosine, F(0.0f)));
+    const lanes inverse = 1.0f / greater(wide, F(1e-6f)), at = cosine * inverse, q = lesser(at, of_face * inverse), x = q * q;
+    const lanes mean = 0.5f * (q + (0.4244132f + x * (0.6366198f + x * (-0.0530516f - x * 0.0079814f))));
+    const lanes area = 0.5f + q * (0.6366198f + x * (-0.1061032f - x * 0.0239442f));
+    return slant * (q >= 1.0f ? cosine : q > -1.0f ? wide * (mean + (at - q) * area) : F(0.0f));
+}
+
+/* Of a light on a surface, the side of whose face that its normal n shows: the cosine, or its mean over the light's disc. */
+INLINED lanes cosine_to(const Light *light, lanes3 p, lanes3 n, lanes of_face, lanes3 l)
+{
+    const lanes cosine = dots(n, l);
+    return light->cone.y > 0.0f ? clipped_cosine(cosine, of_face, disc_at(light, p)) : greater(cosine, F(0.0f));
+}
+
 /* See `through_hair`; own_x and own_y are its self_shadow. */
 INLINED lanes through_hair_lanes(const Obstacles *obstacles, lanes own_x, lanes own_y, lanes3 p)
 {
@@ -67,8 +95,8 @@ INLINED lanes through_hair_lanes(const Obstacles *obstacles, lanes own_x, lanes 
     return in ? exp2_of(greater(-1.44269504f * obstacles->shadow.hair.x * crossings, F(-100.0f))) : F(1.0f);
 }
 
-/* See `past_body`; n: the normals, of any length. */
-INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, lanes3 n, float steepest, float bias)
+/* See `past_body`; n: the normals, of any length; away: whether the surface that is lit looks away from the middle of a disc. */
+INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, lanes3 n, lanes_i away, float steepest, float bias)
 {
     const View *view = &obstacles->view;
     const int radius = obstacles->shadow.body.y;
@@ -89,7 +117,8 @@ INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, 
     for (int k = 0; k < LANES; ++k)
         if (LANE_I(in, k))
             LANE(dark, k) = disc
-                ? texels_hidden(obstacles, LANE(x, k), LANE(y, k), LANE(e, k), LANE(dx, k), LANE(dy, k), bias * LANE(texel, k))
+                ? texels_hidden(obstacles, LANE(x, k), LANE(y, k), LANE(e, k), LANE(dx, k), LANE(dy, k), bias * LANE(texel, k),
+                               LANE_I(away, k) != 0)
                 : dark_texels(obstacles, (int)LANE(x0, k), (int)LANE(y0, k), LANE(nearest_seen, k), LANE(dx, k), LANE(dy, k));
     return 1.0f - dark / (float)((2 * radius + 1) * (2 * radius + 1));
 }
@@ -101,7 +130,7 @@ ONCE lanes transmittances_at(const Obstacles *obstacles, lanes_i on, lanes3 p, l
     const Shadow *shadow = &obstacles->shadow;
     lanes share = on ? F(1.0f) : F(0.0f);
     if (shadow->body.x)
-        share *= past_body_lanes(obstacles, on, p, n, HAIR_STEEPEST, HAIR_BIAS(shadow->body.y));
+        share *= past_body_lanes(obstacles, on, p, n, I(0), HAIR_STEEPEST, HAIR_BIAS(shadow->body.y));
     if (shadow->hair.x > 0.0f && any_lane(share > 0.0f)) {
         /* Of this type a crossing counts only so much of what one of the darkest does. */
         const lanes depth = shadow->hair.w > 0.0f ? 1.0f - alpha : -0.69314718f * log2_of(greater(alpha, F(1e-6f)));

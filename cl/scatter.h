@@ -11,12 +11,27 @@ typedef struct {
     lanes_i half_vector;                   // the model: 1, of a mask
 } Fibres;
 
-/* Light from fibres towards the eye at v of one light at l; share: of its direct light. Kajiya and Kay's own highlight is the
+/* Light of a disc that lobes scatter: the mean of four of its points, which has its mean and its width. */
+ONCE lanes3 lobes_of_disc(const Looks *looks, const Lit *lit, lanes disc, lanes3 part)
+{
+    const lanes3 none = {F(0.0f), F(0.0f), F(0.0f)}, up = {F(0.0f), F(1.0f), F(0.0f)}, aside = {F(1.0f), F(0.0f), F(0.0f)};
+    const lanes3 x = unit(crosses(lit->l, chosen(positive(lit->l.y) < 0.9f, up, aside))), y = crosses(lit->l, x);
+    lanes3 sum = none;
+    for (int k = 0; k < 4; ++k) {
+        const lanes far = disc * (k & 1 ? 0.5f : -0.5f), other = disc * (k & 2 ? 0.5f : -0.5f);
+        const Lit one = {lit->t, lit->color, unit(plus(lit->l, plus(scaled(x, far), scaled(y, other)))), lit->v};
+        sum = plus(sum, scaled(with_lobes(looks, &one, part), F(0.25f)));
+    }
+    return sum;
+}
+
+/* Light from fibres towards the eye at v of one light at l; disc: see `disc_at`; share: of its direct light. Kajiya and Kay's own highlight is the
    cone of mirror directions; the report's takes the half vector, which has no value at l = -v. Chiang's is in lobes.h. */
-INLINED lanes3 fibre_lanes(const Light *light, const Fibres *here, const Looks *looks, lanes3 l, lanes3 v, lanes share)
+INLINED lanes3 fibre_lanes(const Light *light, const Fibres *here, const Looks *looks, lanes3 l, lanes3 v, lanes disc,
+                           lanes share)
 {
     const lanes tl = dots(here->tangent, l), tv = dots(here->tangent, v);
-    const lanes bright = full_root(1.0f - tl * tl);
+    lanes bright = full_root(1.0f - tl * tl), exponent = here->exponent, specular = here->specular;
     lanes mirror = bright * full_root(1.0f - tv * tv) - tl * tv, shine = F(0.0f);
     if (any_lane(here->half_vector)) {
         const lanes3 h = plus(l, v);
@@ -24,21 +39,30 @@ INLINED lanes3 fibre_lanes(const Light *light, const Fibres *here, const Looks *
         const lanes of_half = square > 1e-12f ? full_root(1.0f - cosine * cosine) : F(0.0f);
         mirror = here->half_vector ? of_half : mirror;
     }
+    if (light->cone.y > 0.0f) {            // the mean over a disc of what is as wide as 1 / exponent and as 2 sine^2
+        const lanes square = disc * disc, slant = (6.0f + square) / (6.0f + 4.0f * square);   // of its cosines' squares
+        const lanes3 h = plus(l, v);
+        const lanes along = here->half_vector ? square / greater(dots(h, h), F(1e-2f)) : square;
+        const lanes wider = 1.0f / (1.0f + 0.25f * along * exponent);
+        bright = full_root(greater(0.5f * (1.0f + slant) - (0.5f * (3.0f * slant - 1.0f)) * (tl * tl), F(0.0f)));
+        specular *= full_root(wider);
+        exponent *= wider;
+    }
     mirror = greater(mirror, F(0.0f));
     /* Rounding may leave it above 1, of which a large exponent would make a light of its own. */
-    mirror = (mirror - 1.0f) * here->exponent > 1e-3f ? F(1.0f) : mirror;
+    mirror = (mirror - 1.0f) * exponent > 1e-3f ? F(1.0f) : mirror;
     /* mirror^exponent, left out where it is below exp(-16): a power costs more than all the rest here. */
-    const lanes_i shines = (1.0f - mirror) * here->exponent < 16.0f;
+    const lanes_i shines = (1.0f - mirror) * exponent < 16.0f;
     if (any_lane(shines)) {
-        const lanes power = exp2_of(greater(here->exponent * log2_of(greater(mirror, F(1e-30f))), F(-100.0f)));
-        shine = shines ? here->specular * power : F(0.0f);
+        const lanes power = exp2_of(greater(exponent * log2_of(greater(mirror, F(1e-30f))), F(-100.0f)));
+        shine = shines ? specular * power : F(0.0f);
     }
     const lanes3 c = here->color;
     const float4 direct = light->color;
     lanes3 part = {c.x * bright + shine, c.y * bright + shine, c.z * bright + shine};
     if (any_lane(looks->on)) {             // copies, so that nothing else must lie in memory
         const Lit lit = {here->tangent, c, l, v};
-        part = with_lobes(looks, &lit, part);
+        part = light->cone.y > 0.0f ? lobes_of_disc(looks, &lit, disc, part) : with_lobes(looks, &lit, part);
     }
     const lanes3 sum = {direct.x * share * part.x + direct.w * c.x,
                         direct.y * share * part.y + direct.w * c.y,

@@ -132,9 +132,11 @@ ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Sky 
         const Light light = lighting->lights[i];
         const Obstacles obstacles = obstacles_of(lighting, i);
         lanes3 l;
-        lanes share = share_of_light(&light, p, &l) * greater(dots(n, l), F(0.0f));
+        lanes share = share_of_light(&light, p, &l);
+        const lanes of_face = dots(face, n) < 0.0f ? -dots(face, l) : dots(face, l);
+        share *= cosine_to(&light, p, n, of_face, l);
         if (obstacles.shadow.body.x)
-            share *= past_body_lanes(&obstacles, share > 0.0f, p, face, 64.0f, 1.0f);
+            share *= past_body_lanes(&obstacles, share > 0.0f, p, face, of_face < 0.0f, 64.0f, 1.0f);
         if (obstacles.shadow.hair.x > 0.0f && any_lane(share > 0.0f))
             share *= through_hair_lanes(&obstacles, F(0.0f), F(0.0f), p);
         sum.x += color.x * (light.color.x * share + light.color.w);
@@ -182,7 +184,7 @@ ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const S
         lanes3 l;
         lanes share = share_of_light(&light, p, &l);
         share *= transmittances_at(&obstacles, share > 0.0f, p, normal, width, alpha);
-        sum = plus(sum, fibre_lanes(&light, &here, looks, l, v, share));
+        sum = plus(sum, fibre_lanes(&light, &here, looks, l, v, disc_at(&light, p), share));
     }
     if (sky->size.y)
         sum = plus(sum, times(here.color, sky_lanes(sky, sky_cells, p, here.tangent, 0.0f, -0.125f)));

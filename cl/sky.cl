@@ -11,6 +11,8 @@
 #include "lanes.h"
 #include "light.h"
 #include "sky.h"
+#define OF_CELL MOMENTS
+#include "nearby.h"
 
 #define PARTS 4                            // of a cell's side: columns of the body
 #define STEPS 2                            // along hair
@@ -23,35 +25,6 @@ typedef float loose;                       // of cells that begin anywhere
 #else
 typedef lanes loose __attribute__((aligned(4)));
 #endif
-
-/* Sums of eight cells that do not lie alike to each other, till others come in their place: strands that follow each other
-   are neighbours, and atomics cost most of all. In integers, so that neither matters. */
-typedef struct {
-    int cell[8];                           // -1: none
-    int sums[8][MOMENTS];
-} Nearby;
-
-INLINED void give(volatile __global int *moments, Nearby *nearby, int slot)
-{
-    for (int j = 0; j < MOMENTS && nearby->cell[slot] >= 0; ++j)
-        atomic_add(&moments[(size_t)nearby->cell[slot] * MOMENTS + j], nearby->sums[slot][j]);
-}
-
-/* What a strand has left in one cell, at (x, y, z). */
-INLINED void leave(volatile __global int *moments, Nearby *nearby, int4 at, int n, const float *sums, float unit)
-{
-    const int cell = (at.z * n + at.y) * n + at.x, slot = (at.x & 1) | (at.y & 1) << 1 | (at.z & 1) << 2;
-    if (nearby->cell[slot] != cell) {
-        give(moments, nearby, slot);
-        nearby->cell[slot] = cell;
-        for (int j = 0; j < MOMENTS; ++j)
-            nearby->sums[slot][j] = 0;
-    }
-    for (int j = 0; j < MOMENTS; ++j) {
-        const float amount = sums[j] * unit;
-        nearby->sums[slot][j] += (int)(amount < 0.0f ? amount - 0.5f : amount + 0.5f);
-    }
-}
 
 /* Of one strand: (1 - alpha) · width · length over a cell's face, times the second moment of its direction, whose trace is 1. */
 INLINED void leave_strand(volatile __global int *moments, Nearby *nearby, const Sky *sky, __global const float4 *points,
@@ -77,7 +50,7 @@ INLINED void leave_strand(volatile __global int *moments, Nearby *nearby, const 
             const int4 here = (int4)((int)c.x, (int)c.y, (int)c.z, 0);
             if (here.x != cell.x || here.y != cell.y || here.z != cell.z) {
                 if (cell.x >= 0)
-                    leave(moments, nearby, cell, n, sums, unit);
+                    leave(moments, nearby, cell, n, 0, sums, unit);
                 for (int j = 0; j < MOMENTS; ++j)
                     sums[j] = 0.0f;
                 cell = here;
@@ -88,7 +61,7 @@ INLINED void leave_strand(volatile __global int *moments, Nearby *nearby, const 
         }
     }
     if (cell.x >= 0)
-        leave(moments, nearby, cell, n, sums, unit);
+        leave(moments, nearby, cell, n, 0, sums, unit);
 }
 
 /* One work-item adds up what some strands leave in cells. */
@@ -106,15 +79,13 @@ __kernel void deposit(
 {
     WORK_ITEM(item);
     Nearby nearby;
-    for (int slot = 0; slot < 8; ++slot)
-        nearby.cell[slot] = -1;
+    begin_nearby(&nearby);
     const uint first = each * (uint)item;
     for (uint strand = first; strand < n_strands && strand < first + each; ++strand) {
         const float opaque = 1.0f - types[(int)strand_uv[strand].z].shine.z;
         leave_strand(moments, &nearby, &sky, points, spans[strand], opaque, unit);
     }
-    for (int slot = 0; slot < 8; ++slot)
-        give(moments, &nearby, slot);
+    end_nearby(moments, &nearby);
 }
 
 /* A coordinate in 1/SUBPIXEL of a part of a cell. */
@@ -359,6 +330,52 @@ BY_HAND __kernel void gather(
     }
     for (int k = 0; k < LANES * HARMONICS; ++k)
         cells[(first * HARMONICS + k) * 4 + 3] = 0.0f;
+}
+
+/* What reaches a place of some light, at `from` in cells: where it leaves the grid on its way `w` there, or 1 beside it. */
+INLINED float share_from(__global const float *through, int n, float4 from, float4 w)
+{
+    const float start[3] = {from.x, from.y, from.z}, along[3] = {w.x, w.y, w.z};
+    float first = 0.0f, last = INFINITY;
+    for (int i = 0; i < 3; ++i) {
+        const float a = (along[i] > 0.0f ? 0.0f : n) - start[i], b = (along[i] > 0.0f ? n : 0.0f) - start[i];
+        const bool level = !(fabs(along[i]) > 1e-6f);
+        const float near = level ? (start[i] > 0.0f && start[i] < n ? 0.0f : INFINITY) : a / along[i];
+        const float far = level ? INFINITY : b / along[i];
+        first = near > first ? near : first;
+        last = far < last ? far : last;
+    }
+    if (!(first < last))
+        return 1.0f;
+    const Between here = between_these(n, from + first * w);
+    float sum = 0.0f;
+    for (int k = 0; k < 8; ++k)
+        sum += corner_weight(&here, k) * through[here.first + ((k >> 2) * n + (k >> 1 & 1)) * n + (k & 1)];
+    return sum;
+}
+
+/* One work-item adds up what comes of some directions to one place of a level plane. */
+__kernel void plane(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const Sky sky,
+    const OnGround plane,
+    const int n_directions,
+    const float share,                     // of all directions that these are
+    __global const float4 *directions,     // [directions] unit, towards the light, upwards
+    __global const float4 *light,          // [directions] r, g, b that each sends to the plane
+    __global const float *through,         // [directions, n, n, n], see `sweep`
+    __global float4 *squares)              // [side, side] r, g, b at their middles
+{
+    WORK_ITEM(item);
+    const int n = sky.size.x, side = plane.size.x;
+    const float u = ((int)(item % side) + 0.5f) * (2.0f / side) - 1.0f, v = ((int)(item / side) + 0.5f) * (2.0f / side) - 1.0f;
+    const float far = sqrt(u * u + v * v), wide = far < 1.0f ? 1.0f / (1.0f - far) : 0.0f;
+    const float x = plane.place.x + u * wide / plane.place.z, z = plane.place.y + v * wide / plane.place.w;
+    const float4 from = ((float4)(x, plane.whole.w, z, 0.0f) - sky.place) * sky.place.w;
+    float4 sum = wide > 0.0f ? (float4)(0.0f) : (float4)(plane.whole.xyz, 0.0f) * share;
+    for (int i = 0; i < n_directions && wide > 0.0f; ++i)
+        sum += share_from(through + (size_t)i * n * n * n, n, from, directions[i]) * light[i];
+    squares[item] += sum;
 }
 
 /* Light that a point of a strand gets from all around its fibre, between the points beside it. */

@@ -9,11 +9,11 @@ typedef struct {
     float x, y, z;
 } Between;
 
-INLINED Between cells_around(const Sky *sky, float4 p)
+/* c: in cells of n a side. */
+INLINED Between between_these(int n, float4 c)
 {
-    const int n = sky->size.x;
     const float most = n - 1.0f;
-    float4 c = (p - sky->place) * sky->place.w - 0.5f;
+    c -= 0.5f;
     c.x = c.x > 0.0f ? c.x < most ? c.x : most : 0.0f;   // also where it is no number
     c.y = c.y > 0.0f ? c.y < most ? c.y : most : 0.0f;
     c.z = c.z > 0.0f ? c.z < most ? c.z : most : 0.0f;
@@ -21,6 +21,16 @@ INLINED Between cells_around(const Sky *sky, float4 p)
     const int z = (int)c.z < n - 2 ? (int)c.z : n - 2;
     const Between between = {((size_t)z * n + y) * n + x, c.x - x, c.y - y, c.z - z};
     return between;
+}
+
+INLINED float corner_weight(const Between *here, int k)
+{
+    return ((k & 1) ? here->x : 1.0f - here->x) * ((k & 2) ? here->y : 1.0f - here->y) * ((k & 4) ? here->z : 1.0f - here->z);
+}
+
+INLINED Between cells_around(const Sky *sky, float4 p)
+{
+    return between_these(sky->size.x, (p - sky->place) * sky->place.w);
 }
 
 /* What is known at a place of each harmonic; of order 1 only what is asked for. */
@@ -36,8 +46,7 @@ INLINED Known known_at(const Sky *sky, __global const float4 *cells, float4 p, b
     for (int j = 0; j < HARMONICS; ++j)
         known.of[j] = 0.0f;
     for (int k = 0; k < 8; ++k) {
-        const float weight = ((k & 1) ? here.x : 1.0f - here.x) * ((k & 2) ? here.y : 1.0f - here.y)
-            * ((k & 4) ? here.z : 1.0f - here.z);
+        const float weight = corner_weight(&here, k);
         __global const float4 *there = cells + HARMONICS * (here.first + ((k >> 2) * n + (k >> 1 & 1)) * n + (k & 1));
         known.of[0] += weight * there[0];
         for (int j = odd ? 1 : 4; j < HARMONICS; ++j)

@@ -243,7 +243,7 @@ __kernel void radiance(
     const int under_sky,                   // 1: a sky shines too
     __global const float4 *sky_light,      // [points] r, g, b of it, if so
     const int is_scattered,                // 1: light comes from hair to hair too
-    __global const float8 *scattered,      // [segments] what they send of it at their starts and ends, if so
+    __global const float4 *scattered,      // [n_points] what they send of it, if so
     __global ulong *places,                // [segments, n_lights + under_sky + is_scattered, FEW_PLACES] see places.h
     volatile __global uint *rows)          // [1] of `more` that are taken
 {
@@ -287,7 +287,7 @@ __kernel void radiance(
         for (int j = 0; j < FEW_PLACES && any_lane(need == 0); ++j) {
             lanes3 l;
             const lanes part = share_of_light(&light, here[j].p, &l) * (share + F((float)j / (FEW_PLACES - 1)) * share_step);
-            sent[j] = fibre_lanes(&light, &here[j].fibres, &looks, l, here[j].v, part);
+            sent[j] = fibre_lanes(&light, &here[j].fibres, &looks, l, here[j].v, disc_at(&light, here[j].p), part);
         }
         put_places(few, sources, i, count, need, sent);
     }
@@ -308,9 +308,8 @@ __kernel void radiance(
     if (is_scattered) {
         lanes3 start, step, sent[FEW_PLACES];
         for (int k = 0; k < LANES; ++k) {
-            const float8 there = scattered[first + (k < count ? k : 0)];
-            put_lane(&start, k, there.lo);
-            put_lane(&step, k, there.hi - there.lo);
+            put_lane(&start, k, scattered[from[k]]);
+            put_lane(&step, k, scattered[to[k]] - scattered[from[k]]);
         }
         for (int j = 0; j < FEW_PLACES; ++j)
             sent[j] = plus(start, scaled(step, F((float)j / (FEW_PLACES - 1))));

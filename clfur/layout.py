@@ -95,6 +95,9 @@ HairType = np.dtype([
     ("shape", *_float4),              # segment_length, width [world], force_weight, direction_variation
     ("curl", *_float4),               # radius [world], cos and sin of the angle a segment, length_variation
     ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment, -
+    ("taper", *_float4),              # shares of the width: at the root, gained to the tip; 1 / taper - 2; -
+    ("root", *_float4),               # linear r, g, b there, -; where points have colours
+    ("tip", *_float4),
     ("shine", *_float4),              # two numbers of its model, in most specular and exponent; alpha; MODELS
     ("lobes", *_float4),              # of a Chiang: roughness along and around the strand, tilt [radians], index
     ("counts", *_int4),               # segments; texture's first texel, width, height (width 0: none)
@@ -104,7 +107,8 @@ Light = np.dtype([
     ("direction", *_float4),          # unit vector, the way the light travels
     ("color", *_float4),              # linear r, g, b; ambient
     ("position", *_float4),           # of a spot light and 1, or 0
-    ("cone", *_float4),               # cosine of half a spot's angle, -, -, -
+    ("cone", *_float4),               # cosine of half a spot's angle; a disc's radius if it has a position, else the
+                                      # tangent of half its angle; -, -
 ])
 
 # method: 1 if a type's optical depth is 1 - alpha, 0 if it is -ln(alpha).
@@ -149,6 +153,12 @@ Sky = np.dtype([                      # cells of the world that hold light of a 
     ("size", *_int4),                    # cells a side; 1: there is a sky, -, -
 ])
 
+OnGround = np.dtype([                 # squares of a plane that tell of a sky's light, narrower near its middle
+    ("place", *_float4),                 # x and z of its middle [world]; 1 / how far along each half of its squares are
+    ("whole", *_float4),                 # linear r, g, b where nothing hides it; height [world]
+    ("size", *_int4),                    # squares a side, 0: no sky, -, -, -
+])
+
 Ground = np.dtype([                   # a level plane, as a camera above it sees it
     ("plane", *_float4),                 # reversed depth at (x, y, 1) [pixels]: its three factors; height [world]
     ("color", *_float4),                 # linear r, g, b; 1, or 0 if its shadow alone is seen
@@ -167,7 +177,7 @@ Lobes = np.dtype([                    # how hair of a type scatters light, where
 ])
 
 STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Deep": Deep,
-           "Shells": Shells, "Ground": Ground, "Material": Material, "Lobes": Lobes}
+           "Shells": Shells, "Ground": Ground, "OnGround": OnGround, "Material": Material, "Lobes": Lobes}
 
 
 def shine(look, alpha, model=None):

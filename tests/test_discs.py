@@ -8,7 +8,7 @@ import pytest
 from support.scenes import icosphere
 
 import clfur
-from clfur import truth
+from clfur import layout, truth
 from clfur.color import linear_to_srgb
 from clfur.stages import discs
 from clfur.stages.zscan import zscan
@@ -90,3 +90,30 @@ def test_hair_errs_no_more_than_under_a_light_without_a_size(gpu):
             off = linear_to_srgb(found.clip(0, 1)) - linear_to_srgb(meant.clip(0, 1))
             errors.append(np.sqrt((off**2).mean()))
         assert errors[1] < 1.03 * errors[0]
+
+
+LOOKS = {"kajiya": clfur.Kajiya(exponent=30), "half vector": clfur.Kajiya(highlight="half-vector", exponent=30),
+         "chiang": clfur.Chiang()}
+
+
+@pytest.mark.parametrize("name", LOOKS)
+@pytest.mark.parametrize("light, size", [(clfur.Light((1, -1, -.6)), 40), (clfur.Light((1, -1, -.6)), 8),
+                                         (clfur.Light((-1, -1, -1), position=(2, 2, 2), angle=80), 1.0)])
+def test_hair_under_a_disc_sends_the_mean_of_its_points(gpu, name, light, size):
+    """Highlights widen and weaken; root mean square of linear light, and how much nearer than the middle alone."""
+    hair = clfur.HairType(segments=4, segment_length=.1, width=.02, alpha=.4, look=LOOKS[name], color=(.4, .25, .1))
+    ball, faces = icosphere(2)
+    light = attrs.evolve(light, shadows=False, ambient=0, size=size)
+    scene = clfur.Scene(clfur.Mesh(ball, ball, None, faces), clfur.Strands(roots=1500, types=[hair], seed=3),
+                        clfur.Camera(size=(48, 36)), light, body_color=(1, 1, 1))
+    z = light.direction
+    x = np.cross(z, (0, 0, 1)) / np.linalg.norm(np.cross(z, (0, 0, 1)))
+    points = []
+    for a, b in layout.disc(24).astype(float) * (size if light.position is not None else np.tan(np.radians(size) / 2)):
+        aside = a * x + b * np.cross(z, x)
+        where = {"direction": z + aside} if light.position is None else {"position": light.position + aside}
+        points.append(attrs.evolve(light, size=0, intensity=1 / 24, **where))
+    meant, found, middle = (clfur.render(attrs.evolve(scene, light=each), gpu)[..., :3]
+                            for each in (points, light, attrs.evolve(light, size=0)))
+    off, off_middle = (np.sqrt(((each - meant)**2).mean()) for each in (found, middle))
+    assert off < (.45 if size != 8 else .65) * off_middle

@@ -11,10 +11,12 @@ import clfur
 from clfur import layout, truth
 from clfur.pipeline.views import Rig, ground_of, light_of, view_of
 from clfur.scene.ground import height_of
-from clfur.stages import ground, shade
+from clfur.scene.light import AMBIENT
+from clfur.stages import ground, shade, sky
 from clfur.stages.lighting import unshadowed
 from clfur.stages.raster import VISIBLE
 from clfur.twin import ground as twin
+from clfur.twin import lighting
 
 GREY = clfur.Light((1, -1, -.6))
 LIGHTS = [GREY, clfur.Light((-.5, -1, .3), (1, .5, .2), 0, position=(.5, 2, -.5), angle=70)]
@@ -71,10 +73,42 @@ def test_put_light_and_outputs_are_the_twins(gpu, sphere, samples, eye, height):
         if color is None:
             assert not image.any()
 
+    plane = sky.plane_of((-1, height, -1), (1, 2, .5), height, (.9, 1, 1.2))
+    squares = np.random.default_rng(2).random((len(np.empty(int(plane["size"][0]) ** 2)), 4)).astype(np.float32)
+    lit = sky.SkyLight(np.zeros((), layout.Sky), plane, gpu.empty((0, 4), np.float32), gpu.upload(squares))
+    for color in ((.5, .4, .3), None):
+        packed["color"] = (*color, 1) if color else 0
+        sums = shade.no_light(gpu, 17, 23)
+        ground.light(gpu, view, packed, unshadowed(gpu, *lights), gpu.upload(visible), sums, None, lit)
+        image = shade.blend(gpu, sums).get()
+        off = np.abs(image - twin.light(view, height, color, lights, np.ones(2), visible, plane, squares)).max(2)
+        assert (off > 2e-4).mean() < .03 and image.any()   # from one square to the next is a step of 1 here
+
     known = shade.Outputs.empty(gpu, {"pixel": (17, 23)})
     ground.outputs(gpu, view, packed, gpu.upload(visible), vars(known))
     for name, value in twin.outputs(view, height, visible).items():
         np.testing.assert_allclose(getattr(known, name).get(), value, rtol=1e-4, err_msg=name)
+
+
+@pytest.mark.small
+@pytest.mark.parametrize("light, off", [
+    (clfur.Light((1, -.2, 0), size=40), .005), (clfur.Light((1, .1, 0), size=40), .005),
+    (clfur.Light((0, -1, 0), size=8), 1e-4),
+    (clfur.Light((-3, -1, 0), position=(3, 0, 0), angle=360, size=1.0), .03)], ids=["low", "set", "high", "lamp"])
+def test_a_disc_is_the_mean_of_its_points_over_the_ground(gpu, light, off):
+    """Of the sun partly under the horizon too. How much shorter a way to the rim is counts by its mean; and a lamp
+    is taken to look at each place."""
+    light = attrs.evolve(light, shadows=False)
+    there = clfur.Scene(fur=clfur.Curves([[(0, 0, 0), (0, 1, 0)]]), light=light, ground=clfur.Ground(-1, (1, 1, 1)),
+                        camera=clfur.Camera(eye=(0, 3, 4), target=(0, -1, 0), size=(13, 9)))
+    view, packed = view_of(there, 1), light_of(light)
+    visible = ground.put(gpu, view, ground_of(there, view), VISIBLE.empty(gpu, (9, 13, 1)))
+    sums = shade.no_light(gpu, 9, 13)
+    ground.light(gpu, view, ground_of(there, view), unshadowed(gpu, packed), visible, sums)
+    image, points = shade.blend(gpu, sums).get(), lighting.points_of(packed)
+    meant = np.mean([twin.light(view, -1, (1, 1, 1), [each], [1], visible.get()) for each in points], 0)
+    np.testing.assert_allclose(image, meant, atol=off)
+    assert meant[..., :3].max() > .1
 
 
 # --- laws -----------------------------------------------------------------------------------------------
@@ -87,7 +121,7 @@ def test_shadow_alone_takes_away_what_a_white_ground_has_not(gpu, sphere, raster
     catcher = clfur.draw(scene(sphere), gpu, settings, OUTPUTS).images
     color = (.5, .4, .3)
     drawn = clfur.draw(scene(sphere, color), gpu, settings, OUTPUTS).images
-    full = -GREY.direction[1] + GREY.ambient
+    full = -GREY.direction[1] + AMBIENT
     ends = np.zeros((49, 65, 4)) + (*np.array(color) * full, 1)
     sky = drawn["id"] == -1
     laid = catcher["color"] + (1 - catcher["color"][..., 3:]) * np.where(sky[..., None], 0, ends)
@@ -126,6 +160,34 @@ def test_truth(gpu, sphere, light):
     assert one[..., 3].mean() == pytest.approx(other[..., 3].mean(), abs=.004)
 
 
+@pytest.mark.parametrize("raster", ["coverage", "samples"])
+def test_truth_of_a_sky(gpu, sphere, raster):
+    """A ball that stands on it takes most of a sky's light away below, and less around; the truth's noise is .03 a
+    pixel, .005 in a mean of 36."""
+    for sun in (GREY, attrs.evolve(GREY, color=(0, 0, 0))):
+        there = scene(sphere, light=sun, environment=clfur.Environment([(1, 1, 1), (.5, .5, .5), (0, 0, 0)]))
+        frame = clfur.draw(there, gpu, clfur.Settings(samples=16, raster=raster), ("color", "id")).images
+        one, other = frame["color"][..., 3], truth.picture(there, 4)[..., 3]
+        on = frame["id"] == -4
+        means = [np.where(on, each, 0)[:48, :60].reshape(8, 6, 10, 6).mean((1, 3)) for each in (one, other)]
+        assert np.abs(means[0] - means[1]).mean() < .012 and means[1].max() > .3
+        assert one[on].mean() == pytest.approx(other[on].mean(), abs=.006)
+
+
+def test_a_sky_alone_on_a_bare_ground_is_all_there(gpu):
+    """Far from anything the ground sends its colour times what falls on it, and its shadow's alpha is 0; both are the
+    same where the sky's colours differ."""
+    tiny = clfur.Mesh([(0, 0, 0), (1e-3, 0, 0), (0, 0, 1e-3)], faces=[(0, 1, 2)])
+    sky_of_two = clfur.Environment([(1, 2, 3), (1, 1, 1), (0, 0, 0)])
+    for color, alpha in ((None, 0), ((.5, .5, .5), 1)):
+        there = clfur.Scene(tiny, None, clfur.Camera(eye=(0, 3, 3), target=(2, -1, 0), size=(8, 8)),
+                            clfur.Light(color=(0, 0, 0)), environment=sky_of_two, ground=clfur.Ground(-1, color))
+        image = clfur.render(there, gpu)
+        np.testing.assert_allclose(image[..., 3], alpha, atol=1e-5)
+        if color:   # of 1 + y (c - 1) a level plane gets 1 + 2/3 (c - 1)
+            np.testing.assert_allclose(image[4, 4, :3], .5 * (1 + 2 / 3 * np.array([0, 1, 2])), rtol=1e-3)
+
+
 def test_the_lowest_vertex_is_its_height():
     mesh = clfur.Mesh([(0, 5, 0), (1, 6, 0), (0, 6, 1)], faces=[(0, 1, 2)])
     assert height_of(clfur.Scene(mesh, ground=clfur.Ground())) == 5
@@ -136,6 +198,7 @@ def test_the_lowest_vertex_is_its_height():
     assert height_of(far) == 2**20 + 4 - far.origin[1]
 
 
+@pytest.mark.filterwarnings("ignore:nothing is seen of the ground")
 def test_it_hides_what_is_under_it_and_is_not_seen_from_there(gpu, sphere):
     settings = clfur.Settings(grid=32, shadow_map=64)
     above = attrs.evolve(CAMERA, eye=(0, 1, 4))
@@ -213,7 +276,9 @@ def test_command(clfur):
     code, _, err = clfur("render", "sphere", "--size", "32x24", "--roots", 100, "--ground", "lowest", "-o", "a.png")
     assert code == 0, err
     wrong(clfur("render", "sphere", "--ground", "low"), "'--ground'", "'low' is neither 'lowest' nor a height")
-    wrong(clfur("render", "sphere", "--ground", "nan"), "Ground.height is nan")
+    for height in "nan", "inf", "-1e10":
+        wrong(clfur("render", "sphere", "--ground", height),
+              f"'--ground': '{height}' is neither 'lowest' nor a height from -1e+09 to 1e+09")
 
 
 @RASTERS
@@ -223,3 +288,53 @@ def test_a_painted_holdout_is_a_holdout(gpu, sphere, raster):
     plain, painted = (clfur.render(scene(sphere, body="holdout", body_color=color), gpu, settings)
                       for color in ((.3, .2, .1), np.random.default_rng(1).random((3, 4, 3))))
     np.testing.assert_array_equal(painted, plain)
+
+
+@pytest.mark.parametrize("more, words", [
+    ({"camera": attrs.evolve(CAMERA, eye=(0, -1, 4)), "height": 0}, "the camera does not stand above it"),
+    ({"light": clfur.Light((0, -1, 0), shadows=False)}, "no shadow falls on it"),
+    ({"light": clfur.Light((0, 1, 1))}, "no shadow falls on it"),
+])
+def test_a_ground_of_which_nothing_is_seen_is_told(sphere, more, words):
+    found, = Rig.of(scene(sphere, **more)).warnings
+    assert words in found and found.startswith("nothing is seen of the ground")
+    assert not Rig.of(scene(sphere, **{"light": clfur.Light((0, -1, 0))} | (
+        {"height": -2} if "height" in more else {"color": (1, 1, 1)}))).warnings
+
+
+SUNS = [GREY], [clfur.Light((-1, -1.5, 1)), GREY], [clfur.Light((.2, -1, .1), position=(-.5, 3, 0))]
+
+
+@pytest.mark.parametrize("away", [0, 1e6])
+@pytest.mark.parametrize("lights", SUNS)
+def test_the_shadow_is_framed(gpu, sphere, lights, away):
+    """All of it is in the picture, as near as it can: without the shadow the camera is where it is without a ground."""
+    moved = clfur.Mesh(sphere.positions + np.array([away, 0, -away]), sphere.normals, None, sphere.faces)
+    lights = [light if light.position is None else attrs.evolve(light, position=light.position + (away, 0, -away))
+              for light in lights]
+    there = clfur.Scene(moved, fur(), light=lights, ground=clfur.Ground())
+    camera = attrs.evolve(there.camera, size=(64, 48))
+    alpha = clfur.render(attrs.evolve(there, camera=camera), gpu, clfur.Settings(grid=32, shadow_map=64))[..., 3]
+    at = np.argwhere(alpha > .001)   # less is what cells of the grid spread
+    assert (at > 0).all() and (at < (47, 63)).all()
+    assert (at < 4).any() or (at > (43, 59)).any()
+    dark = clfur.Scene(moved, fur(), light=[attrs.evolve(light, shadows=False) for light in lights],
+                       ground=clfur.Ground()).camera
+    bald = clfur.Scene(moved, fur()).camera
+    np.testing.assert_array_equal(dark.pose, bald.pose)
+
+
+def test_a_low_suns_shadow_is_framed_as_far_as_three_radii(sphere):
+    far = [np.linalg.norm(clfur.Scene(sphere, light=clfur.Light((1, -slope, -.6)), ground=clfur.Ground()).camera.eye)
+           for slope in (.3, .1, 1e-3)]
+    assert max(far) < 3 * np.linalg.norm(clfur.Scene(sphere).camera.eye)
+
+
+def test_a_weak_lights_shadow_is_not_framed(sphere):
+    """A low fill beside the sun would make all small; it counts where it is the strongest, or half as strong."""
+    def pose(*lights):
+        return clfur.Scene(sphere, light=list(lights), ground=clfur.Ground()).camera.pose
+    fill = clfur.Light((-1, -.3, -.6), color=(1, 1, 1), intensity=.4, ambient=0)
+    np.testing.assert_array_equal(pose(GREY, fill), pose(GREY))
+    half = pose(GREY, attrs.evolve(fill, intensity=.5))
+    assert np.abs(half - pose(GREY)).max() > .1 and np.abs(pose(fill) - pose(GREY)).max() > .1

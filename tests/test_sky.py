@@ -81,6 +81,34 @@ def test_light_is_the_twin_s(gpu, kernel):
 
 
 @pytest.mark.small
+@pytest.mark.parametrize("height", [-1.3, -.6])
+def test_light_on_a_plane_is_the_twin_s(gpu, height):
+    """Under the grid and in it; squares end where the plane is endless, and there all of the light comes."""
+    packed, strands, body = grown(gpu)
+    held = sky.held(gpu, packed, True, 10)
+    sky.deposit(gpu, packed, held, strands, body)
+    (low, scale), cells, solid = host(gpu, packed, strands, body)
+    towards = sky.spiral(26)[:13] * (1, 1, -1)
+    sent = np.random.default_rng(1).random((13, 4)).astype(np.float32)
+    plane = sky.plane_of((-1, -1, -1), (1, 1, 1), height, sent[:, :3].sum(0))
+    around = sky.spiral(5)   # so that the 13 come in three lots
+    lit = sky.light(gpu, packed, held, around, np.zeros((5, 9, 4), np.float32), (plane, towards, sent))
+    side = int(plane["size"][0])
+    at = (np.arange(side) + .5) / side * 2 - 1
+    v, u = (each.ravel() for each in np.meshgrid(at, at, indexing="ij"))
+    far = np.sqrt(u * u + v * v)
+    inside = far < .999
+    assert 0 < inside.sum() < side * side
+    wide = 1 / (1 - np.where(inside, far, 0))
+    places = np.stack([u * wide, np.full(len(u), height), v * wide], 1)
+    expected = twin.on_level(low, scale, twin.through(cells, solid, towards), towards, sent[:, :3], places)
+    expected[~inside] = sent[:, :3].sum(0)
+    given = gpu.download(lit.squares)[:, :3]
+    np.testing.assert_allclose(given, expected, atol=.02)   # of 6: solid and points are snapped, see above
+    assert np.abs(given - sent[:, :3].sum(0)).max() > 1.5
+
+
+@pytest.mark.small
 def test_parts_and_orders_give_the_same_bits(gpu):
     rng = np.random.default_rng(5)
     points = rng.uniform(-1, 1, (30, 3, 3))
@@ -117,11 +145,13 @@ def test_a_frame_s_body_gets_half_of_a_wall_s_sky(gpu):
     assert .25 < color[0] < .55
 
 
-def test_the_flat_ambient_is_left_out_under_a_sky_unless_it_is_set(gpu):
-    black, none = clfur.render(bald(Environment((0, 0, 0)), color=(0, 0, 0)), device=gpu), 0
-    assert black[8, 8, 0] == none
-    set_to = clfur.render(bald(Environment((0, 0, 0)), color=(0, 0, 0), ambient=.2), device=gpu)
-    np.testing.assert_allclose(set_to[8, 8, :3], .1, rtol=1e-5)
+@pytest.mark.parametrize("ambient", [None, .1, .2])
+def test_the_flat_ambient_is_left_out_under_a_sky_unless_it_is_given(gpu, ambient):
+    """Also where what is given is what lights have without a sky."""
+    image = clfur.render(bald(Environment((0, 0, 0)), color=(0, 0, 0), ambient=ambient), device=gpu)
+    np.testing.assert_allclose(image[8, 8, :3], .5 * (ambient or 0), rtol=1e-5)
+    alone = clfur.render(attrs.evolve(bald(None, color=(0, 0, 0), ambient=ambient)), device=gpu)
+    np.testing.assert_allclose(alone[8, 8, :3], .5 * (ambient or .1), rtol=1e-5)
 
 
 @pytest.mark.parametrize("raster", ["coverage", "samples"])

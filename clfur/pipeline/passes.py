@@ -323,12 +323,12 @@ def _color(gpu, plan, part, view, visible, hair, body, lighting, image, sample_t
     body = no_surface(gpu) if plan.held else body   # what is hidden needs no light
     scattering = build.scattering(gpu, plan) if len(hair.points) else None
     return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums,
-                       scattering, build.sky(gpu, plan),
+                       scattering, build.light_around(gpu, plan, lighting),
                        *build.paint(gpu, plan, part if len(body.triangles) else None))
 
 
 def _light_ground(gpu, plan, band, lighting, sums, sample_transmittance):
-    ground.light(gpu, band.view, plan.ground, lighting, band.visible, sums, sample_transmittance)
+    ground.light(gpu, band.view, plan.ground, lighting, band.visible, sums, sample_transmittance, build.sky(gpu, plan))
 
 
 def _tell_ground(gpu, plan, front, known):

@@ -55,6 +55,21 @@ class Rig:
             fit=fit, ground=ground_of(scene, view))
 
     @property
+    def _of_ground(self) -> list[str]:
+        """Why nothing is seen of a ground."""
+        scene = self.scene
+        if scene.ground is None:
+            return []
+        if self.ground is None:
+            return ["nothing is seen of the ground, as the camera does not stand above it; a lower Ground.height or a "
+                    "higher camera shows it"]
+        falls = self.settings.shadows != "off" and any(light.casts and _shines_down(light) for light in scene.lights)
+        if scene.ground.color is None and scene.environment is None and not falls:
+            return ["nothing is seen of the ground, as no shadow falls on it; a light from above with shadows, an "
+                    "Environment, or a Ground.color shows it"]
+        return []
+
+    @property
     def warnings(self) -> list[str]:
         """What is known to be wrong in the picture."""
         found, shells, mesh = [], self.scene.shells, self.scene.mesh
@@ -63,6 +78,7 @@ class Rig:
             found.append(f"cells of the light's grid are {max(sides):.3g} wide and fur {self.fit.grown:.3g} long, as "
                          "it goes far into the distance: shadows are hardly seen, near ones too; less of it, or a bald "
                          "ground, has finer ones")
+        found += self._of_ground
         if shells is not None and mesh is not None and shells.pattern == "cells":
             cells = shells.frequency * math.sqrt((shells.rest or mesh).largest_face)
             if cells >= MOST_CELLS + 1:
@@ -70,6 +86,10 @@ class Rig:
                              f"{MOST_CELLS}: there they are {cells / MOST_CELLS:.3g} times as wide, and its borders "
                              "are bald; more faces in the mesh, or a smaller Shells.frequency, puts it right")
         return found
+
+
+def _shines_down(light):
+    return light.position is not None or light.direction[1] < 0
 
 
 def view_of(scene: Scene, samples: int, known: Seen | None = None) -> np.void:
@@ -115,6 +135,7 @@ def light_of(light: Light, environment: Environment | None = None, scatters: boo
     if light.position is not None:
         packed["position"] = *light.position, 1
         packed["cone"][0] = NO_CONE if light.everywhere else math.cos(math.radians(light.angle) / 2)
+    packed["cone"][1] = math.tan(math.radians(light.size) / 2) if light.position is None else light.size
     return packed
 
 

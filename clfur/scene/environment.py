@@ -9,7 +9,7 @@ import numpy as np
 from ..color import linear_of
 from ..errors import Error
 from . import checks
-from .light import Light
+from .light import AMBIENT, Light
 
 ROWS = 64   # of a gradient's picture, and about as many of a large one's
 
@@ -18,6 +18,7 @@ def _sky(value, where):
     """Return what `Environment.sky` takes: a float32 picture [h, w, 3], one colour [3], or three colours [3, 3]."""
     allowed = "a colour [3], colours of zenith, horizon and ground [3, 3], or a picture [h, w, 3], all >= 0 and finite"
     array = linear_of(checks.numbers(value, where, allowed))
+    array = array.astype(np.result_type(array, np.float32), copy=False)   # the limit is more than float16 holds
     if array.ndim not in (1, 2, 3) or array.shape[-1] != 3 or (array.ndim == 2 and len(array) != 3) or not array.size:
         checks.refuse(where, value, allowed)
     bad = np.argwhere(~((array >= 0) & (array <= checks.LARGEST)))   # no number is neither
@@ -72,6 +73,7 @@ class Environment:
 
 
 def ambient_of(light: Light, environment: Environment | None, scatters: bool = False) -> float:
-    """The flat ambient of a light: none under a sky, or where light goes from hair to hair, unless it is set to
-    another than it is by default."""
-    return 0.0 if (scatters or environment is not None) and light.ambient == Light().ambient else light.ambient
+    """The flat ambient of a light: where it tells none, none under a sky or where light goes from hair to hair."""
+    if light.ambient is not None:
+        return light.ambient
+    return 0.0 if scatters or environment is not None else AMBIENT

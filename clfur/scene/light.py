@@ -7,6 +7,7 @@ from . import checks
 
 EVERYWHERE = 360.0   # the angle of a point light
 WIDEST = 90.0        # degrees of a distant disc: wider light is a sky's
+AMBIENT = 0.1        # of a light that tells none, where no sky or scattering stands for it
 
 
 def _angle(value, where):
@@ -21,19 +22,19 @@ class Light:
     """A distant light, or one at a position, which shines into a cone (a spot) or everywhere (a point light).
 
     direction [3]: the way the light travels, stored at unit length; a point light has no use for it. color: linear
-    RGB >= 0 (arrays of uint8 or uint16 are sRGB). ambient: white light from everywhere, >= 0.
+    RGB >= 0 (arrays of uint8 or uint16 are sRGB). ambient: white light from everywhere, >= 0; None is 0.1, but 0 under
+    an Environment and where light goes from hair to hair, for which it stands.
     position: [3], or None of a distant light. angle: the whole cone of a spot, degrees; 360 of a point light, which
     must stand outside of all that is drawn if it casts shadows. Light does not fall off with distance.
     size: of the disc that it shines from, across the way it looks: of a distant light its angular diameter, 0 to 90
-    degrees (the sun's is 0.53), of others its radius in the scene's units; 0 casts hard shadows. Only shadows know
-    of it: all is lit from the disc's middle. shadows: whether it casts any. intensity: >= 0, by which its colour is
-    multiplied, not its ambient.
+    degrees (the sun's is 0.53), of others its radius in the scene's units; 0 casts hard shadows. shadows: whether it
+    casts any. intensity: >= 0, by which its colour is multiplied, not its ambient.
     Raises Error otherwise.
     """
 
     direction: checks.Given = checks.field(checks.direction, default=(-1.0, -1.0, -1.0))
     color: checks.Given = checks.field(checks.color, default=(1.0, 1.0, 1.0))
-    ambient: float = checks.field(checks.real(low=0), default=0.1)
+    ambient: float | None = checks.field(checks.optional(checks.real(low=0)), default=None)
     position: checks.Given = checks.field(checks.optional(checks.vector(3)), default=None)
     angle: float = checks.field(_angle, default=60.0)
     size: float = checks.field(checks.real(low=0), default=0.0)

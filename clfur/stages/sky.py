@@ -18,6 +18,7 @@ HOLDS = MOMENTS + 1                  # numbers of what a cell holds
 EDGE = int(layout.CONSTANTS["SKY_EDGE"])
 POINTS = 16                          # of strands, or more, whose light a work-item looks up
 STRANDS = 64                         # that a CPU's work-item adds up: more of its atomics are spared
+FALLING, SQUARES = 112, 64           # directions whose light falls on the ground; squares a side that tell of it
 THROUGH = Declared("cell", np.float32)                     # of each direction
 POINT_LIGHT = Declared("point", np.float32, 4)             # r, g, b at a point of strands
 
@@ -33,10 +34,12 @@ class Held(Arrays):
 
 @dataclass(frozen=True)
 class SkyLight(Arrays):
-    """Light of a sky in each cell of a grid."""
+    """Light of a sky in each cell of a grid, and on a ground, if there is one."""
 
     sky: np.void
+    plane: np.void   # `layout.OnGround`
     cells: Any = array("harmonic", np.float32, 4)   # [9 n³] r, g, b, - of each spherical harmonic
+    squares: Any = array("square", np.float32, 4)   # [side²] r, g, b, - on the ground
 
 
 def arguments(gpu: Any, lit: SkyLight | None) -> dict:
@@ -86,22 +89,41 @@ def contents(gpu: Any, sky: np.void, there: Held) -> Any:
     return cells
 
 
-def light(gpu: Any, sky: np.void, there: Held, directions: np.ndarray, table: np.ndarray) -> SkyLight:
-    """Take the light of all directions through the grid -> `SkyLight`; see `table_of`."""
+def light(gpu: Any, sky: np.void, there: Held, directions: np.ndarray, table: np.ndarray,
+          ground: tuple | None = None) -> SkyLight:
+    """Take the light of all directions through the grid -> `SkyLight`; see `table_of`.
+
+    ``ground``: what `plane_of` gives of one, and what `falling_of`.
+    """
     n, count = int(sky["size"][0]), len(directions)
-    cells = contents(gpu, sky, there)
+    lanes, cells = min(gpu.lanes, 16), contents(gpu, sky, there)
+    through, _ = _through(gpu, n, cells, directions)
+    plane, towards, sent = ground or (np.zeros((), layout.OnGround), np.zeros((0, 3)), np.zeros((0, 4), np.float32))
+    result = SkyLight(sky, plane, SkyLight.declared["cells"].empty(gpu, HARMONICS * n**3),
+                      gpu.full((int(plane["size"][0]) ** 2, 4), np.float32, 0))
+    gpu.launch("sky.gather", n**3 // lanes, n=n, n_directions=count, through=through, table=gpu.upload(table),
+               cells=result.cells)
+    for first in range(0, len(towards), count):   # as many at a time as have room
+        del through   # before the next are made
+        some = towards[first:first + count]
+        through, lot = _through(gpu, n, cells, some)
+        gpu.launch("sky.plane", len(result.squares), sky=sky, plane=plane, n_directions=len(some), directions=lot,
+                   share=len(some) / len(towards), light=gpu.upload(sent[first:first + count]), through=through,
+                   squares=result.squares)
+    return result
+
+
+def _through(gpu, n, cells, directions):
+    """(What reaches each cell of the light of directions, [directions, n³] float32; these on the device)."""
+    count = len(directions)
     through, behind = THROUGH.empty(gpu, (count, n**3)), gpu.full((count, 2, (n + 2 * EDGE)**2), np.float32, 1)
     towards = gpu.upload(np.column_stack([directions, np.zeros(count)]).astype(np.float32))
-    lanes = min(gpu.lanes, 16)
     # A CPU has work enough in directions alone; else a slice's rows are divided, and wait for the slice before.
-    rows, slices = (n, n) if lanes > 1 else (1, 1)
+    rows, slices = (n, n) if gpu.lanes > 1 else (1, 1)
     for first in range(0, n, slices):
         gpu.launch("sky.sweep", count * n // rows, n=n, turns=(first, first + slices), rows=rows, held=cells,
                    directions=towards, behind=behind, through=through)
-    result = SkyLight(sky, SkyLight.declared["cells"].empty(gpu, HARMONICS * n**3))
-    gpu.launch("sky.gather", n**3 // lanes, n=n, n_directions=count, through=through, table=gpu.upload(table),
-               cells=result.cells)
-    return result
+    return through, towards
 
 
 def at_points(gpu: Any, lit: SkyLight, strands: DeviceStrands) -> Any:
@@ -114,11 +136,21 @@ def at_points(gpu: Any, lit: SkyLight, strands: DeviceStrands) -> Any:
     return result
 
 
-def bytes_of(body: bool, n: int = CELLS) -> int:
+def plane_of(low: Any, high: Any, height: float, whole: Any) -> np.void:
+    """A `layout.OnGround` at a height, around a box [3], [3] world; ``whole``: r, g, b where nothing hides the sky."""
+    low, high = np.asarray(low, float), np.asarray(high, float)
+    half = np.maximum((high - low)[[0, 2]] / 2, (high - low).max() / 8)   # which is seen in the grid's cells
+    packed: Any = np.zeros((), layout.OnGround)
+    packed["place"] = *((low + high) / 2)[[0, 2]], *(1 / np.where(half > 0, half, 1))
+    packed["whole"], packed["size"][0] = (*whole, height), SQUARES
+    return packed
+
+
+def bytes_of(body: bool, ground: bool = False, n: int = CELLS) -> int:
     """Bytes on the device of all that `light` makes at once."""
     count = DIRECTIONS + NEAR_BRIGHTEST
     cell = Held.bytes(cell=1, column=3 * body) + 8 * HOLDS + THROUGH.bytes * count + SkyLight.bytes(harmonic=HARMONICS)
-    return n**3 * cell + 8 * count * (n + 2 * EDGE)**2
+    return n**3 * cell + 8 * count * (n + 2 * EDGE)**2 + ground * SkyLight.bytes(square=SQUARES**2)
 
 
 def table_of(directions: np.ndarray, light: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -140,6 +172,21 @@ def table_of(directions: np.ndarray, light: np.ndarray, angles: np.ndarray) -> t
         for j in range(values.shape[1]):
             table[:, j, channel] = np.bincount(nearest, values[:, j, channel], len(chosen))
     return chosen, table
+
+
+def falling_of(directions: np.ndarray, light: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places of a sky, as `table_of` takes them -> (directions [D, 3], float32 [D, 4] r, g, b, - that each sends to a
+    level plane): as likely as their cosine, and some towards what sends most."""
+    share = (np.arange(FALLING) + 0.5) / FALLING
+    turn, r = np.pi * (3 - np.sqrt(5)) * np.arange(FALLING), np.sqrt(share)
+    chosen = np.stack([r * np.cos(turn), np.sqrt(1 - share), r * np.sin(turn)], 1)
+    sent = light * (angles * np.maximum(directions[:, 1], 0) / np.pi)[:, None]
+    brightest = near(chosen[np.argmax(((chosen @ directions.T) > np.cos(CONE)) @ sent.sum(1))])
+    chosen = np.concatenate([chosen, brightest[brightest[:, 1] > chosen[-1, 1]]])
+    nearest, result = np.argmax(directions @ chosen.T, 1), np.zeros((len(chosen), 4), np.float32)
+    for channel in range(3):
+        result[:, channel] = np.bincount(nearest, sent[:, channel], len(chosen))
+    return chosen, result
 
 
 def spiral(n: int) -> np.ndarray:

@@ -71,9 +71,9 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
     known = before or unlit(gpu, lighting, n, (sky_light is not None) + (transport is not None))
     first, end = known.until, n if until is None else until
     rows = gpu.full(1, np.uint32, known.rows)
-    scattered = LEAVING.empty(gpu, n if transport is not None else 0)
+    scattered = LEAVING.empty(gpu, 0)
     if transport is not None:
-        leaving(gpu, view, transport, strands, segments, first, end, scattered)
+        scattered = leaving(gpu, view, transport, strands, segments, first, end)
     given = {"view": view, "range": (first, end), "listed": segments is not None, "first_point": strands.first_point,
              "segments": gpu.empty(0, np.uint32) if segments is None else segments, "places": known.places,
              "shadowed": transmittances is not None, "of_ends": of_ends,

@@ -100,17 +100,18 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
     types, texels = pack_types(fur.types)
     indices = fur.type_indices if fur.type_map is not None else np.zeros((1, 1))
     stride = max(t.segments for t in fur.types) + 1
+    color_per = 2 if fur.shaded else 1
     point_forces = np.array([[*f.position, f.strength] for f in fur.point_forces], np.float32).reshape(-1, 4)
     grown = DeviceStrands.empty(
-        gpu, {"point": n * stride, "strand": n, "color": n, "run": n}, types=gpu.upload(types), run=stride,
-        first_strand=begin, first_point=begin * stride)
+        gpu, {"point": n * stride, "strand": n, "color": n * stride if fur.shaded else n, "run": n},
+        types=gpu.upload(types), run=stride, first_strand=begin, first_point=begin * stride, color_per=color_per)
     gpu.launch("strands.grow", -(-n // gpu.lanes), n=n, positions=surface.positions,
                normals=surface.normals, uv=surface.uv, triangles=surface.triangles, roots=roots,
                type_map=gpu.upload(indices.astype(np.uint32)), map_size=indices.shape[::-1], texels=gpu.upload(texels),
                force=(*fur.force, 0), point_forces=gpu.upload(point_forces), n_point_forces=len(point_forces),
                seed=fur.seed, stride=stride,
                **arrays(grown, "first_strand", "types", "points", "spans", "strand_of", "stored", "shifts",
-                        "numbers", "colors", "strand_normal", "strand_uv"))
+                        "numbers", "color_per", "colors", "strand_normal", "strand_uv"))
     return grown
 
 
@@ -171,6 +172,8 @@ def pack_types(types: Any) -> tuple[np.ndarray, np.ndarray]:
         row["shape"] = t.segment_length, t.width, t.force_weight, t.direction_variation
         row["curl"] = t.curl[0], *_turn(t.curl[1], t.segments), t.length_variation
         row["wave"] = t.wave[0], *_turn(t.wave[1], t.segments), 0
+        row["taper"] = t.root_width, t.tip_width - t.root_width, 1 / t.taper - 2, 0
+        row["root"][:3], row["tip"][:3] = t.ends
         row["shine"], row["lobes"] = layout.shine(t.look, t.alpha), t.look.lobes
         row["counts"] = t.segments, sum(map(len, texels)), 0, 0
         if t.color_texture is not None:

@@ -27,11 +27,24 @@ def put(view, height, visible):
     return np.where(w > 0, np.minimum(visible, key), visible)
 
 
-def light(view, height, color, lights, through, visible):
+def of_sky(plane, squares, p):
+    """Light [n, 3] of a sky on places p [n, 3] of the ground: on squares [side², 4] of `OnGround`, by B-splines."""
+    side, middle, scale = int(plane["size"][0]), f64(plane["place"])[:2], f64(plane["place"])[2:]
+    outside, squares = f64(plane["whole"])[:3], f64(squares).reshape(side, side, -1)[..., :3]
+    far = (p[:, [0, 2]] - middle) * scale
+    u, v = ((far / (1 + np.linalg.norm(far, axis=1, keepdims=True)) + 1) * side / 2).T
+    weights = [np.select([d <= .5, d < 1.5], [.75 - d * d, (1.5 - d)**2 / 2], 0)
+               for d in (np.abs(each[:, None] - np.arange(-1, side + 1) - .5) for each in (u, v))]
+    around = np.pad(squares - outside, [(1, 1), (1, 1), (0, 0)])
+    end = ((u < 1) | (v < 1) | (u >= side - 1) | (v >= side - 1))[:, None]
+    return outside + np.where(end, 0, np.einsum("ni,nj,jic->nc", *weights, around))
+
+
+def light(view, height, color, lights, through, visible, plane=None, squares=None):
     """The light of samples that see the plane, averaged -> [rows, width, 4] float64 premultiplied.
 
     color: linear r, g, b, or None: it shows what is missing alone.  lights: [n] structs.  through: [n] share of each
-    that reaches the plane, or [n, rows, width, samples].
+    that reaches the plane, or [n, rows, width, samples].  plane, squares: see `of_sky`, if there is one.
     """
     rows, width, samples = visible.shape
     p, _ = _met(view, height)
@@ -44,6 +57,9 @@ def light(view, height, color, lights, through, visible):
         whole += direct @ LUMINANCE + ambient
         left += reached @ LUMINANCE + ambient
         rgb += reached + ambient
+    if plane is not None:
+        falls = of_sky(plane, squares, np.where(np.isfinite(p), p, 0))
+        whole, left, rgb = whole + f64(plane["whole"])[:3] @ LUMINANCE, left + falls @ LUMINANCE, rgb + falls
     if color is None:
         rgb, alpha = 0 * rgb, 1 - left / np.where(whole > 0, whole, 1) * (whole > 0) - (whole == 0)
     else:

@@ -13,3 +13,19 @@ def light_at(light, p):
     to_light = unit(f64(light["position"])[:3] - p)
     within = dot(to_light, -direction) >= float(light["cone"][0])
     return to_light, color[:3] * within[:, None], color[3]
+
+
+def points_of(light, n=256):
+    """Lights without a size whose mean a `Light` is that is a disc: of n points of it (Vogel 1979), [n] structs."""
+    disc, k = float(light["cone"][1]), np.arange(n)
+    radius, turn = disc * np.sqrt((k + .5) / n), k * np.pi * (3 - np.sqrt(5))
+    z = f64(light["direction"])[:3]
+    x = unit(np.cross(z, np.eye(3)[np.abs(z).argmin()]))
+    offset = (radius * np.cos(turn))[:, None] * x + (radius * np.sin(turn))[:, None] * np.cross(z, x)
+    points = np.repeat(np.asarray(light)[None], n)
+    points["cone"][:, 1] = 0
+    if light["position"][3]:
+        points["position"][:, :3] += offset
+    else:
+        points["direction"][:, :3] = unit(z + offset)
+    return points

@@ -109,3 +109,24 @@ def light(low, scale, shares, directions, table, places, axes, kernel):
         x, y, z = (base + corner).T
         result += weight[:, None] * np.einsum("dn,ndc->nc", shares[:, z, y, x], sent)
     return np.maximum(result, 0)
+
+
+def on_level(low, scale, shares, directions, light, places):
+    """What directions send to places [n, 3] -> [n, 3]: all of it, or where they leave the grid what reaches it there.
+
+    shares: as `through` gives them; directions: [D, 3]; light: [D, 3].
+    """
+    n, result = shares.shape[1], np.zeros((len(places), 3))
+    start = (np.asarray(places, float) - low) * scale
+    for share, w, color in zip(shares, np.asarray(directions, float), np.asarray(light, float)):
+        with np.errstate(divide="ignore"):
+            ends = np.sort(np.stack([-start / w, (n - start) / w]), 0)
+        first, last = np.maximum(ends[0].max(1), 0), ends[1].min(1)
+        at = np.clip(start + np.where(first < last, first, 0)[:, None] * w - 0.5, 0, n - 1)
+        base = np.minimum(at.astype(int), n - 2)
+        left = 0
+        for corner in np.ndindex(2, 2, 2):
+            x, y, z = (base + corner).T
+            left = left + np.prod(np.where(corner, at - base, 1 - at + base), 1) * share[z, y, x]
+        result += np.where(first < last, left, 1)[:, None] * color
+    return result
