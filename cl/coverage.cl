@@ -636,7 +636,7 @@ ALONE BY_HAND __kernel void tiles(
     const uint first = starts[tile], n = starts[tile + 1] - first;
     const Store store = {when, room, taken, (__global uint8 *)bundles, nexts, heads, (__global uchar *)marks, slots};
     Glow glow;
-    begin_glow(&glow, &store);
+    begin_glow(&glow, &store, x * TILE, view.rows.x + y * TILE);
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
                               lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_nears, deep_blocks, axes, hazes}},

@@ -86,9 +86,25 @@ INLINED lanes share_deep(const Sent *sent, int i, const uint *numbers, lanes at,
     return look ? through : share;
 }
 
+/* Where a strand is seen in the middles x, y of pixels, which its place p is nearest to: so far aside as one of such a width
+   [world] reaches beyond half a pixel; a thin one is p. */
+INLINED lanes3 seen_beside(const View *view, lanes3 p, lanes width, lanes x, lanes y)
+{
+    const lanes4 c = by_columns(view->to_screen, p.x, p.y, p.z);
+    const lanes room = 0.5f * (width - c.w / view->scale.x);
+    const lanes_i wide = (room > 0.0f) & (c.w > 0.0f);
+    if (!any_lane(wide))
+        return p;
+    const lanes4 q = by_columns(view->to_world, x, y, c.z / c.w);
+    const lanes3 off = {q.x / q.w - p.x, q.y / q.w - p.y, q.z / q.w - p.z};
+    const lanes far = full_root(dots(off, off));
+    return chosen(wide, plus(p, scaled(off, far > room ? room / far : F(1.0f))), p);
+}
+
 /* Light from places `at` of segments, where lanes are `on`, of those lights of which no places are known; the other lanes are
-   like one of these.  weight: in their pixels. */
-INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *rows, lanes at, lanes weight, lanes_i on)
+   like one of these.  weight: in their pixels, whose middles are x, y. */
+INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *rows, lanes at, lanes weight, lanes x, lanes y,
+                           lanes_i on)
 {
     float8 part[LANES];
     lanes c[32];
@@ -111,7 +127,8 @@ INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *ro
             LANE_I(here, k) &= places_of(known, numbers[k])[FEW_PLACES * i] & MORE ? ON : 0;
         if (!any_lane(here))
             continue;
-        lanes share = share_of_light(&light, p, &l);
+        const bool edged = light.position.w > 0.0f && light.cone.x > -1.0f;   // its cone ends somewhere
+        lanes share = share_of_light(&light, edged ? seen_beside(known->view, p, c[3] + at * c[7], x, y) : p, &l);
         if (known->shadowed) {
             const lanes there = i == 0 ? c[27] : i == 1 ? c[29] : F(-1.0f);
             const lanes_i ask = here & (there < 0.0f) & (share > 0.0f);
@@ -136,15 +153,15 @@ INLINED Row row_of(const Sent *known, uint number)
 }
 
 #if LANES == 1
-/* Light that segment `number` sends to the eye from the place `at` of it, a piece of such a weight in its
-   pixel. */
-INLINED float4 sent_by(const Sent *known, uint number, float at, float weight)
+/* Light that segment `number` sends to the eye from the place `at` of it, a piece of such a weight in its pixel, whose middle
+   is x, y. */
+INLINED float4 sent_by(const Sent *known, uint number, float at, float weight, float x, float y)
 {
     __global const ulong *few = places_of(known, number);
     float4 sum = (float4)(0.0f);
     if (more_of(known, number)) {
         const Row row = row_of(known, number);
-        const lanes3 light = exact_light(known, &number, &row, at, weight, 1);
+        const lanes3 light = exact_light(known, &number, &row, at, weight, x, y, 1);
         sum = (float4)(light.x, light.y, light.z, 0.0f);
         sum = sum > 0.0f ? sum : 0.0f;
     }

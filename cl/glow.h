@@ -29,6 +29,7 @@ typedef struct {
     float exact[3][GLOWS] ALIGNED;   // r, g, b of lights of which no places are known
     float4 lights[TILE * TILE];      // of pixels, so far
     int n;
+    int left, top;                   // the tile's first pixel, in the picture
     uint first, last;                // bundles of the tile, and 1; NOTHING: there was no room for all
     const Store *store;
 } Glow;
@@ -44,7 +45,7 @@ INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
     for (int first = 0; first < left; first += LANES) {
         Row rows[LANES];
         uint slots[LANES];
-        lanes at, weight;
+        lanes at, weight, x, y;
         lanes_i on;
         for (int k = 0; k < LANES; ++k) {
             const int j = which[first + k < left ? first + k : first];
@@ -52,9 +53,11 @@ INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
             rows[k] = row_of(known, slots[k]);
             LANE(at, k) = (glow->wheres[j] & 0xFFFF) * (1.0f / 65535.0f);
             LANE(weight, k) = glow->weights[j];
+            LANE(x, k) = glow->left + (int)(glow->wheres[j] >> 16) % TILE + 0.5f;
+            LANE(y, k) = glow->top + (int)(glow->wheres[j] >> 16) / TILE + 0.5f;
             LANE_I(on, k) = first + k < left ? ON : 0;
         }
-        lanes3 light = exact_light(known, slots, rows, at, weight, on);
+        lanes3 light = exact_light(known, slots, rows, at, weight, x, y, on);
         for (int k = 0; k < LANES && first + k < left; ++k) {
             glow->exact[0][which[first + k]] = LANE(light.x, k);
             glow->exact[1][which[first + k]] = LANE(light.y, k);
@@ -184,9 +187,11 @@ INLINED void add_glow(Glow *glow, const Sent *known, uint pixel, float weight, u
         glow_all(glow, known);
 }
 
-/* Begin with a tile. */
-INLINED void begin_glow(Glow *glow, const Store *store)
+/* Begin with a tile, from pixel left, top on. */
+INLINED void begin_glow(Glow *glow, const Store *store, int left, int top)
 {
+    glow->left = left;
+    glow->top = top;
     glow->n = 0;
     glow->first = glow->last = 0;
     glow->store = store;

@@ -36,8 +36,9 @@ INLINED uint in_steps(float lean, float radius)
 }
 
 /* How far both ends of a segment lean, in steps of the larger half width: the first in the lower half.  ends: on the screen;
-   beyond: the ways of those which follow there; whole: that these are not clipped. */
-INLINED uint leans_of(float8 ends, const float2 *beyond, const bool *whole)
+   beyond: the ways of those which follow there; whole: 1, 2 or both where these
+   are not clipped. */
+INLINED uint leans_of(float8 ends, const float2 *beyond, int whole)
 {
     const float2 a = (float2)(ends.s0, ends.s1), b = (float2)(ends.s4, ends.s5), way = way_between(a, b);
     const bool steep = fabs(b.x - a.x) < fabs(b.y - a.y);
@@ -50,7 +51,7 @@ INLINED uint leans_of(float8 ends, const float2 *beyond, const bool *whole)
         const float bent = its * along * (turned(way, beyond[k], axis, its) - straight), most = 0.5f * length;
         /* Bent within half its width it would lie on itself. */
         const float fits = bent > -most ? bent < most ? bent : most : -most;
-        lean[k] = whole[k] ? upward * (its * ((steep ? way.x : -way.y) - along * straight) - fits) : 0.0f;
+        lean[k] = whole >> k & 1 ? upward * (its * ((steep ? way.x : -way.y) - along * straight) - fits) : 0.0f;
     }
     const float mean = 0.5f * (lean[0] + lean[1]), apart = 0.5f * (lean[0] - lean[1]), most = 0.5f * length;
     const float kept = apart > -most ? apart < most ? apart : most : -most;     // nor do its two ends cross
@@ -70,13 +71,13 @@ ONCE uint leans_at(const View *view, __global const float4 *points, uint first, 
 {
     const float2 a = (float2)(ends.s0, ends.s1), b = (float2)(ends.s4, ends.s5);
     float2 beyond[2] = {(float2)(0.0f), (float2)(0.0f)}, at;
-    bool whole[2] = {true, true};
+    int whole = 3;
     if (i > first) {
-        whole[0] = seen_at(view, points[i - 1], &at);
+        whole = seen_at(view, points[i - 1], &at) ? whole : whole & 2;
         beyond[0] = way_between(at, a);
     }
     if (i + 1 < last) {
-        whole[1] = seen_at(view, points[i + 2], &at);
+        whole = seen_at(view, points[i + 2], &at) ? whole : whole & 1;
         beyond[1] = way_between(b, at);
     }
     return leans_of(ends, beyond, whole);

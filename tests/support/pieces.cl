@@ -98,7 +98,7 @@ BY_HAND __kernel void hidden(
     Glow glow;
 #if LANES > 1
     const Store at_once = {LIGHT_AT_ONCE};
-    begin_glow(&glow, &at_once);
+    begin_glow(&glow, &at_once, 0, 0);
 #endif
     const Picture picture = {samples, has_shells, 1, visible, sample_shells, {places, 1}, body_transmittance, alpha, front,
                              shell_front, image, &glow};
