@@ -249,10 +249,10 @@ def test_aiming_at_what_is_bright_of_a_sky_has_no_bias(body, monkeypatch):
     picture[1:3, 5:8] = 4, 3, 2
     scene = clfur.Scene(fur=tuft(color=(.8, .8, .8), alpha=.3), mesh=floor(-.1), body_color=body, light=DARK,
                         camera=CAMERA, environment=clfur.Environment(picture))
-    aimed = truth.picture(scene, 8, orders=truth.ALL)
+    aimed = truth.picture(scene, 20, orders=truth.ALL)
     monkeypatch.setattr(Sky, "even", True)
-    blind = truth.picture(scene, 16, orders=truth.ALL)
-    np.testing.assert_allclose(mean(aimed), mean(blind), rtol=.02)
+    blind = truth.picture(scene, 32, orders=truth.ALL)
+    np.testing.assert_allclose(mean(aimed), mean(blind), rtol=.02)   # they vary by .5 % each
 
 
 def test_two_seeds_differ_as_much_as_is_said():
