@@ -54,6 +54,9 @@ __kernel void bound(
     bounds[tile] = furthest;
 }
 
+#define STRANDS (LANES == 1 ? 1 : AT_A_TIME)   // that one work-item lists,
+#define BATCHES (LANES == 1 ? 1 : 8)           // and of their segments that get numbers together
+
 #define ANY 0        // whether there is one
 #define COUNT 1      // counts them
 #define LIST 2       // lists them
@@ -139,10 +142,11 @@ INLINED bool stops(Stage *stage, __global uint4 *stages, volatile __global uint 
 #endif
 }
 
-/* One work-item counts the tiles in which segments of one strand may show. */
+/* One work-item counts the tiles in which segments of STRANDS strands may show. */
 BY_HAND __kernel void count(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
+    const uint n_strands,
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
     __global const uint *bounds,           // [tiles] depth
@@ -154,40 +158,74 @@ BY_HAND __kernel void count(
     __global uint4 *stages,                // [strands or 0] how far each has come, if there is another
     volatile __global uint *n_open)        // [1] how many have not come to their end
 {
-    WORK_ITEM(strand);
-    const uint2 span = spans[strand];
-    uint n = 0, first = 0xFFFF, last = 0;
+    WORK_ITEM(item);
+    const uint from = item * STRANDS;
+    uint n = 0;
     Stage stage = {steps, 0, 0, 0};
-    if (begun(&stage, stages, strand) && known) {
-        first = shown[strand] & 0xFFFF;
-        last = shown[strand] >> 16;
+    for (uint strand = from; strand < from + STRANDS && strand < n_strands; ++strand) {
+        const uint2 span = spans[strand];
+        uint first = 0xFFFF, last = 0;
+        if (begun(&stage, stages, strand) && known) {
+            first = shown[strand] & 0xFFFF;
+            last = shown[strand] >> 16;
+        }
+        for (uint i = stage.segment; i + 1 < span.y; i += LANES) {
+            const uint left = span.y - 1 - i;
+            Batch batch;
+            project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
+            for (int k = 0; k < LANES; ++k)
+                if (batch.on[k] && each_tile(&batch, k, &view, bounds, (uint2)(0, ~0u), COUNT, counts, 0, 0, &stage)) {
+                    n += !stage.shown;
+                    stage.shown = LANES == 1;
+                    first = batch.top[k] < first ? batch.top[k] : first;
+                    last = batch.bottom[k] + 1 > last ? batch.bottom[k] + 1 : last;
+                }
+            if (stops(&stage, stages, n_open, strand, i))
+                break;
+        }
+        if (known)
+            shown[strand] = last << 16 | first;
     }
-    for (uint i = stage.segment; i + 1 < span.y; i += LANES) {
-        const uint left = span.y - 1 - i;
-        Batch batch;
-        project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
-        for (int k = 0; k < LANES; ++k)
-            if (batch.on[k] && each_tile(&batch, k, &view, bounds, (uint2)(0, ~0u), COUNT, counts, 0, 0, &stage)) {
-                n += !stage.shown;
-                stage.shown = LANES == 1;
-                first = batch.top[k] < first ? batch.top[k] : first;
-                last = batch.bottom[k] + 1 > last ? batch.bottom[k] + 1 : last;
-            }
-        if (stops(&stage, stages, n_open, strand, i))
-            break;
-    }
-    if (known)
-        shown[strand] = last << 16 | first;
     if (n)
         atomic_add(survivors, n);
 }
 
-/* As `count`, and lists them; in any order, since nobody knows who comes first. */
+
+/* Segments that wait for their numbers. */
+typedef struct {
+    Batch batches[BATCHES];
+    uint ids[BATCHES];                     // of each one's first segment
+    uint segments;
+    int n;                                 // batches
+} Found;
+
+/* Number and list segments that were found.  All that get numbers take them from one counter: seldom, and many at a time. */
+INLINED void list(Found *found, const View *view, __global const uint *bounds, uint2 window, volatile __global uint *cursors,
+                  volatile __global uint *survivors, __global uint2 *entries, __global float8 *ends, __global uint *ids,
+                  __global uint *cuts, Stage *stage)
+{
+    uint number = stage->shown ? stage->shown - 1 : atomic_add(survivors, found->segments);
+    for (int m = 0; m < found->n; ++m) {
+        const Batch *batch = found->batches + m;
+        for (int k = 0; k < LANES; ++k)
+            if (batch->on[k]) {
+                ends[number] = batch->ends[k];
+                ids[number] = (found->ids[m] + k) | (batch->cut[k] == WHOLE_WAY ? 0 : CLIPPED);
+                cuts[number] = batch->cut[k] == WHOLE_WAY ? batch->leans[k] : batch->cut[k];
+                stage->shown = LANES == 1 ? number + 1 : 0;
+                each_tile(batch, k, view, bounds, window, LIST, cursors, entries, number++, stage);
+            }
+    }
+    found->n = found->segments = 0;
+}
+
+/* As `count`, and lists them, STRANDS strands a work-item; in any order, since nobody knows who comes first. */
 BY_HAND __kernel void fill(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 window,                    // tiles: the first, one past the last
     const uint2 slab,                      // depths into which they reach: the first, one past the last
+    const uint n_strands,
     __global const float4 *points,
     __global const uint2 *spans,
     __global const uint *bounds,
@@ -200,42 +238,44 @@ BY_HAND __kernel void fill(
     __global uint2 *entries,               // of each tile: depth, number of a segment among those that may show
     __global float8 *ends,                 // [survivors] each end's x, y, reversed depth, half width [pixels]
     __global uint *ids,                    // [survivors] and CLIPPED where they are
-    __global uint *cuts,                   // [survivors] what is left where they are clipped: from and to, in 1/65535
+    __global uint *cuts,                   // [survivors] what is left where they are clipped, from and to, in 1/65535; else
+                                           // how far they lean, see outline.h
     const uint steps,                      // of loops that one may take in this launch, about
     __global uint4 *stages,                // [strands or 0] how far each has come, if there is another
     volatile __global uint *n_open)        // [1] how many have not come to their end
 {
-    WORK_ITEM(strand);
-    const uint across = (view.size.x + TILE - 1) / TILE;
-    if (known && ((shown[strand] >> 16) * across <= window.x || (shown[strand] & 0xFFFF) * across >= window.y))
-        return;
-    const uint2 span = spans[strand];
+    WORK_ITEM(item);
+    const uint across = (view.size.x + TILE - 1) / TILE, from = item * STRANDS;
+    Found found;
     Stage stage = {steps, 0, 0, 0};
-    begun(&stage, stages, strand);
-    for (uint i = stage.segment; i + 1 < span.y; i += LANES) {
-        const uint left = span.y - 1 - i;
-        Batch batch;
-        project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
-        uint n = 0;
-        for (int k = 0; k < LANES; ++k) {
-            batch.on[k] = batch.on[k] && batch.depth[k] < slab.y && (!slab.x || furthest(&batch, k) >= slab.x)
-                && (stage.shown || each_tile(&batch, k, &view, bounds, window, ANY, 0, 0, 0, &stage));
-            n += batch.on[k];
+    found.n = found.segments = 0;
+    for (uint strand = from; strand < from + STRANDS && strand < n_strands; ++strand) {
+        if (known && ((shown[strand] >> 16) * across <= window.x || (shown[strand] & 0xFFFF) * across >= window.y))
+            continue;
+        const uint2 span = spans[strand];
+        begun(&stage, stages, strand);
+        for (uint i = stage.segment; i + 1 < span.y; i += LANES) {
+            const uint left = span.y - 1 - i;
+            Batch *batch = found.batches + found.n;
+            project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, batch);
+            lean(&view, points, span.x, span.x + i, span.x + span.y - 1, batch);
+            uint n = 0;
+            for (int k = 0; k < LANES; ++k) {
+                batch->on[k] = batch->on[k] && batch->depth[k] < slab.y && (!slab.x || furthest(batch, k) >= slab.x)
+                    && (stage.shown || each_tile(batch, k, &view, bounds, window, ANY, 0, 0, 0, &stage));
+                n += batch->on[k];
+            }
+            found.ids[found.n] = first + shifts[strand] + span.x + i;
+            found.n += n > 0;
+            found.segments += n;
+            if (found.n == BATCHES)
+                list(&found, &view, bounds, window, cursors, survivors, entries, ends, ids, cuts, &stage);
+            if (stops(&stage, stages, n_open, strand, i))
+                break;
         }
-        if (n) {
-            uint number = stage.shown ? stage.shown - 1 : atomic_add(survivors, n);
-            for (int k = 0; k < LANES; ++k)
-                if (batch.on[k]) {
-                    ends[number] = batch.ends[k];
-                    ids[number] = (first + shifts[strand] + span.x + i + k) | (batch.cut[k] == WHOLE_WAY ? 0 : CLIPPED);
-                    cuts[number] = batch.cut[k];
-                    stage.shown = LANES == 1 ? number + 1 : 0;
-                    each_tile(&batch, k, &view, bounds, window, LIST, cursors, entries, number++, &stage);
-                }
-        }
-        if (stops(&stage, stages, n_open, strand, i))
-            break;
     }
+    if (found.n)
+        list(&found, &view, bounds, window, cursors, survivors, entries, ends, ids, cuts, &stage);
 }
 
 /* As `fill`, and tells how far in depth those that may show in a window reach, in any order. */
@@ -268,6 +308,37 @@ BY_HAND __kernel void reach(
     }
 }
 
+/* One work-item gives slots to those of MARKED segments that are marked, and takes their marks away. */
+__kernel void choose(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    __global ulong *marks,                 // [segments / 8, rounded up] a byte each: 1 or 0
+    __global const uint *ids,              // [segments] see `fill`
+    const uint n,                          // of these
+    volatile __global uint *taken,         // [1] slots so far
+    __global uint *slots,                  // [segments] whose number is in it
+    __global uint *chosen)                 // [slots] their ids
+{
+    WORK_ITEM(item);
+    const uint first = item * MARKED, until = first + MARKED < n ? first + MARKED : n;
+    uint marked = 0;
+    for (uint i = first; i < until; i += 8) {
+        const ulong eight = marks[i / 8];
+        marked += (uint)(eight * 0x0101010101010101ul >> 56);
+    }
+    uint slot = marked ? atomic_add(taken, marked) : 0;
+    for (uint i = first; marked && i < until; i += 8) {
+        ulong eight = marks[i / 8];
+        if (!eight)
+            continue;
+        marks[i / 8] = 0;
+        for (uint k = i; eight; ++k, eight >>= 8)
+            if (eight & 1) {
+                slots[k] = slot;
+                chosen[slot++] = ids[k];
+            }
+    }
+}
+
 /* Key of the first piece that may lie at a depth; NOTHING: behind all. */
 INLINED long key_at(uint depth)
 {
@@ -281,328 +352,7 @@ INLINED long all_before(uint depth, uint2 grain)
     return (long)(grain.x + ((depth - grain.x) >> grain.y << grain.y)) << 32;
 }
 
-/* --- A work-item each pixel, where LANES is 1; those of a tile are a work-group. --- */
-
-#define AT_ONCE 0    // a list is sorted in one launch, or in many, of a stretch each:
-#define DEPTHS 1     // the least depth and the most,
-#define TALLY 2      // how many are in each bucket,
-#define PLACE 3      // and where they go
-
-/* One work-group sorts the list of one tile into BUCKETS by depth. Not where `tiles` does so. */
-__kernel void sort(
-    const ulong begin, const ulong end,    // work-items, see common.h: whole work-groups
-    const uint first_tile,                 // tile of the first group
-    const uint longest,                    // a list of more is left as it is AT_ONCE
-    const int what,                        // of the above
-    const uint2 stretch,                   // of a list: the first, one past the last; all AT_ONCE
-    __global const uint *starts,           // [tiles + 1] where in `entries` those of each begin
-    __global const uint2 *entries,         // depth, number of a segment
-    __global uint2 *sorted,                // the same, by depth
-    __global uint2 *grains,                // [tiles] see `all_before`
-    __global uint *kept)                   // [BUCKETS + 2] one tile's, from launch to launch; nothing AT_ONCE
-{
-#if LANES == 1
-    __local uint least, most, ends[BUCKETS];
-    const uint me = get_local_id(0), all = get_local_size(0);
-    const bool on = begin + get_group_id(0) * all < end;   // none returns before a barrier: PoCL would go astray
-    const uint tile = on ? first_tile + (begin + get_global_id(0)) / all : 0;
-    uint n = on ? starts[tile + 1] - starts[tile] : 0;
-    n = what == AT_ONCE && n > longest ? 0 : n;
-    const uint first = starts[tile] + (stretch.x < n ? stretch.x : n), until = starts[tile] + (stretch.y < n ? stretch.y : n);
-    uint low = ~0u, high = 0, shift = 0;
-    if (!me) {
-        least = what == AT_ONCE ? ~0u : kept[BUCKETS];
-        most = what == AT_ONCE ? 0 : kept[BUCKETS + 1];
-    }
-    for (uint k = me; k < BUCKETS; k += all)
-        ends[k] = what == AT_ONCE ? 0 : kept[k];
-    barrier(CLK_LOCAL_MEM_FENCE);
-    if (what == AT_ONCE || what == DEPTHS) {
-        for (uint i = first + me; i < until; i += all) {
-            const uint depth = entries[i].x;
-            low = depth < low ? depth : low;
-            high = depth > high ? depth : high;
-        }
-        atomic_min(&least, low);
-        atomic_max(&most, high);
-    }
-    barrier(CLK_LOCAL_MEM_FENCE);
-    const uint nearest = least, range = most > nearest ? most - nearest : 0;
-    while (range >> shift >= BUCKETS)
-        ++shift;
-    if (what == AT_ONCE || what == TALLY)
-        for (uint i = first + me; i < until; i += all)
-            atomic_inc(&ends[(entries[i].x - nearest) >> shift]);
-    barrier(CLK_LOCAL_MEM_FENCE);
-    if (on && !me && (what == AT_ONCE || (what == PLACE && !stretch.x))) {
-        uint sum = starts[tile];
-        for (int k = 0; k < BUCKETS; ++k) {
-            const uint in_it = ends[k];
-            ends[k] = sum;
-            sum += in_it;
-        }
-        grains[tile] = (uint2)(nearest, shift);
-    }
-    barrier(CLK_LOCAL_MEM_FENCE);
-    if (what == AT_ONCE || what == PLACE)
-        for (uint i = first + me; i < until; i += all) {
-            const uint2 it = entries[i];
-            sorted[atomic_inc(&ends[(it.x - nearest) >> shift])] = it;
-        }
-    barrier(CLK_LOCAL_MEM_FENCE);
-    for (uint k = me; on && what != AT_ONCE && k < BUCKETS; k += all)
-        kept[k] = ends[k];
-    if (on && what != AT_ONCE && !me) {
-        kept[BUCKETS] = nearest;
-        kept[BUCKETS + 1] = most;
-    }
-#endif
-}
-
-#if LANES == 1
-#define DONE ~0u
-
-/* A pixel on its way through its tile's list. */
-typedef struct {
-    Slots slots;
-    Pixel pixel;
-    long low, limit;                       // keys below are done; those from `limit` on have gone, and come again later
-    uint bound, next;                      // depth from which on nothing is seen; in the list, or DONE
-    int waiting;                           // pieces
-} Walk;
-typedef char a_walk_fits[sizeof(Walk) <= 16 * OF_WALK ? 1 : -1];
-
-/* Copy what has become of one; the rest is as `begin_pixel` left it.  Member by member: a struct that is copied in one lies
-   in memory for good on llvmpipe, with all its numbers. */
-#define COPY(to, from, samples)                                \
-    {                                                          \
-        (to)->low = (from)->low;                               \
-        (to)->limit = (from)->limit;                           \
-        (to)->waiting = (from)->waiting;                       \
-        for (int k = 0; k < (from)->waiting; ++k) {            \
-            COPY_PIECE(&(to)->slots, k, &(from)->slots, k)     \
-        }                                                      \
-        COPY_PIXEL(&(to)->pixel, &(from)->pixel, samples)      \
-    }
-
-/* What the work-items of a tile have together. */
-typedef struct {
-    Chunk chunks[TILE * TILE];             // segments that are ready, each in a chunk of its own
-    uint hits[TILE * TILE][2];             // which of them may be in each pixel, a bit each
-    uint open[2], fullest[2];              // of this turn and the next: whether any pixel is open; the most that wait in one
-} Group;
-
-/* Take the first of some bits away -> its number. */
-INLINED int next_bit(uint2 *bits)
-{
-    const bool low = bits->x != 0;
-    const uint word = low ? bits->x : bits->y;
-    bits->y = low ? bits->y : bits->y & (bits->y - 1);
-    bits->x &= bits->x - 1;
-    return 31 - (int)clz(word & -word) + (low ? 0 : 32);
-}
-
-/* Tell the pixels of a tile that segment k may be in them. */
-INLINED void touch(__local Group *group, int k, const View *view, int left, int top)
-{
-    __local const Chunk *chunk = &group->chunks[k];
-    const int steep = chunk->steep[0], u0 = steep ? top : left, v0 = steep ? left : top;
-    if (!(chunk->bu[0] > chunk->au[0]) || chunk->bu[0] <= u0 || chunk->au[0] >= u0 + TILE)
-        return;
-    uint2 bits = 0;                        // TILE * u + v
-    for (int u = 0; u < TILE; ++u) {
-        Column column;
-        column_of(chunk, 0, view, u0 + u, &column);
-        const int low = column.low > v0 ? column.low - v0 : 0, high = column.high < v0 + TILE ? column.high - v0 : TILE;
-        const uint rows = column.along > 0.0f && low < high ? (1u << high) - (1u << low) : 0;
-        bits.x |= u < TILE / 2 ? rows << TILE * u : 0;
-        bits.y |= u < TILE / 2 ? 0 : rows << TILE * (u - TILE / 2);
-    }
-    while (bits.x | bits.y) {
-        const int at = next_bit(&bits);
-        atomic_or(&group->hits[steep ? at : at % TILE * TILE + at / TILE][k / 32], 1u << k % 32);
-    }
-}
-
-/* Draw a segment in pixel x, y, in which it may be. */
-INLINED void draw(Walk *walk, const View *view, __local const Chunk *chunk, int x, int y)
-{
-    const int steep = chunk->steep[0], u = steep ? y : x, v = steep ? x : y;
-    Column column;
-    column_of(chunk, 0, view, u, &column);
-    const uint depth = column.depth;
-    const float share = share_of(&column, v);
-    const long key = (long)((ulong)depth << 32 | chunk->id[0]);
-    if (depth >= walk->bound || !(share > 0.0f) || key < walk->low)
-        return;
-    Slots *slots = &walk->slots;
-    const int n = walk->waiting++;
-    slots->keys[n] = key;
-    slots->shares[n] = share;
-    slots->wheres[n] = place_in(&column, v);
-    slots->numbers[n] = chunk->number[0];
-#if MASKS
-    float8 strip;
-    strips_of(chunk, 0, &column, u, v, &strip);
-    slots->strips[n] = *(const Strip *)&strip;
-#endif
-    if (walk->waiting == SLOTS) {
-        drop(slots, &walk->limit);
-        --walk->waiting;
-    }
-}
-
-/* Steps of loops that one turn takes at most in a work-item, or in several side by side, of which none has more pieces. */
-INLINED uint steps_of(uint fullest, uint samples)
-{
-    const uint drops = fullest < SLOTS - 1 ? 0 : TILE * TILE * SLOTS;
-    return TILE + 2 * TILE * TILE + drops + (fullest / 4 + 4) * (fullest + 1) + (fullest + 2 * samples) * (samples + CHAINS);
-}
-
-/* Go on through a sorted list of n, for about so many steps of loops -> whether all is done: the same in all of a group. */
-INLINED bool go_on(Walk *walk, __local Group *group, const View *view, const Picture *picture, __global const uint2 *sorted,
-                   uint n, uint2 grain, uint steps, int left, int top, long end, __global const float8 *ends,
-                   __global const uint *ids, __global const uint *cuts)
-{
-    const int me = get_local_id(0), x = left + me % TILE, y = top + me / TILE;
-    uint next = walk->next, spent = 0;
-    bool open = n > 0;
-    group->hits[me][0] = group->hits[me][1] = 0;
-    if (me < 2)
-        group->open[me] = group->fullest[me] = 0;
-    barrier(CLK_LOCAL_MEM_FENCE);
-    for (int turn = 0; open && spent < steps; turn = 1 - turn) {
-        const int m = n - next < TILE * TILE ? n - next : TILE * TILE;
-        if (me < m) {
-            prepare(&group->chunks[me], view, sorted + next + me, 1, 1, ends, ids, cuts);
-            touch(group, me, view, left, top);
-        }
-        barrier(CLK_LOCAL_MEM_FENCE);
-        uint2 bits = walk->pixel.closed ? 0 : (uint2)(group->hits[me][0], group->hits[me][1]);
-        group->hits[me][0] = group->hits[me][1] = 0;
-        while (bits.x | bits.y) {
-            const int k = next_bit(&bits);
-            draw(walk, view, &group->chunks[k], x, y);
-        }
-        next += m;
-        const bool last = next == n;
-        const long until = last ? LONG_MAX : all_before(sorted[next].x, grain);
-        atomic_max(&group->fullest[turn], (uint)walk->waiting);
-        if (!walk->pixel.closed) {
-            walk->waiting = settle(&walk->pixel, picture, &walk->slots, walk->waiting, until < walk->limit ? until : walk->limit);
-            if (last) {                    // what has gone comes again; all before it is done
-                walk->low = walk->limit;
-                walk->limit = end;
-                walk->waiting = 0;
-            }
-            if (!walk->pixel.closed && walk->low != end)
-                atomic_or(&group->open[turn], 1);
-        }
-        barrier(CLK_LOCAL_MEM_FENCE);
-        open = group->open[turn];
-        spent += steps_of(group->fullest[turn], picture->samples);
-        spent += picture->lit ? group->fullest[turn] * steps_of_light(&picture->sent) : 0;
-        if (!me)
-            group->open[1 - turn] = group->fullest[1 - turn] = 0;
-        next = last ? 0 : next;
-    }
-    walk->next = open ? next : DONE;
-    return !open;
-}
-#endif
-
-/* One work-item draws one pixel; a work-group is a tile.  Not where LANES go side by side, but for `tiles`. */
-__kernel void pixels(
-    const ulong begin, const ulong end,    // work-items, see common.h: whole work-groups
-    const View view,
-    const uint2 window,                    // tiles that are drawn: the first, one past the last
-    const uint2 slab,                      // depths that are drawn: the first, one past the last
-    __global uint4 *kept,                  // [a tile's pixels or 0, OF_PIXEL] between slabs
-    volatile __global uint *unfinished,    // [1] of these, in which more can be seen
-    const uint steps,                      // of loops that one may take in this launch, about
-    const int fresh,                       // 1: they begin, 0: they go on
-    const int listed,                      // 1: only some tiles, which keep where they are
-    __global const uint *items,            // [n] these, if so
-    __global uint *open,                   // [tiles or 0] those that don't come to their end, if not
-    volatile __global uint *n_open,        // [1] how many these are
-    __global uint4 *walks,                 // [n, TILE², OF_WALK] where they are
-    __global const uint *starts,           // [tiles + 1] where in `sorted` those of each begin
-    __global const uint2 *sorted,          // depth, number of a segment
-    __global const uint2 *grains,          // [tiles] see `all_before`
-    __global const float8 *ends,           // [survivors] of segments, see `fill`
-    __global const uint *ids,
-    __global const uint *cuts,
-    __global const ulong *visible,         // [rows, width, samples] depth << 32 | id of the body
-    const int has_shells,                  // the rest: see `tiles`
-    __global const ulong *sample_shells,
-    const int lit,
-    __global const ulong *places,
-    const int sources,
-    __global const float *more,
-    __global const Lobes *lobes,
-    __global const float4 *lobe_table,
-    const int n_lights,
-    __global const Light *lights,
-    __global const Shadow *shadows,
-    __global const Grid *grids,
-    __global const View *light_views,
-    __global const float *crossings,
-    __global const ulong *shadow_maps,
-    const int shadowed,
-    const int deep_longest,
-    __global const Deep *deep_maps,
-    __global const uint *deep_starts,
-    __global const ulong *deep_pieces,
-    __global float *body_transmittance,
-    __global float *alpha,
-    __global ulong *front,
-    __global ulong *shell_front,
-    __global float4 *image)
-{
-#if LANES == 1
-    __local Group group;
-    const uint k = (begin + get_global_id(0)) / (TILE * TILE), me = get_local_id(0);
-    bool on = begin + get_group_id(0) * (TILE * TILE) < end;   // none returns before a barrier: PoCL would go astray
-    const uint tile = !on ? 0 : listed ? items[k] : k;
-    const int2 size = (int2)(view.size.x, view.rows.y - view.rows.x);
-    const int across = (size.x + TILE - 1) / TILE, left = tile % across * TILE, top = tile / across * TILE;
-    const int x = left + me % TILE, y = top + me / TILE;
-    __global Walk *walked = (__global Walk *)(walks + OF_WALK * (k * TILE * TILE + me));
-    on = on && tile >= window.x && tile < window.y && (fresh || walked->next != DONE);
-    const bool within = on && x < size.x && y < size.y;
-    const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
-                             {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
-                              lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_pieces}},
-                             body_transmittance, alpha,
-                             front, shell_front, image};
-    Walk walk;
-    walk.bound = walk.next = walk.waiting = 0;
-    walk.low = key_at(slab.x);
-    walk.limit = key_at(slab.y);
-    walk.pixel.closed = true;
-    if (within)
-        walk.bound = begin_pixel(&walk.pixel, &picture, (size_t)y * size.x + x);
-    if (within)
-        walk.bound = go_on_behind(&walk.pixel, walk.bound, picture.samples, slab, kept + OF_PIXEL * me);
-    if (on && !fresh)
-        walk.next = walked->next;
-    if (within && !fresh)
-        COPY(&walk, walked, picture.samples);
-    const bool done = go_on(&walk, &group, &view, &picture, sorted + starts[tile], on ? starts[tile + 1] - starts[tile] : 0,
-                            grains[tile], steps, left, view.rows.x + top, key_at(slab.y), ends, ids, cuts);
-    if (done && within)
-        end_slab(&walk.pixel, &picture, slab, kept + OF_PIXEL * me, unfinished);
-    if (on && listed)
-        walked->next = walk.next;
-    if (within && listed)
-        COPY(walked, &walk, picture.samples);
-    if (!done && !me) {
-        const uint stopped = atomic_inc(n_open);
-        if (!listed)
-            open[stopped] = tile;
-    }
-#endif
-}
+#include "pixels.h"
 
 /* --- A tile after the other, eight columns side by side. --- */
 
@@ -646,22 +396,28 @@ INLINED void pixels_of(const Tile *t, const Chunk *chunk, int n, lanes_l *pixels
         const lanes_i steep = *(const lanes_i *)(chunk->steep + i);
         const lanes au = GET(au), bu = GET(bu), av = GET(av), length = bu - au, bv = av + GET(slope) * length;
         const lanes ar = GET(ar), reach = GET(tilt) * greater(ar, ar + GET(r_step) * length) + 0.1f;   // and some for rounding
-        const lanes low = lesser(av, bv) - reach, high = greater(av, bv) + reach + 1.0f;
-        const lanes_i left = before(steep ? low : au, t->left), right = before(steep ? high : bu + 1.0f, t->left);
-        const lanes_i top = before(steep ? au : low, t->top), bottom = before(steep ? bu + 1.0f : high, t->top);
+        const lanes out = GET(out);
+        const lanes low = lesser(av, bv) - reach - out, high = greater(av, bv) + reach + out + 1.0f;
+        const lanes first = au - out, last = bu + out + 1.0f;
+        const lanes_i left = before(steep ? low : first, t->left), right = before(steep ? high : last, t->left);
+        const lanes_i top = before(steep ? first : low, t->top), bottom = before(steep ? last : high, t->top);
         const lanes_l row = TO(lanes_l, bu > au ? (I(1) << right) - (I(1) << left) : I(0)) * 0x0101010101010101l;
         const lanes_l from = TO(lanes_l, 4 * top), until = TO(lanes_l, 4 * bottom), one = 1;
         pixels[i / LANES] = row & ((one << until << until) - (one << from << from));
     }
 }
 
-/* Draw segment i of a chunk: eight columns side by side, row by row. */
-INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
+/* Draw segment i of a chunk, which leans or not: eight columns side by side, row by row. */
+INLINED void draw_as(Tile *t, const View *view, const Chunk *chunk, int i, const bool wide)
 {
     const int steep = chunk->steep[i], u0 = steep ? t->top : t->left, v0 = steep ? t->left : t->top;
     const lanes_i lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
     Column column;
-    column_of(chunk, i, view, lane + u0, &column);
+    Outline outline;
+    if (wide)
+        outline_of(chunk, i, view, lane + u0, &column, &outline);
+    else
+        column_of(chunk, i, view, lane + u0, &column);
     lanes_i v = column.low > v0 ? column.low : v0;
     const lanes_i bottom = column.high < v0 + TILE ? column.high : v0 + TILE;
     const lanes_i on = (column.along > 0.0f) & (v < bottom);
@@ -679,12 +435,15 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
     int places[LANES] ALIGNED;
     *(lanes_i *)depths = column.depth;
     do {
-        const lanes share = share_of(&column, v);
+        const lanes share = wide ? share_within(&outline, v) : share_of(&column, v);
         *(lanes *)shares = share;
         *(lanes_i *)wheres = place_in(&column, v);
         *(lanes_i *)places = lane * u_stride + (v - v0) * v_stride;
 #if MASKS
-        strips_of(chunk, i, &column, lane + u0, v, strips);
+        if (wide)
+            leaning_strips_of(chunk, i, &column, lane + u0, v, strips);
+        else
+            strips_of(chunk, i, &column, lane + u0, v, strips);
 #endif
         /* Each is written, and counted if it is seen: no branch. */
         for (int left = bits_of(((todo & 1) != 0) & (share > 0.0f)); left; left &= left - 1) {
@@ -709,6 +468,20 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
         v += 1;
         todo >>= 1;
     } while (any_lane(todo));
+}
+
+/* Those that lean are few, and take more registers. */
+ONCE void draw_wide(Tile *t, const View *view, const Chunk *chunk, int i)
+{
+    draw_as(t, view, chunk, i, true);
+}
+
+INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
+{
+    if (leans(chunk, i))
+        draw_wide(t, view, chunk, i);
+    else
+        draw_as(t, view, chunk, i, false);
 }
 
 #define FINE (4 * BUCKETS)   // fewer pieces have to wait in a pixel
@@ -780,7 +553,7 @@ ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global
             pixels_of(t, &chunk, m, pixels);
             for (int i = 0; i < m; ++i)
                 if (((const ulong *)pixels)[i] & t->open) {
-                    if (picture->lit)
+                    if (picture->lit && picture->glow->store->when == LIGHT_AT_ONCE)
                         PREFETCH(places_of(&picture->sent, chunk.number[i]));
                     draw(t, view, &chunk, i);
                 }
@@ -813,8 +586,16 @@ ALONE BY_HAND __kernel void tiles(
     __global const ulong *visible,         // [rows, width, samples] depth << 32 | id of the body
     const int has_shells,                  // 1: there is shell fur
     __global const ulong *sample_shells,   // [rows, width, samples] depth << 32 | face where half of it is gone
-    const int lit,                         // 1: there is light
-    __global const ulong *places,          // [survivors, sources, FEW_PLACES] light, see places.h
+    const int lit,                         // 1: there is light,
+    const int when,                        // and when it is added: see glow.h
+    const uint room,                       // for bundles of pieces that wait for light
+    volatile __global uint *taken,         // [1] of these
+    __global uint *bundles,                // [room, 4, GLOWS]
+    __global uint *nexts,                  // [room]
+    __global uint *heads,                  // [tiles or 0] the first bundle of each, and 1
+    __global ulong *marks,                 // [survivors / 8 or 0] a byte of each, 1: its light is looked at
+    __global const uint *slots,            // [survivors or 0] whose places it has
+    __global const ulong *places,          // [survivors or slots, sources, FEW_PLACES] light, see places.h
     const int sources,                     // lights, and one for a sky or for light from hair to hair
     __global const float *more,            // [rows of them, 32] see exact_light.h
     __global const Lobes *lobes,           // [types] see lobes.h; none where no type has that look
@@ -850,13 +631,30 @@ ALONE BY_HAND __kernel void tiles(
     if (tile < window.x || tile >= window.y)
         return;
     const uint first = starts[tile], n = starts[tile + 1] - first;
+    const Store store = {when, room, taken, (__global uint8 *)bundles, nexts, heads, (__global uchar *)marks, slots};
     Glow glow;
-    glow.n = 0;
+    begin_glow(&glow, &store);
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
                               lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_pieces}},
                              body_transmittance, alpha,
                              front, shell_front, image, &glow};
+    if (when == LIGHT_NOW && (!n || heads[tile] != NOTHING)) {
+        if (n)
+            glow_stored(&glow, &picture.sent, heads[tile]);
+        for (int p = 0; n && p < TILE * TILE; ++p) {
+            const int px = x * TILE + p % TILE, py = y * TILE + p / TILE;
+            if (px < size.x && py < size.y)
+                add_light(&picture, (size_t)py * size.x + px, glow.lights[p]);
+        }
+        return;
+    }
+    if (!n && !has_shells && !slab.x && slab.y == NOTHING) {
+        for (int py = y * TILE; py < (y + 1) * TILE && py < size.y; ++py)
+            for (int px = x * TILE; px < (x + 1) * TILE && px < size.x; ++px)
+                pass_pixel(&picture, (size_t)py * size.x + px);
+        return;
+    }
     Tile t;
     t.left = x * TILE;
     t.top = view.rows.x + y * TILE;
@@ -875,6 +673,8 @@ ALONE BY_HAND __kernel void tiles(
         if (px < size.x && py < size.y) {
             t.bounds[p] = begin_pixel(&t.pixels[p], &picture, (size_t)py * size.x + px);
             t.bounds[p] = go_on_behind(&t.pixels[p], t.bounds[p], view.size.z, slab, kept + OF_PIXEL * p);
+            t.pixels[p].number = p;
+            glow.lights[p] = t.pixels[p].light;
             set_open(&t, p, !t.pixels[p].closed);
         }
     }
@@ -883,8 +683,17 @@ ALONE BY_HAND __kernel void tiles(
         go_through(&t, &view, &picture, sorted + first, n, grain, ends, ids, cuts);
         glow_all(&glow, &picture.sent);
     }
+    if (when == LIGHT_LATER && n) {
+        heads[tile] = glow.first;
+        for (uint i = first; glow.first == NOTHING && i < first + n; ++i)
+            store.marks[entries[i].y] = 1;
+        if (glow.first == NOTHING)             // it is drawn anew when there is light
+            return;
+    }
     for (int p = 0; p < TILE * TILE; ++p)
-        if (x * TILE + p % TILE < size.x && y * TILE + p / TILE < size.y)
+        if (x * TILE + p % TILE < size.x && y * TILE + p / TILE < size.y) {
+            t.pixels[p].light = glow.lights[p];
             end_slab(&t.pixels[p], &picture, slab, kept + OF_PIXEL * p, unfinished);
+        }
 #endif
 }

@@ -1,18 +1,36 @@
 /*
  * Light of pieces added up where LANES go side by side: they wait till there are some, of any pixels, and eight at a time
  * are looked up in places.h with the expressions of `light_between`, or lit by exact_light.h, and added in their order.
- * coverage.cl uses this.
+ * Or they are stored meanwhile, and their segments marked: so only those get light that are seen.  coverage.cl uses this.
  */
+#define LIGHT_AT_ONCE 0              // of all segments light is known;
+#define LIGHT_LATER 1                // of none: pieces are stored, and their segments marked;
+#define LIGHT_NOW 2                  // of these
+
 #if LANES > 1
-#define GLOWS 64                     // a multiple of LANES
+/* Pieces that are stored till there is light, GLOWS in a bundle; those of a tile are a chain of bundles. */
+typedef struct {
+    int when;                        // is light added: see above
+    uint room;                       // for bundles
+    volatile __global uint *taken;   // [1] of these
+    __global uint8 *bundles;         // [room, 4, GLOWS / 8] numbers, wheres, weights, shares
+    __global uint *nexts;            // [room] the next bundle of the tile, and 1; 0: none
+    __global uint *heads;            // [tiles] the first one likewise, or NOTHING where there was no room
+    __global uchar *marks;           // [segments] 1: it has light to add
+    __global const uint *slots;      // [segments] whose places and rows of `more` these have
+} Store;
 
 /* Pieces whose light is to be added: so many side by side. */
 typedef struct {
-    uint numbers[GLOWS] ALIGNED, wheres[GLOWS] ALIGNED;
+    uint numbers[GLOWS] ALIGNED;
+    uint wheres[GLOWS] ALIGNED;      // and << 16 the pixel in its tile
     float weights[GLOWS] ALIGNED, shares[GLOWS] ALIGNED;
-    float4 *to[GLOWS];               // the light of their pixels
+    uint slots[GLOWS] ALIGNED;       // where their places are
     float exact[3][GLOWS] ALIGNED;   // r, g, b of lights of which no places are known
+    float4 lights[TILE * TILE];      // of pixels, so far
     int n;
+    uint first, last;                // bundles of the tile, and 1; NOTHING: there was no room for all
+    const Store *store;
 } Glow;
 
 /* Light of those of n pieces that some lights fall on of which no places are known, eight at a time -> `exact`. */
@@ -21,24 +39,24 @@ INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
     int which[GLOWS + LANES], left = 0;
     for (int k = 0; k < n; ++k) {
         which[left] = k;
-        left += more_of(known, glow->numbers[k]) != 0;
+        left += more_of(known, glow->slots[k]) != 0;
     }
     for (int first = 0; first < left; first += LANES) {
         Row rows[LANES];
-        uint numbers[LANES];
+        uint slots[LANES];
         lanes at, share;
         lanes_i on;
         float8 ends[LANES];
         for (int k = 0; k < LANES; ++k) {
             const int j = which[first + k < left ? first + k : first];
-            numbers[k] = glow->numbers[j];
-            rows[k] = row_of(known, numbers[k]);
-            ends[k] = known->deep.longest ? known->ends[numbers[k]] : 0.0f;
+            slots[k] = glow->slots[j];
+            rows[k] = row_of(known, slots[k]);
+            ends[k] = known->deep.longest ? known->ends[glow->numbers[j]] : 0.0f;
             LANE(at, k) = (glow->wheres[j] & 0xFFFF) * (1.0f / 65535.0f);
             LANE(share, k) = glow->shares[j];
             LANE_I(on, k) = first + k < left ? ON : 0;
         }
-        lanes3 light = exact_light(known, numbers, rows, ends, at, share, on);
+        lanes3 light = exact_light(known, slots, rows, ends, at, share, on);
         for (int k = 0; k < LANES && first + k < left; ++k) {
             glow->exact[0][which[first + k]] = LANE(light.x, k);
             glow->exact[1][which[first + k]] = LANE(light.y, k);
@@ -48,7 +66,7 @@ INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
 }
 
 /* Add the light of eight pieces: `light_between` for each light, with the same expressions. */
-INLINED void glow_eight(const Glow *glow, int first, const Sent *known)
+INLINED void glow_eight(Glow *glow, int first, const Sent *known)
 {
     __global const ulong *froms[LANES];
     lanes_i some = I(0);
@@ -58,7 +76,7 @@ INLINED void glow_eight(const Glow *glow, int first, const Sent *known)
     const lanes_i whole = WHOLE(along), piece = whole < FEW_PIECES - 1 ? whole : I(FEW_PIECES - 1);
     const lanes t = along - REAL(piece), parts[3] = {(1.0f - t) * (1.0f - 2.0f * t), 4.0f * t * (1.0f - t), t * (2.0f * t - 1.0f)};
     for (int k = 0; k < LANES; ++k)
-        froms[k] = places_of(known, glow->numbers[first + k]);
+        froms[k] = places_of(known, glow->slots[first + k]);
     for (int i = 0; i < 8; ++i)
         light[i] = F(0.0f);
     for (int i = 0; i < known->sources; ++i) {
@@ -89,44 +107,125 @@ INLINED void glow_eight(const Glow *glow, int first, const Sent *known)
     }
     transposed(light, rows);
     for (int k = 0; k < LANES; ++k)
-        *glow->to[first + k] += rows[k].lo;
+        glow->lights[glow->wheres[first + k] >> 16] += rows[k].lo;
 }
 
-/* Add what waits. */
-INLINED void glow_all(Glow *glow, const Sent *known)
+/* Store what waits, GLOWS pieces. */
+INLINED void store_glow(Glow *glow)
 {
-    const int n = glow->n;
-    for (int k = n; k & LANES - 1; ++k) {      // nothing of the last piece again
-        glow->numbers[k] = glow->numbers[n - 1];
-        glow->wheres[k] = 0;
-        glow->weights[k] = 0.0f;
-        glow->to[k] = glow->to[n - 1];
+    const Store *store = glow->store;
+    const uint bundle = atomic_inc(store->taken);
+    if (bundle >= store->room) {
+        glow->first = NOTHING;
+        return;
     }
+    __global uint8 *to = store->bundles + bundle * (4 * GLOWS / 8);
+    for (int k = 0; k < GLOWS / 8; ++k) {
+        to[k] = ((const uint8 *)glow->numbers)[k];
+        to[GLOWS / 8 + k] = ((const uint8 *)glow->wheres)[k];
+        to[2 * GLOWS / 8 + k] = ((const uint8 *)glow->weights)[k];
+        to[3 * GLOWS / 8 + k] = ((const uint8 *)glow->shares)[k];
+    }
+    for (int k = 0; k < GLOWS; ++k)
+        store->marks[glow->numbers[k]] = 1;    // whoever comes first
+    store->nexts[bundle] = 0;
+    if (glow->last)
+        store->nexts[glow->last - 1] = bundle + 1;
+    else
+        glow->first = bundle + 1;
+    glow->last = bundle + 1;
+}
+
+/* Add n pieces whose slots are known, and nothing of so many others that LANES divides their number. */
+ONCE void glow_known(Glow *glow, int n, const Sent *known)
+{
     glow_exactly(glow, n, known);
     for (int k = 0; k < n; k += LANES)
         glow_eight(glow, k, known);
-    glow->n = 0;
 }
 
-INLINED void add_glow(Glow *glow, const Sent *known, float4 *to, float weight, uint number, uint where, float share)
+/* Add what waits, or store it. */
+INLINED void glow_all(Glow *glow, const Sent *known)
+{
+    const int n = glow->n;
+    const bool later = glow->store->when == LIGHT_LATER;
+    if (!n)
+        return;
+    for (int k = n; k & (later ? GLOWS : LANES) - 1; ++k) {      // nothing of the last piece again
+        glow->numbers[k] = glow->numbers[n - 1];
+        glow->wheres[k] = glow->wheres[n - 1];
+        glow->weights[k] = glow->shares[k] = 0.0f;
+    }
+    glow->n = 0;
+    if (later) {
+        if (glow->first != NOTHING)
+            store_glow(glow);
+        return;
+    }
+    for (int k = 0; k < (n + LANES - 1 & -LANES); ++k)
+        glow->slots[k] = glow->store->when == LIGHT_NOW ? glow->store->slots[glow->numbers[k]] : glow->numbers[k];
+    glow_known(glow, n, known);
+}
+
+INLINED void add_glow(Glow *glow, const Sent *known, uint pixel, float weight, uint number, uint where, float share)
 {
     const int n = glow->n++;
-    PREFETCH(places_of(known, number));
-    PREFETCH(places_of(known, number) + 4);
+    if (glow->store->when == LIGHT_AT_ONCE) {
+        PREFETCH(places_of(known, number));
+        PREFETCH(places_of(known, number) + 4);
+    }
     glow->numbers[n] = number;
-    glow->wheres[n] = where;
+    glow->wheres[n] = (where & 0xFFFF) | pixel << 16;
     glow->weights[n] = weight;
     glow->shares[n] = share;
-    glow->to[n] = to;
     if (n == GLOWS - 1)
         glow_all(glow, known);
+}
+
+/* Begin with a tile. */
+INLINED void begin_glow(Glow *glow, const Store *store)
+{
+    glow->n = 0;
+    glow->first = glow->last = 0;
+    glow->store = store;
+    for (int p = 0; p < TILE * TILE; ++p)
+        glow->lights[p] = 0.0f;
+}
+
+/* Add the light of a tile's pieces that were stored: next: its first bundle's number, and 1.  What the next bundle needs is
+   on its way while one is added. */
+INLINED void glow_stored(Glow *glow, const Sent *known, uint next)
+{
+    const Store *store = glow->store;
+    uint slots[2][GLOWS] ALIGNED, bundle = 0;
+    for (int turn = 0; bundle || next; turn = 1 - turn) {
+        const __global uint8 *from = store->bundles + (bundle ? bundle - 1 : 0) * (4 * GLOWS / 8);
+        if (next) {
+            const __global uint *numbers = (const __global uint *)(store->bundles + (next - 1) * (4 * GLOWS / 8));
+            for (int k = 0; k < GLOWS; ++k) {
+                slots[turn][k] = store->slots[numbers[k]];
+                PREFETCH(places_of(known, slots[turn][k]));
+                PREFETCH(places_of(known, slots[turn][k]) + 4);
+            }
+            for (int k = 0; k < 4 * GLOWS; k += 16)
+                PREFETCH(numbers + k);
+        }
+        if (bundle) {
+            for (int k = 0; k < GLOWS / 8; ++k) {
+                ((uint8 *)glow->numbers)[k] = from[k];
+                ((uint8 *)glow->wheres)[k] = from[GLOWS / 8 + k];
+                ((uint8 *)glow->weights)[k] = from[2 * GLOWS / 8 + k];
+                ((uint8 *)glow->shares)[k] = from[3 * GLOWS / 8 + k];
+                ((uint8 *)glow->slots)[k] = ((const uint8 *)slots[1 - turn])[k];
+            }
+            glow_known(glow, GLOWS, known);
+        }
+        bundle = next;
+        next = next ? store->nexts[next - 1] : 0;
+    }
 }
 #else
 typedef struct {
     int n;                           // none wait
 } Glow;
-
-INLINED void glow_all(Glow *glow, const Sent *known)
-{
-}
 #endif

@@ -74,6 +74,9 @@ typedef struct {
     float open[SAMPLES];             // share of the pixel that goes on
     float through[SAMPLES];          // share of the body's light that shells let through, and strands where it has ended
     bool closed;
+#if LANES > 1
+    uchar number;                    // in its tile
+#endif
 #if MASKS
     float left[PATCHES] ALIGNED;     // what strands let through of each patch; `kept` is the mean
     float covered[CHAINS][PATCHES] ALIGNED;   // what each chain's pieces cover of them
@@ -291,7 +294,7 @@ INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, 
     const float4 light = sent_by(&picture->sent, number, (where & 0xFFFF) * (1.0f / 65535.0f), seen);
     p->light += weight * (light < MOST ? light : MOST);
 #else
-    add_glow(picture->glow, &picture->sent, &p->light, weight, number, where, seen);
+    add_glow(picture->glow, &picture->sent, p->number, weight, number, where, seen);
 #endif
 }
 
@@ -401,6 +404,32 @@ INLINED void end_pixel(Pixel *p, const Picture *picture)
             light += (p->all_shells > 0.0f ? p->of_shells / p->all_shells : 1.0f) * picture->image[p->at];
         picture->image[p->at] = (float4)(light.xyz, alpha);
     }
+}
+
+/* A pixel in which neither strands nor shells are: what `begin_pixel` and `end_pixel` tell, the same bits. */
+INLINED void pass_pixel(const Picture *picture, size_t at)
+{
+    const int samples = picture->samples;
+    ulong body = ~0ul;
+    int seen = 0;
+    for (size_t sample = at * samples; sample < (at + 1) * samples; ++sample) {
+        const ulong key = picture->visible[sample];
+        body = key < body ? key : body;
+        seen += (uint)(key >> 32) != NOTHING;
+        picture->body_transmittance[sample] = 1.0f;
+    }
+    const float alpha = (float)seen / samples;
+    picture->alpha[at] = alpha;
+    picture->front[at] = seen ? body : ~0ul;
+    if (picture->lit)
+        picture->image[at] = (float4)(0.0f, 0.0f, 0.0f, alpha);
+}
+
+/* The light of a pixel's strands, which `end_pixel` has not known: the same bits. */
+INLINED void add_light(const Picture *picture, size_t at, float4 light)
+{
+    const float4 others = picture->image[at];
+    picture->image[at] = (float4)(light.xyz + others.xyz, others.w);
 }
 
 /* Go on with a pixel of which what lies before a slab of depths is done, if anything does; `bound`: how far it can be seen

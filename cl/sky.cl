@@ -11,6 +11,8 @@
 #include "lanes.h"
 #include "light.h"
 #include "sky.h"
+#define OF_CELL MOMENTS
+#include "nearby.h"
 
 #define PARTS 4                            // of a cell's side: columns of the body
 #define STEPS 2                            // along hair
@@ -23,35 +25,6 @@ typedef float loose;                       // of cells that begin anywhere
 #else
 typedef lanes loose __attribute__((aligned(4)));
 #endif
-
-/* Sums of eight cells that do not lie alike to each other, till others come in their place: strands that follow each other
-   are neighbours, and atomics cost most of all. In integers, so that neither matters. */
-typedef struct {
-    int cell[8];                           // -1: none
-    int sums[8][MOMENTS];
-} Nearby;
-
-INLINED void give(volatile __global int *moments, Nearby *nearby, int slot)
-{
-    for (int j = 0; j < MOMENTS && nearby->cell[slot] >= 0; ++j)
-        atomic_add(&moments[(size_t)nearby->cell[slot] * MOMENTS + j], nearby->sums[slot][j]);
-}
-
-/* What a strand has left in one cell, at (x, y, z). */
-INLINED void leave(volatile __global int *moments, Nearby *nearby, int4 at, int n, const float *sums, float unit)
-{
-    const int cell = (at.z * n + at.y) * n + at.x, slot = (at.x & 1) | (at.y & 1) << 1 | (at.z & 1) << 2;
-    if (nearby->cell[slot] != cell) {
-        give(moments, nearby, slot);
-        nearby->cell[slot] = cell;
-        for (int j = 0; j < MOMENTS; ++j)
-            nearby->sums[slot][j] = 0;
-    }
-    for (int j = 0; j < MOMENTS; ++j) {
-        const float amount = sums[j] * unit;
-        nearby->sums[slot][j] += (int)(amount < 0.0f ? amount - 0.5f : amount + 0.5f);
-    }
-}
 
 /* Of one strand: (1 - alpha) · width · length over a cell's face, times the second moment of its direction, whose trace is 1. */
 INLINED void leave_strand(volatile __global int *moments, Nearby *nearby, const Sky *sky, __global const float4 *points,
@@ -77,7 +50,7 @@ INLINED void leave_strand(volatile __global int *moments, Nearby *nearby, const 
             const int4 here = (int4)((int)c.x, (int)c.y, (int)c.z, 0);
             if (here.x != cell.x || here.y != cell.y || here.z != cell.z) {
                 if (cell.x >= 0)
-                    leave(moments, nearby, cell, n, sums, unit);
+                    leave(moments, nearby, cell, n, 0, sums, unit);
                 for (int j = 0; j < MOMENTS; ++j)
                     sums[j] = 0.0f;
                 cell = here;
@@ -88,7 +61,7 @@ INLINED void leave_strand(volatile __global int *moments, Nearby *nearby, const 
         }
     }
     if (cell.x >= 0)
-        leave(moments, nearby, cell, n, sums, unit);
+        leave(moments, nearby, cell, n, 0, sums, unit);
 }
 
 /* One work-item adds up what some strands leave in cells. */
@@ -106,15 +79,13 @@ __kernel void deposit(
 {
     WORK_ITEM(item);
     Nearby nearby;
-    for (int slot = 0; slot < 8; ++slot)
-        nearby.cell[slot] = -1;
+    begin_nearby(&nearby);
     const uint first = each * (uint)item;
     for (uint strand = first; strand < n_strands && strand < first + each; ++strand) {
         const float opaque = 1.0f - types[(int)strand_uv[strand].z].shine.z;
         leave_strand(moments, &nearby, &sky, points, spans[strand], opaque, unit);
     }
-    for (int slot = 0; slot < 8; ++slot)
-        give(moments, &nearby, slot);
+    end_nearby(moments, &nearby);
 }
 
 /* A coordinate in 1/SUBPIXEL of a part of a cell. */

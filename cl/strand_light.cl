@@ -14,11 +14,31 @@
 #include "light_lanes.h"
 #include "places.h"
 
-/* One work-item tells what share of each light's direct light hair and body let through to LANES points of strands. */
+/* Where a segment begins: `number` of those that are listed, or of all points. */
+INLINED uint begin_of(uint number, int listed, __global const uint *segments, uint first_point, __global const uint *stored,
+                      uint run)
+{
+    return listed ? lies_at(stored, run, (segments[number] & ~BODY) - first_point) : number;
+}
+
+/* Where the segment ends that begins at a point: there itself if that is a strand's last one, or no strand's. */
+INLINED uint end_of(const Hair *hair, uint id)
+{
+    const uint2 span = hair->spans[strand_at(hair, id)];
+    return id + 1 < span.x + span.y ? id + 1 : id;
+}
+
+/* One work-item tells what share of each light's direct light hair and body let through to LANES points of strands: all,
+   or the start and the end of each of some segments. */
 __kernel void transmittance(
     const ulong begin, const ulong end,    // work-items, see common.h
+    const int listed,                      // 1: of `segments`
+    __global const uint *segments,         // ids, if so, their highest bits aside
+    const uint first_point,                // the id of the first of these points
     __global const float4 *points,         // strands: see strands.cl
+    __global const uint2 *spans,
     __global const uint *strand_of,
+    __global const uint *stored,
     const uint run,
     __global const float4 *strand_normal,
     __global const float4 *strand_uv,
@@ -30,16 +50,19 @@ __kernel void transmittance(
     __global const View *light_views,
     __global const float *crossings,
     __global const ulong *shadow_maps,
-    const uint n_points,
-    __global float *transmittances)        // [n_lights, n_points] 0..1
+    const uint n_asked,                    // points, or starts and ends
+    __global float *transmittances)        // [n_lights, n_asked] 0..1
 {
     WORK_ITEM(item);
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
-    const uint first = LANES * (uint)item, count = n_points - first < LANES ? n_points - first : LANES;
+    const uint first = LANES * (uint)item, count = n_asked - first < LANES ? n_asked - first : LANES;
     lanes3 p, n;
     lanes width, alpha;
     for (uint k = 0; k < LANES; ++k) {
-        const uint id = first + (k < count ? k : 0), strand = strand_of[id / run];
+        const uint number = first + (k < count ? k : 0);
+        uint id = listed ? begin_of(number / 2, listed, segments, first_point, stored, run) : number;
+        const uint strand = strand_of[id / run];
+        id += listed && number % 2 && id + 1 < spans[strand].x + spans[strand].y;
         const float4 point = points[id];
         put_lane(&p, k, point);
         put_lane(&n, k, strand_normal[strand]);
@@ -50,7 +73,7 @@ __kernel void transmittance(
         const Obstacles obstacles = obstacles_of(&lighting, i);
         lanes share = transmittances_at(&obstacles, I(ON), p, n, width, alpha);
         for (uint k = 0; k < count; ++k)
-            transmittances[(size_t)i * n_points + first + k] = LANE(share, k);
+            transmittances[(size_t)i * n_asked + first + k] = LANE(share, k);
     }
 }
 
@@ -88,20 +111,6 @@ INLINED void take(Segments *s, Looks *looks, const Hair *hair, const uint *from,
     }
     s->t = tangent_of_lanes(chords[0], s->p_step);
     s->t_step = minus(tangent_of_lanes(chords[1], s->p_step), s->t);
-}
-
-/* Where a segment begins: `number` of those that are listed, or of all points. */
-INLINED uint begin_of(uint number, int listed, __global const uint *segments, uint first_point, __global const uint *stored,
-                      uint run)
-{
-    return listed ? lies_at(stored, run, (segments[number] & ~BODY) - first_point) : number;
-}
-
-/* Where the segment ends that begins at a point: there itself if that is a strand's last one, or no strand's. */
-INLINED uint end_of(const Hair *hair, uint id)
-{
-    const uint2 span = hair->spans[strand_at(hair, id)];
-    return id + 1 < span.x + span.y ? id + 1 : id;
 }
 
 /* Places `at` of segments: where they are, what they are like there, unit vectors towards the eye. */
@@ -227,13 +236,14 @@ __kernel void radiance(
     __global const View *light_views,
     __global const float *crossings,
     __global const ulong *shadow_maps,
-    const uint n_points,
     const int shadowed,                    // 1: something stands before them
-    __global const float *transmittances,  // [n_lights, n_points] share of direct light, if so
+    const int of_ends,                     // 1: it is known of each segment's start and end, 0: of points
+    const uint n_asked,                    // how many these are
+    __global const float *transmittances,  // [n_lights, n_asked] share of direct light, if so
     const int under_sky,                   // 1: a sky shines too
-    __global const float4 *sky_light,      // [n_points] r, g, b of it, if so
+    __global const float4 *sky_light,      // [points] r, g, b of it, if so
     const int is_scattered,                // 1: light comes from hair to hair too
-    __global const float8 *scattered,      // [segments] what they send of it at their starts and ends, if so
+    __global const float4 *scattered,      // [n_points] what they send of it, if so
     __global ulong *places,                // [segments, n_lights + under_sky + is_scattered, FEW_PLACES] see places.h
     volatile __global uint *rows)          // [1] of `more` that are taken
 {
@@ -267,10 +277,11 @@ __kernel void radiance(
         lanes3 sent[FEW_PLACES];
         some |= need;
         if (shadowed) {
-            __global const float *there = transmittances + (size_t)i * n_points;
-            for (int k = 0; k < LANES; ++k) {
-                LANE(share, k) = there[from[k]];
-                LANE(share_step, k) = there[to[k]] - there[from[k]];
+            __global const float *there = transmittances + (size_t)i * n_asked;
+            for (uint k = 0; k < LANES; ++k) {
+                const uint start = of_ends ? 2 * (first + (k < count ? k : 0)) : from[k], last = of_ends ? start + 1 : to[k];
+                LANE(share, k) = there[start];
+                LANE(share_step, k) = there[last] - there[start];
             }
         }
         for (int j = 0; j < FEW_PLACES && any_lane(need == 0); ++j) {
@@ -297,9 +308,8 @@ __kernel void radiance(
     if (is_scattered) {
         lanes3 start, step, sent[FEW_PLACES];
         for (int k = 0; k < LANES; ++k) {
-            const float8 there = scattered[first + (k < count ? k : 0)];
-            put_lane(&start, k, there.lo);
-            put_lane(&step, k, there.hi - there.lo);
+            put_lane(&start, k, scattered[from[k]]);
+            put_lane(&step, k, scattered[to[k]] - scattered[from[k]]);
         }
         for (int j = 0; j < FEW_PLACES; ++j)
             sent[j] = plus(start, scaled(step, F((float)j / (FEW_PLACES - 1))));
@@ -357,9 +367,10 @@ __kernel void further(
     const int n_lights,
     __global const Shadow *shadows,
     __global const Grid *grids,
-    const uint n_points,
     const int shadowed,                    // 1: something stands before them
-    __global const float *transmittances,  // [n_lights, n_points] share of direct light, if so
+    const int of_ends,                     // 1: it is known of each segment's start and end, 0: of points
+    const uint n_asked,                    // how many these are
+    __global const float *transmittances,  // [n_lights, n_asked] share of direct light, if so
     const int sources,                     // of light: these, and others that need no more than few places
     __global const ulong *places,          // [segments, sources, FEW_PLACES] see places.h
     __global float *more)                  // [rows, 32] at least as many as `radiance` has counted, see exact_light.h
@@ -377,7 +388,8 @@ __kernel void further(
         float known[4];
         for (int i = 0; i < 2; ++i) {
             const bool ask = i < n_lights && shadowed && cells_between(&shadows[i], &grids[i], ends.a, ends.b) > CELLS;
-            __global const float *there = transmittances + (i < n_lights && shadowed ? (size_t)i * n_points + id : 0);
+            const size_t start = (size_t)i * n_asked + (of_ends ? 2 * segment : id);
+            __global const float *there = transmittances + (i < n_lights && shadowed ? start : 0);
             known[2 * i] = ask ? -1.0f : i < n_lights && shadowed ? there[0] : 1.0f;
             known[2 * i + 1] = !ask && i < n_lights && shadowed ? there[1] - there[0] : 0.0f;
         }

@@ -147,6 +147,7 @@ typedef struct {
     lanes length, width, weight, lean;           // of a segment [world]; [world]; of forces; direction_variation
     lanes curl, curl_cos, curl_sin;              // radius [world], the angle a segment
     lanes wave, wave_cos, wave_sin;              // amplitude [world], the angle a segment
+    lanes gain, bias;                            // of width from root to tip [world]; 1 / taper - 2
     lanes_u number;
     lanes_i segments;                            // -1 where none is drawn
 } Growing;
@@ -240,7 +241,9 @@ INLINED lanes3 push_at(lanes3 p, float4 force, __global const float4 *point_forc
 INLINED void put_type(Growing *strands, uint lane, __global const HairType *type, float longer)
 {
     LANE(strands->length, lane) = type->shape.x * longer;
-    LANE(strands->width, lane) = type->shape.y;
+    LANE(strands->width, lane) = type->shape.y * type->taper.x;
+    LANE(strands->gain, lane) = type->shape.y * type->taper.y;
+    LANE(strands->bias, lane) = type->taper.z;
     LANE(strands->weight, lane) = type->shape.z;
     LANE(strands->lean, lane) = type->shape.w;
     LANE(strands->curl, lane) = type->curl.x;
@@ -264,7 +267,8 @@ ONCE void lengthen(const Growing *strands, uint seed, float4 force, __global con
     lanes3 axis = mean_of(strands, strands->corners);
     lanes3 direction = units_or(plus(skin.upright, scaled(lean, strands->lean)), skin.upright);
     const lanes_i bent = strands->curl > 0.0f | strands->wave > 0.0f;
-    const bool any_bent = any_lane(bent);
+    const bool any_bent = any_lane(bent), any_tapered = any_lane(strands->gain != 0.0f);
+    const lanes steps = greater(TO(lanes, strands->segments), F(1.0f));
     lanes3 side = units_or(crosses(direction, turn), units_or(crosses(direction, skin.edge), skin.upright));
     lanes curl_cos = F(1.0f), curl_sin = F(0.0f), wave_cos = F(1.0f), wave_sin = F(0.0f);   // of the angle so far
     lanes3 now = axis;
@@ -286,10 +290,16 @@ ONCE void lengthen(const Growing *strands, uint seed, float4 force, __global con
             next = chosen(bent, plus(next, off), next);
         }
         next = chosen(k < strands->segments, next, now);     // behind the last point is none
+        lanes width = strands->width;
+        if (any_tapered) {
+            const lanes t = (float)k / steps;
+            width += strands->gain * (t / (strands->bias * (1.0f - t) + 1.0f));
+            width = greater(width, F(0.0f));   // of a tip of no width rounding could leave less
+        }
         for (uint lane = 0; lane < here; ++lane)
             if (k <= LANE_I(strands->segments, lane)) {
                 const size_t to = (size_t)(first + lane) * stride + k;
-                points[to] = (float4)(lane_of(&now, lane), LANE(strands->width, lane));
+                points[to] = (float4)(lane_of(&now, lane), LANE(width, lane));
             }
         now = next;
 
@@ -322,13 +332,14 @@ __kernel void grow(
     const uint first_strand,               // number of the first of these strands among all
     const uint n,                          // strands
     const uint stride,                     // points set aside for a strand
+    const int color_per,                   // 1: strands have one colour each, 2: points have
     __global float4 *points,               // [strands, stride] x, y, z, width [world]
     __global uint2 *spans,                 // [strands] first point, points (0: bald)
     __global uint *strand_of,              // [strands] each is a run of stride points,
     __global uint *stored,                 // [strands] which lies where it came
     __global uint *shifts,                 // [strands] 0: they are where they came
     __global uint *numbers,                // [strands] their own
-    __global float4 *colors,               // [strands] linear r, g, b
+    __global float4 *colors,               // [strands] or [strands, stride] linear r, g, b
     __global float4 *strand_normal,        // [strands] of the body at the root, unit
     __global float4 *strand_uv)            // [strands] u, v, type
 {
@@ -344,11 +355,16 @@ __kernel void grow(
         const uint kind = type_map[min(row, map_size.y - 1) * map_size.x + min(column, map_size.x - 1)];
         __global const HairType *type = &types[kind];
         const float4 vary = signed_unit(random3(first_strand + i, seed, 1));
-        float4 color = type->color;
-        if (type->counts.z)
-            color *= texture_at(texels + type->counts.y, type->counts.z, type->counts.w, at);
-        color *= 1.0f + type->color.w * vary.x;
-        colors[i] = (float4)(color.xyz, 0.0f);
+        const float4 tint = type->counts.z ? texture_at(texels + type->counts.y, type->counts.z, type->counts.w, at)
+                                           : (float4)(1.0f);
+        const float varied = 1.0f + type->color.w * vary.x;
+        if (color_per == 1)
+            colors[i] = (float4)((type->color * tint * varied).xyz, 0.0f);
+        else if (lane < here)
+            for (int k = 0; k <= type->counts.x; ++k) {
+                const float4 color = type->root + (type->tip - type->root) * ((float)k / max(type->counts.x, 1));
+                colors[(size_t)i * stride + k] = (float4)((color * tint * varied).xyz, 0.0f);
+            }
         strand_uv[i] = (float4)(at.x, at.y, (float)kind, 0.0f);
         spans[i] = (uint2)(i * stride, type->counts.x ? type->counts.x + 1 : 0);
         strand_of[i] = i;

@@ -14,30 +14,54 @@
 #include "sky.h"
 #include "transport.h"
 
-#define OF_SIDE 4                          // steps along hair, in a cell's side
-#define SUMS 8                             // of hair of a type in a cell: tangents, how much, shades
-#define HOLDS (MOMENTS + 1)
+#define OF_CELL 16                         // sums of hair of a type in a cell: its direction, shades, second moment; 4 more
+#define DIRECTION 0
+#define COLOR 3
+#define MOMENT 6
+#include "nearby.h"
+
+#define STEPS 2                            // along hair, in a cell's side
+#define FAR 4                              // segments of a strand at whose ends alone light is looked up, where that is EVEN
+#define EVEN 0.75f                         // sides of a cell
+#define STRAIGHT 0.98f                     // cosine to its chord of each of them
+#define MOST (1.0f - 0x1p-24f)             // next to 1
+#define LARGEST 0.9f                      // ratio of what one order adds to what the one before does, from which it is told
 #define RAYS 8                             // of light through a cell, by which its mean is known
 
-/* What a strand has left in one cell. */
-INLINED void leave(volatile __global int *amounts, size_t cell, float amount, float4 t, float4 shades, float unit)
+/* Of one segment from a, that long in sides of a cell: (1 - alpha) · width · length over a cell's face, times its direction,
+   towards the tip, the shades of its colour, and the second moment of its direction. */
+INLINED void leave_segment(volatile __global int *amounts, Nearby *nearby, const Sky *sky, float4 a, float4 d, float length,
+                           float opaque, float4 shades, int type, float unit)
 {
-    volatile __global int *there = amounts + cell * SUMS;
-    const float4 tangent = unit * amount * t, colored = unit * amount / (SHADES - 1) * shades;
-    atomic_add(&there[0], (int)floor(tangent.x + 0.5f));
-    atomic_add(&there[1], (int)floor(tangent.y + 0.5f));
-    atomic_add(&there[2], (int)floor(tangent.z + 0.5f));
-    atomic_add(&there[3], (int)floor(unit * amount + 0.5f));
-    atomic_add(&there[4], (int)floor(colored.x + 0.5f));
-    atomic_add(&there[5], (int)floor(colored.y + 0.5f));
-    atomic_add(&there[6], (int)floor(colored.z + 0.5f));
+    const float scale = sky->place.w;
+    const int n = sky->size.x, steps = length * STEPS < 4096.0f ? (int)(length * STEPS) + 1 : 4096;
+    const float4 t = unit_or((float4)(d.xyz, 0.0f), (float4)(0.0f, 1.0f, 0.0f, 0.0f));
+    float amount = 0.0f;
+    int4 cell = -1;
+    for (int i = 0; i <= steps; ++i) {     // the last is none, but ends the cell before it
+        const float4 p = a + ((i + 0.5f) / steps) * d, q = (p - sky->place) * scale;
+        const bool inside = i < steps && q.x >= 0.0f && q.y >= 0.0f && q.z >= 0.0f && q.x < n && q.y < n && q.z < n;
+        const int4 here = inside ? (int4)((int)q.x, (int)q.y, (int)q.z, 0) : (int4)(-1);
+        if (cell.x >= 0 && (here.x != cell.x || here.y != cell.y || here.z != cell.z)) {
+            const float sums[OF_CELL] = {
+                amount * t.x, amount * t.y, amount * t.z,
+                amount * shades.x, amount * shades.y, amount * shades.z,
+                amount * t.x * t.x, amount * t.y * t.y, amount * t.z * t.z,
+                amount * t.x * t.y, amount * t.x * t.z, amount * t.y * t.z};
+            leave(amounts, nearby, cell, n, type, sums, unit);
+            amount = 0.0f;
+        }
+        cell = here;
+        amount += inside ? opaque * length * scale / steps * p.w : 0.0f;
+    }
 }
 
-/* One work-item adds up, for one strand, (1 - alpha) · width · length over a cell's face, and that times its direction, towards
-   the tip, and the shades of its colour. */
+/* One work-item adds up what some strands leave in cells. */
 __kernel void hold(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Sky sky,
+    const uint n_strands,
+    const uint each,                       // strands of a work-item
     __global const float4 *points,         // strands: see strands.cl
     __global const uint2 *spans,
     __global const float4 *strand_uv,
@@ -46,58 +70,49 @@ __kernel void hold(
     __global const float4 *colors,
     const int color_per,
     const float unit,                      // integers for 1
-    volatile __global int *amounts)         // [types, n, n, n, SUMS]
-{
-    WORK_ITEM(strand);
-    const uint2 span = spans[strand];
-    const int type = (int)strand_uv[strand].z, n = sky.size.x;
-    const float opaque = 1.0f - types[type].shine.z, scale = sky.place.w;
-    const size_t first = (size_t)type * n * n * n;
-    for (uint k = 0; k + 1 < span.y; ++k) {
-        const uint id = span.x + k;
-        const float4 a = points[id], d = points[id + 1] - a, along = (float4)(d.xyz, 0.0f);
-        const float length = sqrt(dot3(d, d)) * scale;
-        if (!(length > 0.0f))
-            continue;
-        const int steps = length * OF_SIDE < 4096.0f ? (int)(length * OF_SIDE) + 1 : 4096;
-        const float4 c = colors[color_per == 0 ? 0 : color_per == 1 ? (uint)strand : id];
-        const float4 shades = shades_of(c, lobes[type].color.x), t = unit_or(along, (float4)(0.0f, 1.0f, 0.0f, 0.0f));
-        float amount = 0.0f;
-        long cell = -1;
-        for (int i = 0; i < steps; ++i) {
-            const float4 p = a + ((i + 0.5f) / steps) * d, q = (p - sky.place) * scale;
-            if (!(q.x >= 0.0f && q.y >= 0.0f && q.z >= 0.0f && q.x < n && q.y < n && q.z < n))
-                continue;
-            const long here = ((long)(int)q.z * n + (int)q.y) * n + (int)q.x;
-            if (here != cell && cell >= 0) {
-                leave(amounts, first + cell, amount, t, shades, unit);
-                amount = 0.0f;
-            }
-            cell = here;
-            amount += opaque * length * scale / steps * p.w;
-        }
-        if (cell >= 0)
-            leave(amounts, first + cell, amount, t, shades, unit);
-    }
-}
-
-/* One work-item tells what hair of one type is like in one cell. */
-__kernel void kinds(
-    const ulong begin, const ulong end,    // work-items, see common.h
-    const uint n_types,
-    const uint cells,
-    __global const int *amounts,            // [types, cells, SUMS] see `hold`
-    __global const float4 *tangents,       // [TANGENTS] unit
-    __global float4 *kinds)                // [types, cells, 2] the nearest of the tangents, its number; shades, and of the
-                                           // hair in the cell what share is of this type
+    volatile __global int *amounts)        // [types, n, n, n, OF_CELL]
 {
     WORK_ITEM(item);
-    const size_t cell = item % cells;
-    __global const int *its = amounts + item * SUMS;
-    float all = 0.0f, nearest = -2.0f;
-    for (uint i = 0; i < n_types; ++i)
-        all += amounts[((size_t)i * cells + cell) * SUMS + 3];
-    const float4 t = unit_or((float4)(its[0], its[1], its[2], 0.0f), (float4)(0.0f, 1.0f, 0.0f, 0.0f));
+    Nearby nearby;
+    begin_nearby(&nearby);
+    const uint first = each * (uint)item;
+    for (uint strand = first; strand < n_strands && strand < first + each; ++strand) {
+        const uint2 span = spans[strand];
+        const int type = (int)strand_uv[strand].z;
+        const float opaque = 1.0f - types[type].shine.z;
+        float4 shades = 0.0f;
+        for (uint k = 0; k + 1 < span.y; ++k) {
+            const uint id = span.x + k;
+            const float4 a = points[id], d = points[id + 1] - a;
+            const float length = sqrt(dot3(d, d)) * sky.place.w;
+            if (k == 0 || color_per == 2)
+                shades = shades_of(colors[color_per == 0 ? 0 : color_per == 1 ? strand : id], lobes[type].color.x) / (SHADES - 1);
+            if (length > 0.0f)
+                leave_segment(amounts, &nearby, &sky, a, d, length, opaque, shades, type, unit);
+        }
+    }
+    end_nearby(amounts, &nearby);
+}
+
+/* A cell beside one along an axis, -1 to 1 on; the grid goes on beyond its sides as it is there. */
+INLINED int beside(int place, int step, int n)
+{
+    const int there = place + step;
+    return there < 0 ? 0 : there < n ? there : n - 1;
+}
+
+/* The k-th of the 27 cells around one, and its weight: 8, 4, 2 or 1 of 64. */
+INLINED size_t around_cell(size_t cell, int n, int k, float *weight)
+{
+    const int x = k % 3 - 1, y = k / 3 % 3 - 1, z = k / 9 - 1;
+    *weight = (1.0f / 64) * ((x ? 1 : 2) * (y ? 1 : 2) * (z ? 1 : 2));
+    return ((size_t)beside(cell / n / n, z, n) * n + beside(cell / n % n, y, n)) * n + beside(cell % n, x, n);
+}
+
+/* The number of the tangent that is nearest to t. */
+INLINED int nearest_tangent(__global const float4 *tangents, float4 t)
+{
+    float nearest = -2.0f;
     int number = 0;
     for (int i = 0; i < TANGENTS; ++i) {
         const float cosine = dot3(t, tangents[i]);
@@ -106,9 +121,46 @@ __kernel void kinds(
             number = i;
         }
     }
-    const float amount = its[3] > 0 ? its[3] : 1.0f;
-    kinds[2 * item] = (float4)(tangents[number].xyz, number);
-    kinds[2 * item + 1] = (float4)((float3)(its[4], its[5], its[6]) * ((SHADES - 1) / amount), all > 0.0f ? its[3] / all : 0.0f);
+    return number;
+}
+
+/* One work-item tells what hair is like in and around one cell: where only the cell counts, the layers of cells show. */
+__kernel void kinds(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const uint n_types,
+    const int n,
+    const float unit,                      // integers for 1
+    __global const int *amounts,           // [types, n, n, n, OF_CELL] see `hold`
+    __global const float4 *tangents,       // [TANGENTS] unit
+    __global float4 *kinds,                // [types, n, n, n, 2] the nearest of the tangents, its number; shades, and of the
+                                           // hair in the cell what share is of this type
+    __global float8 *dense)                // [n, n, n] moments of all its hair; their trace; -
+{
+    WORK_ITEM(cell);
+    const size_t cells = (size_t)n * n * n;
+    float8 all = 0.0f;
+    for (uint type = 0; type < n_types; ++type) {
+        float sums[OF_CELL];
+        for (int j = 0; j < OF_CELL; ++j)
+            sums[j] = 0.0f;
+        for (int k = 0; k < 27; ++k) {
+            float weight;
+            __global const int *its = amounts + (type * cells + around_cell(cell, n, k, &weight)) * OF_CELL;
+            for (int j = 0; j < OF_CELL; ++j)
+                sums[j] += weight * its[j];
+        }
+        const float amount = sums[MOMENT] + sums[MOMENT + 1] + sums[MOMENT + 2];
+        const float4 t = unit_or((float4)(sums[0], sums[1], sums[2], 0.0f), (float4)(0.0f, 1.0f, 0.0f, 0.0f));
+        const int number = amount > 0.0f ? nearest_tangent(tangents, t) : 0;
+        const float scale = amount > 0.0f ? (SHADES - 1) / amount : 0.0f;
+        __global float4 *its = kinds + 2 * (type * cells + cell);
+        its[0] = (float4)(tangents[number].xyz, number);
+        its[1] = (float4)(scale * sums[COLOR], scale * sums[COLOR + 1], scale * sums[COLOR + 2], amount);
+        all += (float8)(sums[MOMENT], sums[MOMENT + 1], sums[MOMENT + 2], sums[MOMENT + 3], sums[MOMENT + 4], sums[MOMENT + 5], amount, 0.0f);
+    }
+    for (uint type = 0; type < n_types; ++type)
+        kinds[2 * (type * cells + cell) + 1].w /= all.s6 > 0.0f ? all.s6 : 1.0f;
+    dense[cell] = all / unit;
 }
 
 /* One work-item tells what share of all light around hair of a type sends to an eye at one angle, of each shade. */
@@ -187,7 +239,7 @@ __kernel void phases(
             __global const float *its_parts = parts + from * PARTS_OF_ONE + k;
             const lanes3 l = {*(__global const lanes *)its_parts, *(__global const lanes *)(its_parts + DIRECTIONS * PARTS_OF_ONE),
                               *(__global const lanes *)(its_parts + 2 * DIRECTIONS * PARTS_OF_ONE)};
-            const Sought sought = sought_of(&its, all_lanes(t), all_lanes(v), l);
+            const Sought sought = sought_of(&its, all_lanes(t), all_lanes(v), l, 4);
             add_shades(&sought, &its, table, sums);
         }
         for (int s = 0; s < SHADES; ++s) {
@@ -224,11 +276,80 @@ INLINED float share_in_cell(const Obstacles *obstacles, const Light *light, floa
     return sum / RAYS;
 }
 
-/* One work-item tells what hair in one cell scatters of all lights' direct light. */
+/* One work-item tells what hair of one type and tangent sends in one direction, of a distant light of 1: of each shade. */
+__kernel void of_light(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const uint number,                     // of the light
+    __global const Light *lights,          // see light.h
+    __global const Lobes *lobes,           // [types]
+    __global const float4 *table,
+    __global const float4 *tangents,       // [TANGENTS]
+    __global const float *parts,           // [3, DIRECTIONS, PARTS_OF_ONE] see `phases`
+    __global float *by_tangent)            // [types, TANGENTS, SHADES, DIRECTIONS]
+{
+    WORK_ITEM(item);
+    const Light light = lights[number];
+    const int to = item % DIRECTIONS;
+    const size_t row = item / DIRECTIONS;
+    const Lobes its = lobes[row / TANGENTS];
+    float sums[SHADES];
+    for (int s = 0; s < SHADES; ++s)
+        sums[s] = 0.0f;
+    for (int k = 0; k < PARTS_OF_ONE && light.position.w == 0.0f; k += LANES) {
+        __global const float *its_parts = parts + to * PARTS_OF_ONE + k;
+        const lanes3 v = {-*(__global const lanes *)its_parts, -*(__global const lanes *)(its_parts + DIRECTIONS * PARTS_OF_ONE),
+                          -*(__global const lanes *)(its_parts + 2 * DIRECTIONS * PARTS_OF_ONE)};
+        const Sought sought = sought_of(&its, all_lanes(tangents[row % TANGENTS]), v, all_lanes(-light.direction), 4);
+        add_shades(&sought, &its, table, sums);
+    }
+    for (int s = 0; s < SHADES; ++s)
+        by_tangent[(row * SHADES + s) * DIRECTIONS + to] = M_PI_F / PARTS_OF_ONE * sums[s];
+}
+
+/* Add what hair of one kind sends of a light at l, of any place; scale: how much of it there is, r, g, b. */
+INLINED void add_from(__global float *sent, const Lobes *lobes, __global const float4 *table, __global const float *parts,
+                      float4 t, float4 l, float4 shades, float4 scale)
+{
+    scale *= M_PI_F / PARTS_OF_ONE;
+    for (int to = 0; to < DIRECTIONS; ++to) {
+        float4 sum = 0.0f;
+        for (int k = 0; k < PARTS_OF_ONE; k += LANES) {
+            __global const float *its_parts = parts + to * PARTS_OF_ONE + k;
+            const lanes3 v = {-*(__global const lanes *)its_parts,
+                              -*(__global const lanes *)(its_parts + DIRECTIONS * PARTS_OF_ONE),
+                              -*(__global const lanes *)(its_parts + 2 * DIRECTIONS * PARTS_OF_ONE)};
+            Sought sought = sought_of(lobes, all_lanes(t), v, all_lanes(l), 4);
+            sought.shades[0] = F(shades.x);
+            sought.shades[1] = F(shades.y);
+            sought.shades[2] = F(shades.z);
+            for (int j = 0; j < LANES; ++j)
+                sum += around_strand(&sought, j, table + lobes->table.x, lobes->table.y, lobes->table.z);
+        }
+        sent[to] += scale.x * sum.x;
+        sent[DIRECTIONS + to] += scale.y * sum.y;
+        sent[2 * DIRECTIONS + to] += scale.z * sum.z;
+    }
+}
+
+/* The same of a distant light. rows: of `of_light`, of the hair's type and tangent. */
+INLINED void add_tabulated(__global float *sent, __global const float *rows, float4 shades, float4 scale)
+{
+    const float by_channel[3] = {shades.x, shades.y, shades.z}, scales[3] = {scale.x, scale.y, scale.z};
+    for (int channel = 0; channel < CHANNELS; ++channel) {
+        const int dark = by_channel[channel] < SHADES - 2 ? (int)by_channel[channel] : SHADES - 2;
+        const float pale = by_channel[channel] - dark;
+        __global const float *a = rows + dark * DIRECTIONS, *b = a + DIRECTIONS;
+        for (int to = 0; to < DIRECTIONS; ++to)
+            sent[channel * DIRECTIONS + to] += scales[channel] * (a[to] + pale * (b[to] - a[to]));
+    }
+}
+
+/* One work-item adds what hair in one cell scatters of one light's direct light. */
 __kernel void direct(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Sky sky,
     const uint n_types,
+    const uint number,                     // of the light; 0: nothing is there yet
     const int n_lights,
     __global const Light *lights,          // see light.h
     __global const Shadow *shadows,
@@ -239,53 +360,34 @@ __kernel void direct(
     __global const Lobes *lobes,           // [types]
     __global const float4 *table,
     __global const float4 *kinds,          // [types, n, n, n, 2] see `kinds`
+    __global const float8 *dense,          // [n, n, n] see `kinds`
     __global const float *parts,           // [3, DIRECTIONS, PARTS_OF_ONE] see `phases`
-    __global float *first)                 // [n, n, n, CHANNELS, DIRECTIONS]
+    __global const float *by_tangent,      // [types, TANGENTS, SHADES, DIRECTIONS] see `of_light`
+    __global float *first)                 // [n, n, n, CHANNELS, DIRECTIONS] where hair is
 {
     WORK_ITEM(cell);
     const Lighting lighting = {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps};
     const int n = sky.size.x;
     const size_t cells = (size_t)n * n * n;
     __global float *sent = first + cell * (CHANNELS * DIRECTIONS);
-    float amount = 0.0f;
-    for (int k = 0; k < CHANNELS * DIRECTIONS; ++k)
-        sent[k] = 0.0f;
-    for (uint i = 0; i < n_types; ++i)
-        amount += kinds[2 * (i * cells + cell) + 1].w;
-    if (amount == 0.0f)
+    if (dense[cell].s6 == 0.0f)
         return;
+    for (int k = 0; k < CHANNELS * DIRECTIONS && number == 0; ++k)
+        sent[k] = 0.0f;
     const float side = 1.0f / sky.place.w;
     const float4 low = (float4)(sky.place.xyz + side * (float3)(cell % n, cell / n % n, cell / n / n), 0.0f);
-    for (int i = 0; i < n_lights; ++i) {
-        const Light light = lights[i];
-        const Obstacles obstacles = obstacles_of(&lighting, i);
-        float4 l;
-        const float share = share_in_cell(&obstacles, &light, low, side, &l);
-        for (uint type = 0; type < n_types && share > 0.0f; ++type) {
-            const float4 t = kinds[2 * (type * cells + cell)], shades = kinds[2 * (type * cells + cell) + 1];
-            if (shades.w == 0.0f)
-                continue;
-            const Lobes its = lobes[type];
-            const float4 scale = M_PI_F / PARTS_OF_ONE * share * shades.w * light.color;
-            for (int to = 0; to < DIRECTIONS; ++to) {
-                float4 sum = 0.0f;
-                for (int k = 0; k < PARTS_OF_ONE; k += LANES) {
-                    __global const float *its_parts = parts + to * PARTS_OF_ONE + k;
-                    const lanes3 v = {-*(__global const lanes *)its_parts,
-                                      -*(__global const lanes *)(its_parts + DIRECTIONS * PARTS_OF_ONE),
-                                      -*(__global const lanes *)(its_parts + 2 * DIRECTIONS * PARTS_OF_ONE)};
-                    Sought sought = sought_of(&its, all_lanes(t), v, all_lanes(l));
-                    sought.shades[0] = F(shades.x);
-                    sought.shades[1] = F(shades.y);
-                    sought.shades[2] = F(shades.z);
-                    for (int j = 0; j < LANES; ++j)
-                        sum += around_strand(&sought, j, table + its.table.x, its.table.y, its.table.z);
-                }
-                sent[to] += scale.x * sum.x;
-                sent[DIRECTIONS + to] += scale.y * sum.y;
-                sent[2 * DIRECTIONS + to] += scale.z * sum.z;
-            }
-        }
+    const Light light = lights[number];
+    const Obstacles obstacles = obstacles_of(&lighting, number);
+    float4 l;
+    const float share = share_in_cell(&obstacles, &light, low, side, &l);
+    for (uint type = 0; type < n_types && share > 0.0f; ++type) {
+        const float4 t = kinds[2 * (type * cells + cell)], shades = kinds[2 * (type * cells + cell) + 1];
+        const float4 scale = share * shades.w * light.color;
+        const Lobes its = lobes[type];
+        if (shades.w > 0.0f && light.position.w == 0.0f)
+            add_tabulated(sent, by_tangent + ((size_t)type * TANGENTS + (int)t.w) * (SHADES * DIRECTIONS), shades, scale);
+        else if (shades.w > 0.0f)
+            add_from(sent, &its, table, parts, (float4)(t.xyz, 0.0f), l, shades, scale);
     }
 }
 
@@ -295,12 +397,16 @@ __kernel void scatter(
     const uint n_types,
     const uint cells,
     __global const float4 *kinds,          // [types, cells, 2] see `kinds`
+    __global const float8 *dense,          // [cells] see `kinds`
     __global const float *phases,          // [types, TANGENTS, SHADES, from DIRECTIONS, to DIRECTIONS]
     __global const float *first,           // [cells, CHANNELS, DIRECTIONS] of lights' direct light
     __global const float *light,           // [cells, CHANNELS, DIRECTIONS] that comes from there
-    __global float *sent)                  // [cells, CHANNELS, DIRECTIONS] that goes on the same way
+    __global float *sent,                  // [cells, CHANNELS, DIRECTIONS] that goes on the same way, where hair is
+    __global float2 *before)               // [cells, CHANNELS] sum of the light, and which share of it goes on, likewise
 {
     WORK_ITEM(cell);
+    if (dense[cell].s6 == 0.0f)
+        return;
     const size_t place = cell * (CHANNELS * DIRECTIONS);
     for (int channel = 0; channel < CHANNELS; ++channel) {
         lanes sums[DIRECTIONS / LANES];
@@ -323,97 +429,238 @@ __kernel void scatter(
                     sums[k] += p * a[k] + q * b[k];
             }
         }
-        for (int k = 0; k < DIRECTIONS / LANES; ++k)
+        lanes ins = F(0.0f), outs = F(0.0f);
+        for (int k = 0; k < DIRECTIONS / LANES; ++k) {
+            ins += ((__global const lanes *)(light + place + channel * DIRECTIONS))[k];
+            outs += sums[k] - ((__global const lanes *)(first + place + channel * DIRECTIONS))[k];
             ((__global lanes *)(sent + place + channel * DIRECTIONS))[k] = sums[k];
+        }
+        float in = 0.0f, out = 0.0f;
+        for (int k = 0; k < LANES; ++k) {
+            in += LANE(ins, k);
+            out += LANE(outs, k);
+        }
+        before[cell * CHANNELS + channel] = (float2)(in, in > 0.0f ? out / in : 0.0f);
     }
 }
 
-/* What four cells of a slice send on around (u, v); `outside` out of the grid. */
-INLINED float4 between_cells(__global const float4 *slice, int n, float u, float v, float4 outside)
+/* One work-item tells what goes straight through one cell in each direction, and what does on average to places in it. */
+__kernel void passing(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const uint cells,
+    __global const float8 *dense,          // [cells] see `kinds`
+    __global const float4 *towards,        // [DIRECTIONS] unit, where light comes from
+    __global float2 *passes,               // [DIRECTIONS, cells] shares; the second is 1 where there is no hair, and only there
+    __global float *keeps)                 // [cells] share of what hair in a cell sends that stays there, mean of directions
 {
-    const float lu = floor(u), lv = floor(v), fu = u - lu, fv = v - lv;
-    float4 sum = 0.0f;
-    for (int k = 0; k < 4; ++k) {
-        const int a = (int)lu + (k & 1), b = (int)lv + (k >> 1);
-        const float weight = ((k & 1) ? fu : 1.0f - fu) * ((k & 2) ? fv : 1.0f - fv);
-        sum += weight * (a < 0 || b < 0 || a >= n || b >= n ? outside : slice[b * n + a]);
+    WORK_ITEM(cell);
+    const float8 m = dense[cell];
+    float sum = 0.0f;
+    for (int k = 0; k < DIRECTIONS; ++k) {
+        const float4 w = towards[k];
+        const float ax = fabs(w.x), ay = fabs(w.y), az = fabs(w.z), most = ax >= ay && ax >= az ? ax : ay >= az ? ay : az;
+        const float d = m.s6, along = w.x * w.x * m.s0 + w.y * w.y * m.s1 + w.z * w.z * m.s2
+            + 2.0f * (w.x * w.y * m.s3 + w.x * w.z * m.s4 + w.y * w.z * m.s5);
+        const float square = d * d - d * along, depth = sqrt(square > 0.0f ? square : 0.0f) / most;
+        const float through = depth > 0.0f ? exp(-depth) : 1.0f, mean = depth > 0.02f ? (1.0f - through) / depth : 1.0f - 0.5f * depth;
+        passes[(size_t)k * cells + cell] = (float2)(through, d > 0.0f && mean > MOST ? MOST : mean);
+        sum += 1.0f - mean;
     }
-    return sum;
+    keeps[cell] = m.s6 > 0.0f ? sum / DIRECTIONS : 0.0f;
 }
 
 /* One work-item takes the light of one direction through some rows of slices of cells across it, from the first that light
-   meets on; a slice before these is done. */
+   meets on; a slice before these is done.  What a body hides in a cell stops there; where light leaves the body, what it
+   sends takes the place of what it hides. */
 __kernel void sweep(
     const ulong begin, const ulong end,    // work-items, see common.h
     const int n,
     const int2 turns,                      // slices: the first, one past the last
     const int rows,                        // of a slice that a work-item takes; all of them where there are several slices
-    __global const float *held,            // [2, HOLDS, n, n, n] see `contents` in sky.cl
+    const int all,                         // 1: light of all cells is told, 0: of those with hair or a body's surface
+    __global const float2 *passes,         // [DIRECTIONS, n, n, n] see `passing`
     __global const float4 *towards,        // [DIRECTIONS] unit, where light comes from
-    __global const float4 *outside,        // [DIRECTIONS] r, g, b of the light that comes from out of the grid
     __global const float *sent,            // [n, n, n, CHANNELS, DIRECTIONS] see `scatter`
-    __global float4 *behind,               // [DIRECTIONS, 2, n, n] what is left behind a slice and the one before
-    __global float *light)                 // [n, n, n, CHANNELS, DIRECTIONS] in the middles of cells
+    const int is_body,                     // 1: there is one
+    __global const float4 *faces,          // [n, n, n, 3] see bounce.cl, if so
+    __global float4 *behind,               // [DIRECTIONS, 2, (n + 2 SKY_EDGE)²] r, g, b, how much is open, of what is left behind
+                                           // a slice and the one before; around these, and at first, light out of the grid
+    __global float *light)                 // [n, n, n, CHANNELS, DIRECTIONS] mean of cells
 {
     WORK_ITEM(item);
-    const int each = n / rows, number = item / each, begin_row = item % each * rows;
-    const float4 w = towards[number], beyond = outside[number];
+    const int each = n / rows, number = item / each, begin_row = item % each * rows, width = n + 2 * SKY_EDGE;
+    const float4 w = towards[number];
     const float xyz[3] = {w.x, w.y, w.z}, ax = fabs(w.x), ay = fabs(w.y), az = fabs(w.z);
     const int axis = ax >= ay && ax >= az ? 0 : ay >= az ? 1 : 2;
     const int one = axis == 0 ? 1 : 0, two = axis == 2 ? 1 : 2, stride[3] = {1, n, n * n};
     const float most = fabs(xyz[axis]), du = xyz[one] / most, dv = xyz[two] / most;
+    const int step_u = (int)floor(du), step_v = (int)floor(dv);
+    const float fu = du - step_u, fv = dv - step_v;
+    const float corners[4] = {(1.0f - fu) * (1.0f - fv), fu * (1.0f - fv), (1.0f - fu) * fv, fu * fv};
+    __global float4 *own = behind + (size_t)2 * number * width * width + SKY_EDGE * width + SKY_EDGE;
+    const float4 beyond = own[-1];
     for (int turn = turns.x; turn < turns.y; ++turn) {
         const int slice = xyz[axis] > 0.0f ? n - 1 - turn : turn;
-        __global float4 *here = behind + (size_t)(2 * number + (turn & 1)) * n * n;
-        __global const float4 *before = behind + (size_t)(2 * number + 1 - (turn & 1)) * n * n;
+        __global float4 *here = own + (turn & 1) * width * width;
+        __global const float4 *before = own + (1 - (turn & 1)) * width * width + step_v * width + step_u;
         for (int v = begin_row; v < begin_row + rows; ++v)
             for (int u = 0; u < n; ++u) {
                 const size_t cell = (size_t)slice * stride[axis] + (size_t)u * stride[one] + (size_t)v * stride[two];
                 const size_t place = cell * (CHANNELS * DIRECTIONS) + number;
-                float m[HOLDS];
-                for (int j = 0; j < HOLDS; ++j)
-                    m[j] = held[(size_t)j * n * n * n + cell];
-                const float d = m[0] + m[1] + m[2], open = 1.0f - m[MOMENTS];
-                float4 there = turn ? between_cells(before, n, u + du, v + dv, beyond) : beyond;
-                const float most_open = there.w > open ? there.w : open;
-                there = most_open > 0.0f ? there / most_open : 0.0f;
-                float4 on = there;
-                if (d > 0.0f) {
-                    const float along = w.x * w.x * m[0] + w.y * w.y * m[1] + w.z * w.z * m[2]
-                        + 2.0f * (w.x * w.y * m[3] + w.x * w.z * m[4] + w.y * w.z * m[5]);
-                    const float square = d * d - d * along, depth = sqrt(square > 0.0f ? square : 0.0f) / most;
-                    const float half_way = exp(-0.5f * depth);
-                    const float4 source = (1.0f - half_way)
-                        * (float4)(sent[place], sent[place + DIRECTIONS], sent[place + 2 * DIRECTIONS], 0.0f);
-                    there = there * half_way + source;
-                    on = there * half_way + source;
+                __global const float4 *four = before + v * width + u;
+                const float2 pass = passes[(size_t)number * n * n * n + cell];
+                float4 there = beyond, source = 0.0f, glow = 0.0f;
+                float open = 1.0f;
+                bool leaves = false, told = all || pass.y < 1.0f;
+                if (pass.y < 1.0f)
+                    source = (float4)(sent[place], sent[place + DIRECTIONS], sent[place + 2 * DIRECTIONS], 0.0f);
+                if (turn)
+                    there = corners[0] * four[0] + corners[1] * four[1] + corners[2] * four[width] + corners[3] * four[width + 1];
+                if (is_body) {
+                    const float4 normal = faces[3 * cell];
+                    open = 1.0f - normal.w;
+                    leaves = dot3(normal, w) < 0.0f;
+                    told |= dot3(normal, normal) > 0.0f;
+                    if (leaves)
+                        glow = faces[3 * cell + 1];
                 }
-                light[place] = there.x;
-                light[place + DIRECTIONS] = there.y;
-                light[place + 2 * DIRECTIONS] = there.z;
-                on *= open;
-                on.w = open;
-                here[v * n + u] = on;
+                const float hidden = open > there.w ? open - there.w : 0.0f, most_open = there.w + hidden;
+                there = most_open > 0.0f ? (there + hidden * glow) / most_open : 0.0f;
+                const float4 mean = pass.y * there + (1.0f - pass.y) * source;
+                if (told) {
+                    light[place] = mean.x;
+                    light[place + DIRECTIONS] = mean.y;
+                    light[place + 2 * DIRECTIONS] = mean.z;
+                }
+                const float share = leaves ? 1.0f : open;
+                there = leaves ? open * there + (1.0f - open) * glow : there;
+                there = share * (pass.x * there + (1.0f - pass.x) * source);
+                there.w = share;
+                here[v * width + u] = there;
             }
     }
 }
 
-/* One work-item tells what one segment sends to the eye at its start and its end, of the light of cells. */
-__kernel void leaving(
+/* One work-item adds to one channel's light of one cell, after an order of `scatter` and `sweep`, what of it comes back there
+   again and again: the sum of a geometric series; and after the last of three orders, what further ones would add. */
+__kernel void settle(
     const ulong begin, const ulong end,    // work-items, see common.h
-    const View view,
+    const int turn,                        // 0, 1, 2: of these three orders; else -1
+    __global const float *keeps,           // [cells] see `passing`
+    __global const float2 *before,         // [cells, CHANNELS] see `scatter`
+    __global float *sums,                  // [cells, CHANNELS, 2] of the first two of three
+    __global float *light)                 // [cells, CHANNELS, DIRECTIONS] see `sweep`
+{
+    WORK_ITEM(item);
+    __global float *its = light + item * DIRECTIONS, *earlier = sums + 2 * item;
+    const float keep = keeps[item / CHANNELS];
+    if (keep == 0.0f && turn < 0)
+        return;
+    float sum = 0.0f, more = 0.0f;
+    for (int k = 0; k < DIRECTIONS; ++k)
+        sum += its[k];
+    if (keep > 0.0f) {
+        const float2 came = before[item];
+        const float stays = keep * came.y, ratio = stays < LARGEST ? stays : LARGEST;
+        more = (sum - came.x) * ratio / (1.0f - ratio);
+    }
+    if (turn == 0 || turn == 1)
+        earlier[turn] = sum + more;
+    if (turn == 2) {
+        const float first = earlier[1] - earlier[0], last = sum + more - earlier[1];
+        const float falls = first > 0.0f && last > 0.0f ? last < LARGEST * first ? last / first : LARGEST : 0.0f;
+        more += last * falls / (1.0f - falls);
+    }
+    for (int k = 0; k < DIRECTIONS; ++k) {
+        const float value = its[k] + more / DIRECTIONS;
+        its[k] = value > 0.0f ? value : 0.0f;
+    }
+}
+
+/* One work-item evens out the light of one cell with that of hair in the cells around it, as far as these are dense: there it
+   changes within a cell, and the layers of cells would show. */
+__kernel void even_out(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const int n,
+    __global const float8 *dense,          // [n, n, n] see `kinds`
+    __global const float *light,           // [n, n, n, CHANNELS, DIRECTIONS] see `sweep`
+    __global float *evened)                // [n, n, n, CHANNELS, DIRECTIONS]
+{
+    WORK_ITEM(cell);
+    const float square = dense[cell].s6 * dense[cell].s6, share = square / (square + 1.0f);
+    __global const lanes *all = (__global const lanes *)light, *its = all + cell * (CHANNELS * DIRECTIONS / LANES);
+    __global lanes *to = (__global lanes *)evened + cell * (CHANNELS * DIRECTIONS / LANES);
+    lanes sums[CHANNELS * DIRECTIONS / LANES];
+    float total = 0.0f;
+    for (int j = 0; j < CHANNELS * DIRECTIONS / LANES; ++j)
+        sums[j] = F(0.0f);
+    for (int k = 0; k < 27 && share > 0.001f; ++k) {
+        float weight;
+        const size_t there = around_cell(cell, n, k, &weight);
+        weight *= dense[there].s6;
+        total += weight;
+        for (int j = 0; j < CHANNELS * DIRECTIONS / LANES; ++j)
+            sums[j] += weight * all[there * (CHANNELS * DIRECTIONS / LANES) + j];
+    }
+    for (int j = 0; j < CHANNELS * DIRECTIONS / LANES; ++j)
+        to[j] = total > 0.0f ? its[j] + share * (sums[j] / total - its[j]) : its[j];
+}
+
+/* One work-item notes that the points of one segment are looked up. */
+__kernel void ask(
+    const ulong begin, const ulong end,    // work-items, see common.h
     const uint first,                      // of the segments
-    const int listed,                      // 1: they are `segments`, 0: as many points as there are
-    __global const uint *segments,         // ids, if so, their highest bits aside
+    __global const uint *segments,         // their ids, their highest bits aside
     const uint first_point,                // the id of the first of these points
-    __global const float4 *points,         // strands: see strands.cl
-    __global const uint2 *spans,
+    __global const uint2 *spans,           // strands: see strands.cl
     __global const uint *strand_of,
     __global const uint *stored,
     const uint run,
-    __global const float4 *strand_normal,
+    __global uint *asked)                  // [points] 1 where light is asked for; all 0 at first
+{
+    WORK_ITEM(item);
+    const uint id = lies_at(stored, run, (segments[first + item] & ~BODY) - first_point);
+    const uint2 span = spans[strand_of[id / run]];
+    asked[id] = 1;
+    if (id + 1 < span.x + span.y)
+        asked[id + 1] = 1;
+}
+
+/* How many of a strand's segments around a point lie on one line, about, on which light changes evenly: FAR, half as many, or
+   one. most: how long that may be. */
+INLINED uint evenly(__global const float4 *points, uint2 span, uint id, float most)
+{
+    const uint past = span.x + span.y;
+    for (uint far = FAR; far > 1; far /= 2) {
+        const uint first = id - (id - span.x) % far, last = first + far < past ? first + far : past - 1;
+        const float4 begins = points[first], whole = points[last] - begins;
+        const float length = dot3(whole, whole);
+        bool even = length < most * most;
+        for (uint k = first; k < last && even; ++k) {
+            const float4 step = points[k + 1] - points[k];
+            const float ahead = dot3(step, whole);
+            even = ahead >= 0.0f && ahead * ahead >= STRAIGHT * STRAIGHT * (dot3(step, step) * length);
+        }
+        if (even)
+            return far;
+    }
+    return 1;
+}
+
+/* One work-item tells what some points of strands send to the eye of the light of cells.  It is looked up at the ends of what
+   lies on a line, and lies on a line between. */
+__kernel void leaving(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const View view,
+    const uint n_points,
+    const uint each,                       // points of a work-item
+    const int asks,                        // 1: `asked` tells where light is asked for, 0: everywhere
+    __global const uint *asked,            // [points] see `ask`
+    __global const float4 *points,         // strands: see strands.cl
+    __global const uint2 *spans,
+    __global const uint *strand_of,
+    const uint run,
     __global const float4 *strand_uv,
-    __global const HairType *types,
     __global const float4 *colors,
     const int color_per,
     const Sky sky,
@@ -422,25 +669,46 @@ __kernel void leaving(
     __global const Lobes *lobes,
     __global const float4 *table,
     __global const float *albedos,         // [types, ALBEDOS, SHADES]
-    __global float8 *scattered)            // [segments] r, g, b at its start and its end
+    __global float4 *scattered)            // [points] r, g, b, where it is asked for
 {
     WORK_ITEM(item);
-    const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
-    const uint number = first + (uint)item;
-    const uint id = listed ? lies_at(stored, run, (segments[number] & ~BODY) - first_point) : number;
-    const uint strand = strand_at(&hair, id);
-    const Segment s = segment_at(&hair, id, spans[strand]);
-    const int type = (int)strand_uv[strand].z;
-    const float4 step = s.b - s.a, c = colors[color_per == 0 ? 0 : color_per == 1 ? strand : id];
-    const Lobes its = lobes[type];
-    float4 shades = shades_of(c, its.color.x);
+    uint id = each * (uint)item, known[2] = {n_points, n_points};
+    const uint until = n_points - id < each ? n_points : id + each;
     float4 sent[2];
-    for (int k = 0; k < 2; ++k) {
-        const float4 p = (float4)((k ? s.b : s.a).xyz, 0.0f), t = tangent_of(k ? s.after - s.a : s.b - s.before, step);
-        if (k && color_per == 2 && id + 1 < spans[strand].x + spans[strand].y)
-            shades = shades_of(colors[id + 1], its.color.x);
-        sent[k] = scattered_at(&sky, light, directions, &its, table, albedos + type * (ALBEDOS * SHADES), p, t,
-                               towards_eye(&view, p), shades);
+    while (id < until) {
+        const uint strand = strand_of[id / run];
+        const uint2 span = spans[strand];
+        const uint past = span.x + span.y;
+        if ((asks && !asked[id]) || id < span.x || id >= past) {   // or no strand's
+            ++id;
+            continue;
+        }
+        const uint far = color_per == 2 ? 1 : evenly(points, span, id, EVEN / sky.place.w);
+        const uint first = id - (id - span.x) % far, last = first + far < past ? first + far : past - 1;
+        const uint ends[2] = {id == last ? last : first, id == first ? first : last};   // one alone, if it is that
+        const int type = (int)strand_uv[strand].z;
+        const Lobes its = lobes[type];
+        if (ends[0] == known[1]) {
+            known[0] = known[1];
+            sent[0] = sent[1];
+        }
+        #pragma unroll 1
+        for (int k = 0; k < 2; ++k) {
+            const uint at = ends[k];
+            if (at == known[k])
+                continue;
+            known[k] = at;
+            if (k && at == known[0]) {
+                sent[1] = sent[0];
+                continue;
+            }
+            const float4 p = (float4)(points[at].xyz, 0.0f), before = points[at > span.x ? at - 1 : at];
+            const float4 after = points[at + 1 < past ? at + 1 : at], c = colors[color_per == 0 ? 0 : color_per == 1 ? strand : at];
+            sent[k] = scattered_at(&sky, light, directions, &its, table, albedos + type * (ALBEDOS * SHADES), p,
+                                   tangent_of(after - before, after - p), towards_eye(&view, p), shades_of(c, its.color.x));
+        }
+        const float share = ends[1] == ends[0] ? 0.0f : (float)(id - ends[0]) / (ends[1] - ends[0]);
+        scattered[id] = sent[0] + share * (sent[1] - sent[0]);
+        ++id;
     }
-    scattered[number] = both(sent[0], sent[1]);
 }

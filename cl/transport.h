@@ -3,8 +3,9 @@
  * each colour, the mean light from around each of DIRECTIONS.
  */
 
-/* Where strands of one type along t look up how much light they send to the eye at v from directions l. */
-INLINED Sought sought_of(const Lobes *lobes, lanes3 t, lanes3 v, lanes3 l)
+/* Where strands of one type along t look up how much light they send to the eye at v from directions l.  along: how many of
+   their lobes are told apart along the strand; what is left is as the last of these. */
+INLINED Sought sought_of(const Lobes *lobes, lanes3 t, lanes3 v, lanes3 l, int along)
 {
     Sought sought;
     const lanes sine_v = within(dots(t, v), -1.0f, 1.0f), sine_l = within(dots(t, l), -1.0f, 1.0f);
@@ -12,10 +13,26 @@ INLINED Sought sought_of(const Lobes *lobes, lanes3 t, lanes3 v, lanes3 l)
     const lanes across = greater(cosine_v * cosine_l, F(1e-9f));
     const lanes angle = angle_of(within((dots(v, l) - sine_v * sine_l) / across, -1.0f, 1.0f));
     for (int p = 0; p < 4; ++p)
-        sought.along[p] = along_strand(lobes->along[p], sine_v, cosine_v, sine_l, cosine_l);
+        sought.along[p] = p < along ? along_strand(lobes->along[p], sine_v, cosine_v, sine_l, cosine_l) : sought.along[along - 1];
     sought.cosine = 0.5f * (cosine_v + full_root(cosine_v)) * (lobes->table.y - 1.0f);
     sought.angle = angle * ((lobes->table.z - 1) / M_PI_F);
     return sought;
+}
+
+/* Light of one place of a look: r, g, b; as `around_strand`, with the nearest of the table's cosines: what is normalised needs no more. */
+INLINED float4 nearly_around(const Sought *sought, int k, __global const float4 *row, int n_angles, int4 dark, float4 pale)
+{
+    const float4 along = (float4)(LANE(sought->along[0], k), LANE(sought->along[1], k), LANE(sought->along[2], k),
+                                  LANE(sought->along[3], k));
+    const float y = LANE(sought->angle, k);
+    const int j = y < n_angles - 1 ? (int)y : n_angles - 2;
+    const float below = y - j;
+    __global const float4 *a = row + j * SHADES, *b = a + SHADES;
+    const float4 near = (1.0f - below) * along, far = below * along;
+    const float4 r = near * (a[dark.x] + pale.x * (a[dark.x + 1] - a[dark.x])) + far * (b[dark.x] + pale.x * (b[dark.x + 1] - b[dark.x]));
+    const float4 g = near * (a[dark.y] + pale.y * (a[dark.y + 1] - a[dark.y])) + far * (b[dark.y] + pale.y * (b[dark.y + 1] - b[dark.y]));
+    const float4 c = near * (a[dark.z] + pale.z * (a[dark.z + 1] - a[dark.z])) + far * (b[dark.z] + pale.z * (b[dark.z + 1] - b[dark.z]));
+    return (float4)((r.x + r.y) + (r.z + r.w), (g.x + g.y) + (g.z + g.w), (c.x + c.y) + (c.z + c.w), 0.0f);
 }
 
 /* Share of all light around that hair along t sends to the eye at v; shade: 0 black, SHADES - 1 white.
@@ -65,6 +82,12 @@ ONCE float4 scattered_at(const Sky *sky, __global const float *light, __global c
     const Around around = around_place(sky, p);
     const lanes3 along = all_lanes(t), eye = all_lanes(v);
     float4 sum = 0.0f, total = 0.0f;
+    const float sine = dot3(t, v), square = 1.0f - sine * sine, cosine = square > 0.0f ? sqrt(square) : 0.0f;
+    const int nearest = (int)(0.5f * (cosine + sqrt(cosine)) * (lobes->table.y - 1) + 0.5f);
+    __global const float4 *row = table + lobes->table.x + (size_t)nearest * lobes->table.z * SHADES;
+    const float4 cut = shades < SHADES - 1.5f ? shades : SHADES - 1.5f;
+    const int4 dark = convert_int4(cut);
+    const float4 pale = shades - convert_float4(dark);
     for (int first = 0; first < DIRECTIONS; first += LANES) {
         const lanes3 l = {*(__global const lanes *)(directions + first), *(__global const lanes *)(directions + DIRECTIONS + first),
                           *(__global const lanes *)(directions + 2 * DIRECTIONS + first)};
@@ -75,12 +98,9 @@ ONCE float4 scattered_at(const Sky *sky, __global const float *light, __global c
             in.y += around.weights[k] * *(__global const lanes *)(there + DIRECTIONS);
             in.z += around.weights[k] * *(__global const lanes *)(there + 2 * DIRECTIONS);
         }
-        Sought sought = sought_of(lobes, along, eye, l);
-        sought.shades[0] = F(shades.x);
-        sought.shades[1] = F(shades.y);
-        sought.shades[2] = F(shades.z);
+        Sought sought = sought_of(lobes, along, eye, l, 3);
         for (int k = 0; k < LANES; ++k) {
-            const float4 sent = around_strand(&sought, k, table + lobes->table.x, lobes->table.y, lobes->table.z);
+            const float4 sent = nearly_around(&sought, k, row, lobes->table.z, dark, pale);
             sum += sent * (float4)(LANE(in.x, k), LANE(in.y, k), LANE(in.z, k), 0.0f);
             total += sent;
         }

@@ -9,6 +9,7 @@ from ._moved import install
 from .budget import PRESETS
 from .device.scheduler import Scheduler
 from .errors import DeviceError, Error
+from .files.curves import load_curves, save_curves
 from .files.gltf import load_materials
 from .files.images import load_picture, save
 from .files.meshes import load_mesh
@@ -38,8 +39,8 @@ from .settings import Settings
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
     "Frontier", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
-    "Settings", "Shells", "Strands", "compare", "draw", "frontier", "grow", "load_materials", "load_mesh",
-    "load_picture", "over", "render", "save", "truth",
+    "Settings", "Shells", "Strands", "compare", "draw", "frontier", "grow", "load_curves", "load_materials",
+    "load_mesh", "load_picture", "over", "render", "save", "save_curves", "truth",
 ]
 
 install()

@@ -1,5 +1,6 @@
 """Picks the cheapest settings that are near enough to the truth, or the best that are fast enough."""
 
+import functools
 import math
 import warnings
 from dataclasses import dataclass, replace
@@ -8,7 +9,9 @@ import attrs
 import numpy as np
 
 from . import measures
+from .errors import Error
 from .fitted import COSTS, ERRORS, RANGES
+from .pipeline.plan import Plan
 from .pipeline.views import Rig
 from .scene import Curves, Strands, hair_bounds
 from .settings import CHOSEN, Settings
@@ -21,13 +24,24 @@ LADDER = (
     Settings(samples=1, grid=64, pcf=0, raster="coverage"),
     Settings(samples=4, grid=96, raster="coverage"),
     Settings(samples=4, grid=160, raster="coverage"),
-    Settings(samples=4, grid=256, raster="coverage"),
+    Settings(samples=4, grid=160, raster="coverage", masks=4),
+    Settings(samples=4, grid=256, raster="coverage", masks=4),
+    Settings(samples=4, grid=96, raster="coverage", masks=4, shadows="deep"),
 )
-PRESETS = {"draft": LADDER[0], "sketch": LADDER[1], "preview": LADDER[3], "final": LADDER[5], "reference": LADDER[6]}
+PRESETS = {"draft": LADDER[0], "sketch": LADDER[1], "preview": LADDER[3], "final": LADDER[5], "reference": LADDER[8]}
 BANDS, SHARE = 3, 0.1   # so many runs of rows, this share of the picture, are drawn to compare
 CELL = 0.6              # widths of a strand; in finer cells than that its shadow is narrower than itself
 HOPELESS = 2.0          # what is predicted to err so many times too much is not tried
 MARGIN = 1.15           # estimates are wrong by about as much: so much is added to each
+
+
+@dataclass(frozen=True)
+class Rung:
+    """Settings of `LADDER` as they suit a scene, and by the fit what they cost, in CPU time of the first, and err."""
+
+    settings: Settings
+    cost: float
+    error: float
 
 
 @dataclass(frozen=True)
@@ -52,7 +66,8 @@ def choose(team, scene, settings, draw):
             half_octaves)
     goals = str([settings.max_error, settings.seconds, settings.filtered, scene.body_color is None, scene.body,
                  scene.ground is None])
-    choice = team.gpus[0].keep("choice", (*what, goals), lambda: _choose(team, rig, settings, draw))
+    find = functools.partial(_choose, team, rig, settings, functools.partial(_unseen, draw))
+    choice = team.gpus[0].keep("choice", (*what, goals), find)
     if choice.warning:
         warnings.warn(choice.warning, stacklevel=3)
     # What is not chosen stays as it is given, and may have changed.
@@ -61,30 +76,37 @@ def choose(team, scene, settings, draw):
     return replace(choice, settings=attrs.evolve(choice.settings, **fixed))
 
 
+def _unseen(draw, settings, bands=None):
+    """The `Frame` of ``draw`` without its warnings: the picture that is chosen tells its own."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return draw(settings, bands=bands)
+
+
 def _choose(team, rig, settings, draw):
-    rungs = ladder(rig, settings.filtered, min(min(gpu.memory // 8, gpu.largest) for gpu in team.gpus))
+    rungs = ladder(rig, settings.filtered, team.gpus)
     most, timing, late = len(rungs) - 1, "", ""
     if settings.seconds is not None:
-        most, took = fastest(rungs, settings.seconds, lambda rung: _time(team, rung, draw))
+        most, took = fastest(rungs, settings.seconds, lambda rung: _time(team, rung.settings, draw))
         timing = f"its frame took {took:.3g} s of {settings.seconds:g}"
         late = (f"Settings.seconds is {settings.seconds:g}, but the fastest frame there is takes {took:.3g}"
                 if took > settings.seconds else "")
     preview = Preview(rig, rungs, draw)
     if settings.max_error is None:
-        return Choice(rungs[most], preview.error(most), timing, late)
+        return Choice(rungs[most].settings, preview.error(most), timing, late)
     tried = preview.cheapest(settings.max_error, most)
     best = max(tried)   # what was tried last, the dearest
     why = (f"tried {len(tried)} of {len(rungs)} settings on {preview.rows} rows of the picture"
            + (timing and f"; {timing}"))
     missed = (f"Settings.max_error is {settings.max_error:g}, but the best there is{timing and ' in that time'} errs "
               f"by about {tried[best]:.3g}" if tried[best] > settings.max_error else "")
-    return Choice(rungs[best], tried[best], why, "; ".join(filter(None, [late, missed])))
+    return Choice(rungs[best].settings, tried[best], why, "; ".join(filter(None, [late, missed])))
 
 
 def fastest(rungs, seconds, time):
     """(place of the dearest rung that takes no more than seconds by ``time(rung)``, what it took); 0 if none does."""
     took = time(rungs[0])
-    place = max((n for n in range(len(rungs)) if took * COSTS[n] / COSTS[0] <= seconds), default=0)
+    place = max((n for n, rung in enumerate(rungs) if took * rung.cost / rungs[0].cost <= seconds), default=0)
     times = {0: took}
     while place and times.setdefault(place, time(rungs[place])) > seconds:   # only ever down: it comes to an end
         place -= 1
@@ -100,12 +122,36 @@ def _time(team, rung, draw):
     return frame.seconds
 
 
-def ladder(rig, filtered=True, room=1 << 32):
-    """`LADDER` as it suits a `Rig`: no finer cells than its strands cast right shadows in, or so many bytes hold."""
+def ladder(rig, filtered=True, gpus=()):
+    """[`Rung`] for a `Rig`, from cheap to dear: what is `suited`, but for what is no cheaper than a finer one."""
+    rungs = suited(rig, filtered, gpus)
+    return [rung for n, rung in enumerate(rungs) if all(rung.cost < finer.cost for finer in rungs[n + 1:])]
+
+
+def suited(rig, filtered=True, gpus=()):
+    """[`Rung`] for a `Rig`: of `LADDER` all but what its scene refuses or ``gpus`` cannot hold, with no finer cells
+    than its strands cast right shadows in, or an eighth of their memory holds."""
     width = _hair(rig.scene)[0]
+    room = min((min(gpu.memory // 8, gpu.largest) for gpu in gpus), default=1 << 32)
     finest = 2 * _radius(rig) / (CELL * width) if width else 1024
     most = max(int(min(finest, (room / 4) ** (1 / 3) - 1, 1024)) // 16 * 16, 16)
-    return [attrs.evolve(rung, grid=min(rung.grid, most), filtered=filtered) for rung in LADDER]
+    settings = [attrs.evolve(rung, grid=min(rung.grid, most), filtered=filtered) for rung in LADDER]
+    costs, errors = predicted(*features(rig, Plan(rig, ()).strands))
+    if rig.scene.strands is None:   # nothing is known of it, but how its pictures differ
+        errors = np.zeros(len(LADDER))
+    rungs = [Rung(*each) for each in zip(settings, costs, errors)]
+    return rungs[:1] + [rung for rung in rungs[1:] if not refused(rig.scene, rung.settings, gpus)]
+
+
+def refused(scene, settings, gpus=()):
+    """Why a scene is not drawn with settings, on devices: what the frame would raise before it begins, or ""."""
+    try:
+        plan = Plan(Rig.of(scene, settings), ("color",))
+        for gpu in gpus:
+            plan.cut(gpu)
+    except Error as error:
+        return str(error)
+    return ""
 
 
 def features(rig, strands):
@@ -133,7 +179,7 @@ def _hair(scene):
     """(width, length) in world units that a strand has on average; (0, 0) without strands."""
     fur = scene.strands
     if isinstance(fur, Strands):
-        return (float(np.mean([kind.width for kind in fur.types])),
+        return (float(np.mean([kind.width * (kind.root_width + kind.tip_width) / 2 for kind in fur.types])),
                 float(np.mean([kind.segments * kind.segment_length for kind in fur.types])))
     if isinstance(fur, Curves) and len(fur.points):
         return float(fur.on_host.width.mean()), hair_bounds(fur, len(fur.counts))[1] / len(fur.counts)
@@ -150,21 +196,19 @@ class Preview:
         self.rungs, self.bands = rungs, bands(rig)
         self.rows = sum(end - top for top, end in self.bands)
         self._draw = draw
-        self._finest, strands = self._picture(rungs[-1])
+        self.expected = [rung.error for rung in rungs]
+        self._finest = self._picture(rungs[-1])
         self._found = {}
-        self.expected = np.zeros(len(rungs))   # of what has no strands nothing is known, but how its pictures differ
-        if rig.scene.strands is not None:
-            self.expected = predicted(*features(rig, strands))
 
-    def _picture(self, settings):
-        frame = self._draw(settings, bands=self.bands)
-        return np.concatenate([frame.images["color"][top:end] for top, end in self.bands]), frame.strands
+    def _picture(self, rung):
+        picture = self._draw(rung.settings, bands=self.bands).images["color"]
+        return np.concatenate([picture[top:end] for top, end in self.bands])
 
     def error(self, place):
         """What a rung's picture errs, surely no more: by its difference to the finest, and what that one errs."""
         if place not in self._found:
             apart = 0.0 if place == len(self.rungs) - 1 else measures.error(
-                self._picture(self.rungs[place])[0], self._finest)
+                self._picture(self.rungs[place]), self._finest)
             self._found[place] = MARGIN * float(np.hypot(apart, self.expected[-1]))
         return self._found[place]
 
@@ -181,8 +225,8 @@ class Preview:
 
 
 def predicted(width, covered):
-    """What each of `LADDER` errs, by the fit."""
-    return np.exp(np.array(ERRORS) @ [1, math.log(width), math.log(covered)])
+    """(What each of `LADDER` costs, in CPU time of the first, what it errs), by the fit."""
+    return np.exp(np.array([COSTS, ERRORS]) @ [1, math.log(width), math.log(covered)])
 
 
 def bands(rig):

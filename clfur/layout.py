@@ -19,6 +19,9 @@ CONSTANTS = {
     "MASKED_WALK": 212,     # and where it has masks
     "KEPT_PIXEL": 32,       # uint4 of a pixel between slabs of depth,
     "MASKED_PIXEL": 72,     # and where it has masks
+    "AT_A_TIME": 8,         # strands that a work-item lists where columns go side by side
+    "GLOWS": 64,            # pieces whose light is added together, a multiple of 8
+    "MARKED": 512,          # marks that a work-item goes through, a multiple of 8
     "BUCKETS": 256,         # by depth, into which the segments of a tile are sorted
     "ID_NOTHING": -1,       # output "id" of a pixel where nothing is; strands are numbered from 0
     "ID_BODY": -2,
@@ -92,6 +95,9 @@ HairType = np.dtype([
     ("shape", *_float4),              # segment_length, width [world], force_weight, direction_variation
     ("curl", *_float4),               # radius [world], cos and sin of the angle a segment, length_variation
     ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment, -
+    ("taper", *_float4),              # shares of the width: at the root, gained to the tip; 1 / taper - 2; -
+    ("root", *_float4),               # linear r, g, b there, -; where points have colours
+    ("tip", *_float4),
     ("shine", *_float4),              # two numbers of its model, in most specular and exponent; alpha; MODELS
     ("lobes", *_float4),              # of a Chiang: roughness along and around the strand, tilt [radians], index
     ("counts", *_int4),               # segments; texture's first texel, width, height (width 0: none)

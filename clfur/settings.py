@@ -8,7 +8,7 @@ from .errors import Error
 from .scene import checks
 
 RASTERS = ("coverage", "samples")
-CHOSEN = ("samples", "raster", "shadows", "grid", "shadow_map", "pcf", "lod")   # by `Settings.max_error` and seconds
+CHOSEN = ("samples", "raster", "shadows", "grid", "shadow_map", "pcf", "masks", "lod")   # by max_error, seconds
 SCATTERING = ("off", "grid")
 SHADOWS = ("off", "binary", "count", "trilinear", "length", "deep")
 
@@ -43,7 +43,7 @@ class Settings:
     grid: cells a side, a multiple of 16.  shadow_map: texels a side of the body's shadow map, 0 for none.  pcf: radius
     in texels over which its comparisons are averaged (the report's equation 8).
     masks: 0 or 4; 4: strands hide each other in 4x4 parts of a pixel by the area that they have in each, else as if
-    they lay at random in it; with raster "coverage" alone, not where max_error or seconds choose.
+    they lay at random in it; with raster "coverage" alone.
     scattering: "grid" follows light from hair to hair, where all strands have the look `clfur.Chiang`, in cells of the
     world; lights leave out the flat ambient that they have by default, which stands for that light.  For raster
     "coverage"; not where max_error or seconds choose.
@@ -54,7 +54,7 @@ class Settings:
     in pixels, above 0, at most 16.
     max_error: None, or how wrong the picture may be: root mean square of the difference of sRGB-coded values (0 to 1)
     to the true picture.  seconds: None, or how long a frame may take.  Where either is given, samples, raster, shadows,
-    grid, shadow_map, pcf and lod are chosen (see `clfur.draw`), and may not be given here.
+    grid, shadow_map, pcf, masks and lod are chosen (see `clfur.draw`), and may not be given here.
     specular: the highlight of all hair, whatever its look; goes away (DeprecationWarning): see `clfur.Kajiya`.
     Raises `clfur.Error` for anything else.
     """
@@ -76,10 +76,9 @@ class Settings:
     seconds: float | None = checks.field(checks.optional(checks.positive()), default=None)
 
     def __attrs_post_init__(self):
-        if self.masks and (self.goal or self.raster != "coverage"):
-            field = self.goal or "raster"
-            raise Error(f"Settings.masks is {self.masks}, but Settings.{field} is {getattr(self, field)!r}; allowed: "
-                        "0, or raster 'coverage' without max_error and seconds")
+        if self.masks and self.raster != "coverage":
+            raise Error(f"Settings.masks is {self.masks}, but Settings.raster is {self.raster!r}; allowed: 0, or "
+                        "raster 'coverage'")
         if self.specular is not None:
             warnings.warn(f"Settings.specular goes away: give hair look=clfur.Kajiya(highlight={self.specular!r})",
                           DeprecationWarning, stacklevel=3)

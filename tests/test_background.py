@@ -89,7 +89,7 @@ def test_command(clfur, tmp_path):
     wrong(clfur(*common, "blue.png", "--background", "blue.png"), "blue.png is read by this command")
     assert (tmp_path / "blue.png").read_bytes() == before
     wrong(clfur("render", "sphere", "--size", "33x24", "-o", "d.png", "--background", "blue.png"),
-          "blue.png, the --background, has 16 x 12 pixels; allowed: the aspect of the picture, 33 x 24")
+          "--background: blue.png has 16 x 12 pixels; allowed: the aspect of the picture, 33 x 24")
     wrong(clfur(*common, "d.png", "--background", "0,0,9"), "'0,0,9'")
     wrong(clfur(*common, "d.png", "--background", "blu.png"), "blu.png: no such file")
     wrong(clfur(*common, "d.npz", "--outputs", "depth", "--background", "0,0,1"),

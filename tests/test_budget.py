@@ -9,6 +9,7 @@ import pytest
 
 import clfur
 from clfur import budget, measures, truth
+from clfur.pipeline.plan import Plan
 from clfur.pipeline.views import Rig
 from clfur.settings import CHOSEN
 
@@ -27,7 +28,19 @@ def scene(mesh, fur="strands", size=(64, 48), eye=(0, 0.4, 3.2), **options):
 
 def place_of(settings, drawn):
     """Where settings stand on the ladder of a scene."""
-    return budget.ladder(Rig.of(drawn)).index(settings)
+    return rungs(drawn).index(settings)
+
+
+def rungs(scene):
+    """Settings of its ladder."""
+    return [rung.settings for rung in budget.ladder(Rig.of(scene))]
+
+
+def error_of(picture, truths):
+    """Of a picture without the noise of two truths, as that of one is not that of the other."""
+    here = (picture[..., 3] > 0) | (truths[0][..., 3] > 0) | (truths[1][..., 3] > 0)
+    one, other = ((measures.shown(picture) - measures.shown(true))[here] for true in truths)
+    return float(np.sqrt((one * other).mean()))
 
 
 @pytest.fixture
@@ -53,27 +66,61 @@ def quiet(*arguments, **options):
 def test_the_ladder():
     """It goes up, and the presets are rungs of it; what is fitted is of each rung."""
     assert len(set(budget.LADDER)) == len(budget.LADDER) == len(budget.COSTS) == len(budget.ERRORS)
-    assert sorted(budget.COSTS) == budget.COSTS and budget.COSTS[0] == 1
     assert list(clfur.PRESETS) == ["draft", "sketch", "preview", "final", "reference"]
     places = [budget.LADDER.index(settings) for settings in clfur.PRESETS.values()]
     assert places == sorted(places)
-    typical = budget.predicted(0.3, 4)
-    assert all(0.01 < finer <= 1.02 * coarser < 0.2 for coarser, finer in itertools.pairwise(typical))
+    for width, covered in itertools.product((0.2, 0.3, 1), (2, 4, 8)):
+        costs, errors = budget.predicted(width, covered)
+        assert costs[0] == 1
+        if width < 1:   # lod, the third, is for thin strands
+            assert all(0.005 < finer < 1.02 * coarser < 0.2 for coarser, finer in itertools.pairwise(errors))
+        of_presets = [(costs[place], errors[place]) for place in places]
+        assert all(one[0] < other[0] and one[1] > other[1] for one, other in itertools.pairwise(of_presets))
+    deep = clfur.PRESETS["reference"]
+    assert (deep.shadows, deep.masks) == ("deep", 4) and budget.predicted(0.3, 4)[1][-1] < 0.015
+
+
+@pytest.mark.parametrize("fur, left_out", [("strands", 0), ("curves", 0), ("none", 0), ("both", 1), ("shells", 1)])
+def test_what_a_scene_refuses_is_no_rung(sphere, fur, left_out, monkeypatch):
+    """Of the others each keeps what is predicted of it; one that is no cheaper than a finer one is left out too."""
+    every, furry = len(budget.LADDER), scene(sphere, fur)
+    count = np.arange(1, every + 1)
+    monkeypatch.setattr(budget, "predicted", lambda *_: (count, 1 / count))
+    kept = budget.ladder(Rig.of(furry))
+    assert [rung.cost for rung in kept] == list(range(1, every + 1 - left_out))
+    assert [rung.error for rung in kept] == [1 / rung.cost * (fur not in ("none", "shells")) for rung in kept]
+    assert kept[-1].settings.shadows == ("length" if left_out else "deep")
+    monkeypatch.setattr(budget, "predicted", lambda *_: (np.array([1, 2, 5, 3, 4, 6, 7, 9, 8]), 1 / count))
+    assert [rung.cost for rung in budget.ladder(Rig.of(furry))] == [1, 2, 3, 4, 6, 7, 9 if left_out else 8]
+    for settings in budget.LADDER:
+        why = budget.refused(furry, settings)
+        assert bool(why) == (left_out and settings.shadows == "deep") and (not why or "the scene has shells" in why)
+
+
+def test_what_no_frame_shows_is_not_told(gpu, sphere, monkeypatch):
+    """Of settings that were only tried no warning comes: of the picture alone."""
+    monkeypatch.setattr(Plan, "warnings", property(lambda plan: ["deep"] * (plan.settings.shadows == "deep")))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert clfur.draw(scene(sphere), gpu, clfur.Settings(max_error=0.3)).settings.shadows == "length"
+    with pytest.warns(RuntimeWarning, match="deep") as told:
+        clfur.draw(scene(sphere), gpu, clfur.Settings(seconds=1e3))
+    assert len(told) == 1
 
 
 def test_max_error(gpu, sphere):
     """A smaller one is never cheaper, the picture is that of the settings chosen, and it errs as Frame.error says."""
     furry = scene(sphere)
-    true, places, errors = truth.picture(furry, samples=6), [], []
+    truths, places, errors = [truth.picture(furry, 6, seed) for seed in (0, 1)], [], []
     for goal in GOALS:
         drawn = quiet(furry, gpu, clfur.Settings(max_error=goal))
         places.append(place_of(drawn.settings, furry))
         errors.append(drawn.error)
         assert drawn.settings.goal is None and drawn.why
         assert np.array_equal(drawn.images["color"], clfur.render(furry, gpu, drawn.settings))
-        error = measures.error(drawn.images["color"], true)
+        error = error_of(drawn.images["color"], truths)
         assert 0.6 * drawn.error < error < 1.15 * drawn.error
-        assert drawn.error <= goal or drawn.settings == budget.ladder(Rig.of(furry))[-1]
+        assert drawn.error <= goal or drawn.settings == rungs(furry)[-1]
     assert places == sorted(places) and places[0] == 0 and len(set(places)) >= 3
     assert errors == sorted(errors, reverse=True)
 
@@ -112,10 +159,10 @@ def test_it_cannot_be_had(gpu, sphere):
     furry = scene(sphere)
     with pytest.warns(UserWarning, match=r"^Settings.max_error is 1e-06, but the best there is errs by about 0\.0\d+$"):
         drawn = clfur.draw(furry, gpu, clfur.Settings(max_error=1e-6))
-    assert drawn.settings == budget.ladder(Rig.of(furry))[-1] and drawn.error > 1e-6
+    assert drawn.settings == rungs(furry)[-1] and drawn.error > 1e-6
     with pytest.warns(UserWarning, match="^Settings.seconds is 1e-09, but the fastest frame there is takes "):
         drawn = clfur.draw(furry, gpu, clfur.Settings(seconds=1e-9))
-    assert drawn.settings == budget.ladder(Rig.of(furry))[0]
+    assert drawn.settings == rungs(furry)[0]
     with pytest.warns(UserWarning, match="^Settings.seconds is 1e-09, .*; Settings.max_error is 1e-06, but the best"):
         clfur.draw(furry, gpu, clfur.Settings(seconds=1e-9, max_error=1e-6))
     with warnings.catch_warnings():
@@ -127,8 +174,8 @@ def test_it_cannot_be_had(gpu, sphere):
 def test_seconds(gpu, sphere, monkeypatch, seconds, place):
     """The dearest that its own time allows, with max_error too; a wrong prediction only costs a try."""
     furry, goal = scene(sphere), clfur.Settings(seconds=seconds)
-    rungs, times = budget.ladder(Rig.of(furry)), [0.1, 0.3, 0.4, 0.5, *[9] * 9]
-    monkeypatch.setattr(budget, "_time", lambda team, rung, draw: times[rungs.index(rung)])
+    times = [0.1, 0.3, 0.4, 0.5, *[9] * 9]
+    monkeypatch.setattr(budget, "_time", lambda team, settings, draw: times[place_of(settings, furry)])
     drawn = quiet(furry, gpu, goal)
     assert place_of(drawn.settings, furry) == place and drawn.why.startswith(f"its frame took {times[place]:g} s of")
     assert drawn.error == quiet(furry, gpu, goal).error > 0
@@ -167,7 +214,7 @@ def test_bands_lie_on_the_fur(sphere):
 def test_cells_are_no_finer_than_strands(sphere):
     def grids(width):
         hair = clfur.HairType(width=width, segments=1, segment_length=1)
-        return {rung.grid for rung in budget.ladder(Rig.of(clfur.Scene(mesh=sphere, fur=clfur.Strands(types=[hair]))))}
+        return {each.grid for each in rungs(clfur.Scene(mesh=sphere, fur=clfur.Strands(types=[hair])))}
     assert grids(0.001) == grids(0) == {rung.grid for rung in budget.LADDER} and max(grids(0.001)) == 256
     assert grids(0.05) == {48, 64, 96, 128}   # 2 times a radius of 2 / (0.6 * 0.05) = 135
     assert grids(1) == {16}
@@ -179,11 +226,11 @@ def test_a_small_device(another, sphere):
     drawn = quiet(scene(sphere), small, clfur.Settings(max_error=0.06))
     assert drawn.memory <= 12 << 20 and drawn.error <= 0.06
     with pytest.raises(clfur.Error, match="Settings.grid 256"):
-        clfur.draw(scene(sphere), small, budget.LADDER[-1])
+        clfur.draw(scene(sphere), small, attrs.evolve(budget.LADDER[4], grid=256))
 
 
 @pytest.mark.parametrize("name, value", [("samples", 1), ("raster", "samples"), ("shadows", "off"), ("grid", 64),
-                                         ("shadow_map", 64), ("pcf", 0), ("lod", 1.0)])
+                                         ("shadow_map", 64), ("pcf", 0), ("masks", 4), ("lod", 1.0)])
 def test_what_is_chosen_cannot_be_given(name, value):
     assert name in CHOSEN
     for goal in ("max_error", "seconds"):

@@ -82,7 +82,8 @@ def test_max_error(clfur):
 def test_budget(clfur, tmp_path):
     code, out, err = clfur("render", "sphere", *FURRY, "--budget", "100", "--json")
     result = json.loads(out)
-    assert (code, err) == (0, "") and result["why"].startswith("its frame took 0.") and result["settings"]["grid"] > 100
+    assert (code, err) == (0, "") and result["why"].startswith("its frame took 0.")
+    assert result["settings"]["shadows"] == "deep"
     code, out, err = clfur("render", "sphere", *FURRY, "--budget", "1e-6", "--json")
     assert code == 0 and json.loads(out)["settings"]["samples"] == 1
     assert err.startswith("clfur: warning: Settings.seconds is 1e-06, but the fastest") and err.count("\n") == 1
@@ -195,6 +196,9 @@ def test_scene_file_with_settings_and_no_mesh(clfur, tmp_path):
     ("def f():\n    return 1 / 0\n\nf()", [], ["fur.py, line 2: ZeroDivisionError: division by zero"]),
     ("x = 1\nscene = (", [], ["fur.py, line 2: SyntaxError: '(' was never closed"]),
     ("x = 1\nimport sys; sys.exit('bye')", [], ["fur.py, line 2: SystemExit: bye"]),
+    ("import clfur\nclfur.Light(dirction=(0, 0, 1))", [], [
+        "fur.py, line 2: TypeError: ", "keyword argument 'dirction'", "allowed: direction, color, ambient, position"]),
+    ("class Light:\n    pass\nLight(dirction=3)", [], ["fur.py, line 3: TypeError: Light() takes no arguments\n"]),
     ("x = 1\nimport nowhere", [], ["fur.py, line 2: ModuleNotFoundError: No module named 'nowhere'"]),
     (None, [], ["fur.py: no such file"]),
 ])
@@ -262,7 +266,7 @@ def test_faces_that_are_inside_out_or_doubled_are_told(clfur, tmp_path):
     (["render", "sphere", "--type-map", "map.png"], ["--types"]),
     (["render", "sphere", "--types", "types.json"], ["types.json"]),
     (["render", "sphere", "--preset", "best"], ["--preset", "draft", "reference"]),
-    (["render", "sphere", "--max-error", "0"], ["--max-error", "x>0"]),
+    (["render", "sphere", "--max-error", "0"], ["--max-error", "above 0"]),
     (["render", "sphere", "--max-error", "0.1", "--samples", "4"], ["--max-error chooses what --samples sets"]),
     (["render", "sphere", "--raster", "samples", "--budget", "1"], ["--budget chooses what --raster sets"]),
     (["render", "sphere", "--budget", "1", "--max-error", "0.1", "--lod", "0"], ["--budget", "--lod"]),

@@ -123,18 +123,30 @@ def test_preset():
     assert load("sphere", "--grid", 96, "--preset", "final")[1].grid == 96   # also where it is the default's
 
 
+def test_a_preset_that_the_scene_refuses():
+    """The next below is taken, and told; options beside it still count."""
+    with pytest.warns(UserWarning, match="^--preset reference: Settings.shadows is 'deep', but the scene has shells; "
+                                         "drawn with 4 samples, coverage, length 32, masks 4, blur all$"):
+        taken = load("sphere", "--fur", "both", "--preset", "reference", "--grid", 32, "--blur", "all")[1]
+    assert taken == Settings(grid=32, masks=4, blur="all")
+    beside = load("sphere", "--preset", "reference", "--scattering", "grid")[1]   # which no preset mends
+    assert beside == attrs.evolve(PRESETS["reference"], scattering="grid")
+
+
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
            "--types": "a.json", "--curl": "0,0", "--look": "chiang", "--wave": "0,0", "--raster": "samples",
-           "--lod": 0.5, "--masks": 0, "--scattering": "off"}
+           "--lod": 0.5, "--tip-width": 1, "--root-color": "1,1,1", "--tip-color": "1,1,1",
+           "--masks": 0, "--scattering": "off", "--hair": "a.npz"}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 1, "--noise": "0.5,8",
           "--wind": "0,0,0", "--time": 0, "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
           "--segments": 1, "--force": "0,0,0", "--force-weight": 1, "--seed": 1, "--eye": "9,9,9",
-          "--target": "0,0,0", "--fov": 30, "--light": "0,-1,0", "--shadows": "off", "--grid": 16, "--samples": 1,
+          "--target": "0,0,0", "--fov": 30, "--zoom": 2, "--light": "0,-1,0", "--shadows": "off",
+          "--grid": 16, "--samples": 1,
           "--shadow-map": 64, "--pcf": 0,
           "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
           "--preset": "draft", "--rest": "sphere", "--body": "holdout", "--body-color": "1,0,0", "--body-texture": "",
-          "--ground": -1.5, "--sky": "1,1,1"}
+          "--ground": -1.5, "--view": "front", "--sky": "1,1,1"}
 
 
 def test_each_option_is_of_strands_or_of_shells_or_of_both():
@@ -143,10 +155,10 @@ def test_each_option_is_of_strands_or_of_shells_or_of_both():
     for fur in ("strands", "shells"):
         alone = {"strands": STRANDS, "shells": SHELLS}[fur]
         for flag, value in ({**alone, **SHARED, "--fur": fur}).items():
-            if flag not in ("--type-map", "--types", "--body-texture"):
+            if flag not in ("--type-map", "--types", "--body-texture", "--hair"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
-    for flag in "--type-map", "--types", "--body-texture":
+    for flag in "--type-map", "--types", "--body-texture", "--hair", "--view":   # an eye is given too
         del everything[flag]
     load("sphere", *(part for option in everything.items() for part in option))
 
@@ -312,3 +324,119 @@ def test_lights_of_the_command():
     assert (point.ambient, spot.ambient, spot.angle, spot.shadows) == (0, .2, 40, False)
     assert spot.color.tolist() == [3, 2, 1]
     assert len(lights()) == 1 and np.allclose(lights()[0].direction, np.array([1, -1, -.6]) / np.sqrt(2.36))
+
+
+def test_a_grounds_shadow_is_framed_where_no_camera_is_given():
+    """Another camera stands where it does without a ground."""
+    def pose(*given):
+        return load("sphere", *given)[0].camera.pose
+    assert np.abs(pose("--ground", "lowest") - pose()).max() > .1
+    for given in ("--eye", "0,1,5"), ("--target", "0,.5,0"):
+        np.testing.assert_array_equal(pose("--ground", "lowest", *given), pose(*given))
+
+
+def test_a_spot_without_a_direction_looks_at_the_mesh(tmp_path):
+    """At the middle of it, wherever that is; another direction counts more."""
+    (tmp_path / "m.obj").write_text("v 7 0 0\nv 9 0 0\nv 7 4 0\nv 7 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    mesh = load_mesh(tmp_path / "m.obj")
+
+    def spot(text):
+        return load(tmp_path / "m.obj", "--light", text)[0].lights[0]
+    ways = [spot(f"spot position={x},9,{x}").direction for x in (-3, 5)]
+    for x, way in zip((-3, 5), ways):
+        to = mesh.bounds[0] - (x, 9, x)
+        np.testing.assert_allclose(way, to / np.linalg.norm(to), atol=1e-12)
+    assert spot("spot position=1,9,1 direction=0,0,3").direction.tolist() == [0, 0, 1]
+    middle = ",".join(map(repr, mesh.bounds[0].tolist()))
+    with pytest.raises(Error, match="light spot stands in the mesh's middle.*allowed: direction=X,Y,Z"):
+        spot(f"spot position={middle}")
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (["--light", "spot position=0,3,0 angle=40 angle=50"], "'--light': light spot has angle twice; allowed: each"),
+    (["--light", "sun direction=0,0,1 direction=0,0,1"], "'--light': light sun has direction twice"),
+    (["--look", "chiang:tilt=3,tilt=4"], "'--look': look chiang has tilt twice; allowed: each field once"),
+    (["--types", "twice.json"], "--types: twice.json is not JSON: 'segments' is there twice in an object")])
+def test_what_is_said_twice(clfur, tmp_path, arguments, words):
+    (tmp_path / "twice.json").write_text('[{"segments": 3, "color": [1, 0, 0], "segments": 4}]')
+    wrong(clfur("render", "sphere", *arguments), words)
+    assert [file.name for file in tmp_path.iterdir()] == ["twice.json"]
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (["--body-texture", "no.png"], "--body-texture: no.png: no such file"),
+    (["--background", "no.png"], "--background: no.png: no such file"),
+    (["--type-map", "no.png", "--types", "plain.json"], "--type-map: no.png: no such file"),
+    (["--types", "no.json"], "--types: no.json: No such file"), (["--types", "."], "--types: .: is a"),
+    (["--rest", "no.obj"], "--rest: no.obj: no such file"),
+    (["--rest", "teapot"], "--rest: Strands.rest has 6,320 faces"),
+    (["--sky", "no.hdr"], "'--sky': no.hdr: no such file"), (["--sky", ""], "'--sky': '' is neither"),
+    (["--sky", "nan,1,1"], "'--sky': 'nan,1,1' is neither"),
+    (["--sky", "1e12,0,0"], "'--sky': '1e12,0,0' is neither a colour, R,G,B of 0 to 1e+09 each"),
+    (["--length", "nan"], "--length: HairType.segment_length is nan"),
+    (["--fur", "shells", "--length", "0"], "--length: Shells.length is 0.0"),
+    (["--variation", "nan"], "--variation: HairType.length_variation is nan"),
+    (["--fov", "nan"], "--fov: frame fov is nan"), (["--eye", "nan,0,0"], "--eye: Camera.eye is "),
+    (["--force", "nan,0,0"], "--force: Strands.force is "), (["--seed", "-1"], "--seed: Strands.seed is -1"),
+    (["--masks", "3"], "--masks: Settings.masks is 3"), (["--budget", "nan"], "--budget: Settings.seconds is nan"),
+    (["--scattering", "grid"], "--scattering: Settings.scattering is 'grid', but the look of hair is kajiya-kay"),
+    (["--light", "point position=0,0,0"], "--light: Light.position is "),
+    (["--body-texture", "white.png"], "--body-texture: Scene.body_color has a texture, which is laid on by uv"),
+    (["--types", "types.json"], "--types: types.json, type 0: HairType.segments is 'a'"),
+    (["--types", "keys.json", "--type-map", "white.png"], "--types: HairType.key (0, 0, 0) is that of more than one"),
+    (["--target", "nan,0,0"], "--target: Camera.target is (nan, 0.0, 0.0)"),
+    (["--segments", "1.5"], "'--segments': '1.5' is not a whole number from 0 to 255"),
+    (["--segments", "256"], "'--segments': '256' is not a whole number from 0 to 255"),
+    (["--seed", "x"], "'--seed': 'x' is not a valid integer"),
+    (["--force-weight", "x"], "'--force-weight': 'x' is not a valid float"),
+    (["--alpha", "1.5"], "'--alpha': '1.5' is not a number from 0 to 1"),
+    (["--max-error", "0"], "'--max-error': '0' is not a number above 0\n"),
+    (["--fur", "shells", "--density", "2"], "'--density': '2' is not a number above 0 and at most 1"),
+    (["--width", "-1"], "'--width': '-1' is not a number from 0\n"),
+    (["--background", ""], "--background: .: is a folder"),
+    (["-o", ""], "save path is '.'; allowed: a file's name")])
+def test_an_error_begins_with_the_option(clfur, tmp_path, arguments, words):
+    """Whose value is wrong, or whose file; the field of Python's follows."""
+    (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")   # without uv
+    (tmp_path / "types.json").write_text('[{"segments": "a"}]')
+    (tmp_path / "plain.json").write_text("[{}]", encoding="utf-16")
+    (tmp_path / "keys.json").write_text('[{"key": [0, 0, 0]}, {"key": [0, 0, 0]}]')
+    save(tmp_path / "white.png", np.ones((1, 1, 3)))
+    before = sorted(tmp_path.iterdir())
+    mesh = "m.obj" if "white.png" in arguments else "sphere"
+    *_, err = result = clfur("render", mesh, "--size", "16x12", *arguments)
+    wrong(result, words)
+    assert err.removeprefix("clfur: error: ").removeprefix("Invalid value for ").startswith(words)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_an_error_of_a_field_that_no_option_has_set(clfur, tmp_path):
+    """It begins with the field: --grid has no part in it."""
+    (tmp_path / "fur.py").write_text("import clfur\nscene = clfur.Scene(clfur.load_mesh('sphere'), clfur.Shells())\n"
+                                     "settings = clfur.Settings(shadows='deep')")
+    wrong(clfur("render", "fur.py"), "clfur: error: Settings.shadows is 'deep', but the scene has shells")
+
+
+@pytest.mark.parametrize("view, towards", [
+    ("front", (0, 0, 1)), ("back", (0, 0, -1)), ("left", (-1, 0, 0)), ("right", (1, 0, 0)), ("top", (0, 1, 0)),
+    ("90,0", (1, 0, 0)), ("0,-90", (0, -1, 0)), ("-45,0", (-.5**.5, 0, .5**.5))])
+def test_views(view, towards):
+    """All of the mesh is in the picture, from there; its middle stays when it is enlarged."""
+    scene, _ = load("sphere", "--view", view)
+    eye = scene.camera.pose[:3, 3]
+    np.testing.assert_allclose(eye / np.linalg.norm(eye), towards, atol=1e-3)   # it is centred exactly
+    near, _ = load("sphere", "--view", view, "--zoom", 3)
+    np.testing.assert_array_equal(near.camera.pose, scene.camera.pose)
+    assert near.camera.intrinsics[1, 1] == pytest.approx(3 * scene.camera.intrinsics[1, 1])
+
+
+@pytest.mark.parametrize("arguments, says", [
+    (["--view", "side"], "'side' is none of 34, front, back, left, right, top, nor AZIMUTH,ELEVATION in degrees"),
+    (["--view", "0,91"], "-90 to 90"), (["--view", "nan,0"], "none of"), (["--zoom", "0"], "--zoom"),
+    (["--view", "top", "--eye", "0,9,0"], "--view places the camera, and so does --eye; allowed: one of them")])
+def test_views_that_are_none(clfur, arguments, says):
+    wrong(clfur("render", "sphere", *arguments), says)
+
+
+def test_skin_is_as_the_hair_but_darker():
+    assert load("sphere", "--color", "1,.5,.25")[0].body_color == pytest.approx((.6, .3, .15))

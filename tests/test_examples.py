@@ -15,8 +15,8 @@ SMALLER = {"curves": {"strands": 200, "points": 8}, "turntable": {"frames": 2}, 
            "budget": {"max_error": .3, "seconds": 5.0}}
 
 
-def test_there_are_ten():
-    assert len(EXAMPLES) >= 10 and set(SMALLER) <= {path.stem for path in EXAMPLES}
+def test_there_are_thirteen():
+    assert len(EXAMPLES) >= 13 and set(SMALLER) <= {path.stem for path in EXAMPLES}
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)

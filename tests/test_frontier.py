@@ -17,11 +17,11 @@ WAYS = [clfur.Settings(samples=1, shadows="off"), clfur.Settings(), clfur.Settin
 TIMED = {"times", "seconds", "best"}
 
 
-def like_truth(scene, samples, seed=0, progress=None):
+def like_truth(scene, samples, seed=0, progress=None, orders=0):
     """In place of `clfur.truth.picture`."""
     if progress:
         progress(0.5)
-    return clfur.render(scene, settings=clfur.Settings(samples=4))
+    return clfur.render(scene, settings=clfur.Settings(samples=4, scattering="grid" if orders else "off"))
 
 
 @pytest.fixture(scope="module")
@@ -161,6 +161,18 @@ def test_own_settings(sphere, drawn):
     assert {point.name for point in found.points} == {"", "default, own"} and len(found.points) == 3
 
 
+def test_light_from_hair_to_hair_is_in_the_truth_where_it_is_asked_for(sphere):
+    """And is kept apart from the truth without."""
+    kind = clfur.HairType(look=clfur.Chiang(), color=(.9, .9, .9), alpha=0)
+    furry = scene(sphere, clfur.Strands(inner=1, outer=1, roots=200, types=[kind]), body_color=None)
+    ways = [clfur.Settings(), clfur.Settings(scattering="grid")]
+    both = library.frontier(furry, ways, repeat=1, pan=False)
+    alone = library.frontier(furry, ways[:1], repeat=1, pan=False)
+    errors = {point.settings.scattering: point.error for point in both.points}
+    assert both.truth == "brute force, light from hair to hair" and alone.truth == "brute force"
+    assert errors["grid"] < .5 * errors["off"] and alone.points[0].error < .5 * errors["off"]
+
+
 def test_without_a_pan(sphere, drawn):
     found = clfur.frontier(scene(sphere), WAYS[:1], repeat=1, pan=False)
     assert found.points[0].flicker is None and len(drawn) == 1 + 2
@@ -216,10 +228,21 @@ def test_sweep(sphere, fur):
     assert {layers for _, layers in ways} == ({8, 15, 30, 60} if fur in ("shells", "both") else {None})
     assert {settings.grid for settings, _ in ways} == (
         {96} if fur == "none" else {32, 48, 64, 96, 128} | (
-            {settings.grid for settings in clfur.PRESETS.values()} if fur in ("strands", "both") else set()))
+            {160, 256} if fur in ("strands", "both") else set()))
     named = {settings for settings, _ in ways} & {*clfur.PRESETS.values()}
-    assert len(named) == (len(clfur.PRESETS) if fur in ("strands", "both") else 0)
+    assert len(named) == {"strands": 5, "both": 4}.get(fur, 0)   # shells refuse "deep"
+    assert {(settings.shadows, settings.masks) for settings, _ in ways if settings.masks} == {
+        "strands": {("length", 4), ("deep", 4)}, "both": {("length", 4)}}.get(fur, set())
     assert {settings.filtered for settings, _ in ways} == ({True, False} if fur in ("shells", "both") else {True})
+
+
+def test_sweep_takes_light_from_hair_to_hair_where_looks_allow_it(sphere):
+    kajiya, chiang = (clfur.HairType(look=look) for look in (clfur.Kajiya(), clfur.Chiang()))
+    points = np.random.default_rng(1).normal(size=(2, 4, 3))
+    for types, there in (([kajiya], False), ([chiang], True), ([kajiya, chiang], False)):
+        furry = scene(sphere, clfur.Curves(points, types=types, type_of=[0, len(types) - 1]))
+        assert any(settings.scattering == "grid" for settings, _ in sweep(furry)) == there
+    assert not any(settings.scattering == "grid" for settings, _ in sweep(scene(sphere, "none")))
 
 
 def test_sweep_takes_the_knobs_that_matter(sphere):

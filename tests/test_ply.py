@@ -156,7 +156,7 @@ def test_lists_of_any_length_come_back(rows, form):
     order = reader.ORDERS[form]
     if form == "ascii":
         data, element = reader._numbers(data), reader._as_doubles(element)
-    table, end = reader._rows(data, 0, element, order)
+    table, end = reader._rows(data, 0, element, order, reader.WANTED)
     assert end == len(data) - (form != "ascii")
     lengths, values = table["vertex_indices"]
     assert lengths.tolist() == [len(row[0]) for row in rows]

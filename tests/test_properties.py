@@ -99,16 +99,16 @@ def test_rows_to_be_timed_are_in_the_picture(height, eye):
     assert len(rows) <= max(.1 * height + budget.BANDS / 2, budget.BANDS)
 
 
-@given(st.lists(st.floats(0, 1), min_size=len(budget.COSTS), max_size=len(budget.COSTS)), st.floats(0, 1))
-def test_the_fastest_is_found_on_the_way_down(times, seconds):
+@given(st.lists(st.tuples(st.floats(0, 1), st.floats(1, 9)), min_size=1, max_size=9), st.floats(0, 1))
+def test_the_fastest_is_found_on_the_way_down(rungs, seconds):
     """It asks for each time once, and never for a dearer one than before."""
-    asked = []
+    asked, ladder = [], [budget.Rung(place, cost, 0) for place, (_, cost) in enumerate(rungs)]
 
     def time(rung):
-        asked.append(rung)
-        return times[rung]
-    place, took = budget.fastest(list(range(len(times))), seconds, time)
-    assert took == times[place] and (took <= seconds or place == 0)
+        asked.append(rung.settings)
+        return rungs[rung.settings][0]
+    place, took = budget.fastest(ladder, seconds, time)
+    assert took == rungs[place][0] and (took <= seconds or place == 0)
     assert asked[1:] == sorted(asked[1:], reverse=True) and len(set(asked)) == len(asked)
 
 

@@ -53,8 +53,14 @@ def test_hdr(tmp_path, pixels, runs):
 
 
 def test_exr(tmp_path, pixels):
+    import OpenEXR
     clfur.save(tmp_path / "a.exr", pixels.astype(np.float32))
     np.testing.assert_array_equal(load_picture(tmp_path / "a.exr"), pixels.astype(np.float32))
+    for number, header in enumerate([{"lineOrder": OpenEXR.DECREASING_Y}, {"compression": OpenEXR.PIZ_COMPRESSION},
+                                     {"type": OpenEXR.tiledimage, "tiles": OpenEXR.TileDescription()}]):
+        with OpenEXR.File({"type": OpenEXR.scanlineimage} | header, {"RGB": pixels.astype(np.float32)}) as file:
+            file.write(str(tmp_path / f"{number}.exr"))
+        np.testing.assert_array_equal(load_picture(tmp_path / f"{number}.exr"), pixels.astype(np.float32))
     clfur.save(tmp_path / "y.exr", {"Y": pixels[:, :, 0].astype(np.float32), "Z": pixels[:, :, 1]})
     grey = np.repeat(pixels[:, :, :1], 3, 2).astype(np.float32)
     np.testing.assert_array_equal(load_picture(tmp_path / "y.exr"), grey)
@@ -75,7 +81,7 @@ def test_bad_files_are_told_in_one_line(tmp_path, pixels):
         (whole.replace(b"-Y 9", b"-Y 99999"), "cut off or damaged"),
         (hdr(pixels, head=b"EXPOSURE=0\n"), "EXPOSURE"), (hdr(pixels, head=b"EXPOSURE=nan\n"), "EXPOSURE"),
         (hdr(np.full((2, 3, 3), 1e25), False, b"EXPOSURE=1e-19\n"), "EXPOSURE"),
-        (exr[:-100], "cannot be read"), (exr[:60], "cannot be read"),
+        (exr[:-100], "is EXR that is cut off"), (exr[:60], "is EXR that is cut off"),
     ]:
         (tmp_path / "bad").write_bytes(data)
         with pytest.raises(Error, match=f"bad: .*{words}") as caught:

@@ -53,6 +53,20 @@ def test_transmittances_are_the_twins(gpu, n, settings, lights):
     assert there.shape == (len(lights), len(strands.points)) and ((meant > 0) & (meant < .9)).any()
 
 
+@pytest.mark.parametrize("kind, n", [pytest.param("strand", 4, marks=pytest.mark.small), ("grown", 0), ("strand", 300)])
+def test_transmittances_of_ends_are_those_of_points(gpu, kind, n):
+    """The same bits."""
+    scene = furry(kind, n, light=[SPOT, LIGHT])
+    strands = strands_of(gpu, scene)
+    lighting = cast_shadows(gpu, scene, clfur.Settings(grid=16, shadow_map=16), strands, tessellate(gpu, scene.mesh))
+    spans = on_host(strands).spans
+    starts = np.concatenate([first + np.arange(points - 1) for first, points in spans])[::-2].astype(np.uint32)
+    ends = strand_light.transmittance(gpu, strands, lighting, gpu.upload(starts | np.uint32(1 << 31))).get()
+    there = strand_light.transmittance(gpu, strands, lighting).get()
+    np.testing.assert_array_equal(ends.reshape(2, -1, 2), np.stack([there[:, starts], there[:, starts + 1]], 2))
+    assert (ends < .9).any()
+
+
 @pytest.mark.parametrize("kind, form, n, shadowed", [
     pytest.param("point", "kajiya-kay", 4, True, marks=pytest.mark.small), ("all", "kajiya-kay", 60, False),
     ("strand", "half-vector", 60, True), ("grown", "kajiya-kay", 0, True)])

@@ -2,19 +2,25 @@
 
 import io
 import time
+from pathlib import Path
 
 import numpy as np
 
 import clfur
 from clfur import cache, measures, truth
+from clfur.device.scheduler import kernel_dir
 from clfur.judge.frontier import digest
 from clfur.scene import frame
 
 SAMPLES = 6   # of each of two truths, squared, a pixel
 
 
-def furry(mesh, strands, pixels, length, away=1.0, size=(160, 120), light=(1, -1, -0.6), segments=8, **hair):
-    """A mesh with so many strands, so many pixels wide, so long (in its radii), as much further than fits."""
+def furry(mesh, strands, pixels, length, away=1.0, size=(160, 120), light=(1, -1, -0.6), segments=8, environment=None,
+          **hair):
+    """A mesh with so many strands, so many pixels wide, so long (in its radii), as much further than fits.
+
+    ``light``: a direction, or what `clfur.Scene` takes.
+    """
     mesh = clfur.load_mesh(mesh) if isinstance(mesh, str) else mesh
     center, radius = mesh.bounds
 
@@ -28,7 +34,8 @@ def furry(mesh, strands, pixels, length, away=1.0, size=(160, 120), light=(1, -1
     eye = near.target + away * (near.eye - near.target)
     camera = clfur.Camera(eye=eye, target=near.target, size=size)
     width = pixels * np.linalg.norm(eye - center) / camera.intrinsics[1, 1]
-    return clfur.Scene(mesh=mesh, fur=fur(width), camera=camera, light=clfur.Light(direction=light))
+    light = clfur.Light(direction=light) if isinstance(light[0], (int, float)) else light
+    return clfur.Scene(mesh=mesh, fur=fur(width), camera=camera, light=light, environment=environment)
 
 
 def truths_of(scene):
@@ -39,6 +46,14 @@ def truths_of(scene):
         np.save(stream, found)
         cache.write(file, stream.getvalue())
     return np.load(file)
+
+
+def sources():
+    """Hash of all that pictures and their times hang on."""
+    here = Path(clfur.__file__).parent
+    files = [file for name in ("scene", "device", "stages", "pipeline") for file in here.joinpath(name).rglob("*.py")]
+    files += [file for file in kernel_dir().iterdir() if file.suffix in (".cl", ".h")]
+    return digest([[file.name, file.read_bytes()] for file in sorted(files, key=str)])
 
 
 def error_of(picture, truths):

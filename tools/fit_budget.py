@@ -1,18 +1,20 @@
 """Fits what `clfur.budget` predicts to measured pictures, and writes clfur/fitted.py.
 
-    python tools/fit_budget.py            measure (some ten minutes for the truths, which are kept), fit, write
+    python tools/fit_budget.py            measure (some minutes; what is measured is kept, scene by scene), fit, write
     python tools/fit_budget.py --dry      print only
 """
 
 import argparse
+import json
 import sys
 from pathlib import Path
 
 import numpy as np
-from budget_scenes import costs_of, error_of, furry, truths_of
+from budget_scenes import SAMPLES, costs_of, error_of, furry, sources, truths_of
 
 import clfur
-from clfur import budget, measures
+from clfur import budget, cache, measures, truth
+from clfur.judge.frontier import digest
 from clfur.pipeline.views import Rig
 
 PALE = {"color": (0.8, 0.75, 0.6), "light": (1, -0.2, 0.3)}
@@ -31,28 +33,47 @@ SCENES = {   # mesh, strands, width in pixels, length in radii
 
 
 def measured(scene, gpu, repeat):
-    """{what: of each rung} of a scene; also its features."""
-    truths, rungs = truths_of(scene), budget.ladder(Rig.of(scene))
-    frames = [clfur.draw(scene, gpu, rung) for rung in rungs]
-    finest, bands = frames[-1].images["color"], budget.bands(Rig.of(scene))
+    """{what: of each rung} of a scene, kept in the cache; also its features."""
+    known = digest(scene, budget.LADDER, SAMPLES, truth.VERSION, sources(), gpu.name)
+    file = cache.folder("budget") / f"{known[:32]}.json"
+    kept = json.loads(file.read_text()) if file.exists() else {"repeat": 0}
+    if kept["repeat"] < repeat:
+        kept = _measure(scene, gpu, repeat) | {"repeat": repeat}
+        cache.write(file, json.dumps(kept).encode())
+    return {what: np.array(value) for what, value in kept.items()}
 
-    def rows(picture):
-        return np.concatenate([picture[top:end] for top, end in bands])
+
+def _measure(scene, gpu, repeat):
+    rig, truths = Rig.of(scene), truths_of(scene)
+    rungs, bands = [rung.settings for rung in budget.suited(rig)], budget.bands(rig)
+    if len(rungs) < len(budget.LADDER):
+        raise SystemExit("a scene that is fitted must take all rungs")
+    frames = [clfur.draw(scene, gpu, rung) for rung in rungs]
+
+    def rows(frame):
+        return np.concatenate([frame.images["color"][top:end] for top, end in bands])
     return {
-        "error": np.array([error_of(frame.images["color"], truths) for frame in frames]),
-        "apart": np.array([measures.error(rows(frame.images["color"]), rows(finest)) for frame in frames]),
-        "cost": costs_of(scene, rungs, gpu, repeat),
-        "features": budget.features(Rig.of(scene), frames[-1].strands), "grid": rungs[-1].grid}
+        "error": [error_of(frame.images["color"], truths) for frame in frames],
+        "apart": [measures.error(rows(frame), rows(frames[-1])) for frame in frames],
+        "cost": costs_of(scene, rungs, gpu, repeat).tolist(),
+        "features": [float(each) for each in budget.features(rig, frames[-1].strands)], "grid": rungs[-2].grid}
 
 
 def fit(found):
-    """(costs, coefficients [rungs, 3] of log(error) by 1, log width, log cover) of `measured` scenes."""
+    """(coefficients [rungs, 3] of log(cost), those of log(error)) by 1, log width, log cover, of `measured` scenes."""
     known = np.array([[1, *np.log(each["features"])] for each in found])
-    wanted = np.log([each["error"] for each in found])
+    wanted = np.array([[np.log(each["cost"] / each["cost"][0]) for each in found],
+                       [np.log(each["error"]) for each in found]])
     ridge = np.diag([0, 0.3, 0.3])   # few scenes: what they leave open is taken to have no influence
-    coefficients = np.linalg.solve(known.T @ known + ridge, known.T @ wanted).T
-    costs = np.exp(np.mean([np.log(each["cost"] / each["cost"][0]) for each in found], 0))
-    return costs, coefficients
+    return np.linalg.solve(known.T @ known + ridge, known.T @ wanted).swapaxes(1, 2)
+
+
+def _listed(numbers):
+    return ", ".join(f"{each:.2f}" for each in numbers)
+
+
+def _rows(coefficients):
+    return "".join(f"    {[round(float(c), 3) + 0 for c in row]},\n" for row in coefficients)
 
 
 def main():
@@ -71,26 +92,33 @@ def main():
               f"   ms    {np.round(1e3 * each['cost'])}", flush=True)
     costs, coefficients = fit(found)
     known = np.array([[1, *np.log(each["features"])] for each in found])
-    predicted = np.exp(known @ coefficients.T)
+    taken, predicted = (np.exp(known @ each.T) for each in (costs, coefficients))
     errors, apart = np.array([each["error"] for each in found]), np.array([each["apart"] for each in found])
     estimated = np.hypot(apart, predicted[:, -1:])
-    for what, guess in ("predicted / measured", predicted), ("estimated / measured", estimated):
+    times = np.array([each["cost"] / each["cost"][0] for each in found])
+    for what, guess, right in (("error predicted / measured", predicted, errors),
+                               ("error estimated / measured", estimated, errors),
+                               ("time predicted / measured", taken, times)):
         print(what)
-        for name, row in zip(SCENES, guess / errors):
+        for name, row in zip(SCENES, guess / right):
             print(f"   {name:16} {np.round(row, 2)}")
-    residual, of_estimate = (np.log(guess / errors).std(0) for guess in (predicted, estimated))
-    print("residuals", np.round(residual, 2), "estimate's", np.round(of_estimate, 2))
+    residual, of_estimate, of_time = (np.log(each).std(0) for each in (
+        predicted / errors, estimated / errors, taken / times))
+    print("residuals", np.round(residual, 2), "estimate's", np.round(of_estimate, 2), "time's", np.round(of_time, 2))
     widths, covers = np.exp(known[:, 1:]).T
     text = f'''"""What `clfur.budget` predicts by; tools/fit_budget.py has fitted it to {len(found)} scenes.
 
-COSTS: CPU time of each of `budget.LADDER`, in cheapest ones.  ERRORS: coefficients of 1, log(width of a strand in
-pixels) and log(strands that cover a pixel) for log(error) of each; the residuals' standard
-deviations are {", ".join(f"{each:.2f}" for each in residual)}.  RANGES: widths and covers that were fitted.
+COSTS and ERRORS: coefficients of 1, log(width of a strand in pixels) and log(strands that cover a pixel) for log(CPU
+time in that of the first) and log(error) of each of `budget.LADDER`; standard deviations of the residuals:
+{_listed(of_time)};
+{_listed(residual)}.
+RANGES: widths and covers that were fitted.
 """
 
-COSTS = {[round(float(cost), 2) for cost in costs]}
+COSTS = [
+{_rows(costs)}]
 ERRORS = [
-{"".join(f"    {[round(float(c), 3) for c in row]},{chr(10)}" for row in coefficients)}]
+{_rows(coefficients)}]
 RANGES = ({widths.min():.2g}, {widths.max():.2g}), ({covers.min():.2g}, {covers.max():.2g})
 '''
     if arguments.dry:

@@ -108,6 +108,7 @@ SHINY = clfur.Kajiya(specular=.6, exponent=25)
 REPORTS = clfur.Kajiya(specular=.6, exponent=25, highlight="half-vector")
 BLOND = clfur.Chiang(eumelanin=.2, pheomelanin=.4)
 DARK, SKY = clfur.Light(color=(0, 0, 0)), clfur.Environment([(.4, .8, 2), (1.5, 1.1, .8), (.3, .2, .1)])
+DIM = clfur.Environment([(.1, .2, .5), (.4, .3, .2), (.1, .07, .03)])
 TEXTURE = np.array([(.7, .3, .02), (.02, .1, .6)])[np.indices((6, 12)).sum(0) % 2]
 
 BLOWN = shells(length=.9, frequency=5, density=.4, noise=(0, 8), wind=(2.5, 0, 0), time=.2)
@@ -131,6 +132,8 @@ PICTURES = {
     "highlight": (lambda: scene(grown(types=hair(look=SHINY)), light=(-.3, -1, -.8)), {}),
     "half-vector": (lambda: scene(grown(types=hair(look=REPORTS)), light=(-.3, -1, -.8)), {}),
     "chiang": (lambda: scene(grown(types=hair(look=BLOND)), light=(-.6, -.7, .6)), {}),
+    "scattering": (lambda: scene(grown(types=hair(look=BLOND, alpha=0)), body=(.8, .1, .1), light=(-.6, -.7, .6),
+                                 environment=DIM), {"scattering": "grid"}),
     "sky": (lambda: scene(grown(types=hair(color=(.8, .8, .8))), light=DARK, environment=SKY), {}),
     "no-shadows": (lambda: scene(grown()), {"shadows": "off"}),
     "lod": (lambda: scene(grown(), eye=(1.2, 1.35, 3.9)), {"lod": 4}),

@@ -259,14 +259,19 @@ def escaped(runs):
     launched = {(name, wide) for run in runs for name, wide in run.launched}
     missing = []
     for path in sorted((ROOT / "cl").glob("*.cl")):
-        text = re.sub(r"/\*.*?\*/|//[^\n]*", "", path.read_text(encoding="utf-8"), flags=re.S)
-        for kernel in re.findall(r"__kernel\b[^(]*?\bvoid\s+(\w+)", text):
+        text = _code(path)
+        headers = [_code(path.parent / name) for name in re.findall(r'#include "(\w+\.h)"', text)]
+        for kernel in re.findall(r"__kernel\b[^(]*?\bvoid\s+(\w+)", "\n".join([text, *headers])):
             if f"{path.stem}.{kernel}" in IN_LANES:
                 continue
             ways = {wide for name, wide in launched if name == f"{path.stem}.{kernel}"}
             for wide in {True, False} - ways if "INT64_ATOMICS" in text else [True] * (not ways):
                 missing.append(f"{path.stem}.{kernel}" + " without 64-bit atomics" * (not wide))
     return missing
+
+
+def _code(path):
+    return re.sub(r"/\*.*?\*/|//[^\n]*", "", path.read_text(encoding="utf-8"), flags=re.S)
 
 
 def main():

@@ -10,6 +10,7 @@ from . import endings
 from .chart import chart
 from .compare import compare
 from .devices import devices
+from .grow import grow_command
 from .render import render
 
 
@@ -26,6 +27,7 @@ clfur.add_command(render)
 clfur.add_command(chart)
 clfur.add_command(compare)
 clfur.add_command(devices)
+clfur.add_command(grow_command)
 
 
 def main(arguments=None):

@@ -1,11 +1,14 @@
 """What the commands that draw have in common: their options, and the scene that these or a file describe."""
 
 import contextlib
+import functools
 import json
 import math
+import re
 import runpy
 import sys
 import traceback
+import warnings
 from pathlib import Path
 
 import attrs
@@ -13,9 +16,12 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
+import clfur
+
 from .. import (
     PRESETS,
     Camera,
+    Chiang,
     Error,
     Ground,
     HairType,
@@ -27,10 +33,30 @@ from .. import (
     load_materials,
     load_mesh,
 )
+from ..budget import LADDER, refused
+from ..files.curves import curves_of
 from ..files.images import load_picture
+from ..files.input import plain, read
+from ..judge.frontier import label
 from ..scene import frame, highlighted
+from ..scene.checks import vector
 from ..settings import CHOSEN, RASTERS, SCATTERING, SHADOWS
-from .types import Color, Height, LightText, Look, Numbers, Roots, Size, Sky, from_hex, light_of, look_of
+from .types import (
+    Color,
+    Height,
+    LightText,
+    Look,
+    Numbers,
+    Real,
+    Roots,
+    Size,
+    Sky,
+    View,
+    Whole,
+    from_hex,
+    light_of,
+    look_of,
+)
 
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
@@ -38,62 +64,75 @@ LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it 
 _SCENE = [
     click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
                  help="Strands, shells (a pattern in layers above the body), or an undercoat of shells under strands."),
-    click.option("--length", type=click.FloatRange(0), metavar="L",
+    click.option("--length", type=Real(0), metavar="L",
                  help="Length of the hair in the mesh's units; shells under strands have half of it.  [default: 0.08 "
                       "of half the mesh's diagonal, or 0.12 for shells alone]"),
     click.option("--color", type=Color(), default="0.5,0.28,0.12", metavar="COLOR",
                  help="R,G,B of 0 to 1 each (linear), or '#rrggbb' (sRGB)."),
-    click.option("--alpha", type=click.FloatRange(0, 1), default=0.5, metavar="0..1",
+    click.option("--alpha", type=Real(0, 1), default=0.5, metavar="0..1",
                  help="How much light one hair lets through."),
-    click.option("--variation", type=click.FloatRange(0, 1), default=0.3, metavar="0..1",
+    click.option("--variation", type=Real(0, 1), default=0.3, metavar="0..1",
                  help="How much strands differ in length, direction and colour, and shells' hairs in length."),
-    click.option("--segments", type=click.IntRange(0, 255), default=8, metavar="N",
+    click.option("--segments", type=Whole(0, 255), default=8, metavar="N",
                  help="Segments a strand; 0 is bald."),
     click.option("--force", type=Numbers(3), default="0,-1,0", metavar="X,Y,Z", help="What pulls the hair."),
     click.option("--force-weight", type=float, default=0.2, metavar="W",
                  help="How much a segment gives way to it; a hair of shells does so as much as half of all segments."),
     click.option("--seed", type=int, default=0, metavar="N", help="Of all that is random."),
     click.option("--eye", type=Numbers(3), metavar="X,Y,Z",
-                 help="The camera's place.  [default: where it sees the whole mesh]"),
+                 help="The camera's place.  [default: where it sees the whole mesh, and its shadow on a --ground]"),
     click.option("--target", type=Numbers(3), metavar="X,Y,Z",
                  help="What it looks at.  [default: the mesh's centre]"),
-    click.option("--fov", type=click.FloatRange(1e-3, 179.99), default=45.0, metavar="DEG",
+    click.option("--view", type=View(), metavar="VIEW",
+                 help="From where the camera sees all of the mesh: front (from +Z), back, left (from -X), right, top, "
+                      "34 (between front and right), or AZIMUTH,ELEVATION in degrees.  [default: near 34]"),
+    click.option("--zoom", type=Real(0.01, 100), default=1.0, metavar="TIMES",
+                 help="How many times larger the middle of the picture is."),
+    click.option("--fov", type=Real(1e-3, 179.99), default=45.0, metavar="DEG",
                  help="Vertical field of view."),
     click.option("--light", "lights", type=LightText(), default=["1,-1,-0.6"], multiple=True, metavar="LIGHT",
                  help="The way that distant light travels, X,Y,Z; or sun, point or spot and its fields, as 'sun "
                       "direction=1,-1,-0.6 size=0.5' (degrees across) or 'spot position=2,3,1 direction=-2,-3,-1 "
-                      "angle=40 color=#ffe0c0 intensity=2 size=0.2 shadows=off' (size: a disc's radius).  Again for "
-                      "each further light."),
+                      "angle=40 color=#ffe0c0 intensity=2 size=0.2 shadows=off' (size: a disc's radius; a spot without "
+                      "a direction looks at the mesh's middle).  Again for each further light."),
     click.option("--sky", type=Sky(), metavar="SKY",
                  help="Light from all around, hidden by hair and body, instead of the flat ambient: a colour, R,G,B of "
                       "0 or more each (linear) or '#rrggbb'; ZENITH:HORIZON:GROUND, three of these; or an "
                       "equirectangular picture, .hdr, .exr, .png.  Lights shine too: --light 'sun intensity=0' leaves "
                       "the sky alone.  [default: none]"),
     click.option("--body-color", type=Color(), metavar="COLOR",
-                 help="Base colour of the body.  [default: a glTF file's own, else 0.3,0.2,0.12]"),
+                 help="Base colour of the body.  [default: a glTF file's own, else 0.6 of --color's light]"),
     click.option("--body-texture", metavar="PICTURE",
                  help="Picture that is laid on the body by uv; --body-color, if given, multiplies it."),
     click.option("--body", type=click.Choice(["drawn", "holdout"]), default="drawn",
                  help="A holdout hides and shades hair, but is not seen itself."),
     click.option("--ground", type=Height(), metavar="lowest|Y",
                  help="A level ground at the mesh's lowest point or at a height, of which the shadow alone is drawn."),
+    click.option("--hair", metavar="FILE",
+                 help="Strands of a file in place of grown ones, placed as the mesh is: .hair, .tfx, .data, .ply, "
+                      ".npz, .npy or USD.  --width, --color and --alpha count where it says none."),
     click.option("--rest", metavar="MESH",
                  help="The mesh in rest, of the same faces: lengths go by it, and N roots and the cells of shells stay "
                       "where they are on it in every pose."),
 ]
 _STRANDS = [
-    click.option("--inner", type=click.IntRange(1, 64), metavar="N",
+    click.option("--inner", type=Whole(1, 64), metavar="N",
                  help="Tessellation level within a face; 5 and 5 give 37 strands a face.  [default: 5, or less where "
                       f"that makes more than {MOST:,} triangles]"),
-    click.option("--outer", type=click.IntRange(1, 64), metavar="N",
+    click.option("--outer", type=Whole(1, 64), metavar="N",
                  help="Tessellation level of the edges.  [default: as --inner]"),
     click.option("--roots", type=Roots(), metavar="faces|N",
                  help="One strand on each tessellated triangle, or N strands spread evenly.  [default: faces, or "
                       f"{MOST} on a mesh of more faces]"),
     click.option("--surface", type=click.Choice(["pn", "flat"]), default="pn", help="Curved or flat faces."),
-    click.option("--width", type=click.FloatRange(0), metavar="W",
+    click.option("--width", type=Real(0), metavar="W",
                  help="Diameter of a strand in the mesh's units.  [default: 0.0012 of half the mesh's diagonal, but at "
                       "most a tenth of the length]"),
+    click.option("--tip-width", type=Real(0, 16), default=0.2, metavar="SHARE",
+                 help="Of its width, what a strand has at its tip."),
+    click.option("--root-color", type=Color(), metavar="COLOR",
+                 help="Of a strand at its root.  [default: half of --color's light; with --look chiang as --color]"),
+    click.option("--tip-color", type=Color(), metavar="COLOR", help="Of a strand at its tip.  [default: --color]"),
     click.option("--look", type=Look(), metavar="LOOK",
                  help="How strands scatter light: kajiya or chiang (real hair), and its fields, as "
                       "chiang:azimuthal_roughness=0.4,eumelanin=1.3 or chiang:absorption=0.1/0.3/0.9.  "
@@ -107,14 +146,14 @@ _STRANDS = [
                  help="Wave of the strands."),
 ]
 _SHELLS = [
-    click.option("--layers", type=click.IntRange(1, 1000), default=30, metavar="N",
+    click.option("--layers", type=Whole(1, 1000), default=30, metavar="N",
                  help="Layers of shells, from the body to the tips."),
     click.option("--pattern", type=click.Choice(["cells", "sine"]), default="cells",
                  help="Of shells: a hair in each cell of the faces, or the report's sines, which need uv."),
-    click.option("--frequency", type=click.FloatRange(0, min_open=True), metavar="F",
+    click.option("--frequency", type=Real(0, min_open=True), metavar="F",
                  help="Hairs of shells along a unit of length, or the report's f for sines.  [default: 60 on "
                       "half the mesh's diagonal, or 40 for sines]"),
-    click.option("--density", type=click.FloatRange(0, 1, min_open=True), default=1.0, metavar="0..1",
+    click.option("--density", type=Real(0, 1, min_open=True), default=1.0, metavar="0..1",
                  help="How much of its cell a hair of shells fills."),
     click.option("--noise", type=Numbers(2), default="0.5,8", metavar="A,S",
                  help="How far hairs of shells are displaced and the size of the waves, both in hairs."),
@@ -125,7 +164,8 @@ _SHELLS = [
 ]
 _SETTINGS = [
     click.option("--preset", type=click.Choice(list(PRESETS)),
-                 help="Settings that were measured to be worth their time; options beside it count more."),
+                 help="Settings that were measured to be worth their time, from draft, the fastest, to reference, the "
+                      "nearest to the truth (masks and deep shadows); options beside it count more."),
     click.option("--raster", type=click.Choice(RASTERS), default="coverage",
                  help="Strands transparent by the area that they cover, or opaque in each sample."),
     click.option("--shadows", type=click.Choice(SHADOWS), default="length",
@@ -142,27 +182,78 @@ _SETTINGS = [
                  help="Texels a side of the body's shadow map; 0: none."),
     click.option("--pcf", type=int, default=1, metavar="N", help="Radius in texels over which it is averaged."),
     click.option("--samples", type=click.Choice(["1", "4", "16"]), default="4", help="Samples a pixel."),
-    click.option("--lod", type=click.FloatRange(0, 4), default=0.0, metavar="PIXELS",
+    click.option("--lod", type=Real(0, 4), default=0.0, metavar="PIXELS",
                  help="Draw strands thinner than this as fewer, wider ones of fewer segments; 0: all as they are."),
     click.option("--specular", type=click.Choice(["kajiya-kay", "half-vector"]), default="kajiya-kay",
                  help="Form of the highlight."),
     click.option("--blur", type=click.Choice(["off", "all", "edges"]), default="off",
                  help="Blur the picture: all of it, or the edges of the fur alone."),
-    click.option("--blur-sigma", type=click.FloatRange(0, 16, min_open=True), default=1.0, metavar="PIXELS",
+    click.option("--blur-sigma", type=Real(0, 16, min_open=True), default=1.0, metavar="PIXELS",
                  help="How wide the blur is."),
 ]
 # Names of the options that only one kind of fur has.
-_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "look", "type_map", "types", "curl", "wave",
-                     "raster", "masks", "scattering", "lod"),
+_ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "tip_width", "root_color", "tip_color", "look",
+                     "type_map", "types", "curl", "wave", "raster", "masks", "scattering", "lod", "hair"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
+# Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
+_GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "force_weight", "roots", "type_map", "types",
+          "curl", "wave", "rest")
+_GROWN_OR_SHELLS = "length", "variation"
 
 
 def scene_options(command, size="640x480", settings=True):
     """Give a command the options that `load_scene` reads: a size like this, and those of `Settings` or none."""
     sized = click.option("--size", type=Size(), default=size, metavar="WxH", help="Size of the picture in pixels.")
+    command = _naming_options(command)
     for option in reversed([sized] + _SCENE + _STRANDS + _SHELLS + (_SETTINGS if settings else [])):
         command = option(command)
     return command
+
+
+# Fields that have another name than the option which sets them; all of a Light are of --light.
+_NAMES = {"key": "types", "segment_length": "length", "height": "ground", "environment": "sky",
+          **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), "variation")}
+
+
+def _naming_options(command):
+    """A command whose errors of a field begin with the option that has set it, where one was given."""
+
+    @functools.wraps(command)
+    def naming(*arguments, **options):
+        try:
+            return command(*arguments, **options)
+        except Error as error:
+            if flag := _flag_of(str(error), _given(options)):
+                raise type(error)(f"{flag}: {error}") from error
+            raise
+    return naming
+
+
+def _flag_of(message, flags):
+    """The one of the options given, {name: flag}, that has set the field with which a message begins, or None."""
+    if not (found := re.match(r"([A-Z]\w*\.|frame )(\w+)", message)):
+        return None
+    kind, field = found.groups()
+    if kind == "Light.":
+        return flags.get("lights")
+    if field == "body_color":
+        return flags.get("body_texture", flags.get("body_color"))
+    return flags.get(_NAMES.get(field, field))
+
+
+def _given(options):
+    """{name: flag} of the options that were given, not left to their defaults."""
+    context = click.get_current_context()
+    return {option.name: option.opts[0] for option in context.command.params if option.name in options
+            and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE}
+
+
+def read_for(flag, read, path):
+    """What ``read`` gives of a path; its error begins with the option that names the file."""
+    try:
+        return read(path)
+    except Error as error:
+        raise Error(f"{flag}: {error}") from error
 
 
 def is_scene_file(given):
@@ -176,14 +267,15 @@ def load_scene(given, options):
     Raises `clfur.Error` for what cannot be loaded, and click.UsageError for options that have no say: the
     scene file sets them itself, or they are of another fur than is chosen.
     """
-    context = click.get_current_context()
-    flags = {option.name: option.opts[0] for option in context.command.params if option.name in options
-             and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE}
+    flags = _given(options)
+    if "view" in flags and (other := next((flags[name] for name in ("eye", "target") if name in flags), None)):
+        raise click.UsageError(f"--view places the camera, and so does {other}; allowed: one of them")
     settings = _settings(flags, options)
     if not is_scene_file(given):
         _check_fur(flags, options)
         _check_blur(flags, settings)
-        return _scene(load_mesh(given), options | {"given": given}), settings
+        scene = _scene(load_mesh(given), options | {"given": given})
+        return scene, _taken(scene, settings, flags, options)
     scene, given_settings = _run(given)
     # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
     for name, flag in flags.items():
@@ -192,7 +284,7 @@ def load_scene(given, options):
     _check_blur(flags, settings)
     if "specular" in flags:
         scene = attrs.evolve(scene, fur=highlighted(scene.fur, options["specular"]))
-    return scene, given_settings or settings
+    return scene, given_settings or _taken(scene, settings, flags, options)
 
 
 def _settings(flags, options):
@@ -209,6 +301,20 @@ def _settings(flags, options):
     return Settings(**values)
 
 
+def _taken(scene, settings, flags, options):
+    """The `Settings`, but of a preset that the scene refuses those of the rung below that it takes; which is told."""
+    why = options.get("preset") and refused(scene, settings)
+    for rung in reversed(LADDER[:LADDER.index(PRESETS[options["preset"]])] if why else ()):
+        if rung.raster != settings.raster:   # cheap ones, and another picture
+            continue
+        lower = attrs.evolve(rung, **{name: getattr(settings, name) for name in flags if hasattr(settings, name)})
+        if not refused(scene, lower):
+            warnings.warn(f"--preset {options['preset']}: {why.partition(';')[0]}; drawn with {label(lower)}",
+                          stacklevel=2)
+            return lower
+    return settings
+
+
 def _check_fur(flags, options):
     """Raise click.UsageError for one of the options given, {name: flag}, that the fur which is drawn has no use for."""
     for fur, names in _ONLY.items():
@@ -216,6 +322,11 @@ def _check_fur(flags, options):
             if name in flags:
                 raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
                                        f"allowed: with --fur {fur} or --fur both")
+    if options["hair"]:
+        for name in _GROWN + (_GROWN_OR_SHELLS if options["fur"] == "strands" else ()):
+            if name in flags:
+                raise click.UsageError(f"{flags[name]} is for hair that grows, but --hair has its own; allowed: one of "
+                                       "them")
     if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
         raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
                                "allowed: with --pattern cells or --fur both")
@@ -238,7 +349,8 @@ def _run(path):
         lines = [place.lineno for place in traceback.extract_tb(error.__traceback__) if place.filename == path]
         line = error.lineno if isinstance(error, SyntaxError) and error.filename == path else lines[-1] if lines else 0
         kind = "" if isinstance(error, Error) else f"{type(error).__name__}: "
-        raise Error(f"{path}, line {line}: {kind}{error.msg if isinstance(error, SyntaxError) else error}") from error
+        said = f"{error.msg if isinstance(error, SyntaxError) else error}{_known(error)}"
+        raise Error(f"{path}, line {line}: {kind}{said}") from error
     scene, settings = there.get("scene"), there.get("settings")
     if not isinstance(scene, Scene):
         raise Error(f"{path} sets {f'scene = {scene!r:.60}' if 'scene' in there else 'no scene'}; "
@@ -248,9 +360,18 @@ def _run(path):
     return scene, settings
 
 
+def _known(error):
+    """For a scene file's error: the fields of the class of ours that was given another; or ""."""
+    found = re.match(r"(\w+)\.__init__\(\) got an unexpected keyword", str(error))
+    kind = found and getattr(clfur, found[1], None)
+    if not (isinstance(error, TypeError) and isinstance(kind, type) and attrs.has(kind)):
+        return ""
+    return f"; allowed: {', '.join(field.alias for field in attrs.fields(kind) if field.init)}"
+
+
 def _scene(mesh, options):
     """The scene of a mesh that the options describe."""
-    options = options | {"rest": None if options["rest"] is None else load_mesh(options["rest"])}
+    options = options | {"rest": None if options["rest"] is None else read_for("--rest", load_mesh, options["rest"])}
     _, radius = (options["rest"] or mesh).bounds   # hair is as long in every pose
     kind, length = options["fur"], options["length"]
     if length is None:
@@ -259,38 +380,46 @@ def _scene(mesh, options):
     if kind != "strands":
         fur.append(_shells(options, length / 2 if kind == "both" else length, radius))
     if kind != "shells":
-        fur.append(_strands(options, length, radius, len(mesh.faces)))
+        fur.append((_hair if options["hair"] else _strands)(options, length, radius, len(mesh.faces)))
     if options.get("specular") == "half-vector":   # the other is that of looks which say nothing
         fur = highlighted(tuple(fur), "half-vector")
 
-    camera = frame(mesh, fur, options["size"], options["fov"])
-    if options["eye"] or options["target"]:
-        target = options["target"] or tuple(camera.target)
-        eye = options["eye"] or tuple(camera.eye + target - camera.target)
+    height = options["ground"]
+    ground = None if height is None else Ground(None if height == "lowest" else height)
+    lights = _lights(options["lights"], mesh.bounds[0])
+    given = options["eye"] or options["target"]
+    towards = {"direction": options["view"]} if options["view"] else {}
+    camera = frame(mesh, fur, options["size"], options["fov"], ground=None if given else ground, lights=lights,
+                   **towards)
+    if given:
+        target = vector(3)(options["target"] or camera.target, "Camera.target")
+        eye = options["eye"] or (camera.eye + target - camera.target).tolist()
         aside, up = math.hypot(eye[0] - target[0], eye[2] - target[2]), abs(eye[1] - target[1])
         upright = aside > 1e-3 * up
         camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
                         fov=options["fov"], size=options["size"])
-    height = options["ground"]
-    ground = None if height is None else Ground(None if height == "lowest" else height)
-    return Scene(mesh=mesh, fur=fur, camera=camera, light=_lights(options["lights"]), environment=options["sky"],
+    if options["zoom"] != 1:
+        fov = 2 * math.degrees(math.atan(math.tan(math.radians(camera.fov) / 2) / options["zoom"]))
+        camera = attrs.evolve(camera, fov=fov)
+    return Scene(mesh=mesh, fur=fur, camera=camera, light=lights, environment=options["sky"],
                  body=options["body"], ground=ground, **_body_color(options))
 
 
-def _lights(texts):
-    """The `Light`s of texts; ambient light, where a text has none, comes with the first."""
-    return [light_of(text, {"ambient": 0.0} if number else {}) for number, text in enumerate(texts)]
+def _lights(texts, middle):
+    """The `Light`s of texts, in which spots without a direction look at the middle [3] of the mesh; ambient light,
+    where a text has none, comes with the first."""
+    return [light_of(text, {"ambient": 0.0} if number else {}, middle) for number, text in enumerate(texts)]
 
 
 def _body_color(options):
     """{"body_color"} of the options or else of the mesh's file; {} for a scene's own."""
     color, picture = options["body_color"], options["body_texture"]
     if picture is not None:
-        return {"body_color": Material(color or (1, 1, 1), load_picture(picture))}
+        return {"body_color": Material(color or (1, 1, 1), read_for("--body-texture", load_picture, picture))}
     if color is not None or options["body"] == "holdout":   # which is not seen
         return {} if color is None else {"body_color": color}
     materials = load_materials(options["given"])
-    return {"body_color": materials} if materials else {}
+    return {"body_color": materials or tuple(0.6 * part for part in options["color"])}
 
 
 def _shells(options, length, radius):
@@ -347,6 +476,9 @@ def _strands(options, length, radius, faces):
         "segment_length": length / max(options["segments"], 1),
         # Short fur on a mesh with a wide ground: strands that are wider than long would cover all of the picture.
         "width": min(0.0012 * radius, 0.1 * length) if options["width"] is None else options["width"],
+        "tip_width": options["tip_width"],
+        "root_color": options["root_color"],
+        "tip_color": options["tip_color"],
         "force_weight": options["force_weight"],
         "curl": options["curl"],
         "wave": options["wave"],
@@ -357,24 +489,51 @@ def _strands(options, length, radius, faces):
     if options["type_map"] is not None and options["types"] is None:
         raise click.UsageError("--type-map needs --types, the hair types that its colours mean")
     return Strands(
-        types=[HairType(**hair)] if options["types"] is None else _hair_types(options["types"], hair),
+        types=[_hair_type(hair)] if options["types"] is None else read_for(
+            "--types", lambda path: _hair_types(path, hair), options["types"]),
         type_map=None if options["type_map"] is None else _type_map(options["type_map"]),
         **density(options, faces), **{name: options[name] for name in ("surface", "force", "seed", "rest")})
 
 
+def _hair(options, length, radius, faces):
+    """The `Curves` of the strand file that the options name; what it does not say is theirs."""
+    levels = density(options, faces)
+    given = {name: options[name] for name in ("width", "color", "alpha", "look", "surface", "seed")}
+    given |= {"inner": levels["inner"], "outer": levels["outer"]}
+    return curves_of(options["hair"], {name: value for name, value in given.items() if value is not None})
+
+
+def _hair_type(fields):
+    """A `HairType`, whose roots are half as bright where nothing is said; a Chiang's pigment may be all its colour."""
+    kind = HairType(**fields)
+    if kind.root_color is None and not isinstance(kind.look, Chiang):
+        kind = attrs.evolve(kind, root_color=kind.color / 2)
+    return kind
+
+
 def _type_map(path):
-    pixels = load_picture(path)
+    pixels = read_for("--type-map", load_picture, path)
     if pixels.dtype != np.uint8:
-        raise Error(f"{path}: has more than 8 bits a channel; allowed in a type map: 8, as the keys of types have")
+        raise Error(f"--type-map: {path}: has more than 8 bits a channel; allowed in a type map: 8, as the keys of "
+                    "types have")
     return pixels
+
+
+def _once(pairs):
+    """The dict of a JSON object's pairs; ValueError for a name that is there twice."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"{next(name for name in names if names.count(name) > 1)!r:.40} is there twice in an object")
+    return found
 
 
 def _hair_types(path, defaults):
     """The hair types of a JSON file; raises `clfur.Error` naming the file, the type and the field."""
     try:
-        listed = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise Error(f"{path}: {error.strerror}") from None
+        listed = json.loads(plain(read(Path(path))).decode(), object_pairs_hook=_once)
+    except Error:
+        raise
     except (ValueError, RecursionError) as error:
         raise Error(f"{path} is not JSON: {error}") from None
     if not isinstance(listed, list) or not all(isinstance(fields, dict) for fields in listed):
@@ -388,13 +547,14 @@ def _hair_types(path, defaults):
         try:
             if isinstance(texture := fields.get("color_texture"), str):
                 fields["color_texture"] = load_picture(Path(path).parent / texture)
-            if isinstance(color := fields.get("color"), str):
-                fields["color"] = from_hex(color)
+            for name in ("color", "root_color", "tip_color"):
+                if isinstance(color := fields.get(name), str):
+                    fields[name] = from_hex(color)
             if isinstance(look := fields.get("look"), str):
                 fields["look"] = look_of(look)
             elif "specular" in fields or "exponent" in fields:   # they make one
                 fields.setdefault("look", None)
-            types.append(HairType(**{**defaults, **fields}))
+            types.append(_hair_type({**defaults, **fields}))
         except ValueError as error:   # clfur.Error is one
             raise Error(f"{where}: {error}") from None
     return types

@@ -12,8 +12,8 @@ from ..files.images import check_writable, load_picture
 from ..judge.frontier import label
 from ..scene import backdrop
 from .devices import ask_drivers
-from .options import is_scene_file, load_scene, lowered, scene_options, sparse
-from .types import Backdrop, Bytes, Names
+from .options import is_scene_file, load_scene, lowered, read_for, scene_options, sparse
+from .types import Backdrop, Bytes, Names, Real
 from .waiting import waiting
 
 TOLD = 0.05   # seconds of building kernels that a summary tells
@@ -29,10 +29,10 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
 @click.option("--background", type=Backdrop(), metavar="COLOR|PICTURE",
               help="What the picture is laid over, which then has no alpha: R,G,B, '#rrggbb' or a picture of the same "
                    "aspect.")
-@click.option("--max-error", type=click.FloatRange(0, min_open=True), metavar="E",
-              help="Choose the cheapest samples, raster, shadows, grid and lod that err by no more, such as 0.05: root "
-                   "mean square of sRGB, 0 to 1, against the true picture.")
-@click.option("--budget", "seconds", type=click.FloatRange(0, min_open=True), metavar="SECONDS",
+@click.option("--max-error", type=Real(0, min_open=True), metavar="E",
+              help="Choose the cheapest samples, raster, shadows, grid, masks and lod that err by no more, such as "
+                   "0.05: root mean square of sRGB, 0 to 1, against the true picture.")
+@click.option("--budget", "seconds", type=Real(0, min_open=True), metavar="SECONDS",
               help="Choose the best whose frame takes no longer; the frames that this tries are not counted.")
 @click.option("--device", metavar="DEVICE",
               help="cpu, gpu, gpu:1, part of a name such as pocl, or 1:0; several with commas share a frame.  "
@@ -48,13 +48,13 @@ def render(given, output, outputs, background, device, memory, as_json, **option
     Python file (.py) that sets `scene`, a clfur.Scene, and maybe `settings`, a clfur.Settings.
     """
     output = Path(Path(given).stem + ".png" if output is None else output)
-    read = [given, *(options[name] for name in ("type_map", "types", "rest", "body_texture"))]
+    read = [given, *(options[name] for name in ("hair", "type_map", "types", "rest", "body_texture"))]
     _check_files(output, outputs, background, read)
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
     with waiting(f"reading {given}") as tell:
         scene, settings = load_scene(given, options)
-        behind = background and _background(background, scene.camera.size)
+        behind = None if background is None else _background(background, scene.camera.size)
         tell("starting OpenCL")
         ask_drivers()
         if memory is not None:
@@ -115,7 +115,7 @@ def _told(lights):
 def _background(given, size):
     """What `over` takes, of the option's colour or picture, for a picture of (width, height)."""
     if isinstance(given, str):
-        return backdrop(load_picture(given), size, f"{given}, the --background,")
+        return backdrop(read_for("--background", load_picture, given), size, f"--background: {given}")
     return backdrop(given, size, "--background")
 
 
@@ -124,7 +124,7 @@ def _check_files(output, outputs, background, read):
     check_writable(output)
     if output.suffix.lower() == ".png" and set(outputs) != {"color"}:
         raise click.UsageError(f"{output} can hold the output color alone; .exr and .npz hold others")
-    if background and "color" not in outputs:
+    if background is not None and "color" not in outputs:
         raise click.UsageError("--background is for the output color, which is not asked for; allowed: with it")
     for name in [*read, background if isinstance(background, str) else None]:
         if name and output.exists() and Path(name).exists() and output.samefile(name):

@@ -1,15 +1,38 @@
 """What the options of the commands take: numbers, sizes, colours, names."""
 
+import math
 import re
 from pathlib import Path
 
 import attrs
 import click
+import numpy as np
 
 from ..color import srgb_to_linear
 from ..errors import Error
 from ..files.images import load_picture
 from ..scene import Chiang, Environment, Kajiya, Light
+from ..scene.checks import LARGEST
+
+
+class _Within:
+    """A number within limits; click would say "not a valid integer range"."""
+
+    def convert(self, value, param, ctx):
+        try:
+            return super().convert(value, param, ctx)
+        except click.BadParameter:
+            low = "" if self.min is None else f" above {self.min:g}" if self.min_open else f" from {self.min:g}"
+            high = "" if self.max is None else f"{' and at most' if self.min_open else ' to'} {self.max:g}"
+            self.fail(f"{value!r} is not {self.words}{low}{high}", param, ctx)
+
+
+class Whole(_Within, click.IntRange):
+    words = "a whole number"
+
+
+class Real(_Within, click.FloatRange):
+    words = "a number"
 
 
 class Numbers(click.ParamType):
@@ -31,6 +54,11 @@ class Numbers(click.ParamType):
         return numbers
 
 
+# Azimuth, from +Z towards +X, and elevation of the camera, in degrees.
+VIEWS = {"34": (35.0, 15.0), "front": (0.0, 0.0), "back": (180.0, 0.0), "left": (-90.0, 0.0), "right": (90.0, 0.0),
+         "top": (0.0, 90.0)}
+
+
 class Size(click.ParamType):
     """Width and height in pixels, such as 640x480."""
 
@@ -43,6 +71,29 @@ class Size(click.ParamType):
         if len(parts) != 2 or not all(part.isdecimal() and len(part) < 6 and 1 <= int(part) <= 16384 for part in parts):
             self.fail(f"{value!r} is not WIDTHxHEIGHT of 1 to 16384 pixels each, such as 640x480", param, ctx)
         return tuple(map(int, parts))
+
+
+class View(click.ParamType):
+    """From where the camera looks, a name of `VIEWS` or AZIMUTH,ELEVATION in degrees -> direction [3] towards it."""
+
+    name = "view"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        if value in VIEWS:
+            azimuth, elevation = VIEWS[value]
+        else:
+            parts = value.split(",")
+            try:
+                azimuth, elevation = (float(part) for part in parts)
+            except ValueError:
+                azimuth = elevation = math.inf
+            if not (abs(azimuth) <= 360 and abs(elevation) <= 90):
+                self.fail(f"{value!r} is none of {', '.join(VIEWS)}, nor AZIMUTH,ELEVATION in degrees, -360 to 360 and "
+                          "-90 to 90", param, ctx)
+        around, up = math.radians(azimuth), math.radians(elevation)
+        return math.sin(around) * math.cos(up), math.sin(up), math.cos(around) * math.cos(up)
 
 
 class Bytes(click.ParamType):
@@ -86,10 +137,10 @@ class Height(click.ParamType):
     def convert(self, value, param, ctx):
         if value == "lowest" or isinstance(value, float):
             return value
-        try:
-            return float(value)
-        except ValueError:
-            self.fail(f"{value!r} is neither 'lowest' nor a height, a number", param, ctx)
+        number = _number(value)
+        if isinstance(number, str) or not abs(number) <= LARGEST:   # no number is neither
+            self.fail(f"{value!r} is neither 'lowest' nor a height from {-LARGEST:g} to {LARGEST:g}", param, ctx)
+        return number
 
 
 class Backdrop(Color):
@@ -137,15 +188,16 @@ class Sky(click.ParamType):
     def convert(self, value, param, ctx):
         if not isinstance(value, str):
             return value
-        if not re.fullmatch(r"[#\d.,:+\-eEa-fA-F\s]+", value) or Path(value).is_file():
+        numbers = re.fullmatch(r"[#\d.,:+\-a-fA-F\s]*", value) or all(map(_is_number, re.split("[,:]", value)))
+        if not numbers or Path(value).is_file():
             try:
                 return Environment(load_picture(value))
             except Error as error:
                 self.fail(f"{'' if value in str(error) else value + ': '}{error}", param, ctx)
         colors = [_color(part) for part in value.split(":")]
         if len(colors) not in (1, 3) or None in colors:
-            self.fail(f"{value!r} is neither a colour, R,G,B of 0 or more each (linear) or #rrggbb (sRGB), nor "
-                      "ZENITH:HORIZON:GROUND of three, nor a picture file", param, ctx)
+            self.fail(f"{value!r} is neither a colour, R,G,B of 0 to {LARGEST:g} each (linear) or #rrggbb "
+                      "(sRGB), nor ZENITH:HORIZON:GROUND of three, nor a picture file", param, ctx)
         return Environment(colors if len(colors) == 3 else colors[0])
 
 
@@ -155,7 +207,7 @@ def _color(text):
         color = from_hex(text) if text.startswith("#") else tuple(map(float, text.split(",")))
     except ValueError:
         return None
-    return color if len(color) == 3 and all(0 <= part < 1e20 for part in color) else None
+    return color if len(color) == 3 and all(0 <= part <= LARGEST for part in color) else None
 
 
 class LightText(click.ParamType):
@@ -184,10 +236,10 @@ _ANY = "color", "intensity", "ambient", "size", "shadows"
 LIGHTS = {"sun": ("direction", *_ANY), "point": ("position", *_ANY), "spot": ("position", "direction", "angle", *_ANY)}
 
 
-def light_of(text, fields=None):
+def light_of(text, fields=None, middle=None):
     """The `Light` of a text: numbers with commas between them, the way of a distant light, or a kind, sun, point or
-    spot, and its fields, NAME=VALUE each, with spaces between them. fields: what the text may leave out. Raises
-    `clfur.Error` for any other."""
+    spot, and its fields, NAME=VALUE each, with spaces between them. fields: what the text may leave out. middle: [3],
+    what a spot looks at that has no direction. Raises `clfur.Error` for any other."""
     kind, *parts = text.split() or [""]
     if kind not in LIGHTS:
         way = [_number(part) for part in text.split(",")]
@@ -195,14 +247,21 @@ def light_of(text, fields=None):
             raise Error(f"light {text!r:.60} is of no kind; allowed: X,Y,Z, the way it travels, or sun, point or spot "
                         "and fields, as sun direction=1,-1,-0.6 size=0.5")
         return Light(**{**(fields or {}), "direction": way})
-    given = {**(fields or {}), **({"angle": 360.0} if kind == "point" else {})}
+    said = {}
     for part in parts:
         field, _, value = part.partition("=")
         if field not in LIGHTS[kind]:
             raise Error(f"light {kind} has no {field!r:.40}; allowed: {', '.join(LIGHTS[kind])}")
-        given[field] = _light_value(kind, field, value)
-    if kind != "sun" and "position" not in given:
+        if field in said:
+            raise Error(f"light {kind} has {field} twice; allowed: each field once")
+        said[field] = _light_value(kind, field, value)
+    if kind != "sun" and "position" not in said:
         raise Error(f"light {kind} has no position; allowed: position=X,Y,Z")
+    given = {**(fields or {}), **({"angle": 360.0} if kind == "point" else {}), **said}
+    if kind == "spot" and middle is not None and "direction" not in said:
+        given["direction"] = np.subtract(middle, said["position"])
+        if not given["direction"].any():
+            raise Error("light spot stands in the mesh's middle, which it would look at; allowed: direction=X,Y,Z")
     return Light(**given)
 
 
@@ -239,6 +298,8 @@ def look_of(text):
         field, _, value = (each.strip() for each in part.partition("="))
         if field not in known:
             raise Error(f"look {name} has no {field!r:.40}; allowed: {', '.join(known)}")
+        if field in fields:
+            raise Error(f"look {name} has {field} twice; allowed: each field once")
         fields[field] = [_number(each) for each in value.split("/")] if "/" in value else _number(value)
     return classes[name](**fields)
 

@@ -213,7 +213,13 @@ def _of_exr(data):
     import Imath
     import OpenEXR
 
-    with contextlib.closing(OpenEXR.InputFile(io.BytesIO(data))) as file:
+    try:
+        if _is_cut(data):   # OpenEXR would write to stderr
+            raise EOFError
+        opened = OpenEXR.InputFile(io.BytesIO(data))
+    except Exception:
+        raise Error("is EXR that is cut off or damaged") from None
+    with contextlib.closing(opened) as file:
         header = file.header()
         channels, window, whole = header["channels"], header["dataWindow"], header["displayWindow"]
         size = [window.max.y - window.min.y + 1, window.max.x - window.min.x + 1]
@@ -227,9 +233,28 @@ def _of_exr(data):
             raise Error(f"has {size[1]} x {size[0]} pixels; allowed: at least 1 and at most {MAX_PIXELS}")
         pixels = np.empty((*size, 3), np.float32)
         for k, name in enumerate(names):
-            of_one = file.channel(name, Imath.PixelType(Imath.PixelType.FLOAT))
+            try:
+                of_one = file.channel(name, Imath.PixelType(Imath.PixelType.FLOAT))
+            except Exception:
+                raise Error("is EXR that is cut off or damaged") from None
             pixels[:, :, k] = np.frombuffer(of_one, np.float32).reshape(size)
     return pixels
+
+
+def _is_cut(data):
+    """Whether the last rows of an EXR file of one part, top to bottom, end behind its bytes; False for others."""
+    at, number = 8, lambda place, size=4: int.from_bytes(data[place:place + size], "little")
+    with contextlib.suppress(ValueError, IndexError):           # of what is not to be found
+        if number(4) & 0x1A00:                                  # tiles, deep data, several parts
+            return False
+        while data[at:at + 1] not in (b"", b"\0"):             # each attribute: a name, a type, a size, as many bytes
+            at = data.index(0, data.index(0, at) + 1) + 1
+            at += 4 + number(at)
+        places = np.frombuffer(data, "<u8", (number(at + 1, 8) - at - 1) // 8, at + 1)
+        if (places[1:] > places[:-1]).all():
+            last = int(places[-1])                              # there: a row's number, a size, as many bytes
+            return last + 8 > len(data) or last + 8 + number(last + 4) > len(data)
+    return False
 
 
 def _in_planes(picture):

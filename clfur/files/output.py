@@ -20,6 +20,8 @@ def output_path(path, suffixes):
     if not is_path(path):
         raise Error(f"save path is {shown(path)}; allowed: a file's name")
     path = Path(path)
+    if not path.name:
+        raise Error(f"save path is {shown(str(path))}; allowed: a file's name")
     if path.suffix.lower() not in suffixes:
         raise Error(f"{path}: {path.suffix or 'no suffix'} is not supported; allowed: {', '.join(suffixes)}")
     if os.path.isdir(path):

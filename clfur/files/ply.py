@@ -49,15 +49,7 @@ def ply(data: bytes, path: Path) -> dict:
     Read are x, y, z, nx, ny, nz and s, t (or u, v; texture_u, texture_v) of vertices, vertex_indices and texcoord of
     faces, and vertex_indices of tristrips, in which -1 begins a new strip. All else is passed over.
     """
-    data = plain(data)
-    order, stated, at = _header(data)
-    tables, elements = {}, stated
-    if order == "=":
-        data, elements, at = _numbers(data[at:]), [_as_doubles(each) for each in stated], 0
-    for element in elements:
-        tables[element.name], at = _rows(data, at, element, order)
-    if order == "=" and at < len(data):
-        raise Error(f"has {(len(data) - at) // 8} numbers more than its header states")
+    tables, stated = _tables(data, WANTED)
     vertex = tables.get("vertex", {})
     if not {"x", "y", "z"} <= vertex.keys():
         raise Error("has no vertices with x, y and z")
@@ -73,6 +65,34 @@ def ply(data: bytes, path: Path) -> dict:
         pair = next((pair for pair in UV if set(pair) <= vertex.keys()), None)
         uv = pair and np.stack([vertex[name].astype(np.float64) for name in pair], axis=1)[faces]
     return {"positions": positions, "normals": normals, "uv": uv, "faces": faces}
+
+
+def rows_of(data: bytes, wanted: set) -> dict:
+    """Return {element: {property: values}} of the properties of a PLY file that are wanted.
+
+    Values are an array [rows], a list's (lengths int64 [rows], values [sum of lengths]).
+    """
+    tables, stated = _tables(data, wanted)
+    for element in stated:   # of an ascii file all is float64 so far
+        for each in element.properties:
+            if each.kind[0] in "iu" and not each.length and each.name in tables[element.name]:
+                with np.errstate(invalid="ignore"):
+                    tables[element.name][each.name] = tables[element.name][each.name].astype(each.kind)
+    return tables
+
+
+def _tables(data, wanted):
+    """Return what `rows_of` does, and the elements as the header states them."""
+    data = plain(data)
+    order, stated, at = _header(data)
+    tables, elements = {}, stated
+    if order == "=":
+        data, elements, at = _numbers(data[at:]), [_as_doubles(each) for each in stated], 0
+    for element in elements:
+        tables[element.name], at = _rows(data, at, element, order, wanted)
+    if order == "=" and at < len(data):
+        raise Error(f"has {(len(data) - at) // 8} numbers more than its header states")
+    return tables, stated
 
 
 # --- the header -----------------------------------------------------------------------------------------------
@@ -130,10 +150,10 @@ def _as_doubles(element):
 # --- rows -----------------------------------------------------------------------------------------------------
 
 
-def _rows(data, at, element, order):
+def _rows(data, at, element, order, wanted):
     """Return what is wanted of an element's rows that begin at a byte, and the byte behind them.
 
-    A property is an array [rows], a list of them (lengths int64 [rows], values [sum of lengths]).
+    Values are as `rows_of` says.
     """
     row = sum(_size(each.length or each.kind) for each in element.properties)
     if element.rows * row > len(data) - at:
@@ -152,19 +172,19 @@ def _rows(data, at, element, order):
         table = np.frombuffer(data, row, element.rows, at)
         if all((table[f"n{k}"] == lengths[k]).all() for k in lengths):
             return {each.name: (np.full(element.rows, lengths[k][0]), table[f"v{k}"].ravel()) if each.length
-                    else table[f"v{k}"] for k, each in enumerate(element.properties) if each.name in WANTED
+                    else table[f"v{k}"] for k, each in enumerate(element.properties) if each.name in wanted
                     }, at + element.rows * row.itemsize
-    return _rows_of_lists(data, at, element, order)
+    return _rows_of_lists(data, at, element, order, wanted)
 
 
-def _rows_of_lists(data, at, element, order):
+def _rows_of_lists(data, at, element, order, wanted):
     """Return what `_rows` does, of rows whose lists have several lengths."""
     place, lengths = _walk(data, at, element, order)
     place, end, table = place[:-1], int(place[-1]), {}
     for k, each in enumerate(element.properties):
         size, many = _size(each.kind), lengths.get(k, 1)
         place = place + _size(each.length) if each.length else place
-        if each.name in WANTED:
+        if each.name in wanted:
             # The value at every byte, of which those that there are get taken.
             anywhere = np.ndarray(len(data) - size + 1, order + each.kind, data, strides=1)
             if each.length:

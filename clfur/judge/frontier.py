@@ -14,7 +14,7 @@ import attrs
 import numpy as np
 
 from .. import cache, measures
-from ..budget import PRESETS
+from ..budget import PRESETS, refused
 from ..cache import digest
 from ..device.scheduler import Scheduler, kernel_dir
 from ..errors import Error
@@ -91,13 +91,15 @@ def sweep(scene):
     Every product of every knob would be thousands of pictures, nearly all of them foolish.  Knobs that change each
     other's worth are multiplied: samples, raster and lod all spend time on edges of strands (or, of shells: samples,
     layers and the filter), so these meet in full under good shadows.  How hair shades and in how fine a grid hardly
-    depends on them, so each method meets each grid under one good raster; then the body's shadow map and its filter
-    alone.  Last come the two ends, where every knob is cheap or every knob is dear.  Knobs that this scene, or what is
-    without shadows, has no use for stay as they are.
+    depends on them, so each method meets each grid under one good raster; masks, which cost more than they, the finer
+    ones; single hairs before lights ("deep") need no fine grid, light from hair to hair neither.  Then the body's
+    shadow map and its filter alone.  Last come the two ends, where every knob is cheap or every knob is dear.  Knobs
+    that this scene, or what is without shadows, has no use for stay as they are, and settings that it refuses are left
+    out.
     """
     strands, shells = scene.strands is not None, scene.shells is not None
     used = {field.name for field in attrs.fields(Settings)}
-    used -= (set() if strands else {"raster", "lod"}) | (set() if strands or shells else {"grid"})
+    used -= (set() if strands else {"raster", "lod", "masks"}) | (set() if strands or shells else {"grid"})
     good, found = {"grid": 64, "raster": "coverage"}, []
 
     def add(layers=(30,), **knobs):
@@ -110,6 +112,10 @@ def sweep(scene):
     if shells:
         add(samples=[4] if strands else [1, 4, 16], filtered=[True, False], layers=[8, 15, 30, 60])
     add(shadows=["count", "trilinear", "length"] if "grid" in used else ["length"], grid=[32, 48, 64, 96, 128])
+    if strands:
+        add(masks=[4], grid=[96, 160, 256])
+        add(shadows=["deep"], masks=[0, 4], grid=[96])
+        add(scattering=["grid"], shadows=["length", "deep"], masks=[0, 4], grid=[96])
     add(shadows=["off"])
     add(pcf=[0, 1, 3], shadow_map=[512, 2048])
     cheap = {"samples": [1], "raster": ["samples", "coverage"], "lod": [0, 2], "layers": [8]}
@@ -118,7 +124,8 @@ def sweep(scene):
     add(samples=[4, 16], grid=[96, 128], shadow_map=[2048], layers=[60])
     found += [(settings, scene.shells.layers if shells else None) for settings in NAMED.values()
               if strands or settings not in PRESETS.values()]   # presets are of strands
-    return list(dict.fromkeys(found))
+    found = list(dict.fromkeys(found))
+    return [way for way in found if not refused(scene, way[0])] or found
 
 
 def frontier(scene: Scene, candidates: Sequence[Settings] | None = None, device: Any = None, repeat: int = 3,
@@ -132,7 +139,8 @@ def frontier(scene: Scene, candidates: Sequence[Settings] | None = None, device:
     now, done, in all).  What was measured is kept in clfur's cache folder, so that a run that is cut short goes on
     where it was, and one like it needs to draw nothing; ``fresh`` begins anew, but with the truth that is kept.
     ``own``: `Settings` to try beside the candidates, or None; their `Point` is named "own".
-    The truth is `clfur.truth.picture` of strands and bodies; of shells, which it does not know, the scene drawn 8 times
+    The truth is `clfur.truth.picture` of strands and bodies, of all orders of light where a candidate's scattering is
+    on, to which those without are compared too; of shells, which it does not know, the scene drawn 8 times
     as large in 120 unfiltered layers with the finest shadows.
     Raises `clfur.Error` for a device that is not there and other wrong arguments, before anything is drawn, and for a
     scene of which nothing is to be seen.
@@ -149,11 +157,12 @@ def frontier(scene: Scene, candidates: Sequence[Settings] | None = None, device:
                     f"{16384 // OVER}, since the truth is drawn {OVER} times as large")
     gpu = Scheduler(device)
     progress = tell or (lambda *_: None)
-    truths, noise = _truths(scene, gpu, progress)
+    orders = truth.ALL if any(settings.scattering != "off" for settings, _ in ways) else 0
+    truths, noise = _truths(scene, gpu, progress, orders)
     if not truths[..., 3].any():
         raise Error("nothing of the scene is to be seen in the picture; allowed: a camera that looks at it")
     flips = measures.flip(truths[0], truths[0]) is not None
-    kept = _Kept(digest(scene, OVER, _sources(), gpu.name, gpu.device.driver_version, pan, flips), fresh)
+    kept = _Kept(digest(scene, OVER, orders, _sources(), gpu.name, gpu.device.driver_version, pan, flips), fresh)
 
     for number, way in enumerate(ways):
         progress("pictures", number, len(ways))
@@ -174,8 +183,8 @@ def frontier(scene: Scene, candidates: Sequence[Settings] | None = None, device:
         if point.error < least:   # never of a picture that holds NaN
             least, points[place] = point.error, attrs.evolve(point, best=True)
     return Frontier(gpu.name, scene.camera.size, noise,
-                    f"the scene's own shells in {LAYERS} unfiltered layers" if scene.shells else "brute force",
-                    earlier, points)
+                    f"the scene's own shells in {LAYERS} unfiltered layers" if scene.shells else
+                    "brute force" + ", light from hair to hair" * (orders > 0), earlier, points)
 
 
 def label(settings, layers=None):
@@ -237,9 +246,10 @@ def _moved(scene, pixels, over=1, wider=0):
     return attrs.evolve(scene, camera=Camera.calibrated(scene.camera.pose, k, ((width + wider) * over, height * over)))
 
 
-def _truths(scene, gpu, progress):
+def _truths(scene, gpu, progress, orders=0):
     """(truth at each step of the pan float32 [STEPS + 1, h, w, 4], its noise)."""
-    known = digest(scene, OVER, STEPS, *((LAYERS, FINEST, _sources()) if scene.shells else (truth.VERSION,)))
+    known = digest(scene, OVER, STEPS, *((LAYERS, FINEST, _sources()) if scene.shells else (truth.VERSION,)),
+                   *([orders] if orders else []))
     file = cache.folder("charts") / f"truth-{known[:32]}.npz"
     try:
         with np.load(file) as there:
@@ -253,7 +263,8 @@ def _truths(scene, gpu, progress):
     if scene.shells:
         fine = draw(_layered(large, LAYERS), gpu, Settings(**FINEST)).images["color"]
     else:
-        fine = truth.picture(large, samples=1, progress=lambda share: progress("truth", round(100 * share), 100))
+        fine = truth.picture(large, samples=1, progress=lambda share: progress("truth", round(100 * share), 100),
+                             orders=orders)
     width, height = scene.camera.size
     progress("truth", 100, 100)
     starts = [OVER - step * OVER // STEPS for step in range(STEPS + 1)]

@@ -7,6 +7,14 @@ from .space import Space, dot
 GOLDEN = np.array([0.7548776662466927, 0.5698402909980532])   # 1 / g and 1 / g², g the root of g³ = g + 1
 
 
+def space_of(hair, body):
+    """The `Space` of a scene's strands and body."""
+    with np.errstate(divide="ignore"):
+        depth = np.maximum(np.log(hair.shine[hair.kind[hair.owner], 2]), -1e3)
+    return Space(hair.points[hair.first], hair.points[hair.first + 1], hair.owner, depth,
+                 body.positions[body.triangles[:, :3]])
+
+
 class Sky:
     """A scene's sky, and what of the scene hides it."""
 
@@ -18,10 +26,7 @@ class Sky:
         chance = picture[::-1].sum(2) * np.diff(self.edges)[:, None]
         self.total = chance.sum() * 2 * np.pi / width
         self.sums = np.cumsum(chance) / (chance.sum() or 1.0)
-        with np.errstate(divide="ignore"):
-            depth = np.maximum(np.log(hair.shine[hair.kind[hair.owner], 2]), -1e3)
-        self.space = Space(hair.points[hair.first], hair.points[hair.first + 1], hair.owner, depth,
-                           body.positions[body.triangles[:, :3]])
+        self.space = space_of(hair, body)
         self.bias = 1e-7 * float(self.space.cell * self.space.n.max())
 
     def radiance(self, w):
@@ -35,6 +40,15 @@ class Sky:
         counts = np.diff(np.maximum(self.edges, 0) ** 2) / width   # of cosines, over pi
         return (self.picture[::-1] * counts[:, None, None]).sum((0, 1))
 
+    @property
+    def even(self):
+        """Whether it is the same all around."""
+        return bool((self.picture == self.picture[0, 0]).all())
+
+    def chance(self, w):
+        """How likely `towards` gives directions w [n, 3] -> [n]; of a sky that is not all black."""
+        return self.radiance(w).sum(1) / self.total
+
     def light(self, p, axis, surface, strand, triangle, random):
         """Estimates [n, 3] of the light that comes to places p [n, 3] from all around, over that of a sky of 1.
 
@@ -44,7 +58,7 @@ class Sky:
         """
         choice, u, v = random.T
         bright = (choice == 0) & (self.total > 0)
-        w = np.where(bright[:, None], self._towards(u, v), _around(axis, surface, u, v))
+        w = np.where(bright[:, None], self.towards(u, v), around(axis, surface, u, v))
         counts = np.where(surface, np.maximum(dot(axis, w), 0), np.sqrt(np.maximum(1 - dot(axis, w) ** 2, 0)))
         radiance = self.radiance(w)
         of_sky = radiance.sum(1) / self.total if self.total > 0 else 0.0
@@ -62,7 +76,7 @@ class Sky:
         turn = (np.arctan2(w[:, 0], -w[:, 2]) - self.rotation) / (2 * np.pi) + 0.5
         return height - 1 - row, np.floor(turn % 1.0 * width).astype(int) % width
 
-    def _towards(self, u, v):
+    def towards(self, u, v):
         """Directions [n, 3] by two numbers 0..1 each, as likely as a place of the sky is bright."""
         width = self.picture.shape[1]
         k = np.minimum(np.searchsorted(self.sums, u, "right"), len(self.sums) - 1)
@@ -82,7 +96,7 @@ def spread(n, start):
     return np.concatenate([k % 2, (start + (k // 2 + 1) * GOLDEN) % 1.0], -1)
 
 
-def _around(axis, surface, u, v):
+def around(axis, surface, u, v):
     """Directions by two numbers: as likely as their cosine with the normal of a surface, else all alike."""
     turn = 2 * np.pi * v
     along = np.where(surface, np.sqrt(u), 2 * u - 1)

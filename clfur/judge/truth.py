@@ -18,19 +18,23 @@ from ..scene.environment import ambient_of
 from ..scene.ground import ground_from, height_of
 from ..scene.seen import seen
 from ..stages.tessellate import tessellate
-from ..twin import ground, scatter, shade, strands
+from ..twin import ground, scatter, strands
 from ..twin.vectors import dot, unit
+from .paths import Paths
+from .places import on_body, on_strand
 from .rays import Eye, Fibres, Triangles, frame_along
 from .sky import Sky, spread
 
-VERSION = 2              # of what `picture` gives, strands and bodies included: another makes the cache anew
+VERSION = 3              # of what `picture` gives, strands and bodies included: another makes the cache anew
 RAYS = 1 << 18           # of the picture at a time
 STEEP = 1.5              # radians aside that a point light looks for what shades
 DISC = 64                # points of a disc from which it shines
+ALL = 1 << 12            # times that light is scattered at most: a path ends long before
 EVEN = (math.sqrt(5) - 1) / 2
 
 
-def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | None = None) -> np.ndarray:
+def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | None = None, orders: int = 0
+            ) -> np.ndarray:
     """The picture that `clfur.render` approximates -> float64 [height, width, 4], as `render` has it.
 
     ``samples`` squared rays a pixel, one at random (by ``seed``) in each of as many squares, are averaged: a box filter
@@ -41,14 +45,23 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     direction is chosen at random; it counts by its sine with a strand, its cosine on the body, over the sum of these.
     A light that is a disc shines from one of its points to each place.
     A ground is seen as `Ground` has it, a holdout hides.
+    ``orders``: 0, or how many times light is scattered on its way at most (`ALL`: until nothing is left), where all
+    strands have the look `clfur.Chiang`: what ``Settings(scattering="grid")`` stands for.  Then each ray goes on as a
+    path does, by chance in a direction from which hair, or the body, sends light to where it came from; through strands
+    as often as their alpha lets light through.  Lights and what is bright of a sky shine on each place where it turns,
+    and where it leaves the scene it sees the sky, whose light hair then sends on as any other.  Lights leave out the
+    flat ambient that they have by default; a ground gives hair no light.
     ``progress`` is called with the share that is done.  Raises `clfur.Error`
-    for shells: these are judged by their own picture at many samples (tools/shells_laws.py).
+    for shells: these are judged by their own picture at many samples (tools/shells_laws.py); and for ``orders`` with
+    strands of another look.
     """
     if not isinstance(scene, Scene):
         raise Error(f"scene is {scene!r:.60}; allowed: a clfur.Scene")
     if scene.shells is not None:
         raise Error("Scene.fur has Shells; allowed: Strands or Curves, since the truth knows strands and bodies only")
-    samples = checks.whole(1, 64)(samples, "samples")
+    samples, orders = checks.whole(1, 64)(samples, "samples"), checks.whole(0, ALL)(orders, "orders")
+    if orders:
+        _check_looks(scene)
     scene = scene.local
     hair, body = _geometry(scene)
     eye, to_place, near = _camera(scene)
@@ -56,9 +69,10 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     corners = np.array([(x, y, 1) for x in (0, width) for y in (0, height)]) @ to_place.T
     window = corners[:, :2].min(0), corners[:, :2].max(0)
     fibres, triangles = _before(eye, hair, body, near, window)
-    lights = [(_Disc if light.size else _Light)(scene, light, hair, body) for light in scene.lights]
+    lights = [(_Disc if light.size else _Light)(scene, light, hair, body, orders > 0) for light in scene.lights]
     sky = None if scene.environment is None else Sky(scene, hair, body)
     under = _Ground(scene) if scene.ground else None
+    shining = Paths(scene, hair, body, lights, sky, orders) if orders else _Straight(scene, hair, body, lights, sky)
 
     result = np.zeros((height, width, 4))
     rows = max(RAYS // (width * samples**2), 1)
@@ -73,18 +87,16 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
         nearer = np.flatnonzero(depth < np.minimum(body_depth, ground_depth))
         bare = np.flatnonzero((body_depth <= np.minimum(depth, ground_depth)) & (triangle >= 0))
         below = np.flatnonzero(ground_depth < np.minimum(depth, body_depth))
-        color[nearer, 3] = 1
-        p, fibre = eye.points(places[nearer], depth[nearer]), fibre[nearer]
-        v, share = _towards(eye, p), fibres.share(places[nearer], fibre)
-        color[nearer, :3] = sum(light.on_hair(p, v, fibre, share) for light in lights)
-        if scene.body == "drawn":
-            at, color[bare, 3] = eye.points(places[bare], body_depth[bare]), 1
-            color[bare, :3] = sum(light.on_body(at, _towards(eye, at), triangle[bare]) for light in lights)
-        if sky:
-            random = np.concatenate([_of_sky(row, width, samples, seed) for row in range(top, end)])
-            color[nearer, :3] += _sky_on_hair(sky, hair, p, fibre, share, random[nearer])
-        if sky and scene.body == "drawn":
-            color[bare, :3] += _sky_on_body(scene, sky, body, at, _towards(eye, at), triangle[bare], random[bare])
+        if scene.body != "drawn":
+            bare = bare[:0]
+        on = np.concatenate([nearer, bare])
+        color[on, 3] = 1
+        p = np.concatenate([eye.points(places[nearer], depth[nearer]), eye.points(places[bare], body_depth[bare])])
+        fibre[bare], triangle[nearer] = -1, -1
+        share = np.concatenate([fibres.share(places[nearer], fibre[nearer]), np.zeros(len(bare))])
+        random = sky and np.concatenate([_of_sky(row, width, samples, seed) for row in range(top, end)])
+        own = np.random.default_rng((seed, top, 2)) if orders else sky and random[on]
+        color[on, :3] = shining.light(p, _towards(eye, p), fibre[on], triangle[on], share, own)
         if under:
             at = eye.points(places[below], ground_depth[below])
             color[below] = under.light(at, lights, sky, random[below] if sky else None)
@@ -94,21 +106,22 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
     return result
 
 
-def noise_of(scene, samples=8, seed=0, progress=None):
+def noise_of(scene, samples=8, seed=0, progress=None, orders=0):
     """One estimate of the standard error of each number of `picture`, from it and another seed -> [height, width, 4].
 
     Its root mean square over many pixels is that of the picture's error.
     """
-    one, other = (picture(scene, samples, seed + k, progress) for k in (0, 1))
+    one, other = (picture(scene, samples, seed + k, progress, orders) for k in (0, 1))
     return np.abs(one - other) / math.sqrt(2)
 
 
-def cached_picture(scene, samples=8, folder=None, progress=None):
+def cached_picture(scene, samples=8, folder=None, progress=None, orders=0):
     """`picture` with seed 0, kept in ``folder`` (clfur's in the user's cache if None) under what the scene is.
 
     A damaged file is made anew.  Raises `clfur.Error` as `picture` does, and where there is no folder to write to.
     """
-    file = (cache.folder("truth") if folder is None else Path(folder)) / f"{cache.digest(VERSION, samples, scene)}.npz"
+    known = cache.digest(VERSION, samples, scene, *([orders] if orders else []))
+    file = (cache.folder("truth") if folder is None else Path(folder)) / f"{known}.npz"
     width, height = scene.camera.size
     try:
         with np.load(file) as saved:
@@ -117,10 +130,20 @@ def cached_picture(scene, samples=8, folder=None, progress=None):
             return kept
     except (OSError, ValueError, LookupError, EOFError, zipfile.BadZipFile, zipfile.zlib.error):   # none, or damaged
         pass
-    result, stream = picture(scene, samples, progress=progress), io.BytesIO()
+    result, stream = picture(scene, samples, 0, progress, orders), io.BytesIO()
     np.savez_compressed(stream, picture=result)
     cache.write(file, stream.getvalue())
     return result
+
+
+def _check_looks(scene):
+    """Raise `clfur.Error` where light cannot be followed from hair to hair."""
+    fur = scene.strands
+    types = () if fur is None else fur.hair_types if isinstance(fur, Curves) else fur.types
+    other = next((kind.look.model for kind in types if kind.look.model != "chiang"), None)
+    if other is not None:
+        raise Error(f"light is to go from hair to hair, but the look of hair is {other}; allowed: clfur.Chiang for all "
+                    "strands (--look chiang), or orders=0")
 
 
 # --- the scene ------------------------------------------------------------------------------------------
@@ -187,9 +210,9 @@ def _grown(fur, body, rest):
     points, tangents, counts, colors, kind = strands.grow(
         *roots, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed)
     there = np.arange(points.shape[1]) < counts[:, None]
-    width = np.broadcast_to(np.array([t.width for t in fur.types])[kind][:, None], there.shape)
+    width = np.stack([np.pad(strands.widths(t), (0, there.shape[1] - 1 - t.segments)) for t in fur.types])[kind]
     return SimpleNamespace(points=np.column_stack([points[there], width[there]]), tangents=tangents[there],
-                           counts=counts, colors=colors, kind=kind,
+                           counts=counts, colors=colors[there] if colors.ndim == 3 else colors, kind=kind,
                            **_looks(fur.types))
 
 
@@ -231,43 +254,46 @@ def _towards(eye, p):
 # --- light ----------------------------------------------------------------------------------------------
 
 
-def _on_strand(hair, fibre, share):
-    """(strand [n], unit tangent [n, 3], colour [n, 3]) a share of the way along segments."""
-    first, strand = hair.first[fibre], hair.owner[fibre]
-    t = hair.tangents[first] + share[:, None] * (hair.tangents[first + 1] - hair.tangents[first])
-    length = np.linalg.norm(t, axis=1, keepdims=True)
-    t = np.where(length > 1e-15, t / np.where(length > 1e-15, length, 1), hair.tangents[first])
-    return strand, t, shade.strand_color(hair, first, strand, share)
+class _Straight:
+    """Light that comes to what is seen straight from lights and a sky."""
 
+    def __init__(self, scene, hair, body, lights, sky):
+        self.scene, self.hair, self.body, self.lights, self.sky = scene, hair, body, lights, sky
 
-def _sky_on_hair(sky, hair, p, fibre, share, random):
-    """Light [n, 3] of a sky from places p of segments, the same in all directions."""
-    strand, t, color = _on_strand(hair, fibre, share)
-    none = np.full(len(p), -1)
-    return color * sky.light(p, t, none > 0, strand, none, random)
+    def light(self, p, v, fibre, triangle, share, random):
+        """Light [n, 3] that places send towards v.
 
+        p, v: [n, 3]; each lies on a segment ``fibre`` [n], a share of the way along it, or on a triangle [n] (-1: not).
+        random: [n, 3], see `Sky.light`; None without a sky.
+        """
+        sent = np.zeros(p.shape)
+        for some, of, on in ((fibre >= 0, self._of_hair, (fibre, share)), (fibre < 0, self._of_body, (triangle,))):
+            its = p[some], v[some], *(each[some] for each in on)
+            sent[some] = of(*its, None if random is None else random[some])
+        return sent
 
-def _sky_on_body(scene, sky, body, p, v, triangle, random):
-    """Light [n, 3] of a sky from places p of triangles, on the side that v sees."""
-    n, weights = shade.on_body(body, triangle, p, v)
-    color = _base_color(scene, body, triangle, weights)
-    return color * sky.light(p, n, triangle >= 0, np.full(len(p), -1), triangle, random)
+    def _of_hair(self, p, v, fibre, share, random):
+        strand, t, color = on_strand(self.hair, fibre, share)
+        kind, none, sent = self.hair.kind[strand], np.full(len(p), -1), 0
+        for light in self.lights:
+            to_light, direct = light.arriving(p, strand, none)
+            sent = sent + scatter.fibre(color, self.hair.shine[kind], t, to_light, v, direct, light.ambient,
+                                        self.hair.lobes[kind])
+        return sent + color * self.sky.light(p, t, none > 0, strand, none, random) if self.sky else sent
 
-
-def _base_color(scene, body, triangle, weights):
-    """Base colours of triangles at weights of their corners, [n, 3], or one for all."""
-    if not isinstance(scene.body_color, tuple):
-        return scene.body_color
-    return shade.painted(body, scene.body_color, scene.mesh and scene.mesh.material_of, triangle, weights)
+    def _of_body(self, p, v, triangle, random):
+        n, color = on_body(self.scene, self.body, triangle, p, v)
+        none = np.full(len(p), -1)
+        sent = sum(color * (light.arriving(p, none, triangle, n)[1] + light.ambient) for light in self.lights)
+        return sent + color * self.sky.light(p, n, none < 0, none, triangle, random) if self.sky else sent
 
 
 class _Light:
     """One light of a scene on places in it."""
 
-    def __init__(self, scene, light, hair, body):
-        self.light, self.hair, self.body = light, hair, body
-        self.ambient = ambient_of(light, scene.environment)
-        self.scene = scene
+    def __init__(self, scene, light, hair, body, scatters=False):
+        self.light, self.hair = light, hair
+        self.ambient = ambient_of(light, scene.environment, scatters)
         spot, direction = self.light.position is not None, self.light.direction
         center, radius = extent(scene.mesh, scene.fur)
         if light.everywhere:
@@ -289,23 +315,15 @@ class _Light:
             self.depth = np.log(hair.shine[hair.kind[hair.owner], 2])     # of a crossing; alpha 0 lets nothing through
         self.bias = 1e-7 * radius                                         # a place on the body is not before itself
 
-    def on_hair(self, p, v, fibre, share):
-        """Light [n, 3] from places p of segments, a share of the way along them, towards v."""
-        hair, (strand, t, color) = self.hair, _on_strand(self.hair, fibre, share)
+    def arriving(self, p, strand, triangle, normal=None):
+        """What comes to places p [n, 3], which lie on a strand or a triangle [n] (-1: not) -> (unit vectors to the
+        light, its light) [n, 3]; by its cosine with a normal [n, 3], if that is given."""
         to_light, direct = self._unshadowed(p)
+        if normal is not None:
+            direct *= np.maximum(dot(normal, to_light), 0)[:, None]
         some = np.flatnonzero(direct.any(1))
-        direct[some] *= self._transmittance(p[some], np.full(len(some), -1), strand[some])[:, None]
-        kind = hair.kind[strand]
-        return scatter.fibre(color, hair.shine[kind], t, to_light, v, direct, self.ambient, hair.lobes[kind])
-
-    def on_body(self, p, v, triangle):
-        """Light [n, 3] from places p of triangles towards v."""
-        n, weights = shade.on_body(self.body, triangle, p, v)
-        to_light, direct = self._unshadowed(p)
-        direct *= np.maximum(dot(n, to_light), 0)[:, None]
-        some = np.flatnonzero(direct.any(1))
-        direct[some] *= self._transmittance(p[some], triangle[some], np.full(len(some), -1))[:, None]
-        return _base_color(self.scene, self.body, triangle, weights) * (direct + self.ambient)
+        direct[some] *= self._transmittance(p[some], triangle[some], strand[some])[:, None]
+        return to_light, direct
 
     def on_ground(self, p):
         """What falls on places p of a level plane: (all of it, what is left of it) [n, 3]."""
@@ -344,7 +362,7 @@ class _Light:
 class _Disc:
     """A light of a scene that is a disc: as many lights without a size, one of which shines to each place."""
 
-    def __init__(self, scene, light, hair, body):
+    def __init__(self, scene, light, hair, body, scatters=False):
         center, _ = extent(scene.mesh, scene.fur)
         x, y, z = frame_along(_ahead(light, center) if light.everywhere else light.direction)
         across = light.size if light.position is not None else math.tan(math.radians(light.size) / 2)
@@ -352,29 +370,30 @@ class _Disc:
         for a, b in layout.disc(DISC).astype(float) * across:
             where = {"direction": z + a * x + b * y} if light.position is None else {
                 "position": light.position + a * x + b * y}
-            self.points.append(_Light(scene, attrs.evolve(light, size=0.0, **where), hair, body))
+            self.points.append(_Light(scene, attrs.evolve(light, size=0.0, **where), hair, body, scatters))
 
-    def on_hair(self, p, v, fibre, share):
-        """See `_Light.on_hair`."""
-        return self._from_each(p, "on_hair", v, fibre, share)
+    @property
+    def ambient(self):
+        """That of the light."""
+        return self.points[0].ambient
 
-    def on_body(self, p, v, triangle):
-        """See `_Light.on_body`."""
-        return self._from_each(p, "on_body", v, triangle)
+    def arriving(self, p, *rest):
+        """See `_Light.arriving`: of a point each, neighbours of others, all over the disc."""
+        return self._from_each(p, "arriving", *rest)
 
     def on_ground(self, p):
         """See `_Light.on_ground`."""
         return self._from_each(p, "on_ground")
 
     def _from_each(self, p, name, *rest):
-        """What the points give of places [n], each of one of them: neighbours of others, all over the disc."""
+        """Two results [n, 3] of the points, of one for each place."""
         which = ((np.arange(len(p)) * EVEN + self.turn) % 1 * DISC).astype(int)
         self.turn += EVEN * (len(p) + .5)
-        result = np.zeros((2, len(p), 3) if name == "on_ground" else (len(p), 3))
+        result = np.zeros((2, len(p), 3))
         for number, point in enumerate(self.points):
             its = np.flatnonzero(which == number)
             if len(its):
-                result[..., its, :] = getattr(point, name)(p[its], *(each[its] for each in rest))
+                result[:, its] = getattr(point, name)(p[its], *(each[its] for each in rest))
         return result
 
 

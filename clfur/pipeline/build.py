@@ -156,8 +156,16 @@ def transport(gpu: Any, plan: Plan, lighting: Lighting) -> transport_stage.Trans
     not followed."""
     if not plan.scatters:
         return None
-    return gpu.keep("transport", (plan.scene.mesh, lighting, *plan.light_key()),
-                    functools.partial(_transport, gpu, plan, lighting))
+    color = _body_color(plan)
+    return gpu.keep("transport", (plan.scene.mesh, lighting, *plan.light_key(), str(color)),
+                    functools.partial(_transport, gpu, plan, lighting, color))
+
+
+def light_around(gpu: Any, plan: Plan, lighting: Lighting) -> sky_stage.SkyLight | None:
+    """Light that comes to the body from all around: the sky's, and where light goes from hair to hair that of hair
+    too."""
+    lit = transport(gpu, plan, lighting)
+    return sky(gpu, plan) if lit is None else lit.around
 
 
 def shell(gpu: Any, plan: Plan) -> tuple[shells.Shell, np.void]:
@@ -216,7 +224,21 @@ def bytes_of(gpu: Any, array: Any) -> np.ndarray:
     return np.ascontiguousarray(array if isinstance(array, np.ndarray) else gpu.download(array))
 
 
-def _transport(gpu, plan, lighting):
+def _body_color(plan):
+    """Linear r, g, b that the body has on the whole; none of one that only hides what is behind."""
+    mesh, color = plan.scene.mesh, plan.scene.body_color
+    if mesh is None or color is None or plan.held:
+        return 0.0, 0.0, 0.0
+    if isinstance(color, tuple):
+        corners = mesh.positions[mesh.faces]
+        areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        shares = np.bincount(mesh.material_of, areas, len(color)) if len(color) > 1 else np.ones(1)
+        means = [np.asarray(each.color) * (each.levels[-1][0, 0] if each.levels else 1) for each in color]
+        color = shares @ np.stack(means) / max(shares.sum(), 1e-30)
+    return tuple(np.asarray(color, float).tolist())
+
+
+def _transport(gpu, plan, lighting, color):
     scene, looks = plan.scene, scattering(gpu, plan)
     made = gpu.keep("phases", (chiang.KEPT, looks), functools.partial(transport_stage.phases, gpu, looks))
     center, radius = extent(scene.mesh, scene.strands)
@@ -224,12 +246,12 @@ def _transport(gpu, plan, lighting):
     held = sky_stage.held(gpu, grid, plan.body, hair_bounds(scene.strands, plan.strands)[2])
     there = transport_stage.amounts(gpu, grid, len(plan.lobed))
     for part in plan.parts(gpu):
-        strands = hair(gpu, plan, part, 0)
-        sky_stage.deposit(gpu, grid, held, strands, body(gpu, plan, part))
+        sky_stage.deposit(gpu, grid, held, no_strands(gpu), body(gpu, plan, part))
         if part.hairy:
-            transport_stage.deposit(gpu, grid, there, held.unit, strands, looks)
+            transport_stage.deposit(gpu, grid, there, held.unit, hair(gpu, plan, part, 0), looks)
     outside = transport_stage.outside(None if scene.environment is None else scene.environment.places)
-    return transport_stage.transport(gpu, grid, held, there, lighting, looks, made, outside, transport_stage.ORDERS)
+    return transport_stage.transport(gpu, grid, held, there, lighting, looks, made, outside, color,
+                                     transport_stage.ORDERS)
 
 
 @functools.lru_cache(4)

@@ -23,6 +23,8 @@ from . import build
 from .plan import Plan
 from .views import band_of, one_sample
 
+DENSE = 16   # segments a pixel, listed in its tile, from which on it pays to light only those that are seen
+
 
 @dataclass(frozen=True)
 class Band:
@@ -236,38 +238,55 @@ class Coverage:
         """Draw what ``counts`` tells to show in each tile -> what `coverage.cover` gives."""
         counted, listed = band.counted, int(counts.sum(dtype=np.int64))
         segments = coverage.allocate(gpu, counts, min(counted.survivors, listed))
-        lit = None if lighting is None else strand_light.unlit(gpu, lighting, len(segments.ids), self.plan.around)
         hairy = [part for part in counted.cut.parts if part.hairy and (listed or slab == EVERY)]
-        for part in hairy:
-            lit = self._list(gpu, band, part, part is hairy[-1], tiles, window, slab, segments, lighting, lit)
         cover = masks.cover if self.plan.settings.masks else coverage.cover
-        return cover(gpu, band.view, band.visible, segments, covered, lit, image, shell_front, window, slab, kept)
+        draw = functools.partial(cover, gpu, band.view, band.visible, segments, covered, image=image,
+                                 shell_front=shell_front, slab=slab, kept=kept)
+        dense = listed > DENSE * TILE**2 * np.count_nonzero(counts)
+        if dense and lighting and len(hairy) == 1 and slab == EVERY and max(gpu.lanes, gpu.hinted) > 1:
+            hair = self._list(gpu, band, hairy[0], tiles, window, slab, segments)
+            light = functools.partial(self._light, gpu, band, hairy[0], hair, lighting)
+            coverage.cover_seen(gpu, segments, counts, light, draw)
+            return None
+        lit = None if lighting is None else strand_light.unlit(gpu, lighting, len(segments.ids), self.plan.around)
+        for part in hairy:
+            hair = self._list(gpu, band, part, tiles, window, slab, segments)
+            if lighting:
+                last = part is hairy[-1]
+                all_there = last and (window, slab) == ((0, counted.counts.size), EVERY)
+                until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
+                lit = self._light(gpu, band, part, hair, lighting, segments.ids, until, lit, last)
+            del hair   # it goes before the next one is made
+        return draw(lit=lit, window=window)
 
-    def _list(self, gpu, band, part, last, tiles, window, slab, segments, lighting, lit):
-        """List what shows of a part, with its light -> ``lit``, `strand_light.Places`. Nothing here holds the part when
-        the next one is made."""
-        plan, counted, hair = self.plan, band.counted, build.hair(gpu, self.plan, part, self.plan.settings.lod)
-        if len(tiles.shown) and not (plan.grown or counted.made_for() is hair):   # see `_transmittance`
+    def _list(self, gpu, band, part, tiles, window, slab, segments):
+        """List what shows of a part -> its strands."""
+        plan, hair = self.plan, build.hair(gpu, self.plan, part, self.plan.settings.lod)
+        if len(tiles.shown) and not (plan.grown or band.counted.made_for() is hair):   # see `_transmittance`
             tiles = replace(tiles, shown=gpu.empty(0, np.uint32))
         coverage.fill(gpu, band.view, hair, tiles, segments, window, slab)
-        if lighting is None:
-            return None
-        all_there = last and (window, slab) == ((0, counted.counts.size), EVERY)
-        until = counted.survivors if all_there else int(gpu.download(segments.survivors)[0])
-        if plan.is_deep:
-            return strand_light.apart(gpu, build.deep(gpu, plan, lighting), lighting, hair, segments.ids, until, lit,
-                                      build.scattering(gpu, plan))
-        through = self._transmittance(gpu, band, part, hair, lighting)
-        return strand_light.radiance(gpu, band.view, lighting, hair, through, segments.ids, until, lit, last,
-                                     build.scattering(gpu, plan), build.sky_points(gpu, plan, part, hair),
-                                     build.transport(gpu, plan, lighting))
+        return hair
 
-    def _transmittance(self, gpu, band, part, hair, lighting):
+    def _light(self, gpu, band, part, hair, lighting, ids, until=None, lit=None, last=True):
+        """Light of those segments of a part that end at ``until`` -> `strand_light.Places`, of these and of ``lit``."""
+        plan = self.plan
+        if plan.is_deep:
+            return strand_light.apart(gpu, build.deep(gpu, plan, lighting), lighting, hair, ids,
+                                      len(ids) if until is None else until, lit, build.scattering(gpu, plan))
+        some = ids if until is None else None   # else all of a part
+        through = self._transmittance(gpu, band, part, hair, lighting, some)
+        return strand_light.radiance(gpu, band.view, lighting, hair, through, ids, until, lit, last,
+                                     build.scattering(gpu, plan), build.sky_points(gpu, plan, part, hair),
+                                     build.transport(gpu, plan, lighting), some is not None)
+
+    def _transmittance(self, gpu, band, part, hair, lighting, some):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where
-        there is room."""
+        there is room.  [lights, 2n] of ``some`` segments' ends alone, unless these are None."""
         plan = self.plan
         if plan.settings.shadows == "off":
             return None
+        if some is not None:
+            return strand_light.transmittance(gpu, hair, lighting, some)
         one = len(band.counted.cut.parts) == 1
         known = build.transmittances(gpu, plan) if one or plan.keeps_transmittances(gpu) else {}
         made_for, result = known.get(part, (None, None))
@@ -304,7 +323,7 @@ def _color(gpu, plan, part, view, visible, hair, body, lighting, image, sample_t
     body = no_surface(gpu) if plan.held else body   # what is hidden needs no light
     scattering = build.scattering(gpu, plan) if len(hair.points) else None
     return shade.color(gpu, view, lighting, visible, hair, body, body_color, image, sample_transmittance, sums,
-                       scattering, build.sky(gpu, plan),
+                       scattering, build.light_around(gpu, plan, lighting),
                        *build.paint(gpu, plan, part if len(body.triangles) else None))
 
 

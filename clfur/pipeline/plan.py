@@ -30,6 +30,7 @@ from ..stages.coverage import (
     TILE,
     WALKED,
     Covered,
+    Seen,
     Segments,
     Tiles,
 )
@@ -46,7 +47,7 @@ from ..stages.sky import bytes_of as sky_bytes
 from ..stages.strand_light import TRANSMITTANCE, Places
 from ..stages.strands import AREA, ROOTS, SORTED_FROM, STAGES, DeviceStrands, Packed, area_sums, first_strand_at
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
-from ..stages.transport import LEAVING
+from ..stages.transport import ASKED, LEAVING
 from ..stages.transport import bytes_of as transport_bytes
 from ..stages.voxelize import CELLS, RESTS
 from .shadows import DeepPlan, plan_deep
@@ -55,18 +56,19 @@ from .views import Rig
 # Bytes on the device, of all arrays that stages make, as they declare them.
 VERTEX, TRIANGLE = Surface.bytes(vertex=1), Surface.bytes(triangle=1) + AREA.bytes
 POINT, STRAND = DeviceStrands.bytes(point=1), DeviceStrands.bytes(strand=1, color=1, run=1) + ROOTS.bytes
+COLOR = DeviceStrands.bytes(color=1)    # of a point, where it has one
 # More of the user's strands: of a point, where each has a width and a colour, and of a strand.
 PACKED = Packed.bytes(point=1, width=1, color=1) + DeviceStrands.bytes(color=1)
 RUN = DeviceStrands.bytes(run=1)        # and where strands differ in points
 PUT_IN_ORDER = Packed.bytes(strand=1) + Order.bytes(strand=1) + DeviceStrands.bytes("spans", strand=1)
 THIN_POINT, THIN_STRAND = DeviceStrands.bytes(*THINNED, point=1), DeviceStrands.bytes(*THINNED, strand=1)
-THIN_COLOR = DeviceStrands.bytes("colors", color=1)                               # where points have colours
 MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
 OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
-OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1) + GRAINS.bytes + OPEN.bytes
+OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1) + Seen.bytes(tile=1) + GRAINS.bytes + OPEN.bytes
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
-LIT = Places.bytes(row=1)               # of its light, at most, and of each source of it
+LIT = Places.bytes(row=1)               # of its light, at most, and of each source of it; where only those get light
+                                        # that are seen, `Seen` and theirs take less
 PLACES = Places.bytes(place=1)
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
@@ -166,7 +168,8 @@ class Plan:
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "ground": self.ground is not None,
             "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
-            "march": shells, "chiang": self.lobed, "transport": self.scatters, "deep": self.is_deep,
+            "march": shells, "chiang": self.lobed, "transport": self.scatters, "bounce": self.scatters,
+            "deep": self.is_deep,
             "strand_light": self.uses_coverage and self.wants_color,
             "shade": True, "sky": self.scatters or (self.wants_color and self.scene.environment is not None),
             "blur": self.wants_color and settings.blur != "off"}
@@ -335,7 +338,7 @@ class Plan:
     @property
     def _survivor(self):
         """Bytes on the device of a segment that may show, and of its light."""
-        return SURVIVOR + (LIT + PLACES * self._sources) * self.wants_color + LEAVING.bytes * self.scatters
+        return SURVIVOR + (LIT + PLACES * self._sources) * self.wants_color
 
     @property
     def _largest_row(self):
@@ -441,7 +444,9 @@ class Plan:
     @property
     def _transmittance(self):
         """Bytes on the device of the transmittance to a point of strands, of all lights."""
-        return TRANSMITTANCE.bytes * len(self.scene.lights) + POINT_LIGHT.bytes * (self.scene.environment is not None)
+        under_sky = self.scene.environment is not None
+        around = (LEAVING.bytes + ASKED.bytes) * self.scatters + POINT_LIGHT.bytes * under_sky
+        return TRANSMITTANCE.bytes * len(self.scene.lights) + around
 
     def check(self, gpu: Any) -> None:
         """Raise `clfur.Error` where a device that ends long loops, silently, could end those over lights."""
@@ -469,9 +474,12 @@ class Plan:
         strand, point = (STRAND, POINT) if self.grown else (STRAND + PUT_IN_ORDER, POINT + PACKED)
         if isinstance(fur, Curves) and fur.uniform is None:
             point += RUN
+        if isinstance(fur, Strands) and fur.shaded:
+            point += COLOR
         if self.settings.lod:
-            per_point = isinstance(fur, Curves) and len(fur.color) == len(fur.points)
-            strand, point = strand + THIN_STRAND, point + THIN_POINT + THIN_COLOR * per_point
+            per_point = fur.shaded if isinstance(fur, Strands) else isinstance(fur, Curves) and (
+                len(fur.color) == len(fur.points))
+            strand, point = strand + THIN_STRAND, point + THIN_POINT + COLOR * per_point
         if gpu.steps:
             strand += RESTS.bytes + STAGES.bytes
             point += 0 if self.uses_coverage else LEFT.bytes

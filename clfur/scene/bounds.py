@@ -89,7 +89,7 @@ def fur_extent(fur: Any) -> float:
     if fur is None:
         return 0.0
     return max(hair.segments * hair.segment_length * (1 + hair.length_variation)
-               + 2 * hair.curl[0] + hair.wave[0] + hair.width / 2 for hair in fur.types)
+               + 2 * hair.curl[0] + hair.wave[0] + hair.widest / 2 for hair in fur.types)
 
 
 @functools.lru_cache(maxsize=2)
@@ -109,4 +109,4 @@ def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]
     lengths = [t.segments * (t.segment_length * (1 + t.length_variation) + 2 * (2 * t.curl[0] + t.wave[0]))
                for t in types]
     return (strands * max(t.segments for t in types), strands * max(lengths),
-            strands * max(length * t.width for length, t in zip(lengths, types)))
+            strands * max(length * t.widest for length, t in zip(lengths, types)))

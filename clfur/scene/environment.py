@@ -18,6 +18,7 @@ def _sky(value, where):
     """Return what `Environment.sky` takes: a float32 picture [h, w, 3], one colour [3], or three colours [3, 3]."""
     allowed = "a colour [3], colours of zenith, horizon and ground [3, 3], or a picture [h, w, 3], all >= 0 and finite"
     array = linear_of(checks.numbers(value, where, allowed))
+    array = array.astype(np.result_type(array, np.float32), copy=False)   # the limit is more than float16 holds
     if array.ndim not in (1, 2, 3) or array.shape[-1] != 3 or (array.ndim == 2 and len(array) != 3) or not array.size:
         checks.refuse(where, value, allowed)
     bad = np.argwhere(~((array >= 0) & (array <= checks.LARGEST)))   # no number is neither

@@ -14,7 +14,7 @@ from .bounds import extent, fur_extent, local, origin_of, points_to_see, strands
 from .camera import FOV, Camera, size_of
 from .curves import Curves
 from .environment import Environment
-from .ground import Ground
+from .ground import Ground, height_on, shadow_places
 from .light import Light
 from .material import body_color
 from .mesh import Mesh
@@ -52,27 +52,33 @@ def gusty(shells, time):
 
 
 def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: float = 45,
-          direction: Sequence[float] = (0.45, 0.3, 1.0)) -> Camera:
-    """Return a Camera that sees all of a mesh and its fur.
+          direction: Sequence[float] = (0.45, 0.3, 1.0), ground: Ground | None = None,
+          lights: Sequence[Light] = ()) -> Camera:
+    """Return a Camera that sees all of a mesh and its fur, and most of its shadow on a ground.
 
     mesh: Mesh, or None with Curves. fur: what `Scene` takes. size: (width, height) in pixels. fov: vertical, degrees.
-    direction: [3] from the centre of what is drawn to the camera, which comes as near as it can. Raises Error as
-    Scene does for its fur, and as Camera does.
+    direction: [3] from the centre of what is drawn to the camera, which comes as near as it can. ground: a Ground, on
+    which shadows of lights count that are no further than three radii from the centre, and not those of lights less
+    than half as strong as the strongest. Raises Error as Scene does for its fur, and as Camera does.
     """
     fur = _fur(fur, "frame fur")
     mesh = checks.instance(Mesh, none=True)(mesh, "frame mesh")
     size = size_of(size, "frame size")
     fov = FOV(fov, "frame fov")
     towards = checks.direction(direction, "frame direction")
-    center, _ = extent(mesh, fur)
+    center, radius = extent(mesh, fur)
     up = (0, 1, 0) if abs(towards[1]) < 0.999 else (0, 0, -1)
     axes = Camera(eye=center + towards, target=center, up=up, fov=fov, size=size).pose[:3, :3]
     tall = math.tan(math.radians(fov) / 2)
     slopes = np.array([tall * size[0] / size[1], tall])
     # The four planes of the view, each pushed out to its furthest point: where they meet is the nearest eye.
     there, *drawn = local(mesh, fur)
-    offsets = np.concatenate([points - (center - there) for points in points_to_see(*drawn)]
-                             or [np.zeros((1, 3))]) @ axes
+    points = np.concatenate([np.asarray(each, float) for each in points_to_see(*drawn)] or [np.zeros((1, 3))])
+    if ground is not None:
+        points = np.concatenate([points, shadow_places(
+            points, fur_extent(fur), height_on(seen_from(ground, there), *drawn), center - there, radius,
+            seen_from(tuple(lights), there))])
+    offsets = (points - (center - there)) @ axes
     margin = fur_extent(fur) * np.sqrt(1 + slopes**2)
     one = (offsets[:, :2] + slopes * offsets[:, 2:]).max(0) + margin
     other = (-offsets[:, :2] + slopes * offsets[:, 2:]).max(0) + margin
@@ -175,7 +181,8 @@ class Scene:
                             f"Light.angle 360; allowed: at least {OUTSIDE:g} radii from its middle, which is "
                             f"{checks.shown(np.round(center, 3).tolist())}, a spot, or shadows=False")
         if self.camera is None:
-            object.__setattr__(self, "camera", frame(self.mesh, self.fur))
+            object.__setattr__(self, "camera", frame(self.mesh, self.fur, ground=self.ground,
+                                                         lights=self.lights))
 
 
 def _check_uv(mesh, strands):

@@ -45,8 +45,11 @@ class HairType(Looking):
     direction_variation, color_variation: 0..1, how much strands differ; which way they lean, curl and wave is drawn in
     the frame of the skin at the root, so that it turns with it. look: how it scatters light, a Kajiya or a Chiang,
     which sets the color if it has a pigment of its own; or specular and exponent, to make a Kajiya. alpha: 0..1, how
-    much light one hair lets through. key: None or the 8-bit (r, g, b) that
-    means this type in `Strands.type_map`. Raises Error otherwise.
+    much light one hair lets through. root_width, tip_width: shares of width there, 0..16; between them it changes as
+    taper says, 0.001..0.999: how much of the change is done at half of the length; 0.5 is a straight cone, less keeps
+    the root's width for longer (Schlick's bias, "Fast alternatives to Perlin's bias and gain functions", 1994).
+    root_color, tip_color: None, then as color, or linear RGB >= 0 that takes its place there; linear between. key: None
+    or the 8-bit (r, g, b) that means this type in `Strands.type_map`. Raises Error otherwise.
     """
 
     color: checks.Given = checks.field(checks.color, default=(0.8, 0.6, 0.4))
@@ -61,12 +64,30 @@ class HairType(Looking):
     direction_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
     color_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5, kw_only=True)
+    root_width: float = checks.field(checks.real(low=0, high=16), default=1.0, kw_only=True)
+    tip_width: float = checks.field(checks.real(low=0, high=16), default=1.0, kw_only=True)
+    taper: float = checks.field(checks.real(low=1e-3, high=0.999), default=0.5, kw_only=True)
+    root_color: checks.Given = checks.field(checks.optional(checks.color), default=None, kw_only=True)
+    tip_color: checks.Given = checks.field(checks.optional(checks.color), default=None, kw_only=True)
     key: checks.Given = checks.field(checks.optional(_key), default=None, kw_only=True)
 
     def __attrs_post_init__(self):
         super().__attrs_post_init__()
         if self.look.color is not None:
+            if self.root_color is not None or self.tip_color is not None:
+                raise Error("HairType.look sets the colour by its pigment, and so do root_color or tip_color; allowed: "
+                            "one of them")
             object.__setattr__(self, "color", self.look.color)
+
+    @property
+    def ends(self) -> tuple:
+        """Linear RGB at root and tip."""
+        return tuple(self.color if each is None else each for each in (self.root_color, self.tip_color))
+
+    @property
+    def widest(self) -> float:
+        """The largest diameter along a strand, in world units."""
+        return self.width * max(self.root_width, self.tip_width)
 
 
 @attrs.frozen(eq=False)
@@ -155,6 +176,11 @@ class Strands:
     def hair_types(self) -> tuple[HairType, ...]:
         """The types that there are: a tuple of HairType."""
         return self.types
+
+    @property
+    def shaded(self) -> bool:
+        """Whether points have colours of their own, as some type has others at root or tip."""
+        return any(kind.root_color is not None or kind.tip_color is not None for kind in self.types)
 
     def __attrs_post_init__(self):
         if not 1 <= len(self.types) <= 256:

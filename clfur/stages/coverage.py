@@ -1,6 +1,6 @@
 """Strands -> how much of each pixel each of them covers, sorted by depth, hidden behind each other, and their light."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,8 +17,13 @@ EVERY = 0, int(layout.CONSTANTS["NOTHING"])   # tile, or depth: the first, one p
 REACH = Declared("segment", np.uint32, 2)   # least and most depth of a segment's pieces
 KEPT = Declared("uint4", np.uint32, 4)      # of a tile's pixels between slabs of depth, so many:
 OF_KEPT, OF_KEPT_MASKED = (TILE**2 * int(layout.CONSTANTS[name]) for name in ("KEPT_PIXEL", "MASKED_PIXEL"))
+GLOWS, MARKED = int(layout.CONSTANTS["GLOWS"]), int(layout.CONSTANTS["MARKED"])
+LIGHT_AT_ONCE, LIGHT_LATER, LIGHT_NOW = range(3)   # see cl/glow.h
 SLABS = 1024      # into which a tile is divided, at most
 BUCKETS = int(layout.CONSTANTS["BUCKETS"])
+SEEN = "bundle", "tile", "mark", "survivor"   # rows of `Seen`
+BUNDLES = 8192    # of pieces that wait for light, at most, 1 KB each
+OF_ENTRY, OF_TILE = 4, 1536   # pieces that a segment in a tile has, and a tile, nearly always
 WALKS = 16        # tiles at a time that go on in another launch where drivers end long loops, 90 KB each
 OPEN = Declared("tile", np.uint32)           # that have not come to their end, likewise
 GRAINS = Declared("tile", np.uint32, 2)      # where LANES is 1: how a tile's list is sorted
@@ -51,6 +56,18 @@ class Segments(Arrays):
 
 
 @dataclass(frozen=True)
+class Seen(Arrays):
+    """Pieces of strands that wait for light, and which segments have any: see cl/glow.h."""
+
+    bundles: Any = array("bundle", np.uint32, 4 * GLOWS)
+    nexts: Any = array("bundle", np.uint32)
+    heads: Any = array("tile", np.uint32)
+    marks: Any = array("mark", np.uint64, None, 0)   # a byte of each segment
+    slots: Any = array("survivor", np.uint32)
+    when: int = LIGHT_AT_ONCE
+
+
+@dataclass(frozen=True)
 class Covered(Arrays):
     """What is seen of strands, and of what is behind them; a transmittance: the share of light that gets through."""
 
@@ -80,8 +97,8 @@ def bound(gpu: Any, view: np.void, visible: Any, strands: int = 0) -> Tiles:
 
 def count(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles) -> None:
     """Count the segments of strands that each of the `Tiles` may show."""
-    go_through(gpu, "coverage.count", strands, _a_row(view), view=view, known=_knows(tiles, strands), **vars(tiles),
-               **arrays(strands, "points", "spans"))
+    go_through(gpu, "coverage.count", strands, _a_row(view), _at_a_time(gpu), view=view, n_strands=len(strands.spans),
+               known=_knows(tiles, strands), **vars(tiles), **arrays(strands, "points", "spans"))
 
 
 def allocate(gpu: Any, counts: np.ndarray, survivors: int) -> Segments:
@@ -95,10 +112,10 @@ def fill(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, segments
          window: tuple[int, int] = EVERY, slab: tuple[int, int] = EVERY) -> None:
     """Write the `Segments` of strands that may show in some `Tiles`, ``window``: the first, one past the last, and
     reach into some depths, ``slab``: the same, behind those that are there already."""
-    go_through(gpu, "coverage.fill", strands, _a_row(view), view=view, bounds=tiles.bounds, window=window, slab=slab,
-               first=strands.first_point, known=_knows(tiles, strands), shown=tiles.shown, cursors=segments.cursors,
-               survivors=segments.survivors, entries=segments.entries, ends=segments.ends, ids=segments.ids,
-               cuts=segments.cuts, **arrays(strands, "points", "spans", "shifts"))
+    go_through(gpu, "coverage.fill", strands, _a_row(view), _at_a_time(gpu), view=view, n_strands=len(strands.spans),
+               bounds=tiles.bounds, window=window, slab=slab, first=strands.first_point, known=_knows(tiles, strands),
+               shown=tiles.shown, cursors=segments.cursors, survivors=segments.survivors, entries=segments.entries,
+               ends=segments.ends, ids=segments.ids, cuts=segments.cuts, **arrays(strands, "points", "spans", "shifts"))
 
 
 def reach(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, reaches: Any, taken: Any,
@@ -146,7 +163,7 @@ def nothing(gpu: Any, visible: Any, shell_transmittance: Any = None) -> Covered:
 
 def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Covered, lit: Any = None,
           image: Any = None, shell_front: Any = None, window: tuple[int, int] = EVERY, slab: tuple[int, int] = EVERY,
-          kept: Any = None, kernels: str = "coverage") -> Any:
+          kept: Any = None, kernels: str = "coverage", seen: Seen | None = None) -> Any:
     """Draw `Segments` and hide them behind each other -> ``covered``, and add their light to an ``image``: in some
     tiles, ``window``: the first, one past the last.
 
@@ -157,17 +174,18 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
     ``visible``: [rows, width, samples] uint64, the body's.  ``lit``: `strand_light.Places` of the segments, if there is
     light.  ``image``: then [rows, width, 4] float32: the light of shells behind all strands, if there are shells, and
     the result, with alpha.  ``shell_front``: [rows, width, samples] uint64, what `march.march` gave, if there are
-    shells.  ``kernels``: the file whose kernels draw: see `masks`.
+    shells.  ``kernels``: the file whose kernels draw: see `masks`.  ``seen``: what waits for light: see `cover_seen`.
     """
     rows, width, _ = visible.shape
-    has_shells = shell_front is not None
+    has_shells, seen = shell_front is not None, seen or Seen.empty(gpu, dict.fromkeys(SEEN, 0))
+    lights = lit is not None or seen.when == LIGHT_LATER
     none, unfinished = gpu.empty(0, np.uint64), gpu.full(1, np.uint32, 0)
     sorted_ = gpu.empty(segments.entries.shape, np.uint32)
     known = {"view": view, "window": window, "slab": slab, "unfinished": unfinished,
              "kept": gpu.empty((0, 4), np.uint32) if kept is None else kept, "starts": segments.starts,
              "sorted": sorted_, "ends": segments.ends, "ids": segments.ids, "cuts": segments.cuts, "visible": visible,
              "has_shells": has_shells,
-             "sample_shells": shell_front if has_shells else none, "lit": lit is not None,
+             "sample_shells": shell_front if has_shells else none, "lit": lights,
              "places": none if lit is None else lit.places,
              "sources": 0 if lit is None else lit.sources,
              "more": gpu.empty((0, 32), np.float32) if lit is None else lit.more,
@@ -175,17 +193,50 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
              **(unshadowed(gpu) if lit is None else lit.lighting).arrays(),
              **(no_scattering(gpu) if lit is None or lit.scattering is None else lit.scattering).arrays(),
              **(no_deep(gpu) if lit is None or lit.deep is None else lit.deep).arrays(),
-             "image": gpu.empty((0, 4), np.float32) if lit is None else image, **vars(covered)}
+             "image": image if lights else gpu.empty((0, 4), np.float32), **vars(covered)}
     across, down = tiles_of(width, rows)
     if max(gpu.lanes, gpu.hinted) > 1:
         gpu.launch(f"{kernels}.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries,
-                   **known)
+                   room=len(seen.nexts), taken=gpu.full(1, np.uint32, 0), **vars(seen), **known)
         return unfinished
     known["grains"] = GRAINS.empty(gpu, across * down)
     _sort(gpu, across * down, entries=segments.entries,
           **{name: known[name] for name in ("starts", "sorted", "grains")})
     _pixels(gpu, across * down, kernels, **known)
     return unfinished
+
+
+def cover_seen(gpu: Any, segments: Segments, counts: np.ndarray, light: Any, draw: Any) -> None:
+    """Draw `Segments` so that only those get light that are seen: some tiles after the other, each time first what
+    is seen in them, then its light, then the picture.  Where columns go side by side alone.
+
+    ``counts``: of tiles [n], on the host.  ``light``: ids of segments, [m] uint32 -> their `strand_light.Places`.
+    ``draw``: `cover` with all its arguments but ``lit``, ``window`` and ``seen``.
+    """
+    n, room = len(segments.ids), BUNDLES * GLOWS
+    pieces = np.where(counts, GLOWS + np.minimum(OF_ENTRY * counts.astype(np.int64), OF_TILE), 0)   # and some
+    ends = np.append(0, np.cumsum(pieces))
+    seen = Seen.empty(gpu, {"bundle": min(BUNDLES, -(-int(ends[-1]) // GLOWS)), "tile": len(counts),
+                            "mark": -(-n // 8), "survivor": n})
+    first = 0
+    while first < len(counts):
+        window = first, max(int(np.searchsorted(ends, ends[first] + room, "right")) - 1, first + 1)
+        draw(window=window, seen=replace(seen, when=LIGHT_LATER))
+        ids = choose(gpu, seen, segments.ids)
+        if len(ids):
+            draw(lit=light(ids), window=window, seen=replace(seen, when=LIGHT_NOW))
+        first = window[1]
+
+
+def choose(gpu: Any, seen: Seen, ids: Any) -> Any:
+    """Give slots to the segments that are marked, and take their marks away -> the ids of those in slots, [m] uint32.
+
+    ``ids``: [n] uint32, of all.
+    """
+    taken, chosen = gpu.full(1, np.uint32, 0), gpu.empty(len(ids), np.uint32)
+    gpu.launch("coverage.choose", -(-len(ids) // MARKED), marks=seen.marks, ids=ids, n=len(ids), taken=taken,
+               slots=seen.slots, chosen=chosen)
+    return gpu.rows(chosen, 0, int(gpu.download(taken)[0]))
 
 
 def _sort(gpu, n, starts, **known):
@@ -227,6 +278,11 @@ def _pixels(gpu, n, kernels, **known):
 
 def _knows(tiles, strands):
     return len(tiles.shown) == len(strands.spans)
+
+
+def _at_a_time(gpu):
+    """Strands of a work-item, see cl/coverage.cl."""
+    return int(layout.CONSTANTS["AT_A_TIME"]) if max(gpu.lanes, gpu.hinted) > 1 else 1
 
 
 def _a_row(view):

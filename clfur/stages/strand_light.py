@@ -34,13 +34,15 @@ class Places(Arrays):
     deep: Deep | None = None                      # maps of the hair before lights, where each piece looks at these
 
 
-def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting) -> Any:
-    """Share of each light's direct light that gets through to points of strands -> [lights, points] float32 0..1."""
-    n_points = len(strands.points)
-    result = TRANSMITTANCE.empty(gpu, (len(lighting.lights), n_points))
-    gpu.launch("strand_light.transmittance", _items(gpu, n_points), n_points=n_points, transmittances=result,
-               **lighting.arrays(),
-               **arrays(strands, "points", "strand_of", "run", "strand_normal", "strand_uv", "types"))
+def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting, segments: Any = None) -> Any:
+    """Share of each light's direct light that gets through to points of strands -> [lights, points] float32 0..1; or to
+    the start and the end of each of some ``segments``, [n] uint32 ids -> [lights, 2n]."""
+    n = len(strands.points) if segments is None else 2 * len(segments)
+    result = TRANSMITTANCE.empty(gpu, (len(lighting.lights), n))
+    gpu.launch("strand_light.transmittance", _items(gpu, n), n_asked=n, transmittances=result,
+               listed=segments is not None, segments=gpu.empty(0, np.uint32) if segments is None else segments,
+               **lighting.arrays(), **arrays(strands, "first_point", "points", "spans", "strand_of", "stored", "run",
+                                             "strand_normal", "strand_uv", "types"))
     return result
 
 
@@ -54,10 +56,11 @@ def unlit(gpu: Any, lighting: Lighting, n: int, around: int = 0) -> Places:
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
              segments: Any = None, until: int | None = None, before: Places | None = None, last: bool = True,
              scattering: Scattering | None = None, sky_light: Any = None,
-             transport: Transport | None = None) -> Places:
+             transport: Transport | None = None, of_ends: bool = False) -> Places:
     """Light that segments send to the eye -> `Places`.
 
-    ``transmittances``: [lights, points] float32, what `transmittance` gave; all light if None.
+    ``transmittances``: [lights, points] float32, what `transmittance` gave; all light if None.  ``of_ends``: whether of
+    ``segments``' starts and ends.
     ``segments``: [n] uint32, ids of segments, of which those of ``strands`` end at ``until``; each point if None,
     those of strands' last points without a meaning.  ``before``: what this gave of those before them.  ``last``:
     whether no others come after them; else all that may be needed of `Places.more` is set aside at once.
@@ -68,12 +71,13 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
     known = before or unlit(gpu, lighting, n, (sky_light is not None) + (transport is not None))
     first, end = known.until, n if until is None else until
     rows = gpu.full(1, np.uint32, known.rows)
-    scattered = LEAVING.empty(gpu, n if transport is not None else 0)
+    scattered = LEAVING.empty(gpu, 0)
     if transport is not None:
-        leaving(gpu, view, transport, strands, segments, first, end, scattered)
+        scattered = leaving(gpu, view, transport, strands, segments, first, end)
     given = {"view": view, "range": (first, end), "listed": segments is not None, "first_point": strands.first_point,
-             "segments": gpu.empty(0, np.uint32) if segments is None else segments, "n_points": len(strands.points),
-             "places": known.places, "shadowed": transmittances is not None,
+             "segments": gpu.empty(0, np.uint32) if segments is None else segments, "places": known.places,
+             "shadowed": transmittances is not None, "of_ends": of_ends,
+             "n_asked": 0 if transmittances is None else transmittances.shape[1],
              "transmittances": gpu.empty(0, np.float32) if transmittances is None else transmittances,
              **(scattering or no_scattering(gpu)).arrays(), **lighting.arrays(),
              **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal", "strand_uv", "types",

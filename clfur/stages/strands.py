@@ -64,14 +64,14 @@ def stretches_of(gpu: Any, strands: DeviceStrands, steps: int) -> list[tuple[int
     return [(0, 2**32 - 1)] if longest <= most else [(first, first + most) for first in range(0, longest, most)]
 
 
-def go_through(gpu: Any, kernel: str, strands: DeviceStrands, least: int, **known: Any) -> None:
-    """Launch a kernel over strands; where a driver ends long loops again and again, each time for so many steps of
-    them, ``least`` at least, till all strands have come to their end."""
+def go_through(gpu: Any, kernel: str, strands: DeviceStrands, least: int, each: int = 1, **known: Any) -> None:
+    """Launch a kernel over strands, so many for ``each`` work-item; where a driver ends long loops again and again,
+    each time for so many steps of them, ``least`` at least, till all strands have come to their end."""
     n, going = len(strands.spans), 1
     stages, steps = STAGES.empty(gpu, n if gpu.steps else 0), max(gpu.own_steps // 2, least) if gpu.steps else 2**32 - 1
     while going:
         n_open = gpu.full(1, np.uint32, 0) if gpu.steps else gpu.empty(0, np.uint32)
-        gpu.launch(kernel, n, steps=steps, stages=stages, n_open=n_open, **known)
+        gpu.launch(kernel, -(-n // each), steps=steps, stages=stages, n_open=n_open, **known)
         going = int(gpu.download(n_open)[0]) if gpu.steps else 0
 
 
@@ -100,17 +100,18 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
     types, texels = pack_types(fur.types)
     indices = fur.type_indices if fur.type_map is not None else np.zeros((1, 1))
     stride = max(t.segments for t in fur.types) + 1
+    color_per = 2 if fur.shaded else 1
     point_forces = np.array([[*f.position, f.strength] for f in fur.point_forces], np.float32).reshape(-1, 4)
     grown = DeviceStrands.empty(
-        gpu, {"point": n * stride, "strand": n, "color": n, "run": n}, types=gpu.upload(types), run=stride,
-        first_strand=begin, first_point=begin * stride)
+        gpu, {"point": n * stride, "strand": n, "color": n * stride if fur.shaded else n, "run": n},
+        types=gpu.upload(types), run=stride, first_strand=begin, first_point=begin * stride, color_per=color_per)
     gpu.launch("strands.grow", -(-n // gpu.lanes), n=n, positions=surface.positions,
                normals=surface.normals, uv=surface.uv, triangles=surface.triangles, roots=roots,
                type_map=gpu.upload(indices.astype(np.uint32)), map_size=indices.shape[::-1], texels=gpu.upload(texels),
                force=(*fur.force, 0), point_forces=gpu.upload(point_forces), n_point_forces=len(point_forces),
                seed=fur.seed, stride=stride,
                **arrays(grown, "first_strand", "types", "points", "spans", "strand_of", "stored", "shifts",
-                        "numbers", "colors", "strand_normal", "strand_uv"))
+                        "numbers", "color_per", "colors", "strand_normal", "strand_uv"))
     return grown
 
 
@@ -171,6 +172,8 @@ def pack_types(types: Any) -> tuple[np.ndarray, np.ndarray]:
         row["shape"] = t.segment_length, t.width, t.force_weight, t.direction_variation
         row["curl"] = t.curl[0], *_turn(t.curl[1], t.segments), t.length_variation
         row["wave"] = t.wave[0], *_turn(t.wave[1], t.segments), 0
+        row["taper"] = t.root_width, t.tip_width - t.root_width, 1 / t.taper - 2, 0
+        row["root"][:3], row["tip"][:3] = t.ends
         row["shine"], row["lobes"] = layout.shine(t.look, t.alpha), t.look.lobes
         row["counts"] = t.segments, sum(map(len, texels)), 0, 0
         if t.color_texture is not None:

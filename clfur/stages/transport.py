@@ -7,6 +7,7 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, Declared, array
+from . import bounce
 from . import sky as sky_stage
 from .chiang import SHADES, Scattering
 from .lighting import Lighting
@@ -15,9 +16,16 @@ from .strands import DeviceStrands, arrays
 CELLS = 24                # a side of the grid
 DIRECTIONS, CHANNELS, PARTS, TANGENTS, ALBEDOS = (
     int(layout.CONSTANTS[name]) for name in ("DIRECTIONS", "CHANNELS", "PARTS_OF_ONE", "TANGENTS", "ALBEDOS"))
-ORDERS = 12               # that are followed
-AMOUNTS = Declared("fibre", np.int32, 8, 0)               # of a type in a cell, see transport.cl
-LEAVING = Declared("segment", np.float32, 8)   # r, g, b, - at its start and at its end
+ORDERS, SETTLED = 12, 11  # that are followed; after so many, what further ones add is told from the last three
+AMOUNTS = Declared("fibre", np.int32, 16, 0)              # of a type in a cell, see transport.cl
+OF_LIGHT = Declared("shade", np.float32, DIRECTIONS)      # of hair of a type and a tangent, to each direction
+BEFORE = Declared("channel", np.float32, 2)               # of a cell's light
+DENSE = Declared("cell", np.float32, 8)                   # of all hair in a cell
+STRANDS = 64              # that a CPU's work-item adds up: more of its atomics are spared
+ASKED = Declared("point", np.uint32)            # whether its light is asked for
+LEAVING = Declared("point", np.float32, 4)     # r, g, b, - that it sends to the eye
+POINTS = 16               # of strands, or more, whose light a work-item looks up
+PASSES = Declared("cell", np.float32, 2)                  # of one direction
 FIELD = Declared("cell", np.float32, CHANNELS * DIRECTIONS)
 
 
@@ -40,6 +48,7 @@ class Transport(Arrays):
     phases: Phases
     scattering: Scattering
     light: Any = array(FIELD)   # counted in `bytes_of`
+    around: sky_stage.SkyLight | None = None   # as a body shows it, if there is one
 
 
 def directions() -> tuple[np.ndarray, np.ndarray]:
@@ -83,62 +92,100 @@ def phases(gpu: Any, scattering: Scattering, items: int | None = None) -> Phases
 
 
 def amounts(gpu: Any, sky: np.void, types: int) -> Any:
-    """Room for what cells hold of hair of each type: nothing yet -> [types · n³, 8] int32."""
+    """Room for what cells hold of hair of each type: nothing yet -> [types · n³, 16] int32."""
     return AMOUNTS.empty(gpu, types * int(sky["size"][0]) ** 3)
 
 
 def deposit(gpu: Any, sky: np.void, there: Any, unit: float, strands: DeviceStrands, scattering: Scattering) -> None:
     """Add strands, or a part of them, to what cells hold of hair; ``unit``: that of `sky.held`."""
-    gpu.launch("transport.hold", len(strands.spans), sky=sky, unit=unit, amounts=there, lobes=scattering.lobes,
+    each = STRANDS if gpu.lanes > 1 else 1
+    gpu.launch("transport.hold", -(-len(strands.spans) // each), sky=sky, n_strands=len(strands.spans), each=each,
+               unit=unit, amounts=there, lobes=scattering.lobes,
                **arrays(strands, "points", "spans", "strand_uv", "types", "colors", "color_per"))
 
 
 def transport(gpu: Any, sky: np.void, held: sky_stage.Held, there: Any, lighting: Lighting, scattering: Scattering,
-              made: Phases, outside: np.ndarray, orders: int) -> Transport:
+              made: Phases, outside: np.ndarray, body_color: tuple = (0, 0, 0), orders: int = ORDERS) -> Transport:
     """Take light from hair to hair ``orders`` times -> `Transport`.
 
-    held, there: what cells hold, by `sky.deposit` and `deposit`.  outside: [DIRECTIONS, 3] light of the sky.
+    held, there: what cells hold, by `sky.deposit` of the body and `deposit`.  outside: [DIRECTIONS, 3] light of the
+    sky.  body_color: linear r, g, b, one for all of it.
     """
     n, types = int(sky["size"][0]), len(scattering.lobes)
-    cells = n**3
-    contents = sky_stage.contents(gpu, sky, held)
-    kinds = gpu.empty((types * cells * 2, 4), np.float32)
-    gpu.launch("transport.kinds", types * cells, n_types=types, cells=cells, amounts=there, tangents=made.tangents,
-               kinds=kinds)
+    cells, is_body = n**3, held.solids.size > 0
+    kinds, dense = gpu.empty((types * cells * 2, 4), np.float32), DENSE.empty(gpu, cells)
+    gpu.launch("transport.kinds", cells, n_types=types, n=n, unit=held.unit, amounts=there, tangents=made.tangents,
+               kinds=kinds, dense=dense)
     first, sent, light = (FIELD.empty(gpu, cells) for _ in range(3))
-    gpu.launch("transport.direct", cells, sky=sky, n_types=types, lobes=scattering.lobes, table=scattering.lobe_table,
-               kinds=kinds, parts=made.parts, first=first, **lighting.arrays())
-    towards = gpu.upload(np.column_stack([directions()[0], np.zeros(DIRECTIONS)]).astype(np.float32))
-    beyond = gpu.upload(np.column_stack([outside, np.ones(DIRECTIONS)]).astype(np.float32))
-    behind = gpu.empty((DIRECTIONS * 2 * n * n, 4), np.float32)
-    slices, rows = (1, 1) if gpu.lanes == 1 else (n, n)
-    source = first
+    looks = {"lobes": scattering.lobes, "table": scattering.lobe_table, "parts": made.parts}
+    by_tangent = OF_LIGHT.empty(gpu, types * TANGENTS * SHADES)
+    for number in range(len(lighting.lights)):
+        gpu.launch("transport.of_light", types * TANGENTS * DIRECTIONS, number=number, lights=lighting.lights,
+                   tangents=made.tangents, by_tangent=by_tangent, **looks)
+        gpu.launch("transport.direct", cells, sky=sky, n_types=types, number=number, kinds=kinds, dense=dense,
+                   by_tangent=by_tangent, first=first, **looks, **lighting.arrays())
+    faces = bounce.FACES.empty(gpu, 0)
+    if is_body:
+        faces = bounce.faces(gpu, sky, sky_stage.contents(gpu, sky, held), body_color, lighting)
+    keeps, before = gpu.empty(cells, np.float32), BEFORE.empty(gpu, CHANNELS * cells)
+    sweep = _sweeper(gpu, n, dense, outside, keeps, {"is_body": is_body, "faces": faces, "light": light})
+    sums = gpu.empty(2 * CHANNELS * cells, np.float32)
     for order in range(orders):
         if order:
-            gpu.launch("transport.scatter", cells, n_types=types, cells=cells, kinds=kinds, phases=made.phases,
-                       first=first, light=light, sent=sent)
-            source = sent
+            gpu.launch("transport.scatter", cells, n_types=types, cells=cells, kinds=kinds, dense=dense,
+                       phases=made.phases, first=first, light=light, sent=sent, before=before)
+        if order and is_body:
+            bounce.glow(gpu, body_color, made.directions, light, faces)
+        sweep(sent if order else first, order >= min(SETTLED - 3, orders - 1))
+        if order and order < SETTLED:
+            gpu.launch("transport.settle", cells * CHANNELS, turn=max(order - (SETTLED - 3), -1), keeps=keeps,
+                       before=before, sums=sums, light=light)
+    gpu.launch("transport.even_out", cells, n=n, dense=dense, light=light, evened=sent)
+    around = bounce.light_around(gpu, sky, directions()[0], sent) if is_body else None
+    return Transport(sky, made, scattering, sent, around)
+
+
+def _sweeper(gpu, n, dense, outside, keeps, given):
+    """A function that takes what cells send through all of the grid, in all directions."""
+    cells = n**3
+    towards = gpu.upload(np.column_stack([directions()[0], np.zeros(DIRECTIONS)]).astype(np.float32))
+    beyond = np.column_stack([outside, np.ones(DIRECTIONS)]).astype(np.float32)
+    behind = gpu.upload(np.repeat(beyond, 2 * (n + 2 * sky_stage.EDGE)**2, 0))
+    passes = PASSES.empty(gpu, DIRECTIONS * cells)
+    gpu.launch("transport.passing", cells, cells=cells, dense=dense, towards=towards, passes=passes, keeps=keeps)
+    slices, rows = (1, 1) if gpu.lanes == 1 else (n, n)
+
+    def sweep(sent, is_all):
         for turn in range(0, n, slices):
             gpu.launch("transport.sweep", DIRECTIONS * n // rows, n=n, turns=(turn, turn + slices), rows=rows,
-                       held=contents, towards=towards, outside=beyond, sent=source, behind=behind, light=light)
-    return Transport(sky, made, scattering, light)
+                       all=is_all, passes=passes, towards=towards, sent=sent, behind=behind, **given)
+    return sweep
 
 
 def bytes_of(types: int, body: bool) -> int:
     """Bytes on the device of all that `transport` makes at once, and of `Phases`, of so many types of hair."""
-    held = sky_stage.Held.bytes(cell=1, column=3 * body) + 8 * sky_stage.HOLDS
-    cells = held + 3 * FIELD.bytes + types * (AMOUNTS.bytes + 32)
+    held = sky_stage.Held.bytes(cell=1, column=3 * body) + 8 * sky_stage.HOLDS + DENSE.bytes + 4 + 16 * CHANNELS
+    cells = held + 3 * FIELD.bytes + DIRECTIONS * PASSES.bytes + types * (AMOUNTS.bytes + 32)
     looks = Phases.bytes("albedos", "phases", eye=types * ALBEDOS, phase=types * TANGENTS * SHADES)
-    return CELLS**3 * cells + DIRECTIONS * 2 * CELLS**2 * 16 + looks
+    looks += OF_LIGHT.bytes * types * TANGENTS * SHADES
+    behind = DIRECTIONS * 2 * (CELLS + 2 * sky_stage.EDGE)**2 * 16
+    return CELLS**3 * cells + behind + looks + bounce.bytes_of(CELLS) * body
 
 
-def leaving(gpu: Any, view: np.void, lit: Transport, strands: DeviceStrands, segments: Any, first: int, end: int,
-            scattered: Any) -> None:
-    """Tell what segments ``first`` to ``end`` of those listed send to the eye of the light of cells -> scattered,
-    [segments, 8] float32 r, g, b, - at their starts and at their ends."""
-    gpu.launch("transport.leaving", end - first, view=view, first=first, listed=segments is not None,
-               segments=gpu.empty(0, np.uint32) if segments is None else segments, first_point=strands.first_point,
-               sky=lit.sky, light=lit.light, directions=lit.phases.directions, lobes=lit.scattering.lobes,
-               table=lit.scattering.lobe_table, albedos=lit.phases.albedos, scattered=scattered,
-               **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal", "strand_uv", "types",
-                        "colors", "color_per"))
+def leaving(gpu: Any, view: np.void, lit: Transport, strands: DeviceStrands, segments: Any, first: int,
+            end: int) -> Any:
+    """What points of strands send to the eye of the light of cells -> [points, 4] float32 r, g, b, -; of those of
+    segments ``first`` to ``end`` of the ids ``segments`` alone, if not None."""
+    n_points = len(strands.points)
+    asked = ASKED.empty(gpu, 0)
+    if segments is not None:
+        asked = gpu.full(n_points, np.uint32, 0)
+        gpu.launch("transport.ask", end - first, first=first, segments=segments, first_point=strands.first_point,
+                   asked=asked, **arrays(strands, "spans", "strand_of", "stored", "run"))
+    each, scattered = strands.run * -(-POINTS // strands.run), LEAVING.empty(gpu, n_points)
+    gpu.launch("transport.leaving", -(-n_points // each), view=view, n_points=n_points, each=each,
+               asks=segments is not None, asked=asked, sky=lit.sky, light=lit.light, directions=lit.phases.directions,
+               lobes=lit.scattering.lobes, table=lit.scattering.lobe_table, albedos=lit.phases.albedos,
+               scattered=scattered,
+               **arrays(strands, "points", "spans", "strand_of", "run", "strand_uv", "colors", "color_per"))
+    return scattered

@@ -107,19 +107,25 @@ def grow(
 ):
     """Grow every strand: (points [N, S, 3], tangents [N, S, 3], counts [N], colors [N, 3], kind [N]).
 
-    S is the largest number of points; where a strand has fewer, the rest is NaN.
+    S is the largest number of points; where a strand has fewer, the rest is NaN.  Where a type has a colour of its own
+    at root or tip, colors are of points, [N, S, 3].
     """
     if type_indices is None:
         type_indices = np.zeros((1, 1), int)
     kind = type_indices[texel(uv, type_indices.shape)].astype(int)
     segments = np.array([t.segments for t in types])
     points = np.full((len(root), segments.max() + 1, 3), math.nan)
-    tangents, colors = points.copy(), np.empty((len(root), 3))
+    shaded = any(t.root_color is not None or t.tip_color is not None for t in types)
+    tangents, colors = points.copy(), points.copy() if shaded else points[:, 0].copy()
     for k, t in enumerate(types):
         mine = np.flatnonzero(kind == k)
         vary = signed(random3(mine, seed, 1))
         tint = 1 if t.color_texture is None else bilinear(t.color_texture, uv[mine])
-        colors[mine] = t.color * tint * (1 + t.color_variation * vary[:, :1])
+        varied = tint * (1 + t.color_variation * vary[:, :1])
+        if shaded:
+            colors[mine, :t.segments + 1] = shades(t) * np.broadcast_to(varied, (len(mine), 3))[:, None]
+        else:
+            colors[mine] = t.color * varied
         if t.segments and len(mine):
             up = frame[mine, 2]
             lean, turn = (np.einsum("na,nax->nx", signed(random3(mine, seed, use)), frame[mine]) for use in (3, 2))
@@ -130,6 +136,23 @@ def grow(
             points[mine, :t.segments + 1] = line
             tangents[mine, :t.segments + 1] = tangents_of(line, ahead[:, 0])
     return points, tangents, np.where(segments[kind] > 0, segments[kind] + 1, 0), colors, kind
+
+
+def along(t):
+    """Of the points of a type's strands: how far each is on the way to the tip, [segments + 1]."""
+    return np.arange(t.segments + 1) / max(t.segments, 1)
+
+
+def widths(t):
+    """Widths [segments + 1] along a type's strands; between root and tip as Schlick's bias (1994) has it."""
+    u = along(t)
+    return t.width * (t.root_width + (t.tip_width - t.root_width) * u / ((1 / t.taper - 2) * (1 - u) + 1))
+
+
+def shades(t):
+    """Colours [segments + 1, 3] along a type's strands, before what varies and textures."""
+    root, tip = (np.asarray(t.color if each is None else each, float) for each in (t.root_color, t.tip_color))
+    return root + (tip - root) * along(t)[:, None]
 
 
 def axes(root, direction, segments, length, weight, force, point_forces):

@@ -6,16 +6,17 @@ import numpy as np
 from . import chiang
 from .vectors import dot, unit
 
-STEPS = 4
+STEPS = 2
+LARGEST = 0.9
 
 
 def amounts(low, scale, n, points, spans, opaque, shades):
-    """What strands leave in cells -> [n, n, n, 7] float64: tangents x, y, z, (1 - alpha) · width · length over a cell's
-    face, shades r, g, b, 0..1, all but the amount times that.
+    """What strands leave in cells -> [n, n, n, 12] float64: (1 - alpha) · width · length over a cell's face, times
+    their directions x, y, z, their shades r, g, b, 0..1, and the second moment of directions xx, yy, zz, xy, xz, yz.
 
     points [P, 4]; spans [strands, 2]; opaque, shades: [strands], [strands, 3].  Places are found in float32, as there.
     """
-    cells = np.zeros((n, n, n, 7))
+    cells = np.zeros((n, n, n, 12))
     points, low, scale = np.asarray(points, np.float32), np.asarray(low, np.float32), np.float32(scale)
     for (first, count), share, shade in zip(np.asarray(spans, int), opaque, shades):
         for a, b in zip(points[first:first + count - 1], points[first + 1:first + count]):
@@ -30,8 +31,58 @@ def amounts(low, scale, n, points, spans, opaque, shades):
             x, y, z = np.floor(at[inside]).astype(int).T
             amount = share * float(length) * float(scale) / steps * p[inside, 3].astype(float)
             t = d[:3].astype(float) / np.linalg.norm(d[:3].astype(float))
-            np.add.at(cells, (z, y, x), amount[:, None] * np.concatenate([t, [1], shade]))
+            second = [*(t * t), t[0] * t[1], t[0] * t[2], t[1] * t[2]]
+            np.add.at(cells, (z, y, x), amount[:, None] * np.concatenate([t, shade, second]))
     return cells
+
+
+def softened(cells):
+    """Each cell [n, n, n, ...] as the mean of itself and its neighbours along each axis in turn, weights 1, 2, 1; the
+    outermost cells are their own neighbours out of the grid."""
+    for axis in range(3):
+        n = cells.shape[axis]
+        wide = np.take(cells, np.clip(np.arange(-1, n + 1), 0, n - 1), axis)
+        before, here, after = (np.take(wide, np.arange(k, k + n), axis) for k in range(3))
+        cells = (before + 2 * here + after) / 4
+    return cells
+
+
+def tensors(moments):
+    """[..., 6] xx, yy, zz, xy, xz, yz -> [..., 3, 3]."""
+    return moments[..., [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+
+
+def kept(cells, directions):
+    """Share of what hair in cells sends that stays there, mean of directions; cells: [n, n, n, 3, 3] moments."""
+    density, shares = np.trace(cells, axis1=3, axis2=4), 0
+    for w in np.asarray(directions, float):
+        across = np.maximum(density**2 - density * np.einsum("zyxij,i,j->zyx", cells, w, w), 0)
+        depth = np.sqrt(across) / np.abs(w).max()
+        shares = shares + np.where(depth > 0, 1 + np.expm1(-depth) / np.where(depth > 0, depth, 1), 0)
+    return shares / len(directions)
+
+
+def settled(light, before, share):
+    """Light [D, n, n, n] after an order, with what of it comes back to its own cell again and again, evenly from all
+    directions.  before: the light that it comes of; share: [n, n, n] of light that hair in a cell sends and gets."""
+    more = (light - before).sum(0) * np.minimum(share, LARGEST) / (1 - np.minimum(share, LARGEST))
+    return np.maximum(light + more / len(light), 0)
+
+
+def continued(lights):
+    """Light [D, n, n, n] of three orders that follow each other -> that of the last, with what further ones would add:
+    evenly to all directions, the rest of a geometric series."""
+    sums = [each.sum(0) for each in lights]
+    first, last = sums[1] - sums[0], sums[2] - sums[1]
+    ratio = np.where((first > 0) & (last > 0), np.minimum(last / np.where(first > 0, first, 1), LARGEST), 0)
+    return lights[2] + last * ratio / (1 - ratio) / len(lights[2])
+
+
+def evened(light, amount):
+    """Light [D, n, n, n] that hair shows: evened out over the hair around, the more the denser a cell is."""
+    share, weights = amount**2 / (amount**2 + 1), softened(amount)
+    around = np.stack([softened(each * amount) for each in light]) / np.where(weights > 0, weights, 1)
+    return np.where(weights > 0, light + share * (around - light), light)
 
 
 def scattering(t, v, to_light, sigma, lobes):
@@ -65,11 +116,12 @@ def phase(t, directions, parts, sigma, lobes):
     return result
 
 
-def swept(cells, body, directions, outside, sent):
-    """Light in the middles of cells -> [D, n, n, n]: that of `outside` [D] and what cells send, [D, n, n, n].
+def swept(cells, body, facing, directions, outside, sent, glow):
+    """Mean light of cells -> [D, n, n, n]: that of `outside` [D], what cells send, [D, n, n, n], and a body, [n, n, n].
 
-    cells: [n, n, n, 3, 3] moments of hair, see `sky.moments`; body: [n, n, n] shares; directions: towards where light
-    comes from.  Where a share of a cell is open, light that came through less is spread, through more is stopped.
+    cells: [n, n, n, 3, 3] moments of hair; body: [n, n, n] shares; facing: [n, n, n, 3] the way that its surface looks,
+    or 0; directions: towards where light comes from.  Where a share of a cell is open, light that came through less is
+    spread, through more is stopped; where it leaves the body, what the body hides is made up by what it sends.
     """
     n, result, open_ = len(body), np.zeros(sent.shape), 1 - body
     density = np.trace(cells, axis1=3, axis2=4)
@@ -77,7 +129,8 @@ def swept(cells, body, directions, outside, sent):
         axis = int(np.argmax(np.abs(w)))
         step = w / abs(w[axis])
         depth = np.sqrt(np.maximum(density**2 - density * np.einsum("zyxij,i,j->zyx", cells, w, w), 0)) / abs(w[axis])
-        passed = np.exp(-depth / 2)
+        through, leaves = np.exp(-depth), facing @ w < 0
+        mean = np.where(depth > 0, -np.expm1(-depth) / np.where(depth > 0, depth, 1), 1)
         flux = np.full((n + 4, n + 4, n + 4, 2), [outside[number], 1.0])   # through what is open, and how much is
         for k in range(n)[::-1] if w[axis] > 0 else range(n):
             at = np.stack(np.meshgrid(*[np.arange(n) if a != axis else [k] for a in range(3)], indexing="ij"), -1)
@@ -88,12 +141,16 @@ def swept(cells, body, directions, outside, sent):
                 x, y, z = np.moveaxis(base + corner + 2, -1, 0)
                 came = came + np.prod(np.where(corner, part, 1 - part)) * flux[z, y, x]
             x, y, z = np.moveaxis(at, -1, 0)
-            widest = np.maximum(came[..., 1], open_[z, y, x])
-            value = np.where(widest > 0, came[..., 0] / np.where(widest > 0, widest, 1), 0)
-            middle = value * passed[z, y, x] + (1 - passed[z, y, x]) * sent[number, z, y, x]
-            behind = middle * passed[z, y, x] + (1 - passed[z, y, x]) * sent[number, z, y, x]
-            result[number, z, y, x] = middle
-            flux[z + 2, y + 2, x + 2] = np.stack([behind * open_[z, y, x], open_[z, y, x]], -1)
+            own = np.where(leaves[z, y, x], glow[z, y, x], 0)
+            hidden = np.maximum(open_[z, y, x] - came[..., 1], 0)
+            widest = came[..., 1] + hidden
+            value = np.where(widest > 0, (came[..., 0] + hidden * own) / np.where(widest > 0, widest, 1), 0)
+            source = sent[number, z, y, x]
+            result[number, z, y, x] = mean[z, y, x] * value + (1 - mean[z, y, x]) * source
+            share = np.where(leaves[z, y, x], 1, open_[z, y, x])
+            value = np.where(leaves[z, y, x], open_[z, y, x] * value + body[z, y, x] * own, value)
+            behind = through[z, y, x] * value + (1 - through[z, y, x]) * source
+            flux[z + 2, y + 2, x + 2] = np.stack([behind * share, share], -1)
     return result
 
 

@@ -52,11 +52,15 @@ BY_HAND __kernel void drawn(
         LANE_I(lane, k) = k;
     for (int u = us.x; u < us.y; u += LANES) {
         Column column;
-        column_of(chunk, 0, &view, lane + u, &column);
+        Outline outline;
+        if (leans(chunk, 0))
+            outline_of(chunk, 0, &view, lane + u, &column, &outline);
+        else
+            column_of(chunk, 0, &view, lane + u, &column);
         for (int k = 0; k < LANES && u + k < us.y; ++k) {
             const int top = max(LANE_I(column.low, k), vs.x), bottom = min(LANE_I(column.high, k), vs.y);
             for (int v = top; LANE(column.along, k) > 0.0f && v < bottom; ++v) {
-                lanes share = share_of(&column, I(v));
+                lanes share = leans(chunk, 0) ? share_within(&outline, I(v)) : share_of(&column, I(v));
                 lanes_i at = place_in(&column, I(v));
                 if (!(LANE(share, k) > 0.0f))
                     continue;
@@ -92,12 +96,18 @@ BY_HAND __kernel void hidden(
 {
     WORK_ITEM(i);
     Glow glow;
-    glow.n = 0;
+#if LANES > 1
+    const Store at_once = {LIGHT_AT_ONCE};
+    begin_glow(&glow, &at_once);
+#endif
     const Picture picture = {samples, has_shells, 1, visible, sample_shells, {places, 1}, body_transmittance, alpha, front,
                              shell_front, image, &glow};
     Pixel pixel;
     Slots slots;
     const uint bound = begin_pixel(&pixel, &picture, i);
+#if LANES > 1
+    pixel.number = 0;
+#endif
     long low = 0, limit = 0;
     while (!pixel.closed && limit != LONG_MAX) {
         int n = 0;
@@ -117,6 +127,9 @@ BY_HAND __kernel void hidden(
         settle(&pixel, &picture, &slots, n, limit);
         low = limit;
     }
+#if LANES > 1
     glow_all(&glow, &picture.sent);
+    pixel.light = glow.lights[0];
+#endif
     end_pixel(&pixel, &picture);
 }

@@ -22,5 +22,6 @@ def recorded(gpu):
 
 
 def bands_of(names):
-    """How many bands of transparent strands were drawn by these kernels: in lanes, or not."""
-    return names.count("coverage.tiles") + names.count("coverage.sort")
+    """How many bands of transparent strands were drawn by these kernels: in lanes, twice where light waits for what is
+    seen, or not."""
+    return names.count("coverage.tiles") - names.count("coverage.choose") + names.count("coverage.sort")

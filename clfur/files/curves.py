@@ -1,0 +1,161 @@
+"""Strand files <-> Curves."""
+
+import functools
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import Error, shown
+from ..scene import Curves, HairType, checks
+from . import usd
+from .arrays import read_npy, read_npz, write_npy, write_npz
+from .curve_text import write_mitsuba, write_pbrt
+from .fields import usual_width
+from .hair import read_hair, write_hair
+from .input import read
+from .output import is_path, output_path, whole
+from .strand_ply import read_strand_ply, write_strand_ply
+from .tressfx import read_tfx, write_tfx
+from .usc import read_usc, write_usc
+
+READERS = {".hair": read_hair, ".tfx": read_tfx, ".data": read_usc, ".ply": read_strand_ply, ".npz": read_npz,
+           ".npy": read_npy}
+USD = ".usd", ".usda", ".usdc", ".usdz"
+WRITERS: dict[str, Callable[[dict], bytes]] = {
+    ".hair": write_hair, ".tfx": write_tfx, ".data": write_usc, ".ply": write_strand_ply, ".npz": write_npz,
+    ".npy": write_npy, ".txt": write_mitsuba, ".pbrt": write_pbrt,
+    **{suffix: functools.partial(usd.write, suffix=suffix) for suffix in USD[:3]}}
+FORMATS = ", ".join((*READERS, *USD))
+SHADES = 255     # of transparency that strands of one file may differ by
+
+
+def load_curves(path: str | os.PathLike, *, width: float | None = None, color: Any = None, tolerance: float = 0.25,
+                time: float | None = None) -> Curves:
+    """Return the `Curves` of a strand file.
+
+    path: str or path-like; .hair (cyHair), .tfx (TressFX 4), .data (USC-HairSalon), .ply (strands or edges), .npz,
+    .npy, and with usd-core .usd, .usda, .usdc, .usdz (BasisCurves), by suffix; docs/formats.md says of each what its
+    width means, where the root is, and its units. width: the strands' diameter where the file says none; None: 0.0012
+    of half the diagonal of all strands. color: RGB, linear light, where the file says none; None: a HairType's.
+    tolerance: how far a polyline may be from a cubic curve of USD, in its widths. time: of USD's time samples, in its
+    time codes; None: the first.
+    Strands whose transparency differs become types. Raises Error, one line that names the file, for one that is
+    missing, damaged, cut short, without strands, no regular file or of more than 2**30 bytes.
+    """
+    given = {"width": None if width is None else checks.real(low=0)(width, "load_curves width"), "color": color}
+    return curves_of(path, {name: value for name, value in given.items() if value is not None}, tolerance, time)
+
+
+def curves_of(path: str | os.PathLike, given: dict[str, Any], tolerance: float = 0.25, time: float | None = None
+              ) -> Curves:
+    """Return the `Curves` of a file; ``given``: fields of theirs where the file says nothing of them."""
+    if not is_path(path):
+        raise Error(f"load_curves path is {shown(path)}; allowed: a file's name")
+    file = Path(path)
+    tolerance = checks.real(low=1e-3, high=1e3)(tolerance, "load_curves tolerance")
+    time = None if time is None else checks.real()(time, "load_curves time")
+    suffix = file.suffix.lower()
+    if os.path.isdir(file):
+        raise Error(f"{file}: is a folder; allowed: a file {FORMATS}")
+    if not os.path.exists(file):
+        raise Error(f"{file}: no such file")
+    if suffix not in READERS and suffix not in USD:
+        raise Error(f"{file}: {file.suffix or 'no suffix'} is no strand file; allowed: {FORMATS}")
+    data = read(file)
+    if not data:
+        raise Error(f"{file}: is empty")
+    try:
+        strands = usd.read(file, tolerance, time) if suffix in USD else READERS[suffix](data, file)
+        return _curves(strands, given)
+    except Error as error:
+        raise Error(f"{file}: {error}") from None
+    except Exception as error:   # a reader may fail in any way on a damaged file; the user gets one line
+        first_line = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise Error(f"{file}: cannot be read as {suffix}: {first_line}") from error
+
+
+def save_curves(path: str | os.PathLike, curves: Curves) -> None:
+    """Write the strands of `Curves` to a file, whole or not at all.
+
+    path: str or path-like; as for `load_curves`, but .usdz, and also .txt (Mitsuba's curves) and .pbrt, by suffix.
+    What a format has no place for is left out: docs/formats.md. Places are float32 but in .npz, .npy, .ply and text.
+    Raises Error for another suffix, a folder that is not, strands that the format cannot hold, or no room.
+    """
+    file = output_path(path, tuple(WRITERS))
+    if not isinstance(curves, Curves):
+        raise Error(f"save_curves curves is {shown(curves)}; allowed: a clfur.Curves, as clfur.grow returns")
+    try:
+        data = WRITERS[file.suffix.lower()](stored(curves))
+    except Error as error:
+        raise Error(f"{file}: {error}") from None
+    with whole(file) as temporary:
+        temporary.write_bytes(data)
+
+
+def stored(curves: Curves) -> dict[str, Any]:
+    """Return what files hold of Curves: points float64 [total, 3], counts int64 [strands]; width, color and
+    transparency float32, [1, ...] for all or [total, ...] for each point; root_uv and root_normal where they are."""
+    curves = curves.on_host
+    counts, total = curves.counts.astype(np.int64), len(curves.points)
+    values = {"width": curves.width, "color": curves.color}
+    alphas = np.array([kind.alpha for kind in curves.hair_types], np.float32)
+    same = curves.type_of is None or (alphas == alphas[0]).all()
+    values["transparency"] = alphas[:1] if same else alphas[curves.type_of]
+    for name, each in values.items():
+        if len(each) == len(counts) != total and len(each) > 1:
+            values[name] = np.repeat(each, counts, axis=0)
+    found = {"points": curves.points.astype(np.float64) + curves.origin, "counts": counts, **values,
+             "root_uv": curves.root_uv, "root_normal": curves.root_normal}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _curves(strands, given):
+    """The Curves of what a reader returns: as `stored`, but color may also be sRGB, values may be per strand, and width
+    and the rest may be missing."""
+    points, counts = np.asarray(strands["points"]), strands.get("counts")
+    if counts is None and points.ndim == 3:
+        counts = np.full(len(points), points.shape[1])
+        points = points.reshape(-1, 3)
+    if not points.size or counts is None or not len(counts):
+        raise Error("has no strands" if counts is not None or not points.size else "has points but no counts")
+    counts = np.asarray(counts)
+    if counts.ndim != 1 or counts.dtype.kind not in "iu" or int(counts.sum()) != len(points) or counts.min() < 0:
+        raise Error(f"has {len(points)} points, but its counts do not add up to it")
+    fields = {name: strands[name] for name in ("root_uv", "root_normal") if name in strands}
+    for name, tail in ("width", ()), ("color", (3,)):
+        if name in strands:
+            fields[name] = _by_strand(np.asarray(strands[name]), tail, counts)
+    if not np.any(fields.get("width", 0)):
+        fields["width"] = given.get("width", usual_width(points))
+    if "transparency" in strands:
+        fields |= _types(np.asarray(strands["transparency"], np.float64), counts, given.get("look"))
+        given = {name: value for name, value in given.items() if name not in ("alpha", "look") or "alpha" in fields}
+    return Curves(points, counts, **{**given, **fields})
+
+
+def _by_strand(values, tail, counts):
+    """Values for all, for each strand or for each point; per strand where they are the same along each."""
+    total, strands = int(counts.sum()), len(counts)
+    if values.shape == (strands, *tail) and total != strands:
+        return values[:, None]
+    if values.shape != (total, *tail) or total == strands or not counts.all():
+        return values
+    roots = values[np.cumsum(counts) - counts]
+    return roots[:, None] if np.array_equal(np.repeat(roots, counts, axis=0), values) else values
+
+
+def _types(clear, counts, look):
+    """{"alpha"} of transparency that is the same for all, else {"types", "type_of"} of each strand's mean."""
+    if not (np.isfinite(clear).all() and clear.min() >= 0 and clear.max() <= 1):
+        raise Error(f"has transparencies of {clear.min():g} to {clear.max():g}; allowed: 0 to 1")
+    if clear.size == 1 or clear.min() == clear.max():
+        return {"alpha": float(clear.flat[0])}
+    if clear.size == int(counts.sum()):
+        sums = np.concatenate([[0], np.cumsum(clear.ravel())])
+        ends = np.cumsum(counts)
+        clear = (sums[ends] - sums[ends - counts]) / np.maximum(counts, 1)
+    steps, type_of = np.unique(np.rint(clear.ravel() * SHADES).astype(np.uint8), return_inverse=True)
+    return {"types": [HairType(alpha=float(step) / SHADES, look=look) for step in steps], "type_of": type_of}

@@ -1,0 +1,32 @@
+"""`clfur grow`, and `clfur render` with strands of a file."""
+
+import pytest
+from support.command import wrong
+
+
+def test_grown_strands_come_back(clfur, tmp_path):
+    code, out, _ = clfur("grow", "sphere", "-o", "hair.npz", "--inner", 1, "--outer", 1, "--segments", 3)
+    assert code == 0 and out == "hair.npz: 1,280 strands, 5,120 points\n"
+    code, out, _ = clfur("render", "sphere", "--hair", "hair.npz", "--size", "32x32", "--inner", 2, "--outer", 1)
+    assert code == 0 and "1,280 strands, 3,840 segments" in out
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["hair.npz", "sphere.png"]
+
+
+@pytest.mark.parametrize("arguments, says", [
+    (["render", "sphere", "--hair", "hair.np"], "hair.np: no such file"),
+    (["render", "sphere", "--hair", "bad.hair"], "bad.hair: is no .hair file: it does not begin with HAIR"),
+    (["render", "sphere", "--hair", "bad.hair", "--curl", "1,2"], "--curl is for hair that grows, but --hair has its "
+                                                              "own; allowed: one of them"),
+    (["render", "sphere", "--hair", "bad.hair", "--length", 1], "--length is for hair that grows"),
+    (["render", "sphere", "--hair", "bad.hair", "--fur", "shells"], "--hair is for strands, but --fur is shells"),
+    (["grow", "sphere", "-o", "a.abc"], "a.abc: .abc is not supported; allowed: .hair, "),
+    (["grow", "sphere", "-o", "a.hair", "--fur", "shells"], "sphere grows no strands; allowed: with --fur strands"),
+    (["grow", "sphere", "-o", "a.hair", "--hair", "bad.hair"], "bad.hair"),
+    (["grow", "sphere", "-o", "a.tfx", "--segments", 100, "--inner", 1, "--outer", 1],
+     "a.tfx: strands have 101 to 101 points; allowed in .tfx: 2 to 64"),
+    (["grow", "sphere"], "Missing option '-o'"),
+])
+def test_a_wrong_use_is_one_line_and_leaves_nothing(clfur, tmp_path, arguments, says):
+    (tmp_path / "bad.hair").write_bytes(bytes(200))
+    wrong(clfur(*arguments), says)
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.hair"]
