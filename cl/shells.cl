@@ -315,6 +315,7 @@ __kernel void leave(
             const float sums[MOMENTS] = {even + along * t.x * t.x, even + along * t.y * t.y, even + along * t.z * t.z,
                                          along * t.x * t.y, along * t.x * t.z, along * t.y * t.z};
             volatile __global int *cell = moments + (size_t)(((int)c.z * n + (int)c.y) * n + (int)c.x) * MOMENTS;
+            #pragma unroll
             for (int j = 0; j < MOMENTS; ++j)
                 atomic_add(&cell[j], (int)(sums[j] < 0.0f ? sums[j] - 0.5f : sums[j] + 0.5f));
         }

@@ -270,7 +270,7 @@ def test_what_is_left_in_a_sky_s_cells_is_the_twin_s(gpu, monkeypatch, pattern, 
     heights = int(float(packed["size"][0]) / (slabs * .75 / scale)) + 1
     curves, lattice = shell.curves.get()[:, :3].reshape(-1, slabs + 1, 3), shell.pattern.lattice.get()
     meant = twin.leave(packed, low, scale, 16, shell.pattern.faces.get(), curves,
-                       lattice.reshape(-1, stage.CORNERS, 4), shell.pattern.means.get(), heights, 96, .7)
+                       lattice.reshape(-1, stage.CORNERS, 4), shell.pattern.means.get(), heights, 48, .7)
     for j, (a, b) in enumerate([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]):
         across, most = meant[..., a, b].sum((0, 2)), meant.sum((0, 2)).max()
         np.testing.assert_allclose(got[..., j].sum((0, 2)), across, atol=2e-3 * most)

@@ -16,7 +16,7 @@ AROUND = 96                  # places looked at for each height of the table of 
 SLABS = 4                    # straight pieces of a bent hair
 MOST_NOISE = 16, 256         # lattices of the noise along a side, in space and on the skin
 MOST_ROWS = 4096             # of a face's points in the light's grid,
-MOST_POINTS, MOST_HEIGHTS = 96, 32   # and rows of them and heights of a slab in a sky's
+MOST_POINTS, MOST_HEIGHTS = 48, 32   # and rows of them and heights of a slab in a sky's
 
 
 POSITIONS = Declared("vertex", np.float32, 4)   # of the mesh, while hairs are bent
