@@ -19,6 +19,7 @@
 #include "seen.h"
 #include "scatter.h"
 #include "light.h"
+#include "sky.h"
 #include "pattern.h"
 
 #define SIDEWAYS 8.0f    // steps on the way across one x or y, down to one where hairs are seen on average
@@ -26,6 +27,8 @@
 #define SHARP 0.85f     // of a pixel's width counts as footprint: least error against 8 x 8 samples (tools/shells_laws.py)
 #define FAR_FROM 0.3f   // pixels that are so many sides of a cell wide begin to see hairs on average,
 #define FAR_TO 0.9f     // and those of so many see nothing else: no cell is looked for there, steps are a pixel long
+#define STEEPER 2.0f    // cells by which light of a sky is looked up further out at the tips than at the roots: in cells it
+                        // falls off that much less steeply (tests/test_shells_shadow.py)
 #define MOST_TETRAHEDRA 20000    // on one way, on average: no scene that is any good has so many
 
 /* Products may be added unrounded here and among march's steps: no whole number hangs on them.  Elsewhere it costs. */
@@ -102,9 +105,22 @@ INLINED lanes transmittance_to(const Lighting *lighting, int i, lanes_i on, lane
     return share;
 }
 
+/* Light of a sky on fur at places p, around hairs along t. */
+ONCE lanes3 sky_on_fur(const Sky *sky, __global const float4 *cells, lanes_i on, const lanes3 *p, const lanes3 *t)
+{
+    lanes3 light = {F(0.0f), F(0.0f), F(0.0f)};
+    for (int k = 0; k < LANES; ++k)
+        if (LANE_I(on, k)) {
+            const Known known = known_at(sky, cells, (float4)(LANE(p->x, k), LANE(p->y, k), LANE(p->z, k), 0.0f), false);
+            const float4 its = light_around(&known, (float4)(LANE(t->x, k), LANE(t->y, k), LANE(t->z, k), 0.0f), 0.0f, -0.125f);
+            LANE(light.x, k) = its.x, LANE(light.y, k) = its.y, LANE(light.z, k) = its.z;
+        }
+    return light;
+}
+
 /* Light from places p at heights h: t the hair's direction, n the skin's normal, slope the fur's gradient in the world, v
    the way to the eye.  It fades to the roots. */
-INLINED lanes3 shade_fur(const Lighting *lighting, const Shells *shells, lanes_i on, lanes3 p, lanes h, lanes3 t, lanes3 n,
+INLINED lanes3 shade_fur(const Lighting *lighting, const Sky *sky, __global const float4 *sky_cells, const Shells *shells, lanes_i on, lanes3 p, lanes h, lanes3 t, lanes3 n,
                          lanes3 slope, lanes3 v)
 {
     lanes3 sum = {F(0.0f), F(0.0f), F(0.0f)};
@@ -123,6 +139,13 @@ INLINED lanes3 shade_fur(const Lighting *lighting, const Shells *shells, lanes_i
         sum.x += part * direct.x * share.x + direct.w * shells->color.x;
         sum.y += part * direct.y * share.y + direct.w * shells->color.y;
         sum.z += part * direct.z * share.z + direct.w * shells->color.z;
+    }
+    if (sky->size.y) {
+        const lanes3 place = plus(p, scaled(t, (h - 0.5f) * (STEEPER / sky->place.w)));
+        const lanes3 light = sky_on_fur(sky, sky_cells, on, &place, &t);
+        sum.x += shells->color.x * light.x;
+        sum.y += shells->color.y * light.y;
+        sum.z += shells->color.z * light.z;
     }
     return scaled(sum, shells->color.w + (1.0f - shells->color.w) * h);
 }
@@ -279,6 +302,8 @@ BY_HAND __kernel void march(
     __global const View *light_views,
     __global const float *crossings,
     __global const ulong *shadow_maps,
+    const Sky sky,                         // see sky.h
+    __global const float4 *sky_cells,      // [n, n, n, HARMONICS] r, g, b, if there is one
     __global uint *after,                  // [rows, width, samples] depth where they came in last; NOTHING: they are done
     __global float *shell_transmittance,   // [rows, width, samples] share of light that comes from behind
     __global ulong *shell_front,           // [rows, width, samples] depth << 32 | face where half of it is gone
@@ -584,7 +609,7 @@ BY_HAND __kernel void march(
                         scaled(all_lanes(cb[1] - cb[0]), wb), scaled(all_lanes(cc[1] - cc[0]), wc))));
                     const lanes3 slope = scaled(plus(scaled(all_lanes(grad_x), sum_x), scaled(all_lanes(grad_y), sum_y)), scale);
                     const lanes3 place = {eye.x + z * dx, eye.y + z * dy, eye.z + z * dz}, v = {-dx, -dy, -dz};
-                    const lanes3 color = shade_fur(&lighting, &shells, shown, place, within(h_first + mean * h_step, 0.0f, 1.0f), t, n, slope, v);
+                    const lanes3 color = shade_fur(&lighting, &sky, sky_cells, &shells, shown, place, within(h_first + mean * h_step, 0.0f, 1.0f), t, n, slope, v);
                     red += shown ? hidden * color.x : F(0.0f);
                     green += shown ? hidden * color.y : F(0.0f);
                     blue += shown ? hidden * color.z : F(0.0f);

@@ -260,6 +260,67 @@ __kernel void deposit(
     }
 }
 
+/* What hair leaves in the cells of a sky's grid, see `deposit` of sky.cl: moments of two parts, one across the hairs and one
+   along them, so that rays from aside meet as much as they enter there, and those from above as much as is newly covered.  One
+   work-item takes one of a slab's `heights` of one face, at points 3/4 of a cell apart at most. */
+__kernel void leave(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const Shells shells,
+    const Sky sky,
+    __global const uint4 *faces,           // [F] corners in the order of their numbers
+    __global const float4 *curves,         // [V, slabs + 1]
+    __global const float4 *lattice,        // [F, CORNERS]
+    __global const float2 *means,          // [HEIGHTS]
+    const int heights,                     // in which a slab is divided
+    const int most,                        // rows of points on a face
+    const float opaque,                    // optical depth of one crossing
+    const float unit,                      // integers for 1
+    volatile __global int *moments)        // [n, n, n, MOMENTS] xx, yy, zz, xy, xz, yz
+{
+    WORK_ITEM(item);
+    const int slabs = shells.kind.z, levels = slabs * heights, level = item % levels, slab = level / heights, n = sky.size.x;
+    const uint face = item / levels;
+    const uint4 corners = faces[face];
+    __global const float4 *pa = curves + (size_t)corners.x * (slabs + 1) + slab, *pb = curves + (size_t)corners.y * (slabs + 1) + slab,
+        *pc = curves + (size_t)corners.z * (slabs + 1) + slab;
+    const float inside = (level % heights + 0.5f) / heights, scale = sky.place.w;
+    const float4 up_a = pa[1] - pa[0], up_b = pb[1] - pb[0] - up_a, up_c = pc[1] - pc[0] - up_a;
+    const float4 origin = pa[0] + inside * up_a, ab = pb[0] - pa[0] + inside * up_b, ac = pc[0] - pa[0] + inside * up_c;
+    const float4 across = cross3(ab, ac), bc = ac - ab;
+    const float area = sqrt(dot3(across, across)), longest = max(max(dot3(ab, ab), dot3(ac, ac)), dot3(bc, bc));
+    const float4 first = lattice[CORNERS * face], second = lattice[CORNERS * face + 1];
+    const float2 to_b = first.zw - first.xy, to_c = second.xy - first.xy;
+    if (!(area > 0.0f))
+        return;
+    /* Between these heights: crossings a unit of length from aside and from above. */
+    const float low = (float)level / levels, top = (float)(level + 1) / levels, thick = shells.size.x / levels;
+    float entered = 0.0f;
+    for (int k = 0; k < STEPS; ++k)
+        entered += mean_at(means, low + (k + 0.5f) / (levels * STEPS)).y * (1.0f / STEPS);
+    const float aside = entered * sqrt(fabs(to_b.x * to_c.y - to_b.y * to_c.x) / area);
+    const float down = max(mean_at(means, low).x - mean_at(means, top).x, 0.0f) / thick;
+    const float density = sqrt(aside * aside + 0.5f * down * down);
+    const float flat = density > 0.0f ? min(down * down / density, density) : 0.0f, upright = density - flat;
+    const int rows = (int)min(sqrt(longest) * scale / POINT_STEP, most - 1.0f) + 1;
+    for (int row = 0; row < rows; ++row)
+        for (int k = 0; k <= 2 * row; ++k) {
+            const int turned = k & 1;
+            const float wb = (k / 2 + (1 + turned) / 3.0f) / rows, wc = (row - k / 2 - turned + (1 + turned) / 3.0f) / rows;
+            const float4 c = (origin + wb * ab + wc * ac - sky.place) * scale, up = up_a + wb * up_b + wc * up_c;
+            if (!(c.x >= 0.0f && c.y >= 0.0f && c.z >= 0.0f && c.x < n && c.y < n && c.z < n))
+                continue;
+            const float volume = fabs(dot3(across, up)) * (0.5f / heights) / ((float)rows * rows);
+            const float4 t = unit_or(up, (float4)(0.0f, 1.0f, 0.0f, 0.0f));
+            const float each = opaque * volume * scale * scale * unit, even = 0.5f * flat * each, along = upright * each - even;
+            const float sums[MOMENTS] = {even + along * t.x * t.x, even + along * t.y * t.y, even + along * t.z * t.z,
+                                         along * t.x * t.y, along * t.x * t.z, along * t.y * t.z};
+            volatile __global int *cell = moments + (size_t)(((int)c.z * n + (int)c.y) * n + (int)c.x) * MOMENTS;
+            #pragma unroll
+            for (int j = 0; j < MOMENTS; ++j)
+                atomic_add(&cell[j], (int)(sums[j] < 0.0f ? sums[j] - 0.5f : sums[j] + 0.5f));
+        }
+}
+
 /* The outputs but color (AOVs) of what the nearest sample of one pixel sees, where that is fur: of a hair there, as of a
    strand.  One work-item, one pixel. */
 __kernel void outputs(

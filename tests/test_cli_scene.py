@@ -136,7 +136,7 @@ def test_a_preset_that_the_scene_refuses():
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
            "--types": "a.json", "--curl": "0,0", "--look": "chiang", "--wave": "0,0", "--raster": "samples",
            "--lod": 0.5, "--tip-width": 1, "--root-color": "1,1,1", "--tip-color": "1,1,1",
-           "--masks": 0, "--scattering": "off", "--sky": "1,1,1", "--hair": "a.npz"}
+           "--masks": 0, "--scattering": "off", "--hair": "a.npz"}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 1, "--noise": "0.5,8",
           "--wind": "0,0,0", "--time": 0, "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
@@ -146,7 +146,7 @@ SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "
           "--shadow-map": 64, "--pcf": 0,
           "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
           "--preset": "draft", "--rest": "sphere", "--body": "holdout", "--body-color": "1,0,0", "--body-texture": "",
-          "--ground": -1.5, "--view": "front"}
+          "--ground": -1.5, "--view": "front", "--sky": "1,1,1"}
 
 
 def test_each_option_is_of_strands_or_of_shells_or_of_both():
@@ -158,8 +158,7 @@ def test_each_option_is_of_strands_or_of_shells_or_of_both():
             if flag not in ("--type-map", "--types", "--body-texture", "--hair"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
-    # A sky shines on strands alone; an eye is given too.
-    for flag in "--type-map", "--types", "--body-texture", "--hair", "--sky", "--view":
+    for flag in "--type-map", "--types", "--body-texture", "--hair", "--view":   # an eye is given too
         del everything[flag]
     load("sphere", *(part for option in everything.items() for part in option))
 

@@ -11,11 +11,12 @@ from clfur import layout
 from clfur.pipeline.views import light_of, view_of
 from clfur.scene import frame
 from clfur.stages import march as stage
-from clfur.stages import shells
+from clfur.stages import shells, sky
 from clfur.stages.lighting import lighting_of, unshadowed
 from clfur.stages.raster import raster
 from clfur.stages.tessellate import tessellate
 from clfur.twin import march as twin
+from clfur.twin import sky as sky_twin
 
 LIGHT = clfur.Light((1, -1, -0.6))
 SPOT = clfur.Light((-1, -1, -1), position=(2, 2, 2), angle=35)
@@ -37,7 +38,7 @@ class Drawn:
 
 
 def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, bare=False, light=LIGHT, camera=None,
-          lighting=None):
+          lighting=None, sky=None):
     mesh = clfur.Mesh(*MESHES[mesh]) if isinstance(mesh, str) else mesh
     camera = camera or frame(mesh, fur, size, direction=(0.3, 0.5, 1))
     scene = clfur.Scene(mesh=mesh, fur=fur, camera=camera, light=light)
@@ -53,19 +54,20 @@ def drawn(gpu, monkeypatch, mesh, fur, size=(24, 18), samples=1, filtered=True, 
         rounds.append(raster(*arguments, **named))
         return rounds[-1]
     monkeypatch.setattr(stage, "raster", watched)
-    image, transmittance, front = stage.march(gpu, view, shell, packed, lighting or unshadowed(gpu, *lights), visible)
+    image, transmittance, front = stage.march(gpu, view, shell, packed, lighting or unshadowed(gpu, *lights), visible,
+                                               sky)
     return Drawn(view, packed, shell, visible.get(), [entries.get() for entries in rounds], image.get(),
                  transmittance.get(), front.get(), lights)
 
 
-def by_twin(it, direct=1.0):
+def by_twin(it, direct=1.0, sky=None):
     """The twin's picture of what the device's stages have prepared."""
     pattern, packed, slabs = it.shell.pattern, it.packed, int(it.packed["kind"][2])
     return twin.march(
         it.view, packed, it.lights, it.visible, it.rounds, it.shell.border.get(),
         pattern.faces.get(), it.shell.curves.get()[:, :3].reshape(-1, slabs + 1, 3), it.shell.normals.get()[:, :3],
         pattern.lattice.get().reshape(-1, 8, 4), pattern.noise.get().reshape(*noise_shape(packed), 2),
-        pattern.means.get(), direct)
+        pattern.means.get(), direct, sky)
 
 
 # --- the twin's values ----------------------------------------------------------------------------------
@@ -227,3 +229,28 @@ def test_small(gpu, monkeypatch, pattern):
     assert image[..., 3].max() > 0.1
     np.testing.assert_allclose(it.image, image, atol=CLOSE)
     np.testing.assert_allclose(it.shell_transmittance, transmittance, atol=CLOSE)
+
+
+@pytest.mark.small
+@pytest.mark.parametrize("shading", ["kajiya-kay", "turned"])
+def test_light_of_a_sky_is_the_twin_s(gpu, monkeypatch, shading):
+    """Of three directions, with a share of its own in each cell."""
+    monkeypatch.setattr(shells, "AROUND", 4)
+    rng, n, towards = np.random.default_rng(1), 16, sky.spiral(3)
+    shares, colors = rng.random((3, n, n, n)), 8 * rng.random((3, 3))
+    packed = sky.sky_of((-1.5, -1.5, -1.5), (1.5, 1.5, 1.5), n)
+    cells = np.einsum("dzyx,dj,dc->zyxjc", shares, sky.harmonics(towards), np.c_[colors, np.zeros(3)])
+    lit = sky.SkyLight(packed, np.zeros((), layout.OnGround),
+                       gpu.upload(np.ascontiguousarray(cells.reshape(-1, 4), dtype=np.float32)),
+                       gpu.empty((0, 4), np.float32))
+
+    def by_sky(p, h, t):
+        place = packed["place"].astype(float)
+        further = p + t * ((h - .5) * 2 / place[3])[:, None]
+        return sky_twin.light(place[:3], place[3], shares, towards[:, None], colors[:, None], further, t,
+                              (1, 0, -1 / 8))
+    fur = clfur.Shells(length=0.4, layers=2, frequency=1.0, noise=(0.3, 8), wind=(0.3, 0, 0), shading=shading)
+    it = drawn(gpu, monkeypatch, "quad", fur, size=(5, 4), bare=True, sky=lit)
+    meant, without = by_twin(it, sky=by_sky)[0], by_twin(it)[0]
+    np.testing.assert_allclose(it.image, meant, atol=CLOSE)
+    assert np.abs(meant - without)[..., :3].max() > .05

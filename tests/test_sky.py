@@ -166,11 +166,6 @@ def test_twice_the_sky_is_twice_the_light_on_strands(gpu, raster):
     np.testing.assert_allclose(two[..., :3], 2 * one[..., :3], rtol=2e-3, atol=1e-5)   # packed in 21 bits a colour
 
 
-def test_shells_under_a_sky_are_refused_by_name():
-    with pytest.raises(clfur.Error, match="Scene.environment.*Shells"):
-        clfur.Scene(mesh=BOX, fur=clfur.Shells(), environment=Environment())
-
-
 @pytest.mark.parametrize("bad", [(1, 2), (-1, 0, 0), np.full((4, 8, 3), np.nan), "sky", np.zeros((2, 3))])
 def test_what_is_no_sky_is_refused(bad):
     with pytest.raises(clfur.Error, match="Environment.sky is .*allowed"):

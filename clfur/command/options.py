@@ -193,7 +193,7 @@ _SETTINGS = [
 ]
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "tip_width", "root_color", "tip_color", "look",
-                     "type_map", "types", "curl", "wave", "raster", "masks", "scattering", "lod", "sky", "hair"),
+                     "type_map", "types", "curl", "wave", "raster", "masks", "scattering", "lod", "hair"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 # Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
 _GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "force_weight", "roots", "type_map", "types",

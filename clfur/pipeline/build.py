@@ -23,7 +23,7 @@ from ..stages.raster import raster
 from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, upload_curves
 from ..stages.tessellate import Surface, no_surface, tessellate
 from .plan import Part, Plan
-from .shadows import accumulate, deep_maps, finish, plan_shadows, without_body, without_hair
+from .shadows import accumulate, deep_maps, finish, plan_shadows, shells_depth, without_body, without_hair
 
 
 def let_go(plan: Plan, gpu: Any) -> None:
@@ -97,7 +97,7 @@ def sky(gpu: Any, plan: Plan) -> sky_stage.SkyLight | None:
     if scene.environment is None:
         return None
     ground = None if plan.ground is None else str(float(plan.ground["plane"][3]))
-    return gpu.keep("sky", (scene.mesh, scene.strands, scene.environment, int(plan.body), ground),
+    return gpu.keep("sky", (scene.mesh, scene.strands, scene.shells, scene.environment, int(plan.body), ground),
                     functools.partial(sky_in, gpu, plan, sky_stage.CELLS))
 
 
@@ -112,9 +112,13 @@ def sky_in(gpu: Any, plan: Plan, n: int) -> sky_stage.SkyLight:
         high = np.minimum(high, np.max([each for _, each in boxes], 0) + out)
     grid = sky_stage.sky_of(low, high, n)
     area = hair_bounds(scene.strands, plan.strands)[2] if plan.strands else 0.0
+    if scene.shells:
+        area += shells.bounds_of(gpu, shell(gpu, plan)[0])[1]
     held = sky_stage.held(gpu, grid, plan.body, area)
     for part in plan.parts(gpu):
         sky_stage.deposit(gpu, grid, held, hair(gpu, plan, part, 0), body(gpu, plan, part))
+    if scene.shells:
+        shells.leave(gpu, grid, *shell(gpu, plan), shells_depth(scene.shells.alpha, "length"), held)
     around, table = _sky_table(scene.environment)
     if plan.ground is None:
         return sky_stage.light(gpu, grid, held, around, table)

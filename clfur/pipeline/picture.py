@@ -87,7 +87,8 @@ def draw_band(picture: "Picture", top: int, end: int, gpu: Any) -> tuple:
     if plan.scene.shells:
         shell = build.shell(gpu, plan)
         any_light = lighting or unshadowed(gpu, *plan.rig.lights)   # which the other outputs do not see
-        image, shell_transmittance, shell_front = march.march(gpu, band.view, *shell, any_light, band.visible)
+        image, shell_transmittance, shell_front = march.march(gpu, band.view, *shell, any_light, band.visible,
+                                                              build.sky(gpu, plan) if plan.wants_color else None)
     front = strands.resolve(gpu, band, lighting, image, shell_transmittance, shell_front)
     image, known = strands.shade(gpu, band, front, lighting)
     if plan.scene.shells and plan.others:

@@ -148,9 +148,6 @@ class Scene:
         strands, shells = strands_and_shells(self.fur)
         object.__setattr__(self, "strands", strands)
         object.__setattr__(self, "shells", shells)
-        if shells is not None and self.environment is not None:
-            raise Error("Scene.environment is given but Scene.fur has Shells, on which no sky shines; allowed: "
-                        "Strands or Curves, or Light.ambient")
         if self.mesh is None and strands is None and shells is None:
             raise Error("Scene.mesh and Scene.fur are None; allowed: at least one of them")
         if self.body == "holdout" and (self.mesh is None or self.body_color is None):

@@ -10,6 +10,7 @@ from .lighting import Lighting
 from .raster import NONE, raster
 from .shade import IMAGE
 from .shells import Shell
+from .sky import SkyLight, arguments
 
 ENTRIES = 8                  # times that a ray may come into the fur
 
@@ -24,11 +25,11 @@ class Rays(Arrays):
 
 
 def march(gpu: Any, view: np.void, shell: Shell, packed: np.void, lighting: Lighting,
-          visible: Any) -> tuple[Any, Any, Any]:
+          visible: Any, sky: SkyLight | None = None) -> tuple[Any, Any, Any]:
     """Take all rays through the fur -> (image, shell_transmittance, shell_front).
 
     ``view``: a `layout.View`.  ``packed``: the shell's `layout.Shells`.  ``visible``: [rows, width, samples] uint64,
-    what `raster` gives of all else.
+    what `raster` gives of all else.  ``sky``: its light, if there is one.
     image: [rows, width, 4] float32, the light of the fur, premultiplied.  shell_transmittance: [rows, width, samples]
     float32, the share of light that comes from what ``visible`` holds.  shell_front: [rows, width, samples] uint64,
     depth << 32 | face where half of it is gone.
@@ -45,7 +46,8 @@ def march(gpu: Any, view: np.void, shell: Shell, packed: np.void, lighting: Ligh
         gpu.launch("march.march", blocks, view=view, shells=packed, visible=visible, entries=entries,
                    border=shell.border, faces=pattern.faces, neighbours=pattern.neighbours, curves=shell.curves,
                    normals=shell.normals, lattice=pattern.lattice, noise=pattern.noise, means=pattern.means,
-                   left=left, image=image, **vars(rays), **lighting.arrays())
+                   left=left, image=image, **vars(rays), **lighting.arrays(),
+                   **arguments(gpu, sky))
         del entries   # before the next are made
         if not int(gpu.download(left)[0]):
             break

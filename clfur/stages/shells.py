@@ -7,6 +7,7 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, Declared, array
+from .sky import Held
 from .tessellate import as_float4
 from .voxelize import CELLS
 
@@ -14,7 +15,8 @@ HEIGHTS, CORNERS, ROWS = (layout.CONSTANTS[name] for name in ("HEIGHTS", "CORNER
 AROUND = 96                  # places looked at for each height of the table of means
 SLABS = 4                    # straight pieces of a bent hair
 MOST_NOISE = 16, 256         # lattices of the noise along a side, in space and on the skin
-MOST_ROWS = 4096             # of a face's points in the light's grid
+MOST_ROWS = 4096             # of a face's points in the light's grid,
+MOST_POINTS, MOST_HEIGHTS = 48, 32   # and rows of them and heights of a slab in a sky's
 
 
 POSITIONS = Declared("vertex", np.float32, 4)   # of the mesh, while hairs are bent
@@ -226,6 +228,16 @@ def deposit(gpu: Any, grid: np.void, shell: Shell, packed: np.void, method: str,
                curves=shell.curves, lattice=pattern.lattice, means=pattern.means, parts=parts, deep=deep,
                binary=method == "binary", weight=weight, cells=cells)
     return cells
+
+
+def leave(gpu: Any, sky: np.void, shell: Shell, packed: np.void, opaque: float, there: Held) -> None:
+    """Add shell fur to what a sky's grid holds; ``opaque``: optical depth of one crossing."""
+    pattern, cell = shell.pattern, layout.CONSTANTS["POINT_STEP"] / float(sky["place"][3])
+    slabs = int(packed["kind"][2])
+    heights = min(int(float(packed["size"][0]) / (slabs * cell)) + 1, MOST_HEIGHTS)
+    gpu.launch("shells.leave", len(pattern.faces) * slabs * heights, shells=packed, sky=sky, faces=pattern.faces,
+               curves=shell.curves, lattice=pattern.lattice, means=pattern.means, heights=heights, most=MOST_POINTS,
+               opaque=opaque, unit=there.unit, moments=there.moments)
 
 
 def bounds_of(gpu: Any, shell: Shell) -> tuple[int, float]:

@@ -18,12 +18,14 @@ FAR_FROM, FAR_TO = 0.3, 0.9
 TETRAHEDRA = np.array([(0, 1, 2, 5), (0, 1, 4, 5), (0, 3, 4, 5)])   # of a prism: 0 1 2 below, 3 4 5 above them
 
 
-def march(view, shells, lights, visible, rounds, border, faces, curves, normals, lattice, noise, means, direct=1.0):
+def march(view, shells, lights, visible, rounds, border, faces, curves, normals, lattice, noise, means, direct=1.0,
+          sky=None):
     """Take all rays through the fur -> (image [rows, width, 4], shell_transmittance, place, face).
 
     rounds: [rows, width, samples] uint64 each, the border triangles where rays come in, by order.  border: [B, 2].
     faces: [F, 3].  curves: [V, slabs + 1, 3].  lattice: [F, 8, 4].  noise: [z, y, x, 2].  lights: [n]
-    structs.  direct: share of their light that shadows leave.
+    structs.  direct: share of their light that shadows leave.  sky: gives light [n, 3] of one around hairs at places
+    [n, 3], of heights [n], along axes [n, 3], if there is one.
     place: [rows, width, samples, 3] where half of the light is gone, and face the face there, -1 if it is not gone.
     """
     rows, width, samples = visible.shape
@@ -60,7 +62,7 @@ def march(view, shells, lights, visible, rounds, border, faces, curves, normals,
         part = _hide(steps, rays, rest, half, half_face, slabs)
         done |= rest == 0
         image[rays] += _light(shells, lights, faces, curves, normals, lattice, eye, directions, steps, part,
-                              slabs, direct)
+                              slabs, direct, sky)
     return (image.reshape(rows, width, samples, 4).mean(2), rest.reshape(visible.shape),
             half.reshape(*visible.shape, 3), half_face.reshape(visible.shape))
 
@@ -226,7 +228,7 @@ def _hide(steps, rays, rest, half, half_face, slabs):
     return part
 
 
-def _light(shells, lights, faces, curves, normals, lattice, eye, directions, steps, part, slabs, direct):
+def _light(shells, lights, faces, curves, normals, lattice, eye, directions, steps, part, slabs, direct, sky):
     """Light [rays, 4] of the fur, once a tetrahedron: at the mean place of what it hides."""
     key = steps["ray"].astype(np.int64) << 40 | steps["tetrahedron"]
     _, first, group = np.unique(key, return_index=True, return_inverse=True)
@@ -260,6 +262,8 @@ def _light(shells, lights, faces, curves, normals, lattice, eye, directions, ste
             rgb += surface(color, shine, turned, to_light, -d, direct * strength, ambient)
         else:
             rgb += fibre(color, shine, t, to_light, -d, direct * strength, ambient)
+    if sky is not None:
+        rgb += color * sky(p, h, t)
     root = float(shells["color"][3])
     rgb = rgb * (root + (1 - root) * h)[:, None]
     values = hidden[:, None] * np.concatenate([rgb, np.ones((len(rgb), 1))], 1)

@@ -336,3 +336,44 @@ def _dot(a, b):
 def _cross(a, b):
     return np.stack([a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1], a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
                      a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]], -1)
+
+
+def leave(shells, low, scale, n, faces, curves, lattice, means, heights, most, opaque):
+    """What hair leaves in n³ cells of a sky's grid -> [n, n, n, 3, 3] float64, see `sky.moments`.
+
+    low [3], scale: of the grid, cells a unit.  heights: of a slab; most: rows of points on a face; opaque: optical
+    depth of one crossing.
+    """
+    slabs, cells = int(shells["kind"][2]), np.zeros((n, n, n, 3, 3))
+    levels, middle = slabs * heights, (np.arange(16) + .5) / 16
+    for face, (i, j, k) in enumerate(np.asarray(faces)[:, :3].astype(int)):
+        corners = np.asarray(lattice, float)[face].reshape(-1, 4)[:2].ravel()[:6].reshape(3, 2)
+        pattern = abs(np.linalg.det(corners[1:] - corners[0]))
+        for level in range(levels):
+            slab, inside = level // heights, (level % heights + .5) / heights
+            a, b, c = ((1 - inside) * curves[v, slab] + inside * curves[v, slab + 1] for v in (i, j, k))
+            ups = np.array([curves[v, slab + 1] - curves[v, slab] for v in (i, j, k)], float)
+            across = np.cross(b - a, c - a)
+            area = np.linalg.norm(across)
+            if not area > 0:
+                continue
+            table = np.linspace(0, 1, HEIGHTS)
+            aside = np.interp((level + middle) / levels, table, means[:, 1]).mean() * np.sqrt(pattern / area)
+            ends = np.interp(np.array([level, level + 1]) / levels, table, means[:, 0])
+            down = max(ends[0] - ends[1], 0) * levels / float(shells["size"][0])
+            density = np.hypot(aside, down / np.sqrt(2))
+            flat = min(down**2 / density, density) if density else 0.0
+            rows = int(min(max(np.linalg.norm(each) for each in (b - a, c - a, c - b)) * scale / .75, most - 1)) + 1
+            thirds = [(row, t, turned) for row in range(rows) for t in range(2 * row + 1) for turned in [t % 2]]
+            for row, t, turned in thirds:
+                wb = (t // 2 + (1 + turned) / 3) / rows
+                wc = (row - t // 2 - turned + (1 + turned) / 3) / rows
+                p, up = a + wb * (b - a) + wc * (c - a), ups[0] + wb * (ups[1] - ups[0]) + wc * (ups[2] - ups[0])
+                at = np.floor((p - low) * scale).astype(int)
+                if (at < 0).any() or (at >= n).any():
+                    continue
+                along = up / np.linalg.norm(up)
+                volume = abs(across @ up) / 2 / heights / rows**2
+                tensor = (density - flat) * np.outer(along, along) + flat / 2 * (np.eye(3) - np.outer(along, along))
+                cells[at[2], at[1], at[0]] += opaque * volume * scale**2 * tensor
+    return cells
