@@ -32,8 +32,11 @@ typedef struct {
 INLINED void ready(const Batch *batch, Chunk *chunk)
 {
     lanes c[8];
+    lanes_u leans;
+    for (int k = 0; k < LANES; ++k)
+        LANE_U(leans, k) = batch->leans[k];
     columns_of(batch->ends, c);
-    put_ends(chunk, 0, c);
+    put_ends(chunk, 0, c, leans);
 }
 
 /* Go through the texels, in some columns, that segment k of a chunk may have pieces in, but those so deep that no light comes
@@ -42,8 +45,9 @@ INLINED void each_texel(const View *view, const Chunk *chunk, int k, int2 column
                         volatile __global uint *counts, __global ulong *pieces)
 {
     const int n = view->size.x, u_stride = chunk->steep[k] ? n : 1, v_stride = chunk->steep[k] ? 1 : n;
-    const float from = chunk->au[k], until = chunk->bu[k], ratio = (float)kind->cells / n;
+    const float out = chunk->out[k], from = chunk->au[k] - out, until = chunk->bu[k] + out, ratio = (float)kind->cells / n;
     const int first = from > columns.x ? (int)from : columns.x, last = until < columns.y ? (int)until : columns.y - 1;
+    const bool wide = leans(chunk, k);
 #if LANES == 1
     const lanes_i lane = 0;
 #else
@@ -51,7 +55,11 @@ INLINED void each_texel(const View *view, const Chunk *chunk, int k, int2 column
 #endif
     for (int u = first; u <= last; u += LANES) {
         Column column;
-        column_of(chunk, k, view, lane + u, &column);
+        Outline outline;
+        if (wide)
+            outline_of(chunk, k, view, lane + u, &column, &outline);
+        else
+            column_of(chunk, k, view, lane + u, &column);
         const lanes_i on = (column.along > 0.0f) & (lane + u <= last), bottom = column.high < n ? column.high : I(n);
         lanes_i v = column.low > 0 ? column.low : I(0), at = (lane + u) * u_stride + v * v_stride;
         const lanes e = REAL((int)DEPTH_ONE - column.depth) * (1.0f / DEPTH_ONE);
@@ -61,7 +69,7 @@ INLINED void each_texel(const View *view, const Chunk *chunk, int k, int2 column
             const lanes_i cell = chunk->steep[k] ? in_u * kind->cells + in_v : in_v * kind->cells + in_u;
             lanes octaves = F(0.0f);
             if (pieces) {
-                const lanes share = lesser(kind->opaque * share_of(&column, v), F(DARKEST));
+                const lanes share = lesser(kind->opaque * (wide ? share_within(&outline, v) : share_of(&column, v)), F(DARKEST));
                 octaves = -(float)DEEP_UNIT * log2_of(1.0f - greater(share, F(0.0f))) + 0.5f;
             }
             for (int j = 0; j < LANES; ++j) {
@@ -96,6 +104,7 @@ BY_HAND __kernel void count(
         Batch batch;
         Chunk chunk;
         project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
+        lean(&view, points, span.x, span.x + i, span.x + span.y - 1, &batch);
         ready(&batch, &chunk);
         for (int k = 0; k < LANES; ++k)
             if (batch.on[k])
@@ -130,6 +139,7 @@ BY_HAND __kernel void fill(
         Batch batch;
         Chunk chunk;
         project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
+        lean(&view, points, span.x, span.x + i, span.x + span.y - 1, &batch);
         ready(&batch, &chunk);
         for (int k = 0; k < LANES; ++k)
             if (batch.on[k])
