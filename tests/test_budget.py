@@ -214,7 +214,8 @@ def test_bands_lie_on_the_fur(sphere):
 def test_cells_are_no_finer_than_strands(sphere):
     def grids(width):
         hair = clfur.HairType(width=width, segments=1, segment_length=1)
-        return {each.grid for each in rungs(clfur.Scene(mesh=sphere, fur=clfur.Strands(types=[hair])))}
+        furry = clfur.Scene(mesh=sphere, fur=clfur.Strands(types=[hair]))
+        return {rung.settings.grid for rung in budget.suited(Rig.of(furry))}
     assert grids(0.001) == grids(0) == {rung.grid for rung in budget.LADDER} and max(grids(0.001)) == 256
     assert grids(0.05) == {48, 64, 96, 128}   # 2 times a radius of 2 / (0.6 * 0.05) = 135
     assert grids(1) == {16}
