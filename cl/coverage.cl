@@ -211,7 +211,7 @@ INLINED void list(Found *found, const View *view, __global const uint *bounds, u
             if (batch->on[k]) {
                 ends[number] = batch->ends[k];
                 ids[number] = (found->ids[m] + k) | (batch->cut[k] == WHOLE_WAY ? 0 : CLIPPED);
-                cuts[number] = batch->cut[k];
+                cuts[number] = batch->cut[k] == WHOLE_WAY ? batch->leans[k] : batch->cut[k];
                 stage->shown = LANES == 1 ? number + 1 : 0;
                 each_tile(batch, k, view, bounds, window, LIST, cursors, entries, number++, stage);
             }
@@ -238,7 +238,8 @@ BY_HAND __kernel void fill(
     __global uint2 *entries,               // of each tile: depth, number of a segment among those that may show
     __global float8 *ends,                 // [survivors] each end's x, y, reversed depth, half width [pixels]
     __global uint *ids,                    // [survivors] and CLIPPED where they are
-    __global uint *cuts,                   // [survivors] what is left where they are clipped: from and to, in 1/65535
+    __global uint *cuts,                   // [survivors] what is left where they are clipped, from and to, in 1/65535; else
+                                           // how far they lean, see outline.h
     const uint steps,                      // of loops that one may take in this launch, about
     __global uint4 *stages,                // [strands or 0] how far each has come, if there is another
     volatile __global uint *n_open)        // [1] how many have not come to their end
@@ -257,6 +258,7 @@ BY_HAND __kernel void fill(
             const uint left = span.y - 1 - i;
             Batch *batch = found.batches + found.n;
             project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, batch);
+            lean(&view, points, span.x, span.x + i, span.x + span.y - 1, batch);
             uint n = 0;
             for (int k = 0; k < LANES; ++k) {
                 batch->on[k] = batch->on[k] && batch->depth[k] < slab.y && (!slab.x || furthest(batch, k) >= slab.x)
@@ -394,22 +396,28 @@ INLINED void pixels_of(const Tile *t, const Chunk *chunk, int n, lanes_l *pixels
         const lanes_i steep = *(const lanes_i *)(chunk->steep + i);
         const lanes au = GET(au), bu = GET(bu), av = GET(av), length = bu - au, bv = av + GET(slope) * length;
         const lanes ar = GET(ar), reach = GET(tilt) * greater(ar, ar + GET(r_step) * length) + 0.1f;   // and some for rounding
-        const lanes low = lesser(av, bv) - reach, high = greater(av, bv) + reach + 1.0f;
-        const lanes_i left = before(steep ? low : au, t->left), right = before(steep ? high : bu + 1.0f, t->left);
-        const lanes_i top = before(steep ? au : low, t->top), bottom = before(steep ? bu + 1.0f : high, t->top);
+        const lanes out = GET(out);
+        const lanes low = lesser(av, bv) - reach - out, high = greater(av, bv) + reach + out + 1.0f;
+        const lanes first = au - out, last = bu + out + 1.0f;
+        const lanes_i left = before(steep ? low : first, t->left), right = before(steep ? high : last, t->left);
+        const lanes_i top = before(steep ? first : low, t->top), bottom = before(steep ? last : high, t->top);
         const lanes_l row = TO(lanes_l, bu > au ? (I(1) << right) - (I(1) << left) : I(0)) * 0x0101010101010101l;
         const lanes_l from = TO(lanes_l, 4 * top), until = TO(lanes_l, 4 * bottom), one = 1;
         pixels[i / LANES] = row & ((one << until << until) - (one << from << from));
     }
 }
 
-/* Draw segment i of a chunk: eight columns side by side, row by row. */
-INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
+/* Draw segment i of a chunk, which leans or not: eight columns side by side, row by row. */
+INLINED void draw_as(Tile *t, const View *view, const Chunk *chunk, int i, const bool wide)
 {
     const int steep = chunk->steep[i], u0 = steep ? t->top : t->left, v0 = steep ? t->left : t->top;
     const lanes_i lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
     Column column;
-    column_of(chunk, i, view, lane + u0, &column);
+    Outline outline;
+    if (wide)
+        outline_of(chunk, i, view, lane + u0, &column, &outline);
+    else
+        column_of(chunk, i, view, lane + u0, &column);
     lanes_i v = column.low > v0 ? column.low : v0;
     const lanes_i bottom = column.high < v0 + TILE ? column.high : v0 + TILE;
     const lanes_i on = (column.along > 0.0f) & (v < bottom);
@@ -427,12 +435,15 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
     int places[LANES] ALIGNED;
     *(lanes_i *)depths = column.depth;
     do {
-        const lanes share = share_of(&column, v);
+        const lanes share = wide ? share_within(&outline, v) : share_of(&column, v);
         *(lanes *)shares = share;
         *(lanes_i *)wheres = place_in(&column, v);
         *(lanes_i *)places = lane * u_stride + (v - v0) * v_stride;
 #if MASKS
-        strips_of(chunk, i, &column, lane + u0, v, strips);
+        if (wide)
+            leaning_strips_of(chunk, i, &column, lane + u0, v, strips);
+        else
+            strips_of(chunk, i, &column, lane + u0, v, strips);
 #endif
         /* Each is written, and counted if it is seen: no branch. */
         for (int left = bits_of(((todo & 1) != 0) & (share > 0.0f)); left; left &= left - 1) {
@@ -457,6 +468,20 @@ INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
         v += 1;
         todo >>= 1;
     } while (any_lane(todo));
+}
+
+/* Those that lean are few, and take more registers. */
+ONCE void draw_wide(Tile *t, const View *view, const Chunk *chunk, int i)
+{
+    draw_as(t, view, chunk, i, true);
+}
+
+INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
+{
+    if (leans(chunk, i))
+        draw_wide(t, view, chunk, i);
+    else
+        draw_as(t, view, chunk, i, false);
 }
 
 #define FINE (4 * BUCKETS)   // fewer pieces have to wait in a pixel

@@ -12,6 +12,36 @@ typedef struct {
     float at, at_u, at_v;              // where the pixel's middle falls on the segment, 0..1, and how much further each pixel
 } Strip;                               // along u and v does
 
+/* Two numbers from -1 to 1 in 16 bits each. */
+INLINED lanes packed_two(lanes a, lanes b)
+{
+    const lanes_u low = AS_U(below_or_at(within(a, -1.0f, 1.0f) * 32767.0f + 0.5f));
+    return AS_F(low & 0xFFFFu | AS_U(below_or_at(within(b, -1.0f, 1.0f) * 32767.0f + 0.5f)) << 16);
+}
+
+INLINED float2 unpacked_two(float packed)
+{
+    const int both = as_int(packed);
+    return (float2)(both << 16 >> 16, both >> 16) * (1.0f / 32767.0f);
+}
+
+#define LEANS_MOST 2.0f                // that a cut leans, in half widths along v, and some
+
+/* Of one that leans: where it begins along u, and its length, below 0 where u is y; its middle's height along v at the pixel's
+   border; the larger half width, below 0, which tells that it leans; `at`; in 16 bits each what it rises and how much less wide
+   its second end is, or its first where that is below 0; how far both lean; `at_u` and `at_v`. */
+INLINED void leaning_strips_of(CHUNKS const Chunk *c, int i, const Column *column, lanes_i u, lanes_i v, float8 *strips)
+{
+    const float length = c->bu[i] - c->au[i], a = c->tilt[i] * c->ar[i], b = c->tilt[i] * (c->ar[i] + c->r_step[i] * length);
+    const float radius = a > b ? a : b, step = 1.0f / (LEANS_MOST * radius);
+    const lanes from = F(c->au[i]) - REAL(u), height = c->av[i] - REAL(v) - c->slope[i] * from;
+    const lanes_u across = AS_U(column->at_across) & 0xFFFF0000u, down = AS_U(column->at_step) >> 16;
+    const lanes strip[8] = {from, F(c->steep[i] ? -length : length), height, packed_two(F(c->slope[i]), F((a - b) / radius)),
+                            F(-radius), column->at + REAL(v) * column->at_step, AS_F(across | down),
+                            packed_two(F(c->lean_a[i] * step), F(c->lean_b[i] * step))};
+    rows_of(strip, strips);
+}
+
 /* The strips of segment i of a chunk in the pixels of rows v and columns u. */
 INLINED void strips_of(CHUNKS const Chunk *c, int i, const Column *column, lanes_i u, lanes_i v, float8 *strips)
 {
@@ -30,9 +60,35 @@ INLINED void strips_of(CHUNKS const Chunk *c, int i, const Column *column, lanes
 #define DOWN(i) ((lanes)(0, 0, 0, 0, 1, 1, 1, 1) + (float)((i) / MASKS))
 #endif
 
+/* `areas_of` a strand that leans. */
+ONCE void leaning_areas_of(const Strip *s, float *areas)
+{
+    const bool steep = s->along < 0.0f;
+    const float radius = -s->radius;
+    const float2 shape = unpacked_two(s->slope), leans = unpacked_two(s->at_v) * (LEANS_MOST * radius);
+    const float2 ends = radius * (float2)(shape.y < 0.0f ? 1.0f + shape.y : 1.0f, shape.y > 0.0f ? 1.0f - shape.y : 1.0f);
+    const Corners corners = corners_of(s->from, steep ? -s->along : s->along, ends, leans);
+    for (int i = 0; i < PATCHES; i += LANES) {
+        const lanes x = ACROSS(i), y = DOWN(i), u = (steep ? y : x) * (1.0f / MASKS), v = steep ? x : y;
+        lanes area = F(0.0f);
+        #pragma unroll
+        for (int k = 0; k < 4; ++k) {
+            const Side side = side_in(&corners, k, u, u + 1.0f / MASKS);
+            const lanes a = MASKS * (s->height + shape.x * side.from + side.above_from) - v;
+            const lanes b = MASKS * (s->height + shape.x * side.to + side.above_to) - v;
+            area += MASKS * side.along * below(a, b);
+        }
+        *(lanes *)(areas + i) = greater(area, F(0.0f));
+    }
+}
+
 /* Share that a strand covers of each patch, row by row. */
 INLINED void areas_of(const Strip *s, float *areas)
 {
+    if (s->radius < 0.0f) {
+        leaning_areas_of(s, areas);
+        return;
+    }
     const bool steep = s->along < 0.0f;
     const float until = s->from + (steep ? -s->along : s->along), radius = MASKS * s->radius;
     for (int i = 0; i < PATCHES; i += LANES) {
@@ -82,7 +138,9 @@ INLINED float hide_patches(float *left, float *covered, const float *areas, bool
 INLINED uint place_seen(const Strip *s, const float *hidden)
 {
     const bool steep = s->along < 0.0f;
-    const float at_x = steep ? s->at_v : s->at_u, at_y = steep ? s->at_u : s->at_v;
+    const float across = s->radius < 0.0f ? as_float(as_uint(s->at_u) & 0xFFFF0000u) : s->at_u;
+    const float down = s->radius < 0.0f ? as_float(as_uint(s->at_u) << 16) : s->at_v;
+    const float at_x = steep ? down : across, at_y = steep ? across : down;
     float places[PATCHES] ALIGNED;
     for (int i = 0; i < PATCHES; i += LANES) {
         const lanes x = (ACROSS(i) + 0.5f) * (1.0f / MASKS) - 0.5f, y = (DOWN(i) + 0.5f) * (1.0f / MASKS) - 0.5f;

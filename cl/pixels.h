@@ -126,12 +126,17 @@ INLINED void touch(__local Group *group, int k, const View *view, int left, int 
 {
     __local const Chunk *chunk = &group->chunks[k];
     const int steep = chunk->steep[0], u0 = steep ? top : left, v0 = steep ? left : top;
-    if (!(chunk->bu[0] > chunk->au[0]) || chunk->bu[0] <= u0 || chunk->au[0] >= u0 + TILE)
+    const float out = chunk->out[0];
+    if (!(chunk->bu[0] > chunk->au[0]) || chunk->bu[0] + out <= u0 || chunk->au[0] - out >= u0 + TILE)
         return;
     uint2 bits = 0;                        // TILE * u + v
     for (int u = 0; u < TILE; ++u) {
         Column column;
-        column_of(chunk, 0, view, u0 + u, &column);
+        Outline outline;
+        if (leans(chunk, 0))
+            outline_of(chunk, 0, view, u0 + u, &column, &outline);
+        else
+            column_of(chunk, 0, view, u0 + u, &column);
         const int low = column.low > v0 ? column.low - v0 : 0, high = column.high < v0 + TILE ? column.high - v0 : TILE;
         const uint rows = column.along > 0.0f && low < high ? (1u << high) - (1u << low) : 0;
         bits.x |= u < TILE / 2 ? rows << TILE * u : 0;
@@ -148,9 +153,16 @@ INLINED void draw(Walk *walk, const View *view, __local const Chunk *chunk, int 
 {
     const int steep = chunk->steep[0], u = steep ? y : x, v = steep ? x : y;
     Column column;
-    column_of(chunk, 0, view, u, &column);
+    float share;
+    if (leans(chunk, 0)) {
+        Outline outline;
+        outline_of(chunk, 0, view, u, &column, &outline);
+        share = share_within(&outline, v);
+    } else {
+        column_of(chunk, 0, view, u, &column);
+        share = share_of(&column, v);
+    }
     const uint depth = column.depth;
-    const float share = share_of(&column, v);
     const long key = (long)((ulong)depth << 32 | chunk->id[0]);
     if (depth >= walk->bound || !(share > 0.0f) || key < walk->low)
         return;
@@ -162,7 +174,10 @@ INLINED void draw(Walk *walk, const View *view, __local const Chunk *chunk, int 
     slots->numbers[n] = chunk->number[0];
 #if MASKS
     float8 strip;
-    strips_of(chunk, 0, &column, u, v, &strip);
+    if (leans(chunk, 0))
+        leaning_strips_of(chunk, 0, &column, u, v, &strip);
+    else
+        strips_of(chunk, 0, &column, u, v, &strip);
     slots->strips[n] = *(const Strip *)&strip;
 #endif
     if (walk->waiting == SLOTS) {

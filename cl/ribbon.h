@@ -17,6 +17,8 @@
 #define CLIPPED 0x80000000u          // of an id: the segment is clipped
 #define WHOLE_WAY 0xFFFF0000u        // `cut` of a segment that is not clipped: from 0 to 65535 of its length
 
+#include "outline.h"
+
 #if LANES == 8
 /* Eight rows of eight numbers -> its columns. */
 INLINED void transposed(const float8 *r, float8 *m)
@@ -77,6 +79,7 @@ typedef struct {
     int on[LANES], left[LANES], right[LANES], top[LANES], bottom[LANES];   // whether it can be seen; its tiles
     uint depth[LANES];               // no piece of it lies nearer
     uint cut[LANES];                 // what of its length is left where it is clipped: from and to, in 1/65535
+    uint leans[LANES];               // of both its ends, see outline.h; 0 where it is clipped
 } Batch;
 
 /* Clip space, half a width in pixels at w = 1 -> pixels. */
@@ -166,6 +169,16 @@ ONCE void project(const View *view, __global const float4 *points, uint from, ui
     }
 }
 
+/* Tell how far those that are wide lean, of a strand of the points from `first` to `last`; see `project`. */
+INLINED void lean(const View *view, __global const float4 *points, uint first, uint from, uint last, Batch *batch)
+{
+    for (int k = 0; k < LANES; ++k) {
+        const float8 s = batch->ends[k];
+        const bool wide = batch->on[k] && batch->cut[k] == WHOLE_WAY && (s.s3 > WIDE || s.s7 > WIDE);
+        batch->leans[k] = wide ? leans_at(view, points, first, last, from + k, s) : 0;
+    }
+}
+
 /* No piece of segment k lies further away. */
 INLINED uint furthest(const Batch *batch, int k)
 {
@@ -200,6 +213,7 @@ INLINED int2 in_row(const Batch *batch, int k, int row, float first_row)
 typedef struct {
     float au[CHUNK] ALIGNED, av[CHUNK] ALIGNED, ae[CHUNK] ALIGNED, ar[CHUNK] ALIGNED, bu[CHUNK] ALIGNED;   // one end; u of the other
     float slope[CHUNK] ALIGNED, e_step[CHUNK] ALIGNED, r_step[CHUNK] ALIGNED, tilt[CHUNK] ALIGNED;   // a pixel along u
+    float lean_a[CHUNK] ALIGNED, lean_b[CHUNK] ALIGNED, out[CHUNK] ALIGNED;   // of both ends, see outline.h; the most of them: 0 of thin ones
     float at_u[CHUNK] ALIGNED, at_v[CHUNK] ALIGNED, at_e[CHUNK] ALIGNED, at_one[CHUNK] ALIGNED, at_start[CHUNK] ALIGNED;   // see `place_in`
     int steep[CHUNK] ALIGNED;
     uint number[CHUNK], id[CHUNK];   // among those that are seen; in the whole scene
@@ -228,8 +242,8 @@ INLINED void place(const View *view, const lanes *c, lanes_i steep, lanes from, 
     by[4] = from - dots(d, p[0]);
 }
 
-/* Put LANES segments into a chunk at i, by their ends as of a `Batch` -> which are steep. */
-INLINED lanes_i put_ends(CHUNKS Chunk *chunk, int i, const lanes *c)
+/* Put LANES segments into a chunk at i, by their ends as of a `Batch` and their leans -> which are steep. */
+INLINED lanes_i put_ends(CHUNKS Chunk *chunk, int i, const lanes *c, lanes_u leans)
 {
     const lanes dx = c[4] - c[0], dy = c[5] - c[1];
     const lanes_i steep = positive(dx) < positive(dy);
@@ -248,6 +262,11 @@ INLINED lanes_i put_ends(CHUNKS Chunk *chunk, int i, const lanes *c)
     PUT(e_step, (be - ae) / du);
     PUT(r_step, (br - ar) / du);
     PUT(tilt, sqrt(1.0f + slope * slope));
+    const lanes step = greater(ar, br) * (1.0f / LEAN);
+    const lanes la = step * REAL(AS_I(leans << 16) >> 16), lb = step * REAL(AS_I(leans) >> 16);
+    PUT(lean_a, swap ? lb : la);
+    PUT(lean_b, swap ? la : lb);
+    PUT(out, greater(positive(la), positive(lb)));
     *(CHUNKS lanes_i *)(chunk->steep + i) = steep;
     return steep;
 }
@@ -260,6 +279,7 @@ INLINED void prepare(CHUNKS Chunk *chunk, const View *view, __global const uint2
     for (int i = 0; i < n; i += LANES) {
         float8 rows[LANES];
         lanes c[8], from, until;
+        lanes_u leans = U(0);
         for (int k = 0; k < LANES; ++k) {
             const uint number = list[i + k < n ? i + k : i].y, id = ids[number];
             const uint cut = id & CLIPPED ? cuts[number] : WHOLE_WAY;
@@ -274,8 +294,13 @@ INLINED void prepare(CHUNKS Chunk *chunk, const View *view, __global const uint2
             LANE(until, k) = (cut >> 16) * (1.0f / 65535.0f);
         }
         columns_of(rows, c);
+        if (any_lane(greater(c[3], c[7]) > WIDE))
+            for (int k = 0; k < LANES; ++k) {
+                const uint number = list[i + k < n ? i + k : i].y;
+                LANE_U(leans, k) = ids[number] & CLIPPED ? 0 : cuts[number];
+            }
         lanes by[5];
-        place(view, c, put_ends(chunk, i, c), from, until, by);
+        place(view, c, put_ends(chunk, i, c, leans), from, until, by);
         PUT(at_u, by[0]);
         PUT(at_v, by[1]);
         PUT(at_e, by[2]);
@@ -312,6 +337,17 @@ typedef struct {
     lanes at, at_step, at_across;    // where row 0 falls on it, and how much further each row and each column do
 } Column;
 
+/* Segment i of a chunk in columns from uf on, at reversed depth e: how deep, and where on it. */
+INLINED void looked_at(CHUNKS const Chunk *c, int i, const View *view, lanes uf, lanes e, Column *column)
+{
+    const lanes in_range = e > 0.0f ? e < 1.0f ? e : F(1.0f) : F(0.0f);
+    column->depth = (int)DEPTH_ONE - WHOLE(in_range * (float)DEPTH_ONE);
+    const lanes over = 1.0f / (view->to_world[2].w * e + view->to_world[3].w);
+    column->at_step = c->at_v[i] * over;
+    column->at_across = c->at_u[i] * over;
+    column->at = ((uf + 0.5f) * c->at_u[i] + 0.5f * c->at_v[i] + e * c->at_e[i] + c->at_one[i]) * over + c->at_start[i];
+}
+
 /* Segment i of a chunk in columns u.  Both its ends and each column's are cut along v, so that neighbours meet. */
 INLINED void column_of(CHUNKS const Chunk *c, int i, const View *view, lanes_i u, Column *column)
 {
@@ -321,25 +357,74 @@ INLINED void column_of(CHUNKS const Chunk *c, int i, const View *view, lanes_i u
     const lanes middle = 0.5f * (from + until) - au;
     const lanes v0 = c->av[i] + slope * (from - au), v1 = c->av[i] + slope * (until - au);
     const lanes radius = c->tilt[i] * (c->ar[i] + c->r_step[i] * middle);
-    const lanes e = c->ae[i] + c->e_step[i] * middle, in_range = e > 0.0f ? e < 1.0f ? e : F(1.0f) : F(0.0f);
+    const lanes e = c->ae[i] + c->e_step[i] * middle;
     column->along = along;
     column->v0 = v0;
     column->v1 = v1;
     column->radius = radius;
     column->low = below_or_at((v0 < v1 ? v0 : v1) - radius);
     column->high = below_or_at((v0 < v1 ? v1 : v0) + radius) + 1;
-    column->depth = (int)DEPTH_ONE - WHOLE(in_range * (float)DEPTH_ONE);
-    const lanes over = 1.0f / (view->to_world[2].w * e + view->to_world[3].w);
-    column->at_step = c->at_v[i] * over;
-    column->at_across = c->at_u[i] * over;
-    column->at = ((uf + 0.5f) * c->at_u[i] + 0.5f * c->at_v[i] + e * c->at_e[i] + c->at_one[i]) * over + c->at_start[i];
+    looked_at(c, i, view, uf, e, column);
 }
-
 /* Share of the pixels in rows v. */
 INLINED lanes share_of(const Column *c, lanes_i v)
 {
     const lanes vf = REAL(v), c0 = c->v0 - vf, c1 = c->v1 - vf;   // exact near the strand, so that a thin one is as wide as it is
     return c->along * (below(c0 + c->radius, c1 + c->radius) - below(c0 - c->radius, c1 - c->radius));
+}
+
+/* Whether segment i of a chunk leans: then it has an `Outline` too. */
+INLINED bool leans(CHUNKS const Chunk *c, int i)
+{
+    return c->out[i] > 0.0f;
+}
+
+/* The four sides of a segment in a column. */
+typedef struct {
+    lanes along[4], a[4], b[4], above_a[4], above_b[4];   // of the middle at both ends of a side, and how far this is above
+} Outline;
+
+/* As `column_of`, of a segment that leans. */
+INLINED void outline_of(CHUNKS const Chunk *c, int i, const View *view, lanes_i u, Column *column, Outline *outline)
+{
+    const float au = c->au[i], bu = c->bu[i], length = bu - au, ra = c->tilt[i] * c->ar[i];
+    const float rb = c->tilt[i] * (c->ar[i] + c->r_step[i] * length);
+    const Corners corners = corners_of(0.0f, length, (float2)(ra, rb), (float2)(c->lean_a[i], c->lean_b[i]));
+    const lanes uf = REAL(u), next = REAL(u + 1);
+    lanes along = F(0.0f), low = F(4.0f * GUARD), high = F(-4.0f * GUARD);
+    #pragma unroll
+    for (int k = 0; k < 4; ++k) {
+        const Side side = side_in(&corners, k, uf - au, next - au);
+        const lanes_i there = side.along != 0.0f;
+        along += positive(side.along);
+        const lanes a = c->av[i] + c->slope[i] * side.from, b = c->av[i] + c->slope[i] * side.to;
+        low = there ? lesser(low, lesser(a + side.above_from, b + side.above_to)) : low;
+        high = there ? greater(high, greater(a + side.above_from, b + side.above_to)) : high;
+        outline->along[k] = side.along;
+        outline->a[k] = a;
+        outline->b[k] = b;
+        outline->above_a[k] = side.above_from;
+        outline->above_b[k] = side.above_to;
+    }
+    const lanes from = within(uf, au, bu), until = within(next, au, bu), middle = 0.5f * (from + until) - au;
+    column->along = along;
+    column->radius = c->tilt[i] * (c->ar[i] + c->r_step[i] * middle);
+    column->low = below_or_at(low);
+    column->high = below_or_at(high) + 1;
+    looked_at(c, i, view, uf, c->ae[i] + c->e_step[i] * middle, column);
+}
+
+#define SPECK 1e-6f                  // of a pixel: less is what rounding leaves
+
+/* Share of the pixels in rows v. */
+INLINED lanes share_within(const Outline *outline, lanes_i v)
+{
+    const lanes vf = REAL(v);
+    lanes share = F(0.0f);
+    #pragma unroll
+    for (int k = 0; k < 4; ++k)
+        share += outline->along[k] * below((outline->a[k] - vf) + outline->above_a[k], (outline->b[k] - vf) + outline->above_b[k]);
+    return share > SPECK ? share : F(0.0f);
 }
 
 /* Where rows v fall on it, in 1/65535 of its length in the world. */

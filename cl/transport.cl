@@ -276,11 +276,80 @@ INLINED float share_in_cell(const Obstacles *obstacles, const Light *light, floa
     return sum / RAYS;
 }
 
-/* One work-item tells what hair in one cell scatters of all lights' direct light. */
+/* One work-item tells what hair of one type and tangent sends in one direction, of a distant light of 1: of each shade. */
+__kernel void of_light(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const uint number,                     // of the light
+    __global const Light *lights,          // see light.h
+    __global const Lobes *lobes,           // [types]
+    __global const float4 *table,
+    __global const float4 *tangents,       // [TANGENTS]
+    __global const float *parts,           // [3, DIRECTIONS, PARTS_OF_ONE] see `phases`
+    __global float *by_tangent)            // [types, TANGENTS, SHADES, DIRECTIONS]
+{
+    WORK_ITEM(item);
+    const Light light = lights[number];
+    const int to = item % DIRECTIONS;
+    const size_t row = item / DIRECTIONS;
+    const Lobes its = lobes[row / TANGENTS];
+    float sums[SHADES];
+    for (int s = 0; s < SHADES; ++s)
+        sums[s] = 0.0f;
+    for (int k = 0; k < PARTS_OF_ONE && light.position.w == 0.0f; k += LANES) {
+        __global const float *its_parts = parts + to * PARTS_OF_ONE + k;
+        const lanes3 v = {-*(__global const lanes *)its_parts, -*(__global const lanes *)(its_parts + DIRECTIONS * PARTS_OF_ONE),
+                          -*(__global const lanes *)(its_parts + 2 * DIRECTIONS * PARTS_OF_ONE)};
+        const Sought sought = sought_of(&its, all_lanes(tangents[row % TANGENTS]), v, all_lanes(-light.direction), 4);
+        add_shades(&sought, &its, table, sums);
+    }
+    for (int s = 0; s < SHADES; ++s)
+        by_tangent[(row * SHADES + s) * DIRECTIONS + to] = M_PI_F / PARTS_OF_ONE * sums[s];
+}
+
+/* Add what hair of one kind sends of a light at l, of any place; scale: how much of it there is, r, g, b. */
+INLINED void add_from(__global float *sent, const Lobes *lobes, __global const float4 *table, __global const float *parts,
+                      float4 t, float4 l, float4 shades, float4 scale)
+{
+    scale *= M_PI_F / PARTS_OF_ONE;
+    for (int to = 0; to < DIRECTIONS; ++to) {
+        float4 sum = 0.0f;
+        for (int k = 0; k < PARTS_OF_ONE; k += LANES) {
+            __global const float *its_parts = parts + to * PARTS_OF_ONE + k;
+            const lanes3 v = {-*(__global const lanes *)its_parts,
+                              -*(__global const lanes *)(its_parts + DIRECTIONS * PARTS_OF_ONE),
+                              -*(__global const lanes *)(its_parts + 2 * DIRECTIONS * PARTS_OF_ONE)};
+            Sought sought = sought_of(lobes, all_lanes(t), v, all_lanes(l), 4);
+            sought.shades[0] = F(shades.x);
+            sought.shades[1] = F(shades.y);
+            sought.shades[2] = F(shades.z);
+            for (int j = 0; j < LANES; ++j)
+                sum += around_strand(&sought, j, table + lobes->table.x, lobes->table.y, lobes->table.z);
+        }
+        sent[to] += scale.x * sum.x;
+        sent[DIRECTIONS + to] += scale.y * sum.y;
+        sent[2 * DIRECTIONS + to] += scale.z * sum.z;
+    }
+}
+
+/* The same of a distant light. rows: of `of_light`, of the hair's type and tangent. */
+INLINED void add_tabulated(__global float *sent, __global const float *rows, float4 shades, float4 scale)
+{
+    const float by_channel[3] = {shades.x, shades.y, shades.z}, scales[3] = {scale.x, scale.y, scale.z};
+    for (int channel = 0; channel < CHANNELS; ++channel) {
+        const int dark = by_channel[channel] < SHADES - 2 ? (int)by_channel[channel] : SHADES - 2;
+        const float pale = by_channel[channel] - dark;
+        __global const float *a = rows + dark * DIRECTIONS, *b = a + DIRECTIONS;
+        for (int to = 0; to < DIRECTIONS; ++to)
+            sent[channel * DIRECTIONS + to] += scales[channel] * (a[to] + pale * (b[to] - a[to]));
+    }
+}
+
+/* One work-item adds what hair in one cell scatters of one light's direct light. */
 __kernel void direct(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Sky sky,
     const uint n_types,
+    const uint number,                     // of the light; 0: nothing is there yet
     const int n_lights,
     __global const Light *lights,          // see light.h
     __global const Shadow *shadows,
@@ -293,6 +362,7 @@ __kernel void direct(
     __global const float4 *kinds,          // [types, n, n, n, 2] see `kinds`
     __global const float8 *dense,          // [n, n, n] see `kinds`
     __global const float *parts,           // [3, DIRECTIONS, PARTS_OF_ONE] see `phases`
+    __global const float *by_tangent,      // [types, TANGENTS, SHADES, DIRECTIONS] see `of_light`
     __global float *first)                 // [n, n, n, CHANNELS, DIRECTIONS] where hair is
 {
     WORK_ITEM(cell);
@@ -302,40 +372,22 @@ __kernel void direct(
     __global float *sent = first + cell * (CHANNELS * DIRECTIONS);
     if (dense[cell].s6 == 0.0f)
         return;
-    for (int k = 0; k < CHANNELS * DIRECTIONS; ++k)
+    for (int k = 0; k < CHANNELS * DIRECTIONS && number == 0; ++k)
         sent[k] = 0.0f;
     const float side = 1.0f / sky.place.w;
     const float4 low = (float4)(sky.place.xyz + side * (float3)(cell % n, cell / n % n, cell / n / n), 0.0f);
-    for (int i = 0; i < n_lights; ++i) {
-        const Light light = lights[i];
-        const Obstacles obstacles = obstacles_of(&lighting, i);
-        float4 l;
-        const float share = share_in_cell(&obstacles, &light, low, side, &l);
-        for (uint type = 0; type < n_types && share > 0.0f; ++type) {
-            const float4 t = kinds[2 * (type * cells + cell)], shades = kinds[2 * (type * cells + cell) + 1];
-            if (shades.w == 0.0f)
-                continue;
-            const Lobes its = lobes[type];
-            const float4 scale = M_PI_F / PARTS_OF_ONE * share * shades.w * light.color;
-            for (int to = 0; to < DIRECTIONS; ++to) {
-                float4 sum = 0.0f;
-                for (int k = 0; k < PARTS_OF_ONE; k += LANES) {
-                    __global const float *its_parts = parts + to * PARTS_OF_ONE + k;
-                    const lanes3 v = {-*(__global const lanes *)its_parts,
-                                      -*(__global const lanes *)(its_parts + DIRECTIONS * PARTS_OF_ONE),
-                                      -*(__global const lanes *)(its_parts + 2 * DIRECTIONS * PARTS_OF_ONE)};
-                    Sought sought = sought_of(&its, all_lanes(t), v, all_lanes(l), 4);
-                    sought.shades[0] = F(shades.x);
-                    sought.shades[1] = F(shades.y);
-                    sought.shades[2] = F(shades.z);
-                    for (int j = 0; j < LANES; ++j)
-                        sum += around_strand(&sought, j, table + its.table.x, its.table.y, its.table.z);
-                }
-                sent[to] += scale.x * sum.x;
-                sent[DIRECTIONS + to] += scale.y * sum.y;
-                sent[2 * DIRECTIONS + to] += scale.z * sum.z;
-            }
-        }
+    const Light light = lights[number];
+    const Obstacles obstacles = obstacles_of(&lighting, number);
+    float4 l;
+    const float share = share_in_cell(&obstacles, &light, low, side, &l);
+    for (uint type = 0; type < n_types && share > 0.0f; ++type) {
+        const float4 t = kinds[2 * (type * cells + cell)], shades = kinds[2 * (type * cells + cell) + 1];
+        const float4 scale = share * shades.w * light.color;
+        const Lobes its = lobes[type];
+        if (shades.w > 0.0f && light.position.w == 0.0f)
+            add_tabulated(sent, by_tangent + ((size_t)type * TANGENTS + (int)t.w) * (SHADES * DIRECTIONS), shades, scale);
+        else if (shades.w > 0.0f)
+            add_from(sent, &its, table, parts, (float4)(t.xyz, 0.0f), l, shades, scale);
     }
 }
 

@@ -123,8 +123,14 @@ def _time(team, rung, draw):
 
 
 def ladder(rig, filtered=True, gpus=()):
-    """[`Rung`] for a `Rig`, from cheap to dear: of `LADDER` all but what its scene refuses or ``gpus`` cannot hold,
-    with no finer cells than its strands cast right shadows in, or an eighth of their memory holds."""
+    """[`Rung`] for a `Rig`, from cheap to dear: what is `suited`, but for what is no cheaper than a finer one."""
+    rungs = suited(rig, filtered, gpus)
+    return [rung for n, rung in enumerate(rungs) if all(rung.cost < finer.cost for finer in rungs[n + 1:])]
+
+
+def suited(rig, filtered=True, gpus=()):
+    """[`Rung`] for a `Rig`: of `LADDER` all but what its scene refuses or ``gpus`` cannot hold, with no finer cells
+    than its strands cast right shadows in, or an eighth of their memory holds."""
     width = _hair(rig.scene)[0]
     room = min((min(gpu.memory // 8, gpu.largest) for gpu in gpus), default=1 << 32)
     finest = 2 * _radius(rig) / (CELL * width) if width else 1024

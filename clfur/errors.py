@@ -9,6 +9,9 @@ import numpy as np
 class _Short(reprlib.Repr):
     """Looks at the beginning alone of what is huge."""
 
+    def repr1(self, x, level):
+        return super().repr1(x.item() if isinstance(x, np.generic) else x, level)   # 0.5, not np.float64(0.5)
+
     def repr_instance(self, x, level):
         return repr(x)   # reprlib's own would hide what this raises
 

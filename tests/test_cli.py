@@ -266,7 +266,7 @@ def test_faces_that_are_inside_out_or_doubled_are_told(clfur, tmp_path):
     (["render", "sphere", "--type-map", "map.png"], ["--types"]),
     (["render", "sphere", "--types", "types.json"], ["types.json"]),
     (["render", "sphere", "--preset", "best"], ["--preset", "draft", "reference"]),
-    (["render", "sphere", "--max-error", "0"], ["--max-error", "x>0"]),
+    (["render", "sphere", "--max-error", "0"], ["--max-error", "above 0"]),
     (["render", "sphere", "--max-error", "0.1", "--samples", "4"], ["--max-error chooses what --samples sets"]),
     (["render", "sphere", "--raster", "samples", "--budget", "1"], ["--budget chooses what --raster sets"]),
     (["render", "sphere", "--budget", "1", "--max-error", "0.1", "--lod", "0"], ["--budget", "--lod"]),

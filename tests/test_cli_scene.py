@@ -180,7 +180,7 @@ def test_options_of_other_fur(clfur, tmp_path, fur, flag, value, other):
     (["--fur", "shells", "--layers", "0"], ["--layers", "1000"]),
     (["--fur", "shells", "--layers", "1001"], ["--layers", "1000"]),
     (["--fur", "shells", "--frequency", "0"], ["--frequency"]),
-    (["--fur", "shells", "--frequency", "nan"], ["Shells.frequency is nan"]),
+    (["--fur", "shells", "--frequency", "nan"], ["--frequency", "'nan' is not a number above 0"]),
     (["--fur", "shells", "--density", "0"], ["--density"]),
     (["--fur", "shells", "--density", "1.5"], ["--density"]),
     (["--fur", "shells", "--noise", "1"], ["--noise", "2 numbers"]),
@@ -327,6 +327,15 @@ def test_lights_of_the_command():
     assert len(lights()) == 1 and np.allclose(lights()[0].direction, np.array([1, -1, -.6]) / np.sqrt(2.36))
 
 
+def test_a_grounds_shadow_is_framed_where_no_camera_is_given():
+    """Another camera stands where it does without a ground."""
+    def pose(*given):
+        return load("sphere", *given)[0].camera.pose
+    assert np.abs(pose("--ground", "lowest") - pose()).max() > .1
+    for given in ("--eye", "0,1,5"), ("--target", "0,.5,0"):
+        np.testing.assert_array_equal(pose("--ground", "lowest", *given), pose(*given))
+
+
 def test_a_spot_without_a_direction_looks_at_the_mesh(tmp_path):
     """At the middle of it, wherever that is; another direction counts more."""
     (tmp_path / "m.obj").write_text("v 7 0 0\nv 9 0 0\nv 7 4 0\nv 7 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
@@ -365,22 +374,37 @@ def test_what_is_said_twice(clfur, tmp_path, arguments, words):
     (["--sky", "no.hdr"], "'--sky': no.hdr: no such file"), (["--sky", ""], "'--sky': '' is neither"),
     (["--sky", "nan,1,1"], "'--sky': 'nan,1,1' is neither"),
     (["--sky", "1e12,0,0"], "'--sky': '1e12,0,0' is neither a colour, R,G,B of 0 to 1e+09 each"),
-    (["--length", "nan"], "--length: HairType.segment_length is nan"),
+    (["--length", "inf"], "--length: HairType.segment_length is inf"),
+    (["--length", "nan"], "'--length': 'nan' is not a number from 0"),
     (["--fur", "shells", "--length", "0"], "--length: Shells.length is 0.0"),
-    (["--variation", "nan"], "--variation: HairType.length_variation is nan"),
-    (["--fov", "nan"], "--fov: frame fov is nan"), (["--eye", "nan,0,0"], "--eye: Camera.eye is "),
+    (["--zoom", "nan"], "'--zoom': 'nan' is not a number from 0.01 to 100"),
+    (["--hair", "no.npz"], "--hair: no.npz: no such file"), (["--hair", ""], "--hair: "),
+    (["--fov", "nan"], "'--fov': 'nan' is not a number from 0.001 to 179.99"),
+    (["--eye", "nan,0,0"], "--eye: Camera.eye is "),
     (["--force", "nan,0,0"], "--force: Strands.force is "), (["--seed", "-1"], "--seed: Strands.seed is -1"),
-    (["--masks", "3"], "--masks: Settings.masks is 3"), (["--budget", "nan"], "--budget: Settings.seconds is nan"),
+    (["--masks", "3"], "--masks: Settings.masks is 3"), (["--budget", "inf"], "--budget: Settings.seconds is inf"),
     (["--scattering", "grid"], "--scattering: Settings.scattering is 'grid', but the look of hair is kajiya-kay"),
     (["--light", "point position=0,0,0"], "--light: Light.position is "),
     (["--body-texture", "white.png"], "--body-texture: Scene.body_color has a texture, which is laid on by uv"),
     (["--types", "types.json"], "--types: types.json, type 0: HairType.segments is 'a'"),
+    (["--types", "keys.json", "--type-map", "white.png"], "--types: HairType.key (0, 0, 0) is that of more than one"),
+    (["--target", "nan,0,0"], "--target: Camera.target is (nan, 0.0, 0.0)"),
+    (["--segments", "1.5"], "'--segments': '1.5' is not a whole number from 0 to 255"),
+    (["--segments", "256"], "'--segments': '256' is not a whole number from 0 to 255"),
+    (["--seed", "x"], "'--seed': 'x' is not a valid integer"),
+    (["--force-weight", "x"], "'--force-weight': 'x' is not a valid float"),
+    (["--alpha", "1.5"], "'--alpha': '1.5' is not a number from 0 to 1"),
+    (["--max-error", "0"], "'--max-error': '0' is not a number above 0\n"),
+    (["--fur", "shells", "--density", "2"], "'--density': '2' is not a number above 0 and at most 1"),
+    (["--width", "-1"], "'--width': '-1' is not a number from 0\n"),
+    (["--background", ""], "--background: .: is a folder"),
     (["-o", ""], "save path is '.'; allowed: a file's name")])
 def test_an_error_begins_with_the_option(clfur, tmp_path, arguments, words):
     """Whose value is wrong, or whose file; the field of Python's follows."""
     (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")   # without uv
     (tmp_path / "types.json").write_text('[{"segments": "a"}]')
-    (tmp_path / "plain.json").write_text("[{}]")
+    (tmp_path / "plain.json").write_text("[{}]", encoding="utf-16")
+    (tmp_path / "keys.json").write_text('[{"key": [0, 0, 0]}, {"key": [0, 0, 0]}]')
     save(tmp_path / "white.png", np.ones((1, 1, 3)))
     before = sorted(tmp_path.iterdir())
     mesh = "m.obj" if "white.png" in arguments else "sphere"

@@ -161,6 +161,76 @@ def test_neighbours_meet(gpu):
             np.testing.assert_allclose(other, pictures[0], rtol=0, atol=2e-5)
 
 
+def within_pixel(corners, x, y):
+    return twin.area_within(twin.cut(corners, 0, x), y)
+
+
+def drawn_of(gpu, view, strand):
+    """Sum of a strand's shares in each pixel [rows, width], and those of its segments [n, rows, width]."""
+    width, rows = int(view["size"][0]), int(view["rows"][1])
+    _, pieces = gathered(gpu, view, *pack([strand]))
+    each = np.zeros((len(strand) - 1, rows * width))
+    np.add.at(each, (pieces["id"], pieces["pixel"]), pieces["share"])
+    return each.sum(0).reshape(rows, width), each.reshape(-1, rows, width)
+
+
+@pytest.mark.parametrize("n", [pytest.param(2, marks=pytest.mark.small), 20])
+def test_wide_strands_end_square(gpu, n):
+    """Two pixels wide or more, a straight one is a rectangle, whatever its slope, length and points.  A corner is
+    known to half a step: 4 / 21845 / 2 of a pixel."""
+    view, rng = flat(40, 32, 1), np.random.default_rng(9)
+    for _ in range(n):
+        a, way = rng.uniform(12, (28, 20)), rng.normal(size=2)
+        way, half, length = way / np.hypot(*way), rng.uniform(1, 4), rng.uniform(.2, 7)
+        ends, across = (a, a + length * way), half * way[::-1] * (-1, 1)
+        corners = [tuple(end + sign * across) for end, sign in zip((*ends, *ends[::-1]), (1, 1, -1, -1))]
+        places = np.array([0, *sorted(rng.uniform(size=3)), 1])[:, None] * length
+        strand = np.column_stack([a + places * way, np.full((5, 2), (.5, 2 * half))])
+        meant = [[within_pixel(corners, x, y) for x in range(40)] for y in range(32)]
+        np.testing.assert_allclose(drawn_of(gpu, view, strand)[0], meant, rtol=0, atol=1.2e-4)
+
+
+@pytest.mark.parametrize("turn", [pytest.param(20, marks=pytest.mark.small), -50, 88])
+def test_wide_strands_meet_at_bends(gpu, turn):
+    """Each pixel is covered once: by the one, the other, or both together, and outside no wedge is left out.
+    A corner is known to half a step, 3 / 21845 / 2 of a pixel, for each of both."""
+    view, rng = flat(48, 48, 1), np.random.default_rng(10)
+    for start in rng.uniform(0, 2 * np.pi, 4):
+        middle, half = rng.uniform(22, 26, 2), 3.0
+        ways = [np.array([np.cos(angle), np.sin(angle)]) for angle in (start, start + np.radians(turn))]
+        ends = np.array([middle - 12 * ways[0], middle, middle + 12 * ways[1]])
+        strand = np.column_stack([ends, np.full((3, 2), (.5, 2 * half))])
+        whole, each = drawn_of(gpu, view, strand)
+        assert whole.max() < 1 + 1.4e-4 and (each > 0).all(0).any()
+        across, bent = (half * way[::-1] * (-1, 1) for way in (ways[0], ways[0] + ways[1]))
+        bent = bent * half**2 / (bent @ across)
+        for k, way in enumerate(ways):
+            side = half * way[::-1] * (-1, 1)
+            far = ends[2 * k]
+            corners = [tuple(place) for place in (far + side, ends[1] + bent, ends[1] - bent, far - side)]
+            meant = [[within_pixel(corners, x, y) for x in range(48)] for y in range(48)]
+            np.testing.assert_allclose(each[k], meant, rtol=0, atol=1.2e-4)
+
+
+def test_bends_keep_the_area_however_tight(gpu):
+    """Of each segment, though it folds over itself."""
+    rng = np.random.default_rng(11)
+    strands = [np.column_stack([28 + rng.normal(size=(6, 2)).cumsum(0) * size, np.full(6, .5), np.full(6, width)])
+               for size in (.3, 2) for width in (1.2, 3, 7) for _ in range(9)]
+    found = areas(gpu, flat(64, 64, 1), strands)
+    for k, strand in enumerate(strands):
+        meant = area_of(np.stack([strand[:-1], strand[1:]], 1).astype(np.float32))
+        np.testing.assert_allclose(found[6 * k:6 * k + 5], meant, rtol=2e-5, atol=2e-5)
+
+
+def test_thin_strands_do_not_lean(gpu):
+    """What is a pixel wide or less keeps its bits."""
+    view, points = flat(64, 48, 1), random_segments(200, 12, 64, 48, .01, 2)
+    _, segments = counted(gpu, view, strands_on(gpu, *pack(points)), gpu.upload(np.full((48, 64, 1), NONE)))
+    wide, leans = segments.ends.get()[:, 3] > .5, segments.cuts.get() != 0
+    assert not leans[~wide].any() and leans[wide].mean() > .9
+
+
 def test_wide_and_flat_edges_have_their_share(gpu):
     """Edges far from a pixel, or that hardly rise, are where a difference of integrals would cancel."""
     view = flat(64, 48, 1)

@@ -236,6 +236,15 @@ def test_sweep(sphere, fur):
     assert {settings.filtered for settings, _ in ways} == ({True, False} if fur in ("shells", "both") else {True})
 
 
+def test_sweep_takes_light_from_hair_to_hair_where_looks_allow_it(sphere):
+    kajiya, chiang = (clfur.HairType(look=look) for look in (clfur.Kajiya(), clfur.Chiang()))
+    points = np.random.default_rng(1).normal(size=(2, 4, 3))
+    for types, there in (([kajiya], False), ([chiang], True), ([kajiya, chiang], False)):
+        furry = scene(sphere, clfur.Curves(points, types=types, type_of=[0, len(types) - 1]))
+        assert any(settings.scattering == "grid" for settings, _ in sweep(furry)) == there
+    assert not any(settings.scattering == "grid" for settings, _ in sweep(scene(sphere, "none")))
+
+
 def test_sweep_takes_the_knobs_that_matter(sphere):
     ways = sweep(scene(sphere))
     good = {(s.samples, s.raster, s.lod) for s, _ in ways if (s.shadows, s.grid, s.pcf) == ("length", 64, 1)}

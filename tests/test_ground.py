@@ -328,3 +328,13 @@ def test_a_low_suns_shadow_is_framed_as_far_as_three_radii(sphere):
     far = [np.linalg.norm(clfur.Scene(sphere, light=clfur.Light((1, -slope, -.6)), ground=clfur.Ground()).camera.eye)
            for slope in (.3, .1, 1e-3)]
     assert max(far) < 3 * np.linalg.norm(clfur.Scene(sphere).camera.eye)
+
+
+def test_a_weak_lights_shadow_is_not_framed(sphere):
+    """A low fill beside the sun would make all small; it counts where it is the strongest, or half as strong."""
+    def pose(*lights):
+        return clfur.Scene(sphere, light=list(lights), ground=clfur.Ground()).camera.pose
+    fill = clfur.Light((.8, -.5, 1), intensity=.4, ambient=0)
+    np.testing.assert_array_equal(pose(GREY, fill), pose(GREY))
+    half = pose(GREY, attrs.evolve(fill, intensity=.5))
+    assert np.abs(half - pose(GREY)).max() > .1 and np.abs(pose(fill) - pose(GREY)).max() > .1

@@ -25,11 +25,12 @@ def alpha_of(gpu, view, points, spans):
     return covered.alpha.get()
 
 
-@pytest.mark.parametrize("n", [pytest.param(12, marks=pytest.mark.small), 100])
-def test_alpha_is_the_twins(gpu, n):
+@pytest.mark.parametrize("n, width", [pytest.param(12, .02, marks=pytest.mark.small), (100, .02),
+                                      pytest.param(6, .5, marks=pytest.mark.small), (40, .3)])
+def test_alpha_is_the_twins(gpu, n, width):
     """An edge's place is wrong by some 2^-24 of the picture's size, four times as much of a patch; all may add up.
     Pieces whose depths rounding brings into another order leave the same alpha, but for those of one strand."""
-    view, (points, spans) = perspective(23, 19, 1, eye=(0, .4, 3.2)), pack(wild(n, 1, width=.02))
+    view, (points, spans) = perspective(23, 19, 1, eye=(0, .4, 3.2)), pack(wild(n, 1, width=width))
     pixels = {}
     for y, x, key, areas in twin.pieces(view, points, spans):
         pixels.setdefault((y, x), {})[key] = areas

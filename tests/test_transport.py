@@ -144,6 +144,15 @@ def test_light_is_the_twins(gpu):
     np.testing.assert_allclose(given, meant, rtol=.01)
 
 
+def test_a_far_spot_is_a_distant_light(gpu):
+    """Of a distant light it is tabulated what hair of each tangent sends; of others each cell tells."""
+    away, light = np.array((1, -1, -.5)) / 1.5, []
+    for one in clfur.Light(away, color=(1, 1, 1)), clfur.Light(away, position=-500 * away, angle=1, color=(1, 1, 1)):
+        light.append(gpu.download(made(gpu, tuft((.8, .5, .2), light=[one, one]), 16)[1].light))
+    assert light[0].max() > 1
+    np.testing.assert_allclose(light[1], light[0], atol=.005)
+
+
 def test_parts_of_a_direction_are_all_around():
     axes, parts = transport.directions()
     assert parts.shape == (24, 8, 3)

@@ -45,7 +45,7 @@ def measured(scene, gpu, repeat):
 
 def _measure(scene, gpu, repeat):
     rig, truths = Rig.of(scene), truths_of(scene)
-    rungs, bands = [rung.settings for rung in budget.ladder(rig)], budget.bands(rig)
+    rungs, bands = [rung.settings for rung in budget.suited(rig)], budget.bands(rig)
     if len(rungs) < len(budget.LADDER):
         raise SystemExit("a scene that is fitted must take all rungs")
     frames = [clfur.draw(scene, gpu, rung) for rung in rungs]

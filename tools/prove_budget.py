@@ -76,7 +76,7 @@ def main():
         truths = truths_of(scene)
         if arguments.truth:
             continue
-        rungs = [rung.settings for rung in budget.ladder(Rig.of(scene))]
+        rungs = [rung.settings for rung in budget.suited(Rig.of(scene))]
         errors = [error_of(clfur.render(scene, gpu, rung), truths) for rung in rungs]
         costs = costs_of(scene, rungs, gpu, arguments.repeat)
         width = budget.features(Rig.of(scene), 1)[0]

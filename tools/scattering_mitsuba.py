@@ -47,8 +47,12 @@ def main():
         kept.mkdir(exist_ok=True)
         pictures, wrong = {}, 0
         for name in [name for name in CASES if options.only in name]:
-            pictures[name] = [theirs_of(name, options, kept), *by_clfur(name, options.device)]
-            wrong += not agrees(name, *pictures[name])
+            try:
+                pictures[name] = [theirs_of(name, options, kept), *by_clfur(name, options.device)]
+                wrong += not agrees(name, *pictures[name])
+            except subprocess.CalledProcessError as error:
+                print(f"{name}: Mitsuba has ended with {error.returncode}", flush=True)
+                wrong += 1
     if options.sheet:
         sheet(Path(options.sheet), pictures)
     return wrong > 0

@@ -13,6 +13,7 @@ from ..judge.report import spread
 from ..settings import Settings
 from .devices import ask_drivers
 from .options import load_scene, scene_options
+from .types import Whole
 from .waiting import waiting
 
 DOING = {"truth": "drawing the truth", "pictures": "measuring pictures", "times": "timing frames"}
@@ -23,7 +24,7 @@ DOING = {"truth": "drawing the truth", "pictures": "measuring pictures", "times"
 @click.option("-o", "--output", metavar="FILE",
               help='Also draw it: .html (a page), .png or .svg; needs pip install "clfur[report]".')
 @click.option("--device", metavar="DEVICE", help="As `clfur render` takes it; one alone.")
-@click.option("--repeat", type=click.IntRange(1), default=3, metavar="N", help="Warm frames of each settings.")
+@click.option("--repeat", type=Whole(1), default=3, metavar="N", help="Warm frames of each settings.")
 @click.option("--pan/--no-pan", default=True, help="Whether to measure flicker: four more pictures of each.")
 @click.option("--fresh", is_flag=True, help="Forget what earlier runs have measured, all but the truth.")
 @functools.partial(scene_options, size="320x240", settings=False)

@@ -10,6 +10,7 @@ from .. import compare as compare_devices
 from ..judge.report import check_report, mebibytes, milliseconds, save_report, spread
 from .devices import ask_drivers
 from .options import load_scene, scene_options
+from .types import Whole
 from .waiting import waiting
 
 NO_FLIP = "needs pip install flip_evaluator"
@@ -19,7 +20,7 @@ NO_FLIP = "needs pip install flip_evaluator"
 @click.argument("given", metavar="[MESH]", default="teapot")
 @click.option("--devices", default="all", metavar="all|A,B",
               help="Which, as --device of `clfur render` takes them, with commas between.")
-@click.option("--repeat", type=click.IntRange(1), default=5, metavar="N", help="Warm frames a device.")
+@click.option("--repeat", type=Whole(1), default=5, metavar="N", help="Warm frames a device.")
 @click.option("-o", "--output", metavar="FILE.html",
               help='Also write a page with charts and pictures; needs pip install "clfur[report]".')
 @scene_options

@@ -36,11 +36,27 @@ from .. import (
 from ..budget import LADDER, refused
 from ..files.curves import curves_of
 from ..files.images import load_picture
-from ..files.input import read
+from ..files.input import plain, read
 from ..judge.frontier import label
 from ..scene import frame, highlighted
+from ..scene.checks import vector
 from ..settings import CHOSEN, RASTERS, SCATTERING, SHADOWS
-from .types import Color, Height, LightText, Look, Numbers, Roots, Size, Sky, View, from_hex, light_of, look_of
+from .types import (
+    Color,
+    Height,
+    LightText,
+    Look,
+    Numbers,
+    Real,
+    Roots,
+    Size,
+    Sky,
+    View,
+    Whole,
+    from_hex,
+    light_of,
+    look_of,
+)
 
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
@@ -48,31 +64,31 @@ LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it 
 _SCENE = [
     click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
                  help="Strands, shells (a pattern in layers above the body), or an undercoat of shells under strands."),
-    click.option("--length", type=click.FloatRange(0), metavar="L",
+    click.option("--length", type=Real(0), metavar="L",
                  help="Length of the hair in the mesh's units; shells under strands have half of it.  [default: 0.08 "
                       "of half the mesh's diagonal, or 0.12 for shells alone]"),
     click.option("--color", type=Color(), default="0.5,0.28,0.12", metavar="COLOR",
                  help="R,G,B of 0 to 1 each (linear), or '#rrggbb' (sRGB)."),
-    click.option("--alpha", type=click.FloatRange(0, 1), default=0.5, metavar="0..1",
+    click.option("--alpha", type=Real(0, 1), default=0.5, metavar="0..1",
                  help="How much light one hair lets through."),
-    click.option("--variation", type=click.FloatRange(0, 1), default=0.3, metavar="0..1",
+    click.option("--variation", type=Real(0, 1), default=0.3, metavar="0..1",
                  help="How much strands differ in length, direction and colour, and shells' hairs in length."),
-    click.option("--segments", type=click.IntRange(0, 255), default=8, metavar="N",
+    click.option("--segments", type=Whole(0, 255), default=8, metavar="N",
                  help="Segments a strand; 0 is bald."),
     click.option("--force", type=Numbers(3), default="0,-1,0", metavar="X,Y,Z", help="What pulls the hair."),
     click.option("--force-weight", type=float, default=0.2, metavar="W",
                  help="How much a segment gives way to it; a hair of shells does so as much as half of all segments."),
     click.option("--seed", type=int, default=0, metavar="N", help="Of all that is random."),
     click.option("--eye", type=Numbers(3), metavar="X,Y,Z",
-                 help="The camera's place.  [default: where it sees the whole mesh]"),
+                 help="The camera's place.  [default: where it sees the whole mesh, and its shadow on a --ground]"),
     click.option("--target", type=Numbers(3), metavar="X,Y,Z",
                  help="What it looks at.  [default: the mesh's centre]"),
     click.option("--view", type=View(), metavar="VIEW",
                  help="From where the camera sees all of the mesh: front (from +Z), back, left (from -X), right, top, "
                       "34 (between front and right), or AZIMUTH,ELEVATION in degrees.  [default: near 34]"),
-    click.option("--zoom", type=click.FloatRange(0.01, 100), default=1.0, metavar="TIMES",
+    click.option("--zoom", type=Real(0.01, 100), default=1.0, metavar="TIMES",
                  help="How many times larger the middle of the picture is."),
-    click.option("--fov", type=click.FloatRange(1e-3, 179.99), default=45.0, metavar="DEG",
+    click.option("--fov", type=Real(1e-3, 179.99), default=45.0, metavar="DEG",
                  help="Vertical field of view."),
     click.option("--light", "lights", type=LightText(), default=["1,-1,-0.6"], multiple=True, metavar="LIGHT",
                  help="The way that distant light travels, X,Y,Z; or sun, point or spot and its fields, as 'sun "
@@ -100,19 +116,19 @@ _SCENE = [
                       "where they are on it in every pose."),
 ]
 _STRANDS = [
-    click.option("--inner", type=click.IntRange(1, 64), metavar="N",
+    click.option("--inner", type=Whole(1, 64), metavar="N",
                  help="Tessellation level within a face; 5 and 5 give 37 strands a face.  [default: 5, or less where "
                       f"that makes more than {MOST:,} triangles]"),
-    click.option("--outer", type=click.IntRange(1, 64), metavar="N",
+    click.option("--outer", type=Whole(1, 64), metavar="N",
                  help="Tessellation level of the edges.  [default: as --inner]"),
     click.option("--roots", type=Roots(), metavar="faces|N",
                  help="One strand on each tessellated triangle, or N strands spread evenly.  [default: faces, or "
                       f"{MOST} on a mesh of more faces]"),
     click.option("--surface", type=click.Choice(["pn", "flat"]), default="pn", help="Curved or flat faces."),
-    click.option("--width", type=click.FloatRange(0), metavar="W",
+    click.option("--width", type=Real(0), metavar="W",
                  help="Diameter of a strand in the mesh's units.  [default: 0.0012 of half the mesh's diagonal, but at "
                       "most a tenth of the length]"),
-    click.option("--tip-width", type=click.FloatRange(0, 16), default=0.2, metavar="SHARE",
+    click.option("--tip-width", type=Real(0, 16), default=0.2, metavar="SHARE",
                  help="Of its width, what a strand has at its tip."),
     click.option("--root-color", type=Color(), metavar="COLOR",
                  help="Of a strand at its root.  [default: half of --color's light; with --look chiang as --color]"),
@@ -130,14 +146,14 @@ _STRANDS = [
                  help="Wave of the strands."),
 ]
 _SHELLS = [
-    click.option("--layers", type=click.IntRange(1, 1000), default=30, metavar="N",
+    click.option("--layers", type=Whole(1, 1000), default=30, metavar="N",
                  help="Layers of shells, from the body to the tips."),
     click.option("--pattern", type=click.Choice(["cells", "sine"]), default="cells",
                  help="Of shells: a hair in each cell of the faces, or the report's sines, which need uv."),
-    click.option("--frequency", type=click.FloatRange(0, min_open=True), metavar="F",
+    click.option("--frequency", type=Real(0, min_open=True), metavar="F",
                  help="Hairs of shells along a unit of length, or the report's f for sines.  [default: 60 on "
                       "half the mesh's diagonal, or 40 for sines]"),
-    click.option("--density", type=click.FloatRange(0, 1, min_open=True), default=1.0, metavar="0..1",
+    click.option("--density", type=Real(0, 1, min_open=True), default=1.0, metavar="0..1",
                  help="How much of its cell a hair of shells fills."),
     click.option("--noise", type=Numbers(2), default="0.5,8", metavar="A,S",
                  help="How far hairs of shells are displaced and the size of the waves, both in hairs."),
@@ -166,13 +182,13 @@ _SETTINGS = [
                  help="Texels a side of the body's shadow map; 0: none."),
     click.option("--pcf", type=int, default=1, metavar="N", help="Radius in texels over which it is averaged."),
     click.option("--samples", type=click.Choice(["1", "4", "16"]), default="4", help="Samples a pixel."),
-    click.option("--lod", type=click.FloatRange(0, 4), default=0.0, metavar="PIXELS",
+    click.option("--lod", type=Real(0, 4), default=0.0, metavar="PIXELS",
                  help="Draw strands thinner than this as fewer, wider ones of fewer segments; 0: all as they are."),
     click.option("--specular", type=click.Choice(["kajiya-kay", "half-vector"]), default="kajiya-kay",
                  help="Form of the highlight."),
     click.option("--blur", type=click.Choice(["off", "all", "edges"]), default="off",
                  help="Blur the picture: all of it, or the edges of the fur alone."),
-    click.option("--blur-sigma", type=click.FloatRange(0, 16, min_open=True), default=1.0, metavar="PIXELS",
+    click.option("--blur-sigma", type=Real(0, 16, min_open=True), default=1.0, metavar="PIXELS",
                  help="How wide the blur is."),
 ]
 # Names of the options that only one kind of fur has.
@@ -195,7 +211,7 @@ def scene_options(command, size="640x480", settings=True):
 
 
 # Fields that have another name than the option which sets them; all of a Light are of --light.
-_NAMES = {"segment_length": "length", "height": "ground", "environment": "sky",
+_NAMES = {"key": "types", "segment_length": "length", "height": "ground", "environment": "sky",
           **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), "variation")}
 
 
@@ -306,7 +322,7 @@ def _check_fur(flags, options):
             if name in flags:
                 raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
                                        f"allowed: with --fur {fur} or --fur both")
-    if options["hair"]:
+    if options["hair"] is not None:
         for name in _GROWN + (_GROWN_OR_SHELLS if options["fur"] == "strands" else ()):
             if name in flags:
                 raise click.UsageError(f"{flags[name]} is for hair that grows, but --hair has its own; allowed: one of "
@@ -364,18 +380,20 @@ def _scene(mesh, options):
     if kind != "strands":
         fur.append(_shells(options, length / 2 if kind == "both" else length, radius))
     if kind != "shells":
-        fur.append((_hair if options["hair"] else _strands)(options, length, radius, len(mesh.faces)))
+        fur.append((_strands if options["hair"] is None else _hair)(options, length, radius, len(mesh.faces)))
     if options.get("specular") == "half-vector":   # the other is that of looks which say nothing
         fur = highlighted(tuple(fur), "half-vector")
 
     height = options["ground"]
     ground = None if height is None else Ground(None if height == "lowest" else height)
     lights = _lights(options["lights"], mesh.bounds[0])
+    given = options["eye"] or options["target"]
     towards = {"direction": options["view"]} if options["view"] else {}
-    camera = frame(mesh, fur, options["size"], options["fov"], ground=ground, lights=lights, **towards)
-    if options["eye"] or options["target"]:
-        target = options["target"] or tuple(camera.target)
-        eye = options["eye"] or tuple(camera.eye + target - camera.target)
+    camera = frame(mesh, fur, options["size"], options["fov"], ground=None if given else ground, lights=lights,
+                   **towards)
+    if given:
+        target = vector(3)(options["target"] or camera.target, "Camera.target")
+        eye = options["eye"] or (camera.eye + target - camera.target).tolist()
         aside, up = math.hypot(eye[0] - target[0], eye[2] - target[2]), abs(eye[1] - target[1])
         upright = aside > 1e-3 * up
         camera = Camera(eye=eye, target=target, up=(0, 1, 0) if upright else (0, 0, -1),
@@ -482,7 +500,8 @@ def _hair(options, length, radius, faces):
     levels = density(options, faces)
     given = {name: options[name] for name in ("width", "color", "alpha", "look", "surface", "seed")}
     given |= {"inner": levels["inner"], "outer": levels["outer"]}
-    return curves_of(options["hair"], {name: value for name, value in given.items() if value is not None})
+    given = {name: value for name, value in given.items() if value is not None}
+    return read_for("--hair", lambda path: curves_of(path, given), options["hair"])
 
 
 def _hair_type(fields):
@@ -513,7 +532,7 @@ def _once(pairs):
 def _hair_types(path, defaults):
     """The hair types of a JSON file; raises `clfur.Error` naming the file, the type and the field."""
     try:
-        listed = json.loads(read(Path(path)).decode("utf-8-sig"), object_pairs_hook=_once)
+        listed = json.loads(plain(read(Path(path))).decode(), object_pairs_hook=_once)
     except Error:
         raise
     except (ValueError, RecursionError) as error:

@@ -13,7 +13,7 @@ from ..judge.frontier import label
 from ..scene import backdrop
 from .devices import ask_drivers
 from .options import is_scene_file, load_scene, lowered, read_for, scene_options, sparse
-from .types import Backdrop, Bytes, Names
+from .types import Backdrop, Bytes, Names, Real
 from .waiting import waiting
 
 TOLD = 0.05   # seconds of building kernels that a summary tells
@@ -29,10 +29,10 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
 @click.option("--background", type=Backdrop(), metavar="COLOR|PICTURE",
               help="What the picture is laid over, which then has no alpha: R,G,B, '#rrggbb' or a picture of the same "
                    "aspect.")
-@click.option("--max-error", type=click.FloatRange(0, min_open=True), metavar="E",
+@click.option("--max-error", type=Real(0, min_open=True), metavar="E",
               help="Choose the cheapest samples, raster, shadows, grid, masks and lod that err by no more, such as "
                    "0.05: root mean square of sRGB, 0 to 1, against the true picture.")
-@click.option("--budget", "seconds", type=click.FloatRange(0, min_open=True), metavar="SECONDS",
+@click.option("--budget", "seconds", type=Real(0, min_open=True), metavar="SECONDS",
               help="Choose the best whose frame takes no longer; the frames that this tries are not counted.")
 @click.option("--device", metavar="DEVICE",
               help="cpu, gpu, gpu:1, part of a name such as pocl, or 1:0; several with commas share a frame.  "
@@ -54,7 +54,7 @@ def render(given, output, outputs, background, device, memory, as_json, **option
         device = [part.strip() for part in device.split(",")]
     with waiting(f"reading {given}") as tell:
         scene, settings = load_scene(given, options)
-        behind = background and _background(background, scene.camera.size)
+        behind = None if background is None else _background(background, scene.camera.size)
         tell("starting OpenCL")
         ask_drivers()
         if memory is not None:
@@ -124,7 +124,7 @@ def _check_files(output, outputs, background, read):
     check_writable(output)
     if output.suffix.lower() == ".png" and set(outputs) != {"color"}:
         raise click.UsageError(f"{output} can hold the output color alone; .exr and .npz hold others")
-    if background and "color" not in outputs:
+    if background is not None and "color" not in outputs:
         raise click.UsageError("--background is for the output color, which is not asked for; allowed: with it")
     for name in [*read, background if isinstance(background, str) else None]:
         if name and output.exists() and Path(name).exists() and output.samefile(name):

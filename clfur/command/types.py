@@ -15,6 +15,29 @@ from ..scene import Chiang, Environment, Kajiya, Light
 from ..scene.checks import LARGEST
 
 
+class _Within:
+    """A number within limits; click would say "not a valid integer range"."""
+
+    def convert(self, value, param, ctx):
+        try:
+            number = super().convert(value, param, ctx)
+        except click.BadParameter:
+            number = math.nan
+        if math.isnan(number):
+            low = "" if self.min is None else f" above {self.min:g}" if self.min_open else f" from {self.min:g}"
+            high = "" if self.max is None else f"{' and at most' if self.min_open else ' to'} {self.max:g}"
+            self.fail(f"{value!r} is not {self.words}{low}{high}", param, ctx)
+        return number
+
+
+class Whole(_Within, click.IntRange):
+    words = "a whole number"
+
+
+class Real(_Within, click.FloatRange):
+    words = "a number"
+
+
 class Numbers(click.ParamType):
     """Numbers with commas between them, such as 0,-1,0."""
 

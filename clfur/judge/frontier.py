@@ -92,9 +92,10 @@ def sweep(scene):
     other's worth are multiplied: samples, raster and lod all spend time on edges of strands (or, of shells: samples,
     layers and the filter), so these meet in full under good shadows.  How hair shades and in how fine a grid hardly
     depends on them, so each method meets each grid under one good raster; masks, which cost more than they, the finer
-    ones; single hairs before lights ("deep") need no fine grid.  Then the body's shadow map and its filter alone.  Last
-    come the two ends, where every knob is cheap or every knob is dear.  Knobs that this scene, or what is without
-    shadows, has no use for stay as they are, and settings that it refuses are left out.
+    ones; single hairs before lights ("deep") need no fine grid, light from hair to hair neither.  Then the body's
+    shadow map and its filter alone.  Last come the two ends, where every knob is cheap or every knob is dear.  Knobs
+    that this scene, or what is without shadows, has no use for stay as they are, and settings that it refuses are left
+    out.
     """
     strands, shells = scene.strands is not None, scene.shells is not None
     used = {field.name for field in attrs.fields(Settings)}
@@ -114,6 +115,7 @@ def sweep(scene):
     if strands:
         add(masks=[4], grid=[96, 160, 256])
         add(shadows=["deep"], masks=[0, 4], grid=[96])
+        add(scattering=["grid"], shadows=["length", "deep"], masks=[0, 4], grid=[96])
     add(shadows=["off"])
     add(pcf=[0, 1, 3], shadow_map=[512, 2048])
     cheap = {"samples": [1], "raster": ["samples", "coverage"], "lod": [0, 2], "layers": [8]}

@@ -47,7 +47,8 @@ class Fibres:
     """Round straight fibres between two points each, before an eye.
 
     ``a``, ``b``: [n, 4] ends in the world and the diameter there.  ``first``, ``last``: [n] whether a strand starts or
-    ends there; elsewhere it goes on, and what `nearest` takes for its joint is a ball.  ``near``: least distance ahead.
+    ends there; elsewhere it goes on with the fibre before or after it in the array, and `nearest` fills the gap
+    outside of the bend with what a ball has there.  ``near``: least distance ahead.
     ``window``: (low [2], high [2]), the places that rays may have.
     """
 
@@ -55,6 +56,7 @@ class Fibres:
         p, q = eye.frame(a[:, :3]), eye.frame(b[:, :3])
         self.eye, self.near = eye, near
         self.data = np.column_stack([p, q - p, a[:, 3] / 2, (b[:, 3] - a[:, 3]) / 2]).T.copy()
+        self.before, self.after = (np.roll(q - p, shift, 0) for shift in (1, -1))
         self.low, self.high = np.where(first, 0.0, -np.inf), np.where(last, 1.0, np.inf)
         radius = np.maximum(a[:, 3], b[:, 3]) / 2
         inside = np.flatnonzero((np.maximum(p[:, 2], q[:, 2]) + radius > near) | eye.parallel)
@@ -66,8 +68,8 @@ class Fibres:
         """Pairs of a ray and a fibre -> (whether they meet, distance ahead, share of the way from a to b) [n] each.
 
         A ray meets a fibre where it passes its axis within its radius: that is a ribbon which faces the ray.
-        ``joined``: a ball at each joint fills the gap at a bend, else the ways of a ray past a strand are counted: next
-        to joints as many twice as not at all.
+        ``joined``: a ball at each joint fills the gap at a bend, where both fibres have ended,
+        else the ways of a ray past a strand are counted: next to joints as many twice as not at all.
         """
         x, y = places[ray, 0], places[ray, 1]
         ax, ay, az, ux, uy, uz, r, more = self.data.take(fibre, 1)
@@ -88,6 +90,9 @@ class Fibres:
             met = (dx * dx + dy * dy + dz * dz < radius * radius) & (across > 1e-24 * square * uu)
         if joined:
             met &= (s >= self.low[fibre]) & (s <= self.high[fibre])
+            past = np.flatnonzero(met & (s != share))
+            other = np.where((s[past] > 1)[:, None], self.after[fibre[past]], -self.before[fibre[past]])
+            met[past] = (np.stack([dx, dy, dz], 1)[past] * other).sum(1) >= 0   # from the ray to the joint
         else:
             met &= (s >= 0) & (s < 1)
         if not self.eye.parallel:

@@ -25,7 +25,7 @@ from .places import on_body, on_strand
 from .rays import Eye, Fibres, Triangles, frame_along
 from .sky import Sky, spread
 
-VERSION = 2              # of what `picture` gives, strands and bodies included: another makes the cache anew
+VERSION = 3              # of what `picture` gives, strands and bodies included: another makes the cache anew
 RAYS = 1 << 18           # of the picture at a time
 STEEP = 1.5              # radians aside that a point light looks for what shades
 DISC = 64                # points of a disc from which it shines

@@ -23,8 +23,6 @@ from . import build
 from .plan import Plan
 from .views import band_of, one_sample
 
-DENSE = 16   # segments a pixel, listed in its tile, from which on it pays to light only those that are seen
-
 
 @dataclass(frozen=True)
 class Band:
@@ -208,7 +206,7 @@ class Coverage:
         counts = counted.of(band.rows).ravel().copy()
         counts[:window[0]] = counts[window[1]:] = 0   # of the others nothing is listed
         listed = int(counts.sum(dtype=np.int64))
-        most = plan.most_listed(gpu, counted.cut, len(counted.of(band.rows)), counted.survivors)
+        most = plan.most_listed(gpu, counted.cut, counted.of(band.rows), counted.survivors)
         draw = functools.partial(self._draw, gpu, band, tiles, window, lighting, covered, image, shell_front)
         if listed <= most:
             draw(counts)
@@ -242,11 +240,10 @@ class Coverage:
         cover = masks.cover if self.plan.settings.masks else coverage.cover
         draw = functools.partial(cover, gpu, band.view, band.visible, segments, covered, image=image,
                                  shell_front=shell_front, slab=slab, kept=kept)
-        dense = listed > DENSE * TILE**2 * np.count_nonzero(counts)
-        if dense and lighting and len(hairy) == 1 and slab == EVERY and max(gpu.lanes, gpu.hinted) > 1:
+        if len(hairy) == 1 and slab == EVERY and self.plan.waits(gpu, counts):
             hair = self._list(gpu, band, hairy[0], tiles, window, slab, segments)
             light = functools.partial(self._light, gpu, band, hairy[0], hair, lighting)
-            coverage.cover_seen(gpu, segments, counts, light, draw)
+            coverage.cover_seen(gpu, segments, counts, window, light, draw)
             return None
         lit = None if lighting is None else strand_light.unlit(gpu, lighting, len(segments.ids), self.plan.around)
         for part in hairy:

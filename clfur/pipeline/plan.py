@@ -71,10 +71,12 @@ LIT = Places.bytes(row=1)               # of its light, at most, and of each sou
                                         # that are seen, `Seen` and theirs take less
 AXIS, HAZE = Places.bytes(axis=1), Places.bytes(haze=1)   # of where it lies in the world; of each light
 PLACES = Places.bytes(place=1)
+SEEN = Seen.bytes(survivor=1) + 5       # of what is remembered of one till it has light: its mark, and its id if seen
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
 LOOK, LOOK_AT_ONCE, SLOTS = (layout.CONSTANTS[name] for name in ("LOOK", "LOOK_AT_ONCE", "SLOTS"))
+DENSE = 16                              # of these a pixel from which on only segments that are seen get light
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -294,15 +296,21 @@ class Plan:
 
     def windows(self, gpu: Any, cut: Cut, counts: np.ndarray, survivors: int) -> list[tuple[int, int]]:
         """[(first tile, one past the last)] of these rows of tiles, of which so many list segments at a time as fit."""
-        return _runs((_before(counts.ravel()), self.most_listed(gpu, cut, len(counts), survivors)))
+        return _runs((_before(counts.ravel()), self.most_listed(gpu, cut, counts, survivors)))
 
-    def most_listed(self, gpu: Any, cut: Cut, rows: int, survivors: int) -> int:
-        """How many segments may be listed at a time where so many rows of tiles are drawn; a tile that has more is
+    def waits(self, gpu: Any, counts: np.ndarray) -> bool:
+        """Whether light of segments, so many listed in tiles, waits till it is known which of them are seen."""
+        dense = counts.sum(dtype=np.int64) > DENSE * TILE**2 * np.count_nonzero(counts)
+        return bool(dense and self.wants_color and max(gpu.lanes, gpu.hinted) > 1)
+
+    def most_listed(self, gpu: Any, cut: Cut, counts: np.ndarray, survivors: int) -> int:
+        """How many segments may be listed at a time where so many in these rows of tiles are; a tile that has more is
         drawn in slabs of depth."""
-        room = min(cut.rows - TILE * self.scene.camera.size[0] * self._pixel(True) * rows, LISTS)
-        both = room // (ENTRY + self._survivor)
-        most = max(both if both <= survivors else (room - self._survivor * survivors) // ENTRY, 1)
-        most = min(most, _largest(gpu) // 8, NUMBERS)
+        room = cut.rows - TILE * self.scene.camera.size[0] * self._pixel(True) * len(counts)
+        each = self._survivor
+        if room >= LISTS and self.waits(gpu, counts):   # there is room, and fewer than a third are lit at a time
+            each = SURVIVOR + SEEN + (each - SURVIVOR) // 3
+        most = min(_fit(min(room, LISTS), each, survivors), _largest(gpu) // 8, NUMBERS)
         largest = _largest(gpu) // max(SURVIVOR, LIT, PLACES * self._sources)
         return int(min(most, largest) if survivors > largest else most)
 
@@ -600,6 +608,12 @@ def _before(counts):
 def _pieces(begin, end, most):
     """[(first, one past the last)] of at most so many each."""
     return [(at, min(at + most, end)) for at in range(begin, end, most)]
+
+
+def _fit(room, survivor, survivors):
+    """Segments in tiles that so many bytes have room for, one at least; each of ``survivors`` segments takes some."""
+    both = room // (ENTRY + survivor)
+    return max(both if both <= survivors else (room - survivor * survivors) // ENTRY, 1)
 
 
 def _runs(*limits):

@@ -48,10 +48,10 @@ def shadow_places(points: np.ndarray, margin: float, height: float, middle: np.n
                   lights: Any) -> np.ndarray:
     """Return places [m, 3] on a ground at a height: the ``margin`` around their hull holds the shadows that lights make
     of all within the margin of points [n, 3]. Those no further than `REACH` radii from the middle [3] count, as a low
-    light's shadows are without an end."""
-    found = [np.zeros((0, 3))]
+    light's shadows are without an end, and those of lights at least half as strong as the strongest."""
+    found, strongest = [np.zeros((0, 3))], max((light.strength.sum() for light in lights if light.casts), default=0.0)
     for light in lights:
-        if light.casts:
+        if light.casts and light.strength.sum() >= strongest / 2:
             way = np.broadcast_to(light.direction, points.shape) if light.position is None else points - light.position
             down = (way[:, 1] < 0) & (points[:, 1] >= height)
             start, way = points[down], way[down]

@@ -58,8 +58,8 @@ def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: fl
 
     mesh: Mesh, or None with Curves. fur: what `Scene` takes. size: (width, height) in pixels. fov: vertical, degrees.
     direction: [3] from the centre of what is drawn to the camera, which comes as near as it can. ground: a Ground, on
-    which shadows of lights count that are no further than three radii from the centre. Raises Error as Scene does for
-    its fur, and as Camera does.
+    which shadows of lights count that are no further than three radii from the centre, and not those of lights less
+    than half as strong as the strongest. Raises Error as Scene does for its fur, and as Camera does.
     """
     fur = _fur(fur, "frame fur")
     mesh = checks.instance(Mesh, none=True)(mesh, "frame mesh")

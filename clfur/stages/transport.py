@@ -18,6 +18,7 @@ DIRECTIONS, CHANNELS, PARTS, TANGENTS, ALBEDOS = (
     int(layout.CONSTANTS[name]) for name in ("DIRECTIONS", "CHANNELS", "PARTS_OF_ONE", "TANGENTS", "ALBEDOS"))
 ORDERS, SETTLED = 12, 11  # that are followed; after so many, what further ones add is told from the last three
 AMOUNTS = Declared("fibre", np.int32, 16, 0)              # of a type in a cell, see transport.cl
+OF_LIGHT = Declared("shade", np.float32, DIRECTIONS)      # of hair of a type and a tangent, to each direction
 BEFORE = Declared("channel", np.float32, 2)               # of a cell's light
 DENSE = Declared("cell", np.float32, 8)                   # of all hair in a cell
 STRANDS = 64              # that a CPU's work-item adds up: more of its atomics are spared
@@ -116,8 +117,13 @@ def transport(gpu: Any, sky: np.void, held: sky_stage.Held, there: Any, lighting
     gpu.launch("transport.kinds", cells, n_types=types, n=n, unit=held.unit, amounts=there, tangents=made.tangents,
                kinds=kinds, dense=dense)
     first, sent, light = (FIELD.empty(gpu, cells) for _ in range(3))
-    gpu.launch("transport.direct", cells, sky=sky, n_types=types, lobes=scattering.lobes, table=scattering.lobe_table,
-               kinds=kinds, dense=dense, parts=made.parts, first=first, **lighting.arrays())
+    looks = {"lobes": scattering.lobes, "table": scattering.lobe_table, "parts": made.parts}
+    by_tangent = OF_LIGHT.empty(gpu, types * TANGENTS * SHADES)
+    for number in range(len(lighting.lights)):
+        gpu.launch("transport.of_light", types * TANGENTS * DIRECTIONS, number=number, lights=lighting.lights,
+                   tangents=made.tangents, by_tangent=by_tangent, **looks)
+        gpu.launch("transport.direct", cells, sky=sky, n_types=types, number=number, kinds=kinds, dense=dense,
+                   by_tangent=by_tangent, first=first, **looks, **lighting.arrays())
     faces = bounce.FACES.empty(gpu, 0)
     if is_body:
         faces = bounce.faces(gpu, sky, sky_stage.contents(gpu, sky, held), body_color, lighting)
@@ -161,6 +167,7 @@ def bytes_of(types: int, body: bool) -> int:
     held = sky_stage.Held.bytes(cell=1, column=3 * body) + 8 * sky_stage.HOLDS + DENSE.bytes + 4 + 16 * CHANNELS
     cells = held + 3 * FIELD.bytes + DIRECTIONS * PASSES.bytes + types * (AMOUNTS.bytes + 32)
     looks = Phases.bytes("albedos", "phases", eye=types * ALBEDOS, phase=types * TANGENTS * SHADES)
+    looks += OF_LIGHT.bytes * types * TANGENTS * SHADES
     behind = DIRECTIONS * 2 * (CELLS + 2 * sky_stage.EDGE)**2 * 16
     return CELLS**3 * cells + behind + looks + bounce.bytes_of(CELLS) * body
 

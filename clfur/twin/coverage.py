@@ -11,6 +11,8 @@ DEPTH_ONE = 1 << 30        # fixed-point depth at infinity; 0 is the near plane
 GUARD = 32768              # pixels from the origin at which ribbons are clipped
 NONE = (1 << 64) - 1       # a sample that nothing covers
 BESIDE = 8                 # strands of a pixel whose pieces are known to lie beside each other
+STEPS = 21845              # of a lean in half a width
+WIDE = 0.5                 # half a width [pixels] up to which ends are cut along the shorter axis
 LEAST = 1 / 256            # share of light at which no more strands are looked at
 
 
@@ -22,8 +24,11 @@ def fragments(view, points, spans):
 
     view: a `View` struct. points [P, 4] x, y, z, width; spans [strands, 2] first point, points.
     """
+    wide = leans(view, points, spans)
     for number, a, b in segments(view, points, spans):
-        for u, v, e, share in ribbon(a, b, steep := abs(b[0] - a[0]) < abs(b[1] - a[1]), view):
+        steep = abs(b[0] - a[0]) < abs(b[1] - a[1])
+        drawn = outline(a, b, steep, view, *wide[number]) if number in wide else ribbon(a, b, steep, view)
+        for u, v, e, share in drawn:
             yield *((u, v) if steep else (v, u)), DEPTH_ONE * (1 - min(max(e, 0), 1)), number, share
 
 
@@ -53,6 +58,78 @@ def segments(view, points, spans):
             yield k, *ends
 
 
+def leans(view, points, spans):
+    """{id: (lean, lean)} of the segments that are seen wider than a pixel and are not clipped: how far the upper corner
+    at each end, of greater v, lies beyond it along u, in pixels.
+
+    Places on the screen are complex numbers.  An end is cut square to its segment, at a bend by the bisector; of one
+    that is 2 pixels wide or more, else by what lies between that and a cut along v.
+    """
+    points = f64(points)
+    clip = np.c_[points[:, :3], np.ones(len(points))] @ f64(view["to_screen"])
+    x, y, e, w = clip.T
+    inside = (np.abs([x, y]).max(0) <= GUARD * w) & (e >= 0) & (e <= w) & (w > 0)
+    safe = np.where(inside, w, 1)
+    at, half = (x + 1j * y) / safe, np.minimum(points[:, 3] / 2 * float(view["scale"][0]) / safe, GUARD)
+    found = {}
+    for first, count in np.asarray(spans, np.int64):
+        for k in range(first, first + count - 1):
+            way = at[k + 1] - at[k]
+            if not inside[k] or not inside[k + 1] or max(half[k], half[k + 1]) <= WIDE or way == 0:
+                continue
+            length, way = abs(way), way / abs(way)
+            axis = 1j * np.sign(way.imag) if abs(way.real) < abs(way.imag) else np.sign(way.real)
+            its = []
+            for end, other, sign in (k, k - 1, -1), (k + 1, k + 2, 1):
+                r, there = half[end], first <= other < first + count
+                beyond = way
+                if there and at[other] != at[end]:
+                    beyond = sign * (at[other] - at[end]) / abs(at[other] - at[end])
+                if there and not inside[other]:
+                    its.append(0.0)
+                    continue
+                straight, turned = (_tangent((axis + min(max(r / WIDE - 1, 0), 1) * (middle - axis)) / way)
+                                    for middle in (way, (way + beyond) / abs(way + beyond)))
+                room = length / 2 / max(r, 1e-30)
+                corner = r * way * (1j - np.clip(turned, straight - room, straight + room))
+                u, v = (corner.imag, corner.real) if abs(axis.imag) else (corner.real, corner.imag)
+                its.append(u if v > 0 else -u)
+            most = length * max(abs(way.real), abs(way.imag)) / 2
+            mean, apart = sum(its) / 2, np.clip((its[0] - its[1]) / 2, -most, most)
+            step = max(half[k], half[k + 1]) / STEPS
+            its = [round(lean / step) * step for lean in (mean + apart, mean - apart)]
+            if any(its):
+                found[int(k)] = its
+    return found
+
+
+def _tangent(turn):
+    return np.sign(turn.imag) if turn.real <= abs(turn.imag) else turn.imag / turn.real
+
+
+def outline(a, b, steep, view, lean_a, lean_b):
+    """As `ribbon`, of a segment whose ends lean: what is within its four corners."""
+    if steep:
+        a, b = ((y, x, e, h) for x, y, e, h in (a, b))
+    ((u0, v0, e0, h0), lean0), ((u1, v1, e1, h1), lean1) = sorted(((a, lean_a), (b, lean_b)), key=lambda end: end[0][0])
+    width, rows = int(view["size"][0]), (int(view["rows"][0]), int(view["rows"][1]))
+    us, vs = (rows, (0, width)) if steep else ((0, width), rows)
+    slope = (v1 - v0) / (u1 - u0)
+    tilt = math.hypot(1, slope)
+    corners = [(u + sign * lean, v + sign * (slope * lean + tilt * h)) for u, v, h, lean, sign in (
+        (u0, v0, h0, lean0, 1), (u1, v1, h1, lean1, 1), (u1, v1, h1, lean1, -1), (u0, v0, h0, lean0, -1))]
+    left, right = (pick(u for u, _ in corners) for pick in (min, max))
+    for u in range(max(math.floor(left), us[0]), min(math.floor(right) + 1, us[1])):
+        column = cut(corners, 0, u)
+        if not column:
+            continue
+        t = (sum(min(max(each, u0), u1) for each in (u, u + 1)) / 2 - u0) / (u1 - u0)
+        bottom, top = (pick(v for _, v in column) for pick in (min, max))
+        for v in range(max(math.floor(bottom), vs[0]), min(math.floor(top) + 1, vs[1])):
+            if share := area_within(column, v):
+                yield u, v, e0 + t * (e1 - e0), share
+
+
 def ribbon(a, b, steep, view):
     """Yield (u, v, reversed depth, share) of the pixels that a ribbon covers, u along its longer axis.
 
@@ -80,19 +157,26 @@ def ribbon(a, b, steep, view):
 
 
 def area_within(corners, v):
-    """Area of a polygon between v and v + 1 along its second axis (Sutherland and Hodgman 1974)."""
-    for sign, edge in (1, v), (-1, v + 1):
-        kept = []
-        for p, q in zip(corners, corners[1:] + corners[:1]):
-            by_p, by_q = sign * (p[1] - edge), sign * (q[1] - edge)
-            if by_p >= 0:
-                kept.append(p)
-            if (by_p < 0) != (by_q < 0):
-                kept.append((p[0] + (q[0] - p[0]) * by_p / (by_p - by_q), edge))
-        corners = kept
+    """Area of a polygon between v and v + 1 along its second axis."""
+    corners = cut(corners, 1, v)
     x0, y0 = corners[0] if corners else (0, 0)      # from a corner: what is far from the origin cancels
     return abs(sum((p[0] - x0) * (q[1] - y0) - (q[0] - x0) * (p[1] - y0)
                    for p, q in zip(corners, corners[1:] + corners[:1]))) / 2
+
+
+def cut(corners, axis, first):
+    """A polygon between `first` and first + 1 along an axis (Sutherland and Hodgman 1974)."""
+    for sign, edge in (1, first), (-1, first + 1):
+        kept = []
+        for p, q in zip(corners, corners[1:] + corners[:1]):
+            by_p, by_q = sign * (p[axis] - edge), sign * (q[axis] - edge)
+            if by_p >= 0:
+                kept.append(p)
+            if (by_p < 0) != (by_q < 0):
+                other = p[1 - axis] + (q[1 - axis] - p[1 - axis]) * by_p / (by_p - by_q)
+                kept.append((edge, other) if axis == 0 else (other, edge))
+        corners = kept
+    return corners
 
 
 # --- one behind the other -------------------------------------------------------------------------------

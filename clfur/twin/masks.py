@@ -2,45 +2,49 @@
 
 import numpy as np
 
-from .coverage import BESIDE, DEPTH_ONE, LEAST, area_within, segments
+from .coverage import BESIDE, DEPTH_ONE, LEAST, area_within, cut, leans, segments
 
 SIDE = 4   # patches of a pixel, across and down
 
 
 def pieces(view, points, spans):
     """Yield (y, x, depth << 32 | id, areas [SIDE, SIDE]) of ribbons, as `coverage.ribbon` cuts
-    them: a patch is a pixel of a picture SIDE times as large; a column has the width and depth of the pixel's."""
+    them: a patch is a pixel of a picture SIDE times as large; a column has the depth of the pixel's, thin ones
+    its width too."""
     width, rows = int(view["size"][0]), [int(each) for each in view["rows"][:2]]
+    wide = leans(view, points, spans)
     for number, a, b in segments(view, points, spans):
         steep = abs(b[0] - a[0]) < abs(b[1] - a[1])
         if steep:
             a, b = ((y, x, e, h) for x, y, e, h in (a, b))
-        (u0, v0, e0, h0), (u1, v1, e1, h1) = sorted((a, b), key=lambda end: end[0])
+        ends = sorted(zip((a, b), wide.get(number, (0.0, 0.0))), key=lambda end: end[0][0])
+        ((u0, v0, e0, h0), lean0), ((u1, v1, e1, h1), lean1) = ends
+        out = max(abs(lean0), abs(lean1))
         us, vs = (rows, (0, width)) if steep else ((0, width), rows)
         if u0 == u1:
             continue
         slope = (v1 - v0) / (u1 - u0)
-        for u in range(max(int(np.floor(u0)), us[0]), min(int(np.floor(u1)) + 1, us[1])):
-            left, right = max(u0, u), min(u1, u + 1)
-            t = ((left + right) / 2 - u0) / (u1 - u0)
-            half = (h0 + t * (h1 - h0)) * np.hypot(1, slope)
-            ends = sorted(v0 + slope * (end - u0) for end in (left, right))
-            for v in range(max(int(np.floor(ends[0] - half)), vs[0]), min(int(np.floor(ends[1] + half)) + 1, vs[1])):
-                areas = np.array([[_area(left, right, u + i / SIDE, v0 - slope * u0, slope, half, v + j / SIDE)
-                                   for i in range(SIDE)] for j in range(SIDE)])
+        tilt = np.hypot(1, slope)
+        for u in range(max(int(np.floor(u0 - out)), us[0]), min(int(np.floor(u1 + out)) + 1, us[1])):
+            t = (np.clip([u, u + 1], u0, u1).mean() - u0) / (u1 - u0)
+            radii = tilt * np.array([h0, h1] if number in wide else [h0 + t * (h1 - h0)] * 2)
+            around = [(u0 + lean0, radii[0]), (u1 + lean1, radii[1]), (u1 - lean1, -radii[1]), (u0 - lean0, -radii[0])]
+            column = cut([(x, v0 + slope * (x - u0) + above) for x, above in around], 0, u)
+            if not column:
+                continue
+            low, high = (pick(v for _, v in column) for pick in (min, max))
+            for v in range(max(int(np.floor(low)), vs[0]), min(int(np.floor(high)) + 1, vs[1])):
+                areas = np.array([[_area(column, u + i / SIDE, v + j / SIDE) for i in range(SIDE)]
+                                  for j in range(SIDE)])
                 if areas.any():
                     depth = int(DEPTH_ONE * (1 - min(max(e0 + t * (e1 - e0), 0), 1)))
                     yield *((u, v) if steep else (v, u)), depth << 32 | number, areas.T if steep else areas
 
 
-def _area(left, right, u, height, slope, half, v):
-    """Share of the patch from u, v on that a ribbon covers, whose middle lies at height + slope * u."""
-    first, last = max(left, u), min(right, u + 1 / SIDE)
-    if first >= last:
-        return 0.0
-    low, high = height + slope * first, height + slope * last
-    corners = [(first, low - half), (last, high - half), (last, high + half), (first, low + half)]
-    return SIDE * SIDE * area_within([(x, (y - v) * SIDE) for x, y in corners], 0) / SIDE
+def _area(corners, u, v):
+    """Share of the patch from u, v on that lies within a polygon."""
+    enlarged = [((x - u) * SIDE, (y - v) * SIDE) for x, y in corners]
+    return area_within(cut(enlarged, 0, 0), 0)
 
 
 def resolve(layers):

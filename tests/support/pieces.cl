@@ -52,11 +52,15 @@ BY_HAND __kernel void drawn(
         LANE_I(lane, k) = k;
     for (int u = us.x; u < us.y; u += LANES) {
         Column column;
-        column_of(chunk, 0, &view, lane + u, &column);
+        Outline outline;
+        if (leans(chunk, 0))
+            outline_of(chunk, 0, &view, lane + u, &column, &outline);
+        else
+            column_of(chunk, 0, &view, lane + u, &column);
         for (int k = 0; k < LANES && u + k < us.y; ++k) {
             const int top = max(LANE_I(column.low, k), vs.x), bottom = min(LANE_I(column.high, k), vs.y);
             for (int v = top; LANE(column.along, k) > 0.0f && v < bottom; ++v) {
-                lanes share = share_of(&column, I(v));
+                lanes share = leans(chunk, 0) ? share_within(&outline, I(v)) : share_of(&column, I(v));
                 lanes_i at = place_in(&column, I(v));
                 if (!(LANE(share, k) > 0.0f))
                     continue;
