@@ -45,7 +45,7 @@ INLINED float near_tile(const Sight *sight, const float8 s, float along_x, float
 
 /* Go through the tiles that segment k of a batch may shade places in, in some rows counts: of each tile one
    more; or, where `entries` are wanted, where in these its next one goes: 1 - nearest reversed depth << 32 | number. */
-INLINED void each_tile(const Sight *sight, const Batch *batch, int k, int2 rows, volatile __global uint *counts,
+INLINED bool each_tile(const Sight *sight, const Batch *batch, int k, int2 rows, volatile __global uint *counts,
                        __global ulong *entries, uint number)
 {
     const float8 s = batch->ends[k];
@@ -55,10 +55,11 @@ INLINED void each_tile(const Sight *sight, const Batch *batch, int k, int2 rows,
     const float low = (s.s1 < s.s5 ? s.s1 : s.s5) - wide, high = (s.s1 < s.s5 ? s.s5 : s.s1) + wide;
     const float size = (float)(TILE * sight->tiles - 1);
     if (!(length > 1e-9f) || right < 0.0f || high < 0.0f || left > size || low > size)
-        return;
+        return false;
     const int x0 = left > 0.0f ? (int)left / TILE : 0, x1 = (int)(right < size ? right : size) / TILE;
     const int y0 = low > 0.0f ? (int)low / TILE : 0, y1 = (int)(high < size ? high : size) / TILE;
     const bool leans = x1 - x0 > 1 && (dy > 1.0f || dy < -1.0f);
+    bool any = false;
     for (int y = y0 > rows.x ? y0 : rows.x; y <= y1 && y < rows.y; ++y) {
         int first = x0, last = x1;
         if (leans) {                       // of a long one few of those around it
@@ -76,8 +77,10 @@ INLINED void each_tile(const Sight *sight, const Batch *batch, int k, int2 rows,
             const uint place = atomic_inc(&counts[y * sight->tiles + x]);
             if (entries)
                 entries[place] = (ulong)~as_uint(e) << 32 | number;
+            any = true;
         }
     }
+    return any;
 }
 
 /* One work-item counts the tiles that segments of one strand may shade places in. */
@@ -91,10 +94,14 @@ BY_HAND __kernel void count(
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
     volatile __global uint *counts,        // [tiles of all lights] segments
-    volatile __global uint *survivors)     // [1] segments of this light, of each launch
+    volatile __global uint *survivors,     // [1] segments of this light, of each launch
+    __global const uint *numbers,          // [strands] number of each as it came,
+    const uint first_strand,               // from this on
+    __global uint *shown)                 // [all strands] 1: some tile lists it
 {
     WORK_ITEM(strand);
     const uint2 span = spans[strand];
+    bool any = false;
     const Sight sight = {view, map.size.x, map.reach.x, dark};
     uint n = 0;
     for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
@@ -103,10 +110,12 @@ BY_HAND __kernel void count(
         project(&sight.view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
         for (int k = 0; k < LANES; ++k)
             if (batch.on[k]) {
-                each_tile(&sight, &batch, k, rows, counts + (uint)map.size.y, 0, 0);
+                any |= each_tile(&sight, &batch, k, rows, counts + (uint)map.size.y, 0, 0);
                 ++n;
             }
     }
+    if (any)
+        shown[first_strand + numbers[strand]] = 1;
     if (n)
         atomic_add(survivors, n);
 }
@@ -121,8 +130,9 @@ BY_HAND __kernel void fill(
     const int2 rows,
     __global const float4 *points,
     __global const uint2 *spans,
-    __global const uint *numbers,          // [strands] number of each as it came,
-    const uint first_strand,               // from this on
+    __global const uint *numbers,
+    const uint first_strand,
+    __global const uint *shown,
     __global const float4 *strand_uv,      // [strands] u, v, type
     __global const HairType *types,
     volatile __global uint *cursors,       // [tiles of all lights] where the next entry of each goes
@@ -134,6 +144,8 @@ BY_HAND __kernel void fill(
     WORK_ITEM(strand);
     const uint2 span = spans[strand];
     const Sight sight = {view, map.size.x, map.reach.x, dark};
+    if (!shown[first_strand + numbers[strand]])
+        return;
     const float opaque = 1.0f - types[(int)strand_uv[strand].z].shine.z;
     for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
         const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;

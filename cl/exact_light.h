@@ -58,7 +58,7 @@ INLINED ulong more_of(const Sent *known, uint number)
     return row_among(places_of(known, number), known->lighting.n);
 }
 
-#define FAINT 0.04f          // weight in its pixel up to which a piece is shaded by the grid of cells
+#define FAINT 0.05f          // weight in its pixel up to which a piece is shaded by the grid of cells
 
 /* Share of light i that hair lets through to places `at` of segments: single hairs, see deep.h, or all of them as if at random
    where pieces have little weight. */

@@ -26,7 +26,7 @@ def made(gpu, curves, tiles, light=LIGHT, room=1 << 20, reach=.5):
     """(`Deep` of curves before one light, its view, its map)."""
     scene = clfur.Scene(fur=curves, light=light)
     view, packed = deep_of(scene, tiles, reach, light, Fit.of(scene))
-    plan = DeepPlan([view], np.array([packed]), room, room)
+    plan = DeepPlan([view], np.array([packed]), room, room, len(curves.counts))
     return deep_maps(gpu, plan, lambda: [upload_curves(gpu, curves)]), view, packed
 
 

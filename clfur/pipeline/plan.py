@@ -447,6 +447,7 @@ class Plan:
         if self.scatters:
             fixed += transport_bytes(len(self.lobed), self.body)
         if self.is_deep:
+            fixed += 4 * self.strands * len(self.scene.lights)   # which of them any tile lists
             fixed += deep_bytes(self.deep.entries, self.deep.segments, int(self.deep.tiles.sum()))
         return fixed + self.of_kept * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 

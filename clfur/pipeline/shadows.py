@@ -121,13 +121,14 @@ class DeepPlan:
     """Maps of the segments of hair that lights see, before there are any.
 
     views: of each light `layout.View`, or None.  maps: [lights] `layout.Deep`.  entries, segments: how many there may
-    be in all, about.
+    be in all, about.  strands: how many there are.
     """
 
     views: list
     maps: np.ndarray
     entries: int
     segments: int
+    strands: int
 
     @property
     def tiles(self) -> np.ndarray:
@@ -158,7 +159,7 @@ def plan_deep(rig: Rig, strands: int) -> DeepPlan:
         before += tiles**2
         entries += _entries(segments, length, width, tiles / side)
         all_segments += segments
-    return DeepPlan(views, maps, entries, all_segments)
+    return DeepPlan(views, maps, entries, all_segments, strands)
 
 
 def _entries(segments, length, width, scale):
@@ -179,9 +180,10 @@ def deep_maps(gpu: Any, plan: DeepPlan, hair: Callable[[], Iterable[DeviceStrand
     mapped = [i for i, tiles in enumerate(plan.tiles) if tiles]
     dark = dark_of(gpu, plan, lighting)
     counted, survivors = gpu.full(int(plan.tiles.sum()), np.uint32, 0), gpu.full(1, np.uint32, 0)
+    shown = {i: gpu.full(plan.strands, np.uint32, 0) for i in mapped}
     for strands in hair():
         for i in mapped:
-            deep.count(gpu, plan.views[i], plan.maps[i], dark[i], strands, counted, survivors)
+            deep.count(gpu, plan.views[i], plan.maps[i], dark[i], strands, counted, survivors, shown[i])
         del strands   # goes before the next ones are made
     counts, segments = gpu.download(counted), int(gpu.download(survivors)[0])
     total = int(counts.sum(dtype=np.uint64))
@@ -192,7 +194,7 @@ def deep_maps(gpu: Any, plan: DeepPlan, hair: Callable[[], Iterable[DeviceStrand
     lists = deep.allocate(gpu, counts, segments)
     for strands in hair():
         for i in mapped:
-            deep.fill(gpu, plan.views[i], plan.maps[i], dark[i], strands, lists)
+            deep.fill(gpu, plan.views[i], plan.maps[i], dark[i], strands, lists, shown[i])
         del strands
     return deep.lay(gpu, plan.maps, counts, lists)
 

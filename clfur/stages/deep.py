@@ -57,14 +57,16 @@ def no_deep(gpu: Any) -> Deep:
 
 
 def count(gpu: Any, view: np.void, packed: np.void, dark: Any, strands: DeviceStrands, counts: Any,
-          survivors: Any) -> None:
+          survivors: Any, shown: Any) -> None:
     """Count the segments of strands that the tiles of a light's map list.
 
     ``view``, ``packed``: its `layout.View` and `layout.Deep`.  ``dark``: [tiles, tiles] float32, reversed depth behind
     which no light comes.  ``counts``: [tiles of all lights] uint32, ``survivors``: [1] uint32 segments before lights;
-    both are added to.
+    both are added to.  ``shown``: [all strands] uint32,
+    which becomes 1 where some tile lists a strand.
     """
-    _each(gpu, "deep.count", view, packed, strands, dark=dark, counts=counts, survivors=survivors)
+    _each(gpu, "deep.count", view, packed, strands, dark=dark, counts=counts, survivors=survivors, shown=shown,
+          **arrays(strands, "numbers", "first_strand"))
 
 
 def allocate(gpu: Any, counts: np.ndarray, survivors: int) -> Lists:
@@ -75,10 +77,10 @@ def allocate(gpu: Any, counts: np.ndarray, survivors: int) -> Lists:
                        cursors=cursors, taken=gpu.full(1, np.uint32, 0))
 
 
-def fill(gpu: Any, view: np.void, packed: np.void, dark: Any, strands: DeviceStrands, lists: Lists) -> None:
-    """List the segments of strands that were counted in a light's map."""
+def fill(gpu: Any, view: np.void, packed: np.void, dark: Any, strands: DeviceStrands, lists: Lists, shown: Any) -> None:
+    """List the segments of strands that were counted in a light's map, of those that are ``shown``."""
     _each(gpu, "deep.fill", view, packed, strands, dark=dark, cursors=lists.cursors, taken=lists.taken,
-          entries=lists.entries, ends=lists.ends, marks=lists.marks,
+          entries=lists.entries, ends=lists.ends, marks=lists.marks, shown=shown,
           **arrays(strands, "numbers", "first_strand", "strand_uv", "types"))
 
 
