@@ -388,3 +388,37 @@ def test_kernels_give_no_warnings(gpu):
 def test_a_first_run_is_quiet(tmp_path):
     code, out, err = in_a_process(DRAW, HOME=str(tmp_path))
     assert (code, err) == (0, "") and out.endswith("True\n")
+
+
+HEARD = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="Windows")
+def test_signals_wait_while_a_driver_builds():
+    """Programs that it starts, such as PoCL's linker, do not hear them; this process does, afterwards."""
+    def blocked():
+        return subprocess.run([sys.executable, "-c", HEARD], capture_output=True, text=True, check=True).stdout.strip()
+    assert blocked() == "False"
+    reached = []
+    with pytest.raises(KeyboardInterrupt), caches.taking_kernels(caches.POCL):
+        reached.append(blocked())
+        os.kill(os.getpid(), signal.SIGINT)
+        reached.append("after it")
+    assert reached == ["True", "after it"] and blocked() == "False"
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="asks /proc for threads")
+@pytest.mark.skipif(all(each.platform.name != caches.POCL for each in DEVICES), reason="no PoCL")
+def test_threads_of_pocl_hear_no_signal():
+    """They link kernels: their linker would end at Ctrl-C on a terminal, and the process with it."""
+    done = subprocess.run([sys.executable, "-c", """
+import os, signal, clfur
+gpu = clfur.Scheduler("pocl")
+clfur.render(clfur.Scene(clfur.load_mesh("sphere"), camera=clfur.Camera(size=(8, 8))), gpu)
+for thread in os.listdir("/proc/self/task"):
+    status = dict(line.split(":", 1) for line in open(f"/proc/self/task/{thread}/status"))
+    if thread != str(os.getpid()):
+        print(status["Name"].strip(), int(status["SigBlk"], 16) >> signal.SIGINT - 1 & 1)
+"""], capture_output=True, text=True, check=True, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"})
+    threads = done.stdout.splitlines()
+    assert threads and all(line.endswith(" 1") for line in threads), threads

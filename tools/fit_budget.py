@@ -36,7 +36,7 @@ def measured(scene, gpu, repeat):
     """{what: of each rung} of a scene, kept in the cache; also its features."""
     known = digest(scene, budget.LADDER, SAMPLES, truth.VERSION, sources(), gpu.name)
     file = cache.folder("budget") / f"{known[:32]}.json"
-    kept = json.loads(file.read_text()) if file.exists() else {"repeat": 0}
+    kept = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {"repeat": 0}
     if kept["repeat"] < repeat:
         kept = _measure(scene, gpu, repeat) | {"repeat": repeat}
         cache.write(file, json.dumps(kept).encode())

@@ -128,9 +128,9 @@ def by_mitsuba(asked):
     with np.load(asked) as file, tempfile.TemporaryDirectory() as folder:
         strands, ball = Path(folder) / "strands.txt", Path(folder) / "ball.obj"
         strands.write_text("\n\n".join("\n".join(f"{x:.7g} {y:.7g} {z:.7g} {WIDTH / 2:.7g}" for x, y, z in (
-            2 * p[0] - p[1], *p, 2 * p[-1] - p[-2])) for p in file["points"]) + "\n")
+            2 * p[0] - p[1], *p, 2 * p[-1] - p[-2])) for p in file["points"]) + "\n", encoding="utf-8")
         ball.write_text("".join(f"v {x:.7g} {y:.7g} {z:.7g}\n" for x, y, z in file["positions"])
-                        + "".join(f"f {a} {b} {c}\n" for a, b, c in file["faces"] + 1))
+                        + "".join(f"f {a} {b} {c}\n" for a, b, c in file["faces"] + 1), encoding="utf-8")
         suns = {f"sun{k}": {"type": "directional", "direction": direction.tolist(),
                             "irradiance": {"type": "rgb", "value": irradiance.tolist()}}
                 for k, (direction, irradiance) in enumerate(file["suns"])}

@@ -9,6 +9,7 @@ import hashlib
 import os
 import platform
 import shutil
+import signal
 import stat
 import tempfile
 import threading
@@ -177,6 +178,23 @@ def _remove_left():
 
 
 @contextlib.contextmanager
+def unheard():
+    """Signals wait: for threads and programs that a driver starts here for good, for this thread till the end.
+
+    Ctrl-C goes to all of a terminal's processes. It would end the linker that PoCL starts, and PoCL then ends the
+    process; and it cuts PoCL's compiler short.
+    """
+    if not hasattr(signal, "pthread_sigmask"):   # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
 def taking_kernels(platform_name):
     """While a driver builds kernels or runs them for the first time: if the process dies of it, later ones know."""
     mark, place = None, folder()
@@ -190,7 +208,8 @@ def taking_kernels(platform_name):
             with contextlib.suppress(OSError):
                 mark.touch()
     try:
-        yield
+        with unheard():
+            yield
     finally:
         with _marked:
             _taking.remove(mark)

@@ -77,7 +77,7 @@ class Scheduler:
         self.device = choose(device)
         self.name = describe(self.device)
         pocl.name_processor(self.device)
-        with self._watched("does not start"):
+        with self._watched("does not start"), caches.unheard():   # drivers start threads
             self.context = cl.Context([self.device])
             self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
             self.int64_atomics = "cl_khr_int64_extended_atomics" in self.device.extensions.split()

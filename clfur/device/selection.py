@@ -188,7 +188,8 @@ def _found():
     """Each OpenCL platform and its devices: a list of (platform, list)."""
     _start()
     try:
-        platforms = cl.get_platforms()
+        with caches.unheard():   # drivers start threads
+            platforms = cl.get_platforms()
     except cl.Error as error:
         if "PLATFORM_NOT_FOUND_KHR" in str(error):
             return []
