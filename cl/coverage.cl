@@ -608,10 +608,13 @@ ALONE BY_HAND __kernel void tiles(
     __global const float *crossings,
     __global const ulong *shadow_maps,
     const int shadowed,                    // 1: something stands before them
-    const int deep_longest,                // list of pieces in maps of hair, see deep.h; 0: there are none
+    const int deep_longest,                // list of blocks in maps of hair, see deep.h; 0: there are none
     __global const Deep *deep_maps,
     __global const uint *deep_starts,
-    __global const ulong *deep_pieces,
+    __global const float *deep_nears,
+    __global const uint *deep_blocks,
+    __global const float8 *axes,           // [survivors or 0] in the world, likewise
+    __global const uint *hazes,            // [survivors or 0, n_lights]
     __global float *body_transmittance,    // [rows, width, samples] share of the body's light that what stands before it
                                            // lets through; in: shells alone, out: strands too
     __global float *alpha,                 // [rows, width]
@@ -636,7 +639,7 @@ ALONE BY_HAND __kernel void tiles(
     begin_glow(&glow, &store, x * TILE, view.rows.x + y * TILE);
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
-                              lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_pieces}},
+                              lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_nears, deep_blocks, axes, hazes}},
                              body_transmittance, alpha,
                              front, shell_front, image, &glow};
     if (when == LIGHT_NOW && (!n || heads[tile] != NOTHING)) {

@@ -1,185 +1,204 @@
 /*
- * Strands as a light sees them: the pieces that they have in the texels of a map, sorted by depth, for shadows of single
- * hairs.  `count` tells how many each texel may have, `fill` writes them in any order, `sort` (and `exchange`) sorts each
- * texel's; deep.h looks them up.
- *
- * All of a piece is whole numbers, and they are sorted by all of it: the same bits in whatever order strands come.
+ * Strands as a light sees them: its view is cut into tiles of TILE² pixels, and each lists the segments that may shade a place
+ * in it, for shadows of single hairs.  `count` tells how many, `fill` lists them in any order, `sort` (and `exchange`) puts
+ * the nearest to the light first, `lay` tells what each is like as seen from its tile's middle; deep.h looks there.
  */
 #if LANES > 8 || LANES_HINTED > 1
 #undef LANES
-#define LANES 8                            // columns of texels
+#define LANES 8                            // segments of a strand, then of a list
 #endif
-#define CHUNK LANES
-#define CHUNKS
 #include "clip.h"
 #include "lanes.h"
+#define CHUNK LANES
 #include "ribbon.h"
 #include "deep.h"
 
-#define DARKEST (1.0f - 1.0f / 256)        // a piece lets UNSEEN through at least: eight octaves, so that sums have room
+#define ACROSS 5.657f                      // half a tile from corner to corner [pixels]
+#define SLACK 1e-6f                        // of reversed depth, by which rounding may put a place before the nearest of a segment
 #define SHORT 32                           // lists that are sorted by insertion
 
-/* What a piece is made of, but for its place. */
+/* The view of a light as a grid of tiles. */
 typedef struct {
-    float4 depth;                          // see layout.Deep
-    ulong strand;                          // where it stands in a piece
-    float opaque;                          // share of light that one takes which fills a texel
-    int cells;                             // a side of `dark`,
-    __global const uint *dark;             // [cells, cells] depth from which on no light comes
-} Kind;
+    View view;
+    int tiles;                             // a side
+    float reach;                           // see deep.h [pixels]
+    __global const float *dark;            // [tiles, tiles] reversed depth behind which no light comes
+} Sight;
 
-/* Put segments ready to be drawn, see `prepare`. */
-INLINED void ready(const Batch *batch, Chunk *chunk)
+/* Reversed depth, a little more than any that segment k of a batch has near a tile; below 0 if it is not near it, or in the
+   dark. */
+INLINED float near_tile(const Sight *sight, const float8 s, float along_x, float along_y, float length, int x, int y)
 {
-    lanes c[8];
-    lanes_u leans;
-    for (int k = 0; k < LANES; ++k)
-        LANE_U(leans, k) = batch->leans[k];
-    columns_of(batch->ends, c);
-    put_ends(chunk, 0, c, leans);
+    const float from_x = (x + 0.5f) * TILE - s.s0, from_y = (y + 0.5f) * TILE - s.s1;
+    const float aside = along_x * from_y - along_y * from_x, along = along_x * from_x + along_y * from_y;
+    const float wide = (s.s3 > s.s7 ? s.s3 : s.s7) + sight->reach;
+    const float side = 0.5f * TILE * ((along_x < 0.0f ? -along_x : along_x) + (along_y < 0.0f ? -along_y : along_y));
+    const float reach = side + sight->reach;
+    if (!(aside < side + wide && aside > -side - wide && along + reach > 0.0f && along - reach < length))
+        return -1.0f;
+    const float rise = (s.s6 - s.s2) / length, first = along - reach > 0.0f ? along - reach : 0.0f;
+    const float last = along + reach < length ? along + reach : length;
+    const float a = s.s2 + rise * first, b = s.s2 + rise * last, slack = SLACK + (rise < 0.0f ? -rise : rise) * (1.0f / 256);
+    const float e = (a > b ? a : b) + slack, most = (s.s2 > s.s6 ? s.s2 : s.s6) + SLACK, nearest = e < most ? e : most;
+    return nearest > sight->dark[y * sight->tiles + x] ? nearest : -1.0f;
 }
 
-/* Go through the texels, in some columns, that segment k of a chunk may have pieces in, but those so deep that no light comes
-   there.  counts: of each texel one more; or, where `pieces` are wanted, where in these its next one goes. */
-INLINED void each_texel(const View *view, const Chunk *chunk, int k, int2 columns, const Kind *kind,
-                        volatile __global uint *counts, __global ulong *pieces)
+/* Go through the tiles that segment k of a batch may shade places in, in some rows counts: of each tile one
+   more; or, where `entries` are wanted, where in these its next one goes: 1 - nearest reversed depth << 32 | number. */
+INLINED void each_tile(const Sight *sight, const Batch *batch, int k, int2 rows, volatile __global uint *counts,
+                       __global ulong *entries, uint number)
 {
-    const int n = view->size.x, u_stride = chunk->steep[k] ? n : 1, v_stride = chunk->steep[k] ? 1 : n;
-    const float out = chunk->out[k], from = chunk->au[k] - out, until = chunk->bu[k] + out, ratio = (float)kind->cells / n;
-    const int first = from > columns.x ? (int)from : columns.x, last = until < columns.y ? (int)until : columns.y - 1;
-    const bool wide = leans(chunk, k);
-#if LANES == 1
-    const lanes_i lane = 0;
-#else
-    const lanes_i lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
-#endif
-    for (int u = first; u <= last; u += LANES) {
-        Column column;
-        Outline outline;
-        if (wide)
-            outline_of(chunk, k, view, lane + u, &column, &outline);
-        else
-            column_of(chunk, k, view, lane + u, &column);
-        const lanes_i on = (column.along > 0.0f) & (lane + u <= last), bottom = column.high < n ? column.high : I(n);
-        lanes_i v = column.low > 0 ? column.low : I(0), at = (lane + u) * u_stride + v * v_stride;
-        const lanes e = REAL((int)DEPTH_ONE - column.depth) * (1.0f / DEPTH_ONE);
-        const lanes depth = within(kind->depth.x + kind->depth.y * (kind->depth.z > 0.0f ? 1.0f / e : e), 0.0f, (float)DEEP_LAST);
-        for (lanes_i todo = on & (v < bottom); any_lane(todo); v += 1, at += v_stride, todo = on & (v < bottom)) {
-            const lanes_i in_u = WHOLE((REAL(lane + u) + 0.5f) * ratio), in_v = WHOLE((REAL(v) + 0.5f) * ratio);
-            const lanes_i cell = chunk->steep[k] ? in_u * kind->cells + in_v : in_v * kind->cells + in_u;
-            lanes octaves = F(0.0f);
-            if (pieces) {
-                const lanes share = lesser(kind->opaque * (wide ? share_within(&outline, v) : share_of(&column, v)), F(DARKEST));
-                octaves = -(float)DEEP_UNIT * log2_of(1.0f - greater(share, F(0.0f))) + 0.5f;
-            }
-            for (int j = 0; j < LANES; ++j) {
-                if (!LANE_I(todo, j) || (uint)LANE(depth, j) >= kind->dark[LANE_I(cell, j)])
-                    continue;
-                const uint place = atomic_inc(&counts[LANE_I(at, j)]);
-                if (pieces)
-                    pieces[place] = (ulong)LANE(depth, j) << 40 | kind->strand | (uint)LANE(octaves, j);
-            }
+    const float8 s = batch->ends[k];
+    const float dx = s.s4 - s.s0, dy = s.s5 - s.s1, length = sqrt(dx * dx + dy * dy);
+    const float along_x = dx / length, along_y = dy / length, wide = 1.4143f * ((s.s3 > s.s7 ? s.s3 : s.s7) + sight->reach);
+    const float left = (s.s0 < s.s4 ? s.s0 : s.s4) - wide, right = (s.s0 < s.s4 ? s.s4 : s.s0) + wide;
+    const float low = (s.s1 < s.s5 ? s.s1 : s.s5) - wide, high = (s.s1 < s.s5 ? s.s5 : s.s1) + wide;
+    const float size = (float)(TILE * sight->tiles - 1);
+    if (!(length > 1e-9f) || right < 0.0f || high < 0.0f || left > size || low > size)
+        return;
+    const int x0 = left > 0.0f ? (int)left / TILE : 0, x1 = (int)(right < size ? right : size) / TILE;
+    const int y0 = low > 0.0f ? (int)low / TILE : 0, y1 = (int)(high < size ? high : size) / TILE;
+    const bool leans = x1 - x0 > 1 && (dy > 1.0f || dy < -1.0f);
+    for (int y = y0 > rows.x ? y0 : rows.x; y <= y1 && y < rows.y; ++y) {
+        int first = x0, last = x1;
+        if (leans) {                       // of a long one few of those around it
+            const float a = (y * TILE - wide - s.s1) / dy, b = (y * TILE + TILE + wide - s.s1) / dy;
+            const float from = a > 0.0f ? a < 1.0f ? a : 1.0f : 0.0f, until = b > 0.0f ? b < 1.0f ? b : 1.0f : 0.0f;
+            const float p = s.s0 + from * dx, q = s.s0 + until * dx;
+            const float least = (p < q ? p : q) - wide, most = (p < q ? q : p) + wide;
+            first = least > first * TILE ? (int)least / TILE : first;
+            last = most < last * TILE ? most > 0.0f ? (int)most / TILE : -1 : last;
+        }
+        for (int x = first; x <= last; ++x) {
+            const float e = near_tile(sight, s, along_x, along_y, length, x, y);
+            if (e < 0.0f)
+                continue;
+            const uint place = atomic_inc(&counts[y * sight->tiles + x]);
+            if (entries)
+                entries[place] = (ulong)~as_uint(e) << 32 | number;
         }
     }
 }
 
-/* One work-item counts the pieces of one strand, with those that cover nothing of a texel beside it. */
+/* One work-item counts the tiles that segments of one strand may shade places in. */
 BY_HAND __kernel void count(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,                       // of the light
-    const Deep map,                        // where its texels begin, and how depths are counted
-    const int cells,                       // a side of `dark`
-    __global const uint *dark,             // [cells, cells] depth from which on no light comes
+    const Deep map,
+    __global const float *dark,            // [tiles, tiles] reversed depth behind which no light comes
     const uint2 stretch,                   // segments of each strand: the first, one past the last
-    const int2 columns,                    // of texels, along a segment's longer axis: likewise
+    const int2 rows,                       // of tiles: likewise
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
-    volatile __global uint *counts)        // [texels] pieces
+    volatile __global uint *counts,        // [tiles of all lights] segments
+    volatile __global uint *survivors)     // [1] segments of this light, of each launch
 {
     WORK_ITEM(strand);
     const uint2 span = spans[strand];
-    const Kind kind = {map.depth, 0, 0.0f, cells, dark};
+    const Sight sight = {view, map.size.x, map.reach.x, dark};
+    uint n = 0;
     for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
         const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;
         Batch batch;
-        Chunk chunk;
-        project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
-        lean(&view, points, span.x, span.x + i, span.x + span.y - 1, &batch);
-        ready(&batch, &chunk);
+        project(&sight.view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
         for (int k = 0; k < LANES; ++k)
-            if (batch.on[k])
-                each_texel(&view, &chunk, k, columns, &kind, counts, 0);
+            if (batch.on[k]) {
+                each_tile(&sight, &batch, k, rows, counts + (uint)map.size.y, 0, 0);
+                ++n;
+            }
     }
+    if (n)
+        atomic_add(survivors, n);
 }
 
-/* As `count`, and writes them; in any order, since nobody knows who comes first. */
+/* As `count`, and lists them; in any order, since nobody knows who comes first. */
 BY_HAND __kernel void fill(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const Deep map,
-    const int cells,
-    __global const uint *dark,
+    __global const float *dark,
     const uint2 stretch,
-    const int2 columns,
+    const int2 rows,
     __global const float4 *points,
     __global const uint2 *spans,
     __global const uint *numbers,          // [strands] number of each as it came,
     const uint first_strand,               // from this on
     __global const float4 *strand_uv,      // [strands] u, v, type
     __global const HairType *types,
-    volatile __global uint *cursors,       // [texels] where the next piece of each goes
-    __global ulong *pieces)                // see deep.h
+    volatile __global uint *cursors,       // [tiles of all lights] where the next entry of each goes
+    volatile __global uint *taken,         // [1] survivors so far
+    __global ulong *entries,               // see `each_tile`
+    __global float8 *ends,                 // [survivors] each end's x, y, reversed depth, half width [pixels]
+    __global uint2 *marks)                 // [survivors] strand's number, share of light that it takes
 {
     WORK_ITEM(strand);
     const uint2 span = spans[strand];
-    const Kind kind = {map.depth, (ulong)(first_strand + numbers[strand] & DEEP_STRAND) << 16,
-                       1.0f - types[(int)strand_uv[strand].z].shine.z, cells, dark};
+    const Sight sight = {view, map.size.x, map.reach.x, dark};
+    const float opaque = 1.0f - types[(int)strand_uv[strand].z].shine.z;
     for (uint i = stretch.x; i + 1 < span.y && i < stretch.y; i += LANES) {
         const uint left = (span.y - 1 < stretch.y ? span.y - 1 : stretch.y) - i;
         Batch batch;
-        Chunk chunk;
-        project(&view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
-        lean(&view, points, span.x, span.x + i, span.x + span.y - 1, &batch);
-        ready(&batch, &chunk);
+        project(&sight.view, points, span.x + i, span.x + span.y - 1, left < LANES ? left : LANES, &batch);
+        uint n = 0;
         for (int k = 0; k < LANES; ++k)
-            if (batch.on[k])
-                each_texel(&view, &chunk, k, columns, &kind, cursors + (uint)map.size.y, pieces);
+            n += batch.on[k] != 0;
+        if (!n)
+            continue;
+        uint number = atomic_add(taken, n);
+        for (int k = 0; k < LANES; ++k)
+            if (batch.on[k]) {
+                each_tile(&sight, &batch, k, rows, cursors + (uint)map.size.y, entries, number);
+                ends[number] = batch.ends[k];
+                marks[number++] = (uint2)(first_strand + numbers[strand] & DEEP_STRAND, as_uint(opaque));
+            }
     }
 }
 
-/* Put two pieces in order. */
-INLINED void in_order(__global ulong *pieces, uint i, uint j)
+/* Put two entries in order. */
+INLINED void in_order(__global ulong *entries, uint i, uint j)
 {
-    const ulong a = pieces[i], b = pieces[j];
+    const ulong a = entries[i], b = entries[j];
     if (a > b) {
-        pieces[i] = b;
-        pieces[j] = a;
+        entries[i] = b;
+        entries[j] = a;
     }
 }
 
-/* One work-item sorts the pieces of one texel: by insertion, or where they are many by Batcher's method, as in Knuth, The Art
-   of Computer Programming 3, 5.2.2 M. */
-__kernel void sort(
-    const ulong begin, const ulong end,    // work-items, see common.h
-    const uint longest,                    // a list of more is left as it is
-    __global const uint *starts,           // [texels + 1] where in `pieces` those of each begin
-    __global ulong *pieces)
+#if LANES > 1
+#define DIGIT 8                            // bits by which a long list is sorted at once: by two such digits of its depths
+
+/* Move n entries into the order of one digit, from its lowest bit on, of how much further they lie than `least`. */
+INLINED void by_digit(__global const ulong *from, __global ulong *to, uint n, uint least, uint shift)
 {
-    WORK_ITEM(texel);
-    const uint n = starts[texel + 1] - starts[texel];
-    __global ulong *its = pieces + starts[texel];
-    if (n > longest)
-        return;
-    if (n <= SHORT) {
-        for (uint i = 1; i < n; ++i) {
-            const ulong piece = its[i];
-            uint j = i;
-            for (; j > 0 && its[j - 1] > piece; --j)
-                its[j] = its[j - 1];
-            its[j] = piece;
-        }
-        return;
+    uint ends[(1 << DIGIT) + 1];
+    for (uint k = 0; k <= 1 << DIGIT; ++k)
+        ends[k] = 0;
+    for (uint i = 0; i < n; ++i)
+        ++ends[(((uint)(from[i] >> 32) - least) >> shift & ((1 << DIGIT) - 1)) + 1];
+    for (uint k = 1; k < 1 << DIGIT; ++k)
+        ends[k] += ends[k - 1];
+    for (uint i = 0; i < n; ++i)
+        to[ends[((uint)(from[i] >> 32) - least) >> shift & ((1 << DIGIT) - 1)]++] = from[i];
+}
+
+/* Put entries roughly into order: by the upper 2 · DIGIT bits of the depths that there are. */
+ONCE void nearly_sorted(__global ulong *its, __global ulong *spare, uint n)
+{
+    uint least = ~0u, most = 0, shift = 0;
+    for (uint i = 0; i < n; ++i) {
+        const uint depth = its[i] >> 32;
+        least = depth < least ? depth : least;
+        most = depth > most ? depth : most;
     }
+    while ((most - least) >> shift >> 2 * DIGIT)
+        ++shift;
+    by_digit(its, spare, n, least, shift);
+    by_digit(spare, its, n, least, shift + DIGIT);
+}
+#else
+/* Sort a long list by Batcher's method, as in Knuth, The Art of Computer Programming 3, 5.2.2 M. */
+ONCE void nearly_sorted(__global ulong *its, __global ulong *spare, uint n)
+{
     uint whole = 1;
     while (2 * whole < n)
         whole *= 2;
@@ -189,17 +208,118 @@ __kernel void sort(
                 if ((i & p) == r)
                     in_order(its, i, i + d);
 }
+#endif
 
-/* One work-item puts two pieces of a long list in order, in one step of the same method. */
+/* One work-item sorts the list of one tile: a short one by insertion, a long one is brought into some order before. */
+BY_HAND __kernel void sort(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const uint longest,                    // a list of more is left as it is
+    __global const uint *starts,           // [tiles + 1] where in `entries` those of each begin
+    __global ulong *entries,
+    __global ulong *spare)                 // as many, or none where LANES is 1
+{
+    WORK_ITEM(tile);
+    const uint n = starts[tile + 1] - starts[tile];
+    __global ulong *its = entries + starts[tile];
+    if (n > longest)
+        return;
+    if (n > SHORT)
+        nearly_sorted(its, spare + starts[tile], n);
+    for (uint i = 1; i < n; ++i) {
+        const ulong entry = its[i];
+        uint j = i;
+        for (; j > 0 && its[j - 1] > entry; --j)
+            its[j] = its[j - 1];
+        its[j] = entry;
+    }
+}
+
+/* One work-item puts two entries of a long list in order, in one step of the same method. */
 __kernel void exchange(
-    const ulong begin, const ulong end,    // work-items, see common.h: pieces of the list, less `apart`
-    const uint first,                      // where in `pieces` it begins
-    const uint bit,                        // of a piece's place in the list
+    const ulong begin, const ulong end,    // work-items, see common.h: entries of the list, less `apart`
+    const uint first,                      // where in `entries` it begins
+    const uint bit,                        // of an entry's place in the list
     const uint value,                      // that this has where it is the first of two
     const uint apart,                      // how far away the other is
-    __global ulong *pieces)
+    __global ulong *entries)
 {
     WORK_ITEM(i);
     if (((uint)i & bit) == value)
-        in_order(pieces + first, (uint)i, (uint)i + apart);
+        in_order(entries + first, (uint)i, (uint)i + apart);
+}
+
+/* Two numbers in 16 bits each, with their signs. */
+INLINED lanes_u halves(lanes high, lanes low)
+{
+    return AS_U(nearest_i(high) << 16) | (AS_U(nearest_i(low)) & 0xFFFFu);
+}
+
+/* The upper half of a float. */
+INLINED lanes_u coarse(lanes x)
+{
+    return (AS_U(x) + 0x8000u) & 0xFFFF0000u;
+}
+
+/* What segments with such ends, on the screen, are like as seen from a place; see `taken_by`. */
+INLINED void laid(const lanes *c, float x, float y, float reach, lanes *opaque, lanes_u *it)
+{
+    const lanes dx = c[4] - c[0], dy = c[5] - c[1], length = sqrt(dx * dx + dy * dy);
+    const lanes along_x = dx / length, along_y = dy / length;
+    const lanes from_x = x - c[0], from_y = y - c[1], along = along_x * from_x + along_y * from_y;
+    const lanes low = F(-ACROSS - reach), high = F(ACROSS + reach);
+    const lanes from = greater(low, -along), until = lesser(high, length - along);
+    const lanes first = ALONG_UNIT * nearest(from * 1024.0f), rise = (c[6] - c[2]) / length, grows = (c[7] - c[3]) / length;
+    const lanes x_bits = nearest(along_x * 32767.0f), y_bits = nearest(along_y * 32767.0f);
+    /* The line's nearest point to the place, aside by the directions as they are kept. */
+    const lanes at_x = along_x * along - from_x, at_y = along_y * along - from_y;
+    it[0] = halves(x_bits, y_bits);
+    it[1] = halves(nearest(from * 1024.0f), nearest(until * 1024.0f));
+    it[2] = AS_U(DIRECTION_UNIT * (x_bits * at_y - y_bits * at_x));
+    it[3] = coarse(c[3] + grows * (first + along)) | coarse(grows) >> 16;
+    it[4] = AS_U(*opaque * (1.0f / (4.0f * reach * reach)));
+    it[5] = AS_U(c[2] + rise * (first + along));
+    it[6] = AS_U(rise);
+}
+
+/* One work-item tells what the segments of some blocks of one tile are like. */
+BY_HAND __kernel void lay(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const Deep map,
+    const uint2 stretch,                   // blocks of each list: the first, one past the last
+    __global const uint *starts,           // [tiles + 1] where in `entries` those of each begin
+    __global const ulong *entries,         // sorted
+    __global const float8 *ends,           // see `fill`
+    __global const uint2 *marks,
+    __global const uint *firsts,           // [tiles + 1] where in `blocks` those of each begin
+    __global float *nears,                 // [blocks] see deep.h
+    __global uint *blocks)                 // [blocks, 8, DEEP_BLOCK]
+{
+    WORK_ITEM(item);
+    const uint tile = (uint)map.size.y + item, n = starts[tile + 1] - starts[tile];
+    __global const ulong *its = entries + starts[tile];
+    const float x = ((int)item % map.size.x + 0.5f) * TILE, y = ((int)item / map.size.x + 0.5f) * TILE;
+    for (uint k = DEEP_BLOCK * stretch.x; k < n && k < DEEP_BLOCK * stretch.y; k += LANES) {
+        const uint block = firsts[tile] + k / DEEP_BLOCK;
+        float8 rows[LANES];
+        lanes c[8], opaque;
+        lanes_u it[8];
+        for (uint j = 0; j < LANES; ++j) {
+            const uint number = (uint)its[k + j < n ? k + j : k];
+            rows[j] = ends[number];
+            LANE_U(it[7], j) = marks[number].x;
+            LANE(opaque, j) = k + j < n ? as_float(marks[number].y) : 0.0f;
+        }
+        columns_of(rows, c);
+        laid(c, x, y, map.reach.x, &opaque, it);
+        if (k % DEEP_BLOCK == 0)
+            nears[block] = as_float(~(uint)(its[k] >> 32));
+        for (uint i = 0; i < 8; ++i)
+            for (uint j = 0; j < LANES; ++j)
+                blocks[DEEP_BLOCK * (8 * block + i) + k % DEEP_BLOCK + j] = LANE_U(it[i], j);
+#if LANES == 1
+        for (uint j = n; k + 1 == n && j % DEEP_BLOCK; ++j)   // those that fill the last block take nothing
+            for (uint i = 0; i < 8; ++i)
+                blocks[DEEP_BLOCK * (8 * block + i) + j % DEEP_BLOCK] = 0;
+#endif
+    }
 }

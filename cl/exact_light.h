@@ -9,7 +9,7 @@
  *   r, g, b, model; changes of them, alpha
  *   normal of the body at its root; for two lights the share of each that gets through to its start, and the change of that;
  *   a share below 0 is asked for at each place, and so are those of further lights; number of the type
- *   Where strands stand in maps of pieces (deep.h) all shares are asked for, and the first is the strand's number.
+ *   Where hair before lights is looked up in maps (deep.h) all of these shares are without it.
  */
 typedef struct {
     float8 of[4];
@@ -58,42 +58,32 @@ INLINED ulong more_of(const Sent *known, uint number)
     return row_among(places_of(known, number), known->lighting.n);
 }
 
-/* The two places of segments, 1/4 and 3/4 of the way along pieces of them. */
-typedef struct {
-    lanes first, second;
-} Two;
+#define FAINT 0.04f          // weight in its pixel up to which a piece is shaded by the grid of cells
 
-/* ends: of the segments, see Sent.  at, share: where the middle of a piece is nearest to its pixel's, and how much of the pixel
-   it covers, which is its width times its length; 0: both are there. */
-INLINED Two two_places(const float8 *ends, lanes at, lanes share)
+/* Share of light i that hair lets through to places `at` of segments: single hairs, see deep.h, or all of them as if at random
+   where pieces have little weight. */
+INLINED lanes share_deep(const Sent *sent, int i, const uint *numbers, lanes at, lanes weight, lanes_i on)
 {
-    lanes c[8];
-    columns_of(ends, c);
-    const lanes dx = c[4] - c[0], dy = c[5] - c[1], area = root(greater(dx * dx + dy * dy, F(1e-30f))) * (c[3] + c[7]);
-    const lanes part = lesser(share / greater(area, F(1e-30f)), F(1.0f));
-    const lanes middle = lesser(greater(at, 0.5f * part), 1.0f - 0.5f * part);   // it ends where the segment does
-    const Two two = {middle - 0.25f * part, middle + 0.25f * part};
-    return two;
-}
-
-/* Share of light i that gets through to both of two places, where hair stands in maps of pieces. */
-INLINED lanes share_deep(const Sent *sent, int i, lanes3 p, lanes3 step, lanes3 n, lanes own, lanes at, Two two, lanes_i on)
-{
-    const Obstacles obstacles = obstacles_of(&sent->lighting, i);
-    lanes share = on ? F(1.0f) : F(0.0f);
-    if (obstacles.shadow.body.x)
-        share *= past_body_lanes(&obstacles, on, plus(p, scaled(step, at)), n, I(0), HAIR_STEEPEST,
-                                 HAIR_BIAS(obstacles.shadow.body.y));
-    const lanes_i left = on & (share > 0.0f);
-    if (sent->deep.maps[i].size.x && any_lane(left)) {
-        const lanes_i both = left & (two.first != two.second);
-        const lanes a = through_deep(&sent->deep, i, left, plus(p, scaled(step, two.first)), own);
-        lanes b = a;
-        if (any_lane(both))
-            b = through_deep(&sent->deep, i, both, plus(p, scaled(step, two.second)), own);
-        share *= both ? 0.5f * (a + b) : a;
+    if (!sent->deep.maps[i].size.x || !any_lane(on))
+        return F(1.0f);
+    const lanes_i look = on & (weight > FAINT);
+    lanes start, end;
+    for (int k = 0; k < LANES; ++k) {
+        const uint haze = sent->deep.hazes[numbers[k] * (size_t)sent->lighting.n + i];
+        LANE(start, k) = (float)(haze & 0xFFFF);
+        LANE(end, k) = (float)(haze >> 16);
     }
-    return share;
+    const lanes share = (start + at * (end - start)) * (1.0f / 65535.0f);
+    if (!any_lane(look))
+        return share;
+    float8 axes[LANES];
+    lanes c[8];
+    for (int k = 0; k < LANES; ++k)
+        axes[k] = sent->deep.axes[numbers[k]];
+    columns_of(axes, c);
+    const lanes3 p = {c[0], c[1], c[2]}, step = {c[4], c[5], c[6]};
+    const lanes through = through_deep(&sent->deep, i, look, plus(p, scaled(step, at)), c[3]);
+    return look ? through : share;
 }
 
 /* Where a strand is seen in the middles x, y of pixels, which its place p is nearest to: so far aside as one of such a width
@@ -112,9 +102,9 @@ INLINED lanes3 seen_beside(const View *view, lanes3 p, lanes width, lanes x, lan
 }
 
 /* Light from places `at` of segments, where lanes are `on`, of those lights of which no places are known; the other lanes are
-   like one of these.  ends, share: see `two_places`; x, y: the middles of their pixels. */
-INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *rows, const float8 *ends, lanes at,
-                           lanes share_seen, lanes x, lanes y, lanes_i on)
+   like one of these.  weight: in their pixels; x, y: the middles of these. */
+INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *rows, lanes at, lanes weight,
+                           lanes x, lanes y, lanes_i on)
 {
     float8 part[LANES];
     lanes c[32];
@@ -128,7 +118,6 @@ INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *ro
     const lanes3 color = {c[16] + at * c[20], c[17] + at * c[21], c[18] + at * c[22]}, v = towards_eye_lanes(known->view, p);
     const Fibres fibres = {unit_lanes_or(t, first), color, c[11], c[15], c[19] == (float)HALF_VECTOR};
     const Looks looks = {known->lobes, known->lobe_table, TO(lanes_i, c[31]), c[19] == (float)CHIANG};
-    const Two two = known->deep.longest ? two_places(ends, at, share_seen) : (Two){at, at};
     lanes3 sent = {F(0.0f), F(0.0f), F(0.0f)};
     for (int i = 0; i < known->lighting.n; ++i) {
         const Light light = known->lighting.lights[i];
@@ -140,11 +129,7 @@ INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *ro
             continue;
         const bool edged = light.position.w > 0.0f && light.cone.x > -1.0f;   // its cone ends somewhere
         lanes share = share_of_light(&light, edged ? seen_beside(known->view, p, c[3] + at * c[7], x, y) : p, &l);
-        if (known->deep.longest) {
-            const lanes_i ask = here & (share > 0.0f);
-            if (any_lane(ask))
-                share *= share_deep(known, i, start, step, n, c[27], at, two, ask);
-        } else if (known->shadowed) {
+        if (known->shadowed) {
             const lanes there = i == 0 ? c[27] : i == 1 ? c[29] : F(-1.0f);
             const lanes_i ask = here & (there < 0.0f) & (share > 0.0f);
             lanes through = there + at * (i == 0 ? c[28] : c[30]);
@@ -152,6 +137,8 @@ INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *ro
                 through = ask ? share_along(known, i, start, step, n, c[3], c[7], c[23], at, ask) : through;
             share *= through;
         }
+        if (known->deep.longest)
+            share *= share_deep(known, i, numbers, at, weight, here & (share > 0.0f));
         const lanes3 one = fibre_lanes(&light, &fibres, &looks, l, v, disc_at(&light, p), share), none = {F(0.0f), F(0.0f), F(0.0f)};
         sent = known->lighting.n == 1 ? one : plus(sent, chosen(here, one, none));
     }
@@ -166,21 +153,23 @@ INLINED Row row_of(const Sent *known, uint number)
 }
 
 #if LANES == 1
-/* Light that segment `number` sends to the eye from the place `at` of it, where a piece covers such a share of its pixel, whose middle is
-   x, y. */
-INLINED float4 sent_by(const Sent *known, uint number, float at, float share, float x, float y)
+/* Light that segment `number` sends to the eye from the place `at` of it, a piece of such a weight in its pixel,
+   whose middle is x, y. */
+INLINED float4 sent_by(const Sent *known, uint number, float at, float weight, float x, float y)
 {
     __global const ulong *few = places_of(known, number);
     float4 sum = (float4)(0.0f);
     if (more_of(known, number)) {
         const Row row = row_of(known, number);
-        const float8 ends = known->ends[number];
-        const lanes3 light = exact_light(known, &number, &row, &ends, at, share, x, y, 1);
+        const lanes3 light = exact_light(known, &number, &row, at, weight, x, y, 1);
         sum = (float4)(light.x, light.y, light.z, 0.0f);
         sum = sum > 0.0f ? sum : 0.0f;
     }
     for (int i = 0; i < known->sources; ++i, few += FEW_PLACES)
-        sum += few[0] & MORE ? (float4)(0.0f) : light_between(few, at);
+        if (!(few[0] & MORE)) {
+            const float share = known->deep.longest && i < known->lighting.n ? share_deep(known, i, &number, at, weight, 1) : 1.0f;
+            sum += share * light_between(few, at);
+        }
     return sum;
 }
 #endif
@@ -191,8 +180,8 @@ INLINED uint steps_of_light(const Sent *known)
     uint steps = 4 + 4 * known->lighting.n;
     for (int i = 0; i < known->lighting.n && known->shadowed; ++i) {
         const int side = 2 * known->lighting.shadows[i].body.y + 1;
-        steps += 1 + (i < 2 && !known->deep.longest ? 1 : 2) * (side * (side / STRIDE + 2) + LOOK);
-        steps += known->deep.longest ? 8 * (known->deep.longest / 8 + 3) : 0;
+        steps += 1 + (i < 2 ? 1 : 2) * (side * (side / STRIDE + 2) + LOOK);
+        steps += known->deep.longest ? 9 * known->deep.longest + 3 : 0;
     }
     return steps;
 }

@@ -13,7 +13,7 @@ typedef struct {
     int when;                        // is light added: see above
     uint room;                       // for bundles
     volatile __global uint *taken;   // [1] of these
-    __global uint8 *bundles;         // [room, 4, GLOWS / 8] numbers, wheres, weights, shares
+    __global uint8 *bundles;         // [room, 3, GLOWS / 8] numbers, wheres, weights
     __global uint *nexts;            // [room] the next bundle of the tile, and 1; 0: none
     __global uint *heads;            // [tiles] the first one likewise, or NOTHING where there was no room
     __global uchar *marks;           // [segments] 1: it has light to add
@@ -23,8 +23,8 @@ typedef struct {
 /* Pieces whose light is to be added: so many side by side. */
 typedef struct {
     uint numbers[GLOWS] ALIGNED;
-    uint wheres[GLOWS] ALIGNED;      // and << 16 the pixel in its tile
-    float weights[GLOWS] ALIGNED, shares[GLOWS] ALIGNED;
+    uint wheres[GLOWS] ALIGNED;      // on the segment, in 1/65535, and << 16 the pixel in its tile
+    float weights[GLOWS] ALIGNED;
     uint slots[GLOWS] ALIGNED;       // where their places are
     float exact[3][GLOWS] ALIGNED;   // r, g, b of lights of which no places are known
     float4 lights[TILE * TILE];      // of pixels, so far
@@ -45,21 +45,19 @@ INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
     for (int first = 0; first < left; first += LANES) {
         Row rows[LANES];
         uint slots[LANES];
-        lanes at, share, x, y;
+        lanes at, weight, x, y;
         lanes_i on;
-        float8 ends[LANES];
         for (int k = 0; k < LANES; ++k) {
             const int j = which[first + k < left ? first + k : first];
             slots[k] = glow->slots[j];
             rows[k] = row_of(known, slots[k]);
-            ends[k] = known->deep.longest ? known->ends[glow->numbers[j]] : 0.0f;
             LANE(at, k) = (glow->wheres[j] & 0xFFFF) * (1.0f / 65535.0f);
-            LANE(share, k) = glow->shares[j];
+            LANE(weight, k) = glow->weights[j];
             LANE(x, k) = glow->left + (int)(glow->wheres[j] >> 16) % TILE + 0.5f;
             LANE(y, k) = glow->top + (int)(glow->wheres[j] >> 16) / TILE + 0.5f;
             LANE_I(on, k) = first + k < left ? ON : 0;
         }
-        lanes3 light = exact_light(known, slots, rows, ends, at, share, x, y, on);
+        lanes3 light = exact_light(known, slots, rows, at, weight, x, y, on);
         for (int k = 0; k < LANES && first + k < left; ++k) {
             glow->exact[0][which[first + k]] = LANE(light.x, k);
             glow->exact[1][which[first + k]] = LANE(light.y, k);
@@ -100,8 +98,12 @@ INLINED void glow_eight(Glow *glow, int first, const Sent *known)
             b[k] = parts[k] * AS_F(TO(lanes_u, here) << 10 & 0x7FFFFC00u);
         }
         const lanes of_one[3] = {r[0] + r[1] + r[2], g[0] + g[1] + g[2], b[0] + b[1] + b[2]};
+        lanes share = F(1.0f);
+        if (known->deep.longest && i < known->lighting.n)
+            share = share_deep(known, i, glow->slots + first, at, *(const lanes *)(glow->weights + first),
+                               (exact == 0) & ((of_one[0] > 0.0f) | (of_one[1] > 0.0f) | (of_one[2] > 0.0f)));
         for (int k = 0; k < 3; ++k)
-            light[k] += ((exact == 0) & (of_one[k] > 0.0f)) ? of_one[k] : F(0.0f);
+            light[k] += ((exact == 0) & (of_one[k] > 0.0f)) ? share * of_one[k] : F(0.0f);
     }
     for (int k = 0; k < 3; ++k) {
         const lanes here = *(const lanes *)(glow->exact[k] + first);
@@ -122,12 +124,11 @@ INLINED void store_glow(Glow *glow)
         glow->first = NOTHING;
         return;
     }
-    __global uint8 *to = store->bundles + bundle * (4 * GLOWS / 8);
+    __global uint8 *to = store->bundles + bundle * (3 * GLOWS / 8);
     for (int k = 0; k < GLOWS / 8; ++k) {
         to[k] = ((const uint8 *)glow->numbers)[k];
         to[GLOWS / 8 + k] = ((const uint8 *)glow->wheres)[k];
         to[2 * GLOWS / 8 + k] = ((const uint8 *)glow->weights)[k];
-        to[3 * GLOWS / 8 + k] = ((const uint8 *)glow->shares)[k];
     }
     for (int k = 0; k < GLOWS; ++k)
         store->marks[glow->numbers[k]] = 1;    // whoever comes first
@@ -157,7 +158,7 @@ INLINED void glow_all(Glow *glow, const Sent *known)
     for (int k = n; k & (later ? GLOWS : LANES) - 1; ++k) {      // nothing of the last piece again
         glow->numbers[k] = glow->numbers[n - 1];
         glow->wheres[k] = glow->wheres[n - 1];
-        glow->weights[k] = glow->shares[k] = 0.0f;
+        glow->weights[k] = 0.0f;
     }
     glow->n = 0;
     if (later) {
@@ -170,17 +171,18 @@ INLINED void glow_all(Glow *glow, const Sent *known)
     glow_known(glow, n, known);
 }
 
-INLINED void add_glow(Glow *glow, const Sent *known, uint pixel, float weight, uint number, uint where, float share)
+INLINED void add_glow(Glow *glow, const Sent *known, uint pixel, float weight, uint number, uint where)
 {
     const int n = glow->n++;
     if (glow->store->when == LIGHT_AT_ONCE) {
         PREFETCH(places_of(known, number));
         PREFETCH(places_of(known, number) + 4);
+        if (known->deep.longest)
+            PREFETCH(known->deep.axes + number);
     }
     glow->numbers[n] = number;
     glow->wheres[n] = (where & 0xFFFF) | pixel << 16;
     glow->weights[n] = weight;
-    glow->shares[n] = share;
     if (n == GLOWS - 1)
         glow_all(glow, known);
 }
@@ -204,15 +206,17 @@ INLINED void glow_stored(Glow *glow, const Sent *known, uint next)
     const Store *store = glow->store;
     uint slots[2][GLOWS] ALIGNED, bundle = 0;
     for (int turn = 0; bundle || next; turn = 1 - turn) {
-        const __global uint8 *from = store->bundles + (bundle ? bundle - 1 : 0) * (4 * GLOWS / 8);
+        const __global uint8 *from = store->bundles + (bundle ? bundle - 1 : 0) * (3 * GLOWS / 8);
         if (next) {
-            const __global uint *numbers = (const __global uint *)(store->bundles + (next - 1) * (4 * GLOWS / 8));
+            const __global uint *numbers = (const __global uint *)(store->bundles + (next - 1) * (3 * GLOWS / 8));
             for (int k = 0; k < GLOWS; ++k) {
                 slots[turn][k] = store->slots[numbers[k]];
                 PREFETCH(places_of(known, slots[turn][k]));
                 PREFETCH(places_of(known, slots[turn][k]) + 4);
+                if (known->deep.longest)
+                    PREFETCH(known->deep.axes + slots[turn][k]);
             }
-            for (int k = 0; k < 4 * GLOWS; k += 16)
+            for (int k = 0; k < 3 * GLOWS; k += 16)
                 PREFETCH(numbers + k);
         }
         if (bundle) {
@@ -220,7 +224,6 @@ INLINED void glow_stored(Glow *glow, const Sent *known, uint next)
                 ((uint8 *)glow->numbers)[k] = from[k];
                 ((uint8 *)glow->wheres)[k] = from[GLOWS / 8 + k];
                 ((uint8 *)glow->weights)[k] = from[2 * GLOWS / 8 + k];
-                ((uint8 *)glow->shares)[k] = from[3 * GLOWS / 8 + k];
                 ((uint8 *)glow->slots)[k] = ((const uint8 *)slots[1 - turn])[k];
             }
             glow_known(glow, GLOWS, known);

@@ -13,7 +13,6 @@
 #define OF_WALK WALK
 #endif
 
-#define ONE_LOOK 0.03f               // weight up to which a piece is lit at one place of what is seen of it, not at two
 #define CHAINS 8                     // strands whose pieces in a pixel are remembered: these lie beside each other, not behind
 
 /* What is known of pieces, and of what else stands in pixels, and what is told of them. */
@@ -286,16 +285,15 @@ INLINED void drop(Slots *slots, long *limit)
     COPY_PIECE(slots, far, slots, SLOTS - 1)
 }
 
-/* Add the light of a piece, which covers such a share of its pixel. */
-INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, uint where, float share)
+/* Add the light of a piece; where: on its segment, in 1/65535. */
+INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, uint where)
 {
-    const float seen = weight > ONE_LOOK ? share : 0.0f;
 #if LANES == 1
     const int across = picture->sent.view->size.x, x = (int)(p->at % across), y = (int)(p->at / across) + picture->sent.view->rows.x;
-    const float4 light = sent_by(&picture->sent, number, (where & 0xFFFF) * (1.0f / 65535.0f), seen, x + 0.5f, y + 0.5f);
+    const float4 light = sent_by(&picture->sent, number, (where & 0xFFFF) * (1.0f / 65535.0f), weight, x + 0.5f, y + 0.5f);
     p->light += weight * (light < MOST ? light : MOST);
 #else
-    add_glow(picture->glow, &picture->sent, p->number, weight, number, where, seen);
+    add_glow(picture->glow, &picture->sent, p->number, weight, number, where);
 #endif
 }
 
@@ -341,15 +339,12 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
 #if MASKS
         float hidden[PATCHES] ALIGNED;
         const float weight = weight_of(hot, key, take(hot, p, key, &slots->strips[j], hidden));
-        if (picture->lit) {
-            const uint where = places_seen(&slots->strips[j], hidden);
-            shine(picture, p, 0.5f * weight, slots->numbers[j], where, 0.0f);
-            shine(picture, p, 0.5f * weight, slots->numbers[j], where >> 16, 0.0f);
-        }
+        if (picture->lit)
+            shine(picture, p, weight, slots->numbers[j], place_seen(&slots->strips[j], hidden));
 #else
         const float weight = weight_of(hot, key, take(hot, &p->sums, key, slots->shares[j]));
         if (picture->lit)
-            shine(picture, p, weight, slots->numbers[j], slots->wheres[j], slots->shares[j]);
+            shine(picture, p, weight, slots->numbers[j], slots->wheres[j]);
 #endif
         more = hot->kept * hot->room > UNSEEN;
         ++i;

@@ -153,7 +153,7 @@ INLINED lanes3 tangent_of_lanes(lanes3 chord, lanes3 along)
 INLINED lanes cells_crossed(const Obstacles *obstacles, lanes3 p, lanes3 step)
 {
     const Grid *grid = &obstacles->grid;
-    if (!(obstacles->shadow.hair.x > 0.0f))
+    if (obstacles->shadow.hair.x == 0.0f)
         return F(0.0f);
     const lanes3 q = plus(p, step);
     const lanes4 a = by_columns(grid->to_grid, p.x, p.y, p.z), b = by_columns(grid->to_grid, q.x, q.y, q.z);

@@ -134,25 +134,18 @@ INLINED float hide_patches(float *left, float *covered, const float *areas, bool
     return all_of(left) * (1.0f / PATCHES);
 }
 
-/* Two places of what is seen of a strand, as far from each other as stands for all of it: its mean, less and more what it
-   spreads.  On the segment, in 1/65535; the second in the upper half. */
-INLINED uint places_seen(const Strip *s, const float *hidden)
+/* The mean place of what is seen of a strand, on its segment, in 1/65535. */
+INLINED uint place_seen(const Strip *s, const float *hidden)
 {
     const bool steep = s->along < 0.0f;
     const float across = s->radius < 0.0f ? as_float(as_uint(s->at_u) & 0xFFFF0000u) : s->at_u;
     const float down = s->radius < 0.0f ? as_float(as_uint(s->at_u) << 16) : s->at_v;
     const float at_x = steep ? down : across, at_y = steep ? across : down;
-    float firsts[PATCHES] ALIGNED, seconds[PATCHES] ALIGNED;
+    float places[PATCHES] ALIGNED;
     for (int i = 0; i < PATCHES; i += LANES) {
         const lanes x = (ACROSS(i) + 0.5f) * (1.0f / MASKS) - 0.5f, y = (DOWN(i) + 0.5f) * (1.0f / MASKS) - 0.5f;
-        const lanes weight = *(const lanes *)(hidden + i), along = at_x * x + at_y * y;
-        *(lanes *)(firsts + i) = weight * along;
-        *(lanes *)(seconds + i) = weight * along * along;
+        *(lanes *)(places + i) = *(const lanes *)(hidden + i) * (at_x * x + at_y * y);
     }
-    const float all = all_of(hidden), over = all > 0.0f ? 1.0f / all : 0.0f;
-    const float mean = all_of(firsts) * over, square = all_of(seconds) * over - mean * mean;
-    const float spread = square > 0.0f ? sqrt(square) : 0.0f;
-    const float a = s->at + (mean - spread), b = s->at + (mean + spread);
-    const uint first = (uint)((a > 0.0f ? a < 1.0f ? a : 1.0f : 0.0f) * 65535.0f + 0.5f);
-    return first | (uint)((b > 0.0f ? b < 1.0f ? b : 1.0f : 0.0f) * 65535.0f + 0.5f) << 16;
+    const float all = all_of(hidden), at = s->at + (all > 0.0f ? all_of(places) / all : 0.0f);
+    return (uint)((at > 0.0f ? at < 1.0f ? at : 1.0f : 0.0f) * 65535.0f + 0.5f);
 }

@@ -286,7 +286,10 @@ __kernel void pixels(
     const int deep_longest,
     __global const Deep *deep_maps,
     __global const uint *deep_starts,
-    __global const ulong *deep_pieces,
+    __global const float *deep_nears,
+    __global const uint *deep_blocks,
+    __global const float8 *axes,
+    __global const uint *hazes,
     __global float *body_transmittance,
     __global float *alpha,
     __global ulong *front,
@@ -306,7 +309,7 @@ __kernel void pixels(
     const bool within = on && x < size.x && y < size.y;
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
-                              lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_pieces}},
+                              lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_nears, deep_blocks, axes, hazes}},
                              body_transmittance, alpha,
                              front, shell_front, image};
     Walk walk;

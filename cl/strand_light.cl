@@ -144,7 +144,7 @@ INLINED lanes inside_cone(const Light *light, lanes3 l)
 INLINED float cells_between(__global const Shadow *shadow, __global const Grid *grid, float4 a, float4 b)
 {
     __global const float4 *to_grid = grid->to_grid;
-    if (!(shadow->hair.x > 0.0f))
+    if (shadow->hair.x == 0.0f)
         return 0.0f;
     const float4 p = ((to_grid[0] * a.x + to_grid[1] * a.y) + to_grid[2] * a.z) + to_grid[3];
     const float4 q = ((to_grid[0] * b.x + to_grid[1] * b.y) + to_grid[2] * b.z) + to_grid[3];
@@ -240,8 +240,10 @@ __kernel void radiance(
     const int of_ends,                     // 1: it is known of each segment's start and end, 0: of points
     const uint n_asked,                    // how many these are
     __global const float *transmittances,  // [n_lights, n_asked] share of direct light, if so
-    const int under_sky,                   // 1: a sky shines too
+    const int under_sky,                   // 1: light comes from all around too,
+    const int has_sky,                     // 1: from a sky,
     __global const float4 *sky_light,      // [points] r, g, b of it, if so
+    const float even,                      // and so much that is the same everywhere
     const int is_scattered,                // 1: light comes from hair to hair too
     __global const float4 *scattered,      // [n_points] what they send of it, if so
     __global ulong *places,                // [segments, n_lights + under_sky + is_scattered, FEW_PLACES] see places.h
@@ -294,8 +296,9 @@ __kernel void radiance(
     if (under_sky) {
         lanes3 light, light_step, sent[FEW_PLACES];
         for (int k = 0; k < LANES; ++k) {
-            put_lane(&light, k, sky_light[from[k]]);
-            put_lane(&light_step, k, sky_light[to[k]] - sky_light[from[k]]);
+            const float4 start = has_sky ? sky_light[from[k]] : 0.0f, end_there = has_sky ? sky_light[to[k]] : 0.0f;
+            put_lane(&light, k, start + even);
+            put_lane(&light_step, k, end_there - start);
         }
         for (int j = 0; j < FEW_PLACES; ++j) {
             const lanes3 there = plus(light, scaled(light_step, F((float)j / (FEW_PLACES - 1)))), c = here[j].fibres.color;
@@ -397,36 +400,33 @@ __kernel void further(
     }
 }
 
-/* One work-item tells what a segment is like whose pieces are all lit by themselves, since its shadow is looked up in maps of
-   pieces: see exact_light.h. */
-__kernel void apart(
+/* One work-item tells where in the world a segment lies, so that its pieces can look at the hair before lights: see deep.h. */
+__kernel void axes(
     const ulong begin, const ulong end,    // work-items, see common.h
     const uint first,                      // of segments
     __global const uint *segments,         // their ids, their highest bits aside
     const uint first_point,                // the id of the first of these points
     __global const float4 *points,         // strands: see strands.cl
-    __global const uint2 *spans,
     __global const uint *strand_of,
     __global const uint *stored,
     const uint run,
     __global const uint *numbers,
     const uint first_strand,
-    __global const float4 *strand_normal,
-    __global const float4 *strand_uv,
-    __global const HairType *types,
-    __global const float4 *colors,
-    const int color_per,
     const int n_lights,
-    __global ulong *places,                // [segments, n_lights, FEW_PLACES] see places.h
-    __global float *more)                  // [segments, 32]
+    const int of_ends,                     // as of `radiance`,
+    const uint n_asked,
+    __global const float *transmittances,  // [n_lights, n_asked] but what hair as of the grid lets through
+    __global float8 *axes,                 // [segments]
+    __global uint *hazes)                  // [segments, n_lights]
 {
     WORK_ITEM(item);
-    const Hair hair = {points, spans, strand_of, run, strand_normal, strand_uv, types, colors, color_per};
-    const size_t segment = first + item;
-    const uint id = lies_at(stored, run, (segments[segment] & ~BODY) - first_point), strand = strand_at(&hair, id);
-    const Segment ends = segment_at(&hair, id, spans[strand]);
-    const float known[4] = {first_strand + numbers[strand] & 0xFFFFFF, 0.0f, 0.0f, 0.0f};
-    put_row(more, segment, &hair, id, strand, &ends, known);
-    for (int i = 0; i < n_lights; ++i)
-        places[FEW_PLACES * (n_lights * segment + i)] = MORE | segment;
+    const uint id = lies_at(stored, run, (segments[first + item] & ~BODY) - first_point);
+    const uint strand = strand_of[id / run];
+    const float4 a = points[id], way = points[id + 1] - a;
+    for (int i = 0; i < n_lights; ++i) {
+        __global const float *there = transmittances + (size_t)i * n_asked + (of_ends ? 2 * (first + item) : id);
+        const uint start = (uint)(there[0] * 65535.0f + 0.5f), at_end = (uint)(there[1] * 65535.0f + 0.5f);
+        hazes[(first + item) * n_lights + i] = at_end << 16 | start;
+    }
+    axes[first + item] = both((float4)(a.xyz, first_strand + numbers[strand] & 0xFFFFFF), (float4)(way.xyz, 0.0f));
 }

@@ -47,8 +47,8 @@ CONSTANTS = {
     "PARTS_OF_ONE": 8,      # of each, over which light is averaged
     "TANGENTS": 96,         # of hair for which it is tabulated how light is scattered,
     "ALBEDOS": 32,          # and angles of the eye for which how much of it
-    "DEEP_LAST": (1 << 23) - 1,   # the most depth of a piece of hair that a light sees,
-    "DEEP_UNIT": 1024,      # and parts of an octave in which it tells how opaque it is
+    "DEEP_BLOCK": 8,        # segments of hair that are looked up together in lists of what lights see,
+    "DEEP_UNIT": 1024,      # and parts of an octave in which they tell how much light they take
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
@@ -129,10 +129,10 @@ Grid = np.dtype([                     # cells seen from the light: world -> (x·
                                          # the grid, and of all that counts
 ])
 
-Deep = np.dtype([                     # a light's map of pieces of hair: world -> (x·w, y·w, depth, w), texels
-    ("to_map", np.float32, (4, 4)),      # columns; depth: 0 to DEEP_LAST, linear along the light
-    ("size", *_int4),                    # texels a side, 0: none; where its texels begin, -, -
-    ("depth", *_float4),                 # x + y · reversed depth of its view, or where z is 1 x + y / that
+Deep = np.dtype([                     # a light's lists of segments of hair: world -> (x·w, y·w, e·w, w), pixels and
+    ("to_map", np.float32, (4, 4)),      # reversed depth of its view; columns
+    ("size", *_int4),                    # tiles of TILE pixels a side, 0: none; where its tiles begin, -, -
+    ("reach", *_float4),                 # half a side of the square around a place that is shaded [pixels], -, -, -
 ])
 
 Shells = np.dtype([                   # fur as a height field on the body, drawn layer by layer

@@ -39,7 +39,7 @@ class Settings:
     pixel wide.
     shadows: "length" deposits what rays of light are expected to cross; "binary", "count" and "trilinear" are the
     report's voxels; "off"; "deep" is "length" for the body, while each piece of a strand that is seen looks at the
-    single hairs before each light; of raster "coverage", without shells, skies, scattering and lights with a size.
+    single hairs before each light; of raster "coverage", without shells and lights with a size.
     grid: cells a side, a multiple of 16.  shadow_map: texels a side of the body's shadow map, 0 for none.  pcf: radius
     in texels over which its comparisons are averaged (the report's equation 8).
     masks: 0 or 4; 4: strands hide each other in 4x4 parts of a pixel by the area that they have in each, else as if

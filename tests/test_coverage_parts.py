@@ -130,7 +130,7 @@ def test_bands_are_as_large_as_fits(gpu, seed):
                 bytes_of = [TILE * rows * width * plan._pixel(True) + ENTRY * e + plan._survivor * s
                             for e, s in zip(listed, seen)]
                 largest = [max(8 * e, LIT * s) for e, s in zip(listed, seen)]
-                if listed[0] <= plan.most_listed(device, cut, rows, survivors):
+                if listed[0] <= plan.most_listed(device, cut, counts[top:top + rows], survivors):
                     assert bytes_of[0] <= cut.rows and largest[0] <= device.largest
                 assert not more or bytes_of[1] > cut.rows or largest[1] > device.largest * .87
             top += rows

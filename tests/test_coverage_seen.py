@@ -7,7 +7,7 @@ from support.coverage import LIGHT, SETTINGS, ball, furry
 from support.plans import recorded
 
 import clfur
-from clfur.pipeline import passes
+from clfur.pipeline import plan
 from clfur.render import OUTPUTS
 from clfur.stages import coverage
 
@@ -22,9 +22,10 @@ def scene_of(fur=LONG, **known):
     return clfur.Scene(ball(.8, 1), fur, clfur.Camera(size=(83, 61)), **known)
 
 
-def drawn(gpu, monkeypatch, scene, settings, dense, bundles=coverage.BUNDLES):
+def drawn(gpu, monkeypatch, scene, settings, dense, bundles=coverage.BUNDLES, lists=plan.LISTS):
     """(Frame, names of its kernels), where light is asked for from so many segments a pixel on."""
-    monkeypatch.setattr(passes, "DENSE", dense)
+    monkeypatch.setattr(plan, "LISTS", lists)
+    monkeypatch.setattr(plan, "DENSE", dense)
     monkeypatch.setattr(coverage, "BUNDLES", bundles)
     gpu.forget()
     with monkeypatch.context() as patch:
@@ -63,6 +64,14 @@ def test_a_picture_keeps_its_bits(gpu, monkeypatch, scene, settings):
 def test_light_of_any_kind_does(gpu, monkeypatch, look, settings, light):
     fur = clfur.Strands(roots=900, types=clfur.HairType(segments=4, segment_length=.08, width=.02, look=look))
     check(gpu, monkeypatch, scene_of(fur, light=light), settings)
+
+
+def test_windows_of_tiles_do(gpu, monkeypatch):
+    """Each draws its own tiles alone."""
+    at_once, _ = drawn(gpu, monkeypatch, scene_of(light=LIGHT), SETTINGS, np.inf)
+    seen, names = drawn(gpu, monkeypatch, scene_of(light=LIGHT), SETTINGS, 0, lists=200_000)
+    assert seen.hashes == at_once.hashes and names.count("coverage.fill") > 2
+    np.testing.assert_array_equal(seen.images["color"], at_once.images["color"])
 
 
 @pytest.mark.small

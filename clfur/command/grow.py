@@ -26,7 +26,7 @@ def grow_command(given, output, device, **options):
     check_writable(output, tuple(WRITERS))
     with waiting(f"reading {given}") as tell:
         scene, _ = load_scene(given, options)
-        if scene.strands is None or options["hair"]:
+        if scene.strands is None or options["hair"] is not None:
             raise Error(f"{given} grows no strands; allowed: with --fur strands or both, and without --hair")
         tell("starting OpenCL")
         ask_drivers()

@@ -322,7 +322,7 @@ def _check_fur(flags, options):
             if name in flags:
                 raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
                                        f"allowed: with --fur {fur} or --fur both")
-    if options["hair"]:
+    if options["hair"] is not None:
         for name in _GROWN + (_GROWN_OR_SHELLS if options["fur"] == "strands" else ()):
             if name in flags:
                 raise click.UsageError(f"{flags[name]} is for hair that grows, but --hair has its own; allowed: one of "
@@ -380,7 +380,7 @@ def _scene(mesh, options):
     if kind != "strands":
         fur.append(_shells(options, length / 2 if kind == "both" else length, radius))
     if kind != "shells":
-        fur.append((_hair if options["hair"] else _strands)(options, length, radius, len(mesh.faces)))
+        fur.append((_strands if options["hair"] is None else _hair)(options, length, radius, len(mesh.faces)))
     if options.get("specular") == "half-vector":   # the other is that of looks which say nothing
         fur = highlighted(tuple(fur), "half-vector")
 
@@ -500,7 +500,8 @@ def _hair(options, length, radius, faces):
     levels = density(options, faces)
     given = {name: options[name] for name in ("width", "color", "alpha", "look", "surface", "seed")}
     given |= {"inner": levels["inner"], "outer": levels["outer"]}
-    return curves_of(options["hair"], {name: value for name, value in given.items() if value is not None})
+    given = {name: value for name, value in given.items() if value is not None}
+    return read_for("--hair", lambda path: curves_of(path, given), options["hair"])
 
 
 def _hair_type(fields):

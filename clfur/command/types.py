@@ -20,11 +20,14 @@ class _Within:
 
     def convert(self, value, param, ctx):
         try:
-            return super().convert(value, param, ctx)
+            number = super().convert(value, param, ctx)
         except click.BadParameter:
+            number = math.nan
+        if math.isnan(number):
             low = "" if self.min is None else f" above {self.min:g}" if self.min_open else f" from {self.min:g}"
             high = "" if self.max is None else f"{' and at most' if self.min_open else ' to'} {self.max:g}"
             self.fail(f"{value!r} is not {self.words}{low}{high}", param, ctx)
+        return number
 
 
 class Whole(_Within, click.IntRange):

@@ -23,7 +23,7 @@ from ..stages.raster import raster
 from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, upload_curves
 from ..stages.tessellate import Surface, no_surface, tessellate
 from .plan import Part, Plan
-from .shadows import accumulate, deep_maps, finish, plan_shadows
+from .shadows import accumulate, deep_maps, finish, plan_shadows, without_body, without_hair
 
 
 def let_go(plan: Plan, gpu: Any) -> None:
@@ -38,6 +38,7 @@ def let_go(plan: Plan, gpu: Any) -> None:
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
                        ("thinned", plan.strands and plan.settings.lod),
                        ("transport", plan.scatters), ("phases", plan.scatters), ("deep", plan.is_deep),
+                       ("on hair", plan.is_deep), ("hair alone", plan.is_deep),
                        ("shell", furry), ("pattern", furry), ("border", furry),
                        ("sky", under_sky), ("sky points", under_sky)):
         if not used:
@@ -49,8 +50,9 @@ def let_go(plan: Plan, gpu: Any) -> None:
 def let_go_of_parts(gpu: Any, plan: Plan, parts: list[Part], others: list[Part]) -> None:
     """Go from some parts of the scene to others, for which less may be left: what is there of the former goes."""
     known = transmittances(gpu, plan)
-    for part in set(known) - set(others):
-        del known[part]
+    for part, what in list(known):
+        if part not in others:
+            del known[part, what]
     if parts != others:
         for name in "body", "resting", "strands", "thinned":
             gpu.keep(name, (), dict)
@@ -208,6 +210,18 @@ def deep(gpu: Any, plan: Plan, lighting: Lighting) -> Deep | None:
     """Maps of the hair that lights see, those of the frame before if only the camera has moved; None where these are
     not asked for."""
     return gpu.keep("deep", plan.light_key(), functools.partial(_deep, gpu, plan, lighting)) if plan.is_deep else None
+
+
+def on_hair(gpu: Any, plan: Plan, lighting: Lighting) -> Lighting:
+    """`Lighting` as it falls on strands before these hide it: without their shadow where their pieces look for it."""
+    if not plan.is_deep:
+        return lighting
+    return gpu.keep("on hair", plan.light_key(), functools.partial(without_hair, gpu, lighting))
+
+
+def hair_alone(gpu: Any, plan: Plan, lighting: Lighting) -> Lighting:
+    """`Lighting` before which the hair of its grids alone stands."""
+    return gpu.keep("hair alone", plan.light_key(), functools.partial(without_body, gpu, lighting))
 
 
 def on(gpu: Any, array: Any) -> Any:

@@ -23,8 +23,6 @@ from . import build
 from .plan import Plan
 from .views import band_of, one_sample
 
-DENSE = 16   # segments a pixel, listed in its tile, from which on it pays to light only those that are seen
-
 
 @dataclass(frozen=True)
 class Band:
@@ -208,7 +206,7 @@ class Coverage:
         counts = counted.of(band.rows).ravel().copy()
         counts[:window[0]] = counts[window[1]:] = 0   # of the others nothing is listed
         listed = int(counts.sum(dtype=np.int64))
-        most = plan.most_listed(gpu, counted.cut, len(counted.of(band.rows)), counted.survivors)
+        most = plan.most_listed(gpu, counted.cut, counted.of(band.rows), counted.survivors)
         draw = functools.partial(self._draw, gpu, band, tiles, window, lighting, covered, image, shell_front)
         if listed <= most:
             draw(counts)
@@ -242,11 +240,10 @@ class Coverage:
         cover = masks.cover if self.plan.settings.masks else coverage.cover
         draw = functools.partial(cover, gpu, band.view, band.visible, segments, covered, image=image,
                                  shell_front=shell_front, slab=slab, kept=kept)
-        dense = listed > DENSE * TILE**2 * np.count_nonzero(counts)
-        if dense and lighting and len(hairy) == 1 and slab == EVERY and max(gpu.lanes, gpu.hinted) > 1:
+        if len(hairy) == 1 and slab == EVERY and self.plan.waits(gpu, counts):
             hair = self._list(gpu, band, hairy[0], tiles, window, slab, segments)
             light = functools.partial(self._light, gpu, band, hairy[0], hair, lighting)
-            coverage.cover_seen(gpu, segments, counts, light, draw)
+            coverage.cover_seen(gpu, segments, counts, window, light, draw)
             return None
         lit = None if lighting is None else strand_light.unlit(gpu, lighting, len(segments.ids), self.plan.around)
         for part in hairy:
@@ -269,17 +266,18 @@ class Coverage:
 
     def _light(self, gpu, band, part, hair, lighting, ids, until=None, lit=None, last=True):
         """Light of those segments of a part that end at ``until`` -> `strand_light.Places`, of these and of ``lit``."""
-        plan = self.plan
-        if plan.is_deep:
-            return strand_light.apart(gpu, build.deep(gpu, plan, lighting), lighting, hair, ids,
-                                      len(ids) if until is None else until, lit, build.scattering(gpu, plan))
-        some = ids if until is None else None   # else all of a part
-        through = self._transmittance(gpu, band, part, hair, lighting, some)
-        return strand_light.radiance(gpu, band.view, lighting, hair, through, ids, until, lit, last,
-                                     build.scattering(gpu, plan), build.sky_points(gpu, plan, part, hair),
-                                     build.transport(gpu, plan, lighting), some is not None)
+        plan, falling = self.plan, build.on_hair(gpu, self.plan, lighting)
+        some, first = ids if until is None else None, lit.until if lit else 0   # else all of a part
+        through = self._transmittance(gpu, band, part, hair, falling, some)
+        lit = strand_light.radiance(gpu, band.view, falling, hair, through, ids, until, lit, last,
+                                    build.scattering(gpu, plan), build.sky_points(gpu, plan, part, hair), plan.even,
+                                    build.transport(gpu, plan, lighting), some is not None)
+        if not plan.is_deep:
+            return lit
+        through = self._transmittance(gpu, band, part, hair, build.hair_alone(gpu, plan, lighting), some, "hair")
+        return strand_light.axes(gpu, build.deep(gpu, plan, lighting), hair, ids, first, lit, through, some is not None)
 
-    def _transmittance(self, gpu, band, part, hair, lighting, some):
+    def _transmittance(self, gpu, band, part, hair, lighting, some, what=""):
         """[lights, points] float32 transmittance to the strands of a part; it stays for other rows and cameras where
         there is room.  [lights, 2n] of ``some`` segments' ends alone, unless these are None."""
         plan = self.plan
@@ -289,11 +287,11 @@ class Coverage:
             return strand_light.transmittance(gpu, hair, lighting, some)
         one = len(band.counted.cut.parts) == 1
         known = build.transmittances(gpu, plan) if one or plan.keeps_transmittances(gpu) else {}
-        made_for, result = known.get(part, (None, None))
+        made_for, result = known.get((part, what), (None, None))
         # The user's strands of one place lie in any order among themselves, another one each time that they are made.
         if result is None or not (plan.grown or made_for() is hair):
             result = strand_light.transmittance(gpu, hair, lighting)
-            known[part] = weakref.ref(hair), result
+            known[part, what] = weakref.ref(hair), result
         return result
 
 

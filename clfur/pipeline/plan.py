@@ -34,7 +34,7 @@ from ..stages.coverage import (
     Segments,
     Tiles,
 )
-from ..stages.deep import PADDING, PIECE, TEXEL
+from ..stages.deep import bytes_of as deep_bytes
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
@@ -69,12 +69,14 @@ ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
 LIT = Places.bytes(row=1)               # of its light, at most, and of each source of it; where only those get light
                                         # that are seen, `Seen` and theirs take less
+AXIS, HAZE = Places.bytes(axis=1), Places.bytes(haze=1)   # of where it lies in the world; of each light
 PLACES = Places.bytes(place=1)
+SEEN = Seen.bytes(survivor=1) + 5       # of what is remembered of one till it has light: its mark, and its id if seen
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
 LOOK, LOOK_AT_ONCE, SLOTS = (layout.CONSTANTS[name] for name in ("LOOK", "LOOK_AT_ONCE", "SLOTS"))
-COARSE = 0.5    # texels to the width of hair: of fewer is told
+DENSE = 16                              # of these a pixel from which on only segments that are seen get light
 BAND = 1 << 29                          # of the picture at a time: to clear it is a job that Ctrl-C must wait for
 
 
@@ -206,8 +208,7 @@ class Plan:
 
     def _check_deep(self) -> None:
         """Raise `clfur.Error` for what does not go with "deep"."""
-        others = {"the scene has shells": self.scene.shells, "Scene.environment is given": self.scene.environment,
-                  "Settings.scattering is 'grid'": self.settings.scattering != "off",
+        others = {"the scene has shells": self.scene.shells,
                   "a light has a size": any(light.size and light.casts for light in self.scene.lights)}
         for what, there in others.items():
             if there:
@@ -221,12 +222,7 @@ class Plan:
     @property
     def warnings(self) -> list[str]:
         """What is known to be wrong in the picture."""
-        found = self.rig.warnings
-        if self.is_deep and 0 < self.deep.coarsest < COARSE:
-            found.append(f"texels in which lights see single hairs are {1 / self.deep.coarsest:.2g} times as wide as "
-                         f"hair, so that they hold no more than {self.deep.pieces:,} pieces of it: shadows are softer; "
-                         "less hair, or shorter, has sharper ones")
-        return found
+        return self.rig.warnings
 
     @functools.cached_property
     def deep(self) -> DeepPlan:
@@ -300,15 +296,21 @@ class Plan:
 
     def windows(self, gpu: Any, cut: Cut, counts: np.ndarray, survivors: int) -> list[tuple[int, int]]:
         """[(first tile, one past the last)] of these rows of tiles, of which so many list segments at a time as fit."""
-        return _runs((_before(counts.ravel()), self.most_listed(gpu, cut, len(counts), survivors)))
+        return _runs((_before(counts.ravel()), self.most_listed(gpu, cut, counts, survivors)))
 
-    def most_listed(self, gpu: Any, cut: Cut, rows: int, survivors: int) -> int:
-        """How many segments may be listed at a time where so many rows of tiles are drawn; a tile that has more is
+    def waits(self, gpu: Any, counts: np.ndarray) -> bool:
+        """Whether light of segments, so many listed in tiles, waits till it is known which of them are seen."""
+        dense = counts.sum(dtype=np.int64) > DENSE * TILE**2 * np.count_nonzero(counts)
+        return bool(dense and self.wants_color and max(gpu.lanes, gpu.hinted) > 1)
+
+    def most_listed(self, gpu: Any, cut: Cut, counts: np.ndarray, survivors: int) -> int:
+        """How many segments may be listed at a time where so many in these rows of tiles are; a tile that has more is
         drawn in slabs of depth."""
-        room = min(cut.rows - TILE * self.scene.camera.size[0] * self._pixel(True) * rows, LISTS)
-        both = room // (ENTRY + self._survivor)
-        most = max(both if both <= survivors else (room - self._survivor * survivors) // ENTRY, 1)
-        most = min(most, _largest(gpu) // 8, NUMBERS)
+        room = cut.rows - TILE * self.scene.camera.size[0] * self._pixel(True) * len(counts)
+        each = self._survivor
+        if room >= LISTS and self.waits(gpu, counts):   # there is room, and fewer than a third are lit at a time
+            each = SURVIVOR + SEEN + (each - SURVIVOR) // 3
+        most = min(_fit(min(room, LISTS), each, survivors), _largest(gpu) // 8, NUMBERS)
         largest = _largest(gpu) // max(SURVIVOR, LIT, PLACES * self._sources)
         return int(min(most, largest) if survivors > largest else most)
 
@@ -328,8 +330,14 @@ class Plan:
 
     @property
     def around(self) -> int:
-        """Sources of strands' light beside lights: a sky, or what comes from hair to hair, with the sky's."""
-        return int(self.scatters or self.scene.environment is not None)
+        """Sources of strands' light beside lights: what comes from hair to hair, with a sky's; a sky, and `even`."""
+        sky = self.scene.environment is not None and not self.scatters
+        return int(self.scatters) + int(sky or self.even > 0)
+
+    @functools.cached_property
+    def even(self) -> float:
+        """Ambient light on strands that does not go with that of a light, as it does where hair hides both at once."""
+        return float(sum(light["color"][3] for light in self.rig.lights)) if self.is_deep else 0.0
 
     @property
     def _sources(self):
@@ -338,7 +346,8 @@ class Plan:
     @property
     def _survivor(self):
         """Bytes on the device of a segment that may show, and of its light."""
-        return SURVIVOR + (LIT + PLACES * self._sources) * self.wants_color
+        lit = LIT + (AXIS + HAZE * len(self.scene.lights)) * self.is_deep + PLACES * self._sources
+        return SURVIVOR + lit * self.wants_color
 
     @property
     def _largest_row(self):
@@ -408,7 +417,7 @@ class Plan:
         dense = f" with {pieces:,} segments of strands in {TILE} x {TILE} of them" * bool(pieces)
         smaller = "smaller ones" + ", or Settings.raster 'samples'" * bool(pieces)
         memory, limit = self._memory(gpu)
-        furry += f"{self.deep.pieces:,} pieces of hair that lights see, " if self.is_deep else ""
+        furry += f"{self.deep.entries:,} segments of hair in lists of what lights see, " if self.is_deep else ""
         return (f"{gpu.name} with {memory / 2**20:,.1f} MiB{f' ({limit})' * bool(limit)} has no room for "
                 f"Settings.grid {settings.grid}, Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces of up "
                 f"to {self._face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, {furry}"
@@ -438,7 +447,7 @@ class Plan:
         if self.scatters:
             fixed += transport_bytes(len(self.lobed), self.body)
         if self.is_deep:
-            fixed += PIECE * (self.deep.pieces + PADDING) + TEXEL * (self.deep.texels + 1)
+            fixed += deep_bytes(self.deep.entries, self.deep.segments, int(self.deep.tiles.sum()))
         return fixed + self.of_kept * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
 
     @property
@@ -446,7 +455,8 @@ class Plan:
         """Bytes on the device of the transmittance to a point of strands, of all lights."""
         under_sky = self.scene.environment is not None
         around = (LEAVING.bytes + ASKED.bytes) * self.scatters + POINT_LIGHT.bytes * under_sky
-        return TRANSMITTANCE.bytes * len(self.scene.lights) + around
+        shares = TRANSMITTANCE.bytes * len(self.scene.lights) * (1 + self.is_deep)   # of the body and hair apart
+        return shares + around
 
     def check(self, gpu: Any) -> None:
         """Raise `clfur.Error` where a device that ends long loops, silently, could end those over lights."""
@@ -465,7 +475,7 @@ class Plan:
     def keeps_transmittances(self, gpu: Any) -> bool:
         """Whether there is room for the transmittances to all points of strands: then they are asked once for all bands
         of the picture, and for frames in which only the camera moves."""
-        shadowed = self.uses_coverage and self.settings.shadows not in ("off", "deep")
+        shadowed = self.uses_coverage and self.settings.shadows != "off"
         return shadowed and self._transmittance * self.points <= self._memory(gpu)[0] // 8
 
     def _bytes(self, gpu):
@@ -597,6 +607,12 @@ def _before(counts):
 def _pieces(begin, end, most):
     """[(first, one past the last)] of at most so many each."""
     return [(at, min(at + most, end)) for at in range(begin, end, most)]
+
+
+def _fit(room, survivor, survivors):
+    """Segments in tiles that so many bytes have room for, one at least; each of ``survivors`` segments takes some."""
+    both = room // (ENTRY + survivor)
+    return max(both if both <= survivors else (room - survivor * survivors) // ENTRY, 1)
 
 
 def _runs(*limits):

@@ -20,15 +20,14 @@ from ..stages.tessellate import Surface
 from ..stages.voxelize import crossing_unit_for, depths_for, most_of, self_shadow, voxelize
 from ..stages.zscan import zscan
 from .fit import Fit
-from .views import DEEP_LAST, Rig, deep_of, grid_of
+from .views import TILE, Rig, deep_of, grid_of
 
 NARROWEST = 0.25   # columns of a grid by which the light of a disc's rim goes astray, that are worth a look
 LEAST_SHARE = 1e-3  # of a spot's furthest distance
-TEXELS = 1.5            # of a light's map of hair to the width of one
-DEEP_STEP = 64          # its sides are a multiple of,
-DEEP_MOST = 4096        # at most this
-DEEP_PIECES = 1 << 25   # in all maps together, about
-PIECES = 1.3, 1.5, 2.5  # of hair: a texel of its length, more for each of its width, and for each segment
+TILE_WIDTHS = 6.0       # widths of hair to a side of a tile of a light's map,
+DEEP_MOST = 512         # of which there are at most so many a side
+DEEP_REACH = 0.4        # half a side of the square that is shaded, in widths of hair
+DEEP_ENTRIES = 1 << 23  # in all tiles of all maps together, about
 DARK = 10.0             # optical depth behind which there is no light: 5e-5 of it
 STEEPEST = 5.0          # as HAIR_STEEPEST in light.h
 LEAST_WEIGHT = 4   # of a crossing in the counters, which rounding should not spoil
@@ -119,25 +118,29 @@ def _plan(rig, number, light, grid, light_view, strands, body, shell_bounds):
 
 @dataclass(frozen=True)
 class DeepPlan:
-    """Maps of the pieces of hair that lights see, before there are any.
+    """Maps of the segments of hair that lights see, before there are any.
 
-    views: of each light `layout.View`, or None.  maps: [lights] `layout.Deep`.  pieces: how many there may be in all;
-    texels: likewise.  coarsest: how many texels the hair is wide where these are widest; 0 without a map.
+    views: of each light `layout.View`, or None.  maps: [lights] `layout.Deep`.  entries, segments: how many there may
+    be in all, about.
     """
 
     views: list
     maps: np.ndarray
-    pieces: int
-    texels: int
-    coarsest: float
+    entries: int
+    segments: int
+
+    @property
+    def tiles(self) -> np.ndarray:
+        """[lights] how many tiles they have."""
+        return self.maps["size"][:, 0].astype(np.int64) ** 2
 
 
 def plan_deep(rig: Rig, strands: int) -> DeepPlan:
-    """`DeepPlan` of the lights of a `Rig`, for this many strands: of as many texels as the mean width of hair asks for,
-    or as fewer pieces allow."""
+    """`DeepPlan` of the lights of a `Rig`, for this many strands: of tiles as small as the mean width of hair asks for,
+    or larger ones that list fewer segments."""
     n = len(rig.lights)
     views: list = [None] * n
-    maps, widths, pieces = np.zeros(n, layout.Deep), [], 0
+    maps, entries, all_segments, before = np.zeros(n, layout.Deep), 0, 0, 0
     casting = [i for i, grid in enumerate(rig.grids) if grid is not None and strands]
     for i in casting:
         segments, length, area, _ = rig.fit.hair_before(rig.grids[i], strands)
@@ -146,82 +149,118 @@ def plan_deep(rig: Rig, strands: int) -> DeepPlan:
             side *= rig.fit.frame(rig.scene.lights[i], rig.settings.grid)[2]   # where the middle of all is
         if not width > 0:
             continue
-        most = DEEP_PIECES // len(casting)
-        size = DEEP_STEP * math.ceil(min(TEXELS * side / width, DEEP_MOST) / DEEP_STEP)
-        while size > DEEP_STEP and _pieces(segments, length, width, size / side) > most:
-            size -= DEEP_STEP
-        views[i], maps[i] = deep_of(rig.scene, size, rig.scene.lights[i], rig.fit)
-        pieces += _pieces(segments, length, width, size / side)
-        widths.append(width * size / side)
-    texels = int((maps["size"][:, 0].astype(np.int64) ** 2).sum())
-    return DeepPlan(views, maps, pieces, texels, min(widths, default=0.0))
+        tiles = math.ceil(min(side / (TILE_WIDTHS * width), DEEP_MOST))
+        while tiles > 1 and _entries(segments, length, width, tiles / side) > DEEP_ENTRIES // len(casting):
+            tiles -= 1
+        views[i], maps[i] = deep_of(rig.scene, tiles, DEEP_REACH * width * TILE * tiles / side, rig.scene.lights[i],
+                                    rig.fit)
+        maps[i]["size"][1] = before
+        before += tiles**2
+        entries += _entries(segments, length, width, tiles / side)
+        all_segments += segments
+    return DeepPlan(views, maps, entries, all_segments)
 
 
-def _pieces(segments, length, width, scale):
-    """How many pieces so many segments of such a length in all have at most, about, in texels of which ``scale`` make a
-    unit of length."""
-    return int(length * scale * (PIECES[0] + PIECES[1] * width * scale) + PIECES[2] * segments)
+def _entries(segments, length, width, scale):
+    """How many tiles, of which ``scale`` make a unit of length, list so many segments of such a length in all at most,
+    about."""
+    wide = 1 + (1 + 2 * DEEP_REACH) * width * scale
+    return int(wide * (segments * wide + 4 / math.pi * length * scale))
 
 
 def deep_maps(gpu: Any, plan: DeepPlan, hair: Callable[[], Iterable[DeviceStrands]],
               lighting: Lighting | None = None) -> deep.Deep:
-    """Put strands into maps of their pieces -> `Deep`.
+    """Put strands into lists of their segments -> `Deep`.
 
     ``lighting``: what there is of the lights' grids and maps; what lies where they tell of no light is left out.
     ``hair``: gives the strands, part by part, each time that it is called.
-    Raises `clfur.Error` if there is no room for so many pieces, before anything is drawn.
+    Raises `clfur.Error` if there is no room for so many entries, before anything is drawn.
     """
-    sizes = plan.maps["size"][:, 0].astype(np.int64) ** 2
-    dark = dark_of(gpu, lighting, len(sizes))
-    counted = {i: gpu.full(int(size), np.uint32, 0) for i, size in enumerate(sizes) if size}
+    mapped = [i for i, tiles in enumerate(plan.tiles) if tiles]
+    dark = dark_of(gpu, plan, lighting)
+    counted, survivors = gpu.full(int(plan.tiles.sum()), np.uint32, 0), gpu.full(1, np.uint32, 0)
     for strands in hair():
-        for i, counts in counted.items():
-            deep.count(gpu, plan.views[i], plan.maps[i], dark[i], strands, counts)
+        for i in mapped:
+            deep.count(gpu, plan.views[i], plan.maps[i], dark[i], strands, counted, survivors)
         del strands   # goes before the next ones are made
-    found = [gpu.download(counts) for counts in counted.values()]
-    counted.clear()
-    total = sum(int(counts.sum(dtype=np.uint64)) for counts in found)
-    room = max(plan.pieces, gpu.room // 2 // deep.PIECE)
+    counts, segments = gpu.download(counted), int(gpu.download(survivors)[0])
+    total = int(counts.sum(dtype=np.uint64))
+    room = max(plan.entries, gpu.room // 2 // deep.ENTRY)
     if total > room:
-        raise Error(f"{gpu.name} has room for {room:,} pieces of hair that lights see, where there are {total:,}; "
-                    "allowed: fewer or shorter strands, or Settings.shadows 'length'")
-    made, cursors = deep.allocate(gpu, plan.maps, np.concatenate(found or [np.zeros(0, np.uint32)]))
-    maps = gpu.download(made.maps)
+        raise Error(f"{gpu.name} has room for {room:,} segments of hair in lists of what lights see, where there are "
+                    f"{total:,}; allowed: fewer or shorter strands, or Settings.shadows 'length'")
+    lists = deep.allocate(gpu, counts, segments)
     for strands in hair():
-        for i, size in enumerate(sizes):
-            if size:
-                deep.fill(gpu, plan.views[i], maps[i], dark[i], strands, made, cursors)
+        for i in mapped:
+            deep.fill(gpu, plan.views[i], plan.maps[i], dark[i], strands, lists)
         del strands
-    deep.sort(gpu, made)
-    return made
+    return deep.lay(gpu, plan.maps, counts, lists)
 
 
-def dark_of(gpu: Any, lighting: Lighting | None, n: int) -> list:
-    """[[cells, cells] uint32 depth in its map of hair, as of `layout.Deep`, from which on none of its light comes] of n
-    lights: behind hair that lets nothing through, or the body; beside that too, as far as lookups reach."""
+def without_hair(gpu: Any, lighting: Lighting) -> Lighting:
+    """The same lights, before which hair hides nothing; without their ambient light, which nothing hides."""
+    lights, shadows = gpu.download(lighting.lights).copy(), gpu.download(lighting.shadows).copy()
+    lights["color"][:, 3] = 0
+    shadows["hair"][:, 0] *= -1   # how many cells a segment crosses still counts
+    return replace(lighting, lights=gpu.upload(lights), shadows=gpu.upload(shadows))
+
+
+def without_body(gpu: Any, lighting: Lighting) -> Lighting:
+    """The same lights, before which the body hides nothing."""
+    shadows = gpu.download(lighting.shadows).copy()
+    shadows["body"][:, 0] = 0
+    return replace(lighting, shadows=gpu.upload(shadows))
+
+
+def dark_of(gpu: Any, plan: DeepPlan, lighting: Lighting | None) -> list:
+    """[[tiles, tiles] float32 reversed depth in its map from which on none of its light comes] of each light: behind
+    hair that lets nothing through, or the body; beside that too, as far as lookups reach."""
     if lighting is None:
-        return [gpu.upload(np.full((1, 1), DEEP_LAST + 1, np.uint32))] * n
+        return [gpu.upload(np.full((int(packed["size"][0]),) * 2, -1, np.float32)) for packed in plan.maps]
     result = []
     shadows, grids, views = (gpu.download(each) for each in (lighting.shadows, lighting.grids, lighting.light_views))
     crossings, maps = gpu.download(lighting.crossings), gpu.download(lighting.shadow_maps).ravel()
-    for shadow, grid, view in zip(shadows, grids, views):
+    for i, (shadow, grid, view) in enumerate(zip(shadows, grids, views)):
         nx, ny, nz, _ = (int(size) for size in grid["size"])
+        tiles = int(plan.maps["size"][i, 0])
         first_cell, first_texel = (int(place) for place in shadow["place"].view(np.uint64))
         dark = np.full((max(nx, 1), max(nx, 1)), np.inf)
-        if nx:
+        if nx and tiles:
             sums = crossings.ravel()[first_cell:][:(nz + 1) * ny * nx].reshape(nz + 1, ny, nx)
             layers = (sums * shadow["hair"][0] <= DARK).sum(0)
-            dark = _widest(np.where(layers > nz, np.inf, layers * ((DEEP_LAST + 1) / nz)), 1)
-        if nx and shadow["body"][0]:
+            dark = _widest(np.where(layers > nz, np.inf, layers / nz), 1)
+        if nx and tiles and shadow["body"][0]:
             size = int(view["size"][0])
             texels = maps[first_texel:][:size * size].reshape(size, size)
             dark = np.minimum(dark, _behind_body(grid, view, texels, int(shadow["body"][1])))
-        result.append(gpu.upload(np.minimum(dark, DEEP_LAST + 1).astype(np.uint32)))
+        result.append(gpu.upload(_reversed(plan.views[i], grid, _on_tiles(dark, tiles))))
     return result
 
 
+def _on_tiles(values, tiles):
+    """The most of values [cells, cells] within each of ``tiles``² tiles of the same square."""
+    edges = np.arange(tiles + 1) * len(values) / max(tiles, 1)
+    first, last = np.floor(edges[:-1] + 1e-9).astype(int), np.ceil(edges[1:] - 1e-9).astype(int)
+    for _ in range(2):   # rows, then columns
+        values = np.stack([values[a:b].max(0) for a, b in zip(first, last)], 1) if tiles else values[:0]
+    return values
+
+
+def _reversed(view, grid, depth):
+    """Depths in a grid, 0 to 1, as reversed depths of a light's view, float32; -1 for what lies behind all."""
+    if view is None:
+        return np.full((1, 1), -1, np.float32)
+    m, to_screen = grid["to_grid"].astype(float), view["to_screen"].astype(float)
+    known = np.isfinite(depth)
+    z = np.where(known, depth, 0)[..., None] * int(grid["size"][2]) - m[3, 2]
+    places = z * m[:3, 2] / (m[:3, 2] @ m[:3, 2])   # any that is as deep: the same for all of these
+    e, w = (places @ to_screen[:3, k] + to_screen[3, k] for k in (2, 3))
+    return np.where(known, e / np.maximum(w, 1e-30), -1).astype(np.float32)
+
+
 def _behind_body(grid, view, texels, radius):
-    """[cells, cells] depth from which on the body hides all light, in columns of a grid; texels: of its shadow map."""
+    """[cells, cells] depth, 0 to 1, from which on the body hides all light, in columns of a grid; texels: of its
+    shadow map."""
     cells, size = int(grid["size"][0]), len(texels)
     e = 1 - (texels >> np.uint64(32)).astype(float) / layout.CONSTANTS["DEPTH_ONE"]
     slack = 1 + 2 * radius + STEEPEST * (radius + 1.5)   # texels that `past_body` of light.h allows
@@ -232,7 +271,7 @@ def _behind_body(grid, view, texels, radius):
         depth = np.where(behind > 0, near * (1 / np.maximum(behind, 1e-9) - 1) / deep_by, np.inf)
     else:
         depth = 1 - e + slack / size
-    depth = np.where(e < 0, np.inf, depth) * (DEEP_LAST + 1)
+    depth = np.where(e < 0, np.inf, depth)
     if size >= cells:
         begins = np.arange(cells) * size // cells
         depth = np.maximum.reduceat(np.maximum.reduceat(depth, begins, 0), begins, 1)

@@ -17,7 +17,7 @@ from .fit import Fit
 
 MOST_CELLS = 4096   # of shells along a side of a face; as in shells.cl
 NO_CONE = -2.0   # less than any cosine: all is inside
-DEEP_LAST = layout.CONSTANTS["DEEP_LAST"]
+TILE = int(layout.CONSTANTS["TILE"])
 COARSE = 2   # lengths of fur: cells of the grid that are wider show no shadow within it
 
 
@@ -166,31 +166,27 @@ def light_view_of(scene: Scene, size: int, light: Light | None = None, fit: Fit 
     return view
 
 
-def deep_of(scene: Scene, texels: int, light: Light, fit: Fit) -> tuple[np.void, np.void]:
-    """What a light sees of all hair that shades what is seen -> (`layout.View` of ``texels``² pixels, `layout.Deep`).
+def deep_of(scene: Scene, tiles: int, reach: float, light: Light, fit: Fit) -> tuple[np.void, np.void]:
+    """What a light sees of all hair that shades what is seen -> (`layout.View` of ``tiles``² tiles, `layout.Deep`).
 
-    As the view of `light_view_of`, but nothing that counts lies before its near plane.
+    As the view of `light_view_of`, but nothing that counts lies before its near plane.  ``reach``: as of `layout.Deep`.
     """
-    to_light, radius, distance, _, least = fit.frame(light, texels)
+    size = TILE * tiles
+    to_light, radius, distance, _, least = fit.frame(light, size)
     center, whole = fit.whole
-    view, grid = light_view_of(scene, texels, light, fit), grid_of(scene, texels, light, fit)
-    step = (DEEP_LAST + 1) / (2 * radius)              # depths a unit of length, from distance - radius on
+    view = light_view_of(scene, size, light, fit)
     to_screen = view["to_screen"].T.astype(float)
-    packed: Any = np.zeros((), layout.Deep)
     if light.position is None:
         middle = float(to_light[2, :3] @ center + to_light[2, 3])
         near, far = (f(middle + sign * (1.001 * whole), distance + sign * radius) for f, sign in ((min, -1), (max, 1)))
         to_screen[2] = -to_light[2] / (far - near)
         to_screen[2, 3] += far / (far - near)
-        packed["depth"][:2] = (far - distance + radius) * step, (near - far) * step
     else:
-        near = least or distance - radius
-        to_screen[2, 3] = near
-        packed["depth"][:3] = (radius - distance) * step, near * step, 1
-    packed["to_map"] = grid["to_grid"]
-    packed["to_map"][:, 2] *= (DEEP_LAST + 1) / texels
-    packed["size"][0] = texels
-    return _view(to_screen, view["eye"], (texels, texels), 1, float(view["scale"][0])), packed
+        to_screen[2, 3] = least or distance - radius
+    made = _view(to_screen, view["eye"], (size, size), 1, float(view["scale"][0]))
+    packed: Any = np.zeros((), layout.Deep)
+    packed["to_map"], packed["size"][0], packed["reach"][0] = made["to_screen"], tiles, reach
+    return made, packed
 
 
 def grid_of(scene: Scene, cells: int, light: Light | None = None, fit: Fit | None = None) -> np.void:

@@ -59,7 +59,7 @@ class Segments(Arrays):
 class Seen(Arrays):
     """Pieces of strands that wait for light, and which segments have any: see cl/glow.h."""
 
-    bundles: Any = array("bundle", np.uint32, 4 * GLOWS)
+    bundles: Any = array("bundle", np.uint32, 3 * GLOWS)
     nexts: Any = array("bundle", np.uint32)
     heads: Any = array("tile", np.uint32)
     marks: Any = array("mark", np.uint64, None, 0)   # a byte of each segment
@@ -193,6 +193,8 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
              **(unshadowed(gpu) if lit is None else lit.lighting).arrays(),
              **(no_scattering(gpu) if lit is None or lit.scattering is None else lit.scattering).arrays(),
              **(no_deep(gpu) if lit is None or lit.deep is None else lit.deep).arrays(),
+             "axes": gpu.empty((0, 8), np.float32) if lit is None else lit.axes,
+             "hazes": gpu.empty(0, np.uint32) if lit is None else lit.hazes,
              "image": image if lights else gpu.empty((0, 4), np.float32), **vars(covered)}
     across, down = tiles_of(width, rows)
     if max(gpu.lanes, gpu.hinted) > 1:
@@ -206,26 +208,28 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
     return unfinished
 
 
-def cover_seen(gpu: Any, segments: Segments, counts: np.ndarray, light: Any, draw: Any) -> None:
+def cover_seen(gpu: Any, segments: Segments, counts: np.ndarray, window: tuple[int, int], light: Any,
+               draw: Any) -> None:
     """Draw `Segments` so that only those get light that are seen: some tiles after the other, each time first what
     is seen in them, then its light, then the picture.  Where columns go side by side alone.
 
-    ``counts``: of tiles [n], on the host.  ``light``: ids of segments, [m] uint32 -> their `strand_light.Places`.
-    ``draw``: `cover` with all its arguments but ``lit``, ``window`` and ``seen``.
+    ``counts``: of tiles [n], on the host.  ``window``: the first of these to draw, one past the last.  ``light``: ids
+    of segments, [m] uint32 -> their `strand_light.Places`.  ``draw``: `cover` with all its arguments but ``lit``,
+    ``window`` and ``seen``.
     """
     n, room = len(segments.ids), BUNDLES * GLOWS
     pieces = np.where(counts, GLOWS + np.minimum(OF_ENTRY * counts.astype(np.int64), OF_TILE), 0)   # and some
     ends = np.append(0, np.cumsum(pieces))
     seen = Seen.empty(gpu, {"bundle": min(BUNDLES, -(-int(ends[-1]) // GLOWS)), "tile": len(counts),
                             "mark": -(-n // 8), "survivor": n})
-    first = 0
-    while first < len(counts):
-        window = first, max(int(np.searchsorted(ends, ends[first] + room, "right")) - 1, first + 1)
-        draw(window=window, seen=replace(seen, when=LIGHT_LATER))
+    first = window[0]
+    while first < window[1]:
+        end = min(max(int(np.searchsorted(ends, ends[first] + room, "right")) - 1, first + 1), window[1])
+        draw(window=(first, end), seen=replace(seen, when=LIGHT_LATER))
         ids = choose(gpu, seen, segments.ids)
         if len(ids):
-            draw(lit=light(ids), window=window, seen=replace(seen, when=LIGHT_NOW))
-        first = window[1]
+            draw(lit=light(ids), window=(first, end), seen=replace(seen, when=LIGHT_NOW))
+        first = end
 
 
 def choose(gpu: Any, seen: Seen, ids: Any) -> Any:

@@ -25,6 +25,9 @@ class Places(Arrays):
     places: Any = array("place", np.uint64, FEW)   # of each segment and source, in that order, or where in `more`
                                                   # they are: see cl/places.h
     more: Any = array("row", np.float32, 32)      # what others are like: see cl/exact_light.h
+    axes: Any = array("axis", np.float32, 8)      # where in the world they lie, if their pieces look at the hair before
+                                                  # lights: start x, y, z, strand's number; way x, y, z, -
+    hazes: Any = array("haze", np.uint32)         # and for each light how much the grid's hair lets through: cl/deep.h
     sources: int = 1                              # lights, the sky, and what comes from hair to hair, if any
     until: int = 0                                # segments of which it is known
     rows: int = 0                                 # of `more` that these have
@@ -49,13 +52,14 @@ def transmittance(gpu: Any, strands: DeviceStrands, lighting: Lighting, segments
 def unlit(gpu: Any, lighting: Lighting, n: int, around: int = 0) -> Places:
     """Room for the light of n segments -> `Places`, of none of them; ``around``: sources of it beside lights."""
     sources = len(lighting.lights) + around
-    return Places(Places.declared["places"].empty(gpu, n * sources), Places.declared["more"].empty(gpu, 0), sources,
+    return Places(Places.declared["places"].empty(gpu, n * sources), Places.declared["more"].empty(gpu, 0),
+                  Places.declared["axes"].empty(gpu, 0), Places.declared["hazes"].empty(gpu, 0), sources,
                   lighting=lighting)
 
 
 def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands, transmittances: Any = None,
              segments: Any = None, until: int | None = None, before: Places | None = None, last: bool = True,
-             scattering: Scattering | None = None, sky_light: Any = None,
+             scattering: Scattering | None = None, sky_light: Any = None, even: float = 0.0,
              transport: Transport | None = None, of_ends: bool = False) -> Places:
     """Light that segments send to the eye -> `Places`.
 
@@ -65,10 +69,12 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
     those of strands' last points without a meaning.  ``before``: what this gave of those before them.  ``last``:
     whether no others come after them; else all that may be needed of `Places.more` is set aside at once.
     ``scattering``: of the strands' types; None where none has lobes.  ``sky_light``: [points, 4] float32 r, g, b, what
-    `sky.at_points` gave, if there is a sky.  ``transport``: light that goes from hair to hair, if it is followed.
+    `sky.at_points` gave, if there is a sky.  ``even``: light from all around beside it, the same everywhere, which
+    lights leave out.  ``transport``: light that goes from hair to hair, if it is followed.
     """
     n = len(strands.points) if segments is None else len(segments)
-    known = before or unlit(gpu, lighting, n, (sky_light is not None) + (transport is not None))
+    around = sky_light is not None or even > 0
+    known = before or unlit(gpu, lighting, n, around + (transport is not None))
     first, end = known.until, n if until is None else until
     rows = gpu.full(1, np.uint32, known.rows)
     scattered = LEAVING.empty(gpu, 0)
@@ -82,7 +88,8 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
              **(scattering or no_scattering(gpu)).arrays(), **lighting.arrays(),
              **arrays(strands, "points", "spans", "strand_of", "stored", "run", "strand_normal", "strand_uv", "types",
                       "colors", "color_per")}
-    gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, under_sky=sky_light is not None,
+    gpu.launch("strand_light.radiance", _items(gpu, end - first), rows=rows, under_sky=around, even=even,
+               has_sky=sky_light is not None,
                sky_light=gpu.empty((0, 4), np.float32) if sky_light is None else sky_light,
                is_scattered=transport is not None, scattered=scattered, **given)
     more, taken = known.more, int(gpu.download(rows)[0])
@@ -92,22 +99,26 @@ def radiance(gpu: Any, view: np.void, lighting: Lighting, strands: DeviceStrands
         for unused in "view", "lights", "light_views", "crossings", "shadow_maps", "lobes", "lobe_table":
             del given[unused]
         gpu.launch("strand_light.further", _items(gpu, end - first), more=more, sources=known.sources, **given)
-    return Places(known.places, more, known.sources, end, taken, lighting, transmittances is not None, scattering)
+    return replace(known, more=more, until=end, rows=taken, lighting=lighting, shadowed=transmittances is not None,
+                   scattering=scattering)
 
 
-def apart(gpu: Any, maps: Deep, lighting: Lighting, strands: DeviceStrands, segments: Any, until: int,
-          before: Places | None = None, scattering: Scattering | None = None) -> Places:
-    """What segments are like, so that each piece of them is lit by itself, behind the hair of maps -> `Places`.
+def axes(gpu: Any, maps: Deep, strands: DeviceStrands, segments: Any, first: int, known: Places,
+         transmittances: Any, of_ends: bool = False) -> Places:
+    """``known`` `Places`, and where segments lie in the world, for pieces that look at the hair before lights.
 
-    ``segments``, ``until``, ``before``, ``scattering``: as for `radiance`.
+    ``maps``: of that.  ``segments``: [n] uint32, ids of segments, of which those of ``strands`` begin at ``first`` and
+    end where their light is known to end.  ``transmittances``, ``of_ends``: as of `radiance`, of lights before
+    which hair alone stands; they are for pieces of little weight.
     """
-    known = before or unlit(gpu, lighting, len(segments))
-    more = known.more if len(known.more) else Places.declared["more"].empty(gpu, len(segments))
-    gpu.launch("strand_light.apart", until - known.until, first=known.until, segments=segments, places=known.places,
-               n_lights=len(lighting.lights), more=more,
-               **arrays(strands, "first_point", "points", "spans", "strand_of", "stored", "run", "numbers",
-                        "first_strand", "strand_normal", "strand_uv", "types", "colors", "color_per"))
-    return replace(known, more=more, until=until, rows=until, shadowed=True, scattering=scattering, deep=maps)
+    new, n_lights, there, hazes = not len(known.axes), len(transmittances), known.axes, known.hazes
+    if new:
+        there = Places.declared["axes"].empty(gpu, len(segments))
+        hazes = Places.declared["hazes"].empty(gpu, len(segments) * n_lights)
+    gpu.launch("strand_light.axes", known.until - first, first=first, segments=segments, axes=there, hazes=hazes,
+               n_lights=n_lights, of_ends=of_ends, n_asked=transmittances.shape[1], transmittances=transmittances,
+               **arrays(strands, "first_point", "points", "strand_of", "stored", "run", "numbers", "first_strand"))
+    return replace(known, deep=maps, axes=there, hazes=hazes)
 
 
 def _items(gpu, n):

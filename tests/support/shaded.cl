@@ -13,13 +13,14 @@ BY_HAND __kernel void through(
     const int deep_longest,
     __global const Deep *deep_maps,
     __global const uint *deep_starts,
-    __global const ulong *deep_pieces,
+    __global const float *deep_nears,
+    __global const uint *deep_blocks,
     const uint n,
     __global const float4 *places,         // [n] x, y, z, number of the strand
     __global float *shares)                // [n]
 {
     WORK_ITEM(item);
-    const Deeps deep = {deep_longest, deep_maps, deep_starts, deep_pieces};
+    const Deeps deep = {deep_longest, deep_maps, deep_starts, deep_nears, deep_blocks, 0, 0};
     const uint first = LANES * (uint)item;
     lanes3 p;
     lanes own;
