@@ -102,9 +102,9 @@ INLINED lanes3 seen_beside(const View *view, lanes3 p, lanes width, lanes x, lan
 }
 
 /* Light from places `at` of segments, where lanes are `on`, of those lights of which no places are known; the other lanes are
-   like one of these.  weight: in their pixels, whose middles are x, y. */
-INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *rows, lanes at, lanes weight, lanes x, lanes y,
-                           lanes_i on)
+   like one of these.  weight: in their pixels; x, y: the middles of these. */
+INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *rows, lanes at, lanes weight,
+                           lanes x, lanes y, lanes_i on)
 {
     float8 part[LANES];
     lanes c[32];
@@ -153,8 +153,8 @@ INLINED Row row_of(const Sent *known, uint number)
 }
 
 #if LANES == 1
-/* Light that segment `number` sends to the eye from the place `at` of it, a piece of such a weight in its pixel, whose middle
-   is x, y. */
+/* Light that segment `number` sends to the eye from the place `at` of it, a piece of such a weight in its pixel,
+   whose middle is x, y. */
 INLINED float4 sent_by(const Sent *known, uint number, float at, float weight, float x, float y)
 {
     __global const ulong *few = places_of(known, number);

@@ -477,7 +477,7 @@ __kernel void sweep(
     const int n,
     const int2 turns,                      // slices: the first, one past the last
     const int rows,                        // of a slice that a work-item takes; all of them where there are several slices
-    const int all,                         // 1: light of all cells is told, 0: of those with hair or a body's surface
+    const int everywhere,                  // 1: light of all cells is told, 0: of those with hair or a body's surface
     __global const float2 *passes,         // [DIRECTIONS, n, n, n] see `passing`
     __global const float4 *towards,        // [DIRECTIONS] unit, where light comes from
     __global const float *sent,            // [n, n, n, CHANNELS, DIRECTIONS] see `scatter`
@@ -511,7 +511,7 @@ __kernel void sweep(
                 const float2 pass = passes[(size_t)number * n * n * n + cell];
                 float4 there = beyond, source = 0.0f, glow = 0.0f;
                 float open = 1.0f;
-                bool leaves = false, told = all || pass.y < 1.0f;
+                bool leaves = false, told = everywhere || pass.y < 1.0f;
                 if (pass.y < 1.0f)
                     source = (float4)(sent[place], sent[place + DIRECTIONS], sent[place + 2 * DIRECTIONS], 0.0f);
                 if (turn)

@@ -155,10 +155,10 @@ def _sweeper(gpu, n, dense, outside, keeps, given):
     gpu.launch("transport.passing", cells, cells=cells, dense=dense, towards=towards, passes=passes, keeps=keeps)
     slices, rows = (1, 1) if gpu.lanes == 1 else (n, n)
 
-    def sweep(sent, is_all):
+    def sweep(sent, everywhere):
         for turn in range(0, n, slices):
             gpu.launch("transport.sweep", DIRECTIONS * n // rows, n=n, turns=(turn, turn + slices), rows=rows,
-                       all=is_all, passes=passes, towards=towards, sent=sent, behind=behind, **given)
+                       everywhere=everywhere, passes=passes, towards=towards, sent=sent, behind=behind, **given)
     return sweep
 
 
