@@ -590,7 +590,7 @@ ALONE BY_HAND __kernel void tiles(
     const int when,                        // and when it is added: see glow.h
     const uint room,                       // for bundles of pieces that wait for light
     volatile __global uint *taken,         // [1] of these
-    __global uint *bundles,                // [room, 4, GLOWS]
+    __global uint *bundles,                // [room, 3, GLOWS]
     __global uint *nexts,                  // [room]
     __global uint *heads,                  // [tiles or 0] the first bundle of each, and 1
     __global ulong *marks,                 // [survivors / 8 or 0] a byte of each, 1: its light is looked at

@@ -407,3 +407,13 @@ def test_curves_without_a_point_are_seen_nowhere(gpu, sphere, known):
     scene = clfur.Scene(mesh, fur, camera=clfur.Camera(eye=(0, 0, .4), target=(0, 0, -1), size=(24, 16)))
     other = clfur.Scene(mesh, clfur.Curves(np.zeros((0, 2, 3))), camera=scene.camera)
     np.testing.assert_array_equal(*(clfur.render(each, gpu, SETTINGS) for each in (scene, other)))
+
+
+def test_a_mesh_that_is_not_drawn_under_curves(gpu):
+    """Of which a part lies outside of the frustum, with a ground that catches shadow."""
+    positions, faces = icosphere(1)
+    mesh = clfur.Mesh(positions * .8, positions, None, faces)
+    fur = clfur.Curves(np.random.default_rng(0).normal(size=(60, 5, 3)) * .5, width=.02)
+    scene = clfur.Scene(mesh, fur, clfur.Camera(eye=(0, .2, 1.2), size=(41, 34)), body_color=None,
+                        ground=clfur.Ground(), light=clfur.Light((-1, -.3, -.5)))
+    assert clfur.render(scene, gpu)[..., 3].any()

@@ -1,6 +1,7 @@
 """Strand files: what is written is read again, and what others write is read as its format says."""
 
 import struct
+import time
 
 import attrs
 import numpy as np
@@ -154,17 +155,17 @@ def _hair(hairs, points, arrays=3, segments=1, body=b""):
 
 
 WRONG = {
-    "short.hair": (b"HAIR", "its header take 128 bytes"),
+    "short.hair": (b"HAIR", "128 bytes of header from byte 0 on, but it has 4"),
     "other.hair": (b"hare" + bytes(140), "does not begin with HAIR"),
-    "lies.hair": (_hair(10**9, 2 * 10**9), "segments take 2000000000 bytes"),
-    "even.hair": (_hair(10**9, 2 * 10**9, 2), "points take 24000000000 bytes"),
+    "lies.hair": (_hair(10**9, 2 * 10**9), "2000000000 bytes of segments"),
+    "even.hair": (_hair(10**9, 2 * 10**9, 2), "24000000000 bytes of points"),
     "sum.hair": (_hair(2, 5, 3, 1, struct.pack("<2H", 1, 1) + bytes(60)), "states 5 points, but its 2 hairs have 4"),
     "none.hair": (_hair(0, 0), "has no strands"),
     "nan.hair": (_hair(1, 2, 2, 1, struct.pack("<6f", 0, 0, 0, 0, float("nan"), 0)), "points"),
     "clear.hair": (_hair(1, 2, 10, 1, struct.pack("<8f", 0, 0, 0, 0, 1, 0, 0, 2)), "transparencies of 0 to 2"),
     "old.tfx": (struct.pack("<f7I128x", 3, 1, 4, 160, 0, 0, 0, 0) + bytes(64), "TressFX version 3"),
     "lies.tfx": (struct.pack("<f7I128x", 4, 2**31, 64, 160, 0, 0, 0, 0) + bytes(64), "damaged or cut short"),
-    "uv.tfx": (struct.pack("<f7I128x", 4, 1, 4, 160, 9000, 0, 0, 0) + bytes(64), "uv of strands take 8 bytes"),
+    "uv.tfx": (struct.pack("<f7I128x", 4, 1, 4, 160, 9000, 0, 0, 0) + bytes(64), "8 bytes of uv of strands"),
     "lies.data": (struct.pack("<i", 10**9), "states 1000000000 strands"),
     "strand.data": (struct.pack("<iii", 1, 10**9, 0), "strand 0 of 1 states 1000000000 points"),
     "more.data": (struct.pack("<ii3fi", 1, 1, 0, 0, 0, 0), "4 bytes more"),
@@ -223,3 +224,76 @@ def test_what_a_format_cannot_hold(tmp_path, strands):
     with pytest.raises(clfur.Error, match=r"\.abc is not supported; allowed: \.hair, "):
         clfur.save_curves(tmp_path / "a.abc", strands)
     assert not list(tmp_path.iterdir())
+
+
+# --- what is easily mistaken ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", [".hair", ".ply", ".npz", ".usda", ".data", ".txt"])
+def test_strands_without_points_are_left_out(tmp_path, suffix):
+    """Also where there are as many points as strands, and each strand has a width: it stays with its own."""
+    if suffix == ".usda":
+        pytest.importorskip("pxr")
+    given = clfur.Curves(np.arange(12.).reshape(4, 3), [1, 2, 1, 0], width=np.array([[.02], [.04], [.06], [.08]]),
+                         root_uv=np.arange(8).reshape(4, 2))
+    if suffix == ".txt":
+        clfur.save_curves(tmp_path / "a.txt", given)
+        rows = [line.split() for line in (tmp_path / "a.txt").read_text().splitlines() if line]
+        assert [float(row[3]) for row in rows] == pytest.approx([.01, .02, .02, .03])
+        return
+    back = again(tmp_path, f"a{suffix}", given, width=.5)
+    assert back.counts.tolist() == [1, 2, 1] and np.array_equal(back.points, given.points)
+    if suffix != ".data":
+        assert back.width == pytest.approx([.02, .04, .06])
+    if suffix == ".npz":
+        assert back.root_uv.tolist() == [[0, 1], [2, 3], [4, 5]]
+
+
+@pytest.mark.parametrize("kind, value, light", [
+    ("uchar", 255, 1), ("int", 255, 1), ("ushort", 65535, 1), ("short", 255, 1), ("float", 2.5, 2.5)])
+def test_whole_numbers_of_colours_are_srgb(tmp_path, kind, value, light):
+    (tmp_path / "a.ply").write_text(PLY_OF_ONE.format(kind=kind, value=value))
+    assert clfur.load_curves(tmp_path / "a.ply").color == pytest.approx(np.full((1, 3), light))
+
+
+@pytest.mark.parametrize("kind, value, says", [
+    ("uchar", 300, "has red 300 of vertex, which is stated to be a whole number"), ("uchar", -1, "has red -1"),
+    ("int", .5, "has red 0.5"), ("int", 256, "has colours of 256 to 256; allowed for whole numbers: 0 to 255")])
+def test_whole_numbers_that_are_none(tmp_path, kind, value, says):
+    (tmp_path / "a.ply").write_text(PLY_OF_ONE.format(kind=kind, value=value))
+    with pytest.raises(clfur.Error, match=says):
+        clfur.load_curves(tmp_path / "a.ply")
+
+
+PLY_OF_ONE = """ply
+format ascii 1.0
+element vertex 2
+property float x
+property float y
+property float z
+property {kind} red
+property {kind} green
+property {kind} blue
+element strand 1
+property list uchar int vertex_indices
+end_header
+0 0 0 {value} {value} {value}
+0 0 1 {value} {value} {value}
+2 0 1
+"""
+
+
+def test_no_strands_at_all(tmp_path):
+    none = clfur.Curves(np.zeros((0, 3, 3)))
+    for suffix in ".hair", ".npy", ".npz", ".data", ".tfx", ".ply":
+        with pytest.raises(clfur.Error, match=f"a{suffix}: Curves have no strands with points; allowed: one or more"):
+            clfur.save_curves(tmp_path / f"a{suffix}", none)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_claim_of_a_header_alone_costs_no_time(tmp_path):
+    (tmp_path / "a.hair").write_bytes(_hair(2**32 - 1, 2**32 - 1, 2, 0))
+    start = time.process_time()
+    with pytest.raises(clfur.Error, match="51539607540 bytes of points"):
+        clfur.load_curves(tmp_path / "a.hair")
+    assert time.process_time() - start < .5   # 4 s where its hairs were counted one by one

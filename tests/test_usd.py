@@ -205,3 +205,23 @@ def test_what_is_written_is_valid(tmp_path):
 def test_pinned_ends_are_extrapolated():
     control, counts = unrolled(np.array([[0.], [1], [5], [7]]), np.array([2, 2]), "bspline", "pinned")
     assert control.ravel().tolist() == [-1, 0, 1, 2, 3, 5, 7, 9] and counts.tolist() == [4, 4]
+
+
+@pytest.mark.parametrize("scale", [1, .01, .001, 100])
+def test_the_tolerance_is_in_widths_at_any_scale(tmp_path, scale):
+    def larger(curves, stage):
+        curves.AddScaleOp().Set(Gf.Vec3f(scale, scale, scale))
+
+    points = np.array([[0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0]])
+    path = save(tmp_path / "a.usda", points, [4], "bezier", widths=(.02,), more=larger)
+    back = clfur.load_curves(path, tolerance=.25)
+    assert len(back.points) == 16 and back.width == pytest.approx(.02 * scale)   # as many whatever the scale
+
+
+def test_widths_that_are_none_or_wrong(tmp_path):
+    points = np.random.default_rng(3).normal(size=(8, 3))
+    back = clfur.load_curves(save(tmp_path / "a.usda", points, [4, 4], "bspline", widths=(0, .1), how="uniform"))
+    assert back.counts.max() < 200 and back.width.tolist() == pytest.approx([0, .1])
+    for wrong in (-1., np.nan):
+        with pytest.raises(clfur.Error, match=r"/groom/hair: has a width of (-1|nan); allowed: finite numbers >= 0"):
+            clfur.load_curves(save(tmp_path / f"{wrong}.usda", points, [4, 4], "bspline", widths=(wrong,)))

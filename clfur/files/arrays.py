@@ -15,7 +15,7 @@ NAMES = "points", "counts", "width", "color", "transparency", "root_uv", "root_n
 def read_npy(data: bytes, path: Path) -> dict:
     """Return the strands of a .npy file: points [strands, points, 3]."""
     points = _array(data)
-    if points.ndim != 3:
+    if points.ndim != 3 or points.shape[2] != 3:
         raise Error(f"has an array of shape {list(points.shape)}; allowed: [strands, points, 3]")
     return {"points": points}
 
@@ -70,5 +70,5 @@ def write_npy(strands: dict) -> bytes:
     if len(set(counts.tolist())) > 1:
         raise Error(f"strands have {counts.min()} to {counts.max()} points; allowed in .npy: as many each")
     file = io.BytesIO()
-    np.save(file, strands["points"].reshape(len(counts), -1, 3))
+    np.save(file, strands["points"].reshape(len(counts), int(counts[0]) if len(counts) else 0, 3))
     return file.getvalue()

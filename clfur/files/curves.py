@@ -29,6 +29,8 @@ WRITERS: dict[str, Callable[[dict], bytes]] = {
     ".npy": write_npy, ".txt": write_mitsuba, ".pbrt": write_pbrt,
     **{suffix: functools.partial(usd.write, suffix=suffix) for suffix in USD[:3]}}
 FORMATS = ", ".join((*READERS, *USD))
+OF_ROOTS = "root_uv", "root_normal"
+VALUES: dict[str, tuple] = {"width": (), "color": (3,), "transparency": ()}   # of all, of strands or of points
 SHADES = 255     # of transparency that strands of one file may differ by
 
 
@@ -43,7 +45,8 @@ def load_curves(path: str | os.PathLike, *, width: float | None = None, color: A
     tolerance: how far a polyline may be from a cubic curve of USD, in its widths. time: of USD's time samples, in its
     time codes; None: the first.
     Strands whose transparency differs become types. Raises Error, one line that names the file, for one that is
-    missing, damaged, cut short, without strands, no regular file or of more than 2**30 bytes.
+    missing, damaged, cut short, without strands, no regular file or of more than 2**30 bytes; but usd-core may end the
+    process on a damaged .usdc.
     """
     given = {"width": None if width is None else checks.real(low=0)(width, "load_curves width"), "color": color}
     return curves_of(path, {name: value for name, value in given.items() if value is not None}, tolerance, time)
@@ -63,7 +66,8 @@ def curves_of(path: str | os.PathLike, given: dict[str, Any], tolerance: float =
     if not os.path.exists(file):
         raise Error(f"{file}: no such file")
     if suffix not in READERS and suffix not in USD:
-        raise Error(f"{file}: {file.suffix or 'no suffix'} is no strand file; allowed: {FORMATS}")
+        written = ", which is written alone" if suffix in WRITERS else ""
+        raise Error(f"{file}: {file.suffix or 'no suffix'} is no strand file{written}; allowed: {FORMATS}")
     data = read(file)
     if not data:
         raise Error(f"{file}: is empty")
@@ -82,13 +86,15 @@ def save_curves(path: str | os.PathLike, curves: Curves) -> None:
 
     path: str or path-like; as for `load_curves`, but .usdz, and also .txt (Mitsuba's curves) and .pbrt, by suffix.
     What a format has no place for is left out: docs/formats.md. Places are float32 but in .npz, .npy, .ply and text.
-    Raises Error for another suffix, a folder that is not, strands that the format cannot hold, or no room.
+    Raises Error for another suffix, a folder that is not, no strands, those that the format cannot hold, or no room.
     """
     file = output_path(path, tuple(WRITERS))
     if not isinstance(curves, Curves):
         raise Error(f"save_curves curves is {shown(curves)}; allowed: a clfur.Curves, as clfur.grow returns")
     try:
-        data = WRITERS[file.suffix.lower()](stored(curves))
+        if not (strands := stored(curves))["counts"].size:
+            raise Error("Curves have no strands with points; allowed: one or more")
+        data = WRITERS[file.suffix.lower()](strands)
     except Error as error:
         raise Error(f"{file}: {error}") from None
     with whole(file) as temporary:
@@ -97,19 +103,21 @@ def save_curves(path: str | os.PathLike, curves: Curves) -> None:
 
 def stored(curves: Curves) -> dict[str, Any]:
     """Return what files hold of Curves: points float64 [total, 3], counts int64 [strands]; width, color and
-    transparency float32, [1, ...] for all or [total, ...] for each point; root_uv and root_normal where they are."""
+    transparency float32, [1, ...] for all or [total, ...] for each point; root_uv and root_normal where they are.
+    Strands without points are left out."""
     curves = curves.on_host
-    counts, total = curves.counts.astype(np.int64), len(curves.points)
-    values = {"width": curves.width, "color": curves.color}
+    there = curves.counts > 0
+    counts = curves.counts[there].astype(np.int64)
     alphas = np.array([kind.alpha for kind in curves.hair_types], np.float32)
     same = curves.type_of is None or (alphas == alphas[0]).all()
-    values["transparency"] = alphas[:1] if same else alphas[curves.type_of]
+    values = {"width": curves.width, "color": curves.color,
+              "transparency": alphas[:1] if same else alphas[curves.type_of]}
     for name, each in values.items():
-        if len(each) == len(counts) != total and len(each) > 1:
-            values[name] = np.repeat(each, counts, axis=0)
+        if len(each) == len(there) > 1:   # of strands, also where there are as many points: see `Curves`
+            values[name] = np.repeat(np.asarray(each)[there], counts, axis=0)
     found = {"points": curves.points.astype(np.float64) + curves.origin, "counts": counts, **values,
-             "root_uv": curves.root_uv, "root_normal": curves.root_normal}
-    return {name: value for name, value in found.items() if value is not None}
+             **{name: getattr(curves, name)[there] for name in OF_ROOTS if getattr(curves, name) is not None}}
+    return found
 
 
 def _curves(strands, given):
@@ -123,15 +131,20 @@ def _curves(strands, given):
         raise Error("has no strands" if counts is not None or not points.size else "has points but no counts")
     counts = np.asarray(counts)
     if counts.ndim != 1 or counts.dtype.kind not in "iu" or int(counts.sum()) != len(points) or counts.min() < 0:
-        raise Error(f"has {len(points)} points, but its counts do not add up to it")
-    fields = {name: strands[name] for name in ("root_uv", "root_normal") if name in strands}
-    for name, tail in ("width", ()), ("color", (3,)):
-        if name in strands:
-            fields[name] = _by_strand(np.asarray(strands[name]), tail, counts)
+        raise Error(f"has {len(points)} points, but its counts add up to {int(counts.sum())}; allowed: whole numbers "
+                    ">= 0 that add up to it")
+    there = counts > 0   # the others are nothing to draw
+    found = {name: np.asarray(strands[name]) for name in VALUES if name in strands}
+    if len(there) != len(points):
+        found = {name: value[there] if value.shape == (len(there), *VALUES[name]) else value
+                 for name, value in found.items()}
+    counts = counts[there]
+    fields = {name: np.asarray(strands[name])[there] for name in OF_ROOTS if name in strands}
+    fields |= {name: _by_strand(found[name], VALUES[name], counts) for name in ("width", "color") if name in found}
     if not np.any(fields.get("width", 0)):
         fields["width"] = given.get("width", usual_width(points))
-    if "transparency" in strands:
-        fields |= _types(np.asarray(strands["transparency"], np.float64), counts, given.get("look"))
+    if "transparency" in found:
+        fields |= _types(found["transparency"].astype(np.float64), counts, given.get("look"))
         given = {name: value for name, value in given.items() if name not in ("alpha", "look") or "alpha" in fields}
     return Curves(points, counts, **{**given, **fields})
 

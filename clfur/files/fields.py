@@ -16,7 +16,7 @@ def array(data: bytes, at: int, kind: str, shape: tuple, what: str) -> tuple[np.
     for count in shape:
         size *= int(count)   # Python's integers: a header may claim more than 2**64 bytes
     if size > len(data) - at or at < 0:
-        raise Error(f"is damaged or cut short: its {what} take {size} bytes from byte {at} on, but it has {len(data)}")
+        raise Error(f"is damaged or cut short: {size} bytes of {what} from byte {at} on, but it has {len(data)}")
     return np.frombuffer(data, kind, int(np.prod(shape, dtype=np.int64)), at).reshape(shape), at + size
 
 

@@ -28,16 +28,15 @@ def read_hair(data: bytes, path: Path) -> dict:
     if not arrays & POINTS:
         raise Error("has no array of points")
     at = HEADER.size
-    counts = np.full(1, segments + 1)
     if arrays & SEGMENTS:
         counts, at = array(data, at, "<u2", (hairs,), "segments")
         counts = counts.astype(np.int64) + 1
-    elif hairs * (segments + 1) == total:   # before an array of so many is made
-        counts = np.broadcast_to(counts, (hairs,))
-    if int(counts.sum()) != total or len(counts) != hairs:
-        stated = int(counts.sum()) if arrays & SEGMENTS else hairs * (segments + 1)
+    stated = int(counts.sum()) if arrays & SEGMENTS else hairs * (segments + 1)
+    if stated != total:
         raise Error(f"states {total} points, but its {hairs} hairs have {stated}")
     points, at = array(data, at, "<f4", (total, 3), "points")
+    if not arrays & SEGMENTS:   # which are no more than there are points, now that these are known to be there
+        counts = np.full(hairs, segments + 1)
     found = {"points": points, "counts": counts, "width": np.float32(thickness), "color": np.array(color, np.float32),
              "transparency": np.float32(transparency)}
     for bit, name, what, columns in [(THICKNESS, "width", "thicknesses", ()),

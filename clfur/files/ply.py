@@ -76,8 +76,13 @@ def rows_of(data: bytes, wanted: set) -> dict:
     for element in stated:   # of an ascii file all is float64 so far
         for each in element.properties:
             if each.kind[0] in "iu" and not each.length and each.name in tables[element.name]:
+                values = tables[element.name][each.name]
                 with np.errstate(invalid="ignore"):
-                    tables[element.name][each.name] = tables[element.name][each.name].astype(each.kind)
+                    whole = values.astype(each.kind)
+                if (whole != values).any():
+                    raise Error(f"has {each.name} {values[whole != values][0]:g} of {element.name}, which is stated to "
+                                f"be a whole number of {each.kind}")
+                tables[element.name][each.name] = whole
     return tables
 
 

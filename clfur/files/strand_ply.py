@@ -41,8 +41,18 @@ def read_strand_ply(data: bytes, path: Path) -> dict:
     if width := next((each for each in WIDTHS if each in vertex), None):
         found["width"] = WIDTHS[width] * vertex[width].astype(np.float64)[order]
     if set(RGB) <= vertex.keys():
-        found["color"] = np.stack([vertex[each] for each in RGB], axis=1)[order]
+        found["color"] = _colors(np.stack([vertex[each] for each in RGB], axis=1)[order])
     return found
+
+
+def _colors(values):
+    """Colours as `Curves` takes them: whole numbers are sRGB, of 8 bits unless they are stated to have 16."""
+    if values.dtype.kind == "f" or values.dtype == np.uint16:
+        return values
+    if len(values) and not 0 <= int(values.min()) <= int(values.max()) <= 255:
+        raise Error(f"has colours of {values.min()} to {values.max()}; allowed for whole numbers: 0 to 255, or to "
+                    "65535 of ushort")
+    return values.astype(np.uint8)
 
 
 def _whole(values, vertices):

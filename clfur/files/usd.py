@@ -1,6 +1,7 @@
 """Strands in USD files: BasisCurves of every type, basis and wrap.  usd-core reads them, a library that is asked for
 only here (`pip install "clfur[usd]"`)."""
 
+import re
 import tempfile
 from pathlib import Path
 
@@ -53,7 +54,9 @@ def read(path: Path, tolerance: float, time: float | None) -> dict:
 
 
 def _reason(error):
-    return (str(error).strip().splitlines() or [type(error).__name__])[0].split(" -- ")[-1]
+    text = " ".join(str(error).split())
+    where = re.search(r"on line \d+", text)   # the rest tells of usd-core's own sources
+    return "it is damaged or cut short" + (f" {where[0]}" if where else "")
 
 
 def _is_seen(UsdGeom, prim, at):
@@ -79,17 +82,22 @@ def _strands(UsdGeom, prim, at, matrix, tolerance):
     curves = UsdGeom.BasisCurves(prim)
     points = _numbers(curves.GetPointsAttr().Get(at), 3) @ matrix[:3, :3] + matrix[3, :3]
     counts = _numbers(curves.GetCurveVertexCountsAttr().Get(at), 1).ravel().astype(np.int64)
-    if (counts < 1).any() or int(counts.sum()) != len(points):
+    if (counts < 0).any() or int(counts.sum()) != len(points):
         raise Error(f"has {len(points)} points, but its curveVertexCounts add up to {int(counts.sum())}")
     linear = curves.GetTypeAttr().Get(at) == UsdGeom.Tokens.linear
     basis, wrap = "linear" if linear else str(curves.GetBasisAttr().Get(at)), str(curves.GetWrapAttr().Get(at))
     if basis not in ("linear", *TO_BEZIER) or wrap not in ("nonperiodic", "periodic", "pinned"):
         raise Error(f"has basis {basis} and wrap {wrap}, which are none of USD's")
     values = _values(UsdGeom, curves, prim, at)
+    if "width" in values:   # a matrix that stretches the axes by several factors has one for widths: their mean
+        width, how = values["width"]
+        values["width"] = width * abs(np.linalg.det(matrix[:3, :3])) ** (1 / 3), how
     control, many = unrolled(points, counts, basis, wrap)
     ends = segments_of(many, basis) + (0 if wrap == "periodic" else 1)
     for name, (value, how) in values.items():
         _check(name, value, how, counts, ends, wrap)
+        if not (value >= 0).all():
+            raise Error(f"has a {name} of {value[~(value >= 0)][0]:g}; allowed: finite numbers >= 0")
     chords = chords_of(control, many, basis, tolerance * _typical(values.get("width"), points, len(counts)))
     found = {"points": chords.mean(control), "counts": chords.counts}
     for name, (value, how) in values.items():
@@ -101,8 +109,6 @@ def _strands(UsdGeom, prim, at, matrix, tolerance):
             value = value[chords.of] if how == "uniform" else np.repeat(value, len(chords.of), axis=0)
         value = np.maximum(value, 0)   # as splines may dip below
         found[name] = value if name == "color" else value[:, 0]
-    if "width" in found:   # a matrix that stretches the axes by several factors has one for widths: their mean
-        found["width"] = found["width"] * abs(np.linalg.det(matrix[:3, :3])) ** (1 / 3)
     if "opacity" in found:
         found["transparency"] = 1 - np.minimum(found.pop("opacity"), 1)
     return found
@@ -141,11 +147,14 @@ def _check(name, value, how, counts, ends, wrap):
 
 
 def _typical(width, points, curves):
-    """How wide each curve is, by which chords are chosen: float64 [curves]; the usual width where none is told."""
-    if width is None or not width[0].any():
-        return np.full(curves, usual_width(points))
+    """How wide each curve is, by which chords are chosen: float64 [curves]; the usual width where it has none."""
+    usual = usual_width(points)
+    if width is None or not (width[0] > 0).any():
+        return np.full(curves, usual)
     value, how = width
-    return value[:, 0] if how == "uniform" else np.full(curves, value[value > 0].min())
+    if how == "uniform":
+        return np.where(value[:, 0] > 0, value[:, 0], usual)
+    return np.full(curves, value[value > 0].min())
 
 
 def _varying(value, at_each_end, ends, counts, segments, chords):

@@ -296,7 +296,7 @@ class Fit:
     def _unseen(self, idle):
         """Spheres (center [n, 3], radius [n]) around what stands outside of the frustum, but for ``idle`` faces."""
         found = [(np.zeros((0, 3)), np.zeros(0))]
-        if self.seen.faces:
+        if self.seen.faces and self._faces is not None:   # else they are not drawn, and nothing grows on them
             known, _, touched = self.seen.faces
             some = ~touched & ~idle
             found.append((known.center[some], known.radius[some] + self.grown))

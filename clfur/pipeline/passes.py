@@ -240,7 +240,7 @@ class Coverage:
         cover = masks.cover if self.plan.settings.masks else coverage.cover
         draw = functools.partial(cover, gpu, band.view, band.visible, segments, covered, image=image,
                                  shell_front=shell_front, slab=slab, kept=kept)
-        if len(hairy) == 1 and slab == EVERY and self.plan.waits(gpu, counts):
+        if hairy and slab == EVERY and self.plan.waits(gpu, counted.cut, counted.of(band.rows)):
             hair = self._list(gpu, band, hairy[0], tiles, window, slab, segments)
             light = functools.partial(self._light, gpu, band, hairy[0], hair, lighting)
             coverage.cover_seen(gpu, segments, counts, window, light, draw)

@@ -298,8 +298,10 @@ class Plan:
         """[(first tile, one past the last)] of these rows of tiles, of which so many list segments at a time as fit."""
         return _runs((_before(counts.ravel()), self.most_listed(gpu, cut, counts, survivors)))
 
-    def waits(self, gpu: Any, counts: np.ndarray) -> bool:
-        """Whether light of segments, so many listed in tiles, waits till it is known which of them are seen."""
+    def waits(self, gpu: Any, cut: Cut, counts: np.ndarray) -> bool:
+        """Whether light of segments, so many listed in a band's tiles, waits till it is known which are seen."""
+        if sum(part.hairy for part in cut.parts) != 1:
+            return False
         dense = counts.sum(dtype=np.int64) > DENSE * TILE**2 * np.count_nonzero(counts)
         return bool(dense and self.wants_color and max(gpu.lanes, gpu.hinted) > 1)
 
@@ -308,7 +310,7 @@ class Plan:
         drawn in slabs of depth."""
         room = cut.rows - TILE * self.scene.camera.size[0] * self._pixel(True) * len(counts)
         each = self._survivor
-        if room >= LISTS and self.waits(gpu, counts):   # there is room, and fewer than a third are lit at a time
+        if room >= LISTS and self.waits(gpu, cut, counts):   # there is room, and about a third are lit at a time
             each = SURVIVOR + SEEN + (each - SURVIVOR) // 3
         most = min(_fit(min(room, LISTS), each, survivors), _largest(gpu) // 8, NUMBERS)
         largest = _largest(gpu) // max(SURVIVOR, LIT, PLACES * self._sources)
