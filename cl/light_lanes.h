@@ -108,8 +108,10 @@ INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, 
     const lanes limit = steepest * texel, flat = along_e != 0.0f ? -1.0f / along_e : F(0.0f);
     const lanes dx = greater(lesser((n.x * ex.x + n.y * ex.y + n.z * ex.z + w * ex.w) * flat, limit), -limit);
     const lanes dy = greater(lesser((n.x * ey.x + n.y * ey.y + n.z * ey.z + w * ey.w) * flat, limit), -limit);
-    const lanes_i in = on & (c.w > 0.0f) & (x > -1.0f - radius) & (y > -1.0f - radius)
-        & (x < (float)(view->size.x + radius)) & (y < (float)(view->size.y + radius));
+    /* What is beside the map is hidden by what is within the filter's reach, or within a disc's. */
+    const lanes room = greater(F((float)radius), obstacles->shadow.disc.x * (1.0f - e));
+    const lanes_i in = on & (c.w > 0.0f) & (x > -1.0f - room) & (y > -1.0f - room)
+        & (x < (float)view->size.x + room) & (y < (float)view->size.y + room);
     const lanes x0 = whole_below(x), y0 = whole_below(y);
     const lanes nearest_seen = e + bias * texel + dx * (x0 + 0.5f - x) + dy * (y0 + 0.5f - y);
     lanes dark = F(0.0f);

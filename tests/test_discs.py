@@ -117,3 +117,15 @@ def test_hair_under_a_disc_sends_the_mean_of_its_points(gpu, name, light, size):
                             for each in (points, light, attrs.evolve(light, size=0)))
     off, off_middle = (np.sqrt(((each - meant)**2).mean()) for each in (found, middle))
     assert off < (.45 if size != 8 else .65) * off_middle
+
+
+def test_a_penumbra_goes_on_beside_the_map(gpu):
+    """Of a ball's shadow on a ground no part is cut off where the light's map of the ball ends."""
+    scene = clfur.Scene(clfur.load_mesh("sphere"), None,
+                        clfur.Camera(eye=(1.5, 12, -.9), target=(1.5, 0, -.9), up=(0, 0, -1), fov=25, size=(96, 96)),
+                        light=clfur.Light((1, -1, -.6), size=20, ambient=0), ground=clfur.Ground(), body="holdout")
+    drawn = clfur.render(scene, gpu, clfur.Settings(shadow_map=256), ("color", "id"))
+    ground, alpha = drawn["id"] == -4, drawn["color"][..., 3]
+    aside, down = (np.abs(np.diff(alpha, axis=axis)) for axis in (1, 0))
+    steps = np.concatenate([aside[ground[:, 1:] & ground[:, :-1]], down[ground[1:] & ground[:-1]]])
+    assert steps.max() < .2   # .46 where it was cut off; its own steps are those of 64 points
