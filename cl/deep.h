@@ -21,7 +21,7 @@ typedef struct {
     __global const uint *starts;           // [tiles + 1] where in `blocks` those of each begin
     __global const float *nears;           // [blocks] reversed depth before which none of its segments lies, falling
     __global const uint *blocks;           // [blocks, 8, DEEP_BLOCK]
-    __global const float8 *axes;           // [segments of the picture] start x, y, z, strand's number; way x, y, z, -
+    __global const float8 *axes;           // [segments of the picture] start x, y, z, strand's number; way x, y, z, mean width
     __global const uint *hazes;            // [segments of the picture, lights] share that the grid's hair lets through to the
                                            // start, to the end << 16, in 1/65535
 } Deeps;

@@ -58,11 +58,26 @@ INLINED ulong more_of(const Sent *known, uint number)
     return row_among(places_of(known, number), known->lighting.n);
 }
 
+/* Where a strand is seen in the middles x, y of pixels, which its place p is nearest to: so far aside as one of such a width
+   [world] reaches beyond half a pixel; a thin one is p. */
+INLINED lanes3 seen_beside(const View *view, lanes3 p, lanes width, lanes x, lanes y)
+{
+    const lanes4 c = by_columns(view->to_screen, p.x, p.y, p.z);
+    const lanes room = 0.5f * (width - c.w / view->scale.x);
+    const lanes_i wide = (room > 0.0f) & (c.w > 0.0f);
+    if (!any_lane(wide))
+        return p;
+    const lanes4 q = by_columns(view->to_world, x, y, c.z / c.w);
+    const lanes3 off = {q.x / q.w - p.x, q.y / q.w - p.y, q.z / q.w - p.z};
+    const lanes far = full_root(dots(off, off));
+    return chosen(wide, plus(p, scaled(off, far > room ? room / far : F(1.0f))), p);
+}
+
 #define FAINT 0.05f          // weight in its pixel up to which a piece is shaded by the grid of cells
 
 /* Share of light i that hair lets through to places `at` of segments: single hairs, see deep.h, or all of them as if at random
-   where pieces have little weight. */
-INLINED lanes share_deep(const Sent *sent, int i, const uint *numbers, lanes at, lanes weight, lanes_i on)
+   where pieces have little weight; x, y: the middles of their pixels. */
+INLINED lanes share_deep(const Sent *sent, int i, const uint *numbers, lanes at, lanes weight, lanes x, lanes y, lanes_i on)
 {
     if (!sent->deep.maps[i].size.x || !any_lane(on))
         return F(1.0f);
@@ -81,24 +96,10 @@ INLINED lanes share_deep(const Sent *sent, int i, const uint *numbers, lanes at,
     for (int k = 0; k < LANES; ++k)
         axes[k] = sent->deep.axes[numbers[k]];
     columns_of(axes, c);
-    const lanes3 p = {c[0], c[1], c[2]}, step = {c[4], c[5], c[6]};
-    const lanes through = through_deep(&sent->deep, i, look, plus(p, scaled(step, at)), c[3]);
+    const lanes3 start_of = {c[0], c[1], c[2]}, step = {c[4], c[5], c[6]};
+    const lanes3 p = seen_beside(sent->view, plus(start_of, scaled(step, at)), c[7], x, y);
+    const lanes through = through_deep(&sent->deep, i, look, p, c[3]);
     return look ? through : share;
-}
-
-/* Where a strand is seen in the middles x, y of pixels, which its place p is nearest to: so far aside as one of such a width
-   [world] reaches beyond half a pixel; a thin one is p. */
-INLINED lanes3 seen_beside(const View *view, lanes3 p, lanes width, lanes x, lanes y)
-{
-    const lanes4 c = by_columns(view->to_screen, p.x, p.y, p.z);
-    const lanes room = 0.5f * (width - c.w / view->scale.x);
-    const lanes_i wide = (room > 0.0f) & (c.w > 0.0f);
-    if (!any_lane(wide))
-        return p;
-    const lanes4 q = by_columns(view->to_world, x, y, c.z / c.w);
-    const lanes3 off = {q.x / q.w - p.x, q.y / q.w - p.y, q.z / q.w - p.z};
-    const lanes far = full_root(dots(off, off));
-    return chosen(wide, plus(p, scaled(off, far > room ? room / far : F(1.0f))), p);
 }
 
 /* Light from places `at` of segments, where lanes are `on`, of those lights of which no places are known; the other lanes are
@@ -138,7 +139,7 @@ INLINED lanes3 exact_light(const Sent *known, const uint *numbers, const Row *ro
             share *= through;
         }
         if (known->deep.longest)
-            share *= share_deep(known, i, numbers, at, weight, here & (share > 0.0f));
+            share *= share_deep(known, i, numbers, at, weight, x, y, here & (share > 0.0f));
         const lanes3 one = fibre_lanes(&light, &fibres, &looks, l, v, disc_at(&light, p), share), none = {F(0.0f), F(0.0f), F(0.0f)};
         sent = known->lighting.n == 1 ? one : plus(sent, chosen(here, one, none));
     }
@@ -167,7 +168,8 @@ INLINED float4 sent_by(const Sent *known, uint number, float at, float weight, f
     }
     for (int i = 0; i < known->sources; ++i, few += FEW_PLACES)
         if (!(few[0] & MORE)) {
-            const float share = known->deep.longest && i < known->lighting.n ? share_deep(known, i, &number, at, weight, 1) : 1.0f;
+            const bool looks = known->deep.longest && i < known->lighting.n;
+            const float share = looks ? share_deep(known, i, &number, at, weight, x, y, 1) : 1.0f;
             sum += share * light_between(few, at);
         }
     return sum;

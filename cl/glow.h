@@ -76,6 +76,8 @@ INLINED void glow_eight(Glow *glow, int first, const Sent *known)
     const lanes along = at * FEW_PIECES;
     const lanes_i whole = WHOLE(along), piece = whole < FEW_PIECES - 1 ? whole : I(FEW_PIECES - 1);
     const lanes t = along - REAL(piece), parts[3] = {(1.0f - t) * (1.0f - 2.0f * t), 4.0f * t * (1.0f - t), t * (2.0f * t - 1.0f)};
+    const lanes_i pixel = TO(lanes_i, *(const lanes_u *)(glow->wheres + first) >> 16);
+    const lanes x = TO(lanes, glow->left + pixel % TILE) + 0.5f, y = TO(lanes, glow->top + pixel / TILE) + 0.5f;
     for (int k = 0; k < LANES; ++k)
         froms[k] = places_of(known, glow->slots[first + k]);
     for (int i = 0; i < 8; ++i)
@@ -100,7 +102,7 @@ INLINED void glow_eight(Glow *glow, int first, const Sent *known)
         const lanes of_one[3] = {r[0] + r[1] + r[2], g[0] + g[1] + g[2], b[0] + b[1] + b[2]};
         lanes share = F(1.0f);
         if (known->deep.longest && i < known->lighting.n)
-            share = share_deep(known, i, glow->slots + first, at, *(const lanes *)(glow->weights + first),
+            share = share_deep(known, i, glow->slots + first, at, *(const lanes *)(glow->weights + first), x, y,
                                (exact == 0) & ((of_one[0] > 0.0f) | (of_one[1] > 0.0f) | (of_one[2] > 0.0f)));
         for (int k = 0; k < 3; ++k)
             light[k] += ((exact == 0) & (of_one[k] > 0.0f)) ? share * of_one[k] : F(0.0f);

@@ -428,5 +428,5 @@ __kernel void axes(
         const uint start = (uint)(there[0] * 65535.0f + 0.5f), at_end = (uint)(there[1] * 65535.0f + 0.5f);
         hazes[(first + item) * n_lights + i] = at_end << 16 | start;
     }
-    axes[first + item] = both((float4)(a.xyz, first_strand + numbers[strand] & 0xFFFFFF), (float4)(way.xyz, 0.0f));
+    axes[first + item] = both((float4)(a.xyz, first_strand + numbers[strand] & 0xFFFFFF), (float4)(way.xyz, a.w + 0.5f * way.w));
 }
