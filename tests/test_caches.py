@@ -157,7 +157,8 @@ def test_kernels_are_kept_elsewhere_where_they_may_be_spoilt(place, monkeypatch)
     assert kept().parent == caches.private()
 
 
-LEAVES = "from clfur.device import caches; print(caches.private()); {}; import os; os.kill(os.getpid(), {signal})"
+LEAVES = ("from clfur.device import caches; print(caches.private(), flush=True); {}; import os; "
+          "os.kill(os.getpid(), {signal})")
 
 
 def test_folders_of_killed_processes_are_removed(tmp_path, monkeypatch):

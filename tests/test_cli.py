@@ -334,10 +334,12 @@ def test_an_input_is_never_overwritten(clfur, tmp_path):
     assert (tmp_path / "map.png").read_bytes() == b"as it was"
 
 
-def test_a_full_disk_on_stdout_is_one_line(tmp_path):
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_full_disk_on_stdout_is_one_line(tmp_path, unbuffered):
     with open("/dev/full", "w") as full:
         command = [sys.executable, "-m", "clfur", "render", "sphere", *SMALL, "-o", str(tmp_path / "a.png")]
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=120)
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=120,
+                              env={**os.environ, "PYTHONUNBUFFERED": unbuffered})
     assert done.returncode == 2 and done.stderr == "clfur: error: No space left on device\n"
 
 

@@ -73,7 +73,7 @@ def built(tmp_path_factory):
         return folder / done.stdout.splitlines()[-1]
     sdist = build("sdist", folder / "tree")
     with tarfile.open(sdist) as packed:
-        packed.extractall(folder / "unpacked", filter="data")
+        packed.extractall(folder / "unpacked", **{"filter": "data"} if hasattr(tarfile, "data_filter") else {})
     return sdist, build("wheel", next((folder / "unpacked").iterdir()))
 
 

@@ -1,5 +1,7 @@
 """The `clfur` command."""
 
+import contextlib
+import os
 import sys
 import warnings
 
@@ -47,12 +49,15 @@ def main(arguments=None):
 def _run(arguments):
     """The exit code."""
     try:
-        return clfur.main(arguments, prog_name="clfur", standalone_mode=False)
+        code = clfur.main(arguments, prog_name="clfur", standalone_mode=False)
+        sys.stdout.flush()   # what fails at the end of the process is told by nobody
+        return code
     except (click.Abort, KeyboardInterrupt):
         return endings.say()
     except OSError as error:   # of stdout itself: a full disk, a closed pipe
         print(f"clfur: error: {error.strerror}", file=sys.stderr)
-        sys.stdout = None
+        with contextlib.suppress(OSError, ValueError):   # what waits there still would be tried again at the end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except MemoryError:
         print("clfur: error: out of memory: ask for a smaller picture, fewer samples or fewer strands", file=sys.stderr)
     except (Error, click.ClickException) as error:
