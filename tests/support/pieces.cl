@@ -100,8 +100,12 @@ BY_HAND __kernel void hidden(
     const Store at_once = {LIGHT_AT_ONCE};
     begin_glow(&glow, &at_once, 0, 0);
 #endif
-    const Picture picture = {samples, has_shells, 1, visible, sample_shells, {places, 1}, body_transmittance, alpha, front,
-                             shell_front, image, &glow};
+    View view;                             // of a row of pixels; where light falls is asked in it
+    view.size = (int4)(1);
+    view.rows = (int4)(0);
+    Picture picture = {samples, has_shells, 1, visible, sample_shells, {places, 1}, body_transmittance, alpha, front,
+                       shell_front, image, &glow};
+    picture.sent.view = &view;
     Pixel pixel;
     Slots slots;
     const uint bound = begin_pixel(&pixel, &picture, i);
