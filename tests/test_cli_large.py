@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.scenes import icosphere
 
-from clfur.command import options, waiting
+from clfur.command import described, waiting
 from clfur.device import caches
 
 
@@ -20,21 +20,21 @@ from clfur.device import caches
 def test_default_density(faces, inner, roots):
     """As fine as 250,000 triangles allow, at most 5: 37 of a face; a strand a face, or fewer strands than faces."""
     none = dict.fromkeys(("inner", "outer", "roots"))
-    assert options.density(none, faces) == {"inner": inner, "outer": inner, "roots": roots}
-    assert options.density(none | {"roots": 7}, faces) == {"inner": inner, "outer": inner, "roots": 7}
+    assert described.density(none, faces) == {"inner": inner, "outer": inner, "roots": roots}
+    assert described.density(none | {"roots": 7}, faces) == {"inner": inner, "outer": inner, "roots": 7}
 
 
 def test_what_is_given_counts():
     given = {"inner": 3, "outer": None, "roots": None}
-    assert options.density(given, 10**6) == {"inner": 3, "outer": 5, "roots": "faces"}
-    assert options.density(given | {"inner": None, "outer": 2}, 10**6) == {"inner": 5, "outer": 2, "roots": "faces"}
-    assert options.density(given | {"roots": "faces", "inner": None}, 10**6)["roots"] == "faces"
+    assert described.density(given, 10**6) == {"inner": 3, "outer": 5, "roots": "faces"}
+    assert described.density(given | {"inner": None, "outer": 2}, 10**6) == {"inner": 5, "outer": 2, "roots": "faces"}
+    assert described.density(given | {"roots": "faces", "inner": None}, 10**6)["roots"] == "faces"
 
 
 @pytest.mark.parametrize("level", range(1, 7))
 def test_triangles_of_a_face(level):
     from clfur.stages.tessellate import counts_of, levels_of
-    assert options.triangles_of_face(level) == counts_of(levels_of(level, level, 1))[1][0]
+    assert described.triangles_of_face(level) == counts_of(levels_of(level, level, 1))[1][0]
 
 
 def test_a_large_mesh(clfur, tmp_path):

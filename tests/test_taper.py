@@ -31,7 +31,7 @@ def test_widths_are_the_twins(gpu, hair):
     kind = clfur.HairType(**{**FINE, **hair})
     grown = clfur.grow(furred(**hair), gpu)
     width = grown.width.reshape(200, -1)
-    expected = twin.widths(kind)
+    expected = twin.widths_along(kind)
     np.testing.assert_allclose(width, np.tile(expected, (200, 1)), rtol=0, atol=2e-7 * kind.widest)
     if kind.root_width == 0:
         assert not width[:, 0].any()
@@ -45,10 +45,10 @@ def test_colours_are_the_twins(gpu, ends):
     scene = furred(color=(.3, .5, .7), **ends)
     grown, kind = clfur.grow(scene, gpu), scene.strands.types[0]
     vary = twin.signed(twin.random3(np.arange(200), 0, 1))[:, :1]
-    expected = twin.shades(kind) * (1 + kind.color_variation * vary)[:, None]
+    expected = twin.colors_along(kind) * (1 + kind.color_variation * vary)[:, None]
     np.testing.assert_allclose(grown.color.reshape(expected.shape), expected, rtol=0, atol=3e-7)
     root, tip = kind.ends
-    np.testing.assert_allclose(twin.shades(kind)[[0, -1]], [root, tip], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(twin.colors_along(kind)[[0, -1]], [root, tip], rtol=0, atol=1e-15)
 
 
 def test_types_without_ends_keep_their_colour_beside_others_that_have(gpu):
@@ -74,7 +74,7 @@ def test_a_strands_area_is_its_widths(gpu, taper):
                         clfur.Camera(eye=(.003, 1, 1000), target=(.003, 1, 0), fov=.2, size=(96, 96)), body_color=None)
     alpha = clfur.render(scene, gpu)[..., 3].sum()
     pixel = 2 * 1000 * np.tan(np.radians(.1)) / 96
-    widths = twin.widths(kind)
+    widths = twin.widths_along(kind)
     area = ((widths[1:] + widths[:-1]) / 2 * .25).sum() / pixel**2
     assert alpha == pytest.approx(area, rel=2e-3)   # width is in 1/256 of a pixel at each end
 

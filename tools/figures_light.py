@@ -48,7 +48,6 @@ def main():
                 scene = clfur.Scene(mesh, strands, camera, body_color=tuple(.6 * part for part in color), **lit)
                 images.append(clfur.render(scene, gpu, settings))
             rows.append((f"{Path(name).stem}, {light}", images))
-    OUT.parent.mkdir(exist_ok=True)
     sheets.sheet(OUT, "Chiang's hair, light from hair to hair", list(COLORS), rows)
 
 

@@ -71,8 +71,8 @@ def environment(log, kernels):
         # Not OCLGRIND_LOG: each new context would begin that file anew, and lose what the others have reported.
         "CLFUR_REPORTS": str(log), "OCLGRIND_MAX_ERRORS": "100000",
         "OCLGRIND_DATA_RACES": "1", "OCLGRIND_UNIFORM_WRITES": "1", "OCLGRIND_UNINITIALIZED": "1",
-        # The optimiser drops reads of what was never set before Oclgrind could see them, and makes shuffles of
-        # vectors with a part left open, at which Oclgrind 21.10 crashes.
+        # The optimiser drops reads of what was never set before Oclgrind could see them, and Oclgrind 21.10 does not
+        # survive all that it makes.
         "OCLGRIND_BUILD_OPTIONS": "-cl-opt-disable",
         "OCLGRIND_NUM_THREADS": "1",   # the stages run at the same time
     }

@@ -112,7 +112,7 @@ def by_mitsuba(asked):
         given = dict(file)
     curves = asked.with_name("hair.txt")
     with curves.open("w", encoding="utf-8") as file:
-        hidden = FLOOR[:2].mean(0) / 2 - (0, .1, 0)   # the last strand, past whose points Mitsuba 3.9.1 reads
+        hidden = FLOOR[:2].mean(0) / 2 - (0, .1, 0)   # a strand more, unseen: Mitsuba 3.9.1 is safe with it
         for p in [*given["points"], hidden + np.linspace(0, .05, 5)[:, None]]:
             for x, y, z in np.concatenate([[2 * p[0] - p[1]], p, [2 * p[-1] - p[-2]]]):
                 file.write(f"{x:.9g} {y:.9g} {z:.9g} {given['width'] / 2:.9g}\n")

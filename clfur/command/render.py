@@ -11,8 +11,9 @@ from .. import Scheduler, draw, over, save
 from ..files.images import check_writable, load_picture
 from ..judge.frontier import label
 from ..scene import backdrop
+from .described import lowered, read_for, sparse
 from .devices import ask_drivers
-from .options import is_scene_file, load_scene, lowered, read_for, scene_options, sparse
+from .options import is_scene_file, load_scene, scene_options
 from .types import Backdrop, Bytes, Names, Real
 from .waiting import waiting
 

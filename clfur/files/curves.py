@@ -15,7 +15,7 @@ from .arrays import read_npy, read_npz, write_npy, write_npz
 from .curve_text import write_mitsuba, write_pbrt
 from .fields import usual_width
 from .hair import read_hair, write_hair
-from .input import read
+from .input import read, size_of
 from .output import is_path, output_path, whole
 from .strand_ply import read_strand_ply, write_strand_ply
 from .tressfx import read_tfx, write_tfx
@@ -31,7 +31,7 @@ WRITERS: dict[str, Callable[[dict], bytes]] = {
 FORMATS = ", ".join((*READERS, *USD))
 OF_ROOTS = "root_uv", "root_normal"
 VALUES: dict[str, tuple] = {"width": (), "color": (3,), "transparency": ()}   # of all, of strands or of points
-SHADES = 255     # of transparency that strands of one file may differ by
+STEPS = 255     # of transparency that strands of one file may differ by
 
 
 def load_curves(path: str | os.PathLike, *, width: float | None = None, color: Any = None, tolerance: float = 0.25,
@@ -49,10 +49,10 @@ def load_curves(path: str | os.PathLike, *, width: float | None = None, color: A
     process on a damaged .usdc.
     """
     given = {"width": None if width is None else checks.real(low=0)(width, "load_curves width"), "color": color}
-    return curves_of(path, {name: value for name, value in given.items() if value is not None}, tolerance, time)
+    return read_curves(path, {name: value for name, value in given.items() if value is not None}, tolerance, time)
 
 
-def curves_of(path: str | os.PathLike, given: dict[str, Any], tolerance: float = 0.25, time: float | None = None
+def read_curves(path: str | os.PathLike, given: dict[str, Any], tolerance: float = 0.25, time: float | None = None
               ) -> Curves:
     """Return the `Curves` of a file; ``given``: fields of theirs where the file says nothing of them."""
     if not is_path(path):
@@ -68,8 +68,8 @@ def curves_of(path: str | os.PathLike, given: dict[str, Any], tolerance: float =
     if suffix not in READERS and suffix not in USD:
         written = ", which is written alone" if suffix in WRITERS else ""
         raise Error(f"{file}: {file.suffix or 'no suffix'} is no strand file{written}; allowed: {FORMATS}")
-    data = read(file)
-    if not data:
+    data = b"" if suffix in USD else read(file)   # usd-core reads for itself
+    if not (data or size_of(file)):
         raise Error(f"{file}: is empty")
     try:
         strands = usd.read(file, tolerance, time) if suffix in USD else READERS[suffix](data, file)
@@ -170,5 +170,5 @@ def _types(clear, counts, look):
         sums = np.concatenate([[0], np.cumsum(clear.ravel())])
         ends = np.cumsum(counts)
         clear = (sums[ends] - sums[ends - counts]) / np.maximum(counts, 1)
-    steps, type_of = np.unique(np.rint(clear.ravel() * SHADES).astype(np.uint8), return_inverse=True)
-    return {"types": [HairType(alpha=float(step) / SHADES, look=look) for step in steps], "type_of": type_of}
+    steps, type_of = np.unique(np.rint(clear.ravel() * STEPS).astype(np.uint8), return_inverse=True)
+    return {"types": [HairType(alpha=float(step) / STEPS, look=look) for step in steps], "type_of": type_of}

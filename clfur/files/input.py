@@ -1,6 +1,7 @@
 """Input files: regular ones alone, and never more of one than a limit; and text of any encoding."""
 
 import codecs
+import contextlib
 import os
 import stat
 from pathlib import Path
@@ -18,6 +19,19 @@ def read(path: Path, limit: int = MAX_BYTES) -> bytes:
 
     A pipe or a device is not opened, as that could wait forever; of a file that grows only what was there is read.
     """
+    with _opened(path, limit) as (file, size):
+        return file.read(size)   # to read up to the limit would take as much memory beforehand
+
+
+def size_of(path: Path, limit: int = MAX_BYTES) -> int:
+    """Return how many bytes a file has that another library reads; raises as `read` does."""
+    with _opened(path, limit) as (_, size):
+        return size
+
+
+@contextlib.contextmanager
+def _opened(path, limit):
+    """Give a regular file, open, and its size."""
     try:
         _regular(path, os.stat(path))
         with open(path, "rb", opener=_open) as file:
@@ -25,7 +39,7 @@ def read(path: Path, limit: int = MAX_BYTES) -> bytes:
             size = os.fstat(file.fileno()).st_size
             if size > limit:
                 raise Error(f"{path}: has {size} bytes; allowed: at most {limit}")
-            return file.read(size)   # to read up to the limit would take as much memory beforehand
+            yield file, size
     except Error:
         raise
     except ValueError:   # a name that holds a zero

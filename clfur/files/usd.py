@@ -166,8 +166,8 @@ def _varying(value, at_each_end, ends, counts, segments, chords):
     first, of = np.cumsum(many) - many, chords.of
     where = chords.where if at_each_end else chords.where * ((many - 1) / segments)[of]
     before = np.minimum(where.astype(np.int64), np.maximum(many - 1, 0)[of])
-    after = np.where(before + 1 < many[of], before + 1, 0 if at_each_end else before)   # periodic: the first again
-    after = np.where((before + 1 >= many[of]) & (ends > segments)[of], before, after)
+    behind = np.where((ends == segments)[of], 0, before)   # of a periodic curve's last the first comes again
+    after = np.where(before + 1 < many[of], before + 1, behind)
     share = (where - before)[:, None]
     return value[first[of] + before] * (1 - share) + value[first[of] + after] * share
 

@@ -210,7 +210,7 @@ def _grown(fur, body, rest):
     points, tangents, counts, colors, kind = strands.grow(
         *roots, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed)
     there = np.arange(points.shape[1]) < counts[:, None]
-    width = np.stack([np.pad(strands.widths(t), (0, there.shape[1] - 1 - t.segments)) for t in fur.types])[kind]
+    width = np.stack([np.pad(strands.widths_along(t), (0, there.shape[1] - 1 - t.segments)) for t in fur.types])[kind]
     return SimpleNamespace(points=np.column_stack([points[there], width[there]]), tangents=tangents[there],
                            counts=counts, colors=colors[there] if colors.ndim == 3 else colors, kind=kind,
                            **_looks(fur.types))

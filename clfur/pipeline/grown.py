@@ -24,7 +24,7 @@ def curves_of(gpu: Any, plan: Plan, origin: np.ndarray) -> Curves:
         width[counts > 0, 0] = points[(np.cumsum(counts) - counts)[counts > 0], 3]
     return Curves(
         points=points[:, :3], counts=counts, width=width, types=fur.types,
-        color=colors[:, :3] if fur.shaded else colors[:, None, :3],
+        color=colors[:, :3] if fur.colored_points else colors[:, None, :3],
         type_of=root_uv[:, 2].astype(np.uint8), root_uv=root_uv[:, :2], root_normal=normals[:, :3],
         inner=fur.inner, outer=fur.outer, surface=fur.surface, seed=fur.seed, lod_by="number",
         origin=origin, bounds=seen_from(bounds_of(scene.mesh, scene.fur, plan.strands), -origin))

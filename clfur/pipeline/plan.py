@@ -487,10 +487,10 @@ class Plan:
         strand, point = (STRAND, POINT) if self.grown else (STRAND + PUT_IN_ORDER, POINT + PACKED)
         if isinstance(fur, Curves) and fur.uniform is None:
             point += RUN
-        if isinstance(fur, Strands) and fur.shaded:
+        if isinstance(fur, Strands) and fur.colored_points:
             point += COLOR
         if self.settings.lod:
-            per_point = fur.shaded if isinstance(fur, Strands) else isinstance(fur, Curves) and (
+            per_point = fur.colored_points if isinstance(fur, Strands) else isinstance(fur, Curves) and (
                 len(fur.color) == len(fur.points))
             strand, point = strand + THIN_STRAND, point + THIN_POINT + COLOR * per_point
         if gpu.steps:

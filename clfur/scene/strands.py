@@ -178,7 +178,7 @@ class Strands:
         return self.types
 
     @property
-    def shaded(self) -> bool:
+    def colored_points(self) -> bool:
         """Whether points have colours of their own, as some type has others at root or tip."""
         return any(kind.root_color is not None or kind.tip_color is not None for kind in self.types)
 

@@ -100,10 +100,10 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
     types, texels = pack_types(fur.types)
     indices = fur.type_indices if fur.type_map is not None else np.zeros((1, 1))
     stride = max(t.segments for t in fur.types) + 1
-    color_per = 2 if fur.shaded else 1
+    color_per = 2 if fur.colored_points else 1
     point_forces = np.array([[*f.position, f.strength] for f in fur.point_forces], np.float32).reshape(-1, 4)
     grown = DeviceStrands.empty(
-        gpu, {"point": n * stride, "strand": n, "color": n * stride if fur.shaded else n, "run": n},
+        gpu, {"point": n * stride, "strand": n, "color": n * stride if fur.colored_points else n, "run": n},
         types=gpu.upload(types), run=stride, first_strand=begin, first_point=begin * stride, color_per=color_per)
     gpu.launch("strands.grow", -(-n // gpu.lanes), n=n, positions=surface.positions,
                normals=surface.normals, uv=surface.uv, triangles=surface.triangles, roots=roots,

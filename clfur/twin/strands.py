@@ -123,7 +123,7 @@ def grow(
         tint = 1 if t.color_texture is None else bilinear(t.color_texture, uv[mine])
         varied = tint * (1 + t.color_variation * vary[:, :1])
         if shaded:
-            colors[mine, :t.segments + 1] = shades(t) * np.broadcast_to(varied, (len(mine), 3))[:, None]
+            colors[mine, :t.segments + 1] = colors_along(t) * np.broadcast_to(varied, (len(mine), 3))[:, None]
         else:
             colors[mine] = t.color * varied
         if t.segments and len(mine):
@@ -143,13 +143,13 @@ def along(t):
     return np.arange(t.segments + 1) / max(t.segments, 1)
 
 
-def widths(t):
+def widths_along(t):
     """Widths [segments + 1] along a type's strands; between root and tip as Schlick's bias (1994) has it."""
     u = along(t)
     return t.width * (t.root_width + (t.tip_width - t.root_width) * u / ((1 / t.taper - 2) * (1 - u) + 1))
 
 
-def shades(t):
+def colors_along(t):
     """Colours [segments + 1, 3] along a type's strands, before what varies and textures."""
     root, tip = (np.asarray(t.color if each is None else each, float) for each in (t.root_color, t.tip_color))
     return root + (tip - root) * along(t)[:, None]
