@@ -35,6 +35,7 @@ from ..stages.coverage import (
     Tiles,
 )
 from ..stages.deep import bytes_of as deep_bytes
+from ..stages.distance import STATES
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.march import Rays
@@ -51,6 +52,7 @@ from ..stages.transport import ASKED, LEAVING
 from ..stages.transport import bytes_of as transport_bytes
 from ..stages.voxelize import CELLS, RESTS
 from .shadows import DeepPlan, plan_deep
+from .sliding import sliding_of
 from .views import Rig
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
@@ -112,8 +114,9 @@ class Plan:
 
     wants_color, others: whether color is an output, and whether others are.  faces, triangles, strands, points: how
     many there are.  body: whether there is one.  rest: the mesh by whose areas strands are spread, if it is another.
-    lobed: the types of strands, where looks of some need tables.  ground: `layout.Ground`, or None.  held: whether the
-    body is a holdout.  painted: its Materials, where it has more than one colour.
+    sliding: `Sliding` of strands along the body, or None.  lobed: the types of strands, where looks of some need
+    tables.  ground: `layout.Ground`, or None.  held: whether the body is a holdout.  painted: its Materials, where it
+    has more than one colour.
     """
 
     def __init__(self, rig: Rig, outputs: Sequence[str]) -> None:
@@ -124,7 +127,7 @@ class Plan:
         if self.seen_through and "coverage" in outputs:   # only light tells it
             self.wants_color = True
         self.grown = isinstance(fur, Strands)
-        self.rest = None
+        self.rest, self.sliding = None, None
         if isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh:
             self.rest = fur.rest
         self.body = mesh is not None and self.scene.body_color is not None
@@ -143,6 +146,8 @@ class Plan:
         if isinstance(fur, Strands):
             self.strands = self.triangles if fur.roots == "faces" else int(fur.roots)
             self.stride = max(t.segments for t in fur.types) + 1
+            if fur.collision and self.strands:
+                self.sliding = sliding_of(mesh, fur)
         else:
             self.strands = len(self._before) - 1
         self.points = self._points(0, self.strands)
@@ -166,7 +171,7 @@ class Plan:
         needed = {
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage,
             "masks": self.uses_coverage and settings.masks, "strands": self.strands,
-            "order": not self.grown and self.strands >= SORTED_FROM,
+            "distance": self.sliding, "order": not self.grown and self.strands >= SORTED_FROM,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "ground": self.ground is not None,
             "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
@@ -446,6 +451,8 @@ class Plan:
         if scene.environment is not None:
             fixed += sky_bytes(self.body, self.ground is not None)
         fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
+        if self.sliding:
+            fixed += self.sliding.bytes
         if self.scatters:
             fixed += transport_bytes(len(self.lobed), self.body)
         if self.is_deep:
@@ -494,7 +501,7 @@ class Plan:
                 len(fur.color) == len(fur.points))
             strand, point = strand + THIN_STRAND, point + THIN_POINT + COLOR * per_point
         if gpu.steps:
-            strand += RESTS.bytes + STAGES.bytes
+            strand += RESTS.bytes + STAGES.bytes + STATES.bytes * bool(self.sliding)
             point += 0 if self.uses_coverage else LEFT.bytes
         if self.uses_coverage:
             strand += Tiles.bytes(strand=1)

@@ -88,8 +88,16 @@ def fur_extent(fur: Any) -> float:
         return float(fur.on_host.width.max()) / 2
     if fur is None:
         return 0.0
-    return max(hair.segments * hair.segment_length * (1 + hair.length_variation)
-               + 2 * hair.curl[0] + hair.wave[0] + hair.widest / 2 for hair in fur.types)
+    return max(_longest(hair, fur.collision) + hair.widest / 2 for hair in fur.types)
+
+
+def _longest(hair, slides):
+    """Return how far from its root a hair can get; one that ``slides`` along the body may be pulled straight."""
+    axis = hair.segments * hair.segment_length * (1 + hair.length_variation)
+    if not slides:
+        return axis + 2 * hair.curl[0] + hair.wave[0]
+    steps = (size * min(2 * hair.segments, 2 * np.pi * abs(turns)) for size, turns in (hair.curl, hair.wave))
+    return axis + sum(steps)
 
 
 @functools.lru_cache(maxsize=2)

@@ -151,10 +151,11 @@ class Strands:
     chooses the type by uv, every colour of which must be the `key` of a type; without it there must be one
     type. roots: "faces" for one strand in each tessellated triangle, or how many to spread evenly by area.
     force: added to the growing direction of all strands; point_forces: PointForce objects, added to it.
-    surface: "pn" for curved PN triangles, or "flat". seed: of all that is random, 0..2**32-1. rest: None, or a Mesh of
-    the same faces as the one that is drawn, by whose areas strands are spread: each then keeps its place on its face in
-    all poses. Without it they are spread by the areas of what is drawn, and strands go to other triangles as these
-    change; where a mesh is but turned, rounding takes a few in ten thousand along.
+    surface: "pn" for curved PN triangles, or "flat". seed: of all that is random, 0..2**32-1. collision: whether growth
+    that would enter the mesh slides along it: segments that would are turned about their beginning, and keep their
+    lengths. rest: None, or a Mesh of the same faces as the one that is drawn, by whose areas strands are spread: each
+    then keeps its place on its face in all poses. Without it they are spread by the areas of what is drawn, and strands
+    go to other triangles as these change; where a mesh is but turned, rounding takes a few in ten thousand along.
 
     `type_indices` uint8 [h, w] is the index into `types` of every pixel of the map (None without a map).
     Raises Error for anything else.
@@ -169,6 +170,7 @@ class Strands:
     point_forces: checks.Given = checks.field(checks.tuple_of(PointForce), default=())
     surface: str = checks.field(checks.choice("pn", "flat"), default="pn")
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)
+    collision: bool = checks.field(checks.flag, default=False, kw_only=True)
     rest: Mesh | None = checks.field(checks.instance(Mesh, none=True), default=None, kw_only=True)
     type_indices: np.ndarray = attrs.field(init=False, repr=False)
 
