@@ -189,8 +189,32 @@ def test_a_signal_that_is_ignored_stays_ignored(tmp_path):
     assert (running.process.returncode, err) == (0, "") and out.startswith("a.png: ")
 
 
+@pytest.mark.parametrize("lost", ["class Lost:\n    def __del__(self):\n        hear()\nLost()",
+                                  "class Lost: pass\nlost = Lost()\nref = weakref.ref(lost, hear)\ndel lost"])
+def test_a_signal_in_a_destructor_is_not_lost(lost):
+    """What is raised there goes nowhere; imports let go of their locks in such places."""
+    code = ("import os, time, weakref\nfrom clfur.command import endings\n"
+            "def hear(*_):\n    os.kill(os.getpid(), 15)\n    time.sleep(0.01)\n"
+            f"try:\n    with endings.raised():\n        exec({lost!r})\n        print('lost', flush=True)\n"
+            "        time.sleep(50)\nexcept endings.Ended:\n    raise SystemExit(endings.say())\n")
+    done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, timeout=40,
+                          env=os.environ | {"PYTHONPATH": str(ROOT)})
+    assert (done.returncode, done.stdout, done.stderr) == (143, "lost\n", "clfur: ended by SIGTERM\n")
+
+
+def test_other_things_that_are_lost_are_told(monkeypatch):
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    with endings.raised():
+        class Wrong:
+            def __del__(self):
+                raise ValueError
+        Wrong()
+    assert [each.exc_type for each in told] == [ValueError] and sys.unraisablehook == told.append
+
+
 def test_signals_within_a_second_are_one(monkeypatch):
-    """One that got lost, in a destructor, can be sent again."""
+    """One that got lost, to whatever, can be sent again."""
     now = [10.0]
     monkeypatch.setattr(endings.time, "monotonic", lambda: now[0])
     monkeypatch.setattr(endings, "_heard", [])

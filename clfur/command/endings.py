@@ -3,11 +3,13 @@
 import os
 import signal
 import sys
+import threading
 import time
 from contextlib import contextmanager, suppress
 
 SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-ONE = 1.0   # seconds: signals that come closer are one; `timeout` sends two
+ONE = 1.0     # seconds: signals that come closer are one; `timeout` sends two
+SOON = 0.05   # seconds, after which one is sent again that got lost
 
 _heard: list[tuple[int, float]] = []   # (number, time) of each signal that counted
 
@@ -36,10 +38,12 @@ def is_command(arguments, original):
 def raised():
     """Within the block, signals raise `Ended`; those that are ignored (nohup) stay ignored."""
     _heard.clear()
-    before = _handle(_raise)
+    before, hook = _handle(_raise), sys.unraisablehook
+    sys.unraisablehook = lambda lost: _again() if lost.exc_type is Ended else hook(lost)
     try:
         yield
     finally:
+        sys.unraisablehook = hook
         for number, handler in before.items():
             signal.signal(number, handler)
 
@@ -74,6 +78,14 @@ def _counts(number):
 def _raise(number, frame):
     if _counts(number):
         raise Ended
+
+
+def _again():
+    """Send the last signal once more: what is raised in a destructor, or as imports let go of their locks, is lost."""
+    number, _ = _heard.pop()
+    again = threading.Timer(SOON, os.kill, (os.getpid(), number))
+    again.daemon = True
+    again.start()
 
 
 def _leave(number, frame):
