@@ -148,6 +148,8 @@ typedef struct {
     lanes curl, curl_cos, curl_sin;              // radius [world], the angle a segment
     lanes wave, wave_cos, wave_sin;              // amplitude [world], the angle a segment
     lanes gain, bias;                            // of width from root to tip [world]; 1 / taper - 2
+    lanes3 comb;                                 // direction along the skin [world]
+    lanes combed;                                // its weight against the normal
     lanes_u number;
     lanes_i segments;                            // -1 where none is drawn
 } Growing;
@@ -237,6 +239,9 @@ INLINED lanes3 push_at(lanes3 p, float4 force, __global const float4 *point_forc
     return push;
 }
 
+/* What maps leave of a type's stiffness at least: of none a strand would have no shape. */
+#define LEAST_STIFFNESS 0x1p-10f
+
 /* What a type makes of a strand that is so many times as long, into a lane. */
 INLINED void put_type(Growing *strands, uint lane, __global const HairType *type, float longer)
 {
@@ -255,8 +260,21 @@ INLINED void put_type(Growing *strands, uint lane, __global const HairType *type
     LANE_I(strands->segments, lane) = type->counts.x ? type->counts.x : -1;
 }
 
+/* What maps on the skin make of it then. */
+INLINED void put_traits(Growing *strands, uint lane, __global const Traits *traits)
+{
+    LANE(strands->length, lane) *= traits->scale.x;
+    LANE(strands->width, lane) *= traits->scale.y;
+    LANE(strands->gain, lane) *= traits->scale.y;
+    LANE(strands->weight, lane) /= max(traits->scale.z, LEAST_STIFFNESS);
+    LANE(strands->curl, lane) *= traits->scale.w;
+    LANE(strands->wave, lane) *= traits->scale.w;
+    LANE(strands->combed, lane) = traits->comb.w;
+    put_lane(&strands->comb, lane, traits->comb);
+}
+
 /* Grow strands from their roots; see `grow`. */
-ONCE void lengthen(const Growing *strands, uint seed, float4 force, __global const float4 *point_forces, uint n_point_forces,
+ONCE void lengthen(const Growing *strands, int has_traits, uint seed, float4 force, __global const float4 *point_forces, uint n_point_forces,
                    uint first, uint here, uint stride, __global float4 *points, __global float4 *strand_normal)
 {
     const Skin skin = skin_of(strands);
@@ -265,7 +283,10 @@ ONCE void lengthen(const Growing *strands, uint seed, float4 force, __global con
     const lanes3 turn = on_skin(&skin, random_vectors(strands->number, seed, 2));
     const lanes3 lean = on_skin(&skin, random_vectors(strands->number, seed, 3));
     lanes3 axis = mean_of(strands, strands->corners);
-    lanes3 direction = units_or(plus(skin.upright, scaled(lean, strands->lean)), skin.upright);
+    lanes3 ahead = skin.upright;
+    if (has_traits)
+        ahead = plus(scaled(ahead, 1.0f - strands->combed), scaled(strands->comb, strands->combed));
+    lanes3 direction = units_or(plus(ahead, scaled(lean, strands->lean)), skin.upright);
     const lanes_i bent = strands->curl > 0.0f | strands->wave > 0.0f;
     const bool any_bent = any_lane(bent), any_tapered = any_lane(strands->gain != 0.0f);
     const lanes steps = greater(TO(lanes, strands->segments), F(1.0f));
@@ -325,6 +346,8 @@ __kernel void grow(
     __global const uint *type_map,         // [height, width] index of the type; nearest texel, v runs up
     const int2 map_size,                   // width, height
     __global const float4 *texels,         // colour textures of all types, linear r, g, b
+    const int has_traits,                  // 0: there are none
+    __global const Traits *traits,         // [strands] what maps on the skin make of them
     const float4 force,
     __global const float4 *point_forces,   // [n_point_forces] position, strength
     const uint n_point_forces,
@@ -372,6 +395,8 @@ __kernel void grow(
         shifts[i] = 0;
         numbers[i] = i;
         put_type(&strands, lane, type, 1.0f + type->curl.w * vary.y);
+        if (has_traits)
+            put_traits(&strands, lane, &traits[i]);
         LANE_U(strands.number, lane) = first_strand + i;
         put_lane(&strands.corners[0], lane, positions[t.x]);
         put_lane(&strands.corners[1], lane, positions[t.y]);
@@ -383,7 +408,7 @@ __kernel void grow(
         LANE(strands.shares[1], lane) = share.y;
         LANE(strands.shares[2], lane) = share.z;
     }
-    lengthen(&strands, seed, force, point_forces, n_point_forces, first, here, stride, points, strand_normal);
+    lengthen(&strands, has_traits, seed, force, point_forces, n_point_forces, first, here, stride, points, strand_normal);
 }
 
 /* One strand of the user's goes to its place in the order: packed arrays -> those of grown strands. */

@@ -103,6 +103,12 @@ HairType = np.dtype([
     ("counts", *_int4),               # segments; texture's first texel, width, height (width 0: none)
 ])
 
+Traits = np.dtype([                   # what maps on the skin make of a strand: factors, 1 where there is none
+    ("scale", *_float4),              # of length, width, stiffness; of curl and wave
+    ("tuft", *_float4),               # of clump strength, of frizz, -, -
+    ("comb", *_float4),               # direction along the skin, at most 1 long; its weight against the normal, 0 to 1
+])
+
 Light = np.dtype([
     ("direction", *_float4),          # unit vector, the way the light travels
     ("color", *_float4),              # linear r, g, b; ambient
@@ -176,8 +182,9 @@ Lobes = np.dtype([                    # how hair of a type scatters light, where
     ("table", *_int4),                   # where its table begins; how many cosines and angles it has, -
 ])
 
-STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Deep": Deep,
-           "Shells": Shells, "Ground": Ground, "OnGround": OnGround, "Material": Material, "Lobes": Lobes}
+STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Traits": Traits, "Light": Light, "Shadow": Shadow,
+           "Grid": Grid, "Deep": Deep, "Shells": Shells, "Ground": Ground, "OnGround": OnGround, "Material": Material,
+           "Lobes": Lobes}
 
 
 def shine(look, alpha, model=None):

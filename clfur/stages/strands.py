@@ -82,21 +82,29 @@ def arrays(strands: DeviceStrands, *names: str) -> dict[str, Any]:
     return {name: getattr(strands, renamed.get(name, name)) for name in names}
 
 
+def roots_of(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None = None,
+             area: tuple[int, int] | None = None, sums: tuple[Any, Any] | None = None) -> tuple[int, Any]:
+    """Where strands of a `clfur.Strands` stand -> (number of the first, `ROOTS`); the rest as `grow` has it."""
+    on_faces = fur.roots == "faces"
+    first = surface.first_triangle if on_faces else 0
+    begin, end = strands or (first, first + len(surface.triangles) if on_faces else fur.roots)
+    return begin, (_roots_on_faces if on_faces else _roots_by_area)(gpu, surface, fur, begin, end - begin, area, sums)
+
+
 def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None = None,
-         area: tuple[int, int] | None = None, sums: tuple[Any, Any] | None = None) -> DeviceStrands:
+         area: tuple[int, int] | None = None, sums: tuple[Any, Any] | None = None,
+         traits_of: Any = None) -> DeviceStrands:
     """Grow `clfur.Strands` on a tessellated `Surface` -> `DeviceStrands`.
 
     A root stands in the middle of every triangle, or ``fur.roots`` of them uniformly by area (in strata: strand
     i in the i-th part of the area).  The growth loop is the report's (section 2.1.3), each strand alone.
     ``strands``: which, (first, one past the last), if not all.  ``area``: (of the triangles before those of the
     surface, of all triangles), if the surface is a part of the whole; see `area_sums`.  ``sums``: what that gives of
-    the same triangles of a mesh in rest, if they are spread by its areas.
+    the same triangles of a mesh in rest, if they are spread by its areas.  ``traits_of``: a function of the roots,
+    `ROOTS`, that gives what maps on the skin make of each strand, [strands] `layout.Traits`.
     """
-    roots_of = _roots_on_faces if fur.roots == "faces" else _roots_by_area
-    first = surface.first_triangle if fur.roots == "faces" else 0
-    begin, end = strands or (first, first + len(surface.triangles) if fur.roots == "faces" else fur.roots)
-    n = end - begin
-    roots = roots_of(gpu, surface, fur, begin, n, area, sums)
+    begin, roots = roots_of(gpu, surface, fur, strands, area, sums)
+    n, traits = len(roots), gpu.empty(0, layout.Traits) if traits_of is None else traits_of(roots)
     types, texels = pack_types(fur.types)
     indices = fur.type_indices if fur.type_map is not None else np.zeros((1, 1))
     stride = max(t.segments for t in fur.types) + 1
@@ -108,8 +116,9 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
     gpu.launch("strands.grow", -(-n // gpu.lanes), n=n, positions=surface.positions,
                normals=surface.normals, uv=surface.uv, triangles=surface.triangles, roots=roots,
                type_map=gpu.upload(indices.astype(np.uint32)), map_size=indices.shape[::-1], texels=gpu.upload(texels),
-               force=(*fur.force, 0), point_forces=gpu.upload(point_forces), n_point_forces=len(point_forces),
-               seed=fur.seed, stride=stride,
+               has_traits=traits_of is not None, traits=traits, force=(*fur.force, 0),
+               point_forces=gpu.upload(point_forces), n_point_forces=len(point_forces), seed=fur.seed,
+               stride=stride,
                **arrays(grown, "first_strand", "types", "points", "spans", "strand_of", "stored", "shifts",
                         "numbers", "color_per", "colors", "strand_normal", "strand_uv"))
     return grown

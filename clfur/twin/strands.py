@@ -104,6 +104,7 @@ def grow(
     force=(0, 0, 0),
     point_forces=(),       # objects with position and strength
     seed=0,
+    traits=None,           # what maps make of the strands: scale and comb [N, 4], as layout.Traits has them
 ):
     """Grow every strand: (points [N, S, 3], tangents [N, S, 3], counts [N], colors [N, 3], kind [N]).
 
@@ -127,12 +128,18 @@ def grow(
         else:
             colors[mine] = t.color * varied
         if t.segments and len(mine):
-            up = frame[mine, 2]
+            up, bent = frame[mine, 2], np.ones((len(mine), 1))
+            length, weight = t.segment_length * (1 + t.length_variation * vary[:, 1]), t.force_weight
+            ahead = up
+            if traits is not None:
+                comb, bent = traits["comb"][mine].astype(float), traits["scale"][mine, 3:].astype(float)
+                ahead = up + comb[:, 3:] * (comb[:, :3] - up)
+                length = length * traits["scale"][mine, 0]
+                weight = weight / np.maximum(traits["scale"][mine, 2:3], 2.0**-10)
             lean, turn = (np.einsum("na,nax->nx", signed(random3(mine, seed, use)), frame[mine]) for use in (3, 2))
-            axis, ahead = axes(root[mine], unit_or(up + t.direction_variation * lean, up), t.segments,
-                               t.segment_length * (1 + t.length_variation * vary[:, 1]), t.force_weight,
-                               force, point_forces)
-            line = axis + offsets(ahead, turn, frame[mine], t.curl, t.wave)
+            axis, ahead = axes(root[mine], unit_or(ahead + t.direction_variation * lean, up), t.segments,
+                               length, weight, force, point_forces)
+            line = axis + bent[:, :, None] * offsets(ahead, turn, frame[mine], t.curl, t.wave)
             points[mine, :t.segments + 1] = line
             tangents[mine, :t.segments + 1] = tangents_of(line, ahead[:, 0])
     return points, tangents, np.where(segments[kind] > 0, segments[kind] + 1, 0), colors, kind
