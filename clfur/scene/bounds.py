@@ -88,7 +88,7 @@ def fur_extent(fur: Any) -> float:
         return float(fur.on_host.width.max()) / 2
     if fur is None:
         return 0.0
-    return max(hair.segments * hair.segment_length * (1 + hair.length_variation)
+    return max(hair.full_length * (1 + hair.length_variation)
                + 2 * hair.curl[0] + hair.wave[0] + hair.widest / 2 for hair in fur.types)
 
 
@@ -106,7 +106,7 @@ def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]
         return len(fur.points), length, length * float(fur.width.max())
     types = fur.types
     # Curl and wave hold a point within this distance of its axis; from one point to the next it may cross all of it.
-    lengths = [t.segments * (t.segment_length * (1 + t.length_variation) + 2 * (2 * t.curl[0] + t.wave[0]))
+    lengths = [t.segments * (t.step * (1 + t.length_variation) + 2 * (2 * t.curl[0] + t.wave[0]))
                for t in types]
     return (strands * max(t.segments for t in types), strands * max(lengths),
             strands * max(length * t.widest for length, t in zip(lengths, types)))
