@@ -336,13 +336,14 @@ __kernel void wind(
         return;
     const float4 up = strand_normal[i];
     const float4 turn = random_on_skin(up, positions, triangles[stand_on[i].x], first_strand + i, seed, 2);
-    float4 before = points[span.x], direction = up, side = 0.0f;
+    float4 before = points[span.x], axis = points[span.x + 1];
+    float4 direction = unit_or((float4)((axis - before).xyz, 0.0f), up);
+    float4 side = unit_or(cross3(direction, turn), unit_or(cross3(direction, up), up));
     float2 round_curl = (float2)(1.0f, 0.0f), round_wave = (float2)(1.0f, 0.0f);   // cosine, sine of the angle so far
     for (uint k = 1; k < span.y; ++k) {
-        const float4 axis = points[span.x + k], step = (float4)((axis - before).xyz, 0.0f);
-        direction = unit_or(step, direction);
-        side = k == 1 ? unit_or(cross3(direction, turn), unit_or(cross3(direction, up), up))
-                      : unit_or(side - dot3(side, direction) * direction, side);
+        const float4 after = points[span.x + (k + 1 < span.y ? k + 1 : k)];
+        direction = unit_or((float4)((after - before).xyz, 0.0f), direction);
+        side = unit_or(side - dot3(side, direction) * direction, side);
         round_curl = (float2)(round_curl.x * type.curl.y - round_curl.y * type.curl.z,
                               round_curl.x * type.curl.z + round_curl.y * type.curl.y);
         round_wave = (float2)(round_wave.x * type.wave.y - round_wave.y * type.wave.z,
@@ -351,5 +352,6 @@ __kernel void wind(
             + curl * round_curl.y * cross3(direction, side);
         points[span.x + k].xyz = (axis + off).xyz;
         before = axis;
+        axis = after;
     }
 }

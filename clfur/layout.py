@@ -96,10 +96,11 @@ View = np.dtype([                     # a camera: world -> (x, y, e, 1)·w, pixe
 
 HairType = np.dtype([
     ("color", *_float4),              # linear r, g, b; color_variation
-    ("shape", *_float4),              # segment_length, width [world], force_weight, direction_variation
+    ("shape", *_float4),              # length of a segment, width [world], force_weight, direction_variation
     ("curl", *_float4),               # radius [world], cos and sin of the angle a segment, length_variation
-    ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment, -
-    ("taper", *_float4),              # shares of the width: at the root, gained to the tip; 1 / taper - 2; -
+    ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment; softness, see strands.cl
+    ("taper", *_float4),              # shares of the width: at the root, gained to the tip; 1 / taper - 2; sub-steps a
+                                      # segment, 0: by the report's rule
     ("root", *_float4),               # linear r, g, b there, -; where points have colours
     ("tip", *_float4),
     ("shine", *_float4),              # two numbers of its model, in most specular and exponent; alpha; MODELS

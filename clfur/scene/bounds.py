@@ -92,7 +92,7 @@ def fur_extent(fur: Any) -> float:
     if fur is None:
         return 0.0
     return max((reach_of(fur.guides)[0] * (hair.segments > 0) if fur.guides is not None
-                else hair.segments * hair.segment_length * (1 + hair.length_variation))
+                else hair.full_length * (1 + hair.length_variation))
                + 2 * hair.curl[0] + hair.wave[0] + hair.widest / 2 for hair in fur.types)
 
 
@@ -110,7 +110,7 @@ def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]
         return len(fur.points), length, length * float(fur.width.max())
     types = fur.types
     # Curl and wave hold a point within this distance of its axis; from one point to the next it may cross all of it.
-    lengths = [(t.segments * t.segment_length * (1 + t.length_variation) if fur.guides is None
+    lengths = [(t.segments * t.step * (1 + t.length_variation) if fur.guides is None
                 else reach_of(fur.guides)[1]) + t.segments * 2 * (2 * t.curl[0] + t.wave[0]) for t in types]
     return (strands * max(t.segments for t in types), strands * max(lengths),
             strands * max(length * t.widest for length, t in zip(lengths, types)))

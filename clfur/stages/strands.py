@@ -11,6 +11,7 @@ from ..layout import Arrays, array
 from .order import order
 from .tessellate import Surface, as_float4
 
+LEAST_STEPS, VARIED_STEPS, MOST_STEPS = 8, 32, 64   # in which a strand grows by the law
 SORTED_FROM = 4096   # strands of the user's: fewer are near each other in memory anyway
 AREA = layout.Declared("triangle", np.uint64)   # running sums of triangles' areas, by which roots are spread
 
@@ -107,7 +108,8 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
     begin, roots = roots_of(gpu, surface, fur, strands, area, sums) if strands is None or roots is None else (
         strands[0], roots)
     n, traits = len(roots), gpu.empty(0, layout.Traits) if traits_of is None else traits_of(roots)
-    types, texels = pack_types(fur.types)
+    pull = float(np.linalg.norm(fur.force)) + sum(abs(each.strength) for each in fur.point_forces)
+    types, texels = pack_types(fur.types, pull, traits_of is not None or len(fur.point_forces) > 0)
     indices = fur.type_indices if fur.type_map is not None else np.zeros((1, 1))
     stride = max(t.segments for t in fur.types) + 1
     color_per = 2 if fur.colored_points else 1
@@ -174,16 +176,27 @@ def _per(length, strands, points):
     return 0 if length == 1 else 1 if length == strands else 2
 
 
-def pack_types(types: Any) -> tuple[np.ndarray, np.ndarray]:
-    """`clfur.HairType`s -> ([types] layout.HairType, texels of their textures [N, 4] float32)."""
+def substeps_of(kind: Any, pull: float, is_varied: bool) -> int:
+    """Steps a segment in which a type's strands grow by the law: two for each radian by which forces of size ``pull``
+    could turn them, within limits; as many in all however many segments these are.  ``is_varied``: forces or softness
+    are not the same everywhere."""
+    least = VARIED_STEPS if is_varied else LEAST_STEPS
+    return -(-int(min(max(2 * pull / kind.stiffness, least), MOST_STEPS)) // max(kind.segments, 1))
+
+
+def pack_types(types: Any, pull: float = 0.0, is_varied: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """`clfur.HairType`s -> ([types] layout.HairType, texels of their textures [N, 4] float32); the rest as
+    `substeps_of` has it."""
     packed = np.zeros(len(types), layout.HairType)
     texels: list[np.ndarray] = []
     for row, t in zip(packed, types):
         row["color"] = *t.color, t.color_variation
-        row["shape"] = t.segment_length, t.width, t.force_weight, t.direction_variation
+        substeps = 0 if t.stiffness is None else substeps_of(t, pull, is_varied)
+        softness = 0.5 / (t.stiffness * max(t.segments, 1) * substeps) if substeps else 0.0
+        row["shape"] = t.step, t.width, t.force_weight or 0, t.direction_variation
         row["curl"] = t.curl[0], *_turn(t.curl[1], t.segments), t.length_variation
-        row["wave"] = t.wave[0], *_turn(t.wave[1], t.segments), 0
-        row["taper"] = t.root_width, t.tip_width - t.root_width, 1 / t.taper - 2, 0
+        row["wave"] = t.wave[0], *_turn(t.wave[1], t.segments), softness
+        row["taper"] = t.root_width, t.tip_width - t.root_width, 1 / t.taper - 2, substeps
         row["root"][:3], row["tip"][:3] = t.ends
         row["shine"], row["lobes"] = layout.shine(t.look, t.alpha), t.look.lobes
         row["counts"] = t.segments, sum(map(len, texels)), 0, 0

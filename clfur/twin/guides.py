@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from .strands import offsets, random3, signed, unit_or
+from .strands import offsets, random3, sides_of, signed, unit_or
 
 
 def feet(places, positions, faces):
@@ -106,10 +106,11 @@ def between(
         ways = [turned(at_shares(guides[g], (.25, .5, 1)), normals[g], up) for g in some]
         weight = weights(away[i, :len(some)], away[i, blended]) * [together(ways[0], way, parting) for way in ways]
         axis = np.einsum("g,gsx->sx", weight, shapes) / weight.sum() + root[i]
-        ahead = np.diff(axis, axis=0)
-        ahead = unit_or(ahead, frame[i, 2])[None]
+        k = np.arange(segments[i] + 1)
+        ahead = unit_or(axis[np.minimum(k + 1, segments[i])] - axis[np.maximum(k - 1, 0)], frame[i, 2])[None]
+        side = unit_or(np.cross(ahead[:, 0], turn[[i]] @ frame[i]), frame[i, 2])
         bent = 1 if traits is None else float(traits["scale"][i, 3])
-        aside = offsets(ahead, (turn[i] @ frame[i])[None], frame[[i]], t.curl, t.wave)[0]
+        aside = offsets(ahead[:, 1:], sides_of(ahead, side)[:, 1:], t.curl, t.wave)[0]
         points[i, :segments[i] + 1] = axis + bent * aside
     return points
 
