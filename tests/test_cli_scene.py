@@ -137,7 +137,7 @@ def test_a_preset_that_the_scene_refuses():
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
            "--types": "a.json", "--curl": "0,0", "--look": "chiang", "--wave": "0,0", "--raster": "samples",
            "--lod": 0.5, "--tip-width": 1, "--root-color": "1,1,1", "--tip-color": "1,1,1",
-           "--masks": 0, "--scattering": "off", "--hair": "a.npz"}
+           "--masks": 0, "--scattering": "off", "--hair": "a.npz", "--guides": "a.npz", "--parting": 30}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 1, "--noise": "0.5,8",
           "--wind": "0,0,0", "--time": 0, "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
@@ -176,10 +176,11 @@ def test_each_option_is_of_strands_or_of_shells_or_of_both():
     for fur in ("strands", "shells"):
         alone = {"strands": STRANDS, "shells": SHELLS}[fur]
         for flag, value in ({**alone, **SHARED, "--fur": fur}).items():
-            if flag not in ("--type-map", "--types", "--body-texture", "--hair"):
+            if flag not in ("--type-map", "--types", "--body-texture", "--hair", "--guides", "--parting"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
-    for flag in "--type-map", "--types", "--body-texture", "--hair", "--view", "--force-weight":   # of two
+    for flag in ("--type-map", "--types", "--body-texture", "--hair", "--view", "--force-weight", "--guides",
+                 "--parting"):   # of two
         del everything[flag]
     load("sphere", *(part for option in everything.items() for part in option))
 

@@ -17,6 +17,7 @@ from ..scene.checks import vector
 from ..scene.strands import LAW
 from .types import from_hex, light_of, look_of
 
+SEGMENTS, MOST_SEGMENTS = 8, 64   # of a strand: at least, and where guides have as many points
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
 
@@ -24,6 +25,7 @@ LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it 
 def scene_of(mesh, options):
     """The scene of a mesh that the options describe."""
     options = options | {"rest": None if options["rest"] is None else read_for("--rest", load_mesh, options["rest"])}
+    options |= _guided(options)
     _, radius = (options["rest"] or mesh).bounds   # hair is as long in every pose
     kind, length = options["fur"], options["length"]
     if length is None:
@@ -55,6 +57,14 @@ def scene_of(mesh, options):
         camera = attrs.evolve(camera, fov=fov)
     return Scene(mesh=mesh, fur=fur, camera=camera, light=lights, environment=options["sky"],
                  body=options["body"], ground=ground, **_body_color(options))
+
+
+def _guided(options):
+    """{"guides": the Curves of the file that they name, "segments"}: as many as guides have where it is not told."""
+    guides = options["guides"] and read_for("--guides", lambda path: read_curves(path, {}), options["guides"])
+    longest = int(guides.counts.max(initial=0)) - 1 if guides else 0
+    known = options["segments"]
+    return {"guides": guides, "segments": min(max(SEGMENTS, longest), MOST_SEGMENTS) if known is None else known}
 
 
 def read_for(flag, read, path):
@@ -146,6 +156,8 @@ def _strands(options, length, radius, faces):
         "look": options.get("look"),
         **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), options["variation"]),
     }
+    if options["guides"] is not None:   # which lean as they are told to
+        hair["direction_variation"] = 0
     law = {"length": length, "stiffness": options["stiffness"] or LAW["stiffness"]}
     rule = {"segment_length": length / max(options["segments"], 1),
             "force_weight": 0.2 if options["force_weight"] is None else options["force_weight"]}
@@ -156,7 +168,8 @@ def _strands(options, length, radius, faces):
         types=[_hair_type(hair, {})] if options["types"] is None else read_for(
             "--types", lambda path: _hair_types(path, hair), options["types"]),
         type_map=None if options["type_map"] is None else _type_map(options["type_map"]),
-        **density(options, faces), **{name: options[name] for name in ("surface", "force", "seed", "rest")})
+        **density(options, faces),
+        **{name: options[name] for name in ("surface", "force", "seed", "rest", "guides", "parting")})
 
 
 def _hair(options, length, radius, faces):

@@ -308,12 +308,10 @@ def _stand(gpu, plan):
 
 def _grow(gpu, plan, part):
     if plan.grown:
-        known = plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
-                                       functools.partial(_resting, gpu, plan, part.faces))
-        where = _surface(gpu, plan, part.faces), plan.scene.strands
-        what = part.strands, part.area, known
-        return grow(gpu, *where, *what) if plan.guides is None else guides.between(
-            gpu, *where, standing(gpu, plan)[0], *what)
+        make = grow if plan.guides is None else functools.partial(guides.between, guides=standing(gpu, plan)[0])
+        return make(gpu, _surface(gpu, plan, part.faces), plan.scene.strands, part.strands, part.area,
+                    plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
+                                           functools.partial(_resting, gpu, plan, part.faces)))
     return upload_curves(gpu, plan.scene.strands, part.strands)
 
 
