@@ -2,7 +2,7 @@
 
 import functools
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
@@ -18,10 +18,11 @@ from .pipeline.grown import curves_of
 from .pipeline.picture import OUTPUTS, Frame, draw_frame
 from .pipeline.plan import Plan
 from .pipeline.views import Rig
-from .scene import Curves, Scene, Strands, highlighted
+from .scene import Camera, Curves, Scene, Strands, highlighted
+from .scene.origin import copied
 from .settings import Settings
 
-__all__ = ["OUTPUTS", "Frame", "draw", "grow", "render", "schedulers"]
+__all__ = ["OUTPUTS", "Frame", "draw", "frames", "grow", "render", "schedulers"]
 
 
 def render(scene: Scene, device: Any = None, settings: Settings | None = None,
@@ -74,6 +75,29 @@ def draw(scene: Scene, device: Any = None, settings: Settings | None = None, out
         for gpu in team.gpus:
             gpu.start()
         return replace(draw_frame(team, drawn, chosen.settings, outputs, hashes), error=chosen.error, why=chosen.why)
+
+
+def frames(scene: Scene, cameras: Iterable[Camera], device: Any = None, settings: Settings | None = None,
+           outputs: Sequence[str] = ("color",)) -> Iterator[Frame]:
+    """Draw a `Scene` from one camera after the other -> an iterator of a `Frame` each, drawn when it is asked for.
+
+    ``cameras``: `Camera`s, in place of the scene's own; other arguments and errors as for `draw`. What hangs on no
+    camera stays on the device: strands, body and shells, a sky, and the lights' grids and maps as long as all that is
+    drawn is in the picture (else they are fitted anew to what is, so that shadows stay as sharp as they are nearby).
+    With `Settings.lod` the camera thins the strands, and with ``max_error`` or ``seconds`` settings are chosen for
+    each.
+    """
+    _check_scene(scene)
+    if isinstance(cameras, (str, dict, Camera)) or not isinstance(cameras, Iterable):
+        raise Error(f"cameras is {shown(cameras)}; allowed: a list or another iterable of clfur.Camera")
+    return _frames(scene, cameras, schedulers(device), settings, outputs)
+
+
+def _frames(scene, cameras, gpus, settings, outputs):
+    for number, camera in enumerate(cameras):
+        if not isinstance(camera, Camera):
+            raise Error(f"cameras[{number}] is {shown(camera)}; allowed: a clfur.Camera")
+        yield draw(copied(scene, camera=camera), gpus, settings, outputs)
 
 
 def _check_scene(scene):
