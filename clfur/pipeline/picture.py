@@ -17,11 +17,14 @@ from ..stages import march, shells
 from ..stages.blur import blur, blur_radius
 from ..stages.lighting import unshadowed
 from . import build
+from .mattes import TOLD, UNIT, positions
 from .passes import Band, Coverage, Front, Samples
 from .plan import Plan
 from .views import Rig
 
-OUTPUTS = {"color": 4, "depth": None, "id": None, "tangent": 3, "normal": 3, "uv": 2, "coverage": None}
+# How many of four values of a pixel on the device are an output's, None: it has one; more are told on the host.
+OUTPUTS = {"color": 4, "depth": None, "id": None, "tangent": 3, "normal": 3, "uv": 2, "coverage": None,
+           "position": None} | dict.fromkeys(TOLD)
 
 
 @dataclass(frozen=True)
@@ -104,12 +107,19 @@ class Picture:
         self.warnings = plan.warnings   # what is known to be wrong in the picture
         self.digests: dict[str, str] = {}
         self._images: dict[str, np.ndarray] = {}
+        self._areas = np.zeros(plan.strands if "strand_area" in outputs else 0)
         self.strands = (Coverage if plan.uses_coverage else Samples)(plan, team)
         self._visibility = [hashlib.sha256() for _ in range(self.strands.digests)]
 
     def read(self, gpu: Any, band: Band, front: Front, found: dict) -> tuple:
         """What `draw_band` gives: the outputs that are ``found``, on the host."""
-        images = {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in self.outputs}
+        images = {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in self.outputs
+                  if name in found}
+        if "position" in self.outputs:
+            depth = images["depth"] if "depth" in images else gpu.download(found["depth"])
+            images["position"] = positions(self.plan.scene.camera, depth, band.rows[0])
+        if self.plan.tells:
+            images |= self.strands.tell(gpu, band, front)
         if self.plan.seen_through and "coverage" in images:   # what color's alpha is
             images["coverage"] = np.ascontiguousarray(gpu.download(found["color"])[..., 3])
         return band.rows, images, self.strands.hashed(gpu, band, front) if self.hashes else []
@@ -119,6 +129,8 @@ class Picture:
         height = self.plan.scene.camera.size[1]
         for digest, each in zip(self._visibility, bits):
             digest.update(each)
+        if "strand_area" in images:
+            self._areas += images.pop("strand_area")
         for name, image in images.items():
             if len(image) == height:
                 self._images[name] = image
@@ -143,6 +155,8 @@ class Picture:
     def frame(self, seconds: float) -> Frame:
         """The `Frame`, after so many seconds."""
         plan, team = self.plan, self.team
+        if "strand_area" in self.outputs:
+            self._images["strand_area"] = (self._areas / UNIT).astype(np.float32)
         if self.hashes:
             whole = b"".join(digest.digest() for digest in self._visibility)
             self.digests["visibility"] = hashlib.sha256(whole).hexdigest()
@@ -153,7 +167,8 @@ class Picture:
                 stages[name] = stages.get(name, 0.0) + spent
         names, memory = " + ".join(gpu.name for gpu in team.gpus), sum(gpu.peak for gpu in team.gpus)
         triangles = plan.triangles if plan.body else 0
-        return Frame(self._images, names, triangles, strands, segments, seconds, stages, memory, self.digests,
+        images = {name: self._images[name] for name in self.outputs}
+        return Frame(images, names, triangles, strands, segments, seconds, stages, memory, self.digests,
                      plan.settings, building=max(gpu.held_up for gpu in team.gpus))
 
     def _tally(self, gpu):
