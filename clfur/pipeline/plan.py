@@ -16,6 +16,7 @@ import numpy as np
 from .. import layout
 from ..errors import Error
 from ..scene import Curves, Strands
+from ..scene.maps import planes
 from ..stages.blur import blur_radius
 from ..stages.chiang import bytes_of, of_model
 from ..stages.coverage import (
@@ -37,6 +38,8 @@ from ..stages.coverage import (
 from ..stages.deep import bytes_of as deep_bytes
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
+from ..stages.maps import TRAITS
+from ..stages.maps import bytes_of as bytes_of_planes
 from ..stages.march import Rays
 from ..stages.order import Order
 from ..stages.raster import LEFT, VISIBLE
@@ -166,6 +169,7 @@ class Plan:
         needed = {
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage,
             "masks": self.uses_coverage and settings.masks, "strands": self.strands,
+            "maps": self.planes and self.strands,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "ground": self.ground is not None,
@@ -425,6 +429,14 @@ class Plan:
                 f"to {self._face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, {furry}"
                 f"and {lines} of {width} pixels{dense}; allowed: {smaller}")
 
+    @property
+    def planes(self) -> tuple | None:
+        """What the skin says of the strands that grow on it, `scene.maps.planes`; None where nothing."""
+        fur = self.scene.strands
+        if not isinstance(fur, Strands) or not (fur.maps or fur.comb):
+            return None
+        return planes(self.scene.mesh, fur.maps, fur.comb)
+
     @functools.cached_property
     def _shells(self):
         """Bytes on the device of shell fur."""
@@ -446,6 +458,7 @@ class Plan:
         if scene.environment is not None:
             fixed += sky_bytes(self.body, self.ground is not None)
         fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
+        fixed += bytes_of_planes(self.planes or ())
         if self.scatters:
             fixed += transport_bytes(len(self.lobed), self.body)
         if self.is_deep:
@@ -489,6 +502,7 @@ class Plan:
             point += RUN
         if isinstance(fur, Strands) and fur.colored_points:
             point += COLOR
+        strand += TRAITS.bytes * bool(self.planes)
         if self.settings.lod:
             per_point = fur.colored_points if isinstance(fur, Strands) else isinstance(fur, Curves) and (
                 len(fur.color) == len(fur.points))
