@@ -72,7 +72,7 @@ __kernel void traits(
         found[k] = value_at(maps[k], tiles, texels, values, root, k < SKIN_WAY ? 1.0f : 0.0f);
 
     const uint chance = random3(first_strand + (uint)i, seed, USE).x >> 8;
-    const float length = chance * 0x1p-24f < found[SKIN_DENSITY] ? found[SKIN_LENGTH] : 0.0f;
+    const float length = chance * 0x1p-24f < found[SKIN_DENSITY] * found[SKIN_ON] ? found[SKIN_LENGTH] : 0.0f;
     float4 comb = (float4)(0.0f);
     if (maps[SKIN_WAY].kind.x != PER_NONE) {
         const float4 a = positions[t.x], b = area_scale * (positions[t.y] - a), c = area_scale * (positions[t.z] - a);

@@ -57,7 +57,7 @@ CONSTANTS = {
 MODELS = {"kajiya-kay": 0, "half-vector": 1, "turned": 2, "chiang": 3}
 
 # What has a value on the skin for a strand, in the order of `SkinMap`s; of ways there are three.
-SKIN = "density", "length", "width", "clump", "curl", "stiffness", "way"
+SKIN = "density", "on", "length", "width", "clump", "curl", "stiffness", "way"
 CONSTANTS |= {f"SKIN_{name.upper()}": number for number, name in enumerate(SKIN)} | {"SKIN_MAPS": len(SKIN) + 2}
 PER = "none", "picture", "face", "corner"   # what a map on the skin has numbers for
 CONSTANTS |= {f"PER_{name.upper()}": number for number, name in enumerate(PER)}

@@ -10,7 +10,7 @@ from ..errors import Error
 from . import checks
 from .mesh import Mesh
 
-NAMES = "density", "length", "width", "clump", "curl", "stiffness"
+NAMES = "density", "on", "length", "width", "clump", "curl", "stiffness"
 FACTOR = 16.0             # at most, of what multiplies
 TEXELS = 2**27            # of all tiles of a picture, as many as a picture that is read may have
 TILES = 1001, 9999        # numbers of UDIM tiles: 1001 + column + 10 row, columns 0 to 9
@@ -106,7 +106,8 @@ class Maps:
     """What the skin says of its hair, each None or numbers of 0 or more that multiply what a type says.
 
     density: 0..1, the share of strands that stand there; which ones is each strand's own random number, so that all
-    others keep their places, and more density only adds. length (0: bald), width, curl (of wave, too), stiffness: up to
+    others keep their places, and more density only adds. on: 0..1, the same once more, such as `Mesh.mask` of a group's
+    name: both are multiplied. length (0: bald), width, curl (of wave, too), stiffness: up to
     16. clump: 0..1, how strong tufts are.
 
     Each is a grey picture [h, w], looked up by uv (rows from the top, v upwards, between four pixels, repeating); or
@@ -117,6 +118,7 @@ class Maps:
     """
 
     density: checks.Given = checks.field(checks.optional(grey(1.0)), default=None, kw_only=True)
+    on: checks.Given = checks.field(checks.optional(grey(1.0)), default=None, kw_only=True)
     length: checks.Given = checks.field(checks.optional(grey(FACTOR)), default=None, kw_only=True)
     width: checks.Given = checks.field(checks.optional(grey(FACTOR)), default=None, kw_only=True)
     clump: checks.Given = checks.field(checks.optional(grey(1.0)), default=None, kw_only=True)

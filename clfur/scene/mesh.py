@@ -38,32 +38,30 @@ class Numbering:
     corners: uint32 [G, 3] which vertex is at each corner of the given triangles. vertices: how many there are. face_of:
     int64 [G] which face each triangle is of, as several are of a file's polygon, or None where each is one. faces: how
     many there are.
-    label_of: None, or int64 [faces] the place in `labels` of what each is called. labels: tuples of names: of groups,
-    objects and materials. colors: None, or float32 [vertices, 3 or 4], 0 to 1 without a curve.
+    labels: pairs, of groups, of objects and of materials: tuples of names, and int64 [faces] which of these are each
+    face's. colors: None, or float32 [vertices, 3 or 4], 0 to 1 without a curve.
     """
 
     corners: np.ndarray
     vertices: int
     face_of: np.ndarray | None
     faces: int
-    label_of: np.ndarray | None = None
     labels: tuple = ()
     colors: np.ndarray | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
         """What `mask` takes: names of faces in the order of the file, and red, green, blue, alpha of vertex colours."""
-        of_colors = CHANNELS[:0 if self.colors is None else self.colors.shape[1]]
-        return tuple(dict.fromkeys((*(name for names in self.labels for name in names), *of_colors)))
+        of_faces = (name for kind, _ in self.labels for names in kind for name in names)
+        return tuple(dict.fromkeys((*of_faces, *CHANNELS[:0 if self.colors is None else self.colors.shape[1]])))
 
     def mask(self, name: str) -> dict[str, np.ndarray]:
-        """Where the skin is called so, as `Maps` take it: {"face": float32 [faces]} of 0 and 1, or {"vertex": float32
-        [vertices]} of a channel of vertex colours. Raises Error for a name that is not there."""
-        if name in (each for names in self.labels for each in names):
-            called = np.array([name in names for names in self.labels], np.float32)
-            return {"face": called[np.asarray(self.label_of)]}
-        if name in self.names:
-            return {"vertex": np.asarray(self.colors)[:, CHANNELS.index(name)]}
+        """As `Mesh.mask`, of one name."""
+        found = [np.array([name in names for names in kind])[which] for kind, which in self.labels if len(kind)]
+        if any(each.any() for each in found):
+            return {"face": np.any(found, axis=0).astype(np.float32)}
+        if self.colors is not None and name in CHANNELS[:self.colors.shape[1]]:
+            return {"vertex": self.colors[:, CHANNELS.index(name)]}
         listed = ", ".join(self.names[:20]) + (", ..." if len(self.names) > 20 else "")
         raise Error(f"the mesh has no group, object, material or vertex colour {name!r:.60}; allowed: "
                     + (listed or "none, as it names none"))
@@ -273,6 +271,17 @@ class Mesh:
         corner = first[used][good]
         mean = _unit_unless_cancelled(_sums(given, corner, count), np.bincount(corner, minlength=count))
         return np.where((mean != 0).any(axis=1, keepdims=True), mean, result)
+
+    def mask(self, *names: str) -> dict[str, np.ndarray]:
+        """Where the skin is called so, as `Maps` take it: {"face": float32 [faces]}, 1 where any of the names is of its
+        group, object or material; or {"vertex": float32 [vertices]}, of one name, a channel of vertex colours.
+        `numbering.names` are all there are. Raises Error for others."""
+        found = [self.numbering.mask(name) for name in names]
+        if len(found) == 1:
+            return found[0]
+        if not found or any("vertex" in each for each in found):
+            raise Error(f"Mesh.mask names are {checks.shown(names)}; allowed: one vertex colour, or others")
+        return {"face": np.maximum.reduce([each["face"] for each in found])}
 
     @functools.cached_property
     def hull(self) -> np.ndarray:

@@ -8,7 +8,7 @@ USE = 16   # of random3: which strands there are
 
 
 def traits(
-    planes,       # of density, length, width, clump, curl, stiffness and three directions, as `scene.maps.planes`
+    planes,       # of density, on, length, width, clump, curl, stiffness and three directions, as `scene.maps.planes`
     uv,           # [N, 2] of the roots
     on_face,      # [N, 2] weights there of the first two corners of the mesh's face
     normal,       # [N, 3] there, unit
@@ -21,17 +21,17 @@ def traits(
 ):
     """{"scale", "tuft", "comb"}, [N, 4] each, as `layout.Traits` has them."""
     middle, on_face = corner_uv.mean(1), np.column_stack([on_face, 1 - on_face.sum(1)])
-    found = np.stack([_values(plane, uv, middle, on_face, face, 1.0 if k < 6 else 0.0)
+    found = np.stack([_values(plane, uv, middle, on_face, face, 1.0 if k < 7 else 0.0)
                       for k, plane in enumerate(planes)], 1)
-    density, length, width, clump, curl, stiffness = found[:, :6].T
+    density, on, length, width, clump, curl, stiffness = found[:, :7].T
     chance = (signed(random3(number, seed, USE))[:, 0] + 1) / 2
     comb = np.zeros((len(found), 4))
-    if planes[6] is not None:
-        way = _on_uv(corners, corner_uv, found[:, 6:8]) if isinstance(planes[6], dict) else found[:, 6:]
+    if planes[7] is not None:
+        way = _on_uv(corners, corner_uv, found[:, 7:9]) if isinstance(planes[7], dict) else found[:, 7:]
         comb[:, :3] = np.cross(np.cross(normal, way), normal)   # without what is along the normal
         comb[:, 3] = weight
     one, none = np.ones(len(found)), np.zeros(len(found))
-    return {"scale": np.stack([np.where(chance < density, length, 0), width, stiffness, curl], 1),
+    return {"scale": np.stack([np.where(chance < density * on, length, 0), width, stiffness, curl], 1),
             "tuft": np.stack([clump, one, none, none], 1), "comb": comb}
 
 
