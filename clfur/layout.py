@@ -49,6 +49,10 @@ CONSTANTS = {
     "ALBEDOS": 32,          # and angles of the eye for which how much of it
     "DEEP_BLOCK": 8,        # segments of hair that are looked up together in lists of what lights see,
     "DEEP_UNIT": 1024,      # and parts of an octave in which they tell how much light they take
+    "NEAREST": 8,           # guides that are looked for around a strand, at most: one more than are blended
+    "LEAF": 4,              # of what a tree of boxes holds, in one of its last row
+    "CHORDS": 3,            # of a guide, by which it is told which way it points,
+    "LEAST_TURN": 1 / 32,   # and 1 + cosine of the angle between two normals, at least
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
@@ -99,10 +103,11 @@ View = np.dtype([                     # a camera: world -> (x, y, e, 1)·w, pixe
 
 HairType = np.dtype([
     ("color", *_float4),              # linear r, g, b; color_variation
-    ("shape", *_float4),              # segment_length, width [world], force_weight, direction_variation
+    ("shape", *_float4),              # length of a segment, width [world], force_weight, direction_variation
     ("curl", *_float4),               # radius [world], cos and sin of the angle a segment, length_variation
-    ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment, -
-    ("taper", *_float4),              # shares of the width: at the root, gained to the tip; 1 / taper - 2; -
+    ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment; softness, see strands.cl
+    ("taper", *_float4),              # shares of the width: at the root, gained to the tip; 1 / taper - 2; sub-steps a
+                                      # segment, 0: by the report's rule
     ("root", *_float4),               # linear r, g, b there, -; where points have colours
     ("tip", *_float4),
     ("shine", *_float4),              # two numbers of its model, in most specular and exponent; alpha; MODELS

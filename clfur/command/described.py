@@ -14,6 +14,7 @@ from ..files.images import load_picture
 from ..files.input import plain, read
 from ..scene import frame, highlighted
 from ..scene.checks import vector
+from ..scene.strands import LAW
 from .types import from_hex, light_of, look_of
 
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
@@ -87,7 +88,9 @@ def _shells(options, length, radius):
     if frequency is None:
         frequency = 60 / radius if options["pattern"] == "cells" else 40.0
     # Half of what strands bend: hairs that stand upright go into the body if they are bent by more than 1.
-    weight = 0.5 * options["force_weight"] * options["segments"]
+    weight = 0.5 / (options["stiffness"] or LAW["stiffness"])
+    if options["force_weight"] is not None:
+        weight = 0.5 * options["force_weight"] * options["segments"]
     return Shells(
         length=length, frequency=frequency, length_variation=options["variation"],
         force=[weight * part for part in options["force"]],
@@ -132,23 +135,25 @@ def _strands(options, length, radius, faces):
     hair = {
         "color": options["color"],
         "segments": options["segments"],
-        "segment_length": length / max(options["segments"], 1),
         # Short fur on a mesh with a wide ground: strands that are wider than long would cover all of the picture.
         "width": min(0.0012 * radius, 0.1 * length) if options["width"] is None else options["width"],
         "tip_width": options["tip_width"],
         "root_color": options["root_color"],
         "tip_color": options["tip_color"],
-        "force_weight": options["force_weight"],
         "curl": options["curl"],
         "wave": options["wave"],
         "alpha": options["alpha"],
         "look": options.get("look"),
         **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), options["variation"]),
     }
+    law = {"length": length, "stiffness": options["stiffness"] or LAW["stiffness"]}
+    rule = {"segment_length": length / max(options["segments"], 1),
+            "force_weight": 0.2 if options["force_weight"] is None else options["force_weight"]}
+    hair["rules"] = (law, rule) if options["force_weight"] is None else (rule, law)
     if options["type_map"] is not None and options["types"] is None:
         raise click.UsageError("--type-map needs --types, the hair types that its colours mean")
     return Strands(
-        types=[_hair_type(hair)] if options["types"] is None else read_for(
+        types=[_hair_type(hair, {})] if options["types"] is None else read_for(
             "--types", lambda path: _hair_types(path, hair), options["types"]),
         type_map=None if options["type_map"] is None else _type_map(options["type_map"]),
         **density(options, faces), **{name: options[name] for name in ("surface", "force", "seed", "rest")})
@@ -163,9 +168,14 @@ def _hair(options, length, radius, faces):
     return read_for("--hair", lambda path: read_curves(path, given), options["hair"])
 
 
-def _hair_type(fields):
-    """A `HairType`, whose roots are half as bright where nothing is said; a Chiang's pigment may be all its colour."""
-    kind = HairType(**fields)
+def _hair_type(defaults, given):
+    """A `HairType` of the fields given and of defaults; its rule of growth is that of which a field is given, or the
+    first of the ``rules`` in defaults. Roots are half as bright where nothing is said; a Chiang's pigment may be all
+    its colour."""
+    others = dict(defaults)
+    rules = others.pop("rules", ({},))
+    rule = next((rule for rule in rules if rule.keys() & given.keys()), rules[0])
+    kind = HairType(**{**others, **rule, **given})
     if kind.root_color is None and not isinstance(kind.look, Chiang):
         kind = attrs.evolve(kind, root_color=kind.color / 2)
     return kind
@@ -214,7 +224,7 @@ def _hair_types(path, defaults):
                 fields["look"] = look_of(look)
             elif "specular" in fields or "exponent" in fields:   # they make one
                 fields.setdefault("look", None)
-            types.append(_hair_type({**defaults, **fields}))
+            types.append(_hair_type(defaults, fields))
         except ValueError as error:   # clfur.Error is one
             raise Error(f"{where}: {error}") from None
     return types

@@ -36,10 +36,13 @@ _SCENE = [
     click.option("--variation", type=Real(0, 1), default=0.3, metavar="0..1",
                  help="How much strands differ in length, direction and colour, and shells' hairs in length."),
     click.option("--segments", type=Whole(0, 255), default=8, metavar="N",
-                 help="Segments a strand; 0 is bald."),
+                 help="Segments a strand, by which it is drawn as smooth; 0 is bald."),
     click.option("--force", type=Numbers(3), default="0,-1,0", metavar="X,Y,Z", help="What pulls the hair."),
-    click.option("--force-weight", type=float, default=0.2, metavar="W",
-                 help="How much a segment gives way to it; a hair of shells does so as much as half of all segments."),
+    click.option("--stiffness", type=Real(1e-6), metavar="S",
+                 help="How many of its lengths a hair takes to turn by a radian under a force of 1 across it; a hair "
+                      "of shells bends as much as half of one.  [default: 0.625]"),
+    click.option("--force-weight", type=float, metavar="W",
+                 help="Instead of --stiffness, the report's rule: how much each segment gives way to the force."),
     click.option("--seed", type=int, default=0, metavar="N", help="Of all that is random."),
     click.option("--eye", type=Numbers(3), metavar="X,Y,Z",
                  help="The camera's place.  [default: where it sees the whole mesh, and its shadow on a --ground]"),
@@ -158,8 +161,8 @@ _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "tip_width",
                      "type_map", "types", "curl", "wave", "raster", "masks", "scattering", "lod", "hair"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 # Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
-_GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "force_weight", "roots", "type_map", "types",
-          "curl", "wave", "rest")
+_GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "stiffness", "force_weight", "roots", "type_map",
+          "types", "curl", "wave", "rest")
 _GROWN_OR_SHELLS = "length", "variation"
 
 
@@ -224,6 +227,8 @@ def load_scene(given, options):
     flags = _given(options)
     if "view" in flags and (other := next((flags[name] for name in ("eye", "target") if name in flags), None)):
         raise click.UsageError(f"--view places the camera, and so does {other}; allowed: one of them")
+    if "stiffness" in flags and "force_weight" in flags:
+        raise click.UsageError("--stiffness and --force-weight are of two rules of growth; allowed: one of them")
     settings = _settings(flags, options)
     if not is_scene_file(given):
         _check_fur(flags, options)

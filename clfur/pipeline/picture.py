@@ -68,7 +68,7 @@ def draw_frame(team: Team, scene: Scene, settings: Settings, outputs: Sequence[s
     if plan.wants_color and plan.settings.blur != "off":
         team.first(picture.blur)
     seconds = time.perf_counter() - began
-    for what in picture.warnings:
+    for what in [*picture.warnings, *team.first(functools.partial(build.told, plan))]:
         warnings.warn(what, RuntimeWarning, stacklevel=4)
     return picture.frame(seconds)
 

@@ -36,6 +36,8 @@ from ..stages.coverage import (
     Tiles,
 )
 from ..stages.deep import bytes_of as deep_bytes
+from ..stages.guides import FOUND
+from ..stages.guides import bytes_of as guides_bytes
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
 from ..stages.maps import TRAITS
@@ -115,6 +117,7 @@ class Plan:
 
     wants_color, others: whether color is an output, and whether others are.  faces, triangles, strands, points: how
     many there are.  body: whether there is one.  rest: the mesh by whose areas strands are spread, if it is another.
+    guides: Curves on the host between which strands stand, or None.
     lobed: the types of strands, where looks of some need tables.  ground: `layout.Ground`, or None.  held: whether the
     body is a holdout.  painted: its Materials, where it has more than one colour.
     """
@@ -128,6 +131,7 @@ class Plan:
             self.wants_color = True
         self.grown = isinstance(fur, Strands)
         self.rest = None
+        self.guides = None if not isinstance(fur, Strands) or fur.guides is None else fur.guides.on_host
         if isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh:
             self.rest = fur.rest
         self.body = mesh is not None and self.scene.body_color is not None
@@ -171,6 +175,7 @@ class Plan:
             "masks": self.uses_coverage and settings.masks, "strands": self.strands,
             "maps": self.planes and self.strands,
             "order": not self.grown and self.strands >= SORTED_FROM,
+            "guides": self.guides is not None,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "ground": self.ground is not None,
             "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
@@ -459,6 +464,8 @@ class Plan:
             fixed += sky_bytes(self.body, self.ground is not None)
         fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
         fixed += bytes_of_planes(self.planes or ())
+        if self.guides is not None:
+            fixed += guides_bytes(self.guides, len(scene.strands.types), len(scene.mesh.faces))
         if self.scatters:
             fixed += transport_bytes(len(self.lobed), self.body)
         if self.is_deep:
@@ -503,6 +510,8 @@ class Plan:
         if isinstance(fur, Strands) and fur.colored_points:
             point += COLOR
         strand += TRAITS.bytes * bool(self.planes)
+        if self.guides is not None:
+            strand += FOUND.bytes
         if self.settings.lod:
             per_point = fur.colored_points if isinstance(fur, Strands) else isinstance(fur, Curves) and (
                 len(fur.color) == len(fur.points))

@@ -19,7 +19,7 @@ def traits(
     seed,
     number,       # [N] of the strands
 ):
-    """{"scale", "tuft", "comb"}, [N, 4] each, as `layout.Traits` has them."""
+    """scale, tuft and comb, [N] of four each, as `layout.Traits` has them."""
     middle, on_face = corner_uv.mean(1), np.column_stack([on_face, 1 - on_face.sum(1)])
     found = np.stack([_values(plane, uv, middle, on_face, face, 1.0 if k < 7 else 0.0)
                       for k, plane in enumerate(planes)], 1)
@@ -30,9 +30,10 @@ def traits(
         way = _on_uv(corners, corner_uv, found[:, 7:9]) if isinstance(planes[7], dict) else found[:, 7:]
         comb[:, :3] = np.cross(np.cross(normal, way), normal)   # without what is along the normal
         comb[:, 3] = weight
-    one, none = np.ones(len(found)), np.zeros(len(found))
-    return {"scale": np.stack([np.where(chance < density * on, length, 0), width, stiffness, curl], 1),
-            "tuft": np.stack([clump, one, none, none], 1), "comb": comb}
+    made = np.zeros(len(found), [(name, float, 4) for name in ("scale", "tuft", "comb")])
+    made["scale"] = np.stack([np.where(chance < density * on, length, 0), width, stiffness, curl], 1)
+    made["tuft"][:, 0], made["tuft"][:, 1], made["comb"] = clump, 1, comb
+    return made
 
 
 def _values(plane, uv, middle, on_face, face, none):
