@@ -21,12 +21,14 @@ from .render import Frame, draw, frames, grow, render
 from .scene import (
     Camera,
     Chiang,
+    Comb,
     Curves,
     Environment,
     Ground,
     HairType,
     Kajiya,
     Light,
+    Maps,
     Material,
     Mesh,
     PointForce,
@@ -38,10 +40,10 @@ from .scene import (
 from .settings import Settings
 
 __all__ = [
-    "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
-    "Frontier", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
-    "Settings", "Shells", "Strands", "compare", "draw", "frames", "frontier", "grow", "load_colmap",
-    "load_curves", "load_materials", "load_mesh", "load_picture", "over", "render", "save", "save_curves", "truth",
+    "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
+    "Frontier", "Ground", "HairType", "Kajiya", "Light", "Maps", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
+    "Settings", "Shells", "Strands", "compare", "draw", "frames", "frontier", "grow", "load_colmap", "load_curves",
+    "load_materials", "load_mesh", "load_picture", "over", "render", "save", "save_curves", "truth",
 ]
 
 install()

@@ -95,7 +95,7 @@ def between(
         allowed[~allowed.any(1)] = True
     places = np.array([g[0] for g in guides])
     away, number = nearest(root, frame[:, 2], allowed, places, normals, blended + 1)
-    for i in np.flatnonzero(segments):
+    for i in np.flatnonzero(segments * (1 if traits is None else traits["scale"][:, 0] > 0)):
         t = types[kind[i]]
         up = unit_or(frame[i, 2] + t.direction_variation * lean[i] @ frame[i], frame[i, 2])
         some = number[i, :blended][number[i, :blended] >= 0]
