@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import Error, shown
 from ..scene import Curves, HairType, checks
-from . import usd
+from . import usd_curves
 from .arrays import read_npy, read_npz, write_npy, write_npz
 from .curve_text import write_mitsuba, write_pbrt
 from .fields import usual_width
@@ -20,14 +20,15 @@ from .output import is_path, output_path, whole
 from .strand_ply import read_strand_ply, write_strand_ply
 from .tressfx import read_tfx, write_tfx
 from .usc import read_usc, write_usc
+from .usd import SUFFIXES
 
 READERS = {".hair": read_hair, ".tfx": read_tfx, ".data": read_usc, ".ply": read_strand_ply, ".npz": read_npz,
            ".npy": read_npy}
-USD = ".usd", ".usda", ".usdc", ".usdz"
+USD = SUFFIXES
 WRITERS: dict[str, Callable[[dict], bytes]] = {
     ".hair": write_hair, ".tfx": write_tfx, ".data": write_usc, ".ply": write_strand_ply, ".npz": write_npz,
     ".npy": write_npy, ".txt": write_mitsuba, ".pbrt": write_pbrt,
-    **{suffix: functools.partial(usd.write, suffix=suffix) for suffix in USD[:3]}}
+    **{suffix: functools.partial(usd_curves.write, suffix=suffix) for suffix in USD[:3]}}
 FORMATS = ", ".join((*READERS, *USD))
 OF_ROOTS = "root_uv", "root_normal"
 VALUES: dict[str, tuple] = {"width": (), "color": (3,), "transparency": ()}   # of all, of strands or of points
@@ -72,7 +73,7 @@ def read_curves(path: str | os.PathLike, given: dict[str, Any], tolerance: float
     if not (data or size_of(file)):
         raise Error(f"{file}: is empty")
     try:
-        strands = usd.read(file, tolerance, time) if suffix in USD else READERS[suffix](data, file)
+        strands = usd_curves.read(file, tolerance, time) if suffix in USD else READERS[suffix](data, file)
         return _curves(strands, given)
     except Error as error:
         raise Error(f"{file}: {error}") from None
