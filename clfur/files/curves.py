@@ -74,7 +74,7 @@ def read_curves(path: str | os.PathLike, given: dict[str, Any], tolerance: float
         raise Error(f"{file}: is empty")
     try:
         strands = usd_curves.read(file, tolerance, time) if suffix in USD else READERS[suffix](data, file)
-        return _curves(strands, given)
+        return curves_from(strands, given)
     except Error as error:
         raise Error(f"{file}: {error}") from None
     except Exception as error:   # a reader may fail in any way on a damaged file; the user gets one line
@@ -121,9 +121,9 @@ def stored(curves: Curves) -> dict[str, Any]:
     return found
 
 
-def _curves(strands, given):
+def curves_from(strands: dict[str, Any], given: dict[str, Any]) -> Curves:
     """The Curves of what a reader returns: as `stored`, but color may also be sRGB, values may be per strand, and width
-    and the rest may be missing."""
+    and the rest may be missing, which are as ``given``."""
     points, counts = np.asarray(strands["points"]), strands.get("counts")
     if counts is None and points.ndim == 3:
         counts = np.full(len(points), points.shape[1])

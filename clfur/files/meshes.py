@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,7 @@ def load_mesh(path: str | os.PathLike) -> Mesh:
     path = Path(path)
     data = _read(path)
     try:
-        return Mesh(**_used(READERS[path.suffix.lower()](data, path)))
+        return Mesh(**finite(READERS[path.suffix.lower()](data, path)))
     except Error as error:
         raise Error(f"{path}: {error}") from None
     except Exception as error:  # a reader may fail in any way on a damaged file; the user gets one line
@@ -64,7 +65,7 @@ def _read(path):
     return data
 
 
-def _used(fields):
+def finite(fields: dict[str, Any]) -> dict[str, Any]:
     """Return a Mesh's fields without vertices that are not finite and that no face uses."""
     finite = np.isfinite(fields["positions"]).all(axis=1)
     if finite.all():

@@ -13,6 +13,7 @@ from .fields import usual_width
 from .usd import Stage, called, library, numbers
 
 VALUES = ("width", "widths", 1), ("color", "displayColor", 3), ("opacity", "displayOpacity", 1)
+OTHERS = "NurbsCurves", "HermiteCurves"
 ROOT_UV = "st", "surface_uv_coordinate", "uv"   # primvars, the first that there is: USD's own, Blender's, others'
 
 
@@ -27,7 +28,12 @@ def read(path: Path, tolerance: float, time: float | None) -> dict:
 
 
 def _read(path, tolerance, time):
-    if (found := strands_of(Stage(path, time), tolerance)) is None:
+    stage = Stage(path, time)
+    found = strands_of(stage, tolerance)
+    for kind in OTHERS:
+        if paths := stage.left.get(f"a {kind}"):
+            raise Error(f"has {kind} at {paths[0]}; allowed: BasisCurves")
+    if found is None:
         raise Error("has no BasisCurves that are seen")
     return found
 
@@ -36,8 +42,8 @@ def strands_of(stage: Stage, tolerance: float) -> dict | None:
     """What `read` returns of a stage; None of one without curves that are seen."""
     sets = []
     for prim, matrices in stage.seen():
-        if prim.IsA(stage.pxr.UsdGeom.NurbsCurves) or prim.IsA(stage.pxr.UsdGeom.HermiteCurves):
-            raise Error(f"has {prim.GetTypeName()} at {prim.GetPath()}; allowed: BasisCurves")
+        if prim.GetTypeName() in OTHERS:
+            stage.leave(f"a {prim.GetTypeName()}", prim)
         if prim.IsA(stage.pxr.UsdGeom.BasisCurves):
             try:
                 sets += [_strands(stage, prim, matrix, tolerance) for matrix in matrices]
