@@ -9,7 +9,7 @@ from click.core import ParameterSource
 from .. import PRESETS, Error
 from ..settings import RASTERS, SCATTERING, SHADOWS
 from .described import MOST
-from .types import Color, Height, LightText, Look, Numbers, Real, Roots, Size, Sky, View, Whole
+from .types import Color, Height, LightText, Look, Numbers, Real, Roots, Size, Sky, View, Whole, once
 
 _FUR = [
     click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
@@ -29,7 +29,7 @@ _FUR = [
     click.option("--force-weight", type=float, default=0.2, metavar="W",
                  help="How much a segment gives way to it; a hair of shells does so as much as half of all segments."),
     click.option("--seed", type=int, default=0, metavar="N", help="Of all that is random."),
-    click.option("--hair", metavar="FILE",
+    click.option("--hair", metavar="FILE", multiple=True, callback=once,
                  help="Strands of a file in place of grown ones, placed as the mesh is: .hair, .tfx, .data, .ply, "
                       ".npz, .npy or USD.  --width, --color and --alpha count where it says none."),
     click.option("--rest", metavar="MESH",
@@ -48,6 +48,7 @@ _CAMERA = [
                  help="How many times larger the middle of the picture is."),
     click.option("--fov", type=Real(1e-3, 179.99), default=45.0, metavar="DEG",
                  help="Vertical field of view."),
+    click.option("--camera", metavar="NAME", help="Which camera of a USD scene.  [default: its first]"),
 ]
 _LIGHT = [
     click.option("--light", "lights", type=LightText(), default=["1,-1,-0.6"], multiple=True, metavar="LIGHT",
@@ -114,7 +115,8 @@ _SHELLS = [
     click.option("--noise", type=Numbers(2), default="0.5,8", metavar="A,S",
                  help="How far hairs of shells are displaced and the size of the waves, both in hairs."),
     click.option("--wind", type=Numbers(3), default="0,0,0", metavar="X,Y,Z", help="Wind over shells; it gusts."),
-    click.option("--time", type=float, default=0.0, metavar="SECONDS", help="The moment of the wind, which gusts."),
+    click.option("--time", type=float, metavar="SECONDS",
+                 help="The moment of the wind, which gusts; or a USD file's time code.  [default: 0, or its first]"),
     click.option("--shading", type=click.Choice(["kajiya-kay", "turned"]), default="kajiya-kay",
                  help="Light on shells: by the hair's direction, or by the report's turned normals."),
 ]
@@ -249,13 +251,18 @@ def check_fur(flags, options):
                 raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
                                        f"allowed: with --fur {fur} or --fur both")
     if options["hair"] is not None:
-        for name in _GROWN + (_GROWN_OR_SHELLS if options["fur"] == "strands" else ()):
-            if name in flags:
-                raise click.UsageError(f"{flags[name]} is for hair that grows, but --hair has its own; allowed: one of "
-                                       "them")
+        check_grown(flags, options, "--hair")
     if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
         raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
                                "allowed: with --pattern cells or --fur both")
+
+
+def check_grown(flags, options, has):
+    """Raise click.UsageError for one of the options given, {name: flag}, of hair that grows, as something has its
+    own."""
+    for name in _GROWN + (_GROWN_OR_SHELLS if options["fur"] == "strands" else ()):
+        if name in flags:
+            raise click.UsageError(f"{flags[name]} is for hair that grows, but {has} has its own; allowed: one of them")
 
 
 def check_blur(flags, settings):

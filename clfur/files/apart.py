@@ -41,6 +41,7 @@ def serve(module: str, name: str, arguments: tuple, room: int) -> None:
     answer = os.dup(1)
     os.dup2(2, 1)   # what libraries print is no answer
     _limit(room)
+    found: tuple[str | None, Any]
     try:
         found = None, getattr(importlib.import_module(module), name)(*arguments)
     except Error as error:

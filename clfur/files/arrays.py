@@ -10,6 +10,7 @@ from ..errors import Error
 from .input import MAX_BYTES
 
 NAMES = "points", "counts", "width", "color", "transparency", "root_uv", "root_normal"
+SETUP = "inner", "outer", "surface", "seed", "lod_by", "bounds"   # how the body under them is tessellated, and such
 
 
 def read_npy(data: bytes, path: Path) -> dict:
@@ -26,19 +27,20 @@ def read_npz(data: bytes, path: Path) -> dict:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = {each.filename.removesuffix(".npy"): each for each in archive.infolist()}
-            if unknown := [name for name in members if name not in NAMES]:
+            if unknown := [name for name in members if name not in NAMES + SETUP]:
                 raise Error(f"has the array {unknown[0][:40]!r}; allowed: {', '.join(NAMES)}")
             if sum(each.file_size for each in members.values()) > MAX_BYTES:
                 raise Error(f"would take more than {MAX_BYTES} bytes")
-            found = {name: _array(archive.read(each)) for name, each in members.items()}
+            found = {name: _array(archive.read(each), "biuf" + "U" * (name in SETUP)) for name, each in members.items()}
     except (zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
         raise Error(f"is damaged or cut short: {error}") from None
     if "points" not in found:
         raise Error("has no array points")
-    return found
+    setup = {name: found.pop(name) for name in SETUP if name in found}
+    return found | {"setup": {name: value.item() if value.ndim == 0 else value for name, value in setup.items()}}
 
 
-def _array(data):
+def _array(data, kinds="biuf"):
     """Return the array of a .npy file's bytes; raises Error where they are fewer than it states."""
     try:
         file = io.BytesIO(data)
@@ -47,8 +49,8 @@ def _array(data):
         shape, by_columns, kind = header(file)
     except ValueError:
         raise Error("is damaged or cut short: it has no header of NumPy's") from None
-    if kind.hasobject or kind.names:
-        raise Error("has Python objects; allowed: numbers")
+    if kind.hasobject or kind.kind not in kinds:
+        raise Error(f"has {'Python objects' if kind.hasobject else f'values of dtype {kind}'}; allowed: numbers")
     size = kind.itemsize
     for count in shape:
         size *= count
@@ -60,7 +62,7 @@ def _array(data):
 def write_npz(strands: dict) -> bytes:
     """Return the bytes of a .npz file of strands, as `curves.stored` gives them; places in float64."""
     file = io.BytesIO()
-    np.savez_compressed(file, **{name: strands[name] for name in NAMES if name in strands})
+    np.savez_compressed(file, **{name: strands[name] for name in NAMES if name in strands}, **strands.get("setup", {}))
     return file.getvalue()
 
 

@@ -39,12 +39,23 @@ def load_scene(path: str | os.PathLike, *, camera: str | None = None, time: floa
     without lights gets a `Light`, one without a camera is framed. What of it is not understood is left out, with one
     warning that lists it: docs/formats.md. Raises Error, one line that names the file, as `load_curves` does.
     """
+    given = {"width": None if width is None else checks.real(low=0)(width, "load_scene width"), "color": color}
+    parts = parts_of(path, {name: value for name, value in given.items() if value is not None}, camera, time, size,
+                     tolerance)
+    parts.setdefault("light", [Light()])
+    if "camera" not in parts:
+        parts["camera"] = frame(parts["mesh"], parts["fur"], size or (WIDTH, WIDTH * 3 // 4), lights=parts["light"])
+    return Scene(**parts)
+
+
+def parts_of(path: str | os.PathLike, given: dict[str, Any], camera: str | None = None, time: float | None = None,
+             size: Sequence[int] | None = None, tolerance: float = 0.25) -> dict[str, Any]:
+    """Return the fields of a Scene that a USD file has, mesh and fur always; ``given`` as `curves_from` takes it."""
     if not is_path(path):
         raise Error(f"load_scene path is {shown(path)}; allowed: a file's name")
     file = Path(path)
     if file.suffix.lower() not in SUFFIXES:
         raise Error(f"{file}: {file.suffix or 'no suffix'} is no scene file; allowed: {', '.join(SUFFIXES)}")
-    given = {"width": None if width is None else checks.real(low=0)(width, "load_scene width"), "color": color}
     time = None if time is None else checks.real()(time, "load_scene time")
     tolerance = checks.real(low=1e-3, high=1e3)(tolerance, "load_scene tolerance")
     if not (camera is None or isinstance(camera, str)):
@@ -53,15 +64,15 @@ def load_scene(path: str | os.PathLike, *, camera: str | None = None, time: floa
         raise Error(f"{file}: {'is a folder; allowed: a file' if os.path.isdir(file) else 'no such file'}")
     try:
         stage = called(_read, file, time, camera, tolerance)
-        scene = _scene(stage, size, {name: value for name, value in given.items() if value is not None})
+        parts = _parts(stage, size, given)
     except Error as error:
-        raise Error(f"{file}: {error}") from None
+        raise Error(str(error) if str(error).startswith(f"{file}: ") else f"{file}: {error}") from None
     except Exception as error:   # a reader may fail in any way on a damaged file; the user gets one line
         first_line = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise Error(f"{file}: cannot be read as USD: {first_line}") from error
     if stage["left"]:
-        warnings.warn(f"{file}: left out: {_listed(stage['left'])}", stacklevel=2)
-    return scene
+        warnings.warn(f"{file}: left out: {_listed(stage['left'])}", stacklevel=3)
+    return parts
 
 
 def _read(path, time, camera, tolerance):
@@ -89,25 +100,22 @@ def _listed(left):
     return "; ".join(kinds)
 
 
-def _scene(stage, size, given):
-    mesh = materials = strands = None
+def _parts(stage, size, given):
+    """The fields of a Scene that the answer of `_read` tells."""
+    parts: dict[str, Any] = {"mesh": None, "fur": None}
     if stage["mesh"] is not None:
-        mesh, materials = _mesh(stage["mesh"])
+        parts["mesh"], parts["body_color"] = _mesh(stage["mesh"])
     if stage["strands"] is not None:
-        faces = 0 if mesh is None else len(mesh.faces)
+        faces = 0 if parts["mesh"] is None else len(parts["mesh"].faces)
         curved = any(what.startswith("subdivision") for what in stage["left"])
         level = LEVEL[0] if curved and faces * 1.5 * LEVEL[0]**2 <= LEVEL[1] else 1
-        given |= {"inner": level, "outer": level, "surface": "pn" if curved else "flat"}
-        strands = curves_from(stage["strands"], given)
-    camera, exposure = None, 1.0
+        parts["fur"] = curves_from(stage["strands"], {
+            "inner": level, "outer": level, "surface": "pn" if curved else "flat", **given})
+    exposure = 1.0
     if stage["camera"] is not None:
-        camera, exposure = _camera(stage["camera"], size, *stage["resolution"]), stage["camera"]["exposure"]
-    lights, sky = _lights(stage, *extent(mesh, strands), exposure)
-    lights = lights or [Light()]
-    if camera is None:
-        camera = frame(mesh, strands, size or (WIDTH, WIDTH * 3 // 4), lights=lights)
-    return Scene(mesh=mesh, fur=strands, camera=camera, light=lights, environment=sky,
-                 **({} if materials is None else {"body_color": materials}))
+        parts["camera"], exposure = _camera(stage["camera"], size, *stage["resolution"]), stage["camera"]["exposure"]
+    lights, sky = _lights(stage, *extent(parts["mesh"], parts["fur"]), exposure)
+    return parts | ({"light": lights} if lights else {}) | ({"environment": sky} if sky is not None else {})
 
 
 def _mesh(found):

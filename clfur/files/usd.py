@@ -18,6 +18,11 @@ MOST = 2**27      # points of all instances together
 MEMORY = 64       # bytes that a byte of a file may become
 
 
+def is_usd(name: Any) -> bool:
+    """Whether a file's name, or None, is that of a USD file."""
+    return name is not None and Path(name).suffix.lower() in SUFFIXES
+
+
 def library() -> Any:
     """Return usd-core's package; raises Error where it is not installed."""
     try:

@@ -36,8 +36,8 @@ def camera_of(stage: Stage, name: str | None) -> dict | None:
         camera.GetFocalLengthAttr(), camera.GetHorizontalApertureAttr(), camera.GetVerticalApertureAttr(),
         camera.GetHorizontalApertureOffsetAttr(), camera.GetVerticalApertureOffsetAttr()))
     if not min(focal, wide, tall) > 0:
-        raise Error(f"{prim.GetPath()}: has a focal length of {focal:g} and an aperture of {wide:g} x {tall:g}; allowed: "
-                    "above 0")
+        raise Error(f"{prim.GetPath()}: has a focal length of {focal:g} and an aperture of {wide:g} x {tall:g}; "
+                    "allowed: above 0")
     window = [(aside - wide / 2) / focal, (aside + wide / 2) / focal, (above - tall / 2) / focal,
               (above + tall / 2) / focal]
     return {"pose": _pose(matrix, prim), "window": window, "exposure": float(camera.ComputeLinearExposureScale(at))
@@ -63,8 +63,8 @@ def resolution_of(stage: Stage) -> tuple[tuple[int, int] | None, str]:
     if not settings:
         return None, "expandAperture"
     asked = settings.GetResolutionAttr()
-    size = tuple(int(each) for each in asked.Get(stage.at)) if asked.HasAuthoredValue() else None
-    return size, str(settings.GetAspectRatioConformPolicyAttr().Get(stage.at))
+    size = [int(each) for each in asked.Get(stage.at)] if asked.HasAuthoredValue() else None
+    return (size[0], size[1]) if size else None, str(settings.GetAspectRatioConformPolicyAttr().Get(stage.at))
 
 
 def lights_of(stage: Stage) -> list[dict]:
