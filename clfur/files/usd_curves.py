@@ -11,6 +11,7 @@ from ..scene.origin import ZERO, near_origin
 from .bases import TO_BEZIER, chords_of, segments_of, unrolled
 from .fields import usual_width
 from .usd import Stage, called, library, numbers
+from .usd_mesh import material_color
 
 VALUES = ("width", "widths", 1), ("color", "displayColor", 3), ("opacity", "displayOpacity", 1)
 OTHERS = "NurbsCurves", "HermiteCurves"
@@ -79,6 +80,8 @@ def _strands(stage, prim, matrix, tolerance):
         raise Error(f"has {len(points)} points, but its curveVertexCounts add up to {int(counts.sum())}")
     basis, wrap = _kind(stage, curves)
     values = {name: found for name, primvar, columns in VALUES if (found := _values(stage, prim, primvar, columns))}
+    if "color" not in values and (color := material_color(stage, prim)):
+        values["color"] = np.array([color]), "constant"
     if "width" in values:   # a matrix that stretches the axes by several factors has one for widths: their mean
         width, how = values["width"]
         values["width"] = width * abs(np.linalg.det(matrix[:3, :3])) ** (1 / 3), how

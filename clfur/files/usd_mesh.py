@@ -157,6 +157,13 @@ class Materials:
         return {"color": tuple(found[0].mean(axis=0).tolist())}
 
 
+def material_color(stage: Stage, prim: Any) -> tuple | None:
+    """The base colour of the material of a prim, where it says one and no picture; else None."""
+    material, _ = stage.pxr.UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+    said = color_of(stage, material) if material else None
+    return None if said is None or said is WHITE or "texture" in said else said["color"]
+
+
 def color_of(stage: Stage, material: Any) -> dict | None:
     """The base colour of a material: color and, as it has it, texture, wrap and raw; None without UsdPreviewSurface."""
     UsdShade = stage.pxr.UsdShade
