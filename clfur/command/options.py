@@ -179,6 +179,11 @@ _NAMES_IN = {title: _names(options) for title, options in _sections().items()}
 _NAMES_IN[_QUALITY] |= {"max_error", "seconds"}   # those of `clfur render`
 
 
+def of_sections(*titles):
+    """Names of the options that stand under these titles of the help."""
+    return set().union(*(_NAMES_IN[title] for title in titles))
+
+
 class Sectioned(click.Command):
     """A command whose help lists its options by section, its own ones in the end."""
 

@@ -76,8 +76,9 @@ def read_curves(path: str | os.PathLike, given: dict[str, Any], tolerance: float
     if not (data or size_of(file)):
         raise Error(f"{file}: is empty")
     try:
-        strands = usd_curves.read(file, tolerance, time) if suffix in USD else READERS[suffix](data, file)
-        return curves_from(strands, given)
+        with np.errstate(all="ignore"):   # what is not finite is an Error of Curves
+            strands = usd_curves.read(file, tolerance, time) if suffix in USD else READERS[suffix](data, file)
+            return curves_from(strands, given)
     except Error as error:
         raise Error(f"{file}: {error}") from None
     except Exception as error:   # a reader may fail in any way on a damaged file; the user gets one line

@@ -63,8 +63,9 @@ def parts_of(path: str | os.PathLike, given: dict[str, Any], camera: str | None 
     if os.path.isdir(file) or not os.path.exists(file):
         raise Error(f"{file}: {'is a folder; allowed: a file' if os.path.isdir(file) else 'no such file'}")
     try:
-        stage = called(_read, file, time, camera, tolerance)
-        parts = _parts(stage, size, given)
+        with np.errstate(all="ignore"):   # what is not finite is an Error of Mesh, Curves and so on
+            stage = called(_read, file, time, camera, tolerance)
+            parts = _parts(stage, size, given)
     except Error as error:
         raise Error(str(error) if str(error).startswith(f"{file}: ") else f"{file}: {error}") from None
     except Exception as error:   # a reader may fail in any way on a damaged file; the user gets one line
