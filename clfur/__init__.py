@@ -14,6 +14,7 @@ from .files.curves import load_curves, save_curves
 from .files.gltf import load_materials
 from .files.images import load_picture, save
 from .files.meshes import load_mesh
+from .files.scenes import load_scene
 from .judge import truth
 from .judge.compare import Comparison, compare
 from .judge.frontier import Frontier, frontier
@@ -43,7 +44,7 @@ __all__ = [
     "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
     "Frontier", "Ground", "HairType", "Kajiya", "Light", "Maps", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
     "Settings", "Shells", "Strands", "compare", "draw", "frames", "frontier", "grow", "load_colmap", "load_curves",
-    "load_materials", "load_mesh", "load_picture", "over", "render", "save", "save_curves", "truth",
+    "load_materials", "load_mesh", "load_picture", "load_scene", "over", "render", "save", "save_curves", "truth",
 ]
 
 install()

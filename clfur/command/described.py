@@ -9,7 +9,8 @@ import numpy as np
 from .. import Camera, Ground, Material, Scene, Shells, Strands, load_materials, load_mesh
 from ..files.curves import read_curves
 from ..files.images import load_picture
-from ..scene import frame, highlighted
+from ..files.usd import is_usd
+from ..scene import extent, frame, highlighted
 from ..scene.checks import vector
 from ..scene.strands import LAW
 from .hair_types import hair_type, hair_types, type_map
@@ -23,24 +24,29 @@ LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it 
 
 
 def scene_of(mesh, options):
-    """The scene of a mesh that the options describe."""
-    options = options | {"rest": None if options["rest"] is None else read_for("--rest", load_mesh, options["rest"])}
+    """The scene of a mesh that the options describe, or of none with "curves", strands that take the place of grown
+    ones."""
+    options = options | {"time": options["time"] or 0.0, "code": options["time"]}
+    options |= {"rest": None if options["rest"] is None else read_for("--rest", load_mesh, options["rest"])}
     options |= _guided(options)
-    _, radius = (options["rest"] or mesh).bounds   # hair is as long in every pose
+    base, curves = options["rest"] or mesh, options.get("curves")   # hair is as long in every pose
+    middle, radius = extent(None, curves) if base is None else base.bounds
     kind, length = options["fur"], options["length"]
     if length is None:
         length = (0.12 if kind == "shells" else 0.08) * radius
     fur = []
     if kind != "strands":
         fur.append(_shells(options, length / 2 if kind == "both" else length))
-    if kind != "shells":
+    if curves is not None:
+        fur.append(curves)
+    elif kind != "shells":
         fur.append((_strands if options["hair"] is None else _hair)(options, length, radius, len(mesh.faces)))
     if options.get("specular") == "half-vector":   # the other is that of looks which say nothing
         fur = highlighted(tuple(fur), "half-vector")
 
     height = options["ground"]
     ground = None if height is None else Ground(None if height == "lowest" else height)
-    lights = _lights(options["lights"], mesh.bounds[0])
+    lights = _lights(options["lights"], middle if mesh is None else mesh.bounds[0])
     given = options["eye"] or options["target"]
     towards = {"direction": options["view"]} if options["view"] else {}
     camera = frame(mesh, fur, options["size"], options["fov"], ground=None if given else ground, lights=lights,
@@ -168,4 +174,8 @@ def _hair(options, length, radius, faces):
     given = {name: options[name] for name in ("width", "color", "alpha", "look", "surface", "seed")}
     given |= {"inner": levels["inner"], "outer": levels["outer"]}
     given = {name: value for name, value in given.items() if value is not None}
-    return read_for("--hair", lambda path: read_curves(path, given), options["hair"])
+    curves = read_for("--hair", lambda path: read_curves(path, given, time=options["code"] if is_usd(path) else None),
+                      options["hair"])
+    if options["inner"] or options["outer"]:   # a file may say otherwise
+        curves = attrs.evolve(curves, inner=given["inner"], outer=given["outer"])
+    return curves

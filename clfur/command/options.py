@@ -9,7 +9,7 @@ from click.core import ParameterSource
 from .. import PRESETS, Error
 from ..settings import RASTERS, SCATTERING, SHADOWS
 from .described import HAIRS, MOST, ROOTS
-from .types import Color, Height, LightText, Look, Numbers, Real, Roots, Size, Sky, View, Whole
+from .types import Color, Height, LightText, Look, Numbers, Real, Roots, Size, Sky, View, Whole, once
 
 # The second draws the outline of hair from behind; at half the first's strength or more a ground is framed with both.
 LIGHTS = ["sun direction=1,-1,-0.8 color=1,0.97,0.92", "sun direction=-0.5,-1.2,1 color=0.85,0.92,1 intensity=0.6"]
@@ -36,7 +36,7 @@ _FUR = [
     click.option("--force-weight", type=float, metavar="W",
                  help="Instead of --stiffness, the report's rule: how much each segment gives way to the force."),
     click.option("--seed", type=int, default=0, metavar="N", help="Of all that is random."),
-    click.option("--hair", metavar="FILE",
+    click.option("--hair", metavar="FILE", multiple=True, callback=once,
                  help="Strands of a file in place of grown ones, placed as the mesh is: .hair, .tfx, .data, .ply, "
                       ".npz, .npy or USD.  --width, --color and --alpha count where it says none."),
     click.option("--guides", metavar="FILE",
@@ -60,6 +60,7 @@ _CAMERA = [
                  help="How many times larger the middle of the picture is."),
     click.option("--fov", type=Real(1e-3, 179.99), default=45.0, metavar="DEG",
                  help="Vertical field of view."),
+    click.option("--camera", metavar="NAME", help="Which camera of a USD scene.  [default: its first]"),
 ]
 _LIGHT = [
     click.option("--light", "lights", type=LightText(), default=LIGHTS, multiple=True, metavar="LIGHT",
@@ -129,7 +130,8 @@ _SHELLS = [
     click.option("--noise", type=Numbers(2), default="0.5,8", metavar="A,S",
                  help="How far hairs of shells are displaced and the size of the waves, both in hairs."),
     click.option("--wind", type=Numbers(3), default="0,0,0", metavar="X,Y,Z", help="Wind over shells; it gusts."),
-    click.option("--time", type=float, default=0.0, metavar="SECONDS", help="The moment of the wind, which gusts."),
+    click.option("--time", type=float, metavar="SECONDS",
+                 help="The moment of the wind, which gusts; or a USD file's time code.  [default: 0, or its first]"),
     click.option("--shading", type=click.Choice(["kajiya-kay", "turned"]), default="kajiya-kay",
                  help="Light on shells: by the hair's direction, or by the report's turned normals."),
 ]
@@ -192,6 +194,11 @@ def _sections(size="640x480"):
 _QUALITY = "Quality and speed"   # fields of `Settings`
 _NAMES_IN = {title: _names(options) for title, options in _sections().items()}
 _NAMES_IN[_QUALITY] |= {"max_error", "seconds"}   # those of `clfur render`
+
+
+def of_sections(*titles):
+    """Names of the options that stand under these titles of the help."""
+    return set().union(*(_NAMES_IN[title] for title in titles))
 
 
 class Sectioned(click.Command):
@@ -273,15 +280,20 @@ def check_fur(flags, options):
                 raise click.UsageError(f"{flags[name]} has no say where --guides give strands their shapes; allowed: "
                                        "one of them")
     if options["hair"] is not None:
-        for name in _GROWN + (_GROWN_OR_SHELLS if options["fur"] == "strands" else ()):
-            if name in flags:
-                raise click.UsageError(f"{flags[name]} is for hair that grows, but --hair has its own; allowed: one of "
-                                       "them")
+        check_grown(flags, options, "--hair")
     if "hairs" in flags and ("frequency" in flags or options["pattern"] == "sine"):
         raise click.UsageError("--hairs is for --pattern cells without --frequency; allowed: one of them")
     if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
         raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
                                "allowed: with --pattern cells or --fur both")
+
+
+def check_grown(flags, options, has):
+    """Raise click.UsageError for one of the options given, {name: flag}, of hair that grows, as something has its
+    own."""
+    for name in _GROWN + (_GROWN_OR_SHELLS if options["fur"] == "strands" else ()):
+        if name in flags:
+            raise click.UsageError(f"{flags[name]} is for hair that grows, but {has} has its own; allowed: one of them")
 
 
 def check_blur(flags, settings):

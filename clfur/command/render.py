@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import Scheduler, draw, over, save
 from ..files.images import check_writable, load_picture
+from ..files.usd import is_usd
 from ..judge.frontier import label
 from ..scene import backdrop
 from .described import lowered
@@ -49,7 +50,8 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
 def render(given, output, outputs, background, region, device, memory, as_json, **options):
     """Draw MESH with fur and save the picture.
 
-    MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.  Or it is a
+    MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.  Or it is a USD
+    scene (.usd, .usda, .usdc, .usdz), whose camera, lights and hair count where no option says otherwise.  Or it is a
     Python file (.py) that sets `scene`, a clfur.Scene, and maybe `settings`, a clfur.Settings.
     """
     output = Path(Path(given).stem + ".png" if output is None else output)
@@ -80,7 +82,7 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
              "inward": bool(scene.mesh and scene.mesh.inward)}
     shells, fewer = scene.shells, "" if is_scene_file(given) else lowered(options, scene.strands)
     if as_json:
-        of_options = {} if is_scene_file(given) else {
+        of_options = {} if is_scene_file(given) or is_usd(given) else {
             "light": _told(options["lights"]), **{name: options[name] for name in ("fov", "alpha", "seed")}}
         print(json.dumps({
             "file": str(output), "size": region[2:] if region else scene.camera.size, "device": drawn.device,

@@ -347,3 +347,10 @@ def from_hex(text):
     if len(text) != 7 or text[0] != "#" or not all(d in "0123456789abcdefABCDEF" for d in digits):
         raise ValueError(f"{text!r} is not a colour such as #ccaa88")
     return tuple(float(c) for c in srgb_to_linear([int(digits[i:i + 2], 16) / 255 for i in (0, 2, 4)]))
+
+
+def once(context, option, values):
+    """What an option that may be given once was given, or None: for click, whose last one of several counts."""
+    if len(values) > 1:
+        raise click.UsageError(f"{option.opts[0]} is given {len(values)} times; allowed: once")
+    return values[0] if values else None
