@@ -20,12 +20,14 @@ from .render import Frame, draw, grow, render
 from .scene import (
     Camera,
     Chiang,
+    Comb,
     Curves,
     Environment,
     Ground,
     HairType,
     Kajiya,
     Light,
+    Maps,
     Material,
     Mesh,
     PointForce,
@@ -37,8 +39,8 @@ from .scene import (
 from .settings import Settings
 
 __all__ = [
-    "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
-    "Frontier", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
+    "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
+    "Frontier", "Ground", "HairType", "Kajiya", "Light", "Maps", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
     "Settings", "Shells", "Strands", "compare", "draw", "frontier", "grow", "load_curves", "load_materials",
     "load_mesh", "load_picture", "over", "render", "save", "save_curves", "truth",
 ]

@@ -289,7 +289,7 @@ def test_what_is_shorter_is_cut(gpu):
     fur = Strands(guides=wild(mesh), roots=64, types=HairType(segments=64), **FLAT)
     whole, *_ = made(gpu, mesh, fur)
     traits = np.zeros(64, layout.Traits)
-    for share in (0, 8, 32, 64, 96):
+    for share in (8, 32, 64, 96):
         traits["scale"] = share / 64, 1, 1, 1
         points, *_ = made(gpu, mesh, fur, traits)
         step = min(share, 64) / 64 * np.arange(65)
@@ -398,6 +398,26 @@ def test_the_picture_is_that_of_the_truth(gpu):
     strands_of_truth, _ = truth._geometry(given)
     found = clfur.grow(given, gpu)
     np.testing.assert_allclose(strands_of_truth.points[:, :3], found.points, rtol=0, atol=POSITION)
+
+
+def test_maps_cut_and_thin_strands_between_guides(gpu):
+    """In pictures, grown strands and the truth: bald where density is 0, half as long where length is."""
+    mesh, x = lumpy(), lumpy().positions[:, 0]
+    guide = clfur.Curves(shaped(*rooted(mesh, 80, 8), bow=0))
+    options = {"types": [HairType(segments=0, key=(0, 0, 0)), HairType(segments=8, key=(9, 0, 0))],
+               "type_map": np.full((1, 1, 3), (9, 0, 0), np.uint8), "roots": 500}
+    maps = clfur.Maps(length=np.where(x > 0, 1., .5), density=np.where(mesh.positions[:, 1] > 0, 1., 0.))
+    whole, cut = hair(mesh, guide, gpu, **options), hair(mesh, guide, gpu, maps=maps, **options)
+    some = cut.counts > 0
+    assert some[whole.points[::9, 1] > .5].all() and not some[whole.points[::9, 1] < -.5].any()
+    shares = [np.linalg.norm(each.reshape(-1, 9, 3)[:, -1] - each.reshape(-1, 9, 3)[:, 0], axis=1) for each in (
+        cut.points, whole.points.reshape(-1, 9, 3)[some].reshape(-1, 3))]
+    share, at = shares[0] / shares[1], cut.points[::9, 0]
+    np.testing.assert_allclose(share[at > .4], 1, rtol=1e-5)
+    np.testing.assert_allclose(share[at < -.4], .5, rtol=1e-5)
+    given = clfur.Scene(mesh, Strands(guides=guide, maps=maps, **options, **FLAT), clfur.Camera(eye=(0, 0, 4)))
+    np.testing.assert_allclose(truth._geometry(given)[0].points[:, :3], clfur.grow(given, gpu).points, rtol=0,
+                               atol=POSITION)
 
 
 def test_shadows_of_a_light_are_kept_as_the_camera_moves(gpu):

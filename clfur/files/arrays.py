@@ -7,9 +7,17 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import Error
-from .input import MAX_BYTES
+from .input import MAX_BYTES, read
 
 NAMES = "points", "counts", "width", "color", "transparency", "root_uv", "root_normal"
+
+
+def load_numbers(path: Path) -> np.ndarray:
+    """Return the array of numbers of a .npy file; raises Error, one line that names the file."""
+    try:
+        return _array(read(path))
+    except Error as error:
+        raise Error(f"{'' if str(path) in str(error) else f'{path}: '}{error}") from None
 
 
 def read_npy(data: bytes, path: Path) -> dict:
