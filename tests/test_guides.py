@@ -70,7 +70,7 @@ def made(gpu, mesh, fur, traits=None):
     surface = tessellate(gpu, mesh, fur.inner, fur.outer, fur.surface)
     known, _ = guides.stand(gpu, mesh, fur.guides, len(fur.types))
     given = None if traits is None else lambda roots: gpu.upload(traits)
-    grown = guides.between(gpu, surface, fur, known, traits_of=given)
+    grown = guides.between(gpu, surface, fur, guides=known, traits_of=given)
     points = np.nan_to_num(grown.points.get()).reshape(len(grown.spans), -1, 4)[..., :3].astype(float)
     points[np.arange(points.shape[1]) >= grown.spans.get()[:, 1:].astype(int)] = np.nan
     _, roots = strands.roots_of(gpu, surface, fur)
@@ -431,8 +431,8 @@ def test_guides_beside_the_mesh_are_told_or_refused(gpu):
             clfur.draw(clfur.Scene(mesh, Strands(guides=clfur.Curves(guide), roots=9, **FLAT)), gpu, QUICK)
         lines = [str(each.message) for each in said if "guides" in str(each.message)]
         assert len(lines) == 2 * told
-        assert all("7 of 80 roots of Strands.guides are off Scene.mesh" in line for line in lines)
-    with pytest.raises(clfur.Error, match=r"80 of 80 roots of Strands.guides are off .*; allowed: at most 0\.1.*units"):
+        assert all("Strands.guides has 7 of 80 roots more than 0.0" in line and "stand on it all the same" in line for line in lines)
+    with pytest.raises(clfur.Error, match=r"Strands.guides has 80 of 80 roots .*; allowed: at most 0\.1.*units"):
         hair(mesh, clfur.Curves(100 * guide), gpu)
 
 

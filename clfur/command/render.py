@@ -11,16 +11,18 @@ from .. import Scheduler, draw, over, save
 from ..files.images import check_writable, load_picture
 from ..judge.frontier import label
 from ..scene import backdrop
-from .described import lowered, read_for, sparse
+from .described import lowered, sparse
 from .devices import ask_drivers
-from .options import is_scene_file, load_scene, scene_options
-from .types import Backdrop, Bytes, Names, Real
+from .options import Sectioned, scene_options
+from .scenes import is_scene_file, load_scene
+from .skin import files_of, taken
+from .types import Backdrop, Bytes, Names, Real, read_for
 from .waiting import waiting
 
 TOLD = 0.05   # seconds of building kernels that a summary tells
 
 
-@click.command(context_settings={"show_default": True})
+@click.command(cls=Sectioned, context_settings={"show_default": True})
 @click.argument("given", metavar="MESH")
 @click.option("-o", "--output", metavar="FILE",
               help="PNG (sRGB), EXR (linear) or NPZ (arrays).  [default: the mesh's name, .png]")
@@ -50,6 +52,7 @@ def render(given, output, outputs, background, device, memory, as_json, **option
     """
     output = Path(Path(given).stem + ".png" if output is None else output)
     read = [given, *(options[name] for name in ("hair", "type_map", "types", "rest", "body_texture"))]
+    read += files_of(options)
     _check_files(output, outputs, background, read)
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
@@ -82,8 +85,8 @@ def render(given, output, outputs, background, device, memory, as_json, **option
             "file": str(output), "size": scene.camera.size, "device": drawn.device,
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
             "shells": shells and {name: getattr(shells, name) for name in ("layers", "length", "frequency", "pattern")},
-            "fewer": fewer, "seconds": drawn.seconds, "building": drawn.building,
-            "stages": drawn.stages, "skipped": skipped, **wound,
+            "fewer": fewer, "inexact": getattr(scene.strands, "inexact", 0), "seconds": drawn.seconds,
+            "building": drawn.building, "stages": drawn.stages, "skipped": skipped, **wound,
             "camera": {"eye": scene.camera.pose[:3, 3].tolist(),
                        "target": None if scene.camera.target is None else scene.camera.target.tolist()},
             "settings": attrs.asdict(drawn.settings), "error": drawn.error, "why": drawn.why,
@@ -98,6 +101,7 @@ def render(given, output, outputs, background, device, memory, as_json, **option
           f"in {drawn.seconds:.2f} s on {drawn.device} ({stages}"
           + (f"; building kernels {drawn.building:.3f}" if drawn.building >= TOLD else "") + ")"
           + (f"; {fewer}" if fewer else "") + ("" if is_scene_file(given) else sparse(options, scene, drawn))
+          + taken(scene.strands)
           + (f"; skipped faces: {', '.join(left_out)}" if left_out else "")
           + (f"; turned {wound['turned']:,} faces that were inside out" if wound["turned"] else "")
           + (f"; {wound['one_sided']:,} faces are of a surface with one side: hair changes over somewhere"

@@ -309,13 +309,12 @@ def _stand(gpu, plan):
 
 def _grow(gpu, plan, part):
     if plan.grown:
-        known = plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
-                                       functools.partial(_resting, gpu, plan, part.faces))
         surface = _surface(gpu, plan, part.faces)
-        where, what = (surface, plan.scene.strands), (part.strands, part.area, known)
-        traits_of = plan.planes and functools.partial(_traits, gpu, plan, part, surface)
-        return grow(gpu, *where, *what, traits_of) if plan.guides is None else guides.between(
-            gpu, *where, standing(gpu, plan)[0], *what, traits_of)
+        make = grow if plan.guides is None else functools.partial(guides.between, guides=standing(gpu, plan)[0])
+        return make(gpu, surface, plan.scene.strands, part.strands, part.area,
+                    plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
+                                           functools.partial(_resting, gpu, plan, part.faces)),
+                    plan.planes and functools.partial(_traits, gpu, plan, part, surface))
     return upload_curves(gpu, plan.scene.strands, part.strands)
 
 

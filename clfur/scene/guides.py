@@ -40,8 +40,8 @@ def far_from(mesh: Any, away: np.ndarray) -> str:
     rounding and bulging faces may bring about. Raises Error where they cannot be meant for it."""
     _, radius = mesh.bounds
     worst, some = float(away.max()), int((away > TOLD * radius).sum())
-    line = (f"{some:,} of {len(away):,} roots of Strands.guides are off Scene.mesh by more than {TOLD * radius:.3g}, "
-            f"one by {worst:.3g}")
+    line = (f"Strands.guides has {some:,} of {len(away):,} roots more than {TOLD * radius:.3g} away from Scene.mesh, "
+            f"one {worst:.3g}")
     if not worst <= MOST_AWAY * radius:
         raise Error(f"{line}; allowed: at most {MOST_AWAY * radius:.3g}, a tenth of the mesh's radius: are units and "
                     "axes those of the mesh?")

@@ -77,9 +77,9 @@ def bytes_of(curves: Any, types: int, faces: int) -> int:
             + Trees.bytes(box=4 * leaves[1], member=faces) + 16 * 3 * faces)
 
 
-def between(gpu: Any, surface: Surface, fur: Any, guides: Guides, strands: tuple[int, int] | None = None,
-            area: tuple[int, int] | None = None, sums: tuple[Any, Any] | None = None,
-            traits_of: Any = None) -> DeviceStrands:
+def between(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None = None,
+            area: tuple[int, int] | None = None, sums: tuple[Any, Any] | None = None, traits_of: Any = None, *,
+            guides: Guides) -> DeviceStrands:
     """Strands of a `clfur.Strands` with the shapes of its guides -> `DeviceStrands`; all but these is as `grow` has it,
     and so are the other arguments."""
     begin, roots = roots_of(gpu, surface, fur, strands, area, sums)
