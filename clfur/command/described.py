@@ -1,6 +1,7 @@
 """The scene that options describe: fur on a mesh, lights, camera, body and ground."""
 
 import math
+from pathlib import Path
 
 import attrs
 import click
@@ -13,7 +14,8 @@ from ..files.usd import is_usd
 from ..scene import extent, frame, highlighted
 from ..scene.checks import vector
 from ..scene.strands import LAW
-from .hair_types import hair_type, hair_types, type_map
+from .hair_types import groom_of, hair_type, hair_types, type_map
+from .skin import skin_of
 from .types import light_of, read_for
 
 SEGMENTS, MOST_SEGMENTS = 8, 64   # of a strand: at least, and where guides have as many points
@@ -40,7 +42,7 @@ def scene_of(mesh, options):
     if curves is not None:
         fur.append(curves)
     elif kind != "shells":
-        fur.append((_strands if options["hair"] is None else _hair)(options, length, radius, len(mesh.faces)))
+        fur.append((_strands if options["hair"] is None else _hair)(options, length, radius, mesh))
     if options.get("specular") == "half-vector":   # the other is that of looks which say nothing
         fur = highlighted(tuple(fur), "half-vector")
 
@@ -136,8 +138,8 @@ def triangles_of_face(level):
     return 3 * level * level // 2
 
 
-def _strands(options, length, radius, faces):
-    """The `Strands` of this length that the options describe on a mesh of this radius and so many faces."""
+def _strands(options, length, radius, mesh):
+    """The `Strands` of this length that the options describe on a mesh of this radius."""
     hair = {
         "color": options["color"],
         "segments": options["segments"],
@@ -160,17 +162,20 @@ def _strands(options, length, radius, faces):
     hair["rules"] = (law, rule) if options["force_weight"] is None else (rule, law)
     if options["type_map"] is not None and options["types"] is None:
         raise click.UsageError("--type-map needs --types, the hair types that its colours mean")
+    file = options["types"]
+    said = {} if file is None else read_for("--types", groom_of, file)
+    keys = options["type_map"] or ("type_map" in said and Path(file).parent / str(said["type_map"]))
     return Strands(
-        types=[hair_type(hair, {})] if options["types"] is None else read_for(
-            "--types", lambda path: hair_types(path, hair), options["types"]),
-        type_map=None if options["type_map"] is None else type_map(options["type_map"]),
-        **density(options, faces),
+        types=[hair_type(hair, {})] if "types" not in said else read_for(
+            "--types", lambda path: hair_types(path, said["types"], hair), file),
+        type_map=type_map(keys) if keys else None,
+        **density(options, len(mesh.faces)), **skin_of(mesh, options, said, Path(file or "").parent),
         **{name: options[name] for name in ("surface", "force", "seed", "rest", "guides", "parting")})
 
 
-def _hair(options, length, radius, faces):
+def _hair(options, length, radius, mesh):
     """The `Curves` of the strand file that the options name; what it does not say is theirs."""
-    levels = density(options, faces)
+    levels = density(options, len(mesh.faces))
     given = {name: options[name] for name in ("width", "color", "alpha", "look", "surface", "seed")}
     given |= {"inner": levels["inner"], "outer": levels["outer"]}
     given = {name: value for name, value in given.items() if value is not None}

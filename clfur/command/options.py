@@ -9,7 +9,8 @@ from click.core import ParameterSource
 from .. import PRESETS, Error
 from ..settings import RASTERS, SCATTERING, SHADOWS
 from .described import HAIRS, MOST, ROOTS
-from .types import Color, Height, LightText, Look, Numbers, Real, Roots, Size, Sky, View, Whole, once
+from .types import (MAPS, Color, Height, LightText, Look, MapText, Numbers, Real, Roots, Size, Sky, View, Way, Whole,
+                    once)
 
 # The second draws the outline of hair from behind; at half the first's strength or more a ground is framed with both.
 LIGHTS = ["sun direction=1,-1,-0.8 color=1,0.97,0.92", "sun direction=-0.5,-1.2,1 color=0.85,0.92,1 intensity=0.6"]
@@ -110,7 +111,19 @@ _STRANDS = [
     click.option("--type-map", metavar="PICTURE", help="Picture whose colours choose the hair type by uv."),
     click.option("--types", metavar="FILE",
                  help="JSON list of hair types, each with its key colour in the type map; what a type leaves "
-                      "out is taken from the options."),
+                      "out is taken from the options.  Or an object with types, type_map, maps, comb and on."),
+    click.option("--map", "maps", type=MapText(), multiple=True, metavar="NAME=FILE",
+                 help="What the skin says of " + ", ".join(MAPS[:-1]) + f" or {MAPS[-1]}: a grey picture by uv, which "
+                      "multiplies what the options say, 0 to 1 without a curve; UDIM tiles, as skin.<UDIM>.png; or a "
+                      ".npy file of numbers by vertex or by face.  Again for each further map."),
+    click.option("--on", multiple=True, metavar="NAME",
+                 help="Hair grows there alone: a group, object or material of the mesh's file, or a vertex colour, "
+                      "red, green, blue or alpha.  Again for each further place."),
+    click.option("--comb", type=Way(), metavar="X,Y,Z|FILE",
+                 help="Which way hair lies on the skin: a vector, a picture by uv (red: along u, green: along v, 128: "
+                      "none), or a .npy file of vectors by vertex."),
+    click.option("--comb-weight", type=Real(0, 1), metavar="0..1",
+                 help="How flat it lies there.  [default: 0.7]"),
     click.option("--curl", type=Numbers(2), default="0,0", metavar="RADIUS,TURNS", help="Curl of the strands."),
     click.option("--wave", type=Numbers(2), default="0,0", metavar="AMPLITUDE,PERIODS",
                  help="Wave of the strands."),
@@ -167,11 +180,11 @@ _SETTINGS = [
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "tip_width", "root_color", "tip_color", "look",
                      "type_map", "types", "curl", "wave", "raster", "masks", "scattering", "lod", "hair", "guides",
-                     "parting"),
+                     "parting", "maps", "on", "comb", "comb_weight"),
          "shells": ("layers", "pattern", "hairs", "frequency", "density", "noise", "wind", "time", "shading")}
 # Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
 _GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "stiffness", "force_weight", "roots", "type_map",
-          "types", "curl", "wave", "rest")
+          "types", "curl", "wave", "rest", "maps", "on", "comb", "comb_weight")
 _GROWN_OR_SHELLS = "length", "variation"
 _UNGUIDED = "stiffness", "force_weight", "force", "length"   # what the shapes of guides leave nothing to say
 
@@ -253,6 +266,8 @@ def _flag_of(message, flags):
     kind, field = found.groups()
     if kind == "Light.":
         return flags.get("lights")
+    if kind in ("Maps.", "Comb."):
+        return flags.get("on" if field == "on" else "maps" if kind == "Maps." else "comb")
     if field == "body_color":
         return flags.get("body_texture", flags.get("body_color"))
     return flags.get(_NAMES.get(field, field))
@@ -272,6 +287,10 @@ def check_fur(flags, options):
             if name in flags:
                 raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
                                        f"allowed: with --fur {fur} or --fur both")
+    for name in ("maps", "on") if options["fur"] == "both" else ():
+        if name in flags:
+            raise click.UsageError(f"{flags[name]} is for strands alone, shells do not follow maps; allowed: with "
+                                   "--fur strands")
     if options["guides"] is None and "parting" in flags:
         raise click.UsageError("--parting is for strands between --guides; allowed: with them")
     if options["guides"] is not None:

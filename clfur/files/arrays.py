@@ -16,7 +16,8 @@ SETUP = "inner", "outer", "surface", "seed", "lod_by", "bounds"   # how the body
 def load_numbers(path: Path) -> np.ndarray:
     """Return the array of numbers of a .npy file; raises Error, one line that names the file."""
     try:
-        return _array(read(path))
+        data = read(path)
+        return _array(io.BytesIO(data), len(data))
     except Error as error:
         raise Error(f"{'' if str(path) in str(error) else f'{path}: '}{error}") from None
 
