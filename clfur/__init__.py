@@ -11,7 +11,7 @@ from .device.scheduler import Scheduler
 from .errors import DeviceError, Error
 from .files.curves import load_curves, save_curves
 from .files.gltf import load_materials
-from .files.images import load_picture, save
+from .files.images import load, load_header, load_picture, save
 from .files.meshes import load_mesh
 from .judge import truth
 from .judge.compare import Comparison, compare
@@ -39,8 +39,8 @@ from .settings import Settings
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
     "Frontier", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
-    "Settings", "Shells", "Strands", "compare", "draw", "frontier", "grow", "load_curves", "load_materials",
-    "load_mesh", "load_picture", "over", "render", "save", "save_curves", "truth",
+    "Settings", "Shells", "Strands", "compare", "draw", "frontier", "grow", "load", "load_curves",
+    "load_header", "load_materials", "load_mesh", "load_picture", "over", "render", "save", "save_curves", "truth",
 ]
 
 install()

@@ -1,7 +1,9 @@
-"""Strand files .npz and .npy: NumPy's own arrays, of the names and shapes that `Curves` has."""
+"""Files .npz and .npy: NumPy's own arrays; of strands, of the names and shapes that `Curves` has."""
 
 import io
 import zipfile
+import zlib
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,7 @@ import numpy as np
 from ..errors import Error
 from .input import MAX_BYTES
 
+MOST = 1040   # bytes that zip packs in one, at most
 NAMES = "points", "counts", "width", "color", "transparency", "root_uv", "root_normal"
 
 
@@ -23,19 +26,24 @@ def read_npy(data: bytes, path: Path) -> dict:
 def read_npz(data: bytes, path: Path) -> dict:
     """Return the strands of a .npz file: points and counts, or points [strands, points, 3]; and what else of `NAMES` it
     has.  Other names are an Error."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = {each.filename.removesuffix(".npy"): each for each in archive.infolist()}
-            if unknown := [name for name in members if name not in NAMES]:
-                raise Error(f"has the array {unknown[0][:40]!r}; allowed: {', '.join(NAMES)}")
-            if sum(each.file_size for each in members.values()) > MAX_BYTES:
-                raise Error(f"would take more than {MAX_BYTES} bytes")
-            found = {name: _array(archive.read(each)) for name, each in members.items()}
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
-        raise Error(f"is damaged or cut short: {error}") from None
+    found = read_arrays(data, NAMES)
     if "points" not in found:
         raise Error("has no array points")
     return found
+
+
+def read_arrays(data: bytes, names: Collection[str] | None = None) -> dict[str, np.ndarray]:
+    """Return the arrays of a .npz file, all or of these names alone; raises Error for others, and a damaged file."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = {each.filename.removesuffix(".npy"): each for each in archive.infolist()}
+            if names is not None and (unknown := [name for name in members if name not in names]):
+                raise Error(f"has the array {unknown[0][:40]!r}; allowed: {', '.join(names)}")
+            if sum(each.file_size for each in members.values()) > (MAX_BYTES if names else MOST * len(data)):
+                raise Error(f"would take more than {MAX_BYTES if names else MOST * len(data)} bytes")
+            return {name: _array(archive.read(each)) for name, each in members.items()}
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
+        raise Error(f"is damaged or cut short: {error}") from None
 
 
 def _array(data):
