@@ -9,8 +9,23 @@ from click.core import ParameterSource
 from .. import PRESETS, Error
 from ..settings import RASTERS, SCATTERING, SHADOWS
 from .described import HAIRS, MOST, ROOTS
-from .types import (MAPS, Color, Height, LightText, Look, MapText, Numbers, Real, Roots, Size, Sky, View, Way, Whole,
-                    once)
+from .types import (
+    MAPS,
+    Color,
+    Height,
+    LightText,
+    Look,
+    MapText,
+    Numbers,
+    Real,
+    Roots,
+    Size,
+    Sky,
+    View,
+    Way,
+    Whole,
+    once,
+)
 
 # The second draws the outline of hair from behind; at half the first's strength or more a ground is framed with both.
 LIGHTS = ["sun direction=1,-1,-0.8 color=1,0.97,0.92", "sun direction=-0.5,-1.2,1 color=0.85,0.92,1 intensity=0.6"]
