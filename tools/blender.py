@@ -194,7 +194,7 @@ def _to_blender(clfur, python, folder):
     for name in "hair.usda", "hair.usdc":
         clfur.save_curves(Path(folder, name), given)
     clfur.save_curves(Path(folder, "one.usdc"), clfur.Curves(points, width=.05))
-    print("\n| written by clfur | curves | points apart | radius, of width 0.1 at roots | names |\n|---|---|---|---|---|")
+    print("\n| written by clfur | curves | points apart | radius, of width 0.1 | names |\n|---|---|---|---|---|")
     turned = points.reshape(-1, 3) @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])   # +Y up to +Z up
     for name, found in _in_blender(python, "read", folder).items():
         if "points" not in found:
