@@ -386,6 +386,14 @@ def test_skies_look_where_usd_says(stage, tmp_path, kind, up, turn, red):
     assert not scene.lights[0].strength.any()   # the sky alone
 
 
+def test_a_sky_of_one_pixel_is_a_colour(stage, tmp_path):
+    """As Blender writes a world of one colour."""
+    clfur.save(tmp_path / "sky.exr", np.full((1, 1, 3), .5, np.float32))
+    plane(stage)
+    light(stage, "DomeLight").GetAttribute("inputs:texture:file").Set("sky.exr")
+    assert load(stage, tmp_path).environment.sky.tolist() == [.5, .5, .5]
+
+
 def test_a_sky_that_is_turned_is_looked_up(tmp_path):
     rng = np.random.default_rng(2)
     smooth = np.kron(rng.uniform(size=(4, 8, 3)), np.ones((8, 8, 1))).astype(np.float32)

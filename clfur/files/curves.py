@@ -49,8 +49,7 @@ def load_curves(path: str | os.PathLike, *, width: float | None = None, color: A
     tolerance: how far a polyline may be from a cubic curve of USD, in its widths. time: of USD's time samples, in its
     time codes; None: the first.
     Strands whose transparency differs become types. Raises Error, one line that names the file, for one that is
-    missing, damaged, cut short, without strands, no regular file or of more than 2**30 bytes; but usd-core may end the
-    process on a damaged .usdc.
+    missing, damaged, cut short, without strands, no regular file or of more than 2**30 bytes.
     """
     given = {"width": None if width is None else checks.real(low=0)(width, "load_curves width"), "color": color}
     return read_curves(path, {name: value for name, value in given.items() if value is not None}, tolerance, time)

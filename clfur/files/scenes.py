@@ -21,6 +21,7 @@ from .usd_curves import strands_of
 from .usd_lights import camera_of, lights_of, resolution_of
 from .usd_mesh import meshes_of
 
+ROWS = 64              # of a sky's picture, at least
 WIDTH = 640            # of a picture whose file says nothing of it
 LEVEL = 4, 250_000     # of tessellation of subdivision surfaces, under strands; faces that it may make then
 NEAR, FAR = 1.06, 900  # radii of a scene from its middle where a light may stand that shines everywhere, or any
@@ -200,6 +201,10 @@ def _sky(found, exposure):
     if "texture" not in found:
         return Environment(strength)
     picture = linear_of(picture_of(found["texture"])) * strength.astype(np.float32)
+    if (picture == picture[0, 0]).all():
+        return Environment(picture[0, 0])
+    more = -(-ROWS // len(picture))   # light of a small picture comes from all of its pixels, not from their middles
+    picture = picture.repeat(more, axis=0).repeat(more, axis=1)
     if np.linalg.det(turn) > 0 and abs(turn[1, 1] - 1) < 1e-9:   # turned about +Y alone
         return Environment(picture, rotation=math.degrees(math.atan2(turn[2, 0], -turn[2, 2])))
     return Environment(turned(picture, turn))
