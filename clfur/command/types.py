@@ -85,6 +85,20 @@ class Size(click.ParamType):
         return tuple(map(int, parts))
 
 
+class Region(click.ParamType):
+    """Column, row, width and height in pixels, such as 100,50,64,48."""
+
+    name = "region"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        parts = [part.strip() for part in value.split(",")]
+        if len(parts) != 4 or not all(part.isdecimal() and len(part) < 6 for part in parts):
+            self.fail(f"{value!r} is not X,Y,WIDTH,HEIGHT in pixels, such as 100,50,64,48", param, ctx)
+        return tuple(map(int, parts))
+
+
 class View(click.ParamType):
     """From where the camera looks, a name of `VIEWS` or AZIMUTH,ELEVATION in degrees -> direction [3] towards it."""
 
@@ -361,3 +375,10 @@ def from_hex(text):
     if len(text) != 7 or text[0] != "#" or not all(d in "0123456789abcdefABCDEF" for d in digits):
         raise ValueError(f"{text!r} is not a colour such as #ccaa88")
     return tuple(float(c) for c in srgb_to_linear([int(digits[i:i + 2], 16) / 255 for i in (0, 2, 4)]))
+
+
+def once(context, option, values):
+    """What an option that may be given once was given, or None: for click, whose last one of several counts."""
+    if len(values) > 1:
+        raise click.UsageError(f"{option.opts[0]} is given {len(values)} times; allowed: once")
+    return values[0] if values else None

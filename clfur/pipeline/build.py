@@ -31,7 +31,7 @@ from .shadows import accumulate, deep_maps, finish, plan_shadows, shells_depth, 
 def let_go(plan: Plan, gpu: Any) -> None:
     """Make a device ready for a frame: before anything new is made, it lets go of what this frame has no use for."""
     plan.check(gpu)
-    gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
+    gpu.load((plan.settings, plan.size, plan.faces, plan.strands, plan.points,
               plan.scene.shells and plan.scene.shells.layers))
     gpu.prepare(plan.kernel_files)
     gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed), *plan.painted[:1])
@@ -309,8 +309,8 @@ def _stand(gpu, plan):
 
 def _grow(gpu, plan, part):
     if plan.grown:
-        surface = _surface(gpu, plan, part.faces)
         make = grow if plan.guides is None else functools.partial(guides.between, guides=standing(gpu, plan)[0])
+        surface = _surface(gpu, plan, part.faces)
         return make(gpu, surface, plan.scene.strands, part.strands, part.area,
                     plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
                                            functools.partial(_resting, gpu, plan, part.faces)),

@@ -88,7 +88,7 @@ def between(
     n, numbers = len(root), np.arange(len(root))
     vary, lean, turn = (signed(random3(numbers, seed, use)) for use in (1, 3, 2))
     segments = np.array([t.segments for t in types])[kind]
-    points = np.full((n, segments.max(initial=0) + 1, 3), math.nan)
+    points = np.full((n, max(t.segments for t in types) + 1, 3), math.nan)
     allowed = np.ones((n, len(guides)), bool)
     if guide_kind is not None:
         allowed = kind[:, None] == np.asarray(guide_kind)
