@@ -14,7 +14,7 @@ NEAREST, NOTHING = int(layout.CONSTANTS["NEAREST"]), int(layout.CONSTANTS["NOTHI
 CHORD_SHARES = 0.25, 0.5, 1.0   # of a guide's length, where the chords from its root end
 FOUND = layout.Declared("strand", np.uint32, 2 * NEAREST)   # squares of distances, float32; numbers of guides
 FEET = layout.Declared("guide", np.float32, 4)
-STEPS = 16      # of loops that a member of a tree takes, at most
+MEMBER_STEPS = 16      # of loops that a member of a tree takes, at most
 CODE_BITS = 10  # of a coordinate, by which what is near each other comes into one node
 
 
@@ -142,7 +142,7 @@ def shapes(points: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def trees_of(gpu: Any, low: np.ndarray, high: np.ndarray, groups: list[np.ndarray]) -> Trees:
     """`Trees` of things in boxes ``low`` to ``high`` [N, 3]: one of each of some groups of their numbers, or several
     where a driver ends long loops."""
-    codes, most = codes_of((low.astype(np.float64) + high) / 2), max(gpu.own_steps // STEPS, 1)
+    codes, most = codes_of((low.astype(np.float64) + high) / 2), max(gpu.own_steps // MEMBER_STEPS, 1)
     rounds = max(-(-len(group) // most) for group in groups)
     boxes, members, trees, node, first = [], [], [], 0, 0
     groups = [group[np.argsort(codes[group], kind="stable")] for group in groups]
@@ -172,8 +172,8 @@ def codes_of(places: np.ndarray) -> np.ndarray:
 
 
 def _nodes(low, high):
-    """(Boxes of the parts of a tree's nodes [nodes, 6, 8], the number of its last row) of boxes low, high [n, 3] in their
-    order."""
+    """(Boxes of the parts of a tree's nodes [nodes, 6, 8], the number of its last row) of boxes low, high [n, 3], in
+    their order."""
     rows = []
     while True:
         n = -(-max(len(low), 1) // 8)
