@@ -270,6 +270,9 @@ __kernel void pixels(
     const int has_shells,                  // the rest: see `tiles`
     __global const ulong *sample_shells,
     const int lit,
+    const uint room,                       // for bundles of pieces that are told in place of their light; 0: none are
+    volatile __global uint *taken,         // [1] pieces that are
+    __global uint *bundles,                // [room, 3 * GLOWS] pixel, number, weight of one after the other
     __global const ulong *places,
     const int sources,
     __global const float *more,
@@ -311,7 +314,7 @@ __kernel void pixels(
                              {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
                               lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_nears, deep_blocks, axes, hazes}},
                              body_transmittance, alpha,
-                             front, shell_front, image};
+                             front, shell_front, image, 0, room * GLOWS, taken, bundles};
     Walk walk;
     walk.bound = walk.next = walk.waiting = 0;
     walk.low = key_at(slab.x);

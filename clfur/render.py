@@ -2,6 +2,7 @@
 
 import functools
 import threading
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -14,6 +15,7 @@ from .device.scheduler import Scheduler
 from .device.selection import choose
 from .device.team import Team
 from .errors import Error, shown
+from .pipeline.build import told
 from .pipeline.grown import curves_of
 from .pipeline.picture import OUTPUTS, Frame, draw_frame
 from .pipeline.plan import Plan
@@ -137,7 +139,11 @@ def grow(scene: Scene, device: Any = None) -> Curves:
     gpu = schedulers(device)[0]
     with gpu.frame():
         gpu.forget()   # what frames have left: the plan below has room for strands alone
-        return curves_of(gpu, Plan(Rig.of(scene.local, Settings(shadows="off", shadow_map=0)), ()), scene.origin)
+        plan = Plan(Rig.of(scene.local, Settings(shadows="off", shadow_map=0)), ())
+        curves = curves_of(gpu, plan, scene.origin)
+        for what in told(plan, gpu):
+            warnings.warn(what, RuntimeWarning, stacklevel=2)
+        return curves
 
 
 def schedulers(device: Any) -> list[Scheduler]:

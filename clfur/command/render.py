@@ -12,16 +12,17 @@ from .. import Scheduler, draw, over, save
 from ..files.images import check_writable, load_picture
 from ..judge.frontier import label
 from ..scene import backdrop
-from .described import lowered, read_for, sparse
+from .described import lowered, sparse
 from .devices import ask_drivers
-from .options import is_scene_file, load_scene, scene_options
-from .types import Backdrop, Bytes, Names, Real, Region
+from .options import Sectioned, scene_options
+from .scenes import is_scene_file, load_scene
+from .types import Backdrop, Bytes, Names, Real, Region, read_for
 from .waiting import waiting
 
 TOLD = 0.05   # seconds of building kernels that a summary tells
 
 
-@click.command(context_settings={"show_default": True})
+@click.command(cls=Sectioned, context_settings={"show_default": True})
 @click.argument("given", metavar="MESH")
 @click.option("-o", "--output", metavar="FILE",
               help="PNG (sRGB), EXR (linear) or NPZ (arrays).  [default: the mesh's name, .png]")

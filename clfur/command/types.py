@@ -15,6 +15,14 @@ from ..scene import Chiang, Environment, Kajiya, Light
 from ..scene.checks import LARGEST
 
 
+def read_for(flag, read, path):
+    """What ``read`` gives of a path; its error begins with the option that names the file."""
+    try:
+        return read(path)
+    except Error as error:
+        raise Error(f"{flag}: {error}") from error
+
+
 class _Within:
     """A number within limits; click would say "not a valid integer range"."""
 

@@ -18,11 +18,14 @@ from ..stages.blur import blur, blur_radius
 from ..stages.coverage import TILE
 from ..stages.lighting import unshadowed
 from . import build
+from .mattes import TOLD, UNIT, positions
 from .passes import Band, Coverage, Front, Samples
 from .plan import Plan
 from .views import Rig
 
-OUTPUTS = {"color": 4, "depth": None, "id": None, "tangent": 3, "normal": 3, "uv": 2, "coverage": None}
+# How many of four values of a pixel on the device are an output's, None: it has one; more are told on the host.
+OUTPUTS = {"color": 4, "depth": None, "id": None, "tangent": 3, "normal": 3, "uv": 2, "coverage": None,
+           "position": None} | dict.fromkeys(TOLD)
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,7 @@ def draw_frame(team: Team, scene: Scene, settings: Settings, outputs: Sequence[s
     if plan.wants_color and plan.settings.blur != "off":
         team.first(picture.blur)
     seconds = time.perf_counter() - began
-    for what in picture.warnings:
+    for what in [*picture.warnings, *team.first(functools.partial(build.told, plan))]:
         warnings.warn(what, RuntimeWarning, stacklevel=4)
     return picture.frame(seconds)
 
@@ -114,12 +117,19 @@ class Picture:
         self.warnings = plan.warnings   # what is known to be wrong in the picture
         self.digests: dict[str, str] = {}
         self._images: dict[str, np.ndarray] = {}
+        self._areas = np.zeros(plan.strands if "strand_area" in outputs else 0)
         self.strands = (Coverage if plan.uses_coverage else Samples)(plan, team)
         self._visibility = [hashlib.sha256() for _ in range(self.strands.digests)]
 
     def read(self, gpu: Any, band: Band, front: Front, found: dict) -> tuple:
         """What `draw_band` gives: the outputs that are ``found``, on the host."""
-        images = {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in self.outputs}
+        images = {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in self.outputs
+                  if name in found}
+        if "position" in self.outputs:
+            depth = images["depth"] if "depth" in images else gpu.download(found["depth"])
+            images["position"] = positions(self.plan.scene.camera, depth, band.rows[0])
+        if self.plan.tells:
+            images |= self.strands.tell(gpu, band, front)
         if self.plan.seen_through and "coverage" in images:   # what color's alpha is
             images["coverage"] = np.ascontiguousarray(gpu.download(found["color"])[..., 3])
         return band.rows, images, self.strands.hashed(gpu, band, front) if self.hashes else []
@@ -129,6 +139,8 @@ class Picture:
         height, first = self.plan.size[1], self.plan.top
         for digest, each in zip(self._visibility, bits):
             digest.update(each)
+        if "strand_area" in images:
+            self._areas += images.pop("strand_area")
         for name, image in images.items():
             if len(image) == height:
                 self._images[name] = image
@@ -153,6 +165,8 @@ class Picture:
     def frame(self, seconds: float) -> Frame:
         """The `Frame`, after so many seconds."""
         plan, team = self.plan, self.team
+        if "strand_area" in self.outputs:
+            self._images["strand_area"] = (self._areas / UNIT).astype(np.float32)
         if self.hashes:
             whole = b"".join(digest.digest() for digest in self._visibility)
             self.digests["visibility"] = hashlib.sha256(whole).hexdigest()
@@ -165,9 +179,10 @@ class Picture:
         images = self._images
         if plan.size != (columns, rows):
             images = {name: np.ascontiguousarray(image[row - plan.top:, column - left:][:rows, :columns])
-                      for name, image in images.items()}
+                      if image.ndim > 1 else image for name, image in images.items()}
         names, memory = " + ".join(gpu.name for gpu in team.gpus), sum(gpu.peak for gpu in team.gpus)
         triangles = plan.triangles if plan.body else 0
+        images = {name: images[name] for name in self.outputs}
         return Frame(images, names, triangles, strands, segments, seconds, stages, memory, self.digests,
                      plan.settings, building=max(gpu.held_up for gpu in team.gpus))
 
