@@ -11,9 +11,11 @@ from ..files.images import load_picture
 from ..files.usd import is_usd
 from ..scene import extent, frame, highlighted
 from ..scene.checks import vector
+from ..scene.strands import LAW
 from .hair_types import hair_type, hair_types, type_map
 from .types import light_of, read_for
 
+SEGMENTS, MOST_SEGMENTS = 8, 64   # of a strand: at least, and where guides have as many points
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
 
@@ -23,6 +25,7 @@ def scene_of(mesh, options):
     ones."""
     options = options | {"time": options["time"] or 0.0, "code": options["time"]}
     options |= {"rest": None if options["rest"] is None else read_for("--rest", load_mesh, options["rest"])}
+    options |= _guided(options)
     base, curves = options["rest"] or mesh, options.get("curves")   # hair is as long in every pose
     middle, radius = extent(None, curves) if base is None else base.bounds
     kind, length = options["fur"], options["length"]
@@ -59,6 +62,14 @@ def scene_of(mesh, options):
                  body=options["body"], ground=ground, **_body_color(options))
 
 
+def _guided(options):
+    """{"guides": the Curves of the file that they name, "segments"}: as many as guides have where it is not told."""
+    guides = options["guides"] and read_for("--guides", lambda path: read_curves(path, {}), options["guides"])
+    longest = int(guides.counts.max(initial=0)) - 1 if guides else 0
+    known = options["segments"]
+    return {"guides": guides, "segments": min(max(SEGMENTS, longest), MOST_SEGMENTS) if known is None else known}
+
+
 def _lights(texts, middle):
     """The `Light`s of texts, in which spots without a direction look at the middle [3] of the mesh; ambient light,
     where a text has none, comes with the first."""
@@ -82,7 +93,9 @@ def _shells(options, length, radius):
     if frequency is None:
         frequency = 60 / radius if options["pattern"] == "cells" else 40.0
     # Half of what strands bend: hairs that stand upright go into the body if they are bent by more than 1.
-    weight = 0.5 * options["force_weight"] * options["segments"]
+    weight = 0.5 / (options["stiffness"] or LAW["stiffness"])
+    if options["force_weight"] is not None:
+        weight = 0.5 * options["force_weight"] * options["segments"]
     return Shells(
         length=length, frequency=frequency, length_variation=options["variation"],
         force=[weight * part for part in options["force"]],
@@ -127,26 +140,31 @@ def _strands(options, length, radius, faces):
     hair = {
         "color": options["color"],
         "segments": options["segments"],
-        "segment_length": length / max(options["segments"], 1),
         # Short fur on a mesh with a wide ground: strands that are wider than long would cover all of the picture.
         "width": min(0.0012 * radius, 0.1 * length) if options["width"] is None else options["width"],
         "tip_width": options["tip_width"],
         "root_color": options["root_color"],
         "tip_color": options["tip_color"],
-        "force_weight": options["force_weight"],
         "curl": options["curl"],
         "wave": options["wave"],
         "alpha": options["alpha"],
         "look": options.get("look"),
         **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), options["variation"]),
     }
+    if options["guides"] is not None:   # which lean as they are told to
+        hair["direction_variation"] = 0
+    law = {"length": length, "stiffness": options["stiffness"] or LAW["stiffness"]}
+    rule = {"segment_length": length / max(options["segments"], 1),
+            "force_weight": 0.2 if options["force_weight"] is None else options["force_weight"]}
+    hair["rules"] = (law, rule) if options["force_weight"] is None else (rule, law)
     if options["type_map"] is not None and options["types"] is None:
         raise click.UsageError("--type-map needs --types, the hair types that its colours mean")
     return Strands(
-        types=[hair_type(hair)] if options["types"] is None else read_for(
+        types=[hair_type(hair, {})] if options["types"] is None else read_for(
             "--types", lambda path: hair_types(path, hair), options["types"]),
         type_map=None if options["type_map"] is None else type_map(options["type_map"]),
-        **density(options, faces), **{name: options[name] for name in ("surface", "force", "seed", "rest")})
+        **density(options, faces),
+        **{name: options[name] for name in ("surface", "force", "seed", "rest", "guides", "parting")})
 
 
 def _hair(options, length, radius, faces):

@@ -12,9 +12,14 @@ from ..files.input import plain, read
 from .types import from_hex, look_of, read_for
 
 
-def hair_type(fields):
-    """A `HairType`, whose roots are half as bright where nothing is said; a Chiang's pigment may be all its colour."""
-    kind = HairType(**fields)
+def hair_type(defaults, given):
+    """A `HairType` of the fields given and of defaults; its rule of growth is that of which a field is given, or the
+    first of the ``rules`` in defaults. Roots are half as bright where nothing is said; a Chiang's pigment may be all
+    its colour."""
+    others = dict(defaults)
+    rules = others.pop("rules", ({},))
+    rule = next((rule for rule in rules if rule.keys() & given.keys()), rules[0])
+    kind = HairType(**{**others, **rule, **given})
     if kind.root_color is None and not isinstance(kind.look, Chiang):
         kind = attrs.evolve(kind, root_color=kind.color / 2)
     return kind
@@ -63,7 +68,7 @@ def hair_types(path, defaults):
                 fields["look"] = look_of(look)
             elif "specular" in fields or "exponent" in fields:   # they make one
                 fields.setdefault("look", None)
-            types.append(hair_type({**defaults, **fields}))
+            types.append(hair_type(defaults, fields))
         except ValueError as error:   # clfur.Error is one
             raise Error(f"{where}: {error}") from None
     return types

@@ -23,15 +23,24 @@ _FUR = [
                  help="How much light one hair lets through."),
     click.option("--variation", type=Real(0, 1), default=0.3, metavar="0..1",
                  help="How much strands differ in length, direction and colour, and shells' hairs in length."),
-    click.option("--segments", type=Whole(0, 255), default=8, metavar="N",
-                 help="Segments a strand; 0 is bald."),
+    click.option("--segments", type=Whole(0, 255), metavar="N",
+                 help="Segments a strand, by which it is drawn as smooth; 0 is bald.  [default: 8, or as many as "
+                      "--guides have, 64 at most]"),
     click.option("--force", type=Numbers(3), default="0,-1,0", metavar="X,Y,Z", help="What pulls the hair."),
-    click.option("--force-weight", type=float, default=0.2, metavar="W",
-                 help="How much a segment gives way to it; a hair of shells does so as much as half of all segments."),
+    click.option("--stiffness", type=Real(1e-6), metavar="S",
+                 help="How many of its lengths a hair takes to turn by a radian under a force of 1 across it; a hair "
+                      "of shells bends as much as half of one.  [default: 0.625]"),
+    click.option("--force-weight", type=float, metavar="W",
+                 help="Instead of --stiffness, the report's rule: how much each segment gives way to the force."),
     click.option("--seed", type=int, default=0, metavar="N", help="Of all that is random."),
     click.option("--hair", metavar="FILE", multiple=True, callback=once,
                  help="Strands of a file in place of grown ones, placed as the mesh is: .hair, .tfx, .data, .ply, "
                       ".npz, .npy or USD.  --width, --color and --alpha count where it says none."),
+    click.option("--guides", metavar="FILE",
+                 help="Strands of a file, as --hair takes, that stand on the mesh: between them those of --roots have "
+                      "their shapes, so that no length, force or lean counts; --variation and maps cut them."),
+    click.option("--parting", type=Real(0, 180), default=60.0, metavar="DEG",
+                 help="Guides that point apart by more than this are not blended; 180: all are."),
     click.option("--rest", metavar="MESH",
                  help="The mesh in rest, of the same faces: lengths go by it, and N roots and the cells of shells stay "
                       "where they are on it in every pose."),
@@ -151,12 +160,14 @@ _SETTINGS = [
 ]
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "tip_width", "root_color", "tip_color", "look",
-                     "type_map", "types", "curl", "wave", "raster", "masks", "scattering", "lod", "hair"),
+                     "type_map", "types", "curl", "wave", "raster", "masks", "scattering", "lod", "hair", "guides",
+                     "parting"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 # Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
-_GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "force_weight", "roots", "type_map", "types",
-          "curl", "wave", "rest")
+_GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "stiffness", "force_weight", "roots", "type_map",
+          "types", "curl", "wave", "rest")
 _GROWN_OR_SHELLS = "length", "variation"
+_UNGUIDED = "stiffness", "force_weight", "force", "length"   # what the shapes of guides leave nothing to say
 
 
 def _names(options):
@@ -255,6 +266,13 @@ def check_fur(flags, options):
             if name in flags:
                 raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
                                        f"allowed: with --fur {fur} or --fur both")
+    if options["guides"] is None and "parting" in flags:
+        raise click.UsageError("--parting is for strands between --guides; allowed: with them")
+    if options["guides"] is not None:
+        for name in ("hair", *(_UNGUIDED if options["fur"] == "strands" else ())):
+            if name in flags:
+                raise click.UsageError(f"{flags[name]} has no say where --guides give strands their shapes; allowed: "
+                                       "one of them")
     if options["hair"] is not None:
         check_grown(flags, options, "--hair")
     if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):

@@ -38,6 +38,8 @@ def load_scene(given, options):
     flags = given_flags(options)
     if "view" in flags and (other := next((flags[name] for name in ("eye", "target") if name in flags), None)):
         raise click.UsageError(f"--view places the camera, and so does {other}; allowed: one of them")
+    if "stiffness" in flags and "force_weight" in flags:
+        raise click.UsageError("--stiffness and --force-weight are of two rules of growth; allowed: one of them")
     settings = _settings(flags, options)
     if "camera" in flags and not is_usd(given):
         raise click.UsageError(f"--camera is for USD scenes, but {given} is none; allowed: with one")

@@ -84,6 +84,20 @@ class Size(click.ParamType):
         return tuple(map(int, parts))
 
 
+class Region(click.ParamType):
+    """Column, row, width and height in pixels, such as 100,50,64,48."""
+
+    name = "region"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        parts = [part.strip() for part in value.split(",")]
+        if len(parts) != 4 or not all(part.isdecimal() and len(part) < 6 for part in parts):
+            self.fail(f"{value!r} is not X,Y,WIDTH,HEIGHT in pixels, such as 100,50,64,48", param, ctx)
+        return tuple(map(int, parts))
+
+
 class View(click.ParamType):
     """From where the camera looks, a name of `VIEWS` or AZIMUTH,ELEVATION in degrees -> direction [3] towards it."""
 

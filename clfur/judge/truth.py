@@ -18,7 +18,7 @@ from ..scene.environment import ambient_of
 from ..scene.ground import ground_from, height_of
 from ..scene.seen import seen
 from ..stages.tessellate import tessellate
-from ..twin import ground, scatter, strands
+from ..twin import ground, guides, scatter, strands
 from ..twin.vectors import dot, unit
 from .paths import Paths
 from .places import on_body, on_strand
@@ -162,7 +162,7 @@ def _geometry(scene):
         body = _tessellated(mesh, *levels)
     if isinstance(fur, Strands):
         by_area = fur.roots != "faces" and fur.rest is not None
-        hair = _grown(fur, body, _tessellated(fur.rest, *levels) if by_area else body)
+        hair = _grown(fur, body, _tessellated(fur.rest, *levels) if by_area else body, mesh)
     elif isinstance(fur, Curves):
         fur = fur.on_host
         counts = fur.counts.astype(int)
@@ -199,7 +199,7 @@ def _tessellated(mesh, inner, outer, surface):
                                triangles=gpu.download(made.triangles).astype(int))
 
 
-def _grown(fur, body, rest):
+def _grown(fur, body, rest, mesh):
     surface = body.positions, body.normals, body.uv, body.triangles[:, :3]
     if fur.roots == "faces":
         roots = strands.roots_on_faces(*surface)
@@ -209,11 +209,31 @@ def _grown(fur, body, rest):
         *roots, _ = strands.roots_by_area(*surface, np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed)
     points, tangents, counts, colors, kind = strands.grow(
         *roots, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed)
+    if fur.guides is not None:
+        points, tangents = _between(fur, *roots[:2], kind, mesh)
     there = np.arange(points.shape[1]) < counts[:, None]
     width = np.stack([np.pad(strands.widths_along(t), (0, there.shape[1] - 1 - t.segments)) for t in fur.types])[kind]
     return SimpleNamespace(points=np.column_stack([points[there], width[there]]), tangents=tangents[there],
                            counts=counts, colors=colors[there] if colors.ndim == 3 else colors, kind=kind,
                            **_looks(fur.types))
+
+
+def _between(fur, root, frame, kind, mesh):
+    """(Points, tangents) of strands between guides, as `strands.grow` has them."""
+    curves = fur.guides.on_host
+    some, ends = curves.counts > 1, np.cumsum(curves.counts, dtype=np.int64)
+    shapes = [shape.astype(float) for shape, is_one in zip(np.split(curves.points, ends[:-1]), some) if is_one]
+    places = np.array([shape[0] for shape in shapes])
+    normals = guides.normals_at(*guides.feet(places, mesh.positions, mesh.faces)[1:], mesh.positions, mesh.normals,
+                                mesh.faces) if curves.root_normal is None else curves.root_normal[some].astype(float)
+    types = None if curves.type_of is None else curves.type_of[some]
+    points = guides.between(root, frame, kind, fur.types, shapes, normals, types, fur.guides_blended, fur.parting,
+                            fur.seed)
+    tangents = np.full_like(points, np.nan)
+    for number, each in enumerate(fur.types):
+        mine, end = np.flatnonzero(kind == number), each.segments + 1
+        tangents[mine, :end] = strands.tangents_of(points[mine, :end], frame[mine, 2])
+    return points, tangents
 
 
 def _looks(types):

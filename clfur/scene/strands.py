@@ -6,6 +6,7 @@ import numpy as np
 from ..color import linear_of
 from ..errors import Error
 from . import checks
+from .guides import guides
 from .look import Looking
 from .mesh import Mesh
 
@@ -34,29 +35,39 @@ def _key(value, where):
     return tuple(checks.whole(0, 255)(part, where) for part in value)
 
 
+# Fields of the two rules of growth, and what they are unless told.
+LAW = {"length": 0.16, "stiffness": 0.625}
+RULE = {"segment_length": 0.02, "force_weight": 1.0}
+
+
 @attrs.frozen(eq=False)
 class HairType(Looking):
     """What a kind of hair looks like and how it grows.
 
     color: linear RGB >= 0 (arrays of uint8 or uint16 are sRGB). color_texture: None or [h, w, 3] that multiplies it,
-    looked up at the root's uv; the same holds for it; stored as linear float32. segments: 0..255, 0 is bald.
-    segment_length: world units. force_weight: how much of the force is added to the direction each segment.
-    width: diameter in world units. curl: (radius, turns). wave: (amplitude, periods). length_variation,
-    direction_variation, color_variation: 0..1, how much strands differ; which way they lean, curl and wave is drawn in
-    the frame of the skin at the root, so that it turns with it. look: how it scatters light, a Kajiya or a Chiang,
-    which sets the color if it has a pigment of its own; or specular and exponent, to make a Kajiya. alpha: 0..1, how
-    much light one hair lets through. root_width, tip_width: shares of width there, 0..16; between them it changes as
-    taper says, 0.001..0.999: how much of the change is done at half of the length; 0.5 is a straight cone, less keeps
-    the root's width for longer (Schlick's bias, "Fast alternatives to Perlin's bias and gain functions", 1994).
-    root_color, tip_color: None, then as color, or linear RGB >= 0 that takes its place there; linear between. key: None
-    or the 8-bit (r, g, b) that means this type in `Strands.type_map`. Raises Error otherwise.
+    looked up at the root's uv; the same holds for it; stored as linear float32. segments: 0..255, 0 is bald. length:
+    world units, 0.16 unless told. stiffness: how many of its lengths a hair takes to bend, > 0, 0.625 unless told:
+    under a force of 1 across it turns by one radian in so many lengths; twice the force, half of that. These two tell
+    the curve, and segments only how smooth it is drawn; a strand that variation makes shorter is the same curve, cut.
+    In their place, or where none is given: segment_length: world units, 0.02 unless told, and force_weight: how much
+    of the force is added to the direction each segment, 1 unless told; the report's rule (section 2.1.3), by which
+    more segments make longer and softer hair. width: diameter in world units. curl: (radius, turns). wave:
+    (amplitude, periods). length_variation, direction_variation, color_variation: 0..1, how much strands differ; which
+    way they lean, curl and wave is drawn in the frame of the skin at the root, so that it turns with it. look: how it
+    scatters light, a Kajiya or a Chiang, which sets the color if it has a pigment of its own; or specular and
+    exponent, to make a Kajiya. alpha: 0..1, how much light one hair lets through. root_width, tip_width: shares of
+    width there, 0..16; between them it changes as taper says, 0.001..0.999: how much of the change is done at half of
+    the length; 0.5 is a straight cone, less keeps the root's width for longer (Schlick's bias, "Fast alternatives to
+    Perlin's bias and gain functions", 1994). root_color, tip_color: None, then as color, or linear RGB >= 0 that
+    takes its place there; linear between. key: None or the 8-bit (r, g, b) that means this type in
+    `Strands.type_map`. Raises Error otherwise.
     """
 
     color: checks.Given = checks.field(checks.color, default=(0.8, 0.6, 0.4))
     color_texture: checks.Given = checks.field(checks.optional(texture), default=None)
     segments: int = checks.field(checks.whole(0, 255), default=8)
-    segment_length: float = checks.field(checks.real(low=0), default=0.02)
-    force_weight: float = checks.field(checks.real(), default=1.0)
+    segment_length: float | None = checks.field(checks.optional(checks.real(low=0)), default=None)
+    force_weight: float | None = checks.field(checks.optional(checks.real()), default=None)
     width: float = checks.field(checks.real(low=0), default=0.002)
     curl: checks.Given = checks.field(_radius_and_count, default=(0.0, 0.0))
     wave: checks.Given = checks.field(_radius_and_count, default=(0.0, 0.0))
@@ -64,6 +75,8 @@ class HairType(Looking):
     direction_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
     color_variation: float = checks.field(checks.real(low=0, high=1), default=0.0)
     alpha: float = checks.field(checks.real(low=0, high=1), default=0.5, kw_only=True)
+    length: float | None = checks.field(checks.optional(checks.real(low=0)), default=None, kw_only=True)
+    stiffness: float | None = checks.field(checks.optional(checks.real(low=1e-6)), default=None, kw_only=True)
     root_width: float = checks.field(checks.real(low=0, high=16), default=1.0, kw_only=True)
     tip_width: float = checks.field(checks.real(low=0, high=16), default=1.0, kw_only=True)
     taper: float = checks.field(checks.real(low=1e-3, high=0.999), default=0.5, kw_only=True)
@@ -78,6 +91,23 @@ class HairType(Looking):
                 raise Error("HairType.look sets the colour by its pigment, and so do root_color or tip_color; allowed: "
                             "one of them")
             object.__setattr__(self, "color", self.look.color)
+        law, rule = ([name for name in rule if getattr(self, name) is not None] for rule in (LAW, RULE))
+        if law and rule:
+            raise Error(f"HairType.{law[0]} and {rule[0]} are of two rules of growth; allowed: length and stiffness, "
+                        "or segment_length and force_weight")
+        for name, value in (LAW if law else RULE).items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, value)
+
+    @property
+    def step(self) -> float:
+        """Length of a segment in world units before it varies, by either rule of growth."""
+        return self.segment_length or 0.0 if self.length is None else self.length / max(self.segments, 1)
+
+    @property
+    def full_length(self) -> float:
+        """The same of a strand."""
+        return self.segments * self.step
 
     @property
     def ends(self) -> tuple:
@@ -156,6 +186,13 @@ class Strands:
     all poses. Without it they are spread by the areas of what is drawn, and strands go to other triangles as these
     change; where a mesh is but turned, rounding takes a few in ten thousand along.
 
+    guides: None, or Curves that stand on the mesh in the pose in which it is drawn: strands have the shapes of the
+    nearest ones, blended by distance. All else is a type's, but for segment_length and force_weight; of guides points,
+    root_normal and type_of count: strands of a type that guides have follow these alone.
+    guides_blended: 1 to 7 of them. parting: degrees, 0 to 180; a guide that points elsewhere than the nearest one by
+    more is not blended with it, 180: all are. Segments are of equal length along the guides; strands that a map or
+    length_variation makes shorter are cut there. Guides of fewer than two points are left out.
+
     `type_indices` uint8 [h, w] is the index into `types` of every pixel of the map (None without a map).
     Raises Error for anything else.
     """
@@ -170,6 +207,9 @@ class Strands:
     surface: str = checks.field(checks.choice("pn", "flat"), default="pn")
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)
     rest: Mesh | None = checks.field(checks.instance(Mesh, none=True), default=None, kw_only=True)
+    guides: checks.Given = checks.field(guides, default=None, kw_only=True)
+    guides_blended: int = checks.field(checks.whole(1, 7), default=3, kw_only=True)
+    parting: float = checks.field(checks.real(low=0, high=180), default=60.0, kw_only=True)
     type_indices: np.ndarray = attrs.field(init=False, repr=False)
 
     @property
