@@ -161,6 +161,10 @@ def test_what_is_not_seen_is_left_out(tmp_path):
 
     back = clfur.load_curves(save(tmp_path / "a.usda", np.zeros((2, 3)), [2], more=more))
     assert len(back.points) == 2
+    path = save(tmp_path / "c.usda", np.zeros((2, 3)), [2],
+                more=lambda curves, stage: curves.CreatePurposeAttr("guide"))
+    with pytest.warns(UserWarning, match=r"c\.usda: its BasisCurves have the purpose guide"):   # and no others
+        assert len(clfur.load_curves(path).points) == 2
     path = save(tmp_path / "b.usda", np.zeros((2, 3)), [2], more=lambda curves, stage: curves.MakeInvisible())
     with pytest.raises(clfur.Error, match="no BasisCurves that are seen"):
         clfur.load_curves(path)
@@ -251,3 +255,11 @@ def test_as_many_values_as_usd_core_counts(tmp_path, basis, wrap):
                 with pytest.raises(clfur.Error, match=rf"has {wrong} values of width, {how}; allowed: "):
                     clfur.load_curves(save(tmp_path / f"{wrong}{how}.usda", points, counts, basis, wrap,
                                            np.ones(wrong), how))
+
+
+def test_one_value_is_for_all_whatever_it_says(tmp_path):
+    """As files of hand-written exporters have it: no interpolation, which means one for each point."""
+    points = np.random.default_rng(12).normal(size=(8, 3))
+    for how in "vertex", "varying", "uniform":
+        back = clfur.load_curves(save(tmp_path / f"{how}.usda", points, [4, 4], "catmullRom", widths=(.125,), how=how))
+        assert (back.width == .125).all()

@@ -14,6 +14,7 @@ from .usd import Stage, called, library, numbers
 from .usd_mesh import material_color
 
 VALUES = ("width", "widths", 1), ("color", "displayColor", 3), ("opacity", "displayOpacity", 1)
+INTERPOLATIONS = "constant", "uniform", "varying", "vertex"
 OTHERS = "NurbsCurves", "HermiteCurves"
 # Of varying values usd-core 26.11 counts so many more a curve than its text: all pinned ones, and linear periodic ones.
 OTHER_COUNTS = {"pinned": -2, "periodic": 1}
@@ -36,8 +37,12 @@ def _read(path, tolerance, time):
     for kind in OTHERS:
         if paths := stage.left.get(f"a {kind}"):
             raise Error(f"has {kind} at {paths[0]}; allowed: BasisCurves")
-    if found is None:
-        raise Error("has no BasisCurves that are seen")
+    if found is None:   # as files of guides alone have them
+        stage.purposes = ("guide",)
+        found = strands_of(stage, tolerance)
+        if found is None:
+            raise Error("has no BasisCurves that are seen")
+        found["note"] = "its BasisCurves have the purpose guide: programs that draw a scene leave them out"
     return found
 
 
@@ -90,6 +95,8 @@ def _strands(stage, prim, matrix, tolerance):
     control, many = unrolled(points, counts, basis, wrap)
     ends = segments_of(many, basis) + (0 if wrap == "periodic" else 1)
     for name, (value, how) in values.items():
+        how = "constant" if len(value) == 1 and how in INTERPOLATIONS else how   # as some write it
+        values[name] = value, how
         _check(name, value, how, counts, ends, OTHER_COUNTS.get(wrap, 0))
         if not (value >= 0).all():
             raise Error(f"has a {name} of {value[~(value >= 0)][0]:g}; allowed: finite numbers >= 0")
