@@ -6,7 +6,7 @@ import re
 import click
 from click.core import ParameterSource
 
-from .. import PRESETS, Error
+from .. import PRESETS, Chiang, Error
 from ..settings import RASTERS, SCATTERING, SHADOWS
 from .described import HAIRS, MOST, ROOTS
 from .types import Color, Height, LightText, Look, Numbers, Real, Roots, Size, Sky, View, Whole
@@ -33,9 +33,9 @@ _FUR = [
     click.option("--stiffness", type=Real(1e-6), metavar="S",
                  help="How many of its lengths a hair takes to turn by a radian under a force of 1 across it; a hair "
                       "of shells bends as much as half of one.  [default: 0.625]"),
-    click.option("--force-weight", type=float, metavar="W",
+    click.option("--force-weight", type=Real(), metavar="W",
                  help="Instead of --stiffness, the report's rule: how much each segment gives way to the force."),
-    click.option("--seed", type=int, default=0, metavar="N", help="Of all that is random."),
+    click.option("--seed", type=Whole(), default=0, metavar="N", help="Of all that is random."),
     click.option("--hair", metavar="FILE",
                  help="Strands of a file in place of grown ones, placed as the mesh is: .hair, .tfx, .data, .ply, "
                       ".npz, .npy or USD.  --width, --color and --alpha count where it says none."),
@@ -129,7 +129,7 @@ _SHELLS = [
     click.option("--noise", type=Numbers(2), default="0.5,8", metavar="A,S",
                  help="How far hairs of shells are displaced and the size of the waves, both in hairs."),
     click.option("--wind", type=Numbers(3), default="0,0,0", metavar="X,Y,Z", help="Wind over shells; it gusts."),
-    click.option("--time", type=float, default=0.0, metavar="SECONDS", help="The moment of the wind, which gusts."),
+    click.option("--time", type=Real(), default=0.0, metavar="SECONDS", help="The moment of the wind, which gusts."),
     click.option("--shading", type=click.Choice(["kajiya-kay", "turned"]), default="kajiya-kay",
                  help="Light on shells: by the hair's direction, or by the report's turned normals."),
 ]
@@ -142,16 +142,17 @@ _SETTINGS = [
     click.option("--shadows", type=click.Choice(SHADOWS), default="length",
                  help="How hair shades: by what rays cross (length), by the report's voxels, not at all, or by the "
                       "single hairs before each light (deep)."),
-    click.option("--masks", type=int, default=0, metavar="0|4",
+    click.option("--masks", type=Whole(0, 4), default=0, metavar="0|4",
                  help="4: strands hide each other in 4x4 parts of a pixel, not as if at random in it."),
     click.option("--scattering", type=click.Choice(SCATTERING), default="off",
                  help="Follow light from hair to hair: grid, for --look chiang alone and --raster coverage.  Lights "
                       "then leave out their default ambient."),
-    click.option("--grid", type=int, default=96, metavar="N",
+    click.option("--grid", type=Whole(16, 1024), default=96, metavar="N",
                  help="Cells a side of the grid for shadows; a multiple of 16."),
-    click.option("--shadow-map", type=int, default=512, metavar="N",
+    click.option("--shadow-map", type=Whole(0, 8192), default=512, metavar="N",
                  help="Texels a side of the body's shadow map; 0: none."),
-    click.option("--pcf", type=int, default=1, metavar="N", help="Radius in texels over which it is averaged."),
+    click.option("--pcf", type=Whole(0, 16), default=1, metavar="N",
+                 help="Radius in texels over which it is averaged."),
     click.option("--samples", type=click.Choice(["1", "4", "16"]), default="4", help="Samples a pixel."),
     click.option("--lod", type=Real(0, 4), default=0.0, metavar="PIXELS",
                  help="Draw strands thinner than this as fewer, wider ones of fewer segments; 0: all as they are."),
@@ -279,12 +280,23 @@ def check_fur(flags, options):
                                        "them")
     if "hairs" in flags and ("frequency" in flags or options["pattern"] == "sine"):
         raise click.UsageError("--hairs is for --pattern cells without --frequency; allowed: one of them")
+    if "time" in flags and not any(options["wind"]):
+        raise click.UsageError("--time is the moment of the wind, but there is none; allowed: with --wind")
+    if "specular" in flags and options["fur"] == "strands" and isinstance(options["look"], Chiang):
+        raise click.UsageError("--specular is for --look kajiya, but --look is chiang; allowed: one of them")
     if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
         raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
                                "allowed: with --pattern cells or --fur both")
 
 
-def check_blur(flags, settings):
-    """Raise click.UsageError for the width of a blur that there is not."""
-    if "blur_sigma" in flags and settings.blur == "off":
-        raise click.UsageError("--blur-sigma is for a blur, but --blur is off; allowed: with --blur all or edges")
+# Of fields of `Settings`: which have no use where another one has this value, and what of it is allowed.
+_IDLE = [("blur_sigma", "blur", "off", "all or edges"), ("pcf", "shadow_map", 0, "a number of texels"),
+         *((name, "shadows", "off", "any other") for name in ("grid", "shadow_map", "pcf"))]
+
+
+def check_settings(flags, settings):
+    """Raise click.UsageError for one of the options given, {name: flag}, that other settings leave no use for."""
+    for name, other, value, allowed in _IDLE:
+        if name in flags and getattr(settings, other) == value:
+            flag = f"--{other.replace('_', '-')}"
+            raise click.UsageError(f"{flags[name]} has no use where {flag} is {value}; allowed: with {flag} {allowed}")

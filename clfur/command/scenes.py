@@ -19,7 +19,7 @@ from ..judge.frontier import label
 from ..scene import highlighted
 from ..settings import CHOSEN
 from .described import scene_of
-from .options import check_blur, check_fur, given_flags
+from .options import check_fur, check_settings, given_flags
 
 
 def is_scene_file(given):
@@ -41,7 +41,7 @@ def load_scene(given, options):
     settings = _settings(flags, options)
     if not is_scene_file(given):
         check_fur(flags, options)
-        check_blur(flags, settings)
+        check_settings(flags, settings)
         scene = scene_of(load_mesh(given), options | {"given": given})
         return scene, _taken(scene, settings, flags, options)
     scene, given_settings = _run(given)
@@ -49,7 +49,7 @@ def load_scene(given, options):
     for name, flag in flags.items():
         if given_settings or not (hasattr(settings, name) or name == "preset"):
             raise click.UsageError(f"{flag}: {given} sets this itself; change it there")
-    check_blur(flags, settings)
+    check_settings(flags, settings)
     if "specular" in flags:
         scene = attrs.evolve(scene, fur=highlighted(scene.fur, options["specular"]))
     return scene, given_settings or _taken(scene, settings, flags, options)
