@@ -9,7 +9,7 @@ from click.core import ParameterSource
 from .. import PRESETS, Chiang, Error
 from ..settings import RASTERS, SCATTERING, SHADOWS
 from .described import HAIRS, MOST, ROOTS
-from .types import Color, Height, LightText, Look, Numbers, Real, Roots, Size, Sky, View, Whole
+from .types import AnyReal, AnyWhole, Color, Height, LightText, Look, Numbers, Real, Roots, Size, Sky, View, Whole
 
 # The second draws the outline of hair from behind; at half the first's strength or more a ground is framed with both.
 LIGHTS = ["sun direction=1,-1,-0.8 color=1,0.97,0.92", "sun direction=-0.5,-1.2,1 color=0.85,0.92,1 intensity=0.6"]
@@ -33,9 +33,9 @@ _FUR = [
     click.option("--stiffness", type=Real(1e-6), metavar="S",
                  help="How many of its lengths a hair takes to turn by a radian under a force of 1 across it; a hair "
                       "of shells bends as much as half of one.  [default: 0.625]"),
-    click.option("--force-weight", type=Real(), metavar="W",
+    click.option("--force-weight", type=AnyReal(), metavar="W",
                  help="Instead of --stiffness, the report's rule: how much each segment gives way to the force."),
-    click.option("--seed", type=Whole(), default=0, metavar="N", help="Of all that is random."),
+    click.option("--seed", type=AnyWhole(), default=0, metavar="N", help="Of all that is random."),
     click.option("--hair", metavar="FILE",
                  help="Strands of a file in place of grown ones, placed as the mesh is: .hair, .tfx, .data, .ply, "
                       ".npz, .npy or USD.  --width, --color and --alpha count where it says none."),
@@ -129,7 +129,7 @@ _SHELLS = [
     click.option("--noise", type=Numbers(2), default="0.5,8", metavar="A,S",
                  help="How far hairs of shells are displaced and the size of the waves, both in hairs."),
     click.option("--wind", type=Numbers(3), default="0,0,0", metavar="X,Y,Z", help="Wind over shells; it gusts."),
-    click.option("--time", type=Real(), default=0.0, metavar="SECONDS", help="The moment of the wind, which gusts."),
+    click.option("--time", type=AnyReal(), default=0.0, metavar="SECONDS", help="The moment of the wind, which gusts."),
     click.option("--shading", type=click.Choice(["kajiya-kay", "turned"]), default="kajiya-kay",
                  help="Light on shells: by the hair's direction, or by the report's turned normals."),
 ]
@@ -193,23 +193,36 @@ def _sections(size="640x480"):
 _QUALITY = "Quality and speed"   # fields of `Settings`
 _NAMES_IN = {title: _names(options) for title, options in _sections().items()}
 _NAMES_IN[_QUALITY] |= {"max_error", "seconds"}   # those of `clfur render`
+_NAMES_IN["Camera"] |= {"region"}
 
 
 class Sectioned(click.Command):
     """A command whose help lists its options by section, its own ones in the end."""
 
+    idle = ()   # titles of sections whose options it has no use for: they are not shown, and refused
+
     def format_options(self, ctx, formatter):
-        shown = [(option, record) for option in self.get_params(ctx) if (record := option.get_help_record(ctx))]
-        for title, names in _NAMES_IN.items():
-            _write(formatter, title, [record for option, record in shown if option.name in names])
-        _write(formatter, "Output and device", [record for option, record in shown
-                                     if not any(option.name in names for names in _NAMES_IN.values())])
+        shown = [(option.name, record) for option in self.get_params(ctx)
+                 if isinstance(option, click.Option) and (record := option.get_help_record(ctx))]
+        others = {name for name, _ in shown}.difference(*_NAMES_IN.values())
+        for title, names in {**_NAMES_IN, "Output and device": others}.items():
+            records = [record for name, record in shown if name in names and title not in self.idle]
+            if records:
+                with formatter.section(title):
+                    formatter.write_dl(records)
+
+    def invoke(self, ctx):
+        for option in self.params:
+            if any(option.name in _NAMES_IN[title] for title in self.idle) and _is_given(ctx, option):
+                raise click.UsageError(f"{option.opts[0]} has no use in {ctx.command_path}, which draws no picture; "
+                                       "allowed: options that strands grow by")
+        return super().invoke(ctx)
 
 
-def _write(formatter, title, records):
-    if records:
-        with formatter.section(title):
-            formatter.write_dl(records)
+class Growing(Sectioned):
+    """A command that draws no picture."""
+
+    idle = ("Shells", "Body and ground", "Light", "Camera", _QUALITY)
 
 
 def scene_options(command, size="640x480", settings=True):
@@ -256,7 +269,11 @@ def given_flags(options):
     """{name: flag} of the options that were given, not left to their defaults."""
     context = click.get_current_context()
     return {option.name: option.opts[0] for option in context.command.params if option.name in options
-            and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE}
+            and _is_given(context, option)}
+
+
+def _is_given(context, option):
+    return context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
 
 
 def check_fur(flags, options):

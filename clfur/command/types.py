@@ -46,6 +46,14 @@ class Whole(_Within, click.IntRange):
     words = "a whole number"
 
 
+class AnyWhole(_Within, type(click.INT)):   # whose limits the scene's own check tells
+    min, max, min_open, words = None, None, False, "a whole number"
+
+
+class AnyReal(_Within, type(click.FLOAT)):
+    min, max, min_open, words = None, None, False, "a number"
+
+
 class Real(_Within, click.FloatRange):
     words = "a number"
 
