@@ -25,8 +25,6 @@ def test_grown_strands_come_back(clfur, tmp_path):
     (["grow", "sphere", "-o", "a.hair", "--hair", "bad.hair"], "bad.hair"),
     (["grow", "sphere", "-o", "a.tfx", "--segments", 100, "--inner", 1, "--outer", 1],
      "a.tfx: strands have 101 to 101 points; allowed in .tfx: 2 to 64"),
-    (["grow", "sphere", "-o", "a.npz", "--eye", "1,2,3"], "--eye has no use in clfur grow, which draws no picture"),
-    (["grow", "sphere", "-o", "a.npz", "--layers", 9], "--layers has no use in clfur grow"),
     (["grow", "sphere"], "Missing option '-o'"),
 ])
 def test_a_wrong_use_is_one_line_and_leaves_nothing(clfur, tmp_path, arguments, says):

@@ -497,14 +497,11 @@ def test_skin_is_as_the_hair_of_a_file_or_of_its_types(tmp_path):
 
 
 def test_help_lists_each_option_once_under_its_section(clfur):
-    """What draws no picture shows no section of pictures."""
     titles = "Fur", "Strands", "Shells", "Body and ground", "Light", "Camera", "Quality and speed", "Output and device"
-    for command, shown in (("render", titles), ("compare", titles), ("chart", (*titles[:6], titles[7])),
-                           ("grow", (titles[0], titles[1], titles[7]))):
+    for command, shown in (("render", titles), ("compare", titles), ("chart", (*titles[:6], titles[7]))):
         code, out, _ = clfur(command, "--help")
         assert code == 0 and tuple(line[:-1] for line in out.splitlines() if line in [f"{t}:" for t in titles]) == shown
         flags = [line.split()[0] for line in out.splitlines() if line.startswith("  -")]
         assert len(flags) == len(set(flags)) > 20 and "None" not in out
-        if "Camera" in shown:
-            section = out.partition("Camera:")[2].partition("\n\n")[0]
-            assert "--eye" in section and "--size" in section and "--color" not in section
+        section = out.partition("Camera:")[2].partition("\n\n")[0]
+        assert "--eye" in section and "--size" in section and "--color" not in section

@@ -199,30 +199,15 @@ _NAMES_IN["Camera"] |= {"region"}
 class Sectioned(click.Command):
     """A command whose help lists its options by section, its own ones in the end."""
 
-    idle = ()   # titles of sections whose options it has no use for: they are not shown, and refused
-
     def format_options(self, ctx, formatter):
         shown = [(option.name, record) for option in self.get_params(ctx)
                  if isinstance(option, click.Option) and (record := option.get_help_record(ctx))]
         others = {name for name, _ in shown}.difference(*_NAMES_IN.values())
         for title, names in {**_NAMES_IN, "Output and device": others}.items():
-            records = [record for name, record in shown if name in names and title not in self.idle]
+            records = [record for name, record in shown if name in names]
             if records:
                 with formatter.section(title):
                     formatter.write_dl(records)
-
-    def invoke(self, ctx):
-        for option in self.params:
-            if any(option.name in _NAMES_IN[title] for title in self.idle) and _is_given(ctx, option):
-                raise click.UsageError(f"{option.opts[0]} has no use in {ctx.command_path}, which draws no picture; "
-                                       "allowed: options that strands grow by")
-        return super().invoke(ctx)
-
-
-class Growing(Sectioned):
-    """A command that draws no picture."""
-
-    idle = ("Shells", "Body and ground", "Light", "Camera", _QUALITY)
 
 
 def scene_options(command, size="640x480", settings=True):
@@ -269,11 +254,7 @@ def given_flags(options):
     """{name: flag} of the options that were given, not left to their defaults."""
     context = click.get_current_context()
     return {option.name: option.opts[0] for option in context.command.params if option.name in options
-            and _is_given(context, option)}
-
-
-def _is_given(context, option):
-    return context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
+            and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE}
 
 
 def check_fur(flags, options):
