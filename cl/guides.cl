@@ -127,10 +127,10 @@ __kernel void nearest(
     __global const uint2 *spans,           // [strands] first point, points
     __global const float4 *strand_normal,  // [strands] of the body at the root, unit
     __global const float4 *strand_uv,      // [strands] u, v, type
-    __global const float4 *roots,          // [guides] x, y, z [world]
-    __global const float4 *normals,        // [guides] unit
     __global const float4 *boxes,          // [2 nodes] of the guides' roots
     __global const uint *members,          // numbers of guides
+    __global const float4 *places,         // [members] their roots [world],
+    __global const float4 *facing,         // [members] and unit normals there
     __global const uint4 *trees,           // [rounds, n_trees] first node, nodes of its last row, first member, members
     __global const uint *tree_of,          // [types] which of n_trees strands of a type look in
     const uint n_trees,
@@ -150,17 +150,20 @@ __kernel void nearest(
     const uint2 span = spans[i];
     const uint4 tree = trees[round * n_trees + tree_of[(uint)strand_uv[i].z]];
     const float4 p = span.y ? (float4)(points[span.x].xyz, 0.0f) : (float4)(0.0f), up = strand_normal[i];
+    float worst = square[most - 1];
     ulong trail = 0;
     for (uint node = span.y && tree.w; node; ) {
         if (node < tree.y) {
-            node = lower_node(node, &trail, p, boxes + 2 * tree.x, square[most - 1]);
+            node = lower_node(node, &trail, p, boxes + 2 * tree.x, worst);
             continue;
         }
         const uint first = (node - tree.y) * LEAF, stop = first + LEAF < tree.w ? first + LEAF : tree.w;
         for (uint m = first; m < stop; ++m) {
+            const float4 d = places[tree.z + m] - p;
+            if (dot3(d, d) > worst)
+                continue;
             const uint number = members[tree.z + m];
-            const float4 d = roots[number] - p;
-            const float turned = 1.0f + dot3(normals[number], up), further = 2.0f / (turned > LEAST_TURN ? turned : LEAST_TURN);
+            const float turned = 1.0f + dot3(facing[tree.z + m], up), further = 2.0f / (turned > LEAST_TURN ? turned : LEAST_TURN);
             const float away = dot3(d, d) * (further > 1.0f ? further : 1.0f);
             uint k = most;
             for (; k && (away < square[k - 1] || (away == square[k - 1] && number < guide[k - 1])); --k)
@@ -171,6 +174,7 @@ __kernel void nearest(
             if (k < most) {
                 square[k] = away;
                 guide[k] = number;
+                worst = square[most - 1];
             }
         }
         node = next_node(node, &trail);

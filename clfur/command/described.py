@@ -1,6 +1,7 @@
 """The scene that options describe: fur on a mesh, lights, camera, body and ground."""
 
 import math
+from pathlib import Path
 
 import attrs
 import click
@@ -9,10 +10,12 @@ import numpy as np
 from .. import Camera, Ground, Material, Scene, Shells, Strands, load_materials, load_mesh
 from ..files.curves import read_curves
 from ..files.images import load_picture
-from ..scene import frame, highlighted
+from ..files.usd import is_usd
+from ..scene import extent, frame, highlighted
 from ..scene.checks import vector
 from ..scene.strands import LAW
-from .hair_types import hair_type, hair_types, type_map
+from .hair_types import groom_of, hair_type, hair_types, type_map
+from .skin import skin_of
 from .types import light_of, read_for
 
 SEGMENTS, MOST_SEGMENTS = 8, 64   # of a strand: at least, and where guides have as many points
@@ -23,24 +26,29 @@ LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it 
 
 
 def scene_of(mesh, options):
-    """The scene of a mesh that the options describe."""
-    options = options | {"rest": None if options["rest"] is None else read_for("--rest", load_mesh, options["rest"])}
+    """The scene of a mesh that the options describe, or of none with "curves", strands that take the place of grown
+    ones."""
+    options = options | {"time": options["time"] or 0.0, "code": options["time"]}
+    options |= {"rest": None if options["rest"] is None else read_for("--rest", load_mesh, options["rest"])}
     options |= _guided(options)
-    _, radius = (options["rest"] or mesh).bounds   # hair is as long in every pose
+    base, curves = options["rest"] or mesh, options.get("curves")   # hair is as long in every pose
+    middle, radius = extent(None, curves) if base is None else base.bounds
     kind, length = options["fur"], options["length"]
     if length is None:
         length = (0.12 if kind == "shells" else 0.08) * radius
     fur = []
     if kind != "strands":
         fur.append(_shells(options, length / 2 if kind == "both" else length))
-    if kind != "shells":
-        fur.append((_strands if options["hair"] is None else _hair)(options, length, radius, len(mesh.faces)))
+    if curves is not None:
+        fur.append(curves)
+    elif kind != "shells":
+        fur.append((_strands if options["hair"] is None else _hair)(options, length, radius, mesh))
     if options.get("specular") == "half-vector":   # the other is that of looks which say nothing
         fur = highlighted(tuple(fur), "half-vector")
 
     height = options["ground"]
     ground = None if height is None else Ground(None if height == "lowest" else height)
-    lights = _lights(options["lights"], mesh.bounds[0])
+    lights = _lights(options["lights"], middle if mesh is None else mesh.bounds[0])
     given = options["eye"] or options["target"]
     towards = {"direction": options["view"]} if options["view"] else {}
     camera = frame(mesh, fur, options["size"], options["fov"], ground=None if given else ground, lights=lights,
@@ -130,8 +138,8 @@ def triangles_of_face(level):
     return 3 * level * level // 2
 
 
-def _strands(options, length, radius, faces):
-    """The `Strands` of this length that the options describe on a mesh of this radius and so many faces."""
+def _strands(options, length, radius, mesh):
+    """The `Strands` of this length that the options describe on a mesh of this radius."""
     hair = {
         "color": options["color"],
         "segments": options["segments"],
@@ -154,18 +162,25 @@ def _strands(options, length, radius, faces):
     hair["rules"] = (law, rule) if options["force_weight"] is None else (rule, law)
     if options["type_map"] is not None and options["types"] is None:
         raise click.UsageError("--type-map needs --types, the hair types that its colours mean")
+    file = options["types"]
+    said = {} if file is None else read_for("--types", groom_of, file)
+    keys = options["type_map"] or ("type_map" in said and Path(file).parent / str(said["type_map"]))
     return Strands(
-        types=[hair_type(hair, {})] if options["types"] is None else read_for(
-            "--types", lambda path: hair_types(path, hair), options["types"]),
-        type_map=None if options["type_map"] is None else type_map(options["type_map"]),
-        **density(options, faces),
+        types=[hair_type(hair, {})] if "types" not in said else read_for(
+            "--types", lambda path: hair_types(path, said["types"], hair), file),
+        type_map=type_map(keys) if keys else None,
+        **density(options, len(mesh.faces)), **skin_of(mesh, options, said, Path(file or "").parent),
         **{name: options[name] for name in ("surface", "force", "seed", "rest", "guides", "parting")})
 
 
-def _hair(options, length, radius, faces):
+def _hair(options, length, radius, mesh):
     """The `Curves` of the strand file that the options name; what it does not say is theirs."""
-    levels = density(options, faces)
+    levels = density(options, len(mesh.faces))
     given = {name: options[name] for name in ("width", "color", "alpha", "look", "surface", "seed")}
     given |= {"inner": levels["inner"], "outer": levels["outer"]}
     given = {name: value for name, value in given.items() if value is not None}
-    return read_for("--hair", lambda path: read_curves(path, given), options["hair"])
+    curves = read_for("--hair", lambda path: read_curves(path, given, time=options["code"] if is_usd(path) else None),
+                      options["hair"])
+    if options["inner"] or options["outer"]:   # a file may say otherwise
+        curves = attrs.evolve(curves, inner=given["inner"], outer=given["outer"])
+    return curves

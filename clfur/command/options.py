@@ -9,7 +9,25 @@ from click.core import ParameterSource
 from .. import PRESETS, Chiang, Error
 from ..settings import RASTERS, SCATTERING, SHADOWS
 from .described import HAIRS, MOST, ROOTS
-from .types import AnyReal, AnyWhole, Color, Height, LightText, Look, Numbers, Real, Roots, Size, Sky, View, Whole
+from .types import (
+    MAPS,
+    AnyReal,
+    AnyWhole,
+    Color,
+    Height,
+    LightText,
+    Look,
+    MapText,
+    Numbers,
+    Real,
+    Roots,
+    Size,
+    Sky,
+    View,
+    Way,
+    Whole,
+    once,
+)
 
 # The second draws the outline of hair from behind; at half the first's strength or more a ground is framed with both.
 LIGHTS = ["sun direction=1,-1,-0.8 color=1,0.97,0.92", "sun direction=-0.5,-1.2,1 color=0.85,0.92,1 intensity=0.6"]
@@ -36,7 +54,7 @@ _FUR = [
     click.option("--force-weight", type=AnyReal(), metavar="W",
                  help="Instead of --stiffness, the report's rule: how much each segment gives way to the force."),
     click.option("--seed", type=AnyWhole(), default=0, metavar="N", help="Of all that is random."),
-    click.option("--hair", metavar="FILE",
+    click.option("--hair", metavar="FILE", multiple=True, callback=once,
                  help="Strands of a file in place of grown ones, placed as the mesh is: .hair, .tfx, .data, .ply, "
                       ".npz, .npy or USD.  --width, --color and --alpha count where it says none."),
     click.option("--guides", metavar="FILE",
@@ -60,6 +78,7 @@ _CAMERA = [
                  help="How many times larger the middle of the picture is."),
     click.option("--fov", type=Real(1e-3, 179.99), default=45.0, metavar="DEG",
                  help="Vertical field of view."),
+    click.option("--camera", metavar="NAME", help="Which camera of a USD scene.  [default: its first]"),
 ]
 _LIGHT = [
     click.option("--light", "lights", type=LightText(), default=LIGHTS, multiple=True, metavar="LIGHT",
@@ -109,7 +128,19 @@ _STRANDS = [
     click.option("--type-map", metavar="PICTURE", help="Picture whose colours choose the hair type by uv."),
     click.option("--types", metavar="FILE",
                  help="JSON list of hair types, each with its key colour in the type map; what a type leaves "
-                      "out is taken from the options."),
+                      "out is taken from the options.  Or an object with types, type_map, maps, comb and on."),
+    click.option("--map", "maps", type=MapText(), multiple=True, metavar="NAME=FILE",
+                 help="What the skin says of " + ", ".join(MAPS[:-1]) + f" or {MAPS[-1]}: a grey picture by uv, which "
+                      "multiplies what the options say, 0 to 1 without a curve; UDIM tiles, as skin.<UDIM>.png; or a "
+                      ".npy file of numbers by vertex or by face.  Again for each further map."),
+    click.option("--on", multiple=True, metavar="NAME",
+                 help="Hair grows there alone: a group, object or material of the mesh's file, or a vertex colour, "
+                      "red, green, blue or alpha.  Again for each further place."),
+    click.option("--comb", type=Way(), metavar="X,Y,Z|FILE",
+                 help="Which way hair lies on the skin: a vector, a picture by uv (red: along u, green: along v, 128: "
+                      "none), or a .npy file of vectors by vertex."),
+    click.option("--comb-weight", type=Real(0, 1), metavar="0..1",
+                 help="How flat it lies there.  [default: 0.7]"),
     click.option("--curl", type=Numbers(2), default="0,0", metavar="RADIUS,TURNS", help="Curl of the strands."),
     click.option("--wave", type=Numbers(2), default="0,0", metavar="AMPLITUDE,PERIODS",
                  help="Wave of the strands."),
@@ -129,7 +160,8 @@ _SHELLS = [
     click.option("--noise", type=Numbers(2), default="0.5,8", metavar="A,S",
                  help="How far hairs of shells are displaced and the size of the waves, both in hairs."),
     click.option("--wind", type=Numbers(3), default="0,0,0", metavar="X,Y,Z", help="Wind over shells; it gusts."),
-    click.option("--time", type=AnyReal(), default=0.0, metavar="SECONDS", help="The moment of the wind, which gusts."),
+    click.option("--time", type=AnyReal(), metavar="SECONDS",
+                 help="The moment of the wind, which gusts; or a USD file's time code.  [default: 0, or its first]"),
     click.option("--shading", type=click.Choice(["kajiya-kay", "turned"]), default="kajiya-kay",
                  help="Light on shells: by the hair's direction, or by the report's turned normals."),
 ]
@@ -166,11 +198,11 @@ _SETTINGS = [
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "tip_width", "root_color", "tip_color", "look",
                      "type_map", "types", "curl", "wave", "raster", "masks", "scattering", "lod", "hair", "guides",
-                     "parting"),
+                     "parting", "maps", "on", "comb", "comb_weight"),
          "shells": ("layers", "pattern", "hairs", "frequency", "density", "noise", "wind", "time", "shading")}
 # Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
 _GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "stiffness", "force_weight", "roots", "type_map",
-          "types", "curl", "wave", "rest")
+          "types", "curl", "wave", "rest", "maps", "on", "comb", "comb_weight")
 _GROWN_OR_SHELLS = "length", "variation"
 _UNGUIDED = "stiffness", "force_weight", "force", "length"   # what the shapes of guides leave nothing to say
 
@@ -194,6 +226,11 @@ _QUALITY = "Quality and speed"   # fields of `Settings`
 _NAMES_IN = {title: _names(options) for title, options in _sections().items()}
 _NAMES_IN[_QUALITY] |= {"max_error", "seconds"}   # those of `clfur render`
 _NAMES_IN["Camera"] |= {"region"}
+
+
+def of_sections(*titles):
+    """Names of the options that stand under these titles of the help."""
+    return set().union(*(_NAMES_IN[title] for title in titles))
 
 
 class Sectioned(click.Command):
@@ -245,6 +282,8 @@ def _flag_of(message, flags):
     kind, field = found.groups()
     if kind == "Light.":
         return flags.get("lights")
+    if kind in ("Maps.", "Comb."):
+        return flags.get("on" if field == "on" else "maps" if kind == "Maps." else "comb")
     if field == "body_color":
         return flags.get("body_texture", flags.get("body_color"))
     return flags.get(_NAMES.get(field, field))
@@ -264,6 +303,10 @@ def check_fur(flags, options):
             if name in flags:
                 raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
                                        f"allowed: with --fur {fur} or --fur both")
+    for name in ("maps", "on") if options["fur"] == "both" else ():
+        if name in flags:
+            raise click.UsageError(f"{flags[name]} is for strands alone, shells do not follow maps; allowed: with "
+                                   "--fur strands")
     if options["guides"] is None and "parting" in flags:
         raise click.UsageError("--parting is for strands between --guides; allowed: with them")
     if options["guides"] is not None:
@@ -272,10 +315,7 @@ def check_fur(flags, options):
                 raise click.UsageError(f"{flags[name]} has no say where --guides give strands their shapes; allowed: "
                                        "one of them")
     if options["hair"] is not None:
-        for name in _GROWN + (_GROWN_OR_SHELLS if options["fur"] == "strands" else ()):
-            if name in flags:
-                raise click.UsageError(f"{flags[name]} is for hair that grows, but --hair has its own; allowed: one of "
-                                       "them")
+        check_grown(flags, options, "--hair")
     if "hairs" in flags and ("frequency" in flags or options["pattern"] == "sine"):
         raise click.UsageError("--hairs is for --pattern cells without --frequency; allowed: one of them")
     if "time" in flags and not any(options["wind"]):
@@ -285,6 +325,14 @@ def check_fur(flags, options):
     if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
         raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
                                "allowed: with --pattern cells or --fur both")
+
+
+def check_grown(flags, options, has):
+    """Raise click.UsageError for one of the options given, {name: flag}, of hair that grows, as something has its
+    own."""
+    for name in _GROWN + (_GROWN_OR_SHELLS if options["fur"] == "strands" else ()):
+        if name in flags:
+            raise click.UsageError(f"{flags[name]} is for hair that grows, but {has} has its own; allowed: one of them")
 
 
 # Of fields of `Settings`: which have no use where another one has this value, and what of it is allowed.

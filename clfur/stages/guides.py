@@ -14,7 +14,7 @@ NEAREST, LEAF = int(layout.CONSTANTS["NEAREST"]), int(layout.CONSTANTS["LEAF"])
 CHORD_SHARES = 0.25, 0.5, 1.0   # of a guide's length, where the chords from its root end
 FOUND = layout.Declared("strand", np.uint32, 2 * NEAREST)   # squares of distances, float32; numbers of guides
 FEET = layout.Declared("guide", np.float32, 4)
-STEPS = 40      # of loops that what a tree has in one of its last row takes, at most
+STEPS = 80      # of loops that what a tree has in one of its last row takes, at most
 CODE_BITS = 10  # of a coordinate, by which what is near each other comes into one node
 
 
@@ -34,13 +34,14 @@ class Guides(Arrays):
 
     offsets: Any = array("guide_point", np.float32, 4)   # from the root [world], share of the guide's length
     guide_spans: Any = array("guide", np.uint32, 2)      # first point, points
-    roots: Any = array("guide", np.float32, 4)           # x, y, z [world], -
     normals: Any = array("guide", np.float32, 4)         # unit, of the mesh at the root
     chords: Any = array("chord", np.float32, 4)          # unit directions from the root to where CHORD_SHARES end
     tree_of: Any = array("type", np.uint32)              # which tree strands of a type look in
-    boxes: Any = array("box", np.float32, 4)             # as `Trees`
+    boxes: Any = array("box", np.float32, 4)             # of trees of them, as `Trees`
     members: Any = array("member", np.uint32)
     trees: Any = array("tree", np.uint32, 4)
+    places: Any = array("member", np.float32, 4)         # their roots,
+    facing: Any = array("member", np.float32, 4)         # and normals there
     rounds: int = 1
 
 
@@ -58,14 +59,16 @@ def stand(gpu: Any, mesh: Any, curves: Any, types: int) -> tuple[Guides, np.ndar
     if len(present) < types:
         groups.append(np.arange(len(some)))
     tree_of = [present.index(kind) if kind in present else len(present) for kind in range(types)]
-    trees = trees_of(gpu, roots, roots, groups)
+    trees, every = trees_of(gpu, roots, roots, groups)
     has_normals = curves.root_normal is not None
     there = gpu.upload(as_float4(roots))
     normals = gpu.upload(as_float4(curves.root_normal[some])) if has_normals else gpu.empty((len(some), 4), np.float32)
     away = _put_on(gpu, mesh, there, normals, has_normals)
     return Guides(
-        offsets=gpu.upload(offsets), guide_spans=gpu.upload(spans), roots=there, normals=normals,
-        chords=gpu.upload(as_float4(chords)), tree_of=gpu.upload(np.array(tree_of, np.uint32)), **vars(trees)), away
+        offsets=gpu.upload(offsets), guide_spans=gpu.upload(spans), normals=normals,
+        chords=gpu.upload(as_float4(chords)), tree_of=gpu.upload(np.array(tree_of, np.uint32)),
+        places=gpu.upload(as_float4(roots[every])), facing=gpu.upload(gpu.download(normals)[every]),
+        **vars(trees)), away
 
 
 def bytes_of(curves: Any, types: int, faces: int) -> int:
@@ -89,8 +92,8 @@ def between(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | Non
     n, most = len(roots), fur.guides_blended + 1
     found = FOUND.empty(gpu, n)
     for number in range(guides.rounds):
-        gpu.launch("guides.nearest", n, roots=guides.roots, normals=guides.normals, boxes=guides.boxes,
-                   members=guides.members, trees=guides.trees, tree_of=guides.tree_of, round=number, most=most,
+        gpu.launch("guides.nearest", n, boxes=guides.boxes, members=guides.members, places=guides.places,
+                   facing=guides.facing, trees=guides.trees, tree_of=guides.tree_of, round=number, most=most,
                    n_trees=len(guides.trees) // guides.rounds, found=found,
                    **arrays(grown, "points", "spans", "strand_normal", "strand_uv"))
     known = {"positions": surface.positions, "triangles": surface.triangles, "stand_on": roots,
@@ -138,9 +141,9 @@ def shapes(points: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarr
             places[first].astype(np.float32), chords.reshape(-1, 3).astype(np.float32))
 
 
-def trees_of(gpu: Any, low: np.ndarray, high: np.ndarray, groups: list[np.ndarray]) -> Trees:
-    """`Trees` of things in boxes ``low`` to ``high`` [N, 3], one of each of some groups of their numbers; several where
-    a driver ends long loops."""
+def trees_of(gpu: Any, low: np.ndarray, high: np.ndarray, groups: list[np.ndarray]) -> tuple[Trees, np.ndarray]:
+    """(`Trees`, their members on the host) of things in boxes ``low`` to ``high`` [N, 3]: one of each of some groups of
+    their numbers, or several where a driver ends long loops."""
     centers = (low.astype(np.float64) + high) / 2
     codes = codes_of(centers)
     leaves = max(gpu.own_steps // STEPS, 1)
@@ -156,9 +159,10 @@ def trees_of(gpu: Any, low: np.ndarray, high: np.ndarray, groups: list[np.ndarra
             members.append(here)
             trees.append((node, len(rows) // 2, first, len(here)))
             node, first = node + len(rows), first + len(here)
+    every = np.concatenate(members)
     return Trees(boxes=gpu.upload(as_float4(np.concatenate(boxes).reshape(-1, 3).astype(np.float32))),
-                 members=gpu.upload(np.concatenate(members).astype(np.uint32)),
-                 trees=gpu.upload(np.array(trees, np.uint32)), rounds=rounds)
+                 members=gpu.upload(every.astype(np.uint32)), trees=gpu.upload(np.array(trees, np.uint32)),
+                 rounds=rounds), every
 
 
 def codes_of(places: np.ndarray) -> np.ndarray:
@@ -192,7 +196,7 @@ def _put_on(gpu, mesh, roots, normals, has_normals):
     """Write the normals of a mesh where roots stand, if they have none -> their distances from it [guides]."""
     corners = mesh.positions[mesh.faces]
     spare = float(np.abs(mesh.positions).max()) * 2.0**-18   # what rounding may find nearer than a box
-    trees = trees_of(gpu, corners.min(1) - spare, corners.max(1) + spare, [np.arange(len(corners))])
+    trees, _ = trees_of(gpu, corners.min(1) - spare, corners.max(1) + spare, [np.arange(len(corners))])
     feet = FEET.empty(gpu, len(roots))
     known = {"positions": gpu.upload(as_float4(mesh.positions)), "vertex_normals": gpu.upload(as_float4(mesh.normals)),
              "faces": gpu.upload(as_float4(mesh.faces))}
