@@ -24,10 +24,13 @@ TOLD = {"hair_alpha": 1, "body_alpha": 1, "type": 1, "type_alpha": 1, "orientati
 class Told:
     """What is told of the pixels of some rows, so far."""
 
-    def __init__(self, plan: Any, rows: int) -> None:
+    def __init__(self, plan: Any, band: tuple[int, int]) -> None:
         fur = plan.scene.strands
         types = 0 if fur is None else len(fur.hair_types if isinstance(fur, Curves) else fur.types)
+        rows = band[1] - band[0]
         self.names, self.rows, self.width = plan.tells, rows, plan.size[0]
+        self.wanted = np.zeros((rows, self.width), bool)   # of these pixels: the others are drawn for tiles and blurs
+        self.wanted[plan.wanted(band[0])] = True
         self.shells, self.types = plan.scene.shells is not None, types
         pixels, matte = rows * self.width, bool({"matte_id", "matte_alpha"} & set(self.names))
         self.strands = np.zeros(pixels)                   # of a pixel: share of all strands,
@@ -62,7 +65,7 @@ class Told:
             for k in range(2):
                 self.turns[first:end, k] += np.bincount(here, units * np.rint(turns[:, k] * TURN), n)
         if "strand_area" in self.names:
-            self.areas += np.bincount(strand, units, len(self.areas))
+            self.areas += np.bincount(strand, units * self.wanted.ravel()[pixels], len(self.areas))
         if self.ids.size:
             pixels, strand, sums = _ranked(pixels, strand, units)
             rank = np.arange(len(pixels)) - np.searchsorted(pixels, pixels)
@@ -92,13 +95,14 @@ class Told:
         return images | ({"strand_area": self.areas} if "strand_area" in self.names else {})
 
 
-def positions(camera: Camera, depth: np.ndarray, top: int) -> np.ndarray:
+def positions(camera: Camera, depth: np.ndarray, top: int, left: int) -> np.ndarray:
     """Places of the world that are seen, on the rays through the pixels' middles: float32 [rows, width, 3].
 
-    depth: [rows, width] along the view axis, of rows ``top`` on; infinite where nothing is: so is the place.
+    depth: [rows, width] along the view axis, of rows ``top`` and columns ``left`` on; infinite where nothing is: so is
+    the place.
     """
     (fx, skew, cx), (_, fy, cy), _ = camera.intrinsics
-    rows, columns = np.mgrid[top:top + depth.shape[0], :depth.shape[1]] + 0.5
+    rows, columns = np.mgrid[top:top + depth.shape[0], left:left + depth.shape[1]] + 0.5
     seen = np.isfinite(depth)
     far = np.where(seen, depth, 1).astype(np.float64)
     y = (cy - rows) / fy * far
