@@ -303,7 +303,8 @@ INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, 
         }
         return;
     }
-    const int across = picture->sent.view->size.x, x = (int)(p->at % across), y = (int)(p->at / across) + picture->sent.view->rows.x;
+    const View *view = picture->sent.view;
+    const int x = view->rows.z + (int)(p->at % view->size.x), y = view->rows.x + (int)(p->at / view->size.x);
     const float4 light = sent_by(&picture->sent, number, (where & 0xFFFF) * (1.0f / 65535.0f), weight, x + 0.5f, y + 0.5f);
     p->light += weight * (light < MOST ? light : MOST);
 #else

@@ -306,7 +306,7 @@ __kernel void pixels(
     const uint tile = !on ? 0 : listed ? items[k] : k;
     const int2 size = (int2)(view.size.x, view.rows.y - view.rows.x);
     const int across = (size.x + TILE - 1) / TILE, left = tile % across * TILE, top = tile / across * TILE;
-    const int x = left + me % TILE, y = top + me / TILE;
+    const int x = left + me % TILE, y = top + me / TILE;   // among those that are drawn
     __global Walk *walked = (__global Walk *)(walks + OF_WALK * (k * TILE * TILE + me));
     on = on && tile >= window.x && tile < window.y && (fresh || walked->next != DONE);
     const bool within = on && x < size.x && y < size.y;
@@ -329,7 +329,7 @@ __kernel void pixels(
     if (within && !fresh)
         COPY(&walk, walked, picture.samples);
     const bool done = go_on(&walk, &group, &view, &picture, sorted + starts[tile], on ? starts[tile + 1] - starts[tile] : 0,
-                            grains[tile], steps, left, view.rows.x + top, key_at(slab.y), ends, ids, cuts);
+                            grains[tile], steps, view.rows.z + left, view.rows.x + top, key_at(slab.y), ends, ids, cuts);
     if (done && within)
         end_slab(&walk.pixel, &picture, slab, kept + OF_PIXEL * me, unfinished);
     if (on && listed)

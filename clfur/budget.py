@@ -180,7 +180,7 @@ def _hair(scene):
     fur = scene.strands
     if isinstance(fur, Strands):
         return (float(np.mean([kind.width * (kind.root_width + kind.tip_width) / 2 for kind in fur.types])),
-                float(np.mean([kind.segments * kind.segment_length for kind in fur.types])))
+                float(np.mean([kind.full_length for kind in fur.types])))
     if isinstance(fur, Curves) and len(fur.points):
         return float(fur.on_host.width.mean()), hair_bounds(fur, len(fur.counts))[1] / len(fur.counts)
     return 0.0, 0.0

@@ -318,3 +318,24 @@ def test_an_exr_that_is_cut_off(tmp_path, capfd, shape):
             pictures.picture_of(data[:length])
     assert pictures.picture_of(data).shape == (*shape[:2], 3)
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("pattern", ["skin.<UDIM>.png", "skin.%(UDIM)d.png"])
+def test_tiles_are_read_by_their_numbers(tmp_path, pattern):
+    pictures = {1001: np.full((2, 3, 3), 7, np.uint8), 1012: np.full((1, 1, 3), 9, np.uint8)}
+    for name, picture in [*pictures.items(), (1000, pictures[1001]), ("10011", pictures[1001]), ("a", pictures[1001])]:
+        (tmp_path / f"skin.{name}.png").write_bytes(imageio.v3.imwrite("<bytes>", picture, extension=".png"))
+    found = load_picture(tmp_path / pattern)
+    assert list(found) == [1001, 1012]
+    for number, picture in pictures.items():
+        np.testing.assert_array_equal(found[number], picture)
+    with pytest.raises(Error, match=r"other\.<UDIM>\.png: no such tiles; allowed: files with a number from 1001"):
+        load_picture(tmp_path / "other.<UDIM>.png")
+    with pytest.raises(Error, match="no such tiles"):
+        load_picture(tmp_path / "nowhere" / pattern)
+
+
+def test_a_broken_tile_is_named(tmp_path):
+    (tmp_path / "skin.1002.png").write_bytes(b"x")
+    with pytest.raises(Error, match=r"skin\.1002\.png: cannot be read"):
+        load_picture(tmp_path / "skin.<UDIM>.png")

@@ -162,25 +162,29 @@ READERS: dict[str, Callable] = {
 READ = ["PNG", "JPEG", "MPO", "TIFF", "GIF", "WEBP", "BMP", "DIB", "TGA", "PPM", "PCX", "ICO", "SGI", "JPEG2000",
         "AVIF"]
 MAX_PIXELS = 2**27   # of a picture: while it is read, it takes 10 bytes each, 16 where it has 16 bits a channel
+UDIM, TILE = r"<UDIM>|%\(UDIM\)d", r"(?!1000)[1-9]\d{3}"   # in a picture's name; and its tiles' numbers
 GREY16 = {"I;16", "I;16B", "I;16L", "I;16N"}
 # Where the other byte of a channel stands: Pillow keeps one of the two alone.
 OTHER_BYTE = {"B": "L", "L": "B", "N": "B" if sys.byteorder == "little" else "L"}
 
 
-def load_picture(path: str | os.PathLike) -> np.ndarray:
-    """Return a picture file's pixels as stored, without alpha: [h, w, 3], the top row first.
+def load_picture(path: str | os.PathLike) -> Any:
+    """Return a picture file's pixels as stored, without alpha: an array [h, w, 3], the top row first. Of a name with
+    <UDIM> or %(UDIM)d in it, for which 1001 and so on stand in its files' names, {1001: array, ...} of all there are.
 
     path: str or path-like: PNG or TIFF of 8 or 16 bits a channel, JPEG, GIF, WebP, BMP and others of 8 are uint8 or
     uint16, sRGB; EXR and Radiance's HDR are float32, linear.
     Grey becomes three equal channels, CMYK and palettes become RGB; of several frames the first is taken; the
     orientation that a camera wrote (EXIF) is not applied, since uv is of pixels as they are stored.
     Raises Error, one line that names the file, where it is missing, damaged, no regular file, larger than 2**30 bytes
-    or MAX_PIXELS, or has channels that would be cut: more than 8 bits in other formats, floats but of EXR and HDR,
-    16-bit grey with alpha.
+    or MAX_PIXELS (tiles: together), or has channels that would be cut: more than 8 bits in other formats, floats but of
+    EXR and HDR, 16-bit grey with alpha.
     """
     if not is_path(path):
         raise Error(f"load_picture path is {shown(path)}; allowed: a file's name")
     path = Path(path)
+    if re.search(UDIM, path.name):
+        return _tiles(path)
     if os.path.isdir(path) or not os.path.exists(path):  # pathlib's would raise for names that the system refuses
         problem = "is a folder" if os.path.isdir(path) else "no such file"
         raise Error(f"{path}: {problem}; allowed: a picture file")
@@ -189,6 +193,34 @@ def load_picture(path: str | os.PathLike) -> np.ndarray:
         return picture_of(data)
     except Error as error:
         raise Error(f"{path}: {error}") from error.__cause__
+
+
+def tiles_of(path: str | os.PathLike) -> list[Path]:
+    """Return the files that a picture's name stands for: itself, or its UDIM tiles, in their order."""
+    path = Path(path)
+    found = re.search(UDIM, path.name)
+    if not found:
+        return [path]
+    begin, end = map(re.escape, (path.name[:found.start()], path.name[found.end():]))
+    try:
+        names = sorted(name for name in os.listdir(path.parent) if re.fullmatch(begin + TILE + end, name))
+    except OSError:
+        names = []
+    return [path.with_name(name) for name in names]
+
+
+def _tiles(path):
+    """Return {number: pixels} of the tiles of a picture."""
+    begin = re.search(UDIM, path.name).start()
+    tiles, pixels = {}, 0
+    for file in tiles_of(path):
+        tiles[int(file.name[begin:begin + 4])] = picture = load_picture(file)
+        pixels += picture.shape[0] * picture.shape[1]
+        if pixels > MAX_PIXELS:
+            raise Error(f"{path}: its tiles have more pixels than allowed: at most {MAX_PIXELS} together")
+    if not tiles:
+        raise Error(f"{path}: no such tiles; allowed: files with a number from 1001 in place of <UDIM>")
+    return tiles
 
 
 def picture_of(data: bytes) -> np.ndarray:

@@ -27,7 +27,7 @@ class Told:
     def __init__(self, plan: Any, rows: int) -> None:
         fur = plan.scene.strands
         types = 0 if fur is None else len(fur.hair_types if isinstance(fur, Curves) else fur.types)
-        self.names, self.rows, self.width = plan.tells, rows, plan.scene.camera.size[0]
+        self.names, self.rows, self.width = plan.tells, rows, plan.size[0]
         self.shells, self.types = plan.scene.shells is not None, types
         pixels, matte = rows * self.width, bool({"matte_id", "matte_alpha"} & set(self.names))
         self.strands = np.zeros(pixels)                   # of a pixel: share of all strands,

@@ -62,7 +62,7 @@ class Samples:
     def rasterize(self, gpu: Any, top: int, end: int) -> Band:
         """`Band` of as many rows as fit each device, ``top`` to ``end`` at most; the devices share the strands."""
         end = min(top + min(self.team.each(self.plan.rows)), end)
-        view = band_of(self.plan.rig.view, top, end)
+        view = band_of(self.plan.view, top, end)
         visible, = self.team.gather("rasterize", functools.partial(build.rasterize, self.plan, view), [np.minimum],
                                     self.plan.strands, gpu)
         return Band((top, end), view, build.on(gpu, visible))
@@ -137,7 +137,7 @@ class Coverage:
         counted = self._count(gpu, top, end)
         fit = self.plan.rows_counted(gpu, counted.cut, counted.counts, counted.survivors, top - counted.first)
         until = min(top + fit, end)
-        view = band_of(self.plan.rig.view, top, until)
+        view = band_of(self.plan.view, top, until)
         visible, counted.visible = counted.visible if (top, until) == (counted.first, counted.end) else None, None
         if visible is None:   # the body was seen in more rows than fit with what strands cover of them
             visible = build.rasterize_body(gpu, self.plan, view)
@@ -217,7 +217,7 @@ class Coverage:
         if counted is None or counted.gpu is not gpu or not counted.first <= top < counted.end:
             self._counted = None   # goes before more is made
             end = min(top + plan.rows(gpu), end)
-            view = band_of(plan.rig.view, top, end)
+            view = band_of(plan.view, top, end)
             visible = build.rasterize_body(gpu, plan, view)
             parts = plan.parts(gpu)
             alone = len(parts) == 1 and parts[0].hairy
