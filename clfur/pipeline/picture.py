@@ -127,9 +127,9 @@ class Picture:
                   if name in found}
         if "position" in self.outputs:
             depth = images["depth"] if "depth" in images else gpu.download(found["depth"])
-            images["position"] = positions(self.plan.scene.camera, depth, band.rows[0])
+            images["position"] = positions(self.plan.scene.camera, depth, int(band.view["rows"][2]), band.rows[0])
         if self.plan.tells:
-            images |= self.strands.tell(gpu, band, front)
+            images |= self.strands.tell(gpu, band, front, self.region)
         if self.plan.seen_through and "coverage" in images:   # what color's alpha is
             images["coverage"] = np.ascontiguousarray(gpu.download(found["color"])[..., 3])
         return band.rows, images, self.strands.hashed(gpu, band, front) if self.hashes else []
