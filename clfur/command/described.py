@@ -93,7 +93,9 @@ def _body_color(options, fur):
     """{"body_color"} of the options, else of the mesh's file, else skin under this fur; {} for a scene's own."""
     color, picture = options["body_color"], options["body_texture"]
     if picture is not None:
-        return {"body_color": Material(color or (1, 1, 1), read_for("--body-texture", load_picture, picture))}
+        found, color = read_for("--body-texture", load_picture, picture), color or (1, 1, 1)
+        return {"body_color": {number: Material(color, each) for number, each in found.items()}
+                if isinstance(found, dict) else Material(color, found)}
     if color is not None or options["body"] == "holdout":   # which is not seen
         return {} if color is None else {"body_color": color}
     materials = load_materials(options["given"])
