@@ -95,10 +95,12 @@ View = np.dtype([                     # a camera: world -> (x, y, e, 1)·w, pixe
     ("to_screen", np.float32, (4, 4)),   # columns; e/w is 1 at the near plane and falls to 0
     ("to_world", np.float32, (4, 4)),    # columns of the inverse
     ("eye", *_float4),                   # position and 1, or direction towards an orthographic eye and 0
-    ("size", *_int4),                    # width, height [pixels], samples a pixel, first row of its PATTERN
+    ("size", *_int4),                    # columns that are drawn, rows of all [pixels], samples a pixel, first row of
+                                         # its PATTERN
     ("scale", *_float4),                 # pixels per world unit of width at w = 1; least half width, sub-pixels; least
                                          # w of triangles before the near plane, which are drawn at it, 0: none
-    ("rows", *_int4),                    # band of rows to draw: first, one past the last, -, -
+    ("rows", *_int4),                    # rows that are drawn: first, one past the last; the first column that is, a
+                                         # multiple of TILE; columns behind those that are
 ])
 
 HairType = np.dtype([

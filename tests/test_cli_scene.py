@@ -7,15 +7,16 @@ import pytest
 from support.command import wrong
 
 from clfur import PRESETS, Chiang, Curves, Error, Kajiya, Settings, Shells, Strands, load_mesh, save
-from clfur.command import described as cli_described
-from clfur.command import options as cli_scene
+from clfur.command.hair_types import hair_types
+from clfur.command.options import scene_options
+from clfur.command.scenes import load_scene
 
 
 @click.command()
 @click.argument("given")
-@cli_scene.scene_options
+@scene_options
 def described(given, **options):
-    return cli_scene.load_scene(given, options)
+    return load_scene(given, options)
 
 
 def load(*arguments):
@@ -291,7 +292,7 @@ def test_looks(tmp_path, monkeypatch):
     assert look("--look", "chiang:tilt=3, absorption=0.1/2/3") == Chiang(tilt=3, absorption=(.1, 2, 3))
     monkeypatch.chdir(tmp_path)
     (tmp_path / "types.json").write_text('[{"look": "chiang:eumelanin=8", "key": [0, 0, 0]}, {"specular": 1}, {}]')
-    types = cli_described._hair_types("types.json", {"look": Chiang(tilt=3)})
+    types = hair_types("types.json", {"look": Chiang(tilt=3)})
     assert [kind.look for kind in types] == [Chiang(eumelanin=8), Kajiya(specular=1), Chiang(tilt=3)]
     (tmp_path / "types.json").write_text('[{"look": 3}]')
     with pytest.raises(Error, match=r"types.json, type 0: HairType.look is 3; allowed: an object of class"):

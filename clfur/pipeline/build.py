@@ -31,7 +31,7 @@ from .shadows import accumulate, deep_maps, finish, plan_shadows, shells_depth, 
 def let_go(plan: Plan, gpu: Any) -> None:
     """Make a device ready for a frame: before anything new is made, it lets go of what this frame has no use for."""
     plan.check(gpu)
-    gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
+    gpu.load((plan.settings, plan.size, plan.faces, plan.strands, plan.points,
               plan.scene.shells and plan.scene.shells.layers))
     gpu.prepare(plan.kernel_files)
     gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed), *plan.painted[:1])
