@@ -8,8 +8,27 @@ from click.core import ParameterSource
 
 from .. import PRESETS, Error
 from ..settings import RASTERS, SCATTERING, SHADOWS
-from .described import MOST
-from .types import Color, Height, LightText, Look, Numbers, Real, Roots, Size, Sky, View, Whole, once
+from .described import HAIRS, MOST, ROOTS
+from .types import (
+    MAPS,
+    Color,
+    Height,
+    LightText,
+    Look,
+    MapText,
+    Numbers,
+    Real,
+    Roots,
+    Size,
+    Sky,
+    View,
+    Way,
+    Whole,
+    once,
+)
+
+# The second draws the outline of hair from behind; at half the first's strength or more a ground is framed with both.
+LIGHTS = ["sun direction=1,-1,-0.8 color=1,0.97,0.92", "sun direction=-0.5,-1.2,1 color=0.85,0.92,1 intensity=0.6"]
 
 _FUR = [
     click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
@@ -17,7 +36,7 @@ _FUR = [
     click.option("--length", type=Real(0), metavar="L",
                  help="Length of the hair in the mesh's units; shells under strands have half of it.  [default: 0.08 "
                       "of half the mesh's diagonal, or 0.12 for shells alone]"),
-    click.option("--color", type=Color(), default="0.5,0.28,0.12", metavar="COLOR",
+    click.option("--color", type=Color(), default="0.45,0.2,0.07", metavar="COLOR",
                  help="R,G,B of 0 to 1 each (linear), or '#rrggbb' (sRGB)."),
     click.option("--alpha", type=Real(0, 1), default=0.5, metavar="0..1",
                  help="How much light one hair lets through."),
@@ -60,7 +79,8 @@ _CAMERA = [
     click.option("--camera", metavar="NAME", help="Which camera of a USD scene.  [default: its first]"),
 ]
 _LIGHT = [
-    click.option("--light", "lights", type=LightText(), default=["1,-1,-0.6"], multiple=True, metavar="LIGHT",
+    click.option("--light", "lights", type=LightText(), default=LIGHTS, multiple=True, metavar="LIGHT",
+                 show_default="warm from the upper left, weaker and bluish from behind",
                  help="The way that distant light travels, X,Y,Z; or sun, point or spot and its fields, as 'sun "
                       "direction=1,-1,-0.6 size=0.5' (degrees across) or 'spot position=2,3,1 direction=-2,-3,-1 "
                       "angle=40 color=#ffe0c0 intensity=2 size=0.2 shadows=off' (size: a disc's radius; a spot without "
@@ -73,7 +93,7 @@ _LIGHT = [
 ]
 _BODY = [
     click.option("--body-color", type=Color(), metavar="COLOR",
-                 help="Base colour of the body.  [default: a glTF file's own, else 0.6 of --color's light]"),
+                 help="Base colour of the body.  [default: a glTF file's own, else 0.6 of the hair's light]"),
     click.option("--body-texture", metavar="PICTURE",
                  help="Picture that is laid on the body by uv; --body-color, if given, multiplies it."),
     click.option("--body", type=click.Choice(["drawn", "holdout"]), default="drawn",
@@ -88,8 +108,8 @@ _STRANDS = [
     click.option("--outer", type=Whole(1, 64), metavar="N",
                  help="Tessellation level of the edges.  [default: as --inner]"),
     click.option("--roots", type=Roots(), metavar="faces|N",
-                 help="One strand on each tessellated triangle, or N strands spread evenly.  [default: faces, or "
-                      f"{MOST} on a mesh of more faces]"),
+                 help="One strand on each tessellated triangle, or N strands spread evenly by area.  [default: "
+                      f"{ROOTS}, or faces with --inner or --outer]"),
     click.option("--surface", type=click.Choice(["pn", "flat"]), default="pn", help="Curved or flat faces."),
     click.option("--width", type=Real(0), metavar="W",
                  help="Diameter of a strand in the mesh's units.  [default: 0.0012 of half the mesh's diagonal, but at "
@@ -106,7 +126,19 @@ _STRANDS = [
     click.option("--type-map", metavar="PICTURE", help="Picture whose colours choose the hair type by uv."),
     click.option("--types", metavar="FILE",
                  help="JSON list of hair types, each with its key colour in the type map; what a type leaves "
-                      "out is taken from the options."),
+                      "out is taken from the options.  Or an object with types, type_map, maps, comb and on."),
+    click.option("--map", "maps", type=MapText(), multiple=True, metavar="NAME=FILE",
+                 help="What the skin says of " + ", ".join(MAPS[:-1]) + f" or {MAPS[-1]}: a grey picture by uv, which "
+                      "multiplies what the options say, 0 to 1 without a curve; UDIM tiles, as skin.<UDIM>.png; or a "
+                      ".npy file of numbers by vertex or by face.  Again for each further map."),
+    click.option("--on", multiple=True, metavar="NAME",
+                 help="Hair grows there alone: a group, object or material of the mesh's file, or a vertex colour, "
+                      "red, green, blue or alpha.  Again for each further place."),
+    click.option("--comb", type=Way(), metavar="X,Y,Z|FILE",
+                 help="Which way hair lies on the skin: a vector, a picture by uv (red: along u, green: along v, 128: "
+                      "none), or a .npy file of vectors by vertex."),
+    click.option("--comb-weight", type=Real(0, 1), metavar="0..1",
+                 help="How flat it lies there.  [default: 0.7]"),
     click.option("--curl", type=Numbers(2), default="0,0", metavar="RADIUS,TURNS", help="Curl of the strands."),
     click.option("--wave", type=Numbers(2), default="0,0", metavar="AMPLITUDE,PERIODS",
                  help="Wave of the strands."),
@@ -116,9 +148,11 @@ _SHELLS = [
                  help="Layers of shells, from the body to the tips."),
     click.option("--pattern", type=click.Choice(["cells", "sine"]), default="cells",
                  help="Of shells: a hair in each cell of the faces, or the report's sines, which need uv."),
+    click.option("--hairs", type=Whole(1, 10**9), metavar="N",
+                 help=f"Hairs of shells on the whole mesh.  [default: {HAIRS:,}]"),
     click.option("--frequency", type=Real(0, min_open=True), metavar="F",
-                 help="Hairs of shells along a unit of length, or the report's f for sines.  [default: 60 on "
-                      "half the mesh's diagonal, or 40 for sines]"),
+                 help="In place of --hairs, those along a unit of length; of sines the report's f.  [default: 40 for "
+                      "sines]"),
     click.option("--density", type=Real(0, 1, min_open=True), default=1.0, metavar="0..1",
                  help="How much of its cell a hair of shells fills."),
     click.option("--noise", type=Numbers(2), default="0.5,8", metavar="A,S",
@@ -161,11 +195,11 @@ _SETTINGS = [
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "tip_width", "root_color", "tip_color", "look",
                      "type_map", "types", "curl", "wave", "raster", "masks", "scattering", "lod", "hair", "guides",
-                     "parting"),
-         "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
+                     "parting", "maps", "on", "comb", "comb_weight"),
+         "shells": ("layers", "pattern", "hairs", "frequency", "density", "noise", "wind", "time", "shading")}
 # Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
 _GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "stiffness", "force_weight", "roots", "type_map",
-          "types", "curl", "wave", "rest")
+          "types", "curl", "wave", "rest", "maps", "on", "comb", "comb_weight")
 _GROWN_OR_SHELLS = "length", "variation"
 _UNGUIDED = "stiffness", "force_weight", "force", "length"   # what the shapes of guides leave nothing to say
 
@@ -247,6 +281,8 @@ def _flag_of(message, flags):
     kind, field = found.groups()
     if kind == "Light.":
         return flags.get("lights")
+    if kind in ("Maps.", "Comb."):
+        return flags.get("on" if field == "on" else "maps" if kind == "Maps." else "comb")
     if field == "body_color":
         return flags.get("body_texture", flags.get("body_color"))
     return flags.get(_NAMES.get(field, field))
@@ -266,6 +302,10 @@ def check_fur(flags, options):
             if name in flags:
                 raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
                                        f"allowed: with --fur {fur} or --fur both")
+    for name in ("maps", "on") if options["fur"] == "both" else ():
+        if name in flags:
+            raise click.UsageError(f"{flags[name]} is for strands alone, shells do not follow maps; allowed: with "
+                                   "--fur strands")
     if options["guides"] is None and "parting" in flags:
         raise click.UsageError("--parting is for strands between --guides; allowed: with them")
     if options["guides"] is not None:
@@ -275,6 +315,8 @@ def check_fur(flags, options):
                                        "one of them")
     if options["hair"] is not None:
         check_grown(flags, options, "--hair")
+    if "hairs" in flags and ("frequency" in flags or options["pattern"] == "sine"):
+        raise click.UsageError("--hairs is for --pattern cells without --frequency; allowed: one of them")
     if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
         raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
                                "allowed: with --pattern cells or --fur both")

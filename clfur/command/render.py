@@ -13,10 +13,11 @@ from ..files.images import check_writable, load_picture
 from ..files.usd import is_usd
 from ..judge.frontier import label
 from ..scene import backdrop
-from .described import lowered, sparse
+from .described import lowered
 from .devices import ask_drivers
 from .options import Sectioned, scene_options
 from .scenes import is_scene_file, load_scene
+from .skin import files_of, taken
 from .types import Backdrop, Bytes, Names, Real, Region, read_for
 from .waiting import waiting
 
@@ -56,6 +57,7 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
     """
     output = Path(Path(given).stem + ".png" if output is None else output)
     read = [given, *(options[name] for name in ("hair", "type_map", "types", "rest", "body_texture"))]
+    read += files_of(options)
     _check_files(output, outputs, background, read)
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
@@ -87,9 +89,10 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
         print(json.dumps({
             "file": str(output), "size": region[2:] if region else scene.camera.size, "device": drawn.device,
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
-            "shells": shells and {name: getattr(shells, name) for name in ("layers", "length", "frequency", "pattern")},
-            "fewer": fewer, "seconds": drawn.seconds, "building": drawn.building,
-            "stages": drawn.stages, "skipped": skipped, **wound,
+            "shells": shells and {"frequency": shells.frequency_on(scene.mesh), **{
+                name: getattr(shells, name) for name in ("layers", "length", "hairs", "pattern")}},
+            "fewer": fewer, "inexact": getattr(scene.strands, "inexact", 0), "seconds": drawn.seconds,
+            "building": drawn.building, "stages": drawn.stages, "skipped": skipped, **wound,
             "camera": {"eye": scene.camera.pose[:3, 3].tolist(),
                        "target": None if scene.camera.target is None else scene.camera.target.tolist()},
             "settings": attrs.asdict(drawn.settings), "error": drawn.error, "why": drawn.why,
@@ -103,7 +106,7 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
     print(f"{output}: {drawn.triangles:,} triangles, {', '.join(fur)} "
           f"in {drawn.seconds:.2f} s on {drawn.device} ({stages}"
           + (f"; building kernels {drawn.building:.3f}" if drawn.building >= TOLD else "") + ")"
-          + (f"; {fewer}" if fewer else "") + ("" if is_scene_file(given) else sparse(options, scene, drawn))
+          + (f"; {fewer}" if fewer else "") + taken(scene.strands)
           + (f"; skipped faces: {', '.join(left_out)}" if left_out else "")
           + (f"; turned {wound['turned']:,} faces that were inside out" if wound["turned"] else "")
           + (f"; {wound['one_sided']:,} faces are of a surface with one side: hair changes over somewhere"

@@ -13,6 +13,7 @@ from ..errors import Error
 from ..files.images import load_picture
 from ..scene import Chiang, Environment, Kajiya, Light
 from ..scene.checks import LARGEST
+from ..scene.maps import NAMES
 
 
 def read_for(flag, read, path):
@@ -176,6 +177,33 @@ class Backdrop(Color):
         if isinstance(value, str) and not value.startswith("#") and not all(map(_is_number, words)):
             return value
         return super().convert(value, param, ctx)
+
+
+MAPS = tuple(name for name in NAMES if name != "on")   # that is --on
+
+
+class MapText(click.ParamType):
+    """What a map is of and its file, such as density=skin.png -> (name, file)."""
+
+    name = "map"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        name, _, file = value.partition("=")
+        if name not in MAPS or not file:
+            self.fail(f"{value!r:.60} is not NAME=FILE; allowed names: {', '.join(MAPS)}", param, ctx)
+        return name, file
+
+
+class Way(click.ParamType):
+    """A vector X,Y,Z, or the name of a file."""
+
+    name = "way"
+
+    def convert(self, value, param, ctx):
+        parts = value.split(",") if isinstance(value, str) else []
+        return tuple(map(float, parts)) if len(parts) == 3 and all(map(_is_number, parts)) else value
 
 
 class Roots(click.ParamType):

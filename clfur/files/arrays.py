@@ -1,16 +1,28 @@
-"""Strand files .npz and .npy: NumPy's own arrays, of the names and shapes that `Curves` has."""
+"""Files .npz and .npy: NumPy's own arrays; of strands, of the names and shapes that `Curves` has."""
 
 import io
 import zipfile
+import zlib
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import Error
-from .input import MAX_BYTES
+from .input import MAX_BYTES, read
 
+MOST = 1040   # bytes that zip packs in one, at most
 NAMES = "points", "counts", "width", "color", "transparency", "root_uv", "root_normal"
 SETUP = "inner", "outer", "surface", "seed", "lod_by", "bounds"   # how the body under them is tessellated, and such
+
+
+def load_numbers(path: Path) -> np.ndarray:
+    """Return the array of numbers of a .npy file; raises Error, one line that names the file."""
+    try:
+        data = read(path)
+        return _array(io.BytesIO(data), len(data))
+    except Error as error:
+        raise Error(f"{'' if str(path) in str(error) else f'{path}: '}{error}") from None
 
 
 def read_npy(data: bytes, path: Path) -> dict:
@@ -24,23 +36,33 @@ def read_npy(data: bytes, path: Path) -> dict:
 def read_npz(data: bytes, path: Path) -> dict:
     """Return the strands of a .npz file: points and counts, or points [strands, points, 3]; and what else of `NAMES` it
     has.  Other names are an Error."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = {each.filename.removesuffix(".npy"): each for each in archive.infolist()}
-            if unknown := [name for name in members if name not in NAMES + SETUP]:
-                raise Error(f"has the array {unknown[0][:40]!r}; allowed: {', '.join(NAMES)}")
-            if sum(each.file_size for each in members.values()) > MAX_BYTES:
-                raise Error(f"would take more than {MAX_BYTES} bytes")
-            found = {}
-            for name, each in members.items():
-                with archive.open(each) as stream:
-                    found[name] = _array(stream, each.file_size, "biuf" + "U" * (name in SETUP))
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
-        raise Error(f"is damaged or cut short: {error}") from None
+    found = read_arrays(data, NAMES + SETUP, setup=SETUP)
     if "points" not in found:
         raise Error("has no array points")
     setup = {name: found.pop(name) for name in SETUP if name in found}
     return found | {"setup": {name: value.item() if value.ndim == 0 else value for name, value in setup.items()}}
+
+
+def read_arrays(data: bytes, names: Collection[str] | None = None,
+                setup: Collection[str] = ()) -> dict[str, np.ndarray]:
+    """Return the arrays of a .npz file, all or of these names alone; raises Error for others, and a damaged file. Those
+    of ``setup`` may be text."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = {each.filename.removesuffix(".npy"): each for each in archive.infolist()}
+            if names is not None and (unknown := [name for name in members if name not in names]):
+                known = [name for name in names if name not in setup]
+                raise Error(f"has the array {unknown[0][:40]!r}; allowed: {', '.join(known)}")
+            most = MAX_BYTES if names else MOST * len(data)
+            if sum(each.file_size for each in members.values()) > most:
+                raise Error(f"would take more than {most} bytes")
+            found = {}
+            for name, each in members.items():
+                with archive.open(each) as stream:
+                    found[name] = _array(stream, each.file_size, "biuf" + "U" * (name in setup))
+            return found
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
+        raise Error(f"is damaged or cut short: {error}") from None
 
 
 def _array(file, total, kinds="biuf"):

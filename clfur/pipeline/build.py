@@ -20,6 +20,7 @@ from ..stages import transport as transport_stage
 from ..stages.deep import Deep
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
+from ..stages.maps import traits
 from ..stages.raster import raster
 from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, upload_curves
 from ..stages.tessellate import Surface, no_surface, tessellate
@@ -309,10 +310,19 @@ def _stand(gpu, plan):
 def _grow(gpu, plan, part):
     if plan.grown:
         make = grow if plan.guides is None else functools.partial(guides.between, guides=standing(gpu, plan)[0])
-        return make(gpu, _surface(gpu, plan, part.faces), plan.scene.strands, part.strands, part.area,
+        surface = _surface(gpu, plan, part.faces)
+        return make(gpu, surface, plan.scene.strands, part.strands, part.area,
                     plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
-                                           functools.partial(_resting, gpu, plan, part.faces)))
+                                           functools.partial(_resting, gpu, plan, part.faces)),
+                    plan.planes and functools.partial(_traits, gpu, plan, part, surface))
     return upload_curves(gpu, plan.scene.strands, part.strands)
+
+
+def _traits(gpu, plan, part, surface, roots):
+    """What maps on the skin make of strands with these roots."""
+    fur = plan.scene.strands
+    return traits(gpu, surface, roots, plan.planes, part.faces, fur.comb.weight if fur.comb else 0.0, fur.seed,
+                  part.strands[0])
 
 
 def _resting(gpu, plan, faces):

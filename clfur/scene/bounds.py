@@ -91,9 +91,15 @@ def fur_extent(fur: Any) -> float:
         return float(fur.on_host.width.max()) / 2
     if fur is None:
         return 0.0
+    longer, wider, more = _most(fur)
     return max((reach_of(fur.guides)[0] * (hair.segments > 0) if fur.guides is not None
-                else hair.full_length * (1 + hair.length_variation))
-               + 2 * hair.curl[0] + hair.wave[0] + hair.widest / 2 for hair in fur.types)
+                else hair.full_length * (1 + hair.length_variation) * longer)
+               + 2 * hair.curl[0] * more + hair.wave[0] * more + hair.widest * wider / 2 for hair in fur.types)
+
+
+def _most(fur):
+    """How many times as long, as wide and as curled as a type says Strands may be where maps say so."""
+    return (1.0, 1.0, 1.0) if fur.maps is None else tuple(map(fur.maps.most, ("length", "width", "curl")))
 
 
 @functools.lru_cache(maxsize=2)
@@ -108,9 +114,9 @@ def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]
         inner[np.cumsum(fur.counts, dtype=np.int64)[fur.counts > 0] - 1] = False   # a strand's end joins nothing
         length = float(d[inner[:-1]].sum(dtype=float))
         return len(fur.points), length, length * float(fur.width.max())
-    types = fur.types
+    types, (longer, wider, more) = fur.types, _most(fur)
     # Curl and wave hold a point within this distance of its axis; from one point to the next it may cross all of it.
-    lengths = [(t.segments * t.step * (1 + t.length_variation) if fur.guides is None
-                else reach_of(fur.guides)[1]) + t.segments * 2 * (2 * t.curl[0] + t.wave[0]) for t in types]
+    lengths = [(t.segments * t.step * (1 + t.length_variation) * longer if fur.guides is None
+                else reach_of(fur.guides)[1]) + t.segments * 2 * (2 * t.curl[0] + t.wave[0]) * more for t in types]
     return (strands * max(t.segments for t in types), strands * max(lengths),
-            strands * max(length * t.widest for length, t in zip(lengths, types)))
+            strands * max(length * t.widest * wider for length, t in zip(lengths, types)))
