@@ -143,7 +143,9 @@ def _check_files(output, outputs, background, read):
     """Raise what the user got wrong of what is written, before anything is ``read``."""
     check_writable(output)
     if output.suffix.lower() == ".png" and set(outputs) != {"color"}:
-        raise click.UsageError(f"{output} can hold the output color alone; .exr and .npz hold others")
+        other = next((name for name in outputs if name != "color"), "none")
+        raise click.UsageError(f"--outputs: {output} can hold color alone, not {other}; allowed: color, or others in "
+                               ".exr or .npz")
     if background is not None and "color" not in outputs:
         raise click.UsageError("--background is for the output color, which is not asked for; allowed: with it")
     for name in [*read, background if isinstance(background, str) else None]:
