@@ -125,6 +125,8 @@ _STRANDS = [
                  help="How strands scatter light: kajiya or chiang (real hair), and its fields, as "
                       "chiang:azimuthal_roughness=0.4,eumelanin=1.3 or chiang:absorption=0.1/0.3/0.9.  "
                       "[default: kajiya]"),
+]
+_GROOM = [
     click.option("--type-map", metavar="PICTURE", help="Picture whose colours choose the hair type by uv."),
     click.option("--types", metavar="FILE",
                  help="JSON list of hair types, each with its key colour in the type map; what a type leaves "
@@ -218,8 +220,8 @@ def _names(options):
 def _sections(size="640x480"):
     """{title: options} of the help, in its order; the size of a picture is this by default."""
     sized = click.option("--size", type=Size(), default=size, metavar="WxH", help="Size of the picture in pixels.")
-    return {"Fur": _FUR, "Strands": _STRANDS, "Shells": _SHELLS, "Body and ground": _BODY, "Light": _LIGHT,
-            "Camera": [sized, *_CAMERA], _QUALITY: _SETTINGS}
+    return {"Fur": _FUR, "Strands": _STRANDS, "Grooming of strands": _GROOM, "Shells": _SHELLS,
+            "Body and ground": _BODY, "Light": _LIGHT, "Camera": [sized, *_CAMERA], _QUALITY: _SETTINGS}
 
 
 _QUALITY = "Quality and speed"   # fields of `Settings`
