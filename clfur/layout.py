@@ -50,7 +50,7 @@ CONSTANTS = {
     "DEEP_BLOCK": 8,        # segments of hair that are looked up together in lists of what lights see,
     "DEEP_UNIT": 1024,      # and parts of an octave in which they tell how much light they take
     "NEAREST": 8,           # guides that are looked for around a strand, at most: one more than are blended
-    "LEAF": 8,              # of what a tree of boxes holds, in one of its last row
+    "TREE_ROWS": 11,        # of nodes in a tree of boxes, at most: eight parts each
     "CHORDS": 3,            # of a guide, by which it is told which way it points,
     "LEAST_TURN": 1 / 32,   # and 1 + cosine of the angle between two normals, at least
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps

@@ -126,7 +126,7 @@ def test_strands_between_guides_equal_the_twins(gpu, name):
 
 
 @pytest.mark.small
-@pytest.mark.parametrize("steps", [None, 16 * 1280])
+@pytest.mark.parametrize("steps", [None, 16 * 1600])
 @pytest.mark.parametrize("n", [1, 3, 300])
 def test_the_nearest_guides_are_found(gpu, another, steps, n):
     """The very ones that float64 finds among all, nearest first, also where a driver's loops are cut."""
@@ -148,7 +148,7 @@ def test_the_nearest_guides_are_found(gpu, another, steps, n):
     for number in range(known.rounds):
         one.launch("guides.nearest", 90, points=one.upload(points), spans=one.upload(spans),
                    strand_normal=one.upload(up), strand_uv=one.upload(uv), boxes=known.boxes,
-                   members=known.members, places=known.places, facing=known.facing, trees=known.trees,
+                   members=known.members, roots=known.roots, normals=known.normals, trees=known.trees,
                    tree_of=known.tree_of, n_trees=len(known.trees) // known.rounds, round=number, most=8, found=found)
     assert (known.rounds > 1) == (steps is not None and n == 300)
     away, number = found.get()[:, :8].view(np.float32), found.get()[:, 8:].view(np.int32)
@@ -161,7 +161,7 @@ def test_the_nearest_guides_are_found(gpu, another, steps, n):
 
 
 @pytest.mark.small
-@pytest.mark.parametrize("steps", [None, 16 * 1280])
+@pytest.mark.parametrize("steps", [None, 16 * 1600])
 def test_guides_stand_where_the_mesh_is_nearest(gpu, another, steps):
     one, mesh = another(steps=steps), lumpy(1)
     places = np.concatenate([rooted(mesh, 40)[0], 1.3 * units(40, 2), mesh.positions[:10], .02 * units(10, 3)])

@@ -98,7 +98,8 @@ def test_hair_of_a_file_draws_as_hair_that_grows(clfur, tmp_path, suffix, near):
     if suffix == ".usdc":
         pytest.importorskip("pxr")
     look = "--inner", 2, "--outer", 2, "--curl", "0.02,2", "--alpha", .4, "--width", .02
-    view = "--size", "64x48", "--eye", "0,1,3.5", "--target", "0,0,0"
+    view = ("--size", "64x48", "--eye", "0,1,3.5", "--target", "0,0,0", "--body-color", ".2,.1,.1",
+            "--light", "1,-1,-0.6")
     assert clfur("grow", "sphere", *look, "-o", f"a{suffix}")[0] == 0
     assert clfur("render", "sphere", *look, *view, "-o", "grown.npz")[0] == 0
     other = "--inner", 2, "--outer", 2

@@ -47,11 +47,11 @@ class Whole(_Within, click.IntRange):
     words = "a whole number"
 
 
-class AnyWhole(_Within, type(click.INT)):   # whose limits the scene's own check tells
+class AnyWhole(_Within, click.types.IntParamType):   # whose limits the scene's own check tells
     min, max, min_open, words = None, None, False, "a whole number"
 
 
-class AnyReal(_Within, type(click.FLOAT)):
+class AnyReal(_Within, click.types.FloatParamType):
     min, max, min_open, words = None, None, False, "a number"
 
 
