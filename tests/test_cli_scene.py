@@ -357,6 +357,8 @@ def test_lights_of_the_command():
     before, behind = lights()   # which is framed with a ground as the first is
     assert before.direction[2] < 0 < behind.direction[2] and behind.strength.max() >= .5 * before.strength.max()
     assert (before.ambient, behind.ambient) == (None, 0)
+    assert [light.direction.tolist() for light in load("sphere", "--sky", "1,1,1")[0].lights] == [
+        before.direction.tolist()]   # a sky shines from behind
 
 
 def test_a_grounds_shadow_is_framed_where_no_camera_is_given():

@@ -29,9 +29,6 @@ from .types import (
     once,
 )
 
-# The second draws the outline of hair from behind; at half the first's strength or more a ground is framed with both.
-LIGHTS = ["sun direction=1,-1,-0.8 color=1,0.97,0.92", "sun direction=-0.5,-1.2,1 color=0.85,0.92,1 intensity=0.6"]
-
 _FUR = [
     click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
                  help="Strands, shells (a pattern in layers above the body), or an undercoat of shells under strands."),
@@ -81,12 +78,12 @@ _CAMERA = [
     click.option("--camera", metavar="NAME", help="Which camera of a USD scene.  [default: its first]"),
 ]
 _LIGHT = [
-    click.option("--light", "lights", type=LightText(), default=LIGHTS, multiple=True, metavar="LIGHT",
-                 show_default="warm from the upper left, weaker and bluish from behind",
+    click.option("--light", "lights", type=LightText(), multiple=True, metavar="LIGHT",
                  help="The way that distant light travels, X,Y,Z; or sun, point or spot and its fields, as 'sun "
                       "direction=1,-1,-0.6 size=0.5' (degrees across) or 'spot position=2,3,1 direction=-2,-3,-1 "
                       "angle=40 color=#ffe0c0 intensity=2 size=0.2 shadows=off' (size: a disc's radius; a spot without "
-                      "a direction looks at the mesh's middle).  Again for each further light."),
+                      "a direction looks at the mesh's middle).  Again for each further light.  "
+                      "[default: warm from the upper left and, but under a --sky, weaker and bluish from behind]"),
     click.option("--sky", type=Sky(), metavar="SKY",
                  help="Light from all around, hidden by hair and body, instead of the flat ambient: a colour, R,G,B of "
                       "0 or more each (linear) or '#rrggbb'; ZENITH:HORIZON:GROUND, three of these; or an "
