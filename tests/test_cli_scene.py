@@ -357,6 +357,8 @@ def test_lights_of_the_command():
     before, behind = lights()   # which is framed with a ground as the first is
     assert before.direction[2] < 0 < behind.direction[2] and behind.strength.max() >= .5 * before.strength.max()
     assert (before.ambient, behind.ambient) == (None, 0)
+    assert [light.direction.tolist() for light in load("sphere", "--sky", "1,1,1")[0].lights] == [
+        before.direction.tolist()]   # a sky shines from behind
 
 
 def test_a_grounds_shadow_is_framed_where_no_camera_is_given():
@@ -531,8 +533,9 @@ def test_skin_is_as_the_hair_of_a_file_or_of_its_types(tmp_path):
 
 
 def test_help_lists_each_option_once_under_its_section(clfur):
-    titles = "Fur", "Strands", "Shells", "Body and ground", "Light", "Camera", "Quality and speed", "Output and device"
-    for command, shown in (("render", titles), ("compare", titles), ("chart", (*titles[:6], titles[7]))):
+    titles = ("Fur", "Strands", "Grooming of strands", "Shells", "Body and ground", "Light", "Camera",
+              "Quality and speed", "Output and device")
+    for command, shown in (("render", titles), ("compare", titles), ("chart", (*titles[:7], titles[8]))):
         code, out, _ = clfur(command, "--help")
         assert code == 0 and tuple(line[:-1] for line in out.splitlines() if line in [f"{t}:" for t in titles]) == shown
         flags = [line.split()[0] for line in out.splitlines() if line.startswith("  -")]
