@@ -16,9 +16,10 @@ from ..render import schedulers
 from ..scene import Curves, Scene, Strands, checks, extent
 from ..scene.environment import ambient_of
 from ..scene.ground import ground_from, height_of
+from ..scene.maps import planes
 from ..scene.seen import seen
 from ..stages.tessellate import tessellate
-from ..twin import ground, scatter, strands
+from ..twin import ground, guides, maps, scatter, strands
 from ..twin.vectors import dot, unit
 from .paths import Paths
 from .places import on_body, on_strand
@@ -162,7 +163,7 @@ def _geometry(scene):
         body = _tessellated(mesh, *levels)
     if isinstance(fur, Strands):
         by_area = fur.roots != "faces" and fur.rest is not None
-        hair = _grown(fur, body, _tessellated(fur.rest, *levels) if by_area else body)
+        hair = _grown(fur, body, _tessellated(fur.rest, *levels) if by_area else body, mesh)
     elif isinstance(fur, Curves):
         fur = fur.on_host
         counts = fur.counts.astype(int)
@@ -194,26 +195,55 @@ def _tessellated(mesh, inner, outer, surface):
     with gpu.frame():
         made = tessellate(gpu, mesh, inner, outer, surface)
         positions, normals, uv = (gpu.download(each).astype(float) for each in (made.positions, made.normals, made.uv))
-        return SimpleNamespace(positions=positions[:, :3], normals=normals[:, :3], uv=uv[:, :2],
+        return SimpleNamespace(positions=positions[:, :3], normals=normals[:, :3], uv=uv[:, :2], weights=uv[:, 2:],
                                area_scale=made.area_scale,
                                triangles=gpu.download(made.triangles).astype(int))
 
 
-def _grown(fur, body, rest):
-    surface = body.positions, body.normals, body.uv, body.triangles[:, :3]
+def _grown(fur, body, rest, mesh):
+    triangles = body.triangles[:, :3]
+    surface = body.positions, body.normals, np.column_stack([body.uv, body.weights]), triangles
     if fur.roots == "faces":
-        roots = strands.roots_on_faces(*surface)
+        chosen, (root, frame, at) = np.arange(len(triangles)), strands.roots_on_faces(*surface)
     else:
         x, y, z = strands.twice_areas(rest.positions * rest.area_scale, surface[3]).T
         area = np.sqrt(x * x + y * y + z * z)
-        *roots, _ = strands.roots_by_area(*surface, np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed)
+        root, frame, at, chosen = strands.roots_by_area(
+            *surface, np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed)
+    uv, corner_uv, traits = at[:, :2], body.uv[triangles[chosen]], None
+    if fur.maps or fur.comb:
+        traits = maps.traits(planes(mesh, fur.maps, fur.comb), uv, at[:, 2:], frame[:, 2],
+                             body.positions[triangles[chosen]], corner_uv, body.triangles[chosen, 3],
+                             fur.comb.weight if fur.comb else 0.0, fur.seed, np.arange(len(root)))
     points, tangents, counts, colors, kind = strands.grow(
-        *roots, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed)
+        root, frame, uv, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed, traits,
+        middle=corner_uv.mean(1))
+    if fur.guides is not None:
+        points, tangents = _between(fur, root, frame, kind, mesh, traits)
     there = np.arange(points.shape[1]) < counts[:, None]
     width = np.stack([np.pad(strands.widths_along(t), (0, there.shape[1] - 1 - t.segments)) for t in fur.types])[kind]
+    width = width if traits is None else width * traits["scale"][:, 1:2]
     return SimpleNamespace(points=np.column_stack([points[there], width[there]]), tangents=tangents[there],
                            counts=counts, colors=colors[there] if colors.ndim == 3 else colors, kind=kind,
                            **_looks(fur.types))
+
+
+def _between(fur, root, frame, kind, mesh, traits):
+    """(Points, tangents) of strands between guides, as `strands.grow` has them."""
+    curves = fur.guides.on_host
+    some, ends = curves.counts > 1, np.cumsum(curves.counts, dtype=np.int64)
+    shapes = [shape.astype(float) for shape, is_one in zip(np.split(curves.points, ends[:-1]), some) if is_one]
+    places = np.array([shape[0] for shape in shapes])
+    normals = guides.normals_at(*guides.feet(places, mesh.positions, mesh.faces)[1:], mesh.positions, mesh.normals,
+                                mesh.faces) if curves.root_normal is None else curves.root_normal[some].astype(float)
+    types = None if curves.type_of is None else curves.type_of[some]
+    points = guides.between(root, frame, kind, fur.types, shapes, normals, types, fur.guides_blended, fur.parting,
+                            fur.seed, traits)
+    tangents = np.full_like(points, np.nan)
+    for number, each in enumerate(fur.types):
+        mine, end = np.flatnonzero(kind == number), each.segments + 1
+        tangents[mine, :end] = strands.tangents_of(points[mine, :end], frame[mine, 2])
+    return points, tangents
 
 
 def _looks(types):

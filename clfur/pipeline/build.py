@@ -13,12 +13,14 @@ import numpy as np
 from ..device.team import Team
 from ..scene import extent, hair_bounds
 from ..scene.bounds import boxes_to_see, fur_extent
-from ..stages import chiang, ground, shade, shells
+from ..scene.guides import far_from
+from ..stages import chiang, ground, guides, shade, shells
 from ..stages import sky as sky_stage
 from ..stages import transport as transport_stage
 from ..stages.deep import Deep
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
+from ..stages.maps import traits
 from ..stages.raster import raster
 from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, upload_curves
 from ..stages.tessellate import Surface, no_surface, tessellate
@@ -30,13 +32,13 @@ from .sliding import slide
 def let_go(plan: Plan, gpu: Any) -> None:
     """Make a device ready for a frame: before anything new is made, it lets go of what this frame has no use for."""
     plan.check(gpu)
-    gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
+    gpu.load((plan.settings, plan.size, plan.faces, plan.strands, plan.points,
               plan.scene.shells and plan.scene.shells.layers))
     gpu.prepare(plan.kernel_files)
     gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed), *plan.painted[:1])
     transmittances(gpu, plan)
     furry, under_sky = plan.scene.shells is not None, plan.scene.environment is not None
-    for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
+    for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands), ("guides", plan.guides),
                        ("distance", plan.sliding), ("thinned", plan.strands and plan.settings.lod),
                        ("transport", plan.scatters), ("phases", plan.scatters), ("deep", plan.is_deep),
                        ("on hair", plan.is_deep), ("hair alone", plan.is_deep),
@@ -288,15 +290,43 @@ def _whole(gpu, plan, part, what):
     return gpu.keep("strands", what, functools.partial(_grow, gpu, plan, part))
 
 
+def standing(gpu: Any, plan: Plan) -> tuple[guides.Guides, str]:
+    """(`Guides` of the strands on their mesh, in a line how far some are away from it, or ""); they stay while strands
+    change in all else."""
+    fur: Any = plan.scene.strands
+    return gpu.keep("guides", (plan.scene.mesh, fur.guides, len(fur.types)), functools.partial(_stand, gpu, plan))
+
+
+def told(plan: Plan, gpu: Any) -> list[str]:
+    """What has turned out, as the frame was built, to be wrong in it."""
+    line = "" if plan.guides is None else standing(gpu, plan)[1]
+    return [line] * bool(line)
+
+
+def _stand(gpu, plan):
+    made, away = guides.stand(gpu, plan.scene.mesh, plan.guides, len(plan.scene.strands.types))
+    return made, far_from(plan.scene.mesh, away)
+
+
 def _grow(gpu, plan, part):
     if not plan.grown:
         return upload_curves(gpu, plan.scene.strands, part.strands)
-    grown = grow(gpu, _surface(gpu, plan, part.faces), plan.scene.strands, part.strands, part.area,
+    make = grow if plan.guides is None else functools.partial(guides.between, guides=standing(gpu, plan)[0])
+    surface = _surface(gpu, plan, part.faces)
+    grown = make(gpu, surface, plan.scene.strands, part.strands, part.area,
                  plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
-                                        functools.partial(_resting, gpu, plan, part.faces)))
+                                        functools.partial(_resting, gpu, plan, part.faces)),
+                 plan.planes and functools.partial(_traits, gpu, plan, part, surface))
     if plan.sliding:
         slide(gpu, plan.scene.mesh, plan.scene.strands, grown)
     return grown
+
+
+def _traits(gpu, plan, part, surface, roots):
+    """What maps on the skin make of strands with these roots."""
+    fur = plan.scene.strands
+    return traits(gpu, surface, roots, plan.planes, part.faces, fur.comb.weight if fur.comb else 0.0, fur.seed,
+                  part.strands[0])
 
 
 def _resting(gpu, plan, faces):

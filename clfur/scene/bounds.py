@@ -7,6 +7,7 @@ import numpy as np
 
 from .checks import is_on_device
 from .curves import Bounds, Curves
+from .guides import reach_of
 from .mesh import Mesh, box, sphere
 from .origin import ZERO, seen_from
 from .shells import Shells
@@ -31,7 +32,9 @@ def origin_of(mesh: Mesh | None, fur: Any) -> np.ndarray:
 def local(mesh: Mesh | None, fur: Any) -> tuple:
     """Return (`origin_of` a mesh and its fur, both seen from there)."""
     there = origin_of(mesh, fur)
-    apart = any(part.origin.any() for part in (mesh, strands_and_shells(fur)[0]) if isinstance(part, (Mesh, Curves)))
+    strands, _ = strands_and_shells(fur)
+    placed = mesh, strands, getattr(strands, "guides", None)
+    apart = any(part.origin.any() for part in placed if isinstance(part, (Mesh, Curves)))
     return (there, seen_from(mesh, there), seen_from(fur, there)) if apart or there.any() else (there, mesh, fur)
 
 
@@ -88,16 +91,22 @@ def fur_extent(fur: Any) -> float:
         return float(fur.on_host.width.max()) / 2
     if fur is None:
         return 0.0
-    return max(_longest(hair, fur.collision) + hair.widest / 2 for hair in fur.types)
+    longer, wider, more = _most(fur)
+    return max((reach_of(fur.guides)[int(fur.collision)] * (hair.segments > 0) if fur.guides is not None
+                else hair.full_length * (1 + hair.length_variation) * longer)
+               + _bent(hair, fur.collision) * more + hair.widest * wider / 2 for hair in fur.types)
 
 
-def _longest(hair, slides):
-    """Return how far from its root a hair can get; one that ``slides`` along the body may be pulled straight."""
-    axis = hair.segments * hair.segment_length * (1 + hair.length_variation)
+def _bent(hair, slides):
+    """Return how far from its axis curl and wave take a hair; one that ``slides`` may be pulled straight along it."""
     if not slides:
-        return axis + 2 * hair.curl[0] + hair.wave[0]
-    steps = (size * min(2 * hair.segments, 2 * np.pi * abs(turns)) for size, turns in (hair.curl, hair.wave))
-    return axis + sum(steps)
+        return 2 * hair.curl[0] + hair.wave[0]
+    return sum(size * min(2 * hair.segments, 2 * np.pi * abs(turns)) for size, turns in (hair.curl, hair.wave))
+
+
+def _most(fur):
+    """How many times as long, as wide and as curled as a type says Strands may be where maps say so."""
+    return (1.0, 1.0, 1.0) if fur.maps is None else tuple(map(fur.maps.most, ("length", "width", "curl")))
 
 
 @functools.lru_cache(maxsize=2)
@@ -112,9 +121,9 @@ def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]
         inner[np.cumsum(fur.counts, dtype=np.int64)[fur.counts > 0] - 1] = False   # a strand's end joins nothing
         length = float(d[inner[:-1]].sum(dtype=float))
         return len(fur.points), length, length * float(fur.width.max())
-    types = fur.types
+    types, (longer, wider, more) = fur.types, _most(fur)
     # Curl and wave hold a point within this distance of its axis; from one point to the next it may cross all of it.
-    lengths = [t.segments * (t.segment_length * (1 + t.length_variation) + 2 * (2 * t.curl[0] + t.wave[0]))
-               for t in types]
+    lengths = [(t.segments * t.step * (1 + t.length_variation) * longer if fur.guides is None
+                else reach_of(fur.guides)[1]) + t.segments * 2 * (2 * t.curl[0] + t.wave[0]) * more for t in types]
     return (strands * max(t.segments for t in types), strands * max(lengths),
-            strands * max(length * t.widest for length, t in zip(lengths, types)))
+            strands * max(length * t.widest * wider for length, t in zip(lengths, types)))
