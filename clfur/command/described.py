@@ -11,7 +11,7 @@ from .. import Camera, Ground, Material, Scene, Shells, Strands, load_materials,
 from ..files.curves import read_curves
 from ..files.images import load_picture
 from ..files.usd import is_usd
-from ..scene import extent, frame, highlighted, upright
+from ..scene import extent, frame, fur_extent, highlighted, upright
 from ..scene.checks import vector
 from ..scene.strands import LAW
 from .hair_types import groom_of, hair_type, hair_types, type_map
@@ -21,6 +21,7 @@ from .types import light_of, read_for
 SEGMENTS, MOST_SEGMENTS = 8, 64   # of a strand: at least, and where guides have as many points
 SKIN = 0.6                 # of the hair's light: bare places are seen between hairs, and must not shine through
 ROOTS = 100_000            # strands without options, on any mesh: it is framed as large as any other
+LONG = 0.2                 # of a mesh's radius: hair that is longer slides along it without options
 HAIRS = 60_000             # of shells on a mesh without options
 # The second draws the outline of hair from behind; at half the first's strength or more a ground is framed with both.
 LIGHTS = ["sun direction=1,-1,-0.8 color=1,0.97,0.92", "sun direction=-0.5,-1.2,1 color=0.85,0.92,1 intensity=0.6"]
@@ -182,12 +183,14 @@ def _strands(options, length, radius, mesh):
     file = options["types"]
     said = {} if file is None else read_for("--types", groom_of, file)
     keys = options["type_map"] or ("type_map" in said and Path(file).parent / str(said["type_map"]))
-    return Strands(
+    made = Strands(
         types=[hair_type(hair, {})] if "types" not in said else read_for(
             "--types", lambda path: hair_types(path, said["types"], hair), file),
         type_map=type_map(keys) if keys else None,
         **density(options, len(mesh.faces)), **skin_of(mesh, options, said, Path(file or "").parent),
         **{name: options[name] for name in ("surface", "force", "seed", "rest", "guides", "parting")})
+    slides = fur_extent(made) > LONG * radius if options["collision"] == "auto" else options["collision"] == "on"
+    return attrs.evolve(made, collision=True) if slides else made
 
 
 def _hair(options, length, radius, mesh):
