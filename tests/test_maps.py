@@ -99,6 +99,21 @@ def test_roots_by_area_and_levels_are_the_twins(gpu, surface):
     close(gpu, mesh, fur)
 
 
+def test_a_run_of_faces_gives_the_same_bits(gpu):
+    """As one part of several does: its own triangles, numbers of strands and rows of arrays."""
+    mesh = lumpy()
+    fur = Strands(3, 3, maps=Maps(density=random(80), length=of_vertices(mesh), width=random((4, 4))), seed=4)
+    planes = skin.planes(mesh, fur.maps, None)
+    made = []
+    for faces in (0, 80), (31, 59):
+        surface = tessellate.tessellate(gpu, mesh, 3, 3, "pn", faces)
+        first, roots = strands.roots_of(gpu, surface, fur)
+        made.append((first, maps.traits(gpu, surface, roots, planes, faces, 0.0, fur.seed, first).get()))
+    (_, whole), (first, part) = made
+    assert first == 31 * 13 and len(part) == 28 * 13
+    np.testing.assert_array_equal(part, whole[first:first + len(part)])
+
+
 @pytest.mark.small
 def test_without_a_map_a_factor_is_one(gpu):
     found = close(gpu, lumpy(), Strands(2, 2, maps=Maps()))
