@@ -26,6 +26,7 @@ from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, upload_
 from ..stages.tessellate import Surface, no_surface, tessellate
 from .plan import Part, Plan
 from .shadows import accumulate, deep_maps, finish, plan_shadows, shells_depth, without_body, without_hair
+from .sliding import slide
 
 
 def let_go(plan: Plan, gpu: Any) -> None:
@@ -38,7 +39,7 @@ def let_go(plan: Plan, gpu: Any) -> None:
     transmittances(gpu, plan)
     furry, under_sky = plan.scene.shells is not None, plan.scene.environment is not None
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands), ("guides", plan.guides),
-                       ("thinned", plan.strands and plan.settings.lod),
+                       ("distance", plan.sliding), ("thinned", plan.strands and plan.settings.lod),
                        ("transport", plan.scatters), ("phases", plan.scatters), ("deep", plan.is_deep),
                        ("on hair", plan.is_deep), ("hair alone", plan.is_deep),
                        ("shell", furry), ("pattern", furry), ("border", furry),
@@ -308,14 +309,17 @@ def _stand(gpu, plan):
 
 
 def _grow(gpu, plan, part):
-    if plan.grown:
-        make = grow if plan.guides is None else functools.partial(guides.between, guides=standing(gpu, plan)[0])
-        surface = _surface(gpu, plan, part.faces)
-        return make(gpu, surface, plan.scene.strands, part.strands, part.area,
-                    plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
-                                           functools.partial(_resting, gpu, plan, part.faces)),
-                    plan.planes and functools.partial(_traits, gpu, plan, part, surface))
-    return upload_curves(gpu, plan.scene.strands, part.strands)
+    if not plan.grown:
+        return upload_curves(gpu, plan.scene.strands, part.strands)
+    make = grow if plan.guides is None else functools.partial(guides.between, guides=standing(gpu, plan)[0])
+    surface = _surface(gpu, plan, part.faces)
+    grown = make(gpu, surface, plan.scene.strands, part.strands, part.area,
+                 plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
+                                        functools.partial(_resting, gpu, plan, part.faces)),
+                 plan.planes and functools.partial(_traits, gpu, plan, part, surface))
+    if plan.sliding:
+        slide(gpu, plan.scene.mesh, plan.scene.strands, grown)
+    return grown
 
 
 def _traits(gpu, plan, part, surface, roots):

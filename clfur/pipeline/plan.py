@@ -36,6 +36,7 @@ from ..stages.coverage import (
     Tiles,
 )
 from ..stages.deep import bytes_of as deep_bytes
+from ..stages.distance import STATES
 from ..stages.guides import FOUND
 from ..stages.guides import bytes_of as guides_bytes
 from ..stages.lighting import Lighting
@@ -59,6 +60,7 @@ from ..stages.transport import bytes_of as transport_bytes
 from ..stages.voxelize import CELLS, RESTS
 from .mattes import TOLD
 from .shadows import DeepPlan, plan_deep
+from .sliding import sliding_of
 from .views import Rig, columns_of
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
@@ -120,21 +122,24 @@ class Cut:
 class Plan:
     """What a frame takes, and how it fits a device.
 
-    view: `layout.View` of what is drawn.  size: columns and rows that are, the latter from `top` to `bottom`.
+    view: `layout.View` of what is drawn for a region.  size: columns and rows of that, from `left` and `top` on.
     wants_color, others: whether color is an output, and whether others are.  tells: outputs of `mattes.TOLD`.
     faces, triangles, strands, points: how many there are.  body: whether there is one.  rest: the mesh by whose areas
     strands are spread, if it is another.  guides: Curves on the host between which strands stand, or None.
-    lobed: the types of strands, where looks of some need tables.  ground: `layout.Ground`, or None.  held: whether the
-    body is a holdout.  painted: its Materials, where it has more than one colour.
+    sliding: `Sliding` of strands along the body, or None.  lobed: the types of strands, where looks of some need
+    tables.  ground: `layout.Ground`, or None.  held: whether the body is a holdout.  painted: its Materials, where it
+    has more than one colour.
     """
 
-    def __init__(self, rig: Rig, outputs: Sequence[str], drawn: tuple | None = None) -> None:
-        """``drawn``: ((first column, one past the last), the same of rows) that are drawn, beginning at multiples of
-        TILE; all if None."""
+    def __init__(self, rig: Rig, outputs: Sequence[str], region: tuple | None = None) -> None:
+        """``region``: (column, row, columns, rows) that are wanted of the picture, all if None."""
         self.rig, self.scene, self.settings = rig, rig.scene, rig.settings
-        width, height = self.scene.camera.size
-        (left, right), (self.top, self.bottom) = drawn or ((0, width), (0, height))
-        self.view, self.size = columns_of(rig.view, left, right), (right - left, self.bottom - self.top)
+        self.region = region or (0, 0, *self.scene.camera.size)
+        around = 0 if self.settings.blur == "off" else blur_radius(self.settings.blur_sigma)
+        (self.left, right), (self.top, self.bottom) = (   # whole tiles, and what blurs need
+            (max(at - around, 0) // TILE * TILE, min(-(-(at + n + around) // TILE) * TILE, most))
+            for at, n, most in zip(self.region[:2], self.region[2:], self.scene.camera.size))
+        self.view, self.size = columns_of(rig.view, self.left, right), (right - self.left, self.bottom - self.top)
         self.wants_color, self.others = "color" in outputs, bool(set(outputs) - {"color", *TOLD})
         self.tells = tuple(name for name in TOLD if name in outputs)
         mesh, fur = self.scene.mesh, self.scene.strands
@@ -142,7 +147,7 @@ class Plan:
         if self.seen_through and "coverage" in outputs:   # only light tells it
             self.wants_color = True
         self.grown = isinstance(fur, Strands)
-        self.rest = None
+        self.rest, self.sliding = None, None
         self.guides = None if not isinstance(fur, Strands) or fur.guides is None else fur.guides.on_host
         if isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh:
             self.rest = fur.rest
@@ -162,6 +167,8 @@ class Plan:
         if isinstance(fur, Strands):
             self.strands = self.triangles if fur.roots == "faces" else int(fur.roots)
             self.stride = max(t.segments for t in fur.types) + 1
+            if fur.collision and self.strands:
+                self.sliding = sliding_of(mesh, fur)
         else:
             self.strands = len(self._before) - 1
         self.points = self._points(0, self.strands)
@@ -177,6 +184,12 @@ class Plan:
             raise Error(f"the scene has {self.points:,} points of strands and {self.triangles:,} triangles; "
                         f"allowed: fewer than {2**31:,} of each")
 
+    def wanted(self, top: int) -> tuple[slice, slice]:
+        """What is wanted of an array of rows that are drawn, from row ``top`` of the picture on."""
+        column, row, columns, rows = self.region
+        left = column - self.left
+        return slice(max(row - top, 0), max(row + rows - top, 0)), slice(left, left + columns)
+
     @property
     def kernel_files(self) -> list[str]:
         """Files of the kernels that the frame runs, about in the order in which it does."""
@@ -186,7 +199,7 @@ class Plan:
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage,
             "masks": self.uses_coverage and settings.masks, "strands": self.strands,
             "mattes": self.tells and self.strands,
-            "maps": self.planes and self.strands,
+            "maps": self.planes and self.strands, "distance": self.sliding,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "guides": self.guides is not None,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
@@ -480,6 +493,8 @@ class Plan:
         fixed += bytes_of_planes(self.planes or ())
         if self.guides is not None:
             fixed += guides_bytes(self.guides, len(scene.strands.types), len(scene.mesh.faces))
+        if self.sliding:
+            fixed += self.sliding.bytes
         if self.scatters:
             fixed += transport_bytes(len(self.lobed), self.body)
         if self.is_deep:
@@ -533,7 +548,7 @@ class Plan:
                 len(fur.color) == len(fur.points))
             strand, point = strand + THIN_STRAND, point + THIN_POINT + COLOR * per_point
         if gpu.steps:
-            strand += RESTS.bytes + STAGES.bytes
+            strand += RESTS.bytes + STAGES.bytes + STATES.bytes * bool(self.sliding)
             point += 0 if self.uses_coverage else LEFT.bytes
         if self.uses_coverage:
             strand += Tiles.bytes(strand=1)

@@ -92,9 +92,18 @@ def fur_extent(fur: Any) -> float:
     if fur is None:
         return 0.0
     longer, wider, more = _most(fur)
-    return max((reach_of(fur.guides)[0] * (hair.segments > 0) if fur.guides is not None
-                else hair.full_length * (1 + hair.length_variation) * longer)
-               + 2 * hair.curl[0] * more + hair.wave[0] * more + hair.widest * wider / 2 for hair in fur.types)
+    return max(_longest(fur, hair, longer, more) + hair.widest * wider / 2 for hair in fur.types)
+
+
+def _longest(fur, hair, longer, more):
+    """Return how far from its root a hair can get; one that slides along the body may be pulled straight."""
+    axis = hair.full_length * (1 + hair.length_variation) * longer
+    if fur.guides is not None:
+        axis = reach_of(fur.guides)[int(fur.collision)] * (hair.segments > 0)
+    if not fur.collision:
+        return axis + 2 * hair.curl[0] * more + hair.wave[0] * more
+    return axis + more * sum(size * min(2 * hair.segments, 2 * np.pi * abs(turns))
+                             for size, turns in (hair.curl, hair.wave))
 
 
 def _most(fur):

@@ -97,8 +97,9 @@ class Scene:
     light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself (arrays of uint8 or
     uint16 are sRGB), a picture of them [h, w, 3] that is laid on by uv, a Material or a list of those that
     `Mesh.material_of` tells the faces of, {1001: picture or Material, ...} of UDIM tiles, which repeat at their
-    borders (where there is none, the body has the first one's colour), or None to leave it undrawn. environment: an Environment, whose light falls
-    on fur, body and ground beside the lights', or None. With one, lights that tell no ambient have none. body: "drawn",
+    borders (where there is none, the body has the first one's colour), or None to leave it undrawn. environment: an
+    Environment, whose light falls on fur, body and ground beside the lights', or None. With one, lights that tell no
+    ambient have none. body: "drawn",
     or "holdout": it hides and shades what is behind it, but is not seen itself, so that its pixels are free for a
     picture of it. ground: a Ground, or None. Raises Error where the parts don't fit: a type_map, color_texture or
     pattern "sine" on a mesh without uv, levels for another number of faces, an edge whose two faces give it different
