@@ -32,6 +32,7 @@ from .scene import (
     Scene,
     Shells,
     Strands,
+    Tufts,
     over,
 )
 from .settings import Settings
@@ -39,7 +40,7 @@ from .settings import Settings
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
     "Frontier", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
-    "Settings", "Shells", "Strands", "compare", "draw", "frontier", "grow", "load_curves", "load_materials",
+    "Settings", "Shells", "Strands", "Tufts", "compare", "draw", "frontier", "grow", "load_curves", "load_materials",
     "load_mesh", "load_picture", "over", "render", "save", "save_curves", "truth",
 ]
 

@@ -13,12 +13,13 @@ import numpy as np
 from .. import cache, layout
 from ..errors import Error
 from ..render import schedulers
-from ..scene import Curves, Scene, Strands, checks, extent
+from ..scene import Curves, Mesh, Scene, Strands, Tufts, checks, extent
 from ..scene.environment import ambient_of
 from ..scene.ground import ground_from, height_of
 from ..scene.seen import seen
+from ..scene.tufts import spots_of
 from ..stages.tessellate import tessellate
-from ..twin import ground, scatter, strands
+from ..twin import ground, scatter, strands, tufts
 from ..twin.vectors import dot, unit
 from .paths import Paths
 from .places import on_body, on_strand
@@ -162,7 +163,7 @@ def _geometry(scene):
         body = _tessellated(mesh, *levels)
     if isinstance(fur, Strands):
         by_area = fur.roots != "faces" and fur.rest is not None
-        hair = _grown(fur, body, _tessellated(fur.rest, *levels) if by_area else body)
+        hair = _grown(fur, mesh, body, _tessellated(fur.rest, *levels) if by_area else body)
     elif isinstance(fur, Curves):
         fur = fur.on_host
         counts = fur.counts.astype(int)
@@ -199,7 +200,7 @@ def _tessellated(mesh, inner, outer, surface):
                                triangles=gpu.download(made.triangles).astype(int))
 
 
-def _grown(fur, body, rest):
+def _grown(fur, mesh, body, rest):
     surface = body.positions, body.normals, body.uv, body.triangles[:, :3]
     if fur.roots == "faces":
         roots = strands.roots_on_faces(*surface)
@@ -209,11 +210,35 @@ def _grown(fur, body, rest):
         *roots, _ = strands.roots_by_area(*surface, np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed)
     points, tangents, counts, colors, kind = strands.grow(
         *roots, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed)
+    for number, hair in enumerate(fur.types):
+        mine = np.flatnonzero((kind == number) & (counts > 0))
+        if len(mine) and (hair.tufts is not None or hair.frizz[0]):
+            levels = [] if hair.tufts is None else [
+                middles_of(fur, mesh, number, level) for level in hair.tufts.levels]
+            up, end = roots[1][mine, 2], hair.segments + 1
+            points[mine, :end] = tufts.put(points[mine, :end], up, hair, mine, fur.seed, levels)
+            tangents[mine, :end] = strands.tangents_of(points[mine, :end], up)
     there = np.arange(points.shape[1]) < counts[:, None]
     width = np.stack([np.pad(strands.widths_along(t), (0, there.shape[1] - 1 - t.segments)) for t in fur.types])[kind]
     return SimpleNamespace(points=np.column_stack([points[there], width[there]]), tangents=tangents[there],
                            counts=counts, colors=colors[there] if colors.ndim == 3 else colors, kind=kind,
                            **_looks(fur.types))
+
+
+def middles_of(fur: Strands, mesh: Mesh, number: int, level: Tufts) -> SimpleNamespace:
+    """The middles of tufts of a type, by its number, as `clfur.twin.tufts.put` takes them."""
+    spots = spots_of(level, mesh, fur.rest or mesh, fur.seed)
+    corners = mesh.faces[spots.faces]
+    root, up = tufts.stand(mesh.positions[corners], mesh.normals[corners], spots.weights, fur.surface == "pn")
+    uv = np.einsum("nc,ncx->nx", spots.weights.astype(float), mesh.uv[spots.faces])
+    even = [attrs.evolve(kind, length_variation=0) for kind in fur.types]
+    lines, _, counts, _, kind = strands.grow(
+        root, strands.frames(mesh.positions[corners].astype(float), up), uv, even, fur.type_indices, fur.force,
+        fur.point_forces, fur.seed)
+    mine = np.flatnonzero((kind == number) & (counts > 0))
+    return SimpleNamespace(
+        lines=lines[mine, :even[number].segments + 1], normals=up[mine], sizes=spots.sizes[mine],
+        turns=spots.turns[mine], spacing=spots.spacing, strength=level.strength, profile=level.profile)
 
 
 def _looks(types):

@@ -8,12 +8,14 @@ import functools
 import hashlib
 from typing import Any
 
+import attrs
 import numpy as np
 
 from ..device.team import Team
 from ..scene import extent, hair_bounds
 from ..scene.bounds import boxes_to_see, fur_extent
-from ..stages import chiang, ground, shade, shells
+from ..scene.tufts import spots_of
+from ..stages import chiang, ground, shade, shells, tufts
 from ..stages import sky as sky_stage
 from ..stages import transport as transport_stage
 from ..stages.deep import Deep
@@ -36,7 +38,7 @@ def let_go(plan: Plan, gpu: Any) -> None:
     transmittances(gpu, plan)
     furry, under_sky = plan.scene.shells is not None, plan.scene.environment is not None
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
-                       ("thinned", plan.strands and plan.settings.lod),
+                       ("tufts", plan.tufted), ("thinned", plan.strands and plan.settings.lod),
                        ("transport", plan.scatters), ("phases", plan.scatters), ("deep", plan.is_deep),
                        ("on hair", plan.is_deep), ("hair alone", plan.is_deep),
                        ("shell", furry), ("pattern", furry), ("border", furry),
@@ -288,11 +290,29 @@ def _whole(gpu, plan, part, what):
 
 
 def _grow(gpu, plan, part):
-    if plan.grown:
-        return grow(gpu, _surface(gpu, plan, part.faces), plan.scene.strands, part.strands, part.area,
-                    plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
-                                           functools.partial(_resting, gpu, plan, part.faces)))
-    return upload_curves(gpu, plan.scene.strands, part.strands)
+    if not plan.grown:
+        return upload_curves(gpu, plan.scene.strands, part.strands)
+    fur = plan.scene.strands
+    grown = grow(gpu, _surface(gpu, plan, part.faces), fur, part.strands, part.area,
+                 plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
+                                        functools.partial(_resting, gpu, plan, part.faces)))
+    if fur.tufted:
+        tufts.put(gpu, grown, fur, gpu.keep("tufts", (plan.scene.mesh, fur), functools.partial(_tufts, gpu, plan)))
+    return grown
+
+
+def _tufts(gpu, plan):
+    """{type: `Nested` tufts of its strands}."""
+    return {kind: tufts.nest(gpu, hair.tufts, kind, *(_middles(gpu, plan, level, kind) for level in hair.tufts.levels))
+            for kind, hair in enumerate(plan.scene.strands.types) if hair.tufts is not None}
+
+
+def _middles(gpu, plan, level, kind):
+    """`Middles` of the tufts of a type: hair grows there as all other does, but none shorter."""
+    mesh, fur = plan.scene.mesh, plan.scene.strands
+    even = attrs.evolve(fur, roots="faces", types=[attrs.evolve(each, length_variation=0) for each in fur.types])
+    there = spots_of(level, mesh, plan.rest or mesh, fur.seed)
+    return tufts.middles_of(gpu, grow(gpu, tufts.surface_of(gpu, mesh, there, fur.surface), even), there, kind)
 
 
 def _resting(gpu, plan, faces):

@@ -49,6 +49,8 @@ from ..stages.strands import AREA, ROOTS, SORTED_FROM, STAGES, DeviceStrands, Pa
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.transport import ASKED, LEAVING
 from ..stages.transport import bytes_of as transport_bytes
+from ..stages.tufts import TUFT_OF
+from ..stages.tufts import bytes_of as tufts_bytes
 from ..stages.voxelize import CELLS, RESTS
 from .shadows import DeepPlan, plan_deep
 from .views import Rig
@@ -167,6 +169,7 @@ class Plan:
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage,
             "masks": self.uses_coverage and settings.masks, "strands": self.strands,
             "order": not self.grown and self.strands >= SORTED_FROM,
+            "tufts": self.strands and self.tufted,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "ground": self.ground is not None,
             "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
@@ -176,6 +179,11 @@ class Plan:
             "shade": True, "sky": self.scatters or (self.wants_color and self.scene.environment is not None),
             "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
+
+    @property
+    def tufted(self) -> bool:
+        """Whether strands gather in tufts or are frizzy."""
+        return isinstance(self.scene.strands, Strands) and self.scene.strands.tufted
 
     @property
     def of_kept(self) -> int:
@@ -446,6 +454,9 @@ class Plan:
         if scene.environment is not None:
             fixed += sky_bytes(self.body, self.ground is not None)
         fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
+        if self.tufted:
+            fixed += sum(tufts_bytes(kind.tufts, self.rest or scene.mesh, self.stride) for kind in scene.strands.types
+                         if kind.tufts is not None)
         if self.scatters:
             fixed += transport_bytes(len(self.lobed), self.body)
         if self.is_deep:
@@ -489,6 +500,7 @@ class Plan:
             point += RUN
         if isinstance(fur, Strands) and fur.colored_points:
             point += COLOR
+        strand += TUFT_OF.bytes * self.tufted
         if self.settings.lod:
             per_point = fur.colored_points if isinstance(fur, Strands) else isinstance(fur, Curves) and (
                 len(fur.color) == len(fur.points))

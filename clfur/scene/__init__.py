@@ -19,9 +19,11 @@ from .origin import seen_from
 from .scene import Scene, frame
 from .shells import Shells
 from .strands import HairType, PointForce, Strands
+from .tufts import Tufts
 
 __all__ = [
     "Bounds", "Camera", "Chiang", "Curves", "Environment", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh",
-    "PointForce", "Scene", "Shells", "Strands", "backdrop", "bounds_of", "extent", "frame", "fur_extent", "hair_bounds",
+    "PointForce", "Scene", "Shells", "Strands", "Tufts", "backdrop", "bounds_of", "extent", "frame", "fur_extent",
+    "hair_bounds",
     "highlighted", "over", "seen_from",
 ]

@@ -10,7 +10,7 @@ from .curves import Bounds, Curves
 from .mesh import Mesh, box, sphere
 from .origin import ZERO, seen_from
 from .shells import Shells
-from .strands import Strands
+from .strands import HairType, Strands
 
 
 def strands_and_shells(fur):
@@ -78,6 +78,11 @@ def bounds_of(mesh: Mesh | None, fur: Any, strands: int) -> Bounds:
     return Bounds(*extent(mesh, fur), segments, length, area)
 
 
+def sideways(kind: HairType) -> float:
+    """Return how far curl, wave and frizz take a point of a strand from its axis at most, in world units."""
+    return 2 * kind.curl[0] + kind.wave[0] + 1.5 * kind.frizz[0]   # which is in two directions, up to 1 each
+
+
 def fur_extent(fur: Any) -> float:
     """Return how far fur, or each of a tuple, extends beyond the points it is made of or grows on, in world units."""
     if isinstance(fur, tuple):
@@ -89,7 +94,7 @@ def fur_extent(fur: Any) -> float:
     if fur is None:
         return 0.0
     return max(hair.full_length * (1 + hair.length_variation)
-               + 2 * hair.curl[0] + hair.wave[0] + hair.widest / 2 for hair in fur.types)
+               + sideways(hair) + hair.widest / 2 for hair in fur.types)
 
 
 @functools.lru_cache(maxsize=2)
@@ -105,8 +110,7 @@ def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]
         length = float(d[inner[:-1]].sum(dtype=float))
         return len(fur.points), length, length * float(fur.width.max())
     types = fur.types
-    # Curl and wave hold a point within this distance of its axis; from one point to the next it may cross all of it.
-    lengths = [t.segments * (t.step * (1 + t.length_variation) + 2 * (2 * t.curl[0] + t.wave[0]))
-               for t in types]
+    # From one point to the next it may cross all of what curl, wave and frizz leave it.
+    lengths = [t.segments * (t.step * (1 + t.length_variation) + 2 * sideways(t)) for t in types]
     return (strands * max(t.segments for t in types), strands * max(lengths),
             strands * max(length * t.widest for length, t in zip(lengths, types)))
