@@ -15,7 +15,7 @@ from ..files.input import plain, read
 from ..scene import frame, highlighted
 from ..scene.checks import vector
 from ..scene.strands import LAW
-from .types import from_hex, light_of, look_of
+from .types import from_hex, light_of, look_of, tufts_of
 
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
@@ -142,6 +142,8 @@ def _strands(options, length, radius, faces):
         "tip_color": options["tip_color"],
         "curl": options["curl"],
         "wave": options["wave"],
+        "tufts": options["tufts"],
+        "frizz": options["frizz"],
         "alpha": options["alpha"],
         "look": options.get("look"),
         **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), options["variation"]),
@@ -220,6 +222,8 @@ def _hair_types(path, defaults):
             for name in ("color", "root_color", "tip_color"):
                 if isinstance(color := fields.get(name), str):
                     fields[name] = from_hex(color)
+            if fields.get("tufts") is not None:
+                fields["tufts"] = tufts_of(fields["tufts"])
             if isinstance(look := fields.get("look"), str):
                 fields["look"] = look_of(look)
             elif "specular" in fields or "exponent" in fields:   # they make one

@@ -21,7 +21,7 @@ from ..judge.frontier import label
 from ..scene import highlighted
 from ..settings import CHOSEN, RASTERS, SCATTERING, SHADOWS
 from .described import MOST, scene_of
-from .types import Color, Height, LightText, Look, Numbers, Real, Roots, Size, Sky, View, Whole
+from .types import Color, Height, LightText, Look, Numbers, Real, Roots, Size, Sky, TuftsText, View, Whole
 
 _SCENE = [
     click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
@@ -109,6 +109,12 @@ _STRANDS = [
     click.option("--curl", type=Numbers(2), default="0,0", metavar="RADIUS,TURNS", help="Curl of the strands."),
     click.option("--wave", type=Numbers(2), default="0,0", metavar="AMPLITUDE,PERIODS",
                  help="Wave of the strands."),
+    click.option("--tufts", type=TuftsText(), metavar="N",
+                 help="Gather strands in N tufts on the whole mesh, which curl and wave as one; and their fields, as "
+                      "2000:strength=0.9,profile=0.3,size_variation=0.5,within=200 (in that many larger ones).  "
+                      "[default: none]"),
+    click.option("--frizz", type=Numbers(2), default="0,0", metavar="AMPLITUDE,WAVES",
+                 help="How far strands stray at random, and in how many waves."),
 ]
 _SHELLS = [
     click.option("--layers", type=Whole(1, 1000), default=30, metavar="N",
@@ -158,11 +164,12 @@ _SETTINGS = [
 ]
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "tip_width", "root_color", "tip_color", "look",
-                     "type_map", "types", "curl", "wave", "raster", "masks", "scattering", "lod", "hair"),
+                     "type_map", "types", "curl", "wave", "tufts", "frizz", "raster", "masks",
+                     "scattering", "lod", "hair"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 # Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
 _GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "stiffness", "force_weight", "roots", "type_map",
-          "types", "curl", "wave", "rest")
+          "types", "curl", "wave", "tufts", "frizz", "rest")
 _GROWN_OR_SHELLS = "length", "variation"
 
 
@@ -201,6 +208,8 @@ def _flag_of(message, flags):
     kind, field = found.groups()
     if kind == "Light.":
         return flags.get("lights")
+    if kind == "Tufts.":
+        return flags.get("tufts")
     if field == "body_color":
         return flags.get("body_texture", flags.get("body_color"))
     return flags.get(_NAMES.get(field, field))
