@@ -9,6 +9,7 @@ from ._moved import install
 from .budget import PRESETS
 from .device.scheduler import Scheduler
 from .errors import DeviceError, Error
+from .files.colmap import load_colmap
 from .files.curves import load_curves, save_curves
 from .files.gltf import load_materials
 from .files.images import load_picture, save
@@ -16,7 +17,7 @@ from .files.meshes import load_mesh
 from .judge import truth
 from .judge.compare import Comparison, compare
 from .judge.frontier import Frontier, frontier
-from .render import Frame, draw, grow, render
+from .render import Frame, draw, frames, grow, render
 from .scene import (
     Camera,
     Chiang,
@@ -40,8 +41,8 @@ from .settings import Settings
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
     "Frontier", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
-    "Settings", "Shells", "Strands", "Tufts", "compare", "draw", "frontier", "grow", "load_curves", "load_materials",
-    "load_mesh", "load_picture", "over", "render", "save", "save_curves", "truth",
+    "Settings", "Shells", "Strands", "Tufts", "compare", "draw", "frames", "frontier", "grow", "load_colmap",
+    "load_curves", "load_materials", "load_mesh", "load_picture", "over", "render", "save", "save_curves", "truth",
 ]
 
 install()

@@ -49,6 +49,10 @@ CONSTANTS = {
     "ALBEDOS": 32,          # and angles of the eye for which how much of it
     "DEEP_BLOCK": 8,        # segments of hair that are looked up together in lists of what lights see,
     "DEEP_UNIT": 1024,      # and parts of an octave in which they tell how much light they take
+    "NEAREST": 8,           # guides that are looked for around a strand, at most: one more than are blended
+    "LEAF": 4,              # of what a tree of boxes holds, in one of its last row
+    "CHORDS": 3,            # of a guide, by which it is told which way it points,
+    "LEAST_TURN": 1 / 32,   # and 1 + cosine of the angle between two normals, at least
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
@@ -84,10 +88,12 @@ View = np.dtype([                     # a camera: world -> (x, y, e, 1)·w, pixe
     ("to_screen", np.float32, (4, 4)),   # columns; e/w is 1 at the near plane and falls to 0
     ("to_world", np.float32, (4, 4)),    # columns of the inverse
     ("eye", *_float4),                   # position and 1, or direction towards an orthographic eye and 0
-    ("size", *_int4),                    # width, height [pixels], samples a pixel, first row of its PATTERN
+    ("size", *_int4),                    # columns that are drawn, rows of all [pixels], samples a pixel, first row of
+                                         # its PATTERN
     ("scale", *_float4),                 # pixels per world unit of width at w = 1; least half width, sub-pixels; least
                                          # w of triangles before the near plane, which are drawn at it, 0: none
-    ("rows", *_int4),                    # band of rows to draw: first, one past the last, -, -
+    ("rows", *_int4),                    # rows that are drawn: first, one past the last; the first column that is, a
+                                         # multiple of TILE; columns behind those that are
 ])
 
 HairType = np.dtype([

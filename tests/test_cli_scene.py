@@ -7,15 +7,16 @@ import pytest
 from support.command import wrong
 
 from clfur import PRESETS, Chiang, Curves, Error, Kajiya, Settings, Shells, Strands, load_mesh, save
-from clfur.command import described as cli_described
-from clfur.command import options as cli_scene
+from clfur.command.hair_types import hair_types
+from clfur.command.options import scene_options
+from clfur.command.scenes import load_scene
 
 
 @click.command()
 @click.argument("given")
-@cli_scene.scene_options
+@scene_options
 def described(given, **options):
-    return cli_scene.load_scene(given, options)
+    return load_scene(given, options)
 
 
 def load(*arguments):
@@ -137,8 +138,8 @@ def test_a_preset_that_the_scene_refuses():
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
            "--types": "a.json", "--curl": "0,0", "--look": "chiang", "--wave": "0,0", "--raster": "samples",
            "--lod": 0.5, "--tip-width": 1, "--root-color": "1,1,1", "--tip-color": "1,1,1", "--tufts": 9,
-           "--frizz": "0,0",
-           "--masks": 0, "--scattering": "off", "--hair": "a.npz"}
+           "--frizz": "0,0", "--masks": 0, "--scattering": "off", "--hair": "a.npz", "--guides": "a.npz",
+           "--parting": 30}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 1, "--noise": "0.5,8",
           "--wind": "0,0,0", "--time": 0, "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
@@ -191,10 +192,11 @@ def test_each_option_is_of_strands_or_of_shells_or_of_both():
     for fur in ("strands", "shells"):
         alone = {"strands": STRANDS, "shells": SHELLS}[fur]
         for flag, value in ({**alone, **SHARED, "--fur": fur}).items():
-            if flag not in ("--type-map", "--types", "--body-texture", "--hair"):
+            if flag not in ("--type-map", "--types", "--body-texture", "--hair", "--guides", "--parting"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
-    for flag in "--type-map", "--types", "--body-texture", "--hair", "--view", "--force-weight":   # of two
+    for flag in ("--type-map", "--types", "--body-texture", "--hair", "--view", "--force-weight", "--guides",
+                 "--parting"):   # of two
         del everything[flag]
     load("sphere", *(part for option in everything.items() for part in option))
 
@@ -305,7 +307,7 @@ def test_looks(tmp_path, monkeypatch):
     assert look("--look", "chiang:tilt=3, absorption=0.1/2/3") == Chiang(tilt=3, absorption=(.1, 2, 3))
     monkeypatch.chdir(tmp_path)
     (tmp_path / "types.json").write_text('[{"look": "chiang:eumelanin=8", "key": [0, 0, 0]}, {"specular": 1}, {}]')
-    types = cli_described._hair_types("types.json", {"look": Chiang(tilt=3)})
+    types = hair_types("types.json", {"look": Chiang(tilt=3)})
     assert [kind.look for kind in types] == [Chiang(eumelanin=8), Kajiya(specular=1), Chiang(tilt=3)]
     (tmp_path / "types.json").write_text('[{"look": 3}]')
     with pytest.raises(Error, match=r"types.json, type 0: HairType.look is 3; allowed: an object of class"):

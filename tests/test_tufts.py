@@ -19,6 +19,7 @@ from clfur.twin import tufts as twin
 
 HAIR = {"length": .5, "stiffness": .4, "width": .01, "segments": 10, "direction_variation": .3, "length_variation": .3}
 CURLY = {"curl": (.04, 2), "wave": (.02, 1.5)}
+WILD = {"tufts": clfur.Tufts(200, within=clfur.Tufts(30)), "frizz": (.01, 5), **CURLY}
 # Of places on a mesh of radius 1, each a sum of a dozen float32 numbers or so [largest error measured, in tests].
 PLACE = 10 * 2.0**-24
 
@@ -219,6 +220,26 @@ def test_none_of_it_is_the_same_bits(gpu, hair):
     np.testing.assert_array_equal(points_of(gpu, furred(**hair)), points_of(gpu, furred(**plain)))
 
 
+def guided(**hair):
+    """A ball whose hair goes between guides, curly ones."""
+    scene = furred(**hair)
+    place = strands_twin.unit_or(np.random.default_rng(3).normal(size=(60, 1, 3)), 0)
+    t = np.linspace(0, .5, 12)[:, None]
+    guides = place * (1 + t) + .05 * np.concatenate([np.sin(20 * t), np.cos(20 * t) - 1, 0 * t], 1)
+    return attrs.evolve(scene, fur=attrs.evolve(scene.strands, guides=clfur.Curves(guides)))
+
+
+def test_hair_between_guides_gathers_too(gpu):
+    """Two numbers that decide which of the nearest guides counts may be as near, to the last bits."""
+    scene = guided(length=None, stiffness=None, **WILD)
+    grown = points_of(gpu, scene)
+    apart = np.abs(grown - twin_points(scene)).max((1, 2))
+    assert (apart > 1e-5).sum() <= 2
+    assert (np.linalg.norm(grown - grown[:, :1], axis=2).max() < fur_extent(scene.strands))
+    loose = points_of(gpu, guided(length=None, stiffness=None))
+    assert np.median(np.abs(grown - loose).max((1, 2))) > .05
+
+
 @pytest.mark.parametrize("profile, within", [(.1, .2), (.5, .1), (.9, .1)])
 def test_the_tips_of_a_tuft_meet(gpu, profile, within):
     """Of hair .5 long that stands .1 away at most, at full strength: within .1 of the middle's tip, or .2 where it is
@@ -301,9 +322,6 @@ def test_both_sides_of_a_sheet_are_not_in_one_tuft(gpu):
 
 
 # --- what must not matter -------------------------------------------------------------------------------
-
-
-WILD = {"tufts": clfur.Tufts(200, within=clfur.Tufts(30)), "frizz": (.01, 5), **CURLY}
 
 
 def test_parts_do_not_matter(gpu, another):

@@ -1,22 +1,20 @@
 """The scene that options describe: fur on a mesh, lights, camera, body and ground."""
 
-import json
 import math
-from pathlib import Path
 
 import attrs
 import click
-import numpy as np
 
-from .. import Camera, Chiang, Error, Ground, HairType, Material, Scene, Shells, Strands, load_materials, load_mesh
+from .. import Camera, Ground, Material, Scene, Shells, Strands, load_materials, load_mesh
 from ..files.curves import read_curves
 from ..files.images import load_picture
-from ..files.input import plain, read
 from ..scene import frame, highlighted
 from ..scene.checks import vector
 from ..scene.strands import LAW
-from .types import from_hex, light_of, look_of, tufts_of
+from .hair_types import hair_type, hair_types, type_map
+from .types import light_of, read_for
 
+SEGMENTS, MOST_SEGMENTS = 8, 64   # of a strand: at least, and where guides have as many points
 SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
 
@@ -24,6 +22,7 @@ LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it 
 def scene_of(mesh, options):
     """The scene of a mesh that the options describe."""
     options = options | {"rest": None if options["rest"] is None else read_for("--rest", load_mesh, options["rest"])}
+    options |= _guided(options)
     _, radius = (options["rest"] or mesh).bounds   # hair is as long in every pose
     kind, length = options["fur"], options["length"]
     if length is None:
@@ -57,12 +56,12 @@ def scene_of(mesh, options):
                  body=options["body"], ground=ground, **_body_color(options))
 
 
-def read_for(flag, read, path):
-    """What ``read`` gives of a path; its error begins with the option that names the file."""
-    try:
-        return read(path)
-    except Error as error:
-        raise Error(f"{flag}: {error}") from error
+def _guided(options):
+    """{"guides": the Curves of the file that they name, "segments"}: as many as guides have where it is not told."""
+    guides = options["guides"] and read_for("--guides", lambda path: read_curves(path, {}), options["guides"])
+    longest = int(guides.counts.max(initial=0)) - 1 if guides else 0
+    known = options["segments"]
+    return {"guides": guides, "segments": min(max(SEGMENTS, longest), MOST_SEGMENTS) if known is None else known}
 
 
 def _lights(texts, middle):
@@ -148,6 +147,8 @@ def _strands(options, length, radius, faces):
         "look": options.get("look"),
         **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), options["variation"]),
     }
+    if options["guides"] is not None:   # which lean as they are told to
+        hair["direction_variation"] = 0
     law = {"length": length, "stiffness": options["stiffness"] or LAW["stiffness"]}
     rule = {"segment_length": length / max(options["segments"], 1),
             "force_weight": 0.2 if options["force_weight"] is None else options["force_weight"]}
@@ -155,10 +156,11 @@ def _strands(options, length, radius, faces):
     if options["type_map"] is not None and options["types"] is None:
         raise click.UsageError("--type-map needs --types, the hair types that its colours mean")
     return Strands(
-        types=[_hair_type(hair, {})] if options["types"] is None else read_for(
-            "--types", lambda path: _hair_types(path, hair), options["types"]),
-        type_map=None if options["type_map"] is None else _type_map(options["type_map"]),
-        **density(options, faces), **{name: options[name] for name in ("surface", "force", "seed", "rest")})
+        types=[hair_type(hair, {})] if options["types"] is None else read_for(
+            "--types", lambda path: hair_types(path, hair), options["types"]),
+        type_map=None if options["type_map"] is None else type_map(options["type_map"]),
+        **density(options, faces),
+        **{name: options[name] for name in ("surface", "force", "seed", "rest", "guides", "parting")})
 
 
 def _hair(options, length, radius, faces):
@@ -168,67 +170,3 @@ def _hair(options, length, radius, faces):
     given |= {"inner": levels["inner"], "outer": levels["outer"]}
     given = {name: value for name, value in given.items() if value is not None}
     return read_for("--hair", lambda path: read_curves(path, given), options["hair"])
-
-
-def _hair_type(defaults, given):
-    """A `HairType` of the fields given and of defaults; its rule of growth is that of which a field is given, or the
-    first of the ``rules`` in defaults. Roots are half as bright where nothing is said; a Chiang's pigment may be all
-    its colour."""
-    others = dict(defaults)
-    rules = others.pop("rules", ({},))
-    rule = next((rule for rule in rules if rule.keys() & given.keys()), rules[0])
-    kind = HairType(**{**others, **rule, **given})
-    if kind.root_color is None and not isinstance(kind.look, Chiang):
-        kind = attrs.evolve(kind, root_color=kind.color / 2)
-    return kind
-
-
-def _type_map(path):
-    pixels = read_for("--type-map", load_picture, path)
-    if pixels.dtype != np.uint8:
-        raise Error(f"--type-map: {path}: has more than 8 bits a channel; allowed in a type map: 8, as the keys of "
-                    "types have")
-    return pixels
-
-
-def _once(pairs):
-    """The dict of a JSON object's pairs; ValueError for a name that is there twice."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        names = [name for name, _ in pairs]
-        raise ValueError(f"{next(name for name in names if names.count(name) > 1)!r:.40} is there twice in an object")
-    return found
-
-
-def _hair_types(path, defaults):
-    """The hair types of a JSON file; raises `clfur.Error` naming the file, the type and the field."""
-    try:
-        listed = json.loads(plain(read(Path(path))).decode(), object_pairs_hook=_once)
-    except Error:
-        raise
-    except (ValueError, RecursionError) as error:
-        raise Error(f"{path} is not JSON: {error}") from None
-    if not isinstance(listed, list) or not all(isinstance(fields, dict) for fields in listed):
-        raise Error(f'{path} must hold a list of objects, such as [{{"key": [255, 0, 0], "segments": 10}}]')
-    allowed = [field.alias for field in attrs.fields(HairType) if field.init]
-    types = []
-    for number, fields in enumerate(listed):
-        where = f"{path}, type {number}"
-        if unknown := [name for name in fields if name not in allowed]:
-            raise Error(f"{where}: unknown field {unknown[0]!r}; allowed: {', '.join(allowed)}")
-        try:
-            if isinstance(texture := fields.get("color_texture"), str):
-                fields["color_texture"] = load_picture(Path(path).parent / texture)
-            for name in ("color", "root_color", "tip_color"):
-                if isinstance(color := fields.get(name), str):
-                    fields[name] = from_hex(color)
-            if fields.get("tufts") is not None:
-                fields["tufts"] = tufts_of(fields["tufts"])
-            if isinstance(look := fields.get("look"), str):
-                fields["look"] = look_of(look)
-            elif "specular" in fields or "exponent" in fields:   # they make one
-                fields.setdefault("look", None)
-            types.append(_hair_type(defaults, fields))
-        except ValueError as error:   # clfur.Error is one
-            raise Error(f"{where}: {error}") from None
-    return types

@@ -1,19 +1,26 @@
 """What ends the command: Ctrl-C, SIGTERM (Slurm, Kubernetes, `timeout`) and SIGHUP.  No other process is touched."""
 
+import _thread
 import os
 import signal
 import sys
+import threading
 import time
 from contextlib import contextmanager, suppress
 
 SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-ONE = 1.0   # seconds: signals that come closer are one; `timeout` sends two
+ONE = 1.0     # seconds: signals that come closer are one; `timeout` sends two
+AGAIN = 0.2   # seconds, after which one is raised again that something has swallowed
 
 _heard: list[tuple[int, float]] = []   # (number, time) of each signal that counted
 
 
 class Ended(BaseException):
-    """A signal came: raised wherever the command is, so that all that is half done is undone."""
+    """A signal came: raised wherever the command is, so that all that is half done is undone.
+
+    Destructors, imports that let go of their locks and libraries that catch all swallow it: it is raised again and
+    again, till it has left the block of `raised`.
+    """
 
 
 def watch_imports():
@@ -36,10 +43,16 @@ def is_command(arguments, original):
 def raised():
     """Within the block, signals raise `Ended`; those that are ignored (nohup) stay ignored."""
     _heard.clear()
-    before = _handle(_raise)
+    over, again = threading.Event(), []
+    before, hook = _handle(lambda number, _: _raise(number, over, again)), sys.unraisablehook
+    sys.unraisablehook = lambda lost: None if lost.exc_type is Ended else hook(lost)
     try:
         yield
     finally:
+        over.set()
+        for thread in again:
+            thread.join()
+        sys.unraisablehook = hook
         for number, handler in before.items():
             signal.signal(number, handler)
 
@@ -71,9 +84,24 @@ def _counts(number):
     return True
 
 
-def _raise(number, frame):
-    if _counts(number):
-        raise Ended
+def _raise(number, over, again):
+    if over.is_set() or _is_raised(sys.exc_info()[1]):   # what is half done is being undone
+        return
+    if not again:
+        _heard.append((number, time.monotonic()))
+        again.append(threading.Thread(target=_go_on, args=(number, over), daemon=True))
+        again[0].start()
+    raise Ended
+
+
+def _is_raised(error):
+    """Whether `Ended` is, or led to, what is handled just now."""
+    return error is not None and (isinstance(error, Ended) or _is_raised(error.__context__))
+
+
+def _go_on(number, over):
+    while not over.wait(AGAIN):
+        _thread.interrupt_main(number)
 
 
 def _leave(number, frame):

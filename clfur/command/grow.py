@@ -8,11 +8,12 @@ from .. import Error, grow, save_curves
 from ..files.curves import WRITERS
 from ..files.output import check_writable
 from .devices import ask_drivers
-from .options import load_scene, scene_options
+from .options import Sectioned, scene_options
+from .scenes import load_scene
 from .waiting import waiting
 
 
-@click.command("grow", context_settings={"show_default": True})
+@click.command("grow", cls=Sectioned, context_settings={"show_default": True})
 @click.argument("given", metavar="MESH")
 @click.option("-o", "--output", required=True, metavar="FILE", help="Strand file: " + ", ".join(WRITERS) + ".")
 @scene_options

@@ -1,29 +1,17 @@
-"""What the commands that draw have in common: their options, which of them go together, and scene files."""
+"""What the commands that draw have in common: their options, and which of them go together."""
 
-import contextlib
 import functools
 import re
-import runpy
-import sys
-import traceback
-import warnings
-from pathlib import Path
 
-import attrs
 import click
 from click.core import ParameterSource
 
-import clfur
-
-from .. import PRESETS, Error, Scene, Settings, load_mesh
-from ..budget import LADDER, refused
-from ..judge.frontier import label
-from ..scene import highlighted
-from ..settings import CHOSEN, RASTERS, SCATTERING, SHADOWS
-from .described import MOST, scene_of
+from .. import PRESETS, Error
+from ..settings import RASTERS, SCATTERING, SHADOWS
+from .described import MOST
 from .types import Color, Height, LightText, Look, Numbers, Real, Roots, Size, Sky, TuftsText, View, Whole
 
-_SCENE = [
+_FUR = [
     click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
                  help="Strands, shells (a pattern in layers above the body), or an undercoat of shells under strands."),
     click.option("--length", type=Real(0), metavar="L",
@@ -35,8 +23,9 @@ _SCENE = [
                  help="How much light one hair lets through."),
     click.option("--variation", type=Real(0, 1), default=0.3, metavar="0..1",
                  help="How much strands differ in length, direction and colour, and shells' hairs in length."),
-    click.option("--segments", type=Whole(0, 255), default=8, metavar="N",
-                 help="Segments a strand, by which it is drawn as smooth; 0 is bald."),
+    click.option("--segments", type=Whole(0, 255), metavar="N",
+                 help="Segments a strand, by which it is drawn as smooth; 0 is bald.  [default: 8, or as many as "
+                      "--guides have, 64 at most]"),
     click.option("--force", type=Numbers(3), default="0,-1,0", metavar="X,Y,Z", help="What pulls the hair."),
     click.option("--stiffness", type=Real(1e-6), metavar="S",
                  help="How many of its lengths a hair takes to turn by a radian under a force of 1 across it; a hair "
@@ -44,6 +33,19 @@ _SCENE = [
     click.option("--force-weight", type=float, metavar="W",
                  help="Instead of --stiffness, the report's rule: how much each segment gives way to the force."),
     click.option("--seed", type=int, default=0, metavar="N", help="Of all that is random."),
+    click.option("--hair", metavar="FILE",
+                 help="Strands of a file in place of grown ones, placed as the mesh is: .hair, .tfx, .data, .ply, "
+                      ".npz, .npy or USD.  --width, --color and --alpha count where it says none."),
+    click.option("--guides", metavar="FILE",
+                 help="Strands of a file, as --hair takes, that stand on the mesh: between them those of --roots have "
+                      "their shapes, so that no length, force or lean counts; --variation and maps cut them."),
+    click.option("--parting", type=Real(0, 180), default=60.0, metavar="DEG",
+                 help="Guides that point apart by more than this are not blended; 180: all are."),
+    click.option("--rest", metavar="MESH",
+                 help="The mesh in rest, of the same faces: lengths go by it, and N roots and the cells of shells stay "
+                      "where they are on it in every pose."),
+]
+_CAMERA = [
     click.option("--eye", type=Numbers(3), metavar="X,Y,Z",
                  help="The camera's place.  [default: where it sees the whole mesh, and its shadow on a --ground]"),
     click.option("--target", type=Numbers(3), metavar="X,Y,Z",
@@ -55,6 +57,8 @@ _SCENE = [
                  help="How many times larger the middle of the picture is."),
     click.option("--fov", type=Real(1e-3, 179.99), default=45.0, metavar="DEG",
                  help="Vertical field of view."),
+]
+_LIGHT = [
     click.option("--light", "lights", type=LightText(), default=["1,-1,-0.6"], multiple=True, metavar="LIGHT",
                  help="The way that distant light travels, X,Y,Z; or sun, point or spot and its fields, as 'sun "
                       "direction=1,-1,-0.6 size=0.5' (degrees across) or 'spot position=2,3,1 direction=-2,-3,-1 "
@@ -65,6 +69,8 @@ _SCENE = [
                       "0 or more each (linear) or '#rrggbb'; ZENITH:HORIZON:GROUND, three of these; or an "
                       "equirectangular picture, .hdr, .exr, .png.  Lights shine too: --light 'sun intensity=0' leaves "
                       "the sky alone.  [default: none]"),
+]
+_BODY = [
     click.option("--body-color", type=Color(), metavar="COLOR",
                  help="Base colour of the body.  [default: a glTF file's own, else 0.6 of --color's light]"),
     click.option("--body-texture", metavar="PICTURE",
@@ -73,12 +79,6 @@ _SCENE = [
                  help="A holdout hides and shades hair, but is not seen itself."),
     click.option("--ground", type=Height(), metavar="lowest|Y",
                  help="A level ground at the mesh's lowest point or at a height, of which the shadow alone is drawn."),
-    click.option("--hair", metavar="FILE",
-                 help="Strands of a file in place of grown ones, placed as the mesh is: .hair, .tfx, .data, .ply, "
-                      ".npz, .npy or USD.  --width, --color and --alpha count where it says none."),
-    click.option("--rest", metavar="MESH",
-                 help="The mesh in rest, of the same faces: lengths go by it, and N roots and the cells of shells stay "
-                      "where they are on it in every pose."),
 ]
 _STRANDS = [
     click.option("--inner", type=Whole(1, 64), metavar="N",
@@ -164,21 +164,59 @@ _SETTINGS = [
 ]
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "tip_width", "root_color", "tip_color", "look",
-                     "type_map", "types", "curl", "wave", "tufts", "frizz", "raster", "masks",
-                     "scattering", "lod", "hair"),
+                     "type_map", "types", "curl", "wave", "tufts", "frizz", "raster", "masks", "scattering", "lod",
+                     "hair", "guides", "parting"),
          "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
 # Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
 _GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "stiffness", "force_weight", "roots", "type_map",
           "types", "curl", "wave", "tufts", "frizz", "rest")
 _GROWN_OR_SHELLS = "length", "variation"
+_UNGUIDED = "stiffness", "force_weight", "force", "length"   # what the shapes of guides leave nothing to say
+
+
+def _names(options):
+    """What a command that has these options calls them."""
+    command = click.Command(None)
+    for option in options:
+        option(command)
+    return {option.name for option in command.params}
+
+
+def _sections(size="640x480"):
+    """{title: options} of the help, in its order; the size of a picture is this by default."""
+    sized = click.option("--size", type=Size(), default=size, metavar="WxH", help="Size of the picture in pixels.")
+    return {"Fur": _FUR, "Strands": _STRANDS, "Shells": _SHELLS, "Body and ground": _BODY, "Light": _LIGHT,
+            "Camera": [sized, *_CAMERA], _QUALITY: _SETTINGS}
+
+
+_QUALITY = "Quality and speed"   # fields of `Settings`
+_NAMES_IN = {title: _names(options) for title, options in _sections().items()}
+_NAMES_IN[_QUALITY] |= {"max_error", "seconds"}   # those of `clfur render`
+
+
+class Sectioned(click.Command):
+    """A command whose help lists its options by section, its own ones in the end."""
+
+    def format_options(self, ctx, formatter):
+        shown = [(option, record) for option in self.get_params(ctx) if (record := option.get_help_record(ctx))]
+        for title, names in _NAMES_IN.items():
+            _write(formatter, title, [record for option, record in shown if option.name in names])
+        _write(formatter, "Output and device", [record for option, record in shown
+                                     if not any(option.name in names for names in _NAMES_IN.values())])
+
+
+def _write(formatter, title, records):
+    if records:
+        with formatter.section(title):
+            formatter.write_dl(records)
 
 
 def scene_options(command, size="640x480", settings=True):
     """Give a command the options that `load_scene` reads: a size like this, and those of `Settings` or none."""
-    sized = click.option("--size", type=Size(), default=size, metavar="WxH", help="Size of the picture in pixels.")
     command = _naming_options(command)
-    for option in reversed([sized] + _SCENE + _STRANDS + _SHELLS + (_SETTINGS if settings else [])):
-        command = option(command)
+    for title, options in reversed(_sections(size).items()):
+        for option in reversed(options if settings or title != _QUALITY else ()):
+            command = option(command)
     return command
 
 
@@ -195,7 +233,7 @@ def _naming_options(command):
         try:
             return command(*arguments, **options)
         except Error as error:
-            if flag := _flag_of(str(error), _given(options)):
+            if flag := _flag_of(str(error), given_flags(options)):
                 raise type(error)(f"{flag}: {error}") from error
             raise
     return naming
@@ -215,81 +253,27 @@ def _flag_of(message, flags):
     return flags.get(_NAMES.get(field, field))
 
 
-def _given(options):
+def given_flags(options):
     """{name: flag} of the options that were given, not left to their defaults."""
     context = click.get_current_context()
     return {option.name: option.opts[0] for option in context.command.params if option.name in options
             and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE}
 
 
-def is_scene_file(given):
-    """Whether a command's argument names a Python file that sets a scene, not a mesh."""
-    return Path(given).suffix.lower() == ".py"
-
-
-def load_scene(given, options):
-    """(Scene, Settings) of a command's argument, a mesh or a scene file, and of its `scene_options`, {name: value}.
-
-    Raises `clfur.Error` for what cannot be loaded, and click.UsageError for options that have no say: the
-    scene file sets them itself, or they are of another fur than is chosen.
-    """
-    flags = _given(options)
-    if "view" in flags and (other := next((flags[name] for name in ("eye", "target") if name in flags), None)):
-        raise click.UsageError(f"--view places the camera, and so does {other}; allowed: one of them")
-    if "stiffness" in flags and "force_weight" in flags:
-        raise click.UsageError("--stiffness and --force-weight are of two rules of growth; allowed: one of them")
-    settings = _settings(flags, options)
-    if not is_scene_file(given):
-        _check_fur(flags, options)
-        _check_blur(flags, settings)
-        scene = scene_of(load_mesh(given), options | {"given": given})
-        return scene, _taken(scene, settings, flags, options)
-    scene, given_settings = _run(given)
-    # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
-    for name, flag in flags.items():
-        if given_settings or not (hasattr(settings, name) or name == "preset"):
-            raise click.UsageError(f"{flag}: {given} sets this itself; change it there")
-    _check_blur(flags, settings)
-    if "specular" in flags:
-        scene = attrs.evolve(scene, fur=highlighted(scene.fur, options["specular"]))
-    return scene, given_settings or _taken(scene, settings, flags, options)
-
-
-def _settings(flags, options):
-    """The `Settings` of the options; raises click.UsageError where some of those given, {name: flag}, have no say."""
-    values = {field.name: options[field.name] for field in attrs.fields(Settings)
-              if field.name in options and field.name != "specular"}   # which is their looks'
-    if values:
-        values["samples"] = int(values["samples"])
-    goal = next((flags[name] for name in ("seconds", "max_error") if name in flags), None)
-    if beside := goal and next((flags[name] for name in (*CHOSEN, "preset") if name in flags), None):
-        raise click.UsageError(f"{goal} chooses what {beside} sets; allowed: one of them")
-    if preset := options.get("preset"):
-        return attrs.evolve(PRESETS[preset], **{name: value for name, value in values.items() if name in flags})
-    return Settings(**values)
-
-
-def _taken(scene, settings, flags, options):
-    """The `Settings`, but of a preset that the scene refuses those of the rung below that it takes; which is told."""
-    why = options.get("preset") and refused(scene, settings)
-    for rung in reversed(LADDER[:LADDER.index(PRESETS[options["preset"]])] if why else ()):
-        if rung.raster != settings.raster:   # cheap ones, and another picture
-            continue
-        lower = attrs.evolve(rung, **{name: getattr(settings, name) for name in flags if hasattr(settings, name)})
-        if not refused(scene, lower):
-            warnings.warn(f"--preset {options['preset']}: {why.partition(';')[0]}; drawn with {label(lower)}",
-                          stacklevel=2)
-            return lower
-    return settings
-
-
-def _check_fur(flags, options):
+def check_fur(flags, options):
     """Raise click.UsageError for one of the options given, {name: flag}, that the fur which is drawn has no use for."""
     for fur, names in _ONLY.items():
         for name in names if options["fur"] not in (fur, "both") else ():
             if name in flags:
                 raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
                                        f"allowed: with --fur {fur} or --fur both")
+    if options["guides"] is None and "parting" in flags:
+        raise click.UsageError("--parting is for strands between --guides; allowed: with them")
+    if options["guides"] is not None:
+        for name in ("hair", *(_UNGUIDED if options["fur"] == "strands" else ())):
+            if name in flags:
+                raise click.UsageError(f"{flags[name]} has no say where --guides give strands their shapes; allowed: "
+                                       "one of them")
     if options["hair"] is not None:
         for name in _GROWN + (_GROWN_OR_SHELLS if options["fur"] == "strands" else ()):
             if name in flags:
@@ -300,38 +284,7 @@ def _check_fur(flags, options):
                                "allowed: with --pattern cells or --fur both")
 
 
-def _check_blur(flags, settings):
+def check_blur(flags, settings):
     """Raise click.UsageError for the width of a blur that there is not."""
     if "blur_sigma" in flags and settings.blur == "off":
         raise click.UsageError("--blur-sigma is for a blur, but --blur is off; allowed: with --blur all or edges")
-
-
-def _run(path):
-    """(scene, settings or None) that a Python file sets; raises `clfur.Error` naming the file and the line."""
-    if not Path(path).is_file():
-        raise Error(f"{path}: {'is a folder' if Path(path).is_dir() else 'no such file'}; allowed: a scene file")
-    try:
-        with contextlib.redirect_stdout(sys.stderr):   # stdout is the command's own
-            there = runpy.run_path(path)
-    except (Exception, SystemExit) as error:
-        lines = [place.lineno for place in traceback.extract_tb(error.__traceback__) if place.filename == path]
-        line = error.lineno if isinstance(error, SyntaxError) and error.filename == path else lines[-1] if lines else 0
-        kind = "" if isinstance(error, Error) else f"{type(error).__name__}: "
-        said = f"{error.msg if isinstance(error, SyntaxError) else error}{_known(error)}"
-        raise Error(f"{path}, line {line}: {kind}{said}") from error
-    scene, settings = there.get("scene"), there.get("settings")
-    if not isinstance(scene, Scene):
-        raise Error(f"{path} sets {f'scene = {scene!r:.60}' if 'scene' in there else 'no scene'}; "
-                    f"allowed: scene = clfur.Scene(...)")
-    if not isinstance(settings, Settings | None):
-        raise Error(f"{path} sets settings = {settings!r:.60}; allowed: settings = clfur.Settings(...), or none")
-    return scene, settings
-
-
-def _known(error):
-    """For a scene file's error: the fields of the class of ours that was given another; or ""."""
-    found = re.match(r"(\w+)\.__init__\(\) got an unexpected keyword", str(error))
-    kind = found and getattr(clfur, found[1], None)
-    if not (isinstance(error, TypeError) and isinstance(kind, type) and attrs.has(kind)):
-        return ""
-    return f"; allowed: {', '.join(field.alias for field in attrs.fields(kind) if field.init)}"

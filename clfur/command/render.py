@@ -6,21 +6,23 @@ from pathlib import Path
 
 import attrs
 import click
+import numpy as np
 
 from .. import Scheduler, draw, over, save
 from ..files.images import check_writable, load_picture
 from ..judge.frontier import label
 from ..scene import backdrop
-from .described import lowered, read_for, sparse
+from .described import lowered, sparse
 from .devices import ask_drivers
-from .options import is_scene_file, load_scene, scene_options
-from .types import Backdrop, Bytes, Names, Real
+from .options import Sectioned, scene_options
+from .scenes import is_scene_file, load_scene
+from .types import Backdrop, Bytes, Names, Real, Region, read_for
 from .waiting import waiting
 
 TOLD = 0.05   # seconds of building kernels that a summary tells
 
 
-@click.command(context_settings={"show_default": True})
+@click.command(cls=Sectioned, context_settings={"show_default": True})
 @click.argument("given", metavar="MESH")
 @click.option("-o", "--output", metavar="FILE",
               help="PNG (sRGB), EXR (linear) or NPZ (arrays).  [default: the mesh's name, .png]")
@@ -30,6 +32,8 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
 @click.option("--background", type=Backdrop(), metavar="COLOR|PICTURE",
               help="What the picture is laid over, which then has no alpha: R,G,B, '#rrggbb' or a picture of the same "
                    "aspect.")
+@click.option("--region", type=Region(), metavar="X,Y,W,H",
+              help="Draw only these pixels of the picture, from its top-left corner on: the same ones as of the whole.")
 @click.option("--max-error", type=Real(0, min_open=True), metavar="E",
               help="Choose the cheapest samples, raster, shadows, grid, masks and lod that err by no more, such as "
                    "0.05: root mean square of sRGB, 0 to 1, against the true picture.")
@@ -42,7 +46,7 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
               help="What arrays may take on the device, such as 2GiB: what does not fit is drawn part by part.  "
                    "[default: three quarters of the device's, or what this process may still take]")
 @click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
-def render(given, output, outputs, background, device, memory, as_json, **options):
+def render(given, output, outputs, background, region, device, memory, as_json, **options):
     """Draw MESH with fur and save the picture.
 
     MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.  Or it is a
@@ -61,11 +65,11 @@ def render(given, output, outputs, background, device, memory, as_json, **option
         if memory is not None:
             device = [Scheduler(one, memory) for one in (device if isinstance(device, list) else [device])]
         tell(f"drawing {given}")
-        drawn = draw(scene, device=device, outputs=outputs, settings=settings)
+        drawn = draw(scene, device=device, outputs=outputs, settings=settings, region=region)
         if "color" in drawn.images and not drawn.images["color"][..., 3].any():
             warnings.warn("nothing of the scene is to be seen in the picture", stacklevel=2)
         tell(f"saving {output}")
-        laid = {} if behind is None else {"color": over(drawn.images["color"], behind)}
+        laid = {} if behind is None else {"color": _over(drawn.images["color"], behind, scene.camera.size, region)}
         save(output, drawn.images | laid)
 
     skipped = {"degenerate": scene.mesh.degenerate_faces if scene.mesh else 0,
@@ -79,7 +83,7 @@ def render(given, output, outputs, background, device, memory, as_json, **option
         of_options = {} if is_scene_file(given) else {
             "light": _told(options["lights"]), **{name: options[name] for name in ("fov", "alpha", "seed")}}
         print(json.dumps({
-            "file": str(output), "size": scene.camera.size, "device": drawn.device,
+            "file": str(output), "size": region[2:] if region else scene.camera.size, "device": drawn.device,
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
             "shells": shells and {name: getattr(shells, name) for name in ("layers", "length", "frequency", "pattern")},
             "fewer": fewer, "seconds": drawn.seconds, "building": drawn.building,
@@ -118,6 +122,16 @@ def _background(given, size):
     if isinstance(given, str):
         return backdrop(read_for("--background", load_picture, given), size, f"--background: {given}")
     return backdrop(given, size, "--background")
+
+
+def _over(image, behind, size, region):
+    """An image over what is behind all of the picture, of (width, height), or its region alone."""
+    if region is None:
+        return over(image, behind)
+    x, y, width, height = region
+    whole = np.zeros((size[1], size[0], 4), np.float32)
+    whole[y:y + height, x:x + width] = image
+    return over(whole, behind)[y:y + height, x:x + width]
 
 
 def _check_files(output, outputs, background, read):

@@ -15,6 +15,14 @@ from ..scene import Chiang, Environment, Kajiya, Light, Tufts
 from ..scene.checks import LARGEST
 
 
+def read_for(flag, read, path):
+    """What ``read`` gives of a path; its error begins with the option that names the file."""
+    try:
+        return read(path)
+    except Error as error:
+        raise Error(f"{flag}: {error}") from error
+
+
 class _Within:
     """A number within limits; click would say "not a valid integer range"."""
 
@@ -73,6 +81,20 @@ class Size(click.ParamType):
         parts = value.lower().split("x")
         if len(parts) != 2 or not all(part.isdecimal() and len(part) < 6 and 1 <= int(part) <= 16384 for part in parts):
             self.fail(f"{value!r} is not WIDTHxHEIGHT of 1 to 16384 pixels each, such as 640x480", param, ctx)
+        return tuple(map(int, parts))
+
+
+class Region(click.ParamType):
+    """Column, row, width and height in pixels, such as 100,50,64,48."""
+
+    name = "region"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        parts = [part.strip() for part in value.split(",")]
+        if len(parts) != 4 or not all(part.isdecimal() and len(part) < 6 for part in parts):
+            self.fail(f"{value!r} is not X,Y,WIDTH,HEIGHT in pixels, such as 100,50,64,48", param, ctx)
         return tuple(map(int, parts))
 
 

@@ -19,7 +19,7 @@ from ..scene.ground import ground_from, height_of
 from ..scene.seen import seen
 from ..scene.tufts import spots_of
 from ..stages.tessellate import tessellate
-from ..twin import ground, scatter, strands, tufts
+from ..twin import ground, guides, scatter, strands, tufts
 from ..twin.vectors import dot, unit
 from .paths import Paths
 from .places import on_body, on_strand
@@ -163,7 +163,7 @@ def _geometry(scene):
         body = _tessellated(mesh, *levels)
     if isinstance(fur, Strands):
         by_area = fur.roots != "faces" and fur.rest is not None
-        hair = _grown(fur, mesh, body, _tessellated(fur.rest, *levels) if by_area else body)
+        hair = _grown(fur, body, _tessellated(fur.rest, *levels) if by_area else body, mesh)
     elif isinstance(fur, Curves):
         fur = fur.on_host
         counts = fur.counts.astype(int)
@@ -200,7 +200,7 @@ def _tessellated(mesh, inner, outer, surface):
                                triangles=gpu.download(made.triangles).astype(int))
 
 
-def _grown(fur, mesh, body, rest):
+def _grown(fur, body, rest, mesh):
     surface = body.positions, body.normals, body.uv, body.triangles[:, :3]
     if fur.roots == "faces":
         roots = strands.roots_on_faces(*surface)
@@ -208,8 +208,7 @@ def _grown(fur, mesh, body, rest):
         x, y, z = strands.twice_areas(rest.positions * rest.area_scale, surface[3]).T
         area = np.sqrt(x * x + y * y + z * z)
         *roots, _ = strands.roots_by_area(*surface, np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed)
-    points, tangents, counts, colors, kind = strands.grow(
-        *roots, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed)
+    points, tangents, counts, colors, kind = _lines(fur, mesh, *roots)
     for number, hair in enumerate(fur.types):
         mine = np.flatnonzero((kind == number) & (counts > 0))
         if len(mine) and (hair.tufts is not None or hair.frizz[0]):
@@ -232,13 +231,39 @@ def middles_of(fur: Strands, mesh: Mesh, number: int, level: Tufts) -> SimpleNam
     root, up = tufts.stand(mesh.positions[corners], mesh.normals[corners], spots.weights, fur.surface == "pn")
     uv = np.einsum("nc,ncx->nx", spots.weights.astype(float), mesh.uv[spots.faces])
     even = [attrs.evolve(kind, length_variation=0) for kind in fur.types]
-    lines, _, counts, _, kind = strands.grow(
-        root, strands.frames(mesh.positions[corners].astype(float), up), uv, even, fur.type_indices, fur.force,
-        fur.point_forces, fur.seed)
+    frame = strands.frames(mesh.positions[corners].astype(float), up)
+    lines, _, counts, _, kind = _lines(attrs.evolve(fur, types=even), mesh, root, frame, uv)
     mine = np.flatnonzero((kind == number) & (counts > 0))
     return SimpleNamespace(
         lines=lines[mine, :even[number].segments + 1], normals=up[mine], sizes=spots.sizes[mine],
         turns=spots.turns[mine], spacing=spots.spacing, strength=level.strength, profile=level.profile)
+
+
+def _lines(fur, mesh, root, frame, uv):
+    """What `strands.grow` gives, between guides where there are some."""
+    points, tangents, counts, colors, kind = strands.grow(
+        root, frame, uv, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed)
+    if fur.guides is not None:
+        points, tangents = _between(fur, root, frame, kind, mesh)
+    return points, tangents, counts, colors, kind
+
+
+def _between(fur, root, frame, kind, mesh):
+    """(Points, tangents) of strands between guides, as `strands.grow` has them."""
+    curves = fur.guides.on_host
+    some, ends = curves.counts > 1, np.cumsum(curves.counts, dtype=np.int64)
+    shapes = [shape.astype(float) for shape, is_one in zip(np.split(curves.points, ends[:-1]), some) if is_one]
+    places = np.array([shape[0] for shape in shapes])
+    normals = guides.normals_at(*guides.feet(places, mesh.positions, mesh.faces)[1:], mesh.positions, mesh.normals,
+                                mesh.faces) if curves.root_normal is None else curves.root_normal[some].astype(float)
+    types = None if curves.type_of is None else curves.type_of[some]
+    points = guides.between(root, frame, kind, fur.types, shapes, normals, types, fur.guides_blended, fur.parting,
+                            fur.seed)
+    tangents = np.full_like(points, np.nan)
+    for number, each in enumerate(fur.types):
+        mine, end = np.flatnonzero(kind == number), each.segments + 1
+        tangents[mine, :end] = strands.tangents_of(points[mine, :end], frame[mine, 2])
+    return points, tangents
 
 
 def _looks(types):

@@ -14,8 +14,9 @@ import numpy as np
 from ..device.team import Team
 from ..scene import extent, hair_bounds
 from ..scene.bounds import boxes_to_see, fur_extent
+from ..scene.guides import far_from
 from ..scene.tufts import spots_of
-from ..stages import chiang, ground, shade, shells, tufts
+from ..stages import chiang, ground, guides, shade, shells, tufts
 from ..stages import sky as sky_stage
 from ..stages import transport as transport_stage
 from ..stages.deep import Deep
@@ -31,13 +32,13 @@ from .shadows import accumulate, deep_maps, finish, plan_shadows, shells_depth, 
 def let_go(plan: Plan, gpu: Any) -> None:
     """Make a device ready for a frame: before anything new is made, it lets go of what this frame has no use for."""
     plan.check(gpu)
-    gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
+    gpu.load((plan.settings, plan.size, plan.faces, plan.strands, plan.points,
               plan.scene.shells and plan.scene.shells.layers))
     gpu.prepare(plan.kernel_files)
     gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed), *plan.painted[:1])
     transmittances(gpu, plan)
     furry, under_sky = plan.scene.shells is not None, plan.scene.environment is not None
-    for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
+    for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands), ("guides", plan.guides),
                        ("tufts", plan.tufted), ("thinned", plan.strands and plan.settings.lod),
                        ("transport", plan.scatters), ("phases", plan.scatters), ("deep", plan.is_deep),
                        ("on hair", plan.is_deep), ("hair alone", plan.is_deep),
@@ -289,16 +290,39 @@ def _whole(gpu, plan, part, what):
     return gpu.keep("strands", what, functools.partial(_grow, gpu, plan, part))
 
 
+def standing(gpu: Any, plan: Plan) -> tuple[guides.Guides, str]:
+    """(`Guides` of the strands on their mesh, in a line how far some are away from it, or ""); they stay while strands
+    change in all else."""
+    fur: Any = plan.scene.strands
+    return gpu.keep("guides", (plan.scene.mesh, fur.guides, len(fur.types)), functools.partial(_stand, gpu, plan))
+
+
+def told(plan: Plan, gpu: Any) -> list[str]:
+    """What has turned out, as the frame was built, to be wrong in it."""
+    line = "" if plan.guides is None else standing(gpu, plan)[1]
+    return [line] * bool(line)
+
+
+def _stand(gpu, plan):
+    made, away = guides.stand(gpu, plan.scene.mesh, plan.guides, len(plan.scene.strands.types))
+    return made, far_from(plan.scene.mesh, away)
+
+
 def _grow(gpu, plan, part):
     if not plan.grown:
         return upload_curves(gpu, plan.scene.strands, part.strands)
     fur = plan.scene.strands
-    grown = grow(gpu, _surface(gpu, plan, part.faces), fur, part.strands, part.area,
-                 plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
-                                        functools.partial(_resting, gpu, plan, part.faces)))
+    grown = _maker(gpu, plan)(gpu, _surface(gpu, plan, part.faces), fur, part.strands, part.area,
+                              plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
+                                                     functools.partial(_resting, gpu, plan, part.faces)))
     if fur.tufted:
         tufts.put(gpu, grown, fur, gpu.keep("tufts", (plan.scene.mesh, fur), functools.partial(_tufts, gpu, plan)))
     return grown
+
+
+def _maker(gpu, plan):
+    """What makes strands on a surface."""
+    return grow if plan.guides is None else functools.partial(guides.between, guides=standing(gpu, plan)[0])
 
 
 def _tufts(gpu, plan):
@@ -312,7 +336,8 @@ def _middles(gpu, plan, level, kind):
     mesh, fur = plan.scene.mesh, plan.scene.strands
     even = attrs.evolve(fur, roots="faces", types=[attrs.evolve(each, length_variation=0) for each in fur.types])
     there = spots_of(level, mesh, plan.rest or mesh, fur.seed)
-    return tufts.middles_of(gpu, grow(gpu, tufts.surface_of(gpu, mesh, there, fur.surface), even), there, kind)
+    surface = tufts.surface_of(gpu, mesh, there, fur.surface)
+    return tufts.middles_of(gpu, _maker(gpu, plan)(gpu, surface, even), there, kind)
 
 
 def _resting(gpu, plan, faces):

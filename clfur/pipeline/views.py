@@ -232,6 +232,14 @@ def band_of(view: np.void, first: int, end: int) -> np.void:
     return band
 
 
+def columns_of(view: np.void, first: int, end: int) -> np.void:
+    """The `layout.View` that draws only these columns of a view of all, as the very same bits; ``first``: a multiple of
+    TILE."""
+    some = view.copy()
+    some["size"][0], some["rows"][2:] = end - first, (first, int(view["size"][0]) - end)
+    return some
+
+
 def one_sample(view: np.void) -> np.void:
     """A `layout.View` of the same pixels, each seen by one sample in its middle."""
     single = view.copy()

@@ -7,6 +7,7 @@ import numpy as np
 
 from .checks import is_on_device
 from .curves import Bounds, Curves
+from .guides import reach_of
 from .mesh import Mesh, box, sphere
 from .origin import ZERO, seen_from
 from .shells import Shells
@@ -31,7 +32,9 @@ def origin_of(mesh: Mesh | None, fur: Any) -> np.ndarray:
 def local(mesh: Mesh | None, fur: Any) -> tuple:
     """Return (`origin_of` a mesh and its fur, both seen from there)."""
     there = origin_of(mesh, fur)
-    apart = any(part.origin.any() for part in (mesh, strands_and_shells(fur)[0]) if isinstance(part, (Mesh, Curves)))
+    strands, _ = strands_and_shells(fur)
+    placed = mesh, strands, getattr(strands, "guides", None)
+    apart = any(part.origin.any() for part in placed if isinstance(part, (Mesh, Curves)))
     return (there, seen_from(mesh, there), seen_from(fur, there)) if apart or there.any() else (there, mesh, fur)
 
 
@@ -93,7 +96,9 @@ def fur_extent(fur: Any) -> float:
         return float(fur.on_host.width.max()) / 2
     if fur is None:
         return 0.0
-    return max(hair.full_length * (1 + hair.length_variation)
+    guided = 0.0 if fur.guides is None else reach_of(fur.guides)[fur.tufted]   # tufts may straighten them
+    return max((guided * (hair.segments > 0) if fur.guides is not None
+                else hair.full_length * (1 + hair.length_variation))
                + sideways(hair) + hair.widest / 2 for hair in fur.types)
 
 
@@ -111,6 +116,7 @@ def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]
         return len(fur.points), length, length * float(fur.width.max())
     types = fur.types
     # From one point to the next it may cross all of what curl, wave and frizz leave it.
-    lengths = [t.segments * (t.step * (1 + t.length_variation) + 2 * sideways(t)) for t in types]
+    lengths = [(t.segments * t.step * (1 + t.length_variation) if fur.guides is None
+                else reach_of(fur.guides)[1]) + t.segments * 2 * sideways(t) for t in types]
     return (strands * max(t.segments for t in types), strands * max(lengths),
             strands * max(length * t.widest for length, t in zip(lengths, types)))

@@ -80,7 +80,8 @@ def _seen_from(thing, there):
             moved["bounds"] = _seen_from(thing.bounds, tuple(there.tolist()))
         return copied(thing, **moved)
     if hasattr(thing, "point_forces"):
-        return copied(thing, point_forces=seen_from(thing.point_forces, there)) if thing.point_forces else thing
+        placed = {name: getattr(thing, name) for name in ("point_forces", "guides") if getattr(thing, name)}
+        return copied(thing, **{name: seen_from(each, there) for name, each in placed.items()}) if placed else thing
     if hasattr(thing, "pose"):
         pose = thing.pose.copy()
         pose[:3, 3] -= there

@@ -6,6 +6,7 @@ import numpy as np
 from ..color import linear_of
 from ..errors import Error
 from . import checks
+from .guides import guides
 from .look import Looking
 from .mesh import Mesh
 from .tufts import Tufts
@@ -197,6 +198,13 @@ class Strands:
     all poses. Without it they are spread by the areas of what is drawn, and strands go to other triangles as these
     change; where a mesh is but turned, rounding takes a few in ten thousand along.
 
+    guides: None, or Curves that stand on the mesh in the pose in which it is drawn: strands have the shapes of the
+    nearest ones, blended by distance. All else is a type's, but for segment_length and force_weight; of guides points,
+    root_normal and type_of count: strands of a type that guides have follow these alone.
+    guides_blended: 1 to 7 of them. parting: degrees, 0 to 180; a guide that points elsewhere than the nearest one by
+    more is not blended with it, 180: all are. Segments are of equal length along the guides; strands that a map or
+    length_variation makes shorter are cut there. Guides of fewer than two points are left out.
+
     `type_indices` uint8 [h, w] is the index into `types` of every pixel of the map (None without a map).
     Raises Error for anything else.
     """
@@ -211,6 +219,9 @@ class Strands:
     surface: str = checks.field(checks.choice("pn", "flat"), default="pn")
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)
     rest: Mesh | None = checks.field(checks.instance(Mesh, none=True), default=None, kw_only=True)
+    guides: checks.Given = checks.field(guides, default=None, kw_only=True)
+    guides_blended: int = checks.field(checks.whole(1, 7), default=3, kw_only=True)
+    parting: float = checks.field(checks.real(low=0, high=180), default=60.0, kw_only=True)
     type_indices: np.ndarray = attrs.field(init=False, repr=False)
 
     @property

@@ -94,7 +94,7 @@ def roots_of(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | No
 
 def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None = None,
          area: tuple[int, int] | None = None, sums: tuple[Any, Any] | None = None,
-         traits_of: Any = None) -> DeviceStrands:
+         traits_of: Any = None, roots: Any = None) -> DeviceStrands:
     """Grow `clfur.Strands` on a tessellated `Surface` -> `DeviceStrands`.
 
     A root stands in the middle of every triangle, or ``fur.roots`` of them uniformly by area (in strata: strand
@@ -102,9 +102,11 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
     ``strands``: which, (first, one past the last), if not all.  ``area``: (of the triangles before those of the
     surface, of all triangles), if the surface is a part of the whole; see `area_sums`.  ``sums``: what that gives of
     the same triangles of a mesh in rest, if they are spread by its areas.  ``traits_of``: a function of the roots,
-    `ROOTS`, that gives what maps on the skin make of each strand, [strands] `layout.Traits`.
+    `ROOTS`, that gives what maps on the skin make of each strand, [strands] `layout.Traits`.  ``roots``: of
+    ``strands``, where they are known.
     """
-    begin, roots = roots_of(gpu, surface, fur, strands, area, sums)
+    begin, roots = roots_of(gpu, surface, fur, strands, area, sums) if strands is None or roots is None else (
+        strands[0], roots)
     n, traits = len(roots), gpu.empty(0, layout.Traits) if traits_of is None else traits_of(roots)
     pull = float(np.linalg.norm(fur.force)) + sum(abs(each.strength) for each in fur.point_forces)
     types, texels = pack_types(fur.types, pull, traits_of is not None or len(fur.point_forces) > 0)

@@ -1,0 +1,358 @@
+/*
+ * Strands between guides: the user's strands that stand on the mesh.  A tree of boxes tells which guides are nearest to a
+ * root; their shapes are turned from the skin where they stand to the skin at the root, and blended there.
+ */
+
+/* A tree is a heap: node 1 is the whole, node n is made of 2n and 2n + 1, and each of the last row holds up to LEAF members.
+   Boxes are two float4 a node, lowest and highest corner; of a node without members the lowest is very high. */
+
+/* Square of the distance to a box: rounding makes it no larger than the same of a point within, as `dot3` has it. */
+inline float to_box(float4 p, __global const float4 *box)
+{
+    const float4 low = box[0], high = box[1];
+    const float4 d = {p.x < low.x ? low.x - p.x : p.x > high.x ? p.x - high.x : 0.0f,
+                      p.y < low.y ? low.y - p.y : p.y > high.y ? p.y - high.y : 0.0f,
+                      p.z < low.z ? low.z - p.z : p.z > high.z ? p.z - high.z : 0.0f, 0.0f};
+    return dot3(d, d);
+}
+
+/* The next node after one whose members are done, 0: none.  A bit of `trail` for each node on the way up tells whether the
+   one beside it waits. */
+inline uint next_node(uint node, ulong *trail)
+{
+    if (!*trail)
+        return 0;
+    while (!(*trail & 1)) {
+        *trail >>= 1;
+        node >>= 1;
+    }
+    *trail ^= 1;
+    return node ^ 1;
+}
+
+/* Go down to the nearer child of a node, or on to the next node where neither is as near as `most`. */
+inline uint lower_node(uint node, ulong *trail, float4 p, __global const float4 *boxes, float most)
+{
+    const float one = to_box(p, boxes + 4 * node), other = to_box(p, boxes + 4 * node + 2);
+    const float near = one <= other ? one : other, far = one <= other ? other : one;
+    if (!(near <= most))
+        return next_node(node, trail);
+    *trail = *trail << 1 | (far <= most);
+    return 2 * node + (one > other);
+}
+
+/* Weights of the corners of a triangle whose mean is its place nearest to p (Ericson, "Real-time collision detection",
+   2005, 5.1.5). */
+inline float4 nearest_in(float4 p, float4 a, float4 b, float4 c)
+{
+    const float4 ab = b - a, ac = c - a;
+    const float d1 = dot3(ab, p - a), d2 = dot3(ac, p - a), d3 = dot3(ab, p - b), d4 = dot3(ac, p - b);
+    const float d5 = dot3(ab, p - c), d6 = dot3(ac, p - c);
+    if (d1 <= 0.0f && d2 <= 0.0f)
+        return (float4)(1.0f, 0.0f, 0.0f, 0.0f);
+    if (d3 >= 0.0f && d4 <= d3)
+        return (float4)(0.0f, 1.0f, 0.0f, 0.0f);
+    if (d6 >= 0.0f && d5 <= d6)
+        return (float4)(0.0f, 0.0f, 1.0f, 0.0f);
+    const float of_c = d1 * d4 - d3 * d2, of_b = d5 * d2 - d1 * d6, of_a = d3 * d6 - d5 * d4;
+    if (of_c <= 0.0f && d1 >= 0.0f && d3 <= 0.0f) {
+        const float t = d1 - d3 > 0.0f ? d1 / (d1 - d3) : 0.0f;
+        return (float4)(1.0f - t, t, 0.0f, 0.0f);
+    }
+    if (of_b <= 0.0f && d2 >= 0.0f && d6 <= 0.0f) {
+        const float t = d2 - d6 > 0.0f ? d2 / (d2 - d6) : 0.0f;
+        return (float4)(1.0f - t, 0.0f, t, 0.0f);
+    }
+    if (of_a <= 0.0f && d4 >= d3 && d5 >= d6) {
+        const float along = (d4 - d3) + (d5 - d6), t = along > 0.0f ? (d4 - d3) / along : 0.0f;
+        return (float4)(0.0f, 1.0f - t, t, 0.0f);
+    }
+    const float sum = of_a + of_b + of_c, u = of_b / sum, v = of_c / sum;
+    return (float4)(1.0f - u - v, u, v, 0.0f);
+}
+
+/* The place of the mesh that is nearest to a guide's root, of equal ones that of the lowest face, and the normal there. */
+__kernel void stand(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    __global const float4 *roots,          // [guides] x, y, z [world]
+    __global const float4 *boxes,          // [2 nodes] of the faces
+    __global const uint *members,          // numbers of faces
+    __global const uint4 *trees,           // [rounds] first node, nodes of its last row, first member, members
+    const uint round,                      // of those; the first forgets what was found before
+    __global const float4 *positions,      // [V] of the mesh
+    __global const float4 *vertex_normals, // [V]
+    __global const uint4 *faces,           // [F] three vertices
+    __global float4 *feet,                 // [guides] square of the distance so far; number of the face, weights of its
+                                           // second and third corner
+    const int has_normals,                 // 1: the guides have their own
+    __global float4 *normals)              // [guides] unit, of the mesh at the root
+{
+    WORK_ITEM(i);
+    const float4 p = (float4)(roots[i].xyz, 0.0f);
+    const uint4 tree = trees[round];
+    float4 foot = round ? feet[i] : (float4)(INFINITY, as_float(0), 0.0f, 0.0f);
+    ulong trail = 0;
+    for (uint node = 1; node; ) {
+        if (node < tree.y) {
+            node = lower_node(node, &trail, p, boxes + 2 * tree.x, foot.x);
+            continue;
+        }
+        const uint first = (node - tree.y) * LEAF, stop = first + LEAF < tree.w ? first + LEAF : tree.w;
+        for (uint m = first; m < stop; ++m) {
+            const uint face = members[tree.z + m];
+            const uint4 t = faces[face];
+            const float4 w = nearest_in(p, positions[t.x], positions[t.y], positions[t.z]);
+            const float4 d = ((w.x * positions[t.x] + w.y * positions[t.y]) + w.z * positions[t.z]) - p;
+            const float square = dot3(d, d);
+            if (square < foot.x || (square == foot.x && face < as_uint(foot.y)))
+                foot = (float4)(square, as_float(face), w.y, w.z);
+        }
+        node = next_node(node, &trail);
+    }
+    feet[i] = foot;
+    if (has_normals)
+        return;
+    const uint4 t = faces[as_uint(foot.y)];
+    const float4 side = cross3(positions[t.y] - positions[t.x], positions[t.z] - positions[t.x]);
+    const float4 mean = ((1.0f - foot.z - foot.w) * vertex_normals[t.x] + foot.z * vertex_normals[t.y])
+        + foot.w * vertex_normals[t.z];
+    normals[i] = unit_or((float4)(mean.xyz, 0.0f), unit_or(side, (float4)(0.0f, 1.0f, 0.0f, 0.0f)));
+}
+
+/* Which guides are nearest to each strand's root, of those that strands of its type follow.  One whose skin looks another
+   way is as much further as a ball between two such places tells: by the square of 1 / cosine of half the angle. */
+__kernel void nearest(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    __global const float4 *points,         // [points] of strands
+    __global const uint2 *spans,           // [strands] first point, points
+    __global const float4 *strand_normal,  // [strands] of the body at the root, unit
+    __global const float4 *strand_uv,      // [strands] u, v, type
+    __global const float4 *roots,          // [guides] x, y, z [world]
+    __global const float4 *normals,        // [guides] unit
+    __global const float4 *boxes,          // [2 nodes] of the guides' roots
+    __global const uint *members,          // numbers of guides
+    __global const uint4 *trees,           // [rounds, n_trees] first node, nodes of its last row, first member, members
+    __global const uint *tree_of,          // [types] which of n_trees strands of a type look in
+    const uint n_trees,
+    const uint round,                      // the first forgets what was found before
+    const uint most,                       // how many are looked for
+    __global uint *found)                  // [strands, 2 NEAREST] squares of distances, floats, the least first; numbers of
+                                           // these guides, NOTHING where there is none
+{
+    WORK_ITEM(i);
+    __global uint *mine = found + 2 * NEAREST * i;
+    float square[NEAREST];
+    uint guide[NEAREST];
+    for (uint k = 0; k < NEAREST; ++k) {
+        square[k] = round ? as_float(mine[k]) : INFINITY;
+        guide[k] = round ? mine[NEAREST + k] : NOTHING;
+    }
+    const uint2 span = spans[i];
+    const uint4 tree = trees[round * n_trees + tree_of[(uint)strand_uv[i].z]];
+    const float4 p = span.y ? (float4)(points[span.x].xyz, 0.0f) : (float4)(0.0f), up = strand_normal[i];
+    ulong trail = 0;
+    for (uint node = span.y && tree.w; node; ) {
+        if (node < tree.y) {
+            node = lower_node(node, &trail, p, boxes + 2 * tree.x, square[most - 1]);
+            continue;
+        }
+        const uint first = (node - tree.y) * LEAF, stop = first + LEAF < tree.w ? first + LEAF : tree.w;
+        for (uint m = first; m < stop; ++m) {
+            const uint number = members[tree.z + m];
+            const float4 d = roots[number] - p;
+            const float turned = 1.0f + dot3(normals[number], up), further = 2.0f / (turned > LEAST_TURN ? turned : LEAST_TURN);
+            const float away = dot3(d, d) * (further > 1.0f ? further : 1.0f);
+            uint k = most;
+            for (; k && (away < square[k - 1] || (away == square[k - 1] && number < guide[k - 1])); --k)
+                if (k < most) {
+                    square[k] = square[k - 1];
+                    guide[k] = guide[k - 1];
+                }
+            if (k < most) {
+                square[k] = away;
+                guide[k] = number;
+            }
+        }
+        node = next_node(node, &trail);
+    }
+    for (uint k = 0; k < NEAREST; ++k) {
+        mine[k] = as_uint(square[k]);
+        mine[NEAREST + k] = guide[k];
+    }
+}
+
+/* The least turn that takes one unit vector to another, as three columns times a factor; half a turn mirrors. */
+inline void turn(float4 from, float4 to, float factor, float4 *columns)
+{
+    const float4 w = cross3(from, to);
+    const float c = dot3(from, to), turned = 1.0f + c, k = 1.0f / (turned > LEAST_TURN ? turned : LEAST_TURN);
+    columns[0] = factor * (float4)(c + k * w.x * w.x, w.z + k * w.x * w.y, k * w.x * w.z - w.y, 0.0f);
+    columns[1] = factor * (float4)(k * w.x * w.y - w.z, c + k * w.y * w.y, w.x + k * w.y * w.z, 0.0f);
+    columns[2] = factor * (float4)(w.y + k * w.x * w.z, k * w.y * w.z - w.x, c + k * w.z * w.z, 0.0f);
+}
+
+inline float4 turned_by(const float4 *columns, float4 v)
+{
+    return (v.x * columns[0] + v.y * columns[1]) + v.z * columns[2];
+}
+
+/* Whether two guides point elsewhere at the root: any of their chords from the root by more than an angle. */
+inline bool parted(const float4 *one, __global const float4 *of_one, const float4 *other, __global const float4 *of_other,
+                   float cosine)
+{
+    bool is_parted = false;
+    for (uint k = 0; k < CHORDS; ++k) {
+        const float4 a = of_one[k], b = of_other[k];
+        const bool both = dot3(a, a) > 0.0f && dot3(b, b) > 0.0f;   // else one has no length
+        is_parted = is_parted || (both && dot3(turned_by(one, a), turned_by(other, b)) < cosine);
+    }
+    return is_parted;
+}
+
+/* A random vector within [-1, 1)^3 in the frame of the skin at a root, as growth has it: along an edge of the triangle, what
+   is across, upright. */
+inline float4 random_on_skin(float4 up, __global const float4 *positions, uint4 t, uint strand, uint seed, uint use)
+{
+    float4 first = positions[t.y] - positions[t.x], second = positions[t.z] - positions[t.y];
+    first -= dot3(first, up) * up;
+    second -= dot3(second, up) * up;
+    const float4 least = (up.x < 0.0f ? -up.x : up.x) < 0.6f ? (float4)(1.0f, 0.0f, 0.0f, 0.0f) : (float4)(0.0f, 1.0f, 0.0f, 0.0f);
+    const float4 edge = unit_or(dot3(first, first) > 0.01f * dot3(second, second) ? first : second,
+                                unit_or(cross3(up, least), least));
+    const float3 r = convert_float3(random3(strand, seed, use) >> 8) * 0x1p-23f - 1.0f;
+    return (r.x * edge + r.y * cross3(up, edge)) + r.z * up;
+}
+
+/* Where a guide is at a share of its length, from its root; `at` is a point before it, and goes on. */
+inline float4 along(__global const float4 *offsets, uint2 span, float share, uint *at)
+{
+    uint low = *at, high = span.y - 2;
+    while (low < high) {
+        const uint middle = (low + high + 1) / 2;
+        if (offsets[span.x + middle].w <= share)
+            low = middle;
+        else
+            high = middle - 1;
+    }
+    *at = low;
+    const float4 a = offsets[span.x + low], b = offsets[span.x + low + 1];
+    const float whole = b.w - a.w, t = whole > 0.0f ? (share - a.w) / whole : 0.0f;
+    return a + (t < 1.0f ? t : 1.0f) * (b - a);
+}
+
+/* Give strands the blended shapes of the guides that `nearest` has found: weights by distance (Franke and Little's form of
+   Shepard's method, 1980), 0 for the first that is not blended, so that shapes don't jump where another one is nearest.
+   Guides that are parted from the nearest one do not count. */
+__kernel void blend(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    __global const float4 *positions,      // [V] of the surface
+    __global const uint4 *triangles,       // [T]
+    __global const uint4 *stand_on,        // [strands] triangle; weights of its corners, floats
+    __global const uint2 *spans,           // [strands] first point, points
+    __global const float4 *strand_normal,  // [strands] of the body at the root, unit
+    __global const float4 *strand_uv,      // [strands] u, v, type
+    __global const HairType *types,        // [types]
+    const int has_traits,                  // 0: there are none
+    __global const Traits *traits,         // [strands] what maps on the skin make of them
+    const uint seed,
+    const uint first_strand,               // number of the first of these strands among all
+    const uint most,                       // how many `nearest` has looked for: one more than are blended
+    const float parting,                   // cosine of the angle beyond which guides are parted
+    __global const uint *found,            // [strands, 2 NEAREST] see `nearest`
+    __global const float4 *offsets,        // [points of guides] from the root [world], share of the length
+    __global const uint2 *guide_spans,     // [guides] first point, points
+    __global const float4 *normals,        // [guides] unit
+    __global const float4 *chords,         // [guides, CHORDS] unit directions from the root, 0 where there is none
+    const uint first_point,                // of each strand that is done here,
+    const uint stop,                       // and one past the last
+    __global float4 *points)               // [points] of strands; x, y, z
+{
+    WORK_ITEM(i);
+    const uint2 span = spans[i];
+    __global const uint *mine = found + 2 * NEAREST * i;
+    if (span.y < 2 || mine[NEAREST] == NOTHING)
+        return;
+    const float4 up = strand_normal[i];
+    __global const HairType *type = &types[(uint)strand_uv[i].z];
+    float4 ahead = up;
+    if (type->shape.w > 0.0f)
+        ahead = unit_or(up + type->shape.w * random_on_skin(up, positions, triangles[stand_on[i].x], first_strand + i, seed, 3), up);
+    const bool others = mine[NEAREST + most - 1] != NOTHING;
+    const float nearest = sqrt(as_float(mine[0])), edge = others ? sqrt(as_float(mine[most - 1])) : 0.0f;
+    float4 turns[NEAREST][3];
+    uint2 guide[NEAREST];
+    uint at[NEAREST];
+    float sum = 0.0f;
+    uint n = 0;
+    for (uint k = 0; k + 1 < most && mine[NEAREST + k] != NOTHING; ++k) {
+        const uint number = mine[NEAREST + k];
+        turn(normals[number], ahead, 1.0f, turns[n]);
+        if (k && parted(turns[0], chords + CHORDS * mine[NEAREST], turns[n], chords + CHORDS * number, parting))
+            continue;
+        const float away = sqrt(as_float(mine[k])), by_distance = away > 0.0f ? nearest / away : 1.0f;
+        const float fade = others && edge > nearest ? (edge - away) / (edge - nearest) : 1.0f, root = by_distance * fade;
+        sum += root * root;
+        for (uint c = 0; c < 3; ++c)
+            turns[n][c] *= root * root;
+        guide[n] = guide_spans[number];
+        at[n++] = 0;
+    }
+    const float4 vary = (float4)(convert_float3(random3(first_strand + i, seed, 1) >> 8) * 0x1p-23f - 1.0f, 0.0f);
+    float length = (1.0f + type->curl.w * vary.y) / (1.0f + type->curl.w);
+    if (has_traits)
+        length *= traits[i].scale.x < 1.0f ? traits[i].scale.x : 1.0f;
+    const float4 root = points[span.x];
+    const uint last = stop < span.y ? stop : span.y;
+    for (uint k = first_point > 1 ? first_point : 1; k < last; ++k) {
+        const float share = length * ((float)k / (float)(span.y - 1));
+        float4 offset = 0.0f;
+        for (uint g = 0; g < n; ++g)
+            offset += turned_by(turns[g], along(offsets, guide[g], share, &at[g]));
+        points[span.x + k].xyz = (root + offset / sum).xyz;
+    }
+}
+
+/* Curl and wave of a type around strands that have their shape, as growth has them. */
+__kernel void wind(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    __global const float4 *positions,      // [V] of the surface
+    __global const uint4 *triangles,       // [T]
+    __global const uint4 *stand_on,        // [strands] triangle; weights of its corners, floats
+    __global const uint2 *spans,           // [strands] first point, points
+    __global const float4 *strand_normal,  // [strands] of the body at the root, unit
+    __global const float4 *strand_uv,      // [strands] u, v, type
+    __global const HairType *types,        // [types]
+    const int has_traits,                  // 0: there are none
+    __global const Traits *traits,         // [strands] what maps on the skin make of them
+    const uint seed,
+    const uint first_strand,               // number of the first of these strands among all
+    __global float4 *points)               // [points] of strands; x, y, z
+{
+    WORK_ITEM(i);
+    const uint2 span = spans[i];
+    const HairType type = types[(uint)strand_uv[i].z];
+    const float scale = type.frizz.z > 0.0f ? 0.0f : has_traits ? traits[i].scale.w : 1.0f;   // tufts curl as one
+    const float curl = type.curl.x * scale, wave = type.wave.x * scale;
+    if (span.y < 2 || !(curl > 0.0f || wave > 0.0f))
+        return;
+    const float4 up = strand_normal[i];
+    const float4 turn = random_on_skin(up, positions, triangles[stand_on[i].x], first_strand + i, seed, 2);
+    float4 before = points[span.x], axis = points[span.x + 1];
+    float4 direction = unit_or((float4)((axis - before).xyz, 0.0f), up);
+    float4 side = unit_or(cross3(direction, turn), unit_or(cross3(direction, up), up));
+    float2 round_curl = (float2)(1.0f, 0.0f), round_wave = (float2)(1.0f, 0.0f);   // cosine, sine of the angle so far
+    for (uint k = 1; k < span.y; ++k) {
+        const float4 after = points[span.x + (k + 1 < span.y ? k + 1 : k)];
+        direction = unit_or((float4)((after - before).xyz, 0.0f), direction);
+        side = unit_or(side - dot3(side, direction) * direction, side);
+        round_curl = (float2)(round_curl.x * type.curl.y - round_curl.y * type.curl.z,
+                              round_curl.x * type.curl.z + round_curl.y * type.curl.y);
+        round_wave = (float2)(round_wave.x * type.wave.y - round_wave.y * type.wave.z,
+                              round_wave.x * type.wave.z + round_wave.y * type.wave.y);
+        const float4 off = (curl * (round_curl.x - 1.0f) + wave * round_wave.y) * side
+            + curl * round_curl.y * cross3(direction, side);
+        points[span.x + k].xyz = (axis + off).xyz;
+        before = axis;
+        axis = after;
+    }
+}
