@@ -3,42 +3,69 @@
  * root; their shapes are turned from the skin where they stand to the skin at the root, and blended there.
  */
 
-/* A tree is a heap: node 1 is the whole, node n is made of 2n and 2n + 1, and each of the last row holds up to LEAF members.
-   Boxes are two float4 a node, lowest and highest corner; of a node without members the lowest is very high. */
+/* A tree is a heap: node 0 is the whole, node n is made of 8 n + 1 to 8 n + 8, and each of the last row holds up to eight
+   members.  A node has the boxes of its eight parts side by side; that of nothing is infinitely far. */
 
-/* Square of the distance to a box: rounding makes it no larger than the same of a point within, as `dot3` has it. */
-inline float to_box(float4 p, __global const float4 *box)
+/* Squares of the distances to eight boxes: rounding makes them no larger than the same of a point within, as `dot3` has it. */
+inline float8 to_boxes(float4 p, __global const float8 *boxes)
 {
-    const float4 low = box[0], high = box[1];
-    const float4 d = {p.x < low.x ? low.x - p.x : p.x > high.x ? p.x - high.x : 0.0f,
-                      p.y < low.y ? low.y - p.y : p.y > high.y ? p.y - high.y : 0.0f,
-                      p.z < low.z ? low.z - p.z : p.z > high.z ? p.z - high.z : 0.0f, 0.0f};
-    return dot3(d, d);
+    const float8 below_x = boxes[0] - p.x, below_y = boxes[1] - p.y, below_z = boxes[2] - p.z;
+    const float8 above_x = p.x - boxes[3], above_y = p.y - boxes[4], above_z = p.z - boxes[5];
+    float8 x = below_x > above_x ? below_x : above_x, y = below_y > above_y ? below_y : above_y;
+    float8 z = below_z > above_z ? below_z : above_z;
+    x = x > 0.0f ? x : 0.0f;
+    y = y > 0.0f ? y : 0.0f;
+    z = z > 0.0f ? z : 0.0f;
+    return (x * x + y * y) + z * z;
 }
 
-/* The next node after one whose members are done, 0: none.  A bit of `trail` for each node on the way up tells whether the
-   one beside it waits. */
-inline uint next_node(uint node, ulong *trail)
+/* The least of eight, and which one that is. */
+inline float least_of(float8 v, uint *which)
 {
-    if (!*trail)
-        return 0;
-    while (!(*trail & 1)) {
-        *trail >>= 1;
-        node >>= 1;
+    const float4 four = v.lo < v.hi ? v.lo : v.hi;
+    const float2 two = four.lo < four.hi ? four.lo : four.hi;
+    const float least = two.x < two.y ? two.x : two.y;
+    const int8 place = v == least ? (int8)(0, 1, 2, 3, 4, 5, 6, 7) : 8;
+    const int4 of_four = place.lo < place.hi ? place.lo : place.hi;
+    const int2 of_two = of_four.lo < of_four.hi ? of_four.lo : of_four.hi;
+    *which = of_two.x < of_two.y ? of_two.x : of_two.y;
+    return least;
+}
+
+/* A walk through a tree, the nearest parts first. */
+typedef struct {
+    float8 waiting[TREE_ROWS];   // squares of the distances to parts of the nodes from the whole down to this one; no longer
+                                 // to be seen: INFINITY
+    uint node;
+    int row;                     // of this node
+} Walk;
+
+inline void begin_walk(Walk *walk, float4 p, __global const float8 *boxes)
+{
+    walk->node = walk->row = 0;
+    walk->waiting[0] = to_boxes(p, boxes);
+}
+
+/* The next member that may be as near as `most`, as 8 times its node in the last row and its place there; NOTHING: none. */
+inline uint next_member(Walk *walk, float4 p, __global const float8 *boxes, int last, float most)
+{
+    while (walk->row >= 0) {
+        uint which;
+        const float8 here = walk->waiting[walk->row];
+        const float near = least_of(here, &which);
+        if (near > most || near == INFINITY) {
+            --walk->row;
+            walk->node = (walk->node - 1) / 8;
+            continue;
+        }
+        walk->waiting[walk->row] = (int8)(which) == (int8)(0, 1, 2, 3, 4, 5, 6, 7) ? INFINITY : here;
+        if (walk->row == last)
+            return 8 * walk->node + which;
+        walk->node = 8 * walk->node + 1 + which;
+        ++walk->row;
+        walk->waiting[walk->row] = to_boxes(p, boxes + 6 * walk->node);
     }
-    *trail ^= 1;
-    return node ^ 1;
-}
-
-/* Go down to the nearer child of a node, or on to the next node where neither is as near as `most`. */
-inline uint lower_node(uint node, ulong *trail, float4 p, __global const float4 *boxes, float most)
-{
-    const float one = to_box(p, boxes + 4 * node), other = to_box(p, boxes + 4 * node + 2);
-    const float near = one <= other ? one : other, far = one <= other ? other : one;
-    if (!(near <= most))
-        return next_node(node, trail);
-    *trail = *trail << 1 | (far <= most);
-    return 2 * node + (one > other);
+    return NOTHING;
 }
 
 /* Weights of the corners of a triangle whose mean is its place nearest to p (Ericson, "Real-time collision detection",
@@ -75,9 +102,9 @@ inline float4 nearest_in(float4 p, float4 a, float4 b, float4 c)
 __kernel void stand(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *roots,          // [guides] x, y, z [world]
-    __global const float4 *boxes,          // [2 nodes] of the faces
+    __global const float8 *boxes,          // [nodes, 6] lowest x, y, z, highest x, y, z of parts, of trees of the faces
     __global const uint *members,          // numbers of faces
-    __global const uint4 *trees,           // [rounds] first node, nodes of its last row, first member, members
+    __global const uint4 *trees,           // [rounds] first node, first of its last row, that row, first member
     const uint round,                      // of those; the first forgets what was found before
     __global const float4 *positions,      // [V] of the mesh
     __global const float4 *vertex_normals, // [V]
@@ -91,23 +118,16 @@ __kernel void stand(
     const float4 p = (float4)(roots[i].xyz, 0.0f);
     const uint4 tree = trees[round];
     float4 foot = round ? feet[i] : (float4)(INFINITY, as_float(0), 0.0f, 0.0f);
-    ulong trail = 0;
-    for (uint node = 1; node; ) {
-        if (node < tree.y) {
-            node = lower_node(node, &trail, p, boxes + 2 * tree.x, foot.x);
-            continue;
-        }
-        const uint first = (node - tree.y) * LEAF, stop = first + LEAF < tree.w ? first + LEAF : tree.w;
-        for (uint m = first; m < stop; ++m) {
-            const uint face = members[tree.z + m];
-            const uint4 t = faces[face];
-            const float4 w = nearest_in(p, positions[t.x], positions[t.y], positions[t.z]);
-            const float4 d = ((w.x * positions[t.x] + w.y * positions[t.y]) + w.z * positions[t.z]) - p;
-            const float square = dot3(d, d);
-            if (square < foot.x || (square == foot.x && face < as_uint(foot.y)))
-                foot = (float4)(square, as_float(face), w.y, w.z);
-        }
-        node = next_node(node, &trail);
+    Walk walk;
+    begin_walk(&walk, p, boxes + 6 * tree.x);
+    for (uint m; (m = next_member(&walk, p, boxes + 6 * tree.x, tree.z, foot.x)) != NOTHING; ) {
+        const uint face = members[tree.w + m - 8 * tree.y];
+        const uint4 t = faces[face];
+        const float4 w = nearest_in(p, positions[t.x], positions[t.y], positions[t.z]);
+        const float4 d = ((w.x * positions[t.x] + w.y * positions[t.y]) + w.z * positions[t.z]) - p;
+        const float square = dot3(d, d);
+        if (square < foot.x || (square == foot.x && face < as_uint(foot.y)))
+            foot = (float4)(square, as_float(face), w.y, w.z);
     }
     feet[i] = foot;
     if (has_normals)
@@ -127,11 +147,12 @@ __kernel void nearest(
     __global const uint2 *spans,           // [strands] first point, points
     __global const float4 *strand_normal,  // [strands] of the body at the root, unit
     __global const float4 *strand_uv,      // [strands] u, v, type
+    __global const float8 *boxes,          // [nodes, 6] lowest x, y, z, highest x, y, z of parts, of trees of the guides
+    __global const uint *members,          // numbers of guides
     __global const float4 *roots,          // [guides] x, y, z [world]
     __global const float4 *normals,        // [guides] unit
-    __global const float4 *boxes,          // [2 nodes] of the guides' roots
-    __global const uint *members,          // numbers of guides
-    __global const uint4 *trees,           // [rounds, n_trees] first node, nodes of its last row, first member, members
+    __global const uint4 *trees,           // [rounds, n_trees] first node, first of its last row, that row, first member;
+                                           // or NOTHING, of nothing
     __global const uint *tree_of,          // [types] which of n_trees strands of a type look in
     const uint n_trees,
     const uint round,                      // the first forgets what was found before
@@ -150,30 +171,25 @@ __kernel void nearest(
     const uint2 span = spans[i];
     const uint4 tree = trees[round * n_trees + tree_of[(uint)strand_uv[i].z]];
     const float4 p = span.y ? (float4)(points[span.x].xyz, 0.0f) : (float4)(0.0f), up = strand_normal[i];
-    ulong trail = 0;
-    for (uint node = span.y && tree.w; node; ) {
-        if (node < tree.y) {
-            node = lower_node(node, &trail, p, boxes + 2 * tree.x, square[most - 1]);
-            continue;
-        }
-        const uint first = (node - tree.y) * LEAF, stop = first + LEAF < tree.w ? first + LEAF : tree.w;
-        for (uint m = first; m < stop; ++m) {
-            const uint number = members[tree.z + m];
-            const float4 d = roots[number] - p;
-            const float turned = 1.0f + dot3(normals[number], up), further = 2.0f / (turned > LEAST_TURN ? turned : LEAST_TURN);
-            const float away = dot3(d, d) * (further > 1.0f ? further : 1.0f);
-            uint k = most;
-            for (; k && (away < square[k - 1] || (away == square[k - 1] && number < guide[k - 1])); --k)
-                if (k < most) {
-                    square[k] = square[k - 1];
-                    guide[k] = guide[k - 1];
-                }
+    if (!span.y || tree.x == NOTHING)
+        return;
+    Walk walk;
+    begin_walk(&walk, p, boxes + 6 * tree.x);
+    for (uint m; (m = next_member(&walk, p, boxes + 6 * tree.x, tree.z, square[most - 1])) != NOTHING; ) {
+        const uint number = members[tree.w + m - 8 * tree.y];
+        const float4 d = roots[number] - p;
+        const float turned = 1.0f + dot3(normals[number], up), further = 2.0f / (turned > LEAST_TURN ? turned : LEAST_TURN);
+        const float away = dot3(d, d) * (further > 1.0f ? further : 1.0f);
+        uint k = most;
+        for (; k && (away < square[k - 1] || (away == square[k - 1] && number < guide[k - 1])); --k)
             if (k < most) {
-                square[k] = away;
-                guide[k] = number;
+                square[k] = square[k - 1];
+                guide[k] = guide[k - 1];
             }
+        if (k < most) {
+            square[k] = away;
+            guide[k] = number;
         }
-        node = next_node(node, &trail);
     }
     for (uint k = 0; k < NEAREST; ++k) {
         mine[k] = as_uint(square[k]);

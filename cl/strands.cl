@@ -3,6 +3,7 @@
  * user brings.  A strand is a run of points; segment i joins points i and i + 1 of the same strand.
  */
 #include "lanes.h"
+#include "skin.h"
 
 /* The top 24 bits as numbers in [-1, 1): exact in a float. */
 inline float4 signed_unit(uint3 r)
@@ -127,17 +128,6 @@ __kernel void roots_by_area(
         }
         roots[here] = (uint4)(low, as_uint(1.0f - a - b), as_uint(a), as_uint(b));
     }
-}
-
-/* Bilinear texel with wrap-around; v runs up, rows run down. */
-inline float4 texture_at(__global const float4 *texels, int width, int height, float4 uv)
-{
-    const float x = (uv.x - floor(uv.x)) * width - 0.5f, y = (1.0f - (uv.y - floor(uv.y))) * height - 0.5f;
-    const float fx = x - floor(x), fy = y - floor(y);
-    const int x0 = ((int)floor(x) + width) % width, y0 = ((int)floor(y) + height) % height;
-    const int x1 = (x0 + 1) % width, y1 = (y0 + 1) % height;
-    return (1.0f - fy) * ((1.0f - fx) * texels[y0 * width + x0] + fx * texels[y0 * width + x1])
-         + fy * ((1.0f - fx) * texels[y1 * width + x0] + fx * texels[y1 * width + x1]);
 }
 
 /* Strands that grow side by side, and their types, one in each lane. */
@@ -265,8 +255,9 @@ INLINED void put_type(Growing *strands, uint lane, __global const HairType *type
 }
 
 /* What maps on the skin make of it then. */
-INLINED void put_traits(Growing *strands, uint lane, __global const Traits *traits)
+INLINED void put_traits(Growing *strands, uint lane, bool there, __global const Traits *traits)
 {
+    LANE_I(strands->segments, lane) = there ? LANE_I(strands->segments, lane) : -1;
     LANE(strands->length, lane) *= traits->scale.x;
     LANE(strands->width, lane) *= traits->scale.y;
     LANE(strands->gain, lane) *= traits->scale.y;
@@ -447,8 +438,9 @@ __kernel void grow(
     __global const uint4 *triangles,       // [T]
     __global const uint4 *roots,           // [strands] triangle; weights of its corners, floats
     __global const HairType *types,        // [types]
-    __global const uint *type_map,         // [height, width] index of the type; nearest texel, v runs up
-    const int2 map_size,                   // width, height
+    __global const uint *type_map,         // index of the type; nearest texel, v runs up
+    const int map_tiles,                   // how many tiles the map has, 0: none
+    __global const SkinTile *tiles,            // of the map, then of textures
     __global const float4 *texels,         // colour textures of all types, linear r, g, b
     const int has_traits,                  // 0: there are none
     __global const Traits *traits,         // [strands] what maps on the skin make of them
@@ -478,12 +470,14 @@ __kernel void grow(
         const uint4 t = triangles[roots[i].x];
         const float4 share = as_float4(roots[i].yzww);
         const float4 at = share.x * uv[t.x] + share.y * uv[t.y] + share.z * uv[t.z];
-        const int column = (int)((at.x - floor(at.x)) * map_size.x), row = (int)((1.0f - (at.y - floor(at.y))) * map_size.y);
-        const uint kind = type_map[min(row, map_size.y - 1) * map_size.x + min(column, map_size.x - 1)];
+        const float4 middle = (uv[t.x] + uv[t.y] + uv[t.z]) / 3.0f;
+        const uint kind = map_tiles ? type_at(tiles, map_tiles, type_map, middle, at) : 0;
         __global const HairType *type = &types[kind];
         const float4 vary = signed_unit(random3(first_strand + i, seed, 1));
-        const float4 tint = type->counts.z ? texture_at(texels + type->counts.y, type->counts.z, type->counts.w, at)
+        const float4 tint = type->counts.z ? color_at(tiles, type->counts.y, type->counts.z, texels, middle, at)
                                            : (float4)(1.0f);
+        /* What maps leave without a length does not stand. */
+        const bool there = type->counts.x && !(has_traits && traits[i].scale.x <= 0.0f);
         const float varied = 1.0f + type->color.w * vary.x;
         if (color_per == 1)
             colors[i] = (float4)((type->color * tint * varied).xyz, 0.0f);
@@ -493,14 +487,14 @@ __kernel void grow(
                 colors[(size_t)i * stride + k] = (float4)((color * tint * varied).xyz, 0.0f);
             }
         strand_uv[i] = (float4)(at.x, at.y, (float)kind, 0.0f);
-        spans[i] = (uint2)(i * stride, type->counts.x ? type->counts.x + 1 : 0);
+        spans[i] = (uint2)(i * stride, there ? type->counts.x + 1 : 0);
         strand_of[i] = i;
         stored[i] = i * stride;
         shifts[i] = 0;
         numbers[i] = i;
         put_type(&strands, lane, type, 1.0f + type->curl.w * vary.y);
         if (has_traits)
-            put_traits(&strands, lane, &traits[i]);
+            put_traits(&strands, lane, there, &traits[i]);
         LANE_U(strands.number, lane) = first_strand + i;
         put_lane(&strands.corners[0], lane, positions[t.x]);
         put_lane(&strands.corners[1], lane, positions[t.y]);

@@ -35,7 +35,7 @@ __kernel void vertices(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *positions,      // [V]
     __global const float4 *normals,        // [V] unit
-    __global const float4 *corner_uv,      // [F, 3] u, v, -, -
+    __global const float4 *corner_uv,      // [F, 3] u, v, weights of the first two corners: 1, 0; 0, 1; 0, 0
     __global const uint4 *faces,           // [F] three vertices, -
     __global const int4 *levels,           // [F] outer[0..2], inner: 1..64, inner already rounded up to 2
     __global const uint *first_vertex,     // [F + 1] of each face's part of the result

@@ -7,7 +7,7 @@
 
 #define NO_TUFT 0xFFFFFFFFu
 
-/* A small triangle around each middle, with one normal and uv, on which a hair can grow: from its face's corners. */
+/* A small triangle around each middle, like its face but for one normal, on which a hair can grow. */
 __kernel void stand(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *corners,        // [middles, 3] of its face [world]
@@ -28,12 +28,14 @@ __kernel void stand(
     const Patch patch = make_patch(p, n);
     const float4 b = weights[i], middle = (p[0] + p[1] + p[2]) / 3.0f;
     inside(&patch, b, curved, &position, &normal);
-    float4 at = b.x * corner_uv[3 * i] + b.y * corner_uv[3 * i + 1] + b.z * corner_uv[3 * i + 2];
-    at.zw = b.xy;
+    float4 uv_of[3];
+    for (int k = 0; k < 3; ++k)
+        uv_of[k] = (float4)(corner_uv[3 * i + k].xy, k == 0, k == 1);
+    const float4 at = b.x * uv_of[0] + b.y * uv_of[1] + b.z * uv_of[2], mean = (uv_of[0] + uv_of[1] + uv_of[2]) / 3.0f;
     for (int k = 0; k < 3; ++k) {
         positions[3 * i + k] = position + (p[k] - middle) * 0.0625f;
         normals[3 * i + k] = normal;
-        uv[3 * i + k] = at;
+        uv[3 * i + k] = at + (uv_of[k] - mean) * 0.0625f;
     }
 }
 

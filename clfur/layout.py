@@ -50,7 +50,7 @@ CONSTANTS = {
     "DEEP_BLOCK": 8,        # segments of hair that are looked up together in lists of what lights see,
     "DEEP_UNIT": 1024,      # and parts of an octave in which they tell how much light they take
     "NEAREST": 8,           # guides that are looked for around a strand, at most: one more than are blended
-    "LEAF": 4,              # of what a tree of boxes holds, in one of its last row
+    "TREE_ROWS": 11,        # of nodes in a tree of boxes, at most: eight parts each
     "CHORDS": 3,            # of a guide, by which it is told which way it points,
     "LEAST_TURN": 1 / 32,   # and 1 + cosine of the angle between two normals, at least
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
@@ -59,6 +59,13 @@ CONSTANTS = {
 
 # How hair scatters light, as the last of `shine` tells; scatter.h has a way for each.
 MODELS = {"kajiya-kay": 0, "half-vector": 1, "turned": 2, "chiang": 3}
+
+# What has a value on the skin for a strand, in the order of `SkinMap`s; of ways there are three.
+SKIN = "density", "on", "length", "width", "clump", "curl", "stiffness", "way"
+CONSTANTS |= {f"SKIN_{name.upper()}": number for number, name in enumerate(SKIN)} | {"SKIN_MAPS": len(SKIN) + 2}
+PER = "none", "picture", "face", "corner"   # what a map on the skin has numbers for
+CONSTANTS |= {f"PER_{name.upper()}": number for number, name in enumerate(PER)}
+CONSTANTS["UDIM"] = 1001   # number of the tile of uv 0 to 1; in each row are 10
 
 WRAPS = "repeat", "mirror", "clamp"   # what is seen of a picture outside of it
 CONSTANTS |= {f"WRAP_{name.upper()}": number for number, name in enumerate(WRAPS)}
@@ -108,7 +115,7 @@ HairType = np.dtype([
     ("tip", *_float4),
     ("shine", *_float4),              # two numbers of its model, in most specular and exponent; alpha; MODELS
     ("lobes", *_float4),              # of a Chiang: roughness along and around the strand, tilt [radians], index
-    ("counts", *_int4),               # segments; texture's first texel, width, height (width 0: none)
+    ("counts", *_int4),               # segments; its texture's first tile and how many it has, 0: none; -
 ])
 
 Traits = np.dtype([                   # what maps on the skin make of a strand: factors, 1 where there is none
@@ -116,6 +123,11 @@ Traits = np.dtype([                   # what maps on the skin make of a strand: 
     ("tuft", *_float4),               # of clump strength, of frizz, -, -
     ("comb", *_float4),               # direction along the skin, at most 1 long; its weight against the normal, 0 to 1
 ])
+
+# A picture, or a tile of one (UDIM); pictures without tiles are looked up everywhere.
+SkinTile = np.dtype([("place", *_int4)])   # first texel, width, height; number, 0: it repeats
+
+SkinMap = np.dtype([("kind", *_int4)])     # PER; first tile, or first of its numbers; how many tiles; -
 
 Light = np.dtype([
     ("direction", *_float4),          # unit vector, the way the light travels
@@ -190,9 +202,9 @@ Lobes = np.dtype([                    # how hair of a type scatters light, where
     ("table", *_int4),                   # where its table begins; how many cosines and angles it has, -
 ])
 
-STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Traits": Traits, "Light": Light, "Shadow": Shadow,
-           "Grid": Grid, "Deep": Deep, "Shells": Shells, "Ground": Ground, "OnGround": OnGround, "Material": Material,
-           "Lobes": Lobes}
+STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Traits": Traits, "SkinTile": SkinTile,
+           "SkinMap": SkinMap, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Deep": Deep, "Shells": Shells,
+           "Ground": Ground, "OnGround": OnGround, "Material": Material, "Lobes": Lobes}
 
 
 def shine(look, alpha, model=None):

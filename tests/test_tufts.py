@@ -60,7 +60,7 @@ def on_device(gpu, points, kind=0, types=None, normals=None):
     spans = np.stack([np.arange(n) * count, np.full(n, count)], 1)
     up = np.tile(np.float32([0, 1, 0]), (n, 1)) if normals is None else normals
     uv = np.column_stack([np.zeros((n, 2)), np.broadcast_to(kind, n), np.zeros(n)])
-    packed, _ = strands.pack_types(types or [clfur.HairType()])
+    packed, *_ = strands.pack_types(types or [clfur.HairType()])
     empty = strands.no_strands(gpu)
     return strands.DeviceStrands(
         points=gpu.upload(rows), spans=gpu.upload(spans.astype(np.uint32)), shifts=empty.shifts,
@@ -95,12 +95,14 @@ def test_middles_stand_where_the_twins_do(gpu, surface):
     np.testing.assert_allclose(positions[..., :3].mean(1), place, rtol=0, atol=PLACE)
     np.testing.assert_allclose(normals[..., :3], np.repeat(up[:, None], 3, 1), rtol=0, atol=PLACE)
     at = np.einsum("nc,ncx->nx", there.weights.astype(float), mesh.uv[there.faces])
-    np.testing.assert_allclose(uv[:, 0], np.column_stack([at, there.weights[:, :2]]), rtol=0, atol=PLACE)
+    np.testing.assert_allclose(uv.mean(1), np.column_stack([at, there.weights[:, :2]]), rtol=0, atol=PLACE)
     np.testing.assert_array_equal(gpu.download(made.triangles), np.column_stack(
         [np.arange(150).reshape(50, 3), there.faces]))
     edge = positions[:, 1, :3] - positions[:, 0, :3]
     flat = mesh.positions[corners[:, 1]] - mesh.positions[corners[:, 0]]
     np.testing.assert_allclose(edge, flat / 16, rtol=0, atol=4 * PLACE)
+    steps = np.diff(mesh.uv[there.faces], axis=1) / 16
+    np.testing.assert_allclose(np.diff(uv, axis=1)[..., :2], steps, rtol=0, atol=4 * PLACE)
 
 
 @pytest.mark.small
@@ -235,9 +237,26 @@ def test_hair_between_guides_gathers_too(gpu):
     grown = points_of(gpu, scene)
     apart = np.abs(grown - twin_points(scene)).max((1, 2))
     assert (apart > 1e-5).sum() <= 2
-    assert (np.linalg.norm(grown - grown[:, :1], axis=2).max() < fur_extent(scene.strands))
+    assert (np.linalg.norm(grown - grown[:, :1], axis=2).max() < fur_extent(scene.strands)).all()
     loose = points_of(gpu, guided(length=None, stiffness=None))
     assert np.median(np.abs(grown - loose).max((1, 2))) > .05
+
+
+@pytest.mark.parametrize("kind", [WILD, {"tufts": clfur.Tufts(40, strength=1), "frizz": (.01, 4)}])
+@pytest.mark.parametrize("comb", [{"direction": (1, 0, 0)}, {"direction": np.full((4, 4, 3), (255, 128, 0), np.uint8)}])
+def test_maps_and_combs_count_in_tufts(gpu, kind, comb):
+    """Middles are combed and as stiff as the skin says, but neither shorter nor bald; clump is of each strand."""
+    rng, scene = np.random.default_rng(5), furred(**kind)
+    maps = {name: rng.random(len(scene.mesh.faces)) for name in ("density", "length", "stiffness", "curl")}
+    maps["clump"] = rng.random(scene.mesh.numbering.vertices)
+    fur = attrs.evolve(scene.strands, maps=clfur.Maps(**maps), comb=clfur.Comb(**comb))
+    scene = attrs.evolve(scene, fur=fur)
+    grown, true = clfur.grow(scene, gpu), truth._geometry(scene)[0]
+    np.testing.assert_array_equal(grown.counts, true.counts)
+    apart = np.abs(grown.points - true.points[:, :3]).reshape(-1, 11, 3).max((1, 2))
+    assert (apart > 1e-5).sum() <= 2 and len(apart) > 100
+    points = grown.points.reshape(-1, 11, 3)
+    assert (np.linalg.norm(points - points[:, :1], axis=2).max(1) < fur_extent(fur)).all()
 
 
 @pytest.mark.parametrize("profile, within", [(.1, .2), (.5, .1), (.9, .1)])

@@ -22,6 +22,7 @@ from ..stages import transport as transport_stage
 from ..stages.deep import Deep
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
+from ..stages.maps import traits
 from ..stages.raster import raster
 from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, upload_curves
 from ..stages.tessellate import Surface, no_surface, tessellate
@@ -311,12 +312,15 @@ def _stand(gpu, plan):
 def _grow(gpu, plan, part):
     if not plan.grown:
         return upload_curves(gpu, plan.scene.strands, part.strands)
-    fur = plan.scene.strands
-    grown = _maker(gpu, plan)(gpu, _surface(gpu, plan, part.faces), fur, part.strands, part.area,
-                              plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
-                                                     functools.partial(_resting, gpu, plan, part.faces)))
+    fur, surface, made = plan.scene.strands, _surface(gpu, plan, part.faces), []
+    grown = _maker(gpu, plan)(
+        gpu, surface, fur, part.strands, part.area,
+        plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
+                               functools.partial(_resting, gpu, plan, part.faces)),
+        plan.planes and functools.partial(_traits, gpu, plan, plan.planes, part.faces, part.strands[0], surface, made))
     if fur.tufted:
-        tufts.put(gpu, grown, fur, gpu.keep("tufts", (plan.scene.mesh, fur), functools.partial(_tufts, gpu, plan)))
+        known = gpu.keep("tufts", (plan.scene.mesh, fur), functools.partial(_tufts, gpu, plan))
+        tufts.put(gpu, grown, fur, known, made[0] if made else None)
     return grown
 
 
@@ -332,12 +336,22 @@ def _tufts(gpu, plan):
 
 
 def _middles(gpu, plan, level, kind):
-    """`Middles` of the tufts of a type: hair grows there as all other does, but none shorter."""
+    """`Middles` of the tufts of a type: hair grows there as all other does, but none shorter or bald."""
     mesh, fur = plan.scene.mesh, plan.scene.strands
     even = attrs.evolve(fur, roots="faces", types=[attrs.evolve(each, length_variation=0) for each in fur.types])
     there = spots_of(level, mesh, plan.rest or mesh, fur.seed)
     surface = tufts.surface_of(gpu, mesh, there, fur.surface)
-    return tufts.middles_of(gpu, _maker(gpu, plan)(gpu, surface, even), there, kind)
+    said = plan.planes and (None,) * tufts.STANDING + plan.planes[tufts.STANDING:]
+    hair = _maker(gpu, plan)(gpu, surface, even, traits_of=said and functools.partial(
+        _traits, gpu, plan, said, (0, len(mesh.faces)), 0, surface, []))
+    return tufts.middles_of(gpu, hair, there, kind)
+
+
+def _traits(gpu, plan, said, faces, first, surface, made, roots):
+    """What the skin says, ``said``, of strands with these roots, which is the last of ``made`` then, too."""
+    fur = plan.scene.strands
+    made.append(traits(gpu, surface, roots, said, faces, fur.comb.weight if fur.comb else 0.0, fur.seed, first))
+    return made[-1]
 
 
 def _resting(gpu, plan, faces):

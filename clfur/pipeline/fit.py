@@ -235,7 +235,7 @@ class Fit:
     def _furry(self):
         """Which faces something may grow on, bool [F]."""
         fur, mesh = self.scene.strands, self.scene.mesh
-        if self.scene.shells is None and isinstance(fur, Strands) and fur.type_map is not None:
+        if self.scene.shells is None and isinstance(fur, Strands) and isinstance(fur.type_indices, np.ndarray):
             return furry_faces(fur, mesh)
         return np.full(len(mesh.faces), self.grown > 0)
 

@@ -16,6 +16,7 @@ import numpy as np
 from .. import layout
 from ..errors import Error
 from ..scene import Curves, Strands
+from ..scene.maps import planes
 from ..stages.blur import blur_radius
 from ..stages.chiang import bytes_of, of_model
 from ..stages.coverage import (
@@ -39,6 +40,8 @@ from ..stages.guides import FOUND
 from ..stages.guides import bytes_of as guides_bytes
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
+from ..stages.maps import TRAITS
+from ..stages.maps import bytes_of as bytes_of_planes
 from ..stages.march import Rays
 from ..stages.mattes import LEAST as MATTE_BUNDLES
 from ..stages.mattes import Owners
@@ -185,6 +188,7 @@ class Plan:
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage,
             "masks": self.uses_coverage and settings.masks, "strands": self.strands,
             "mattes": self.tells and self.strands,
+            "maps": self.planes and self.strands,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "guides": self.guides is not None, "tufts": self.strands and self.tufted,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
@@ -451,6 +455,14 @@ class Plan:
                 f"to {self._face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, {furry}"
                 f"and {lines} of {width} pixels{dense}; allowed: {smaller}")
 
+    @property
+    def planes(self) -> tuple | None:
+        """What the skin says of the strands that grow on it, `scene.maps.planes`; None where nothing."""
+        fur = self.scene.strands
+        if not isinstance(fur, Strands) or not (fur.maps or fur.comb):
+            return None
+        return planes(self.scene.mesh, fur.maps, fur.comb)
+
     @functools.cached_property
     def _shells(self):
         """Bytes on the device of shell fur."""
@@ -472,6 +484,7 @@ class Plan:
         if scene.environment is not None:
             fixed += sky_bytes(self.body, self.ground is not None)
         fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
+        fixed += bytes_of_planes(self.planes or ())
         if self.guides is not None:
             fixed += guides_bytes(self.guides, len(scene.strands.types), len(scene.mesh.faces))
         if self.tufted:
@@ -522,6 +535,7 @@ class Plan:
             point += RUN
         if isinstance(fur, Strands) and fur.colored_points:
             point += COLOR
+        strand += TRAITS.bytes * bool(self.planes)
         if self.guides is not None:
             strand += FOUND.bytes
         strand += TUFT_OF.bytes * self.tufted

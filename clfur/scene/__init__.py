@@ -13,6 +13,7 @@ from .environment import Environment
 from .ground import Ground
 from .light import Light
 from .look import Chiang, Kajiya, highlighted
+from .maps import Comb, Maps
 from .material import Material
 from .mesh import Mesh
 from .origin import seen_from
@@ -22,8 +23,7 @@ from .strands import HairType, PointForce, Strands
 from .tufts import Tufts
 
 __all__ = [
-    "Bounds", "Camera", "Chiang", "Curves", "Environment", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh",
-    "PointForce", "Scene", "Shells", "Strands", "Tufts", "backdrop", "bounds_of", "extent", "frame", "fur_extent",
-    "hair_bounds",
-    "highlighted", "over", "seen_from",
+    "Bounds", "Camera", "Chiang", "Comb", "Curves", "Environment", "Ground", "HairType", "Kajiya", "Light", "Maps",
+    "Material", "Mesh", "PointForce", "Scene", "Shells", "Strands", "Tufts", "backdrop", "bounds_of", "extent", "frame",
+    "fur_extent", "hair_bounds", "highlighted", "over", "seen_from",
 ]

@@ -81,9 +81,10 @@ def bounds_of(mesh: Mesh | None, fur: Any, strands: int) -> Bounds:
     return Bounds(*extent(mesh, fur), segments, length, area)
 
 
-def sideways(kind: HairType) -> float:
-    """Return how far curl, wave and frizz take a point of a strand from its axis at most, in world units."""
-    return 2 * kind.curl[0] + kind.wave[0] + 1.5 * kind.frizz[0]   # which is in two directions, up to 1 each
+def sideways(kind: HairType, curled: float) -> float:
+    """Return how far curl and wave, so many times as large, and frizz take a point of a strand from its axis at most,
+    in world units."""
+    return 2 * kind.curl[0] * curled + kind.wave[0] * curled + 1.5 * kind.frizz[0]   # which is in two directions
 
 
 def fur_extent(fur: Any) -> float:
@@ -96,10 +97,16 @@ def fur_extent(fur: Any) -> float:
         return float(fur.on_host.width.max()) / 2
     if fur is None:
         return 0.0
+    longer, wider, more = _most(fur)
     guided = 0.0 if fur.guides is None else reach_of(fur.guides)[fur.tufted]   # tufts may straighten them
     return max((guided * (hair.segments > 0) if fur.guides is not None
-                else hair.full_length * (1 + hair.length_variation))
-               + sideways(hair) + hair.widest / 2 for hair in fur.types)
+                else hair.full_length * (1 + hair.length_variation) * longer)
+               + sideways(hair, more) + hair.widest * wider / 2 for hair in fur.types)
+
+
+def _most(fur):
+    """How many times as long, as wide and as curled as a type says Strands may be where maps say so."""
+    return (1.0, 1.0, 1.0) if fur.maps is None else tuple(map(fur.maps.most, ("length", "width", "curl")))
 
 
 @functools.lru_cache(maxsize=2)
@@ -114,9 +121,9 @@ def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]
         inner[np.cumsum(fur.counts, dtype=np.int64)[fur.counts > 0] - 1] = False   # a strand's end joins nothing
         length = float(d[inner[:-1]].sum(dtype=float))
         return len(fur.points), length, length * float(fur.width.max())
-    types = fur.types
+    types, (longer, wider, more) = fur.types, _most(fur)
     # From one point to the next it may cross all of what curl, wave and frizz leave it.
-    lengths = [(t.segments * t.step * (1 + t.length_variation) if fur.guides is None
-                else reach_of(fur.guides)[1]) + t.segments * 2 * sideways(t) for t in types]
+    lengths = [(t.segments * t.step * (1 + t.length_variation) * longer if fur.guides is None
+                else reach_of(fur.guides)[1]) + t.segments * 2 * sideways(t, more) for t in types]
     return (strands * max(t.segments for t in types), strands * max(lengths),
-            strands * max(length * t.widest for length, t in zip(lengths, types)))
+            strands * max(length * t.widest * wider for length, t in zip(lengths, types)))

@@ -80,8 +80,11 @@ def _seen_from(thing, there):
             moved["bounds"] = _seen_from(thing.bounds, tuple(there.tolist()))
         return copied(thing, **moved)
     if hasattr(thing, "point_forces"):
-        placed = {name: getattr(thing, name) for name in ("point_forces", "guides") if getattr(thing, name)}
-        return copied(thing, **{name: seen_from(each, there) for name, each in placed.items()}) if placed else thing
+        fields = {name: seen_from(getattr(thing, name), there) for name in ("point_forces", "guides")
+                  if getattr(thing, name)}
+        if thing.comb is not None and thing.comb.direction.per == "function":
+            fields["comb"] = thing.comb.asked_from(there)
+        return copied(thing, **fields) if fields else thing
     if hasattr(thing, "pose"):
         pose = thing.pose.copy()
         pose[:3, 3] -= there

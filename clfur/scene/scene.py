@@ -16,6 +16,7 @@ from .curves import Curves
 from .environment import Environment
 from .ground import Ground, height_on, shadow_places
 from .light import Light
+from .maps import planes
 from .material import body_color
 from .mesh import Mesh
 from .origin import copied, seen_from
@@ -159,6 +160,7 @@ class Scene:
         if isinstance(strands, Strands):
             object.__setattr__(self, "mesh", posed(self.mesh, strands.rest, "Strands.rest"))
             _check_uv(self.mesh, strands)
+            planes(self.mesh, strands.maps, strands.comb)   # raises where they don't fit
         if strands is not None and self.mesh is not None:
             _check_levels(self.mesh, strands)
         if isinstance(self.body_color, tuple) and self.mesh is not None:

@@ -1,5 +1,8 @@
 """Strands that grow on a mesh, and the types of hair that they are of."""
 
+import math
+from typing import Any
+
 import attrs
 import numpy as np
 
@@ -8,6 +11,7 @@ from ..errors import Error
 from . import checks
 from .guides import guides
 from .look import Looking
+from .maps import WHOLE, Comb, Maps, tiles
 from .mesh import Mesh
 from .tufts import Tufts
 
@@ -28,8 +32,14 @@ def _frizz(value, where):
     return size, waves
 
 
+def _textures(value, where):
+    """Return what `HairType.color_texture` takes: as `texture` has it, or {number: that} of UDIM tiles."""
+    allowed = "None, a picture [h, w, 3], or {1001: picture, ...} of UDIM tiles"
+    return _whole_or_tiles(tiles(value, where, allowed, texture))
+
+
 def texture(value, where):
-    """Return linear float32 [h, w, 3] of a picture as `HairType.color_texture` takes it."""
+    """Return linear float32 [h, w, 3] of a picture of colours."""
     allowed = "None or a picture [h, w, 3]: uint8 or uint16 (sRGB), or linear floats >= 0"
     pixels = linear_of(checks.pixels(value, where, "uf", allowed))
     if pixels.dtype.kind != "f":   # whole numbers of a picture that are neither: nobody knows what is white
@@ -74,7 +84,7 @@ class HairType(Looking):
     """
 
     color: checks.Given = checks.field(checks.color, default=(0.8, 0.6, 0.4))
-    color_texture: checks.Given = checks.field(checks.optional(texture), default=None)
+    color_texture: checks.Given = checks.field(checks.optional(_textures), default=None)
     segments: int = checks.field(checks.whole(0, 255), default=8)
     segment_length: float | None = checks.field(checks.optional(checks.real(low=0)), default=None)
     force_weight: float | None = checks.field(checks.optional(checks.real()), default=None)
@@ -160,11 +170,20 @@ def levels(shape, words):
 
 
 def _type_map(value, where):
-    allowed = "None or a picture [h, w, 3] of dtype uint8, as keys of types are"
-    pixels = checks.pixels(value, where, "u", allowed)
-    if pixels.dtype != np.uint8:
-        checks.refuse(where, value, allowed)
-    return checks.frozen(np.array(pixels, order="C"))
+    allowed = "None or a picture [h, w, 3] of dtype uint8, as keys of types are, or {1001: picture, ...} of UDIM tiles"
+
+    def keys(value, where):
+        pixels = checks.pixels(value, where, "u", allowed)
+        if pixels.dtype != np.uint8:
+            checks.refuse(where, value, allowed)
+        return checks.frozen(np.array(pixels, order="C"))
+
+    return _whole_or_tiles(tiles(value, where, allowed, keys))
+
+
+def _whole_or_tiles(found):
+    """What `tiles` gives, or the picture itself where it is no tile."""
+    return found.get(WHOLE, found)
 
 
 def _roots(value, where):
@@ -176,10 +195,29 @@ def _roots(value, where):
         checks.refuse(where, value, f"'faces' or a whole number from 0 to {2**31 - 1}")
 
 
-def _packed(rgb):
-    """Return 8-bit colours [..., 3] as one number each: uint32 [...], 0xRRGGBB."""
-    rgb = np.asarray(rgb, dtype=np.uint32)
-    return rgb[..., 0] << 16 | rgb[..., 1] << 8 | rgb[..., 2]
+SPREAD = 32.0   # of 8-bit colours, how far JPEG moves them at edges
+
+
+def blends(keys):
+    """Return how far, in 8-bit r, g, b, a pixel of a type map may be from the nearest of keys [n, 3]: as far as any
+    blend of them is (Jung 1901: of n points at most d apart), which soft brushes leave, and SPREAD more."""
+    keys = np.asarray(keys, np.float64)
+    apart = max(float(np.sqrt(((keys - key)**2).sum(1)).max()) for key in keys)
+    n = min(len(keys) - 1, 3)
+    return apart * math.sqrt(n / (2 * n + 2)) + SPREAD
+
+
+def _nearest(pixels, keys):
+    """Return (the nearest of keys [n, 3] to each of pixels [m, 3], int64 [m]; how far it is, float64 [m]); of two as
+    near it is the first."""
+    found, apart, keys = np.zeros(len(pixels), np.int64), np.zeros(len(pixels)), np.asarray(keys, np.int64)
+    for at in range(0, len(pixels), BLOCK):
+        square = ((pixels[at:at + BLOCK, None].astype(np.int64) - keys)**2).sum(2)
+        found[at:at + BLOCK], apart[at:at + BLOCK] = square.argmin(1), np.sqrt(square.min(1))
+    return found, apart
+
+
+BLOCK = 1 << 12   # pixels that are compared with all keys together
 
 
 @attrs.frozen(eq=False)
@@ -190,13 +228,14 @@ class Strands:
     outer: the level of the edges, or [F, 3] of them: outer[f, 0] is the edge between corners 1 and 2 of
     face f, outer[f, 1] between 2 and 0, outer[f, 2] between 0 and 1 (as in OpenGL). F counts the faces that
     the Mesh kept. types: one HairType, or up to 256. type_map: None, or a picture uint8 [h, w, 3] that
-    chooses the type by uv, every colour of which must be the `key` of a type; without it there must be one
+    chooses the type by uv, the one whose `key` the colour is nearest to; without it there must be one
     type. roots: "faces" for one strand in each tessellated triangle, or how many to spread evenly by area.
     force: added to the growing direction of all strands; point_forces: PointForce objects, added to it.
     surface: "pn" for curved PN triangles, or "flat". seed: of all that is random, 0..2**32-1. rest: None, or a Mesh of
     the same faces as the one that is drawn, by whose areas strands are spread: each then keeps its place on its face in
     all poses. Without it they are spread by the areas of what is drawn, and strands go to other triangles as these
-    change; where a mesh is but turned, rounding takes a few in ten thousand along.
+    change; where a mesh is but turned, rounding takes a few in ten thousand along. maps: None or Maps, what the skin
+    says of density, length, width and so on. comb: None or a Comb, which way hair lies on the skin.
 
     guides: None, or Curves that stand on the mesh in the pose in which it is drawn: strands have the shapes of the
     nearest ones, blended by distance. All else is a type's, but for segment_length and force_weight; of guides points,
@@ -205,8 +244,11 @@ class Strands:
     more is not blended with it, 180: all are. Segments are of equal length along the guides; strands that a map or
     length_variation makes shorter are cut there. Guides of fewer than two points are left out.
 
-    `type_indices` uint8 [h, w] is the index into `types` of every pixel of the map (None without a map).
-    Raises Error for anything else.
+    A type_map may be {1001: picture, ...}, UDIM tiles, as those of Maps; where there is none it is the first type's. A
+    pixel that is no key has the type of the nearest, as soft brushes and JPEG leave such; those that are further from
+    it, as r, g, b, than any blend of the keys by more than 32 are refused. `inexact` counts those taken so.
+    `type_indices` uint8 [h, w] is the index into `types` of every pixel of the map, or {1001: that, ...} (None without
+    a map). Raises Error for anything else.
     """
 
     inner: checks.Given = checks.field(levels((), "[faces]"), default=5)
@@ -222,7 +264,10 @@ class Strands:
     guides: checks.Given = checks.field(guides, default=None, kw_only=True)
     guides_blended: int = checks.field(checks.whole(1, 7), default=3, kw_only=True)
     parting: float = checks.field(checks.real(low=0, high=180), default=60.0, kw_only=True)
-    type_indices: np.ndarray = attrs.field(init=False, repr=False)
+    maps: Maps | None = checks.field(checks.instance(Maps, none=True), default=None, kw_only=True)
+    comb: Comb | None = checks.field(checks.instance(Comb, none=True), default=None, kw_only=True)
+    type_indices: Any = attrs.field(init=False, repr=False)
+    inexact: int = attrs.field(init=False, repr=False)
 
     @property
     def hair_types(self) -> tuple[HairType, ...]:
@@ -242,15 +287,19 @@ class Strands:
     def __attrs_post_init__(self):
         if not 1 <= len(self.types) <= 256:
             raise Error(f"Strands.types has {len(self.types)} types; allowed: 1 to 256")
+        if self.guides is not None and self.comb is not None:
+            raise Error("Strands.comb tells which way hair lies, and so do Strands.guides; allowed: one of them")
         if self.type_map is None and len(self.types) > 1:
             raise Error(
                 f"Strands.type_map is None but Strands.types has {len(self.types)} types; "
                 "allowed: one type without a type_map"
             )
-        indices = None if self.type_map is None else self._types_of_pixels()
+        indices, inexact = (None, 0) if self.type_map is None else self._types_of_pixels()
         object.__setattr__(self, "type_indices", indices)
+        object.__setattr__(self, "inexact", inexact)
 
     def _types_of_pixels(self):
+        """(`type_indices`, `inexact`) of the type map."""
         keys = [hair.key for hair in self.types]
         if None in keys:
             raise Error(f"HairType.key of Strands.types[{keys.index(None)}] is None; "
@@ -259,18 +308,23 @@ class Strands:
             twice = next(key for key in keys if keys.count(key) > 1)
             raise Error(f"HairType.key {twice} is that of more than one of Strands.types; "
                         "allowed: distinct keys")
-        packed_keys = _packed(keys)
-        order = np.argsort(packed_keys)
-        pixels = _packed(self.type_map)
-        place = np.minimum(np.searchsorted(packed_keys[order], pixels), len(keys) - 1)
-        indices = order[place]
-        unlisted = packed_keys[indices] != pixels
-        if unlisted.any():
-            colors, counts = np.unique(pixels[unlisted], return_counts=True)
-            colors = [int(color) for color in colors[np.argsort(-counts, kind="stable")]]
-            names = ", ".join(str((c >> 16, c >> 8 & 255, c & 255)) for c in colors[:8])
-            more = f" and {len(colors) - 8} more" if len(colors) > 8 else ""
-            known = ", ".join(str(key) for key in keys[:8]) + (", ..." if len(keys) > 8 else "")
-            raise Error(f"Strands.type_map has colours that are no type's key: {names}{more}; "
-                        f"allowed: {known}")
-        return checks.frozen(indices.astype(np.uint8))
+        found, inexact = {}, 0
+        for number, picture in (self.type_map if isinstance(self.type_map, dict) else {WHOLE: self.type_map}).items():
+            pixels = picture.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
+            packed, which, counts = np.unique(pixels, return_inverse=True, return_counts=True)
+            colors = np.stack([packed >> 16, packed >> 8 & 255, packed & 255], 1)
+            nearest, apart = _nearest(colors, keys)
+            if (apart > blends(keys)).any():
+                raise Error(_no_keys(keys, colors[apart > blends(keys)], counts[apart > blends(keys)]))
+            found[number] = checks.frozen(nearest.astype(np.uint8)[which].reshape(pixels.shape))
+            inexact += int(counts[apart > 0].sum())
+        return _whole_or_tiles(found), inexact
+
+
+def _no_keys(keys, colors, counts):
+    """What to say of colours [n, 3] of a type map, so many of each, that are near no key."""
+    colors = colors[np.argsort(-counts, kind="stable")].tolist()
+    names = ", ".join(str(tuple(color)) for color in colors[:8])
+    more = f" and {len(colors) - 8} more" if len(colors) > 8 else ""
+    known = ", ".join(str(key) for key in keys[:8]) + (", ..." if len(keys) > 8 else "")
+    return f"Strands.type_map has colours that are no type's key: {names}{more}; allowed: {known}, and what is near"

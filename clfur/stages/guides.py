@@ -10,11 +10,11 @@ from ..layout import Arrays, array
 from .strands import DeviceStrands, arrays, grow, roots_of
 from .tessellate import Surface, as_float4
 
-NEAREST, LEAF = int(layout.CONSTANTS["NEAREST"]), int(layout.CONSTANTS["LEAF"])
+NEAREST, NOTHING = int(layout.CONSTANTS["NEAREST"]), int(layout.CONSTANTS["NOTHING"])
 CHORD_SHARES = 0.25, 0.5, 1.0   # of a guide's length, where the chords from its root end
 FOUND = layout.Declared("strand", np.uint32, 2 * NEAREST)   # squares of distances, float32; numbers of guides
 FEET = layout.Declared("guide", np.float32, 4)
-STEPS = 40      # of loops that what a tree has in one of its last row takes, at most
+MEMBER_STEPS = 16      # of loops that a member of a tree takes, at most
 CODE_BITS = 10  # of a coordinate, by which what is near each other comes into one node
 
 
@@ -22,9 +22,9 @@ CODE_BITS = 10  # of a coordinate, by which what is near each other comes into o
 class Trees(Arrays):
     """Trees of boxes in space, see guides.cl."""
 
-    boxes: Any = array("box", np.float32, 4)        # lowest and highest corner of each node
+    boxes: Any = array("box", np.float32, 8)        # of a node's parts: lowest x, y, z, highest x, y, z
     members: Any = array("member", np.uint32)       # numbers of what is in the nodes of the last row
-    trees: Any = array("tree", np.uint32, 4)        # first node, nodes of its last row, first member, members
+    trees: Any = array("tree", np.uint32, 4)        # first node, first of its last row, that row, first member
     rounds: int = 1                                 # in which all are gone through: a driver that ends long loops
 
 
@@ -35,10 +35,10 @@ class Guides(Arrays):
     offsets: Any = array("guide_point", np.float32, 4)   # from the root [world], share of the guide's length
     guide_spans: Any = array("guide", np.uint32, 2)      # first point, points
     roots: Any = array("guide", np.float32, 4)           # x, y, z [world], -
-    normals: Any = array("guide", np.float32, 4)         # unit, of the mesh at the root
+    normals: Any = array("guide", np.float32, 4)         # unit, of the mesh there
     chords: Any = array("chord", np.float32, 4)          # unit directions from the root to where CHORD_SHARES end
     tree_of: Any = array("type", np.uint32)              # which tree strands of a type look in
-    boxes: Any = array("box", np.float32, 4)             # as `Trees`
+    boxes: Any = array("box", np.float32, 8)             # of trees of them, as `Trees`
     members: Any = array("member", np.uint32)
     trees: Any = array("tree", np.uint32, 4)
     rounds: int = 1
@@ -64,17 +64,18 @@ def stand(gpu: Any, mesh: Any, curves: Any, types: int) -> tuple[Guides, np.ndar
     normals = gpu.upload(as_float4(curves.root_normal[some])) if has_normals else gpu.empty((len(some), 4), np.float32)
     away = _put_on(gpu, mesh, there, normals, has_normals)
     return Guides(
-        offsets=gpu.upload(offsets), guide_spans=gpu.upload(spans), roots=there, normals=normals,
-        chords=gpu.upload(as_float4(chords)), tree_of=gpu.upload(np.array(tree_of, np.uint32)), **vars(trees)), away
+        offsets=gpu.upload(offsets), guide_spans=gpu.upload(spans), normals=normals,
+        chords=gpu.upload(as_float4(chords)), tree_of=gpu.upload(np.array(tree_of, np.uint32)),
+        roots=there, **vars(trees)), away
 
 
 def bytes_of(curves: Any, types: int, faces: int) -> int:
     """Bytes on the device of guides, and of what it takes to put them on a mesh of so many faces."""
     guides = int((curves.counts > 1).sum())
-    leaves = [2 * -(-n // LEAF) for n in (2 * guides, faces)]   # a row is filled up to a power of two
+    nodes = [6 * (8 + n // 3) for n in (2 * guides, faces)]   # of each row, an eighth and what fills those before it
     return (Guides.bytes(guide_point=len(curves.points), guide=guides, chord=3 * guides, type=types,
-                         box=4 * leaves[0], member=2 * guides) + FEET.bytes * guides
-            + Trees.bytes(box=4 * leaves[1], member=faces) + 16 * 3 * faces)
+                         box=nodes[0], member=2 * guides) + FEET.bytes * guides
+            + Trees.bytes(box=nodes[1], member=faces) + 16 * 3 * faces)
 
 
 def between(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None = None,
@@ -89,8 +90,8 @@ def between(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | Non
     n, most = len(roots), fur.guides_blended + 1
     found = FOUND.empty(gpu, n)
     for number in range(guides.rounds):
-        gpu.launch("guides.nearest", n, roots=guides.roots, normals=guides.normals, boxes=guides.boxes,
-                   members=guides.members, trees=guides.trees, tree_of=guides.tree_of, round=number, most=most,
+        gpu.launch("guides.nearest", n, boxes=guides.boxes, members=guides.members, roots=guides.roots,
+                   normals=guides.normals, trees=guides.trees, tree_of=guides.tree_of, round=number, most=most,
                    n_trees=len(guides.trees) // guides.rounds, found=found,
                    **arrays(grown, "points", "spans", "strand_normal", "strand_uv"))
     known = {"positions": surface.positions, "triangles": surface.triangles, "stand_on": roots,
@@ -139,24 +140,21 @@ def shapes(points: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def trees_of(gpu: Any, low: np.ndarray, high: np.ndarray, groups: list[np.ndarray]) -> Trees:
-    """`Trees` of things in boxes ``low`` to ``high`` [N, 3], one of each of some groups of their numbers; several where
-    a driver ends long loops."""
-    centers = (low.astype(np.float64) + high) / 2
-    codes = codes_of(centers)
-    leaves = max(gpu.own_steps // STEPS, 1)
-    most = LEAF << leaves.bit_length() - 1
+    """`Trees` of things in boxes ``low`` to ``high`` [N, 3]: one of each of some groups of their numbers, or several
+    where a driver ends long loops."""
+    codes, most = codes_of((low.astype(np.float64) + high) / 2), max(gpu.own_steps // MEMBER_STEPS, 1)
     rounds = max(-(-len(group) // most) for group in groups)
     boxes, members, trees, node, first = [], [], [], 0, 0
     groups = [group[np.argsort(codes[group], kind="stable")] for group in groups]
     for number in range(rounds):
         for group in groups:
             here = group[number * most:(number + 1) * most]
-            rows = _rows(low[here], high[here])
-            boxes.append(rows)
+            nodes, rows = _nodes(low[here], high[here])
+            boxes.append(nodes)
             members.append(here)
-            trees.append((node, len(rows) // 2, first, len(here)))
-            node, first = node + len(rows), first + len(here)
-    return Trees(boxes=gpu.upload(as_float4(np.concatenate(boxes).reshape(-1, 3).astype(np.float32))),
+            trees.append((node, (8**rows - 1) // 7, rows, first) if len(here) else (NOTHING, 0, 0, 0))
+            node, first = node + len(nodes), first + len(here)
+    return Trees(boxes=gpu.upload(np.concatenate(boxes).reshape(-1, 8).astype(np.float32)),
                  members=gpu.upload(np.concatenate(members).astype(np.uint32)),
                  trees=gpu.upload(np.array(trees, np.uint32)), rounds=rounds)
 
@@ -173,19 +171,22 @@ def codes_of(places: np.ndarray) -> np.ndarray:
     return codes
 
 
-def _rows(low, high):
-    """Boxes of a tree's nodes [2 L, 2, 3] around boxes low, high [n, 3] in their order."""
-    leaves = 1 << (-(-max(len(low), 1) // LEAF) - 1).bit_length()
-    boxes = np.empty((2, leaves * LEAF, 3))
-    boxes[0], boxes[1] = 1e30, -1e30   # of nothing
-    boxes[0, :len(low)], boxes[1, :len(low)] = low, high
-    nodes = np.zeros((2 * leaves, 2, 3))
-    row = np.stack([boxes[0].reshape(leaves, LEAF, 3).min(1), boxes[1].reshape(leaves, LEAF, 3).max(1)], 1)
+def _nodes(low, high):
+    """(Boxes of the parts of a tree's nodes [nodes, 6, 8], the number of its last row) of boxes low, high [n, 3], in
+    their order."""
+    rows = []
     while True:
-        nodes[len(row):2 * len(row)] = row
-        if len(row) == 1:
-            return nodes
-        row = np.stack([row[:, 0].reshape(-1, 2, 3).min(1), row[:, 1].reshape(-1, 2, 3).max(1)], 1)
+        n = -(-max(len(low), 1) // 8)
+        boxes = np.empty((2, 8 * n, 3))
+        boxes[0], boxes[1] = 1e30, -1e30   # of nothing: that far, all squares are infinite
+        boxes[0, :len(low)], boxes[1, :len(low)] = low, high
+        rows.append(boxes.transpose(0, 2, 1).reshape(2, 3, n, 8).transpose(2, 0, 1, 3).reshape(n, 6, 8))
+        low, high = boxes[0].reshape(n, 8, 3).min(1), boxes[1].reshape(n, 8, 3).max(1)
+        if n == 1:
+            break
+    for row, each in enumerate(rows[:0:-1]):   # all but the last are whole, if of nothing
+        rows[-1 - row] = np.concatenate([each, np.zeros((8**row - len(each), 6, 8))])
+    return np.concatenate(rows[::-1]), len(rows) - 1
 
 
 def _put_on(gpu, mesh, roots, normals, has_normals):

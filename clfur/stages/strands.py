@@ -8,6 +8,7 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, array
+from .maps import pack_tiles
 from .order import order
 from .tessellate import Surface, as_float4
 
@@ -108,9 +109,10 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
     begin, roots = roots_of(gpu, surface, fur, strands, area, sums) if strands is None or roots is None else (
         strands[0], roots)
     n, traits = len(roots), gpu.empty(0, layout.Traits) if traits_of is None else traits_of(roots)
+    tiles, type_map = pack_tiles({} if fur.type_map is None else fur.type_indices)
     pull = float(np.linalg.norm(fur.force)) + sum(abs(each.strength) for each in fur.point_forces)
-    types, texels = pack_types(fur.types, pull, traits_of is not None or len(fur.point_forces) > 0)
-    indices = fur.type_indices if fur.type_map is not None else np.zeros((1, 1))
+    types, of_textures, texels = pack_types(fur.types, pull, traits_of is not None or len(fur.point_forces) > 0,
+                                            len(tiles))
     stride = max(t.segments for t in fur.types) + 1
     color_per = 2 if fur.colored_points else 1
     point_forces = np.array([[*f.position, f.strength] for f in fur.point_forces], np.float32).reshape(-1, 4)
@@ -119,7 +121,8 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
         types=gpu.upload(types), run=stride, first_strand=begin, first_point=begin * stride, color_per=color_per)
     gpu.launch("strands.grow", -(-n // gpu.lanes), n=n, positions=surface.positions,
                normals=surface.normals, uv=surface.uv, triangles=surface.triangles, roots=roots,
-               type_map=gpu.upload(indices.astype(np.uint32)), map_size=indices.shape[::-1], texels=gpu.upload(texels),
+               type_map=gpu.upload(type_map.astype(np.uint32)), map_tiles=len(tiles),
+               tiles=gpu.upload(np.concatenate([tiles, of_textures])), texels=gpu.upload(texels),
                has_traits=traits_of is not None, traits=traits, force=(*fur.force, 0),
                point_forces=gpu.upload(point_forces), n_point_forces=len(point_forces), seed=fur.seed,
                stride=stride,
@@ -141,7 +144,7 @@ def upload_curves(gpu: Any, curves: Any, strands: tuple[int, int] | None = None)
     width_per, color_per = (_per(len(values), len(curves.counts), len(curves.points))
                             for values in (curves.width, curves.color))
     here = (0, 1), (begin, end), (before, before + total)
-    types, _ = pack_types(curves.hair_types)
+    types, *_ = pack_types(curves.hair_types)
     has = {"has_normals": curves.root_normal is not None, "has_uv": curves.root_uv is not None,
            "has_types": curves.type_of is not None}
     packed = Packed(
@@ -184,11 +187,12 @@ def substeps_of(kind: Any, pull: float, is_varied: bool) -> int:
     return -(-int(min(max(2 * pull / kind.stiffness, least), MOST_STEPS)) // max(kind.segments, 1))
 
 
-def pack_types(types: Any, pull: float = 0.0, is_varied: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """`clfur.HairType`s -> ([types] layout.HairType, texels of their textures [N, 4] float32); the rest as
-    `substeps_of` has it."""
+def pack_types(types: Any, pull: float = 0.0, is_varied: bool = False, before: int = 0) -> tuple[
+        np.ndarray, np.ndarray, np.ndarray]:
+    """`clfur.HairType`s -> ([types] layout.HairType, tiles of their textures [n] layout.SkinTile, their texels [N, 4]
+    float32); ``before``: tiles that come before these; the rest as `substeps_of` has it."""
     packed = np.zeros(len(types), layout.HairType)
-    texels: list[np.ndarray] = []
+    tiles, texels = [np.zeros(0, layout.SkinTile)], [np.zeros((0, 4), np.float32)]
     for row, t in zip(packed, types):
         row["color"] = *t.color, t.color_variation
         substeps = 0 if t.stiffness is None else substeps_of(t, pull, is_varied)
@@ -200,11 +204,13 @@ def pack_types(types: Any, pull: float = 0.0, is_varied: bool = False) -> tuple[
         row["frizz"] = *t.frizz, t.tufts is not None, 0
         row["root"][:3], row["tip"][:3] = t.ends
         row["shine"], row["lobes"] = layout.shine(t.look, t.alpha), t.look.lobes
-        row["counts"] = t.segments, sum(map(len, texels)), 0, 0
+        row["counts"] = t.segments, before + sum(map(len, tiles)), 0, 0
         if t.color_texture is not None:
-            row["counts"][2:] = t.color_texture.shape[1::-1]
-            texels.append(as_float4(t.color_texture.reshape(-1, 3)))
-    return packed, np.concatenate(texels or [np.zeros((1, 4), np.float32)])
+            of_one, colors = pack_tiles(t.color_texture, sum(map(len, texels)))
+            row["counts"][2] = len(of_one)
+            tiles.append(of_one)
+            texels.append(as_float4(colors))
+    return packed, np.concatenate(tiles), np.concatenate(texels)
 
 
 def _turn(turns, segments):

@@ -13,6 +13,7 @@ from .tessellate import Surface, as_float4
 
 TUFT_OF = layout.Declared("strand", np.uint32, None, 2**32 - 1)   # its tuft, the largest number for none
 CELLS = 64                     # along the longest side of the box around all middles, at most
+STANDING = 3                   # maps that tell whether a strand stands, and how long it is, come first of all
 WIDE = 1.5                     # of the spacing of middles a cell's side has, so that most are found in 27 cells
 
 

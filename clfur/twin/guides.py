@@ -88,14 +88,14 @@ def between(
     n, numbers = len(root), np.arange(len(root))
     vary, lean, turn = (signed(random3(numbers, seed, use)) for use in (1, 3, 2))
     segments = np.array([t.segments for t in types])[kind]
-    points = np.full((n, segments.max(initial=0) + 1, 3), math.nan)
+    points = np.full((n, max(t.segments for t in types) + 1, 3), math.nan)
     allowed = np.ones((n, len(guides)), bool)
     if guide_kind is not None:
         allowed = kind[:, None] == np.asarray(guide_kind)
         allowed[~allowed.any(1)] = True
     places = np.array([g[0] for g in guides])
     away, number = nearest(root, frame[:, 2], allowed, places, normals, blended + 1)
-    for i in np.flatnonzero(segments):
+    for i in np.flatnonzero(segments * (1 if traits is None else traits["scale"][:, 0] > 0)):
         t = types[kind[i]]
         up = unit_or(frame[i, 2] + t.direction_variation * lean[i] @ frame[i], frame[i, 2])
         some = number[i, :blended][number[i, :blended] >= 0]

@@ -100,21 +100,21 @@ def grow(
     frame,                 # [N, 3, 3] of the skin, see `frames`
     uv,                    # [N, 2]
     types,                 # objects with the fields of HairType
-    type_indices=None,     # [h, w] index into types, or None: all are types[0]
+    type_indices=None,     # [h, w] index into types, {number: that} of tiles, or None: all are types[0]
     force=(0, 0, 0),
     point_forces=(),       # objects with position and strength
     seed=0,
     traits=None,           # [N] what maps make of the strands, as layout.Traits has it
     substeps=None,         # a segment where they grow by the law, or as many as the device takes
+    middle=None,           # [N, 2] uv of the middle of each root's triangle, which chooses tiles of pictures; None: uv
 ):
     """Grow every strand: (points [N, S, 3], tangents [N, S, 3], counts [N], colors [N, 3], kind [N]).
 
     S is the largest number of points; where a strand has fewer, the rest is NaN.  Where a type has a colour of its own
     at root or tip, colors are of points, [N, S, 3].
     """
-    if type_indices is None:
-        type_indices = np.zeros((1, 1), int)
-    kind = type_indices[texel(uv, type_indices.shape)].astype(int)
+    middle = uv if middle is None else middle
+    kind = nearest(np.zeros((1, 1)) if type_indices is None else type_indices, uv, middle, 0).astype(int)
     segments = np.array([t.segments for t in types])
     points = np.full((len(root), segments.max() + 1, 3), math.nan)
     shaded = any(t.root_color is not None or t.tip_color is not None for t in types)
@@ -122,7 +122,7 @@ def grow(
     for k, t in enumerate(types):
         mine = np.flatnonzero(kind == k)
         vary = signed(random3(mine, seed, 1))
-        tint = 1 if t.color_texture is None else bilinear(t.color_texture, uv[mine])
+        tint = 1 if t.color_texture is None else between(t.color_texture, uv[mine], middle[mine], 1.0)
         varied = tint * (1 + t.color_variation * vary[:, :1])
         if shaded:
             colors[mine, :t.segments + 1] = colors_along(t) * np.broadcast_to(varied, (len(mine), 3))[:, None]
@@ -133,7 +133,9 @@ def grow(
                                 None if traits is None else traits[mine], substeps)
             points[mine, :t.segments + 1] = line
             tangents[mine, :t.segments + 1] = tangents_of(line, ahead)
-    return points, tangents, np.where(segments[kind] > 0, segments[kind] + 1, 0), colors, kind
+    there = segments[kind] > 0 if traits is None else (segments[kind] > 0) & (traits["scale"][:, 0] > 0)
+    points[~there] = tangents[~there] = math.nan
+    return points, tangents, np.where(there, segments[kind] + 1, 0), colors, kind
 
 
 def along(t):
@@ -300,27 +302,50 @@ def tangents_at(points, spans, k):
     return tuple(unit_or(chord, unit_or(along, (0, 1, 0))) for chord in chords)
 
 
-# --- textures -------------------------------------------------------------------------------------------
+# --- pictures -------------------------------------------------------------------------------------------
 
 
-def texel(uv, shape):
-    """Row and column [N] each of the texel at uv [N, 2]; pictures repeat, v runs up and rows run down."""
-    height, width = shape
-    wrapped = uv - np.floor(uv)
-    row = np.floor((1 - wrapped[:, 1]) * height).astype(int)
-    return row.clip(0, height - 1), np.floor(wrapped[:, 0] * width).astype(int).clip(0, width - 1)
+def between(pictures, uv, middle, none):
+    """What pictures have at uv [N, 2] between the four nearest texel centres: [N] or [N, n].
+
+    pictures: {number of a UDIM tile: [h, w] or [h, w, n]}, of which that counts in which middle [N, 2] lies, `none`
+    where there is none; or one picture, or {0: it}, which repeats.
+    """
+    return _looked_up(pictures, uv, middle, none, _bilinear)
 
 
-def bilinear(picture, uv):
-    """Colours [N, 3] at uv [N, 2] between the four nearest texel centres of a repeating picture [h, w, 3]."""
-    height, width, _ = picture.shape
-    x, y = uv[:, 0] * width - 0.5, -uv[:, 1] * height - 0.5
+def nearest(pictures, uv, middle, none):
+    """As `between`, but what the nearest texel has."""
+    return _looked_up(pictures, uv, middle, none, _nearest)
+
+
+def _looked_up(pictures, uv, middle, none, look):
+    pictures = pictures if isinstance(pictures, dict) else {0: pictures}
+    found = np.full((len(uv), *next(iter(pictures.values())).shape[2:]), none)
+    column, row = np.floor(middle).T
+    tile = np.where((column >= 0) & (column < 10) & (row >= 0), 1001 + column + 10 * row, -1)
+    for number, picture in pictures.items():
+        mine = np.flatnonzero(tile == number) if number else np.arange(len(uv))
+        inside = uv[mine] - np.floor(middle[mine]) if number else uv[mine] % 1
+        found[mine] = look(picture, np.clip(inside, 0, 1), (lambda i, n: i.clip(0, n - 1)) if number else np.mod)
+    return found
+
+
+def _bilinear(picture, uv, wrapped):
+    height, width = picture.shape[:2]
+    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
     column, row = np.floor(x).astype(int), np.floor(y).astype(int)
-    fx, fy = (x - column)[:, None], (y - row)[:, None]
-    left, right = column % width, (column + 1) % width
-    upper, lower = ((1 - fx) * picture[r % height, left] + fx * picture[r % height, right]
+    fx, fy = (each.reshape(-1, *[1] * (picture.ndim - 2)) for each in (x - column, y - row))
+    left, right = wrapped(column, width), wrapped(column + 1, width)
+    upper, lower = ((1 - fx) * picture[wrapped(r, height), left] + fx * picture[wrapped(r, height), right]
                     for r in (row, row + 1))
     return (1 - fy) * upper + fy * lower
+
+
+def _nearest(picture, uv, _):
+    height, width = picture.shape[:2]
+    row = np.floor((1 - uv[:, 1]) * height).astype(int)
+    return picture[row.clip(0, height - 1), np.floor(uv[:, 0] * width).astype(int).clip(0, width - 1)]
 
 
 # --- strands that the user brings -----------------------------------------------------------------------

@@ -102,14 +102,17 @@ def curl(
     return points + off[..., :1] * sides + off[..., 1:] * np.cross(ahead, sides)
 
 
-def put(points, normal, kind, number, seed, levels):
+def put(points, normal, kind, number, seed, levels, traits=None):
     """Strands [N, P, 3] of a type, with unit normals [N, 3] of the skin at their roots and numbers [N], as its tufts
     and frizz leave them.
 
     levels: of the tufts, and of those around them, objects with the hair in their middles, lines [tufts, Q, 3], with
     normals, sizes, turns and spacing, of this type alone, and with strength and profile of its `clfur.Tufts`; or [].
+    traits: [N] what maps make of the strands.
     """
     turn = np.zeros((len(points), 3))
+    drawn, bent, frizzy = (1, 1, 1) if traits is None else (
+        traits["tuft"][:, 0], traits["scale"][:, 3], traits["tuft"][:, 1])
     if levels:
         inner, lines, outer = levels[0], np.asarray(levels[0].lines, float), levels[-1]
         tuft = found = find(inner, points[:, 0], normal)
@@ -117,10 +120,10 @@ def put(points, normal, kind, number, seed, levels):
             around = find(outer, lines[:, 0], inner.normals)
             lines = gather(lines, around, outer.lines, outer.strength, outer.profile)
             found = np.where(tuft == NONE, NONE, np.append(around, NONE)[np.minimum(tuft, len(around))])
-            points = gather(points, found, outer.lines, outer.strength, outer.profile)
-        points = gather(points, tuft, lines, inner.strength, inner.profile)
+            points = gather(points, found, outer.lines, outer.strength * drawn, outer.profile)
+        points = gather(points, tuft, lines, inner.strength * drawn, inner.profile)
         turn = np.concatenate([outer.turns, turn[:1]])[np.minimum(found, len(outer.turns))]
-    return curl(points, turn, kind, number, seed)
+    return curl(points, turn, kind, number, seed, bent, frizzy)
 
 
 def find(level, root, normal):
