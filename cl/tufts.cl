@@ -39,6 +39,23 @@ __kernel void stand(
     }
 }
 
+/* Where strands stand on a mesh in rest. */
+__kernel void at_rest(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    __global const float4 *positions,      // [V] of the tessellated mesh in rest
+    __global const float4 *normals,        // [V]
+    __global const uint4 *triangles,       // [T]
+    __global const uint4 *roots,           // [strands] triangle; weights of its corners, floats
+    __global float4 *places,               // [strands] x, y, z [world]
+    __global float4 *place_normals)        // [strands] unit
+{
+    WORK_ITEM(i);
+    const uint4 t = triangles[roots[i].x];
+    const float4 share = as_float4(roots[i].yzww), up = (float4)(0.0f, 1.0f, 0.0f, 0.0f);
+    places[i] = share.x * positions[t.x] + share.y * positions[t.y] + share.z * positions[t.z];
+    place_normals[i] = unit_or(share.x * normals[t.x] + share.y * normals[t.y] + share.z * normals[t.z], up);
+}
+
 /* What is nearest so far. */
 typedef struct {
     float away;
@@ -74,9 +91,10 @@ inline int cell_of(float x, float low, float cells, int size)
 /* The tuft of each strand of a type, by cells around its root: 27 of them, then rings of more until none can be nearer. */
 __kernel void assign(
     const ulong begin, const ulong end,    // work-items, see common.h
-    __global const float4 *points,         // x, y, z, width [world]
+    __global const float4 *places,         // where strands have their roots [world]
+    const int by_strand,                   // 1: a place for each strand, 0: the first point of each
     __global const uint2 *spans,           // [strands] first point, points
-    __global const float4 *strand_normal,  // [strands] unit
+    __global const float4 *place_normals,  // [strands] unit
     __global const float4 *strand_uv,      // [strands] u, v, type
     const int kind,                        // the type
     __global const float4 *middles,        // [middles] x, y, z [world], 1 / square of how large the tuft is
@@ -91,7 +109,7 @@ __kernel void assign(
     WORK_ITEM(i);
     if (!spans[i].y || (int)strand_uv[i].z != kind)
         return;
-    const float4 root = (float4)(points[spans[i].x].xyz, 0.0f), normal = strand_normal[i];
+    const float4 root = (float4)(places[by_strand ? i : spans[i].x].xyz, 0.0f), normal = place_normals[i];
     const int x = cell_of(root.x, low.x, scale.x, size.x), y = cell_of(root.y, low.y, scale.x, size.y);
     const int z = cell_of(root.z, low.z, scale.x, size.z), most = max(size.x, max(size.y, size.z));
     Nearest best = {INFINITY, NO_TUFT};

@@ -13,7 +13,7 @@ from clfur.judge import truth
 from clfur.scene.bounds import fur_extent, hair_bounds
 from clfur.scene.tufts import spots_of
 from clfur.stages import strands, tufts
-from clfur.stages.tessellate import as_float4
+from clfur.stages.tessellate import as_float4, tessellate
 from clfur.twin import strands as strands_twin
 from clfur.twin import tufts as twin
 
@@ -113,8 +113,8 @@ def test_the_nearest_middle_is_found(gpu, n, spacing):
     kind, of_middle = rng.integers(0, 2, 300), np.arange(n) % 3 == 1
     up, of_skin = (strands_twin.unit_or(rng.normal(size=(k, 3)) + (0, .5, 0), 0).astype(np.float32) for k in (300, n))
     hair, there = lines(300, 2, 5), spots(n, spacing=spacing)
-    middles = tufts.middles_of(gpu, on_device(gpu, lines(n, 2, 6), of_middle, normals=of_skin), there, 0)
-    found = gpu.download(tufts.assign(gpu, on_device(gpu, hair, kind, normals=up), middles, 0))
+    made = middles(gpu, lines(n, 2, 6), there, of_middle, of_skin)
+    found = gpu.download(tufts.assign(gpu, on_device(gpu, hair, kind, normals=up), made, 0))
     mine = ~of_middle
     expected, two = twin.nearest(hair[:, 0], up, lines(n, 2, 6)[mine, 0], of_skin[mine], there.sizes[mine], spacing)
     assert (found[kind == 1] == twin.NONE).all()
@@ -123,20 +123,41 @@ def test_the_nearest_middle_is_found(gpu, n, spacing):
     assert clear.sum() > 120
 
 
+def middles(gpu, hair, there, kind, normals=None):
+    """`Middles` of hair [n, P, 3] as if each stood on a triangle of its own."""
+    n = len(hair)
+    up = np.tile(np.float32([0, 1, 0]), (n, 1)) if normals is None else normals
+    surface = SimpleNamespace(positions=gpu.upload(as_float4(np.repeat(hair[:, 0], 3, 0))),
+                              normals=gpu.upload(as_float4(np.repeat(up, 3, 0))))
+    return tufts.middles_of(gpu, on_device(gpu, hair, kind), surface, there, 0)
+
+
+@pytest.mark.small
+def test_places_at_rest_are_the_twins(gpu):
+    mesh, rng = ball(0), np.random.default_rng(2)
+    surface = tessellate(gpu, mesh, 1, 1)
+    weights, number = rng.dirichlet(np.ones(3), 30).astype(np.float32), rng.integers(0, 20, 30).astype(np.uint32)
+    made = tufts.at_rest(gpu, surface, gpu.upload(np.column_stack([number, weights.view(np.uint32)])))
+    corners = mesh.faces[number]
+    place, frame, _ = strands_twin.roots_at(mesh.positions, mesh.normals, np.zeros((12, 2)), corners, weights)
+    np.testing.assert_allclose(gpu.download(made.places)[:, :3], place, rtol=0, atol=PLACE)
+    np.testing.assert_allclose(gpu.download(made.place_normals)[:, :3], frame[:, 2], rtol=0, atol=PLACE)
+
+
 @pytest.mark.small
 def test_of_equally_near_middles_the_first_counts(gpu):
     there, place = spots(4), np.repeat(lines(1, 2, 1), 4, 0)
     there.sizes[:] = 1
-    middles = tufts.middles_of(gpu, on_device(gpu, place, [1, 0, 0, 0]), there, 0)
-    assert (gpu.download(tufts.assign(gpu, on_device(gpu, lines(20, 2, 3)), middles, 0)) == 1).all()
+    made = middles(gpu, place, there, [1, 0, 0, 0])
+    assert (gpu.download(tufts.assign(gpu, on_device(gpu, lines(20, 2, 3)), made, 0)) == 1).all()
 
 
 @pytest.mark.small
 def test_without_a_middle_there_is_no_tuft(gpu):
-    middles = tufts.middles_of(gpu, on_device(gpu, lines(3, 2, 1), 1), spots(3), 0)
+    made = middles(gpu, lines(3, 2, 1), spots(3), 1)
     hair = on_device(gpu, lines(20, 5, 3))
-    tuft_of = tufts.assign(gpu, hair, middles, 0)
-    tufts.gather(gpu, hair, middles, 0, tuft_of, clfur.Tufts(3))
+    tuft_of = tufts.assign(gpu, hair, made, 0)
+    tufts.gather(gpu, hair, made, 0, tuft_of, clfur.Tufts(3))
     assert (gpu.download(tuft_of) == twin.NONE).all() and (read(gpu, hair, 5) == lines(20, 5, 3)).all()
 
 
@@ -152,8 +173,8 @@ def test_strands_gather_as_the_twins_do(gpu, strength, profile, factors):
     traits = np.zeros(60, layout.Traits)
     traits["tuft"][:, 0] = rng.random(60) * (rng.random(60) > .2)
     there = on_device(gpu, hair)
-    middles = tufts.middles_of(gpu, on_device(gpu, middle), spots(5), 0)
-    tufts.gather(gpu, there, middles, 0, gpu.upload(tuft), clfur.Tufts(5, strength=strength, profile=profile),
+    kind = clfur.Tufts(5, strength=strength, profile=profile)
+    tufts.gather(gpu, there, middles(gpu, middle, spots(5), 0), 0, gpu.upload(tuft), kind,
                  traits=gpu.upload(traits) if factors else None)
     whole = strength * traits["tuft"][:, 0].astype(float) if factors else strength
     expected = twin.gather(hair, tuft, middle, whole, profile)
@@ -266,9 +287,9 @@ def test_the_tips_of_a_tuft_meet(gpu, profile, within):
     scene, loose = (furred(roots=4000, tufts=each, length_variation=0) for each in (
         clfur.Tufts(200, strength=1, profile=profile), None))
     points = points_of(gpu, scene)
-    middles = truth.middles_of(scene.strands, scene.mesh, 0, scene.strands.types[0].tufts)
-    tuft = twin.find(middles, points[:, 0].astype(float), points[:, 0].astype(float))
-    away, tips, free = (np.linalg.norm(each - middles.lines[tuft, k], axis=1) for each, k in (
+    made = truth.middles_of(scene.strands, scene.mesh, 0, scene.strands.types[0].tufts)
+    tuft = twin.find(made, points[:, 0].astype(float), points[:, 0].astype(float))
+    away, tips, free = (np.linalg.norm(each - made.lines[tuft, k], axis=1) for each, k in (
         (points[:, 0], 0), (points[:, -1], -1), (points_of(gpu, loose)[:, -1], -1)))
     near = away < .1
     assert near.sum() > 1000
@@ -317,8 +338,8 @@ def test_a_tuft_curls_as_one(gpu):
     given = {"tufts": clfur.Tufts(40, strength=0), **hair}
     curled, straight = (points_of(gpu, furred(**given, **more)) for more in ({"curl": (.04, 2)}, {}))
     scene = furred(**given)
-    middles = truth.middles_of(scene.strands, scene.mesh, 0, scene.strands.types[0].tufts)
-    tuft = twin.find(middles, straight[:, 0].astype(float), straight[:, 0].astype(float))
+    made = truth.middles_of(scene.strands, scene.mesh, 0, scene.strands.types[0].tufts)
+    tuft = twin.find(made, straight[:, 0].astype(float), straight[:, 0].astype(float))
     own = points_of(gpu, furred(curl=(.04, 2), **hair))
 
     def spread(points):   # of directions in which strands of a tuft have gone after a few segments: 0, all alike
@@ -378,6 +399,23 @@ def test_a_mesh_that_turns_takes_its_tufts_along(gpu):
                   for scene in (furred(mesh, **WILD), furred(turned, **WILD)))
     apart = np.abs(one[..., [1, 2, 0]] - other).max((1, 2))
     assert (apart > 1e-4).sum() <= 4
+
+
+def test_tufts_stay_together_in_every_pose(gpu):
+    """Assigned in rest: strands of a mesh that is stretched are of the tufts that they are of in rest."""
+    rest = ball(2)
+    posed = clfur.Mesh(rest.positions * (1, 2.5, .6), uv=rest.uv, faces=rest.faces)
+    scene = furred(posed, roots=2000, **WILD)
+    scene = attrs.evolve(scene, fur=attrs.evolve(scene.strands, rest=rest))
+    np.testing.assert_allclose(points_of(gpu, scene), twin_points(scene), rtol=0, atol=12 * PLACE)
+    # So that this can fail: in the pose alone some are of other tufts.
+    level = WILD["tufts"]
+    made, other = (truth.middles_of(fur, posed, 0, level) for fur in (
+        scene.strands, attrs.evolve(scene.strands, rest=None)))
+    place = strands_twin.unit_or(np.random.default_rng(1).normal(size=(500, 3)), 0)
+    normal = strands_twin.unit_or(place / (1, 2.5, .6), 0)
+    at_rest, in_pose = twin.find(made, place, place), twin.find(other, place * (1, 2.5, .6), normal)
+    assert (np.linalg.norm(made.places[at_rest] - place, axis=1) < .4).all() and (at_rest != in_pose).mean() > .2
 
 
 def test_read_back_and_brought_they_give_the_same_picture(gpu):

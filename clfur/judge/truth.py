@@ -209,8 +209,8 @@ def _grown(fur, body, rest, mesh):
     else:
         x, y, z = strands.twice_areas(rest.positions * rest.area_scale, surface[3]).T
         area = np.sqrt(x * x + y * y + z * z)
-        root, frame, at, chosen = strands.roots_by_area(
-            *surface, np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed)
+        spread = np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed
+        root, frame, at, chosen = strands.roots_by_area(*surface, *spread)
     traits = _traits(fur, planes(mesh, fur.maps, fur.comb), body, chosen, at, frame)
     points, tangents, counts, colors, kind = _lines(
         fur, mesh, root, frame, at[:, :2], traits, body.uv[triangles[chosen]].mean(1))
@@ -220,8 +220,12 @@ def _grown(fur, body, rest, mesh):
             levels = [] if hair.tufts is None else [
                 middles_of(fur, mesh, number, level) for level in hair.tufts.levels]
             up, end = frame[mine, 2], hair.segments + 1
-            points[mine, :end] = tufts.put(points[mine, :end], up, hair, mine, fur.seed, levels,
-                                           None if traits is None else traits[mine])
+            places = root, frame
+            if rest is not body:
+                places = strands.roots_by_area(rest.positions, rest.normals, *surface[2:], *spread)[:2]
+            points[mine, :end] = tufts.put(
+                points[mine, :end], places[0][mine], places[1][mine, 2], hair, mine, fur.seed, levels,
+                None if traits is None else traits[mine])
             tangents[mine, :end] = strands.tangents_of(points[mine, :end], up)
     there = np.arange(points.shape[1]) < counts[:, None]
     width = np.stack([np.pad(strands.widths_along(t), (0, there.shape[1] - 1 - t.segments)) for t in fur.types])[kind]
@@ -233,9 +237,11 @@ def _grown(fur, body, rest, mesh):
 
 def middles_of(fur: Strands, mesh: Mesh, number: int, level: Tufts) -> SimpleNamespace:
     """The middles of tufts of a type, by its number, as `clfur.twin.tufts.put` takes them."""
-    spots = spots_of(level, mesh, fur.rest or mesh, fur.seed)
+    rest = mesh if fur.roots == "faces" or fur.rest is None else fur.rest
+    spots = spots_of(level, mesh, rest, fur.seed)
     corners = mesh.faces[spots.faces]
-    root, up = tufts.stand(mesh.positions[corners], mesh.normals[corners], spots.weights, fur.surface == "pn")
+    (root, up), (place, normal) = (tufts.stand(each.positions[corners], each.normals[corners], spots.weights,
+                                               fur.surface == "pn") for each in (mesh, rest))
     of_corners = np.concatenate([mesh.uv[spots.faces], np.tile(np.eye(3)[:, :2], (len(root), 1, 1))], 2)
     at = np.einsum("nc,ncx->nx", spots.weights.astype(float), of_corners)
     frame = strands.frames(mesh.positions[corners].astype(float), up)
@@ -246,8 +252,9 @@ def middles_of(fur: Strands, mesh: Mesh, number: int, level: Tufts) -> SimpleNam
     lines, _, counts, _, kind = _lines(attrs.evolve(fur, types=even), mesh, root, frame, at[:, :2], traits, at[:, :2])
     mine = np.flatnonzero((kind == number) & (counts > 0))
     return SimpleNamespace(
-        lines=lines[mine, :even[number].segments + 1], normals=up[mine], sizes=spots.sizes[mine],
-        turns=spots.turns[mine], spacing=spots.spacing, strength=level.strength, profile=level.profile)
+        lines=lines[mine, :even[number].segments + 1], places=place[mine], normals=normal[mine],
+        sizes=spots.sizes[mine], turns=spots.turns[mine], spacing=spots.spacing, strength=level.strength,
+        profile=level.profile)
 
 
 def _traits(fur, said, body, chosen, at, frame):

@@ -24,7 +24,7 @@ from ..stages.lighting import Lighting
 from ..stages.lod import thin
 from ..stages.maps import traits
 from ..stages.raster import raster
-from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, upload_curves
+from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, roots_of, upload_curves
 from ..stages.tessellate import Surface, no_surface, tessellate
 from .plan import Part, Plan
 from .shadows import accumulate, deep_maps, finish, plan_shadows, shells_depth, without_body, without_hair
@@ -313,14 +313,17 @@ def _grow(gpu, plan, part):
     if not plan.grown:
         return upload_curves(gpu, plan.scene.strands, part.strands)
     fur, surface, made = plan.scene.strands, _surface(gpu, plan, part.faces), []
+    sums = plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
+                                  functools.partial(_resting, gpu, plan, part.faces))
+    rested = plan.rest and fur.tufted and tufts.at_rest(
+        gpu, tessellate(gpu, plan.rest, *plan.levels, part.faces),
+        roots_of(gpu, surface, fur, part.strands, part.area, sums)[1])
     grown = _maker(gpu, plan)(
-        gpu, surface, fur, part.strands, part.area,
-        plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
-                               functools.partial(_resting, gpu, plan, part.faces)),
+        gpu, surface, fur, part.strands, part.area, sums,
         plan.planes and functools.partial(_traits, gpu, plan, plan.planes, part.faces, part.strands[0], surface, made))
     if fur.tufted:
         known = gpu.keep("tufts", (plan.scene.mesh, fur), functools.partial(_tufts, gpu, plan))
-        tufts.put(gpu, grown, fur, known, made[0] if made else None)
+        tufts.put(gpu, grown, fur, known, made[0] if made else None, rested or None)
     return grown
 
 
@@ -341,10 +344,11 @@ def _middles(gpu, plan, level, kind):
     even = attrs.evolve(fur, roots="faces", types=[attrs.evolve(each, length_variation=0) for each in fur.types])
     there = spots_of(level, mesh, plan.rest or mesh, fur.seed)
     surface = tufts.surface_of(gpu, mesh, there, fur.surface)
+    rested = tufts.surface_of(gpu, plan.rest, there, fur.surface) if plan.rest else surface
     said = plan.planes and (None,) * tufts.STANDING + plan.planes[tufts.STANDING:]
     hair = _maker(gpu, plan)(gpu, surface, even, traits_of=said and functools.partial(
         _traits, gpu, plan, said, (0, len(mesh.faces)), 0, surface, []))
-    return tufts.middles_of(gpu, hair, there, kind)
+    return tufts.middles_of(gpu, hair, rested, there, kind)
 
 
 def _traits(gpu, plan, said, faces, first, surface, made, roots):

@@ -56,7 +56,7 @@ from ..stages.strands import AREA, ROOTS, SORTED_FROM, STAGES, DeviceStrands, Pa
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.transport import ASKED, LEAVING
 from ..stages.transport import bytes_of as transport_bytes
-from ..stages.tufts import TUFT_OF
+from ..stages.tufts import TUFT_OF, Rested
 from ..stages.tufts import bytes_of as tufts_bytes
 from ..stages.voxelize import CELLS, RESTS
 from .mattes import TOLD
@@ -538,7 +538,7 @@ class Plan:
         strand += TRAITS.bytes * bool(self.planes)
         if self.guides is not None:
             strand += FOUND.bytes
-        strand += TUFT_OF.bytes * self.tufted
+        strand += (TUFT_OF.bytes + Rested.bytes(strand=1) * bool(self.rest)) * self.tufted
         if self.settings.lod:
             per_point = fur.colored_points if isinstance(fur, Strands) else isinstance(fur, Curves) and (
                 len(fur.color) == len(fur.points))

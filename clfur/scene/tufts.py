@@ -86,4 +86,4 @@ def spots_of(tufts: Tufts, mesh: Mesh, rest: Mesh, seed: int) -> Spots:
     turns = ((2 * random[:, 3:6] - 1)[:, :, None] * frame).sum(1)
     return Spots(faces, np.stack([1 - a - b, a, b], 1).astype(np.float32),
                    1 + 0.9 * tufts.size_variation * (2 * random[:, 6] - 1), turns.astype(np.float32),
-                   float(np.sqrt(mesh.area / n)))
+                   float(np.sqrt(rest.area / n)))

@@ -23,12 +23,21 @@ class Middles(Arrays):
 
     hair: DeviceStrands                                 # that grows there, one each; strands of other types count not
     middles: Any = array("middle", np.float32, 4)       # x, y, z [world], 1 / square of how large the tuft is
+    normals: Any = array("middle", np.float32, 4)       # unit
     turns: Any = array("middle", np.float32, 4)         # where a curl begins
     listed: Any = array("listed", np.uint32)            # numbers of middles, cell after cell of a grid,
     starts: Any = array("cell", np.uint32)              # and where each cell begins
     low: tuple = (0.0, 0.0, 0.0, 0.0)                   # lowest corner of the grid, spacing of middles [world]
     scale: tuple = (1.0, 0.0, 0.0, 1.0)                 # cells a unit of length; -; -; least of all w of the middles
     size: tuple = (1, 1, 1, 0)                          # cells in x, y, z
+
+
+@dataclass(frozen=True)
+class Rested(Arrays):
+    """Where strands stand on the mesh in rest."""
+
+    places: Any = array("strand", np.float32, 4)          # x, y, z [world]
+    place_normals: Any = array("strand", np.float32, 4)   # unit
 
 
 @dataclass(frozen=True)
@@ -66,12 +75,12 @@ def surface_of(gpu: Any, mesh: Any, there: Any, surface: str) -> Surface:
     return made
 
 
-def middles_of(gpu: Any, hair: DeviceStrands, there: Any, kind: int) -> Middles:
-    """`Middles` of a type, of the hair that has grown on `surface_of` the spots ``there``."""
-    spans = gpu.download(hair.spans)
-    of_type = (spans[:, 1] > 1) & (gpu.download(hair.uv)[:, 2] == kind)
-    places = np.zeros((len(spans), 4), np.float32)
-    places[of_type, :3] = gpu.download(hair.points)[spans[of_type, 0], :3]
+def middles_of(gpu: Any, hair: DeviceStrands, surface: Surface, there: Any, kind: int) -> Middles:
+    """`Middles` of a type, of the hair that has grown on `surface_of` the spots ``there``; they are where such a
+    ``surface`` is, of the mesh in rest if there is one."""
+    of_type = (gpu.download(hair.spans)[:, 1] > 1) & (gpu.download(hair.uv)[:, 2] == kind)
+    places, normals = (gpu.download(each).reshape(-1, 3, 4) for each in (surface.positions, surface.normals))
+    places = np.where(of_type[:, None], places.mean(1), 0).astype(np.float32)
     places[:, 3] = 1 / there.sizes**2
     found = np.flatnonzero(of_type)
     low, high = (places[found, :3].min(0), places[found, :3].max(0)) if len(found) else np.zeros((2, 3), np.float32)
@@ -82,28 +91,37 @@ def middles_of(gpu: Any, hair: DeviceStrands, there: Any, kind: int) -> Middles:
     order = np.argsort(cell, kind="stable")
     starts = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=size.prod()))])
     return Middles(
-        hair=hair, middles=gpu.upload(places), turns=gpu.upload(as_float4(there.turns)),
-        listed=gpu.upload(found[order].astype(np.uint32)), starts=gpu.upload(starts.astype(np.uint32)),
-        low=(*low.tolist(), there.spacing), scale=(1 / side, 0.0, 0.0, float(places[:, 3].min(initial=1))),
-        size=(*size.tolist(), 0))
+        hair=hair, middles=gpu.upload(places), normals=gpu.upload(normals[:, 0].copy()),
+        turns=gpu.upload(as_float4(there.turns)), listed=gpu.upload(found[order].astype(np.uint32)),
+        starts=gpu.upload(starts.astype(np.uint32)), low=(*low.tolist(), there.spacing),
+        scale=(1 / side, 0.0, 0.0, float(places[:, 3].min(initial=1))), size=(*size.tolist(), 0))
+
+
+def at_rest(gpu: Any, surface: Surface, roots: Any) -> Rested:
+    """Where strands with these roots stand on the tessellated mesh in rest -> `Rested`."""
+    made = Rested.empty(gpu, {"strand": len(roots)})
+    gpu.launch("tufts.at_rest", len(roots), positions=surface.positions, normals=surface.normals,
+               triangles=surface.triangles, roots=roots, **vars(made))
+    return made
 
 
 def nest(gpu: Any, tufts: Any, kind: int, inner: Middles, outer: Middles | None = None) -> Nested:
     """Put tufts, as `clfur.Tufts` have them, in those around them, if any: their hair gathers there."""
     if outer is None:
         return Nested(inner)
-    parents = assign(gpu, inner.hair, outer, kind)
+    parents = assign(gpu, inner.hair, outer, kind, Rested(inner.middles, inner.normals))
     gather(gpu, inner.hair, outer, kind, parents, tufts.within)
     return Nested(inner, outer, parents)
 
 
-def assign(gpu: Any, strands: DeviceStrands, middles: Middles, kind: int) -> Any:
-    """The tuft of each strand of a type, that of the middle nearest to its root -> `TUFT_OF`."""
+def assign(gpu: Any, strands: DeviceStrands, middles: Middles, kind: int, rested: Rested | None = None) -> Any:
+    """The tuft of each strand of a type, that of the middle nearest to its root, in rest if given -> `TUFT_OF`."""
     tuft_of = TUFT_OF.empty(gpu, len(strands.spans))
-    gpu.launch("tufts.assign", len(strands.spans), kind=kind, middles=middles.middles,
-               middle_normals=middles.hair.normals, listed=middles.listed, starts=middles.starts, low=middles.low,
-               scale=middles.scale, size=middles.size, tuft_of=tuft_of,
-               **arrays(strands, "points", "spans", "strand_normal", "strand_uv"))
+    places, normals = (strands.points, strands.normals) if rested is None else (rested.places, rested.place_normals)
+    gpu.launch("tufts.assign", len(strands.spans), kind=kind, middles=middles.middles, middle_normals=middles.normals,
+               listed=middles.listed, starts=middles.starts, low=middles.low, scale=middles.scale, size=middles.size,
+               tuft_of=tuft_of, by_strand=rested is not None, places=places, place_normals=normals,
+               **arrays(strands, "spans", "strand_uv"))
     return tuft_of
 
 
@@ -126,7 +144,8 @@ def curl(gpu: Any, strands: DeviceStrands, kind: int, seed: int, tuft_of: Any = 
                **arrays(strands, "points", "spans", "strand_uv", "numbers", "first_strand", "types"))
 
 
-def put(gpu: Any, strands: DeviceStrands, fur: Any, known: dict, traits: Any = None) -> None:
+def put(gpu: Any, strands: DeviceStrands, fur: Any, known: dict, traits: Any = None,
+        rested: Rested | None = None) -> None:
     """Gather, curl and frizz what has grown of `clfur.Strands`, in place; ``known``: {type: `Nested`}."""
     for kind, hair in enumerate(fur.types):
         moves = hair.curl[0] or hair.wave[0] or hair.frizz[0]
@@ -135,7 +154,7 @@ def put(gpu: Any, strands: DeviceStrands, fur: Any, known: dict, traits: Any = N
                 curl(gpu, strands, kind, fur.seed, traits=traits)
             continue
         nested = known[kind]
-        tuft_of, outer = assign(gpu, strands, nested.inner, kind), nested.outer
+        tuft_of, outer = assign(gpu, strands, nested.inner, kind, rested), nested.outer
         if outer is not None:
             gather(gpu, strands, outer, kind, tuft_of, hair.tufts.within, nested.parents, traits)
         gather(gpu, strands, nested.inner, kind, tuft_of, hair.tufts, traits=traits)

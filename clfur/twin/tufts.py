@@ -102,12 +102,12 @@ def curl(
     return points + off[..., :1] * sides + off[..., 1:] * np.cross(ahead, sides)
 
 
-def put(points, normal, kind, number, seed, levels, traits=None):
-    """Strands [N, P, 3] of a type, with unit normals [N, 3] of the skin at their roots and numbers [N], as its tufts
-    and frizz leave them.
+def put(points, place, normal, kind, number, seed, levels, traits=None):
+    """Strands [N, P, 3] of a type, with numbers [N] and roots at places [N, 3] with unit normals [N, 3], in rest if the
+    mesh has one, as its tufts and frizz leave them.
 
     levels: of the tufts, and of those around them, objects with the hair in their middles, lines [tufts, Q, 3], with
-    normals, sizes, turns and spacing, of this type alone, and with strength and profile of its `clfur.Tufts`; or [].
+    places, normals, sizes, turns and spacing, of this type alone, and with strength and profile of its `clfur.Tufts`.
     traits: [N] what maps make of the strands.
     """
     turn = np.zeros((len(points), 3))
@@ -115,9 +115,9 @@ def put(points, normal, kind, number, seed, levels, traits=None):
         traits["tuft"][:, 0], traits["scale"][:, 3], traits["tuft"][:, 1])
     if levels:
         inner, lines, outer = levels[0], np.asarray(levels[0].lines, float), levels[-1]
-        tuft = found = find(inner, points[:, 0], normal)
+        tuft = found = find(inner, place, normal)
         if len(levels) > 1:
-            around = find(outer, lines[:, 0], inner.normals)
+            around = find(outer, inner.places, inner.normals)
             lines = gather(lines, around, outer.lines, outer.strength, outer.profile)
             found = np.where(tuft == NONE, NONE, np.append(around, NONE)[np.minimum(tuft, len(around))])
             points = gather(points, found, outer.lines, outer.strength * drawn, outer.profile)
@@ -126,7 +126,6 @@ def put(points, normal, kind, number, seed, levels, traits=None):
     return curl(points, turn, kind, number, seed, bent, frizzy)
 
 
-def find(level, root, normal):
-    """The tufts [N] of a level for roots [N, 3] with normals."""
-    lines = np.asarray(level.lines, float).reshape(len(level.normals), -1, 3)
-    return nearest(root, normal, lines[:, 0], level.normals, level.sizes, level.spacing)[0]
+def find(level, place, normal):
+    """The tufts [N] of a level for roots at places [N, 3] with normals."""
+    return nearest(place, normal, level.places, level.normals, level.sizes, level.spacing)[0]
