@@ -347,7 +347,8 @@ __kernel void wind(
     WORK_ITEM(i);
     const uint2 span = spans[i];
     const HairType type = types[(uint)strand_uv[i].z];
-    const float scale = has_traits ? traits[i].scale.w : 1.0f, curl = type.curl.x * scale, wave = type.wave.x * scale;
+    const float scale = type.frizz.z > 0.0f ? 0.0f : has_traits ? traits[i].scale.w : 1.0f;   // tufts curl as one
+    const float curl = type.curl.x * scale, wave = type.wave.x * scale;
     if (span.y < 2 || !(curl > 0.0f || wave > 0.0f))
         return;
     const float4 up = strand_normal[i];

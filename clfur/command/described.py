@@ -167,6 +167,8 @@ def _strands(options, length, radius, mesh):
         "tip_color": options["tip_color"],
         "curl": options["curl"],
         "wave": options["wave"],
+        "tufts": options["tufts"],
+        "frizz": options["frizz"],
         "alpha": options["alpha"],
         "look": options.get("look"),
         **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), options["variation"]),

@@ -110,6 +110,7 @@ def between(
         ahead = unit_or(axis[np.minimum(k + 1, segments[i])] - axis[np.maximum(k - 1, 0)], frame[i, 2])[None]
         side = unit_or(np.cross(ahead[:, 0], turn[[i]] @ frame[i]), frame[i, 2])
         bent = 1 if traits is None else float(traits["scale"][i, 3])
+        bent = 0 if t.tufts is not None else bent   # which curl as a whole
         aside = offsets(ahead[:, 1:], sides_of(ahead, side)[:, 1:], t.curl, t.wave)[0]
         points[i, :segments[i] + 1] = axis + bent * aside
     return points
