@@ -479,6 +479,14 @@ def test_views_that_are_none(clfur, arguments, says):
     wrong(clfur("render", "sphere", *arguments), says)
 
 
+@pytest.mark.parametrize("arguments, says", [
+    (["--size", "32x24", "--region", "0,0,33,9"], "--region: region is (0, 0, 33, 9); allowed: x, y, width and height"),
+    (["--outputs", "colour", "-o", "a.exr"], "--outputs: there is no output 'colour'; allowed: color, depth"),
+    (["--outputs", "colour", "-o", "a.png"], "--outputs: a.png can hold color alone, not colour; allowed: color, or")])
+def test_what_is_asked_of_a_picture_that_there_is_not(clfur, arguments, says):
+    wrong(clfur("render", "sphere", "--roots", 9, *arguments), says)
+
+
 def test_skin_is_as_the_hair_but_darker():
     for fur in "strands", "shells", "both":
         assert load("sphere", "--color", "1,.5,.25", "--fur", fur)[0].body_color == pytest.approx((.6, .3, .15))
