@@ -11,7 +11,7 @@ from .. import Camera, Ground, Material, Scene, Shells, Strands, load_materials,
 from ..files.curves import read_curves
 from ..files.images import load_picture
 from ..files.usd import is_usd
-from ..scene import extent, frame, highlighted
+from ..scene import extent, frame, highlighted, upright
 from ..scene.checks import vector
 from ..scene.strands import LAW
 from .hair_types import groom_of, hair_type, hair_types, type_map
@@ -32,7 +32,8 @@ def scene_of(mesh, options):
     """The scene of a mesh that the options describe, or of none with "curves", strands that take the place of grown
     ones."""
     options = options | {"time": options["time"] or 0.0, "code": options["time"]}
-    options |= {"rest": None if options["rest"] is None else read_for("--rest", load_mesh, options["rest"])}
+    options |= {"rest": None if options["rest"] is None else standing("--rest", load_mesh, options["rest"],
+                                                                               options["up"])}
     options |= _guided(options)
     base, curves = options["rest"] or mesh, options.get("curves")   # hair is as long in every pose
     middle, radius = extent(None, curves) if base is None else base.bounds
@@ -70,9 +71,16 @@ def scene_of(mesh, options):
                  body=options["body"], ground=ground, **_body_color(options, fur[-1]))
 
 
+def standing(flag, read, path, up):
+    """What `read_for` gives of a Mesh or Curves, of which an axis is ``up``, with Y up; USD tells its own."""
+    found = read_for(flag, read, path)
+    return upright(found) if up == "z" and not is_usd(path) else found
+
+
 def _guided(options):
     """{"guides": the Curves of the file that they name, "segments"}: as many as guides have where it is not told."""
-    guides = options["guides"] and read_for("--guides", lambda path: read_curves(path, {}), options["guides"])
+    guides = options["guides"] and standing(
+        "--guides", lambda path: read_curves(path, {}), options["guides"], options["up"])
     longest = int(guides.counts.max(initial=0)) - 1 if guides else 0
     known = options["segments"]
     return {"guides": guides, "segments": min(max(SEGMENTS, longest), MOST_SEGMENTS) if known is None else known}
@@ -93,7 +101,9 @@ def _body_color(options, fur):
     """{"body_color"} of the options, else of the mesh's file, else skin under this fur; {} for a scene's own."""
     color, picture = options["body_color"], options["body_texture"]
     if picture is not None:
-        return {"body_color": Material(color or (1, 1, 1), read_for("--body-texture", load_picture, picture))}
+        found, color = read_for("--body-texture", load_picture, picture), color or (1, 1, 1)
+        return {"body_color": {number: Material(color, each) for number, each in found.items()}
+                if isinstance(found, dict) else Material(color, found)}
     if color is not None or options["body"] == "holdout":   # which is not seen
         return {} if color is None else {"body_color": color}
     materials = load_materials(options["given"])
@@ -187,8 +197,8 @@ def _hair(options, length, radius, mesh):
     given = {name: options[name] for name in ("width", "color", "alpha", "look", "surface", "seed")}
     given |= {"inner": levels["inner"], "outer": levels["outer"]}
     given = {name: value for name, value in given.items() if value is not None}
-    curves = read_for("--hair", lambda path: read_curves(path, given, time=options["code"] if is_usd(path) else None),
-                      options["hair"])
+    curves = standing("--hair", lambda path: read_curves(path, given, time=options["code"] if is_usd(path) else None),
+                      options["hair"], options["up"])
     if options["inner"] or options["outer"]:   # a file may say otherwise
         curves = attrs.evolve(curves, inner=given["inner"], outer=given["outer"])
     return curves

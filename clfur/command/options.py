@@ -59,6 +59,9 @@ _FUR = [
                       "their shapes, so that no length, force or lean counts; --variation and maps cut them."),
     click.option("--parting", type=Real(0, 180), default=60.0, metavar="DEG",
                  help="Guides that point apart by more than this are not blended; 180: all are."),
+    click.option("--up", type=click.Choice(["y", "z"]), default="y",
+                 help="Which axis is up in MESH and in files of strands but USD's, which tell; what has Z there is "
+                      "turned so that it is Y, the up of all other options."),
     click.option("--rest", metavar="MESH",
                  help="The mesh in rest, of the same faces: lengths go by it, and N roots and the cells of shells stay "
                       "where they are on it in every pose."),
