@@ -57,6 +57,7 @@ def test_shells():
     shells, plain = scene.shells, Shells()
     assert scene.strands is None and isinstance(shells, Shells)
     assert shells.length == pytest.approx(0.12 * radius()) and shells.hairs == 60_000
+    assert shells.specular < plain.specular and shells.exponent < plain.exponent
     assert np.allclose(shells.force, (0, -0.8, 0))   # half of what 8 segments of strands bend
     assert np.array_equal(shells.color, (0.45, 0.2, 0.07))
     for name in ("layers", "pattern", "density", "noise", "time", "shading", "length_variation", "alpha", "seed",
@@ -283,7 +284,7 @@ def test_the_highlight_is_the_looks(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "types.json").write_text('[{"specular": 0.9}]')
     scene, settings = load("sphere", "--fur", "both", "--types", "types.json", "--specular", "half-vector")
-    assert settings.specular is None and scene.shells.look == Kajiya(highlight="half-vector")
+    assert settings.specular is None and scene.shells.look.highlight == "half-vector"
     assert scene.strands.types[0].look == Kajiya(specular=.9, highlight="half-vector")
     (tmp_path / "fur.py").write_text("import clfur\nscene = clfur.Scene(clfur.load_mesh('sphere'), clfur.Shells())\n")
     assert load("fur.py", "--specular", "half-vector")[0].shells.look.highlight == "half-vector"
@@ -492,6 +493,14 @@ def test_views(view, towards):
     (["--view", "top", "--eye", "0,9,0"], "--view places the camera, and so does --eye; allowed: one of them")])
 def test_views_that_are_none(clfur, arguments, says):
     wrong(clfur("render", "sphere", *arguments), says)
+
+
+@pytest.mark.parametrize("arguments, says", [
+    (["--size", "32x24", "--region", "0,0,33,9"], "--region: region is (0, 0, 33, 9); allowed: x, y, width and height"),
+    (["--outputs", "colour", "-o", "a.exr"], "--outputs: there is no output 'colour'; allowed: color, depth"),
+    (["--outputs", "colour", "-o", "a.png"], "--outputs: a.png can hold color alone, not colour; allowed: color, or")])
+def test_what_is_asked_of_a_picture_that_there_is_not(clfur, arguments, says):
+    wrong(clfur("render", "sphere", "--roots", 9, *arguments), says)
 
 
 def z_up(folder, name, array):

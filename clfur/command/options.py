@@ -286,6 +286,8 @@ def _naming_options(command):
 
 def _flag_of(message, flags):
     """The one of the options given, {name: flag}, that has set the field with which a message begins, or None."""
+    if message.startswith(("region ", "there is no output")):
+        return flags.get("region" if message.startswith("region") else "outputs")
     if not (found := re.match(r"([A-Z]\w*\.|frame )(\w+)", message)):
         return None
     kind, field = found.groups()
