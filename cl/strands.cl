@@ -439,7 +439,7 @@ __kernel void grow(
     __global const uint4 *roots,           // [strands] triangle; weights of its corners, floats
     __global const HairType *types,        // [types]
     __global const uint *type_map,         // index of the type; nearest texel, v runs up
-    const int map_tiles,                   // how many tiles the map has
+    const int map_tiles,                   // how many tiles the map has, 0: none
     __global const SkinTile *tiles,            // of the map, then of textures
     __global const float4 *texels,         // colour textures of all types, linear r, g, b
     const int has_traits,                  // 0: there are none
@@ -471,7 +471,7 @@ __kernel void grow(
         const float4 share = as_float4(roots[i].yzww);
         const float4 at = share.x * uv[t.x] + share.y * uv[t.y] + share.z * uv[t.z];
         const float4 middle = (uv[t.x] + uv[t.y] + uv[t.z]) / 3.0f;
-        const uint kind = type_at(tiles, map_tiles, type_map, middle, at);
+        const uint kind = map_tiles ? type_at(tiles, map_tiles, type_map, middle, at) : 0;
         __global const HairType *type = &types[kind];
         const float4 vary = signed_unit(random3(first_strand + i, seed, 1));
         const float4 tint = type->counts.z ? color_at(tiles, type->counts.y, type->counts.z, texels, middle, at)

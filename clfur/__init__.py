@@ -12,8 +12,9 @@ from .errors import DeviceError, Error
 from .files.colmap import load_colmap
 from .files.curves import load_curves, save_curves
 from .files.gltf import load_materials
-from .files.images import load_picture, save
+from .files.images import load, load_header, load_picture, save
 from .files.meshes import load_mesh
+from .files.scenes import load_scene
 from .judge import truth
 from .judge.compare import Comparison, compare
 from .judge.frontier import Frontier, frontier
@@ -42,8 +43,9 @@ from .settings import Settings
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
     "Frontier", "Ground", "HairType", "Kajiya", "Light", "Maps", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
-    "Settings", "Shells", "Strands", "compare", "draw", "frames", "frontier", "grow", "load_colmap",
-    "load_curves", "load_materials", "load_mesh", "load_picture", "over", "render", "save", "save_curves", "truth",
+    "Settings", "Shells", "Strands", "compare", "draw", "frames", "frontier", "grow", "load", "load_colmap",
+    "load_curves", "load_header", "load_materials", "load_mesh", "load_picture", "load_scene", "over", "render", "save",
+    "save_curves", "truth",
 ]
 
 install()

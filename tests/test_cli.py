@@ -219,10 +219,10 @@ def test_faces_that_are_inside_out_or_doubled_are_told(clfur, tmp_path):
     """A tetrahedron wound inwards, and one face of it a second time, from both sides."""
     (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
                                     "f 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\nf 2 3 4\nf 2 4 3\n")
-    code, out, err = clfur("render", "m.obj", "--size", "8x8", "-o", "a.png")
+    code, out, err = clfur("render", "m.obj", "--size", "8x8", "--roots", 9, "-o", "a.png")
     assert (code, err) == (0, "")
     assert out.rstrip().endswith("; skipped faces: 2 doubled; turned 3 faces that were inside out")
-    code, out, err = clfur("render", "m.obj", "--size", "8x8", "-o", "a.png", "--json")
+    code, out, err = clfur("render", "m.obj", "--size", "8x8", "--roots", 9, "-o", "a.png", "--json")
     result = json.loads(out)
     assert (result["skipped"]["doubled"], result["turned"], result["one_sided"]) == (2, 3, 0)
 

@@ -1,5 +1,7 @@
 """`clfur grow`, and `clfur render` with strands of a file."""
 
+import json
+
 import numpy as np
 import pytest
 from support.command import wrong
@@ -33,9 +35,31 @@ def test_a_wrong_use_is_one_line_and_leaves_nothing(clfur, tmp_path, arguments, 
     assert [path.name for path in tmp_path.iterdir()] == ["bad.hair"]
 
 
+def test_grow_has_no_options_of_pictures_and_tells_in_json(clfur, tmp_path):
+    code, out, _ = clfur("grow", "--help")
+    assert code == 0 and "--curl" in out
+    unused = "eye", "light", "sky", "size", "ground", "layers", "raster", "camera"
+    assert not any(f"--{name} " in out for name in unused)
+    code, out, _ = clfur("grow", "sphere", "-o", "hair.npz", "--inner", 1, "--outer", 1, "--json")
+    told = json.loads(out)
+    assert code == 0 and (told["file"], told["strands"], told["points"]) == ("hair.npz", 1280, 11520)
+    wrong(clfur("grow", "sphere", "-o", "b.npz", "--eye", "0,0,9"), "No such option")
+
+
+def test_hair_is_given_once(clfur, tmp_path):
+    wrong(clfur("render", "sphere", "--hair", "a.npz", "--hair", "b.npz"), "--hair is given 2 times; allowed: once")
+
+
+def test_strands_of_one_point_are_told(clfur, tmp_path):
+    np.save(tmp_path / "a.npy", np.zeros((4, 1, 3)))
+    code, _, err = clfur("render", "sphere", "--hair", "a.npy", "--size", "16x16", "--inner", 1)
+    assert code == 0 and err == "clfur: warning: strands of a file have one point each, and nothing of them is drawn\n"
+
+
 def test_a_file_of_guides_shapes_as_many_strands_as_there_are_roots(clfur):
     clfur("grow", "sphere", "-o", "guides.npz", "--roots", 80, "--segments", 12, "--variation", 0)
-    code, out, _ = clfur("render", "sphere", "--guides", "guides.npz", "--roots", 3000, "--size", "32x32")
+    code, out, _ = clfur("render", "sphere", "--guides", "guides.npz", "--roots", 3000, "--size", "32x32",
+                         "--reach", 0)
     assert code == 0 and "3,000 strands, 36,000 segments" in out
     code, out, _ = clfur("grow", "sphere", "--guides", "guides.npz", "--roots", 500, "--segments", 4, "-o", "all.npz")
     assert code == 0 and out == "all.npz: 500 strands, 2,500 points\n"
@@ -52,6 +76,7 @@ def test_a_file_of_guides_shapes_as_many_strands_as_there_are_roots(clfur):
     (["--guides", "far.npz", "--hair", "far.npz"], "--hair has no say where --guides give strands their shapes"),
     (["--guides", "far.npz", "--parting", 200], "--parting"),
     (["--parting", 20], "--parting is for strands between --guides"),
+    (["--reach", 2], "--reach is for strands between --guides"),
     (["--guides", "far.npz", "--fur", "shells"], "--guides is for strands, but --fur is shells")])
 def test_what_guides_cannot_be_is_one_line(clfur, arguments, message):
     np.savez("far.npz", points=np.arange(30).reshape(5, 2, 3) + 5.0)

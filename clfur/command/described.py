@@ -1,43 +1,54 @@
 """The scene that options describe: fur on a mesh, lights, camera, body and ground."""
 
 import math
+from pathlib import Path
 
 import attrs
 import click
+import numpy as np
 
 from .. import Camera, Ground, Material, Scene, Shells, Strands, load_materials, load_mesh
 from ..files.curves import read_curves
 from ..files.images import load_picture
-from ..scene import frame, highlighted
+from ..files.usd import is_usd
+from ..scene import extent, frame, highlighted
 from ..scene.checks import vector
 from ..scene.strands import LAW
-from .hair_types import hair_type, hair_types, type_map
+from .hair_types import groom_of, hair_type, hair_types, type_map
+from .skin import skin_of
 from .types import light_of, read_for
 
 SEGMENTS, MOST_SEGMENTS = 8, 64   # of a strand: at least, and where guides have as many points
-SPARSE = 10_000            # strands; a mesh with fewer looks bald: the sphere has 47,360
+SKIN = 0.6                 # of the hair's light: bare places are seen between hairs, and must not shine through
+ROOTS = 100_000            # strands without options, on any mesh: it is framed as large as any other
+HAIRS = 60_000             # of shells on a mesh without options
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
 
 
 def scene_of(mesh, options):
-    """The scene of a mesh that the options describe."""
-    options = options | {"rest": None if options["rest"] is None else read_for("--rest", load_mesh, options["rest"])}
+    """The scene of a mesh that the options describe, or of none with "curves", strands that take the place of grown
+    ones."""
+    options = options | {"time": options["time"] or 0.0, "code": options["time"]}
+    options |= {"rest": None if options["rest"] is None else read_for("--rest", load_mesh, options["rest"])}
     options |= _guided(options)
-    _, radius = (options["rest"] or mesh).bounds   # hair is as long in every pose
+    base, curves = options["rest"] or mesh, options.get("curves")   # hair is as long in every pose
+    middle, radius = extent(None, curves) if base is None else base.bounds
     kind, length = options["fur"], options["length"]
     if length is None:
         length = (0.12 if kind == "shells" else 0.08) * radius
     fur = []
     if kind != "strands":
-        fur.append(_shells(options, length / 2 if kind == "both" else length, radius))
-    if kind != "shells":
-        fur.append((_strands if options["hair"] is None else _hair)(options, length, radius, len(mesh.faces)))
+        fur.append(_shells(options, length / 2 if kind == "both" else length))
+    if curves is not None:
+        fur.append(curves)
+    elif kind != "shells":
+        fur.append((_strands if options["hair"] is None else _hair)(options, length, radius, mesh))
     if options.get("specular") == "half-vector":   # the other is that of looks which say nothing
         fur = highlighted(tuple(fur), "half-vector")
 
     height = options["ground"]
     ground = None if height is None else Ground(None if height == "lowest" else height)
-    lights = _lights(options["lights"], mesh.bounds[0])
+    lights = _lights(options["lights"], middle if mesh is None else mesh.bounds[0])
     given = options["eye"] or options["target"]
     towards = {"direction": options["view"]} if options["view"] else {}
     camera = frame(mesh, fur, options["size"], options["fov"], ground=None if given else ground, lights=lights,
@@ -53,7 +64,7 @@ def scene_of(mesh, options):
         fov = 2 * math.degrees(math.atan(math.tan(math.radians(camera.fov) / 2) / options["zoom"]))
         camera = attrs.evolve(camera, fov=fov)
     return Scene(mesh=mesh, fur=fur, camera=camera, light=lights, environment=options["sky"],
-                 body=options["body"], ground=ground, **_body_color(options))
+                 body=options["body"], ground=ground, **_body_color(options, fur[-1]))
 
 
 def _guided(options):
@@ -70,58 +81,56 @@ def _lights(texts, middle):
     return [light_of(text, {"ambient": 0.0} if number else {}, middle) for number, text in enumerate(texts)]
 
 
-def _body_color(options):
-    """{"body_color"} of the options or else of the mesh's file; {} for a scene's own."""
+def _body_color(options, fur):
+    """{"body_color"} of the options, else of the mesh's file, else skin under this fur; {} for a scene's own."""
     color, picture = options["body_color"], options["body_texture"]
     if picture is not None:
         return {"body_color": Material(color or (1, 1, 1), read_for("--body-texture", load_picture, picture))}
     if color is not None or options["body"] == "holdout":   # which is not seen
         return {} if color is None else {"body_color": color}
     materials = load_materials(options["given"])
-    return {"body_color": materials or tuple(0.6 * part for part in options["color"])}
+    return {"body_color": materials or SKIN * _mean_color(fur)}
 
 
-def _shells(options, length, radius):
-    """The `Shells` of this length on a mesh of this radius that the options describe."""
-    frequency = options["frequency"]
-    if frequency is None:
-        frequency = 60 / radius if options["pattern"] == "cells" else 40.0
+def _mean_color(fur):
+    """Linear RGB float64 [3] of hair, mean over types, or over the points of a file's."""
+    if isinstance(fur, Strands):
+        return np.mean([kind.color for kind in fur.types if kind.segments] or [fur.types[0].color], axis=0)
+    return np.mean(np.reshape(fur.color, (-1, 3)), axis=0, dtype=float)
+
+
+def _shells(options, length):
+    """The `Shells` of this length that the options describe."""
+    fine = {"frequency": options["frequency"] or 40.0}
+    if options["frequency"] is None and options["pattern"] == "cells":
+        fine = {"hairs": options["hairs"] or HAIRS}
     # Half of what strands bend: hairs that stand upright go into the body if they are bent by more than 1.
     weight = 0.5 / (options["stiffness"] or LAW["stiffness"])
     if options["force_weight"] is not None:
         weight = 0.5 * options["force_weight"] * options["segments"]
     return Shells(
-        length=length, frequency=frequency, length_variation=options["variation"],
+        length=length, **fine, length_variation=options["variation"],
         force=[weight * part for part in options["force"]],
         **{name: options[name] for name in ("layers", "pattern", "density", "noise", "wind", "time", "shading", "color",
                                             "alpha", "seed", "rest")})
 
 
 def density(options, faces):
-    """{"inner", "outer", "roots"} of strands on a mesh of so many faces: those that are given, and what makes no more
-    than `MOST` triangles and strands of them."""
+    """{"inner", "outer", "roots"} of strands on a mesh of so many faces: those that are given, else `ROOTS` by area,
+    and a level that makes no more than `MOST` triangles.  Who gives a level alone wants a strand a triangle."""
     level = max((n for n in range(1, LEVEL + 1) if faces * triangles_of_face(n) <= MOST), default=1)
     inner, outer, roots = (options[name] for name in ("inner", "outer", "roots"))
     if inner or outer:
         return {"inner": inner or LEVEL, "outer": outer or LEVEL, "roots": roots or "faces"}
-    fits = faces * triangles_of_face(level) <= MOST
-    return {"inner": level, "outer": level, "roots": ("faces" if fits else MOST) if roots is None else roots}
+    return {"inner": level, "outer": level, "roots": ROOTS if roots is None else roots}
 
 
 def lowered(options, strands):
-    """In a few words, how the strands of a mesh are fewer than the options would make of a small one; or ""."""
-    if options["inner"] or options["outer"] or not isinstance(strands, Strands) or strands.inner == LEVEL:
+    """In a few words, how strands of faces are fewer than on a small mesh; or ""."""
+    if options["inner"] or options["outer"] or options["roots"] != "faces" or not isinstance(strands, Strands) or (
+            strands.inner == LEVEL):
         return ""
-    roots = f" and roots {MOST:,}" if options["roots"] is None and strands.roots != "faces" else ""
-    return f"tessellation level {strands.inner} in place of {LEVEL}{roots}, as the mesh is large"
-
-
-def sparse(options, scene, drawn):
-    """For the line that tells what was drawn: how a mesh of few faces, which looks bald, gets more strands; or ""."""
-    given = options["inner"] or options["outer"] or options["roots"] is not None
-    if given or not isinstance(scene.strands, Strands) or drawn.strands >= SPARSE:
-        return ""
-    return "; few strands, as the mesh has few faces: --roots 100000 gives more"
+    return f"tessellation level {strands.inner} in place of {LEVEL}, as the mesh is large"
 
 
 def triangles_of_face(level):
@@ -129,8 +138,8 @@ def triangles_of_face(level):
     return 3 * level * level // 2
 
 
-def _strands(options, length, radius, faces):
-    """The `Strands` of this length that the options describe on a mesh of this radius and so many faces."""
+def _strands(options, length, radius, mesh):
+    """The `Strands` of this length that the options describe on a mesh of this radius."""
     hair = {
         "color": options["color"],
         "segments": options["segments"],
@@ -153,18 +162,26 @@ def _strands(options, length, radius, faces):
     hair["rules"] = (law, rule) if options["force_weight"] is None else (rule, law)
     if options["type_map"] is not None and options["types"] is None:
         raise click.UsageError("--type-map needs --types, the hair types that its colours mean")
+    file = options["types"]
+    said = {} if file is None else read_for("--types", groom_of, file)
+    keys = options["type_map"] or ("type_map" in said and Path(file).parent / str(said["type_map"]))
     return Strands(
-        types=[hair_type(hair, {})] if options["types"] is None else read_for(
-            "--types", lambda path: hair_types(path, hair), options["types"]),
-        type_map=None if options["type_map"] is None else type_map(options["type_map"]),
-        **density(options, faces),
+        types=[hair_type(hair, {})] if "types" not in said else read_for(
+            "--types", lambda path: hair_types(path, said["types"], hair), file),
+        type_map=type_map(keys) if keys else None,
+        **density(options, len(mesh.faces)), **skin_of(mesh, options, said, Path(file or "").parent),
+        guides_reach=options["reach"] or None,
         **{name: options[name] for name in ("surface", "force", "seed", "rest", "guides", "parting")})
 
 
-def _hair(options, length, radius, faces):
+def _hair(options, length, radius, mesh):
     """The `Curves` of the strand file that the options name; what it does not say is theirs."""
-    levels = density(options, faces)
+    levels = density(options, len(mesh.faces))
     given = {name: options[name] for name in ("width", "color", "alpha", "look", "surface", "seed")}
     given |= {"inner": levels["inner"], "outer": levels["outer"]}
     given = {name: value for name, value in given.items() if value is not None}
-    return read_for("--hair", lambda path: read_curves(path, given), options["hair"])
+    curves = read_for("--hair", lambda path: read_curves(path, given, time=options["code"] if is_usd(path) else None),
+                      options["hair"])
+    if options["inner"] or options["outer"]:   # a file may say otherwise
+        curves = attrs.evolve(curves, inner=given["inner"], outer=given["outer"])
+    return curves

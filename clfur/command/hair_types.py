@@ -9,6 +9,7 @@ import numpy as np
 from .. import Chiang, Error, HairType
 from ..files.images import load_picture
 from ..files.input import plain, read
+from .skin import check_said
 from .types import from_hex, look_of, read_for
 
 
@@ -26,8 +27,9 @@ def hair_type(defaults, given):
 
 
 def type_map(path):
+    """The picture of a type map's file, or {number: picture} of its tiles."""
     pixels = read_for("--type-map", load_picture, path)
-    if pixels.dtype != np.uint8:
+    if any(each.dtype != np.uint8 for each in (pixels.values() if isinstance(pixels, dict) else [pixels])):
         raise Error(f"--type-map: {path}: has more than 8 bits a channel; allowed in a type map: 8, as the keys of "
                     "types have")
     return pixels
@@ -42,16 +44,31 @@ def _once(pairs):
     return found
 
 
-def hair_types(path, defaults):
-    """The hair types of a JSON file; raises `clfur.Error` naming the file, the type and the field."""
+SAID = "types", "type_map", "maps", "comb", "on"
+
+
+def groom_of(path):
+    """What a JSON file says of hair, {one of SAID: what}: an object of these, or a list, which is of types. Raises
+    `clfur.Error` naming the file."""
     try:
         listed = json.loads(plain(read(Path(path))).decode(), object_pairs_hook=_once)
     except Error:
         raise
     except (ValueError, RecursionError) as error:
         raise Error(f"{path} is not JSON: {error}") from None
-    if not isinstance(listed, list) or not all(isinstance(fields, dict) for fields in listed):
+    said = listed if isinstance(listed, dict) else {"types": listed}
+    if unknown := [name for name in said if name not in SAID]:
+        raise Error(f"{path}: unknown name {unknown[0]!r:.60}; allowed: a list of types, or an object with "
+                    + ", ".join(SAID))
+    types = said.get("types", [])
+    if not said or not isinstance(types, list) or not all(isinstance(fields, dict) for fields in types):
         raise Error(f'{path} must hold a list of objects, such as [{{"key": [255, 0, 0], "segments": 10}}]')
+    check_said(said, path)
+    return said
+
+
+def hair_types(path, listed, defaults):
+    """The hair types that a JSON file has ``listed``; raises `clfur.Error` naming the file, the type, the field."""
     allowed = [field.alias for field in attrs.fields(HairType) if field.init]
     types = []
     for number, fields in enumerate(listed):

@@ -6,10 +6,31 @@ import re
 import click
 from click.core import ParameterSource
 
-from .. import PRESETS, Error
+from .. import PRESETS, Chiang, Error
 from ..settings import RASTERS, SCATTERING, SHADOWS
-from .described import MOST
-from .types import Color, Height, LightText, Look, Numbers, Real, Roots, Size, Sky, View, Whole
+from .described import HAIRS, MOST, ROOTS
+from .types import (
+    MAPS,
+    AnyReal,
+    AnyWhole,
+    Color,
+    Height,
+    LightText,
+    Look,
+    MapText,
+    Numbers,
+    Real,
+    Roots,
+    Size,
+    Sky,
+    View,
+    Way,
+    Whole,
+    once,
+)
+
+# The second draws the outline of hair from behind; at half the first's strength or more a ground is framed with both.
+LIGHTS = ["sun direction=1,-1,-0.8 color=1,0.97,0.92", "sun direction=-0.5,-1.2,1 color=0.85,0.92,1 intensity=0.6"]
 
 _FUR = [
     click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
@@ -17,7 +38,7 @@ _FUR = [
     click.option("--length", type=Real(0), metavar="L",
                  help="Length of the hair in the mesh's units; shells under strands have half of it.  [default: 0.08 "
                       "of half the mesh's diagonal, or 0.12 for shells alone]"),
-    click.option("--color", type=Color(), default="0.5,0.28,0.12", metavar="COLOR",
+    click.option("--color", type=Color(), default="0.45,0.2,0.07", metavar="COLOR",
                  help="R,G,B of 0 to 1 each (linear), or '#rrggbb' (sRGB)."),
     click.option("--alpha", type=Real(0, 1), default=0.5, metavar="0..1",
                  help="How much light one hair lets through."),
@@ -30,10 +51,10 @@ _FUR = [
     click.option("--stiffness", type=Real(1e-6), metavar="S",
                  help="How many of its lengths a hair takes to turn by a radian under a force of 1 across it; a hair "
                       "of shells bends as much as half of one.  [default: 0.625]"),
-    click.option("--force-weight", type=float, metavar="W",
+    click.option("--force-weight", type=AnyReal(), metavar="W",
                  help="Instead of --stiffness, the report's rule: how much each segment gives way to the force."),
-    click.option("--seed", type=int, default=0, metavar="N", help="Of all that is random."),
-    click.option("--hair", metavar="FILE",
+    click.option("--seed", type=AnyWhole(), default=0, metavar="N", help="Of all that is random."),
+    click.option("--hair", metavar="FILE", multiple=True, callback=once,
                  help="Strands of a file in place of grown ones, placed as the mesh is: .hair, .tfx, .data, .ply, "
                       ".npz, .npy or USD.  --width, --color and --alpha count where it says none."),
     click.option("--guides", metavar="FILE",
@@ -41,6 +62,9 @@ _FUR = [
                       "their shapes, so that no length, force or lean counts; --variation and maps cut them."),
     click.option("--parting", type=Real(0, 180), default=60.0, metavar="DEG",
                  help="Guides that point apart by more than this are not blended; 180: all are."),
+    click.option("--reach", type=Real(0, 1e6), default=1.0, metavar="TIMES",
+                 help="How far from the nearest of --guides hair stands, in distances of that guide from the seventh "
+                      "around it; 0: everywhere."),
     click.option("--rest", metavar="MESH",
                  help="The mesh in rest, of the same faces: lengths go by it, and N roots and the cells of shells stay "
                       "where they are on it in every pose."),
@@ -57,9 +81,11 @@ _CAMERA = [
                  help="How many times larger the middle of the picture is."),
     click.option("--fov", type=Real(1e-3, 179.99), default=45.0, metavar="DEG",
                  help="Vertical field of view."),
+    click.option("--camera", metavar="NAME", help="Which camera of a USD scene.  [default: its first]"),
 ]
 _LIGHT = [
-    click.option("--light", "lights", type=LightText(), default=["1,-1,-0.6"], multiple=True, metavar="LIGHT",
+    click.option("--light", "lights", type=LightText(), default=LIGHTS, multiple=True, metavar="LIGHT",
+                 show_default="warm from the upper left, weaker and bluish from behind",
                  help="The way that distant light travels, X,Y,Z; or sun, point or spot and its fields, as 'sun "
                       "direction=1,-1,-0.6 size=0.5' (degrees across) or 'spot position=2,3,1 direction=-2,-3,-1 "
                       "angle=40 color=#ffe0c0 intensity=2 size=0.2 shadows=off' (size: a disc's radius; a spot without "
@@ -72,7 +98,7 @@ _LIGHT = [
 ]
 _BODY = [
     click.option("--body-color", type=Color(), metavar="COLOR",
-                 help="Base colour of the body.  [default: a glTF file's own, else 0.6 of --color's light]"),
+                 help="Base colour of the body.  [default: a glTF file's own, else 0.6 of the hair's light]"),
     click.option("--body-texture", metavar="PICTURE",
                  help="Picture that is laid on the body by uv; --body-color, if given, multiplies it."),
     click.option("--body", type=click.Choice(["drawn", "holdout"]), default="drawn",
@@ -87,8 +113,8 @@ _STRANDS = [
     click.option("--outer", type=Whole(1, 64), metavar="N",
                  help="Tessellation level of the edges.  [default: as --inner]"),
     click.option("--roots", type=Roots(), metavar="faces|N",
-                 help="One strand on each tessellated triangle, or N strands spread evenly.  [default: faces, or "
-                      f"{MOST} on a mesh of more faces]"),
+                 help="One strand on each tessellated triangle, or N strands spread evenly by area.  [default: "
+                      f"{ROOTS}, or faces with --inner or --outer]"),
     click.option("--surface", type=click.Choice(["pn", "flat"]), default="pn", help="Curved or flat faces."),
     click.option("--width", type=Real(0), metavar="W",
                  help="Diameter of a strand in the mesh's units.  [default: 0.0012 of half the mesh's diagonal, but at "
@@ -105,7 +131,19 @@ _STRANDS = [
     click.option("--type-map", metavar="PICTURE", help="Picture whose colours choose the hair type by uv."),
     click.option("--types", metavar="FILE",
                  help="JSON list of hair types, each with its key colour in the type map; what a type leaves "
-                      "out is taken from the options."),
+                      "out is taken from the options.  Or an object with types, type_map, maps, comb and on."),
+    click.option("--map", "maps", type=MapText(), multiple=True, metavar="NAME=FILE",
+                 help="What the skin says of " + ", ".join(MAPS[:-1]) + f" or {MAPS[-1]}: a grey picture by uv, which "
+                      "multiplies what the options say, 0 to 1 without a curve; UDIM tiles, as skin.<UDIM>.png; or a "
+                      ".npy file of numbers by vertex or by face.  Again for each further map."),
+    click.option("--on", multiple=True, metavar="NAME",
+                 help="Hair grows there alone: a group, object or material of the mesh's file, or a vertex colour, "
+                      "red, green, blue or alpha.  Again for each further place."),
+    click.option("--comb", type=Way(), metavar="X,Y,Z|FILE",
+                 help="Which way hair lies on the skin: a vector, a picture by uv (red: along u, green: along v, 128: "
+                      "none), or a .npy file of vectors by vertex."),
+    click.option("--comb-weight", type=Real(0, 1), metavar="0..1",
+                 help="How flat it lies there.  [default: 0.7]"),
     click.option("--curl", type=Numbers(2), default="0,0", metavar="RADIUS,TURNS", help="Curl of the strands."),
     click.option("--wave", type=Numbers(2), default="0,0", metavar="AMPLITUDE,PERIODS",
                  help="Wave of the strands."),
@@ -115,15 +153,18 @@ _SHELLS = [
                  help="Layers of shells, from the body to the tips."),
     click.option("--pattern", type=click.Choice(["cells", "sine"]), default="cells",
                  help="Of shells: a hair in each cell of the faces, or the report's sines, which need uv."),
+    click.option("--hairs", type=Whole(1, 10**9), metavar="N",
+                 help=f"Hairs of shells on the whole mesh.  [default: {HAIRS:,}]"),
     click.option("--frequency", type=Real(0, min_open=True), metavar="F",
-                 help="Hairs of shells along a unit of length, or the report's f for sines.  [default: 60 on "
-                      "half the mesh's diagonal, or 40 for sines]"),
+                 help="In place of --hairs, those along a unit of length; of sines the report's f.  [default: 40 for "
+                      "sines]"),
     click.option("--density", type=Real(0, 1, min_open=True), default=1.0, metavar="0..1",
                  help="How much of its cell a hair of shells fills."),
     click.option("--noise", type=Numbers(2), default="0.5,8", metavar="A,S",
                  help="How far hairs of shells are displaced and the size of the waves, both in hairs."),
     click.option("--wind", type=Numbers(3), default="0,0,0", metavar="X,Y,Z", help="Wind over shells; it gusts."),
-    click.option("--time", type=float, default=0.0, metavar="SECONDS", help="The moment of the wind, which gusts."),
+    click.option("--time", type=AnyReal(), metavar="SECONDS",
+                 help="The moment of the wind, which gusts; or a USD file's time code.  [default: 0, or its first]"),
     click.option("--shading", type=click.Choice(["kajiya-kay", "turned"]), default="kajiya-kay",
                  help="Light on shells: by the hair's direction, or by the report's turned normals."),
 ]
@@ -136,16 +177,17 @@ _SETTINGS = [
     click.option("--shadows", type=click.Choice(SHADOWS), default="length",
                  help="How hair shades: by what rays cross (length), by the report's voxels, not at all, or by the "
                       "single hairs before each light (deep)."),
-    click.option("--masks", type=int, default=0, metavar="0|4",
+    click.option("--masks", type=Whole(0, 4), default=0, metavar="0|4",
                  help="4: strands hide each other in 4x4 parts of a pixel, not as if at random in it."),
     click.option("--scattering", type=click.Choice(SCATTERING), default="off",
                  help="Follow light from hair to hair: grid, for --look chiang alone and --raster coverage.  Lights "
                       "then leave out their default ambient."),
-    click.option("--grid", type=int, default=96, metavar="N",
+    click.option("--grid", type=Whole(16, 1024), default=96, metavar="N",
                  help="Cells a side of the grid for shadows; a multiple of 16."),
-    click.option("--shadow-map", type=int, default=512, metavar="N",
+    click.option("--shadow-map", type=Whole(0, 8192), default=512, metavar="N",
                  help="Texels a side of the body's shadow map; 0: none."),
-    click.option("--pcf", type=int, default=1, metavar="N", help="Radius in texels over which it is averaged."),
+    click.option("--pcf", type=Whole(0, 16), default=1, metavar="N",
+                 help="Radius in texels over which it is averaged."),
     click.option("--samples", type=click.Choice(["1", "4", "16"]), default="4", help="Samples a pixel."),
     click.option("--lod", type=Real(0, 4), default=0.0, metavar="PIXELS",
                  help="Draw strands thinner than this as fewer, wider ones of fewer segments; 0: all as they are."),
@@ -159,11 +201,11 @@ _SETTINGS = [
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "tip_width", "root_color", "tip_color", "look",
                      "type_map", "types", "curl", "wave", "raster", "masks", "scattering", "lod", "hair", "guides",
-                     "parting"),
-         "shells": ("layers", "pattern", "frequency", "density", "noise", "wind", "time", "shading")}
+                     "parting", "reach", "maps", "on", "comb", "comb_weight"),
+         "shells": ("layers", "pattern", "hairs", "frequency", "density", "noise", "wind", "time", "shading")}
 # Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
 _GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "stiffness", "force_weight", "roots", "type_map",
-          "types", "curl", "wave", "rest")
+          "types", "curl", "wave", "rest", "maps", "on", "comb", "comb_weight")
 _GROWN_OR_SHELLS = "length", "variation"
 _UNGUIDED = "stiffness", "force_weight", "force", "length"   # what the shapes of guides leave nothing to say
 
@@ -186,23 +228,26 @@ def _sections(size="640x480"):
 _QUALITY = "Quality and speed"   # fields of `Settings`
 _NAMES_IN = {title: _names(options) for title, options in _sections().items()}
 _NAMES_IN[_QUALITY] |= {"max_error", "seconds"}   # those of `clfur render`
+_NAMES_IN["Camera"] |= {"region"}
+
+
+def of_sections(*titles):
+    """Names of the options that stand under these titles of the help."""
+    return set().union(*(_NAMES_IN[title] for title in titles))
 
 
 class Sectioned(click.Command):
     """A command whose help lists its options by section, its own ones in the end."""
 
     def format_options(self, ctx, formatter):
-        shown = [(option, record) for option in self.get_params(ctx) if (record := option.get_help_record(ctx))]
-        for title, names in _NAMES_IN.items():
-            _write(formatter, title, [record for option, record in shown if option.name in names])
-        _write(formatter, "Output and device", [record for option, record in shown
-                                     if not any(option.name in names for names in _NAMES_IN.values())])
-
-
-def _write(formatter, title, records):
-    if records:
-        with formatter.section(title):
-            formatter.write_dl(records)
+        shown = [(option.name, record) for option in self.get_params(ctx)
+                 if isinstance(option, click.Option) and (record := option.get_help_record(ctx))]
+        others = {name for name, _ in shown}.difference(*_NAMES_IN.values())
+        for title, names in {**_NAMES_IN, "Output and device": others}.items():
+            records = [record for name, record in shown if name in names]
+            if records:
+                with formatter.section(title):
+                    formatter.write_dl(records)
 
 
 def scene_options(command, size="640x480", settings=True):
@@ -240,6 +285,8 @@ def _flag_of(message, flags):
     kind, field = found.groups()
     if kind == "Light.":
         return flags.get("lights")
+    if kind in ("Maps.", "Comb."):
+        return flags.get("on" if field == "on" else "maps" if kind == "Maps." else "comb")
     if field == "body_color":
         return flags.get("body_texture", flags.get("body_color"))
     return flags.get(_NAMES.get(field, field))
@@ -259,24 +306,47 @@ def check_fur(flags, options):
             if name in flags:
                 raise click.UsageError(f"{flags[name]} is for {fur}, but --fur is {options['fur']}; "
                                        f"allowed: with --fur {fur} or --fur both")
-    if options["guides"] is None and "parting" in flags:
-        raise click.UsageError("--parting is for strands between --guides; allowed: with them")
+    for name in ("maps", "on") if options["fur"] == "both" else ():
+        if name in flags:
+            raise click.UsageError(f"{flags[name]} is for strands alone, shells do not follow maps; allowed: with "
+                                   "--fur strands")
+    for name in ("parting", "reach"):
+        if options["guides"] is None and name in flags:
+            raise click.UsageError(f"{flags[name]} is for strands between --guides; allowed: with them")
     if options["guides"] is not None:
         for name in ("hair", *(_UNGUIDED if options["fur"] == "strands" else ())):
             if name in flags:
                 raise click.UsageError(f"{flags[name]} has no say where --guides give strands their shapes; allowed: "
                                        "one of them")
     if options["hair"] is not None:
-        for name in _GROWN + (_GROWN_OR_SHELLS if options["fur"] == "strands" else ()):
-            if name in flags:
-                raise click.UsageError(f"{flags[name]} is for hair that grows, but --hair has its own; allowed: one of "
-                                       "them")
+        check_grown(flags, options, "--hair")
+    if "hairs" in flags and ("frequency" in flags or options["pattern"] == "sine"):
+        raise click.UsageError("--hairs is for --pattern cells without --frequency; allowed: one of them")
+    if "time" in flags and not any(options["wind"]):
+        raise click.UsageError("--time is the moment of the wind, but there is none; allowed: with --wind")
+    if "specular" in flags and options["fur"] == "strands" and isinstance(options["look"], Chiang):
+        raise click.UsageError("--specular is for --look kajiya, but --look is chiang; allowed: one of them")
     if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
         raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
                                "allowed: with --pattern cells or --fur both")
 
 
-def check_blur(flags, settings):
-    """Raise click.UsageError for the width of a blur that there is not."""
-    if "blur_sigma" in flags and settings.blur == "off":
-        raise click.UsageError("--blur-sigma is for a blur, but --blur is off; allowed: with --blur all or edges")
+def check_grown(flags, options, has):
+    """Raise click.UsageError for one of the options given, {name: flag}, of hair that grows, as something has its
+    own."""
+    for name in _GROWN + (_GROWN_OR_SHELLS if options["fur"] == "strands" else ()):
+        if name in flags:
+            raise click.UsageError(f"{flags[name]} is for hair that grows, but {has} has its own; allowed: one of them")
+
+
+# Of fields of `Settings`: which have no use where another one has this value, and what of it is allowed.
+_IDLE = [("blur_sigma", "blur", "off", "all or edges"), ("pcf", "shadow_map", 0, "a number of texels"),
+         *((name, "shadows", "off", "any other") for name in ("grid", "shadow_map", "pcf"))]
+
+
+def check_settings(flags, settings):
+    """Raise click.UsageError for one of the options given, {name: flag}, that other settings leave no use for."""
+    for name, other, value, allowed in _IDLE:
+        if name in flags and getattr(settings, other) == value:
+            flag = f"--{other.replace('_', '-')}"
+            raise click.UsageError(f"{flags[name]} has no use where {flag} is {value}; allowed: with {flag} {allowed}")

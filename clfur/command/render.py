@@ -10,12 +10,14 @@ import numpy as np
 
 from .. import Scheduler, draw, over, save
 from ..files.images import check_writable, load_picture
+from ..files.usd import is_usd
 from ..judge.frontier import label
 from ..scene import backdrop
-from .described import lowered, sparse
+from .described import lowered
 from .devices import ask_drivers
 from .options import Sectioned, scene_options
 from .scenes import is_scene_file, load_scene
+from .skin import files_of, taken
 from .types import Backdrop, Bytes, Names, Real, Region, read_for
 from .waiting import waiting
 
@@ -49,11 +51,13 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
 def render(given, output, outputs, background, region, device, memory, as_json, **options):
     """Draw MESH with fur and save the picture.
 
-    MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.  Or it is a
+    MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.  Or it is a USD
+    scene (.usd, .usda, .usdc, .usdz), whose camera, lights and hair count where no option says otherwise.  Or it is a
     Python file (.py) that sets `scene`, a clfur.Scene, and maybe `settings`, a clfur.Settings.
     """
     output = Path(Path(given).stem + ".png" if output is None else output)
     read = [given, *(options[name] for name in ("hair", "type_map", "types", "rest", "body_texture"))]
+    read += files_of(options)
     _check_files(output, outputs, background, read)
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
@@ -80,14 +84,15 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
              "inward": bool(scene.mesh and scene.mesh.inward)}
     shells, fewer = scene.shells, "" if is_scene_file(given) else lowered(options, scene.strands)
     if as_json:
-        of_options = {} if is_scene_file(given) else {
+        of_options = {} if is_scene_file(given) or is_usd(given) else {
             "light": _told(options["lights"]), **{name: options[name] for name in ("fov", "alpha", "seed")}}
         print(json.dumps({
             "file": str(output), "size": region[2:] if region else scene.camera.size, "device": drawn.device,
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
-            "shells": shells and {name: getattr(shells, name) for name in ("layers", "length", "frequency", "pattern")},
-            "fewer": fewer, "seconds": drawn.seconds, "building": drawn.building,
-            "stages": drawn.stages, "skipped": skipped, **wound,
+            "shells": shells and {"frequency": shells.frequency_on(scene.mesh), **{
+                name: getattr(shells, name) for name in ("layers", "length", "hairs", "pattern")}},
+            "fewer": fewer, "inexact": getattr(scene.strands, "inexact", 0), "seconds": drawn.seconds,
+            "building": drawn.building, "stages": drawn.stages, "skipped": skipped, **wound,
             "camera": {"eye": scene.camera.pose[:3, 3].tolist(),
                        "target": None if scene.camera.target is None else scene.camera.target.tolist()},
             "settings": attrs.asdict(drawn.settings), "error": drawn.error, "why": drawn.why,
@@ -101,7 +106,7 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
     print(f"{output}: {drawn.triangles:,} triangles, {', '.join(fur)} "
           f"in {drawn.seconds:.2f} s on {drawn.device} ({stages}"
           + (f"; building kernels {drawn.building:.3f}" if drawn.building >= TOLD else "") + ")"
-          + (f"; {fewer}" if fewer else "") + ("" if is_scene_file(given) else sparse(options, scene, drawn))
+          + (f"; {fewer}" if fewer else "") + taken(scene.strands)
           + (f"; skipped faces: {', '.join(left_out)}" if left_out else "")
           + (f"; turned {wound['turned']:,} faces that were inside out" if wound["turned"] else "")
           + (f"; {wound['one_sided']:,} faces are of a surface with one side: hair changes over somewhere"
@@ -138,7 +143,9 @@ def _check_files(output, outputs, background, read):
     """Raise what the user got wrong of what is written, before anything is ``read``."""
     check_writable(output)
     if output.suffix.lower() == ".png" and set(outputs) != {"color"}:
-        raise click.UsageError(f"{output} can hold the output color alone; .exr and .npz hold others")
+        other = next((name for name in outputs if name != "color"), "none")
+        raise click.UsageError(f"--outputs: {output} can hold color alone, not {other}; allowed: color, or others in "
+                               ".exr or .npz")
     if background is not None and "color" not in outputs:
         raise click.UsageError("--background is for the output color, which is not asked for; allowed: with it")
     for name in [*read, background if isinstance(background, str) else None]:

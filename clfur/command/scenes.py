@@ -15,11 +15,13 @@ import clfur
 
 from .. import PRESETS, Error, Scene, Settings, load_mesh
 from ..budget import LADDER, refused
+from ..files.usd import is_usd
 from ..judge.frontier import label
 from ..scene import highlighted
 from ..settings import CHOSEN
 from .described import scene_of
-from .options import check_blur, check_fur, given_flags
+from .options import check_fur, check_settings, given_flags
+from .usd import scene_of_usd
 
 
 def is_scene_file(given):
@@ -39,17 +41,21 @@ def load_scene(given, options):
     if "stiffness" in flags and "force_weight" in flags:
         raise click.UsageError("--stiffness and --force-weight are of two rules of growth; allowed: one of them")
     settings = _settings(flags, options)
+    if "camera" in flags and not is_usd(given):
+        raise click.UsageError(f"--camera is for USD scenes, but {given} is none; allowed: with one")
     if not is_scene_file(given):
-        check_fur(flags, options)
-        check_blur(flags, settings)
-        scene = scene_of(load_mesh(given), options | {"given": given})
+        check_fur({name: flag for name, flag in flags.items() if name != "time"} if is_usd(given) or is_usd(
+            options["hair"]) else flags, options)
+        check_settings(flags, settings)
+        scene = scene_of_usd(given, flags, options) if is_usd(given) else scene_of(
+            load_mesh(given), options | {"given": given})
         return scene, _taken(scene, settings, flags, options)
     scene, given_settings = _run(given)
     # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
     for name, flag in flags.items():
         if given_settings or not (hasattr(settings, name) or name == "preset"):
             raise click.UsageError(f"{flag}: {given} sets this itself; change it there")
-    check_blur(flags, settings)
+    check_settings(flags, settings)
     if "specular" in flags:
         scene = attrs.evolve(scene, fur=highlighted(scene.fur, options["specular"]))
     return scene, given_settings or _taken(scene, settings, flags, options)

@@ -13,6 +13,7 @@ from ..errors import Error
 from ..files.images import load_picture
 from ..scene import Chiang, Environment, Kajiya, Light
 from ..scene.checks import LARGEST
+from ..scene.maps import NAMES
 
 
 def read_for(flag, read, path):
@@ -21,6 +22,10 @@ def read_for(flag, read, path):
         return read(path)
     except Error as error:
         raise Error(f"{flag}: {error}") from error
+
+
+def _short(number):
+    return str(number) if isinstance(number, int) else f"{number:g}"
 
 
 class _Within:
@@ -32,14 +37,22 @@ class _Within:
         except click.BadParameter:
             number = math.nan
         if math.isnan(number):
-            low = "" if self.min is None else f" above {self.min:g}" if self.min_open else f" from {self.min:g}"
-            high = "" if self.max is None else f"{' and at most' if self.min_open else ' to'} {self.max:g}"
+            low = "" if self.min is None else f" {'above' if self.min_open else 'from'} {_short(self.min)}"
+            high = "" if self.max is None else f"{' and at most' if self.min_open else ' to'} {_short(self.max)}"
             self.fail(f"{value!r} is not {self.words}{low}{high}", param, ctx)
         return number
 
 
 class Whole(_Within, click.IntRange):
     words = "a whole number"
+
+
+class AnyWhole(_Within, click.types.IntParamType):   # whose limits the scene's own check tells
+    min, max, min_open, words = None, None, False, "a whole number"
+
+
+class AnyReal(_Within, click.types.FloatParamType):
+    min, max, min_open, words = None, None, False, "a number"
 
 
 class Real(_Within, click.FloatRange):
@@ -178,6 +191,33 @@ class Backdrop(Color):
         return super().convert(value, param, ctx)
 
 
+MAPS = tuple(name for name in NAMES if name != "on")   # that is --on
+
+
+class MapText(click.ParamType):
+    """What a map is of and its file, such as density=skin.png -> (name, file)."""
+
+    name = "map"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        name, _, file = value.partition("=")
+        if name not in MAPS or not file:
+            self.fail(f"{value!r:.60} is not NAME=FILE; allowed names: {', '.join(MAPS)}", param, ctx)
+        return name, file
+
+
+class Way(click.ParamType):
+    """A vector X,Y,Z, or the name of a file."""
+
+    name = "way"
+
+    def convert(self, value, param, ctx):
+        parts = value.split(",") if isinstance(value, str) else []
+        return tuple(map(float, parts)) if len(parts) == 3 and all(map(_is_number, parts)) else value
+
+
 class Roots(click.ParamType):
     """The word faces, or a number of strands."""
 
@@ -214,7 +254,7 @@ class Sky(click.ParamType):
         if not isinstance(value, str):
             return value
         numbers = re.fullmatch(r"[#\d.,:+\-a-fA-F\s]*", value) or all(map(_is_number, re.split("[,:]", value)))
-        if not numbers or Path(value).is_file():
+        if Path(value).is_file() or ("." in value and not numbers):
             try:
                 return Environment(load_picture(value))
             except Error as error:
@@ -347,3 +387,10 @@ def from_hex(text):
     if len(text) != 7 or text[0] != "#" or not all(d in "0123456789abcdefABCDEF" for d in digits):
         raise ValueError(f"{text!r} is not a colour such as #ccaa88")
     return tuple(float(c) for c in srgb_to_linear([int(digits[i:i + 2], 16) / 255 for i in (0, 2, 4)]))
+
+
+def once(context, option, values):
+    """What an option that may be given once was given, or None: for click, whose last one of several counts."""
+    if len(values) > 1:
+        raise click.UsageError(f"{option.opts[0]} is given {len(values)} times; allowed: once")
+    return values[0] if values else None

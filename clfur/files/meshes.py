@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -42,7 +43,7 @@ def load_mesh(path: str | os.PathLike) -> Mesh:
     try:
         fields = READERS[path.suffix.lower()](data, path)
         numbering = _numbering(fields)
-        return copied(Mesh(**_used(fields)), numbering=numbering)
+        return copied(Mesh(**finite(fields)), numbering=numbering)
     except Error as error:
         raise Error(f"{path}: {error}") from None
     except Exception as error:  # a reader may fail in any way on a damaged file; the user gets one line
@@ -76,7 +77,7 @@ def _numbering(fields):
     return Numbering(**known | {"corners": known["corners"].astype(np.uint32)})
 
 
-def _used(fields):
+def finite(fields: dict[str, Any]) -> dict[str, Any]:
     """Return a Mesh's fields without vertices that are not finite and that no face uses."""
     finite = np.isfinite(fields["positions"]).all(axis=1)
     if finite.all():

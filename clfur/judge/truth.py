@@ -220,6 +220,7 @@ def _grown(fur, body, rest, mesh):
         middle=corner_uv.mean(1))
     if fur.guides is not None:
         points, tangents = _between(fur, root, frame, kind, mesh, traits)
+        counts = np.where(np.isfinite(points[:, 0, 0]), counts, 0)
     there = np.arange(points.shape[1]) < counts[:, None]
     width = np.stack([np.pad(strands.widths_along(t), (0, there.shape[1] - 1 - t.segments)) for t in fur.types])[kind]
     width = width if traits is None else width * traits["scale"][:, 1:2]
@@ -238,7 +239,7 @@ def _between(fur, root, frame, kind, mesh, traits):
                                 mesh.faces) if curves.root_normal is None else curves.root_normal[some].astype(float)
     types = None if curves.type_of is None else curves.type_of[some]
     points = guides.between(root, frame, kind, fur.types, shapes, normals, types, fur.guides_blended, fur.parting,
-                            fur.seed, traits)
+                            fur.seed, traits, fur.guides_reach)
     tangents = np.full_like(points, np.nan)
     for number, each in enumerate(fur.types):
         mine, end = np.flatnonzero(kind == number), each.segments + 1

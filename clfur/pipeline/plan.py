@@ -185,8 +185,8 @@ class Plan:
         needed = {
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage,
             "masks": self.uses_coverage and settings.masks, "strands": self.strands,
-            "maps": self.planes and self.strands,
             "mattes": self.tells and self.strands,
+            "maps": self.planes and self.strands,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "guides": self.guides is not None,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,

@@ -14,7 +14,8 @@ def pack_tiles(pictures: Any, before: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """A picture [h, w] or [h, w, n], or {number: picture} of UDIM tiles -> ([n] layout.SkinTile in the order of their
     numbers, their texels [N] or [N, n]); ``before``: texels that come before these."""
     of_number = pictures if isinstance(pictures, dict) else {0: pictures}
-    rows, texels = np.zeros(len(of_number), layout.SkinTile), []
+    rows = np.zeros(len(of_number), layout.SkinTile)
+    texels = [] if of_number else [np.zeros(0, np.float32)]
     for row, number in zip(rows, sorted(of_number)):
         picture = of_number[number]
         row["place"] = before, picture.shape[1], picture.shape[0], number

@@ -33,8 +33,8 @@ class Pieces:
 
 def owners(gpu: Any, view: np.void, ids: Any, strands: DeviceStrands, known: Owners,
            until: int | None = None) -> None:
-    """Tell whose segments are, ``ids`` [n] uint32, the first ``until`` of them: in ``known``, where those of other
-    parts of the scene stay as they are."""
+    """Tell in ``known`` whose segments are, ``ids`` [n] uint32, the first ``until`` of them; those of other parts of
+    the scene stay."""
     gpu.launch("mattes.owners", len(ids) if until is None else until, view=view,
                part=(strands.first_point, len(strands.points)), ids=ids, **vars(known),
                **arrays(strands, "first_strand", "points", "strand_of", "numbers", "stored", "run", "strand_uv"))

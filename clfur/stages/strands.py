@@ -110,7 +110,7 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
     if not is_shaped:
         begin, roots = roots_of(gpu, surface, fur, strands, area, sums)
     n, traits = len(roots), gpu.empty(0, layout.Traits) if traits_of is None else traits_of(roots)
-    tiles, type_map = pack_tiles(np.zeros((1, 1)) if fur.type_map is None else fur.type_indices)
+    tiles, type_map = pack_tiles({} if fur.type_map is None else fur.type_indices)
     pull = float(np.linalg.norm(fur.force)) + sum(abs(each.strength) for each in fur.point_forces)
     types, of_textures, texels = pack_types(fur.types, pull, traits_of is not None or len(fur.point_forces) > 0,
                                             len(tiles))
