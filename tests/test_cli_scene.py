@@ -139,7 +139,7 @@ def test_a_preset_that_the_scene_refuses():
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
            "--types": "a.json", "--curl": "0,0", "--look": "chiang", "--wave": "0,0", "--raster": "samples",
            "--lod": 0.5, "--tip-width": 1, "--root-color": "1,1,1", "--tip-color": "1,1,1", "--tufts": 9,
-           "--frizz": "0,0",
+           "--frizz": "0,0", "--reach": 2,
            "--masks": 0, "--scattering": "off", "--hair": "a.npz", "--guides": "a.npz", "--parting": 30,
            "--map": "density=a.png", "--on": "head", "--comb": "0,-1,0", "--comb-weight": 0.5}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--hairs": 9, "--density": 1, "--noise": "0.5,8",
@@ -194,12 +194,12 @@ def test_each_option_is_of_strands_or_of_shells_or_of_both():
     for fur in ("strands", "shells"):
         alone = {"strands": STRANDS, "shells": SHELLS}[fur]
         for flag, value in ({**alone, **SHARED, "--fur": fur}).items():
-            if flag not in ("--type-map", "--types", "--body-texture", "--hair", "--guides", "--parting", "--map",
-                            "--on", "--comb-weight", "--time"):
+            if flag not in ("--type-map", "--types", "--body-texture", "--hair", "--guides", "--parting", "--reach",
+                            "--map", "--on", "--comb-weight", "--time"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
     for flag in ("--type-map", "--types", "--body-texture", "--hair", "--view", "--force-weight", "--guides",
-                 "--parting", "--hairs", "--map", "--on"):   # eye, stiffness, frequency are too
+                 "--parting", "--reach", "--hairs", "--map", "--on"):   # eye, stiffness, frequency are too
         del everything[flag]
     load("sphere", *(part for option in everything.items() for part in option))
 

@@ -190,6 +190,7 @@ def _strands(options, length, radius, mesh):
             "--types", lambda path: hair_types(path, said["types"], hair), file),
         type_map=type_map(keys) if keys else None,
         **density(options, len(mesh.faces)), **skin_of(mesh, options, said, Path(file or "").parent),
+        guides_reach=options["reach"] or None,
         **{name: options[name] for name in ("surface", "force", "seed", "rest", "guides", "parting")})
 
 

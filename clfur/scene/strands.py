@@ -242,9 +242,11 @@ class Strands:
     guides: None, or Curves that stand on the mesh in the pose in which it is drawn: strands have the shapes of the
     nearest ones, blended by distance. All else is a type's, but for segment_length and force_weight; of guides points,
     root_normal and type_of count: strands of a type that guides have follow these alone.
-    guides_blended: 1 to 7 of them. parting: degrees, 0 to 180; a guide that points elsewhere than the nearest one by
-    more is not blended with it, 180: all are. Segments are of equal length along the guides; strands that a map or
-    length_variation makes shorter are cut there. Guides of fewer than two points are left out.
+    guides_blended: 1 to 7 of them. guides_reach: None, strands stand everywhere; or, above 0, no further from the
+    nearest guide than so many times that is from the seventh around it (1: among the guides and a little beyond).
+    parting: degrees, 0 to 180; a guide that points elsewhere than the nearest one by more is not blended with it, 180:
+    all are. Segments are of equal length along the guides; strands that a map or length_variation makes shorter are cut
+    there. Guides of fewer than two points are left out.
 
     A type_map may be {1001: picture, ...}, UDIM tiles, as those of Maps; where there is none it is the first type's. A
     pixel that is no key has the type of the nearest, as soft brushes and JPEG leave such; those that are further from
@@ -266,6 +268,8 @@ class Strands:
     rest: Mesh | None = checks.field(checks.instance(Mesh, none=True), default=None, kw_only=True)
     guides: checks.Given = checks.field(guides, default=None, kw_only=True)
     guides_blended: int = checks.field(checks.whole(1, 7), default=3, kw_only=True)
+    guides_reach: float | None = checks.field(checks.optional(checks.real(above=0, high=1e6)), default=None,
+                                              kw_only=True)
     parting: float = checks.field(checks.real(low=0, high=180), default=60.0, kw_only=True)
     maps: Maps | None = checks.field(checks.instance(Maps, none=True), default=None, kw_only=True)
     comb: Comb | None = checks.field(checks.instance(Comb, none=True), default=None, kw_only=True)
