@@ -135,3 +135,15 @@ def test_a_picture_behind_a_region(clfur, tmp_path):
     ok(clfur("render", *options, "-o", tmp_path / "part.png", "--region", "3,2,30,9"))
     whole, part = (load_picture(tmp_path / f"{name}.png") for name in ("whole", "part"))
     np.testing.assert_array_equal(part, whole[2:11, 3:33])
+
+
+@pytest.mark.parametrize("raster", ["coverage", "samples"])
+def test_areas_of_strands_are_those_in_the_region(gpu, raster):
+    """Not those of the tiles around it; regions beside each other have what all of it has."""
+    scene, settings = scene_of({"fur": FUR}), clfur.Settings(raster=raster, samples=4)
+    whole = clfur.render(scene, gpu, settings, ["strand_area"])["strand_area"]
+    parts = [clfur.render(scene, gpu, settings, ["strand_area", "hair_alpha"], region=region)
+             for region in ((0, 0, 21, 39), (21, 0, 32, 17), (21, 17, 32, 22))]
+    for part in parts:
+        assert part["strand_area"].sum(dtype=float) == pytest.approx(part["hair_alpha"].sum(dtype=float), rel=1e-6)
+    np.testing.assert_allclose(sum(part["strand_area"].astype(float) for part in parts), whole, rtol=1e-6)

@@ -22,6 +22,8 @@ SEGMENTS, MOST_SEGMENTS = 8, 64   # of a strand: at least, and where guides have
 SKIN = 0.6                 # of the hair's light: bare places are seen between hairs, and must not shine through
 ROOTS = 100_000            # strands without options, on any mesh: it is framed as large as any other
 HAIRS = 60_000             # of shells on a mesh without options
+# The second draws the outline of hair from behind; at half the first's strength or more a ground is framed with both.
+LIGHTS = ["sun direction=1,-1,-0.8 color=1,0.97,0.92", "sun direction=-0.5,-1.2,1 color=0.85,0.92,1 intensity=0.6"]
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
 
 
@@ -49,7 +51,7 @@ def scene_of(mesh, options):
 
     height = options["ground"]
     ground = None if height is None else Ground(None if height == "lowest" else height)
-    lights = _lights(options["lights"], middle if mesh is None else mesh.bounds[0])
+    lights = _lights(lights_of(options), middle if mesh is None else mesh.bounds[0])
     given = options["eye"] or options["target"]
     towards = {"direction": options["view"]} if options["view"] else {}
     camera = frame(mesh, fur, options["size"], options["fov"], ground=None if given else ground, lights=lights,
@@ -83,6 +85,11 @@ def _guided(options):
     return {"guides": guides, "segments": min(max(SEGMENTS, longest), MOST_SEGMENTS) if known is None else known}
 
 
+def lights_of(options):
+    """Texts of the lights that the options tell, or of those without any; a sky shines from behind by itself."""
+    return list(options["lights"]) or LIGHTS[:1 if options["sky"] else None]
+
+
 def _lights(texts, middle):
     """The `Light`s of texts, in which spots without a direction look at the middle [3] of the mesh; ambient light,
     where a text has none, comes with the first."""
@@ -93,7 +100,9 @@ def _body_color(options, fur):
     """{"body_color"} of the options, else of the mesh's file, else skin under this fur; {} for a scene's own."""
     color, picture = options["body_color"], options["body_texture"]
     if picture is not None:
-        return {"body_color": Material(color or (1, 1, 1), read_for("--body-texture", load_picture, picture))}
+        found, color = read_for("--body-texture", load_picture, picture), color or (1, 1, 1)
+        return {"body_color": {number: Material(color, each) for number, each in found.items()}
+                if isinstance(found, dict) else Material(color, found)}
     if color is not None or options["body"] == "holdout":   # which is not seen
         return {} if color is None else {"body_color": color}
     materials = load_materials(options["given"])

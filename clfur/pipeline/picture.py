@@ -118,7 +118,7 @@ class Picture:
                   if name in found}
         if "position" in self.outputs:
             depth = images["depth"] if "depth" in images else gpu.download(found["depth"])
-            images["position"] = positions(self.plan.scene.camera, depth, band.rows[0], self.plan.left)
+            images["position"] = positions(self.plan.scene.camera, depth, self.plan.left, band.rows[0])
         if self.plan.tells:
             images |= self.strands.tell(gpu, band, front)
         if self.plan.seen_through and "coverage" in images:   # what color's alpha is
