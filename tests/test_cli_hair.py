@@ -35,6 +35,27 @@ def test_a_wrong_use_is_one_line_and_leaves_nothing(clfur, tmp_path, arguments, 
     assert [path.name for path in tmp_path.iterdir()] == ["bad.hair"]
 
 
+def test_grow_has_no_options_of_pictures_and_tells_in_json(clfur, tmp_path):
+    code, out, _ = clfur("grow", "--help")
+    assert code == 0 and "--curl" in out
+    unused = "eye", "light", "sky", "size", "ground", "layers", "raster", "camera"
+    assert not any(f"--{name} " in out for name in unused)
+    code, out, _ = clfur("grow", "sphere", "-o", "hair.npz", "--inner", 1, "--outer", 1, "--json")
+    told = json.loads(out)
+    assert code == 0 and (told["file"], told["strands"], told["points"]) == ("hair.npz", 1280, 11520)
+    wrong(clfur("grow", "sphere", "-o", "b.npz", "--eye", "0,0,9"), "No such option")
+
+
+def test_hair_is_given_once(clfur, tmp_path):
+    wrong(clfur("render", "sphere", "--hair", "a.npz", "--hair", "b.npz"), "--hair is given 2 times; allowed: once")
+
+
+def test_strands_of_one_point_are_told(clfur, tmp_path):
+    np.save(tmp_path / "a.npy", np.zeros((4, 1, 3)))
+    code, _, err = clfur("render", "sphere", "--hair", "a.npy", "--size", "16x16", "--inner", 1)
+    assert code == 0 and err == "clfur: warning: strands of a file have one point each, and nothing of them is drawn\n"
+
+
 def test_a_file_of_guides_shapes_as_many_strands_as_there_are_roots(clfur):
     clfur("grow", "sphere", "-o", "guides.npz", "--roots", 80, "--segments", 12, "--variation", 0)
     code, out, _ = clfur("render", "sphere", "--guides", "guides.npz", "--roots", 3000, "--size", "32x32")
@@ -61,22 +82,3 @@ def test_what_guides_cannot_be_is_one_line(clfur, arguments, message):
     for command in ("render", "sphere"), ("grow", "sphere", "-o", "out.npz"):
         code, out, err = clfur(*command, *arguments)
         assert code == 2 and not out and message in err and "Traceback" not in err
-def test_grow_has_no_options_of_pictures_and_tells_in_json(clfur, tmp_path):
-    code, out, _ = clfur("grow", "--help")
-    assert code == 0 and "--curl" in out
-    unused = "eye", "light", "sky", "size", "ground", "layers", "raster", "camera"
-    assert not any(f"--{name} " in out for name in unused)
-    code, out, _ = clfur("grow", "sphere", "-o", "hair.npz", "--inner", 1, "--outer", 1, "--json")
-    told = json.loads(out)
-    assert code == 0 and (told["file"], told["strands"], told["points"]) == ("hair.npz", 1280, 11520)
-    wrong(clfur("grow", "sphere", "-o", "b.npz", "--eye", "0,0,9"), "No such option")
-
-
-def test_hair_is_given_once(clfur, tmp_path):
-    wrong(clfur("render", "sphere", "--hair", "a.npz", "--hair", "b.npz"), "--hair is given 2 times; allowed: once")
-
-
-def test_strands_of_one_point_are_told(clfur, tmp_path):
-    np.save(tmp_path / "a.npy", np.zeros((4, 1, 3)))
-    code, _, err = clfur("render", "sphere", "--hair", "a.npy", "--size", "16x16", "--inner", 1)
-    assert code == 0 and err == "clfur: warning: strands of a file have one point each, and nothing of them is drawn\n"

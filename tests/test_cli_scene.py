@@ -141,10 +141,10 @@ STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "-
            "--masks": 0, "--scattering": "off", "--hair": "a.npz", "--guides": "a.npz", "--parting": 30,
            "--map": "density=a.png", "--on": "head", "--comb": "0,-1,0", "--comb-weight": 0.5}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--hairs": 9, "--density": 1, "--noise": "0.5,8",
-          "--wind": "0,0,0", "--time": 0, "--shading": "turned"}
+          "--wind": "1,0,0", "--time": 0, "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
           "--segments": 1, "--force": "0,0,0", "--force-weight": 1, "--stiffness": 2, "--seed": 1, "--eye": "9,9,9",
-          "--target": "0,0,0", "--fov": 30, "--zoom": 2, "--light": "0,-1,0", "--shadows": "off",
+          "--target": "0,0,0", "--fov": 30, "--zoom": 2, "--light": "0,-1,0", "--shadows": "binary",
           "--grid": 16, "--samples": 1,
           "--shadow-map": 64, "--pcf": 0,
           "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
@@ -179,7 +179,7 @@ def test_each_option_is_of_strands_or_of_shells_or_of_both():
         alone = {"strands": STRANDS, "shells": SHELLS}[fur]
         for flag, value in ({**alone, **SHARED, "--fur": fur}).items():
             if flag not in ("--type-map", "--types", "--body-texture", "--hair", "--guides", "--parting", "--map",
-                            "--on", "--comb-weight"):
+                            "--on", "--comb-weight", "--time"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
     for flag in ("--type-map", "--types", "--body-texture", "--hair", "--view", "--force-weight", "--guides",
@@ -211,7 +211,7 @@ def test_options_of_other_fur(clfur, tmp_path, fur, flag, value, other):
     (["--fur", "shells", "--noise", "1,0.5"], ["Shells.noise is (1.0, 0.5)", ">= 1"]),
     (["--fur", "shells", "--wind", "1,2"], ["--wind", "3 numbers"]),
     (["--fur", "shells", "--wind", "1,2,inf"], ["Shells.wind", "inf"]),
-    (["--fur", "shells", "--time", "inf"], ["Shells.time is inf"]),
+    (["--fur", "shells", "--time", "inf", "--wind", "1,0,0"], ["Shells.time is inf"]),
     (["--fur", "shells", "--length", "0"], ["Shells.length is 0.0"]),
     (["--fur", "shells", "--seed", "-1"], ["Shells.seed is -1"]),
     (["--fur", "shells", "--shading", "phong"], ["--shading", "turned"]),
@@ -221,8 +221,8 @@ def test_options_of_other_fur(clfur, tmp_path, fur, flag, value, other):
     (["--fur", "shells", "--pattern", "sine", "--variation", "1"], ["--variation is for --pattern cells"]),
     (["--raster", "area"], ["--raster", "'coverage', 'samples'"]),
     (["--lod", "-0.1"], ["--lod", "4"]),
-    (["--shadow-map", "-1"], ["Settings.shadow_map is -1"]),
-    (["--pcf", "17"], ["Settings.pcf is 17", "16"]),
+    (["--shadow-map", "-1"], ["--shadow-map", "from 0 to 8192"]),
+    (["--pcf", "17"], ["--pcf", "from 0 to 16"]),
     (["--masks", "2"], ["Settings.masks is 2", "0 or 4"]),
     (["--masks", "4", "--raster", "samples"], ["Settings.masks is 4", "Settings.raster is 'samples'"]),
     (["--color", "brown"], ["--color", "#rrggbb"]),
@@ -231,7 +231,13 @@ def test_options_of_other_fur(clfur, tmp_path, fur, flag, value, other):
     (["--color", "nan,0,0"], ["--color", "0 to 1"]),
     (["--lod", "4.5"], ["--lod", "4"]),
     (["--blur", "some"], ["--blur", "edges"]),
-    (["--blur-sigma", "2"], ["--blur-sigma is for a blur", "--blur all or edges"]),
+    (["--fur", "shells", "--time", "1"], ["--time is the moment of the wind", "with --wind"]),
+    (["--fur", "shells", "--hairs", "9", "--frequency", "9"], ["--hairs", "without --frequency; allowed: one of them"]),
+    (["--fur", "both", "--hairs", "9", "--pattern", "sine"], ["--hairs is for --pattern cells"]),
+    (["--look", "chiang", "--specular", "half-vector"], ["--specular is for --look kajiya", "allowed: one of them"]),
+    (["--shadow-map", "0", "--pcf", "1"], ["--pcf has no use where --shadow-map is 0", "--shadow-map a number"]),
+    (["--shadows", "off", "--grid", "64"], ["--grid has no use where --shadows is off; allowed: with --shadows any"]),
+    (["--blur-sigma", "2"], ["--blur-sigma has no use where --blur is off", "--blur all or edges"]),
     (["--blur-sigma", "0"], ["--blur-sigma"]),
     (["--blur-sigma", "17"], ["--blur-sigma", "16"]),
 ])
@@ -398,6 +404,7 @@ def test_what_is_said_twice(clfur, tmp_path, arguments, words):
     (["--rest", "no.obj"], "--rest: no.obj: no such file"),
     (["--rest", "teapot"], "--rest: Strands.rest has 6,320 faces"),
     (["--sky", "no.hdr"], "'--sky': no.hdr: no such file"), (["--sky", ""], "'--sky': '' is neither"),
+    (["--sky", "blue"], "'--sky': 'blue' is neither"),
     (["--sky", "nan,1,1"], "'--sky': 'nan,1,1' is neither"),
     (["--sky", "1e12,0,0"], "'--sky': '1e12,0,0' is neither a colour, R,G,B of 0 to 1e+09 each"),
     (["--length", "inf"], "--length: HairType.length is inf"),
@@ -417,8 +424,8 @@ def test_what_is_said_twice(clfur, tmp_path, arguments, words):
     (["--target", "nan,0,0"], "--target: Camera.target is (nan, 0.0, 0.0)"),
     (["--segments", "1.5"], "'--segments': '1.5' is not a whole number from 0 to 255"),
     (["--segments", "256"], "'--segments': '256' is not a whole number from 0 to 255"),
-    (["--seed", "x"], "'--seed': 'x' is not a valid integer"),
-    (["--force-weight", "x"], "'--force-weight': 'x' is not a valid float"),
+    (["--seed", "x"], "'--seed': 'x' is not a whole number"),
+    (["--force-weight", "x"], "'--force-weight': 'x' is not a number"),
     (["--stiffness", 0], "'--stiffness': '0' is not a number from 1e-06"),
     (["--stiffness", 1, "--force-weight", 1], "--stiffness and --force-weight are of two rules of growth"),
     (["--alpha", "1.5"], "'--alpha': '1.5' is not a number from 0 to 1"),
@@ -489,3 +496,14 @@ def test_skin_is_as_the_hair_of_a_file_or_of_its_types(tmp_path):
         np.savez(tmp_path / "a.npz", points=points, **given)
         hairy = load("sphere", "--hair", tmp_path / "a.npz", "--color", ".1,.2,.3")[0]
         assert hairy.body_color == pytest.approx(np.multiply(.6, mean))
+
+
+def test_help_lists_each_option_once_under_its_section(clfur):
+    titles = "Fur", "Strands", "Shells", "Body and ground", "Light", "Camera", "Quality and speed", "Output and device"
+    for command, shown in (("render", titles), ("compare", titles), ("chart", (*titles[:6], titles[7]))):
+        code, out, _ = clfur(command, "--help")
+        assert code == 0 and tuple(line[:-1] for line in out.splitlines() if line in [f"{t}:" for t in titles]) == shown
+        flags = [line.split()[0] for line in out.splitlines() if line.startswith("  -")]
+        assert len(flags) == len(set(flags)) > 20 and "None" not in out
+        section = out.partition("Camera:")[2].partition("\n\n")[0]
+        assert "--eye" in section and "--size" in section and "--color" not in section

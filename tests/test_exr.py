@@ -78,7 +78,7 @@ def test_a_png_is_its_picture(tmp_path):
 
 
 def test_the_formats_library_reads_it(tmp_path, outputs):
-    """Each output in a part of its name, colour in the first, which alone is told to be one; whole numbers as floats hold them."""
+    """Each output in a part of its name, colour in the first, which alone is told to be one; whole numbers whole."""
     clfur.save(tmp_path / "a.exr", outputs)
     parts = OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).parts
     assert parts[0].name() == "color"

@@ -161,6 +161,10 @@ def test_what_is_not_seen_is_left_out(tmp_path):
 
     back = clfur.load_curves(save(tmp_path / "a.usda", np.zeros((2, 3)), [2], more=more))
     assert len(back.points) == 2
+    path = save(tmp_path / "c.usda", np.zeros((2, 3)), [2],
+                more=lambda curves, stage: curves.CreatePurposeAttr("guide"))
+    with pytest.warns(UserWarning, match=r"c\.usda: its BasisCurves have the purpose guide"):   # and no others
+        assert len(clfur.load_curves(path).points) == 2
     path = save(tmp_path / "b.usda", np.zeros((2, 3)), [2], more=lambda curves, stage: curves.MakeInvisible())
     with pytest.raises(clfur.Error, match="no BasisCurves that are seen"):
         clfur.load_curves(path)
@@ -225,3 +229,37 @@ def test_widths_that_are_none_or_wrong(tmp_path):
     for wrong in (-1., np.nan):
         with pytest.raises(clfur.Error, match=r"/groom/hair: has a width of (-1|nan); allowed: finite numbers >= 0"):
             clfur.load_curves(save(tmp_path / f"{wrong}.usda", points, [4, 4], "bspline", widths=(wrong,)))
+
+
+MORE = ("linear", "nonperiodic"), ("linear", "periodic"), ("linear", "pinned"), ("bezier", "pinned")
+
+
+@pytest.mark.parametrize("basis, wrap", [*SPLINES, *MORE])
+def test_as_many_values_as_usd_core_counts(tmp_path, basis, wrap):
+    """Of each interpolation: so many are read, and one more or fewer is refused."""
+    counts = {"bezier": [4, 7, 13, 4], "linear": [2, 3, 7, 4]}.get(basis, [4, 5, 9, 6])
+    if wrap == "periodic":
+        counts = {"bezier": [3, 6, 12, 9], "linear": [3, 4, 8, 5]}.get(basis, [3, 4, 9, 6])
+    rng = np.random.default_rng(11)
+    points = rng.normal(size=(sum(counts), 3))
+    stage = Usd.Stage.Open(str(save(tmp_path / "a.usda", points, counts, basis, wrap)))
+    curves = UsdGeom.BasisCurves(stage.GetPrimAtPath("/groom/hair"))
+    sizes = {"uniform": curves.ComputeUniformDataSize(0), "varying": curves.ComputeVaryingDataSize(0),
+             "vertex": curves.ComputeVertexDataSize(0), "constant": 1}
+    for how, size in sizes.items():
+        widths = rng.uniform(.1, .2, size)
+        back = clfur.load_curves(save(tmp_path / f"{how}.usda", points, counts, basis, wrap, widths, how))
+        assert len(back.counts) == 4 and .05 < back.width.min() <= back.width.max() < .25, how
+        for wrong in (size + 1, size - 1):
+            if wrong:
+                with pytest.raises(clfur.Error, match=rf"has {wrong} values of width, {how}; allowed: "):
+                    clfur.load_curves(save(tmp_path / f"{wrong}{how}.usda", points, counts, basis, wrap,
+                                           np.ones(wrong), how))
+
+
+def test_one_value_is_for_all_whatever_it_says(tmp_path):
+    """As files of hand-written exporters have it: no interpolation, which means one for each point."""
+    points = np.random.default_rng(12).normal(size=(8, 3))
+    for how in "vertex", "varying", "uniform":
+        back = clfur.load_curves(save(tmp_path / f"{how}.usda", points, [4, 4], "catmullRom", widths=(.125,), how=how))
+        assert (back.width == .125).all()

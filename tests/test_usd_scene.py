@@ -467,3 +467,18 @@ def test_the_command_draws_a_scene(clfur, stage, tmp_path):
     code, out, err = clfur("render", "b.usda", "--size", "60x40", "--inner", 2, "--outer", 2, "--zoom", 2)
     assert code == 0 and "12 strands" in out and not err
     assert clfur("grow", "b.usda", "-o", "b.npz", "--inner", 1)[0] == 0
+
+
+def test_lights_beyond_and_within_what_is_drawn(stage, tmp_path):
+    """A lamp very far away becomes a distant light, one within casts no shadows; hair tells how strong they are."""
+    plane(stage)
+    hair(stage, points=((0, 0, 0), (0, .5, 0)))
+    place(light(stage, "SphereLight", "/far", intensity=1e6, radius=10.), translate=(0, 5000, 0))
+    place(light(stage, "SphereLight", "/within", intensity=1., radius=.1), translate=(0, 1, 0))
+    scene, listed = told(stage, tmp_path)
+    far, within = scene.lights
+    assert far.position is None and far.direction == pytest.approx([0, -1, 0])
+    assert far.size == pytest.approx(np.degrees(20 / 5000), rel=1e-3)
+    assert far.strength == pytest.approx([1e6 * (10 / 5000)**2] * 3, rel=1e-3)
+    assert listed == "shadows of a light within the scene (/within)" and not within.shadows
+    assert within.strength == pytest.approx([(.1 / .75)**2] * 3, rel=1e-5)   # .75 from the middle of the hair

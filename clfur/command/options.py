@@ -6,11 +6,13 @@ import re
 import click
 from click.core import ParameterSource
 
-from .. import PRESETS, Error
+from .. import PRESETS, Chiang, Error
 from ..settings import RASTERS, SCATTERING, SHADOWS
 from .described import HAIRS, MOST, ROOTS
 from .types import (
     MAPS,
+    AnyReal,
+    AnyWhole,
     Color,
     Height,
     LightText,
@@ -49,9 +51,9 @@ _FUR = [
     click.option("--stiffness", type=Real(1e-6), metavar="S",
                  help="How many of its lengths a hair takes to turn by a radian under a force of 1 across it; a hair "
                       "of shells bends as much as half of one.  [default: 0.625]"),
-    click.option("--force-weight", type=float, metavar="W",
+    click.option("--force-weight", type=AnyReal(), metavar="W",
                  help="Instead of --stiffness, the report's rule: how much each segment gives way to the force."),
-    click.option("--seed", type=int, default=0, metavar="N", help="Of all that is random."),
+    click.option("--seed", type=AnyWhole(), default=0, metavar="N", help="Of all that is random."),
     click.option("--hair", metavar="FILE", multiple=True, callback=once,
                  help="Strands of a file in place of grown ones, placed as the mesh is: .hair, .tfx, .data, .ply, "
                       ".npz, .npy or USD.  --width, --color and --alpha count where it says none."),
@@ -158,7 +160,7 @@ _SHELLS = [
     click.option("--noise", type=Numbers(2), default="0.5,8", metavar="A,S",
                  help="How far hairs of shells are displaced and the size of the waves, both in hairs."),
     click.option("--wind", type=Numbers(3), default="0,0,0", metavar="X,Y,Z", help="Wind over shells; it gusts."),
-    click.option("--time", type=float, metavar="SECONDS",
+    click.option("--time", type=AnyReal(), metavar="SECONDS",
                  help="The moment of the wind, which gusts; or a USD file's time code.  [default: 0, or its first]"),
     click.option("--shading", type=click.Choice(["kajiya-kay", "turned"]), default="kajiya-kay",
                  help="Light on shells: by the hair's direction, or by the report's turned normals."),
@@ -172,16 +174,17 @@ _SETTINGS = [
     click.option("--shadows", type=click.Choice(SHADOWS), default="length",
                  help="How hair shades: by what rays cross (length), by the report's voxels, not at all, or by the "
                       "single hairs before each light (deep)."),
-    click.option("--masks", type=int, default=0, metavar="0|4",
+    click.option("--masks", type=Whole(0, 4), default=0, metavar="0|4",
                  help="4: strands hide each other in 4x4 parts of a pixel, not as if at random in it."),
     click.option("--scattering", type=click.Choice(SCATTERING), default="off",
                  help="Follow light from hair to hair: grid, for --look chiang alone and --raster coverage.  Lights "
                       "then leave out their default ambient."),
-    click.option("--grid", type=int, default=96, metavar="N",
+    click.option("--grid", type=Whole(16, 1024), default=96, metavar="N",
                  help="Cells a side of the grid for shadows; a multiple of 16."),
-    click.option("--shadow-map", type=int, default=512, metavar="N",
+    click.option("--shadow-map", type=Whole(0, 8192), default=512, metavar="N",
                  help="Texels a side of the body's shadow map; 0: none."),
-    click.option("--pcf", type=int, default=1, metavar="N", help="Radius in texels over which it is averaged."),
+    click.option("--pcf", type=Whole(0, 16), default=1, metavar="N",
+                 help="Radius in texels over which it is averaged."),
     click.option("--samples", type=click.Choice(["1", "4", "16"]), default="4", help="Samples a pixel."),
     click.option("--lod", type=Real(0, 4), default=0.0, metavar="PIXELS",
                  help="Draw strands thinner than this as fewer, wider ones of fewer segments; 0: all as they are."),
@@ -222,6 +225,7 @@ def _sections(size="640x480"):
 _QUALITY = "Quality and speed"   # fields of `Settings`
 _NAMES_IN = {title: _names(options) for title, options in _sections().items()}
 _NAMES_IN[_QUALITY] |= {"max_error", "seconds"}   # those of `clfur render`
+_NAMES_IN["Camera"] |= {"region"}
 
 
 def of_sections(*titles):
@@ -233,17 +237,14 @@ class Sectioned(click.Command):
     """A command whose help lists its options by section, its own ones in the end."""
 
     def format_options(self, ctx, formatter):
-        shown = [(option, record) for option in self.get_params(ctx) if (record := option.get_help_record(ctx))]
-        for title, names in _NAMES_IN.items():
-            _write(formatter, title, [record for option, record in shown if option.name in names])
-        _write(formatter, "Output and device", [record for option, record in shown
-                                     if not any(option.name in names for names in _NAMES_IN.values())])
-
-
-def _write(formatter, title, records):
-    if records:
-        with formatter.section(title):
-            formatter.write_dl(records)
+        shown = [(option.name, record) for option in self.get_params(ctx)
+                 if isinstance(option, click.Option) and (record := option.get_help_record(ctx))]
+        others = {name for name, _ in shown}.difference(*_NAMES_IN.values())
+        for title, names in {**_NAMES_IN, "Output and device": others}.items():
+            records = [record for name, record in shown if name in names]
+            if records:
+                with formatter.section(title):
+                    formatter.write_dl(records)
 
 
 def scene_options(command, size="640x480", settings=True):
@@ -317,6 +318,10 @@ def check_fur(flags, options):
         check_grown(flags, options, "--hair")
     if "hairs" in flags and ("frequency" in flags or options["pattern"] == "sine"):
         raise click.UsageError("--hairs is for --pattern cells without --frequency; allowed: one of them")
+    if "time" in flags and not any(options["wind"]):
+        raise click.UsageError("--time is the moment of the wind, but there is none; allowed: with --wind")
+    if "specular" in flags and options["fur"] == "strands" and isinstance(options["look"], Chiang):
+        raise click.UsageError("--specular is for --look kajiya, but --look is chiang; allowed: one of them")
     if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
         raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
                                "allowed: with --pattern cells or --fur both")
@@ -330,7 +335,14 @@ def check_grown(flags, options, has):
             raise click.UsageError(f"{flags[name]} is for hair that grows, but {has} has its own; allowed: one of them")
 
 
-def check_blur(flags, settings):
-    """Raise click.UsageError for the width of a blur that there is not."""
-    if "blur_sigma" in flags and settings.blur == "off":
-        raise click.UsageError("--blur-sigma is for a blur, but --blur is off; allowed: with --blur all or edges")
+# Of fields of `Settings`: which have no use where another one has this value, and what of it is allowed.
+_IDLE = [("blur_sigma", "blur", "off", "all or edges"), ("pcf", "shadow_map", 0, "a number of texels"),
+         *((name, "shadows", "off", "any other") for name in ("grid", "shadow_map", "pcf"))]
+
+
+def check_settings(flags, settings):
+    """Raise click.UsageError for one of the options given, {name: flag}, that other settings leave no use for."""
+    for name, other, value, allowed in _IDLE:
+        if name in flags and getattr(settings, other) == value:
+            flag = f"--{other.replace('_', '-')}"
+            raise click.UsageError(f"{flags[name]} has no use where {flag} is {value}; allowed: with {flag} {allowed}")

@@ -153,12 +153,14 @@ def _check_files(output, outputs, background, read):
     """Raise what the user got wrong of what is written, before anything is ``read``."""
     check_writable(output)
     if output.suffix.lower() == ".png" and set(outputs) != {"color"}:
-        raise click.UsageError(f"{output} can hold the output color alone; .exr and .npz hold others")
+        other = next((name for name in outputs if name != "color"), "none")
+        raise click.UsageError(f"--outputs: {output} can hold color alone, not {other}; allowed: color, or others in "
+                               ".exr or .npz")
     if output.suffix.lower() == ".exr":
         alone = {"matte_id", "matte_alpha"} & set(outputs)
         if "strand_area" in outputs or len(alone) == 1:
             what = "strand_area" if "strand_area" in outputs else f"{alone.pop()} alone"
-            raise click.UsageError(f"{output} cannot hold the output {what}; .npz does")
+            raise click.UsageError(f"--outputs: {output} cannot hold {what}; allowed: in .npz")
     if background is not None and "color" not in outputs:
         raise click.UsageError("--background is for the output color, which is not asked for; allowed: with it")
     for name in [*read, background if isinstance(background, str) else None]:

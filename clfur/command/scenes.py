@@ -20,7 +20,7 @@ from ..judge.frontier import label
 from ..scene import highlighted
 from ..settings import CHOSEN
 from .described import scene_of
-from .options import check_blur, check_fur, given_flags
+from .options import check_fur, check_settings, given_flags
 from .usd import scene_of_usd
 
 
@@ -46,7 +46,7 @@ def load_scene(given, options):
     if not is_scene_file(given):
         check_fur({name: flag for name, flag in flags.items() if name != "time"} if is_usd(given) or is_usd(
             options["hair"]) else flags, options)
-        check_blur(flags, settings)
+        check_settings(flags, settings)
         scene = scene_of_usd(given, flags, options) if is_usd(given) else scene_of(
             load_mesh(given), options | {"given": given})
         return scene, _taken(scene, settings, flags, options)
@@ -55,7 +55,7 @@ def load_scene(given, options):
     for name, flag in flags.items():
         if given_settings or not (hasattr(settings, name) or name == "preset"):
             raise click.UsageError(f"{flag}: {given} sets this itself; change it there")
-    check_blur(flags, settings)
+    check_settings(flags, settings)
     if "specular" in flags:
         scene = attrs.evolve(scene, fur=highlighted(scene.fur, options["specular"]))
     return scene, given_settings or _taken(scene, settings, flags, options)

@@ -24,6 +24,10 @@ def read_for(flag, read, path):
         raise Error(f"{flag}: {error}") from error
 
 
+def _short(number):
+    return str(number) if isinstance(number, int) else f"{number:g}"
+
+
 class _Within:
     """A number within limits; click would say "not a valid integer range"."""
 
@@ -33,14 +37,22 @@ class _Within:
         except click.BadParameter:
             number = math.nan
         if math.isnan(number):
-            low = "" if self.min is None else f" above {self.min:g}" if self.min_open else f" from {self.min:g}"
-            high = "" if self.max is None else f"{' and at most' if self.min_open else ' to'} {self.max:g}"
+            low = "" if self.min is None else f" {'above' if self.min_open else 'from'} {_short(self.min)}"
+            high = "" if self.max is None else f"{' and at most' if self.min_open else ' to'} {_short(self.max)}"
             self.fail(f"{value!r} is not {self.words}{low}{high}", param, ctx)
         return number
 
 
 class Whole(_Within, click.IntRange):
     words = "a whole number"
+
+
+class AnyWhole(_Within, click.types.IntParamType):   # whose limits the scene's own check tells
+    min, max, min_open, words = None, None, False, "a whole number"
+
+
+class AnyReal(_Within, click.types.FloatParamType):
+    min, max, min_open, words = None, None, False, "a number"
 
 
 class Real(_Within, click.FloatRange):
@@ -242,7 +254,7 @@ class Sky(click.ParamType):
         if not isinstance(value, str):
             return value
         numbers = re.fullmatch(r"[#\d.,:+\-a-fA-F\s]*", value) or all(map(_is_number, re.split("[,:]", value)))
-        if not numbers or Path(value).is_file():
+        if Path(value).is_file() or ("." in value and not numbers):
             try:
                 return Environment(load_picture(value))
             except Error as error:

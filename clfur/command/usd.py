@@ -23,7 +23,8 @@ def scene_of_usd(given, flags, options):
     said |= {name: options[name] for name in ("inner", "outer", "surface") if name in flags}
     parts = parts_of(given, said, options["camera"], options["time"],
                      options["size"] if "size" in flags else None)
-    own = parts["fur"] if options["hair"] is None and options["fur"] != "shells" else None
+    grows = options["hair"] is not None or options["guides"] is not None or options["fur"] == "shells"
+    own = None if grows else parts["fur"]
     if parts["mesh"] is None and own is None:
         raise Error(f"{given}: has no Meshes that are seen; allowed: with strands that it has itself")
     if own is not None:

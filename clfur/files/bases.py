@@ -70,7 +70,7 @@ class Chords(NamedTuple):
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Values of control points, [controls, k], at the points."""
-        return (values[self.rows] * self.weights[..., None]).sum(axis=1)
+        return sum(values[self.rows[:, k]] * self.weights[:, k, None] for k in range(self.rows.shape[1]))
 
 
 def chords_of(places: np.ndarray, counts: np.ndarray, basis: str, distance: np.ndarray) -> Chords:

@@ -77,12 +77,15 @@ def read_curves(path: str | os.PathLike, given: dict[str, Any], tolerance: float
     try:
         with np.errstate(all="ignore"):   # what is not finite is an Error of Curves
             strands = usd_curves.read(file, tolerance, time) if suffix in USD else READERS[suffix](data, file)
-            return curves_from(strands, given)
+            found = curves_from(strands, given)
     except Error as error:
         raise Error(f"{file}: {error}") from None
     except Exception as error:   # a reader may fail in any way on a damaged file; the user gets one line
         first_line = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise Error(f"{file}: cannot be read as {suffix}: {first_line}") from error
+    if "note" in strands:
+        warnings.warn(f"{file}: {strands['note']}", stacklevel=3)
+    return found
 
 
 def save_curves(path: str | os.PathLike, curves: Curves) -> None:

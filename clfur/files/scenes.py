@@ -36,9 +36,9 @@ def load_scene(path: str | os.PathLike, *, camera: str | None = None, time: floa
     path: str or path-like. camera: name or path of one of its cameras; None: the first. time: of time samples, in time
     codes; None: the first sample. size: (width, height) in pixels; None: that of its render settings, else 640 wide.
     width, color, tolerance: of strands, as for `load_curves`. Lengths stay in the stage's units, and +Y is up. Lights
-    are as strong as they are in the middle of what is drawn (they do not fall off here), and without ambient; a file
-    without lights gets a `Light`, one without a camera is framed. What of it is not understood is left out, with one
-    warning that lists it: docs/formats.md. Raises Error, one line that names the file, as `load_curves` does.
+    are as strong as in the middle of its strands, else of its meshes (they do not fall off here), without ambient;
+    without lights there is a `Light`, without a camera all is framed. What of it is not understood is left out, with
+    one warning that lists it: docs/formats.md. Raises Error, one line that names the file, as `load_curves` does.
     """
     given = {"width": None if width is None else checks.real(low=0)(width, "load_scene width"), "color": color}
     parts = parts_of(path, {name: value for name, value in given.items() if value is not None}, camera, time, size,
@@ -116,7 +116,7 @@ def _parts(stage, size, given):
     exposure = 1.0
     if stage["camera"] is not None:
         parts["camera"], exposure = _camera(stage["camera"], size, *stage["resolution"]), stage["camera"]["exposure"]
-    lights, sky = _lights(stage, *extent(parts["mesh"], parts["fur"]), exposure)
+    lights, sky = _lights(stage, parts["mesh"], parts["fur"], exposure)
     return parts | ({"light": lights} if lights else {}) | ({"environment": sky} if sky is not None else {})
 
 
@@ -154,13 +154,16 @@ def _camera(found, size, resolution, policy):
 # --- light ----------------------------------------------------------------------------------------------------
 
 
-def _lights(stage, center, radius, exposure):
-    """(Lights, an Environment or None) of a stage around what is drawn in a sphere; their light times an exposure."""
+def _lights(stage, mesh, strands, exposure):
+    """(Lights, an Environment or None) of a stage for a Mesh and Curves, or None; their light times an exposure."""
+    center, radius = extent(mesh, strands)
+    middle, near = (center, NEAR * 1.5) if strands is None else (extent(None, strands)[0], NEAR)   # hair may grow yet
     lights, sky = [], None
     for found in stage["lights"]:
         try:
             if found["kind"] != "dome":
-                lights += _light(found, center, radius or 1.0, exposure, stage["left"])
+                within = "position" in found and np.linalg.norm(found["position"] - center) < near * radius
+                lights += _light(found, middle, radius or 1.0, within, exposure, stage["left"])
             elif sky is None:
                 sky = _sky(found, exposure)
             else:
@@ -172,12 +175,15 @@ def _lights(stage, center, radius, exposure):
     return lights, sky
 
 
-def _light(found, center, radius, exposure, left):
-    """[the Light] of a distant or near one, none where it sends nothing to what is drawn."""
+def _light(found, middle, radius, within, exposure, left):
+    """[the Light] of a distant or near one, as strong as in the middle; none where it sends nothing there.
+
+    radius: of all that is drawn. within: whether the light stands there.
+    """
     strength, fields = found["strength"] * exposure, {"ambient": 0.0, "shadows": found["shadows"]}
     if found["kind"] == "distant":
         return [Light(direction=found["direction"], color=strength, size=min(found["angle"], 90.0), **fields)]
-    way = center - found["position"]
+    way = middle - found["position"]
     far = float(np.linalg.norm(way))
     strength = strength / max(far, 1e-3 * radius) ** 2
     if found["flat"]:
@@ -188,7 +194,7 @@ def _light(found, center, radius, exposure, left):
     if far > FAR * radius:
         angle = math.degrees(2 * math.atan2(found["size"], far))
         return [Light(direction=way, color=strength, size=min(angle, 90.0), **fields)]
-    if found["cone"] == 360 and far < NEAR * radius and fields["shadows"]:
+    if found["cone"] == 360 and within and fields["shadows"]:
         left.setdefault("shadows of a light within the scene", []).append(found["name"])
         fields["shadows"] = False
     return [Light(direction=found["direction"], position=found["position"], size=found["size"], color=strength,

@@ -62,6 +62,7 @@ class Stage:
         self.up = TO_Y_UP if UsdGeom.GetStageUpAxis(self.stage) == UsdGeom.Tokens.z else np.eye(3)
         self.matrices = UsdGeom.XformCache(self.at)
         self.left: dict[str, list[str]] = {}   # what of it is not understood, and where
+        self.purposes: tuple[str, ...] = ("default", "render")   # of prims that are seen
         self.points = 0
 
     def leave(self, what: str, prim: Any) -> None:
@@ -75,8 +76,8 @@ class Stage:
     def seen(self) -> Iterator[tuple[Any, list[np.ndarray]]]:
         """Each prim that is seen, and where: a matrix float64 [4, 4] to the world for each of its instances.
 
-        Left out: what is inactive, not loaded, invisible, or under a prim that is; prims with the purpose guide or
-        proxy; and prototypes of a PointInstancer where they stand themselves.
+        Left out: what is inactive, not loaded, invisible, or under a prim that is; prims with other purposes than
+        `purposes`; and prototypes of a PointInstancer where they stand themselves.
         """
         for prim, matrix in self._under(self.stage.GetPseudoRoot()):
             if prim.IsA(self.pxr.UsdGeom.PointInstancer):
@@ -95,7 +96,7 @@ class Stage:
                 continue
             if prim.IsA(UsdGeom.PointInstancer):
                 tree.PruneChildren()
-            if not shown or shown.ComputePurpose() in (UsdGeom.Tokens.default_, UsdGeom.Tokens.render):
+            if not shown or shown.ComputePurpose() in self.purposes:
                 yield prim, np.array(self.matrices.GetLocalToWorldTransform(prim))
 
     def _instances(self, prim, matrix):

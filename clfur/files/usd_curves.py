@@ -14,7 +14,10 @@ from .usd import Stage, called, library, numbers
 from .usd_mesh import material_color
 
 VALUES = ("width", "widths", 1), ("color", "displayColor", 3), ("opacity", "displayOpacity", 1)
+INTERPOLATIONS = "constant", "uniform", "varying", "vertex"
 OTHERS = "NurbsCurves", "HermiteCurves"
+# Of varying values usd-core 26.11 counts so many more a curve than its text: all pinned ones, and linear periodic ones.
+OTHER_COUNTS = {"pinned": -2, "periodic": 1}
 ROOT_UV = "st", "surface_uv_coordinate", "uv"   # primvars, the first that there is: USD's own, Blender's, others'
 
 
@@ -34,8 +37,12 @@ def _read(path, tolerance, time):
     for kind in OTHERS:
         if paths := stage.left.get(f"a {kind}"):
             raise Error(f"has {kind} at {paths[0]}; allowed: BasisCurves")
-    if found is None:
-        raise Error("has no BasisCurves that are seen")
+    if found is None:   # as files of guides alone have them
+        stage.purposes = ("guide",)
+        found = strands_of(stage, tolerance)
+        if found is None:
+            raise Error("has no BasisCurves that are seen")
+        found["note"] = "its BasisCurves have the purpose guide: programs that draw a scene leave them out"
     return found
 
 
@@ -88,7 +95,9 @@ def _strands(stage, prim, matrix, tolerance):
     control, many = unrolled(points, counts, basis, wrap)
     ends = segments_of(many, basis) + (0 if wrap == "periodic" else 1)
     for name, (value, how) in values.items():
-        _check(name, value, how, counts, ends, wrap)
+        how = "constant" if len(value) == 1 and how in INTERPOLATIONS else how   # as some write it
+        values[name] = value, how
+        _check(name, value, how, counts, ends, OTHER_COUNTS.get(wrap, 0))
         if not (value >= 0).all():
             raise Error(f"has a {name} of {value[~(value >= 0)][0]:g}; allowed: finite numbers >= 0")
     chords = chords_of(control, many, basis, tolerance * _typical(values.get("width"), points, len(counts)))
@@ -98,7 +107,7 @@ def _strands(stage, prim, matrix, tolerance):
         if how == "vertex":
             value = chords.mean(unrolled(value, counts, basis, wrap)[0])
         elif how == "varying":
-            value = _varying(value, len(value) == int(ends.sum()), ends, counts, segments_of(many, basis), chords)
+            value = _varying(value, ends, OTHER_COUNTS.get(wrap, 0), segments_of(many, basis), chords)
         else:
             value = value[chords.of] if how == "uniform" else np.repeat(value, len(chords.of), axis=0)
         value = np.maximum(value, 0)   # as splines may dip below
@@ -140,10 +149,10 @@ def _root_uv(stage, prim, counts, ends):
     return {"root_uv": value[first]} if len(value) == many else {}
 
 
-def _check(name, value, how, counts, ends, wrap):
+def _check(name, value, how, counts, ends, more):
     """Raise Error where a value has not as many rows as its interpolation wants."""
     wanted = {"constant": {1}, "uniform": {len(counts)}, "vertex": {int(counts.sum())},
-              "varying": {int(ends.sum()), int((ends - 2).sum()) if wrap == "pinned" else int(ends.sum())}}
+              "varying": {int(ends.sum()), int((ends + more).sum())}}
     if how not in wanted or len(value) not in wanted[how]:
         allowed = " or ".join(map(str, sorted(wanted.get(how, ()))))
         raise Error(f"has {len(value)} values of {name}, {how}; allowed: {allowed or ', '.join(wanted)}")
@@ -160,12 +169,11 @@ def _typical(width, points, curves):
     return np.full(curves, value[value > 0].min())
 
 
-def _varying(value, at_each_end, ends, counts, segments, chords):
-    """Values at the ends of segments, linear between them.
-
-    Of pinned curves usd-core wants two fewer than its text says: these are spread evenly over the curve.
-    """
-    many = ends if at_each_end else ends - 2
+def _varying(value, ends, more, segments, chords):
+    """Values at the ends of segments, linear between them; where a curve has some more or fewer than ends, see
+    `OTHER_COUNTS`: fewer are spread evenly over it, one more of a periodic one is at its first point again."""
+    at_each_end = len(value) == int(ends.sum()) or more > 0
+    many = ends if len(value) == int(ends.sum()) else ends + more
     first, of = np.cumsum(many) - many, chords.of
     where = chords.where if at_each_end else chords.where * ((many - 1) / segments)[of]
     before = np.minimum(where.astype(np.int64), np.maximum(many - 1, 0)[of])
