@@ -114,6 +114,7 @@ HairType = np.dtype([
     ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment; softness, see strands.cl
     ("taper", *_float4),              # shares of the width: at the root, gained to the tip; 1 / taper - 2; sub-steps a
                                       # segment, 0: by the report's rule
+    ("frizz", *_float4),              # amplitude [world], waves along the strand; 1: curl and wave are the tufts'; -
     ("root", *_float4),               # linear r, g, b there, -; where points have colours
     ("tip", *_float4),
     ("shine", *_float4),              # two numbers of its model, in most specular and exponent; alpha; MODELS

@@ -90,7 +90,7 @@ def of_twin(mesh, fur, surface, roots, kind, traits=None):
     normals = twin.normals_at(face, weights, mesh.positions, mesh.normals, mesh.faces)
     return twin.between(root, frame, kind, fur.types, shapes, normals,
                         None if curves.type_of is None else curves.type_of[some], fur.guides_blended, fur.parting,
-                        fur.seed, traits)
+                        fur.seed, traits, fur.guides_reach)
 
 
 TYPES = [HairType(segments=5, width=.01, key=(0, 0, 0), length_variation=.5, direction_variation=.4),
@@ -100,6 +100,7 @@ MAP = np.zeros((5, 7, 3), np.uint8)
 MAP[..., 0] = np.random.default_rng(1).integers(0, 4, (5, 7))
 FURS = {
     "one": {"guides_blended": 1, "types": HairType(segments=7)},
+    "near": {"types": HairType(segments=3), "guides_reach": .5},
     "three": {"types": HairType(segments=12, length_variation=.3)},
     "seven": {"guides_blended": 7, "parting": 180},
     "curls": {"types": HairType(segments=6, curl=(.02, 1))},
@@ -298,6 +299,23 @@ def test_what_is_shorter_is_cut(gpu):
         np.testing.assert_allclose(points[:, every], np.array(on)[:, every], rtol=0, atol=1e-6)
 
 
+def test_strands_stand_where_guides_are(gpu):
+    """On half a ball alone, and a little beyond; without a reach everywhere, also of guides at one place."""
+    mesh = lumpy()
+    roots, normals = rooted(mesh, 400, 8)
+    upper = roots[:, 1] > 0
+    guide = clfur.Curves(shaped(roots[upper], .2 * normals[upper]))
+    for reach, low in ((1.5, -.6), (1, -.4), (.5, -.2)):
+        found = hair(mesh, guide, gpu, roots=3000, guides_reach=reach)
+        everywhere = hair(mesh, guide, gpu, roots=3000)
+        height, some = everywhere.points[::9, 1], found.counts > 0
+        assert everywhere.counts.all() and not some[height < low].any()
+        assert some[height > 0].mean() > {1.5: .9999, 1: .99, .5: .8}[reach]
+        np.testing.assert_array_equal(found.points, everywhere.points.reshape(-1, 9, 3)[some].reshape(-1, 3))
+    same = clfur.Curves(np.repeat(shaped(roots[:1], normals[:1]), 8, 0))
+    assert hair(mesh, same, gpu).counts.all() and not hair(mesh, same, gpu, guides_reach=1).counts.any()
+
+
 def test_strands_follow_guides_of_their_own_type(gpu):
     """As if there were no others; of a type that no guide has, all."""
     mesh = lumpy()
@@ -471,6 +489,7 @@ def test_guides_beside_the_mesh_are_told_or_refused(gpu):
     ({"guides": clfur.Curves(np.zeros((5, 1, 3)))}, r"Strands\.guides has 5 strands, none of two points or more"),
     ({"guides": clfur.Curves(np.zeros((0, 3, 3)))}, r"Strands\.guides has 0 strands"),
     ({"guides_blended": 8}, r"Strands\.guides_blended is 8"), ({"guides_blended": 0}, r"Strands\.guides_blended is 0"),
+    ({"guides_reach": 0}, r"Strands\.guides_reach is 0"),
     ({"parting": 181}, r"Strands\.parting is 181"), ({"parting": -1}, r"Strands\.parting is -1")])
 def test_what_cannot_be_a_guide_is_refused(given, message):
     with pytest.raises(clfur.Error, match=message):

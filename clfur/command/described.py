@@ -21,6 +21,7 @@ from .types import light_of, read_for
 SEGMENTS, MOST_SEGMENTS = 8, 64   # of a strand: at least, and where guides have as many points
 SKIN = 0.6                 # of the hair's light: bare places are seen between hairs, and must not shine through
 ROOTS = 100_000            # strands without options, on any mesh: it is framed as large as any other
+SHEEN = 0.15, 40           # specular and exponent of shells: their hairs lie all alike, a narrow one is a band of satin
 HAIRS = 60_000             # of shells on a mesh without options
 # The second draws the outline of hair from behind; at half the first's strength or more a ground is framed with both.
 LIGHTS = ["sun direction=1,-1,-0.8 color=1,0.97,0.92", "sun direction=-0.5,-1.2,1 color=0.85,0.92,1 intensity=0.6"]
@@ -126,7 +127,7 @@ def _shells(options, length):
     if options["force_weight"] is not None:
         weight = 0.5 * options["force_weight"] * options["segments"]
     return Shells(
-        length=length, **fine, length_variation=options["variation"],
+        length=length, **fine, specular=SHEEN[0], exponent=SHEEN[1], length_variation=options["variation"],
         force=[weight * part for part in options["force"]],
         **{name: options[name] for name in ("layers", "pattern", "density", "noise", "wind", "time", "shading", "color",
                                             "alpha", "seed", "rest")})
@@ -167,6 +168,8 @@ def _strands(options, length, radius, mesh):
         "tip_color": options["tip_color"],
         "curl": options["curl"],
         "wave": options["wave"],
+        "tufts": options["tufts"],
+        "frizz": options["frizz"],
         "alpha": options["alpha"],
         "look": options.get("look"),
         **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), options["variation"]),
@@ -187,6 +190,7 @@ def _strands(options, length, radius, mesh):
             "--types", lambda path: hair_types(path, said["types"], hair), file),
         type_map=type_map(keys) if keys else None,
         **density(options, len(mesh.faces)), **skin_of(mesh, options, said, Path(file or "").parent),
+        guides_reach=options["reach"] or None,
         **{name: options[name] for name in ("surface", "force", "seed", "rest", "guides", "parting")})
 
 

@@ -11,7 +11,7 @@ from .guides import reach_of
 from .mesh import Mesh, box, sphere
 from .origin import ZERO, seen_from
 from .shells import Shells
-from .strands import Strands
+from .strands import HairType, Strands
 
 
 def strands_and_shells(fur):
@@ -81,6 +81,12 @@ def bounds_of(mesh: Mesh | None, fur: Any, strands: int) -> Bounds:
     return Bounds(*extent(mesh, fur), segments, length, area)
 
 
+def sideways(kind: HairType, curled: float) -> float:
+    """Return how far curl and wave, so many times as large, and frizz take a point of a strand from its axis at most,
+    in world units."""
+    return 2 * kind.curl[0] * curled + kind.wave[0] * curled + 1.5 * kind.frizz[0]   # which is in two directions
+
+
 def fur_extent(fur: Any) -> float:
     """Return how far fur, or each of a tuple, extends beyond the points it is made of or grows on, in world units."""
     if isinstance(fur, tuple):
@@ -96,14 +102,14 @@ def fur_extent(fur: Any) -> float:
 
 
 def _longest(fur, hair, longer, more):
-    """Return how far from its root a hair can get; one that slides along the body may be pulled straight."""
+    """Return how far from its root a hair can get; tufts may straighten guides, and what slides along the body all."""
     axis = hair.full_length * (1 + hair.length_variation) * longer
     if fur.guides is not None:
-        axis = reach_of(fur.guides)[int(fur.collision)] * (hair.segments > 0)
+        axis = reach_of(fur.guides)[int(fur.collision or fur.tufted)] * (hair.segments > 0)
     if not fur.collision:
-        return axis + 2 * hair.curl[0] * more + hair.wave[0] * more
-    return axis + more * sum(size * min(2 * hair.segments, 2 * np.pi * abs(turns))
-                             for size, turns in (hair.curl, hair.wave))
+        return axis + sideways(hair, more)
+    bends = sum(size * min(2 * hair.segments, 2 * np.pi * abs(turns)) for size, turns in (hair.curl, hair.wave))
+    return axis + more * bends + 3 * hair.frizz[0] * hair.segments
 
 
 def _most(fur):
@@ -124,8 +130,8 @@ def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]
         length = float(d[inner[:-1]].sum(dtype=float))
         return len(fur.points), length, length * float(fur.width.max())
     types, (longer, wider, more) = fur.types, _most(fur)
-    # Curl and wave hold a point within this distance of its axis; from one point to the next it may cross all of it.
+    # From one point to the next it may cross all of what curl, wave and frizz leave it.
     lengths = [(t.segments * t.step * (1 + t.length_variation) * longer if fur.guides is None
-                else reach_of(fur.guides)[1]) + t.segments * 2 * (2 * t.curl[0] + t.wave[0]) * more for t in types]
+                else reach_of(fur.guides)[1]) + t.segments * 2 * sideways(t, more) for t in types]
     return (strands * max(t.segments for t in types), strands * max(lengths),
             strands * max(length * t.widest * wider for length, t in zip(lengths, types)))
