@@ -82,11 +82,10 @@ def test_the_formats_library_reads_it(tmp_path, outputs):
     assert parts[0].name() == "color"
     assert [part.header["colorInteropID"] for part in parts] == ["lin_rec709_scene"] + ["data"] * (len(parts) - 1)
     found = {name: channel.pixels for part in parts for name, channel in part.channels.items()}
-    for name, array in (("R", outputs["color"][..., 0]), ("Z", outputs["depth"]),
-                        ("uv.V", outputs["uv"][..., 1]), ("orientation.X", outputs["orientation"][..., 0]),
-                        ("hair_alpha", outputs["hair_alpha"]),
-                        ("position.Z", outputs["position"][..., 2]),
-                        ("type_alpha.010", outputs["type_alpha"][..., 10])):
+    wanted = {"R": outputs["color"][..., 0], "Z": outputs["depth"], "uv.V": outputs["uv"][..., 1],
+              "orientation.X": outputs["orientation"][..., 0], "hair_alpha": outputs["hair_alpha"],
+              "position.Z": outputs["position"][..., 2], "type_alpha.010": outputs["type_alpha"][..., 10]}
+    for name, array in wanted.items():
         assert found[name].dtype == np.float32
         np.testing.assert_array_equal(found[name], array, err_msg=name)
     assert found["id"].dtype == np.uint32 and (found["id"].view(np.int32) == outputs["id"]).all()

@@ -406,8 +406,14 @@ def test_what_is_bounded_holds(gpu):
     length = np.linalg.norm(np.diff(found.points.reshape(2000, 9, 3).astype(float), axis=1), axis=2).sum()
     segments, most, area = clfur.scene.hair_bounds(fur, 2000)
     assert segments >= 16_000 and length <= most and length * .02 <= area
-    outside = clfur.render(given, gpu, QUICK)[..., 3]
-    assert max(outside[0].max(), outside[-1].max(), outside[:, 0].max(), outside[:, -1].max()) == 0
+    half = rooted(mesh, 300, 5)
+    half = [each[half[0][:, 1] > 0] for each in half]
+    near = clfur.Scene(mesh, attrs.evolve(fur, guides_reach=1, guides=clfur.Curves(shaped(half[0], 1.5 * half[1]))))
+    for each in given, near:
+        alpha = clfur.render(each, gpu, QUICK)[..., 3]
+        assert max(alpha[0].max(), alpha[-1].max(), alpha[:, 0].max(), alpha[:, -1].max()) == 0
+    rows = np.flatnonzero(alpha.max(1))
+    assert len(rows) > .7 * len(alpha)   # and does not stand far off
 
 
 def test_the_picture_is_that_of_the_truth(gpu):

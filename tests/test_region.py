@@ -10,8 +10,9 @@ from support.plans import plan_of
 
 import clfur
 from clfur.files.images import load_picture
+from clfur.render import OUTPUTS as ALL
 
-OUTPUTS = "color", "depth", "id", "tangent", "normal", "uv", "coverage"
+OUTPUTS = tuple(name for name in ALL if name != "strand_area")
 SIZE = 53, 39
 REGIONS = (13, 9, 20, 14), (37, 21, 1, 1), (0, 0, 53, 39), (44, 30, 9, 9), (0, 23, 53, 2)
 FUR = clfur.Strands(roots=900, force=(0, -1, 0), types=clfur.HairType(
@@ -77,6 +78,17 @@ def test_a_region_in_parts_and_of_a_team(gpu, another, raster):
             np.testing.assert_array_equal(drawn.images[output], cropped(whole.images[output], region), output)
 
 
+@pytest.mark.parametrize("raster", ["coverage", "samples"])
+def test_areas_of_strands_are_those_within_the_region(gpu, raster):
+    """Of regions that are the picture together they add up to the whole's; each is a float32."""
+    scene, settings = scene_of({"fur": WIDE}), clfur.Settings(raster=raster, blur="edges")
+    whole = clfur.render(scene, gpu, settings, ["strand_area", "color"])["strand_area"]
+    parts = [clfur.render(scene, gpu, settings, ["strand_area"], region)["strand_area"] for region in (
+        (0, 0, 21, 19), (21, 0, 32, 19), (0, 19, 53, 20))]
+    assert (whole > 1).sum() > 20 and all(0 < part.sum() < whole.sum() for part in parts)
+    np.testing.assert_allclose(sum(part.astype(float) for part in parts), whole, rtol=1e-6)
+
+
 def test_a_region_takes_its_share(gpu, monkeypatch):
     """Work-items that go through pixels, and bytes of these: as many as its tiles are."""
     scene, launch, sizes = scene_of({"fur": FUR}), type(gpu).launch, {}
@@ -123,3 +135,15 @@ def test_a_picture_behind_a_region(clfur, tmp_path):
     ok(clfur("render", *options, "-o", tmp_path / "part.png", "--region", "3,2,30,9"))
     whole, part = (load_picture(tmp_path / f"{name}.png") for name in ("whole", "part"))
     np.testing.assert_array_equal(part, whole[2:11, 3:33])
+
+
+@pytest.mark.parametrize("raster", ["coverage", "samples"])
+def test_areas_of_strands_are_those_in_the_region(gpu, raster):
+    """Not those of the tiles around it; regions beside each other have what all of it has."""
+    scene, settings = scene_of({"fur": FUR}), clfur.Settings(raster=raster, samples=4)
+    whole = clfur.render(scene, gpu, settings, ["strand_area"])["strand_area"]
+    parts = [clfur.render(scene, gpu, settings, ["strand_area", "hair_alpha"], region=region)
+             for region in ((0, 0, 21, 39), (21, 0, 32, 17), (21, 17, 32, 22))]
+    for part in parts:
+        assert part["strand_area"].sum(dtype=float) == pytest.approx(part["hair_alpha"].sum(dtype=float), rel=1e-6)
+    np.testing.assert_allclose(sum(part["strand_area"].astype(float) for part in parts), whole, rtol=1e-6)

@@ -22,17 +22,24 @@ TOLD = {"hair_alpha": 1, "body_alpha": 1, "type": 1, "type_alpha": 1, "orientati
 
 
 class Told:
-    """What is told of the pixels of some rows, so far."""
+    """What is told of the pixels of some rows, so far.
 
-    def __init__(self, plan: Any, rows: int) -> None:
+    rows: (first, one past the last) that are drawn.
+    """
+
+    def __init__(self, plan: Any, rows: tuple) -> None:
         fur = plan.scene.strands
         types = 0 if fur is None else len(fur.hair_types if isinstance(fur, Curves) else fur.types)
-        self.names, self.rows, self.width = plan.tells, rows, plan.size[0]
+        types *= bool({"type", "type_alpha"} & set(plan.tells))
+        self.names, self.rows, self.width = plan.tells, rows[1] - rows[0], plan.size[0]
         self.shells, self.types = plan.scene.shells is not None, types
-        pixels, matte = rows * self.width, bool({"matte_id", "matte_alpha"} & set(self.names))
+        self.wanted = np.zeros((self.rows, self.width), bool)   # the others are drawn for tiles and blurs
+        self.wanted[plan.wanted(rows[0])] = True
+        pixels, matte = self.rows * self.width, bool({"matte_id", "matte_alpha"} & set(self.names))
         self.strands = np.zeros(pixels)                   # of a pixel: share of all strands,
         self.of_types = np.zeros((pixels, types))         # of each type's,
-        self.turns = np.zeros((pixels, 2))                # and twice the angle: cosine and sine of all, weighted
+        turned = pixels * ("orientation" in self.names)
+        self.turns = np.zeros((turned, 2))                # and twice the angle: cosine and sine of all, weighted
         self.areas = np.zeros(plan.strands)
         self.ids = np.full((pixels, RANKS if matte else 0), NOTHING, np.int32)
         self.ranks = np.zeros(self.ids.shape)             # of those who cover most
@@ -56,13 +63,13 @@ class Told:
         units = np.rint(weights.astype(np.float64) * UNIT)
         strand, kind = owners.T
         self.strands[first:end] += np.bincount(here, units, n)
-        if "type" in self.names or "type_alpha" in self.names:
+        if self.types:
             self.of_types[first:end] += np.bincount(here * self.types + kind, units, n * self.types).reshape(n, -1)
         if "orientation" in self.names:
             for k in range(2):
                 self.turns[first:end, k] += np.bincount(here, units * np.rint(turns[:, k] * TURN), n)
         if "strand_area" in self.names:
-            self.areas += np.bincount(strand, units, len(self.areas))
+            self.areas += np.bincount(strand, units * self.wanted.ravel()[pixels], len(self.areas))
         if self.ids.size:
             pixels, strand, sums = _ranked(pixels, strand, units)
             rank = np.arange(len(pixels)) - np.searchsorted(pixels, pixels)
@@ -74,7 +81,7 @@ class Told:
         and shells, None where there are none."""
         body, ground = (np.rint(np.asarray(each, np.float64).ravel() * UNIT) for each in (body, ground))
         fur = np.zeros_like(body) if shells is None else np.rint(np.asarray(shells, np.float64).ravel() * UNIT)
-        of_types = np.c_[self.of_types, fur] if self.shells else self.of_types
+        of_types = np.c_[self.of_types, fur] if self.shells else self.of_types   # none where they are not asked for
         hair = self.strands + fur
         made = {"hair_alpha": hair / UNIT, "body_alpha": body / UNIT, "type_alpha": of_types / UNIT,
                 "orientation": self.turns / (UNIT * TURN)}
@@ -92,13 +99,14 @@ class Told:
         return images | ({"strand_area": self.areas} if "strand_area" in self.names else {})
 
 
-def positions(camera: Camera, depth: np.ndarray, top: int) -> np.ndarray:
+def positions(camera: Camera, depth: np.ndarray, left: int, top: int) -> np.ndarray:
     """Places of the world that are seen, on the rays through the pixels' middles: float32 [rows, width, 3].
 
-    depth: [rows, width] along the view axis, of rows ``top`` on; infinite where nothing is: so is the place.
+    depth: [rows, width] along the view axis, of columns ``left`` on and rows ``top`` on; infinite where nothing is: so
+    is the place.
     """
     (fx, skew, cx), (_, fy, cy), _ = camera.intrinsics
-    rows, columns = np.mgrid[top:top + depth.shape[0], :depth.shape[1]] + 0.5
+    rows, columns = np.mgrid[top:top + depth.shape[0], left:left + depth.shape[1]] + 0.5
     seen = np.isfinite(depth)
     far = np.where(seen, depth, 1).astype(np.float64)
     y = (cy - rows) / fy * far

@@ -103,7 +103,7 @@ class Samples:
 
     def tell(self, gpu: Any, band: Band, front: Front) -> dict:
         """{output: array} of whose light the pixels' is, see `mattes.Told`."""
-        plan, samples, told = self.plan, band.visible.shape[2], Told(self.plan, len(band.visible))
+        plan, samples, told = self.plan, band.visible.shape[2], Told(self.plan, band.rows)
         body, ground, through = _shares(gpu, band.visible, front.shell_transmittance)
         ids = gpu.download(band.visible).astype(np.uint32).ravel()   # the lower half
         of_strands = np.flatnonzero(ids < layout.CONSTANTS["BODY"])
@@ -162,7 +162,7 @@ class Coverage:
 
     def tell(self, gpu: Any, band: Band, front: Front) -> dict:
         """{output: array} of whose light the pixels' is, see `mattes.Told`: strands are drawn again, without light."""
-        plan, counted, told = self.plan, band.counted, Told(self.plan, len(band.visible))
+        plan, counted, told = self.plan, band.counted, Told(self.plan, band.rows)
         whole = band.rows == (counted.first, counted.end)
         tiles = counted.tiles if whole else coverage.bound(gpu, band.view, band.visible)
         image = shade.IMAGE.empty(gpu, band.visible.shape[:2])
