@@ -41,7 +41,7 @@ def units(n, seed):
 def rooted(mesh, n, seed=3):
     """Where n strands stand on a flat mesh, and its normals there: [n, 3] each."""
     curves = clfur.grow(clfur.Scene(mesh, Strands(types=HairType(segments=1), roots=n, seed=seed, **FLAT)))
-    return curves.points[::2].astype(float), curves.root_normal.astype(float)
+    return curves.points[::2] + curves.origin, curves.root_normal.astype(float)
 
 
 def shaped(roots, ends, points=9, bow=.2, seed=4):
@@ -406,8 +406,14 @@ def test_what_is_bounded_holds(gpu):
     length = np.linalg.norm(np.diff(found.points.reshape(2000, 9, 3).astype(float), axis=1), axis=2).sum()
     segments, most, area = clfur.scene.hair_bounds(fur, 2000)
     assert segments >= 16_000 and length <= most and length * .02 <= area
-    outside = clfur.render(given, gpu, QUICK)[..., 3]
-    assert max(outside[0].max(), outside[-1].max(), outside[:, 0].max(), outside[:, -1].max()) == 0
+    half = rooted(mesh, 300, 5)
+    half = [each[half[0][:, 1] > 0] for each in half]
+    near = clfur.Scene(mesh, attrs.evolve(fur, guides_reach=1, guides=clfur.Curves(shaped(half[0], 1.5 * half[1]))))
+    for each in given, near:
+        alpha = clfur.render(each, gpu, QUICK)[..., 3]
+        assert max(alpha[0].max(), alpha[-1].max(), alpha[:, 0].max(), alpha[:, -1].max()) == 0
+    rows = np.flatnonzero(alpha.max(1))
+    assert len(rows) > .7 * len(alpha)   # and does not stand far off
 
 
 def test_the_picture_is_that_of_the_truth(gpu):
@@ -416,6 +422,22 @@ def test_the_picture_is_that_of_the_truth(gpu):
     strands_of_truth, _ = truth._geometry(given)
     found = clfur.grow(given, gpu)
     np.testing.assert_allclose(strands_of_truth.points[:, :3], found.points, rtol=0, atol=POSITION)
+
+
+@pytest.mark.parametrize("roots", [0, 1, 65, "faces"])
+@pytest.mark.parametrize("n", [1, 9])
+def test_any_number_of_strands_and_guides(gpu, roots, n):
+    """Each strand has its own place and is as long as guides are; of one guide all are the same."""
+    mesh = lumpy()
+    guide = clfur.Curves(shaped(*rooted(mesh, n, 8), bow=0))
+    found = hair(mesh, guide, gpu, roots=roots, parting=0, guides_reach=10)
+    strands = 320 if roots == "faces" else roots
+    assert (found.counts == 9).all() and len(found.counts) == strands
+    if n == 1:
+        ends = found.points.reshape(-1, 9, 3)
+        np.testing.assert_allclose(np.linalg.norm(ends[:, -1] - ends[:, 0], axis=1), 1, rtol=1e-5)
+    frame = clfur.draw(clfur.Scene(mesh, Strands(guides=guide, roots=roots, **FLAT)), gpu, QUICK)
+    assert frame.strands == strands
 
 
 def test_guides_on_a_device_are_the_same(gpu):
