@@ -241,7 +241,7 @@ INLINED lanes_i go_along(const Distances *grid, __global const float *values, la
     for (int look = 0; look < SLIDE_LOOKS && any_lane(going); ++look) {
         const Near near = near_at(grid, values, plus(s->at, scaled(s->ahead, r)));
         const lanes lack = s->away - near.value;
-        const lanes_i in = going & lack > least_lack, out = going & lack <= least_lack, ended = out & r >= s->length;
+        const lanes_i in = going & (lack > least_lack), out = going & ~in, ended = out & (r >= s->length);
         if (any_lane(in)) {
             lanes3 up = minus(near.slope, scaled(s->ahead, dots(near.slope, s->ahead)));
             lanes rise = exact_root(dots(up, up));
@@ -316,7 +316,7 @@ BY_HAND __kernel void slide(
         s.at = chosen(moved | turned, plus(before, chosen(turned, scaled(s.ahead, s.length), way)), next);
         moved |= turned;
         came = next;
-        uint bits = bits_of(moved & U(k + 1) < count);
+        uint bits = bits_of(moved & (U(k + 1) < count));
         for (; bits; bits &= bits - 1) {
             const int lane = first_of(bits);
             points[LANE_U(place, lane) + k + 1].xyz = lane_of(&s.at, lane);
