@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.command import wrong
 
-from clfur import PRESETS, Chiang, Curves, Error, Kajiya, Settings, Shells, Strands, load_mesh, save
+from clfur import PRESETS, Chiang, Curves, Error, Kajiya, Settings, Shells, Strands, load_curves, load_mesh, save
 from clfur.command.hair_types import groom_of, hair_types
 from clfur.command.options import scene_options
 from clfur.command.scenes import load_scene
@@ -149,7 +149,7 @@ SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "
           "--shadow-map": 64, "--pcf": 0,
           "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
           "--preset": "draft", "--rest": "sphere", "--body": "holdout", "--body-color": "1,0,0", "--body-texture": "",
-          "--ground": -1.5, "--view": "front", "--sky": "1,1,1"}
+          "--ground": -1.5, "--view": "front", "--up": "z", "--sky": "1,1,1"}
 
 
 def test_the_rule_of_growth(tmp_path):
@@ -357,6 +357,8 @@ def test_lights_of_the_command():
     before, behind = lights()   # which is framed with a ground as the first is
     assert before.direction[2] < 0 < behind.direction[2] and behind.strength.max() >= .5 * before.strength.max()
     assert (before.ambient, behind.ambient) == (None, 0)
+    assert [light.direction.tolist() for light in load("sphere", "--sky", "1,1,1")[0].lights] == [
+        before.direction.tolist()]   # a sky shines from behind
 
 
 def test_a_grounds_shadow_is_framed_where_no_camera_is_given():
@@ -477,6 +479,38 @@ def test_views_that_are_none(clfur, arguments, says):
     wrong(clfur("render", "sphere", *arguments), says)
 
 
+def z_up(folder, name, array):
+    """Write places [n, 3] of which +Y is up as lines of an OBJ file of which +Z is."""
+    x, y, z = np.asarray(array, float).T
+    (folder / name).write_text("".join(f"v {a!r} {b!r} {c!r}\n" for a, b, c in np.stack([x, -z, y], 1).tolist()))
+    return folder / name
+
+
+def test_z_is_up(tmp_path, clfur):
+    """The same mesh, pose in rest and hair; strands that are saved lie on the mesh of the file."""
+    mesh = load_mesh("sphere")
+    file = z_up(tmp_path, "ball.obj", mesh.positions * (1, .8, .6))
+    file.write_text(file.read_text() + "".join(f"f {a} {b} {c}\n" for a, b, c in mesh.faces + 1))
+    turned, _ = load(file, "--up", "z", "--rest", file)
+    np.testing.assert_array_equal(turned.mesh.positions, np.float32(mesh.positions * (1, .8, .6)))
+    np.testing.assert_array_equal(turned.strands.rest.positions, turned.mesh.positions)
+    assert np.abs(turned.mesh.normals[:, 1] * np.sign(turned.mesh.positions[:, 1])).min() >= 0   # they are turned, too
+    assert np.ptp(load(file)[0].mesh.positions, axis=0) == pytest.approx([2, 1.2, 1.6], rel=1e-3)
+
+    code, _, err = clfur("grow", file, "--up", "z", "--roots", "600", "-o", tmp_path / "hair.npz")
+    assert code == 0, err
+    hair = load_curves(tmp_path / "hair.npz")
+    strands = hair.points.reshape(600, hair.uniform, 3)
+    roots = strands[:, 0] / (1, .6, .8)   # on the ball, but for the flat triangles of it
+    assert np.abs(np.linalg.norm(roots, axis=1) - 1).max() < .02
+    fall = (strands[:, -1] - strands[:, 0]).mean(0)   # gravity pulls along -Z there
+    assert fall[2] < -.02 and np.abs(fall[:2]).max() < .01
+    brought, _ = load(file, "--up", "z", "--hair", tmp_path / "hair.npz")
+    x, y, z = hair.points.T
+    np.testing.assert_array_equal(brought.strands.points, np.stack([x, z, -y], 1))
+    wrong(clfur("render", file, "--up", "x"), "'y', 'z'")
+
+
 def test_skin_is_as_the_hair_but_darker():
     for fur in "strands", "shells", "both":
         assert load("sphere", "--color", "1,.5,.25", "--fur", fur)[0].body_color == pytest.approx((.6, .3, .15))
@@ -499,8 +533,9 @@ def test_skin_is_as_the_hair_of_a_file_or_of_its_types(tmp_path):
 
 
 def test_help_lists_each_option_once_under_its_section(clfur):
-    titles = "Fur", "Strands", "Shells", "Body and ground", "Light", "Camera", "Quality and speed", "Output and device"
-    for command, shown in (("render", titles), ("compare", titles), ("chart", (*titles[:6], titles[7]))):
+    titles = ("Fur", "Strands", "Grooming of strands", "Shells", "Body and ground", "Light", "Camera",
+              "Quality and speed", "Output and device")
+    for command, shown in (("render", titles), ("compare", titles), ("chart", (*titles[:7], titles[8]))):
         code, out, _ = clfur(command, "--help")
         assert code == 0 and tuple(line[:-1] for line in out.splitlines() if line in [f"{t}:" for t in titles]) == shown
         flags = [line.split()[0] for line in out.splitlines() if line.startswith("  -")]

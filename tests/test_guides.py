@@ -400,6 +400,15 @@ def test_the_picture_is_that_of_the_truth(gpu):
     np.testing.assert_allclose(strands_of_truth.points[:, :3], found.points, rtol=0, atol=POSITION)
 
 
+def test_guides_on_a_device_are_the_same(gpu):
+    """Arrays of a scheduler's own context, whose origin is as it is given."""
+    mesh = lumpy()
+    guide = wild(mesh)
+    there = clfur.Curves(gpu.upload(guide.points), counts=guide.counts)
+    one, other = (hair(mesh, each, gpu) for each in (guide, there))
+    np.testing.assert_array_equal(other.points, one.points)
+
+
 def test_maps_cut_and_thin_strands_between_guides(gpu):
     """In pictures, grown strands and the truth: bald where density is 0, half as long where length is."""
     mesh = lumpy()

@@ -78,6 +78,17 @@ def test_a_region_in_parts_and_of_a_team(gpu, another, raster):
             np.testing.assert_array_equal(drawn.images[output], cropped(whole.images[output], region), output)
 
 
+@pytest.mark.parametrize("raster", ["coverage", "samples"])
+def test_areas_of_strands_are_those_within_the_region(gpu, raster):
+    """Of regions that are the picture together they add up to the whole's; each is a float32."""
+    scene, settings = scene_of({"fur": WIDE}), clfur.Settings(raster=raster, blur="edges")
+    whole = clfur.render(scene, gpu, settings, ["strand_area", "color"])["strand_area"]
+    parts = [clfur.render(scene, gpu, settings, ["strand_area"], region)["strand_area"] for region in (
+        (0, 0, 21, 19), (21, 0, 32, 19), (0, 19, 53, 20))]
+    assert (whole > 1).sum() > 20 and all(0 < part.sum() < whole.sum() for part in parts)
+    np.testing.assert_allclose(sum(part.astype(float) for part in parts), whole, rtol=1e-6)
+
+
 def test_a_region_takes_its_share(gpu, monkeypatch):
     """Work-items that go through pixels, and bytes of these: as many as its tiles are."""
     scene, launch, sizes = scene_of({"fur": FUR}), type(gpu).launch, {}

@@ -126,6 +126,20 @@ property float radius\nproperty uchar red\nproperty uchar green\nproperty uchar 
     assert back.color[2].tolist() == [1, 1, 0]
 
 
+def test_ply_with_segments_of_strands(tmp_path):
+    """As hairutil writes them, edges beside."""
+    head = ("ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
+            "element strand 2\nproperty ushort nsegs\nelement edge 3\nproperty int vertex1\nproperty int vertex2\n"
+            "end_header\n")
+    rows = "0 0 0\n1 0 0\n2 0 0\n0 1 0\n1 1 0\n{}\n1\n0 1\n1 2\n3 4\n"
+    (tmp_path / "a.ply").write_text(head + rows.format(2))
+    back = clfur.load_curves(tmp_path / "a.ply")
+    assert back.counts.tolist() == [3, 2] and back.points[:, 0].tolist() == [0, 1, 2, 0, 1]
+    (tmp_path / "a.ply").write_text(head + rows.format(3))
+    with pytest.raises(clfur.Error, match="has 5 vertices, but its strands have 6"):
+        clfur.load_curves(tmp_path / "a.ply")
+
+
 def test_mitsuba_has_radii_and_pbrt_diameters(tmp_path):
     given = clfur.Curves([[[0, 0, 0], [0, 0, 3.]]], width=.5, color=(1, .5, .25))
     clfur.save_curves(tmp_path / "a.txt", given)

@@ -173,7 +173,7 @@ def test_what_is_not_seen_is_left_out(tmp_path):
 @pytest.mark.parametrize("counts, basis, widths, how, says", [
     ([3], "linear", (.1,), "constant", r"has 4 points, but its curveVertexCounts add up to 3"),
     ([4], "bspline", (.1, .2), "vertex", r"/groom/hair: has 2 values of width, vertex; allowed: 4"),
-    ([3, 1], "catmullRom", (.1,), "constant", r"curve 0 has 3 points; allowed: 4 or more for catmullRom"),
+    ([3, 1], "catmullRom", (.1,), "constant", r"curve 0 has 3 points; allowed: 4 or more for nonperiodic catmullRom"),
     ([4], "bezier", (.1,), "faceVarying", r"has 1 values of width, faceVarying; allowed: "),
 ])
 def test_wrong_curves_are_told_by_name(tmp_path, counts, basis, widths, how, says):
@@ -263,3 +263,32 @@ def test_one_value_is_for_all_whatever_it_says(tmp_path):
     for how in "vertex", "varying", "uniform":
         back = clfur.load_curves(save(tmp_path / f"{how}.usda", points, [4, 4], "catmullRom", widths=(.125,), how=how))
         assert (back.width == .125).all()
+
+
+@pytest.mark.parametrize("basis, wrap, counts, drawn, says", [
+    ("catmullRom", "nonperiodic", [5, 2, 4], [5, 4], "curve 1 has 2 points; allowed: 4 or more for nonperiodic"),
+    ("bspline", "pinned", [2, 1, 3], [2, 3], "curve 1 has 1 points; allowed: 2 or more for pinned bspline"),
+    ("bspline", "periodic", [2, 3], [3], "curve 0 has 2 points; allowed: 3 or more for periodic bspline"),
+    ("bezier", "nonperiodic", [4, 8], [4, 7], "curve 1 has 8 points; allowed: 4, 7, 10, ... for nonperiodic bezier"),
+    ("bezier", "periodic", [4, 3], [3, 3], "curve 0 has 4 points; allowed: 3, 6, 9, ... for periodic bezier")])
+def test_curves_that_do_not_fit_are_drawn_as_far_as_they_do(tmp_path, basis, wrap, counts, drawn, says):
+    """As Pixar's own test files have them, beside others; with values of points, which stay with theirs."""
+    points = np.random.default_rng(13).uniform(1, 2, (sum(counts), 3))
+    path = save(tmp_path / "a.usda", points, counts, basis, wrap, points[:, 0] / 9, "vertex")
+    with pytest.warns(UserWarning, match="left out: what no segment has of curves that do not fit") as warned:
+        back = clfur.load_curves(path)
+    assert says in str(warned[0].message) and len(back.counts) == len(drawn)
+    assert np.abs(back.width - back.points[:, 0] / 9).max() < 1e-6
+    if (basis, wrap) == ("bezier", "nonperiodic"):   # the second ends where its last whole segment does
+        assert np.allclose(back.points[-1], points[4 + 6], atol=1e-6)
+
+
+def test_wide_curves_bend_smoothly(tmp_path):
+    """A ribbon as wide as long: a quarter of its width would be most of its bend."""
+    points = np.array([[0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0]])
+    back = clfur.load_curves(save(tmp_path / "a.usda", points, [4], "bezier", widths=(2.,)))
+    places = np.array([curve_at(points.astype(float), "bezier", t, 0) for t in np.linspace(0, 1, 200)])
+    a, b = back.points[:-1].astype(float), back.points[1:].astype(float)
+    share = np.clip(((places[:, None] - a) * (b - a)).sum(2) / ((b - a)**2).sum(1), 0, 1)
+    off = np.linalg.norm(places[:, None] - a - share[..., None] * (b - a), axis=2).min(axis=1).max()
+    assert 0 < off <= .25 * .02 * 3

@@ -6,7 +6,7 @@ from support.command import wrong
 
 import clfur
 from clfur.files import apart
-from clfur.files.scenes import turned
+from clfur.files.scenes import parts_of, turned
 
 pxr = pytest.importorskip("pxr", reason='needs pip install "clfur[usd]"')
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, Vt  # noqa: E402
@@ -482,3 +482,10 @@ def test_lights_beyond_and_within_what_is_drawn(stage, tmp_path):
     assert far.strength == pytest.approx([1e6 * (10 / 5000)**2] * 3, rel=1e-3)
     assert listed == "shadows of a light within the scene (/within)" and not within.shadows
     assert within.strength == pytest.approx([(.1 / .75)**2] * 3, rel=1e-5)   # .75 from the middle of the hair
+
+
+def test_a_mesh_that_says_no_colour(stage, tmp_path):
+    """USD's grey in Python; the command gives it skin for its hair."""
+    plane(stage)
+    assert load(stage, tmp_path).body_color.tolist() == [.18] * 3
+    assert "body_color" not in parts_of(tmp_path / "a.usda", {})

@@ -110,6 +110,7 @@ BLOND = clfur.Chiang(eumelanin=.2, pheomelanin=.4)
 DARK, SKY = clfur.Light(color=(0, 0, 0)), clfur.Environment([(.4, .8, 2), (1.5, 1.1, .8), (.3, .2, .1)])
 DIM = clfur.Environment([(.1, .2, .5), (.4, .3, .2), (.1, .07, .03)])
 TEXTURE = np.array([(.7, .3, .02), (.02, .1, .6)])[np.indices((6, 12)).sum(0) % 2]
+PAINTED = clfur.Maps(density=[[1, .1]], length={1001: [[.3], [1.8]]}, width=[[1, 1], [.4, .4]])
 
 BLOWN = shells(length=.9, frequency=5, density=.4, noise=(0, 8), wind=(2.5, 0, 0), time=.2)
 
@@ -122,6 +123,7 @@ PICTURES = {
     "type-map": (lambda: scene(grown(types=[SHORT, LONG], type_map=stripes(*KEYS * 6))), {}),
     "bald-type": (lambda: scene(grown(types=[BALD, LONG], type_map=stripes(*KEYS * 2))), {}),
     "texture": (lambda: scene(grown(4000, hair(color=(1, 1, 1), color_texture=TEXTURE))), {}),
+    "maps": (lambda: scene(grown(6000, maps=PAINTED, comb=clfur.Comb((0, -1, 0), .8))), {}),
     "curves": (lambda: scene(whiskers(), None), {}),
     "color-per-point": (lambda: scene(whiskers(rainbow), None), {}),
     "cells": (lambda: scene(shells()), {}),

@@ -11,7 +11,7 @@ from .. import Camera, Ground, Material, Scene, Shells, Strands, load_materials,
 from ..files.curves import read_curves
 from ..files.images import load_picture
 from ..files.usd import is_usd
-from ..scene import extent, frame, highlighted
+from ..scene import extent, frame, highlighted, upright
 from ..scene.checks import vector
 from ..scene.strands import LAW
 from .hair_types import groom_of, hair_type, hair_types, type_map
@@ -22,6 +22,8 @@ SEGMENTS, MOST_SEGMENTS = 8, 64   # of a strand: at least, and where guides have
 SKIN = 0.6                 # of the hair's light: bare places are seen between hairs, and must not shine through
 ROOTS = 100_000            # strands without options, on any mesh: it is framed as large as any other
 HAIRS = 60_000             # of shells on a mesh without options
+# The second draws the outline of hair from behind; at half the first's strength or more a ground is framed with both.
+LIGHTS = ["sun direction=1,-1,-0.8 color=1,0.97,0.92", "sun direction=-0.5,-1.2,1 color=0.85,0.92,1 intensity=0.6"]
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
 
 
@@ -29,7 +31,8 @@ def scene_of(mesh, options):
     """The scene of a mesh that the options describe, or of none with "curves", strands that take the place of grown
     ones."""
     options = options | {"time": options["time"] or 0.0, "code": options["time"]}
-    options |= {"rest": None if options["rest"] is None else read_for("--rest", load_mesh, options["rest"])}
+    options |= {"rest": None if options["rest"] is None else standing("--rest", load_mesh, options["rest"],
+                                                                               options["up"])}
     options |= _guided(options)
     base, curves = options["rest"] or mesh, options.get("curves")   # hair is as long in every pose
     middle, radius = extent(None, curves) if base is None else base.bounds
@@ -48,7 +51,7 @@ def scene_of(mesh, options):
 
     height = options["ground"]
     ground = None if height is None else Ground(None if height == "lowest" else height)
-    lights = _lights(options["lights"], middle if mesh is None else mesh.bounds[0])
+    lights = _lights(lights_of(options), middle if mesh is None else mesh.bounds[0])
     given = options["eye"] or options["target"]
     towards = {"direction": options["view"]} if options["view"] else {}
     camera = frame(mesh, fur, options["size"], options["fov"], ground=None if given else ground, lights=lights,
@@ -67,12 +70,24 @@ def scene_of(mesh, options):
                  body=options["body"], ground=ground, **_body_color(options, fur[-1]))
 
 
+def standing(flag, read, path, up):
+    """What `read_for` gives of a Mesh or Curves, of which an axis is ``up``, with Y up; USD tells its own."""
+    found = read_for(flag, read, path)
+    return upright(found) if up == "z" and not is_usd(path) else found
+
+
 def _guided(options):
     """{"guides": the Curves of the file that they name, "segments"}: as many as guides have where it is not told."""
-    guides = options["guides"] and read_for("--guides", lambda path: read_curves(path, {}), options["guides"])
+    guides = options["guides"] and standing(
+        "--guides", lambda path: read_curves(path, {}), options["guides"], options["up"])
     longest = int(guides.counts.max(initial=0)) - 1 if guides else 0
     known = options["segments"]
     return {"guides": guides, "segments": min(max(SEGMENTS, longest), MOST_SEGMENTS) if known is None else known}
+
+
+def lights_of(options):
+    """Texts of the lights that the options tell, or of those without any; a sky shines from behind by itself."""
+    return list(options["lights"]) or LIGHTS[:1 if options["sky"] else None]
 
 
 def _lights(texts, middle):
@@ -85,7 +100,9 @@ def _body_color(options, fur):
     """{"body_color"} of the options, else of the mesh's file, else skin under this fur; {} for a scene's own."""
     color, picture = options["body_color"], options["body_texture"]
     if picture is not None:
-        return {"body_color": Material(color or (1, 1, 1), read_for("--body-texture", load_picture, picture))}
+        found, color = read_for("--body-texture", load_picture, picture), color or (1, 1, 1)
+        return {"body_color": {number: Material(color, each) for number, each in found.items()}
+                if isinstance(found, dict) else Material(color, found)}
     if color is not None or options["body"] == "holdout":   # which is not seen
         return {} if color is None else {"body_color": color}
     materials = load_materials(options["given"])
@@ -179,8 +196,8 @@ def _hair(options, length, radius, mesh):
     given = {name: options[name] for name in ("width", "color", "alpha", "look", "surface", "seed")}
     given |= {"inner": levels["inner"], "outer": levels["outer"]}
     given = {name: value for name, value in given.items() if value is not None}
-    curves = read_for("--hair", lambda path: read_curves(path, given, time=options["code"] if is_usd(path) else None),
-                      options["hair"])
+    curves = standing("--hair", lambda path: read_curves(path, given, time=options["code"] if is_usd(path) else None),
+                      options["hair"], options["up"])
     if options["inner"] or options["outer"]:   # a file may say otherwise
         curves = attrs.evolve(curves, inner=given["inner"], outer=given["outer"])
     return curves

@@ -9,6 +9,8 @@ import click
 from .. import Error, Strands, grow, save_curves
 from ..files.curves import WRITERS
 from ..files.output import check_writable
+from ..files.usd import is_usd
+from ..scene import upright
 from .devices import ask_drivers
 from .options import Sectioned, of_sections, scene_options
 from .scenes import load_scene
@@ -54,7 +56,8 @@ def grow_command(given, output, device, as_json, **options):
         tell(f"growing hair on {given}")
         curves = grow(scene, device)
         tell(f"saving {output}")
-        save_curves(output, curves)
+        turned = options["up"] == "z" and not is_usd(output)   # which would tell that Y is up
+        save_curves(output, upright(curves, back=True) if turned else curves)
     strands, points = len(curves.counts), int(curves.counts.sum())
     if as_json:
         print(json.dumps({"file": str(Path(output)), "strands": strands, "points": points, "types": len(

@@ -29,9 +29,6 @@ from .types import (
     once,
 )
 
-# The second draws the outline of hair from behind; at half the first's strength or more a ground is framed with both.
-LIGHTS = ["sun direction=1,-1,-0.8 color=1,0.97,0.92", "sun direction=-0.5,-1.2,1 color=0.85,0.92,1 intensity=0.6"]
-
 _FUR = [
     click.option("--fur", type=click.Choice(["strands", "shells", "both"]), default="strands",
                  help="Strands, shells (a pattern in layers above the body), or an undercoat of shells under strands."),
@@ -62,6 +59,9 @@ _FUR = [
                       "their shapes, so that no length, force or lean counts; --variation and maps cut them."),
     click.option("--parting", type=Real(0, 180), default=60.0, metavar="DEG",
                  help="Guides that point apart by more than this are not blended; 180: all are."),
+    click.option("--up", type=click.Choice(["y", "z"]), default="y",
+                 help="Which axis is up in MESH and in files of strands but USD's, which tell; what has Z there is "
+                      "turned so that it is Y, the up of all other options."),
     click.option("--rest", metavar="MESH",
                  help="The mesh in rest, of the same faces: lengths go by it, and N roots and the cells of shells stay "
                       "where they are on it in every pose."),
@@ -81,12 +81,12 @@ _CAMERA = [
     click.option("--camera", metavar="NAME", help="Which camera of a USD scene.  [default: its first]"),
 ]
 _LIGHT = [
-    click.option("--light", "lights", type=LightText(), default=LIGHTS, multiple=True, metavar="LIGHT",
-                 show_default="warm from the upper left, weaker and bluish from behind",
+    click.option("--light", "lights", type=LightText(), multiple=True, metavar="LIGHT",
                  help="The way that distant light travels, X,Y,Z; or sun, point or spot and its fields, as 'sun "
                       "direction=1,-1,-0.6 size=0.5' (degrees across) or 'spot position=2,3,1 direction=-2,-3,-1 "
                       "angle=40 color=#ffe0c0 intensity=2 size=0.2 shadows=off' (size: a disc's radius; a spot without "
-                      "a direction looks at the mesh's middle).  Again for each further light."),
+                      "a direction looks at the mesh's middle).  Again for each further light.  "
+                      "[default: warm from the upper left and, but under a --sky, weaker and bluish from behind]"),
     click.option("--sky", type=Sky(), metavar="SKY",
                  help="Light from all around, hidden by hair and body, instead of the flat ambient: a colour, R,G,B of "
                       "0 or more each (linear) or '#rrggbb'; ZENITH:HORIZON:GROUND, three of these; or an "
@@ -125,6 +125,8 @@ _STRANDS = [
                  help="How strands scatter light: kajiya or chiang (real hair), and its fields, as "
                       "chiang:azimuthal_roughness=0.4,eumelanin=1.3 or chiang:absorption=0.1/0.3/0.9.  "
                       "[default: kajiya]"),
+]
+_GROOM = [
     click.option("--type-map", metavar="PICTURE", help="Picture whose colours choose the hair type by uv."),
     click.option("--types", metavar="FILE",
                  help="JSON list of hair types, each with its key colour in the type map; what a type leaves "
@@ -218,8 +220,8 @@ def _names(options):
 def _sections(size="640x480"):
     """{title: options} of the help, in its order; the size of a picture is this by default."""
     sized = click.option("--size", type=Size(), default=size, metavar="WxH", help="Size of the picture in pixels.")
-    return {"Fur": _FUR, "Strands": _STRANDS, "Shells": _SHELLS, "Body and ground": _BODY, "Light": _LIGHT,
-            "Camera": [sized, *_CAMERA], _QUALITY: _SETTINGS}
+    return {"Fur": _FUR, "Strands": _STRANDS, "Grooming of strands": _GROOM, "Shells": _SHELLS,
+            "Body and ground": _BODY, "Light": _LIGHT, "Camera": [sized, *_CAMERA], _QUALITY: _SETTINGS}
 
 
 _QUALITY = "Quality and speed"   # fields of `Settings`

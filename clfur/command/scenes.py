@@ -17,7 +17,7 @@ from .. import PRESETS, Error, Scene, Settings, load_mesh
 from ..budget import LADDER, refused
 from ..files.usd import is_usd
 from ..judge.frontier import label
-from ..scene import highlighted
+from ..scene import highlighted, upright
 from ..settings import CHOSEN
 from .described import scene_of
 from .options import check_fur, check_settings, given_flags
@@ -47,8 +47,10 @@ def load_scene(given, options):
         check_fur({name: flag for name, flag in flags.items() if name != "time"} if is_usd(given) or is_usd(
             options["hair"]) else flags, options)
         check_settings(flags, settings)
+        if "up" in flags and is_usd(given):
+            raise click.UsageError(f"--up is for files that do not tell, but {given} does; allowed: without it")
         scene = scene_of_usd(given, flags, options) if is_usd(given) else scene_of(
-            load_mesh(given), options | {"given": given})
+            upright(load_mesh(given)) if options["up"] == "z" else load_mesh(given), options | {"given": given})
         return scene, _taken(scene, settings, flags, options)
     scene, given_settings = _run(given)
     # Options named as a field of Settings count where the file sets no settings; all others describe the scene.

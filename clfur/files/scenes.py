@@ -19,7 +19,7 @@ from .output import is_path
 from .usd import SUFFIXES, Stage, called
 from .usd_curves import strands_of
 from .usd_lights import camera_of, lights_of, resolution_of
-from .usd_mesh import meshes_of
+from .usd_mesh import WHITE, meshes_of
 
 ROWS = 64              # of a sky's picture, at least
 WIDTH = 640            # of a picture whose file says nothing of it
@@ -43,7 +43,7 @@ def load_scene(path: str | os.PathLike, *, camera: str | None = None, time: floa
     given = {"width": None if width is None else checks.real(low=0)(width, "load_scene width"), "color": color}
     parts = parts_of(path, {name: value for name, value in given.items() if value is not None}, camera, time, size,
                      tolerance)
-    parts.setdefault("light", [Light()])
+    parts = {"light": [Light()], "body_color": WHITE["color"]} | parts
     if "camera" not in parts:
         parts["camera"] = frame(parts["mesh"], parts["fur"], size or (WIDTH, WIDTH * 3 // 4), lights=parts["light"])
     return Scene(**parts)
@@ -106,7 +106,9 @@ def _parts(stage, size, given):
     """The fields of a Scene that the answer of `_read` tells."""
     parts: dict[str, Any] = {"mesh": None, "fur": None}
     if stage["mesh"] is not None:
-        parts["mesh"], parts["body_color"] = _mesh(stage["mesh"])
+        parts["mesh"], materials = _mesh(stage["mesh"])
+        if any(each != WHITE for each in stage["mesh"]["materials"]):
+            parts["body_color"] = materials
     if stage["strands"] is not None:
         faces = 0 if parts["mesh"] is None else len(parts["mesh"].faces)
         curved = any(what.startswith("subdivision") for what in stage["left"])

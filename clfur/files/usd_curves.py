@@ -8,13 +8,14 @@ import numpy as np
 from ..errors import Error
 from ..scene import HairType
 from ..scene.origin import ZERO, near_origin
-from .bases import TO_BEZIER, chords_of, segments_of, unrolled
+from .bases import TO_BEZIER, chords_of, misfit, segments_of, unrolled
 from .fields import usual_width
 from .usd import Stage, called, library, numbers
 from .usd_mesh import material_color
 
 VALUES = ("width", "widths", 1), ("color", "displayColor", 3), ("opacity", "displayOpacity", 1)
 INTERPOLATIONS = "constant", "uniform", "varying", "vertex"
+COARSE = 0.02   # of a curve's length: of what is as wide as a ribbon chords would be seen
 OTHERS = "NurbsCurves", "HermiteCurves"
 # Of varying values usd-core 26.11 counts so many more a curve than its text: all pinned ones, and linear periodic ones.
 OTHER_COUNTS = {"pinned": -2, "periodic": 1}
@@ -37,24 +38,26 @@ def _read(path, tolerance, time):
     for kind in OTHERS:
         if paths := stage.left.get(f"a {kind}"):
             raise Error(f"has {kind} at {paths[0]}; allowed: BasisCurves")
-    if found is None:   # as files of guides alone have them
+    notes = []
+    if found is None and not stage.left:   # as files of guides alone have them
         stage.purposes = ("guide",)
         found = strands_of(stage, tolerance)
-        if found is None:
-            raise Error("has no BasisCurves that are seen")
-        found["note"] = "its BasisCurves have the purpose guide: programs that draw a scene leave them out"
-    return found
+        notes = ["its BasisCurves have the purpose guide: programs that draw a scene leave them out"]
+    notes += [f"left out: {what} at {paths[0]}" for what, paths in stage.left.items()]
+    if found is None:
+        raise Error(notes[-1] if stage.left else "has no BasisCurves that are seen")
+    return found | ({"note": "; ".join(notes)} if notes else {})
 
 
 def strands_of(stage: Stage, tolerance: float) -> dict | None:
     """What `read` returns of a stage; None of one without curves that are seen."""
-    sets = []
+    sets: list[dict] = []
     for prim, matrices in stage.seen():
         if prim.GetTypeName() in OTHERS:
             stage.leave(f"a {prim.GetTypeName()}", prim)
         if prim.IsA(stage.pxr.UsdGeom.BasisCurves):
             try:
-                sets += [_strands(stage, prim, matrix, tolerance) for matrix in matrices]
+                sets += filter(None, (_strands(stage, prim, matrix, tolerance) for matrix in matrices))
             except Error as error:
                 raise Error(f"{prim.GetPath()}: {error}") from None
     return _together(sets) if sets else None
@@ -76,11 +79,12 @@ def _together(sets):
 
 
 def _strands(stage, prim, matrix, tolerance):
-    """Return what `read` does of one prim, whose points a matrix takes to the world."""
+    """Return what `read` does of one prim, whose points a matrix takes to the world; None where none has a segment."""
     curves = stage.pxr.UsdGeom.BasisCurves(prim)
     points, counts = (each.Get(stage.at) for each in (curves.GetPointsAttr(), curves.GetCurveVertexCountsAttr()))
     if not points or not counts:
-        raise Error("has no points, or no curveVertexCounts")
+        stage.leave("BasisCurves without points or curveVertexCounts", prim)
+        return None
     points = numbers(points, 3) @ matrix[:3, :3] + matrix[3, :3]
     counts = numbers(counts, 1).ravel().astype(np.int64)
     if (counts < 0).any() or int(counts.sum()) != len(points):
@@ -100,8 +104,13 @@ def _strands(stage, prim, matrix, tolerance):
         _check(name, value, how, counts, ends, OTHER_COUNTS.get(wrap, 0))
         if not (value >= 0).all():
             raise Error(f"has a {name} of {value[~(value >= 0)][0]:g}; allowed: finite numbers >= 0")
-    chords = chords_of(control, many, basis, tolerance * _typical(values.get("width"), points, len(counts)))
+    near = tolerance * _typical(values.get("width"), points, len(counts))
+    chords = chords_of(control, many, basis, np.minimum(near, COARSE * tolerance * _lengths(points, counts)))
     stage.count(len(chords.of))
+    if wrong := misfit(counts, basis, wrap):
+        stage.leave(f"what no segment has of curves that do not fit ({wrong})", prim)
+        if not len(chords.of):
+            return None
     found = {"points": chords.mean(control), "counts": chords.counts}
     for name, (value, how) in values.items():
         if how == "vertex":
@@ -167,6 +176,13 @@ def _typical(width, points, curves):
     if how == "uniform":
         return np.where(value[:, 0] > 0, value[:, 0], usual)
     return np.full(curves, value[value > 0].min())
+
+
+def _lengths(points, counts):
+    """How long the polygons of points are, float64 [curves]."""
+    of = np.repeat(np.arange(len(counts)), counts)
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1) * (of[1:] == of[:-1])
+    return np.bincount(of[1:], steps, len(counts))
 
 
 def _varying(value, ends, more, segments, chords):

@@ -24,21 +24,22 @@ TOLD = {"hair_alpha": 1, "body_alpha": 1, "type": 1, "type_alpha": 1, "orientati
 class Told:
     """What is told of the pixels of some rows, so far.
 
-    rows: (first, one past the last) that are drawn.  region: (column, row, columns, rows) that areas of strands are in.
+    rows: (first, one past the last) that are drawn.
     """
 
-    def __init__(self, plan: Any, rows: tuple, region: tuple) -> None:
+    def __init__(self, plan: Any, rows: tuple) -> None:
         fur = plan.scene.strands
         types = 0 if fur is None else len(fur.hair_types if isinstance(fur, Curves) else fur.types)
         types *= bool({"type", "type_alpha"} & set(plan.tells))
         self.names, self.rows, self.width = plan.tells, rows[1] - rows[0], plan.size[0]
         self.shells, self.types = plan.scene.shells is not None, types
-        self.first, self.region = (int(plan.view["rows"][2]), rows[0]), region
+        self.wanted = np.zeros((self.rows, self.width), bool)   # the others are drawn for tiles and blurs
+        self.wanted[plan.wanted(rows[0])] = True
         pixels, matte = self.rows * self.width, bool({"matte_id", "matte_alpha"} & set(self.names))
         self.strands = np.zeros(pixels)                   # of a pixel: share of all strands,
-        self.of_types = np.zeros((pixels, types))         # of each type's
-        # Twice the angle: cosine and sine of all, weighted.
-        self.turns = np.zeros((pixels if "orientation" in self.names else 0, 2))
+        self.of_types = np.zeros((pixels, types))         # of each type's,
+        turned = pixels * ("orientation" in self.names)
+        self.turns = np.zeros((turned, 2))                # and twice the angle: cosine and sine of all, weighted
         self.areas = np.zeros(plan.strands)
         self.ids = np.full((pixels, RANKS if matte else 0), NOTHING, np.int32)
         self.ranks = np.zeros(self.ids.shape)             # of those who cover most
@@ -68,10 +69,7 @@ class Told:
             for k in range(2):
                 self.turns[first:end, k] += np.bincount(here, units * np.rint(turns[:, k] * TURN), n)
         if "strand_area" in self.names:
-            x, y = (at + of_first - begin for at, of_first, begin in zip(
-                (pixels % self.width, pixels // self.width), self.first, self.region))
-            inside = (x >= 0) & (x < self.region[2]) & (y >= 0) & (y < self.region[3])
-            self.areas += np.bincount(strand, np.where(inside, units, 0), len(self.areas))
+            self.areas += np.bincount(strand, units * self.wanted.ravel()[pixels], len(self.areas))
         if self.ids.size:
             pixels, strand, sums = _ranked(pixels, strand, units)
             rank = np.arange(len(pixels)) - np.searchsorted(pixels, pixels)

@@ -101,9 +101,9 @@ class Samples:
             _tell_ground(gpu, plan, front, known)
         return image, known or {}
 
-    def tell(self, gpu: Any, band: Band, front: Front, region: tuple) -> dict:
-        """{output: array} of whose light the pixels' is, see `mattes.Told`; region: as for `draw_frame`."""
-        plan, samples, told = self.plan, band.visible.shape[2], Told(self.plan, band.rows, region)
+    def tell(self, gpu: Any, band: Band, front: Front) -> dict:
+        """{output: array} of whose light the pixels' is, see `mattes.Told`."""
+        plan, samples, told = self.plan, band.visible.shape[2], Told(self.plan, band.rows)
         body, ground, through = _shares(gpu, band.visible, front.shell_transmittance)
         ids = gpu.download(band.visible).astype(np.uint32).ravel()   # the lower half
         of_strands = np.flatnonzero(ids < layout.CONSTANTS["BODY"])
@@ -160,9 +160,9 @@ class Coverage:
         return Front(one_sample(band.view), covered.front, covered.alpha, front, {"coverage": covered.alpha}, image,
                      covered.body_transmittance, shells)
 
-    def tell(self, gpu: Any, band: Band, front: Front, region: tuple) -> dict:
+    def tell(self, gpu: Any, band: Band, front: Front) -> dict:
         """{output: array} of whose light the pixels' is, see `mattes.Told`: strands are drawn again, without light."""
-        plan, counted, told = self.plan, band.counted, Told(self.plan, band.rows, region)
+        plan, counted, told = self.plan, band.counted, Told(self.plan, band.rows)
         whole = band.rows == (counted.first, counted.end)
         tiles = counted.tiles if whole else coverage.bound(gpu, band.view, band.visible)
         image = shade.IMAGE.empty(gpu, band.visible.shape[:2])

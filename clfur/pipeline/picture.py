@@ -15,7 +15,6 @@ from ..scene import Scene
 from ..settings import Settings
 from ..stages import march, shells
 from ..stages.blur import blur, blur_radius
-from ..stages.coverage import TILE
 from ..stages.lighting import unshadowed
 from . import build
 from .mattes import TOLD, UNIT, positions
@@ -64,9 +63,8 @@ def draw_frame(team: Team, scene: Scene, settings: Settings, outputs: Sequence[s
     row, columns, rows) that the images hold, of all if None.
     """
     began = time.perf_counter()
-    region = region or (0, 0, *scene.camera.size)
-    plan = Plan(Rig.of(scene, settings), outputs, _drawn_for(region, scene.camera.size, settings))
-    picture = Picture(team, plan, outputs, hashes, region)
+    plan = Plan(Rig.of(scene, settings), outputs, region)
+    picture = Picture(team, plan, outputs, hashes)
     team.each(functools.partial(build.let_go, plan))
     for top, end in bands or [(plan.top, plan.bottom)]:
         while top < end:
@@ -77,13 +75,6 @@ def draw_frame(team: Team, scene: Scene, settings: Settings, outputs: Sequence[s
     for what in [*picture.warnings, *team.first(functools.partial(build.told, plan))]:
         warnings.warn(what, RuntimeWarning, stacklevel=4)
     return picture.frame(seconds)
-
-
-def _drawn_for(region, size, settings):
-    """((first column, one past the last), the same of rows) to draw for a region: whole tiles, and what blurs need."""
-    around = 0 if settings.blur == "off" else blur_radius(settings.blur_sigma)
-    return tuple((max(at - around, 0) // TILE * TILE, min(-(-(at + n + around) // TILE) * TILE, most))
-                 for at, n, most in zip(region[:2], region[2:], size))
 
 
 def draw_band(picture: "Picture", top: int, end: int, gpu: Any) -> tuple:
@@ -112,8 +103,8 @@ def draw_band(picture: "Picture", top: int, end: int, gpu: Any) -> tuple:
 class Picture:
     """What there is of a frame so far."""
 
-    def __init__(self, team: Team, plan: Plan, outputs: Sequence[str], hashes: bool, region: tuple) -> None:
-        self.team, self.plan, self.outputs, self.hashes, self.region = team, plan, outputs, hashes, region
+    def __init__(self, team: Team, plan: Plan, outputs: Sequence[str], hashes: bool) -> None:
+        self.team, self.plan, self.outputs, self.hashes = team, plan, outputs, hashes
         self.warnings = plan.warnings   # what is known to be wrong in the picture
         self.digests: dict[str, str] = {}
         self._images: dict[str, np.ndarray] = {}
@@ -127,9 +118,9 @@ class Picture:
                   if name in found}
         if "position" in self.outputs:
             depth = images["depth"] if "depth" in images else gpu.download(found["depth"])
-            images["position"] = positions(self.plan.scene.camera, depth, int(band.view["rows"][2]), band.rows[0])
+            images["position"] = positions(self.plan.scene.camera, depth, self.plan.left, band.rows[0])
         if self.plan.tells:
-            images |= self.strands.tell(gpu, band, front, self.region)
+            images |= self.strands.tell(gpu, band, front)
         if self.plan.seen_through and "coverage" in images:   # what color's alpha is
             images["coverage"] = np.ascontiguousarray(gpu.download(found["color"])[..., 3])
         return band.rows, images, self.strands.hashed(gpu, band, front) if self.hashes else []
@@ -175,11 +166,10 @@ class Picture:
         for of_one in team.each(_seconds):   # not of those that were dropped: a lost device tells nothing
             for name, spent in of_one.items():
                 stages[name] = stages.get(name, 0.0) + spent
-        (column, row, columns, rows), left = self.region, int(plan.view["rows"][2])
         images = self._images
-        if plan.size != (columns, rows):
-            images = {name: np.ascontiguousarray(image[row - plan.top:, column - left:][:rows, :columns])
-                      if image.ndim > 1 else image for name, image in images.items()}
+        if plan.size != plan.region[2:]:
+            images = {name: image if name == "strand_area" else np.ascontiguousarray(image[plan.wanted(plan.top)])
+                      for name, image in images.items()}
         names, memory = " + ".join(gpu.name for gpu in team.gpus), sum(gpu.peak for gpu in team.gpus)
         triangles = plan.triangles if plan.body else 0
         images = {name: images[name] for name in self.outputs}

@@ -120,7 +120,7 @@ class Cut:
 class Plan:
     """What a frame takes, and how it fits a device.
 
-    view: `layout.View` of what is drawn.  size: columns and rows that are, the latter from `top` to `bottom`.
+    view: `layout.View` of what is drawn for a region.  size: columns and rows of that, from `left` and `top` on.
     wants_color, others: whether color is an output, and whether others are.  tells: outputs of `mattes.TOLD`.
     faces, triangles, strands, points: how many there are.  body: whether there is one.  rest: the mesh by whose areas
     strands are spread, if it is another.  guides: Curves on the host between which strands stand, or None.
@@ -128,13 +128,15 @@ class Plan:
     body is a holdout.  painted: its Materials, where it has more than one colour.
     """
 
-    def __init__(self, rig: Rig, outputs: Sequence[str], drawn: tuple | None = None) -> None:
-        """``drawn``: ((first column, one past the last), the same of rows) that are drawn, beginning at multiples of
-        TILE; all if None."""
+    def __init__(self, rig: Rig, outputs: Sequence[str], region: tuple | None = None) -> None:
+        """``region``: (column, row, columns, rows) that are wanted of the picture, all if None."""
         self.rig, self.scene, self.settings = rig, rig.scene, rig.settings
-        width, height = self.scene.camera.size
-        (left, right), (self.top, self.bottom) = drawn or ((0, width), (0, height))
-        self.view, self.size = columns_of(rig.view, left, right), (right - left, self.bottom - self.top)
+        self.region = region or (0, 0, *self.scene.camera.size)
+        around = 0 if self.settings.blur == "off" else blur_radius(self.settings.blur_sigma)
+        (self.left, right), (self.top, self.bottom) = (   # whole tiles, and what blurs need
+            (max(at - around, 0) // TILE * TILE, min(-(-(at + n + around) // TILE) * TILE, most))
+            for at, n, most in zip(self.region[:2], self.region[2:], self.scene.camera.size))
+        self.view, self.size = columns_of(rig.view, self.left, right), (right - self.left, self.bottom - self.top)
         self.wants_color, self.others = "color" in outputs, bool(set(outputs) - {"color", *TOLD})
         self.tells = tuple(name for name in TOLD if name in outputs)
         mesh, fur = self.scene.mesh, self.scene.strands
@@ -176,6 +178,12 @@ class Plan:
         if self.points >= 2**31 or self.triangles >= 2**31:
             raise Error(f"the scene has {self.points:,} points of strands and {self.triangles:,} triangles; "
                         f"allowed: fewer than {2**31:,} of each")
+
+    def wanted(self, top: int) -> tuple[slice, slice]:
+        """What is wanted of an array of rows that are drawn, from row ``top`` of the picture on."""
+        column, row, columns, rows = self.region
+        left = column - self.left
+        return slice(max(row - top, 0), max(row + rows - top, 0)), slice(left, left + columns)
 
     @property
     def kernel_files(self) -> list[str]:

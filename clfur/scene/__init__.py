@@ -16,7 +16,7 @@ from .look import Chiang, Kajiya, highlighted
 from .maps import Comb, Maps
 from .material import Material
 from .mesh import Mesh
-from .origin import seen_from
+from .origin import seen_from, upright
 from .scene import Scene, frame
 from .shells import Shells
 from .strands import HairType, PointForce, Strands
@@ -24,5 +24,5 @@ from .strands import HairType, PointForce, Strands
 __all__ = [
     "Bounds", "Camera", "Chiang", "Comb", "Curves", "Environment", "Ground", "HairType", "Kajiya", "Light", "Maps",
     "Material", "Mesh", "PointForce", "Scene", "Shells", "Strands", "backdrop", "bounds_of", "extent", "frame",
-    "fur_extent", "hair_bounds", "highlighted", "over", "seen_from",
+    "fur_extent", "hair_bounds", "highlighted", "over", "seen_from", "upright",
 ]

@@ -39,8 +39,9 @@ class Skin:
         return float(np.max(self.data, initial=0))
 
 
-def tiles(value, where, allowed, convert):
-    """Return {number: convert(picture, where)} of a picture, or of {number: picture} of UDIM tiles."""
+def tiles(value, where, allowed, convert, size=lambda picture: picture.shape[0] * picture.shape[1]):
+    """Return {number: convert(picture, where)} of a picture, or of {number: picture} of UDIM tiles, each of so many
+    pixels."""
     given = {WHOLE: value} if not isinstance(value, dict) else value
     if not given or not all(isinstance(number, int) and TILES[0] <= number <= TILES[1] for number in given
                             if given is value):
@@ -48,7 +49,7 @@ def tiles(value, where, allowed, convert):
     found, texels = {}, 0
     for number in sorted(given):
         picture = convert(given[number], where if number == WHOLE else f"{where}[{number}]")
-        texels += picture.shape[0] * picture.shape[1]
+        texels += size(picture)
         if texels > TEXELS:
             raise Error(f"{where} has more than {TEXELS} pixels in all; allowed: at most that")
         found[number] = picture

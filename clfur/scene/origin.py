@@ -57,6 +57,23 @@ def copied(thing: Any, **fields: Any) -> Any:
     return copy
 
 
+def upright(thing: Any, back: bool = False) -> Any:
+    """Return a Mesh or Curves, of which +Z is up, turned so that +Y is, or ``back``; the very numbers, in other places
+    and with other signs."""
+    names = [name for name in ("positions", "normals", "points", "root_normal", "origin")
+             if getattr(thing, name, None) is not None]
+    turned = {name: _turned(getattr(thing, name), back) for name in names}
+    if hasattr(thing, "dropped"):
+        which, places, *others = thing.dropped
+        turned["dropped"] = (which, _turned(places, back), *others)
+    return copied(thing, **turned)
+
+
+def _turned(array, back):
+    x, y, z = np.moveaxis(array, -1, 0)
+    return checks.frozen(np.stack([x, 0 - z, y] if back else [x, z, 0 - y], -1))   # 0 - 0 has no sign
+
+
 def seen_from(thing: Any, there: np.ndarray) -> Any:
     """Return a Mesh, Curves, Strands, Camera, Light, Ground or Bounds as it is seen from a place, float64 [3], as if
     that were the world's origin; a tuple of them; None and others as they are. Asked again, it is the very same

@@ -17,7 +17,7 @@ from .environment import Environment
 from .ground import Ground, height_on, shadow_places
 from .light import Light
 from .maps import planes
-from .material import body_color
+from .material import body_color, laid_in_tiles
 from .mesh import Mesh
 from .origin import copied, seen_from
 from .rest import posed
@@ -96,7 +96,8 @@ class Scene:
     Strands and Curves (guard hairs), or None; a mesh or fur is required. camera: Camera, or None to frame all of it.
     light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself (arrays of uint8 or
     uint16 are sRGB), a picture of them [h, w, 3] that is laid on by uv, a Material or a list of those that
-    `Mesh.material_of` tells the faces of, or None to leave it undrawn. environment: an Environment, whose light falls
+    `Mesh.material_of` tells the faces of, {1001: picture or Material, ...} of UDIM tiles, which repeat at their
+    borders (where there is none, the body has the first one's colour), or None to leave it undrawn. environment: an Environment, whose light falls
     on fur, body and ground beside the lights', or None. With one, lights that tell no ambient have none. body: "drawn",
     or "holdout": it hides and shades what is behind it, but is not seen itself, so that its pixels are free for a
     picture of it. ground: a Ground, or None. Raises Error where the parts don't fit: a type_map, color_texture or
@@ -169,6 +170,8 @@ class Scene:
             object.__setattr__(self, "mesh", posed(self.mesh, shells.rest, "Shells.rest"))
             if shells.pattern == "sine":
                 _check_sines(self.mesh, shells)
+        if isinstance(self.body_color, dict):
+            self._lay_tiles()
         _, radius = extent(self.mesh, self.fur)
         if radius and not 1e-6 <= radius <= checks.LARGEST:
             raise Error(f"Scene is {2 * radius:.3g} across; allowed: 2e-06 to 2e+09, where float32 is exact enough")
@@ -185,6 +188,16 @@ class Scene:
         if self.camera is None:
             object.__setattr__(self, "camera", frame(self.mesh, self.fur, ground=self.ground,
                                                          lights=self.lights))
+
+
+    def _lay_tiles(self):
+        """Let faces have the materials of the UDIM tiles in which they lie."""
+        if self.mesh is None or not self.mesh.has_uv:
+            raise Error("Scene.body_color has UDIM tiles, which are laid on by uv, but Scene.mesh has none; allowed: a "
+                        "mesh with uv")
+        mesh, materials = laid_in_tiles(self.mesh, tuple(self.body_color.items()))
+        object.__setattr__(self, "mesh", mesh)
+        object.__setattr__(self, "body_color", materials)
 
 
 def _check_uv(mesh, strands):

@@ -104,10 +104,11 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
     surface, of all triangles), if the surface is a part of the whole; see `area_sums`.  ``sums``: what that gives of
     the same triangles of a mesh in rest, if they are spread by its areas.  ``traits_of``: a function of the roots,
     `ROOTS`, that gives what maps on the skin make of each strand, [strands] `layout.Traits`.  ``roots``: of
-    ``strands``, where they are known.
+    ``strands``, where they are known, as something else will shape them: they stand straight.
     """
-    begin, roots = roots_of(gpu, surface, fur, strands, area, sums) if strands is None or roots is None else (
-        strands[0], roots)
+    is_shaped, begin = roots is not None, strands[0] if strands else 0
+    if not is_shaped:
+        begin, roots = roots_of(gpu, surface, fur, strands, area, sums)
     n, traits = len(roots), gpu.empty(0, layout.Traits) if traits_of is None else traits_of(roots)
     tiles, type_map = pack_tiles({} if fur.type_map is None else fur.type_indices)
     pull = float(np.linalg.norm(fur.force)) + sum(abs(each.strength) for each in fur.point_forces)
@@ -119,14 +120,17 @@ def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None =
     grown = DeviceStrands.empty(
         gpu, {"point": n * stride, "strand": n, "color": n * stride if fur.colored_points else n, "run": n},
         types=gpu.upload(types), run=stride, first_strand=begin, first_point=begin * stride, color_per=color_per)
+    if is_shaped:   # by the report's rule, which takes less, without forces or curl
+        for name, column in ("shape", 2), ("curl", 0), ("wave", 0), ("taper", 3):
+            types[name][:, column] = 0
     gpu.launch("strands.grow", -(-n // gpu.lanes), n=n, positions=surface.positions,
                normals=surface.normals, uv=surface.uv, triangles=surface.triangles, roots=roots,
                type_map=gpu.upload(type_map.astype(np.uint32)), map_tiles=len(tiles),
                tiles=gpu.upload(np.concatenate([tiles, of_textures])), texels=gpu.upload(texels),
                has_traits=traits_of is not None, traits=traits, force=(*fur.force, 0),
-               point_forces=gpu.upload(point_forces), n_point_forces=len(point_forces), seed=fur.seed,
-               stride=stride,
-               **arrays(grown, "first_strand", "types", "points", "spans", "strand_of", "stored", "shifts",
+               point_forces=gpu.upload(point_forces), n_point_forces=0 if is_shaped else len(point_forces),
+               seed=fur.seed, stride=stride, types=gpu.upload(types) if is_shaped else grown.types,
+               **arrays(grown, "first_strand", "points", "spans", "strand_of", "stored", "shifts",
                         "numbers", "color_per", "colors", "strand_normal", "strand_uv"))
     return grown
 
