@@ -138,7 +138,8 @@ def test_a_preset_that_the_scene_refuses():
 
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
            "--types": "a.json", "--curl": "0,0", "--look": "chiang", "--wave": "0,0", "--raster": "samples",
-           "--lod": 0.5, "--tip-width": 1, "--root-color": "1,1,1", "--tip-color": "1,1,1",
+           "--lod": 0.5, "--tip-width": 1, "--root-color": "1,1,1", "--tip-color": "1,1,1", "--tufts": 9,
+           "--frizz": "0,0", "--reach": 2,
            "--masks": 0, "--scattering": "off", "--hair": "a.npz", "--guides": "a.npz", "--parting": 30,
            "--map": "density=a.png", "--on": "head", "--comb": "0,-1,0", "--comb-weight": 0.5}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--hairs": 9, "--density": 1, "--noise": "0.5,8",
@@ -173,18 +174,32 @@ def test_the_rule_of_growth(tmp_path):
     assert first.stiffness == 3 and (second.force_weight, third.force_weight, third.segment_length) == (.3, .3, .4 / 8)
 
 
+def test_tufts(tmp_path):
+    kind = load("sphere", "--tufts", "200:strength=.9,within=20", "--frizz", ".01,7")[0].strands.types[0]
+    assert (kind.tufts.count, kind.tufts.strength, kind.tufts.within.count, kind.frizz) == (200, .9, 20, (.01, 7))
+    assert load("sphere")[0].strands.types[0].tufts is None
+    (tmp_path / "types.json").write_text('[{"tufts": {"density": 9, "profile": 0.2, "within": 5}, "frizz": [0.1, 3]}]')
+    kind, = load("sphere", "--types", tmp_path / "types.json", "--tufts", 3)[0].strands.types
+    assert (kind.tufts.density, kind.tufts.profile, kind.tufts.within.count, kind.frizz) == (9, .2, 5, (.1, 3))
+    for given, words in {"x": "Tufts.count is 'x'", "3:size=2": "tufts have no 'size'; allowed: count, dens",
+                         "3:strength=2": "Tufts.strength is 2", "3:strength=1,strength=0": "tufts have strength twice",
+                         "2.5": "Tufts.count is 2.5"}.items():
+        with pytest.raises(click.BadParameter, match=words):
+            load("sphere", "--tufts", given)
+
+
 def test_each_option_is_of_strands_or_of_shells_or_of_both():
     flags = [option.opts[0] for option in described.params if isinstance(option, click.Option)]
     assert sorted(flags) == sorted([*STRANDS, *SHELLS, *SHARED, "--camera"])   # of USD scenes alone
     for fur in ("strands", "shells"):
         alone = {"strands": STRANDS, "shells": SHELLS}[fur]
         for flag, value in ({**alone, **SHARED, "--fur": fur}).items():
-            if flag not in ("--type-map", "--types", "--body-texture", "--hair", "--guides", "--parting", "--map",
-                            "--on", "--comb-weight", "--time"):
+            if flag not in ("--type-map", "--types", "--body-texture", "--hair", "--guides", "--parting", "--reach",
+                            "--map", "--on", "--comb-weight", "--time"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
     for flag in ("--type-map", "--types", "--body-texture", "--hair", "--view", "--force-weight", "--guides",
-                 "--parting", "--hairs", "--map", "--on"):   # eye, stiffness, frequency are too
+                 "--parting", "--reach", "--hairs", "--map", "--on"):   # eye, stiffness, frequency are too
         del everything[flag]
     load("sphere", *(part for option in everything.items() for part in option))
 

@@ -175,6 +175,8 @@ def _strands(options, length, radius, mesh):
         "tip_color": options["tip_color"],
         "curl": options["curl"],
         "wave": options["wave"],
+        "tufts": options["tufts"],
+        "frizz": options["frizz"],
         "alpha": options["alpha"],
         "look": options.get("look"),
         **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), options["variation"]),
@@ -195,6 +197,7 @@ def _strands(options, length, radius, mesh):
             "--types", lambda path: hair_types(path, said["types"], hair), file),
         type_map=type_map(keys) if keys else None,
         **density(options, len(mesh.faces)), **skin_of(mesh, options, said, Path(file or "").parent),
+        guides_reach=options["reach"] or None,
         **{name: options[name] for name in ("surface", "force", "seed", "rest", "guides", "parting")})
 
 

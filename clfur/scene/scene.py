@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import Error
 from . import checks
-from .bounds import extent, fur_extent, local, origin_of, points_to_see, strands_and_shells
+from .bounds import extent, local, origin_of, points_to_frame, strands_and_shells
 from .camera import FOV, Camera, size_of
 from .curves import Curves
 from .environment import Environment
@@ -77,13 +77,14 @@ def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: fl
     slopes = np.array([tall * size[0] / size[1], tall])
     # The four planes of the view, each pushed out to its furthest point: where they meet is the nearest eye.
     there, *drawn = local(mesh, fur)
-    points = np.concatenate([np.asarray(each, float) for each in points_to_see(*drawn)] or [np.zeros((1, 3))])
+    seen, extends = points_to_frame(*drawn)
+    points = np.concatenate([np.asarray(each, float) for each in seen] or [np.zeros((1, 3))])
     if ground is not None:
         points = np.concatenate([points, shadow_places(
-            points, fur_extent(fur), height_on(seen_from(ground, there), *drawn), center - there, radius,
+            points, extends, height_on(seen_from(ground, there), *drawn), center - there, radius,
             seen_from(tuple(lights), there))])
     offsets = (points - (center - there)) @ axes
-    margin = fur_extent(fur) * np.sqrt(1 + slopes**2)
+    margin = extends * np.sqrt(1 + slopes**2)
     one = (offsets[:, :2] + slopes * offsets[:, 2:]).max(0) + margin
     other = (-offsets[:, :2] + slopes * offsets[:, 2:]).max(0) + margin
     distance = 1.05 * float(((one + other) / (2 * slopes)).max()) or 1.0
