@@ -373,6 +373,12 @@ def test_lights_of_the_command():
     before, behind = lights()   # which is framed with a ground as the first is
     assert before.direction[2] < 0 < behind.direction[2] and behind.strength.max() >= .5 * before.strength.max()
     assert (before.ambient, behind.ambient) == (None, 0)
+    for given in ("--view", "100,30"), ("--eye", "9,3,1", "--target", "5,3,1"), ("--view", "back"):
+        scene = load("sphere", *given)[0]   # they go with the camera
+        for seen, light in zip(load("sphere", "--view", "front")[0].lights, scene.lights):
+            right, back = scene.camera.pose[:3, 0], np.cross(scene.camera.pose[:3, 0], (0, 1, 0))
+            np.testing.assert_allclose((light.direction @ right, light.direction[1], light.direction @ back),
+                                       seen.direction, atol=1e-5)
     assert [light.direction.tolist() for light in load("sphere", "--sky", "1,1,1")[0].lights] == [
         before.direction.tolist()]   # a sky shines from behind
 

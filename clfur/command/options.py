@@ -90,7 +90,8 @@ _LIGHT = [
                       "direction=1,-1,-0.6 size=0.5' (degrees across) or 'spot position=2,3,1 direction=-2,-3,-1 "
                       "angle=40 color=#ffe0c0 intensity=2 size=0.2 shadows=off' (size: a disc's radius; a spot without "
                       "a direction looks at the mesh's middle).  Again for each further light.  "
-                      "[default: warm from the upper left and, but under a --sky, weaker and bluish from behind]"),
+                      "[default: as the camera sees it, warm from the upper left and, but under a --sky, weaker "
+                      "and bluish from behind]"),
     click.option("--sky", type=Sky(), metavar="SKY",
                  help="Light from all around, hidden by hair and body, instead of the flat ambient: a colour, R,G,B of "
                       "0 or more each (linear) or '#rrggbb'; ZENITH:HORIZON:GROUND, three of these; or an "

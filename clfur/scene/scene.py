@@ -52,8 +52,11 @@ def gusty(shells, time):
     return copied(shells, time=time)
 
 
+DIRECTION = 0.45, 0.3, 1.0   # from what is drawn to a camera that nobody has placed
+
+
 def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: float = 45,
-          direction: Sequence[float] = (0.45, 0.3, 1.0), ground: Ground | None = None,
+          direction: Sequence[float] = DIRECTION, ground: Ground | None = None,
           lights: Sequence[Light] = ()) -> Camera:
     """Return a Camera that sees all of a mesh and its fur, and most of its shadow on a ground.
 
