@@ -36,6 +36,7 @@ from .scene import (
     Scene,
     Shells,
     Strands,
+    Tufts,
     over,
 )
 from .settings import Settings
@@ -43,7 +44,7 @@ from .settings import Settings
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
     "Frontier", "Ground", "HairType", "Kajiya", "Light", "Maps", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
-    "Settings", "Shells", "Strands", "compare", "draw", "frames", "frontier", "grow", "load", "load_colmap",
+    "Settings", "Shells", "Strands", "Tufts", "compare", "draw", "frames", "frontier", "grow", "load", "load_colmap",
     "load_curves", "load_header", "load_materials", "load_mesh", "load_picture", "load_scene", "over", "render", "save",
     "save_curves", "to_uint8", "truth",
 ]

@@ -13,7 +13,7 @@ from ..files.images import check_writable, load_picture
 from ..files.usd import is_usd
 from ..judge.frontier import label
 from ..scene import backdrop
-from .described import lights_of, lowered
+from .described import lowered
 from .devices import ask_drivers
 from .options import Sectioned, scene_options
 from .scenes import is_scene_file, load_scene
@@ -87,7 +87,8 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
     shells, fewer = scene.shells, "" if is_scene_file(given) else lowered(options, scene.strands)
     if as_json:
         of_options = {} if is_scene_file(given) or is_usd(given) else {
-            "light": _told(lights_of(options)), **{name: options[name] for name in ("fov", "alpha", "seed")}}
+            "light": _told(options["lights"], scene.lights),
+            **{name: options[name] for name in ("fov", "alpha", "seed")}}
         print(json.dumps({
             "file": str(output), "size": region[2:] if region else scene.camera.size, "device": drawn.device,
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
@@ -117,11 +118,17 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
           + (f"; {label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""))
 
 
-def _told(lights):
-    """Lights of the command in JSON: the numbers of one that has no more than a direction, else their texts."""
-    if len(lights) == 1 and lights[0][:1] in "-.0123456789":
-        return [float(part) for part in lights[0].split(",")]
-    return lights
+def _told(texts, lights):
+    """Lights of the command in JSON: the numbers of one that has no more than a direction, else texts, also of those
+    that are there without any."""
+    if len(texts) == 1 and texts[0][:1] in "-.0123456789":
+        return [float(part) for part in texts[0].split(",")]
+    return list(texts) or [f"sun direction={_numbers(light.direction)} color={_numbers(light.strength)}"
+                           for light in lights]
+
+
+def _numbers(vector):
+    return ",".join(f"{part:.4g}" for part in vector)
 
 
 def _background(given, size):
