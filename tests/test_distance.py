@@ -297,8 +297,8 @@ def test_strands_read_back_have_slid(gpu):
 
 
 def test_the_truth_has_strands_that_slide(gpu):
-    """By exact distances: the segments of those between nodes differ by a tenth of a cell, and tips by what eight of them
-    add up to."""
+    """By exact distances: the segments of those between nodes differ by a tenth of a cell, and tips by what eight of
+    them add up to."""
     scene = scene_of(collision=True, roots=150)
     there = clfur.grow(scene, gpu).points
     hair, _ = truth._geometry(scene)

@@ -57,6 +57,8 @@ from ..stages.strands import AREA, ROOTS, SORTED_FROM, STAGES, DeviceStrands, Pa
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.transport import ASKED, LEAVING
 from ..stages.transport import bytes_of as transport_bytes
+from ..stages.tufts import TUFT_OF, Rested
+from ..stages.tufts import bytes_of as tufts_bytes
 from ..stages.voxelize import CELLS, RESTS
 from .mattes import TOLD
 from .shadows import DeepPlan, plan_deep
@@ -199,10 +201,9 @@ class Plan:
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage,
             "masks": self.uses_coverage and settings.masks, "strands": self.strands,
             "mattes": self.tells and self.strands,
-            "maps": self.planes and self.strands,
+            "maps": self.planes and self.strands, "distance": self.sliding,
             "order": not self.grown and self.strands >= SORTED_FROM,
-            "guides": self.guides is not None,
-            "distance": self.sliding,
+            "guides": self.guides is not None, "tufts": self.strands and self.tufted,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "ground": self.ground is not None,
             "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
@@ -212,6 +213,11 @@ class Plan:
             "shade": True, "sky": self.scatters or (self.wants_color and self.scene.environment is not None),
             "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
+
+    @property
+    def tufted(self) -> bool:
+        """Whether strands gather in tufts or are frizzy."""
+        return isinstance(self.scene.strands, Strands) and self.scene.strands.tufted
 
     @property
     def of_kept(self) -> int:
@@ -491,11 +497,14 @@ class Plan:
         if scene.environment is not None:
             fixed += sky_bytes(self.body, self.ground is not None)
         fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
-        if self.sliding:
-            fixed += self.sliding.bytes
         fixed += bytes_of_planes(self.planes or ())
         if self.guides is not None:
             fixed += guides_bytes(self.guides, len(scene.strands.types), len(scene.mesh.faces))
+        if self.sliding:
+            fixed += self.sliding.bytes
+        if self.tufted:
+            fixed += sum(tufts_bytes(kind.tufts, self.rest or scene.mesh, self.stride) for kind in scene.strands.types
+                         if kind.tufts is not None)
         if self.scatters:
             fixed += transport_bytes(len(self.lobed), self.body)
         if self.is_deep:
@@ -544,6 +553,7 @@ class Plan:
         strand += TRAITS.bytes * bool(self.planes)
         if self.guides is not None:
             strand += FOUND.bytes
+        strand += (TUFT_OF.bytes + Rested.bytes(strand=1) * bool(self.rest)) * self.tufted
         if self.settings.lod:
             per_point = fur.colored_points if isinstance(fur, Strands) else isinstance(fur, Curves) and (
                 len(fur.color) == len(fur.points))
