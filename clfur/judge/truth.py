@@ -272,6 +272,7 @@ def _lines(fur, mesh, root, frame, uv, traits, middle):
         root, frame, uv, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed, traits, middle=middle)
     if fur.guides is not None:
         points, tangents = _between(fur, root, frame, kind, mesh, traits)
+        counts = np.where(np.isfinite(points[:, 0, 0]), counts, 0)
     return points, tangents, counts, colors, kind
 
 
@@ -285,7 +286,7 @@ def _between(fur, root, frame, kind, mesh, traits):
                                 mesh.faces) if curves.root_normal is None else curves.root_normal[some].astype(float)
     types = None if curves.type_of is None else curves.type_of[some]
     points = guides.between(root, frame, kind, fur.types, shapes, normals, types, fur.guides_blended, fur.parting,
-                            fur.seed, traits)
+                            fur.seed, traits, fur.guides_reach)
     tangents = np.full_like(points, np.nan)
     for number, each in enumerate(fur.types):
         mine, end = np.flatnonzero(kind == number), each.segments + 1

@@ -28,6 +28,7 @@ from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, roots_o
 from ..stages.tessellate import Surface, no_surface, tessellate
 from .plan import Part, Plan
 from .shadows import accumulate, deep_maps, finish, plan_shadows, shells_depth, without_body, without_hair
+from .sliding import slide
 
 
 def let_go(plan: Plan, gpu: Any) -> None:
@@ -40,7 +41,8 @@ def let_go(plan: Plan, gpu: Any) -> None:
     transmittances(gpu, plan)
     furry, under_sky = plan.scene.shells is not None, plan.scene.environment is not None
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands), ("guides", plan.guides),
-                       ("tufts", plan.tufted), ("thinned", plan.strands and plan.settings.lod),
+                       ("tufts", plan.tufted), ("distance", plan.sliding),
+                       ("thinned", plan.strands and plan.settings.lod),
                        ("transport", plan.scatters), ("phases", plan.scatters), ("deep", plan.is_deep),
                        ("on hair", plan.is_deep), ("hair alone", plan.is_deep),
                        ("shell", furry), ("pattern", furry), ("border", furry),
@@ -324,6 +326,8 @@ def _grow(gpu, plan, part):
     if fur.tufted:
         known = gpu.keep("tufts", (plan.scene.mesh, fur), functools.partial(_tufts, gpu, plan))
         tufts.put(gpu, grown, fur, known, made[0] if made else None, rested or None)
+    if plan.sliding:
+        slide(gpu, plan.scene.mesh, fur, grown)
     return grown
 
 

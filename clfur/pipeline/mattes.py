@@ -37,9 +37,9 @@ class Told:
         self.wanted[plan.wanted(rows[0])] = True
         pixels, matte = self.rows * self.width, bool({"matte_id", "matte_alpha"} & set(self.names))
         self.strands = np.zeros(pixels)                   # of a pixel: share of all strands,
-        self.of_types = np.zeros((pixels, types))         # of each type's,
-        turned = pixels * ("orientation" in self.names)
-        self.turns = np.zeros((turned, 2))                # and twice the angle: cosine and sine of all, weighted
+        self.of_types = np.zeros((pixels, types))         # of each type's
+        # Twice the angle: cosine and sine of all, weighted.
+        self.turns = np.zeros((pixels if "orientation" in self.names else 0, 2))
         self.areas = np.zeros(plan.strands)
         self.ids = np.full((pixels, RANKS if matte else 0), NOTHING, np.int32)
         self.ranks = np.zeros(self.ids.shape)             # of those who cover most

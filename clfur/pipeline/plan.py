@@ -36,6 +36,7 @@ from ..stages.coverage import (
     Tiles,
 )
 from ..stages.deep import bytes_of as deep_bytes
+from ..stages.distance import STATES
 from ..stages.guides import FOUND
 from ..stages.guides import bytes_of as guides_bytes
 from ..stages.lighting import Lighting
@@ -61,6 +62,7 @@ from ..stages.tufts import bytes_of as tufts_bytes
 from ..stages.voxelize import CELLS, RESTS
 from .mattes import TOLD
 from .shadows import DeepPlan, plan_deep
+from .sliding import sliding_of
 from .views import Rig, columns_of
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
@@ -126,8 +128,9 @@ class Plan:
     wants_color, others: whether color is an output, and whether others are.  tells: outputs of `mattes.TOLD`.
     faces, triangles, strands, points: how many there are.  body: whether there is one.  rest: the mesh by whose areas
     strands are spread, if it is another.  guides: Curves on the host between which strands stand, or None.
-    lobed: the types of strands, where looks of some need tables.  ground: `layout.Ground`, or None.  held: whether the
-    body is a holdout.  painted: its Materials, where it has more than one colour.
+    sliding: `Sliding` of strands along the body, or None.  lobed: the types of strands, where looks of some need
+    tables.  ground: `layout.Ground`, or None.  held: whether the body is a holdout.  painted: its Materials, where it
+    has more than one colour.
     """
 
     def __init__(self, rig: Rig, outputs: Sequence[str], region: tuple | None = None) -> None:
@@ -146,7 +149,7 @@ class Plan:
         if self.seen_through and "coverage" in outputs:   # only light tells it
             self.wants_color = True
         self.grown = isinstance(fur, Strands)
-        self.rest = None
+        self.rest, self.sliding = None, None
         self.guides = None if not isinstance(fur, Strands) or fur.guides is None else fur.guides.on_host
         if isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh:
             self.rest = fur.rest
@@ -166,6 +169,8 @@ class Plan:
         if isinstance(fur, Strands):
             self.strands = self.triangles if fur.roots == "faces" else int(fur.roots)
             self.stride = max(t.segments for t in fur.types) + 1
+            if fur.collision and self.strands:
+                self.sliding = sliding_of(mesh, fur)
         else:
             self.strands = len(self._before) - 1
         self.points = self._points(0, self.strands)
@@ -196,7 +201,7 @@ class Plan:
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage,
             "masks": self.uses_coverage and settings.masks, "strands": self.strands,
             "mattes": self.tells and self.strands,
-            "maps": self.planes and self.strands,
+            "maps": self.planes and self.strands, "distance": self.sliding,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "guides": self.guides is not None, "tufts": self.strands and self.tufted,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
@@ -495,6 +500,8 @@ class Plan:
         fixed += bytes_of_planes(self.planes or ())
         if self.guides is not None:
             fixed += guides_bytes(self.guides, len(scene.strands.types), len(scene.mesh.faces))
+        if self.sliding:
+            fixed += self.sliding.bytes
         if self.tufted:
             fixed += sum(tufts_bytes(kind.tufts, self.rest or scene.mesh, self.stride) for kind in scene.strands.types
                          if kind.tufts is not None)
@@ -552,7 +559,7 @@ class Plan:
                 len(fur.color) == len(fur.points))
             strand, point = strand + THIN_STRAND, point + THIN_POINT + COLOR * per_point
         if gpu.steps:
-            strand += RESTS.bytes + STAGES.bytes
+            strand += RESTS.bytes + STAGES.bytes + STATES.bytes * bool(self.sliding)
             point += 0 if self.uses_coverage else LEFT.bytes
         if self.uses_coverage:
             strand += Tiles.bytes(strand=1)

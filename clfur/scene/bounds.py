@@ -1,6 +1,7 @@
 """How far a mesh and its fur extend at most: what cameras, grids and counters must have room for."""
 
 import functools
+import math
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,19 @@ def points_to_see(mesh, fur):
     curved = strands is not None and strands.surface == "pn"
     points = [mesh.hull if curved else mesh.positions] if mesh is not None else []
     return points + ([strands.on_host.points] if isinstance(strands, Curves) and len(strands.points) else [])
+
+
+def points_to_frame(mesh, fur):
+    """Return (what `points_to_see` does, `fur_extent`) as a camera needs them: strands that stand near guides lie about
+    as far from these as they are apart, and no further than they reach."""
+    strands, shells = strands_and_shells(fur)
+    points, most = points_to_see(mesh, fur), fur_extent(fur)
+    if not isinstance(strands, Strands) or strands.guides is None or strands.guides_reach is None:
+        return points, most
+    reach, _ = reach_of(strands.guides)
+    apart = math.sqrt(mesh.area / len(strands.guides.counts)) * max(strands.guides_reach, 1)
+    least = apart * (1 + reach / mesh.bounds[1]) + max(fur_extent(strands) - reach, 0)
+    return [*points, strands.guides.on_host.points], min(most, max(least, fur_extent(shells)))
 
 
 @functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
@@ -98,10 +112,18 @@ def fur_extent(fur: Any) -> float:
     if fur is None:
         return 0.0
     longer, wider, more = _most(fur)
-    guided = 0.0 if fur.guides is None else reach_of(fur.guides)[fur.tufted]   # tufts may straighten them
-    return max((guided * (hair.segments > 0) if fur.guides is not None
-                else hair.full_length * (1 + hair.length_variation) * longer)
-               + sideways(hair, more) + hair.widest * wider / 2 for hair in fur.types)
+    return max(_longest(fur, hair, longer, more) + hair.widest * wider / 2 for hair in fur.types)
+
+
+def _longest(fur, hair, longer, more):
+    """Return how far from its root a hair can get; tufts may straighten guides, and what slides along the body all."""
+    axis = hair.full_length * (1 + hair.length_variation) * longer
+    if fur.guides is not None:
+        axis = reach_of(fur.guides)[int(fur.collision or fur.tufted)] * (hair.segments > 0)
+    if not fur.collision:
+        return axis + sideways(hair, more)
+    bends = sum(size * min(2 * hair.segments, 2 * np.pi * abs(turns)) for size, turns in (hair.curl, hair.wave))
+    return axis + more * bends + 3 * hair.frizz[0] * hair.segments
 
 
 def _most(fur):
