@@ -149,7 +149,7 @@ __kernel void nearest(
     __global const float4 *strand_uv,      // [strands] u, v, type
     __global const float8 *boxes,          // [nodes, 6] lowest x, y, z, highest x, y, z of parts, of trees of the guides
     __global const uint *members,          // numbers of guides
-    __global const float4 *roots,          // [guides] x, y, z [world]
+    __global const float4 *roots,          // [guides] x, y, z [world], -
     __global const float4 *normals,        // [guides] unit
     __global const uint4 *trees,           // [rounds, n_trees] first node, first of its last row, that row, first member;
                                            // or NOTHING, of nothing
@@ -264,7 +264,7 @@ __kernel void blend(
     __global const float4 *positions,      // [V] of the surface
     __global const uint4 *triangles,       // [T]
     __global const uint4 *stand_on,        // [strands] triangle; weights of its corners, floats
-    __global const uint2 *spans,           // [strands] first point, points
+    __global uint2 *spans,                 // [strands] first point, points; 0 of those that do not stand there
     __global const float4 *strand_normal,  // [strands] of the body at the root, unit
     __global const float4 *strand_uv,      // [strands] u, v, type
     __global const HairType *types,        // [types]
@@ -274,6 +274,9 @@ __kernel void blend(
     const uint first_strand,               // number of the first of these strands among all
     const uint most,                       // how many `nearest` has looked for: one more than are blended
     const float parting,                   // cosine of the angle beyond which guides are parted
+    const float reach,                     // square of how often its room a guide may be away, beyond which no strand
+                                           // stands; below 0: it may be anywhere
+    __global const float4 *roots,          // [guides] x, y, z, square of its room: the distance of the seventh from it
     __global const uint *found,            // [strands, 2 NEAREST] see `nearest`
     __global const float4 *offsets,        // [points of guides] from the root [world], share of the length
     __global const uint2 *guide_spans,     // [guides] first point, points
@@ -288,6 +291,10 @@ __kernel void blend(
     __global const uint *mine = found + 2 * NEAREST * i;
     if (span.y < 2 || mine[NEAREST] == NOTHING)
         return;
+    if (reach >= 0.0f && as_float(mine[0]) > reach * roots[mine[NEAREST]].w) {
+        spans[i].y = 0;
+        return;
+    }
     const float4 up = strand_normal[i];
     __global const HairType *type = &types[(uint)strand_uv[i].z];
     float4 ahead = up;
@@ -347,7 +354,8 @@ __kernel void wind(
     WORK_ITEM(i);
     const uint2 span = spans[i];
     const HairType type = types[(uint)strand_uv[i].z];
-    const float scale = has_traits ? traits[i].scale.w : 1.0f, curl = type.curl.x * scale, wave = type.wave.x * scale;
+    const float scale = type.frizz.z > 0.0f ? 0.0f : has_traits ? traits[i].scale.w : 1.0f;   // tufts curl as one
+    const float curl = type.curl.x * scale, wave = type.wave.x * scale;
     if (span.y < 2 || !(curl > 0.0f || wave > 0.0f))
         return;
     const float4 up = strand_normal[i];

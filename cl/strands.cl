@@ -245,10 +245,10 @@ INLINED void put_type(Growing *strands, uint lane, __global const HairType *type
     LANE(strands->lean, lane) = type->shape.w;
     LANE(strands->substeps, lane) = type->taper.w;
     LANE(strands->softness, lane) = type->wave.w * longer;
-    LANE(strands->curl, lane) = type->curl.x;
+    LANE(strands->curl, lane) = type->frizz.z > 0.0f ? 0.0f : type->curl.x;   // tufts curl as one, see tufts.cl
     LANE(strands->curl_cos, lane) = type->curl.y;
     LANE(strands->curl_sin, lane) = type->curl.z;
-    LANE(strands->wave, lane) = type->wave.x;
+    LANE(strands->wave, lane) = type->frizz.z > 0.0f ? 0.0f : type->wave.x;
     LANE(strands->wave_cos, lane) = type->wave.y;
     LANE(strands->wave_sin, lane) = type->wave.z;
     LANE_I(strands->segments, lane) = type->counts.x ? type->counts.x : -1;

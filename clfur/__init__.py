@@ -12,7 +12,7 @@ from .errors import DeviceError, Error
 from .files.colmap import load_colmap
 from .files.curves import load_curves, save_curves
 from .files.gltf import load_materials
-from .files.images import load, load_header, load_picture, save
+from .files.images import load, load_header, load_picture, save, to_uint8
 from .files.meshes import load_mesh
 from .files.scenes import load_scene
 from .judge import truth
@@ -36,6 +36,7 @@ from .scene import (
     Scene,
     Shells,
     Strands,
+    Tufts,
     over,
 )
 from .settings import Settings
@@ -43,9 +44,9 @@ from .settings import Settings
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
     "Frontier", "Ground", "HairType", "Kajiya", "Light", "Maps", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
-    "Settings", "Shells", "Strands", "compare", "draw", "frames", "frontier", "grow", "load", "load_colmap",
+    "Settings", "Shells", "Strands", "Tufts", "compare", "draw", "frames", "frontier", "grow", "load", "load_colmap",
     "load_curves", "load_header", "load_materials", "load_mesh", "load_picture", "load_scene", "over", "render", "save",
-    "save_curves", "truth",
+    "save_curves", "to_uint8", "truth",
 ]
 
 install()

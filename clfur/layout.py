@@ -53,6 +53,10 @@ CONSTANTS = {
     "TREE_ROWS": 11,        # of nodes in a tree of boxes, at most: eight parts each
     "CHORDS": 3,            # of a guide, by which it is told which way it points,
     "LEAST_TURN": 1 / 32,   # and 1 + cosine of the angle between two normals, at least
+    "DISTANCE_BAND": 3,     # cells on both sides of the body in which it is known how far it is,
+    "DISTANCE_BITS": 24,    # in parts of a cell of so many bits
+    "SLIDE_LOOKS": 32,      # at a segment on its way along the body, at most,
+    "SLIDE_PLACES": 12,     # of which so many at other places
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
@@ -110,6 +114,7 @@ HairType = np.dtype([
     ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment; softness, see strands.cl
     ("taper", *_float4),              # shares of the width: at the root, gained to the tip; 1 / taper - 2; sub-steps a
                                       # segment, 0: by the report's rule
+    ("frizz", *_float4),              # amplitude [world], waves along the strand; 1: curl and wave are the tufts'; -
     ("root", *_float4),               # linear r, g, b there, -; where points have colours
     ("tip", *_float4),
     ("shine", *_float4),              # two numbers of its model, in most specular and exponent; alpha; MODELS
@@ -184,6 +189,12 @@ OnGround = np.dtype([                 # squares of a plane that tell of a sky's 
     ("size", *_int4),                    # squares a side, 0: no sky, -, -, -
 ])
 
+Distances = np.dtype([                # nodes of a grid at which it is known how far the body is
+    ("place", *_float4),                 # its first node [world]; cells a unit of length
+    ("size", *_int4),                    # nodes in x, y and z, -
+    ("reach", *_float4),                 # how far it is known; side of a cell [world], -, -
+])
+
 Ground = np.dtype([                   # a level plane, as a camera above it sees it
     ("plane", *_float4),                 # reversed depth at (x, y, 1) [pixels]: its three factors; height [world]
     ("color", *_float4),                 # linear r, g, b; 1, or 0 if its shadow alone is seen
@@ -203,7 +214,7 @@ Lobes = np.dtype([                    # how hair of a type scatters light, where
 
 STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Traits": Traits, "SkinTile": SkinTile,
            "SkinMap": SkinMap, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Deep": Deep, "Shells": Shells,
-           "Ground": Ground, "OnGround": OnGround, "Material": Material, "Lobes": Lobes}
+           "Ground": Ground, "OnGround": OnGround, "Material": Material, "Lobes": Lobes, "Distances": Distances}
 
 
 def shine(look, alpha, model=None):

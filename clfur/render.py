@@ -34,12 +34,31 @@ def render(scene: Scene, device: Any = None, settings: Settings | None = None,
 
     ``device``: what `Scheduler` accepts, or a `Scheduler` to keep between frames, or a list of these, which then draw
     the frame together: they share the strands' shadows by speed (and with `Settings.raster` "samples" what is seen),
-    and the picture is the same. ``outputs``: names of pictures to return as {name: array} instead: "color" as above,
-    "depth" float32 [h, w] (distance along the view axis, inf where nothing is), "id" int32 [h, w] (strand, -1 nothing,
-    -2 body, -3 shells, -4 ground), "tangent" and "normal" float32 [h, w, 3], "uv" float32 [h, w, 2], "coverage" float32
-    [h, w]. All but color and coverage tell of what fills most of a pixel, with raster "samples" of its nearest sample.
-    Of shells they tell where half of the light from behind is gone; coverage is what color's alpha is before any blur:
-    so of a ground it is its shadow, and of a holdout nothing, while the others tell of these as if they were opaque.
+    and the picture is the same. ``outputs``: names of pictures to return as {name: array} instead, [h, w] where nothing
+    else is told:
+
+    - "color": as above. "coverage", float32: what color's alpha is before any blur.
+    - "depth", float32: distance along the view axis in world units, inf where nothing is. "position", float32 [h,
+      w, 3]: the place in the world, relative to `Scene.origin` (add it in float64), on the ray through the pixel's
+      middle; inf where nothing is. "id", int32: strand, -1 nothing, -2 body, -3 shells, -4 ground. "tangent" and
+      "normal", float32 [h, w, 3]: unit vectors of the world, 0 where there is none. "uv", float32 [h, w, 2]: the
+      body's, or of the strand's root.
+    - "hair_alpha", float32: share of the pixel's light that strands and shells have, in front of all else or seen
+      through it: the hair alone. "body_alpha": the body's share. With the ground's they add up to what is covered.
+      "type_alpha", float32 [h, w, types]: each type's share; where the scene has shells, theirs is one more, the
+      last. Their sum is hair_alpha. "type", int32: the type with most, -1 without hair.
+    - "orientation", float32 [h, w, 2]: (cos 2a, sin 2a) of the hair's angle a on the screen, from x to the right
+      against the clock, so that both ways along a hair are one; each hair counts by its share, so its length is at
+      most hair_alpha, and a = atan2(y, x) / 2.
+    - "matte_id", int32 [h, w, 6] as "id", and "matte_alpha", float32 [h, w, 6]: who has most of the pixel, and the
+      next ones, and their shares. "strand_area", float32 [strands]: pixels that each strand has, behind what hides
+      it; 0 of strands that `Settings.lod` leaves out, and of those it keeps the wider area.
+
+    Those of the second line tell of what fills most of a pixel, with raster "samples" of its nearest sample. Of
+    shells they tell where half of the light from behind is gone; coverage of a ground is its shadow, and of a
+    holdout nothing, while the others tell of these as if they were opaque. Shares are areas, without blur or gamma;
+    those from hair_alpha on cost another drawing of the strands, without light. Arrays are contiguous, and the
+    caller's own: `torch.from_dlpack(array)` shares them.
     ``region``: (x, y, width, height) in pixels of the picture that are wanted alone, from its top-left corner on: the
     very same bits as of the whole one, in about that share of its time.
     Raises `clfur.Error` for an unknown device or output, a region that is not within the picture, and for a picture

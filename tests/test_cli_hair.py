@@ -58,7 +58,8 @@ def test_strands_of_one_point_are_told(clfur, tmp_path):
 
 def test_a_file_of_guides_shapes_as_many_strands_as_there_are_roots(clfur):
     clfur("grow", "sphere", "-o", "guides.npz", "--roots", 80, "--segments", 12, "--variation", 0)
-    code, out, _ = clfur("render", "sphere", "--guides", "guides.npz", "--roots", 3000, "--size", "32x32")
+    code, out, _ = clfur("render", "sphere", "--guides", "guides.npz", "--roots", 3000, "--size", "32x32",
+                         "--reach", 0)
     assert code == 0 and "3,000 strands, 36,000 segments" in out
     code, out, _ = clfur("grow", "sphere", "--guides", "guides.npz", "--roots", 500, "--segments", 4, "-o", "all.npz")
     assert code == 0 and out == "all.npz: 500 strands, 2,500 points\n"
@@ -75,6 +76,7 @@ def test_a_file_of_guides_shapes_as_many_strands_as_there_are_roots(clfur):
     (["--guides", "far.npz", "--hair", "far.npz"], "--hair has no say where --guides give strands their shapes"),
     (["--guides", "far.npz", "--parting", 200], "--parting"),
     (["--parting", 20], "--parting is for strands between --guides"),
+    (["--reach", 2], "--reach is for strands between --guides"),
     (["--guides", "far.npz", "--fur", "shells"], "--guides is for strands, but --fur is shells")])
 def test_what_guides_cannot_be_is_one_line(clfur, arguments, message):
     np.savez("far.npz", points=np.arange(30).reshape(5, 2, 3) + 5.0)

@@ -57,6 +57,7 @@ def test_shells():
     shells, plain = scene.shells, Shells()
     assert scene.strands is None and isinstance(shells, Shells)
     assert shells.length == pytest.approx(0.12 * radius()) and shells.hairs == 60_000
+    assert shells.specular < plain.specular and shells.exponent < plain.exponent
     assert np.allclose(shells.force, (0, -0.8, 0))   # half of what 8 segments of strands bend
     assert np.array_equal(shells.color, (0.45, 0.2, 0.07))
     for name in ("layers", "pattern", "density", "noise", "time", "shading", "length_variation", "alpha", "seed",
@@ -137,7 +138,8 @@ def test_a_preset_that_the_scene_refuses():
 
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
            "--types": "a.json", "--curl": "0,0", "--look": "chiang", "--wave": "0,0", "--raster": "samples",
-           "--lod": 0.5, "--tip-width": 1, "--root-color": "1,1,1", "--tip-color": "1,1,1",
+           "--lod": 0.5, "--tip-width": 1, "--root-color": "1,1,1", "--tip-color": "1,1,1", "--tufts": 9,
+           "--frizz": "0,0", "--reach": 2,
            "--masks": 0, "--scattering": "off", "--hair": "a.npz", "--guides": "a.npz", "--parting": 30,
            "--map": "density=a.png", "--on": "head", "--comb": "0,-1,0", "--comb-weight": 0.5}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--hairs": 9, "--density": 1, "--noise": "0.5,8",
@@ -172,18 +174,32 @@ def test_the_rule_of_growth(tmp_path):
     assert first.stiffness == 3 and (second.force_weight, third.force_weight, third.segment_length) == (.3, .3, .4 / 8)
 
 
+def test_tufts(tmp_path):
+    kind = load("sphere", "--tufts", "200:strength=.9,within=20", "--frizz", ".01,7")[0].strands.types[0]
+    assert (kind.tufts.count, kind.tufts.strength, kind.tufts.within.count, kind.frizz) == (200, .9, 20, (.01, 7))
+    assert load("sphere")[0].strands.types[0].tufts is None
+    (tmp_path / "types.json").write_text('[{"tufts": {"density": 9, "profile": 0.2, "within": 5}, "frizz": [0.1, 3]}]')
+    kind, = load("sphere", "--types", tmp_path / "types.json", "--tufts", 3)[0].strands.types
+    assert (kind.tufts.density, kind.tufts.profile, kind.tufts.within.count, kind.frizz) == (9, .2, 5, (.1, 3))
+    for given, words in {"x": "Tufts.count is 'x'", "3:size=2": "tufts have no 'size'; allowed: count, dens",
+                         "3:strength=2": "Tufts.strength is 2", "3:strength=1,strength=0": "tufts have strength twice",
+                         "2.5": "Tufts.count is 2.5"}.items():
+        with pytest.raises(click.BadParameter, match=words):
+            load("sphere", "--tufts", given)
+
+
 def test_each_option_is_of_strands_or_of_shells_or_of_both():
     flags = [option.opts[0] for option in described.params if isinstance(option, click.Option)]
     assert sorted(flags) == sorted([*STRANDS, *SHELLS, *SHARED, "--camera"])   # of USD scenes alone
     for fur in ("strands", "shells"):
         alone = {"strands": STRANDS, "shells": SHELLS}[fur]
         for flag, value in ({**alone, **SHARED, "--fur": fur}).items():
-            if flag not in ("--type-map", "--types", "--body-texture", "--hair", "--guides", "--parting", "--map",
-                            "--on", "--comb-weight", "--time"):
+            if flag not in ("--type-map", "--types", "--body-texture", "--hair", "--guides", "--parting", "--reach",
+                            "--map", "--on", "--comb-weight", "--time"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
     for flag in ("--type-map", "--types", "--body-texture", "--hair", "--view", "--force-weight", "--guides",
-                 "--parting", "--hairs", "--map", "--on"):   # eye, stiffness, frequency are too
+                 "--parting", "--reach", "--hairs", "--map", "--on"):   # eye, stiffness, frequency are too
         del everything[flag]
     load("sphere", *(part for option in everything.items() for part in option))
 
@@ -268,7 +284,7 @@ def test_the_highlight_is_the_looks(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "types.json").write_text('[{"specular": 0.9}]')
     scene, settings = load("sphere", "--fur", "both", "--types", "types.json", "--specular", "half-vector")
-    assert settings.specular is None and scene.shells.look == Kajiya(highlight="half-vector")
+    assert settings.specular is None and scene.shells.look.highlight == "half-vector"
     assert scene.strands.types[0].look == Kajiya(specular=.9, highlight="half-vector")
     (tmp_path / "fur.py").write_text("import clfur\nscene = clfur.Scene(clfur.load_mesh('sphere'), clfur.Shells())\n")
     assert load("fur.py", "--specular", "half-vector")[0].shells.look.highlight == "half-vector"
@@ -357,6 +373,12 @@ def test_lights_of_the_command():
     before, behind = lights()   # which is framed with a ground as the first is
     assert before.direction[2] < 0 < behind.direction[2] and behind.strength.max() >= .5 * before.strength.max()
     assert (before.ambient, behind.ambient) == (None, 0)
+    for given in ("--view", "100,30"), ("--eye", "9,3,1", "--target", "5,3,1"), ("--view", "back"):
+        scene = load("sphere", *given)[0]   # they go with the camera
+        for seen, light in zip(load("sphere", "--view", "front")[0].lights, scene.lights):
+            right, back = scene.camera.pose[:3, 0], np.cross(scene.camera.pose[:3, 0], (0, 1, 0))
+            np.testing.assert_allclose((light.direction @ right, light.direction[1], light.direction @ back),
+                                       seen.direction, atol=1e-5)
     assert [light.direction.tolist() for light in load("sphere", "--sky", "1,1,1")[0].lights] == [
         before.direction.tolist()]   # a sky shines from behind
 
@@ -477,6 +499,14 @@ def test_views(view, towards):
     (["--view", "top", "--eye", "0,9,0"], "--view places the camera, and so does --eye; allowed: one of them")])
 def test_views_that_are_none(clfur, arguments, says):
     wrong(clfur("render", "sphere", *arguments), says)
+
+
+@pytest.mark.parametrize("arguments, says", [
+    (["--size", "32x24", "--region", "0,0,33,9"], "--region: region is (0, 0, 33, 9); allowed: x, y, width and height"),
+    (["--outputs", "colour", "-o", "a.exr"], "--outputs: there is no output 'colour'; allowed: color, depth"),
+    (["--outputs", "colour", "-o", "a.png"], "--outputs: a.png can hold color alone, not colour; allowed: color, or")])
+def test_what_is_asked_of_a_picture_that_there_is_not(clfur, arguments, says):
+    wrong(clfur("render", "sphere", "--roots", 9, *arguments), says)
 
 
 def z_up(folder, name, array):

@@ -29,8 +29,8 @@ def outputs():
             if name != "strand_area"}
     made = {name: array if name in widths else array[..., 0] for name, array in made.items()}
     made["depth"][0] = np.inf
-    for name in "id", "type":
-        made[name] = rng.integers(-4, 2**31, (HEIGHT, WIDTH)).astype(np.int32)
+    for name, end in ("id", 2**31), ("type", TYPES):
+        made[name] = rng.integers(-4, end, (HEIGHT, WIDTH)).astype(np.int32)
     return made | {"matte_id": np.where(shares > 0, ids, -1).astype(np.int32), "matte_alpha": shares}
 
 
@@ -56,6 +56,8 @@ def test_what_is_saved_is_loaded(tmp_path, outputs, suffix):
 def test_arrays_of_ones_own(tmp_path, dtype, size):
     """Of any name and dtype; those that are not contiguous, too."""
     array = (np.random.default_rng(1).random(size[::-1]) * 99).astype(dtype).T
+    if dtype in (np.uint32, np.int64):
+        array = array * dtype(40_000_000 if dtype is np.uint32 else -20_000_000)   # beyond floats
     if dtype is np.float64:
         array = array.astype(np.float32).astype(np.float64)   # which is what EXR keeps
     for suffix in ".exr", ".npz":
@@ -88,7 +90,8 @@ def test_the_formats_library_reads_it(tmp_path, outputs):
     for name, array in wanted.items():
         assert found[name].dtype == np.float32
         np.testing.assert_array_equal(found[name], array, err_msg=name)
-    assert found["id"].dtype == np.uint32 and (found["id"].view(np.int32) == outputs["id"]).all()
+    assert found["id"].dtype == np.uint32 and (found["id"].view(np.int32) == outputs["id"]).all()   # beyond floats
+    assert found["type"].dtype == np.float32 and (found["type"] == outputs["type"]).all()
 
 
 def test_another_programs_files_are_read(tmp_path, outputs):

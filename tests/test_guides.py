@@ -41,7 +41,7 @@ def units(n, seed):
 def rooted(mesh, n, seed=3):
     """Where n strands stand on a flat mesh, and its normals there: [n, 3] each."""
     curves = clfur.grow(clfur.Scene(mesh, Strands(types=HairType(segments=1), roots=n, seed=seed, **FLAT)))
-    return curves.points[::2].astype(float), curves.root_normal.astype(float)
+    return curves.points[::2] + curves.origin, curves.root_normal.astype(float)
 
 
 def shaped(roots, ends, points=9, bow=.2, seed=4):
@@ -90,7 +90,7 @@ def of_twin(mesh, fur, surface, roots, kind, traits=None):
     normals = twin.normals_at(face, weights, mesh.positions, mesh.normals, mesh.faces)
     return twin.between(root, frame, kind, fur.types, shapes, normals,
                         None if curves.type_of is None else curves.type_of[some], fur.guides_blended, fur.parting,
-                        fur.seed, traits)
+                        fur.seed, traits, fur.guides_reach)
 
 
 TYPES = [HairType(segments=5, width=.01, key=(0, 0, 0), length_variation=.5, direction_variation=.4),
@@ -100,6 +100,7 @@ MAP = np.zeros((5, 7, 3), np.uint8)
 MAP[..., 0] = np.random.default_rng(1).integers(0, 4, (5, 7))
 FURS = {
     "one": {"guides_blended": 1, "types": HairType(segments=7)},
+    "near": {"types": HairType(segments=3), "guides_reach": .5},
     "three": {"types": HairType(segments=12, length_variation=.3)},
     "seven": {"guides_blended": 7, "parting": 180},
     "curls": {"types": HairType(segments=6, curl=(.02, 1))},
@@ -298,6 +299,23 @@ def test_what_is_shorter_is_cut(gpu):
         np.testing.assert_allclose(points[:, every], np.array(on)[:, every], rtol=0, atol=1e-6)
 
 
+def test_strands_stand_where_guides_are(gpu):
+    """On half a ball alone, and a little beyond; without a reach everywhere, also of guides at one place."""
+    mesh = lumpy()
+    roots, normals = rooted(mesh, 400, 8)
+    upper = roots[:, 1] > 0
+    guide = clfur.Curves(shaped(roots[upper], .2 * normals[upper]))
+    for reach, low in ((1.5, -.6), (1, -.4), (.5, -.2)):
+        found = hair(mesh, guide, gpu, roots=3000, guides_reach=reach)
+        everywhere = hair(mesh, guide, gpu, roots=3000)
+        height, some = everywhere.points[::9, 1], found.counts > 0
+        assert everywhere.counts.all() and not some[height < low].any()
+        assert some[height > 0].mean() > {1.5: .9999, 1: .99, .5: .8}[reach]
+        np.testing.assert_array_equal(found.points, everywhere.points.reshape(-1, 9, 3)[some].reshape(-1, 3))
+    same = clfur.Curves(np.repeat(shaped(roots[:1], normals[:1]), 8, 0))
+    assert hair(mesh, same, gpu).counts.all() and not hair(mesh, same, gpu, guides_reach=1).counts.any()
+
+
 def test_strands_follow_guides_of_their_own_type(gpu):
     """As if there were no others; of a type that no guide has, all."""
     mesh = lumpy()
@@ -388,8 +406,14 @@ def test_what_is_bounded_holds(gpu):
     length = np.linalg.norm(np.diff(found.points.reshape(2000, 9, 3).astype(float), axis=1), axis=2).sum()
     segments, most, area = clfur.scene.hair_bounds(fur, 2000)
     assert segments >= 16_000 and length <= most and length * .02 <= area
-    outside = clfur.render(given, gpu, QUICK)[..., 3]
-    assert max(outside[0].max(), outside[-1].max(), outside[:, 0].max(), outside[:, -1].max()) == 0
+    half = rooted(mesh, 300, 5)
+    half = [each[half[0][:, 1] > 0] for each in half]
+    near = clfur.Scene(mesh, attrs.evolve(fur, guides_reach=1, guides=clfur.Curves(shaped(half[0], 1.5 * half[1]))))
+    for each in given, near:
+        alpha = clfur.render(each, gpu, QUICK)[..., 3]
+        assert max(alpha[0].max(), alpha[-1].max(), alpha[:, 0].max(), alpha[:, -1].max()) == 0
+    rows = np.flatnonzero(alpha.max(1))
+    assert len(rows) > .7 * len(alpha)   # and does not stand far off
 
 
 def test_the_picture_is_that_of_the_truth(gpu):
@@ -398,6 +422,22 @@ def test_the_picture_is_that_of_the_truth(gpu):
     strands_of_truth, _ = truth._geometry(given)
     found = clfur.grow(given, gpu)
     np.testing.assert_allclose(strands_of_truth.points[:, :3], found.points, rtol=0, atol=POSITION)
+
+
+@pytest.mark.parametrize("roots", [0, 1, 65, "faces"])
+@pytest.mark.parametrize("n", [1, 9])
+def test_any_number_of_strands_and_guides(gpu, roots, n):
+    """Each strand has its own place and is as long as guides are; of one guide all are the same."""
+    mesh = lumpy()
+    guide = clfur.Curves(shaped(*rooted(mesh, n, 8), bow=0))
+    found = hair(mesh, guide, gpu, roots=roots, parting=0, guides_reach=10)
+    strands = 320 if roots == "faces" else roots
+    assert (found.counts == 9).all() and len(found.counts) == strands
+    if n == 1:
+        ends = found.points.reshape(-1, 9, 3)
+        np.testing.assert_allclose(np.linalg.norm(ends[:, -1] - ends[:, 0], axis=1), 1, rtol=1e-5)
+    frame = clfur.draw(clfur.Scene(mesh, Strands(guides=guide, roots=roots, **FLAT)), gpu, QUICK)
+    assert frame.strands == strands
 
 
 def test_guides_on_a_device_are_the_same(gpu):
@@ -443,7 +483,7 @@ def test_shadows_of_a_light_are_kept_as_the_camera_moves(gpu):
         clfur.draw(attrs.evolve(given, fur=fur), gpu, QUICK)
         assert "guides.blend" in launched and "guides.stand" not in launched
     finally:
-        gpu.launch = run
+        del gpu.launch   # the class' own
 
 
 # --- what is given --------------------------------------------------------------------------------------
@@ -471,6 +511,7 @@ def test_guides_beside_the_mesh_are_told_or_refused(gpu):
     ({"guides": clfur.Curves(np.zeros((5, 1, 3)))}, r"Strands\.guides has 5 strands, none of two points or more"),
     ({"guides": clfur.Curves(np.zeros((0, 3, 3)))}, r"Strands\.guides has 0 strands"),
     ({"guides_blended": 8}, r"Strands\.guides_blended is 8"), ({"guides_blended": 0}, r"Strands\.guides_blended is 0"),
+    ({"guides_reach": 0}, r"Strands\.guides_reach is 0"),
     ({"parting": 181}, r"Strands\.parting is 181"), ({"parting": -1}, r"Strands\.parting is -1")])
 def test_what_cannot_be_a_guide_is_refused(given, message):
     with pytest.raises(clfur.Error, match=message):

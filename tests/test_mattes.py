@@ -1,6 +1,7 @@
 """Whose light a pixel's is: hair, types, strands and body, told alone."""
 
 import attrs
+import imageio.v3
 import numpy as np
 import pytest
 from support.coverage import LIGHT, OFF, ball, wild
@@ -9,6 +10,7 @@ from support.stages import strands_on
 from support.views import perspective
 
 import clfur
+from clfur.files.images import png
 from clfur.pipeline.mattes import RANKS, TOLD
 from clfur.render import OUTPUTS
 from clfur.stages import mattes
@@ -167,6 +169,29 @@ def test_hair_laid_over_another_background_has_no_fringes(gpu):
     scene = scene_of(300, body="holdout")
     out = clfur.render(scene, gpu, OFF, ("color", "hair_alpha"))
     np.testing.assert_allclose(out["color"][..., 3], out["hair_alpha"], atol=1e-6)
+    for color in (0, 0, 0), (.2, .7, .4):   # a body for a background: the same hair, and the body's share behind it
+        drawn = clfur.render(scene_of(300, body_color=color), gpu, OFF, ("color", "hair_alpha", "body_alpha"))
+        np.testing.assert_array_equal(drawn["hair_alpha"], out["hair_alpha"])
+        behind = drawn["color"] - out["color"]
+        np.testing.assert_allclose(behind[..., 3], drawn["body_alpha"], atol=1e-6)
+        hidden = drawn["body_alpha"] == 0
+        np.testing.assert_allclose(behind[hidden], 0, atol=1e-6)
+        if not any(color):
+            np.testing.assert_allclose(behind[..., :3], 0, atol=1e-6)
+
+
+def test_arrays_are_handed_over_as_they_are(gpu):
+    """Contiguous, and to others that speak DLPack without a copy; 8 bits are those of a PNG."""
+    out = clfur.render(scene_of(), gpu, OFF, tuple(OUTPUTS))
+    for name, array in out.items():
+        assert array.flags.c_contiguous and array.flags.writeable, name
+        assert np.shares_memory(np.from_dlpack(array), array), name
+    pixels = clfur.to_uint8(out["color"])
+    np.testing.assert_array_equal(pixels, imageio.v3.imread(png(out["color"])))
+    assert pixels.flags.c_contiguous and clfur.to_uint8(out["color"][..., :3]).shape == (31, 41, 3)
+    for wrong in pixels, out["depth"], None:
+        with pytest.raises(clfur.Error, match="to_uint8 image"):
+            clfur.to_uint8(wrong)
 
 
 @pytest.mark.parametrize("built", [{}, {"lanes": 1}], ids=["lanes", "pixels"])

@@ -193,9 +193,8 @@ def random_traits(n, seed=9):
                                   {"length": .3, "stiffness": .5, "curl": (.03, 2)}])
 def test_traits_equal_the_twins(gpu, hair):
     """Length, width, stiffness, curl and wave of each strand, and where it is combed."""
-    fur = Strands(inner=1, outer=1, types=HairType(**hair), point_forces=PointForce((0, 2, 0), -.3))
-    surface = tessellate(gpu, lumpy(), 1, 1)
-    traits = random_traits(320)
+    fur = Strands(types=HairType(**hair), point_forces=PointForce((0, 2, 0), -.3))
+    surface, traits = tufts(gpu, random_units(20, 3)), random_traits(20)
     device = grow(gpu, surface, fur, traits)
     host = twin_of(gpu, surface, fur, device.uv, traits)
     np.testing.assert_allclose(device.points, host.points, rtol=0, atol=POSITION)

@@ -13,6 +13,7 @@ from ..files.images import load_picture
 from ..files.usd import is_usd
 from ..scene import extent, frame, highlighted, upright
 from ..scene.checks import vector
+from ..scene.scene import DIRECTION
 from ..scene.strands import LAW
 from .hair_types import groom_of, hair_type, hair_types, type_map
 from .skin import skin_of
@@ -21,9 +22,11 @@ from .types import light_of, read_for
 SEGMENTS, MOST_SEGMENTS = 8, 64   # of a strand: at least, and where guides have as many points
 SKIN = 0.6                 # of the hair's light: bare places are seen between hairs, and must not shine through
 ROOTS = 100_000            # strands without options, on any mesh: it is framed as large as any other
+SHEEN = 0.15, 40           # specular and exponent of shells: their hairs lie all alike, a narrow one is a band of satin
 HAIRS = 60_000             # of shells on a mesh without options
-# The second draws the outline of hair from behind; at half the first's strength or more a ground is framed with both.
-LIGHTS = ["sun direction=1,-1,-0.8 color=1,0.97,0.92", "sun direction=-0.5,-1.2,1 color=0.85,0.92,1 intensity=0.6"]
+# As the camera sees them, from the upper left and from behind: the second draws the outline of hair.  At half the
+# first's strength or more a ground is framed with the shadows of both.
+LIGHTS = [((1.2, -1, -0.3), "color=1,0.97,0.92"), ((-0.9, -1.2, 0.7), "color=0.85,0.92,1 intensity=0.6")]
 LEVEL, MOST = 5, 250_000   # of tessellation without options; triangles that it may make then
 
 
@@ -51,7 +54,7 @@ def scene_of(mesh, options):
 
     height = options["ground"]
     ground = None if height is None else Ground(None if height == "lowest" else height)
-    lights = _lights(lights_of(options), middle if mesh is None else mesh.bounds[0])
+    lights = _lights(options, middle if mesh is None else mesh.bounds[0])
     given = options["eye"] or options["target"]
     towards = {"direction": options["view"]} if options["view"] else {}
     camera = frame(mesh, fur, options["size"], options["fov"], ground=None if given else ground, lights=lights,
@@ -85,14 +88,19 @@ def _guided(options):
     return {"guides": guides, "segments": min(max(SEGMENTS, longest), MOST_SEGMENTS) if known is None else known}
 
 
-def lights_of(options):
-    """Texts of the lights that the options tell, or of those without any; a sky shines from behind by itself."""
-    return list(options["lights"]) or LIGHTS[:1 if options["sky"] else None]
-
-
-def _lights(texts, middle):
-    """The `Light`s of texts, in which spots without a direction look at the middle [3] of the mesh; ambient light,
-    where a text has none, comes with the first."""
+def _lights(options, middle):
+    """The `Light`s of the options, in which spots without a direction look at the middle [3] of the mesh; ambient
+    light, where a text has none, comes with the first.  Without any they go with the camera, and a sky shines from
+    behind by itself."""
+    texts = options["lights"]
+    if not texts:
+        place = options["eye"] and vector(3)(options["eye"], "Camera.eye") - vector(3)(
+            options["target"] or middle, "Camera.target")
+        towards = options["view"] or (DIRECTION if place is None else place)
+        around = math.atan2(towards[0], towards[2])
+        turned = [(x * math.cos(around) + z * math.sin(around), y, z * math.cos(around) - x * math.sin(around), rest)
+                  for (x, y, z), rest in LIGHTS[:1 if options["sky"] else None]]
+        texts = [f"sun direction={x:.6f},{y:.6f},{z:.6f} {rest}" for x, y, z, rest in turned]
     return [light_of(text, {"ambient": 0.0} if number else {}, middle) for number, text in enumerate(texts)]
 
 
@@ -126,7 +134,7 @@ def _shells(options, length):
     if options["force_weight"] is not None:
         weight = 0.5 * options["force_weight"] * options["segments"]
     return Shells(
-        length=length, **fine, length_variation=options["variation"],
+        length=length, **fine, specular=SHEEN[0], exponent=SHEEN[1], length_variation=options["variation"],
         force=[weight * part for part in options["force"]],
         **{name: options[name] for name in ("layers", "pattern", "density", "noise", "wind", "time", "shading", "color",
                                             "alpha", "seed", "rest")})
@@ -167,6 +175,8 @@ def _strands(options, length, radius, mesh):
         "tip_color": options["tip_color"],
         "curl": options["curl"],
         "wave": options["wave"],
+        "tufts": options["tufts"],
+        "frizz": options["frizz"],
         "alpha": options["alpha"],
         "look": options.get("look"),
         **dict.fromkeys(("length_variation", "direction_variation", "color_variation"), options["variation"]),
@@ -187,6 +197,7 @@ def _strands(options, length, radius, mesh):
             "--types", lambda path: hair_types(path, said["types"], hair), file),
         type_map=type_map(keys) if keys else None,
         **density(options, len(mesh.faces)), **skin_of(mesh, options, said, Path(file or "").parent),
+        guides_reach=options["reach"] or None,
         **{name: options[name] for name in ("surface", "force", "seed", "rest", "guides", "parting")})
 
 

@@ -10,7 +10,7 @@ from .. import Chiang, Error, HairType
 from ..files.images import load_picture
 from ..files.input import plain, read
 from .skin import check_said
-from .types import from_hex, look_of, read_for
+from .types import from_hex, look_of, read_for, tufts_of
 
 
 def hair_type(defaults, given):
@@ -81,6 +81,8 @@ def hair_types(path, listed, defaults):
             for name in ("color", "root_color", "tip_color"):
                 if isinstance(color := fields.get(name), str):
                     fields[name] = from_hex(color)
+            if fields.get("tufts") is not None:
+                fields["tufts"] = tufts_of(fields["tufts"])
             if isinstance(look := fields.get("look"), str):
                 fields["look"] = look_of(look)
             elif "specular" in fields or "exponent" in fields:   # they make one

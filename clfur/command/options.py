@@ -23,6 +23,7 @@ from .types import (
     Roots,
     Size,
     Sky,
+    TuftsText,
     View,
     Way,
     Whole,
@@ -59,6 +60,9 @@ _FUR = [
                       "their shapes, so that no length, force or lean counts; --variation and maps cut them."),
     click.option("--parting", type=Real(0, 180), default=60.0, metavar="DEG",
                  help="Guides that point apart by more than this are not blended; 180: all are."),
+    click.option("--reach", type=Real(0, 1e6), default=1.0, metavar="TIMES",
+                 help="How far from the nearest of --guides hair stands, in distances of that guide from the seventh "
+                      "around it; 0: everywhere."),
     click.option("--up", type=click.Choice(["y", "z"]), default="y",
                  help="Which axis is up in MESH and in files of strands but USD's, which tell; what has Z there is "
                       "turned so that it is Y, the up of all other options."),
@@ -86,7 +90,8 @@ _LIGHT = [
                       "direction=1,-1,-0.6 size=0.5' (degrees across) or 'spot position=2,3,1 direction=-2,-3,-1 "
                       "angle=40 color=#ffe0c0 intensity=2 size=0.2 shadows=off' (size: a disc's radius; a spot without "
                       "a direction looks at the mesh's middle).  Again for each further light.  "
-                      "[default: warm from the upper left and, but under a --sky, weaker and bluish from behind]"),
+                      "[default: as the camera sees it, warm from the upper left and, but under a --sky, weaker "
+                      "and bluish from behind]"),
     click.option("--sky", type=Sky(), metavar="SKY",
                  help="Light from all around, hidden by hair and body, instead of the flat ambient: a colour, R,G,B of "
                       "0 or more each (linear) or '#rrggbb'; ZENITH:HORIZON:GROUND, three of these; or an "
@@ -146,6 +151,12 @@ _GROOM = [
     click.option("--curl", type=Numbers(2), default="0,0", metavar="RADIUS,TURNS", help="Curl of the strands."),
     click.option("--wave", type=Numbers(2), default="0,0", metavar="AMPLITUDE,PERIODS",
                  help="Wave of the strands."),
+    click.option("--tufts", type=TuftsText(), metavar="N",
+                 help="Gather strands in N tufts on the whole mesh, which curl and wave as one; and their fields, as "
+                      "2000:strength=0.9,profile=0.3,size_variation=0.5,within=200 (in that many larger ones).  "
+                      "[default: none]"),
+    click.option("--frizz", type=Numbers(2), default="0,0", metavar="AMPLITUDE,WAVES",
+                 help="How far strands stray at random, and in how many waves."),
 ]
 _SHELLS = [
     click.option("--layers", type=Whole(1, 1000), default=30, metavar="N",
@@ -199,12 +210,12 @@ _SETTINGS = [
 ]
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "tip_width", "root_color", "tip_color", "look",
-                     "type_map", "types", "curl", "wave", "raster", "masks", "scattering", "lod", "hair", "guides",
-                     "parting", "maps", "on", "comb", "comb_weight"),
+                     "type_map", "types", "curl", "wave", "tufts", "frizz", "raster", "masks", "scattering", "lod",
+                     "hair", "guides", "parting", "reach", "maps", "on", "comb", "comb_weight"),
          "shells": ("layers", "pattern", "hairs", "frequency", "density", "noise", "wind", "time", "shading")}
 # Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
 _GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "stiffness", "force_weight", "roots", "type_map",
-          "types", "curl", "wave", "rest", "maps", "on", "comb", "comb_weight")
+          "types", "curl", "wave", "tufts", "frizz", "rest", "maps", "on", "comb", "comb_weight")
 _GROWN_OR_SHELLS = "length", "variation"
 _UNGUIDED = "stiffness", "force_weight", "force", "length"   # what the shapes of guides leave nothing to say
 
@@ -279,11 +290,15 @@ def _naming_options(command):
 
 def _flag_of(message, flags):
     """The one of the options given, {name: flag}, that has set the field with which a message begins, or None."""
+    if message.startswith(("region ", "there is no output")):
+        return flags.get("region" if message.startswith("region") else "outputs")
     if not (found := re.match(r"([A-Z]\w*\.|frame )(\w+)", message)):
         return None
     kind, field = found.groups()
     if kind == "Light.":
         return flags.get("lights")
+    if kind == "Tufts.":
+        return flags.get("tufts")
     if kind in ("Maps.", "Comb."):
         return flags.get("on" if field == "on" else "maps" if kind == "Maps." else "comb")
     if field == "body_color":
@@ -309,8 +324,9 @@ def check_fur(flags, options):
         if name in flags:
             raise click.UsageError(f"{flags[name]} is for strands alone, shells do not follow maps; allowed: with "
                                    "--fur strands")
-    if options["guides"] is None and "parting" in flags:
-        raise click.UsageError("--parting is for strands between --guides; allowed: with them")
+    for name in ("parting", "reach"):
+        if options["guides"] is None and name in flags:
+            raise click.UsageError(f"{flags[name]} is for strands between --guides; allowed: with them")
     if options["guides"] is not None:
         for name in ("hair", *(_UNGUIDED if options["fur"] == "strands" else ())):
             if name in flags:

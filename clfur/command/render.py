@@ -8,12 +8,12 @@ import attrs
 import click
 import numpy as np
 
-from .. import Scheduler, draw, over, save
+from .. import Camera, Scheduler, draw, over, save
 from ..files.images import check_writable, load_picture
 from ..files.usd import is_usd
 from ..judge.frontier import label
 from ..scene import backdrop
-from .described import lights_of, lowered
+from .described import lowered
 from .devices import ask_drivers
 from .options import Sectioned, scene_options
 from .scenes import is_scene_file, load_scene
@@ -30,7 +30,9 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
               help="PNG (sRGB), EXR (linear) or NPZ (arrays).  [default: the mesh's name, .png]")
 @scene_options
 @click.option("--outputs", type=Names(), default="color", metavar="NAMES",
-              help="What to save: color, depth, id, tangent, normal, uv, coverage; PNG holds color alone.")
+              help="What to save: color, depth, id, tangent, normal, uv, coverage, position, hair_alpha, body_alpha, "
+                   "type, type_alpha, orientation, matte_id and matte_alpha (a Cryptomatte of strands in EXR), "
+                   "strand_area (in NPZ); PNG holds color alone.")
 @click.option("--background", type=Backdrop(), metavar="COLOR|PICTURE",
               help="What the picture is laid over, which then has no alpha: R,G,B, '#rrggbb' or a picture of the same "
                    "aspect.")
@@ -74,7 +76,7 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
             warnings.warn("nothing of the scene is to be seen in the picture", stacklevel=2)
         tell(f"saving {output}")
         laid = {} if behind is None else {"color": _over(drawn.images["color"], behind, scene.camera.size, region)}
-        save(output, drawn.images | laid)
+        save(output, drawn.images | laid, _camera_of(scene.camera, region), drawn.settings)
 
     skipped = {"degenerate": scene.mesh.degenerate_faces if scene.mesh else 0,
                "zero_normal": scene.mesh.zero_normal_faces if scene.mesh else 0,
@@ -85,7 +87,8 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
     shells, fewer = scene.shells, "" if is_scene_file(given) else lowered(options, scene.strands)
     if as_json:
         of_options = {} if is_scene_file(given) or is_usd(given) else {
-            "light": _told(lights_of(options)), **{name: options[name] for name in ("fov", "alpha", "seed")}}
+            "light": _told(options["lights"], scene.lights),
+            **{name: options[name] for name in ("fov", "alpha", "seed")}}
         print(json.dumps({
             "file": str(output), "size": region[2:] if region else scene.camera.size, "device": drawn.device,
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
@@ -115,11 +118,17 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
           + (f"; {label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""))
 
 
-def _told(lights):
-    """Lights of the command in JSON: the numbers of one that has no more than a direction, else their texts."""
-    if len(lights) == 1 and lights[0][:1] in "-.0123456789":
-        return [float(part) for part in lights[0].split(",")]
-    return lights
+def _told(texts, lights):
+    """Lights of the command in JSON: the numbers of one that has no more than a direction, else texts, also of those
+    that are there without any."""
+    if len(texts) == 1 and texts[0][:1] in "-.0123456789":
+        return [float(part) for part in texts[0].split(",")]
+    return list(texts) or [f"sun direction={_numbers(light.direction)} color={_numbers(light.strength)}"
+                           for light in lights]
+
+
+def _numbers(vector):
+    return ",".join(f"{part:.4g}" for part in vector)
 
 
 def _background(given, size):
@@ -127,6 +136,14 @@ def _background(given, size):
     if isinstance(given, str):
         return backdrop(read_for("--background", load_picture, given), size, f"--background: {given}")
     return backdrop(given, size, "--background")
+
+
+def _camera_of(camera, region):
+    """The camera that sees a region of another's picture, its own if None."""
+    if region is None:
+        return camera
+    x, y, width, height = region
+    return Camera.calibrated(camera.pose, camera.intrinsics - [[0, 0, x], [0, 0, y], [0, 0, 0]], (width, height))
 
 
 def _over(image, behind, size, region):
@@ -146,6 +163,11 @@ def _check_files(output, outputs, background, read):
         other = next((name for name in outputs if name != "color"), "none")
         raise click.UsageError(f"--outputs: {output} can hold color alone, not {other}; allowed: color, or others in "
                                ".exr or .npz")
+    if output.suffix.lower() == ".exr":
+        alone = {"matte_id", "matte_alpha"} & set(outputs)
+        if "strand_area" in outputs or len(alone) == 1:
+            what = "strand_area" if "strand_area" in outputs else f"{alone.pop()} alone"
+            raise click.UsageError(f"--outputs: {output} cannot hold {what}; allowed: in .npz")
     if background is not None and "color" not in outputs:
         raise click.UsageError("--background is for the output color, which is not asked for; allowed: with it")
     for name in [*read, background if isinstance(background, str) else None]:

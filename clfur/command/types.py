@@ -11,7 +11,7 @@ import numpy as np
 from ..color import srgb_to_linear
 from ..errors import Error
 from ..files.images import load_picture
-from ..scene import Chiang, Environment, Kajiya, Light
+from ..scene import Chiang, Environment, Kajiya, Light, Tufts
 from ..scene.checks import LARGEST
 from ..scene.maps import NAMES
 
@@ -245,6 +245,18 @@ class Look(click.ParamType):
             self.fail(str(error), param, ctx)
 
 
+class TuftsText(click.ParamType):
+    """Tufts in which hair gathers, such as 2000 or 2000:strength=0.9,within=200."""
+
+    name = "tufts"
+
+    def convert(self, value, param, ctx):
+        try:
+            return tufts_of(value) if isinstance(value, str) else value
+        except ValueError as error:   # clfur.Error is one
+            self.fail(str(error), param, ctx)
+
+
 class Sky(click.ParamType):
     """A sky of one colour, of three, or of a picture, such as #88aaff, 1,1,1:.5,.5,.6:.1,.1,.1 or studio.hdr."""
 
@@ -367,6 +379,30 @@ def look_of(text):
             raise Error(f"look {name} has {field} twice; allowed: each field once")
         fields[field] = [_number(each) for each in value.split("/")] if "/" in value else _number(value)
     return classes[name](**fields)
+
+
+def tufts_of(given):
+    """The `Tufts` of a number, of a text as `TuftsText` has it, or of an object of JSON. Raises `clfur.Error` for any
+    other."""
+    if isinstance(given, str):
+        count, _, rest = given.partition(":")
+        pairs = [[each.strip() for each in part.partition("=")[::2]] for part in filter(None, rest.split(","))]
+        if twice := next((name for name, _ in pairs if [each for each, _ in pairs].count(name) > 1), None):
+            raise Error(f"tufts have {twice} twice; allowed: each field once")
+        given = {"count": _whole(count), **{name: _whole(value) for name, value in pairs}}
+    if not isinstance(given, dict):
+        return Tufts(given)
+    known = [field.name for field in attrs.fields(Tufts)]
+    if unknown := next((name for name in given if name not in known), None):
+        raise Error(f"tufts have no {unknown!r:.40}; allowed: {', '.join(known)}")
+    within = given.get("within")
+    return Tufts(**{**given, "within": within if within is None else tufts_of(within)})
+
+
+def _whole(text):
+    """A whole number, a number, or the text where it is none."""
+    number = _number(text)
+    return int(number) if isinstance(number, float) and number.is_integer() else number
 
 
 def _is_number(text):

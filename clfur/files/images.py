@@ -20,7 +20,7 @@ from .arrays import read_arrays
 from .input import read
 from .output import is_path, output_path, reason, whole
 
-__all__ = ["check_writable", "load", "load_header", "load_picture", "png", "save"]
+__all__ = ["check_writable", "load", "load_header", "load_picture", "png", "save", "to_uint8"]
 
 EFFORT = 1   # of PNG's compression, 0 to 9: 6 takes three times as long for files of 0.85 to 1.08 times the size
 BAND = 64   # rows of a picture that are coded at a time: NumPy hears Ctrl-C only between its steps
@@ -32,10 +32,10 @@ def save(path: str | os.PathLike, image: np.ndarray | dict[str, np.ndarray], cam
     path: str or path-like. image: float [h, w, 4] linear premultiplied (or [h, w, 3]), or the dict of outputs
     that `render` returns. PNG holds the colour alone, 8-bit sRGB with straight alpha, clipped to 0..1. EXR
     holds linear float32: R, G, B, A (premultiplied), and of a dict other outputs in parts of their names: Z
-    (depth), tangent.X and so on; whole numbers such as `id` are unsigned there, so -1 reads 4294967295; matte_id
-    with matte_alpha are a Cryptomatte of strands, type_alpha is one of types, too: see docs/data.md. NPZ holds
-    the arrays as they are, a plain one as `color`. camera, settings: the Camera and Settings that it was drawn
-    with, which EXR holds in its header.
+    (depth), tangent.X and so on; whole numbers such as `id` are floats there, but where some are beyond 2**24, which
+    are unsigned; matte_id with matte_alpha are a Cryptomatte of strands, type_alpha is one of types, too: see
+    docs/data.md. NPZ holds the arrays as they are, a plain one as `color`. camera, settings: the Camera and Settings
+    that it was drawn with, which EXR holds in its header.
     Raises Error for another suffix, other shapes, and where the file cannot be written.
     """
     file = output_path(path, WRITERS)
@@ -97,10 +97,28 @@ def png(color: np.ndarray) -> bytes:
     """The bytes of a PNG file, 8-bit sRGB with straight alpha: of a float picture as `save` takes it."""
     import imageio.v3
 
+    return imageio.v3.imwrite("<bytes>", _in_bands(color), extension=".png", compress_level=EFFORT)
+
+
+def to_uint8(image: np.ndarray) -> np.ndarray:
+    """Return a picture in 8 bits, as PNG and screens have it: uint8 [h, w, 4], sRGB with straight alpha.
+
+    image: float [h, w, 4] linear premultiplied, or [h, w, 3] linear, as `render` and `over` give; the result has as
+    many channels, is contiguous and becomes a Pillow image by `PIL.Image.fromarray(clfur.to_uint8(image))`.
+    Raises Error for anything else.
+    """
+    image = checks.numbers(image, "to_uint8 image", "floats [h, w, 4] or [h, w, 3]", "f")
+    if image.ndim != 3 or image.shape[2] not in (3, 4):
+        raise Error(f"to_uint8 image is {image.dtype} {list(image.shape)}; allowed: floats [h, w, 4] or [h, w, 3]")
+    return _in_bands(image)
+
+
+def _in_bands(color):
+    """`_coded` of a picture, some rows at a time."""
     coded = np.empty(color.shape, np.uint8)
     for top in range(0, len(color), BAND):
         coded[top:top + BAND] = _coded(color[top:top + BAND])
-    return imageio.v3.imwrite("<bytes>", coded, extension=".png", compress_level=EFFORT)
+    return coded
 
 
 def _coded(color):

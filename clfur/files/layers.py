@@ -16,6 +16,7 @@ from . import exr, matte
 CHANNELS = {"depth": ("Z",), "uv": ("uv.U", "uv.V"), "orientation": ("orientation.X", "orientation.Y")} | {
     name: tuple(f"{name}.{axis}" for axis in "XYZ") for name in ("tangent", "normal", "position")}
 NUMBERED = ("type_alpha",)
+WHOLE = 2**24         # of whole numbers up to it float32 holds each
 RANKS = 6             # of a Cryptomatte of types
 # What OpenImageIO and others convert, and what not.
 COLOR, DATA = {"colorInteropID": "lin_rec709_scene"}, {"colorInteropID": "data"}
@@ -103,7 +104,8 @@ def _outputs_of(parts):
             name = part.name
             planes = [channels[each] for each in _ordered(name, channels)]
             array = planes[0] if len(planes) == 1 and name not in NUMBERED else np.stack(planes, 2)
-            found[name] = array.view(np.int32).astype(kind) if np.dtype(kind).kind == "i" else array.astype(kind)
+            signed = np.dtype(kind).kind == "i" and array.dtype == np.uint32
+            found[name] = (array.view(np.int32) if signed else array).astype(kind)
         elif not cryptos:
             found |= _others(channels)
     return found
@@ -136,12 +138,14 @@ def _others(channels):
 
 
 def _stored(name, array):
-    """An array as EXR has it: float32, or uint32 for whole numbers, which it has no signed ones of; floats would lose
-    ids beyond 2**24."""
-    if array.dtype.kind not in "iu":
+    """An array as EXR has it: float32, or uint32 for whole numbers of which some are beyond what floats hold.
+
+    Others are floats, so that -1 is -1 to all who read it: OpenImageIO makes floats of whole numbers unless told.
+    """
+    if array.dtype.kind not in "iu" or not array.size or (np.abs(array.astype(np.float64)) <= WHOLE).all():
         return np.ascontiguousarray(array, np.float32)
     limits = np.iinfo(np.int32 if array.dtype.kind == "i" else np.uint32)
-    if array.size and not limits.min <= int(array.min()) <= int(array.max()) <= limits.max:
+    if not limits.min <= int(array.min()) <= int(array.max()) <= limits.max:
         raise Error(f"save output {name!r} has whole numbers from {array.min()} to {array.max()}; allowed in .exr: "
                     f"from {limits.min} to {limits.max}")
     return np.ascontiguousarray(array.astype(np.int64).astype(np.uint32))

@@ -23,7 +23,6 @@ from .usd_mesh import WHITE, meshes_of
 
 ROWS = 64              # of a sky's picture, at least
 WIDTH = 640            # of a picture whose file says nothing of it
-LEVEL = 4, 250_000     # of tessellation of subdivision surfaces, under strands; faces that it may make then
 NEAR, FAR = 1.06, 900  # radii of a scene from its middle where a light may stand that shines everywhere, or any
 
 
@@ -110,11 +109,7 @@ def _parts(stage, size, given):
         if any(each != WHITE for each in stage["mesh"]["materials"]):
             parts["body_color"] = materials
     if stage["strands"] is not None:
-        faces = 0 if parts["mesh"] is None else len(parts["mesh"].faces)
-        curved = any(what.startswith("subdivision") for what in stage["left"])
-        level = LEVEL[0] if curved and faces * 1.5 * LEVEL[0]**2 <= LEVEL[1] else 1
-        parts["fur"] = curves_from(stage["strands"], {
-            "inner": level, "outer": level, "surface": "pn" if curved else "flat", **given})
+        parts["fur"] = curves_from(stage["strands"], given)
     exposure = 1.0
     if stage["camera"] is not None:
         parts["camera"], exposure = _camera(stage["camera"], size, *stage["resolution"]), stage["camera"]["exposure"]

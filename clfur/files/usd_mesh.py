@@ -6,9 +6,11 @@ import numpy as np
 
 from ..errors import Error
 from .polygons import triangulate
+from .subdivision import limit, smoothed
 from .usd import Stage, numbers
 
 UV = "st", "UVMap", "uv", "map1"   # primvars, the first that there is: USD's own, then what programs wrote
+LEVELS, QUADS = 2, 250_000   # of subdivision, and faces that it may make
 WRAPS = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp", "useMetadata": "repeat", "black": "clamp"}
 WHITE: dict[str, Any] = {"color": (0.18, 0.18, 0.18)}   # of a mesh that says nothing of it (UsdPreviewSurface)
 
@@ -69,26 +71,44 @@ def _mesh(stage, prim, materials):
     if corners.min() < 0 or corners.max() >= len(points):
         raise Error(f"has the index {corners[(corners < 0) | (corners >= len(points))][0]}; allowed: 0 to "
                     f"{len(points) - 1}")
+    of_faces, faces = materials.of_faces(prim, len(sizes)), np.arange(len(sizes))   # which of the file's each is of
+    scheme = str(mesh.GetSubdivisionSchemeAttr().Get(at))
+    uv = next(filter(None, (stage.values(prim, name, 2) for name in UV)), None)
+    normals = _normals(stage, mesh, prim) if scheme == "none" else None
+    uv, normals = (None if each is None else _by_corner(what, each, len(points), corners, sizes)
+                   for what, each in (("uv", uv), ("normals", normals)))
+    if scheme == "catmullClark":
+        levels = _levels(stage, mesh, prim, sizes)
+        for _ in range(levels):
+            faces = np.repeat(faces, sizes)
+            points, corners, uv = smoothed(points, sizes, corners, uv)
+            sizes = np.full(len(faces), 4)
+        points = limit(points, corners) if levels else points
+    elif scheme == "loop":
+        stage.leave("subdivision of scheme loop", prim)
     triangles, owner = triangulate(points, corners, sizes)
-    holes = np.asarray(mesh.GetHoleIndicesAttr().Get(at) or (), np.int64)
-    keep = ~np.isin(owner, holes)
+    keep = ~np.isin(faces[owner], np.asarray(mesh.GetHoleIndicesAttr().Get(at) or (), np.int64))
     triangles, owner = triangles[keep], owner[keep]
     if str(mesh.GetOrientationAttr().Get(at)) == "leftHanded":
         triangles = triangles[:, ::-1]
-    sharp = mesh.GetSubdivisionSchemeAttr().Get(at) == "none"
-    if not sharp:
-        stage.leave("subdivision (meshes are drawn as their control points, curved)", prim)
-    uv = next(filter(None, (stage.values(prim, name, 2) for name in UV)), None)
-    normals = _normals(stage, mesh, prim) if sharp else None
-    if normals is not None:
-        normals = _by_corner("normals", normals, len(points), corners, sizes)
-    if uv is not None:
-        uv = _by_corner("uv", uv, len(points), corners, sizes)[triangles]
-    positions, faces = points, corners[triangles]
+    positions, indices = points, corners[triangles]
     if normals is not None:   # which may differ at a point: each corner has its own
-        positions, faces = points[corners], triangles
-    return {"positions": positions, "faces": faces, "normals": normals, "uv": uv,
-            "material_of": materials.of_faces(prim, len(sizes))[owner]}
+        positions, indices = points[corners], triangles
+    return {"positions": positions, "faces": indices, "normals": normals, "uv": None if uv is None else uv[triangles],
+            "material_of": of_faces[faces[owner]]}
+
+
+def _levels(stage, mesh, prim, sizes):
+    """How often a mesh with faces of these sizes is subdivided; what of it is not is told."""
+    if (sizes < 3).any():
+        stage.leave("subdivision of faces of less than three corners", prim)
+        return 0
+    if mesh.GetCreaseIndicesAttr().Get(stage.at) or mesh.GetCornerIndicesAttr().Get(stage.at):
+        stage.leave("creases of subdivision", prim)
+    levels = sum(int(sizes.sum()) * 4**level <= QUADS for level in range(LEVELS))
+    if levels < LEVELS:
+        stage.leave(f"subdivision beyond {levels} levels", prim)
+    return levels
 
 
 def _normals(stage, mesh, prim):

@@ -36,6 +36,7 @@ from ..stages.coverage import (
     Tiles,
 )
 from ..stages.deep import bytes_of as deep_bytes
+from ..stages.distance import STATES
 from ..stages.guides import FOUND
 from ..stages.guides import bytes_of as guides_bytes
 from ..stages.lighting import Lighting
@@ -56,9 +57,12 @@ from ..stages.strands import AREA, ROOTS, SORTED_FROM, STAGES, DeviceStrands, Pa
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.transport import ASKED, LEAVING
 from ..stages.transport import bytes_of as transport_bytes
+from ..stages.tufts import TUFT_OF, Rested
+from ..stages.tufts import bytes_of as tufts_bytes
 from ..stages.voxelize import CELLS, RESTS
 from .mattes import TOLD
 from .shadows import DeepPlan, plan_deep
+from .sliding import sliding_of
 from .views import Rig, columns_of
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
@@ -124,8 +128,9 @@ class Plan:
     wants_color, others: whether color is an output, and whether others are.  tells: outputs of `mattes.TOLD`.
     faces, triangles, strands, points: how many there are.  body: whether there is one.  rest: the mesh by whose areas
     strands are spread, if it is another.  guides: Curves on the host between which strands stand, or None.
-    lobed: the types of strands, where looks of some need tables.  ground: `layout.Ground`, or None.  held: whether the
-    body is a holdout.  painted: its Materials, where it has more than one colour.
+    sliding: `Sliding` of strands along the body, or None.  lobed: the types of strands, where looks of some need
+    tables.  ground: `layout.Ground`, or None.  held: whether the body is a holdout.  painted: its Materials, where it
+    has more than one colour.
     """
 
     def __init__(self, rig: Rig, outputs: Sequence[str], region: tuple | None = None) -> None:
@@ -144,7 +149,7 @@ class Plan:
         if self.seen_through and "coverage" in outputs:   # only light tells it
             self.wants_color = True
         self.grown = isinstance(fur, Strands)
-        self.rest = None
+        self.rest, self.sliding = None, None
         self.guides = None if not isinstance(fur, Strands) or fur.guides is None else fur.guides.on_host
         if isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh:
             self.rest = fur.rest
@@ -164,6 +169,8 @@ class Plan:
         if isinstance(fur, Strands):
             self.strands = self.triangles if fur.roots == "faces" else int(fur.roots)
             self.stride = max(t.segments for t in fur.types) + 1
+            if fur.collision and self.strands:
+                self.sliding = sliding_of(mesh, fur)
         else:
             self.strands = len(self._before) - 1
         self.points = self._points(0, self.strands)
@@ -194,9 +201,9 @@ class Plan:
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage,
             "masks": self.uses_coverage and settings.masks, "strands": self.strands,
             "mattes": self.tells and self.strands,
-            "maps": self.planes and self.strands,
+            "maps": self.planes and self.strands, "distance": self.sliding,
             "order": not self.grown and self.strands >= SORTED_FROM,
-            "guides": self.guides is not None,
+            "guides": self.guides is not None, "tufts": self.strands and self.tufted,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "ground": self.ground is not None,
             "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
@@ -206,6 +213,11 @@ class Plan:
             "shade": True, "sky": self.scatters or (self.wants_color and self.scene.environment is not None),
             "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
+
+    @property
+    def tufted(self) -> bool:
+        """Whether strands gather in tufts or are frizzy."""
+        return isinstance(self.scene.strands, Strands) and self.scene.strands.tufted
 
     @property
     def of_kept(self) -> int:
@@ -488,6 +500,11 @@ class Plan:
         fixed += bytes_of_planes(self.planes or ())
         if self.guides is not None:
             fixed += guides_bytes(self.guides, len(scene.strands.types), len(scene.mesh.faces))
+        if self.sliding:
+            fixed += self.sliding.bytes
+        if self.tufted:
+            fixed += sum(tufts_bytes(kind.tufts, self.rest or scene.mesh, self.stride) for kind in scene.strands.types
+                         if kind.tufts is not None)
         if self.scatters:
             fixed += transport_bytes(len(self.lobed), self.body)
         if self.is_deep:
@@ -536,12 +553,13 @@ class Plan:
         strand += TRAITS.bytes * bool(self.planes)
         if self.guides is not None:
             strand += FOUND.bytes
+        strand += (TUFT_OF.bytes + Rested.bytes(strand=1) * bool(self.rest)) * self.tufted
         if self.settings.lod:
             per_point = fur.colored_points if isinstance(fur, Strands) else isinstance(fur, Curves) and (
                 len(fur.color) == len(fur.points))
             strand, point = strand + THIN_STRAND, point + THIN_POINT + COLOR * per_point
         if gpu.steps:
-            strand += RESTS.bytes + STAGES.bytes
+            strand += RESTS.bytes + STAGES.bytes + STATES.bytes * bool(self.sliding)
             point += 0 if self.uses_coverage else LEFT.bytes
         if self.uses_coverage:
             strand += Tiles.bytes(strand=1)

@@ -20,9 +20,10 @@ from .origin import seen_from, upright
 from .scene import Scene, frame
 from .shells import Shells
 from .strands import HairType, PointForce, Strands
+from .tufts import Tufts
 
 __all__ = [
     "Bounds", "Camera", "Chiang", "Comb", "Curves", "Environment", "Ground", "HairType", "Kajiya", "Light", "Maps",
-    "Material", "Mesh", "PointForce", "Scene", "Shells", "Strands", "backdrop", "bounds_of", "extent", "frame",
+    "Material", "Mesh", "PointForce", "Scene", "Shells", "Strands", "Tufts", "backdrop", "bounds_of", "extent", "frame",
     "fur_extent", "hair_bounds", "highlighted", "over", "seen_from", "upright",
 ]

@@ -1,6 +1,7 @@
 """How far a mesh and its fur extend at most: what cameras, grids and counters must have room for."""
 
 import functools
+import math
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from .guides import reach_of
 from .mesh import Mesh, box, sphere
 from .origin import ZERO, seen_from
 from .shells import Shells
-from .strands import Strands
+from .strands import HairType, Strands
 
 
 def strands_and_shells(fur):
@@ -44,6 +45,19 @@ def points_to_see(mesh, fur):
     curved = strands is not None and strands.surface == "pn"
     points = [mesh.hull if curved else mesh.positions] if mesh is not None else []
     return points + ([strands.on_host.points] if isinstance(strands, Curves) and len(strands.points) else [])
+
+
+def points_to_frame(mesh, fur):
+    """Return (what `points_to_see` does, `fur_extent`) as a camera needs them: strands that stand near guides lie about
+    as far from these as they are apart, and no further than they reach."""
+    strands, shells = strands_and_shells(fur)
+    points, most = points_to_see(mesh, fur), fur_extent(fur)
+    if not isinstance(strands, Strands) or strands.guides is None or strands.guides_reach is None:
+        return points, most
+    reach, _ = reach_of(strands.guides)
+    apart = math.sqrt(mesh.area / len(strands.guides.counts)) * max(strands.guides_reach, 1)
+    least = apart * (1 + reach / mesh.bounds[1]) + max(fur_extent(strands) - reach, 0)
+    return [*points, strands.guides.on_host.points], min(most, max(least, fur_extent(shells)))
 
 
 @functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
@@ -81,6 +95,12 @@ def bounds_of(mesh: Mesh | None, fur: Any, strands: int) -> Bounds:
     return Bounds(*extent(mesh, fur), segments, length, area)
 
 
+def sideways(kind: HairType, curled: float) -> float:
+    """Return how far curl and wave, so many times as large, and frizz take a point of a strand from its axis at most,
+    in world units."""
+    return 2 * kind.curl[0] * curled + kind.wave[0] * curled + 1.5 * kind.frizz[0]   # which is in two directions
+
+
 def fur_extent(fur: Any) -> float:
     """Return how far fur, or each of a tuple, extends beyond the points it is made of or grows on, in world units."""
     if isinstance(fur, tuple):
@@ -92,9 +112,18 @@ def fur_extent(fur: Any) -> float:
     if fur is None:
         return 0.0
     longer, wider, more = _most(fur)
-    return max((reach_of(fur.guides)[0] * (hair.segments > 0) if fur.guides is not None
-                else hair.full_length * (1 + hair.length_variation) * longer)
-               + 2 * hair.curl[0] * more + hair.wave[0] * more + hair.widest * wider / 2 for hair in fur.types)
+    return max(_longest(fur, hair, longer, more) + hair.widest * wider / 2 for hair in fur.types)
+
+
+def _longest(fur, hair, longer, more):
+    """Return how far from its root a hair can get; tufts may straighten guides, and what slides along the body all."""
+    axis = hair.full_length * (1 + hair.length_variation) * longer
+    if fur.guides is not None:
+        axis = reach_of(fur.guides)[int(fur.collision or fur.tufted)] * (hair.segments > 0)
+    if not fur.collision:
+        return axis + sideways(hair, more)
+    bends = sum(size * min(2 * hair.segments, 2 * np.pi * abs(turns)) for size, turns in (hair.curl, hair.wave))
+    return axis + more * bends + 3 * hair.frizz[0] * hair.segments
 
 
 def _most(fur):
@@ -115,8 +144,8 @@ def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]
         length = float(d[inner[:-1]].sum(dtype=float))
         return len(fur.points), length, length * float(fur.width.max())
     types, (longer, wider, more) = fur.types, _most(fur)
-    # Curl and wave hold a point within this distance of its axis; from one point to the next it may cross all of it.
+    # From one point to the next it may cross all of what curl, wave and frizz leave it.
     lengths = [(t.segments * t.step * (1 + t.length_variation) * longer if fur.guides is None
-                else reach_of(fur.guides)[1]) + t.segments * 2 * (2 * t.curl[0] + t.wave[0]) * more for t in types]
+                else reach_of(fur.guides)[1]) + t.segments * 2 * sideways(t, more) for t in types]
     return (strands * max(t.segments for t in types), strands * max(lengths),
             strands * max(length * t.widest * wider for length, t in zip(lengths, types)))

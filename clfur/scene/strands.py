@@ -13,6 +13,7 @@ from .guides import guides
 from .look import Looking
 from .maps import WHOLE, Comb, Maps, tiles
 from .mesh import Mesh
+from .tufts import Tufts
 
 
 def _radius_and_count(value, where):
@@ -21,6 +22,14 @@ def _radius_and_count(value, where):
     if size < 0:
         checks.refuse(where, value, "two finite numbers, the first >= 0")
     return size, number
+
+
+def _frizz(value, where):
+    """Return (amplitude, waves), both >= 0, as a tuple."""
+    size, waves = (float(each) for each in checks.vector(2)(value, where))
+    if size < 0 or not 0 <= waves <= 10_000:
+        checks.refuse(where, value, "two finite numbers, the first >= 0, the second 0 to 10,000")
+    return size, waves
 
 
 def _textures(value, where):
@@ -69,8 +78,9 @@ class HairType(Looking):
     width there, 0..16; between them it changes as taper says, 0.001..0.999: how much of the change is done at half of
     the length; 0.5 is a straight cone, less keeps the root's width for longer (Schlick's bias, "Fast alternatives to
     Perlin's bias and gain functions", 1994). root_color, tip_color: None, then as color, or linear RGB >= 0 that
-    takes its place there; linear between. key: None or the 8-bit (r, g, b) that means this type in
-    `Strands.type_map`. Raises Error otherwise.
+    takes its place there; linear between. tufts: None, or Tufts, in which strands gather; curl and wave are then of
+    each tuft as a whole. frizz: (amplitude, waves), a random line across each strand on top of all. key: None or the
+    8-bit (r, g, b) that means this type in `Strands.type_map`. Raises Error otherwise.
     """
 
     color: checks.Given = checks.field(checks.color, default=(0.8, 0.6, 0.4))
@@ -92,6 +102,8 @@ class HairType(Looking):
     taper: float = checks.field(checks.real(low=1e-3, high=0.999), default=0.5, kw_only=True)
     root_color: checks.Given = checks.field(checks.optional(checks.color), default=None, kw_only=True)
     tip_color: checks.Given = checks.field(checks.optional(checks.color), default=None, kw_only=True)
+    tufts: Tufts | None = checks.field(checks.instance(Tufts, none=True), default=None, kw_only=True)
+    frizz: checks.Given = checks.field(_frizz, default=(0.0, 0.0), kw_only=True)
     key: checks.Given = checks.field(checks.optional(_key), default=None, kw_only=True)
 
     def __attrs_post_init__(self):
@@ -219,18 +231,22 @@ class Strands:
     chooses the type by uv, the one whose `key` the colour is nearest to; without it there must be one
     type. roots: "faces" for one strand in each tessellated triangle, or how many to spread evenly by area.
     force: added to the growing direction of all strands; point_forces: PointForce objects, added to it.
-    surface: "pn" for curved PN triangles, or "flat". seed: of all that is random, 0..2**32-1. rest: None, or a Mesh of
-    the same faces as the one that is drawn, by whose areas strands are spread: each then keeps its place on its face in
-    all poses. Without it they are spread by the areas of what is drawn, and strands go to other triangles as these
-    change; where a mesh is but turned, rounding takes a few in ten thousand along. maps: None or Maps, what the skin
-    says of density, length, width and so on. comb: None or a Comb, which way hair lies on the skin.
+    surface: "pn" for curved PN triangles, or "flat". seed: of all that is random, 0..2**32-1. collision: whether growth
+    that would enter the mesh slides along it: segments that would are turned about their beginning, and keep their
+    lengths. rest: None, or a Mesh of the same faces as the one that is drawn, by whose areas strands are spread: each
+    then keeps its place on its face in all poses. Without it they are spread by the areas of what is drawn, and strands
+    go to other triangles as these change; where a mesh is but turned, rounding takes a few in ten thousand along. maps:
+    None or Maps, what the skin says of density, length, width and so on. comb: None or a Comb, which way hair lies on
+    the skin.
 
     guides: None, or Curves that stand on the mesh in the pose in which it is drawn: strands have the shapes of the
     nearest ones, blended by distance. All else is a type's, but for segment_length and force_weight; of guides points,
     root_normal and type_of count: strands of a type that guides have follow these alone.
-    guides_blended: 1 to 7 of them. parting: degrees, 0 to 180; a guide that points elsewhere than the nearest one by
-    more is not blended with it, 180: all are. Segments are of equal length along the guides; strands that a map or
-    length_variation makes shorter are cut there. Guides of fewer than two points are left out.
+    guides_blended: 1 to 7 of them. guides_reach: None, strands stand everywhere; or, above 0, no further from the
+    nearest guide than so many times that is from the seventh around it (1: among the guides and a little beyond).
+    parting: degrees, 0 to 180; a guide that points elsewhere than the nearest one by more is not blended with it, 180:
+    all are. Segments are of equal length along the guides; strands that a map or length_variation makes shorter are cut
+    there. Guides of fewer than two points are left out.
 
     A type_map may be {1001: picture, ...}, UDIM tiles, as those of Maps; where there is none it is the first type's. A
     pixel that is no key has the type of the nearest, as soft brushes and JPEG leave such; those that are further from
@@ -248,9 +264,12 @@ class Strands:
     point_forces: checks.Given = checks.field(checks.tuple_of(PointForce), default=())
     surface: str = checks.field(checks.choice("pn", "flat"), default="pn")
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)
+    collision: bool = checks.field(checks.flag, default=False, kw_only=True)
     rest: Mesh | None = checks.field(checks.instance(Mesh, none=True), default=None, kw_only=True)
     guides: checks.Given = checks.field(guides, default=None, kw_only=True)
     guides_blended: int = checks.field(checks.whole(1, 7), default=3, kw_only=True)
+    guides_reach: float | None = checks.field(checks.optional(checks.real(above=0, high=1e6)), default=None,
+                                              kw_only=True)
     parting: float = checks.field(checks.real(low=0, high=180), default=60.0, kw_only=True)
     maps: Maps | None = checks.field(checks.instance(Maps, none=True), default=None, kw_only=True)
     comb: Comb | None = checks.field(checks.instance(Comb, none=True), default=None, kw_only=True)
@@ -261,6 +280,11 @@ class Strands:
     def hair_types(self) -> tuple[HairType, ...]:
         """The types that there are: a tuple of HairType."""
         return self.types
+
+    @property
+    def tufted(self) -> bool:
+        """Whether strands gather in tufts or are frizzy."""
+        return any(kind.tufts is not None or kind.frizz[0] for kind in self.types)
 
     @property
     def colored_points(self) -> bool:

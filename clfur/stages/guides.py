@@ -1,6 +1,6 @@
 """Strands between guides: the user's strands that stand on the mesh, nearest to each root, blended there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from .strands import DeviceStrands, arrays, grow, roots_of
 from .tessellate import Surface, as_float4
 
 NEAREST, NOTHING = int(layout.CONSTANTS["NEAREST"]), int(layout.CONSTANTS["NOTHING"])
+ROOM = 7   # of guides around one, the furthest of these is how far away
 CHORD_SHARES = 0.25, 0.5, 1.0   # of a guide's length, where the chords from its root end
 FOUND = layout.Declared("strand", np.uint32, 2 * NEAREST)   # squares of distances, float32; numbers of guides
 FEET = layout.Declared("guide", np.float32, 4)
@@ -34,7 +35,7 @@ class Guides(Arrays):
 
     offsets: Any = array("guide_point", np.float32, 4)   # from the root [world], share of the guide's length
     guide_spans: Any = array("guide", np.uint32, 2)      # first point, points
-    roots: Any = array("guide", np.float32, 4)           # x, y, z [world], -
+    roots: Any = array("guide", np.float32, 4)           # x, y, z [world], square of `ROOM`
     normals: Any = array("guide", np.float32, 4)         # unit, of the mesh there
     chords: Any = array("chord", np.float32, 4)          # unit directions from the root to where CHORD_SHARES end
     tree_of: Any = array("type", np.uint32)              # which tree strands of a type look in
@@ -63,10 +64,33 @@ def stand(gpu: Any, mesh: Any, curves: Any, types: int) -> tuple[Guides, np.ndar
     there = gpu.upload(as_float4(roots))
     normals = gpu.upload(as_float4(curves.root_normal[some])) if has_normals else gpu.empty((len(some), 4), np.float32)
     away = _put_on(gpu, mesh, there, normals, has_normals)
-    return Guides(
+    made = Guides(
         offsets=gpu.upload(offsets), guide_spans=gpu.upload(spans), normals=normals,
         chords=gpu.upload(as_float4(chords)), tree_of=gpu.upload(np.array(tree_of, np.uint32)),
-        roots=there, **vars(trees)), away
+        roots=there, **vars(trees))
+    room = _room(gpu, made, np.where(kinds < types, kinds, 0))
+    return replace(made, roots=gpu.upload(np.column_stack([roots, room]))), away
+
+
+def _room(gpu, guides, kinds):
+    """Squares of how far the seventh of its own type is from each guide [guides] float32, infinite where none is."""
+    n = len(kinds)
+    spans, uv = np.stack([np.arange(n), np.ones(n)], 1).astype(np.uint32), np.zeros((n, 4), np.float32)
+    uv[:, 2] = kinds
+    found = _nearest(gpu, guides, ROOM + 1, points=guides.roots, spans=gpu.upload(spans), strand_normal=guides.normals,
+                     strand_uv=gpu.upload(uv))
+    return gpu.download(found)[:, ROOM].view(np.float32)
+
+
+def _nearest(gpu, guides, most, **strands):
+    """`FOUND` of strands, so many guides of each."""
+    n = len(strands["spans"])
+    found = FOUND.empty(gpu, n)
+    for number in range(guides.rounds):
+        gpu.launch("guides.nearest", n, boxes=guides.boxes, members=guides.members, roots=guides.roots,
+                   normals=guides.normals, trees=guides.trees, tree_of=guides.tree_of, round=number, most=most,
+                   n_trees=len(guides.trees) // guides.rounds, found=found, **strands)
+    return found
 
 
 def bytes_of(curves: Any, types: int, faces: int) -> int:
@@ -74,7 +98,7 @@ def bytes_of(curves: Any, types: int, faces: int) -> int:
     guides = int((curves.counts > 1).sum())
     nodes = [6 * (8 + n // 3) for n in (2 * guides, faces)]   # of each row, an eighth and what fills those before it
     return (Guides.bytes(guide_point=len(curves.points), guide=guides, chord=3 * guides, type=types,
-                         box=nodes[0], member=2 * guides) + FEET.bytes * guides
+                         box=nodes[0], member=2 * guides) + (FEET.bytes + FOUND.bytes) * guides
             + Trees.bytes(box=nodes[1], member=faces) + 16 * 3 * faces)
 
 
@@ -88,12 +112,7 @@ def between(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | Non
     grown = grow(gpu, surface, fur, (begin, begin + len(roots)), traits_of=None if traits is None else lambda _: traits,
                  roots=roots)
     n, most = len(roots), fur.guides_blended + 1
-    found = FOUND.empty(gpu, n)
-    for number in range(guides.rounds):
-        gpu.launch("guides.nearest", n, boxes=guides.boxes, members=guides.members, roots=guides.roots,
-                   normals=guides.normals, trees=guides.trees, tree_of=guides.tree_of, round=number, most=most,
-                   n_trees=len(guides.trees) // guides.rounds, found=found,
-                   **arrays(grown, "points", "spans", "strand_normal", "strand_uv"))
+    found = _nearest(gpu, guides, most, **arrays(grown, "points", "spans", "strand_normal", "strand_uv"))
     known = {"positions": surface.positions, "triangles": surface.triangles, "stand_on": roots,
              "has_traits": traits is not None, "traits": gpu.empty(0, layout.Traits) if traits is None else traits,
              "seed": fur.seed,
@@ -101,9 +120,11 @@ def between(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | Non
     of_point = most * (2 + int(guides.offsets.shape[0]).bit_length())   # steps of loops
     at_once = max(gpu.own_steps // 2 // of_point, 1)
     cosine = np.cos(np.radians(fur.parting)) if fur.parting < 180 else -2.0   # below all cosines, and their rounding
+    reach = -1.0 if fur.guides_reach is None else fur.guides_reach**2   # below 0: anywhere
     for first in range(0, grown.run, at_once):
-        gpu.launch("guides.blend", n, most=most, parting=np.float32(cosine), found=found, offsets=guides.offsets,
-                   guide_spans=guides.guide_spans, normals=guides.normals, chords=guides.chords, first_point=first,
+        gpu.launch("guides.blend", n, most=most, parting=np.float32(cosine), reach=np.float32(reach),
+                   roots=guides.roots, found=found, offsets=guides.offsets, guide_spans=guides.guide_spans,
+                   normals=guides.normals, chords=guides.chords, first_point=first,
                    stop=min(first + at_once, grown.run), **known)
     if any(kind.curl[0] or kind.wave[0] for kind in fur.types):
         gpu.launch("guides.wind", n, **known)

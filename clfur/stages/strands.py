@@ -205,6 +205,7 @@ def pack_types(types: Any, pull: float = 0.0, is_varied: bool = False, before: i
         row["curl"] = t.curl[0], *_turn(t.curl[1], t.segments), t.length_variation
         row["wave"] = t.wave[0], *_turn(t.wave[1], t.segments), softness
         row["taper"] = t.root_width, t.tip_width - t.root_width, 1 / t.taper - 2, substeps
+        row["frizz"] = *t.frizz, t.tufts is not None, 0
         row["root"][:3], row["tip"][:3] = t.ends
         row["shine"], row["lobes"] = layout.shine(t.look, t.alpha), t.look.lobes
         row["counts"] = t.segments, before + sum(map(len, tiles)), 0, 0

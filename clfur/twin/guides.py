@@ -83,8 +83,9 @@ def between(
     parting=60.0,
     seed=0,
     traits=None,        # what maps make of the strands: scale [N, 4], as layout.Traits has it
+    reach=None,         # how many times `room` the nearest guide may be away
 ):
-    """Points [N, S, 3] of strands between guides; where a strand has fewer, NaN."""
+    """Points [N, S, 3] of strands between guides; where a strand has fewer, or none stands, NaN."""
     n, numbers = len(root), np.arange(len(root))
     vary, lean, turn = (signed(random3(numbers, seed, use)) for use in (1, 3, 2))
     segments = np.array([t.segments for t in types])[kind]
@@ -95,7 +96,10 @@ def between(
         allowed[~allowed.any(1)] = True
     places = np.array([g[0] for g in guides])
     away, number = nearest(root, frame[:, 2], allowed, places, normals, blended + 1)
-    for i in np.flatnonzero(segments * (1 if traits is None else traits["scale"][:, 0] > 0)):
+    stands = segments > 0 if traits is None else (segments > 0) & (traits["scale"][:, 0] > 0)
+    if reach is not None:
+        stands &= away[:, 0] <= reach * room(places, normals, guide_kind)[number[:, 0]]
+    for i in np.flatnonzero(stands):
         t = types[kind[i]]
         up = unit_or(frame[i, 2] + t.direction_variation * lean[i] @ frame[i], frame[i, 2])
         some = number[i, :blended][number[i, :blended] >= 0]
@@ -110,9 +114,16 @@ def between(
         ahead = unit_or(axis[np.minimum(k + 1, segments[i])] - axis[np.maximum(k - 1, 0)], frame[i, 2])[None]
         side = unit_or(np.cross(ahead[:, 0], turn[[i]] @ frame[i]), frame[i, 2])
         bent = 1 if traits is None else float(traits["scale"][i, 3])
+        bent = 0 if t.tufts is not None else bent   # which curl as a whole
         aside = offsets(ahead[:, 1:], sides_of(ahead, side)[:, 1:], t.curl, t.wave)[0]
         points[i, :segments[i] + 1] = axis + bent * aside
     return points
+
+
+def room(places, normals, kind):
+    """How far the seventh guide of its own type is from each [G], as `nearest` has it."""
+    same = np.ones((len(places), len(places)), bool) if kind is None else np.equal.outer(kind, kind)
+    return nearest(places, normals, same, places, normals, 8)[0][:, 7]
 
 
 def weights(away, edge):

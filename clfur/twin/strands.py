@@ -178,6 +178,8 @@ def lines(root, frame, number, t, force, point_forces, seed, traits, substeps):
                                 point_forces)
         across = turned_sides(ahead, side)[:, each::each]   # of points, behind the root
         axis, ahead = axis[:, ::each], ahead[:, each::each]
+    if t.tufts is not None:   # which curl as a whole
+        return axis, first
     return axis + bent[:, None, None] * offsets(ahead, across, t.curl, t.wave), first
 
 
