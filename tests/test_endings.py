@@ -248,7 +248,7 @@ def test_a_full_disk(tmp_path, suffix):
 
 
 def test_a_full_disk_in_the_command(clfur, tmp_path, monkeypatch):
-    def full(path, outputs):
+    def full(path, outputs, about):
         path.write_bytes(b"half")
         raise OSError(28, "No space left on device")
     monkeypatch.setitem(library.files.images.WRITERS, ".png", full)
