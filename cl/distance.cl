@@ -14,6 +14,9 @@
 #define HALF_TURN 3.14159265f
 #define AT_END 1e-4f              // of a side: as near its end, it is the corner that is nearest
 
+#define ACROSS (LANES < 8 ? LANES : 8)   // nodes of a row that are looked at together, and rows
+#define DOWN (LANES / ACROSS)
+
 #if CHECKED
 #define KNOWN(p) atomic_max(p, 0u)   // a race, but one that is meant: see raster.cl
 #else
@@ -76,7 +79,7 @@ inline Facet facet_of(const Distances *grid, __global const float4 *positions, u
 }
 
 /* The first and the last node of a row that the band around the triangle's plane can hold. */
-inline int2 run_of(const Facet *t, float y, float z)
+inline int2 run_of_row(const Facet *t, float y, float z)
 {
     float low = t->low.x, high = t->high.x;
     const float lies = (y - t->corner[0].y) * t->normal.y + (z - t->corner[0].z) * t->normal.z;
@@ -89,14 +92,25 @@ inline int2 run_of(const Facet *t, float y, float z)
     return (int2)((int)low, high < 0.0f ? -1 : (int)high);
 }
 
-/* What of a triangle is nearest to nodes of a row. */
-INLINED Nearest nearest_of(const Facet *t, lanes x, float y, float z)
+/* The same of DOWN rows. */
+inline int2 run_of(const Facet *t, int y, int z)
+{
+    int2 run = run_of_row(t, y, z);
+    for (int down = 1; down < DOWN; ++down) {
+        const int2 other = run_of_row(t, y + down, z);
+        run = (int2)(other.x < run.x ? other.x : run.x, other.y > run.y ? other.y : run.y);
+    }
+    return run;
+}
+
+/* What of a triangle is nearest to nodes of rows. */
+INLINED Nearest nearest_of(const Facet *t, lanes x, lanes y, float z)
 {
     Nearest nearest = {F(1e30f), F(0.0f), F(0.0f)};
     lanes_i over = t->normal.x != 0.0f || t->normal.y != 0.0f || t->normal.z != 0.0f ? I(ON) : I(0);
     for (int i = 0; i < 3; ++i) {
         const float4 side = t->side[i], inward = t->inward[i], n = t->normal;
-        lanes3 d = {x - t->corner[i].x, F(y - t->corner[i].y), F(z - t->corner[i].z)};
+        lanes3 d = {x - t->corner[i].x, y - t->corner[i].y, F(z - t->corner[i].z)};
         over &= d.x * inward.x + d.y * inward.y + d.z * inward.z >= 0.0f;
         lanes along = (d.x * side.x + d.y * side.y + d.z * side.z) * t->inverse[i];
         const lanes height = d.x * n.x + d.y * n.y + d.z * n.z;   // a side has none
@@ -116,13 +130,13 @@ INLINED Nearest nearest_of(const Facet *t, lanes x, float y, float z)
     return nearest;
 }
 
-/* Numbers 0, 1, 2, ... in lanes. */
-INLINED lanes counted(void)
+/* Where lanes lie from the first node of theirs: x, y. */
+INLINED void spread(lanes *x, lanes *y)
 {
-    lanes x;
-    for (uint lane = 0; lane < LANES; ++lane)
-        LANE(x, lane) = (float)lane;
-    return x;
+    for (uint lane = 0; lane < LANES; ++lane) {
+        LANE(*x, lane) = (float)(lane % ACROSS);
+        LANE(*y, lane) = (float)(lane / ACROSS);
+    }
 }
 
 /* One work-item offers a triangle's distances to every so manieth row of the nodes near it. */
@@ -136,23 +150,25 @@ __kernel void offer(
 {
     WORK_ITEM(item);
     const Facet t = facet_of(&grid, positions, triangles[item / every]);
-    const lanes ramp = counted();
-    const int wide = t.high.y - t.low.y + 1, rows = wide * (t.high.z - t.low.z + 1);
+    lanes right, down;
+    spread(&right, &down);
+    const int wide = (t.high.y - t.low.y + DOWN) / DOWN, rows = wide * (t.high.z - t.low.z + 1);
     for (int r = (int)(item % every); r < rows; r += (int)every) {
-        const int y = t.low.y + r % wide, z = t.low.z + r / wide;
+        const int y = t.low.y + r % wide * DOWN, z = t.low.z + r / wide;
         const int2 run = run_of(&t, y, z);
         volatile __global uint *row = nearest + ((size_t)z * grid.size.y + y) * grid.size.x;
-        for (int x = run.x; x <= run.y; x += LANES) {
-            const lanes at = (float)x + ramp;
-            const lanes square = nearest_of(&t, at, y, z).square;
-            uint bits = bits_of(at <= (float)run.y & square < (float)(DISTANCE_BAND * DISTANCE_BAND));
+        for (int x = run.x; x <= run.y; x += ACROSS) {
+            const lanes at = (float)x + right, below = (float)y + down;
+            const lanes_i there = at <= (float)run.y & below <= (float)t.high.y;
+            const lanes square = nearest_of(&t, at, below, z).square;
+            uint bits = bits_of(there & (square < (float)(DISTANCE_BAND * DISTANCE_BAND)));
             if (!bits)
                 continue;
             const lanes_u distance = TO(lanes_u, exact_root(square) * CELL_ONE);
             for (; bits; bits &= bits - 1) {
-                const int lane = first_of(bits);
-                if (LANE_U(distance, lane) < KNOWN(&row[x + lane]))
-                    atomic_min(&row[x + lane], LANE_U(distance, lane));
+                const int lane = first_of(bits), node = x + lane / ACROSS * grid.size.x + lane % ACROSS;
+                if (LANE_U(distance, lane) < KNOWN(&row[node]))
+                    atomic_min(&row[node], LANE_U(distance, lane));
             }
         }
     }
@@ -172,31 +188,34 @@ __kernel void weigh(
 {
     WORK_ITEM(item);
     const Facet t = facet_of(&grid, positions, triangles[item / every]);
-    const lanes ramp = counted();
-    const int wide = t.high.y - t.low.y + 1, rows = wide * (t.high.z - t.low.z + 1);
+    lanes right, down;
+    spread(&right, &down);
+    const int wide = (t.high.y - t.low.y + DOWN) / DOWN, rows = wide * (t.high.z - t.low.z + 1);
     if (t.normal.x == 0.0f && t.normal.y == 0.0f && t.normal.z == 0.0f)
         return;
     const uint4 corners = triangles[item / every];
     const float out = dot3(t.normal, normals[corners.x] + normals[corners.y] + normals[corners.z]) < 0.0f ? -TURN : TURN;
     for (int r = (int)(item % every); r < rows; r += (int)every) {
-        const int y = t.low.y + r % wide, z = t.low.z + r / wide;
+        const int y = t.low.y + r % wide * DOWN, z = t.low.z + r / wide;
         const int2 run = run_of(&t, y, z);
         const size_t row = ((size_t)z * grid.size.y + y) * grid.size.x;
-        for (int x = run.x; x <= run.y; x += LANES) {
-            const lanes at = (float)x + ramp;
+        for (int x = run.x; x <= run.y; x += ACROSS) {
+            const lanes at = (float)x + right, below = (float)y + down;
+            const lanes_i there = at <= (float)run.y & below <= (float)t.high.y;
             lanes least = F(-1.0f);
-            for (int lane = 0; lane < LANES && x + lane <= run.y; ++lane)
-                LANE(least, lane) = nearest[row + x + lane] * (1.0f / CELL_ONE);
-            const Nearest it = nearest_of(&t, at, y, z);
+            for (int lane = 0; lane < LANES; ++lane)
+                if (LANE_I(there, lane))
+                    LANE(least, lane) = nearest[row + x + lane / ACROSS * grid.size.x + lane % ACROSS] * (1.0f / CELL_ONE);
+            const Nearest it = nearest_of(&t, at, below, z);
             const lanes distance = exact_root(it.square);
             const lanes share = 1.0f - (distance - least) * AS_NEAR;
-            uint bits = bits_of(at <= (float)run.y & share > 0.0f & distance < (float)DISTANCE_BAND);
+            uint bits = bits_of(there & (share > 0.0f) & (distance < (float)DISTANCE_BAND));
             if (!bits)
                 continue;
             const lanes side = out * lesser(share, F(1.0f)) * it.angle * it.height / greater(distance, F(1e-9f));
             for (; bits; bits &= bits - 1) {
                 const int lane = first_of(bits);
-                atomic_add(&sums[row + x + lane], (int)LANE(side, lane));
+                atomic_add(&sums[row + x + lane / ACROSS * grid.size.x + lane % ACROSS], (int)LANE(side, lane));
             }
         }
     }

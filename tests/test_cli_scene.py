@@ -141,7 +141,8 @@ STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "-
            "--lod": 0.5, "--tip-width": 1, "--root-color": "1,1,1", "--tip-color": "1,1,1", "--tufts": 9,
            "--frizz": "0,0", "--reach": 2,
            "--masks": 0, "--scattering": "off", "--hair": "a.npz", "--guides": "a.npz", "--parting": 30,
-           "--map": "density=a.png", "--on": "head", "--comb": "0,-1,0", "--comb-weight": 0.5}
+           "--map": "density=a.png", "--on": "head", "--comb": "0,-1,0", "--comb-weight": 0.5,
+           "--collision": "on"}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--hairs": 9, "--density": 1, "--noise": "0.5,8",
           "--wind": "1,0,0", "--time": 0, "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
@@ -172,6 +173,12 @@ def test_the_rule_of_growth(tmp_path):
     assert (second.segment_length, second.force_weight, second.length) == (.5, .2, None)
     first, third, second = load("sphere", *beside, "--force-weight", .3)[0].strands.types
     assert first.stiffness == 3 and (second.force_weight, third.force_weight, third.segment_length) == (.3, .3, .4 / 8)
+
+
+def test_long_hair_slides_along_the_mesh():
+    given = (), ("--length", .15), ("--length", .3), ("--length", .3, "--collision", "off"), ("--collision", "on")
+    slides = [load("sphere", *options)[0].strands.collision for options in given]
+    assert slides == [False, False, True, False, True]
 
 
 def test_tufts(tmp_path):

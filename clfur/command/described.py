@@ -11,7 +11,7 @@ from .. import Camera, Ground, Material, Scene, Shells, Strands, load_materials,
 from ..files.curves import read_curves
 from ..files.images import load_picture
 from ..files.usd import is_usd
-from ..scene import extent, frame, highlighted, upright
+from ..scene import extent, frame, fur_extent, highlighted, upright
 from ..scene.checks import vector
 from ..scene.scene import DIRECTION
 from ..scene.strands import LAW
@@ -22,6 +22,7 @@ from .types import light_of, read_for, tufts_of
 SEGMENTS, MOST_SEGMENTS = 8, 64   # of a strand: at least, and where guides have as many points
 SKIN = 0.6                 # of the hair's light: bare places are seen between hairs, and must not shine through
 ROOTS = 100_000            # strands without options, on any mesh: it is framed as large as any other
+LONG = 0.2                 # of a mesh's radius: hair that is longer slides along it without options
 SHEEN = 0.15, 40           # specular and exponent of shells: their hairs lie all alike, a narrow one is a band of satin
 TUFTS = "4000:strength=0.5"   # in which strands gather without options: alike and evenly, they are of plush
 HAIRS = 60_000             # of shells on a mesh without options
@@ -199,13 +200,15 @@ def _strands(options, length, radius, mesh):
     file = options["types"]
     said = {} if file is None else read_for("--types", groom_of, file)
     keys = options["type_map"] or ("type_map" in said and Path(file).parent / str(said["type_map"]))
-    return Strands(
+    made = Strands(
         types=[hair_type(hair, {})] if "types" not in said else read_for(
             "--types", lambda path: hair_types(path, said["types"], hair), file),
         type_map=type_map(keys) if keys else None,
         **density(options, len(mesh.faces)), **skin_of(mesh, options, said, Path(file or "").parent),
         guides_reach=options["reach"] or None,
         **{name: options[name] for name in ("surface", "force", "seed", "rest", "guides", "parting")})
+    slides = fur_extent(made) > LONG * radius if options["collision"] == "auto" else options["collision"] == "on"
+    return attrs.evolve(made, collision=True) if slides else made
 
 
 def _hair(options, length, radius, mesh):

@@ -132,6 +132,9 @@ _STRANDS = [
                       "[default: kajiya]"),
 ]
 _GROOM = [
+    click.option("--collision", type=click.Choice(["auto", "on", "off"]), default="auto",
+                 help="Whether hair that would grow into the mesh slides along it; auto: where some is longer than a "
+                      "fifth of the mesh's radius."),
     click.option("--type-map", metavar="PICTURE", help="Picture whose colours choose the hair type by uv."),
     click.option("--types", metavar="FILE",
                  help="JSON list of hair types, each with its key colour in the type map; what a type leaves "
@@ -211,11 +214,11 @@ _SETTINGS = [
 # Names of the options that only one kind of fur has.
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "tip_width", "root_color", "tip_color", "look",
                      "type_map", "types", "curl", "wave", "tufts", "frizz", "raster", "masks", "scattering", "lod",
-                     "hair", "guides", "parting", "reach", "maps", "on", "comb", "comb_weight"),
+                     "hair", "guides", "parting", "reach", "maps", "on", "comb", "comb_weight", "collision"),
          "shells": ("layers", "pattern", "hairs", "frequency", "density", "noise", "wind", "time", "shading")}
 # Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
 _GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "stiffness", "force_weight", "roots", "type_map",
-          "types", "curl", "wave", "tufts", "frizz", "rest", "maps", "on", "comb", "comb_weight")
+          "types", "curl", "wave", "tufts", "frizz", "rest", "maps", "on", "comb", "comb_weight", "collision")
 _GROWN_OR_SHELLS = "length", "variation"
 _UNGUIDED = "stiffness", "force_weight", "force", "length"   # what the shapes of guides leave nothing to say
 

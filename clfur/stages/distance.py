@@ -11,7 +11,7 @@ from ..layout import Arrays, Declared, array
 from .strands import DeviceStrands, arrays, stretches_of
 
 NODES = 96                                             # along the longest side of a body, about
-SIDE = 2.0                                             # cells that a side of a triangle need not be shorter than
+SIDE = 3.0                                             # cells that a side of a triangle need not be shorter than
 ROWS = 256                                             # of nodes that a work-item goes through
 BAND, LOOKS = (layout.CONSTANTS[name] for name in ("DISTANCE_BAND", "SLIDE_LOOKS"))
 NEAREST = Declared("node", np.uint32, None, layout.CONSTANTS["NOTHING"])   # distance in parts of a cell
