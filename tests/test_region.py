@@ -163,3 +163,11 @@ def test_areas_of_strands_are_those_in_the_region(gpu, raster):
     for part in parts:
         assert part["strand_area"].sum(dtype=float) == pytest.approx(part["hair_alpha"].sum(dtype=float), rel=1e-6)
     np.testing.assert_allclose(sum(part["strand_area"].astype(float) for part in parts), whole, rtol=1e-6)
+
+
+@pytest.mark.parametrize("blur", ["all", "edges"])
+@pytest.mark.parametrize("fields", [{"ground": clfur.Ground()}, {"body": "holdout"}, {}])
+def test_coverage_without_color_is_the_same_where_color_is_blurred(gpu, blur, fields):
+    scene, settings = scene_of({"fur": FUR, **fields}), clfur.Settings(grid=32, shadow_map=64, blur=blur)
+    both = clfur.render(scene, gpu, settings, ("color", "coverage"))
+    np.testing.assert_array_equal(clfur.render(scene, gpu, settings, ("coverage",))["coverage"], both["coverage"])
