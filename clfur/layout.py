@@ -176,8 +176,14 @@ Lobes = np.dtype([                    # how hair of a type scatters light, where
     ("table", *_int4),                   # where its table begins; how many cosines and angles it has, -
 ])
 
+MotionType = np.dtype([               # how hair of a type moves
+    ("hair", *_float4),                  # what bends it over its mass a length [world^3 / s^2]; 1 / air [1 / s]; damping
+                                         # [s]; share of its root's motion that carries it along
+])
+
 STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Deep": Deep,
-           "Shells": Shells, "Ground": Ground, "OnGround": OnGround, "Material": Material, "Lobes": Lobes}
+           "Shells": Shells, "Ground": Ground, "OnGround": OnGround, "Material": Material, "Lobes": Lobes,
+           "MotionType": MotionType}
 
 
 def shine(look, alpha, model=None):

@@ -1,0 +1,81 @@
+"""Strands that move: a step in time, implicit, inextensible, solved directly along each strand."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import layout
+from ..layout import Arrays, array
+from .strands import DeviceStrands
+
+ROWS_OF_POINT = 38     # of the workspace, see motion.cl
+CPU_ITEMS, GPU_ITEMS = 64, 8192   # work-items of a step: few, so that their workspaces stay in a CPU's caches
+SOFT = layout.Declared("strand", np.uint32)
+
+
+@dataclass(frozen=True)
+class State(Arrays):
+    """What strands that move keep from step to step.  Rows are of all strands, to whole lanes; see motion.cl."""
+
+    segments: Any = array("padded", np.int32, fill=0)
+    type_of: Any = array("padded", np.uint32, fill=0)
+    groomed: Any = array("vector", np.float32, fill=0.0)         # [points, 3, padded]
+    rest: Any = array("vector", np.float32, fill=0.0)
+    lengths: Any = array("number", np.float32, fill=0.0)         # [points, padded]
+    places: Any = array("vector", np.float32, fill=0.0)
+    places_before: Any = array("vector", np.float32, fill=0.0)
+    speeds: Any = array("vector", np.float32, fill=0.0)
+    speeds_before: Any = array("vector", np.float32, fill=0.0)
+    tensions: Any = array("number", np.float32, fill=0.0)
+    n: int = 0          # strands
+    padded: int = 0     # to whole lanes
+    points: int = 0     # of the longest
+
+
+def padded(gpu: Any, n: int) -> int:
+    """So many strands to whole lanes of the device."""
+    return -(-n // gpu.lanes) * gpu.lanes
+
+
+def hang(gpu: Any, strands: DeviceStrands, points: int, roots: Any, types: Any, gravity: Any) -> tuple[State, Any]:
+    """Strands as they were groomed, at rest under their weight -> (`State`, [strands] uint32: 1 where one is too soft
+    for that).
+
+    points: of the longest strand.  roots: [4, 3, padded] float32, their places and three axes.  types: [types]
+    `layout.MotionType` on the device.  gravity: [3] world / s²; 0 for strands whose groom is their shape without
+    weight.
+    """
+    n, rows = len(strands.spans), padded(gpu, len(strands.spans))
+    state = State.empty(gpu, {"padded": rows, "vector": points * 3 * rows, "number": points * rows}, n=n, padded=rows,
+                        points=points)
+    soft = SOFT.empty(gpu, n)
+    gpu.launch("motion.hang", n, n=n, padded=rows, points=strands.points, spans=strands.spans, strand_uv=strands.uv,
+               types=types, roots=roots, gravity=(*gravity, 0), too_soft=soft,
+               **{name: getattr(state, name) for name in ("segments", "type_of", "groomed", "rest", "lengths",
+                                                          "places", "places_before")})
+    return state, soft
+
+
+def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, step: float, gravity: Any, wind: Any,
+            order: int = 2, jumped: bool = False) -> None:
+    """One step of strands whose roots go from ``roots_before`` to ``roots``, in place.
+
+    step: seconds.  gravity: [3] world / s².  wind: [3] world / s.  order: of the formula in time (BDF), 1 in the first
+    step.  jumped: whether hair goes with its root as if nothing had moved.
+    """
+    items = CPU_ITEMS if gpu.lanes > 1 else GPU_ITEMS
+    items = min(items, state.padded // gpu.lanes)
+    workspace = gpu.empty(state.points * ROWS_OF_POINT * items * gpu.lanes, np.float32)
+    names = ("segments", "type_of", "groomed", "rest", "lengths", "places", "places_before", "speeds", "speeds_before",
+             "tensions")
+    gpu.launch("motion.advance", items, n_items=items, n=state.n, padded=state.padded, types=types, roots=roots,
+               roots_before=roots_before, step=step, order=1 if jumped else order, jumped=int(jumped),
+               gravity=(*gravity, 0), wind=(*wind, 0), workspace=workspace,
+               **{name: getattr(state, name) for name in names})
+
+
+def place_points(gpu: Any, state: State, roots: Any, strands: DeviceStrands) -> None:
+    """Put the points of strands where they are now."""
+    gpu.launch("motion.place_points", state.n, padded=state.padded, spans=strands.spans, roots=roots,
+               places=state.places, points=strands.points)

@@ -1,0 +1,236 @@
+"""motion against its twin, and the laws of bars, chains and roots that shake (docs/motion.md has longer runs)."""
+
+import numpy as np
+import pytest
+
+import clfur
+from clfur import layout
+from clfur.stages import motion
+from clfur.stages.strands import upload_curves
+from clfur.twin import motion as twin
+
+G = np.array([0, -9.81, 0])
+# Tip's drop of a clamped bar of length 1 under its weight, of its length, exactly (the elastica), by K = g / bend.
+DROPS = {1: 0.12347, 5: 0.49591, 10: 0.70020}
+
+
+def axes_of(direction):
+    """Three unit vectors [3, 3], the first along a direction."""
+    d = np.asarray(direction, float) / np.linalg.norm(direction)
+    side = np.cross(d, [0, 0, 1] if abs(d[2]) < 0.6 else [1, 0, 0])
+    side /= np.linalg.norm(side)
+    return np.stack([d, side, np.cross(d, side)])
+
+
+class Hair:
+    """Strands that move on a device: of points [strands][points, 3] or [points, 3]."""
+
+    def __init__(self, gpu, strands, bend, air=0.0, damping=0.0, carried=0.0, weighted=True):
+        self.gpu, self.strands = gpu, [np.asarray(each, np.float32) for each in strands]
+        counts = np.array([len(each) for each in self.strands])
+        curves = clfur.Curves(np.concatenate(self.strands), counts=counts)
+        self.drawn = upload_curves(gpu, curves)
+        self.n, self.gravity, self.order = len(counts), G, 1
+        self.axes = [axes_of(each[1] - each[0] if len(each) > 1 else (0, 1, 0)) for each in self.strands]
+        self.root = np.zeros((4, 3, motion.padded(gpu, self.n)), np.float32)
+        for i, each in enumerate(self.strands):
+            self.root[:, :, i] = each[0], *self.axes[i]
+        self.roots = gpu.upload(self.root)
+        types = np.zeros(1, layout.MotionType)
+        types["hair"] = bend, air, damping, carried
+        self.types = gpu.upload(types)
+        self.state, self.soft = motion.hang(gpu, self.drawn, counts.max(), self.roots, self.types,
+                                            G if weighted else 0 * G)
+
+    def step(self, step, wind=(0, 0, 0), root=None, jumped=False):
+        roots = self.roots if root is None else self.gpu.upload(np.asarray(root, np.float32))
+        motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, self.gravity, wind, self.order, jumped)
+        self.roots, self.order = roots, 2
+        return self
+
+    def array(self, name="places"):
+        """[strands][points, 3] of the state, float64."""
+        rows = self.gpu.download(getattr(self.state, name)).reshape(self.state.points, 3, -1).astype(float)
+        return [rows[:len(each), :, i] for i, each in enumerate(self.strands)]
+
+    def stretch(self):
+        """The largest share by which a segment is longer or shorter than it was groomed."""
+        return max(np.abs(np.linalg.norm(np.diff(now, axis=0), axis=1)
+                          / np.linalg.norm(np.diff(each.astype(float), axis=0), axis=1) - 1).max()
+                   for now, each in zip(self.array(), self.strands) if len(each) > 1)
+
+
+def bar(segments, direction=(1, 0, 0)):
+    return np.linspace(0, 1, segments + 1)[:, None] * np.array(direction, float) / np.linalg.norm(direction)
+
+
+def curl(segments, rng, turns=1.0, radius=0.05):
+    """A curl of length 1 in any direction."""
+    u = np.linspace(0, 1, segments + 1)
+    way = np.diff(np.stack([u, radius * np.cos(2 * np.pi * turns * u), radius * np.sin(2 * np.pi * turns * u)], 1), axis=0)
+    way /= np.linalg.norm(way, axis=1)[:, None] * segments
+    return np.vstack([np.zeros(3), np.cumsum(way, axis=0)]) @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
+
+
+def uneven(rng, counts):
+    """Bent strands of so many points, with segments of many lengths."""
+    return [np.cumsum(rng.normal(size=(n, 3)) * 0.04 + [0, 0.1, 0], axis=0) + rng.normal(size=3) for n in counts]
+
+
+def shaken(root, rng, far):
+    """Roots that have gone up to so far, and turned."""
+    root = root.copy()
+    root[0] += rng.uniform(-far, far, root[0].shape)
+    for i in range(root.shape[2]):
+        root[1:, :, i] = root[1:, :, i] @ np.linalg.qr(rng.normal(size=(3, 3)) * far + np.eye(3))[0]
+    return root
+
+
+@pytest.mark.small
+@pytest.mark.parametrize("air, damping, carried", [(0, 0, 0), (3, 0.05, 0), (1, 0, 0.7), (0, 0.02, 1)])
+def test_a_step_is_the_twins(gpu, air, damping, carried):
+    """Strands of many lengths side by side, whose roots move and turn."""
+    rng = np.random.default_rng(3)
+    strands = uneven(rng, (5, 9, 2, 7, 3, 9, 4, 6, 8))
+    hair = Hair(gpu, strands, 0.5, air, damping, carried)
+    twins = [twin.Strand(each, axes, 0.5, G, air, damping, carried)
+             for each, axes in zip(hair.strands, hair.axes)]
+    wind, root = (1, 0.3, -2), hair.root
+    for number in range(4):
+        before, root = root, shaken(root, rng, 0.02)
+        hair.step(1 / 60, wind, root)
+        for i, each in enumerate(twins):
+            each.advance((root[0, :, i].astype(float), root[1:, :, i].astype(float)),
+                         (before[0, :, i].astype(float), before[1:, :, i].astype(float)), 1 / 60, wind, min(number + 1, 2))
+    for now, speed, each in zip(hair.array(), hair.array("speeds"), twins):
+        # Rounding of float32, which stiff joints of short segments make larger.
+        np.testing.assert_allclose(now, each.places, rtol=0, atol=3e-5)
+        np.testing.assert_allclose(speed, each.speeds, rtol=0, atol=5e-3)
+
+
+@pytest.mark.small
+def test_what_hangs_is_the_twins(gpu):
+    rng = np.random.default_rng(4)
+    hair = Hair(gpu, uneven(rng, (5, 9, 2, 7)), 0.05)
+    soft = gpu.download(hair.soft)
+    for i, (each, axes) in enumerate(zip(hair.strands, hair.axes)):
+        groomed, rest, is_soft = twin.hang(each.astype(float), axes, 0.05, G)
+        np.testing.assert_allclose(hair.array("groomed")[i], groomed, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(hair.array("rest")[i][:-1], rest, rtol=0, atol=1e-5)
+        assert soft[i] == is_soft
+    assert 0 < soft.sum() < len(soft)
+
+
+@pytest.mark.parametrize("segments, allowed", [(8, 0.015), (16, 0.005), (32, 0.002)])
+@pytest.mark.parametrize("k", DROPS)
+def test_a_bar_bends_under_its_weight(gpu, segments, allowed, k):
+    hair = Hair(gpu, [bar(segments)], 9.81 / k, air=5, weighted=False)
+    for _ in range(300):
+        hair.step(1 / 60)
+    assert -hair.array()[0][-1, 1] == pytest.approx(DROPS[k], rel=allowed)
+
+
+@pytest.mark.parametrize("segments", [8, 32])
+def test_a_chain_swings_in_time(gpu, segments):
+    """The first period of a hanging chain is 2π / (2.4048 / 2) · sqrt(L / g) (Bernoulli)."""
+    u = np.linspace(0, 1, segments + 1)
+    shape, sides = 0.02 * _first_mode(u), []
+    points = np.stack([shape, -u, 0 * shape], 1)
+    hair = Hair(gpu, [points], 0.0, weighted=False)
+    for _ in range(220):
+        sides.append(hair.step(1 / 60).array()[0][-1, 0])
+    sides = np.array(sides)
+    falls = np.flatnonzero((sides[:-1] > 0) & (sides[1:] <= 0))
+    times = (falls + sides[falls] / (sides[falls] - sides[falls + 1])) / 60
+    assert np.diff(times)[0] == pytest.approx(2 * np.pi / (2.4048 / 2) * np.sqrt(1 / 9.81), rel=0.007)
+
+
+def _first_mode(u):
+    """J0(2.4048 √(1 - u)) at a share u of the way from the root, normalized to 1 at the tip."""
+    x = 2.4048 * np.sqrt(1 - u)
+    angles = (np.arange(64) + 0.5) * np.pi / 64
+    return np.cos(x[:, None] * np.sin(angles)).mean(1)
+
+
+@pytest.mark.parametrize("k", [0.5, 10])
+@pytest.mark.parametrize("shape, allowed", [("bar", 1e-3), ("curl", 5e-3)])
+def test_a_groom_is_at_rest(gpu, k, shape, allowed):
+    """In 64 directions; tools/motion_laws.py does 512."""
+    rng = np.random.default_rng(1)
+    strands = [bar(16, rng.normal(size=3)) if shape == "bar" else curl(16, rng) for _ in range(64)]
+    hair = Hair(gpu, strands, 9.81 / k, air=5)
+    assert gpu.download(hair.soft).sum() == 0
+    began = hair.array()
+    for _ in range(120):
+        hair.step(1 / 60)
+    assert max(np.linalg.norm(now - then, axis=1).max() for now, then in zip(hair.array(), began)) < allowed
+
+
+@pytest.mark.parametrize("step", [1.0, 1 / 24, 1 / 240])
+@pytest.mark.parametrize("far", [0.3, 100])
+def test_a_shaken_head_keeps_its_hair(gpu, step, far):
+    rng = np.random.default_rng(2)
+    hair = Hair(gpu, [curl(8, rng) for _ in range(20)], 0.1, air=5)
+    root = hair.root
+    for _ in range(20):
+        root = shaken(root, rng, far)
+        hair.step(step, (100, 0, 0), root)
+    assert np.isfinite(np.concatenate(hair.array())).all() and hair.stretch() < 1e-5
+    for _ in range(round(10 / max(step, 1 / 60))):
+        hair.step(max(step, 1 / 60))
+    assert np.abs(np.concatenate(hair.array("speeds"))).max() < 0.1
+
+
+def test_limp_hair_leans_with_the_wind(gpu):
+    """Steadily by atan(wind · air / g)."""
+    hair = Hair(gpu, [bar(8, (0, -1, 0))], 0.0, air=4, weighted=False)
+    for _ in range(900):
+        hair.step(1 / 60, (2.5, 0, 0))
+    tip = hair.array()[0][-1]
+    assert np.degrees(np.arctan2(tip[0], -tip[1])) == pytest.approx(np.degrees(np.arctan(4 * 2.5 / 9.81)), abs=0.01)
+
+
+def test_energy_does_not_grow(gpu):
+    """A bar that is let go from the level, without air."""
+    bend, n = 0.2, 16
+    hair = Hair(gpu, [bar(n)], bend, weighted=False)
+    masses = np.full(n, 1 / n)
+    masses[-1] /= 2
+    stiff = twin.stiffnesses(bend, np.full(n, 1 / n))
+
+    def energy():
+        x, v = hair.array()[0], hair.array("speeds")[0]
+        t = np.vstack([[1, 0, 0], np.diff(x, axis=0) * n])
+        return (masses * ((v[1:]**2).sum(1) / 2 + 9.81 * x[1:, 1])).sum() + (
+            stiff * (np.diff(t, axis=0)**2).sum(1) / 2).sum()
+    began = energy()
+    assert max(energy() for _ in range(240) if hair.step(1 / 240)) < began + 0.01 * 9.81
+
+
+def test_the_same_bits_with_any_neighbours(gpu):
+    rng = np.random.default_rng(6)
+    strands = uneven(rng, (5, 9, 2, 12, 3, 9, 4, 6, 7, 33))
+
+    def run(which):
+        hair, rng = Hair(gpu, [strands[i] for i in which], 0.5, 2, 0.03, 0.3), np.random.default_rng(7)
+        root = hair.root
+        for _ in range(6):
+            root = root.copy()
+            root[0] += rng.normal(size=3)[:, None] * 0.05
+            hair.step(1 / 60, (1, 0, 0), root)
+        return hair.array()
+    together = run(range(10))
+    for i in range(10):
+        assert (run([i])[0] == together[i]).all()
+
+
+@pytest.mark.small
+def test_points_are_put_where_strands_are(gpu):
+    hair = Hair(gpu, uneven(np.random.default_rng(8), (4, 2, 6)), 0.5, air=2)
+    before = gpu.download(hair.drawn.points)
+    hair.step(1 / 30, (3, 0, 0))
+    motion.place_points(gpu, hair.state, hair.roots, hair.drawn)
+    after = gpu.download(hair.drawn.points)
+    where = np.concatenate([now + each[0] for now, each in zip(hair.array(), hair.strands)])
+    np.testing.assert_allclose(after[:, :3], where, rtol=0, atol=1e-6)
+    assert (after[:, 3] == before[:, 3]).all() and np.abs(after - before).max() > 1e-3
