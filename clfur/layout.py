@@ -177,8 +177,8 @@ Lobes = np.dtype([                    # how hair of a type scatters light, where
 ])
 
 MotionType = np.dtype([               # how hair of a type moves
-    ("hair", *_float4),                  # what bends it over its mass a length [world^3 / s^2]; 1 / air [1 / s]; damping
-                                         # [s]; share of its root's motion that carries it along
+    ("hair", *_float4),                  # what bends it over its mass a length [world^3 / s^2]; 1 / air [1 / s];
+                                         # damping [s]; share of its root's motion that carries it along
 ])
 
 STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Deep": Deep,

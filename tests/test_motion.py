@@ -30,7 +30,7 @@ class Hair:
         counts = np.array([len(each) for each in self.strands])
         curves = clfur.Curves(np.concatenate(self.strands), counts=counts)
         self.drawn = upload_curves(gpu, curves)
-        self.n, self.gravity, self.order = len(counts), G, 1
+        self.n, self.order = len(counts), 1
         self.axes = [axes_of(each[1] - each[0] if len(each) > 1 else (0, 1, 0)) for each in self.strands]
         self.root = np.zeros((4, 3, motion.padded(gpu, self.n)), np.float32)
         for i, each in enumerate(self.strands):
@@ -44,7 +44,7 @@ class Hair:
 
     def step(self, step, wind=(0, 0, 0), root=None, jumped=False):
         roots = self.roots if root is None else self.gpu.upload(np.asarray(root, np.float32))
-        motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, self.gravity, wind, self.order, jumped)
+        motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, G, wind, self.order, jumped)
         self.roots, self.order = roots, 2
         return self
 
@@ -67,7 +67,8 @@ def bar(segments, direction=(1, 0, 0)):
 def curl(segments, rng, turns=1.0, radius=0.05):
     """A curl of length 1 in any direction."""
     u = np.linspace(0, 1, segments + 1)
-    way = np.diff(np.stack([u, radius * np.cos(2 * np.pi * turns * u), radius * np.sin(2 * np.pi * turns * u)], 1), axis=0)
+    angle = 2 * np.pi * turns * u
+    way = np.diff(np.stack([u, radius * np.cos(angle), radius * np.sin(angle)], 1), axis=0)
     way /= np.linalg.norm(way, axis=1)[:, None] * segments
     return np.vstack([np.zeros(3), np.cumsum(way, axis=0)]) @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
 
@@ -100,8 +101,8 @@ def test_a_step_is_the_twins(gpu, air, damping, carried):
         before, root = root, shaken(root, rng, 0.02)
         hair.step(1 / 60, wind, root)
         for i, each in enumerate(twins):
-            each.advance((root[0, :, i].astype(float), root[1:, :, i].astype(float)),
-                         (before[0, :, i].astype(float), before[1:, :, i].astype(float)), 1 / 60, wind, min(number + 1, 2))
+            now, then = ((rows[0, :, i].astype(float), rows[1:, :, i].astype(float)) for rows in (root, before))
+            each.advance(now, then, 1 / 60, wind, min(number + 1, 2))
     for now, speed, each in zip(hair.array(), hair.array("speeds"), twins):
         # Rounding of float32, which stiff joints of short segments make larger.
         np.testing.assert_allclose(now, each.places, rtol=0, atol=3e-5)
