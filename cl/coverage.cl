@@ -78,7 +78,7 @@ INLINED uint each_tile(const Batch *batch, int k, const View *view, __global con
     const uint depth = batch->depth[k];
     uint n = 0;
     for (int y = LANES == 1 && stage->row > batch->top[k] ? stage->row : batch->top[k]; y <= batch->bottom[k]; ++y) {
-        const int2 row = in_row(batch, k, y, view->rows.x);
+        const int2 row = in_row(batch, k, y, view);
 #if LANES == 1
         const uint steps = 3 + (row.y > row.x ? row.y - row.x : 0);
         stage->row = y;
@@ -636,7 +636,7 @@ ALONE BY_HAND __kernel void tiles(
     const uint first = starts[tile], n = starts[tile + 1] - first;
     const Store store = {when, room, taken, (__global uint8 *)bundles, nexts, heads, (__global uchar *)marks, slots};
     Glow glow;
-    begin_glow(&glow, &store, x * TILE, view.rows.x + y * TILE);
+    begin_glow(&glow, &store, view.rows.z + x * TILE, view.rows.x + y * TILE);
     const Picture picture = {view.size.z, has_shells, lit, visible, sample_shells,
                              {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
                               lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_nears, deep_blocks, axes, hazes}},
@@ -659,7 +659,7 @@ ALONE BY_HAND __kernel void tiles(
         return;
     }
     Tile t;
-    t.left = x * TILE;
+    t.left = view.rows.z + x * TILE;
     t.top = view.rows.x + y * TILE;
     t.open = 0;
     t.in_rows = t.in_columns = 0;

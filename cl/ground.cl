@@ -26,7 +26,7 @@ __kernel void put(
     __global ulong *visible)               // [rows, width, samples] depth << 32 | id
 {
     WORK_ITEM(pixel);
-    const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
+    const int x = view.rows.z + (int)(pixel % view.size.x), y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
     for (int s = 0; s < samples; ++s) {
         const int2 offset = PATTERN[view.size.w + s];
         const float px = x + 0.5f + offset.x * (1.0f / SUBPIXEL), py = y + 0.5f + offset.y * (1.0f / SUBPIXEL);
@@ -143,7 +143,7 @@ __kernel void light(
         const float its = attenuated ? sample_transmittance[sample] : 1.0f;
         if ((uint)visible[sample] == GROUND && its > 0.0f) {
             const int2 offset = PATTERN[view.size.w + i % samples];
-            LANE(x, waiting) = (int)(pixel % view.size.x) + 0.5f + offset.x * (1.0f / SUBPIXEL);
+            LANE(x, waiting) = view.rows.z + (int)(pixel % view.size.x) + 0.5f + offset.x * (1.0f / SUBPIXEL);
             LANE(y, waiting) = view.rows.x + (int)(pixel / view.size.x) + 0.5f + offset.y * (1.0f / SUBPIXEL);
             LANE(share, waiting) = its / samples;
             at[waiting++] = i / samples;
@@ -173,7 +173,7 @@ __kernel void outputs(
     __global float4 *out_normal)           // up
 {
     WORK_ITEM(pixel);
-    const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
+    const int x = view.rows.z + (int)(pixel % view.size.x), y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
     ulong key = ~0ul;
     int nearest = 0;
     for (int s = 0; s < samples; ++s)

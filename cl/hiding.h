@@ -24,6 +24,11 @@ typedef struct {
     __global ulong *front, *shell_front;
     __global float4 *image;
     Glow *glow;                      // light that waits, where LANES go side by side
+#if LANES == 1
+    uint room;                       // for pieces that are told in place of their light; 0: none are
+    volatile __global uint *taken;   // [1] of these
+    __global uint *told;             // [room, 3] pixel, number, weight
+#endif
 } Picture;
 
 #if LANES == 1
@@ -289,7 +294,17 @@ INLINED void drop(Slots *slots, long *limit)
 INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, uint where)
 {
 #if LANES == 1
-    const int across = picture->sent.view->size.x, x = (int)(p->at % across), y = (int)(p->at / across) + picture->sent.view->rows.x;
+    if (picture->room) {
+        const uint k = atomic_inc(picture->taken);
+        if (k < picture->room) {
+            picture->told[3 * k] = (uint)p->at;
+            picture->told[3 * k + 1] = number;
+            picture->told[3 * k + 2] = as_uint(weight);
+        }
+        return;
+    }
+    const View *view = picture->sent.view;
+    const int x = view->rows.z + (int)(p->at % view->size.x), y = view->rows.x + (int)(p->at / view->size.x);
     const float4 light = sent_by(&picture->sent, number, (where & 0xFFFF) * (1.0f / 65535.0f), weight, x + 0.5f, y + 0.5f);
     p->light += weight * (light < MOST ? light : MOST);
 #else

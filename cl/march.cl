@@ -353,7 +353,7 @@ BY_HAND __kernel void march(
                 continue;
             none = false;
             LANE_I(by, i) = (int)((uint)entry & ~BODY);
-            LANE(at_x, i) = x;
+            LANE(at_x, i) = x + view.rows.z;
             LANE(at_y, i) = y + view.rows.x;
             LANE(depth, i) = (float)(DEPTH_ONE - entry_depth) * (1.0f / DEPTH_ONE);
             LANE(behind, i) = stop_depth == NOTHING ? -1.0f : (float)(DEPTH_ONE - stop_depth) * (1.0f / DEPTH_ONE);

@@ -270,6 +270,9 @@ __kernel void pixels(
     const int has_shells,                  // the rest: see `tiles`
     __global const ulong *sample_shells,
     const int lit,
+    const uint room,                       // for bundles of pieces that are told in place of their light; 0: none are
+    volatile __global uint *taken,         // [1] pieces that are
+    __global uint *bundles,                // [room, 3 * GLOWS] pixel, number, weight of one after the other
     __global const ulong *places,
     const int sources,
     __global const float *more,
@@ -303,7 +306,7 @@ __kernel void pixels(
     const uint tile = !on ? 0 : listed ? items[k] : k;
     const int2 size = (int2)(view.size.x, view.rows.y - view.rows.x);
     const int across = (size.x + TILE - 1) / TILE, left = tile % across * TILE, top = tile / across * TILE;
-    const int x = left + me % TILE, y = top + me / TILE;
+    const int x = left + me % TILE, y = top + me / TILE;   // among those that are drawn
     __global Walk *walked = (__global Walk *)(walks + OF_WALK * (k * TILE * TILE + me));
     on = on && tile >= window.x && tile < window.y && (fresh || walked->next != DONE);
     const bool within = on && x < size.x && y < size.y;
@@ -311,7 +314,7 @@ __kernel void pixels(
                              {places, sources, more, &view, {n_lights, lights, shadows, grids, light_views, crossings, shadow_maps},
                               lobes, lobe_table, shadowed, ends, {deep_longest, deep_maps, deep_starts, deep_nears, deep_blocks, axes, hazes}},
                              body_transmittance, alpha,
-                             front, shell_front, image};
+                             front, shell_front, image, 0, room * GLOWS, taken, bundles};
     Walk walk;
     walk.bound = walk.next = walk.waiting = 0;
     walk.low = key_at(slab.x);
@@ -326,7 +329,7 @@ __kernel void pixels(
     if (within && !fresh)
         COPY(&walk, walked, picture.samples);
     const bool done = go_on(&walk, &group, &view, &picture, sorted + starts[tile], on ? starts[tile + 1] - starts[tile] : 0,
-                            grains[tile], steps, left, view.rows.x + top, key_at(slab.y), ends, ids, cuts);
+                            grains[tile], steps, view.rows.z + left, view.rows.x + top, key_at(slab.y), ends, ids, cuts);
     if (done && within)
         end_slab(&walk.pixel, &picture, slab, kept + OF_PIXEL * me, unfinished);
     if (on && listed)

@@ -70,15 +70,15 @@ inline int first_pixel(int u, int offset)
 /* Pixels of all that is drawn: from left, to right, from top, to bottom. */
 inline int4 all_of(const View *view)
 {
-    return (int4)(0, view->size.x, view->rows.x, view->rows.y);
+    return (int4)(view->rows.z, view->rows.z + view->size.x, view->rows.x, view->rows.y);
 }
 
 /* The same of one of the windows, `side` pixels across and down, that all of it is cut into. */
 inline int4 window_of(const View *view, int number, int side)
 {
     const int across = (view->size.x + side - 1) / side;
-    const int x = number % across * side, y = view->rows.x + number / across * side;
-    return (int4)(x, min(x + side, view->size.x), y, min(y + side, view->rows.y));
+    const int x = view->rows.z + number % across * side, y = view->rows.x + number / across * side;
+    return (int4)(x, min(x + side, view->rows.z + view->size.x), y, min(y + side, view->rows.y));
 }
 
 /* Half-open in both directions: samples with u in [u0, u1) along the longer axis, and across it within half the
@@ -121,7 +121,7 @@ ONCE bool draw_segment(
     }
     const long v_step = ((long)(b.y - a.y) << FRACTION) / du, d_step = ((long)(b.z - a.z) << FRACTION) / du;
     const size_t u_stride = (steep ? view->size.x : 1) * samples, v_stride = (steep ? 1 : view->size.x) * samples;
-    const int left = window.x, top = window.z - view->rows.x;   // where its first pixel lies among those that are there
+    const int left = window.x - view->rows.z, top = window.z - view->rows.x;   // of its first pixel, among those there
     const size_t first = ((size_t)top * view->size.x + left) * samples;
     for (int s = 0; s < samples; ++s) {
         const int2 offset = PATTERN[view->size.w + s];
@@ -202,8 +202,9 @@ ONCE void draw_narrow(volatile __global ulong *visible, const View *view, lanes_
     const lanes_i back = pu > qu;
     const lanes_i au = back ? qu : pu, bu = back ? pu : qu, av = back ? qv : pv, bv = back ? pv : qv;
     const lanes_i az = back ? b.z : a.z, bz = back ? a.z : b.z, aw = back ? wb : wa, bw = back ? wa : wb;
-    const lanes_i left = steep ? I(view->rows.x) : I(0), right = steep ? I(view->rows.y) : I(view->size.x);
-    const lanes_i top = steep ? I(0) : I(view->rows.x), bottom = steep ? I(view->size.x) : I(view->rows.y);
+    const int4 window = all_of(view);
+    const lanes_i left = steep ? I(window.z) : I(window.x), right = steep ? I(window.w) : I(window.y);
+    const lanes_i top = steep ? I(window.x) : I(window.z), bottom = steep ? I(window.y) : I(window.w);
     const lanes_i lower = av < bv ? av : bv, upper = av < bv ? bv : av;
     const lanes_i there = on & (bu > au) & (bu >= left * SUBPIXEL) & (au < right * SUBPIXEL)
         & (upper + 2 * SUBPIXEL >= top * SUBPIXEL) & (lower - 2 * SUBPIXEL < bottom * SUBPIXEL);
@@ -439,7 +440,7 @@ ONCE void draw_triangle(volatile __global ulong *visible, const View *view, int4
             ulong d = gx * (ulong)(long)(sx - a.x) + gy * (ulong)(long)(sy - a.y);
             for (int x = x0; x <= x1; ++x) {
                 if ((ec | ea | eb) >= 0) {
-                    const size_t sample = ((size_t)(y - view->rows.x) * view->size.x + x) * samples + s;
+                    const size_t sample = ((size_t)(y - view->rows.x) * view->size.x + (x - view->rows.z)) * samples + s;
                     const uint depth = (uint)clamp(a.z + ((long)d >> 14), (long)nearest, (long)farthest);
                     if (!facing || depth > after[sample])
                         put(visible, sample, depth, id, phase);
@@ -568,9 +569,9 @@ ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 wi
     const int samples = view->size.z, furthest = SUBPIXEL / 2;
     lanes_i x0 = (least_of(a.x, b.x, c.x) - furthest) >> 8, y0 = (least_of(a.y, b.y, c.y) - furthest) >> 8;
     lanes_i x1 = (most_of(a.x, b.x, c.x) + furthest) >> 8, y1 = (most_of(a.y, b.y, c.y) + furthest) >> 8;
-    x0 = x0 > 0 ? x0 : I(0);
+    x0 = x0 > window.x ? x0 : I(window.x);
     y0 = y0 > window.z ? y0 : I(window.z);
-    x1 = x1 < view->size.x ? x1 : I(view->size.x - 1);
+    x1 = x1 < window.y ? x1 : I(window.y - 1);
     y1 = y1 < window.w ? y1 : I(window.w - 1);
     there &= (x0 <= x1) & (y0 <= y1) & (turned != 0);
     if (facing)
@@ -596,7 +597,8 @@ ONCE void draw_small(volatile __global ulong *visible, const View *view, int4 wi
                     const int k = first_of(bits);
                     if (!(known >> k & 1)) {
                         planes[k] = plane_of(corner(&a, k), corner(&b, k), corner(&c, k), LANE_I(x0, k), LANE_I(y0, k));
-                        planes[k].at = ((size_t)(LANE_I(y0, k) - view->rows.x) * view->size.x + LANE_I(x0, k)) * samples;
+                        planes[k].at = ((size_t)(LANE_I(y0, k) - view->rows.x) * view->size.x
+                                        + (LANE_I(x0, k) - view->rows.z)) * samples;
                         known |= 1u << k;
                     }
                     const Plane *plane = &planes[k];
@@ -641,7 +643,7 @@ __kernel void body(
     WORK_ITEM(item);
     const uint groups = (n - 1) / LANES + 1, t = item % groups * LANES, count = n - t < LANES ? n - t : LANES;
     const int top = view.rows.x + (int)(item / groups) * band;
-    const int4 window = (int4)(0, view.size.x, top, min(top + band, view.rows.y));
+    const int4 window = (int4)(view.rows.z, view.rows.z + view.size.x, top, min(top + band, view.rows.y));
     lanes3 pa, pb, pc;
     lanes_i some;
     for (uint k = 0; k < LANES; ++k) {

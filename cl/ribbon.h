@@ -151,11 +151,13 @@ ONCE void project(const View *view, __global const float4 *points, uint from, ui
     const lanes widest = greater(c[3], c[7]), reach = 1.4143f * widest + 0.001f;
     const lanes left = lesser(c[0], c[4]) - reach, right = greater(c[0], c[4]) + reach;
     const lanes top = lesser(c[1], c[5]) - reach, bottom = greater(c[1], c[5]) + reach;
-    const float width = view->size.x, first = view->rows.x, height = view->rows.y;
+    const float first_column = view->rows.z, columns = view->rows.z + view->size.x, width = columns + view->rows.w;
+    const float first = view->rows.x, height = view->rows.y;
     const lanes_i on = kept & (widest > 0.0f) & ((c[0] != c[4]) | (c[1] != c[5]))
-        & (right >= 0.0f) & (bottom >= first) & (left < width) & (top < height);
+        & (right >= first_column) & (bottom >= first) & (left < columns) & (top < height);
     const lanes e = within(greater(c[2], c[6]), 0.0f, 1.0f);
-    const lanes_i x0 = WHOLE(greater(left, F(0.0f))) / TILE, x1 = WHOLE(lesser(right, F(width - 1.0f))) / TILE;
+    const lanes_i x0 = WHOLE(greater(left, F(0.0f))) / TILE - view->rows.z / TILE;
+    const lanes_i x1 = WHOLE(lesser(right, F(width - 1.0f))) / TILE - view->rows.z / TILE;
     const lanes_i y0 = (WHOLE(greater(top, F(first))) - view->rows.x) / TILE;
     const lanes_i y1 = (WHOLE(lesser(bottom, F(height - 1.0f))) - view->rows.x) / TILE;
     const lanes_i depth = (int)DEPTH_ONE - WHOLE(e * (float)DEPTH_ONE) - MARGIN;
@@ -187,8 +189,9 @@ INLINED uint furthest(const Batch *batch, int k)
     return (int)DEPTH_ONE - (int)((e > 0.0f ? e < 1.0f ? e : 1.0f : 0.0f) * (float)DEPTH_ONE) + MARGIN;
 }
 
-/* Tiles of one row that a segment may touch: of a long one few of those around it.  The same in every band of rows. */
-INLINED int2 in_row(const Batch *batch, int k, int row, float first_row)
+/* Tiles of one row that a segment may touch, of a long one few of those around it: of the whole picture, whatever is drawn
+   of it, but the first that is drawn is 0. */
+INLINED int2 in_whole_row(const Batch *batch, int k, int row, const View *view)
 {
     int2 tiles = (int2)(batch->left[k], batch->right[k]);
     if (tiles.y - tiles.x < 2)
@@ -197,16 +200,27 @@ INLINED int2 in_row(const Batch *batch, int k, int row, float first_row)
     const float down = s.s5 - s.s1, reach = 1.4143f * (s.s3 > s.s7 ? s.s3 : s.s7) + 0.1f;   // and some for rounding
     if (down < 1.0f && down > -1.0f)
         return tiles;
-    const float y = first_row + row * TILE - s.s1;
+    const float y = view->rows.x + row * TILE - s.s1;
     float a = (y - reach) / down, b = (y + TILE + reach) / down;
     a = a > 0.0f ? a < 1.0f ? a : 1.0f : 0.0f;
     b = b > 0.0f ? b < 1.0f ? b : 1.0f : 0.0f;
     const float xa = s.s0 + a * (s.s4 - s.s0), xb = s.s0 + b * (s.s4 - s.s0);
     const float low = (xa < xb ? xa : xb) - reach, high = (xa < xb ? xb : xa) + reach;
-    const int left = low > 0.0f ? (int)low / TILE : 0, right = high > 0.0f ? (int)high / TILE : -1;
+    const int first = view->rows.z / TILE;
+    const int left = (low > 0.0f ? (int)low / TILE : 0) - first, right = (high > 0.0f ? (int)high / TILE : -1) - first;
     tiles.x = left > tiles.x ? left : tiles.x;
     tiles.y = right < tiles.y ? right : tiles.y;
     return tiles;
+}
+
+/* Those of them that are drawn. */
+INLINED int2 in_row(const Batch *batch, int k, int row, const View *view)
+{
+    const int2 tiles = in_whole_row(batch, k, row, view);
+    if (!(view->rows.z | view->rows.w))    // all of the picture is
+        return tiles;
+    const int last = (view->size.x - 1) / TILE;
+    return (int2)(tiles.x > 0 ? tiles.x : 0, tiles.y < last ? tiles.y : last);
 }
 
 /* Segments ready to be drawn.  u is the longer axis of each, v the shorter. */

@@ -249,7 +249,7 @@ __kernel void color(
     waiting[0].n = waiting[1].n = 0;
     for (uint i = 0; i < n; ++i)
         sums[i] = 0;
-    int x = first % view.size.x, y = view.rows.x + (int)(first / view.size.x);
+    int x = view.rows.z + (int)(first % view.size.x), y = view.rows.x + (int)(first / view.size.x);
     uint pixel = 0, s = 0, until = n * samples + 2;
 #if LANES == 1                             // in many pixels nothing is to be lit, and nothing waits for others in one
     bool any = false;
@@ -268,8 +268,8 @@ __kernel void color(
             if (++s == samples) {
                 s = 0;
                 ++pixel;
-                if (++x == view.size.x) {
-                    x = 0;
+                if (++x == view.rows.z + view.size.x) {
+                    x = view.rows.z;
                     ++y;
                 }
             }
@@ -391,7 +391,7 @@ __kernel void outputs(
     __global float *out_coverage)          // share of covered samples
 {
     WORK_ITEM(pixel);
-    const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
+    const int x = view.rows.z + (int)(pixel % view.size.x), y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
     ulong key = ~0ul;
     int nearest = 0, covered = 0;
     for (int s = 0; s < samples; ++s) {

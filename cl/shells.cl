@@ -341,7 +341,7 @@ __kernel void outputs(
     __global float *out_coverage)          // share of light that does not come from behind everything
 {
     WORK_ITEM(pixel);
-    const int x = pixel % view.size.x, y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
+    const int x = view.rows.z + (int)(pixel % view.size.x), y = view.rows.x + (int)(pixel / view.size.x), samples = view.size.z;
     ulong key = ~0ul;
     uint other = NOTHING;
     int nearest = 0;

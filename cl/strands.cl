@@ -3,6 +3,7 @@
  * user brings.  A strand is a run of points; segment i joins points i and i + 1 of the same strand.
  */
 #include "lanes.h"
+#include "skin.h"
 
 /* The top 24 bits as numbers in [-1, 1): exact in a float. */
 inline float4 signed_unit(uint3 r)
@@ -129,25 +130,18 @@ __kernel void roots_by_area(
     }
 }
 
-/* Bilinear texel with wrap-around; v runs up, rows run down. */
-inline float4 texture_at(__global const float4 *texels, int width, int height, float4 uv)
-{
-    const float x = (uv.x - floor(uv.x)) * width - 0.5f, y = (1.0f - (uv.y - floor(uv.y))) * height - 0.5f;
-    const float fx = x - floor(x), fy = y - floor(y);
-    const int x0 = ((int)floor(x) + width) % width, y0 = ((int)floor(y) + height) % height;
-    const int x1 = (x0 + 1) % width, y1 = (y0 + 1) % height;
-    return (1.0f - fy) * ((1.0f - fx) * texels[y0 * width + x0] + fx * texels[y0 * width + x1])
-         + fy * ((1.0f - fx) * texels[y1 * width + x0] + fx * texels[y1 * width + x1]);
-}
-
 /* Strands that grow side by side, and their types, one in each lane. */
 typedef struct {
     lanes3 corners[3], normals[3];               // of the root's triangle
     lanes shares[3];                             // weights of the corners at the root
     lanes length, width, weight, lean;           // of a segment [world]; [world]; of forces; direction_variation
+    lanes substeps, softness;                    // of a segment by the law, 0: by the report's rule; how far half of one
+                                                 // turns towards a force of 1
     lanes curl, curl_cos, curl_sin;              // radius [world], the angle a segment
     lanes wave, wave_cos, wave_sin;              // amplitude [world], the angle a segment
     lanes gain, bias;                            // of width from root to tip [world]; 1 / taper - 2
+    lanes3 comb;                                 // direction along the skin [world]
+    lanes combed;                                // its weight against the normal
     lanes_u number;
     lanes_i segments;                            // -1 where none is drawn
 } Growing;
@@ -237,6 +231,9 @@ INLINED lanes3 push_at(lanes3 p, float4 force, __global const float4 *point_forc
     return push;
 }
 
+/* What maps leave of a type's stiffness at least: of none a strand would have no shape. */
+#define LEAST_STIFFNESS 0x1p-10f
+
 /* What a type makes of a strand that is so many times as long, into a lane. */
 INLINED void put_type(Growing *strands, uint lane, __global const HairType *type, float longer)
 {
@@ -246,50 +243,148 @@ INLINED void put_type(Growing *strands, uint lane, __global const HairType *type
     LANE(strands->bias, lane) = type->taper.z;
     LANE(strands->weight, lane) = type->shape.z;
     LANE(strands->lean, lane) = type->shape.w;
-    LANE(strands->curl, lane) = type->curl.x;
+    LANE(strands->substeps, lane) = type->taper.w;
+    LANE(strands->softness, lane) = type->wave.w * longer;
+    LANE(strands->curl, lane) = type->frizz.z > 0.0f ? 0.0f : type->curl.x;   // tufts curl as one, see tufts.cl
     LANE(strands->curl_cos, lane) = type->curl.y;
     LANE(strands->curl_sin, lane) = type->curl.z;
-    LANE(strands->wave, lane) = type->wave.x;
+    LANE(strands->wave, lane) = type->frizz.z > 0.0f ? 0.0f : type->wave.x;
     LANE(strands->wave_cos, lane) = type->wave.y;
     LANE(strands->wave_sin, lane) = type->wave.z;
     LANE_I(strands->segments, lane) = type->counts.x ? type->counts.x : -1;
 }
 
+/* What maps on the skin make of it then. */
+INLINED void put_traits(Growing *strands, uint lane, bool there, __global const Traits *traits)
+{
+    LANE_I(strands->segments, lane) = there ? LANE_I(strands->segments, lane) : -1;
+    LANE(strands->length, lane) *= traits->scale.x;
+    LANE(strands->width, lane) *= traits->scale.y;
+    LANE(strands->gain, lane) *= traits->scale.y;
+    LANE(strands->weight, lane) /= max(traits->scale.z, LEAST_STIFFNESS);
+    LANE(strands->softness, lane) *= traits->scale.x / max(traits->scale.z, LEAST_STIFFNESS);
+    LANE(strands->curl, lane) *= traits->scale.w;
+    LANE(strands->wave, lane) *= traits->scale.w;
+    LANE(strands->combed, lane) = traits->comb.w;
+    put_lane(&strands->comb, lane, traits->comb);
+}
+
+/* How far strands have come: the line that they curl and wave about, its direction, and a vector across it that goes along
+   with little twist. */
+typedef struct {
+    lanes3 axis, direction, side;
+} Path;
+
+/* How half a sub-step turns directions under one force: towards it, by the hyperbolic tangent of an amount, and 1 / its
+   hyperbolic cosine. */
+typedef struct {
+    lanes3 towards;
+    lanes tangent, secant;
+} Turn;
+
+/* From the tangent of 1/16 of the amount, a Padé approximant to 4e-8 of itself, by doubling.  An amount of 4 turns by 177
+   degrees at most: more would leave nothing but rounding of what stands against the force. */
+INLINED Turn turn_of(lanes3 push, lanes softness)
+{
+    const lanes size = exact_root(dots(push, push)), z = lesser(size * softness, F(4.0f)) * 0.0625f, y = z * z;
+    lanes t = z * (945.0f + y * (105.0f + y)) / (945.0f + y * (420.0f + y * 15.0f));
+    t = 2.0f * t / (1.0f + t * t);
+    t = 2.0f * t / (1.0f + t * t);
+    t = 2.0f * t / (1.0f + t * t);
+    Turn turn;
+    turn.towards = units_or(push, push);
+    turn.tangent = 2.0f * t / (1.0f + t * t);
+    turn.secant = (1.0f - t * t) / (1.0f + t * t);
+    return turn;
+}
+
+/* A direction of length one that such a turn has turned: with the cosine c to the force, c' = (1 - c^2) times it, solved. */
+INLINED lanes3 turned(lanes3 direction, const Turn *turn)
+{
+    const lanes c = dots(direction, turn->towards), by = 1.0f / (1.0f + c * turn->tangent);
+    return plus(scaled(direction, turn->secant * by), scaled(turn->towards, (c * (1.0f - turn->secant) + turn->tangent) * by));
+}
+
+/* What was across `before`, taken along by the least rotation from there to `after`. */
+INLINED lanes3 carried(lanes3 side, lanes3 before, lanes3 after)
+{
+    const lanes by = dots(side, after) / greater(1.0f + dots(before, after), F(1e-6f));
+    return minus(side, scaled(plus(before, after), by));
+}
+
+/* A segment further by the law: d direction / d length = the part of the force across it / stiffness.  Each sub-step turns
+   exactly as the force in its middle would have it, and goes along Simpson's mean of its directions. */
+INLINED Path onward(const Growing *strands, Path path, const Turn *everywhere, bool any_bent, float4 force,
+                    __global const float4 *point_forces, uint n_point_forces)
+{
+    const lanes step = strands->length / greater(strands->substeps, F(1.0f));
+    const int most = most_lane(nearest_i(strands->substeps));
+    for (int j = 0; j < most; ++j) {
+        Turn turn = *everywhere;
+        if (n_point_forces)
+            turn = turn_of(push_at(plus(path.axis, scaled(path.direction, 0.5f * step)), force, point_forces,
+                                   n_point_forces), strands->softness);
+        const lanes3 middle = turned(path.direction, &turn), after = turned(middle, &turn);
+        const lanes3 sum = plus(plus(path.direction, after), scaled(middle, F(4.0f)));
+        const lanes_i goes = (float)j < strands->substeps;
+        if (any_bent)
+            path.side = chosen(goes, carried(path.side, path.direction, after), path.side);
+        path.axis = chosen(goes, plus(path.axis, scaled(sum, step * (1.0f / 6))), path.axis);
+        path.direction = chosen(goes, after, path.direction);
+    }
+    path.direction = units_or(path.direction, path.direction);
+    if (any_bent)
+        path.side = units_or(minus(path.side, scaled(path.direction, dots(path.side, path.direction))), path.side);
+    return path;
+}
+
+/* A segment further by the report's rule: as it pointed, then its direction gives way to the force there. */
+INLINED Path step_ahead(const Growing *strands, Path path, bool any_bent, float4 force, __global const float4 *point_forces,
+                        uint n_point_forces)
+{
+    path.axis = plus(path.axis, scaled(path.direction, strands->length));
+    const lanes3 push = push_at(path.axis, force, point_forces, n_point_forces);
+    const lanes3 bowed = plus(path.direction, scaled(push, strands->weight));
+    path.direction = chosen(dots(bowed, bowed) > 1e-12f, units_or(bowed, path.direction), path.direction);   // else rounding
+    if (any_bent)
+        path.side = units_or(minus(path.side, scaled(path.direction, dots(path.side, path.direction))), path.side);
+    return path;
+}
+
+/* Where strands start: at their roots, along the normal or as they are combed, each as it leans. */
+INLINED Path start(const Growing *strands, const Skin *skin, int has_traits, uint seed)
+{
+    const lanes3 turn = on_skin(skin, random_vectors(strands->number, seed, 2));
+    const lanes3 lean = on_skin(skin, random_vectors(strands->number, seed, 3));
+    lanes3 ahead = skin->upright;
+    if (has_traits)
+        ahead = plus(scaled(ahead, 1.0f - strands->combed), scaled(strands->comb, strands->combed));
+    Path path;
+    path.axis = mean_of(strands, strands->corners);
+    path.direction = units_or(plus(ahead, scaled(lean, strands->lean)), skin->upright);
+    path.side = units_or(crosses(path.direction, turn), units_or(crosses(path.direction, skin->edge), skin->upright));
+    return path;
+}
+
 /* Grow strands from their roots; see `grow`. */
-ONCE void lengthen(const Growing *strands, uint seed, float4 force, __global const float4 *point_forces, uint n_point_forces,
-                   uint first, uint here, uint stride, __global float4 *points, __global float4 *strand_normal)
+ONCE void lengthen(const Growing *strands, int has_traits, uint seed, float4 force, __global const float4 *point_forces,
+                   uint n_point_forces, uint first, uint here, uint stride, __global float4 *points,
+                   __global float4 *strand_normal)
 {
     const Skin skin = skin_of(strands);
     for (uint lane = 0; lane < here; ++lane)
         strand_normal[first + lane] = (float4)(lane_of(&skin.upright, lane), 0.0f);
-    const lanes3 turn = on_skin(&skin, random_vectors(strands->number, seed, 2));
-    const lanes3 lean = on_skin(&skin, random_vectors(strands->number, seed, 3));
-    lanes3 axis = mean_of(strands, strands->corners);
-    lanes3 direction = units_or(plus(skin.upright, scaled(lean, strands->lean)), skin.upright);
-    const lanes_i bent = strands->curl > 0.0f | strands->wave > 0.0f;
+    Path path = start(strands, &skin, has_traits, seed);
+    const lanes_i bent = strands->curl > 0.0f | strands->wave > 0.0f, lawful = strands->substeps > 0.0f;
     const bool any_bent = any_lane(bent), any_tapered = any_lane(strands->gain != 0.0f);
+    const bool any_lawful = any_lane(lawful), any_other = any_lane(strands->substeps == 0.0f);
     const lanes steps = greater(TO(lanes, strands->segments), F(1.0f));
-    lanes3 side = units_or(crosses(direction, turn), units_or(crosses(direction, skin.edge), skin.upright));
+    const Turn everywhere = turn_of(all_lanes(force), strands->softness);
     lanes curl_cos = F(1.0f), curl_sin = F(0.0f), wave_cos = F(1.0f), wave_sin = F(0.0f);   // of the angle so far
-    lanes3 now = axis;
+    lanes3 now = path.axis;
 
     const int most = most_lane(strands->segments);
     for (int k = 0; k <= most; ++k) {
-        axis = plus(axis, scaled(direction, strands->length));
-        lanes3 next = axis;
-        if (any_bent) {
-            const lanes3 across = crosses(direction, side);
-            const lanes c = curl_cos * strands->curl_cos - curl_sin * strands->curl_sin;
-            curl_sin = curl_cos * strands->curl_sin + curl_sin * strands->curl_cos;
-            curl_cos = c;
-            const lanes w = wave_cos * strands->wave_cos - wave_sin * strands->wave_sin;
-            wave_sin = wave_cos * strands->wave_sin + wave_sin * strands->wave_cos;
-            wave_cos = w;
-            const lanes3 off = plus(scaled(side, strands->curl * (curl_cos - 1.0f) + strands->wave * wave_sin),
-                                    scaled(across, strands->curl * curl_sin));
-            next = chosen(bent, plus(next, off), next);
-        }
-        next = chosen(k < strands->segments, next, now);     // behind the last point is none
         lanes width = strands->width;
         if (any_tapered) {
             const lanes t = (float)k / steps;
@@ -301,19 +396,40 @@ ONCE void lengthen(const Growing *strands, uint seed, float4 force, __global con
                 const size_t to = (size_t)(first + lane) * stride + k;
                 points[to] = (float4)(lane_of(&now, lane), LANE(width, lane));
             }
-        now = next;
-
-        const lanes3 push = push_at(axis, force, point_forces, n_point_forces);
-        const lanes3 bowed = plus(direction, scaled(push, strands->weight));
-        direction = chosen(dots(bowed, bowed) > 1e-12f, units_or(bowed, direction), direction);   // else only rounding is left
-        if (any_bent)
-            side = units_or(minus(side, scaled(direction, dots(side, direction))), side);
+        if (k == most)
+            break;
+        lanes3 direction = path.direction, side = path.side;   // of the segment by the report's rule, of its end by the law
+        Path next = path;
+        if (any_other)
+            next = step_ahead(strands, path, any_bent, force, point_forces, n_point_forces);
+        if (any_lawful) {
+            const Path by_law = onward(strands, path, &everywhere, any_bent, force, point_forces, n_point_forces);
+            next.axis = chosen(lawful, by_law.axis, next.axis);
+            next.direction = chosen(lawful, by_law.direction, next.direction);
+            next.side = chosen(lawful, by_law.side, next.side);
+            direction = chosen(lawful, by_law.direction, direction);
+            side = chosen(lawful, by_law.side, side);
+        }
+        path = next;
+        now = path.axis;
+        if (any_bent) {
+            const lanes3 across = crosses(direction, side);
+            const lanes c = curl_cos * strands->curl_cos - curl_sin * strands->curl_sin;
+            curl_sin = curl_cos * strands->curl_sin + curl_sin * strands->curl_cos;
+            curl_cos = c;
+            const lanes w = wave_cos * strands->wave_cos - wave_sin * strands->wave_sin;
+            wave_sin = wave_cos * strands->wave_sin + wave_sin * strands->wave_cos;
+            wave_cos = w;
+            const lanes3 off = plus(scaled(side, strands->curl * (curl_cos - 1.0f) + strands->wave * wave_sin),
+                                    scaled(across, strands->curl * curl_sin));
+            now = chosen(bent, plus(now, off), now);
+        }
     }
 }
 
-/* One work-item grows LANES strands: point k + 1 = point k + direction · length; direction += weight · force, at length one
-   again.  Curl and wave shift the points off that axis, in a frame carried along it with little twist.  What is random has
-   directions in the frame of the skin at the root, so that it turns with it. */
+/* One work-item grows LANES strands, by the law (`onward`) or by the report's rule (`step_ahead`).  Curl and wave shift the
+   points off that axis, in a frame carried along it with little twist.  What is random has directions in the frame of the
+   skin at the root, so that it turns with it. */
 __kernel void grow(
     const ulong begin, const ulong end,    // work-items, see common.h
     __global const float4 *positions,      // [V]
@@ -322,9 +438,12 @@ __kernel void grow(
     __global const uint4 *triangles,       // [T]
     __global const uint4 *roots,           // [strands] triangle; weights of its corners, floats
     __global const HairType *types,        // [types]
-    __global const uint *type_map,         // [height, width] index of the type; nearest texel, v runs up
-    const int2 map_size,                   // width, height
+    __global const uint *type_map,         // index of the type; nearest texel, v runs up
+    const int map_tiles,                   // how many tiles the map has, 0: none
+    __global const SkinTile *tiles,            // of the map, then of textures
     __global const float4 *texels,         // colour textures of all types, linear r, g, b
+    const int has_traits,                  // 0: there are none
+    __global const Traits *traits,         // [strands] what maps on the skin make of them
     const float4 force,
     __global const float4 *point_forces,   // [n_point_forces] position, strength
     const uint n_point_forces,
@@ -351,12 +470,14 @@ __kernel void grow(
         const uint4 t = triangles[roots[i].x];
         const float4 share = as_float4(roots[i].yzww);
         const float4 at = share.x * uv[t.x] + share.y * uv[t.y] + share.z * uv[t.z];
-        const int column = (int)((at.x - floor(at.x)) * map_size.x), row = (int)((1.0f - (at.y - floor(at.y))) * map_size.y);
-        const uint kind = type_map[min(row, map_size.y - 1) * map_size.x + min(column, map_size.x - 1)];
+        const float4 middle = (uv[t.x] + uv[t.y] + uv[t.z]) / 3.0f;
+        const uint kind = map_tiles ? type_at(tiles, map_tiles, type_map, middle, at) : 0;
         __global const HairType *type = &types[kind];
         const float4 vary = signed_unit(random3(first_strand + i, seed, 1));
-        const float4 tint = type->counts.z ? texture_at(texels + type->counts.y, type->counts.z, type->counts.w, at)
+        const float4 tint = type->counts.z ? color_at(tiles, type->counts.y, type->counts.z, texels, middle, at)
                                            : (float4)(1.0f);
+        /* What maps leave without a length does not stand. */
+        const bool there = type->counts.x && !(has_traits && traits[i].scale.x <= 0.0f);
         const float varied = 1.0f + type->color.w * vary.x;
         if (color_per == 1)
             colors[i] = (float4)((type->color * tint * varied).xyz, 0.0f);
@@ -366,12 +487,14 @@ __kernel void grow(
                 colors[(size_t)i * stride + k] = (float4)((color * tint * varied).xyz, 0.0f);
             }
         strand_uv[i] = (float4)(at.x, at.y, (float)kind, 0.0f);
-        spans[i] = (uint2)(i * stride, type->counts.x ? type->counts.x + 1 : 0);
+        spans[i] = (uint2)(i * stride, there ? type->counts.x + 1 : 0);
         strand_of[i] = i;
         stored[i] = i * stride;
         shifts[i] = 0;
         numbers[i] = i;
         put_type(&strands, lane, type, 1.0f + type->curl.w * vary.y);
+        if (has_traits)
+            put_traits(&strands, lane, there, &traits[i]);
         LANE_U(strands.number, lane) = first_strand + i;
         put_lane(&strands.corners[0], lane, positions[t.x]);
         put_lane(&strands.corners[1], lane, positions[t.y]);
@@ -383,7 +506,7 @@ __kernel void grow(
         LANE(strands.shares[1], lane) = share.y;
         LANE(strands.shares[2], lane) = share.z;
     }
-    lengthen(&strands, seed, force, point_forces, n_point_forces, first, here, stride, points, strand_normal);
+    lengthen(&strands, has_traits, seed, force, point_forces, n_point_forces, first, here, stride, points, strand_normal);
 }
 
 /* One strand of the user's goes to its place in the order: packed arrays -> those of grown strands. */

@@ -9,38 +9,44 @@ from ._moved import install
 from .budget import PRESETS
 from .device.scheduler import Scheduler
 from .errors import DeviceError, Error
+from .files.colmap import load_colmap
 from .files.curves import load_curves, save_curves
 from .files.gltf import load_materials
-from .files.images import load_picture, save
+from .files.images import load, load_header, load_picture, save, to_uint8
 from .files.meshes import load_mesh
+from .files.scenes import load_scene
 from .judge import truth
 from .judge.compare import Comparison, compare
 from .judge.frontier import Frontier, frontier
-from .render import Frame, draw, grow, render
+from .render import Frame, draw, frames, grow, render
 from .scene import (
     Camera,
     Chiang,
+    Comb,
     Curves,
     Environment,
     Ground,
     HairType,
     Kajiya,
     Light,
+    Maps,
     Material,
     Mesh,
     PointForce,
     Scene,
     Shells,
     Strands,
+    Tufts,
     over,
 )
 from .settings import Settings
 
 __all__ = [
-    "PRESETS", "Camera", "Chiang", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
-    "Frontier", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
-    "Settings", "Shells", "Strands", "compare", "draw", "frontier", "grow", "load_curves", "load_materials",
-    "load_mesh", "load_picture", "over", "render", "save", "save_curves", "truth",
+    "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
+    "Frontier", "Ground", "HairType", "Kajiya", "Light", "Maps", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
+    "Settings", "Shells", "Strands", "Tufts", "compare", "draw", "frames", "frontier", "grow", "load", "load_colmap",
+    "load_curves", "load_header", "load_materials", "load_mesh", "load_picture", "load_scene", "over", "render", "save",
+    "save_curves", "to_uint8", "truth",
 ]
 
 install()

@@ -14,6 +14,7 @@ from .fitted import COSTS, ERRORS, RANGES
 from .pipeline.plan import Plan
 from .pipeline.views import Rig
 from .scene import Curves, Strands, hair_bounds
+from .scene.guides import reach_of
 from .settings import CHOSEN, Settings
 
 # From cheap to dear; docs/budget.md tells why these.
@@ -179,8 +180,9 @@ def _hair(scene):
     """(width, length) in world units that a strand has on average; (0, 0) without strands."""
     fur = scene.strands
     if isinstance(fur, Strands):
+        length = [kind.full_length if fur.guides is None else reach_of(fur.guides)[1] for kind in fur.types]
         return (float(np.mean([kind.width * (kind.root_width + kind.tip_width) / 2 for kind in fur.types])),
-                float(np.mean([kind.segments * kind.segment_length for kind in fur.types])))
+                float(np.mean(length)))
     if isinstance(fur, Curves) and len(fur.points):
         return float(fur.on_host.width.mean()), hair_bounds(fur, len(fur.counts))[1] / len(fur.counts)
     return 0.0, 0.0

@@ -49,12 +49,27 @@ CONSTANTS = {
     "ALBEDOS": 32,          # and angles of the eye for which how much of it
     "DEEP_BLOCK": 8,        # segments of hair that are looked up together in lists of what lights see,
     "DEEP_UNIT": 1024,      # and parts of an octave in which they tell how much light they take
+    "NEAREST": 8,           # guides that are looked for around a strand, at most: one more than are blended
+    "TREE_ROWS": 11,        # of nodes in a tree of boxes, at most: eight parts each
+    "CHORDS": 3,            # of a guide, by which it is told which way it points,
+    "LEAST_TURN": 1 / 32,   # and 1 + cosine of the angle between two normals, at least
+    "DISTANCE_BAND": 3,     # cells on both sides of the body in which it is known how far it is,
+    "DISTANCE_BITS": 24,    # in parts of a cell of so many bits
+    "SLIDE_LOOKS": 32,      # at a segment on its way along the body, at most,
+    "SLIDE_PLACES": 12,     # of which so many at other places
     "LOD_LEAST": 0.125,     # share of the strands that `Settings.lod` always keeps
     "LOD_SOFT": 1.5,        # from share k to LOD_SOFT * k of them widths fade to 0: no strand pops up
 }
 
 # How hair scatters light, as the last of `shine` tells; scatter.h has a way for each.
 MODELS = {"kajiya-kay": 0, "half-vector": 1, "turned": 2, "chiang": 3}
+
+# What has a value on the skin for a strand, in the order of `SkinMap`s; of ways there are three.
+SKIN = "density", "on", "length", "width", "clump", "curl", "stiffness", "way"
+CONSTANTS |= {f"SKIN_{name.upper()}": number for number, name in enumerate(SKIN)} | {"SKIN_MAPS": len(SKIN) + 2}
+PER = "none", "picture", "face", "corner"   # what a map on the skin has numbers for
+CONSTANTS |= {f"PER_{name.upper()}": number for number, name in enumerate(PER)}
+CONSTANTS["UDIM"] = 1001   # number of the tile of uv 0 to 1; in each row are 10
 
 WRAPS = "repeat", "mirror", "clamp"   # what is seen of a picture outside of it
 CONSTANTS |= {f"WRAP_{name.upper()}": number for number, name in enumerate(WRAPS)}
@@ -84,24 +99,39 @@ View = np.dtype([                     # a camera: world -> (x, y, e, 1)·w, pixe
     ("to_screen", np.float32, (4, 4)),   # columns; e/w is 1 at the near plane and falls to 0
     ("to_world", np.float32, (4, 4)),    # columns of the inverse
     ("eye", *_float4),                   # position and 1, or direction towards an orthographic eye and 0
-    ("size", *_int4),                    # width, height [pixels], samples a pixel, first row of its PATTERN
+    ("size", *_int4),                    # columns that are drawn, rows of all [pixels], samples a pixel, first row of
+                                         # its PATTERN
     ("scale", *_float4),                 # pixels per world unit of width at w = 1; least half width, sub-pixels; least
                                          # w of triangles before the near plane, which are drawn at it, 0: none
-    ("rows", *_int4),                    # band of rows to draw: first, one past the last, -, -
+    ("rows", *_int4),                    # rows that are drawn: first, one past the last; the first column that is, a
+                                         # multiple of TILE; columns behind those that are
 ])
 
 HairType = np.dtype([
     ("color", *_float4),              # linear r, g, b; color_variation
-    ("shape", *_float4),              # segment_length, width [world], force_weight, direction_variation
+    ("shape", *_float4),              # length of a segment, width [world], force_weight, direction_variation
     ("curl", *_float4),               # radius [world], cos and sin of the angle a segment, length_variation
-    ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment, -
-    ("taper", *_float4),              # shares of the width: at the root, gained to the tip; 1 / taper - 2; -
+    ("wave", *_float4),               # amplitude [world], cos and sin of the angle a segment; softness, see strands.cl
+    ("taper", *_float4),              # shares of the width: at the root, gained to the tip; 1 / taper - 2; sub-steps a
+                                      # segment, 0: by the report's rule
+    ("frizz", *_float4),              # amplitude [world], waves along the strand; 1: curl and wave are the tufts'; -
     ("root", *_float4),               # linear r, g, b there, -; where points have colours
     ("tip", *_float4),
     ("shine", *_float4),              # two numbers of its model, in most specular and exponent; alpha; MODELS
     ("lobes", *_float4),              # of a Chiang: roughness along and around the strand, tilt [radians], index
-    ("counts", *_int4),               # segments; texture's first texel, width, height (width 0: none)
+    ("counts", *_int4),               # segments; its texture's first tile and how many it has, 0: none; -
 ])
+
+Traits = np.dtype([                   # what maps on the skin make of a strand: factors, 1 where there is none
+    ("scale", *_float4),              # of length, width, stiffness; of curl and wave
+    ("tuft", *_float4),               # of clump strength, of frizz, -, -
+    ("comb", *_float4),               # direction along the skin, at most 1 long; its weight against the normal, 0 to 1
+])
+
+# A picture, or a tile of one (UDIM); pictures without tiles are looked up everywhere.
+SkinTile = np.dtype([("place", *_int4)])   # first texel, width, height; number, 0: it repeats
+
+SkinMap = np.dtype([("kind", *_int4)])     # PER; first tile, or first of its numbers; how many tiles; -
 
 Light = np.dtype([
     ("direction", *_float4),          # unit vector, the way the light travels
@@ -159,6 +189,12 @@ OnGround = np.dtype([                 # squares of a plane that tell of a sky's 
     ("size", *_int4),                    # squares a side, 0: no sky, -, -, -
 ])
 
+Distances = np.dtype([                # nodes of a grid at which it is known how far the body is
+    ("place", *_float4),                 # its first node [world]; cells a unit of length
+    ("size", *_int4),                    # nodes in x, y and z, -
+    ("reach", *_float4),                 # how far it is known; side of a cell [world], -, -
+])
+
 Ground = np.dtype([                   # a level plane, as a camera above it sees it
     ("plane", *_float4),                 # reversed depth at (x, y, 1) [pixels]: its three factors; height [world]
     ("color", *_float4),                 # linear r, g, b; 1, or 0 if its shadow alone is seen
@@ -181,8 +217,9 @@ MotionType = np.dtype([               # how hair of a type moves
                                          # damping [s]; share of its root's motion that carries it along
 ])
 
-STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Deep": Deep,
-           "Shells": Shells, "Ground": Ground, "OnGround": OnGround, "Material": Material, "Lobes": Lobes,
+STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Traits": Traits, "SkinTile": SkinTile,
+           "SkinMap": SkinMap, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Deep": Deep, "Shells": Shells,
+           "Ground": Ground, "OnGround": OnGround, "Material": Material, "Lobes": Lobes, "Distances": Distances,
            "MotionType": MotionType}
 
 

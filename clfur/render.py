@@ -2,7 +2,8 @@
 
 import functools
 import threading
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
@@ -14,39 +15,65 @@ from .device.scheduler import Scheduler
 from .device.selection import choose
 from .device.team import Team
 from .errors import Error, shown
+from .pipeline.build import told
 from .pipeline.grown import curves_of
 from .pipeline.picture import OUTPUTS, Frame, draw_frame
 from .pipeline.plan import Plan
 from .pipeline.views import Rig
-from .scene import Curves, Scene, Strands, highlighted
+from .scene import Camera, Curves, Scene, Strands, highlighted
+from .scene.checks import refuse, whole
+from .scene.origin import copied
 from .settings import Settings
 
-__all__ = ["OUTPUTS", "Frame", "draw", "grow", "render", "schedulers"]
+__all__ = ["OUTPUTS", "Frame", "draw", "frames", "grow", "render", "schedulers"]
 
 
 def render(scene: Scene, device: Any = None, settings: Settings | None = None,
-           outputs: Sequence[str] | None = None) -> Any:
+           outputs: Sequence[str] | None = None, region: Sequence[int] | None = None) -> Any:
     """Draw a `Scene` -> float32 [height, width, 4]: linear, premultiplied, coverage in alpha.
 
     ``device``: what `Scheduler` accepts, or a `Scheduler` to keep between frames, or a list of these, which then draw
     the frame together: they share the strands' shadows by speed (and with `Settings.raster` "samples" what is seen),
-    and the picture is the same. ``outputs``: names of pictures to return as {name: array} instead: "color" as above,
-    "depth" float32 [h, w] (distance along the view axis, inf where nothing is), "id" int32 [h, w] (strand, -1 nothing,
-    -2 body, -3 shells, -4 ground), "tangent" and "normal" float32 [h, w, 3], "uv" float32 [h, w, 2], "coverage" float32
-    [h, w]. All but color and coverage tell of what fills most of a pixel, with raster "samples" of its nearest sample.
-    Of shells they tell where half of the light from behind is gone; coverage is what color's alpha is before any blur:
-    so of a ground it is its shadow, and of a holdout nothing, while the others tell of these as if they were opaque.
-    Raises `clfur.Error` for an unknown device or output, and for a picture that the device cannot hold.
+    and the picture is the same. ``outputs``: names of pictures to return as {name: array} instead, [h, w] where nothing
+    else is told:
+
+    - "color": as above. "coverage", float32: what color's alpha is before any blur.
+    - "depth", float32: distance along the view axis in world units, inf where nothing is. "position", float32 [h,
+      w, 3]: the place in the world, relative to `Scene.origin` (add it in float64), on the ray through the pixel's
+      middle; inf where nothing is. "id", int32: strand, -1 nothing, -2 body, -3 shells, -4 ground. "tangent" and
+      "normal", float32 [h, w, 3]: unit vectors of the world, 0 where there is none. "uv", float32 [h, w, 2]: the
+      body's, or of the strand's root.
+    - "hair_alpha", float32: share of the pixel's light that strands and shells have, in front of all else or seen
+      through it: the hair alone. "body_alpha": the body's share. With the ground's they add up to what is covered.
+      "type_alpha", float32 [h, w, types]: each type's share; where the scene has shells, theirs is one more, the
+      last. Their sum is hair_alpha. "type", int32: the type with most, -1 without hair.
+    - "orientation", float32 [h, w, 2]: (cos 2a, sin 2a) of the hair's angle a on the screen, from x to the right
+      against the clock, so that both ways along a hair are one; each hair counts by its share, so its length is at
+      most hair_alpha, and a = atan2(y, x) / 2.
+    - "matte_id", int32 [h, w, 6] as "id", and "matte_alpha", float32 [h, w, 6]: who has most of the pixel, and the
+      next ones, and their shares. "strand_area", float32 [strands]: pixels that each strand has, behind what hides
+      it; 0 of strands that `Settings.lod` leaves out, and of those it keeps the wider area.
+
+    Those of the second line tell of what fills most of a pixel, with raster "samples" of its nearest sample. Of
+    shells they tell where half of the light from behind is gone; coverage of a ground is its shadow, and of a
+    holdout nothing, while the others tell of these as if they were opaque. Shares are areas, without blur or gamma;
+    those from hair_alpha on cost another drawing of the strands, without light. Arrays are contiguous, and the
+    caller's own: `torch.from_dlpack(array)` shares them.
+    ``region``: (x, y, width, height) in pixels of the picture that are wanted alone, from its top-left corner on: the
+    very same bits as of the whole one, in about that share of its time.
+    Raises `clfur.Error` for an unknown device or output, a region that is not within the picture, and for a picture
+    that the device cannot hold.
     """
-    frame = draw(scene, device, settings, ("color",) if outputs is None else outputs)
+    frame = draw(scene, device, settings, ("color",) if outputs is None else outputs, region=region)
     return frame.images["color"] if outputs is None else frame.images
 
 
 def draw(scene: Scene, device: Any = None, settings: Settings | None = None, outputs: Sequence[str] = ("color",),
-         hashes: bool = False) -> Frame:
+         hashes: bool = False, region: Sequence[int] | None = None) -> Frame:
     """Draw a `Scene` and tell what it took -> `Frame`; arguments and errors as for `render`.
 
-    ``hashes``: also hash the bits of the integer stages, which are the same on every device.
+    ``hashes``: also hash the bits of the integer stages, which are the same on every device; of a region those of the
+    8 x 8 pixels that it has a part of.
     With `Settings.max_error` the cheapest of `clfur.budget`'s ladder is taken that is near enough to its finest in a
     tenth of the picture; with ``seconds`` the dearest whose frame, done anew, takes no longer.  That is found out once
     for a scene, a light and a distance, while the `Scheduler` is kept, and is no part of the frame's seconds.  If it
@@ -60,6 +87,7 @@ def draw(scene: Scene, device: Any = None, settings: Settings | None = None, out
     settings = Settings() if settings is None else settings
     if not isinstance(settings, Settings):
         raise Error(f"settings is {shown(settings)}; allowed: a clfur.Settings")
+    part = _region(region, scene.camera.size)
     gpus = schedulers(device)
     with ExitStack() as frames:
         for gpu in gpus:
@@ -69,11 +97,49 @@ def draw(scene: Scene, device: Any = None, settings: Settings | None = None, out
         if settings.specular is not None:   # as once all looks had it
             drawn = attrs.evolve(scene, fur=highlighted(scene.fur, settings.specular))
         if not settings.goal:
-            return draw_frame(team, drawn, settings, outputs, hashes)
+            return draw_frame(team, drawn, settings, outputs, hashes, region=part)
         chosen = budget.choose(team, scene, settings, functools.partial(draw_frame, team, drawn))
         for gpu in team.gpus:
             gpu.start()
-        return replace(draw_frame(team, drawn, chosen.settings, outputs, hashes), error=chosen.error, why=chosen.why)
+        drawn_frame = draw_frame(team, drawn, chosen.settings, outputs, hashes, region=part)
+        return replace(drawn_frame, error=chosen.error, why=chosen.why)
+
+
+def _region(value, size):
+    """(x, y, width, height) of a region of a picture of this (width, height), None for all of it."""
+    if value is None:
+        return None
+    allowed = f"x, y, width and height of one pixel or more within {size[0]} x {size[1]}"
+    try:
+        x, y, width, height = (whole(0, 16384)(each, "region") for each in value)
+    except Exception:   # an object's own methods can raise anything
+        refuse("region", value, allowed)
+    if not (width and height and x + width <= size[0] and y + height <= size[1]):
+        refuse("region", value, allowed)
+    return x, y, width, height
+
+
+def frames(scene: Scene, cameras: Iterable[Camera], device: Any = None, settings: Settings | None = None,
+           outputs: Sequence[str] = ("color",)) -> Iterator[Frame]:
+    """Draw a `Scene` from one camera after the other -> an iterator of a `Frame` each, drawn when it is asked for.
+
+    ``cameras``: `Camera`s, in place of the scene's own; other arguments and errors as for `draw`. What hangs on no
+    camera stays on the device: strands, body and shells, a sky, and the lights' grids and maps as long as all that is
+    drawn is in the picture (else they are fitted anew to what is, so that shadows stay as sharp as they are nearby).
+    With `Settings.lod` the camera thins the strands, and with ``max_error`` or ``seconds`` settings are chosen for
+    each.
+    """
+    _check_scene(scene)
+    if isinstance(cameras, (str, dict, Camera)) or not isinstance(cameras, Iterable):
+        raise Error(f"cameras is {shown(cameras)}; allowed: a list or another iterable of clfur.Camera")
+    return _frames(scene, cameras, schedulers(device), settings, outputs)
+
+
+def _frames(scene, cameras, gpus, settings, outputs):
+    for number, camera in enumerate(cameras):
+        if not isinstance(camera, Camera):
+            raise Error(f"cameras[{number}] is {shown(camera)}; allowed: a clfur.Camera")
+        yield draw(copied(scene, camera=camera), gpus, settings, outputs)
 
 
 def _check_scene(scene):
@@ -92,7 +158,11 @@ def grow(scene: Scene, device: Any = None) -> Curves:
     gpu = schedulers(device)[0]
     with gpu.frame():
         gpu.forget()   # what frames have left: the plan below has room for strands alone
-        return curves_of(gpu, Plan(Rig.of(scene.local, Settings(shadows="off", shadow_map=0)), ()), scene.origin)
+        plan = Plan(Rig.of(scene.local, Settings(shadows="off", shadow_map=0)), ())
+        curves = curves_of(gpu, plan, scene.origin)
+        for what in told(plan, gpu):
+            warnings.warn(what, RuntimeWarning, stacklevel=2)
+        return curves
 
 
 def schedulers(device: Any) -> list[Scheduler]:

@@ -50,9 +50,9 @@ def frames(monkeypatch):
     render, calls = sys.modules["clfur.render"], []
     real = render.draw_frame
 
-    def draw(team, scene, settings, *rest, bands=None):
+    def draw(team, scene, settings, *rest, bands=None, region=None):
         calls.append((settings, bands))
-        return real(team, scene, settings, *rest, bands=bands)
+        return real(team, scene, settings, *rest, bands=bands, region=region)
     monkeypatch.setattr(render, "draw_frame", draw)
     return calls
 

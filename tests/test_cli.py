@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from support.command import wrong
 
-from clfur import Settings
+from clfur import Settings, load, load_header
 
 SMALL = ["--size", "64x48", "--inner", "2", "--outer", "2", "--samples", "1"]
 
@@ -107,6 +107,24 @@ def test_transparent_strands(clfur, tmp_path, file):
             np.testing.assert_allclose(saved["color"][..., 3], saved["coverage"], atol=1e-5)
             partly = (saved["coverage"] > 0) & (saved["coverage"] < 1)
             assert partly.any() and saved["id"].max() > 0
+
+
+def test_outputs_in_exr_are_read_back(clfur, tmp_path):
+    """With the camera and the settings that they were drawn with; of a region that which sees it."""
+    names = "color,id,hair_alpha,type_alpha,matte_id,matte_alpha,position"
+    for region, size in ((), (64, 48)), (("--region", "9,7,20,30"), (20, 30)):
+        code, _, err = clfur("render", "sphere", *SMALL, "--samples", "1", "-o", "a.exr", "--outputs", names, *region)
+        assert (code, err) == (0, "")
+        found, about = load(tmp_path / "a.exr"), load_header(tmp_path / "a.exr")
+        assert set(found) == set(names.split(",")) and found["hair_alpha"].max() > .5
+        assert about["camera"].size == size and about["settings"]["samples"] == 1
+        seen = np.isfinite(found["position"]).all(2)
+        row, column = np.nonzero(seen)
+        camera = about["camera"]
+        there = (found["position"][seen] - camera.pose[:3, 3]) @ camera.pose[:3, :3]
+        (focal, _, cx), (_, _, cy), _ = camera.intrinsics
+        np.testing.assert_allclose(-there[:, 0] / there[:, 2] * focal + cx, column + .5, atol=1e-3)
+        np.testing.assert_allclose(there[:, 1] / there[:, 2] * focal + cy, row + .5, atol=1e-3)
 
 
 def test_outputs(clfur, tmp_path):
@@ -219,10 +237,10 @@ def test_faces_that_are_inside_out_or_doubled_are_told(clfur, tmp_path):
     """A tetrahedron wound inwards, and one face of it a second time, from both sides."""
     (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
                                     "f 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\nf 2 3 4\nf 2 4 3\n")
-    code, out, err = clfur("render", "m.obj", "--size", "8x8", "-o", "a.png")
+    code, out, err = clfur("render", "m.obj", "--size", "8x8", "--roots", 9, "-o", "a.png")
     assert (code, err) == (0, "")
     assert out.rstrip().endswith("; skipped faces: 2 doubled; turned 3 faces that were inside out")
-    code, out, err = clfur("render", "m.obj", "--size", "8x8", "-o", "a.png", "--json")
+    code, out, err = clfur("render", "m.obj", "--size", "8x8", "--roots", 9, "-o", "a.png", "--json")
     result = json.loads(out)
     assert (result["skipped"]["doubled"], result["turned"], result["one_sided"]) == (2, 3, 0)
 
@@ -261,6 +279,9 @@ def test_faces_that_are_inside_out_or_doubled_are_told(clfur, tmp_path):
     (["render", "sphere", "--light", "sun color=#12"], ["#rrggbb"]),
     (["render", "sphere", "--seed", "-1"], ["seed", "-1"]),
     (["render", "sphere", "--outputs", "colour", "-o", "a.npz"], ["colour", "color"]),
+    (["render", "sphere", "--outputs", "hair_alfa", "-o", "a.exr"], ["there is no output 'hair_alfa'", "hair_alpha"]),
+    (["render", "sphere", "--outputs", "strand_area", "-o", "a.exr"], ["--outputs", "cannot hold strand_area", ".npz"]),
+    (["render", "sphere", "--outputs", "color,matte_id", "-o", "a.exr"], ["--outputs", "cannot hold matte_id alone"]),
     (["render", "sphere", "--outputs", "color,depth"], ["a.png", "npz"]),
     (["render", "sphere", "--device", "abacus"], ["abacus", "allowed: auto, "]),
     (["render", "sphere", "--type-map", "map.png"], ["--types"]),

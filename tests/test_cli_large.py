@@ -13,15 +13,14 @@ from clfur.command import described, waiting
 from clfur.device import caches
 
 
-@pytest.mark.parametrize("faces, inner, roots", [
-    (0, 5, "faces"), (12, 5, "faces"), (6320, 5, "faces"), (6756, 5, "faces"), (6757, 4, "faces"),
-    (10_417, 3, "faces"), (19_231, 2, "faces"), (41_667, 1, "faces"), (216_482, 1, "faces"), (250_000, 1, "faces"),
-    (250_001, 1, 250_000), (4_000_000, 1, 250_000)])
-def test_default_density(faces, inner, roots):
-    """As fine as 250,000 triangles allow, at most 5: 37 of a face; a strand a face, or fewer strands than faces."""
+@pytest.mark.parametrize("faces, inner", [
+    (0, 5), (12, 5), (6320, 5), (6756, 5), (6757, 4), (10_417, 3), (19_231, 2), (41_667, 1), (4_000_000, 1)])
+def test_default_density(faces, inner):
+    """As many strands by area on every mesh, as fine as 250,000 triangles allow, at most 5: 37 of a face."""
     none = dict.fromkeys(("inner", "outer", "roots"))
-    assert described.density(none, faces) == {"inner": inner, "outer": inner, "roots": roots}
-    assert described.density(none | {"roots": 7}, faces) == {"inner": inner, "outer": inner, "roots": 7}
+    assert described.density(none, faces) == {"inner": inner, "outer": inner, "roots": 100_000}
+    for roots in 7, "faces":
+        assert described.density(none | {"roots": roots}, faces) == {"inner": inner, "outer": inner, "roots": roots}
 
 
 def test_what_is_given_counts():
@@ -38,11 +37,11 @@ def test_triangles_of_a_face(level):
 
 
 def test_a_large_mesh(clfur, tmp_path):
-    """20,480 faces get level 2 and six strands each, said in the line and in the JSON; --inner counts more."""
+    """20,480 faces with a strand a triangle get level 2 and six, said in the line and in JSON; --inner counts more."""
     positions, faces = icosphere(5)
     lines = [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in positions] + [f"f {a} {b} {c}" for a, b, c in faces + 1]
     (tmp_path / "ball.obj").write_text("\n".join(lines))
-    draw = ["render", "ball.obj", "--size", "32x24", "--segments", "1", "-o", "a.npz"]
+    draw = ["render", "ball.obj", "--size", "32x24", "--segments", "1", "--roots", "faces", "-o", "a.npz"]
     code, out, err = clfur(*draw)
     assert (code, err) == (0, "") and "122,880 triangles, 122,880 strands" in out
     assert out.rstrip().endswith("tessellation level 2 in place of 5, as the mesh is large")
@@ -53,18 +52,13 @@ def test_a_large_mesh(clfur, tmp_path):
     assert told["fewer"] == "" and np.array_equal(np.load(tmp_path / "a.npz")["color"], before)
 
 
-def test_a_small_mesh_is_as_before(clfur):
-    told = json.loads(clfur("render", "sphere", "--size", "32x24", "--json")[1])
-    assert (told["strands"], told["fewer"]) == (47_360, "")
-
-
-@pytest.mark.parametrize("options, told", [([], True), (["--roots", "9"], False), (["--inner", "3"], False),
-                                           (["--fur", "shells"], False)])
-def test_a_mesh_of_few_faces(clfur, tmp_path, options, told):
-    """It looks bald without options, and the line tells how to get more strands."""
+@pytest.mark.parametrize("options, strands", [([], 100_000), (["--roots", 9], 9), (["--roots", "faces"], 37),
+                                              (["--inner", 3, "--outer", 3], 13)])
+def test_a_mesh_of_one_face(clfur, tmp_path, options, strands):
+    """It is not bald without options; nothing is told, as nothing is fewer."""
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    code, out, err = clfur("render", "a.obj", "--size", "16x12", *options)
-    assert (code, err) == (0, "") and out.rstrip().endswith("--roots 100000 gives more") == told
+    code, out, err = clfur("grow", "a.obj", "-o", "a.npz", "--segments", 1, *options)
+    assert (code, out, err) == (0, f"a.npz: {strands:,} strands, {2 * strands:,} points\n", "")
 
 
 class Terminal:

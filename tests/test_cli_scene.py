@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 from support.command import wrong
 
-from clfur import PRESETS, Chiang, Curves, Error, Kajiya, Settings, Shells, Strands, load_mesh, save
-from clfur.command import described as cli_described
-from clfur.command import options as cli_scene
+from clfur import PRESETS, Chiang, Curves, Error, Kajiya, Settings, Shells, Strands, load_curves, load_mesh, save
+from clfur.command.hair_types import groom_of, hair_types
+from clfur.command.options import scene_options
+from clfur.command.scenes import load_scene
 
 
 @click.command()
 @click.argument("given")
-@cli_scene.scene_options
+@scene_options
 def described(given, **options):
-    return cli_scene.load_scene(given, options)
+    return load_scene(given, options)
 
 
 def load(*arguments):
@@ -31,7 +32,7 @@ def test_strands_are_the_default():
     scene, settings = load("teapot")
     assert scene.shells is None and isinstance(scene.strands, Strands)
     hair, = scene.strands.types
-    assert hair.segments * hair.segment_length == pytest.approx(0.08 * radius())
+    assert hair.full_length == pytest.approx(0.08 * radius())
     assert settings == Settings()
 
 
@@ -55,9 +56,10 @@ def test_shells():
     scene, _ = load("teapot", "--fur", "shells")
     shells, plain = scene.shells, Shells()
     assert scene.strands is None and isinstance(shells, Shells)
-    assert shells.length == pytest.approx(0.12 * radius()) and shells.frequency == pytest.approx(60 / radius())
+    assert shells.length == pytest.approx(0.12 * radius()) and shells.hairs == 60_000
+    assert shells.specular < plain.specular and shells.exponent < plain.exponent
     assert np.allclose(shells.force, (0, -0.8, 0))   # half of what 8 segments of strands bend
-    assert np.array_equal(shells.color, (0.5, 0.28, 0.12))
+    assert np.array_equal(shells.color, (0.45, 0.2, 0.07))
     for name in ("layers", "pattern", "density", "noise", "time", "shading", "length_variation", "alpha", "seed",
                  "sharpness", "root_shade"):
         assert getattr(shells, name) == getattr(plain, name), name
@@ -97,7 +99,7 @@ def test_both(given):
     """An undercoat, half as long as the strands, of the same colour and bent the same way."""
     scene, _ = load("teapot", "--fur", "both", *given, "--layers", 9, "--roots", 50, "--color", "0,1,0", "--seed", 3)
     hair, = scene.strands.types
-    length = hair.segments * hair.segment_length
+    length = hair.full_length
     assert length == pytest.approx(given[1] if given else 0.08 * radius())
     assert scene.shells.length == pytest.approx(length / 2)
     assert (scene.shells.layers, scene.strands.roots) == (9, 50) and scene.strands.seed == scene.shells.seed == 3
@@ -136,30 +138,68 @@ def test_a_preset_that_the_scene_refuses():
 
 STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "--width": 0.1, "--type-map": "a.png",
            "--types": "a.json", "--curl": "0,0", "--look": "chiang", "--wave": "0,0", "--raster": "samples",
-           "--lod": 0.5, "--tip-width": 1, "--root-color": "1,1,1", "--tip-color": "1,1,1",
-           "--masks": 0, "--scattering": "off", "--hair": "a.npz"}
-SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--density": 1, "--noise": "0.5,8",
-          "--wind": "0,0,0", "--time": 0, "--shading": "turned"}
+           "--lod": 0.5, "--tip-width": 1, "--root-color": "1,1,1", "--tip-color": "1,1,1", "--tufts": 9,
+           "--frizz": "0,0", "--reach": 2,
+           "--masks": 0, "--scattering": "off", "--hair": "a.npz", "--guides": "a.npz", "--parting": 30,
+           "--map": "density=a.png", "--on": "head", "--comb": "0,-1,0", "--comb-weight": 0.5}
+SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--hairs": 9, "--density": 1, "--noise": "0.5,8",
+          "--wind": "1,0,0", "--time": 0, "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
-          "--segments": 1, "--force": "0,0,0", "--force-weight": 1, "--seed": 1, "--eye": "9,9,9",
-          "--target": "0,0,0", "--fov": 30, "--zoom": 2, "--light": "0,-1,0", "--shadows": "off",
+          "--segments": 1, "--force": "0,0,0", "--force-weight": 1, "--stiffness": 2, "--seed": 1, "--eye": "9,9,9",
+          "--target": "0,0,0", "--fov": 30, "--zoom": 2, "--light": "0,-1,0", "--shadows": "binary",
           "--grid": 16, "--samples": 1,
           "--shadow-map": 64, "--pcf": 0,
           "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
           "--preset": "draft", "--rest": "sphere", "--body": "holdout", "--body-color": "1,0,0", "--body-texture": "",
-          "--ground": -1.5, "--view": "front", "--sky": "1,1,1"}
+          "--ground": -1.5, "--view": "front", "--up": "z", "--sky": "1,1,1"}
+
+
+def test_the_rule_of_growth(tmp_path):
+    """Length and stiffness, unless --force-weight asks for the report's; each type may have its own."""
+    kinds = [load("sphere", "--length", .4, "--segments", 16, *given)[0].strands.types[0] for given in (
+        (), ("--stiffness", 2), ("--force-weight", .1))]
+    assert [(kind.length, kind.stiffness) for kind in kinds] == [(.4, .625), (.4, 2), (None, None)]
+    assert (kinds[2].segment_length, kinds[2].force_weight) == (.025, .1)
+    forces = [load("sphere", "--fur", "shells", *given)[0].shells.force[1] for given in ((), ("--stiffness", 2))]
+    assert forces == pytest.approx([-.8, -.25])
+    (tmp_path / "types.json").write_text('[{"key": [0, 0, 0], "stiffness": 3}, {"key": [2, 2, 2], "segments": 8},'
+                                         ' {"key": [1, 1, 1], "segment_length": 0.5}]')
+    file = str(tmp_path / "types.json")
+    save(tmp_path / "map.png", np.zeros((1, 1, 3)))
+    beside = "--length", .4, "--types", file, "--type-map", tmp_path / "map.png"
+    first, third, second = load("sphere", *beside)[0].strands.types
+    assert (first.length, first.stiffness) == (.4, 3) and (third.length, third.stiffness) == (.4, .625)
+    assert (second.segment_length, second.force_weight, second.length) == (.5, .2, None)
+    first, third, second = load("sphere", *beside, "--force-weight", .3)[0].strands.types
+    assert first.stiffness == 3 and (second.force_weight, third.force_weight, third.segment_length) == (.3, .3, .4 / 8)
+
+
+def test_tufts(tmp_path):
+    kind = load("sphere", "--tufts", "200:strength=.9,within=20", "--frizz", ".01,7")[0].strands.types[0]
+    assert (kind.tufts.count, kind.tufts.strength, kind.tufts.within.count, kind.frizz) == (200, .9, 20, (.01, 7))
+    assert load("sphere")[0].strands.types[0].tufts is None
+    (tmp_path / "types.json").write_text('[{"tufts": {"density": 9, "profile": 0.2, "within": 5}, "frizz": [0.1, 3]}]')
+    kind, = load("sphere", "--types", tmp_path / "types.json", "--tufts", 3)[0].strands.types
+    assert (kind.tufts.density, kind.tufts.profile, kind.tufts.within.count, kind.frizz) == (9, .2, 5, (.1, 3))
+    for given, words in {"x": "Tufts.count is 'x'", "3:size=2": "tufts have no 'size'; allowed: count, dens",
+                         "3:strength=2": "Tufts.strength is 2", "3:strength=1,strength=0": "tufts have strength twice",
+                         "2.5": "Tufts.count is 2.5"}.items():
+        with pytest.raises(click.BadParameter, match=words):
+            load("sphere", "--tufts", given)
 
 
 def test_each_option_is_of_strands_or_of_shells_or_of_both():
     flags = [option.opts[0] for option in described.params if isinstance(option, click.Option)]
-    assert sorted(flags) == sorted([*STRANDS, *SHELLS, *SHARED])
+    assert sorted(flags) == sorted([*STRANDS, *SHELLS, *SHARED, "--camera"])   # of USD scenes alone
     for fur in ("strands", "shells"):
         alone = {"strands": STRANDS, "shells": SHELLS}[fur]
         for flag, value in ({**alone, **SHARED, "--fur": fur}).items():
-            if flag not in ("--type-map", "--types", "--body-texture", "--hair"):
+            if flag not in ("--type-map", "--types", "--body-texture", "--hair", "--guides", "--parting", "--reach",
+                            "--map", "--on", "--comb-weight", "--time"):
                 load("sphere", "--fur", fur, "--blur", "all", flag, value)
     everything = {**STRANDS, **SHELLS, **SHARED}
-    for flag in "--type-map", "--types", "--body-texture", "--hair", "--view":   # an eye is given too
+    for flag in ("--type-map", "--types", "--body-texture", "--hair", "--view", "--force-weight", "--guides",
+                 "--parting", "--reach", "--hairs", "--map", "--on"):   # eye, stiffness, frequency are too
         del everything[flag]
     load("sphere", *(part for option in everything.items() for part in option))
 
@@ -187,7 +227,7 @@ def test_options_of_other_fur(clfur, tmp_path, fur, flag, value, other):
     (["--fur", "shells", "--noise", "1,0.5"], ["Shells.noise is (1.0, 0.5)", ">= 1"]),
     (["--fur", "shells", "--wind", "1,2"], ["--wind", "3 numbers"]),
     (["--fur", "shells", "--wind", "1,2,inf"], ["Shells.wind", "inf"]),
-    (["--fur", "shells", "--time", "inf"], ["Shells.time is inf"]),
+    (["--fur", "shells", "--time", "inf", "--wind", "1,0,0"], ["Shells.time is inf"]),
     (["--fur", "shells", "--length", "0"], ["Shells.length is 0.0"]),
     (["--fur", "shells", "--seed", "-1"], ["Shells.seed is -1"]),
     (["--fur", "shells", "--shading", "phong"], ["--shading", "turned"]),
@@ -197,8 +237,8 @@ def test_options_of_other_fur(clfur, tmp_path, fur, flag, value, other):
     (["--fur", "shells", "--pattern", "sine", "--variation", "1"], ["--variation is for --pattern cells"]),
     (["--raster", "area"], ["--raster", "'coverage', 'samples'"]),
     (["--lod", "-0.1"], ["--lod", "4"]),
-    (["--shadow-map", "-1"], ["Settings.shadow_map is -1"]),
-    (["--pcf", "17"], ["Settings.pcf is 17", "16"]),
+    (["--shadow-map", "-1"], ["--shadow-map", "from 0 to 8192"]),
+    (["--pcf", "17"], ["--pcf", "from 0 to 16"]),
     (["--masks", "2"], ["Settings.masks is 2", "0 or 4"]),
     (["--masks", "4", "--raster", "samples"], ["Settings.masks is 4", "Settings.raster is 'samples'"]),
     (["--color", "brown"], ["--color", "#rrggbb"]),
@@ -207,7 +247,13 @@ def test_options_of_other_fur(clfur, tmp_path, fur, flag, value, other):
     (["--color", "nan,0,0"], ["--color", "0 to 1"]),
     (["--lod", "4.5"], ["--lod", "4"]),
     (["--blur", "some"], ["--blur", "edges"]),
-    (["--blur-sigma", "2"], ["--blur-sigma is for a blur", "--blur all or edges"]),
+    (["--fur", "shells", "--time", "1"], ["--time is the moment of the wind", "with --wind"]),
+    (["--fur", "shells", "--hairs", "9", "--frequency", "9"], ["--hairs", "without --frequency; allowed: one of them"]),
+    (["--fur", "both", "--hairs", "9", "--pattern", "sine"], ["--hairs is for --pattern cells"]),
+    (["--look", "chiang", "--specular", "half-vector"], ["--specular is for --look kajiya", "allowed: one of them"]),
+    (["--shadow-map", "0", "--pcf", "1"], ["--pcf has no use where --shadow-map is 0", "--shadow-map a number"]),
+    (["--shadows", "off", "--grid", "64"], ["--grid has no use where --shadows is off; allowed: with --shadows any"]),
+    (["--blur-sigma", "2"], ["--blur-sigma has no use where --blur is off", "--blur all or edges"]),
     (["--blur-sigma", "0"], ["--blur-sigma"]),
     (["--blur-sigma", "17"], ["--blur-sigma", "16"]),
 ])
@@ -238,7 +284,7 @@ def test_the_highlight_is_the_looks(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "types.json").write_text('[{"specular": 0.9}]')
     scene, settings = load("sphere", "--fur", "both", "--types", "types.json", "--specular", "half-vector")
-    assert settings.specular is None and scene.shells.look == Kajiya(highlight="half-vector")
+    assert settings.specular is None and scene.shells.look.highlight == "half-vector"
     assert scene.strands.types[0].look == Kajiya(specular=.9, highlight="half-vector")
     (tmp_path / "fur.py").write_text("import clfur\nscene = clfur.Scene(clfur.load_mesh('sphere'), clfur.Shells())\n")
     assert load("fur.py", "--specular", "half-vector")[0].shells.look.highlight == "half-vector"
@@ -254,7 +300,7 @@ def test_roots_go_by_the_mesh_in_rest(tmp_path):
     scene, _ = load(tmp_path / "pose.obj", "--roots", 50, "--rest", tmp_path / "rest.obj")
     np.testing.assert_array_equal(scene.strands.rest.positions, ball.positions)
     hair, = scene.strands.types
-    assert hair.segments * hair.segment_length == pytest.approx(0.08 * ball.bounds[1])   # in every pose
+    assert hair.full_length == pytest.approx(0.08 * ball.bounds[1])   # in every pose
     both, _ = load(tmp_path / "pose.obj", "--fur", "both", "--rest", tmp_path / "rest.obj")
     assert both.shells.rest is both.strands.rest
     with pytest.raises(Error, match="Strands.rest has 6,320 faces and Scene.mesh"):
@@ -270,7 +316,7 @@ def test_looks(tmp_path, monkeypatch):
     assert look("--look", "chiang:tilt=3, absorption=0.1/2/3") == Chiang(tilt=3, absorption=(.1, 2, 3))
     monkeypatch.chdir(tmp_path)
     (tmp_path / "types.json").write_text('[{"look": "chiang:eumelanin=8", "key": [0, 0, 0]}, {"specular": 1}, {}]')
-    types = cli_described._hair_types("types.json", {"look": Chiang(tilt=3)})
+    types = hair_types("types.json", groom_of("types.json")["types"], {"look": Chiang(tilt=3)})
     assert [kind.look for kind in types] == [Chiang(eumelanin=8), Kajiya(specular=1), Chiang(tilt=3)]
     (tmp_path / "types.json").write_text('[{"look": 3}]')
     with pytest.raises(Error, match=r"types.json, type 0: HairType.look is 3; allowed: an object of class"):
@@ -324,7 +370,17 @@ def test_lights_of_the_command():
     assert point.everywhere and point.position.tolist() == [9, 8, 7] and point.strength.tolist() == [2, 2, 2]
     assert (point.ambient, spot.ambient, spot.angle, spot.shadows) == (0, .2, 40, False)
     assert spot.color.tolist() == [3, 2, 1]
-    assert len(lights()) == 1 and np.allclose(lights()[0].direction, np.array([1, -1, -.6]) / np.sqrt(2.36))
+    before, behind = lights()   # which is framed with a ground as the first is
+    assert before.direction[2] < 0 < behind.direction[2] and behind.strength.max() >= .5 * before.strength.max()
+    assert (before.ambient, behind.ambient) == (None, 0)
+    for given in ("--view", "100,30"), ("--eye", "9,3,1", "--target", "5,3,1"), ("--view", "back"):
+        scene = load("sphere", *given)[0]   # they go with the camera
+        for seen, light in zip(load("sphere", "--view", "front")[0].lights, scene.lights):
+            right, back = scene.camera.pose[:3, 0], np.cross(scene.camera.pose[:3, 0], (0, 1, 0))
+            np.testing.assert_allclose((light.direction @ right, light.direction[1], light.direction @ back),
+                                       seen.direction, atol=1e-5)
+    assert [light.direction.tolist() for light in load("sphere", "--sky", "1,1,1")[0].lights] == [
+        before.direction.tolist()]   # a sky shines from behind
 
 
 def test_a_grounds_shadow_is_framed_where_no_camera_is_given():
@@ -372,9 +428,10 @@ def test_what_is_said_twice(clfur, tmp_path, arguments, words):
     (["--rest", "no.obj"], "--rest: no.obj: no such file"),
     (["--rest", "teapot"], "--rest: Strands.rest has 6,320 faces"),
     (["--sky", "no.hdr"], "'--sky': no.hdr: no such file"), (["--sky", ""], "'--sky': '' is neither"),
+    (["--sky", "blue"], "'--sky': 'blue' is neither"),
     (["--sky", "nan,1,1"], "'--sky': 'nan,1,1' is neither"),
     (["--sky", "1e12,0,0"], "'--sky': '1e12,0,0' is neither a colour, R,G,B of 0 to 1e+09 each"),
-    (["--length", "inf"], "--length: HairType.segment_length is inf"),
+    (["--length", "inf"], "--length: HairType.length is inf"),
     (["--length", "nan"], "'--length': 'nan' is not a number from 0"),
     (["--fur", "shells", "--length", "0"], "--length: Shells.length is 0.0"),
     (["--zoom", "nan"], "'--zoom': 'nan' is not a number from 0.01 to 100"),
@@ -391,8 +448,10 @@ def test_what_is_said_twice(clfur, tmp_path, arguments, words):
     (["--target", "nan,0,0"], "--target: Camera.target is (nan, 0.0, 0.0)"),
     (["--segments", "1.5"], "'--segments': '1.5' is not a whole number from 0 to 255"),
     (["--segments", "256"], "'--segments': '256' is not a whole number from 0 to 255"),
-    (["--seed", "x"], "'--seed': 'x' is not a valid integer"),
-    (["--force-weight", "x"], "'--force-weight': 'x' is not a valid float"),
+    (["--seed", "x"], "'--seed': 'x' is not a whole number"),
+    (["--force-weight", "x"], "'--force-weight': 'x' is not a number"),
+    (["--stiffness", 0], "'--stiffness': '0' is not a number from 1e-06"),
+    (["--stiffness", 1, "--force-weight", 1], "--stiffness and --force-weight are of two rules of growth"),
     (["--alpha", "1.5"], "'--alpha': '1.5' is not a number from 0 to 1"),
     (["--max-error", "0"], "'--max-error': '0' is not a number above 0\n"),
     (["--fur", "shells", "--density", "2"], "'--density': '2' is not a number above 0 and at most 1"),
@@ -442,5 +501,74 @@ def test_views_that_are_none(clfur, arguments, says):
     wrong(clfur("render", "sphere", *arguments), says)
 
 
+@pytest.mark.parametrize("arguments, says", [
+    (["--size", "32x24", "--region", "0,0,33,9"], "--region: region is (0, 0, 33, 9); allowed: x, y, width and height"),
+    (["--outputs", "colour", "-o", "a.exr"], "--outputs: there is no output 'colour'; allowed: color, depth"),
+    (["--outputs", "colour", "-o", "a.png"], "--outputs: a.png can hold color alone, not colour; allowed: color, or")])
+def test_what_is_asked_of_a_picture_that_there_is_not(clfur, arguments, says):
+    wrong(clfur("render", "sphere", "--roots", 9, *arguments), says)
+
+
+def z_up(folder, name, array):
+    """Write places [n, 3] of which +Y is up as lines of an OBJ file of which +Z is."""
+    x, y, z = np.asarray(array, float).T
+    (folder / name).write_text("".join(f"v {a!r} {b!r} {c!r}\n" for a, b, c in np.stack([x, -z, y], 1).tolist()))
+    return folder / name
+
+
+def test_z_is_up(tmp_path, clfur):
+    """The same mesh, pose in rest and hair; strands that are saved lie on the mesh of the file."""
+    mesh = load_mesh("sphere")
+    file = z_up(tmp_path, "ball.obj", mesh.positions * (1, .8, .6))
+    file.write_text(file.read_text() + "".join(f"f {a} {b} {c}\n" for a, b, c in mesh.faces + 1))
+    turned, _ = load(file, "--up", "z", "--rest", file)
+    np.testing.assert_array_equal(turned.mesh.positions, np.float32(mesh.positions * (1, .8, .6)))
+    np.testing.assert_array_equal(turned.strands.rest.positions, turned.mesh.positions)
+    assert np.abs(turned.mesh.normals[:, 1] * np.sign(turned.mesh.positions[:, 1])).min() >= 0   # they are turned, too
+    assert np.ptp(load(file)[0].mesh.positions, axis=0) == pytest.approx([2, 1.2, 1.6], rel=1e-3)
+
+    code, _, err = clfur("grow", file, "--up", "z", "--roots", "600", "-o", tmp_path / "hair.npz")
+    assert code == 0, err
+    hair = load_curves(tmp_path / "hair.npz")
+    strands = hair.points.reshape(600, hair.uniform, 3)
+    roots = strands[:, 0] / (1, .6, .8)   # on the ball, but for the flat triangles of it
+    assert np.abs(np.linalg.norm(roots, axis=1) - 1).max() < .02
+    fall = (strands[:, -1] - strands[:, 0]).mean(0)   # gravity pulls along -Z there
+    assert fall[2] < -.02 and np.abs(fall[:2]).max() < .01
+    brought, _ = load(file, "--up", "z", "--hair", tmp_path / "hair.npz")
+    x, y, z = hair.points.T
+    np.testing.assert_array_equal(brought.strands.points, np.stack([x, z, -y], 1))
+    wrong(clfur("render", file, "--up", "x"), "'y', 'z'")
+
+
 def test_skin_is_as_the_hair_but_darker():
-    assert load("sphere", "--color", "1,.5,.25")[0].body_color == pytest.approx((.6, .3, .15))
+    for fur in "strands", "shells", "both":
+        assert load("sphere", "--color", "1,.5,.25", "--fur", fur)[0].body_color == pytest.approx((.6, .3, .15))
+
+
+def test_skin_is_as_the_hair_of_a_file_or_of_its_types(tmp_path):
+    """The mean of them; --color counts where a file says nothing, and not for types that are bald."""
+    (tmp_path / "a.json").write_text(
+        '[{"segments": 0, "key": [0, 0, 0]}, {"color": [1, 0, 0], "key": [1, 0, 0]}, {"key": [2, 0, 0]}]')
+    save(tmp_path / "map.png", np.zeros((2, 2, 4), np.float32))
+    skin = load("teapot", "--types", tmp_path / "a.json", "--type-map", tmp_path / "map.png",
+                "--color", "0,0,.5")[0].body_color
+    assert skin == pytest.approx((.3, 0, .15))
+    points, color = np.random.default_rng(1).random((2, 3, 3)), np.float32([(1, 0, 0), (0, .5, 0)])
+    for colors, mean in ((color, (.5, .25, 0)), (None, (.1, .2, .3))):
+        given = {} if colors is None else {"color": colors}
+        np.savez(tmp_path / "a.npz", points=points, **given)
+        hairy = load("sphere", "--hair", tmp_path / "a.npz", "--color", ".1,.2,.3")[0]
+        assert hairy.body_color == pytest.approx(np.multiply(.6, mean))
+
+
+def test_help_lists_each_option_once_under_its_section(clfur):
+    titles = ("Fur", "Strands", "Grooming of strands", "Shells", "Body and ground", "Light", "Camera",
+              "Quality and speed", "Output and device")
+    for command, shown in (("render", titles), ("compare", titles), ("chart", (*titles[:7], titles[8]))):
+        code, out, _ = clfur(command, "--help")
+        assert code == 0 and tuple(line[:-1] for line in out.splitlines() if line in [f"{t}:" for t in titles]) == shown
+        flags = [line.split()[0] for line in out.splitlines() if line.startswith("  -")]
+        assert len(flags) == len(set(flags)) > 20 and "None" not in out
+        section = out.partition("Camera:")[2].partition("\n\n")[0]
+        assert "--eye" in section and "--size" in section and "--color" not in section

@@ -13,7 +13,7 @@ from support.stages import strands_on
 from support.views import flat, pack, perspective
 
 from clfur import layout
-from clfur.pipeline.views import band_of
+from clfur.pipeline.views import band_of, columns_of
 from clfur.stages import coverage
 from clfur.twin import coverage as twin
 
@@ -60,7 +60,7 @@ def areas(gpu, view, strands):
 def compare_pieces(view, points, spans, pieces, off, steps):
     """Share and depth of all pieces against the twin's; those below ``off`` may be missing."""
     width = int(view["size"][0])
-    meant = {((y - int(view["rows"][0])) * width + x, k): (depth, share)
+    meant = {((y - int(view["rows"][0])) * width + x - int(view["rows"][2]), k): (depth, share)
              for y, x, depth, k, share in twin.fragments(view, points, spans)}
     there = {(p, k): (depth, share) for p, k, depth, share, _ in pieces.tolist()}
     assert len(there) == len(pieces)
@@ -108,6 +108,26 @@ def test_slabs_of_depth_give_the_bits_of_all_at_once(gpu, n):
     for name in "alpha", "front", "body_transmittance":
         one, other = (getattr(arrays, name).get()[:TILE, :TILE] for arrays in (whole, parts))
         np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("width, height, n, eye, first, end", [
+    pytest.param(13, 9, 20, (0, .4, 3.2), 8, 13, marks=pytest.mark.small), (61, 47, 150, (.1, .1, .9), 0, 24),
+    (61, 47, 150, (.1, .1, .9), 32, 61)])
+def test_columns_are_the_twins_and_the_wholes(gpu, width, height, n, eye, first, end):
+    """Within an eye's reach long segments cross many tiles: these list the same ones as in the whole picture."""
+    view, (points, spans) = perspective(width, height, 1, eye=eye), pack(wild(n, 1))
+    some = columns_of(view, first, end)
+    _, whole = gathered(gpu, view, points, spans)
+    segments, pieces = gathered(gpu, some, points, spans)
+    assert compare_pieces(some, points, spans, pieces, 3e-5, 640) > n / 2
+    inside = whole[(whole["pixel"] % width >= first) & (whole["pixel"] % width < end)]
+    inside["pixel"] = inside["pixel"] // width * (end - first) + inside["pixel"] % width - first
+    np.testing.assert_array_equal(np.sort(pieces), np.sort(inside))
+    across, _ = coverage.tiles_of(end - first, 1)
+    _, all_segments = counted(gpu, view, strands_on(gpu, points, spans), gpu.upload(np.full((height, width, 1), NONE)))
+    of_all, most = listed(all_segments), coverage.tiles_of(width, 1)[0]
+    assert listed(segments) == {(tile // most * across + tile % most - first // TILE, k) for tile, k in of_all
+                                if first // TILE <= tile % most < first // TILE + across}
 
 
 @pytest.mark.parametrize("first, end", [(0, 1), (5, 23), (46, 47)])

@@ -18,7 +18,7 @@ from clfur.stages import march
 def check_outputs(out):
     """The alpha of shells is up to 5e-5 off what they let through, with samples too."""
     for name, image in out.items():
-        assert not np.isnan(image).any() and (name == "depth" or np.isfinite(image).all()), name
+        assert not np.isnan(image).any() and (name in ("depth", "position") or np.isfinite(image).all()), name
     np.testing.assert_allclose(out["coverage"], out["color"][..., 3], rtol=0, atol=1e-4)
     assert out["coverage"].min() >= 0 and out["coverage"].max() <= 1 + 1e-6 and out["color"].min() >= 0
     np.testing.assert_array_equal(np.isinf(out["depth"]), out["id"] == -1)

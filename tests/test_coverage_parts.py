@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.coverage import OFF, SETTINGS, ball
 from support.pictures import same
-from support.plans import bands_of, plan_of, recorded
+from support.plans import DRAWN_ONCE, bands_of, plan_of, recorded
 from support.scenes import scene_of
 
 import clfur
@@ -81,7 +81,7 @@ def dense(size, n=3000):
     return clfur.Scene(fur=clfur.Curves(points, width=.01), camera=clfur.Camera(eye=(0, 0, 3), size=size))
 
 
-@pytest.mark.parametrize("others", [("color",), tuple(OUTPUTS)])
+@pytest.mark.parametrize("others", [("color",), DRAWN_ONCE])
 def test_bands_are_cut_by_what_was_counted(gpu, another, others):
     """And windows of tiles."""
     scene, cuts, small, bands = dense((64, 45)), set(), another(), []
@@ -152,7 +152,7 @@ def test_a_row_of_too_many_segments_is_refused(another):
         clfur.render(scene, small, OFF)
 
 
-@pytest.mark.parametrize("others, built", [(("color",), {}), (tuple(OUTPUTS), {}), (tuple(OUTPUTS), {"lanes": 1})])
+@pytest.mark.parametrize("others, built", [(("color",), {}), (DRAWN_ONCE, {}), (DRAWN_ONCE, {"lanes": 1})])
 @pytest.mark.parametrize("width", [.0001, .001])
 def test_a_tile_is_drawn_in_slabs_of_depth(gpu, another, width, others, built):
     """Where not all of its segments have room: thin ones hide nothing, of thick ones those behind are left out.  Not
@@ -259,7 +259,7 @@ def test_strands_grow_as_rarely_as_can_be(gpu, sphere):
     scene = scene_of(9001, sphere)
     small = clfur.Scheduler(gpu.device, memory=3_000_000)
     names = recorded(small)
-    for outputs in ("color",), tuple(OUTPUTS):
+    for outputs in ("color",), DRAWN_ONCE:
         for _ in range(2):
             names.clear()
             assert clfur.draw(scene, small, SETTINGS, outputs).memory <= 3_000_000

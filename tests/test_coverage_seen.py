@@ -82,7 +82,7 @@ def test_marked_segments_get_slots(gpu, n):
     ids, marks = rng.permutation(n).astype(np.uint32), np.zeros(-(-n // 8) * 8, np.uint8)
     for share in .3, 0, 1:
         marks[:n] = rng.random(n) < share
-        rows = {"bundle": 0, "tile": 0, "survivor": n}
+        rows = {"bundle": 0, "tile": 0, "survivor": n, "counter": 1}
         seen = coverage.Seen.empty(gpu, rows, marks=gpu.upload(marks.view(np.uint64)))
         chosen, slots = coverage.choose(gpu, seen, gpu.upload(ids)).get(), seen.slots.get()
         which = np.flatnonzero(marks)

@@ -12,6 +12,7 @@ from support import picture_files
 
 from clfur.color import linear_to_srgb, srgb_to_linear
 from clfur.errors import Error
+from clfur.files import exr
 from clfur.files import images as pictures
 from clfur.files.images import check_writable, load_picture, save
 from clfur.scene import HairType, Strands
@@ -71,7 +72,9 @@ def test_exr_is_real_and_linear(tmp_path, outputs):
 
     save(tmp_path / "a.exr", outputs)
     assert (tmp_path / "a.exr").read_bytes()[:4] == b"\x76\x2f\x31\x01"  # imageio would write TIFF here
-    channels = OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).channels()
+    parts = OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).parts
+    assert {part.name() for part in parts} == set(outputs) and parts[0].name() == "color"
+    channels = {name: channel for part in parts for name, channel in part.channels.items()}
     assert set(channels) == {"R", "G", "B", "A", "Z", "id", "coverage", "uv.U", "uv.V", "tangent.X",
                              "tangent.Y", "tangent.Z", "normal.X", "normal.Y", "normal.Z"}
     for k, name in enumerate("RGBA"):
@@ -282,24 +285,24 @@ def test_a_png_is_coded_in_bands(monkeypatch):
 
 
 def test_an_exr_is_written_in_bands(tmp_path, monkeypatch):
-    """OpenEXR hears Ctrl-C only between its calls: none takes more than a band; and what is begun is taken away."""
+    """NumPy hears Ctrl-C only between its steps: none takes more than some rows; and what is begun is taken away."""
     import OpenEXR
 
-    rng, rows, code = np.random.default_rng(2), [], pictures._exr_bytes
-    shape = 2 * pictures.BAND + 7, 5
+    rng, rows, pack = np.random.default_rng(2), [], exr._packed
+    shape = 2 * exr.ROWS[exr.ZIP] + 7, 5
     outputs = {"depth": rng.random(shape, np.float32), "id": rng.integers(-2, 2**31, shape).astype(np.int32)}
-    monkeypatch.setattr(pictures, "_exr_bytes", lambda part: rows.append(len(part)) or code(part))
+    monkeypatch.setattr(exr, "_packed", lambda channels, top: rows.append(top) or pack(channels, top))
     save(tmp_path / "a.exr", outputs)
-    assert rows == [n for n in (pictures.BAND, pictures.BAND, 7) for _ in outputs]
-    channels = OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).channels()
-    assert np.array_equal(channels["Z"].pixels, outputs["depth"])
-    assert np.array_equal(channels["id"].pixels.view(np.int32), outputs["id"])
+    assert rows == [top for top in range(0, shape[0], exr.ROWS[exr.ZIP]) for _ in outputs]
+    depth, ids = OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).parts
+    assert np.array_equal(depth.channels["Z"].pixels, outputs["depth"])
+    assert np.array_equal(ids.channels["id"].pixels.view(np.int32), outputs["id"])
 
-    def interrupt(part):
-        if len(part) == 7:
+    def interrupt(channels, top):
+        if top:
             raise KeyboardInterrupt
-        return code(part)
-    monkeypatch.setattr(pictures, "_exr_bytes", interrupt)
+        return pack(channels, top)
+    monkeypatch.setattr(exr, "_packed", interrupt)
     with pytest.raises(KeyboardInterrupt):
         save(tmp_path / "b.exr", outputs)
     assert os.listdir(tmp_path) == ["a.exr"]
@@ -315,3 +318,24 @@ def test_an_exr_that_is_cut_off(tmp_path, capfd, shape):
             pictures.picture_of(data[:length])
     assert pictures.picture_of(data).shape == (*shape[:2], 3)
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("pattern", ["skin.<UDIM>.png", "skin.%(UDIM)d.png"])
+def test_tiles_are_read_by_their_numbers(tmp_path, pattern):
+    pictures = {1001: np.full((2, 3, 3), 7, np.uint8), 1012: np.full((1, 1, 3), 9, np.uint8)}
+    for name, picture in [*pictures.items(), (1000, pictures[1001]), ("10011", pictures[1001]), ("a", pictures[1001])]:
+        (tmp_path / f"skin.{name}.png").write_bytes(imageio.v3.imwrite("<bytes>", picture, extension=".png"))
+    found = load_picture(tmp_path / pattern)
+    assert list(found) == [1001, 1012]
+    for number, picture in pictures.items():
+        np.testing.assert_array_equal(found[number], picture)
+    with pytest.raises(Error, match=r"other\.<UDIM>\.png: no such tiles; allowed: files with a number from 1001"):
+        load_picture(tmp_path / "other.<UDIM>.png")
+    with pytest.raises(Error, match="no such tiles"):
+        load_picture(tmp_path / "nowhere" / pattern)
+
+
+def test_a_broken_tile_is_named(tmp_path):
+    (tmp_path / "skin.1002.png").write_bytes(b"x")
+    with pytest.raises(Error, match=r"skin\.1002\.png: cannot be read"):
+        load_picture(tmp_path / "skin.<UDIM>.png")

@@ -55,6 +55,9 @@ CLASSES = [clfur.Mesh, clfur.Camera, clfur.Light, clfur.HairType, clfur.Kajiya, 
 FIELDS = [(kind, field.alias) for kind in CLASSES for field in attrs.fields(kind) if field.init]
 FUNCTIONS = {
     clfur.Camera.calibrated: {"pose": np.eye(4), "intrinsics": np.eye(3), "size": (4, 4)},
+    clfur.Camera.from_opencv: {"K": np.eye(3), "R": np.eye(3), "t": (0, 0, 1), "size": (4, 4), "dist": None},
+    clfur.Camera.on_sphere: {"n": 1, "center": (0, 0, 0), "radius": 1, "seed": 0, "elevation": (0, 1), "up": (0, 1, 0),
+                             "fov": 45, "size": (4, 4)},
     frame: {"mesh": MESH, "fur": None, "size": (4, 4), "fov": 45, "direction": (0, 0, 1)},
     clfur.Scheduler: {"device": None, "memory": None},
     clfur.load_mesh: {"path": None}}

@@ -190,3 +190,40 @@ def test_command(clfur):
         file.write("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     wrong(clfur("render", "bare.obj", "--body-texture", "red.png"), "body_color has a texture", "a mesh with uv")
     wrong(clfur("render", "sphere", "-o", "red.png", "--body-texture", "red.png"), "would be overwritten")
+
+
+def tiled_square():
+    """Four squares in x, y from -1 to 1, whose uv lie in tiles 1001, 1002, 1011 and 1012."""
+    x, y = np.meshgrid([-1., 0, 1], [-1., 0, 1])
+    positions = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], 1)
+    corner = np.array([0, 1, 3, 4])[:, None]
+    faces = np.concatenate([corner + (0, 1, 4), corner + (0, 4, 3)])
+    return clfur.Mesh(positions, uv=positions[:, :2] + 1, faces=faces)
+
+
+def test_a_body_has_a_picture_in_each_tile(gpu):
+    """1001 is red, 1012 half a blue of another size; where there is no tile it is white."""
+    red, blue = np.zeros((2, 2, 3)), np.zeros((1, 4, 3))
+    red[..., 0], blue[..., 2] = 1, 1
+    camera = clfur.Camera(eye=(0, 0, 4), target=(0, 0, 0), size=(32, 32), fov=30)
+    body = {1012: clfur.Material((0.5, 0.5, 0.5), blue), 1001: red}
+    scene = clfur.Scene(tiled_square(), None, camera, clfur.Light((0, 0, -1), ambient=0), body_color=body)
+    color = clfur.render(scene, gpu)
+    seen = [color[y, x, :3] for y, x in ((22, 9), (22, 22), (9, 9), (9, 22))]
+    np.testing.assert_allclose(seen, [(1, 0, 0), (1, 1, 1), (1, 1, 1), (0, 0, 0.5)], atol=2e-3)
+    assert clfur.Scene(scene.mesh, None, camera, body_color=scene.body_color).mesh is scene.mesh
+
+
+@pytest.mark.parametrize("body, words", [
+    ({}, "1001"), ({1000: np.ones((1, 1, 3))}, "1001 to 9999"), ({1001: np.ones((1, 1))}, r"Scene.body_color\[1001\]"),
+])
+def test_wrong_tiles_of_a_body(body, words):
+    with pytest.raises(clfur.Error, match=words):
+        clfur.Scene(tiled_square(), body_color=body)
+
+
+def test_tiles_of_a_body_need_uv():
+    mesh = tiled_square()
+    bare = clfur.Mesh(mesh.positions, faces=mesh.faces)
+    with pytest.raises(clfur.Error, match="has UDIM tiles, which are laid on by uv"):
+        clfur.Scene(bare, body_color={1001: np.ones((1, 1, 3))})

@@ -172,7 +172,7 @@ def test_the_order_that_ply_and_off_had():
     sizes = [4, 3, 5, 4]
     points = np.concatenate([np.pad(np.stack([np.cos(a), np.sin(a)], 1), ((0, 0), (0, 1)))
                              for a in (2 * np.pi * np.arange(n) / n for n in sizes)])
-    triangles = by_size(*triangulate(points, np.arange(16), sizes), sizes)
+    triangles, _ = by_size(*triangulate(points, np.arange(16), sizes), sizes)
     assert triangles.tolist() == [[4, 5, 6], [0, 1, 2], [12, 13, 14], [2, 3, 0], [14, 15, 12],
                                   [7, 8, 9], [7, 9, 10], [7, 10, 11]]
 

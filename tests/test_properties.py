@@ -23,7 +23,7 @@ from clfur.device.team import shares_of
 from clfur.files.images import png
 from clfur.files.output import output_path
 from clfur.pipeline.plan import _before, _pieces, _runs, _share
-from clfur.pipeline.views import Rig, band_of, grid_of, light_view_of
+from clfur.pipeline.views import Rig, band_of, columns_of, grid_of, light_view_of
 from clfur.scene import Camera, Curves, Light, Mesh, Scene, Shells, checks, extent
 
 COORDINATES = st.floats(-1e6, 1e6, width=32)
@@ -87,6 +87,17 @@ def test_a_band_is_the_view_with_other_rows(height, data):
     assert band["rows"].tolist()[:2] == [first, end] and view["rows"].tolist()[:2] == [0, height]
     for name in set(view.dtype.names) - {"rows"}:
         np.testing.assert_array_equal(band[name], view[name])
+
+
+@given(st.integers(1, 300), st.data())
+def test_columns_are_the_view_with_others_left_out(width, data):
+    view = Rig.of(Scene(fur=Curves(CUBE), camera=Camera(size=(width, 7)))).view
+    first, end = sorted(data.draw(st.tuples(st.integers(0, width), st.integers(0, width))))
+    some = columns_of(view, first, end)
+    assert some["rows"].tolist() == [0, 7, first, width - end] and some["size"][0] == end - first
+    assert some["size"][1:].tolist() == view["size"][1:].tolist()
+    for name in set(view.dtype.names) - {"rows", "size"}:
+        np.testing.assert_array_equal(some[name], view[name])
 
 
 @given(st.integers(1, 2000), st.tuples(COORDINATES, COORDINATES, COORDINATES))

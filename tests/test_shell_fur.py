@@ -37,6 +37,7 @@ def test_defaults():
     ("length", [1e-9, 1e9], [0, -1, math.nan, math.inf, "1", None]),
     ("layers", [1, 1000], [0, 1001, 2.5, True]),
     ("frequency", [1e-9, 1e9], [0, -1, math.nan]),
+    ("hairs", [None, 1, 10**9], [0, -1, 10**9 + 1, 2.5, True]),
     ("pattern", ["cells", "sine"], ["hair", None]),
     ("sharpness", [1.0001, 1e9], [1, 0.5, math.inf]),
     ("density", [1e-9, 1], [0, 1.001, -1]),
@@ -189,3 +190,26 @@ def test_kept_shadows_are_those_of_the_shells(gpu, sphere):
         gpu.forget()
         cold.append(draw(scene, gpu, settings, hashes=True).hashes["voxels"])
     assert warm == cold and warm[0] != warm[1] and warm[0] == warm[2]
+
+
+@pytest.mark.parametrize("size", [1e-6, 1, 1e6])
+def test_hairs_of_the_whole_mesh(size):
+    """As many on a large mesh as on a small one, and in a pose as in rest; in place of a frequency."""
+    mesh = Mesh(SQUARE * (size, 4 * size, size), faces=FACES)
+    assert Shells(hairs=10_000, frequency=7).frequency_on(mesh) == pytest.approx(50 / size, rel=1e-6)
+    posed = Mesh(SQUARE * 3 * size, faces=FACES)
+    assert Shells(hairs=10_000, rest=mesh).frequency_on(posed) == Shells(hairs=10_000).frequency_on(mesh)
+    assert Shells(frequency=7).frequency_on(mesh) == 7
+
+
+def test_hairs_draw_what_their_frequency_draws(gpu):
+    def hashed(**fine):
+        fur = Shells(length=0.2, noise=(0, 8), **fine)
+        scene = Scene(square(), fur, Camera(eye=(0.5, 0.5, 2), target=(0.5, 0.5, 0), size=(32, 24)))
+        return draw(scene, gpu, hashes=True).hashes
+    assert hashed(hairs=400) == hashed(frequency=20) != hashed(hairs=100)
+
+
+def test_sines_have_no_number_of_hairs():
+    with pytest.raises(Error, match=r"^Shells\.hairs is 9; allowed: None with the pattern 'sine', whose frequency"):
+        Shells(pattern="sine", hairs=9)

@@ -161,6 +161,10 @@ def test_what_is_not_seen_is_left_out(tmp_path):
 
     back = clfur.load_curves(save(tmp_path / "a.usda", np.zeros((2, 3)), [2], more=more))
     assert len(back.points) == 2
+    path = save(tmp_path / "c.usda", np.zeros((2, 3)), [2],
+                more=lambda curves, stage: curves.CreatePurposeAttr("guide"))
+    with pytest.warns(UserWarning, match=r"c\.usda: its BasisCurves have the purpose guide"):   # and no others
+        assert len(clfur.load_curves(path).points) == 2
     path = save(tmp_path / "b.usda", np.zeros((2, 3)), [2], more=lambda curves, stage: curves.MakeInvisible())
     with pytest.raises(clfur.Error, match="no BasisCurves that are seen"):
         clfur.load_curves(path)
@@ -169,7 +173,7 @@ def test_what_is_not_seen_is_left_out(tmp_path):
 @pytest.mark.parametrize("counts, basis, widths, how, says", [
     ([3], "linear", (.1,), "constant", r"has 4 points, but its curveVertexCounts add up to 3"),
     ([4], "bspline", (.1, .2), "vertex", r"/groom/hair: has 2 values of width, vertex; allowed: 4"),
-    ([3, 1], "catmullRom", (.1,), "constant", r"curve 0 has 3 points; allowed: 4 or more for catmullRom"),
+    ([3, 1], "catmullRom", (.1,), "constant", r"curve 0 has 3 points; allowed: 4 or more for nonperiodic catmullRom"),
     ([4], "bezier", (.1,), "faceVarying", r"has 1 values of width, faceVarying; allowed: "),
 ])
 def test_wrong_curves_are_told_by_name(tmp_path, counts, basis, widths, how, says):
@@ -225,3 +229,66 @@ def test_widths_that_are_none_or_wrong(tmp_path):
     for wrong in (-1., np.nan):
         with pytest.raises(clfur.Error, match=r"/groom/hair: has a width of (-1|nan); allowed: finite numbers >= 0"):
             clfur.load_curves(save(tmp_path / f"{wrong}.usda", points, [4, 4], "bspline", widths=(wrong,)))
+
+
+MORE = ("linear", "nonperiodic"), ("linear", "periodic"), ("linear", "pinned"), ("bezier", "pinned")
+
+
+@pytest.mark.parametrize("basis, wrap", [*SPLINES, *MORE])
+def test_as_many_values_as_usd_core_counts(tmp_path, basis, wrap):
+    """Of each interpolation: so many are read, and one more or fewer is refused."""
+    counts = {"bezier": [4, 7, 13, 4], "linear": [2, 3, 7, 4]}.get(basis, [4, 5, 9, 6])
+    if wrap == "periodic":
+        counts = {"bezier": [3, 6, 12, 9], "linear": [3, 4, 8, 5]}.get(basis, [3, 4, 9, 6])
+    rng = np.random.default_rng(11)
+    points = rng.normal(size=(sum(counts), 3))
+    stage = Usd.Stage.Open(str(save(tmp_path / "a.usda", points, counts, basis, wrap)))
+    curves = UsdGeom.BasisCurves(stage.GetPrimAtPath("/groom/hair"))
+    sizes = {"uniform": curves.ComputeUniformDataSize(0), "varying": curves.ComputeVaryingDataSize(0),
+             "vertex": curves.ComputeVertexDataSize(0), "constant": 1}
+    for how, size in sizes.items():
+        widths = rng.uniform(.1, .2, size)
+        back = clfur.load_curves(save(tmp_path / f"{how}.usda", points, counts, basis, wrap, widths, how))
+        assert len(back.counts) == 4 and .05 < back.width.min() <= back.width.max() < .25, how
+        for wrong in (size + 1, size - 1):
+            if wrong:
+                with pytest.raises(clfur.Error, match=rf"has {wrong} values of width, {how}; allowed: "):
+                    clfur.load_curves(save(tmp_path / f"{wrong}{how}.usda", points, counts, basis, wrap,
+                                           np.ones(wrong), how))
+
+
+def test_one_value_is_for_all_whatever_it_says(tmp_path):
+    """As files of hand-written exporters have it: no interpolation, which means one for each point."""
+    points = np.random.default_rng(12).normal(size=(8, 3))
+    for how in "vertex", "varying", "uniform":
+        back = clfur.load_curves(save(tmp_path / f"{how}.usda", points, [4, 4], "catmullRom", widths=(.125,), how=how))
+        assert (back.width == .125).all()
+
+
+@pytest.mark.parametrize("basis, wrap, counts, drawn, says", [
+    ("catmullRom", "nonperiodic", [5, 2, 4], [5, 4], "curve 1 has 2 points; allowed: 4 or more for nonperiodic"),
+    ("bspline", "pinned", [2, 1, 3], [2, 3], "curve 1 has 1 points; allowed: 2 or more for pinned bspline"),
+    ("bspline", "periodic", [2, 3], [3], "curve 0 has 2 points; allowed: 3 or more for periodic bspline"),
+    ("bezier", "nonperiodic", [4, 8], [4, 7], "curve 1 has 8 points; allowed: 4, 7, 10, ... for nonperiodic bezier"),
+    ("bezier", "periodic", [4, 3], [3, 3], "curve 0 has 4 points; allowed: 3, 6, 9, ... for periodic bezier")])
+def test_curves_that_do_not_fit_are_drawn_as_far_as_they_do(tmp_path, basis, wrap, counts, drawn, says):
+    """As Pixar's own test files have them, beside others; with values of points, which stay with theirs."""
+    points = np.random.default_rng(13).uniform(1, 2, (sum(counts), 3))
+    path = save(tmp_path / "a.usda", points, counts, basis, wrap, points[:, 0] / 9, "vertex")
+    with pytest.warns(UserWarning, match="left out: what no segment has of curves that do not fit") as warned:
+        back = clfur.load_curves(path)
+    assert says in str(warned[0].message) and len(back.counts) == len(drawn)
+    assert np.abs(back.width - back.points[:, 0] / 9).max() < 1e-6
+    if (basis, wrap) == ("bezier", "nonperiodic"):   # the second ends where its last whole segment does
+        assert np.allclose(back.points[-1], points[4 + 6], atol=1e-6)
+
+
+def test_wide_curves_bend_smoothly(tmp_path):
+    """A ribbon as wide as long: a quarter of its width would be most of its bend."""
+    points = np.array([[0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0]])
+    back = clfur.load_curves(save(tmp_path / "a.usda", points, [4], "bezier", widths=(2.,)))
+    places = np.array([curve_at(points.astype(float), "bezier", t, 0) for t in np.linspace(0, 1, 200)])
+    a, b = back.points[:-1].astype(float), back.points[1:].astype(float)
+    share = np.clip(((places[:, None] - a) * (b - a)).sum(2) / ((b - a)**2).sum(1), 0, 1)
+    off = np.linalg.norm(places[:, None] - a - share[..., None] * (b - a), axis=2).min(axis=1).max()
+    assert 0 < off <= .25 * .02 * 3

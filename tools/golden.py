@@ -52,6 +52,15 @@ def whiskers(colors=None):
                         color=(.8, .5, .2) if colors is None else np.tile(colors(t), (len(x), 1, 1)))
 
 
+def combed():
+    """Guides on the ball, which are combed away from a line before the eye."""
+    k, t = np.arange(120)[:, None], np.linspace(0, 1, 7)[:, None]
+    y = 1 - (k + .5) / 60
+    root = np.concatenate([np.sqrt(1 - y * y) * np.cos(2.399963 * k), y, np.sqrt(1 - y * y) * np.sin(2.399963 * k)], 1)
+    aside = np.where(root[:, :1] > .2, 1, -1) * (1, .3, 0)
+    return clfur.Curves(root[:, None] * (1 + .12 * np.sqrt(t)) + .45 * t * aside[:, None])
+
+
 def rainbow(t):
     return np.clip(1.5 - np.abs(4 * t[:, None] - (3, 2, 1)), 0.02, 1)
 
@@ -110,6 +119,7 @@ BLOND = clfur.Chiang(eumelanin=.2, pheomelanin=.4)
 DARK, SKY = clfur.Light(color=(0, 0, 0)), clfur.Environment([(.4, .8, 2), (1.5, 1.1, .8), (.3, .2, .1)])
 DIM = clfur.Environment([(.1, .2, .5), (.4, .3, .2), (.1, .07, .03)])
 TEXTURE = np.array([(.7, .3, .02), (.02, .1, .6)])[np.indices((6, 12)).sum(0) % 2]
+PAINTED = clfur.Maps(density=[[1, .1]], length={1001: [[.3], [1.8]]}, width=[[1, 1], [.4, .4]])
 
 BLOWN = shells(length=.9, frequency=5, density=.4, noise=(0, 8), wind=(2.5, 0, 0), time=.2)
 
@@ -119,9 +129,14 @@ PICTURES = {
     "samples": (lambda: scene(grown()), LINES),
     "curl": (lambda: scene(standing(curl=(.12, 3)), strip(), (0, 0, 2.6)), {}),
     "wave": (lambda: scene(standing(wave=(.1, 2.5)), strip(), (0, 0, 2.6)), {}),
+    "tufts": (lambda: scene(grown(types=hair(tufts=clfur.Tufts(60, within=clfur.Tufts(12)), curl=(.03, 1)))), {}),
+    "frizz": (lambda: scene(standing(frizz=(.1, 9)), strip(), (0, 0, 2.6)), {}),
+    "law": (lambda: scene(grown(types=hair(segment_length=None, force_weight=None, length=.28, stiffness=.5))), {}),
     "type-map": (lambda: scene(grown(types=[SHORT, LONG], type_map=stripes(*KEYS * 6))), {}),
     "bald-type": (lambda: scene(grown(types=[BALD, LONG], type_map=stripes(*KEYS * 2))), {}),
     "texture": (lambda: scene(grown(4000, hair(color=(1, 1, 1), color_texture=TEXTURE))), {}),
+    "maps": (lambda: scene(grown(6000, maps=PAINTED, comb=clfur.Comb((0, -1, 0), .8))), {}),
+    "guides": (lambda: scene(grown(guides=combed(), surface="flat", inner=1, outer=1)), {}),
     "curves": (lambda: scene(whiskers(), None), {}),
     "color-per-point": (lambda: scene(whiskers(rainbow), None), {}),
     "cells": (lambda: scene(shells()), {}),

@@ -12,14 +12,15 @@ from ..judge.chart import check_chart, numbers, save_chart
 from ..judge.report import spread
 from ..settings import Settings
 from .devices import ask_drivers
-from .options import load_scene, scene_options
+from .options import Sectioned, scene_options
+from .scenes import load_scene
 from .types import Whole
 from .waiting import waiting
 
 DOING = {"truth": "drawing the truth", "pictures": "measuring pictures", "times": "timing frames"}
 
 
-@click.command(context_settings={"show_default": True})
+@click.command(cls=Sectioned, context_settings={"show_default": True})
 @click.argument("given", metavar="[MESH]", default="teapot")
 @click.option("-o", "--output", metavar="FILE",
               help='Also draw it: .html (a page), .png or .svg; needs pip install "clfur[report]".')

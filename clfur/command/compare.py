@@ -9,14 +9,15 @@ import click
 from .. import compare as compare_devices
 from ..judge.report import check_report, mebibytes, milliseconds, save_report, spread
 from .devices import ask_drivers
-from .options import load_scene, scene_options
+from .options import Sectioned, scene_options
+from .scenes import load_scene
 from .types import Whole
 from .waiting import waiting
 
 NO_FLIP = "needs pip install flip_evaluator"
 
 
-@click.command(context_settings={"show_default": True})
+@click.command(cls=Sectioned, context_settings={"show_default": True})
 @click.argument("given", metavar="[MESH]", default="teapot")
 @click.option("--devices", default="all", metavar="all|A,B",
               help="Which, as --device of `clfur render` takes them, with commas between.")

@@ -6,30 +6,38 @@ from pathlib import Path
 
 import attrs
 import click
+import numpy as np
 
-from .. import Scheduler, draw, over, save
+from .. import Camera, Scheduler, draw, over, save
 from ..files.images import check_writable, load_picture
+from ..files.usd import is_usd
 from ..judge.frontier import label
 from ..scene import backdrop
-from .described import lowered, read_for, sparse
+from .described import lowered
 from .devices import ask_drivers
-from .options import is_scene_file, load_scene, scene_options
-from .types import Backdrop, Bytes, Names, Real
+from .options import Sectioned, scene_options
+from .scenes import is_scene_file, load_scene
+from .skin import files_of, taken
+from .types import Backdrop, Bytes, Names, Real, Region, read_for
 from .waiting import waiting
 
 TOLD = 0.05   # seconds of building kernels that a summary tells
 
 
-@click.command(context_settings={"show_default": True})
+@click.command(cls=Sectioned, context_settings={"show_default": True})
 @click.argument("given", metavar="MESH")
 @click.option("-o", "--output", metavar="FILE",
               help="PNG (sRGB), EXR (linear) or NPZ (arrays).  [default: the mesh's name, .png]")
 @scene_options
 @click.option("--outputs", type=Names(), default="color", metavar="NAMES",
-              help="What to save: color, depth, id, tangent, normal, uv, coverage; PNG holds color alone.")
+              help="What to save: color, depth, id, tangent, normal, uv, coverage, position, hair_alpha, body_alpha, "
+                   "type, type_alpha, orientation, matte_id and matte_alpha (a Cryptomatte of strands in EXR), "
+                   "strand_area (in NPZ); PNG holds color alone.")
 @click.option("--background", type=Backdrop(), metavar="COLOR|PICTURE",
               help="What the picture is laid over, which then has no alpha: R,G,B, '#rrggbb' or a picture of the same "
                    "aspect.")
+@click.option("--region", type=Region(), metavar="X,Y,W,H",
+              help="Draw only these pixels of the picture, from its top-left corner on: the same ones as of the whole.")
 @click.option("--max-error", type=Real(0, min_open=True), metavar="E",
               help="Choose the cheapest samples, raster, shadows, grid, masks and lod that err by no more, such as "
                    "0.05: root mean square of sRGB, 0 to 1, against the true picture.")
@@ -42,14 +50,16 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
               help="What arrays may take on the device, such as 2GiB: what does not fit is drawn part by part.  "
                    "[default: three quarters of the device's, or what this process may still take]")
 @click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
-def render(given, output, outputs, background, device, memory, as_json, **options):
+def render(given, output, outputs, background, region, device, memory, as_json, **options):
     """Draw MESH with fur and save the picture.
 
-    MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.  Or it is a
+    MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.  Or it is a USD
+    scene (.usd, .usda, .usdc, .usdz), whose camera, lights and hair count where no option says otherwise.  Or it is a
     Python file (.py) that sets `scene`, a clfur.Scene, and maybe `settings`, a clfur.Settings.
     """
     output = Path(Path(given).stem + ".png" if output is None else output)
     read = [given, *(options[name] for name in ("hair", "type_map", "types", "rest", "body_texture"))]
+    read += files_of(options)
     _check_files(output, outputs, background, read)
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
@@ -61,12 +71,12 @@ def render(given, output, outputs, background, device, memory, as_json, **option
         if memory is not None:
             device = [Scheduler(one, memory) for one in (device if isinstance(device, list) else [device])]
         tell(f"drawing {given}")
-        drawn = draw(scene, device=device, outputs=outputs, settings=settings)
+        drawn = draw(scene, device=device, outputs=outputs, settings=settings, region=region)
         if "color" in drawn.images and not drawn.images["color"][..., 3].any():
             warnings.warn("nothing of the scene is to be seen in the picture", stacklevel=2)
         tell(f"saving {output}")
-        laid = {} if behind is None else {"color": over(drawn.images["color"], behind)}
-        save(output, drawn.images | laid)
+        laid = {} if behind is None else {"color": _over(drawn.images["color"], behind, scene.camera.size, region)}
+        save(output, drawn.images | laid, _camera_of(scene.camera, region), drawn.settings)
 
     skipped = {"degenerate": scene.mesh.degenerate_faces if scene.mesh else 0,
                "zero_normal": scene.mesh.zero_normal_faces if scene.mesh else 0,
@@ -76,14 +86,16 @@ def render(given, output, outputs, background, device, memory, as_json, **option
              "inward": bool(scene.mesh and scene.mesh.inward)}
     shells, fewer = scene.shells, "" if is_scene_file(given) else lowered(options, scene.strands)
     if as_json:
-        of_options = {} if is_scene_file(given) else {
-            "light": _told(options["lights"]), **{name: options[name] for name in ("fov", "alpha", "seed")}}
+        of_options = {} if is_scene_file(given) or is_usd(given) else {
+            "light": _told(options["lights"], scene.lights),
+            **{name: options[name] for name in ("fov", "alpha", "seed")}}
         print(json.dumps({
-            "file": str(output), "size": scene.camera.size, "device": drawn.device,
+            "file": str(output), "size": region[2:] if region else scene.camera.size, "device": drawn.device,
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
-            "shells": shells and {name: getattr(shells, name) for name in ("layers", "length", "frequency", "pattern")},
-            "fewer": fewer, "seconds": drawn.seconds, "building": drawn.building,
-            "stages": drawn.stages, "skipped": skipped, **wound,
+            "shells": shells and {"frequency": shells.frequency_on(scene.mesh), **{
+                name: getattr(shells, name) for name in ("layers", "length", "hairs", "pattern")}},
+            "fewer": fewer, "inexact": getattr(scene.strands, "inexact", 0), "seconds": drawn.seconds,
+            "building": drawn.building, "stages": drawn.stages, "skipped": skipped, **wound,
             "camera": {"eye": scene.camera.pose[:3, 3].tolist(),
                        "target": None if scene.camera.target is None else scene.camera.target.tolist()},
             "settings": attrs.asdict(drawn.settings), "error": drawn.error, "why": drawn.why,
@@ -97,7 +109,7 @@ def render(given, output, outputs, background, device, memory, as_json, **option
     print(f"{output}: {drawn.triangles:,} triangles, {', '.join(fur)} "
           f"in {drawn.seconds:.2f} s on {drawn.device} ({stages}"
           + (f"; building kernels {drawn.building:.3f}" if drawn.building >= TOLD else "") + ")"
-          + (f"; {fewer}" if fewer else "") + ("" if is_scene_file(given) else sparse(options, scene, drawn))
+          + (f"; {fewer}" if fewer else "") + taken(scene.strands)
           + (f"; skipped faces: {', '.join(left_out)}" if left_out else "")
           + (f"; turned {wound['turned']:,} faces that were inside out" if wound["turned"] else "")
           + (f"; {wound['one_sided']:,} faces are of a surface with one side: hair changes over somewhere"
@@ -106,11 +118,17 @@ def render(given, output, outputs, background, device, memory, as_json, **option
           + (f"; {label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""))
 
 
-def _told(lights):
-    """Lights of the command in JSON: the numbers of one that has no more than a direction, else their texts."""
-    if len(lights) == 1 and lights[0][:1] in "-.0123456789":
-        return [float(part) for part in lights[0].split(",")]
-    return list(lights)
+def _told(texts, lights):
+    """Lights of the command in JSON: the numbers of one that has no more than a direction, else texts, also of those
+    that are there without any."""
+    if len(texts) == 1 and texts[0][:1] in "-.0123456789":
+        return [float(part) for part in texts[0].split(",")]
+    return list(texts) or [f"sun direction={_numbers(light.direction)} color={_numbers(light.strength)}"
+                           for light in lights]
+
+
+def _numbers(vector):
+    return ",".join(f"{part:.4g}" for part in vector)
 
 
 def _background(given, size):
@@ -120,11 +138,36 @@ def _background(given, size):
     return backdrop(given, size, "--background")
 
 
+def _camera_of(camera, region):
+    """The camera that sees a region of another's picture, its own if None."""
+    if region is None:
+        return camera
+    x, y, width, height = region
+    return Camera.calibrated(camera.pose, camera.intrinsics - [[0, 0, x], [0, 0, y], [0, 0, 0]], (width, height))
+
+
+def _over(image, behind, size, region):
+    """An image over what is behind all of the picture, of (width, height), or its region alone."""
+    if region is None:
+        return over(image, behind)
+    x, y, width, height = region
+    whole = np.zeros((size[1], size[0], 4), np.float32)
+    whole[y:y + height, x:x + width] = image
+    return over(whole, behind)[y:y + height, x:x + width]
+
+
 def _check_files(output, outputs, background, read):
     """Raise what the user got wrong of what is written, before anything is ``read``."""
     check_writable(output)
     if output.suffix.lower() == ".png" and set(outputs) != {"color"}:
-        raise click.UsageError(f"{output} can hold the output color alone; .exr and .npz hold others")
+        other = next((name for name in outputs if name != "color"), "none")
+        raise click.UsageError(f"--outputs: {output} can hold color alone, not {other}; allowed: color, or others in "
+                               ".exr or .npz")
+    if output.suffix.lower() == ".exr":
+        alone = {"matte_id", "matte_alpha"} & set(outputs)
+        if "strand_area" in outputs or len(alone) == 1:
+            what = "strand_area" if "strand_area" in outputs else f"{alone.pop()} alone"
+            raise click.UsageError(f"--outputs: {output} cannot hold {what}; allowed: in .npz")
     if background is not None and "color" not in outputs:
         raise click.UsageError("--background is for the output color, which is not asked for; allowed: with it")
     for name in [*read, background if isinstance(background, str) else None]:

@@ -11,8 +11,21 @@ import numpy as np
 from ..color import srgb_to_linear
 from ..errors import Error
 from ..files.images import load_picture
-from ..scene import Chiang, Environment, Kajiya, Light
+from ..scene import Chiang, Environment, Kajiya, Light, Tufts
 from ..scene.checks import LARGEST
+from ..scene.maps import NAMES
+
+
+def read_for(flag, read, path):
+    """What ``read`` gives of a path; its error begins with the option that names the file."""
+    try:
+        return read(path)
+    except Error as error:
+        raise Error(f"{flag}: {error}") from error
+
+
+def _short(number):
+    return str(number) if isinstance(number, int) else f"{number:g}"
 
 
 class _Within:
@@ -24,14 +37,22 @@ class _Within:
         except click.BadParameter:
             number = math.nan
         if math.isnan(number):
-            low = "" if self.min is None else f" above {self.min:g}" if self.min_open else f" from {self.min:g}"
-            high = "" if self.max is None else f"{' and at most' if self.min_open else ' to'} {self.max:g}"
+            low = "" if self.min is None else f" {'above' if self.min_open else 'from'} {_short(self.min)}"
+            high = "" if self.max is None else f"{' and at most' if self.min_open else ' to'} {_short(self.max)}"
             self.fail(f"{value!r} is not {self.words}{low}{high}", param, ctx)
         return number
 
 
 class Whole(_Within, click.IntRange):
     words = "a whole number"
+
+
+class AnyWhole(_Within, click.types.IntParamType):   # whose limits the scene's own check tells
+    min, max, min_open, words = None, None, False, "a whole number"
+
+
+class AnyReal(_Within, click.types.FloatParamType):
+    min, max, min_open, words = None, None, False, "a number"
 
 
 class Real(_Within, click.FloatRange):
@@ -73,6 +94,20 @@ class Size(click.ParamType):
         parts = value.lower().split("x")
         if len(parts) != 2 or not all(part.isdecimal() and len(part) < 6 and 1 <= int(part) <= 16384 for part in parts):
             self.fail(f"{value!r} is not WIDTHxHEIGHT of 1 to 16384 pixels each, such as 640x480", param, ctx)
+        return tuple(map(int, parts))
+
+
+class Region(click.ParamType):
+    """Column, row, width and height in pixels, such as 100,50,64,48."""
+
+    name = "region"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        parts = [part.strip() for part in value.split(",")]
+        if len(parts) != 4 or not all(part.isdecimal() and len(part) < 6 for part in parts):
+            self.fail(f"{value!r} is not X,Y,WIDTH,HEIGHT in pixels, such as 100,50,64,48", param, ctx)
         return tuple(map(int, parts))
 
 
@@ -156,6 +191,33 @@ class Backdrop(Color):
         return super().convert(value, param, ctx)
 
 
+MAPS = tuple(name for name in NAMES if name != "on")   # that is --on
+
+
+class MapText(click.ParamType):
+    """What a map is of and its file, such as density=skin.png -> (name, file)."""
+
+    name = "map"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        name, _, file = value.partition("=")
+        if name not in MAPS or not file:
+            self.fail(f"{value!r:.60} is not NAME=FILE; allowed names: {', '.join(MAPS)}", param, ctx)
+        return name, file
+
+
+class Way(click.ParamType):
+    """A vector X,Y,Z, or the name of a file."""
+
+    name = "way"
+
+    def convert(self, value, param, ctx):
+        parts = value.split(",") if isinstance(value, str) else []
+        return tuple(map(float, parts)) if len(parts) == 3 and all(map(_is_number, parts)) else value
+
+
 class Roots(click.ParamType):
     """The word faces, or a number of strands."""
 
@@ -183,6 +245,18 @@ class Look(click.ParamType):
             self.fail(str(error), param, ctx)
 
 
+class TuftsText(click.ParamType):
+    """Tufts in which hair gathers, such as 2000 or 2000:strength=0.9,within=200."""
+
+    name = "tufts"
+
+    def convert(self, value, param, ctx):
+        try:
+            return tufts_of(value) if isinstance(value, str) else value
+        except ValueError as error:   # clfur.Error is one
+            self.fail(str(error), param, ctx)
+
+
 class Sky(click.ParamType):
     """A sky of one colour, of three, or of a picture, such as #88aaff, 1,1,1:.5,.5,.6:.1,.1,.1 or studio.hdr."""
 
@@ -192,7 +266,7 @@ class Sky(click.ParamType):
         if not isinstance(value, str):
             return value
         numbers = re.fullmatch(r"[#\d.,:+\-a-fA-F\s]*", value) or all(map(_is_number, re.split("[,:]", value)))
-        if not numbers or Path(value).is_file():
+        if Path(value).is_file() or ("." in value and not numbers):
             try:
                 return Environment(load_picture(value))
             except Error as error:
@@ -307,6 +381,30 @@ def look_of(text):
     return classes[name](**fields)
 
 
+def tufts_of(given):
+    """The `Tufts` of a number, of a text as `TuftsText` has it, or of an object of JSON. Raises `clfur.Error` for any
+    other."""
+    if isinstance(given, str):
+        count, _, rest = given.partition(":")
+        pairs = [[each.strip() for each in part.partition("=")[::2]] for part in filter(None, rest.split(","))]
+        if twice := next((name for name, _ in pairs if [each for each, _ in pairs].count(name) > 1), None):
+            raise Error(f"tufts have {twice} twice; allowed: each field once")
+        given = {"count": _whole(count), **{name: _whole(value) for name, value in pairs}}
+    if not isinstance(given, dict):
+        return Tufts(given)
+    known = [field.name for field in attrs.fields(Tufts)]
+    if unknown := next((name for name in given if name not in known), None):
+        raise Error(f"tufts have no {unknown!r:.40}; allowed: {', '.join(known)}")
+    within = given.get("within")
+    return Tufts(**{**given, "within": within if within is None else tufts_of(within)})
+
+
+def _whole(text):
+    """A whole number, a number, or the text where it is none."""
+    number = _number(text)
+    return int(number) if isinstance(number, float) and number.is_integer() else number
+
+
 def _is_number(text):
     return isinstance(_number(text), float)
 
@@ -325,3 +423,10 @@ def from_hex(text):
     if len(text) != 7 or text[0] != "#" or not all(d in "0123456789abcdefABCDEF" for d in digits):
         raise ValueError(f"{text!r} is not a colour such as #ccaa88")
     return tuple(float(c) for c in srgb_to_linear([int(digits[i:i + 2], 16) / 255 for i in (0, 2, 4)]))
+
+
+def once(context, option, values):
+    """What an option that may be given once was given, or None: for click, whose last one of several counts."""
+    if len(values) > 1:
+        raise click.UsageError(f"{option.opts[0]} is given {len(values)} times; allowed: once")
+    return values[0] if values else None

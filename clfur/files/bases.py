@@ -8,8 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import Error
-
 TO_BEZIER = {
     "bezier": np.eye(4),
     "bspline": np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6,
@@ -22,41 +20,46 @@ def unrolled(values: np.ndarray, counts: np.ndarray, basis: str, wrap: str) -> t
     """Return control values [total, k] and counts of the same curves as if all were "nonperiodic".
 
     A periodic curve gets its first values again at its end; a pinned one 2 a - b before its first value a and the next,
-    b, and likewise behind its last (USD, UsdGeomBasisCurves).
+    b, and likewise behind its last (USD, UsdGeomBasisCurves). One that has too few points for it gets none.
     """
     again = {"linear": 1, "bezier": 1}.get(basis, 3) if wrap == "periodic" else 0
     pinned = wrap == "pinned" and basis in ("bspline", "catmullRom")
     if not again and not pinned:
         return values, counts
-    if (counts < (2 if pinned else again)).any():
-        short = int((counts < (2 if pinned else again)).argmax())
-        raise Error(f"curve {short} has {counts[short]} points, too few for {wrap} {basis}")
-    first, more = np.cumsum(counts) - counts, counts + (again or 2)
+    few = counts < (2 if pinned else again)
+    first, more = np.cumsum(counts) - counts, np.where(few, 0, counts + (again or 2))
     of, start = np.repeat(np.arange(len(counts)), more), np.cumsum(more) - more
     step = np.arange(int(more.sum())) - start[of]
     if again:
         return values[first[of] + step % counts[of]], more
     inner = np.clip(step - 1, 0, counts[of] - 1)
     out = values[first[of] + inner]
-    last = first + counts - 1
+    first, start, end = first[~few], start[~few], (start + more - 1)[~few]
+    last = first + counts[~few] - 1
     out[start] = 2 * values[first] - values[first + 1]
-    out[start + more - 1] = 2 * values[last] - values[last - 1]
+    out[end] = 2 * values[last] - values[last - 1]
     return out, more
 
 
 def segments_of(counts: np.ndarray, basis: str) -> np.ndarray:
     """Return how many segments each nonperiodic curve of so many control points has, int64 [curves]."""
     if basis == "linear":
-        short, segments = counts < 1, counts - 1
-    elif basis == "bezier":
-        short, segments = (counts < 4) | ((counts - 1) % 3 != 0), (counts - 1) // 3
+        return np.maximum(counts - 1, 0)
+    return np.maximum((counts - 1) // 3 if basis == "bezier" else counts - 3, 0)
+
+
+def misfit(counts: np.ndarray, basis: str, wrap: str) -> str:
+    """Return which curve of so many points is the first that USD does not allow, in words; "" where there is none."""
+    periodic = wrap == "periodic"
+    if basis == "bezier":
+        wrong = (counts < 3) | (counts % 3 != 0) if periodic else (counts < 4) | ((counts - 1) % 3 != 0)
+        allowed = "3, 6, 9, ..." if periodic else "4, 7, 10, ..."
     else:
-        short, segments = counts < 4, counts - 3
-    if short.any():
-        worst = int(short.argmax())
-        raise Error(f"curve {worst} has {counts[worst]} points; allowed: "
-                    + {"linear": "1 or more", "bezier": "4, 7, 10, ..."}.get(basis, "4 or more") + f" for {basis}")
-    return segments
+        fewest = 1 if basis == "linear" else {"periodic": 3, "pinned": 2}.get(wrap, 4)
+        wrong, allowed = counts < fewest, f"{fewest} or more"
+    if not wrong.any():
+        return ""
+    return f"curve {int(wrong.argmax())} has {counts[wrong.argmax()]} points; allowed: {allowed} for {wrap} {basis}"
 
 
 class Chords(NamedTuple):
@@ -70,7 +73,7 @@ class Chords(NamedTuple):
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Values of control points, [controls, k], at the points."""
-        return (values[self.rows] * self.weights[..., None]).sum(axis=1)
+        return sum(values[self.rows[:, k]] * self.weights[:, k, None] for k in range(self.rows.shape[1]))
 
 
 def chords_of(places: np.ndarray, counts: np.ndarray, basis: str, distance: np.ndarray) -> Chords:

@@ -2,10 +2,15 @@
 
 import numpy as np
 
+from ..errors import Error
+
 
 def write_mitsuba(strands: dict) -> bytes:
-    """Return Mitsuba's text of strands, for its shapes linearcurve and bsplinecurve: a point a line, x, y, z and
-    radius, and an empty line between strands.  Colours have no place in it."""
+    """Return Mitsuba's text of strands, for its shape linearcurve: a point a line, x, y, z and radius, and an empty
+    line between strands.  Colours have no place in it; strands of one point, for which it refuses a file, are left
+    out."""
+    if not (strands["counts"] > 1).any():
+        raise Error("strands have one point each; allowed in .txt: some of two or more")
     rows = np.column_stack([strands["points"], np.broadcast_to(strands["width"] / 2, len(strands["points"]))])
     return "\n".join(_lines(rows, strands["counts"])).encode()
 
@@ -13,8 +18,9 @@ def write_mitsuba(strands: dict) -> bytes:
 def _lines(rows, counts):
     texts, at = [" ".join(map(repr, row)) for row in np.float64(rows).tolist()], 0
     for count in counts.tolist():
-        yield from texts[at:at + count]
-        yield ""
+        if count > 1:
+            yield from texts[at:at + count]
+            yield ""
         at += count
 
 

@@ -2,16 +2,18 @@
 
 import functools
 import os
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import attrs
 import numpy as np
 
 from ..errors import Error, shown
-from ..scene import Curves, HairType, checks
-from . import usd
-from .arrays import read_npy, read_npz, write_npy, write_npz
+from ..scene import Bounds, Curves, HairType, checks
+from . import usd_curves
+from .arrays import SETUP, read_npy, read_npz, write_npy, write_npz
 from .curve_text import write_mitsuba, write_pbrt
 from .fields import usual_width
 from .hair import read_hair, write_hair
@@ -20,17 +22,19 @@ from .output import is_path, output_path, whole
 from .strand_ply import read_strand_ply, write_strand_ply
 from .tressfx import read_tfx, write_tfx
 from .usc import read_usc, write_usc
+from .usd import SUFFIXES
 
 READERS = {".hair": read_hair, ".tfx": read_tfx, ".data": read_usc, ".ply": read_strand_ply, ".npz": read_npz,
            ".npy": read_npy}
-USD = ".usd", ".usda", ".usdc", ".usdz"
+USD = SUFFIXES
 WRITERS: dict[str, Callable[[dict], bytes]] = {
     ".hair": write_hair, ".tfx": write_tfx, ".data": write_usc, ".ply": write_strand_ply, ".npz": write_npz,
     ".npy": write_npy, ".txt": write_mitsuba, ".pbrt": write_pbrt,
-    **{suffix: functools.partial(usd.write, suffix=suffix) for suffix in USD[:3]}}
+    **{suffix: functools.partial(usd_curves.write, suffix=suffix) for suffix in USD[:3]}}
 FORMATS = ", ".join((*READERS, *USD))
 OF_ROOTS = "root_uv", "root_normal"
 VALUES: dict[str, tuple] = {"width": (), "color": (3,), "transparency": ()}   # of all, of strands or of points
+USUAL: dict[str, Any] = {field.name: field.default for field in attrs.fields(Curves)}
 STEPS = 255     # of transparency that strands of one file may differ by
 
 
@@ -45,8 +49,7 @@ def load_curves(path: str | os.PathLike, *, width: float | None = None, color: A
     tolerance: how far a polyline may be from a cubic curve of USD, in its widths. time: of USD's time samples, in its
     time codes; None: the first.
     Strands whose transparency differs become types. Raises Error, one line that names the file, for one that is
-    missing, damaged, cut short, without strands, no regular file or of more than 2**30 bytes; but usd-core may end the
-    process on a damaged .usdc.
+    missing, damaged, cut short, without strands, no regular file or of more than 2**30 bytes.
     """
     given = {"width": None if width is None else checks.real(low=0)(width, "load_curves width"), "color": color}
     return read_curves(path, {name: value for name, value in given.items() if value is not None}, tolerance, time)
@@ -72,13 +75,17 @@ def read_curves(path: str | os.PathLike, given: dict[str, Any], tolerance: float
     if not (data or size_of(file)):
         raise Error(f"{file}: is empty")
     try:
-        strands = usd.read(file, tolerance, time) if suffix in USD else READERS[suffix](data, file)
-        return _curves(strands, given)
+        with np.errstate(all="ignore"):   # what is not finite is an Error of Curves
+            strands = usd_curves.read(file, tolerance, time) if suffix in USD else READERS[suffix](data, file)
+            found = curves_from(strands, given)
     except Error as error:
         raise Error(f"{file}: {error}") from None
     except Exception as error:   # a reader may fail in any way on a damaged file; the user gets one line
         first_line = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise Error(f"{file}: cannot be read as {suffix}: {first_line}") from error
+    if "note" in strands:
+        warnings.warn(f"{file}: {strands['note']}", stacklevel=3)
+    return found
 
 
 def save_curves(path: str | os.PathLike, curves: Curves) -> None:
@@ -103,8 +110,8 @@ def save_curves(path: str | os.PathLike, curves: Curves) -> None:
 
 def stored(curves: Curves) -> dict[str, Any]:
     """Return what files hold of Curves: points float64 [total, 3], counts int64 [strands]; width, color and
-    transparency float32, [1, ...] for all or [total, ...] for each point; root_uv and root_normal where they are.
-    Strands without points are left out."""
+    transparency float32, [1, ...] for all or [total, ...] for each point; root_uv and root_normal where they are; and
+    setup, {name: value} of `SETUP`, of which bounds is an array [7]. Strands without points are left out."""
     curves = curves.on_host
     there = curves.counts > 0
     counts = curves.counts[there].astype(np.int64)
@@ -117,12 +124,16 @@ def stored(curves: Curves) -> dict[str, Any]:
             values[name] = np.repeat(np.asarray(each)[there], counts, axis=0)
     found = {"points": curves.points.astype(np.float64) + curves.origin, "counts": counts, **values,
              **{name: getattr(curves, name)[there] for name in OF_ROOTS if getattr(curves, name) is not None}}
+    setup: dict[str, Any] = {name: getattr(curves, name) for name in SETUP if name != "bounds"}
+    found["setup"] = {name: value for name, value in setup.items() if not np.array_equal(value, USUAL[name])}
+    if (bounds := curves.bounds) is not None:
+        found["setup"]["bounds"] = np.array([*bounds.center, *attrs.astuple(bounds)[1:]], np.float64)
     return found
 
 
-def _curves(strands, given):
+def curves_from(strands: dict[str, Any], given: dict[str, Any]) -> Curves:
     """The Curves of what a reader returns: as `stored`, but color may also be sRGB, values may be per strand, and width
-    and the rest may be missing."""
+    and the rest may be missing, which are as ``given``."""
     points, counts = np.asarray(strands["points"]), strands.get("counts")
     if counts is None and points.ndim == 3:
         counts = np.full(len(points), points.shape[1])
@@ -139,14 +150,23 @@ def _curves(strands, given):
         found = {name: value[there] if value.shape == (len(there), *VALUES[name]) else value
                  for name, value in found.items()}
     counts = counts[there]
-    fields = {name: np.asarray(strands[name])[there] for name in OF_ROOTS if name in strands}
+    fields: dict[str, Any] = {name: np.asarray(strands[name])[there] for name in OF_ROOTS if name in strands}
     fields |= {name: _by_strand(found[name], VALUES[name], counts) for name in ("width", "color") if name in found}
     if not np.any(fields.get("width", 0)):
         fields["width"] = given.get("width", usual_width(points))
     if "transparency" in found:
         fields |= _types(found["transparency"].astype(np.float64), counts, given.get("look"))
         given = {name: value for name, value in given.items() if name not in ("alpha", "look") or "alpha" in fields}
-    return Curves(points, counts, **{**given, **fields})
+    setup = dict(strands.get("setup", {}))
+    if "bounds" in setup:
+        if np.shape(setup["bounds"]) != (7,):
+            raise Error(f"has bounds of shape {list(np.shape(setup['bounds']))}; allowed: [7]")
+        *center, radius, segments, length, area = setup["bounds"].tolist()
+        setup["bounds"] = Bounds(center, radius, int(segments), length, area)
+    if len(counts) and counts.max() == 1:
+        warnings.warn("strands of a file have one point each, and nothing of them is drawn", stacklevel=4)
+    rest: dict[str, Any] = {**given, **setup, **fields}
+    return Curves(points=points, counts=counts, **rest)
 
 
 def _by_strand(values, tail, counts):

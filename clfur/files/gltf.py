@@ -111,10 +111,12 @@ def gltf(data: bytes, path: Path, binary: memoryview | None = None) -> dict:
     if max(vertices, faces) > MAX_PLACED:
         raise Error(f"has {faces} faces of {vertices} vertices; allowed: at most {MAX_PLACED} of each")
     result: dict[str, Any] = {"positions": None, "normals": None, "uv": None, "faces": np.empty((faces, 3), np.int64)}
+    repeats = [use.faces * use.copies for use in uses]
+    result["numbering"] = {"labels": tuple(_labels(names, repeats) for names in zip(*(use.names for use in uses)))}
     default = len(source.items("materials"))
     if any(use.material is not None for use in uses):
         result["material_of"] = np.repeat([default if use.material is None else use.material for use in uses],
-                                          [use.faces * use.copies for use in uses])
+                                          repeats)
     vertex = face = 0
     with np.errstate(all="ignore"):   # what is not finite is found by Mesh
         for use in uses:
@@ -130,6 +132,12 @@ def gltf(data: bytes, path: Path, binary: memoryview | None = None) -> dict:
             result["faces"][face:face + len(rows)] = rows + vertex
             vertex, face = vertex + use.vertices * use.copies, face + len(rows)
     return result
+
+
+def _labels(names, repeats):
+    """Return tuples of names, each once, and which of them are each face's; of names of uses of so many faces each."""
+    distinct = {each: number for number, each in enumerate(dict.fromkeys(names))}
+    return tuple(distinct), np.repeat([distinct[each] for each in names], repeats)
 
 
 def _tree(data):
@@ -160,7 +168,7 @@ def _no_number(name):
 @attrs.frozen
 class _Use:
     """A primitive of a node's mesh. weights: of its morph targets; vertices, faces: how many; copies: instances;
-    material: which, or None."""
+    material: which, or None; names: of the node, of the mesh and of the material, a tuple each."""
 
     node: int
     primitive: dict
@@ -171,6 +179,7 @@ class _Use:
     faces: int
     copies: int
     material: int | None
+    names: tuple
 
 
 def _uses(source: Source, nodes: Nodes) -> Iterator[_Use]:
@@ -193,11 +202,14 @@ def _uses(source: Source, nodes: Nodes) -> Iterator[_Use]:
                 others.add(MODES[mode])
             elif count:
                 faces += count
-                material = None
+                material: int | None = None
+                found: dict = {}
                 if "material" in primitive:
-                    material, _ = source.item("materials", primitive, "material", where)
+                    material, found = source.item("materials", primitive, "material", where)
+                names = tuple((each["name"],) if isinstance(each.get("name"), str) else ()
+                              for each in (node, mesh, found))
                 yield _Use(k, primitive, where, _weights(node, mesh, primitive, where), mode, vertices, count, copies,
-                           material)
+                           material, names)
     if not faces:
         raise Error(f"has no faces, only {' and '.join(sorted(others))}" if others else
                     "has no faces: no node of its scene has a mesh of triangles")

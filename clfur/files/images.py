@@ -6,40 +6,36 @@ import os
 import re
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ..color import linear_to_srgb
+from ..color import linear_to_srgb, srgb_to_linear
 from ..errors import Error, shown
-from ..scene import checks
-from . import output, radiance
+from ..scene import Camera, checks
+from . import exr, layers, output, radiance
+from .arrays import read_arrays
 from .input import read
 from .output import is_path, output_path, reason, whole
 
-__all__ = ["check_writable", "load_picture", "png", "save"]
+__all__ = ["check_writable", "load", "load_header", "load_picture", "png", "save", "to_uint8"]
 
 EFFORT = 1   # of PNG's compression, 0 to 9: 6 takes three times as long for files of 0.85 to 1.08 times the size
-BAND = 64   # rows of a picture that are coded at a time: NumPy and OpenEXR hear Ctrl-C only between their steps
+BAND = 64   # rows of a picture that are coded at a time: NumPy hears Ctrl-C only between its steps
 
-# Names of the EXR channels of each output of the renderer, one for each of its last axis.
-EXR_CHANNELS = {
-    "depth": ("Z",),
-    "tangent": ("tangent.X", "tangent.Y", "tangent.Z"),
-    "normal": ("normal.X", "normal.Y", "normal.Z"),
-    "id": ("id",),
-    "uv": ("uv.U", "uv.V"),
-    "coverage": ("coverage",),
-}
-
-
-def save(path: str | os.PathLike, image: np.ndarray | dict[str, np.ndarray]) -> None:
+def save(path: str | os.PathLike, image: np.ndarray | dict[str, np.ndarray], camera: Camera | None = None,
+         settings: Any = None) -> None:
     """Write a picture to a .png, .exr or .npz file, by suffix: all of it or nothing.
 
     path: str or path-like. image: float [h, w, 4] linear premultiplied (or [h, w, 3]), or the dict of outputs
     that `render` returns. PNG holds the colour alone, 8-bit sRGB with straight alpha, clipped to 0..1. EXR
-    holds linear float32: R, G, B, A (premultiplied), and of a dict also Z (depth), tangent.X and so on; `id`
-    is unsigned there, so -1 reads 4294967295. NPZ holds the arrays as they are, a plain one as `color`.
+    holds linear float32: R, G, B, A (premultiplied), and of a dict other outputs in parts of their names: Z
+    (depth), tangent.X and so on; whole numbers such as `id` are floats there, but where some are beyond 2**24, which
+    are unsigned; matte_id with matte_alpha are a Cryptomatte of strands, type_alpha is one of types, too: see
+    docs/data.md. NPZ holds the arrays as they are, a plain one as `color`. camera, settings: the Camera and Settings
+    that it was drawn with, which EXR holds in its header.
     Raises Error for another suffix, other shapes, and where the file cannot be written.
     """
     file = output_path(path, WRITERS)
@@ -53,9 +49,43 @@ def save(path: str | os.PathLike, image: np.ndarray | dict[str, np.ndarray]) -> 
         if color.ndim != 3 or color.shape[2] not in (3, 4) or 0 in color.shape or color.dtype.kind != "f":
             raise Error(f"save color is {color.dtype} {list(color.shape)}; "
                         "allowed: floats [h, w, 4] or [h, w, 3]")
-    write = WRITERS[file.suffix.lower()]
+    about, write = layers.about(camera, settings), WRITERS[file.suffix.lower()]
     with whole(file) as temporary:
-        write(temporary, outputs)
+        write(temporary, outputs, about)
+
+
+def load(path: str | os.PathLike) -> dict[str, np.ndarray]:
+    """Read what `save` has written: {output: array}, of the dtypes and shapes that were saved.
+
+    path: str or path-like, of a .png, .exr or .npz file. Of PNG it is `color` alone, float32 [h, w, 4] linear
+    premultiplied: 8 bits of it. Of EXR made by others it is `color` for R, G, B (and A), `depth` for Z, and every other
+    channel by its name, float32 or uint32.
+    Raises Error, one line that names the file, where it is missing, damaged, cut short or claims more than it has.
+    """
+    return _loaded(path, "load", READERS)
+
+
+def load_header(path: str | os.PathLike) -> dict[str, Any]:
+    """Read what `save` has told of a picture in an .exr file: {"software": clfur and its version, "camera": the Camera,
+    "settings": {name: value} of the Settings}, None where it was not given. Raises Error as `load` does."""
+    return _loaded(path, "load_header", {".exr": lambda data: layers.header_of(exr.read(data))})
+
+
+def _loaded(path, name, readers):
+    """What the reader of a file's suffix gives of it."""
+    if not is_path(path):
+        raise Error(f"{name} path is {shown(path)}; allowed: a file's name")
+    path = Path(path)
+    if path.suffix.lower() not in readers:
+        raise Error(f"{path}: {path.suffix or 'no suffix'} is not supported; allowed: {', '.join(readers)}")
+    if os.path.isdir(path) or not os.path.exists(path):
+        problem = "is a folder" if os.path.isdir(path) else "no such file"
+        raise Error(f"{path}: {problem}; allowed: a file that save has written")
+    data = read(path)
+    try:
+        return readers[path.suffix.lower()](data)
+    except Error as error:
+        raise Error(f"{path}: {error}") from error.__cause__
 
 
 def check_writable(path: str | os.PathLike) -> None:
@@ -67,10 +97,28 @@ def png(color: np.ndarray) -> bytes:
     """The bytes of a PNG file, 8-bit sRGB with straight alpha: of a float picture as `save` takes it."""
     import imageio.v3
 
+    return imageio.v3.imwrite("<bytes>", _in_bands(color), extension=".png", compress_level=EFFORT)
+
+
+def to_uint8(image: np.ndarray) -> np.ndarray:
+    """Return a picture in 8 bits, as PNG and screens have it: uint8 [h, w, 4], sRGB with straight alpha.
+
+    image: float [h, w, 4] linear premultiplied, or [h, w, 3] linear, as `render` and `over` give; the result has as
+    many channels, is contiguous and becomes a Pillow image by `PIL.Image.fromarray(clfur.to_uint8(image))`.
+    Raises Error for anything else.
+    """
+    image = checks.numbers(image, "to_uint8 image", "floats [h, w, 4] or [h, w, 3]", "f")
+    if image.ndim != 3 or image.shape[2] not in (3, 4):
+        raise Error(f"to_uint8 image is {image.dtype} {list(image.shape)}; allowed: floats [h, w, 4] or [h, w, 3]")
+    return _in_bands(image)
+
+
+def _in_bands(color):
+    """`_coded` of a picture, some rows at a time."""
     coded = np.empty(color.shape, np.uint8)
     for top in range(0, len(color), BAND):
         coded[top:top + BAND] = _coded(color[top:top + BAND])
-    return imageio.v3.imwrite("<bytes>", coded, extension=".png", compress_level=EFFORT)
+    return coded
 
 
 def _coded(color):
@@ -85,53 +133,45 @@ def _coded(color):
     return (coded * 255 + 0.5).astype(np.uint8)
 
 
-def _png(path, outputs):
+def _png(path, outputs, _about):
     if "color" not in outputs:
         raise Error("save to .png needs the output 'color'; allowed without it: .exr, .npz")
     path.write_bytes(png(outputs["color"]))
 
 
-def _exr(path, outputs):
-    import Imath
-    import OpenEXR
-
-    layers = {}   # of each channel: [h, w]
-    for name, array in outputs.items():
-        names = tuple("RGBA"[: array.shape[2]]) if name == "color" else EXR_CHANNELS.get(name, (name,))
-        array = array if array.ndim == 3 else array[:, :, None] if array.ndim == 2 else None
-        if array is None or array.shape[2] != len(names):
-            raise Error(f"save output {name!r} has the shape {list(outputs[name].shape)}; "
-                        f"allowed: [h, w, {len(names)}]")
-        layers |= {channel: array[:, :, k] for k, channel in enumerate(names)}
-    if len({array.shape for array in layers.values()}) != 1:
-        raise Error("save outputs are not all of one size; allowed: arrays of the same [h, w]")
-    height, width = next(iter(layers.values())).shape
-    header = OpenEXR.Header(width, height) | {"compression": Imath.Compression(Imath.Compression.ZIP_COMPRESSION)}
-    header["channels"] = {name: Imath.Channel(Imath.PixelType(Imath.PixelType.UINT if _is_whole(array) else
-                                                              Imath.PixelType.FLOAT)) for name, array in layers.items()}
-    file = OpenEXR.OutputFile(str(path), header)
-    try:
-        for top in range(0, height, BAND):   # OpenEXR.File takes all at once, and hears no Ctrl-C meanwhile
-            file.writePixels({name: _exr_bytes(array[top:top + BAND]) for name, array in layers.items()},
-                             min(BAND, height - top))
-    finally:
-        file.close()
+def _exr(path, outputs, about):
+    exr.write(path, layers.parts_of(outputs, about))
 
 
-def _is_whole(array):
-    return array.dtype.kind in "iu"
-
-
-def _exr_bytes(array):
-    # EXR has no signed integers; floats would lose ids beyond 2**24.
-    return (array.astype(np.int64).astype(np.uint32) if _is_whole(array) else array.astype(np.float32)).tobytes()
-
-
-def _npz(path, outputs):
+def _npz(path, outputs, _about):
     np.savez(path, **outputs)
 
 
-WRITERS = {".png": _png, ".exr": _exr, ".npz": _npz}
+WRITERS: dict[str, Callable] = {".png": _png, ".exr": _exr, ".npz": _npz}
+
+
+def _of_png(data):
+    """{"color": ...} of a PNG file's bytes."""
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            picture = Image.open(io.BytesIO(data), formats=["PNG"])
+            width, height = picture.size
+            if width * height > MAX_PIXELS:
+                raise Error(f"has {width} x {height} pixels; allowed: at most {MAX_PIXELS}")
+            pixels = np.asarray(picture.convert("RGBA"))
+    except Error:
+        raise
+    except Exception as error:   # a damaged file can fail in any way
+        raise Error(f"cannot be read as a picture: {reason(error)}") from error
+    alpha = pixels[..., 3:].astype(np.float32) / 255
+    return {"color": np.concatenate([srgb_to_linear(pixels[..., :3]) * alpha, alpha], 2, dtype=np.float32)}
+
+
+READERS: dict[str, Callable] = {
+    ".png": _of_png, ".exr": lambda data: layers.outputs_of(exr.read(data)), ".npz": read_arrays}
 
 
 # --- pictures that are read -----------------------------------------------------------------------------------
@@ -140,26 +180,29 @@ WRITERS = {".png": _png, ".exr": _exr, ".npz": _npz}
 READ = ["PNG", "JPEG", "MPO", "TIFF", "GIF", "WEBP", "BMP", "DIB", "TGA", "PPM", "PCX", "ICO", "SGI", "JPEG2000",
         "AVIF"]
 MAX_PIXELS = 2**27   # of a picture: while it is read, it takes 10 bytes each, 16 where it has 16 bits a channel
-EXR = b"v/1\1"       # how such a file begins
+UDIM, TILE = r"<UDIM>|%\(UDIM\)d", r"(?!1000)[1-9]\d{3}"   # in a picture's name; and its tiles' numbers
 GREY16 = {"I;16", "I;16B", "I;16L", "I;16N"}
 # Where the other byte of a channel stands: Pillow keeps one of the two alone.
 OTHER_BYTE = {"B": "L", "L": "B", "N": "B" if sys.byteorder == "little" else "L"}
 
 
-def load_picture(path: str | os.PathLike) -> np.ndarray:
-    """Return a picture file's pixels as stored, without alpha: [h, w, 3], the top row first.
+def load_picture(path: str | os.PathLike) -> Any:
+    """Return a picture file's pixels as stored, without alpha: an array [h, w, 3], the top row first. Of a name with
+    <UDIM> or %(UDIM)d in it, for which 1001 and so on stand in its files' names, {1001: array, ...} of all there are.
 
     path: str or path-like: PNG or TIFF of 8 or 16 bits a channel, JPEG, GIF, WebP, BMP and others of 8 are uint8 or
     uint16, sRGB; EXR and Radiance's HDR are float32, linear.
     Grey becomes three equal channels, CMYK and palettes become RGB; of several frames the first is taken; the
     orientation that a camera wrote (EXIF) is not applied, since uv is of pixels as they are stored.
     Raises Error, one line that names the file, where it is missing, damaged, no regular file, larger than 2**30 bytes
-    or MAX_PIXELS, or has channels that would be cut: more than 8 bits in other formats, floats but of EXR and HDR,
-    16-bit grey with alpha.
+    or MAX_PIXELS (tiles: together), or has channels that would be cut: more than 8 bits in other formats, floats but of
+    EXR and HDR, 16-bit grey with alpha.
     """
     if not is_path(path):
         raise Error(f"load_picture path is {shown(path)}; allowed: a file's name")
     path = Path(path)
+    if re.search(UDIM, path.name):
+        return _tiles(path)
     if os.path.isdir(path) or not os.path.exists(path):  # pathlib's would raise for names that the system refuses
         problem = "is a folder" if os.path.isdir(path) else "no such file"
         raise Error(f"{path}: {problem}; allowed: a picture file")
@@ -170,6 +213,34 @@ def load_picture(path: str | os.PathLike) -> np.ndarray:
         raise Error(f"{path}: {error}") from error.__cause__
 
 
+def tiles_of(path: str | os.PathLike) -> list[Path]:
+    """Return the files that a picture's name stands for: itself, or its UDIM tiles, in their order."""
+    path = Path(path)
+    found = re.search(UDIM, path.name)
+    if not found:
+        return [path]
+    begin, end = map(re.escape, (path.name[:found.start()], path.name[found.end():]))
+    try:
+        names = sorted(name for name in os.listdir(path.parent) if re.fullmatch(begin + TILE + end, name))
+    except OSError:
+        names = []
+    return [path.with_name(name) for name in names]
+
+
+def _tiles(path):
+    """Return {number: pixels} of the tiles of a picture."""
+    begin = re.search(UDIM, path.name).start()
+    tiles, pixels = {}, 0
+    for file in tiles_of(path):
+        tiles[int(file.name[begin:begin + 4])] = picture = load_picture(file)
+        pixels += picture.shape[0] * picture.shape[1]
+        if pixels > MAX_PIXELS:
+            raise Error(f"{path}: its tiles have more pixels than allowed: at most {MAX_PIXELS} together")
+    if not tiles:
+        raise Error(f"{path}: no such tiles; allowed: files with a number from 1001 in place of <UDIM>")
+    return tiles
+
+
 def picture_of(data: bytes) -> np.ndarray:
     """Return the pixels of the bytes of a picture file, as `load_picture` does; its errors do not name the file."""
     from PIL import Image, UnidentifiedImageError
@@ -178,7 +249,7 @@ def picture_of(data: bytes) -> np.ndarray:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")   # of many pixels, which are counted here, and of odd metadata
             return (radiance.decoded(data, MAX_PIXELS) if data.startswith(radiance.MAGIC) else
-                    _of_exr(data) if data.startswith(EXR) else _pixels(data))
+                    _of_exr(data) if data.startswith(exr.MAGIC) else _pixels(data))
     except Error:
         raise
     except UnidentifiedImageError:

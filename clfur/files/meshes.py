@@ -2,11 +2,14 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..errors import Error, shown
 from ..scene import Mesh
+from ..scene.mesh import Numbering
+from ..scene.origin import copied
 from .gltf import glb, gltf
 from .input import read
 from .obj import obj
@@ -25,8 +28,9 @@ def load_mesh(path: str | os.PathLike) -> Mesh:
     path: str or path-like; obj, ply, stl, off, glb or gltf, by suffix. Normals and uv are kept (missing
     normals are computed by Mesh), polygons become triangles (fans, or ears cut where a fan would be wrong),
     several meshes in a scene become one with their transforms applied. Vertices that no face uses are left out,
-    faces of less than three corners are counted in `Mesh.degenerate_faces`. Of materials
-    only which a face of a glTF file has is read (`Mesh.material_of`); see `load_materials`.
+    faces of less than three corners are counted in `Mesh.degenerate_faces`. Of materials which a face of a glTF file
+    has is read (`Mesh.material_of`); see `load_materials`. `Mesh.numbering` has names of groups, objects and materials
+    of OBJ, of nodes, meshes and materials of glTF, and vertex colours of PLY; it counts as the file does.
     Raises Error, one line that names the file, for anything that is missing, damaged, cut short, without faces, no
     regular file or of more than 2**30 bytes.
     """
@@ -37,7 +41,9 @@ def load_mesh(path: str | os.PathLike) -> Mesh:
     path = Path(path)
     data = _read(path)
     try:
-        return Mesh(**_used(READERS[path.suffix.lower()](data, path)))
+        fields = READERS[path.suffix.lower()](data, path)
+        numbering = _numbering(fields)
+        return copied(Mesh(**finite(fields)), numbering=numbering)
     except Error as error:
         raise Error(f"{path}: {error}") from None
     except Exception as error:  # a reader may fail in any way on a damaged file; the user gets one line
@@ -64,7 +70,14 @@ def _read(path):
     return data
 
 
-def _used(fields):
+def _numbering(fields):
+    """Return the `Numbering` of a reader's fields, and take what is said of it out of them."""
+    faces, known = fields["faces"], fields.pop("numbering", {})
+    known = {"corners": faces, "vertices": len(fields["positions"]), "face_of": None, "faces": len(faces)} | known
+    return Numbering(**known | {"corners": known["corners"].astype(np.uint32)})
+
+
+def finite(fields: dict[str, Any]) -> dict[str, Any]:
     """Return a Mesh's fields without vertices that are not finite and that no face uses."""
     finite = np.isfinite(fields["positions"]).all(axis=1)
     if finite.all():

@@ -22,28 +22,31 @@ NOT_A_NUMBER = re.compile(r"[+-]?(nan|inf|\d\.#)", re.I)   # as old C libraries 
 
 
 def obj(data: bytes, path: Path) -> dict:
-    """Return the fields of the Mesh in an OBJ file: positions, normals, uv and faces.
+    """Return the fields of the Mesh in an OBJ file: positions, normals, uv, faces, and their numbers and names.
 
-    Read are lines v (the first three numbers: w is of curves alone), vt, vn and f. Points, lines, curves, groups
-    and materials are passed over; surfaces other than polygons are an Error, as is all that is damaged.
+    Read are lines v (the first three numbers: w is of curves alone), vt, vn and f, and of g, o and usemtl the names.
+    Points, lines and curves are passed over; surfaces other than polygons are an Error, as is all that is damaged.
     """
-    tables, sizes, corners = _parse(lines(_joined(plain(data))))
+    tables, sizes, corners, labels = _parse(lines(_joined(plain(data))))
     if not len(corners):
         raise Error("has no faces")
     for kind, table, last in zip(WIDTHS, tables, corners.max(axis=0), strict=True):
         if last >= len(table):
             raise Error(f"a face has the {kind} index {last + 1}; allowed: 1 to {len(table)}")
     positions, uvs, normals = tables
-    triangles, _ = triangulate(positions, corners[:, 0], sizes)
+    triangles, face_of = triangulate(positions, corners[:, 0], sizes)
     v, vt, vn = corners[triangles].transpose(2, 0, 1)  # [F, 3] each
     uv = np.where(vt[..., None] >= 0, uvs[vt], 0) if (vt >= 0).any() else None
+    numbering = {"corners": v, "vertices": len(positions), "face_of": face_of, "faces": len(sizes),
+                 "labels": labels}
     if not (vn >= 0).any():
-        return {"positions": positions, "uv": uv, "faces": v}
+        return {"positions": positions, "uv": uv, "faces": v, "numbering": numbering}
     # One vertex for each pair (v, vn); Mesh welds the positions again.
     pairs, faces = np.unique(v * (len(normals) + 1) + vn + 1, return_inverse=True)
     v, vn = np.divmod(pairs, len(normals) + 1)
     normals = np.where(vn[:, None] > 0, normals[vn - 1], 0)
-    return {"positions": positions[v], "normals": normals, "uv": uv, "faces": faces.reshape(-1, 3)}
+    return {"positions": positions[v], "normals": normals, "uv": uv, "faces": faces.reshape(-1, 3),
+            "numbering": numbering}
 
 
 def _joined(text):
@@ -54,7 +57,9 @@ def _joined(text):
 
 
 def _parse(rows):
-    """Return the tables v [V, 3], vt [T, 2], vn [N, 3], sizes of faces [P], and (v, vt, vn) by corner [C, 3]."""
+    """Return the tables v [V, 3], vt [T, 2], vn [N, 3], sizes of faces [P], (v, vt, vn) by corner [C, 3], and the
+    `Numbering.labels` of the faces."""
+    named = {kind: [(0, ())] for kind in ("g", "o", "usemtl")}   # [(from which face on, names)]
     tables = {kind: [] for kind in WIDTHS}   # flat lists of floats
     known, distinct, corners, sizes = {}, [], [], []   # a corner as written -> its number in `distinct`; numbers
     for number, row in enumerate(rows, 1):
@@ -75,10 +80,27 @@ def _parse(rows):
                         known[word] = at
                 corners.append(at)
             sizes.append(len(words) - 1)
+        elif kind in named:
+            named[kind].append((len(sizes), _names(kind, words[1:])))
         elif kind in SURFACES:
             raise Error(f"line {number}: {kind!r} is not read; allowed: polygons in the same file (f)")
     found = [np.array(tables[kind], np.float64).reshape(-1, width) for kind, width in WIDTHS.items()]
-    return found, np.array(sizes, np.int64), np.array(distinct, np.int64).reshape(-1, 3)[np.array(corners, np.int64)]
+    corners = np.array(distinct, np.int64).reshape(-1, 3)[np.array(corners, np.int64)]
+    return found, np.array(sizes, np.int64), corners, tuple(_labels(each, len(sizes)) for each in named.values())
+
+
+def _names(kind, words):
+    """Return the names of a line: several groups, or one object or material."""
+    words = [word.encode("latin-1").decode("utf-8", "replace") for word in words]
+    return tuple(words) if kind == "g" else (" ".join(words),) * bool(words)
+
+
+def _labels(named, faces):
+    """Return tuples of names, each once, and which of them are each face's, int64 [faces]; of [(first face, names)]."""
+    begin = np.array([first for first, _ in named])
+    distinct = {names: number for number, names in enumerate(dict.fromkeys(names for _, names in named))}
+    numbers = np.array([distinct[names] for _, names in named])
+    return tuple(distinct), np.repeat(numbers, np.diff(np.append(begin, faces)))
 
 
 def _numbers(words, width, number):

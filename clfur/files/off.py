@@ -34,9 +34,10 @@ def off(data: bytes, path: Path) -> dict:
     sizes, corners = _faces(rows[vertices:], vertices)
     if not len(corners):
         raise Error("has no faces")
-    triangles = by_size(*triangulate(positions, corners, sizes), sizes)
+    triangles, face_of = by_size(*triangulate(positions, corners, sizes), sizes)
     return {"positions": positions, "normals": table[:, width:width + 3] if normal else None,
-            "uv": table[:, -2:][corners[triangles]] if st else None, "faces": corners[triangles]}
+            "uv": table[:, -2:][corners[triangles]] if st else None, "faces": corners[triangles],
+            "numbering": {"face_of": face_of, "faces": len(sizes)}}
 
 
 def _header(rows):

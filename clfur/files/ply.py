@@ -24,7 +24,8 @@ STRUCTS = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8
 ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 INDICES = "vertex_indices", "vertex_index"
 UV = ("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t")
-WANTED = {"x", "y", "z", "nx", "ny", "nz", "texcoord", *INDICES, *sum(UV, ())}
+COLORS = ("red", "green", "blue", "alpha"), ("diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha")
+WANTED = {"x", "y", "z", "nx", "ny", "nz", "texcoord", *INDICES, *sum(UV, ()), *sum(COLORS, ())}
 
 
 class Property(NamedTuple):
@@ -44,9 +45,10 @@ class Element(NamedTuple):
 
 
 def ply(data: bytes, path: Path) -> dict:
-    """Return the fields of the Mesh in a PLY file: positions, normals, uv and faces.
+    """Return the fields of the Mesh in a PLY file: positions, normals, uv and faces; and how they are numbered.
 
-    Read are x, y, z, nx, ny, nz and s, t (or u, v; texture_u, texture_v) of vertices, vertex_indices and texcoord of
+    Read are x, y, z, nx, ny, nz, red, green, blue, alpha and s, t (or u, v; texture_u, texture_v) of vertices,
+    vertex_indices and texcoord of
     faces, and vertex_indices of tristrips, in which -1 begins a new strip. All else is passed over.
     """
     tables, stated = _tables(data, WANTED)
@@ -54,17 +56,29 @@ def ply(data: bytes, path: Path) -> dict:
     if not {"x", "y", "z"} <= vertex.keys():
         raise Error("has no vertices with x, y and z")
     positions = np.stack([vertex[name].astype(np.float64) for name in "xyz"], axis=1)
+    kinds = {each.name: each.kind for element in stated if element.name == "vertex" for each in element.properties}
     normals = None
     if {"nx", "ny", "nz"} <= vertex.keys():
-        kinds = {each.name: each.kind for element in stated if element.name == "vertex" for each in element.properties}
         normals = np.stack([vertex[name].astype(kinds[name]) for name in ("nx", "ny", "nz")], axis=1, dtype=np.float64)
-    faces, uv = _faces(tables, positions)
+    faces, uv, face_of = _faces(tables, positions)
     if not len(faces):
         raise Error("has no faces")
     if uv is None:
         pair = next((pair for pair in UV if set(pair) <= vertex.keys()), None)
         uv = pair and np.stack([vertex[name].astype(np.float64) for name in pair], axis=1)[faces]
-    return {"positions": positions, "normals": normals, "uv": uv, "faces": faces}
+    return {"positions": positions, "normals": normals, "uv": uv, "faces": faces,
+            "numbering": {"face_of": face_of, "faces": int(face_of.max()) + 1, "colors": _colors(vertex, kinds)}}
+
+
+def _colors(vertex, kinds):
+    """Return the vertices' colours float32 [V, 3 or 4], 0 to 1 without a curve, or None where they have none."""
+    for names in COLORS:
+        if all(name in vertex and not isinstance(vertex[name], tuple) for name in names[:3]):
+            there = [name for name in names if not isinstance(vertex.get(name, ()), tuple)]
+            most = [np.iinfo(kinds[name]).max if kinds[name][0] in "iu" else 1 for name in there]
+            return np.stack([vertex[name].astype(np.float64) / one for name, one in zip(there, most)], 1,
+                            dtype=np.float32, casting="same_kind")
+    return None
 
 
 def rows_of(data: bytes, wanted: set) -> dict:
@@ -240,9 +254,10 @@ def _size(kind):
 
 
 def _faces(tables, positions):
-    """Return the faces int64 [F, 3] of the elements face and tristrips, and uv [F, 3, 2] of texcoord or None."""
+    """Return the faces int64 [F, 3] of the elements face and tristrips, uv [F, 3, 2] of texcoord or None, and the
+    number of the face that each is of, int64 [F]; triangles of strips go on counting."""
     sizes, corners = _indices(tables, "face", positions)
-    triangles = by_size(*triangulate(positions, corners, sizes), sizes)
+    triangles, face_of = by_size(*triangulate(positions, corners, sizes), sizes)
     uv, faces = None, corners[triangles]
     lengths, values = tables.get("face", {}).get("texcoord", (np.zeros(len(sizes), np.int64), None))
     if (bad := (lengths != 0) & (lengths != 2 * sizes)).any():
@@ -256,7 +271,7 @@ def _faces(tables, positions):
     strips = _strips(*_indices(tables, "tristrips", positions, restart=True))
     if uv is not None:
         uv = np.concatenate([uv, np.zeros((len(strips), 3, 2))])
-    return np.concatenate([faces, strips]), uv
+    return np.concatenate([faces, strips]), uv, np.concatenate([face_of, len(sizes) + np.arange(len(strips))])
 
 
 def _indices(tables, name, positions, restart=False):

@@ -85,18 +85,19 @@ def _cut_alike(places, starts, sizes, triangles, owner):
             triangles[own] = found.reshape(-1, n - 2, 3)[..., turn]
 
 
-def by_size(triangles: np.ndarray, owner: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Return the triangles of `triangulate` in another order: faces of three corners, halves of quads, then polygons.
+def by_size(triangles: np.ndarray, owner: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what `triangulate` does in another order: faces of three corners, halves of quads, then polygons.
 
     First halves of quads come before second ones, which are 2 3 0 in place of 0 2 3: as the library that read PLY and
     OFF files before had them, so that strands keep their numbers.
     """
-    sizes = np.asarray(sizes, np.int64)[owner]
+    sizes = np.asarray(sizes, np.int64)[owner]   # of each one's polygon
     second = (sizes == 4) & np.append(False, owner[1:] == owner[:-1])
     fan = second & (triangles[:, 2] - triangles[:, 0] == 3)
     triangles = np.where(fan[:, None], np.roll(triangles, -1, axis=1), triangles)
     group = np.select([sizes <= 3, (sizes == 4) & ~second, second], [0, 1, 2], 3)
-    return triangles[np.argsort(group, kind="stable")]
+    order = np.argsort(group, kind="stable")
+    return triangles[order], owner[order]
 
 
 def _fans(starts, sizes, count):

@@ -2,8 +2,8 @@
 
 Vertices have x, y, z, and as they are there width (or diameter, thickness; radius is half of it) and red, green, blue
 (whole numbers are sRGB, others linear light).  A strand is a row of the element strand (or line, polyline, curve,
-fiber; also in the plural) with a list vertex_indices, or a chain of the element edge's vertex1, vertex2, from its root
-on.
+fiber; also in the plural) with a list vertex_indices, or with nsegs (how many segments; vertices stand strand after
+strand, as hairutil writes them), or a chain of the element edge's vertex1, vertex2, from its root on.
 """
 
 from pathlib import Path
@@ -16,7 +16,8 @@ from .ply import INDICES, rows_of
 LISTS = "strand", "strands", "line", "lines", "polyline", "polylines", "curve", "curves", "fiber", "fibers"
 WIDTHS = {"width": 1, "diameter": 1, "thickness": 1, "radius": 2}   # of it a diameter is so many
 RGB = "red", "green", "blue"
-WANTED = {"x", "y", "z", *WIDTHS, *RGB, *INDICES, "vertex1", "vertex2"}
+SEGMENTS = "nsegs"
+WANTED = {"x", "y", "z", *WIDTHS, *RGB, *INDICES, SEGMENTS, "vertex1", "vertex2"}
 
 
 def read_strand_ply(data: bytes, path: Path) -> dict:
@@ -26,7 +27,12 @@ def read_strand_ply(data: bytes, path: Path) -> dict:
     if not {"x", "y", "z"} <= vertex.keys():
         raise Error("has no vertices with x, y and z")
     name = next((name for name in LISTS if name in tables), None)
-    if name:
+    if name and SEGMENTS in tables[name]:
+        segments = tables[name][SEGMENTS]
+        counts, order = _whole(segments, 1 << 31) + 1, np.arange(len(vertex["x"]))
+        if int(counts.sum()) != len(order):
+            raise Error(f"has {len(order)} vertices, but its strands have {int(counts.sum())}")
+    elif name:
         lists = next((tables[name][each] for each in INDICES if each in tables[name]), None)
         if not isinstance(lists, tuple):
             raise Error(f"has {name} rows without a list vertex_indices")

@@ -3,7 +3,8 @@
 160 bytes of header (version 4, strands, points a strand, and at which byte each array begins; 0: there is none), then
 positions float32 [strands, points, 4] (w is 0 where a point is held fast), and as they are there uv [strands, 2], uv
 [strands, points, 2], thickness [strands], colours [strands, points, 4]; all little-endian.  The root comes first.  The
-exporters that AMD published write no thickness: hair is as wide as its material says in the game.
+exporter that AMD published writes no thickness: hair is as wide as its material says in the game; and its v runs down,
+as Direct3D has it.
 """
 
 import struct
@@ -33,8 +34,8 @@ def read_tfx(data: bytes, path: Path) -> dict:
                                        for at, (what, shape) in zip(offsets[1:], kinds[1:], strict=True))
     if uv is None and point_uv is not None:
         uv = point_uv[:, 0]
-    found = {"points": places[..., :3].reshape(-1, 3), "counts": np.full(strands, points), "root_uv": uv,
-             "width": None if thickness is None else thickness,
+    found = {"points": places[..., :3].reshape(-1, 3), "counts": np.full(strands, points), "root_uv": _from_above(uv),
+             "width": thickness,
              "color": None if colors is None else colors[..., :3].reshape(-1, 3)}
     return {name: value for name, value in found.items() if value is not None}
 
@@ -57,7 +58,7 @@ def write_tfx(strands: dict) -> bytes:
         return values[at] * (1 - share[:, None]) + values[np.minimum(at + 1, total - 1)] * share[:, None]
 
     held = np.where(np.arange(len(at)) % most < 2, 0, 1)[:, None]   # the root and the next, as AMD's exporters do
-    data = [np.hstack([filled(strands["points"]), held]), strands.get("root_uv"), None,
+    data = [np.hstack([filled(strands["points"]), held]), _from_above(strands.get("root_uv")), None,
             _at_roots(strands["width"], counts),
             np.hstack([filled(strands["color"]), np.ones((len(at), 1))])]
     offsets, end = [], HEADER.size
@@ -82,6 +83,11 @@ def spread(counts: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     end = -(-(segment + 1) * steps // segments)
     share = (of - begin) / (end - begin)
     return (first[:, None] + segment).ravel(), share.ravel()
+
+
+def _from_above(uv):
+    """uv with v from the top down, or from the bottom up where it was so."""
+    return None if uv is None else np.column_stack([uv[:, 0], 1 - uv[:, 1]])
 
 
 def _at_roots(values, counts):

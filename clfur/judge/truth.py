@@ -13,12 +13,14 @@ import numpy as np
 from .. import cache, layout
 from ..errors import Error
 from ..render import schedulers
-from ..scene import Curves, Scene, Strands, checks, extent
+from ..scene import Curves, Mesh, Scene, Strands, Tufts, checks, extent
 from ..scene.environment import ambient_of
 from ..scene.ground import ground_from, height_of
+from ..scene.maps import planes
 from ..scene.seen import seen
+from ..scene.tufts import spots_of
 from ..stages.tessellate import tessellate
-from ..twin import ground, scatter, strands
+from ..twin import ground, guides, maps, scatter, strands, tufts
 from ..twin.vectors import dot, unit
 from .paths import Paths
 from .places import on_body, on_strand
@@ -162,7 +164,7 @@ def _geometry(scene):
         body = _tessellated(mesh, *levels)
     if isinstance(fur, Strands):
         by_area = fur.roots != "faces" and fur.rest is not None
-        hair = _grown(fur, body, _tessellated(fur.rest, *levels) if by_area else body)
+        hair = _grown(fur, body, _tessellated(fur.rest, *levels) if by_area else body, mesh)
     elif isinstance(fur, Curves):
         fur = fur.on_host
         counts = fur.counts.astype(int)
@@ -194,26 +196,102 @@ def _tessellated(mesh, inner, outer, surface):
     with gpu.frame():
         made = tessellate(gpu, mesh, inner, outer, surface)
         positions, normals, uv = (gpu.download(each).astype(float) for each in (made.positions, made.normals, made.uv))
-        return SimpleNamespace(positions=positions[:, :3], normals=normals[:, :3], uv=uv[:, :2],
+        return SimpleNamespace(positions=positions[:, :3], normals=normals[:, :3], uv=uv[:, :2], weights=uv[:, 2:],
                                area_scale=made.area_scale,
                                triangles=gpu.download(made.triangles).astype(int))
 
 
-def _grown(fur, body, rest):
-    surface = body.positions, body.normals, body.uv, body.triangles[:, :3]
+def _grown(fur, body, rest, mesh):
+    triangles = body.triangles[:, :3]
+    surface = body.positions, body.normals, np.column_stack([body.uv, body.weights]), triangles
     if fur.roots == "faces":
-        roots = strands.roots_on_faces(*surface)
+        chosen, (root, frame, at) = np.arange(len(triangles)), strands.roots_on_faces(*surface)
     else:
         x, y, z = strands.twice_areas(rest.positions * rest.area_scale, surface[3]).T
         area = np.sqrt(x * x + y * y + z * z)
-        *roots, _ = strands.roots_by_area(*surface, np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed)
-    points, tangents, counts, colors, kind = strands.grow(
-        *roots, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed)
+        spread = np.cumsum(area.astype(np.uint64)), fur.roots, fur.seed
+        root, frame, at, chosen = strands.roots_by_area(*surface, *spread)
+    traits = _traits(fur, planes(mesh, fur.maps, fur.comb), body, chosen, at, frame)
+    points, tangents, counts, colors, kind = _lines(
+        fur, mesh, root, frame, at[:, :2], traits, body.uv[triangles[chosen]].mean(1))
+    for number, hair in enumerate(fur.types):
+        mine = np.flatnonzero((kind == number) & (counts > 0))
+        if len(mine) and (hair.tufts is not None or hair.frizz[0]):
+            levels = [] if hair.tufts is None else [
+                middles_of(fur, mesh, number, level) for level in hair.tufts.levels]
+            up, end = frame[mine, 2], hair.segments + 1
+            places = root, frame
+            if rest is not body:
+                places = strands.roots_by_area(rest.positions, rest.normals, *surface[2:], *spread)[:2]
+            points[mine, :end] = tufts.put(
+                points[mine, :end], places[0][mine], places[1][mine, 2], hair, mine, fur.seed, levels,
+                None if traits is None else traits[mine])
+            tangents[mine, :end] = strands.tangents_of(points[mine, :end], up)
     there = np.arange(points.shape[1]) < counts[:, None]
     width = np.stack([np.pad(strands.widths_along(t), (0, there.shape[1] - 1 - t.segments)) for t in fur.types])[kind]
+    width = width if traits is None else width * traits["scale"][:, 1:2]
     return SimpleNamespace(points=np.column_stack([points[there], width[there]]), tangents=tangents[there],
                            counts=counts, colors=colors[there] if colors.ndim == 3 else colors, kind=kind,
                            **_looks(fur.types))
+
+
+def middles_of(fur: Strands, mesh: Mesh, number: int, level: Tufts) -> SimpleNamespace:
+    """The middles of tufts of a type, by its number, as `clfur.twin.tufts.put` takes them."""
+    rest = mesh if fur.roots == "faces" or fur.rest is None else fur.rest
+    spots = spots_of(level, mesh, rest, fur.seed)
+    corners = mesh.faces[spots.faces]
+    (root, up), (place, normal) = (tufts.stand(each.positions[corners], each.normals[corners], spots.weights,
+                                               fur.surface == "pn") for each in (mesh, rest))
+    of_corners = np.concatenate([mesh.uv[spots.faces], np.tile(np.eye(3)[:, :2], (len(root), 1, 1))], 2)
+    at = np.einsum("nc,ncx->nx", spots.weights.astype(float), of_corners)
+    frame = strands.frames(mesh.positions[corners].astype(float), up)
+    there = SimpleNamespace(positions=mesh.positions[corners].reshape(-1, 3), uv=mesh.uv[spots.faces].reshape(-1, 2),
+                            triangles=np.column_stack([np.arange(3 * len(root)).reshape(-1, 3), spots.faces]))
+    traits = _traits(fur, (None,) * 3 + planes(mesh, fur.maps, fur.comb)[3:], there, np.arange(len(root)), at, frame)
+    even = [attrs.evolve(kind, length_variation=0) for kind in fur.types]
+    lines, _, counts, _, kind = _lines(attrs.evolve(fur, types=even), mesh, root, frame, at[:, :2], traits, at[:, :2])
+    mine = np.flatnonzero((kind == number) & (counts > 0))
+    return SimpleNamespace(
+        lines=lines[mine, :even[number].segments + 1], places=place[mine], normals=normal[mine],
+        sizes=spots.sizes[mine], turns=spots.turns[mine], spacing=spots.spacing, strength=level.strength,
+        profile=level.profile)
+
+
+def _traits(fur, said, body, chosen, at, frame):
+    """What the skin says, `planes`, of strands on triangles by their numbers, None where there is nothing."""
+    if not (fur.maps or fur.comb):
+        return None
+    triangles = body.triangles[chosen, :3]
+    return maps.traits(said, at[:, :2], at[:, 2:], frame[:, 2], body.positions[triangles], body.uv[triangles],
+                       body.triangles[chosen, 3], fur.comb.weight if fur.comb else 0.0, fur.seed, np.arange(len(at)))
+
+
+def _lines(fur, mesh, root, frame, uv, traits, middle):
+    """What `strands.grow` gives, between guides where there are some."""
+    points, tangents, counts, colors, kind = strands.grow(
+        root, frame, uv, fur.types, fur.type_indices, fur.force, fur.point_forces, fur.seed, traits, middle=middle)
+    if fur.guides is not None:
+        points, tangents = _between(fur, root, frame, kind, mesh, traits)
+        counts = np.where(np.isfinite(points[:, 0, 0]), counts, 0)
+    return points, tangents, counts, colors, kind
+
+
+def _between(fur, root, frame, kind, mesh, traits):
+    """(Points, tangents) of strands between guides, as `strands.grow` has them."""
+    curves = fur.guides.on_host
+    some, ends = curves.counts > 1, np.cumsum(curves.counts, dtype=np.int64)
+    shapes = [shape.astype(float) for shape, is_one in zip(np.split(curves.points, ends[:-1]), some) if is_one]
+    places = np.array([shape[0] for shape in shapes])
+    normals = guides.normals_at(*guides.feet(places, mesh.positions, mesh.faces)[1:], mesh.positions, mesh.normals,
+                                mesh.faces) if curves.root_normal is None else curves.root_normal[some].astype(float)
+    types = None if curves.type_of is None else curves.type_of[some]
+    points = guides.between(root, frame, kind, fur.types, shapes, normals, types, fur.guides_blended, fur.parting,
+                            fur.seed, traits, fur.guides_reach)
+    tangents = np.full_like(points, np.nan)
+    for number, each in enumerate(fur.types):
+        mine, end = np.flatnonzero(kind == number), each.segments + 1
+        tangents[mine, :end] = strands.tangents_of(points[mine, :end], frame[mine, 2])
+    return points, tangents
 
 
 def _looks(types):

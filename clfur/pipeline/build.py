@@ -8,34 +8,40 @@ import functools
 import hashlib
 from typing import Any
 
+import attrs
 import numpy as np
 
 from ..device.team import Team
 from ..scene import extent, hair_bounds
 from ..scene.bounds import boxes_to_see, fur_extent
-from ..stages import chiang, ground, shade, shells
+from ..scene.guides import far_from
+from ..scene.tufts import spots_of
+from ..stages import chiang, ground, guides, shade, shells, tufts
 from ..stages import sky as sky_stage
 from ..stages import transport as transport_stage
 from ..stages.deep import Deep
 from ..stages.lighting import Lighting
 from ..stages.lod import thin
+from ..stages.maps import traits
 from ..stages.raster import raster
-from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, upload_curves
+from ..stages.strands import DeviceStrands, area_sums, grow, no_strands, roots_of, upload_curves
 from ..stages.tessellate import Surface, no_surface, tessellate
 from .plan import Part, Plan
 from .shadows import accumulate, deep_maps, finish, plan_shadows, shells_depth, without_body, without_hair
+from .sliding import slide
 
 
 def let_go(plan: Plan, gpu: Any) -> None:
     """Make a device ready for a frame: before anything new is made, it lets go of what this frame has no use for."""
     plan.check(gpu)
-    gpu.load((plan.settings, plan.scene.camera.size, plan.faces, plan.strands, plan.points,
+    gpu.load((plan.settings, plan.size, plan.faces, plan.strands, plan.points,
               plan.scene.shells and plan.scene.shells.layers))
     gpu.prepare(plan.kernel_files)
     gpu.keep_only(plan.scene.mesh, plan.rest or plan.scene.mesh, *[chiang.KEPT] * bool(plan.lobed), *plan.painted[:1])
     transmittances(gpu, plan)
     furry, under_sky = plan.scene.shells is not None, plan.scene.environment is not None
-    for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands),
+    for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands), ("guides", plan.guides),
+                       ("tufts", plan.tufted), ("distance", plan.sliding),
                        ("thinned", plan.strands and plan.settings.lod),
                        ("transport", plan.scatters), ("phases", plan.scatters), ("deep", plan.is_deep),
                        ("on hair", plan.is_deep), ("hair alone", plan.is_deep),
@@ -287,12 +293,73 @@ def _whole(gpu, plan, part, what):
     return gpu.keep("strands", what, functools.partial(_grow, gpu, plan, part))
 
 
+def standing(gpu: Any, plan: Plan) -> tuple[guides.Guides, str]:
+    """(`Guides` of the strands on their mesh, in a line how far some are away from it, or ""); they stay while strands
+    change in all else."""
+    fur: Any = plan.scene.strands
+    return gpu.keep("guides", (plan.scene.mesh, fur.guides, len(fur.types)), functools.partial(_stand, gpu, plan))
+
+
+def told(plan: Plan, gpu: Any) -> list[str]:
+    """What has turned out, as the frame was built, to be wrong in it."""
+    line = "" if plan.guides is None else standing(gpu, plan)[1]
+    return [line] * bool(line)
+
+
+def _stand(gpu, plan):
+    made, away = guides.stand(gpu, plan.scene.mesh, plan.guides, len(plan.scene.strands.types))
+    return made, far_from(plan.scene.mesh, away)
+
+
 def _grow(gpu, plan, part):
-    if plan.grown:
-        return grow(gpu, _surface(gpu, plan, part.faces), plan.scene.strands, part.strands, part.area,
-                    plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
-                                           functools.partial(_resting, gpu, plan, part.faces)))
-    return upload_curves(gpu, plan.scene.strands, part.strands)
+    if not plan.grown:
+        return upload_curves(gpu, plan.scene.strands, part.strands)
+    fur, surface, made = plan.scene.strands, _surface(gpu, plan, part.faces), []
+    sums = plan.rest and gpu.keep("resting", (plan.rest, *plan.levels, *part.faces),
+                                  functools.partial(_resting, gpu, plan, part.faces))
+    rested = plan.rest and fur.tufted and tufts.at_rest(
+        gpu, tessellate(gpu, plan.rest, *plan.levels, part.faces),
+        roots_of(gpu, surface, fur, part.strands, part.area, sums)[1])
+    grown = _maker(gpu, plan)(
+        gpu, surface, fur, part.strands, part.area, sums,
+        plan.planes and functools.partial(_traits, gpu, plan, plan.planes, part.faces, part.strands[0], surface, made))
+    if fur.tufted:
+        known = gpu.keep("tufts", (plan.scene.mesh, fur), functools.partial(_tufts, gpu, plan))
+        tufts.put(gpu, grown, fur, known, made[0] if made else None, rested or None)
+    if plan.sliding:
+        slide(gpu, plan.scene.mesh, fur, grown)
+    return grown
+
+
+def _maker(gpu, plan):
+    """What makes strands on a surface."""
+    return grow if plan.guides is None else functools.partial(guides.between, guides=standing(gpu, plan)[0])
+
+
+def _tufts(gpu, plan):
+    """{type: `Nested` tufts of its strands}."""
+    return {kind: tufts.nest(gpu, hair.tufts, kind, *(_middles(gpu, plan, level, kind) for level in hair.tufts.levels))
+            for kind, hair in enumerate(plan.scene.strands.types) if hair.tufts is not None}
+
+
+def _middles(gpu, plan, level, kind):
+    """`Middles` of the tufts of a type: hair grows there as all other does, but none shorter or bald."""
+    mesh, fur = plan.scene.mesh, plan.scene.strands
+    even = attrs.evolve(fur, roots="faces", types=[attrs.evolve(each, length_variation=0) for each in fur.types])
+    there = spots_of(level, mesh, plan.rest or mesh, fur.seed)
+    surface = tufts.surface_of(gpu, mesh, there, fur.surface)
+    rested = tufts.surface_of(gpu, plan.rest, there, fur.surface) if plan.rest else surface
+    said = plan.planes and (None,) * tufts.STANDING + plan.planes[tufts.STANDING:]
+    hair = _maker(gpu, plan)(gpu, surface, even, traits_of=said and functools.partial(
+        _traits, gpu, plan, said, (0, len(mesh.faces)), 0, surface, []))
+    return tufts.middles_of(gpu, hair, rested, there, kind)
+
+
+def _traits(gpu, plan, said, faces, first, surface, made, roots):
+    """What the skin says, ``said``, of strands with these roots, which is the last of ``made`` then, too."""
+    fur = plan.scene.strands
+    made.append(traits(gpu, surface, roots, said, faces, fur.comb.weight if fur.comb else 0.0, fur.seed, first))
+    return made[-1]
 
 
 def _resting(gpu, plan, faces):

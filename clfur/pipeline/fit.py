@@ -235,7 +235,7 @@ class Fit:
     def _furry(self):
         """Which faces something may grow on, bool [F]."""
         fur, mesh = self.scene.strands, self.scene.mesh
-        if self.scene.shells is None and isinstance(fur, Strands) and fur.type_map is not None:
+        if self.scene.shells is None and isinstance(fur, Strands) and isinstance(fur.type_indices, np.ndarray):
             return furry_faces(fur, mesh)
         return np.full(len(mesh.faces), self.grown > 0)
 
@@ -340,7 +340,8 @@ def axes_along(z: np.ndarray) -> np.ndarray:
 @functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
 def furry_faces(fur: Strands, mesh: Mesh) -> np.ndarray:
     """Which faces of a mesh have a type of hair that grows, anywhere around the texels of their uv, bool [F]."""
-    grows = np.array([kind.segments > 0 and kind.segment_length > 0 for kind in fur.types])[fur.type_indices]
+    grows = np.array([kind.segments > 0 and (kind.full_length > 0 or fur.guides is not None)
+                      for kind in fur.types])[fur.type_indices]
     height, width = grows.shape
     sums = np.zeros((height + 1, width + 1), np.int64)
     sums[1:, 1:] = grows.cumsum(0).cumsum(1)

@@ -13,13 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from .. import layout
 from ..device.team import Team
-from ..stages import coverage, ground, masks, shade, strand_light
+from ..stages import coverage, ground, masks, mattes, shade, strand_light
 from ..stages.coverage import EVERY, KEPT, REACH, TILE
 from ..stages.lighting import Lighting
 from ..stages.strands import no_strands
 from ..stages.tessellate import no_surface
 from . import build
+from .mattes import UNIT, Told
 from .plan import Plan
 from .views import band_of, one_sample
 
@@ -46,6 +48,7 @@ class Front:
     outputs: dict     # {name: array} of outputs that are known by now
     image: Any = None       # [rows, width, 4] float32 light of what is lit by now, or None
     body_transmittance: Any = None   # [rows, width, samples] float32 share of the body's light, by transparent strands
+    shells: tuple = (None, None)     # what `march.march` gave, where it is told whose pixels are
 
 
 class Samples:
@@ -59,7 +62,7 @@ class Samples:
     def rasterize(self, gpu: Any, top: int, end: int) -> Band:
         """`Band` of as many rows as fit each device, ``top`` to ``end`` at most; the devices share the strands."""
         end = min(top + min(self.team.each(self.plan.rows)), end)
-        view = band_of(self.plan.rig.view, top, end)
+        view = band_of(self.plan.view, top, end)
         visible, = self.team.gather("rasterize", functools.partial(build.rasterize, self.plan, view), [np.minimum],
                                     self.plan.strands, gpu)
         return Band((top, end), view, build.on(gpu, visible))
@@ -98,6 +101,24 @@ class Samples:
             _tell_ground(gpu, plan, front, known)
         return image, known or {}
 
+    def tell(self, gpu: Any, band: Band, front: Front) -> dict:
+        """{output: array} of whose light the pixels' is, see `mattes.Told`."""
+        plan, samples, told = self.plan, band.visible.shape[2], Told(self.plan, band.rows)
+        body, ground, through = _shares(gpu, band.visible, front.shell_transmittance)
+        ids = gpu.download(band.visible).astype(np.uint32).ravel()   # the lower half
+        of_strands = np.flatnonzero(ids < layout.CONSTANTS["BODY"])
+        if len(of_strands):
+            which, back = np.unique(ids[of_strands], return_inverse=True)
+            there = gpu.upload(which)
+            known = mattes.Owners.empty(gpu, {"id": len(which)})
+            for part in plan.parts(gpu):
+                if part.hairy:
+                    mattes.owners(gpu, band.view, there, build.hair(gpu, plan, part, plan.settings.lod), known)
+            told.add(of_strands // samples, gpu.download(known.owners)[back], gpu.download(known.turns)[back],
+                     through.ravel()[of_strands] / np.float32(samples))
+            told.flush()
+        return told.images(body, ground, (1 - through.astype(np.float64)).mean(2) if plan.scene.shells else None)
+
     def hashed(self, gpu: Any, band: Band, front: Front) -> list:
         """[Bits of integers], the same on every device."""
         return [build.bytes_of(gpu, band.visible)]
@@ -116,7 +137,7 @@ class Coverage:
         counted = self._count(gpu, top, end)
         fit = self.plan.rows_counted(gpu, counted.cut, counted.counts, counted.survivors, top - counted.first)
         until = min(top + fit, end)
-        view = band_of(self.plan.rig.view, top, until)
+        view = band_of(self.plan.view, top, until)
         visible, counted.visible = counted.visible if (top, until) == (counted.first, counted.end) else None, None
         if visible is None:   # the body was seen in more rows than fit with what strands cover of them
             visible = build.rasterize_body(gpu, self.plan, view)
@@ -130,12 +151,28 @@ class Coverage:
         tiles = counted.tiles if whole else coverage.bound(gpu, band.view, band.visible)
         if plan.wants_color and image is None:
             image = gpu.empty((*band.visible.shape[:2], 4), np.float32)
+        told = plan.tells and plan.scene.shells
+        shells = gpu.upload(gpu.download(shell_transmittance)) if told else None, shell_front   # it becomes the body's
         covered = coverage.nothing(gpu, band.visible, shell_transmittance)
         for window in plan.windows(gpu, counted.cut, counted.of(band.rows), counted.survivors):
             self._cover(gpu, band, tiles, window, lighting, covered, image, shell_front)
         front = covered.shell_front if plan.scene.shells else None
         return Front(one_sample(band.view), covered.front, covered.alpha, front, {"coverage": covered.alpha}, image,
-                     covered.body_transmittance)
+                     covered.body_transmittance, shells)
+
+    def tell(self, gpu: Any, band: Band, front: Front) -> dict:
+        """{output: array} of whose light the pixels' is, see `mattes.Told`: strands are drawn again, without light."""
+        plan, counted, told = self.plan, band.counted, Told(self.plan, band.rows)
+        whole = band.rows == (counted.first, counted.end)
+        tiles = counted.tiles if whole else coverage.bound(gpu, band.view, band.visible)
+        image = shade.IMAGE.empty(gpu, band.visible.shape[:2])
+        covered = coverage.nothing(gpu, band.visible, front.shells[0])
+        for window in plan.windows(gpu, counted.cut, counted.of(band.rows), counted.survivors):
+            self._cover(gpu, band, tiles, window, None, covered, image, front.shells[1], told)
+            told.flush()
+        body, ground, _ = _shares(gpu, band.visible, front.body_transmittance)
+        rest = gpu.download(front.outputs["coverage"]) - body - ground - told.strands.reshape(body.shape) / UNIT
+        return told.images(body, ground, np.maximum(rest, 0) if plan.scene.shells else None)
 
     def shade(self, gpu: Any, band: Band, front: Front, lighting: Lighting | None) -> tuple:
         """Light what is in front -> (image, {other output: array}), None and {} where not asked for."""
@@ -180,7 +217,7 @@ class Coverage:
         if counted is None or counted.gpu is not gpu or not counted.first <= top < counted.end:
             self._counted = None   # goes before more is made
             end = min(top + plan.rows(gpu), end)
-            view = band_of(plan.rig.view, top, end)
+            view = band_of(plan.view, top, end)
             visible = build.rasterize_body(gpu, plan, view)
             parts = plan.parts(gpu)
             alone = len(parts) == 1 and parts[0].hairy
@@ -200,14 +237,14 @@ class Coverage:
             build.let_go_of_parts(gpu, plan, parts, cut.parts)
         return self._counted
 
-    def _cover(self, gpu, band, tiles, window, lighting, covered, image, shell_front):
+    def _cover(self, gpu, band, tiles, window, lighting, covered, image, shell_front, told=None):
         """Draw what shows in a window: some tiles, (first, one past the last)."""
         plan, counted = self.plan, band.counted
         counts = counted.of(band.rows).ravel().copy()
         counts[:window[0]] = counts[window[1]:] = 0   # of the others nothing is listed
         listed = int(counts.sum(dtype=np.int64))
         most = plan.most_listed(gpu, counted.cut, counted.of(band.rows), counted.survivors)
-        draw = functools.partial(self._draw, gpu, band, tiles, window, lighting, covered, image, shell_front)
+        draw = functools.partial(self._draw, gpu, band, tiles, window, lighting, covered, image, shell_front, told)
         if listed <= most:
             draw(counts)
             return
@@ -232,7 +269,8 @@ class Coverage:
             raise plan.too_many(gpu, listed)
         return slabs
 
-    def _draw(self, gpu, band, tiles, window, lighting, covered, image, shell_front, counts, slab=EVERY, kept=None):
+    def _draw(self, gpu, band, tiles, window, lighting, covered, image, shell_front, told, counts, slab=EVERY,
+              kept=None):
         """Draw what ``counts`` tells to show in each tile -> what `coverage.cover` gives."""
         counted, listed = band.counted, int(counts.sum(dtype=np.int64))
         segments = coverage.allocate(gpu, counts, min(counted.survivors, listed))
@@ -240,6 +278,8 @@ class Coverage:
         cover = masks.cover if self.plan.settings.masks else coverage.cover
         draw = functools.partial(cover, gpu, band.view, band.visible, segments, covered, image=image,
                                  shell_front=shell_front, slab=slab, kept=kept)
+        if told:
+            return self._tell(gpu, band, hairy, tiles, window, told, counts, slab, segments, draw, kept)
         if hairy and slab == EVERY and self.plan.waits(gpu, counted.cut, counted.of(band.rows)):
             hair = self._list(gpu, band, hairy[0], tiles, window, slab, segments)
             light = functools.partial(self._light, gpu, band, hairy[0], hair, lighting)
@@ -255,6 +295,22 @@ class Coverage:
                 lit = self._light(gpu, band, part, hair, lighting, segments.ids, until, lit, last)
             del hair   # it goes before the next one is made
         return draw(lit=lit, window=window)
+
+    def _tell(self, gpu, band, hairy, tiles, window, told, counts, slab, segments, draw, kept):
+        """Tell whose the pieces are of what shows of some parts -> what `coverage.cover` gives."""
+        known = mattes.Owners.empty(gpu, {"id": len(segments.ids)})
+        for part in hairy:
+            hair = self._list(gpu, band, part, tiles, window, slab, segments)
+            mattes.owners(gpu, band.view, segments.ids, hair, known, int(gpu.download(segments.survivors)[0]))
+            del hair
+        owners, turns, unfinished = gpu.download(known.owners), gpu.download(known.turns), None
+        rows, width, _ = band.visible.shape
+        for found, of_draw in mattes.pieces(gpu, segments, counts, window, (width, rows), draw, kept):
+            unfinished = of_draw
+            told.add(found.pixels, owners[found.numbers], turns[found.numbers], found.weights)
+            if slab == EVERY:
+                told.flush()
+        return unfinished
 
     def _list(self, gpu, band, part, tiles, window, slab, segments):
         """List what shows of a part -> its strands."""
@@ -312,6 +368,16 @@ class Counted:
     def of(self, rows: tuple) -> Any:
         """The counts of some of these rows, (first, one past the last)."""
         return self.counts[(rows[0] - self.first) // TILE:-(-(rows[1] - self.first) // TILE)]
+
+
+def _shares(gpu, visible, transmittance):
+    """(share [rows, width] of pixels that is the body's, that is the ground's, share [rows, width, samples] that comes
+    through what stands before each sample)."""
+    ids = gpu.download(visible).astype(np.uint32)   # the lower half
+    through = np.ones(ids.shape, np.float32) if transmittance is None else gpu.download(transmittance)
+    on_ground = ids == layout.CONSTANTS["GROUND"]
+    on_body = (ids >= layout.CONSTANTS["BODY"]) & (ids != layout.CONSTANTS["NOTHING"]) & ~on_ground
+    return *(np.where(each, through, 0).mean(2, dtype=np.float64) for each in (on_body, on_ground)), through
 
 
 def _color(gpu, plan, part, view, visible, hair, body, lighting, image, sample_transmittance, sums):

@@ -16,6 +16,7 @@ import numpy as np
 from .. import layout
 from ..errors import Error
 from ..scene import Curves, Strands
+from ..scene.maps import planes
 from ..stages.blur import blur_radius
 from ..stages.chiang import bytes_of, of_model
 from ..stages.coverage import (
@@ -35,9 +36,16 @@ from ..stages.coverage import (
     Tiles,
 )
 from ..stages.deep import bytes_of as deep_bytes
+from ..stages.distance import STATES
+from ..stages.guides import FOUND
+from ..stages.guides import bytes_of as guides_bytes
 from ..stages.lighting import Lighting
 from ..stages.lod import THINNED
+from ..stages.maps import TRAITS
+from ..stages.maps import bytes_of as bytes_of_planes
 from ..stages.march import Rays
+from ..stages.mattes import LEAST as MATTE_BUNDLES
+from ..stages.mattes import Owners
 from ..stages.order import Order
 from ..stages.raster import LEFT, VISIBLE
 from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs, Paint
@@ -49,9 +57,13 @@ from ..stages.strands import AREA, ROOTS, SORTED_FROM, STAGES, DeviceStrands, Pa
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
 from ..stages.transport import ASKED, LEAVING
 from ..stages.transport import bytes_of as transport_bytes
+from ..stages.tufts import TUFT_OF, Rested
+from ..stages.tufts import bytes_of as tufts_bytes
 from ..stages.voxelize import CELLS, RESTS
+from .mattes import TOLD
 from .shadows import DeepPlan, plan_deep
-from .views import Rig
+from .sliding import sliding_of
+from .views import Rig, columns_of
 
 # Bytes on the device, of all arrays that stages make, as they declare them.
 VERTEX, TRIANGLE = Surface.bytes(vertex=1), Surface.bytes(triangle=1) + AREA.bytes
@@ -64,6 +76,7 @@ PUT_IN_ORDER = Packed.bytes(strand=1) + Order.bytes(strand=1) + DeviceStrands.by
 THIN_POINT, THIN_STRAND = DeviceStrands.bytes(*THINNED, point=1), DeviceStrands.bytes(*THINNED, strand=1)
 MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
 OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
+MATTES = 8 * sum(TOLD.values())         # and of what is told of it, on the host
 OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1) + Seen.bytes(tile=1) + GRAINS.bytes + OPEN.bytes
 ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
 SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
@@ -72,6 +85,7 @@ LIT = Places.bytes(row=1)               # of its light, at most, and of each sou
 AXIS, HAZE = Places.bytes(axis=1), Places.bytes(haze=1)   # of where it lies in the world; of each light
 PLACES = Places.bytes(place=1)
 SEEN = Seen.bytes(survivor=1) + 5       # of what is remembered of one till it has light: its mark, and its id if seen
+OWNER = Owners.bytes(id=1)              # of whose it is, where that is told
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
@@ -110,21 +124,33 @@ class Cut:
 class Plan:
     """What a frame takes, and how it fits a device.
 
-    wants_color, others: whether color is an output, and whether others are.  faces, triangles, strands, points: how
-    many there are.  body: whether there is one.  rest: the mesh by whose areas strands are spread, if it is another.
-    lobed: the types of strands, where looks of some need tables.  ground: `layout.Ground`, or None.  held: whether the
-    body is a holdout.  painted: its Materials, where it has more than one colour.
+    view: `layout.View` of what is drawn for a region.  size: columns and rows of that, from `left` and `top` on.
+    wants_color, others: whether color is an output, and whether others are.  tells: outputs of `mattes.TOLD`.
+    faces, triangles, strands, points: how many there are.  body: whether there is one.  rest: the mesh by whose areas
+    strands are spread, if it is another.  guides: Curves on the host between which strands stand, or None.
+    sliding: `Sliding` of strands along the body, or None.  lobed: the types of strands, where looks of some need
+    tables.  ground: `layout.Ground`, or None.  held: whether the body is a holdout.  painted: its Materials, where it
+    has more than one colour.
     """
 
-    def __init__(self, rig: Rig, outputs: Sequence[str]) -> None:
+    def __init__(self, rig: Rig, outputs: Sequence[str], region: tuple | None = None) -> None:
+        """``region``: (column, row, columns, rows) that are wanted of the picture, all if None."""
         self.rig, self.scene, self.settings = rig, rig.scene, rig.settings
-        self.wants_color, self.others = "color" in outputs, bool(set(outputs) - {"color"})
+        self.region = region or (0, 0, *self.scene.camera.size)
+        around = 0 if self.settings.blur == "off" else blur_radius(self.settings.blur_sigma)
+        (self.left, right), (self.top, self.bottom) = (   # whole tiles, and what blurs need
+            (max(at - around, 0) // TILE * TILE, min(-(-(at + n + around) // TILE) * TILE, most))
+            for at, n, most in zip(self.region[:2], self.region[2:], self.scene.camera.size))
+        self.view, self.size = columns_of(rig.view, self.left, right), (right - self.left, self.bottom - self.top)
+        self.wants_color, self.others = "color" in outputs, bool(set(outputs) - {"color", *TOLD})
+        self.tells = tuple(name for name in TOLD if name in outputs)
         mesh, fur = self.scene.mesh, self.scene.strands
         self.ground, self.held = rig.ground, self.scene.body == "holdout"
         if self.seen_through and "coverage" in outputs:   # only light tells it
             self.wants_color = True
         self.grown = isinstance(fur, Strands)
-        self.rest = None
+        self.rest, self.sliding = None, None
+        self.guides = None if not isinstance(fur, Strands) or fur.guides is None else fur.guides.on_host
         if isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh:
             self.rest = fur.rest
         self.body = mesh is not None and self.scene.body_color is not None
@@ -143,6 +169,8 @@ class Plan:
         if isinstance(fur, Strands):
             self.strands = self.triangles if fur.roots == "faces" else int(fur.roots)
             self.stride = max(t.segments for t in fur.types) + 1
+            if fur.collision and self.strands:
+                self.sliding = sliding_of(mesh, fur)
         else:
             self.strands = len(self._before) - 1
         self.points = self._points(0, self.strands)
@@ -158,6 +186,12 @@ class Plan:
             raise Error(f"the scene has {self.points:,} points of strands and {self.triangles:,} triangles; "
                         f"allowed: fewer than {2**31:,} of each")
 
+    def wanted(self, top: int) -> tuple[slice, slice]:
+        """What is wanted of an array of rows that are drawn, from row ``top`` of the picture on."""
+        column, row, columns, rows = self.region
+        left = column - self.left
+        return slice(max(row - top, 0), max(row + rows - top, 0)), slice(left, left + columns)
+
     @property
     def kernel_files(self) -> list[str]:
         """Files of the kernels that the frame runs, about in the order in which it does."""
@@ -166,7 +200,10 @@ class Plan:
         needed = {
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage,
             "masks": self.uses_coverage and settings.masks, "strands": self.strands,
+            "mattes": self.tells and self.strands,
+            "maps": self.planes and self.strands, "distance": self.sliding,
             "order": not self.grown and self.strands >= SORTED_FROM,
+            "guides": self.guides is not None, "tufts": self.strands and self.tufted,
             "lod": self.strands and settings.lod, "voxelize": casting, "shells": shells,
             "ground": self.ground is not None,
             "zscan": casting, "discs": casting and any(light.size for light in self.scene.lights),
@@ -176,6 +213,11 @@ class Plan:
             "shade": True, "sky": self.scatters or (self.wants_color and self.scene.environment is not None),
             "blur": self.wants_color and settings.blur != "off"}
         return [name for name, is_needed in needed.items() if is_needed]
+
+    @property
+    def tufted(self) -> bool:
+        """Whether strands gather in tufts or are frizzy."""
+        return isinstance(self.scene.strands, Strands) and self.scene.strands.tufted
 
     @property
     def of_kept(self) -> int:
@@ -246,14 +288,14 @@ class Plan:
     def rows(self, gpu: Any) -> int:
         """How many rows of the picture fit a device at a time: all that is told of their pixels, or, where strands are
         drawn by what they cover, what it takes to count them."""
-        width, height = self.scene.camera.size
+        width, height = self.size
         room = min(self.cut(gpu).rows, BAND) // (width * self._pixel(False))
         rows = min(room, _largest(gpu) // self._largest_row)
         return int(height if rows >= height else max(rows // self._fewest, 1) * self._fewest)
 
     def rows_to_blur(self, gpu: Any) -> int:
         """How many rows of the picture can be blurred at a time, with those around them."""
-        width, height = self.scene.camera.size
+        width, height = self.size
         return int(min(min(self.cut(gpu).rows, BAND) // (3 * IMAGE.bytes * width), height))
 
     def parts(self, gpu: Any, strands: tuple[int, int] | None = None, body: bool = True) -> list[Part]:
@@ -264,7 +306,7 @@ class Plan:
         """`Cut` of the scene or a share of it, see `parts`, before the pieces of strands in pixels are counted."""
         known = gpu, strands, body
         if known not in self._cuts:
-            width, height = self.scene.camera.size
+            width, height = self.size
             row = width * self._pixel(False)
             self._cuts[known] = self._cut(gpu, height * row, min(self._fewest, height) * row, strands, body)
         return self._cuts[known]
@@ -272,7 +314,7 @@ class Plan:
     def cut_counted(self, gpu: Any, counts: np.ndarray, survivors: int) -> Cut:
         """`Cut` for rows of tiles of which is known how many segments of strands each tile lists, ``counts`` [rows of
         tiles, across], and how many ``survivors`` there are in all."""
-        width, fullest = self.scene.camera.size[0], int(counts.max())
+        width, fullest = self.size[0], int(counts.max())
         if fullest > min(_largest(gpu) // REACH.bytes, NUMBERS):
             raise Error(f"{gpu.name} has no room for {fullest:,} segments of strands in {TILE} x {TILE} pixels; "
                         f"allowed: fewer strands, or Settings.raster 'samples'")
@@ -288,7 +330,7 @@ class Plan:
         first, with all that their tiles list; the least if none do."""
         listed = np.cumsum(counts[top // TILE:].sum(1, dtype=np.int64))
         rows = TILE * np.arange(1, len(listed) + 1)
-        row = self.scene.camera.size[0] * self._pixel(True)
+        row = self.size[0] * self._pixel(True)
         reaches = REACH.bytes * np.maximum.accumulate(counts[top // TILE:].max(1).astype(np.int64))
         lists = np.maximum(np.minimum(self._lists(listed, survivors), LISTS), reaches)
         fits = (row * rows + lists <= cut.rows) & (row * rows <= BAND) & (self._largest_row * rows <= _largest(gpu))
@@ -308,7 +350,7 @@ class Plan:
     def most_listed(self, gpu: Any, cut: Cut, counts: np.ndarray, survivors: int) -> int:
         """How many segments may be listed at a time where so many in these rows of tiles are; a tile that has more is
         drawn in slabs of depth."""
-        room = cut.rows - TILE * self.scene.camera.size[0] * self._pixel(True) * len(counts)
+        room = cut.rows - TILE * self.size[0] * self._pixel(True) * len(counts)
         each = self._survivor
         if room >= LISTS and self.waits(gpu, cut, counts):   # there is room, and about a third are lit at a time
             each = SURVIVOR + SEEN + (each - SURVIVOR) // 3
@@ -349,12 +391,12 @@ class Plan:
     def _survivor(self):
         """Bytes on the device of a segment that may show, and of its light."""
         lit = LIT + (AXIS + HAZE * len(self.scene.lights)) * self.is_deep + PLACES * self._sources
-        return SURVIVOR + lit * self.wants_color
+        return SURVIVOR + max(lit * self.wants_color, (OWNER + SEEN) * bool(self.tells))
 
     @property
     def _largest_row(self):
         """Bytes of a row of the largest array of pixels or samples."""
-        return self.scene.camera.size[0] * max(VISIBLE.bytes * self.settings.samples, RADIANCE_SUMS.bytes)
+        return self.size[0] * max(VISIBLE.bytes * self.settings.samples, RADIANCE_SUMS.bytes)
 
     def _pixel(self, counted):
         """Bytes on the device of a pixel that is drawn, without the pieces of strands in it; ``counted``: after these
@@ -365,7 +407,8 @@ class Plan:
             pixel += -(-OF_TILE // TILE**2)
             if not counted:
                 return pixel
-            pixel += Covered.bytes(pixel=1, sample=samples, shell=bool(self.scene.shells))
+            covered = Covered.bytes(pixel=1, sample=samples, shell=bool(self.scene.shells))
+            pixel += covered + (IMAGE.bytes + covered) * bool(self.tells)   # drawn again
         if self.scene.shells:
             pixel += VISIBLE.bytes * samples + Rays.bytes(sample=samples)   # where they enter
         return pixel + IMAGE.bytes + RADIANCE_SUMS.bytes + OTHERS * self.others
@@ -379,7 +422,7 @@ class Plan:
         """
         first, end = strands or (0, self.strands)
         strand, point = self._bytes(gpu)
-        width, height = self.scene.camera.size
+        width, height = self.size
         if self.settings.blur != "off":
             blurred = min(2 * blur_radius(self.settings.blur_sigma) + 1, height) * 3 * IMAGE.bytes * width
             rows, row = max(rows, 3 * IMAGE.bytes * width * height), max(row, blurred)
@@ -405,13 +448,13 @@ class Plan:
 
         Its limits are for pictures on the host too, which are there twice: as they are, and as they are written.
         """
-        width, height = self.scene.camera.size
+        width, height = self.size
         bytes_allowed, name = gpu.allowed
-        host = 2 * width * height * (IMAGE.bytes + OTHERS * self.others)
+        host = 2 * width * height * (IMAGE.bytes + OTHERS * self.others + MATTES * bool(self.tells))
         return min((gpu.memory, ""), (max(bytes_allowed - host, 0), name))
 
     def _too_much(self, gpu, pieces):
-        settings, (width, height) = self.settings, self.scene.camera.size
+        settings, (width, height) = self.settings, self.size
         fewest = 1 if settings.blur == "off" else min(2 * blur_radius(settings.blur_sigma) + 1, height)
         furry = f"shells of {self._shells / 2**20:,.1f} MiB, " * bool(self._shells)
         fewest = min(max(fewest, self._fewest), height)
@@ -424,6 +467,14 @@ class Plan:
                 f"Settings.grid {settings.grid}, Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces of up "
                 f"to {self._face / 2**20:,.1f} MiB, strands of up to {self.longest:,} points, {furry}"
                 f"and {lines} of {width} pixels{dense}; allowed: {smaller}")
+
+    @property
+    def planes(self) -> tuple | None:
+        """What the skin says of the strands that grow on it, `scene.maps.planes`; None where nothing."""
+        fur = self.scene.strands
+        if not isinstance(fur, Strands) or not (fur.maps or fur.comb):
+            return None
+        return planes(self.scene.mesh, fur.maps, fur.comb)
 
     @functools.cached_property
     def _shells(self):
@@ -446,12 +497,22 @@ class Plan:
         if scene.environment is not None:
             fixed += sky_bytes(self.body, self.ground is not None)
         fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
+        fixed += bytes_of_planes(self.planes or ())
+        if self.guides is not None:
+            fixed += guides_bytes(self.guides, len(scene.strands.types), len(scene.mesh.faces))
+        if self.sliding:
+            fixed += self.sliding.bytes
+        if self.tufted:
+            fixed += sum(tufts_bytes(kind.tufts, self.rest or scene.mesh, self.stride) for kind in scene.strands.types
+                         if kind.tufts is not None)
         if self.scatters:
             fixed += transport_bytes(len(self.lobed), self.body)
         if self.is_deep:
             fixed += 4 * self.strands * len(self.scene.lights)   # which of them any tile lists
             fixed += deep_bytes(self.deep.entries, self.deep.segments, int(self.deep.tiles.sum()))
-        return fixed + self.of_kept * KEPT.bytes * self.uses_coverage + bytes_of(self.lobed)
+        if self.uses_coverage:
+            fixed += self.of_kept * KEPT.bytes + Seen.bytes(bundle=MATTE_BUNDLES) * bool(self.tells)
+        return fixed + bytes_of(self.lobed)
 
     @property
     def _transmittance(self):
@@ -489,12 +550,16 @@ class Plan:
             point += RUN
         if isinstance(fur, Strands) and fur.colored_points:
             point += COLOR
+        strand += TRAITS.bytes * bool(self.planes)
+        if self.guides is not None:
+            strand += FOUND.bytes
+        strand += (TUFT_OF.bytes + Rested.bytes(strand=1) * bool(self.rest)) * self.tufted
         if self.settings.lod:
             per_point = fur.colored_points if isinstance(fur, Strands) else isinstance(fur, Curves) and (
                 len(fur.color) == len(fur.points))
             strand, point = strand + THIN_STRAND, point + THIN_POINT + COLOR * per_point
         if gpu.steps:
-            strand += RESTS.bytes + STAGES.bytes
+            strand += RESTS.bytes + STAGES.bytes + STATES.bytes * bool(self.sliding)
             point += 0 if self.uses_coverage else LEFT.bytes
         if self.uses_coverage:
             strand += Tiles.bytes(strand=1)

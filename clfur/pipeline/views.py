@@ -80,11 +80,11 @@ class Rig:
                          "ground, has finer ones")
         found += self._of_ground
         if shells is not None and mesh is not None and shells.pattern == "cells":
-            cells = shells.frequency * math.sqrt((shells.rest or mesh).largest_face)
+            cells = shells.frequency_on(mesh) * math.sqrt((shells.rest or mesh).largest_face)
             if cells >= MOST_CELLS + 1:
                 found.append(f"the largest face would have {cells:.6g} hairs of shells along a side, but holds "
                              f"{MOST_CELLS}: there they are {cells / MOST_CELLS:.3g} times as wide, and its borders "
-                             "are bald; more faces in the mesh, or a smaller Shells.frequency, puts it right")
+                             "are bald; more faces in the mesh, or a smaller Shells.frequency or hairs, put it right")
         return found
 
 
@@ -230,6 +230,14 @@ def band_of(view: np.void, first: int, end: int) -> np.void:
     band = view.copy()
     band["rows"][:2] = first, end
     return band
+
+
+def columns_of(view: np.void, first: int, end: int) -> np.void:
+    """The `layout.View` that draws only these columns of a view of all, as the very same bits; ``first``: a multiple of
+    TILE."""
+    some = view.copy()
+    some["size"][0], some["rows"][2:] = end - first, (first, int(view["size"][0]) - end)
+    return some
 
 
 def one_sample(view: np.void) -> np.void:

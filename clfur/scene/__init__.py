@@ -13,15 +13,17 @@ from .environment import Environment
 from .ground import Ground
 from .light import Light
 from .look import Chiang, Kajiya, highlighted
+from .maps import Comb, Maps
 from .material import Material
 from .mesh import Mesh
-from .origin import seen_from
+from .origin import seen_from, upright
 from .scene import Scene, frame
 from .shells import Shells
 from .strands import HairType, PointForce, Strands
+from .tufts import Tufts
 
 __all__ = [
-    "Bounds", "Camera", "Chiang", "Curves", "Environment", "Ground", "HairType", "Kajiya", "Light", "Material", "Mesh",
-    "PointForce", "Scene", "Shells", "Strands", "backdrop", "bounds_of", "extent", "frame", "fur_extent", "hair_bounds",
-    "highlighted", "over", "seen_from",
+    "Bounds", "Camera", "Chiang", "Comb", "Curves", "Environment", "Ground", "HairType", "Kajiya", "Light", "Maps",
+    "Material", "Mesh", "PointForce", "Scene", "Shells", "Strands", "Tufts", "backdrop", "bounds_of", "extent", "frame",
+    "fur_extent", "hair_bounds", "highlighted", "over", "seen_from", "upright",
 ]

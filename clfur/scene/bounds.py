@@ -1,16 +1,18 @@
 """How far a mesh and its fur extend at most: what cameras, grids and counters must have room for."""
 
 import functools
+import math
 from typing import Any
 
 import numpy as np
 
 from .checks import is_on_device
 from .curves import Bounds, Curves
+from .guides import reach_of
 from .mesh import Mesh, box, sphere
 from .origin import ZERO, seen_from
 from .shells import Shells
-from .strands import Strands
+from .strands import HairType, Strands
 
 
 def strands_and_shells(fur):
@@ -31,7 +33,9 @@ def origin_of(mesh: Mesh | None, fur: Any) -> np.ndarray:
 def local(mesh: Mesh | None, fur: Any) -> tuple:
     """Return (`origin_of` a mesh and its fur, both seen from there)."""
     there = origin_of(mesh, fur)
-    apart = any(part.origin.any() for part in (mesh, strands_and_shells(fur)[0]) if isinstance(part, (Mesh, Curves)))
+    strands, _ = strands_and_shells(fur)
+    placed = mesh, strands, getattr(strands, "guides", None)
+    apart = any(part.origin.any() for part in placed if isinstance(part, (Mesh, Curves)))
     return (there, seen_from(mesh, there), seen_from(fur, there)) if apart or there.any() else (there, mesh, fur)
 
 
@@ -41,6 +45,19 @@ def points_to_see(mesh, fur):
     curved = strands is not None and strands.surface == "pn"
     points = [mesh.hull if curved else mesh.positions] if mesh is not None else []
     return points + ([strands.on_host.points] if isinstance(strands, Curves) and len(strands.points) else [])
+
+
+def points_to_frame(mesh, fur):
+    """Return (what `points_to_see` does, `fur_extent`) as a camera needs them: strands that stand near guides lie about
+    as far from these as they are apart, and no further than they reach."""
+    strands, shells = strands_and_shells(fur)
+    points, most = points_to_see(mesh, fur), fur_extent(fur)
+    if not isinstance(strands, Strands) or strands.guides is None or strands.guides_reach is None:
+        return points, most
+    reach, _ = reach_of(strands.guides)
+    apart = math.sqrt(mesh.area / len(strands.guides.counts)) * max(strands.guides_reach, 1)
+    least = apart * (1 + reach / mesh.bounds[1]) + max(fur_extent(strands) - reach, 0)
+    return [*points, strands.guides.on_host.points], min(most, max(least, fur_extent(shells)))
 
 
 @functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
@@ -78,6 +95,12 @@ def bounds_of(mesh: Mesh | None, fur: Any, strands: int) -> Bounds:
     return Bounds(*extent(mesh, fur), segments, length, area)
 
 
+def sideways(kind: HairType, curled: float) -> float:
+    """Return how far curl and wave, so many times as large, and frizz take a point of a strand from its axis at most,
+    in world units."""
+    return 2 * kind.curl[0] * curled + kind.wave[0] * curled + 1.5 * kind.frizz[0]   # which is in two directions
+
+
 def fur_extent(fur: Any) -> float:
     """Return how far fur, or each of a tuple, extends beyond the points it is made of or grows on, in world units."""
     if isinstance(fur, tuple):
@@ -88,8 +111,24 @@ def fur_extent(fur: Any) -> float:
         return float(fur.on_host.width.max()) / 2
     if fur is None:
         return 0.0
-    return max(hair.segments * hair.segment_length * (1 + hair.length_variation)
-               + 2 * hair.curl[0] + hair.wave[0] + hair.widest / 2 for hair in fur.types)
+    longer, wider, more = _most(fur)
+    return max(_longest(fur, hair, longer, more) + hair.widest * wider / 2 for hair in fur.types)
+
+
+def _longest(fur, hair, longer, more):
+    """Return how far from its root a hair can get; tufts may straighten guides, and what slides along the body all."""
+    axis = hair.full_length * (1 + hair.length_variation) * longer
+    if fur.guides is not None:
+        axis = reach_of(fur.guides)[int(fur.collision or fur.tufted)] * (hair.segments > 0)
+    if not fur.collision:
+        return axis + sideways(hair, more)
+    bends = sum(size * min(2 * hair.segments, 2 * np.pi * abs(turns)) for size, turns in (hair.curl, hair.wave))
+    return axis + more * bends + 3 * hair.frizz[0] * hair.segments
+
+
+def _most(fur):
+    """How many times as long, as wide and as curled as a type says Strands may be where maps say so."""
+    return (1.0, 1.0, 1.0) if fur.maps is None else tuple(map(fur.maps.most, ("length", "width", "curl")))
 
 
 @functools.lru_cache(maxsize=2)
@@ -104,9 +143,9 @@ def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]
         inner[np.cumsum(fur.counts, dtype=np.int64)[fur.counts > 0] - 1] = False   # a strand's end joins nothing
         length = float(d[inner[:-1]].sum(dtype=float))
         return len(fur.points), length, length * float(fur.width.max())
-    types = fur.types
-    # Curl and wave hold a point within this distance of its axis; from one point to the next it may cross all of it.
-    lengths = [t.segments * (t.segment_length * (1 + t.length_variation) + 2 * (2 * t.curl[0] + t.wave[0]))
-               for t in types]
+    types, (longer, wider, more) = fur.types, _most(fur)
+    # From one point to the next it may cross all of what curl, wave and frizz leave it.
+    lengths = [(t.segments * t.step * (1 + t.length_variation) * longer if fur.guides is None
+                else reach_of(fur.guides)[1]) + t.segments * 2 * sideways(t, more) for t in types]
     return (strands * max(t.segments for t in types), strands * max(lengths),
-            strands * max(length * t.widest for length, t in zip(lengths, types)))
+            strands * max(length * t.widest * wider for length, t in zip(lengths, types)))

@@ -7,7 +7,10 @@ import attrs
 import numpy as np
 
 from . import checks
+from .maps import TILES, tiles
+from .mesh import Mesh
 from .mips import levels_of
+from .origin import copied
 from .strands import texture
 
 WRAPS = "repeat", "mirror", "clamp"   # in the order of `layout.WRAPS`
@@ -52,8 +55,29 @@ class Material:
         return self.texture.shape[1::-1], len(levels), texels, scale
 
 
+TILED = "a colour, a picture [h, w, 3], a Material, a list of these, or {1001: picture or Material, ...} of UDIM tiles"
+
+
+@functools.lru_cache(maxsize=2)   # what is drawn again must be the very same
+def laid_in_tiles(mesh: Mesh, of_number: tuple) -> tuple[Mesh, tuple[Material, ...]]:
+    """Return the mesh whose `material_of` are the UDIM tiles in which the middles of its faces' uv lie, of ((number,
+    Material), ...), and these Materials, with one that has the colour of the first alone where there is none."""
+    numbers = np.array([number for number, _ in of_number])
+    column, row = np.floor(mesh.uv.mean(1)).T
+    tile = np.where((column >= 0) & (column < 10) & (row >= 0), TILES[0] + column + 10 * row, 0)
+    at = np.minimum(np.searchsorted(numbers, tile), len(numbers) - 1)   # they are in their order
+    which = np.where(numbers[at] == tile, at, len(numbers)).astype(np.uint32)
+    return (copied(mesh, material_of=checks.frozen(which)),
+            (*(each for _, each in of_number), Material(of_number[0][1].color)))
+
+
 def body_color(value: Any, where: str) -> Any:
-    """Return what `Scene.body_color` takes: a colour float64 [3], or a tuple of Materials."""
+    """Return what `Scene.body_color` takes: a colour float64 [3], a tuple of Materials, or {number: Material} of UDIM
+    tiles."""
+    if isinstance(value, dict):
+        given = tiles(value, where, TILED, lambda each, at: each if isinstance(each, Material) else Material(
+            texture=texture(each, at)), lambda each: 0 if each.texture is None else each.texture.size // 3)
+        return given
     if isinstance(value, Material) or (isinstance(value, (tuple, list)) and any(
             isinstance(each, Material) for each in value)):
         return checks.tuple_of(Material)(value, where)

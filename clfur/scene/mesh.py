@@ -31,6 +31,45 @@ def _materials(value, where):
     return checks.frozen(array.astype(np.uint32))
 
 
+@attrs.frozen(eq=False)
+class Numbering:
+    """How the vertices and faces of a `Mesh` were given, in its arrays or in its file, and what they are called there.
+
+    corners: uint32 [G, 3] which vertex is at each corner of the given triangles. vertices: how many there are. face_of:
+    int64 [G] which face each triangle is of, as several are of a file's polygon, or None where each is one. faces: how
+    many there are.
+    labels: pairs, of groups, of objects and of materials: tuples of names, and int64 [faces] which of these are each
+    face's. colors: None, or float32 [vertices, 3 or 4], 0 to 1 without a curve.
+    """
+
+    corners: np.ndarray
+    vertices: int
+    face_of: np.ndarray | None
+    faces: int
+    labels: tuple = ()
+    colors: np.ndarray | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What `mask` takes: names of faces in the order of the file, and red, green, blue, alpha of vertex colours."""
+        of_faces = (name for kind, _ in self.labels for names in kind for name in names)
+        return tuple(dict.fromkeys((*of_faces, *CHANNELS[:0 if self.colors is None else self.colors.shape[1]])))
+
+    def mask(self, name: str) -> dict[str, np.ndarray]:
+        """As `Mesh.mask`, of one name."""
+        found = [np.array([name in names for names in kind])[which] for kind, which in self.labels if len(kind)]
+        if any(each.any() for each in found):
+            return {"face": np.any(found, axis=0).astype(np.float32)}
+        if self.colors is not None and name in CHANNELS[:self.colors.shape[1]]:
+            return {"vertex": self.colors[:, CHANNELS.index(name)]}
+        listed = ", ".join(self.names[:20]) + (", ..." if len(self.names) > 20 else "")
+        raise Error(f"the mesh has no group, object, material or vertex colour {name!r:.60}; allowed: "
+                    + (listed or "none, as it names none"))
+
+
+CHANNELS = "red", "green", "blue", "alpha"
+
+
 def first_of_equal_rows(rows):
     """Return, for each row of rows [n, 3], the index of the first row with the same numbers: int64 [n]."""
     order = np.lexsort(rows.T)  # stable: among equal rows the first stays first
@@ -67,7 +106,8 @@ class Mesh:
     `uv` float32 [F', 3, 2] is kept by corner (zeros where none was given: see `has_uv`), `faces` is
     uint32 [F', 3]. Faces without area and faces at a point where all normals cancel are left out;
     `degenerate_faces` and `zero_normal_faces` count them, and `kept_faces` int64 [F'] says which of the
-    given faces the stored ones are; `dropped` are all others, for `Strands.rest` and `Shells.rest`.
+    given faces the stored ones are; `dropped` are all others, for `Strands.rest` and `Shells.rest`. `numbering`, a
+    `Numbering`, tells how vertices and faces were numbered as they were given, here or in a file.
 
     Of faces with the same three places one is kept: two-sided meshes have each of them twice. What is outside is told
     by the normals given; where a surface (faces joined by edges of two) has none, by its faces: those at odds with most
@@ -85,6 +125,7 @@ class Mesh:
     faces: checks.Given = checks.field(checks.rows(3, kinds="iu"), default=None)
     origin: checks.Given = checks.field(origin, default=ZERO, kw_only=True)
     material_of: checks.Given = checks.field(_materials, default=None, kw_only=True)
+    numbering: Numbering = attrs.field(init=False, repr=False)
     has_uv: bool = attrs.field(init=False)
     degenerate_faces: int = attrs.field(init=False)
     zero_normal_faces: int = attrs.field(init=False)
@@ -135,6 +176,7 @@ class Mesh:
             zero_normal_faces=zero_normal,
             **counts,
             kept_faces=checks.frozen(keep),
+            numbering=Numbering(checks.frozen(faces.astype(np.uint32)), len(given), None, len(faces)),
             material_of=None if material_of is None else checks.frozen(material_of[keep]),
             dropped=tuple(checks.frozen(each) for each in (
                 dropped, given[faces[dropped]], uv[dropped],
@@ -229,6 +271,17 @@ class Mesh:
         corner = first[used][good]
         mean = _unit_unless_cancelled(_sums(given, corner, count), np.bincount(corner, minlength=count))
         return np.where((mean != 0).any(axis=1, keepdims=True), mean, result)
+
+    def mask(self, *names: str) -> dict[str, np.ndarray]:
+        """Where the skin is called so, as `Maps` take it: {"face": float32 [faces]}, 1 where any of the names is of its
+        group, object or material; or {"vertex": float32 [vertices]}, of one name, a channel of vertex colours.
+        `numbering.names` are all there are. Raises Error for others."""
+        found = [self.numbering.mask(name) for name in names]
+        if len(found) == 1:
+            return found[0]
+        if not found or any("vertex" in each for each in found):
+            raise Error(f"Mesh.mask names are {checks.shown(names)}; allowed: one vertex colour, or others")
+        return {"face": np.maximum.reduce([each["face"] for each in found])}
 
     @functools.cached_property
     def hull(self) -> np.ndarray:

@@ -57,6 +57,23 @@ def copied(thing: Any, **fields: Any) -> Any:
     return copy
 
 
+def upright(thing: Any, back: bool = False) -> Any:
+    """Return a Mesh or Curves, of which +Z is up, turned so that +Y is, or ``back``; the very numbers, in other places
+    and with other signs."""
+    names = [name for name in ("positions", "normals", "points", "root_normal", "origin")
+             if getattr(thing, name, None) is not None]
+    turned = {name: _turned(getattr(thing, name), back) for name in names}
+    if hasattr(thing, "dropped"):
+        which, places, *others = thing.dropped
+        turned["dropped"] = (which, _turned(places, back), *others)
+    return copied(thing, **turned)
+
+
+def _turned(array, back):
+    x, y, z = np.moveaxis(array, -1, 0)
+    return checks.frozen(np.stack([x, 0 - z, y] if back else [x, z, 0 - y], -1))   # 0 - 0 has no sign
+
+
 def seen_from(thing: Any, there: np.ndarray) -> Any:
     """Return a Mesh, Curves, Strands, Camera, Light, Ground or Bounds as it is seen from a place, float64 [3], as if
     that were the world's origin; a tuple of them; None and others as they are. Asked again, it is the very same
@@ -80,7 +97,11 @@ def _seen_from(thing, there):
             moved["bounds"] = _seen_from(thing.bounds, tuple(there.tolist()))
         return copied(thing, **moved)
     if hasattr(thing, "point_forces"):
-        return copied(thing, point_forces=seen_from(thing.point_forces, there)) if thing.point_forces else thing
+        fields = {name: seen_from(getattr(thing, name), there) for name in ("point_forces", "guides")
+                  if getattr(thing, name)}
+        if thing.comb is not None and thing.comb.direction.per == "function":
+            fields["comb"] = thing.comb.asked_from(there)
+        return copied(thing, **fields) if fields else thing
     if hasattr(thing, "pose"):
         pose = thing.pose.copy()
         pose[:3, 3] -= there

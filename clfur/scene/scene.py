@@ -10,13 +10,14 @@ import numpy as np
 
 from ..errors import Error
 from . import checks
-from .bounds import extent, fur_extent, local, origin_of, points_to_see, strands_and_shells
+from .bounds import extent, local, origin_of, points_to_frame, strands_and_shells
 from .camera import FOV, Camera, size_of
 from .curves import Curves
 from .environment import Environment
 from .ground import Ground, height_on, shadow_places
 from .light import Light
-from .material import body_color
+from .maps import planes
+from .material import body_color, laid_in_tiles
 from .mesh import Mesh
 from .origin import copied, seen_from
 from .rest import posed
@@ -51,8 +52,11 @@ def gusty(shells, time):
     return copied(shells, time=time)
 
 
+DIRECTION = 0.45, 0.3, 1.0   # from what is drawn to a camera that nobody has placed
+
+
 def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: float = 45,
-          direction: Sequence[float] = (0.45, 0.3, 1.0), ground: Ground | None = None,
+          direction: Sequence[float] = DIRECTION, ground: Ground | None = None,
           lights: Sequence[Light] = ()) -> Camera:
     """Return a Camera that sees all of a mesh and its fur, and most of its shadow on a ground.
 
@@ -73,13 +77,14 @@ def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: fl
     slopes = np.array([tall * size[0] / size[1], tall])
     # The four planes of the view, each pushed out to its furthest point: where they meet is the nearest eye.
     there, *drawn = local(mesh, fur)
-    points = np.concatenate([np.asarray(each, float) for each in points_to_see(*drawn)] or [np.zeros((1, 3))])
+    seen, extends = points_to_frame(*drawn)
+    points = np.concatenate([np.asarray(each, float) for each in seen] or [np.zeros((1, 3))])
     if ground is not None:
         points = np.concatenate([points, shadow_places(
-            points, fur_extent(fur), height_on(seen_from(ground, there), *drawn), center - there, radius,
+            points, extends, height_on(seen_from(ground, there), *drawn), center - there, radius,
             seen_from(tuple(lights), there))])
     offsets = (points - (center - there)) @ axes
-    margin = fur_extent(fur) * np.sqrt(1 + slopes**2)
+    margin = extends * np.sqrt(1 + slopes**2)
     one = (offsets[:, :2] + slopes * offsets[:, 2:]).max(0) + margin
     other = (-offsets[:, :2] + slopes * offsets[:, 2:]).max(0) + margin
     distance = 1.05 * float(((one + other) / (2 * slopes)).max()) or 1.0
@@ -95,8 +100,10 @@ class Scene:
     Strands and Curves (guard hairs), or None; a mesh or fur is required. camera: Camera, or None to frame all of it.
     light: a Light, or a list of them, which add up. body_color: linear RGB >= 0 of the mesh itself (arrays of uint8 or
     uint16 are sRGB), a picture of them [h, w, 3] that is laid on by uv, a Material or a list of those that
-    `Mesh.material_of` tells the faces of, or None to leave it undrawn. environment: an Environment, whose light falls
-    on fur, body and ground beside the lights', or None. With one, lights that tell no ambient have none. body: "drawn",
+    `Mesh.material_of` tells the faces of, {1001: picture or Material, ...} of UDIM tiles, which repeat at their
+    borders (where there is none, the body has the first one's colour), or None to leave it undrawn. environment: an
+    Environment, whose light falls on fur, body and ground beside the lights', or None. With one, lights that tell no
+    ambient have none. body: "drawn",
     or "holdout": it hides and shades what is behind it, but is not seen itself, so that its pixels are free for a
     picture of it. ground: a Ground, or None. Raises Error where the parts don't fit: a type_map, color_texture or
     pattern "sine" on a mesh without uv, levels for another number of faces, an edge whose two faces give it different
@@ -159,6 +166,7 @@ class Scene:
         if isinstance(strands, Strands):
             object.__setattr__(self, "mesh", posed(self.mesh, strands.rest, "Strands.rest"))
             _check_uv(self.mesh, strands)
+            planes(self.mesh, strands.maps, strands.comb)   # raises where they don't fit
         if strands is not None and self.mesh is not None:
             _check_levels(self.mesh, strands)
         if isinstance(self.body_color, tuple) and self.mesh is not None:
@@ -167,6 +175,8 @@ class Scene:
             object.__setattr__(self, "mesh", posed(self.mesh, shells.rest, "Shells.rest"))
             if shells.pattern == "sine":
                 _check_sines(self.mesh, shells)
+        if isinstance(self.body_color, dict):
+            self._lay_tiles()
         _, radius = extent(self.mesh, self.fur)
         if radius and not 1e-6 <= radius <= checks.LARGEST:
             raise Error(f"Scene is {2 * radius:.3g} across; allowed: 2e-06 to 2e+09, where float32 is exact enough")
@@ -183,6 +193,16 @@ class Scene:
         if self.camera is None:
             object.__setattr__(self, "camera", frame(self.mesh, self.fur, ground=self.ground,
                                                          lights=self.lights))
+
+
+    def _lay_tiles(self):
+        """Let faces have the materials of the UDIM tiles in which they lie."""
+        if self.mesh is None or not self.mesh.has_uv:
+            raise Error("Scene.body_color has UDIM tiles, which are laid on by uv, but Scene.mesh has none; allowed: a "
+                        "mesh with uv")
+        mesh, materials = laid_in_tiles(self.mesh, tuple(self.body_color.items()))
+        object.__setattr__(self, "mesh", mesh)
+        object.__setattr__(self, "body_color", materials)
 
 
 def _check_uv(mesh, strands):

@@ -1,5 +1,7 @@
 """Shell fur: hair as a pattern in layers above a mesh, for fur too short and dense to grow strand by strand."""
 
+import math
+
 import attrs
 import numpy as np
 
@@ -27,9 +29,10 @@ class Shells(Looking):
     length: height of the fur, world units, > 0. layers: 1..1000 steps from roots to tips. pattern: "cells", one hair
     in each cell of every face, on any mesh; or "sine", the report's |sin(2fs) + sin(ft)| with s = 2πu and t = 2πv, on a
     mesh with uv. frequency > 0: of "cells", hairs along a unit of length, so that a unit of area holds its square and
-    every face at least one and at most 4096²; of "sine", f. sharpness > 1: where the smoothstep of a hair's edge ends,
-    times its start. density: above 0, at most 1, how much of its cell a hair fills. noise: (how far hairs are moved,
-    >= 0, size of the noise's waves, >= 1), both in hairs. length_variation: 0..1, how much hairs differ ("cells" only).
+    every face at least one and at most 4096²; of "sine", f. hairs: None, or in place of frequency how many "cells" have
+    on the whole mesh, 1..10**9. sharpness > 1: where the smoothstep of a hair's edge ends, times its start. density:
+    above 0, at most 1, how much of its cell a hair fills. noise: (how far hairs are moved, >= 0, size of the noise's
+    waves, >= 1), both in hairs. length_variation: 0..1, how much hairs differ ("cells" only).
     color: linear RGB >= 0 (arrays of uint8 or uint16 are sRGB). look: how hair scatters light, a Kajiya, no Chiang; or
     specular and exponent, to make one. alpha: 0..1, how much light one hair lets through. root_shade: 0..1, the share
     of light at the roots; it rises to 1 at the tips. shading: "kajiya-kay", by the hair's direction, or "turned", by
@@ -62,8 +65,18 @@ class Shells(Looking):
     time: float = checks.field(checks.real(), default=0.0, kw_only=True)
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0, kw_only=True)
     rest: Mesh | None = checks.field(checks.instance(Mesh, none=True), default=None, kw_only=True)
+    hairs: int | None = checks.field(checks.optional(checks.whole(1, 10**9)), default=None, kw_only=True)
 
     def __attrs_post_init__(self):
         super().__attrs_post_init__()
         if not isinstance(self.look, Kajiya):
             checks.refuse("Shells.look", self.look, "a Kajiya: the pattern of shells has no single hairs")
+        if self.hairs is not None and self.pattern == "sine":
+            checks.refuse("Shells.hairs", self.hairs, "None with the pattern 'sine', whose frequency is of uv")
+
+    def frequency_on(self, mesh: Mesh) -> float:
+        """Hairs along a unit of length on a scene's mesh, as its ``frequency`` or its ``hairs`` tell; of sines f."""
+        if self.hairs is None:
+            return self.frequency
+        area = max((self.rest or mesh).area, checks.SMALLEST**2)
+        return min(max(math.sqrt(self.hairs / area), checks.SMALLEST), checks.LARGEST)

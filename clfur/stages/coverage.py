@@ -21,7 +21,7 @@ GLOWS, MARKED = int(layout.CONSTANTS["GLOWS"]), int(layout.CONSTANTS["MARKED"])
 LIGHT_AT_ONCE, LIGHT_LATER, LIGHT_NOW = range(3)   # see cl/glow.h
 SLABS = 1024      # into which a tile is divided, at most
 BUCKETS = int(layout.CONSTANTS["BUCKETS"])
-SEEN = "bundle", "tile", "mark", "survivor"   # rows of `Seen`
+SEEN = "bundle", "tile", "mark", "survivor", "counter"   # rows of `Seen`
 BUNDLES = 8192    # of pieces that wait for light, at most, 772 bytes each
 OF_ENTRY, OF_TILE = 4, 1536   # pieces that a segment in a tile has, and a tile, nearly always
 WALKS = 16        # tiles at a time that go on in another launch where drivers end long loops, 90 KB each
@@ -64,6 +64,7 @@ class Seen(Arrays):
     heads: Any = array("tile", np.uint32)
     marks: Any = array("mark", np.uint64, None, 0)   # a byte of each segment
     slots: Any = array("survivor", np.uint32)
+    taken: Any = array("counter", np.uint32, None, 0)   # bundles so far; where LANES is 1 pieces
     when: int = LIGHT_AT_ONCE
 
 
@@ -199,12 +200,12 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
     across, down = tiles_of(width, rows)
     if max(gpu.lanes, gpu.hinted) > 1:
         gpu.launch(f"{kernels}.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries,
-                   room=len(seen.nexts), taken=gpu.full(1, np.uint32, 0), **vars(seen), **known)
+                   room=len(seen.nexts), **vars(seen), **known)
         return unfinished
     known["grains"] = GRAINS.empty(gpu, across * down)
     _sort(gpu, across * down, entries=segments.entries,
           **{name: known[name] for name in ("starts", "sorted", "grains")})
-    _pixels(gpu, across * down, kernels, **known)
+    _pixels(gpu, across * down, kernels, room=len(seen.nexts), taken=seen.taken, bundles=seen.bundles, **known)
     return unfinished
 
 
@@ -221,11 +222,11 @@ def cover_seen(gpu: Any, segments: Segments, counts: np.ndarray, window: tuple[i
     pieces = np.where(counts, GLOWS + np.minimum(OF_ENTRY * counts.astype(np.int64), OF_TILE), 0)   # and some
     ends = np.append(0, np.cumsum(pieces))
     seen = Seen.empty(gpu, {"bundle": min(BUNDLES, -(-int(ends[-1]) // GLOWS)), "tile": len(counts),
-                            "mark": -(-n // 8), "survivor": n})
+                            "mark": -(-n // 8), "survivor": n, "counter": 1})
     first = window[0]
     while first < window[1]:
         end = min(max(int(np.searchsorted(ends, ends[first] + room, "right")) - 1, first + 1), window[1])
-        draw(window=(first, end), seen=replace(seen, when=LIGHT_LATER))
+        draw(window=(first, end), seen=replace(seen, when=LIGHT_LATER, taken=gpu.full(1, np.uint32, 0)))
         ids = choose(gpu, seen, segments.ids)
         if len(ids):
             draw(lit=light(ids), window=(first, end), seen=replace(seen, when=LIGHT_NOW))

@@ -119,7 +119,7 @@ def pack(shells: Any, mesh: Any, bare: bool, filtered: bool) -> np.void:
     """`clfur.Shells` -> `layout.Shells`."""
     packed: Any = np.zeros((), layout.Shells)
     _, axes, radius = (shells.rest or mesh).own_frame
-    f, (strength, waves) = shells.frequency, shells.noise
+    f, (strength, waves) = shells.frequency_on(mesh), shells.noise
     packed["size"] = shells.length, shells.layers, f, shells.length_variation
     packed["shape"] = shells.sharpness, shells.density, strength, waves
     packed["color"] = *shells.color, shells.root_shade

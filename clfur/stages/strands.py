@@ -8,9 +8,11 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, array
+from .maps import pack_tiles
 from .order import order
 from .tessellate import Surface, as_float4
 
+LEAST_STEPS, VARIED_STEPS, MOST_STEPS = 8, 32, 64   # in which a strand grows by the law
 SORTED_FROM = 4096   # strands of the user's: fewer are near each other in memory anyway
 AREA = layout.Declared("triangle", np.uint64)   # running sums of triangles' areas, by which roots are spread
 
@@ -82,35 +84,53 @@ def arrays(strands: DeviceStrands, *names: str) -> dict[str, Any]:
     return {name: getattr(strands, renamed.get(name, name)) for name in names}
 
 
+def roots_of(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None = None,
+             area: tuple[int, int] | None = None, sums: tuple[Any, Any] | None = None) -> tuple[int, Any]:
+    """Where strands of a `clfur.Strands` stand -> (number of the first, `ROOTS`); the rest as `grow` has it."""
+    on_faces = fur.roots == "faces"
+    first = surface.first_triangle if on_faces else 0
+    begin, end = strands or (first, first + len(surface.triangles) if on_faces else fur.roots)
+    return begin, (_roots_on_faces if on_faces else _roots_by_area)(gpu, surface, fur, begin, end - begin, area, sums)
+
+
 def grow(gpu: Any, surface: Surface, fur: Any, strands: tuple[int, int] | None = None,
-         area: tuple[int, int] | None = None, sums: tuple[Any, Any] | None = None) -> DeviceStrands:
+         area: tuple[int, int] | None = None, sums: tuple[Any, Any] | None = None,
+         traits_of: Any = None, roots: Any = None) -> DeviceStrands:
     """Grow `clfur.Strands` on a tessellated `Surface` -> `DeviceStrands`.
 
     A root stands in the middle of every triangle, or ``fur.roots`` of them uniformly by area (in strata: strand
     i in the i-th part of the area).  The growth loop is the report's (section 2.1.3), each strand alone.
     ``strands``: which, (first, one past the last), if not all.  ``area``: (of the triangles before those of the
     surface, of all triangles), if the surface is a part of the whole; see `area_sums`.  ``sums``: what that gives of
-    the same triangles of a mesh in rest, if they are spread by its areas.
+    the same triangles of a mesh in rest, if they are spread by its areas.  ``traits_of``: a function of the roots,
+    `ROOTS`, that gives what maps on the skin make of each strand, [strands] `layout.Traits`.  ``roots``: of
+    ``strands``, where they are known, as something else will shape them: they stand straight.
     """
-    roots_of = _roots_on_faces if fur.roots == "faces" else _roots_by_area
-    first = surface.first_triangle if fur.roots == "faces" else 0
-    begin, end = strands or (first, first + len(surface.triangles) if fur.roots == "faces" else fur.roots)
-    n = end - begin
-    roots = roots_of(gpu, surface, fur, begin, n, area, sums)
-    types, texels = pack_types(fur.types)
-    indices = fur.type_indices if fur.type_map is not None else np.zeros((1, 1))
+    is_shaped, begin = roots is not None, strands[0] if strands else 0
+    if not is_shaped:
+        begin, roots = roots_of(gpu, surface, fur, strands, area, sums)
+    n, traits = len(roots), gpu.empty(0, layout.Traits) if traits_of is None else traits_of(roots)
+    tiles, type_map = pack_tiles({} if fur.type_map is None else fur.type_indices)
+    pull = float(np.linalg.norm(fur.force)) + sum(abs(each.strength) for each in fur.point_forces)
+    types, of_textures, texels = pack_types(fur.types, pull, traits_of is not None or len(fur.point_forces) > 0,
+                                            len(tiles))
     stride = max(t.segments for t in fur.types) + 1
     color_per = 2 if fur.colored_points else 1
     point_forces = np.array([[*f.position, f.strength] for f in fur.point_forces], np.float32).reshape(-1, 4)
     grown = DeviceStrands.empty(
         gpu, {"point": n * stride, "strand": n, "color": n * stride if fur.colored_points else n, "run": n},
         types=gpu.upload(types), run=stride, first_strand=begin, first_point=begin * stride, color_per=color_per)
+    if is_shaped:   # by the report's rule, which takes less, without forces or curl
+        for name, column in ("shape", 2), ("curl", 0), ("wave", 0), ("taper", 3):
+            types[name][:, column] = 0
     gpu.launch("strands.grow", -(-n // gpu.lanes), n=n, positions=surface.positions,
                normals=surface.normals, uv=surface.uv, triangles=surface.triangles, roots=roots,
-               type_map=gpu.upload(indices.astype(np.uint32)), map_size=indices.shape[::-1], texels=gpu.upload(texels),
-               force=(*fur.force, 0), point_forces=gpu.upload(point_forces), n_point_forces=len(point_forces),
-               seed=fur.seed, stride=stride,
-               **arrays(grown, "first_strand", "types", "points", "spans", "strand_of", "stored", "shifts",
+               type_map=gpu.upload(type_map.astype(np.uint32)), map_tiles=len(tiles),
+               tiles=gpu.upload(np.concatenate([tiles, of_textures])), texels=gpu.upload(texels),
+               has_traits=traits_of is not None, traits=traits, force=(*fur.force, 0),
+               point_forces=gpu.upload(point_forces), n_point_forces=0 if is_shaped else len(point_forces),
+               seed=fur.seed, stride=stride, types=gpu.upload(types) if is_shaped else grown.types,
+               **arrays(grown, "first_strand", "points", "spans", "strand_of", "stored", "shifts",
                         "numbers", "color_per", "colors", "strand_normal", "strand_uv"))
     return grown
 
@@ -128,7 +148,7 @@ def upload_curves(gpu: Any, curves: Any, strands: tuple[int, int] | None = None)
     width_per, color_per = (_per(len(values), len(curves.counts), len(curves.points))
                             for values in (curves.width, curves.color))
     here = (0, 1), (begin, end), (before, before + total)
-    types, _ = pack_types(curves.hair_types)
+    types, *_ = pack_types(curves.hair_types)
     has = {"has_normals": curves.root_normal is not None, "has_uv": curves.root_uv is not None,
            "has_types": curves.type_of is not None}
     packed = Packed(
@@ -163,23 +183,38 @@ def _per(length, strands, points):
     return 0 if length == 1 else 1 if length == strands else 2
 
 
-def pack_types(types: Any) -> tuple[np.ndarray, np.ndarray]:
-    """`clfur.HairType`s -> ([types] layout.HairType, texels of their textures [N, 4] float32)."""
+def substeps_of(kind: Any, pull: float, is_varied: bool) -> int:
+    """Steps a segment in which a type's strands grow by the law: two for each radian by which forces of size ``pull``
+    could turn them, within limits; as many in all however many segments these are.  ``is_varied``: forces or softness
+    are not the same everywhere."""
+    least = VARIED_STEPS if is_varied else LEAST_STEPS
+    return -(-int(min(max(2 * pull / kind.stiffness, least), MOST_STEPS)) // max(kind.segments, 1))
+
+
+def pack_types(types: Any, pull: float = 0.0, is_varied: bool = False, before: int = 0) -> tuple[
+        np.ndarray, np.ndarray, np.ndarray]:
+    """`clfur.HairType`s -> ([types] layout.HairType, tiles of their textures [n] layout.SkinTile, their texels [N, 4]
+    float32); ``before``: tiles that come before these; the rest as `substeps_of` has it."""
     packed = np.zeros(len(types), layout.HairType)
-    texels: list[np.ndarray] = []
+    tiles, texels = [np.zeros(0, layout.SkinTile)], [np.zeros((0, 4), np.float32)]
     for row, t in zip(packed, types):
         row["color"] = *t.color, t.color_variation
-        row["shape"] = t.segment_length, t.width, t.force_weight, t.direction_variation
+        substeps = 0 if t.stiffness is None else substeps_of(t, pull, is_varied)
+        softness = 0.5 / (t.stiffness * max(t.segments, 1) * substeps) if substeps else 0.0
+        row["shape"] = t.step, t.width, t.force_weight or 0, t.direction_variation
         row["curl"] = t.curl[0], *_turn(t.curl[1], t.segments), t.length_variation
-        row["wave"] = t.wave[0], *_turn(t.wave[1], t.segments), 0
-        row["taper"] = t.root_width, t.tip_width - t.root_width, 1 / t.taper - 2, 0
+        row["wave"] = t.wave[0], *_turn(t.wave[1], t.segments), softness
+        row["taper"] = t.root_width, t.tip_width - t.root_width, 1 / t.taper - 2, substeps
+        row["frizz"] = *t.frizz, t.tufts is not None, 0
         row["root"][:3], row["tip"][:3] = t.ends
         row["shine"], row["lobes"] = layout.shine(t.look, t.alpha), t.look.lobes
-        row["counts"] = t.segments, sum(map(len, texels)), 0, 0
+        row["counts"] = t.segments, before + sum(map(len, tiles)), 0, 0
         if t.color_texture is not None:
-            row["counts"][2:] = t.color_texture.shape[1::-1]
-            texels.append(as_float4(t.color_texture.reshape(-1, 3)))
-    return packed, np.concatenate(texels or [np.zeros((1, 4), np.float32)])
+            of_one, colors = pack_tiles(t.color_texture, sum(map(len, texels)))
+            row["counts"][2] = len(of_one)
+            tiles.append(of_one)
+            texels.append(as_float4(colors))
+    return packed, np.concatenate(tiles), np.concatenate(texels)
 
 
 def _turn(turns, segments):

@@ -14,7 +14,7 @@ class Surface(Arrays):
 
     positions: Any = array("vertex", np.float32, 4)    # world
     normals: Any = array("vertex", np.float32, 4)      # unit
-    uv: Any = array("vertex", np.float32, 4)           # u, v, -, -
+    uv: Any = array("vertex", np.float32, 4)           # u, v, weights of the first two corners of the mesh's face
     triangles: Any = array("triangle", np.uint32, 4)   # three vertices counter-clockwise, face of the mesh
     area_scale: float = 1.0                            # scale of lengths that makes areas whole numbers
     longest: float = np.inf                            # no side of a triangle is longer [world]
@@ -27,7 +27,7 @@ class Source(Arrays):
 
     positions: Any = array("mesh_vertex", np.float32, 4)
     normals: Any = array("mesh_vertex", np.float32, 4)
-    corner_uv: Any = array("corner", np.float32, 4)    # of the faces, three each
+    corner_uv: Any = array("corner", np.float32, 4)    # of the faces, three each: as `Surface.uv`
     faces: Any = array("face", np.uint32, 4)           # three vertices, -
     levels: Any = array("face", np.int32, 4)           # see `levels_of`
     first_vertex: Any = array("end", np.uint32)        # that each face gives, and the end of all
@@ -76,7 +76,7 @@ def tessellate(gpu: Any, mesh: Any, inner: int | np.ndarray = 1, outer: int | np
     source = Source(
         positions=gpu.upload(as_float4(mesh.positions)),
         normals=gpu.upload(as_float4(mesh.normals)),
-        corner_uv=gpu.upload(as_float4(mesh.uv[begin:end].reshape(-1, 2))),
+        corner_uv=gpu.upload(_with_weights(mesh.uv[begin:end])),
         faces=gpu.upload(as_float4(mesh.faces[begin:end])),
         levels=gpu.upload(levels),
         first_vertex=gpu.upload(first_vertex.astype(np.uint32)),
@@ -95,6 +95,13 @@ def tessellate(gpu: Any, mesh: Any, inner: int | np.ndarray = 1, outer: int | np
     gpu.launch("tessellate.triangles", end - begin, levels=source.levels, first_vertex=source.first_vertex,
                first_triangle=source.first_triangle, out_triangles=result.triangles)
     return result
+
+
+def _with_weights(uv):
+    """uv of the corners of faces [F, 3, 2] -> [3 F, 4]: u, v, and the weights of the first two corners there."""
+    wide = np.zeros((len(uv), 3, 4), np.float32)
+    wide[:, :, :2], wide[:, 0, 2], wide[:, 1, 3] = uv, 1, 1
+    return wide.reshape(-1, 4)
 
 
 def no_surface(gpu: Any) -> Surface:

@@ -107,13 +107,19 @@ def _tangent(turn):
     return np.sign(turn.imag) if turn.real <= abs(turn.imag) else turn.imag / turn.real
 
 
+def drawn(view):
+    """Columns and rows that a view draws: (first, one past the last) of each."""
+    (top, bottom, left, _), width = (int(n) for n in view["rows"]), int(view["size"][0])
+    return (left, left + width), (top, bottom)
+
+
 def outline(a, b, steep, view, lean_a, lean_b):
     """As `ribbon`, of a segment whose ends lean: what is within its four corners."""
     if steep:
         a, b = ((y, x, e, h) for x, y, e, h in (a, b))
     ((u0, v0, e0, h0), lean0), ((u1, v1, e1, h1), lean1) = sorted(((a, lean_a), (b, lean_b)), key=lambda end: end[0][0])
-    width, rows = int(view["size"][0]), (int(view["rows"][0]), int(view["rows"][1]))
-    us, vs = (rows, (0, width)) if steep else ((0, width), rows)
+    columns, rows = drawn(view)
+    us, vs = (rows, columns) if steep else (columns, rows)
     slope = (v1 - v0) / (u1 - u0)
     tilt = math.hypot(1, slope)
     corners = [(u + sign * lean, v + sign * (slope * lean + tilt * h)) for u, v, h, lean, sign in (
@@ -139,8 +145,8 @@ def ribbon(a, b, steep, view):
     if steep:
         a, b = ((y, x, e, h) for x, y, e, h in (a, b))
     (u0, v0, e0, h0), (u1, v1, e1, h1) = sorted((a, b), key=lambda end: end[0])
-    width, rows = int(view["size"][0]), (int(view["rows"][0]), int(view["rows"][1]))
-    us, vs = (rows, (0, width)) if steep else ((0, width), rows)
+    columns, rows = drawn(view)
+    us, vs = (rows, columns) if steep else (columns, rows)
     if u0 == u1:
         return
     slope = (v1 - v0) / (u1 - u0)

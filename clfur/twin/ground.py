@@ -80,9 +80,8 @@ def outputs(view, height, visible):
 
 def _met(view, height):
     """(Places [rows, width, samples, 3], distances along the view's axis) at which rays meet the plane."""
-    first, end = (int(n) for n in view["rows"][:2])
-    width, samples = int(view["size"][0]), int(view["size"][2])
-    y, x, s = np.meshgrid(np.arange(first, end), np.arange(width), np.arange(samples), indexing="ij")
+    (first, end, left, _), (width, _, samples, _) = ([int(n) for n in view[name]] for name in ("rows", "size"))
+    y, x, s = np.meshgrid(np.arange(first, end), left + np.arange(width), np.arange(samples), indexing="ij")
     offset = f64(PATTERNS[samples])[s] / 16
     half = np.full(x.shape, .5)
     place = np.stack([x + .5 + offset[..., 0], y + .5 + offset[..., 1], half, np.ones(x.shape)], -1)

@@ -88,7 +88,8 @@ def _tetrahedra(faces, curves, slabs):
 
 def _seen(view, sample, samples, width, depth):
     """The world point that a sample sees at a depth."""
-    x, y, s = sample // samples % width, sample // samples // width + int(view["rows"][0]), sample % samples
+    top, _, left, _ = (int(n) for n in view["rows"])
+    x, y, s = sample // samples % width + left, sample // samples // width + top, sample % samples
     dx, dy = PATTERNS[samples][s]
     e = max(1 - depth / DEPTH_ONE, 0.5 / DEPTH_ONE)
     q = np.array([x + 0.5 + dx / 16, y + 0.5 + dy / 16, e, 1]) @ f64(view["to_world"])

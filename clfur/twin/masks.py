@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .coverage import BESIDE, DEPTH_ONE, LEAST, area_within, cut, leans, segments
+from .coverage import BESIDE, DEPTH_ONE, LEAST, area_within, cut, drawn, leans, segments
 
 SIDE = 4   # patches of a pixel, across and down
 
@@ -11,7 +11,7 @@ def pieces(view, points, spans):
     """Yield (y, x, depth << 32 | id, areas [SIDE, SIDE]) of ribbons, as `coverage.ribbon` cuts
     them: a patch is a pixel of a picture SIDE times as large; a column has the depth of the pixel's, thin ones
     its width too."""
-    width, rows = int(view["size"][0]), [int(each) for each in view["rows"][:2]]
+    columns, rows = drawn(view)
     wide = leans(view, points, spans)
     for number, a, b in segments(view, points, spans):
         steep = abs(b[0] - a[0]) < abs(b[1] - a[1])
@@ -20,7 +20,7 @@ def pieces(view, points, spans):
         ends = sorted(zip((a, b), wide.get(number, (0.0, 0.0))), key=lambda end: end[0][0])
         ((u0, v0, e0, h0), lean0), ((u1, v1, e1, h1), lean1) = ends
         out = max(abs(lean0), abs(lean1))
-        us, vs = (rows, (0, width)) if steep else ((0, width), rows)
+        us, vs = (rows, columns) if steep else (columns, rows)
         if u0 == u1:
             continue
         slope = (v1 - v0) / (u1 - u0)

@@ -84,6 +84,7 @@ def samples_of(view, visible):
     """
     on = visible != NONE
     y, x, s = np.nonzero(on)
+    y, x = y + int(view["rows"][0]), x + int(view["rows"][2])
     offset = f64(PATTERNS[visible.shape[2]])[s] / 16
     e = np.maximum(1 - (visible[on] >> np.uint64(32)).astype(np.float64) / DEPTH_ONE, 0.5 / DEPTH_ONE)
     place = np.stack([x + 0.5 + offset[:, 0], y + 0.5 + offset[:, 1], e, np.ones(len(e))], 1)

@@ -75,6 +75,6 @@ def drawn(scene, gpu, settings):
         warnings.filterwarnings("ignore", ".* ends long loops", RuntimeWarning)
         images = clfur.render(scene, gpu, settings, OUTPUTS)
     for name, image in images.items():
-        assert (~np.isnan(image) if name == "depth" else np.isfinite(image)).all(), name
+        assert (~np.isnan(image) if name in ("depth", "position") else np.isfinite(image)).all(), name
     assert images["color"].min() >= 0 and images["depth"].min() >= 0
     return images

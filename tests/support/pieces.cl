@@ -32,7 +32,7 @@ BY_HAND __kernel void drawn(
     const uint room,
     volatile __global uint *count,         // [1]
     __global ulong *keys,                  // [room] depth << 32 | id
-    __global uint *pixels,                 // [room] in the band of rows
+    __global uint *pixels,                 // [room] among those that are drawn
     __global float *shares,                // [room]
     __global float *ats)                   // [room] where on the segment
 {
@@ -46,7 +46,7 @@ BY_HAND __kernel void drawn(
     if (!(chunk->bu[0] > chunk->au[0]))
         return;
     const int steep = chunk->steep[0];
-    const int2 columns = (int2)(0, view.size.x), us = steep ? view.rows.xy : columns, vs = steep ? columns : view.rows.xy;
+    const int2 columns = view.rows.z + (int2)(0, view.size.x), us = steep ? view.rows.xy : columns, vs = steep ? columns : view.rows.xy;
     lanes_i lane;
     for (int k = 0; k < LANES; ++k)
         LANE_I(lane, k) = k;
@@ -67,7 +67,7 @@ BY_HAND __kernel void drawn(
                 const uint n = atomic_inc(count);
                 if (n >= room)
                     continue;
-                const int x = steep ? v : u + k, y = (steep ? u + k : v) - view.rows.x;
+                const int x = (steep ? v : u + k) - view.rows.z, y = (steep ? u + k : v) - view.rows.x;
                 keys[n] = (ulong)LANE_I(column.depth, k) << 32 | chunk->id[0];
                 pixels[n] = y * view.size.x + x;
                 shares[n] = LANE(share, k);

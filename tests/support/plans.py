@@ -1,8 +1,11 @@
 """How a scene is cut to fit a device, and what a device was made to do."""
 
+from clfur.pipeline.mattes import TOLD
 from clfur.pipeline.plan import Plan
 from clfur.pipeline.views import Rig
 from clfur.render import OUTPUTS
+
+DRAWN_ONCE = tuple(name for name in OUTPUTS if name not in TOLD)   # the others are told of strands that are drawn again
 
 
 def plan_of(scene, settings, outputs=tuple(OUTPUTS)):
