@@ -35,6 +35,7 @@ typedef struct {
     lanes he;                                   // [s] of implicit Euler's step
     lanes3 axes[3];                             // of the root
     lanes3 gravity, wind;
+    float by_skin;                              // 1 / height of air that the skin holds still [1 / world], 0: none
 } Moving;
 
 INLINED lanes row_of(__global const float *rows, size_t stride, int row)
@@ -183,6 +184,13 @@ INLINED lanes3 moment_of(const Chain *c)
     return minus(moment, scaled(crosses(c->here.ghost, c->here.direction), twist));
 }
 
+/* Share of the wind that is felt at a place, along the normal of the root: none at the skin. */
+INLINED lanes felt(const Moving *m, lanes3 place)
+{
+    const lanes h = within(dots(place, m->axes[2]) * m->by_skin, 0.0f, 1.0f);
+    return m->by_skin > 0.0f ? h * h * (3.0f - 2.0f * h) : F(1.0f);
+}
+
 /* Solve for point i; what lies behind it has been solved for already. */
 INLINED void solve(const Moving *m, int i, const Chain *c, Left *left, lanes3 *behind_moment)
 {
@@ -217,7 +225,7 @@ INLINED void solve(const Moving *m, int i, const Chain *c, Left *left, lanes3 *b
     *behind_moment = moment;
     b = minus(b, scaled(minus(place, kept(m, i, FREE)), mass / (m->he * m->he)));
     b = plus(b, scaled(m->gravity, mass));
-    b = minus(b, scaled(minus(minus(place, kept(m, i, BASE)), scaled(m->wind, m->he)), drag / m->he));
+    b = minus(b, scaled(minus(minus(place, kept(m, i, BASE)), scaled(m->wind, m->he * felt(m, place))), drag / m->he));
 
     const Symmetric p = inverse(&a);
     const lanes3 pt = times(&p, t);
@@ -448,11 +456,12 @@ BY_ITSELF __kernel void advance(
     __global const float *lengths,         // [points, padded] of segments [world]
     __global const float *roots,           // [4, 3, padded] place [world], three axes
     __global const float *roots_before,    // [4, 3, padded] a step ago
-    const float step,                      // [s]
+    const float seconds,                   // of the step
     const int order,                       // 2, or 1 where what came before is not known
     const int jumped,                      // 1: hair goes with its root
     const float4 gravity,                  // [world / s^2]
-    const float4 wind,                     // [world / s]
+    __global const float *winds,           // [3, padded] at each root [world / s]
+    const float by_skin,                   // 1 / height of air that the skin holds still [1 / world], 0: none
     __global float *places,                // [points, 3, padded] relative to the root [world]
     __global float *places_before,         // [points, 3, padded]
     __global float *speeds,                // [points, 3, padded] [world / s]
@@ -466,10 +475,11 @@ BY_ITSELF __kernel void advance(
     m.work_stride = (size_t)n_items * LANES;
     m.work = workspace + item * LANES;
     m.gravity = all_lanes(gravity);
-    m.wind = all_lanes(wind);
+    m.by_skin = by_skin;
     for (uint first = (uint)item * LANES; first < n; first += n_items * LANES) {
         m.groomed = groomed + first;
         m.lengths = lengths + first;
+        m.wind = three_of(winds + first, padded, 0);
         m.n = *(__global const lanes_i *)(segments + first);
         lanes damping = F(0.0f), carried = F(0.0f);
         m.bend = m.air = F(0.0f);
@@ -479,7 +489,7 @@ BY_ITSELF __kernel void advance(
         m.bend *= 1.0f + 1.0f / (n_segments * n_segments);   // so that a bar of few bends as one of endlessly many
         carried = jumped ? F(1.0f) : carried;
         const lanes touched = row_of(tensions + first, padded, 0);
-        move(&m, most_lane(m.n), order == 2 ? 1.0f - touched : F(0.0f), F(step), damping, carried, roots + first,
+        move(&m, most_lane(m.n), order == 2 ? 1.0f - touched : F(0.0f), F(seconds), damping, carried, roots + first,
              roots_before + first, rest + first, places + first, places_before + first, speeds + first,
              speeds_before + first, tensions + first);
     }
@@ -568,17 +578,93 @@ __kernel void place_points(
     __global const uint2 *spans,           // [strands] first point, points
     __global const float *roots,           // [4, 3, padded] place [world], three axes
     __global const float *places,          // [points, 3, padded] relative to the root [world]
-    __global float4 *points)               // [points] x, y, z, width [world]
+    __global float *packed,                // [points, 3] x, y, z [world]
+    __global float *normals)               // [strands, 3] unit, of the skin at the root
 {
     WORK_ITEM(i);
     const uint2 span = spans[i];
-    const float4 root = (float4)(roots[i], roots[padded + i], roots[2 * (size_t)padded + i], 0.0f);
-    for (uint k = 0; k < span.y; ++k) {
-        const size_t at = (size_t)(3 * k) * padded + i;
-        float4 p = points[span.x + k];
-        p.x = root.x + (k ? places[at] : 0.0f);
-        p.y = root.y + (k ? places[at + padded] : 0.0f);
-        p.z = root.z + (k ? places[at + 2 * (size_t)padded] : 0.0f);
-        points[span.x + k] = p;
+    for (uint a = 0; a < 3; ++a) {
+        const float root = roots[a * (size_t)padded + i];
+        for (uint k = 0; k < span.y; ++k)
+            packed[3 * (size_t)(span.x + k) + a] = root + (k ? places[(3 * (size_t)k + a) * padded + i] : 0.0f);
+        normals[3 * i + a] = roots[(9 + a) * (size_t)padded + i];
     }
+}
+
+/* A mean of three corners of a face, between two poses. */
+inline float4 on_face(float4 weights, float share, __global const float4 *before, __global const float4 *now)
+{
+    const float4 was = (weights.x * before[0] + weights.y * before[1]) + weights.z * before[2];
+    const float4 is = (weights.x * now[0] + weights.y * now[1]) + weights.z * now[2];
+    return was + share * (is - was);
+}
+
+/* Roots that stand on faces, between two poses: their axes turn with the skin.  They are a side of the face, as it lies
+   along the skin, what is across both others, and the skin's normal. */
+__kernel void place_roots(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const uint padded,
+    __global const float4 *feet,           // [strands] -; number of the face, weights of its second and third corner
+    __global const float4 *offsets,        // [strands] from there to the root, along the axes [world]
+    __global const float4 *before,         // [faces, 3] corners of the pose before [world]
+    __global const float4 *normals_before, // [faces, 3] of the skin there, unit
+    __global const float4 *now,            // [faces, 3] of this pose
+    __global const float4 *normals,        // [faces, 3]
+    const float share,                     // 0: the pose before, 1: this one
+    __global float *roots)                 // [4, 3, padded] place [world], three axes
+{
+    WORK_ITEM(i);
+    const float4 foot = feet[i], weights = (float4)(1.0f - foot.z - foot.w, foot.z, foot.w, 0.0f);
+    const size_t face = 3 * (size_t)as_uint(foot.y);
+    float4 place = on_face(weights, share, before + face, now + face), axes[3];
+    const float4 side = on_face((float4)(-1.0f, 1.0f, 0.0f, 0.0f), share, before + face, now + face);
+    const float4 other = on_face((float4)(-1.0f, 0.0f, 1.0f, 0.0f), share, before + face, now + face);
+    const float4 flat = unit_or(cross3(side, other), (float4)(0.0f, 1.0f, 0.0f, 0.0f));
+    axes[2] = unit_or(on_face(weights, share, normals_before + face, normals + face), flat);
+    const float4 along = fabs(axes[2].x) < 0.6f ? (float4)(1.0f, 0.0f, 0.0f, 0.0f) : (float4)(0.0f, 1.0f, 0.0f, 0.0f);
+    axes[0] = unit_or(side - dot3(side, axes[2]) * axes[2], unit_or(along - dot3(along, axes[2]) * axes[2], along));
+    axes[1] = cross3(axes[2], axes[0]);
+    const float4 offset = offsets[i];
+    place += (offset.x * axes[0] + offset.y * axes[1]) + offset.z * axes[2];
+    for (uint row = 0; row < 4; ++row) {
+        const float4 v = row ? axes[row - 1] : place;
+        roots[(3 * row) * (size_t)padded + i] = v.x;
+        roots[(3 * row + 1) * (size_t)padded + i] = v.y;
+        roots[(3 * row + 2) * (size_t)padded + i] = v.z;
+    }
+}
+
+/* Three numbers from -1 to 1 at a corner of a cell. */
+inline float4 gust_at(int4 cell, uint seed)
+{
+    const uint4 c = as_uint4(cell & (PERIOD - 1));
+    const uint3 words = random3(c.x + PERIOD * c.y + PERIOD * PERIOD * c.z, seed, 9);
+    return (float4)(convert_float3(words >> 8) * 0x1p-23f - 1.0f, 0.0f);
+}
+
+/* The wind at roots: its mean, and gusts, random at the corners of cells and smooth between, which it carries along. */
+__kernel void blow(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const uint padded,
+    __global const float *roots,           // [4, 3, padded] place [world], three axes
+    const float4 mean,                     // [world / s]; how strong gusts are, likewise
+    const float4 gone,                     // how far gusts have gone [cells]; cells a world unit
+    const uint seed,
+    __global float *winds)                 // [3, padded] [world / s]
+{
+    WORK_ITEM(i);
+    const float4 p = (float4)(roots[i], roots[padded + i], roots[2 * (size_t)padded + i], 0.0f) * gone.w - gone;
+    const float4 low = floor(p), f = p - low, s = f * f * f * (f * (f * 6.0f - 15.0f) + 10.0f);
+    const int4 cell = convert_int4(low);
+    float4 rows[4];
+    for (int k = 0; k < 4; ++k) {
+        const int4 there = cell + (int4)(0, k & 1, k >> 1, 0);
+        const float4 a = gust_at(there, seed), b = gust_at(there + (int4)(1, 0, 0, 0), seed);
+        rows[k] = a + s.x * (b - a);
+    }
+    const float4 near = rows[0] + s.y * (rows[1] - rows[0]), far = rows[2] + s.y * (rows[3] - rows[2]);
+    const float4 wind = mean + mean.w * (near + s.z * (far - near));
+    winds[i] = wind.x;
+    winds[padded + i] = wind.y;
+    winds[2 * (size_t)padded + i] = wind.z;
 }

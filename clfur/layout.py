@@ -12,6 +12,7 @@ CONSTANTS = {
     "GUARD": 32768,         # snapped points lie within this many pixels of the origin; lines are clipped to it
     "NOTHING": 0xFFFFFFFF,  # depth and id of a sample that nothing covers
     "BODY": 0x80000000,     # id of a body triangle = BODY | triangle; of a strand segment = its first point
+    "PERIOD": 1024,         # cells after which gusts of wind come again, along each axis
     "SCAN": 256,            # values one work-item sums in a prefix scan
     "TILE": 8,              # pixels a side of a tile, in which strands are drawn together
     "SLOTS": 32,            # pieces of strands that a pixel lets wait; a multiple of 4

@@ -42,9 +42,10 @@ class Hair:
         self.state, self.soft = motion.hang(gpu, self.drawn, counts.max(), self.roots, self.types,
                                             G if weighted else 0 * G)
 
-    def step(self, step, wind=(0, 0, 0), root=None, jumped=False):
+    def step(self, step, wind=(0, 0, 0), root=None, jumped=False, skin=0.0):
         roots = self.roots if root is None else self.gpu.upload(np.asarray(root, np.float32))
-        motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, G, wind, self.order, jumped)
+        winds = motion.blow(self.gpu, self.state, roots, wind)
+        motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, G, winds, self.order, jumped, skin)
         self.roots, self.order = roots, 2
         return self
 
@@ -88,8 +89,9 @@ def shaken(root, rng, far):
 
 
 @pytest.mark.small
-@pytest.mark.parametrize("air, damping, carried", [(0, 0, 0), (3, 0.05, 0), (1, 0, 0.7), (0, 0.02, 1)])
-def test_a_step_is_the_twins(gpu, air, damping, carried):
+@pytest.mark.parametrize("air, damping, carried, skin", [
+    (0, 0, 0, 0), (3, 0.05, 0, 0.2), (1, 0, 0.7, 0), (0, 0.02, 1, 0)])
+def test_a_step_is_the_twins(gpu, air, damping, carried, skin):
     """Strands of many lengths side by side, whose roots move and turn."""
     rng = np.random.default_rng(3)
     strands = uneven(rng, (5, 9, 2, 7, 3, 9, 4, 6, 8))
@@ -99,10 +101,10 @@ def test_a_step_is_the_twins(gpu, air, damping, carried):
     wind, root = (1, 0.3, -2), hair.root
     for number in range(4):
         before, root = root, shaken(root, rng, 0.02)
-        hair.step(1 / 60, wind, root)
+        hair.step(1 / 60, wind, root, skin=skin)
         for i, each in enumerate(twins):
             now, then = ((rows[0, :, i].astype(float), rows[1:, :, i].astype(float)) for rows in (root, before))
-            each.advance(now, then, 1 / 60, wind, min(number + 1, 2))
+            each.advance(now, then, 1 / 60, wind, min(number + 1, 2), skin=skin)
     for now, speed, each in zip(hair.array(), hair.array("speeds"), twins):
         # Rounding of float32, which stiff joints of short segments make larger.
         np.testing.assert_allclose(now, each.places, rtol=0, atol=3e-5)
@@ -228,10 +230,39 @@ def test_the_same_bits_with_any_neighbours(gpu):
 @pytest.mark.small
 def test_points_are_put_where_strands_are(gpu):
     hair = Hair(gpu, uneven(np.random.default_rng(8), (4, 2, 6)), 0.5, air=2)
-    before = gpu.download(hair.drawn.points)
     hair.step(1 / 30, (3, 0, 0))
-    motion.place_points(gpu, hair.state, hair.roots, hair.drawn)
-    after = gpu.download(hair.drawn.points)
+    packed, normals = map(gpu.download, motion.place_points(gpu, hair.state, hair.roots, hair.drawn))
     where = np.concatenate([now + each[0] for now, each in zip(hair.array(), hair.strands)])
-    np.testing.assert_allclose(after[:, :3], where, rtol=0, atol=1e-6)
-    assert (after[:, 3] == before[:, 3]).all() and np.abs(after - before).max() > 1e-3
+    np.testing.assert_allclose(packed, where, rtol=0, atol=1e-6)
+    assert (normals == hair.root[3, :, :3].T).all() and np.abs(packed - np.concatenate(hair.strands)).max() > 1e-3
+
+
+@pytest.mark.small
+def test_roots_are_the_twins(gpu):
+    """On faces that move and turn, between two poses."""
+    rng = np.random.default_rng(9)
+    faces, n = 4, 9
+    corners, normals = rng.normal(size=(faces, 3, 3)), rng.normal(size=(faces, 3, 3)) * 0.2 + [0, 0, 1]
+    moved, turned = corners + rng.normal(size=(faces, 3, 3)) * 0.1, normals + rng.normal(size=(faces, 3, 3)) * 0.1
+    face, weights, offsets = rng.integers(0, faces, n), rng.dirichlet([1, 1, 1], n), rng.normal(size=(n, 4)) * 0.1
+    feet = np.zeros((n, 4), np.float32)
+    feet[:, 1], feet[:, 2:] = face.astype(np.uint32).view(np.uint32).view(np.float32), weights[:, 1:]
+    poses = [[gpu.upload(np.pad(each, ((0, 0), (0, 0), (0, 1))).astype(np.float32)) for each in pose]
+             for pose in ((corners, normals), (moved, turned))]
+    rows = motion.padded(gpu, n)
+    roots = gpu.download(motion.place_roots(
+        gpu, gpu.upload(feet), gpu.upload(offsets.astype(np.float32)), *poses, 0.25, rows))
+    places, axes = twin.roots_on(face, weights, offsets[:, :3], 0.75 * corners + 0.25 * moved,
+                                 0.75 * normals + 0.25 * turned)
+    np.testing.assert_allclose(roots[0, :, :n].T, places, rtol=0, atol=3e-6)
+    np.testing.assert_allclose(roots[1:, :, :n].transpose(2, 0, 1), axes, rtol=0, atol=3e-6)
+
+
+@pytest.mark.small
+def test_wind_is_the_twins(gpu):
+    hair = Hair(gpu, uneven(np.random.default_rng(10), (4, 2, 6, 3, 3)), 0.5)
+    mean, gust, size, time = (1.5, -0.5, 3), 2.0, 0.7, 12.3
+    winds = gpu.download(motion.blow(gpu, hair.state, hair.roots, mean, gust, size, time, 5)).reshape(3, -1)[:, :hair.n]
+    there = twin.wind_at(hair.root[0, :, :hair.n].T, mean, gust, size, time, 5)
+    np.testing.assert_allclose(winds.T, there, rtol=0, atol=3e-4)   # cells away from 0 are in float32
+    assert np.ptp(there, axis=0).min() > 0.1

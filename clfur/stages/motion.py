@@ -11,6 +11,7 @@ from .strands import DeviceStrands
 
 ROWS_OF_POINT = 38     # of the workspace, see motion.cl
 CPU_ITEMS, GPU_ITEMS = 64, 8192   # work-items of a step: few, so that their workspaces stay in a CPU's caches
+PERIOD = layout.CONSTANTS["PERIOD"]   # cells after which gusts come again
 SOFT = layout.Declared("strand", np.uint32)
 
 
@@ -57,12 +58,13 @@ def hang(gpu: Any, strands: DeviceStrands, points: int, roots: Any, types: Any, 
     return state, soft
 
 
-def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, step: float, gravity: Any, wind: Any,
-            order: int = 2, jumped: bool = False) -> None:
+def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, step: float, gravity: Any, winds: Any,
+            order: int = 2, jumped: bool = False, skin: float = 0.0) -> None:
     """One step of strands whose roots go from ``roots_before`` to ``roots``, in place.
 
-    step: seconds.  gravity: [3] world / s².  wind: [3] world / s.  order: of the formula in time (BDF), 1 in the first
-    step.  jumped: whether hair goes with its root as if nothing had moved.
+    step: seconds.  gravity: [3] world / s².  winds: `blow`'s.  skin: up to what height it holds air [world].
+    order: of the formula in time (BDF), 1 in the first step.  jumped: whether hair goes with its root as if
+    nothing had moved.
     """
     items = CPU_ITEMS if gpu.lanes > 1 else GPU_ITEMS
     items = min(items, state.padded // gpu.lanes)
@@ -70,12 +72,40 @@ def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, s
     names = ("segments", "type_of", "groomed", "rest", "lengths", "places", "places_before", "speeds", "speeds_before",
              "tensions")
     gpu.launch("motion.advance", items, n_items=items, n=state.n, padded=state.padded, types=types, roots=roots,
-               roots_before=roots_before, step=step, order=1 if jumped else order, jumped=int(jumped),
-               gravity=(*gravity, 0), wind=(*wind, 0), workspace=workspace,
+               roots_before=roots_before, seconds=step, order=1 if jumped else order, jumped=int(jumped),
+               gravity=(*gravity, 0), winds=winds, by_skin=1 / skin if skin else 0.0, workspace=workspace,
                **{name: getattr(state, name) for name in names})
 
 
-def place_points(gpu: Any, state: State, roots: Any, strands: DeviceStrands) -> None:
-    """Put the points of strands where they are now."""
+def blow(gpu: Any, state: State, roots: Any, mean: Any, gust: float = 0.0, size: float = 1.0, time: float = 0.0,
+         seed: int = 0) -> Any:
+    """The wind at roots -> [3, padded] float32, world / s.
+
+    mean: [3] world / s.  gust: how strong gusts are, likewise.  size: of their cells [world].  time: seconds in which
+    the mean has carried them along.
+    """
+    winds = gpu.empty(3 * state.padded, np.float32)
+    gone = np.remainder(np.asarray(mean, float) * time / size, PERIOD)
+    gpu.launch("motion.blow", state.padded, padded=state.padded, roots=roots, mean=(*mean, gust),
+               gone=(*gone, 1 / size), seed=seed, winds=winds)
+    return winds
+
+
+def place_roots(gpu: Any, feet: Any, offsets: Any, before: Any, now: Any, share: float, rows: int) -> Any:
+    """Roots that stand on faces, between two poses -> [4, 3, rows] float32 on the device: places and three axes.
+
+    feet: `guides.feet_on`'s.  offsets: [strands, 4] float32 from there to the roots, along the axes.  before, now:
+    (corners, normals there) of the poses, [faces, 3, 4] float32 each.  share: 0 is before, 1 is now.
+    """
+    roots = gpu.full((4, 3, rows), np.float32, 0)
+    gpu.launch("motion.place_roots", len(feet), padded=rows, feet=feet, offsets=offsets, before=before[0],
+               normals_before=before[1], now=now[0], normals=now[1], share=share, roots=roots)
+    return roots
+
+
+def place_points(gpu: Any, state: State, roots: Any, strands: DeviceStrands) -> tuple[Any, Any]:
+    """Where the points of strands are now -> ([points, 3] float32; unit normals of the skin at roots, [strands, 3])."""
+    packed, normals = gpu.empty((len(strands.points), 3), np.float32), gpu.empty((state.n, 3), np.float32)
     gpu.launch("motion.place_points", state.n, padded=state.padded, spans=strands.spans, roots=roots,
-               places=state.places, points=strands.points)
+               places=state.places, packed=packed, normals=normals)
+    return packed, normals

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from .strands import random3
+
 
 def turned(a, b, p):
     """p [3] turned by the least rotation that takes unit a to unit b (Rodrigues, from a × b and a · b)."""
@@ -50,8 +52,8 @@ class Strand:
         self.speeds, self.speeds_before = np.zeros_like(points), np.zeros_like(points)
         self.tensions = np.zeros(len(self.lengths))
 
-    def advance(self, root, root_before, step, wind, order=2, jumped=False):
-        """Go on by ``step`` seconds; roots: (place [3], axes [3, 3])."""
+    def advance(self, root, root_before, step, wind, order=2, jumped=False, skin=0.0):
+        """Go on by ``step`` seconds; roots: (place [3], axes [3, 3]); skin: height of still air, 0 for none."""
         carried = 1.0 if jumped else self.carried
         axes, old = root[1], root_before[1]
         shift, spin = root[0] - root_before[0], old.T @ axes
@@ -68,7 +70,7 @@ class Strand:
         free = base + he * (speed + third * (speed - speed_then))
         places = start
         for _ in range(2):
-            places = self._newton(places, base, free, axes, rest, he, np.asarray(wind, float))
+            places = self._newton(places, base, free, axes, rest, he, np.asarray(wind, float), skin)
         self.before, self.speeds_before = now, speed
         self.places, self.speeds = places, (places - base) / he
         self.before[0] = self.speeds_before[0] = self.speeds[0] = 0
@@ -82,7 +84,7 @@ class Strand:
         now = [old @ turned(from_[j], self.groomed[j] @ old, t[j]) for j in range(len(t))]
         return (1 - share) * self.rest + share * np.array(now)
 
-    def _newton(self, x, base, free, axes, rest, he, wind):
+    def _newton(self, x, base, free, axes, rest, he, wind, skin):
         n, by = len(self.lengths), 1 / self.lengths
         stiff = stiffnesses(self.bend, self.lengths) * (1 + self.damping / he)
         along = np.diff(x, axis=0)
@@ -118,8 +120,10 @@ class Strand:
             b[i] += moment * by[i]
             if i:
                 b[i - 1] -= moment * by[i]
+            height = np.clip(x[i + 1] @ axes[2] / skin, 0, 1) if skin else 1.0
+            felt = height * height * (3 - 2 * height)
             b[i] += masses[i] * (self.gravity - (x[i + 1] - free[i + 1]) / he**2
-                                 - self.air * (x[i + 1] - base[i + 1] - he * wind) / he)
+                                 - self.air * (x[i + 1] - base[i + 1] - he * felt * wind) / he)
         rows = np.zeros((n, n, 3))   # of what keeps lengths
         for i in range(n):
             rows[i, i] = t[i + 1]
@@ -133,3 +137,32 @@ class Strand:
         t = np.diff(x, axis=0)
         t *= (self.lengths / np.linalg.norm(t, axis=1))[:, None]
         return np.vstack([np.zeros(3), np.cumsum(t, axis=0)])
+
+
+def roots_on(face, weights, offsets, corners, normals):
+    """Roots that stand on faces -> (places [n, 3], axes [n, 3, 3], a row each).
+
+    face: [n].  weights: [n, 3].  offsets: [n, 3] along the axes.  corners, normals: [faces, 3, 3] of a pose.
+    """
+    corners, normals = np.asarray(corners, float)[face], np.asarray(normals, float)[face]
+    axes = np.zeros((len(face), 3, 3))
+    axes[:, 2] = np.einsum("nc,ncx->nx", weights, normals)
+    axes[:, 2] /= np.linalg.norm(axes[:, 2], axis=1)[:, None]
+    axes[:, 1] = np.cross(axes[:, 2], corners[:, 1] - corners[:, 0])   # the side's part along the skin gives the same
+    axes[:, 1] /= np.linalg.norm(axes[:, 1], axis=1)[:, None]
+    axes[:, 0] = np.cross(axes[:, 1], axes[:, 2])
+    return np.einsum("nc,ncx->nx", weights, corners) + np.einsum("na,nax->nx", offsets, axes), axes
+
+
+def wind_at(places, mean, gust, size, time, seed):
+    """The wind [n, 3] at places: Perlin's smooth steps between random numbers at whole cells, which mean carries."""
+    at = (np.asarray(places, float) - np.asarray(mean, float) * time) / size
+    low = np.floor(at).astype(int)
+    step = np.polyval([6, -15, 10, 0, 0, 0], at - low)
+    sums = np.zeros_like(at)
+    for corner in np.ndindex(2, 2, 2):
+        cell = (low + corner) % 1024
+        words = random3(cell @ [1, 1024, 1024**2], seed, 9)
+        share = np.where(corner, step, 1 - step).prod(1)
+        sums += share[:, None] * ((words >> np.uint32(8)) / 2**23 - 1)
+    return mean + gust * sums
