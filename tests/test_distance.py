@@ -7,7 +7,7 @@ from support.plans import recorded
 from support.scenes import icosphere
 
 import clfur
-from clfur import layout
+from clfur import layout, truth
 from clfur.pipeline.sliding import sliding_of
 from clfur.stages import distance
 from clfur.stages.strands import grow
@@ -294,6 +294,18 @@ def test_strands_read_back_have_slid(gpu):
     there = clfur.grow(scene, gpu).points.reshape(-1, 9, 3)
     assert (np.linalg.norm(there, axis=2) > .98).all()
     assert (np.linalg.norm(clfur.grow(scene_of(), gpu).points.reshape(-1, 9, 3), axis=2) < .95).any()
+
+
+def test_the_truth_has_strands_that_slide(gpu):
+    """By exact distances: the segments of those between nodes differ by a tenth of a cell, and tips by what eight of
+    them add up to."""
+    scene = scene_of(collision=True, roots=150)
+    there = clfur.grow(scene, gpu).points
+    hair, _ = truth._geometry(scene)
+    grown = clfur.grow(scene_of(roots=150), gpu).points
+    off, moved = np.linalg.norm(there - hair.points[:, :3], axis=1) * 87 / 2, (there != grown).any(1)
+    assert (np.linalg.norm(there - grown, axis=1) > .05).sum() > 20
+    assert off[~moved].max() < 1e-4 and off[moved].mean() < .1 and off.max() < .8
 
 
 def test_a_grid_has_room_for_all_of_a_body():

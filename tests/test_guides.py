@@ -483,7 +483,7 @@ def test_shadows_of_a_light_are_kept_as_the_camera_moves(gpu):
         clfur.draw(attrs.evolve(given, fur=fur), gpu, QUICK)
         assert "guides.blend" in launched and "guides.stand" not in launched
     finally:
-        gpu.launch = run
+        del gpu.launch   # the class' own
 
 
 # --- what is given --------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from ..scene.maps import planes
 from ..scene.seen import seen
 from ..scene.tufts import spots_of
 from ..stages.tessellate import tessellate
-from ..twin import ground, guides, maps, scatter, strands, tufts
+from ..twin import distance, ground, guides, maps, scatter, strands, tufts
 from ..twin.vectors import dot, unit
 from .paths import Paths
 from .places import on_body, on_strand
@@ -32,6 +32,7 @@ RAYS = 1 << 18           # of the picture at a time
 STEEP = 1.5              # radians aside that a point light looks for what shades
 DISC = 64                # points of a disc from which it shines
 ALL = 1 << 12            # times that light is scattered at most: a path ends long before
+CELLS = 87               # of a body's longest side: strands that slide along it are looked at so often
 EVEN = (math.sqrt(5) - 1) / 2
 
 
@@ -230,6 +231,8 @@ def _grown(fur, body, rest, mesh):
     there = np.arange(points.shape[1]) < counts[:, None]
     width = np.stack([np.pad(strands.widths_along(t), (0, there.shape[1] - 1 - t.segments)) for t in fur.types])[kind]
     width = width if traits is None else width * traits["scale"][:, 1:2]
+    if fur.collision:
+        points, tangents = _slid(fur, body, points, tangents, width, counts, kind, frame[:, 2])
     return SimpleNamespace(points=np.column_stack([points[there], width[there]]), tangents=tangents[there],
                            counts=counts, colors=colors[there] if colors.ndim == 3 else colors, kind=kind,
                            **_looks(fur.types))
@@ -274,6 +277,18 @@ def _lines(fur, mesh, root, frame, uv, traits, middle):
         points, tangents = _between(fur, root, frame, kind, mesh, traits)
         counts = np.where(np.isfinite(points[:, 0, 0]), counts, 0)
     return points, tangents, counts, colors, kind
+
+
+def _slid(fur, body, points, tangents, width, counts, kind, up):
+    """(Points, tangents) of strands that slide along the body, to which distances are exact."""
+    corners = body.triangles[:, :3]
+    cell = np.ptp(body.positions, axis=0).max() / CELLS
+    there = distance.Body(body.positions[corners], body.normals[corners])
+    points, moved = distance.slide(points, width, counts, there.look, cell)
+    for number, each in enumerate(fur.types):
+        mine, end = np.flatnonzero(moved & (kind == number)), each.segments + 1
+        tangents[mine, :end] = strands.tangents_of(points[mine, :end], up[mine])
+    return points, tangents
 
 
 def _between(fur, root, frame, kind, mesh, traits):

@@ -117,11 +117,12 @@ def positions(camera: Camera, depth: np.ndarray, left: int, top: int) -> np.ndar
 
 def _ranked(pixels, strands, units):
     """(pixel, strand, sum), a row of each pair that has pieces, by pixel and the largest first."""
-    order = np.lexsort((strands, pixels))
+    order = np.argsort(pixels << 32 | strands)   # pixels are fewer than 2**31
     pixels, strands, units = pixels[order], strands[order], units[order]
     begins = np.flatnonzero(np.r_[True, (pixels[1:] != pixels[:-1]) | (strands[1:] != strands[:-1])])
     pixels, strands, sums = pixels[begins], strands[begins], np.add.reduceat(units, begins)
-    order = np.lexsort((strands, -sums, pixels))
+    # Sums are about UNIT at most: in 30 bits below the pixel; of equal ones the lower strand is first as it is.
+    order = np.argsort(pixels << 30 | (2**30 - 1 - sums.astype(np.int64)), kind="stable")
     return pixels[order], strands[order], sums[order]
 
 

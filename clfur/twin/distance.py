@@ -59,6 +59,13 @@ class Body:
         return values, ways
 
 
+    def look(self, points):
+        """(Distance, slope [N, 3]) at points [N, 3], as `near` has them of nodes, but exact."""
+        values, ways = self.nearest(points)
+        some = np.abs(values) > 1e-12
+        return values, np.where(some[:, None], ways / np.where(some, values, 1)[:, None], 0)
+
+
 def closest(p, corners):
     """The closest point of triangles [N, 3, 3] to points [N, 3], and the feature it lies on (Ericson, "Real-Time
     Collision Detection", 5.1.5)."""
