@@ -88,7 +88,7 @@ def _nearest(gpu, guides, most, **strands):
     found = FOUND.empty(gpu, n)
     for number in range(guides.rounds):
         gpu.launch("guides.nearest", n, boxes=guides.boxes, members=guides.members, roots=guides.roots,
-                   normals=guides.normals, trees=guides.trees, tree_of=guides.tree_of, round=number, most=most,
+                   normals=guides.normals, trees=guides.trees, tree_of=guides.tree_of, lap=number, most=most,
                    n_trees=len(guides.trees) // guides.rounds, found=found, **strands)
     return found
 
@@ -222,5 +222,5 @@ def feet_on(gpu: Any, mesh: Any, roots: Any, normals: Any, has_normals: bool = F
              "faces": gpu.upload(as_float4(mesh.faces))}
     for number in range(trees.rounds):
         gpu.launch("guides.stand", len(roots), roots=roots, boxes=trees.boxes, members=trees.members, trees=trees.trees,
-                   round=number, feet=feet, has_normals=has_normals, normals=normals, **known)
+                   lap=number, feet=feet, has_normals=has_normals, normals=normals, **known)
     return feet
