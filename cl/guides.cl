@@ -105,7 +105,7 @@ __kernel void stand(
     __global const float8 *boxes,          // [nodes, 6] lowest x, y, z, highest x, y, z of parts, of trees of the faces
     __global const uint *members,          // numbers of faces
     __global const uint4 *trees,           // [rounds] first node, first of its last row, that row, first member
-    const uint round,                      // of those; the first forgets what was found before
+    const uint lap,                        // of those; the first forgets what was found before
     __global const float4 *positions,      // [V] of the mesh
     __global const float4 *vertex_normals, // [V]
     __global const uint4 *faces,           // [F] three vertices
@@ -116,8 +116,8 @@ __kernel void stand(
 {
     WORK_ITEM(i);
     const float4 p = (float4)(roots[i].xyz, 0.0f);
-    const uint4 tree = trees[round];
-    float4 foot = round ? feet[i] : (float4)(INFINITY, as_float(0), 0.0f, 0.0f);
+    const uint4 tree = trees[lap];
+    float4 foot = lap ? feet[i] : (float4)(INFINITY, as_float(0), 0.0f, 0.0f);
     Walk walk;
     begin_walk(&walk, p, boxes + 6 * tree.x);
     for (uint m; (m = next_member(&walk, p, boxes + 6 * tree.x, tree.z, foot.x)) != NOTHING; ) {
@@ -155,7 +155,7 @@ __kernel void nearest(
                                            // or NOTHING, of nothing
     __global const uint *tree_of,          // [types] which of n_trees strands of a type look in
     const uint n_trees,
-    const uint round,                      // the first forgets what was found before
+    const uint lap,                        // the first forgets what was found before
     const uint most,                       // how many are looked for
     __global uint *found)                  // [strands, 2 NEAREST] squares of distances, floats, the least first; numbers of
                                            // these guides, NOTHING where there is none
@@ -165,11 +165,11 @@ __kernel void nearest(
     float square[NEAREST];
     uint guide[NEAREST];
     for (uint k = 0; k < NEAREST; ++k) {
-        square[k] = round ? as_float(mine[k]) : INFINITY;
-        guide[k] = round ? mine[NEAREST + k] : NOTHING;
+        square[k] = lap ? as_float(mine[k]) : INFINITY;
+        guide[k] = lap ? mine[NEAREST + k] : NOTHING;
     }
     const uint2 span = spans[i];
-    const uint4 tree = trees[round * n_trees + tree_of[(uint)strand_uv[i].z]];
+    const uint4 tree = trees[lap * n_trees + tree_of[(uint)strand_uv[i].z]];
     const float4 p = span.y ? (float4)(points[span.x].xyz, 0.0f) : (float4)(0.0f), up = strand_normal[i];
     if (!span.y || tree.x == NOTHING)
         return;

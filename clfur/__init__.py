@@ -18,6 +18,8 @@ from .files.scenes import load_scene
 from .judge import truth
 from .judge.compare import Comparison, compare
 from .judge.frontier import Frontier, frontier
+from .motion.hair import HairMotion, Wind
+from .motion.motion import Motion
 from .render import Frame, draw, frames, grow, render
 from .scene import (
     Camera,
@@ -43,10 +45,10 @@ from .settings import Settings
 
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
-    "Frontier", "Ground", "HairType", "Kajiya", "Light", "Maps", "Material", "Mesh", "PointForce", "Scene", "Scheduler",
-    "Settings", "Shells", "Strands", "Tufts", "compare", "draw", "frames", "frontier", "grow", "load", "load_colmap",
-    "load_curves", "load_header", "load_materials", "load_mesh", "load_picture", "load_scene", "over", "render", "save",
-    "save_curves", "to_uint8", "truth",
+    "Frontier", "Ground", "HairMotion", "HairType", "Kajiya", "Light", "Maps", "Material", "Mesh", "Motion",
+    "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "Tufts", "Wind", "compare", "draw", "frames",
+    "frontier", "grow", "load", "load_colmap", "load_curves", "load_header", "load_materials", "load_mesh",
+    "load_picture", "load_scene", "over", "render", "save", "save_curves", "to_uint8", "truth",
 ]
 
 install()

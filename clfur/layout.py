@@ -12,6 +12,7 @@ CONSTANTS = {
     "GUARD": 32768,         # snapped points lie within this many pixels of the origin; lines are clipped to it
     "NOTHING": 0xFFFFFFFF,  # depth and id of a sample that nothing covers
     "BODY": 0x80000000,     # id of a body triangle = BODY | triangle; of a strand segment = its first point
+    "PERIOD": 1024,         # cells after which gusts of wind come again, along each axis
     "SCAN": 256,            # values one work-item sums in a prefix scan
     "TILE": 8,              # pixels a side of a tile, in which strands are drawn together
     "SLOTS": 32,            # pieces of strands that a pixel lets wait; a multiple of 4
@@ -212,9 +213,15 @@ Lobes = np.dtype([                    # how hair of a type scatters light, where
     ("table", *_int4),                   # where its table begins; how many cosines and angles it has, -
 ])
 
+MotionType = np.dtype([               # how hair of a type moves
+    ("hair", *_float4),                  # what bends it over its mass a length [world^3 / s^2]; 1 / air [1 / s];
+                                         # damping [s]; share of its root's motion that carries it along
+])
+
 STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Traits": Traits, "SkinTile": SkinTile,
            "SkinMap": SkinMap, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Deep": Deep, "Shells": Shells,
-           "Ground": Ground, "OnGround": OnGround, "Material": Material, "Lobes": Lobes, "Distances": Distances}
+           "Ground": Ground, "OnGround": OnGround, "Material": Material, "Lobes": Lobes, "Distances": Distances,
+           "MotionType": MotionType}
 
 
 def shine(look, alpha, model=None):

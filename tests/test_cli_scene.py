@@ -184,7 +184,9 @@ def test_long_hair_slides_along_the_mesh():
 def test_tufts(tmp_path):
     kind = load("sphere", "--tufts", "200:strength=.9,within=20", "--frizz", ".01,7")[0].strands.types[0]
     assert (kind.tufts.count, kind.tufts.strength, kind.tufts.within.count, kind.frizz) == (200, .9, 20, (.01, 7))
-    assert load("sphere")[0].strands.types[0].tufts is None
+    usual = load("sphere")[0].strands.types[0].tufts
+    assert (usual.count, usual.strength) == (4000, .5) and load("sphere", "--tufts", "off")[0].strands.types[
+        0].tufts is None
     (tmp_path / "types.json").write_text('[{"tufts": {"density": 9, "profile": 0.2, "within": 5}, "frizz": [0.1, 3]}]')
     kind, = load("sphere", "--types", tmp_path / "types.json", "--tufts", 3)[0].strands.types
     assert (kind.tufts.density, kind.tufts.profile, kind.tufts.within.count, kind.frizz) == (9, .2, 5, (.1, 3))

@@ -253,6 +253,16 @@ def scene_of(mesh=None, **keys):
                        camera=clfur.Camera(eye=(0, 1, 5), size=(64, 48)))
 
 
+def test_a_camera_frames_it_as_it_does_other_hair(gpu):
+    """Curls that the body could pull straight would take most of the picture's size."""
+    curly = fur_of(.3, n=900, curl=(.05, 4))
+    slides = attrs.evolve(curly, collision=True)
+    camera = clfur.Scene(mesh=mesh_of("sphere"), fur=slides).camera
+    np.testing.assert_array_equal(camera.pose, clfur.Scene(mesh=mesh_of("sphere"), fur=curly).camera.pose)
+    alpha = clfur.render(clfur.Scene(mesh=mesh_of("sphere"), fur=slides), gpu)[..., 3]
+    assert not alpha[[0, -1]].any() and not alpha[:, [0, -1]].any() and (alpha > 0).any(1).mean() > .7
+
+
 def test_it_is_off_unless_asked_for(gpu):
     names = recorded(gpu)
     clfur.draw(scene_of(), gpu)

@@ -141,7 +141,7 @@ def test_while_it_writes(tmp_path, name, times):
     """Half of a picture is written: the one that was there stays.  `timeout` sends its signal twice."""
     (tmp_path / "fur.py").write_text(SCENE.format(roots=50, size=(40, 30)) + f"""
 from clfur.files import images
-def half(path, outputs):
+def half(path, outputs, about):
     path.write_bytes(b"half a picture")
     {WAIT.format(mark=str(tmp_path / 'mark'))}
 images.WRITERS[".png"] = half
@@ -248,7 +248,7 @@ def test_a_full_disk(tmp_path, suffix):
 
 
 def test_a_full_disk_in_the_command(clfur, tmp_path, monkeypatch):
-    def full(path, outputs):
+    def full(path, outputs, about):
         path.write_bytes(b"half")
         raise OSError(28, "No space left on device")
     monkeypatch.setitem(library.files.images.WRITERS, ".png", full)

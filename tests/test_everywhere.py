@@ -65,7 +65,7 @@ def test_frames_leave_nothing_behind(gpu):
         gc.collect()
         with open("/proc/self/statm") as file:
             return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    before = frames(100)
+    before = frames(400)   # lru caches and pools are full by then: from there on nothing grows
     assert frames(300) - before < 1e5
 
 

@@ -11,12 +11,13 @@ import clfur
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-SMALLER = {"curves": {"strands": 200, "points": 8}, "turntable": {"frames": 2}, "shells": {"frames": 2},
+SMALLER = {"curves": {"strands": 200, "points": 8}, "turntable": {"frames": 2},
+           "motion": {"frames": 2, "roots": 500}, "shells": {"frames": 2},
            "dataset": {"poses": 2}, "budget": {"max_error": .3, "seconds": 5.0}}
 
 
-def test_there_are_fourteen():
-    assert len(EXAMPLES) >= 14 and set(SMALLER) <= {path.stem for path in EXAMPLES}
+def test_there_are_sixteen():
+    assert len(EXAMPLES) >= 16 and set(SMALLER) <= {path.stem for path in EXAMPLES}
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)

@@ -273,8 +273,7 @@ def test_label():
 
 
 def test_digest(sphere):
-    one = scene(sphere)
-    same = scene(clfur.Mesh(sphere.positions, sphere.normals, sphere.uv, sphere.faces))
+    one, same = (scene(clfur.Mesh(sphere.positions, sphere.normals, sphere.uv, sphere.faces)) for _ in range(2))
     assert digest(one) == digest(same)
     others = [attrs.evolve(one, body_color=None), scene(sphere, size=(24, 32)), scene(sphere, "shells"),
               scene(sphere, clfur.Strands(inner=1, outer=1, roots=200, seed=1)),

@@ -150,7 +150,7 @@ def test_the_nearest_guides_are_found(gpu, another, steps, n):
         one.launch("guides.nearest", 90, points=one.upload(points), spans=one.upload(spans),
                    strand_normal=one.upload(up), strand_uv=one.upload(uv), boxes=known.boxes,
                    members=known.members, roots=known.roots, normals=known.normals, trees=known.trees,
-                   tree_of=known.tree_of, n_trees=len(known.trees) // known.rounds, round=number, most=8, found=found)
+                   tree_of=known.tree_of, n_trees=len(known.trees) // known.rounds, lap=number, most=8, found=found)
     assert (known.rounds > 1) == (steps is not None and n == 300)
     away, number = found.get()[:, :8].view(np.float32), found.get()[:, 8:].view(np.int32)
     allowed = mine[:, None] == kind

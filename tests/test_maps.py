@@ -176,12 +176,14 @@ def test_more_density_only_adds_strands(gpu):
     assert ((fur[0.3] > 0) <= (fur[0.5] > 0)).all() and (fur[0.3] > 0).sum() < (fur[0.5] > 0).sum()
 
 
-def test_strands_that_stand_are_the_same_bits_without_the_others(gpu):
-    mesh, plain = lumpy(), Strands(3, 3, types=HairType(segments=4, curl=(0.02, 2), length_variation=0.5))
+@pytest.mark.parametrize("rule, near", [({"force_weight": 1}, 0), ({"stiffness": .6}, 2e-6)])
+def test_strands_that_stand_are_the_same_without_the_others(gpu, rule, near):
+    """By the law they grow in more steps where there are maps, which could make hair softer."""
+    mesh, plain = lumpy(), Strands(3, 3, types=HairType(segments=4, curl=(0.02, 2), length_variation=0.5, **rule))
     points = np.array(grown(gpu, mesh, plain))
     there = traits_of(gpu, mesh, attrs.evolve(plain, maps=Maps(density=[[0.5]])))[0]["scale"][:, 0] > 0
     some = [each for each in grown(gpu, mesh, attrs.evolve(plain, maps=Maps(density=[[0.5]]))) if len(each)]
-    np.testing.assert_array_equal(np.array(some), points[there])
+    np.testing.assert_allclose(np.array(some), points[there], rtol=0, atol=near)
 
 
 def test_where_the_length_is_none_nothing_stands(gpu):
@@ -191,7 +193,7 @@ def test_where_the_length_is_none_nothing_stands(gpu):
 
 
 def test_maps_of_ones_change_no_bit_of_the_picture(gpu):
-    mesh, plain = lumpy(), Strands(3, 3, types=HairType(curl=(0.02, 2), color_variation=0.3))
+    mesh, plain = lumpy(), Strands(3, 3, types=HairType(force_weight=1, curl=(0.02, 2), color_variation=0.3))
     ones = Maps(**{name: np.ones((2, 2)) for name in NAMES})
     one, other = (clfur.draw(clfur.Scene(mesh, attrs.evolve(plain, maps=each), clfur.Camera(size=(60, 45))), gpu,
                              hashes=True).hashes for each in (None, ones))

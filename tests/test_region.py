@@ -6,6 +6,7 @@ import imageio.v3
 import numpy as np
 import pytest
 from support.command import wrong
+from support.coverage import ball
 from support.plans import plan_of
 
 import clfur
@@ -63,6 +64,21 @@ def test_a_region_is_what_the_whole_is_there(gpu, name):
         for output in OUTPUTS:
             np.testing.assert_array_equal(part[output], cropped(whole[output], region), f"{output} of {region}")
             assert part[output].flags.c_contiguous
+
+
+@pytest.mark.parametrize("raster", ["coverage", "samples"])
+def test_a_small_region(gpu, raster):
+    """All that draws in columns, at the edge of a small picture."""
+    fur = [clfur.Strands(inner=1, outer=1, types=clfur.HairType(segments=3, segment_length=.1, width=.05)),
+           clfur.Shells(length=.1, frequency=6, layers=3)]
+    camera = clfur.Camera(eye=(0, .6, 3.2), size=(15, 9))
+    scene = clfur.Scene(ball(.8, 0), fur, camera, ground=clfur.Ground(color=(1, 1, 1)))
+    settings = clfur.Settings(raster=raster, samples=1, grid=16, shadow_map=16)
+    whole = clfur.render(scene, gpu, settings, OUTPUTS)
+    part = clfur.render(scene, gpu, settings, OUTPUTS, region=(9, 2, 4, 6))
+    for output in OUTPUTS:
+        np.testing.assert_array_equal(part[output], whole[output][2:8, 9:13], output)
+    assert {-4} < set(np.unique(part["id"]))
 
 
 @pytest.mark.parametrize("raster", ["coverage", "samples"])
@@ -147,3 +163,11 @@ def test_areas_of_strands_are_those_in_the_region(gpu, raster):
     for part in parts:
         assert part["strand_area"].sum(dtype=float) == pytest.approx(part["hair_alpha"].sum(dtype=float), rel=1e-6)
     np.testing.assert_allclose(sum(part["strand_area"].astype(float) for part in parts), whole, rtol=1e-6)
+
+
+@pytest.mark.parametrize("blur", ["all", "edges"])
+@pytest.mark.parametrize("fields", [{"ground": clfur.Ground()}, {"body": "holdout"}, {}])
+def test_coverage_without_color_is_the_same_where_color_is_blurred(gpu, blur, fields):
+    scene, settings = scene_of({"fur": FUR, **fields}), clfur.Settings(grid=32, shadow_map=64, blur=blur)
+    both = clfur.render(scene, gpu, settings, ("color", "coverage"))
+    np.testing.assert_array_equal(clfur.render(scene, gpu, settings, ("coverage",))["coverage"], both["coverage"])

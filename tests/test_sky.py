@@ -181,3 +181,16 @@ def test_a_picture_is_looked_up_where_it_says():
         middle = (light[:, :1] * angles[:, None] * towards).sum(0)
         assert middle @ axis > .9 * np.linalg.norm(middle)
     assert angles.sum() == pytest.approx(4 * np.pi)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (2, 4), (3, 3), (4, 2), (33, 65), (64, 128), (63, 1)])
+def test_a_plane_has_the_light_of_a_picture_of_few_pixels(shape):
+    """A row from height a to b, of n pixels, sends pi (sin(b)^2 - sin(a)^2) / n of each to a level plane: exact."""
+    picture = np.random.default_rng(5).uniform(0, 2, (*shape, 3))
+    towards, light, angles = Environment(picture).places
+    edges = np.maximum(np.sin(np.pi * (.5 - np.arange(shape[0] + 1) / shape[0])), 0)
+    meant = np.pi * ((edges[:-1]**2 - edges[1:]**2) @ picture.mean(1, dtype=float))
+    found = (np.maximum(towards[:, 1:2], 0) * light * angles[:, None]).sum(0)
+    np.testing.assert_allclose(found, meant, rtol=1e-6)   # colours are float32
+    wall = (np.maximum(Environment(np.ones((*shape, 3))).places[0][:, 0], 0) * angles).sum()
+    assert wall == pytest.approx(np.pi, rel=2e-3)   # places have one direction each

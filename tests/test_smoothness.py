@@ -92,11 +92,12 @@ def test_a_shorter_hair_is_the_same_curve_cut(gpu):
 
 
 def test_one_rule_or_the_other():
-    report, law = clfur.HairType(segments=5), clfur.HairType(segments=5, length=.3)
+    report, law = clfur.HairType(segments=5, force_weight=1), clfur.HairType(segments=5, length=.3)
     assert (report.segment_length, report.force_weight, report.full_length) == (.02, 1, pytest.approx(.1))
     assert (law.length, law.stiffness, law.full_length, law.step) == (.3, .625, pytest.approx(.3), pytest.approx(.06))
     assert law.segment_length is law.force_weight is report.length is report.stiffness is None
     assert attrs.evolve(law, segments=9).full_length == pytest.approx(.3)
+    assert clfur.HairType(segments=32).full_length == pytest.approx(.16)   # of neither: the law
     assert clfur.HairType(stiffness=2).length == .16 and clfur.HairType(segments=0, length=1).full_length == 0
     for one in "length", "stiffness":
         for other in "segment_length", "force_weight":

@@ -209,11 +209,12 @@ def _in_blender(python, what, folder):
     done = subprocess.run([python, __file__, "--in-blender", what, folder], capture_output=True, text=True)
     if done.returncode:
         raise SystemExit(done.stderr[-2000:])
-    return json.loads(Path(folder, "told.json").read_text())
+    return json.loads(Path(folder, "told.json").read_text(encoding="utf-8"))
 
 
 if __name__ == "__main__":
     if sys.argv[1] == "--in-blender":
-        Path(sys.argv[3], "told.json").write_text(json.dumps({"make": make, "read": read}[sys.argv[2]](sys.argv[3])))
+        told = json.dumps({"make": make, "read": read}[sys.argv[2]](sys.argv[3]))
+        Path(sys.argv[3], "told.json").write_text(told, encoding="utf-8")
     else:
         main(sys.argv[1])

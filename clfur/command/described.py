@@ -17,13 +17,14 @@ from ..scene.scene import DIRECTION
 from ..scene.strands import LAW
 from .hair_types import groom_of, hair_type, hair_types, type_map
 from .skin import skin_of
-from .types import light_of, read_for
+from .types import light_of, read_for, tufts_of
 
 SEGMENTS, MOST_SEGMENTS = 8, 64   # of a strand: at least, and where guides have as many points
 SKIN = 0.6                 # of the hair's light: bare places are seen between hairs, and must not shine through
 ROOTS = 100_000            # strands without options, on any mesh: it is framed as large as any other
 LONG = 0.2                 # of a mesh's radius: hair that is longer slides along it without options
 SHEEN = 0.15, 40           # specular and exponent of shells: their hairs lie all alike, a narrow one is a band of satin
+TUFTS = "4000:strength=0.5"   # in which strands gather without options: alike and evenly, they are of plush
 HAIRS = 60_000             # of shells on a mesh without options
 # As the camera sees them, from the upper left and from behind: the second draws the outline of hair.  At half the
 # first's strength or more a ground is framed with the shadows of both.
@@ -164,6 +165,12 @@ def triangles_of_face(level):
     return 3 * level * level // 2
 
 
+def _tufts(options):
+    """The `Tufts` of the options or None; guides have their own shapes."""
+    told = options["tufts"]
+    return tufts_of(TUFTS) if told is None and options["guides"] is None else told or None
+
+
 def _strands(options, length, radius, mesh):
     """The `Strands` of this length that the options describe on a mesh of this radius."""
     hair = {
@@ -176,7 +183,7 @@ def _strands(options, length, radius, mesh):
         "tip_color": options["tip_color"],
         "curl": options["curl"],
         "wave": options["wave"],
-        "tufts": options["tufts"],
+        "tufts": _tufts(options),
         "frizz": options["frizz"],
         "alpha": options["alpha"],
         "look": options.get("look"),

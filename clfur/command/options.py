@@ -8,7 +8,7 @@ from click.core import ParameterSource
 
 from .. import PRESETS, Chiang, Error
 from ..settings import RASTERS, SCATTERING, SHADOWS
-from .described import HAIRS, MOST, ROOTS
+from .described import HAIRS, MOST, ROOTS, TUFTS
 from .types import (
     MAPS,
     AnyReal,
@@ -156,8 +156,8 @@ _GROOM = [
                  help="Wave of the strands."),
     click.option("--tufts", type=TuftsText(), metavar="N",
                  help="Gather strands in N tufts on the whole mesh, which curl and wave as one; and their fields, as "
-                      "2000:strength=0.9,profile=0.3,size_variation=0.5,within=200 (in that many larger ones).  "
-                      "[default: none]"),
+                      "2000:strength=0.9,profile=0.3,size_variation=0.5,within=200 (in so many larger ones); or off.  "
+                      f"[default: {TUFTS}, or off with --guides]"),
     click.option("--frizz", type=Numbers(2), default="0,0", metavar="AMPLITUDE,WAVES",
                  help="How far strands stray at random, and in how many waves."),
 ]

@@ -246,13 +246,13 @@ class Look(click.ParamType):
 
 
 class TuftsText(click.ParamType):
-    """Tufts in which hair gathers, such as 2000 or 2000:strength=0.9,within=200."""
+    """Tufts in which hair gathers, such as 2000 or 2000:strength=0.9,within=200; False for off."""
 
     name = "tufts"
 
     def convert(self, value, param, ctx):
         try:
-            return tufts_of(value) if isinstance(value, str) else value
+            return value != "off" and tufts_of(value) if isinstance(value, str) else value
         except ValueError as error:   # clfur.Error is one
             self.fail(str(error), param, ctx)
 

@@ -69,7 +69,7 @@ def draw_frame(team: Team, scene: Scene, settings: Settings, outputs: Sequence[s
     for top, end in bands or [(plan.top, plan.bottom)]:
         while top < end:
             top = picture.put(*team.first(functools.partial(draw_band, picture, top, end)))
-    if plan.wants_color and plan.settings.blur != "off":
+    if "color" in outputs and plan.settings.blur != "off":   # what coverage is told of is not blurred
         team.first(picture.blur)
     seconds = time.perf_counter() - began
     for what in [*picture.warnings, *team.first(functools.partial(build.told, plan))]:

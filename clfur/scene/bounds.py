@@ -48,15 +48,16 @@ def points_to_see(mesh, fur):
 
 
 def points_to_frame(mesh, fur):
-    """Return (what `points_to_see` does, `fur_extent`) as a camera needs them: strands that stand near guides lie about
-    as far from these as they are apart, and no further than they reach."""
+    """Return (what `points_to_see` does, `fur_extent`) as a camera needs them: hair that slides is seldom pulled
+    straight; strands that stand near guides lie about as far from these as they are apart, and no further than they
+    reach."""
     strands, shells = strands_and_shells(fur)
-    points, most = points_to_see(mesh, fur), fur_extent(fur)
+    points, most = points_to_see(mesh, fur), fur_extent(fur, unbent=False)
     if not isinstance(strands, Strands) or strands.guides is None or strands.guides_reach is None:
         return points, most
     reach, _ = reach_of(strands.guides)
     apart = math.sqrt(mesh.area / len(strands.guides.counts)) * max(strands.guides_reach, 1)
-    least = apart * (1 + reach / mesh.bounds[1]) + max(fur_extent(strands) - reach, 0)
+    least = apart * (1 + reach / mesh.bounds[1]) + max(fur_extent(strands, unbent=False) - reach, 0)
     return [*points, strands.guides.on_host.points], min(most, max(least, fur_extent(shells)))
 
 
@@ -101,10 +102,11 @@ def sideways(kind: HairType, curled: float) -> float:
     return 2 * kind.curl[0] * curled + kind.wave[0] * curled + 1.5 * kind.frizz[0]   # which is in two directions
 
 
-def fur_extent(fur: Any) -> float:
-    """Return how far fur, or each of a tuple, extends beyond the points it is made of or grows on, in world units."""
+def fur_extent(fur: Any, unbent: bool = True) -> float:
+    """Return how far fur, or each of a tuple, extends beyond the points it is made of or grows on, in world units:
+    at most, or if not ``unbent`` but for curls that the body pulls straight as hair slides along it."""
     if isinstance(fur, tuple):
-        return max(map(fur_extent, fur), default=0.0)
+        return max((fur_extent(each, unbent) for each in fur), default=0.0)
     if isinstance(fur, Shells):
         return fur.length
     if isinstance(fur, Curves):
@@ -112,15 +114,15 @@ def fur_extent(fur: Any) -> float:
     if fur is None:
         return 0.0
     longer, wider, more = _most(fur)
-    return max(_longest(fur, hair, longer, more) + hair.widest * wider / 2 for hair in fur.types)
+    return max(_longest(fur, hair, longer, more, unbent) + hair.widest * wider / 2 for hair in fur.types)
 
 
-def _longest(fur, hair, longer, more):
+def _longest(fur, hair, longer, more, unbent):
     """Return how far from its root a hair can get; tufts may straighten guides, and what slides along the body all."""
     axis = hair.full_length * (1 + hair.length_variation) * longer
     if fur.guides is not None:
         axis = reach_of(fur.guides)[int(fur.collision or fur.tufted)] * (hair.segments > 0)
-    if not fur.collision:
+    if not (fur.collision and unbent):
         return axis + sideways(hair, more)
     bends = sum(size * min(2 * hair.segments, 2 * np.pi * abs(turns)) for size, turns in (hair.curl, hair.wave))
     return axis + more * bends + 3 * hair.frizz[0] * hair.segments

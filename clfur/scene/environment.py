@@ -56,8 +56,11 @@ class Environment:
         """Places of the sky: (unit directions towards them [n, 3], their light [n, 3], solid angles [n]), float64."""
         picture, shares = self.picture, []
         for axis, most in (0, ROWS), (1, 2 * ROWS):   # a large picture's places are means
+            times = -(-most // picture.shape[axis])   # a small one's pixels are many places each
+            picture = picture.repeat(times, axis)
             length = picture.shape[axis]
-            starts = np.arange(min(most, length)) * length // min(most, length)
+            n = most if times == 1 else length
+            starts = np.arange(n) * length // n
             counts = np.diff(np.append(starts, length))
             picture = np.add.reduceat(picture, starts, axis, np.float64)
             picture = picture / counts.reshape([-1 if a == axis else 1 for a in range(3)])

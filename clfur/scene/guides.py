@@ -35,12 +35,12 @@ def reach_of(curves: Any) -> tuple[float, float]:
     return float(away.max()), float(np.add.reduceat(steps, first).max())
 
 
-def far_from(mesh: Any, away: np.ndarray) -> str:
-    """Return in a line how far roots of guides are ``away`` [guides] from a mesh, "" where it is no further than
-    rounding and bulging faces may bring about. Raises Error where they cannot be meant for it."""
+def far_from(mesh: Any, away: np.ndarray, where: str = "Strands.guides") -> str:
+    """Return in a line how far roots of Curves, that ``where`` has, are ``away`` [strands] from a mesh, "" where it is
+    no further than rounding and bulging faces may bring about. Raises Error where they cannot be meant for it."""
     _, radius = mesh.bounds
     worst, some = float(away.max()), int((away > TOLD * radius).sum())
-    line = (f"Strands.guides has {some:,} of {len(away):,} roots more than {TOLD * radius:.3g} away from Scene.mesh, "
+    line = (f"{where} has {some:,} of {len(away):,} roots more than {TOLD * radius:.3g} away from Scene.mesh, "
             f"one {worst:.3g}")
     if not worst <= MOST_AWAY * radius:
         raise Error(f"{line}; allowed: at most {MOST_AWAY * radius:.3g}, a tenth of the mesh's radius: are units and "

@@ -68,9 +68,9 @@ class HairType(Looking):
     world units, 0.16 unless told. stiffness: how many of its lengths a hair takes to bend, > 0, 0.625 unless told:
     under a force of 1 across it turns by one radian in so many lengths; twice the force, half of that. These two tell
     the curve, and segments only how smooth it is drawn; a strand that variation makes shorter is the same curve, cut.
-    In their place, or where none is given: segment_length: world units, 0.02 unless told, and force_weight: how much
-    of the force is added to the direction each segment, 1 unless told; the report's rule (section 2.1.3), by which
-    more segments make longer and softer hair. width: diameter in world units. curl: (radius, turns). wave:
+    In their place segment_length: world units, 0.02 unless told, and force_weight: how much of the force is added to
+    the direction each segment, 1 unless told; the report's rule (section 2.1.3), by which more segments make longer
+    and softer hair. width: diameter in world units. curl: (radius, turns). wave:
     (amplitude, periods). length_variation, direction_variation, color_variation: 0..1, how much strands differ; which
     way they lean, curl and wave is drawn in the frame of the skin at the root, so that it turns with it. look: how it
     scatters light, a Kajiya or a Chiang, which sets the color if it has a pigment of its own; or specular and
@@ -117,7 +117,7 @@ class HairType(Looking):
         if law and rule:
             raise Error(f"HairType.{law[0]} and {rule[0]} are of two rules of growth; allowed: length and stiffness, "
                         "or segment_length and force_weight")
-        for name, value in (LAW if law else RULE).items():
+        for name, value in (RULE if rule else LAW).items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, value)
 

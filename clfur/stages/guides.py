@@ -63,7 +63,7 @@ def stand(gpu: Any, mesh: Any, curves: Any, types: int) -> tuple[Guides, np.ndar
     has_normals = curves.root_normal is not None
     there = gpu.upload(as_float4(roots))
     normals = gpu.upload(as_float4(curves.root_normal[some])) if has_normals else gpu.empty((len(some), 4), np.float32)
-    away = _put_on(gpu, mesh, there, normals, has_normals)
+    away = np.sqrt(gpu.download(feet_on(gpu, mesh, there, normals, has_normals))[:, 0])
     made = Guides(
         offsets=gpu.upload(offsets), guide_spans=gpu.upload(spans), normals=normals,
         chords=gpu.upload(as_float4(chords)), tree_of=gpu.upload(np.array(tree_of, np.uint32)),
@@ -88,7 +88,7 @@ def _nearest(gpu, guides, most, **strands):
     found = FOUND.empty(gpu, n)
     for number in range(guides.rounds):
         gpu.launch("guides.nearest", n, boxes=guides.boxes, members=guides.members, roots=guides.roots,
-                   normals=guides.normals, trees=guides.trees, tree_of=guides.tree_of, round=number, most=most,
+                   normals=guides.normals, trees=guides.trees, tree_of=guides.tree_of, lap=number, most=most,
                    n_trees=len(guides.trees) // guides.rounds, found=found, **strands)
     return found
 
@@ -210,8 +210,10 @@ def _nodes(low, high):
     return np.concatenate(rows[::-1]), len(rows) - 1
 
 
-def _put_on(gpu, mesh, roots, normals, has_normals):
-    """Write the normals of a mesh where roots stand, if they have none -> their distances from it [guides]."""
+def feet_on(gpu: Any, mesh: Any, roots: Any, normals: Any, has_normals: bool = False) -> Any:
+    """Where a mesh is nearest to ``roots`` [guides] float4 -> `FEET`: square of the distance, number of the face (its
+    bits), weights of its second and third corner.  Writes its ``normals`` there, [guides, 4], unless ``has_normals``.
+    """
     corners = mesh.positions[mesh.faces]
     spare = float(np.abs(mesh.positions).max()) * 2.0**-18   # what rounding may find nearer than a box
     trees = trees_of(gpu, corners.min(1) - spare, corners.max(1) + spare, [np.arange(len(corners))])
@@ -220,5 +222,5 @@ def _put_on(gpu, mesh, roots, normals, has_normals):
              "faces": gpu.upload(as_float4(mesh.faces))}
     for number in range(trees.rounds):
         gpu.launch("guides.stand", len(roots), roots=roots, boxes=trees.boxes, members=trees.members, trees=trees.trees,
-                   round=number, feet=feet, has_normals=has_normals, normals=normals, **known)
-    return np.sqrt(gpu.download(feet)[:, 0])
+                   lap=number, feet=feet, has_normals=has_normals, normals=normals, **known)
+    return feet

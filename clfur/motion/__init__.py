@@ -1,0 +1,1 @@
+"""Strands that move: it stands before the scene, so that drawing needs to know nothing of time."""

@@ -1,0 +1,63 @@
+"""How hair of a type moves, and the wind."""
+
+import attrs
+import numpy as np
+
+from ..errors import Error
+from ..scene import checks
+
+STANDARD = 9.81   # m / s², by which bend_length is meant, whatever the scene's gravity
+
+
+@attrs.frozen(eq=False)
+class HairMotion:
+    """How hair of a type moves.
+
+    bend_length: world units, > 0: hair shorter than this stands, longer droops, under 9.81 m/s²; (bending stiffness
+    over weight a length)^(1/3). None: as long as the longest of its type. air: seconds, > 0, in which air slows hair
+    down and wind takes it along, or None: there is none. damping: seconds >= 0 of Kelvin's and Voigt's, by which
+    bending slows down. inertia: 0..1, how much of its root's motion it does not go along with by itself. Raises Error
+    otherwise.
+    """
+
+    bend_length: float | None = checks.field(checks.optional(checks.positive()), default=None)
+    air: float | None = checks.field(checks.optional(checks.positive()), default=0.2)
+    damping: float = checks.field(checks.real(low=0), default=0.02)
+    inertia: float = checks.field(checks.real(low=0, high=1), default=1.0)
+
+    def row(self, longest: float, units_per_metre: float) -> tuple:
+        """What `layout.MotionType` has of it; longest: of its type, world units."""
+        length = self.bend_length or longest
+        return (STANDARD * units_per_metre * length**3, 1 / self.air if self.air else 0.0, self.damping,
+                1 - self.inertia)
+
+
+@attrs.frozen(eq=False)
+class Wind:
+    """Wind that carries its gusts along.
+
+    velocity: [3] m/s, its mean. gust: 0..16, how strong gusts are, in speeds of the mean. size: metres, > 0, of gusts.
+    skin: metres >= 0: below this height above the skin air is held back, wholly at the skin. seed: of gusts,
+    0..2**32-1. Raises Error otherwise.
+    """
+
+    velocity: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))
+    gust: float = checks.field(checks.real(low=0, high=16), default=0.0)
+    size: float = checks.field(checks.positive(), default=1.0)
+    skin: float = checks.field(checks.real(low=0), default=0.0)
+    seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)
+
+    def of_world(self, units_per_metre: float) -> dict:
+        """What `stages.motion.blow` takes of it."""
+        mean = np.asarray(self.velocity) * units_per_metre
+        return {"mean": mean, "gust": self.gust * float(np.linalg.norm(mean)), "size": self.size * units_per_metre,
+                "seed": self.seed}
+
+
+def of_types(value, types):
+    """Return a HairMotion for each of so many types: one alone is of all."""
+    given = checks.safely(checks.tuple_of(HairMotion), value, "Motion.hair")
+    if len(given) not in (1, types):
+        raise Error(f"Motion.hair has {len(given)} HairMotions but Scene.fur has {types} types; allowed: one, or one "
+                    "for each")
+    return given * types if len(given) == 1 else given

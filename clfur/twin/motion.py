@@ -1,0 +1,168 @@
+"""A step of one strand that moves, in float64: the same equations as motion.cl, all at once in one matrix."""
+
+import numpy as np
+
+from .strands import random3
+
+
+def turned(a, b, p):
+    """p [3] turned by the least rotation that takes unit a to unit b (Rodrigues, from a × b and a · b)."""
+    axis, d = np.cross(a, b), 1 + a @ b
+    return p + np.cross(axis, p) + (np.cross(axis, np.cross(axis, p)) / d if d > 1e-3 else 0)
+
+
+def stiffnesses(bend, lengths):
+    """Of joints 0 (the clamp, half a segment away) to n - 1 -> [n]."""
+    beside = np.concatenate([[0], lengths[:-1]]) + lengths
+    return 2 * bend * (1 + 1 / len(lengths)**2) / beside
+
+
+def hang(points, axes, bend, gravity):
+    """A groomed strand [n + 1, 3] and the axes of its root [3, 3] -> (groomed [n + 1, 3], rest [n, 3] directions in
+    these, whether it is too soft).
+
+    Each joint's moment is the weight beyond it, less what the next joint gives back.
+    """
+    along = np.diff(points, axis=0)
+    lengths = np.linalg.norm(along, axis=1)
+    t = along / lengths[:, None]
+    n, stiff = len(t), stiffnesses(bend, lengths)
+    masses = 0.5 * (lengths + np.append(lengths[1:], 0))
+    rest, soft, back = np.zeros((n, 3)), False, np.zeros(3)
+    for j in reversed(range(n)):
+        need = -lengths[j] * masses[j:].sum() * np.asarray(gravity) - back
+        need = (need - need @ t[j] * t[j]) / stiff[j]
+        if need @ need > 0.98:
+            need, soft = np.zeros(3), True
+        rest[j] = need + np.sqrt(1 - need @ need) * t[j]
+        back = stiff[j] * np.cross(np.cross(rest[j], t[j]), t[max(j - 1, 0)])
+    return np.vstack([t[:1], t]) @ axes.T, (t if soft else rest) @ axes.T, soft
+
+
+class Strand:
+    """What a strand keeps: `groomed`, `rest`, `lengths` as `hang` gives them; `places` [n + 1, 3] relative to its root,
+    those before, speeds and tensions."""
+
+    def __init__(self, points, axes, bend, gravity, air=0.0, damping=0.0, carried=0.0):
+        points = np.asarray(points, float) - points[0]
+        self.groomed, self.rest, self.soft = hang(points, axes, bend, gravity)
+        self.lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        self.bend, self.air, self.damping, self.carried = bend, air, damping, carried
+        self.gravity, self.places, self.before = np.asarray(gravity, float), points, points.copy()
+        self.speeds, self.speeds_before = np.zeros_like(points), np.zeros_like(points)
+        self.tensions = np.zeros(len(self.lengths))
+
+    def advance(self, root, root_before, step, wind, order=2, jumped=False, skin=0.0):
+        """Go on by ``step`` seconds; roots: (place [3], axes [3, 3]); skin: height of still air, 0 for none."""
+        carried = 1.0 if jumped else self.carried
+        axes, old = root[1], root_before[1]
+        shift, spin = root[0] - root_before[0], old.T @ axes
+        he = step / (1.5 if order == 2 else 1.0)
+        third = (1 if order == 2 else 0) / 3
+        rest = self._damped(old, he)
+        start = self.places @ spin
+
+        def moved(there, by):
+            return (1 - carried) * (there - by) + carried * there @ spin
+        now, then = moved(self.places, shift), moved(self.before, shift)
+        speed, speed_then = moved(self.speeds, 0), moved(self.speeds_before, 0)
+        base = now + third * (now - then)
+        free = base + he * (speed + third * (speed - speed_then))
+        places = start
+        for _ in range(2):
+            places = self._newton(places, base, free, axes, rest, he, np.asarray(wind, float), skin)
+        self.before, self.speeds_before = now, speed
+        self.places, self.speeds = places, (places - base) / he
+        self.before[0] = self.speeds_before[0] = self.speeds[0] = 0
+
+    def _damped(self, old, he):
+        """Rest directions with a share of the present ones."""
+        share = self.damping / he / (1 + self.damping / he)
+        t = np.diff(self.places, axis=0)
+        t /= np.linalg.norm(t, axis=1)[:, None]
+        from_ = np.vstack([self.groomed[0] @ old, t])
+        now = [old @ turned(from_[j], self.groomed[j] @ old, t[j]) for j in range(len(t))]
+        return (1 - share) * self.rest + share * np.array(now)
+
+    def _newton(self, x, base, free, axes, rest, he, wind, skin):
+        n, by = len(self.lengths), 1 / self.lengths
+        stiff = stiffnesses(self.bend, self.lengths) * (1 + self.damping / he)
+        along = np.diff(x, axis=0)
+        now = np.linalg.norm(along, axis=1)
+        ghost, wants = self.groomed @ axes, rest @ axes
+        t = np.vstack([ghost[0], along / now[:, None]])
+        wants = np.array([t[j] + turned(ghost[j], t[j], wants[j] - ghost[j]) if j else wants[0] for j in range(n)])
+        masses = 0.5 * (self.lengths + np.append(self.lengths[1:], 0))
+        a, b = np.zeros((n, 3, n, 3)), np.zeros((n, 3))
+        one = np.eye(3)
+        for j in range(n):   # joints: second differences of places
+            row = np.zeros(n + 1)
+            row[j + 1] += by[j]
+            row[j] -= by[j]
+            if j:
+                row[j] -= by[j - 1]
+                row[j - 1] += by[j - 1]
+            a += stiff[j] * np.einsum("i,k,cd->ickd", row[1:], row[1:], one)
+        for i in range(n):
+            a[i, :, i] += (masses[i] / he**2 + self.air * masses[i] / he) * one
+            pull = max(self.tensions[i], 0) * by[i] * (one - np.outer(t[i + 1], t[i + 1]))
+            a[i, :, i] += pull
+            if i:
+                a[i - 1, :, i - 1] += pull
+                a[i, :, i - 1] -= pull
+                a[i - 1, :, i] -= pull
+            moment = stiff[i] * (wants[i] - t[i + 1])
+            if i + 1 < n:
+                torque = np.cross(wants[i + 1], t[i + 2])
+                moment = moment + stiff[i + 1] * np.cross(torque, t[i + 1])
+                moment -= stiff[i + 1] * (torque @ t[i + 1]) / max(1 + ghost[i + 1] @ t[i + 1], 0.1) * np.cross(
+                    ghost[i + 1], t[i + 1])
+            b[i] += moment * by[i]
+            if i:
+                b[i - 1] -= moment * by[i]
+            height = np.clip(x[i + 1] @ axes[2] / skin, 0, 1) if skin else 1.0
+            felt = height * height * (3 - 2 * height)
+            b[i] += masses[i] * (self.gravity - (x[i + 1] - free[i + 1]) / he**2
+                                 - self.air * (x[i + 1] - base[i + 1] - he * felt * wind) / he)
+        rows = np.zeros((n, n, 3))   # of what keeps lengths
+        for i in range(n):
+            rows[i, i] = t[i + 1]
+            if i:
+                rows[i, i - 1] = -t[i + 1]
+        rows = rows.reshape(n, 3 * n)
+        whole = np.block([[a.reshape(3 * n, 3 * n), rows.T], [rows, np.zeros((n, n))]])
+        solved = np.linalg.solve(whole, np.concatenate([b.ravel(), self.lengths - now]))
+        self.tensions = solved[3 * n:]
+        x = x + np.vstack([np.zeros(3), solved[:3 * n].reshape(n, 3)])
+        t = np.diff(x, axis=0)
+        t *= (self.lengths / np.linalg.norm(t, axis=1))[:, None]
+        return np.vstack([np.zeros(3), np.cumsum(t, axis=0)])
+
+
+def roots_on(face, weights, offsets, corners, normals):
+    """Roots that stand on faces -> (places [n, 3], axes [n, 3, 3], a row each).
+
+    face: [n].  weights: [n, 3].  offsets: [n, 3] along the axes.  corners, normals: [faces, 3, 3] of a pose.
+    """
+    corners, normals = np.asarray(corners, float)[face], np.asarray(normals, float)[face]
+    axes = np.zeros((len(face), 3, 3))
+    axes[:, 2] = np.einsum("nc,ncx->nx", weights, normals)
+    axes[:, 2] /= np.linalg.norm(axes[:, 2], axis=1)[:, None]
+    axes[:, 1] = np.cross(axes[:, 2], corners[:, 1] - corners[:, 0])   # the side's part along the skin gives the same
+    axes[:, 1] /= np.linalg.norm(axes[:, 1], axis=1)[:, None]
+    axes[:, 0] = np.cross(axes[:, 1], axes[:, 2])
+    return np.einsum("nc,ncx->nx", weights, corners) + np.einsum("na,nax->nx", offsets, axes), axes
+
+
+def wind_at(places, mean, gust, size, time, seed):
+    """The wind [n, 3] at places: Perlin's smooth steps between random numbers at whole cells, which mean carries."""
+    at = (np.asarray(places, float) - np.asarray(mean, float) * time) / size
+    low = np.floor(at).astype(int)
+    step = np.polyval([6, -15, 10, 0, 0, 0], at - low)
+    sums = np.zeros_like(at)
+    for corner in np.ndindex(2, 2, 2):
+        cell = (low + corner) % 1024
+        words = random3(cell @ [1, 1024, 1024**2], seed, 9)
+        share = np.where(corner, step, 1 - step).prod(1)
+        sums += share[:, None] * ((words >> np.uint32(8)) / 2**23 - 1)
+    return mean + gust * sums

@@ -1,0 +1,202 @@
+"""motion against its twin, and the laws of bars, chains and roots that shake (docs/motion.md has longer runs)."""
+
+import numpy as np
+import pytest
+from support.hair import DROPS, G, Hair, bar, curl
+
+from clfur.stages import motion
+from clfur.twin import motion as twin
+
+
+def uneven(rng, counts):
+    """Bent strands of so many points, with segments of many lengths."""
+    return [np.cumsum(rng.normal(size=(n, 3)) * 0.04 + [0, 0.1, 0], axis=0) + rng.normal(size=3) for n in counts]
+
+
+def shaken(root, rng, far):
+    """Roots that have gone up to so far, and turned."""
+    root = root.copy()
+    root[0] += rng.uniform(-far, far, root[0].shape)
+    for i in range(root.shape[2]):
+        root[1:, :, i] = root[1:, :, i] @ np.linalg.qr(rng.normal(size=(3, 3)) * far + np.eye(3))[0]
+    return root
+
+
+@pytest.mark.small
+@pytest.mark.parametrize("air, damping, carried, skin", [
+    (0, 0, 0, 0), (3, 0.05, 0, 0.2), (1, 0, 0.7, 0), (0, 0.02, 1, 0)])
+def test_a_step_is_the_twins(gpu, air, damping, carried, skin):
+    """Strands of many lengths side by side, whose roots move and turn."""
+    rng = np.random.default_rng(3)
+    strands = uneven(rng, (5, 9, 2, 7, 3, 9, 4, 6, 8))
+    hair = Hair(gpu, strands, 0.5, air, damping, carried)
+    twins = [twin.Strand(each, axes, 0.5, G, air, damping, carried)
+             for each, axes in zip(hair.strands, hair.axes)]
+    wind, root = (1, 0.3, -2), hair.root
+    for number in range(4):
+        before, root = root, shaken(root, rng, 0.02)
+        hair.step(1 / 60, wind, root, skin=skin)
+        for i, each in enumerate(twins):
+            now, then = ((rows[0, :, i].astype(float), rows[1:, :, i].astype(float)) for rows in (root, before))
+            each.advance(now, then, 1 / 60, wind, min(number + 1, 2), skin=skin)
+    for now, speed, each in zip(hair.array(), hair.array("speeds"), twins):
+        # Rounding of float32, which stiff joints of short segments make larger.
+        np.testing.assert_allclose(now, each.places, rtol=0, atol=3e-5)
+        np.testing.assert_allclose(speed, each.speeds, rtol=0, atol=5e-3)
+
+
+@pytest.mark.small
+def test_what_hangs_is_the_twins(gpu):
+    rng = np.random.default_rng(4)
+    hair = Hair(gpu, uneven(rng, (5, 9, 2, 7)), 0.05)
+    soft = gpu.download(hair.soft)
+    for i, (each, axes) in enumerate(zip(hair.strands, hair.axes)):
+        groomed, rest, is_soft = twin.hang(each.astype(float), axes, 0.05, G)
+        np.testing.assert_allclose(hair.array("groomed")[i], groomed, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(hair.array("rest")[i][:-1], rest, rtol=0, atol=1e-5)
+        assert soft[i] == is_soft
+    assert 0 < soft.sum() < len(soft)
+
+
+@pytest.mark.parametrize("segments, allowed", [(8, 0.015), (16, 0.005), (32, 0.002)])
+@pytest.mark.parametrize("k", DROPS)
+def test_a_bar_bends_under_its_weight(gpu, segments, allowed, k):
+    hair = Hair(gpu, [bar(segments)], 9.81 / k, air=5, weighted=False)
+    for _ in range(300):
+        hair.step(1 / 60)
+    assert -hair.array()[0][-1, 1] == pytest.approx(DROPS[k], rel=allowed)
+
+
+@pytest.mark.parametrize("segments", [8, 32])
+def test_a_chain_swings_in_time(gpu, segments):
+    """The first period of a hanging chain is 2π / (2.4048 / 2) · sqrt(L / g) (Bernoulli)."""
+    u = np.linspace(0, 1, segments + 1)
+    shape, sides = 0.02 * _first_mode(u), []
+    points = np.stack([shape, -u, 0 * shape], 1)
+    hair = Hair(gpu, [points], 0.0, weighted=False)
+    for _ in range(220):
+        sides.append(hair.step(1 / 60).array()[0][-1, 0])
+    sides = np.array(sides)
+    falls = np.flatnonzero((sides[:-1] > 0) & (sides[1:] <= 0))
+    times = (falls + sides[falls] / (sides[falls] - sides[falls + 1])) / 60
+    assert np.diff(times)[0] == pytest.approx(2 * np.pi / (2.4048 / 2) * np.sqrt(1 / 9.81), rel=0.007)
+
+
+def _first_mode(u):
+    """J0(2.4048 √(1 - u)) at a share u of the way from the root, normalized to 1 at the tip."""
+    x = 2.4048 * np.sqrt(1 - u)
+    angles = (np.arange(64) + 0.5) * np.pi / 64
+    return np.cos(x[:, None] * np.sin(angles)).mean(1)
+
+
+@pytest.mark.parametrize("k", [0.5, 10])
+@pytest.mark.parametrize("shape, allowed", [("bar", 1e-3), ("curl", 5e-3)])
+def test_a_groom_is_at_rest(gpu, k, shape, allowed):
+    """In 64 directions; tools/motion_laws.py does 512."""
+    rng = np.random.default_rng(1)
+    strands = [bar(16, rng.normal(size=3)) if shape == "bar" else curl(16, rng) for _ in range(64)]
+    hair = Hair(gpu, strands, 9.81 / k, air=5)
+    assert gpu.download(hair.soft).sum() == 0
+    began = hair.array()
+    for _ in range(120):
+        hair.step(1 / 60)
+    assert max(np.linalg.norm(now - then, axis=1).max() for now, then in zip(hair.array(), began)) < allowed
+
+
+@pytest.mark.parametrize("step", [1.0, 1 / 24, 1 / 240])
+@pytest.mark.parametrize("far", [0.3, 100])
+def test_a_shaken_head_keeps_its_hair(gpu, step, far):
+    rng = np.random.default_rng(2)
+    hair = Hair(gpu, [curl(8, rng) for _ in range(20)], 0.1, air=5)
+    root = hair.root
+    for _ in range(20):
+        root = shaken(root, rng, far)
+        hair.step(step, (100, 0, 0), root)
+    assert np.isfinite(np.concatenate(hair.array())).all() and hair.stretch() < 1e-5
+    for _ in range(round(10 / max(step, 1 / 60))):
+        hair.step(max(step, 1 / 60))
+    assert np.abs(np.concatenate(hair.array("speeds"))).max() < 0.1
+
+
+def test_limp_hair_leans_with_the_wind(gpu):
+    """Steadily by atan(wind · air / g)."""
+    hair = Hair(gpu, [bar(8, (0, -1, 0))], 0.0, air=4, weighted=False)
+    for _ in range(900):
+        hair.step(1 / 60, (2.5, 0, 0))
+    tip = hair.array()[0][-1]
+    assert np.degrees(np.arctan2(tip[0], -tip[1])) == pytest.approx(np.degrees(np.arctan(4 * 2.5 / 9.81)), abs=0.01)
+
+
+def test_energy_does_not_grow(gpu):
+    """A bar that is let go from the level, without air."""
+    bend, n = 0.2, 16
+    hair = Hair(gpu, [bar(n)], bend, weighted=False)
+    masses = np.full(n, 1 / n)
+    masses[-1] /= 2
+    stiff = twin.stiffnesses(bend, np.full(n, 1 / n))
+
+    def energy():
+        x, v = hair.array()[0], hair.array("speeds")[0]
+        t = np.vstack([[1, 0, 0], np.diff(x, axis=0) * n])
+        return (masses * ((v[1:]**2).sum(1) / 2 + 9.81 * x[1:, 1])).sum() + (
+            stiff * (np.diff(t, axis=0)**2).sum(1) / 2).sum()
+    began = energy()
+    assert max(energy() for _ in range(240) if hair.step(1 / 240)) < began + 0.01 * 9.81
+
+
+def test_the_same_bits_with_any_neighbours(gpu):
+    rng = np.random.default_rng(6)
+    strands = uneven(rng, (5, 9, 2, 12, 3, 9, 4, 6, 7, 33))
+
+    def run(which):
+        hair, rng = Hair(gpu, [strands[i] for i in which], 0.5, 2, 0.03, 0.3), np.random.default_rng(7)
+        root = hair.root
+        for _ in range(6):
+            root = root.copy()
+            root[0] += rng.normal(size=3)[:, None] * 0.05
+            hair.step(1 / 60, (1, 0, 0), root)
+        return hair.array()
+    together = run(range(10))
+    for i in range(10):
+        assert (run([i])[0] == together[i]).all()
+
+
+@pytest.mark.small
+def test_points_are_put_where_strands_are(gpu):
+    hair = Hair(gpu, uneven(np.random.default_rng(8), (4, 2, 6)), 0.5, air=2)
+    hair.step(1 / 30, (3, 0, 0))
+    packed, normals = map(gpu.download, motion.place_points(gpu, hair.state, hair.roots, hair.drawn))
+    where = np.concatenate([now + each[0] for now, each in zip(hair.array(), hair.strands)])
+    np.testing.assert_allclose(packed, where, rtol=0, atol=1e-6)
+    assert (normals == hair.root[3, :, :3].T).all() and np.abs(packed - np.concatenate(hair.strands)).max() > 1e-3
+
+
+@pytest.mark.small
+def test_roots_are_the_twins(gpu):
+    """On faces that move and turn, between two poses."""
+    rng = np.random.default_rng(9)
+    faces, n = 4, 9
+    corners, normals = rng.normal(size=(faces, 3, 3)), rng.normal(size=(faces, 3, 3)) * 0.2 + [0, 0, 1]
+    moved, turned = corners + rng.normal(size=(faces, 3, 3)) * 0.1, normals + rng.normal(size=(faces, 3, 3)) * 0.1
+    face, weights, offsets = rng.integers(0, faces, n), rng.dirichlet([1, 1, 1], n), rng.normal(size=(n, 4)) * 0.1
+    feet = np.zeros((n, 4), np.float32)
+    feet[:, 1], feet[:, 2:] = face.astype(np.uint32).view(np.uint32).view(np.float32), weights[:, 1:]
+    poses = [[gpu.upload(np.pad(each, ((0, 0), (0, 0), (0, 1))).astype(np.float32)) for each in pose]
+             for pose in ((corners, normals), (moved, turned))]
+    rows = motion.padded(gpu, n)
+    roots = gpu.download(motion.place_roots(
+        gpu, gpu.upload(feet), gpu.upload(offsets.astype(np.float32)), *poses, 0.25, rows))
+    places, axes = twin.roots_on(face, weights, offsets[:, :3], 0.75 * corners + 0.25 * moved,
+                                 0.75 * normals + 0.25 * turned)
+    np.testing.assert_allclose(roots[0, :, :n].T, places, rtol=0, atol=3e-6)
+    np.testing.assert_allclose(roots[1:, :, :n].transpose(2, 0, 1), axes, rtol=0, atol=3e-6)
+
+
+@pytest.mark.small
+def test_wind_is_the_twins(gpu):
+    hair = Hair(gpu, uneven(np.random.default_rng(10), (4, 2, 6, 3, 3)), 0.5)
+    mean, gust, size, time = (1.5, -0.5, 3), 2.0, 0.7, 12.3
+    winds = gpu.download(motion.blow(gpu, hair.state, hair.roots, mean, gust, size, time, 5)).reshape(3, -1)[:, :hair.n]
+    there = twin.wind_at(hair.root[0, :, :hair.n].T, mean, gust, size, time, 5)
+    np.testing.assert_allclose(winds.T, there, rtol=0, atol=3e-4)   # cells away from 0 are in float32
+    assert np.ptp(there, axis=0).min() > 0.1
