@@ -23,7 +23,7 @@ typedef struct {
 } Left;
 
 /* What is set aside for each point between the two ways along the strand: rows of the workspace. */
-enum { PLACE = 0, FREE = 3, BASE = 6, REST = 9, SOLVED = 12, BY_ONE = 15, BY_TWO = 24, PULL = 30, TENSION = 37, ROWS_OF_POINT = 38 };
+enum { PLACE = 0, FREE = 3, BASE = 6, REST = 9, SOLVED = 12, BY_ONE = 15, BY_TWO = 24, PULL = 30, TENSION = 37 };   // of ROWS_OF_POINT
 
 /* Of strands side by side. */
 typedef struct {
@@ -466,7 +466,7 @@ BY_ITSELF __kernel void advance(
     __global float *places_before,         // [points, 3, padded]
     __global float *speeds,                // [points, 3, padded] [world / s]
     __global float *speeds_before,         // [points, 3, padded]
-    __global float *tensions,              // [points, padded]; of point 0: 1 where the body was touched
+    __global float *tensions,              // [points, padded] of segments, by the points that they end in
     __global float *workspace)             // [points, ROWS_OF_POINT, work-items, LANES]
 {
     WORK_ITEM(item);
@@ -488,8 +488,7 @@ BY_ITSELF __kernel void advance(
         const lanes n_segments = greater(TO(lanes, m.n), F(1.0f));
         m.bend *= 1.0f + 1.0f / (n_segments * n_segments);   // so that a bar of few bends as one of endlessly many
         carried = jumped ? F(1.0f) : carried;
-        const lanes touched = row_of(tensions + first, padded, 0);
-        move(&m, most_lane(m.n), order == 2 ? 1.0f - touched : F(0.0f), F(seconds), damping, carried, roots + first,
+        move(&m, most_lane(m.n), F(order == 2 ? 1.0f : 0.0f), F(seconds), damping, carried, roots + first,
              roots_before + first, rest + first, places + first, places_before + first, speeds + first,
              speeds_before + first, tensions + first);
     }

@@ -13,6 +13,7 @@ CONSTANTS = {
     "NOTHING": 0xFFFFFFFF,  # depth and id of a sample that nothing covers
     "BODY": 0x80000000,     # id of a body triangle = BODY | triangle; of a strand segment = its first point
     "PERIOD": 1024,         # cells after which gusts of wind come again, along each axis
+    "ROWS_OF_POINT": 38,    # of what a step sets aside for a point of a strand that moves
     "SCAN": 256,            # values one work-item sums in a prefix scan
     "TILE": 8,              # pixels a side of a tile, in which strands are drawn together
     "SLOTS": 32,            # pieces of strands that a pixel lets wait; a multiple of 4

@@ -103,11 +103,10 @@ class Scene:
     `Mesh.material_of` tells the faces of, {1001: picture or Material, ...} of UDIM tiles, which repeat at their
     borders (where there is none, the body has the first one's colour), or None to leave it undrawn. environment: an
     Environment, whose light falls on fur, body and ground beside the lights', or None. With one, lights that tell no
-    ambient have none. body: "drawn",
-    or "holdout": it hides and shades what is behind it, but is not seen itself, so that its pixels are free for a
-    picture of it. ground: a Ground, or None. Raises Error where the parts don't fit: a type_map, color_texture or
-    pattern "sine" on a mesh without uv, levels for another number of faces, an edge whose two faces give it different
-    levels, or a rest mesh of other faces.
+    ambient have none. body: "drawn", or "holdout": it hides and shades what is behind it, but is not seen itself, so
+    that its pixels are free for a picture of it. ground: a Ground, or None. Raises Error where the parts don't fit: a
+    type_map, color_texture or pattern "sine" on a mesh without uv, levels for another number of faces, an edge whose
+    two faces give it different levels, or a rest mesh of other faces.
 
     Faces that have no area or normal in this pose, but have in rest, become part of `mesh`: what grows there stands as
     the normals of their corners, or of faces beside them, point.

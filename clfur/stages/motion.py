@@ -9,7 +9,6 @@ from .. import layout
 from ..layout import Arrays, array
 from .strands import DeviceStrands
 
-ROWS_OF_POINT = 38     # of the workspace, see motion.cl
 CPU_ITEMS, GPU_ITEMS = 64, 8192   # work-items of a step: few, so that their workspaces stay in a CPU's caches
 PERIOD = layout.CONSTANTS["PERIOD"]   # cells after which gusts come again
 SOFT = layout.Declared("strand", np.uint32)
@@ -68,7 +67,7 @@ def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, s
     """
     items = CPU_ITEMS if gpu.lanes > 1 else GPU_ITEMS
     items = min(items, state.padded // gpu.lanes)
-    workspace = gpu.empty(state.points * ROWS_OF_POINT * items * gpu.lanes, np.float32)
+    workspace = gpu.empty(state.points * layout.CONSTANTS["ROWS_OF_POINT"] * items * gpu.lanes, np.float32)
     names = ("segments", "type_of", "groomed", "rest", "lengths", "places", "places_before", "speeds", "speeds_before",
              "tensions")
     gpu.launch("motion.advance", items, n_items=items, n=state.n, padded=state.padded, types=types, roots=roots,
