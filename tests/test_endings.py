@@ -199,9 +199,9 @@ def test_a_signal_is_not_lost(lost):
             "def hear(*_):\n    os.kill(os.getpid(), 15)\n    time.sleep(0.01)\n"
             "def undo():\n    try:\n        1 / 0\n    except ZeroDivisionError:\n        time.sleep(1)\n"
             "    print('undone')\n"
-            f"try:\n    with endings.raised():\n        try:\n            exec({lost!r})\n            print('lost')\n"
-            "            for _ in range(500):\n                time.sleep(0.1)\n        finally:\n            undo()\n"
-            "except endings.Ended:\n    raise SystemExit(endings.say())\n")
+            f"def command():\n    try:\n        exec({lost!r})\n        print('lost')\n"
+            "        for _ in range(500):\n            time.sleep(0.1)\n    finally:\n        undo()\n"
+            "raise SystemExit(endings.run(command))\n")
     done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, timeout=40,
                           env=os.environ | {"PYTHONPATH": str(ROOT)})
     assert (done.returncode, done.stdout, done.stderr) == (143, "lost\nundone\n", "clfur: ended by SIGTERM\n")
@@ -210,17 +210,18 @@ def test_a_signal_is_not_lost(lost):
 def test_other_things_that_are_lost_are_told(monkeypatch):
     told = []
     monkeypatch.setattr(sys, "unraisablehook", told.append)
-    with endings.raised():
-        class Wrong:
-            def __del__(self):
-                raise ValueError
-        Wrong()
+
+    class Wrong:
+        def __del__(self):
+            raise ValueError
+    endings.run(lambda: Wrong() and None)
     assert [each.exc_type for each in told] == [ValueError] and sys.unraisablehook == told.append
 
 
 def test_signals_that_come_while_one_is_undone_are_none(capfd):
     undone = []
-    with pytest.raises(endings.Ended), endings.raised():
+
+    def command():
         try:
             os.kill(os.getpid(), 15)
             time.sleep(1)
@@ -229,7 +230,23 @@ def test_signals_that_come_while_one_is_undone_are_none(capfd):
                 os.kill(os.getpid(), number)
                 time.sleep(0.01)
                 undone.append(number)
-    assert undone == [15, 2] and endings.say() == 143 and "SIGTERM" in capfd.readouterr().err
+    assert endings.run(command) == 143 and undone == [15, 2] and "SIGTERM" in capfd.readouterr().err
+
+
+def test_a_hail_of_signals():
+    """Wherever the next one comes, in the handler of the one before or as the command ends by itself: one line."""
+    code = ("import time\nfrom clfur.command import endings\n"
+            "def command():\n    print('ready', flush=True)\n    time.sleep({wait})\n"
+            "raise SystemExit(endings.run(command) or 0)\n")
+    for wait in (30, *[0.05] * 8):
+        with subprocess.Popen([sys.executable, "-c", code.format(wait=wait)], text=True, stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE, env=os.environ | {"PYTHONPATH": str(ROOT)}) as process:
+            assert process.stdout.readline() == "ready\n"
+            for number in range(200):
+                process.send_signal([signal.SIGTERM, signal.SIGINT][number % 2])
+            out, err = process.communicate(timeout=40)
+        assert (process.returncode, out, err) in [
+            (143, "", "clfur: ended by SIGTERM\n"), (130, "", "clfur: interrupted\n")]
 
 
 @pytest.mark.parametrize("suffix", ["png", "exr", "npz"])

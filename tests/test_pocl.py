@@ -22,8 +22,11 @@ def name_in(struct):
     return ctypes.c_char_p.from_buffer(struct, pocl.NAME).value
 
 
+AVX512 = "sse2 avx2 fma bmi2 f16c avx512f avx512bw avx512cd avx512dq avx512vl avx_vnni"
+
+
 @pytest.mark.parametrize("flags, name", [
-    ("sse2 avx2 fma bmi2 f16c avx512f avx512bw avx512cd avx512dq avx512vl avx_vnni", "skylake-avx512"),
+    (AVX512, "skylake-avx512"),
     ("sse2 avx2 fma bmi2 f16c avx512f", "haswell"), ("sse2 avx fma4", "x86-64"), ("", "x86-64")])
 def test_an_unknown_processor_gets_the_nearest_name(monkeypatch, flags, name):
     monkeypatch.setattr(pocl, "features", lambda: set(flags.split()))
@@ -31,8 +34,16 @@ def test_an_unknown_processor_gets_the_nearest_name(monkeypatch, flags, name):
     assert pocl.rename(place) == name and name_in(struct) == name.encode()
 
 
+@pytest.mark.parametrize("flags, name", [(AVX512, "skylake-avx512"), ("sse2 avx2 fma bmi2 f16c", None)])
+def test_zen_4_is_not_named_as_zen_3(monkeypatch, flags, name):
+    """What has AVX-512 is no Zen 3, which is all that LLVM 14 knows of that family; a Zen 3 keeps its name."""
+    monkeypatch.setattr(pocl, "features", lambda: set(flags.split()))
+    struct, place = device_like(b"x86_64-unknown-linux-gnu", b"znver3")
+    assert pocl.rename(place) == name and name_in(struct) == (name or "znver3").encode()
+
+
 @pytest.mark.parametrize("triple, name", [
-    (b"x86_64-unknown-linux-gnu", b"znver3"), (b"x86_64-unknown-linux-gnu", b"generic-rv64"),
+    (b"x86_64-unknown-linux-gnu", b"znver2"), (b"x86_64-unknown-linux-gnu", b"generic-rv64"),
     (b"aarch64-unknown-linux-gnu", b"generic"), (b"", b"")])
 def test_another_name_or_target_stays(triple, name):
     struct, place = device_like(triple, name)

@@ -6,7 +6,7 @@ import signal
 import sys
 import threading
 import time
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 
 SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 ONE = 1.0     # seconds: signals that come closer are one; `timeout` sends two
@@ -19,12 +19,12 @@ class Ended(BaseException):
     """A signal came: raised wherever the command is, so that all that is half done is undone.
 
     Destructors, imports that let go of their locks and libraries that catch all swallow it: it is raised again and
-    again, till it has left the block of `raised`.
+    again, till it has left `run`.
     """
 
 
 def watch_imports():
-    """If this process is the command, a signal ends it in one line: for all that comes before and after `raised`."""
+    """If this process is the command, a signal ends it in one line: for all that comes before and after `run`."""
     if is_command(sys.argv, sys.orig_argv):
         _handle(_leave)
 
@@ -39,19 +39,29 @@ def is_command(arguments, original):
         name == "-m" and not {"clfur", "-mclfur"}.isdisjoint(original))
 
 
-@contextmanager
-def raised():
-    """Within the block, signals raise `Ended`; those that are ignored (nohup) stay ignored."""
+def run(command):
+    """Call command() -> what it returns, or the exit code of what ended it.
+
+    Meanwhile signals raise `Ended`; those that are ignored (nohup) stay ignored.
+    """
     _heard.clear()
-    over, again = threading.Event(), []
-    before, hook = _handle(lambda number, _: _raise(number, over, again)), sys.unraisablehook
+    over, done = [], threading.Event()
+    # Started before a signal can be heard: no handler needs anything that another signal could find half done.
+    again = threading.Thread(target=_raise_again, args=(done,), daemon=True)
+    again.start()
+    hook = sys.unraisablehook
     sys.unraisablehook = lambda lost: None if lost.exc_type is Ended else hook(lost)
+    before = {}
     try:
-        yield
+        before = _handle(lambda number, _: _raise(number, over))
+        return command()
+    except Ended:   # a second one, ere `over` is set, finds this one being handled
+        over.append(True)
+        return say()
     finally:
-        over.set()
-        for thread in again:
-            thread.join()
+        over.append(True)
+        done.set()
+        again.join()
         sys.unraisablehook = hook
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -59,7 +69,7 @@ def raised():
 
 def say():
     """Tell on stderr what ended the command, in one line -> its exit code, 130 for Ctrl-C, 143 for SIGTERM."""
-    number = _heard[-1][0] if _heard else signal.SIGINT
+    number = _heard[0][0] if _heard else signal.SIGINT
     line = "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
     with suppress(OSError):   # the terminal may be gone
         os.write(2, f"clfur: {line}\n".encode())
@@ -84,13 +94,10 @@ def _counts(number):
     return True
 
 
-def _raise(number, over, again):
-    if over.is_set() or _is_raised(sys.exc_info()[1]):   # what is half done is being undone
+def _raise(number, over):
+    if over or _is_raised(sys.exc_info()[1]):   # what is half done is being undone
         return
-    if not again:
-        _heard.append((number, time.monotonic()))
-        again.append(threading.Thread(target=_go_on, args=(number, over), daemon=True))
-        again[0].start()
+    _heard.append((number, time.monotonic()))
     raise Ended
 
 
@@ -99,9 +106,10 @@ def _is_raised(error):
     return error is not None and (isinstance(error, Ended) or _is_raised(error.__context__))
 
 
-def _go_on(number, over):
-    while not over.wait(AGAIN):
-        _thread.interrupt_main(number)
+def _raise_again(done):
+    while not done.wait(AGAIN):
+        if _heard:
+            _thread.interrupt_main(_heard[0][0])
 
 
 def _leave(number, frame):

@@ -38,12 +38,7 @@ def main(arguments=None):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
     warnings.showwarning = lambda message, *_, **__: print("clfur: warning:", message, file=sys.stderr)
-    try:
-        with endings.raised():
-            code = _run(arguments)
-    except endings.Ended:
-        code = endings.say()
-    sys.exit(code or 0)
+    sys.exit(endings.run(lambda: _run(arguments)) or 0)
 
 
 def _run(arguments):

@@ -1,8 +1,9 @@
 """PoCL 3.0 on a processor that is newer than its compiler: without this it builds no program there.
 
 PoCL hands Clang the name that LLVM has for the processor.  LLVM 14, which the wheel on PyPI holds, calls those that it
-does not know "generic" (AMD's from Zen 4 on), and Clang refuses that name: "unknown target CPU 'generic'" (PoCL's
-issues 512 and 1049).  No variable and no option overrides it, so the name is put right where the driver keeps it.
+does not know "generic" (AMD's Zen 5), and Clang refuses that name: "unknown target CPU 'generic'" (PoCL's issues 512
+and 1049).  A Zen 4 it calls "znver3", which has no AVX-512, while PoCL takes its own library for AVX-512: the compiler
+ends the process.  No variable and no option overrides it, so the name is put right where the driver keeps it.
 """
 
 import ctypes
@@ -12,6 +13,7 @@ from pathlib import Path
 
 TRIPLE, NAME = 632, 640   # in PoCL 3.0's struct of a device: pointers to LLVM's target and to the processor's name
 BUILD = "PoCL 3.0-rc2", "LLVM 14."   # of the wheel, in the platform's version: the only one with these places
+NEWER = b"generic", b"znver3"   # what LLVM 14 calls processors that it does not know
 # PoCL takes its own library by the processor's features; the name must allow for the same ones.
 NEAREST = [("skylake-avx512", {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}),
            ("haswell", {"avx2", "fma", "bmi2", "f16c"}), ("x86-64", set())]
@@ -24,7 +26,7 @@ def name_processor(device):
 
 
 def rename(place):
-    """Change the name in the struct at address ``place`` if it is "generic" -> the new name, or None.
+    """Change the name in the struct at address ``place`` if it is one of `NEWER` -> the new name, or None.
 
     What is there is read by the system, which refuses where a pointer would end the process.
     """
@@ -34,13 +36,16 @@ def rename(place):
         return None
     try:
         triple, name = struct.unpack("<2Q", os.pread(memory, 16, place + TRIPLE))
-        if not (os.pread(memory, 7, triple) == b"x86_64-" and os.pread(memory, 8, name) == b"generic\0"):
+        now = os.pread(memory, 8, name).partition(b"\0")[0]
+        if os.pread(memory, 7, triple) != b"x86_64-" or now not in NEWER:
             return None
     except (OSError, OverflowError, struct.error):
         return None
     finally:
         os.close(memory)
     nearest = next(known for known, needs in NEAREST if needs <= features())
+    if now == b"znver3" and nearest != NEAREST[0][0]:   # a Zen 3, by its right name
+        return None
     copy = ctypes.CDLL(None).strdup   # by the C library: the driver may free it
     copy.restype = ctypes.c_void_p
     ctypes.c_void_p.from_address(place + NAME).value = copy(nearest.encode())
