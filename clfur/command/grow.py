@@ -48,18 +48,15 @@ def grow_command(given, output, device, as_json, **options):
     """
     check_writable(output, tuple(WRITERS))
     with waiting(f"reading {given}") as tell:
-        moving, motion, _ = load_moving(given, options)
-        scene = scene_at(moving, options["time"])
+        *moving, _ = load_moving(given, options)
+        scene = scene_at(moving[0], options["time"])
         if not isinstance(scene.strands, Strands):
             raise Error(f"{given} grows no strands; allowed: with --fur strands or both, and without --hair")
         tell("starting OpenCL")
         ask_drivers()
         tell(f"growing hair on {given}")
-        if motion is not None and options["time"]:
-            tell(f"moving the hair of {given}")
-            curves = moved(given, moving, motion, options["time"], device)[0].strands
-        else:
-            curves = grow(scene, device)
+        scene, steps = moved(given, *moving, options["time"], device)
+        curves = scene.strands if steps else grow(scene, device)
         tell(f"saving {output}")
         turned = options["up"] == "z" and not is_usd(output)   # which would tell that Y is up
         save_curves(output, upright(curves, back=True) if turned else curves)

@@ -65,17 +65,16 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
     with waiting(f"reading {given}") as tell:
-        moving, motion, settings = load_moving(given, options)
-        scene = scene_at(moving, options["time"])
+        *moving, settings = load_moving(given, options)
+        scene = scene_at(moving[0], options["time"])
         behind = None if background is None else _background(background, scene.camera.size)
         tell("starting OpenCL")
         ask_drivers()
         if memory is not None:
             device = [Scheduler(one, memory) for one in (device if isinstance(device, list) else [device])]
-        steps = 0
-        if motion is not None and options["time"]:
+        if moving[1] is not None:
             tell(f"moving the hair of {given}")
-            scene, steps = moved(given, moving, motion, options["time"], device)
+        scene, steps = moved(given, *moving, options["time"], device)
         tell(f"drawing {given}")
         drawn = draw(scene, device=device, outputs=outputs, settings=settings, region=region)
         if "color" in drawn.images and not drawn.images["color"][..., 3].any():
@@ -84,12 +83,7 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
         laid = {} if behind is None else {"color": _over(drawn.images["color"], behind, scene.camera.size, region)}
         save(output, drawn.images | laid, _camera_of(scene.camera, region), drawn.settings)
 
-    skipped = {"degenerate": scene.mesh.degenerate_faces if scene.mesh else 0,
-               "zero_normal": scene.mesh.zero_normal_faces if scene.mesh else 0,
-               "doubled": scene.mesh.doubled_faces if scene.mesh else 0}
-    wound = {"turned": scene.mesh.turned_faces if scene.mesh else 0,
-             "one_sided": scene.mesh.one_sided_faces if scene.mesh else 0,
-             "inward": bool(scene.mesh and scene.mesh.inward)}
+    skipped, wound = _faults(scene.mesh)
     shells, fewer = scene.shells, "" if is_scene_file(given) else lowered(options, scene.strands)
     if as_json:
         of_options = {} if is_scene_file(given) or is_usd(given) else {
@@ -123,6 +117,13 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
              if wound["one_sided"] else "")
           + ("; the mesh's normals point inwards, and so does its fur" if wound["inward"] else "")
           + (f"; {label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""))
+
+
+def _faults(mesh):
+    """({kind: faces} left out, {what is wrong with how faces are wound}) of a mesh or None."""
+    return ({name: getattr(mesh, f"{name}_faces", 0) for name in ("degenerate", "zero_normal", "doubled")},
+            {name: getattr(mesh, f"{name}_faces", 0) for name in ("turned", "one_sided")}
+            | {"inward": bool(mesh and mesh.inward)})
 
 
 def _told(texts, lights):

@@ -18,8 +18,8 @@ import clfur
 from .. import PRESETS, Error, Scene, Settings, load_mesh
 from ..budget import LADDER, refused
 from ..errors import shown
-from ..film.jobs import on_host
 from ..files.usd import is_usd
+from ..film.jobs import on_host
 from ..judge.frontier import label
 from ..scene import highlighted, upright
 from ..settings import CHOSEN
@@ -51,8 +51,10 @@ def scene_at(scene, seconds):
 
 
 def moved(given, scene, motion, seconds, device):
-    """(Scene, steps) of what `load_moving` gives of a file, at a time from 0: its hair has moved by `motion` up to
-    then, frame by frame, and is on the host."""
+    """(Scene, steps) of what `load_moving` gives of a file, at a time from 0, or None: its hair has moved by `motion`
+    up to then, frame by frame, and is on the host. Without motion, or at 0, the Scene as it is groomed, and 0."""
+    if motion is None or not seconds:
+        return scene_at(scene, seconds), 0
     if seconds < 0:
         raise click.UsageError(f"--time is {seconds:g}; allowed: from 0, as {given} sets motion")
     try:
