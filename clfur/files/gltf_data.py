@@ -35,7 +35,8 @@ USES = {
     "TRANSLATION": ("VEC3", (5126,)), "ROTATION": ("VEC4", (5120, 5122, 5126)), "SCALE": ("VEC3", (5126,)),
 }
 WHOLE = ("JOINTS", "indices")                            # numbers of things: never normalized
-PACKED = ("indices", "inverseBindMatrices", "sparse", "time", "translation", "rotation", "scale", "weights")    # no attributes: never with a byteStride
+PACKED = ("indices", "inverseBindMatrices", "sparse", "time", "translation", "rotation", "scale",
+          "weights")                                     # no attributes: never with a byteStride
 
 
 def whole(holder: dict, name: str, where: str, default: int | None = None) -> int:
