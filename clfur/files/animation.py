@@ -43,6 +43,8 @@ def load_animation(path: str | os.PathLike, name: str | int | None = None) -> "M
     if file.suffix.lower() not in (".glb", ".gltf"):
         raise Error(f"{file}: {file.suffix or 'no suffix'} has no animations; allowed: .glb, .gltf, "
                     f"{', '.join(SUFFIXES)}")
+    if not os.path.isfile(file):
+        raise Error(f"{file}: {'is a folder; allowed: a file' if os.path.isdir(file) else 'no such file'}")
     return MeshAnimation(file, name)
 
 

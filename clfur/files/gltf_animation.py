@@ -10,7 +10,7 @@ from .gltf_data import Source, child, whole
 from .gltf_nodes import Nodes, composed
 from .gltf_parts import Part, Use
 
-PATHS = {"translation": 0, "rotation": 1, "scale": 2, "weights": None}   # which of `Nodes.trs` they are
+TRS = "translation", "rotation", "scale"             # as `Nodes.trs` has them
 ROWS = {"LINEAR": 1, "STEP": 1, "CUBICSPLINE": 3}   # values of a keyframe: of a spline tangent in, value, tangent out
 
 
@@ -89,12 +89,13 @@ class Motions:
     def at(self, seconds: float) -> tuple[np.ndarray, np.ndarray | None]:
         """Return positions and normals (or None; zeros where the file has none) at a time, float64 [vertices, 3], in
         the order of those of the file."""
-        trs, weights = [each.copy() for each in self._nodes.trs], {}
+        trs = [each.copy() for each in self._nodes.trs]
+        weights: dict[int, Any] = {}
         for track in self._tracks:
             if track.path == "weights":
                 weights |= zip(track.nodes, track.at(seconds))
             else:
-                trs[PATHS[track.path]][track.nodes] = track.at(seconds)
+                trs[TRS.index(track.path)][track.nodes] = track.at(seconds)
         local = self._nodes.local.copy()
         local[self._moved] = composed(*(each[self._moved] for each in trs))
         self._nodes.move(local)
@@ -124,7 +125,7 @@ class Motions:
                 raise Error(f"{name} is {shown(channel)}; allowed: an object")
             target = child(channel, "target", dict, name)
             path: Any = target.get("path")
-            if path not in PATHS:
+            if path not in (*TRS, "weights"):
                 self.left.setdefault(f"what moves {shown(path)}", name)
                 continue
             if "node" not in target:
