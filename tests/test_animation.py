@@ -150,7 +150,7 @@ def bar(joints=3, rows=9, **more):
 
 
 def bent(positions, held, weights, angle):
-    """Where the bar's vertices are by hand: linear blends of what joint 0, joint 1 and joint 2, which it carries, do."""
+    """Where the bar's vertices are by hand: linear blends of what joint 0, and joint 1 with joint 2, do."""
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     turned = (positions - (0, 1, 0)) @ turn.T + (0, 1, 0)
     each = np.stack([positions, turned, turned])
@@ -239,7 +239,8 @@ def test_lips_that_are_closed_can_open(load):
     faces = [(0, 1, 2), (2, 1, 3), (4, 5, 6), (6, 5, 7), (8, 9, 10)]
     opened = np.zeros((11, 3), np.float32)
     opened[4:8, 1] = 1
-    talk = load(moving(channels=[("weights", [0, 1], [0, 1])], positions=y, targets=[{"POSITION": opened}], faces=faces))
+    talk = load(moving(channels=[("weights", [0, 1], [0, 1])], positions=y, targets=[{"POSITION": opened}],
+                       faces=faces))
     assert len(talk(0).positions) == 9   # of 11: 8 is 1, 10 is 3; the lips, 4 and 5, are not 2 and 3
     wide = talk(1)
     np.testing.assert_allclose(wide.positions[wide.faces], (y + opened)[np.array(faces)], atol=1e-6)
@@ -294,7 +295,8 @@ def spoiled(change):
      "samplers[0].output has 2 elements; allowed: 6, as its 2 keyframes of translation need"),
     (lambda tree, file: tree["animations"][0]["samplers"][0].update(input=file.accessor(np.float32([[1], [0]]))),
      "samplers[0].input has 2 times that are not finite or do not rise"),
-    (lambda tree, file: tree["animations"][0]["samplers"][0].update(output=file.accessor(np.float32([[np.nan] * 3] * 2))),
+    (lambda tree, file: tree["animations"][0]["samplers"][0].update(output=file.accessor(np.float32([[np.nan] * 3] * 2))
+                                                                    ),
      "samplers[0].output has numbers that are not finite"),
     (lambda tree, file: tree["animations"][0]["samplers"][0].update(output=99), "accessors"),
     (lambda tree, file: tree["nodes"][0].update(matrix=np.eye(4).ravel().tolist()),

@@ -24,6 +24,7 @@ from .usd_lights import camera_of, lights_of, resolution_of
 from .usd_mesh import WHITE, meshes_of
 
 ROWS = 64              # of a sky's picture, at least
+AHEAD = 8              # times that are read at once
 TOLERANCE = 0.25       # of chords, as `load_curves` has it
 WIDTH = 640            # of a picture whose file says nothing of it
 NEAR, FAR = 1.06, 900  # radii of a scene from its middle where a light may stand that shines everywhere, or any
@@ -70,6 +71,8 @@ class SceneAnimation:
             same = [each["mesh"] for each in stages if self._fits(each["mesh"])]
             self._poses = Poses(self._begin["mesh"], (each["positions"] for each in same)) if same else None
         self._last: tuple[float, Scene] | None = None
+        self._known: dict[float, dict] = {}   # what is read, by time code
+        self._code = self._first
         _tell_left(path, stages[0]["left"], 4)
 
     def __call__(self, seconds: float) -> Scene:
@@ -77,12 +80,15 @@ class SceneAnimation:
         at = min(max(checks.real()(seconds, "seconds"), 0.0), self.duration)
         if self._last is None or self._last[0] != at:
             with _naming(self._path), np.errstate(all="ignore"):
-                self._last = at, self._scene(self._first + at * self.fps)
+                self._last = at, self._scene(round(self._first + at * self.fps, 6))
         return self._last[1]
 
     def _scene(self, code):
-        stage = called(_read, self._path, code, None, TOLERANCE)
-        mesh = None
+        if code not in self._known:   # and those that are likely to come next, as a file may be slow to open
+            step = code - self._code
+            codes = [round(code + k * step, 6) for k in range(AHEAD if step > 0 else 1)]
+            self._known = dict(zip(codes, called(_read_at, self._path, codes)))
+        self._code, stage, mesh = code, self._known[code], None
         if self._poses is not None and self._fits(stage["mesh"]):
             mesh = self._poses.mesh(stage["mesh"]["positions"], stage["mesh"].get("normals"))
         parts = _parts(stage, None, {}, mesh)
@@ -101,7 +107,12 @@ def _read_some(path):
     first, last, codes = Stage(path, None).times()
     if not last > first:
         raise Error("has no time samples; allowed: files that move (`load_scene` reads others)")
-    return (first, last, codes), [_read(path, float(code), None, TOLERANCE) for code in np.linspace(first, last, 5)]
+    return (first, last, codes), _read_at(path, np.linspace(first, last, 5).tolist())
+
+
+def _read_at(path, codes):
+    """What `_read` gives at some time codes."""
+    return [_read(path, code, None, TOLERANCE) for code in codes]
 
 
 def parts_of(path: str | os.PathLike, given: dict[str, Any], camera: str | None = None, time: float | None = None,
@@ -155,8 +166,8 @@ def _read(path, time, camera, tolerance):
     UsdGeom = stage.pxr.UsdGeom
     for prim, _ in stage.seen():
         known = prim.IsA(UsdGeom.Mesh) or prim.IsA(UsdGeom.BasisCurves) or prim.HasAPI(stage.pxr.UsdLux.LightAPI)
-        if prim.IsA(UsdGeom.Boundable) and not known:
-            stage.leave("skinning" if prim.GetTypeName() == "SkelRoot" else f"a {prim.GetTypeName()}", prim)
+        if prim.IsA(UsdGeom.Boundable) and not known and prim.GetTypeName() not in ("SkelRoot", "Skeleton"):
+            stage.leave(f"a {prim.GetTypeName()}", prim)
     if found["mesh"] is None and found["strands"] is None:
         raise Error("has neither Meshes nor BasisCurves that are seen")
     return found | {"left": stage.left}

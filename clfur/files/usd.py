@@ -27,7 +27,7 @@ def library() -> Any:
     """Return usd-core's package; raises Error where it is not installed."""
     try:
         import pxr
-        from pxr import Ar, Gf, Sdf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, Vt  # noqa: F401, as pxr.Usd and so on
+        from pxr import Ar, Gf, Sdf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, UsdSkel, Vt  # noqa: F401
     except ImportError:
         raise Error('needs usd-core to be read or written; allowed: pip install "clfur[usd]"') from None
     return pxr
