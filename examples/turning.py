@@ -11,7 +11,7 @@ import clfur
 ROUND = 2.0   # seconds, after which it begins anew
 BALL = clfur.load_mesh("sphere")
 FUR = clfur.Strands(roots=12_000, seed=3, force=(0, -1, 0), types=clfur.HairType(
-    length=.75, stiffness=1.2, length_variation=.3, width=.008, color=(.8, .35, .1)))
+    length=.75, stiffness=1.2, length_variation=.3, width=.008, color=(.6, .22, .06)))
 
 motion = {"hair": clfur.HairMotion(bend_length=.5, air=.4), "units_per_metre": 3,
           "wind": clfur.Wind((.5, 0, 0), gust=1, size=.3, skin=.02)}
@@ -24,7 +24,7 @@ def scene(t, size=(640, 480)):
     place = np.array([0, .25 * math.sin(math.pi * t / ROUND) ** 2, 0])
     return clfur.Scene(
         mesh=clfur.Mesh(positions=BALL.positions @ turn.T + place, faces=BALL.faces), fur=FUR,
-        camera=clfur.Camera(eye=(0, 1.2, 5), target=(0, -.15, 0), size=size), body_color=(.2, .08, .03),
+        camera=clfur.Camera(eye=(0, 1.5, 6.3), target=(0, -.1, 0), size=size), body_color=(.2, .08, .03),
         light=[clfur.Light(direction=(-1, -1.3, -.6), angle=8), clfur.Light(direction=(1, -.2, -1), intensity=.3)],
         ground=clfur.Ground(height=-1.9))
 
