@@ -1,7 +1,8 @@
 """The scenes of a film's frames, and hashes of what they show."""
 
 import functools
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from ..cache import digest
@@ -10,24 +11,79 @@ from ..motion.motion import Motion
 from ..scene import Scene, Strands
 from ..scene.maps import planes
 from ..scene.origin import copied
-from ..shutter import subframes
+from .record import Record
 
-STATES = 24   # frames from one state of the motion that is kept to the next
+LARGE = "mesh", "strands", "shells", "body_color", "environment"   # parts of scenes, which may take long to hash
+EVERY = 24   # frames from one state of the motion that is kept to the next
 
 
 class Moments:
     """Scenes of the frames of a film, in their order.
 
-    scene: a Scene, or a function of seconds that gives one. motion: None, or keyword arguments of `Motion`. shutter:
-    share of a frame in which it is open, up to the frame's moment; 0: none. blur: how many pictures of that time make a
-    frame, or "auto".
+    scene: a Scene, or a function of seconds that gives one. motion: None, or arguments of `Motion` beside scene,
+    device and fps. gpu: a Scheduler for it.
     """
 
-    def __init__(self, scene: Any, motion: dict | None, fps: float, shutter: float, blur: Any, gpu: Any) -> None:
-        self._fps, self._shutter, self._blur, self._gpu = fps, shutter, blur, gpu
-        self._given = scene
-        # Whoever asks for the same moment gets the very same: it may take long to make.
-        self._at = functools.lru_cache(maxsize=2)(scene if callable(scene) else lambda _: scene)
-        self._of_part = functools.lru_cache(maxsize=4)(_hash)
+    def __init__(self, scene: Any, motion: dict | None, fps: float, gpu: Any) -> None:
+        self.fps, self._given, self._gpu, self._motion = fps, scene, gpu, motion
+        # Whoever asks for the same moment again gets the very same: it may take long to make.
+        self._made = functools.lru_cache(maxsize=2)(scene) if callable(scene) else None
+        self._parts: deque[tuple[Any, str]] = deque(maxlen=2 * len(LARGE))
         self._hashes: dict[int, str] = {}
-        self.motion = None if motion is None else Motion(self._at if callable(scene) else scene, device=gpu, fps=fps, **motion)
+
+    def hash(self, number: int) -> str:
+        """A hash of what a frame shows: of its scene, and with motion of those of all frames before."""
+        before = max(self._hashes, default=-1) if self._motion is not None else number - 1
+        for each in range(min(before, number - 1) + 1, number + 1):
+            if each not in self._hashes:
+                scene = self._digest(self._scene(each / self.fps))
+                self._hashes[each] = scene if self._motion is None else digest(self._hashes.get(each - 1), scene)
+        return self._hashes[number]
+
+    def scenes(self, numbers: Iterable[int], record: Record,
+               tell: Callable[[int, int], None]) -> Iterator[tuple[int, Scene]]:
+        """(number, its Scene) of frames in rising order. tell: called with (frame that hair has come to, that it goes
+        to)."""
+        if self._motion is None:
+            for number in numbers:
+                yield number, self._scene(number / self.fps)
+            return
+        motion, here = None, 0
+        for number in numbers:
+            if motion is None:
+                motion = Motion(self._made or self._given, device=self._gpu, fps=self.fps, **self._motion)
+                if kept := record.state(number, self.hash):
+                    here = kept[0]
+                    motion.restore(kept[1])
+            while here < number:
+                motion.at(here + 1)
+                here += 1
+                tell(here, number)
+                if here % EVERY == 0:
+                    record.put_state(here, motion.state(), self.hash(here))
+            yield number, motion.at(number)
+
+    def _scene(self, seconds):
+        scene = self._given if self._made is None else self._made(seconds)
+        if not isinstance(scene, Scene):
+            where = "scene" if self._made is None else f"scene({seconds:g})"
+            raise Error(f"{where} is {shown(scene)}; allowed: a clfur.Scene, or a function of seconds that gives one")
+        return scene
+
+    def _digest(self, scene):
+        """A hash of a Scene, by what it holds."""
+        parts = {name: getattr(scene, name) for name in LARGE}
+        strands, combed = parts["strands"], None
+        if isinstance(strands, Strands) and strands.comb is not None and strands.comb.direction.per == "function":
+            combed = planes(scene.mesh, strands.maps, strands.comb)   # what it says, not where it lies in memory
+            parts["strands"] = copied(strands, comb=None)
+        rest = copied(scene, fur=None, **dict.fromkeys(LARGE))
+        return digest([self._of_part(part) for part in parts.values()], combed, rest)
+
+    def _of_part(self, part):
+        """A hash of a part of scenes, which may be the very same in many of them."""
+        for each, known in self._parts:
+            if each is part:
+                return known
+        self._parts.append((part, digest(part)))
+        return self._parts[-1][1]

@@ -6,7 +6,6 @@ import json
 import zipfile
 import zlib
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import attrs

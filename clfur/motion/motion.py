@@ -102,7 +102,7 @@ class Motion:
         if frame < self._frame:
             raise Error(f"Motion.at frame is {frame}; allowed: {self._frame} and later, as time goes on alone")
         while self._frame < frame:
-            self.step(1 / self.fps)
+            self.step((self._frame + 1) / self.fps - self.time)   # so that errors do not add up
             self._frame += 1
         return self._drawn()
 
