@@ -112,7 +112,8 @@ def _converted(av, kind, picture):
 
 
 def _frame(av, picture):
-    return av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgba" if picture.shape[2] == 4 else "rgb24")
+    kind = "rgba" if picture.shape[2] == 4 else "rgb24"
+    return av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format=kind)
 
 
 def _in_palette(av, pictures):

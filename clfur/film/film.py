@@ -1,11 +1,11 @@
 """`clfur.film`: what users call."""
 
-import contextlib
 import functools
 import os
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -65,16 +65,19 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
         "names of files": place.name}
     record = Record(place.folder, place.name_of, about, checks.flag(overwrite, "film overwrite"))
     moments, tell = Moments(scene, motion, fps, gpus[0]), progress or (lambda *_: None)
-    there = [number for number in numbers if number in record.scenes and record.check(number, moments.hash(number))]
-    missing, done = sorted({*numbers} - {*there}), len(there)
-    jobs = (Job(number, (on_host(each),), settings, place.suffix, behind)
-            for number, each in moments.scenes(missing, record, functools.partial(tell, "motion")))
-    with contextlib.closing(alone(jobs, gpus)) as drawn:
-        for number, data in drawn:
+    try:
+        there = [number for number in numbers if number in record.scenes and record.check(number, moments.hash(number))]
+        missing, done = sorted({*numbers} - {*there}), len(there)
+        jobs = (Job(number, (on_host(each),), settings, place.suffix, behind)
+                for number, each in moments.scenes(missing, record, functools.partial(tell, "motion")))
+        for number, data in alone(jobs, gpus):
             record.put(number, data, moments.hash(number))
             done += 1
             tell("frames", done, len(numbers))
-    record.forget_states()
+        record.forget_states()
+    finally:
+        if not record.scenes:
+            record.remove()
     if place.kind:
         _join(place, record, numbers, fps, tell)
     return place.path
@@ -123,7 +126,7 @@ def _numbers(frames):
         numbers = [checks.whole(0, 10**6)(each, "film frames") for each in frames]
     except TypeError:   # it holds none
         checks.refuse("film frames", frames, allowed)
-    if not numbers or any(one >= other for one, other in zip(numbers, numbers[1:])):
+    if not numbers or any(one >= other for one, other in pairwise(numbers)):
         checks.refuse("film frames", frames, allowed + ", one at least")
     return numbers
 
@@ -136,6 +139,6 @@ def _join(place, record, numbers, fps, tell):
             tell("video", done, len(numbers))
             yield pixels((place.folder / place.name_of(number)).read_bytes())
 
-    steps = {other - one for one, other in zip(numbers, numbers[1:])}
+    steps = {other - one for one, other in pairwise(numbers)}
     write_video(place.path, pictures, fps / min(steps) if len(steps) == 1 else fps)   # it takes as long as its time
     record.remove()

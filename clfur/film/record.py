@@ -34,6 +34,7 @@ class Record:
         self.scenes: dict[int, str] = {}
         self._overwrite = overwrite
         with self._told():
+            self._ours = not folder.exists() or (folder / NAME).exists()
             folder.mkdir(exist_ok=True)
             self._sweep()
             self._compare(*self._read())
@@ -85,14 +86,15 @@ class Record:
                 path.unlink(missing_ok=True)
 
     def remove(self) -> None:
-        """Remove all that has been written, and the folder if nothing else is in it."""
+        """Remove all that has been written, and the folder, if it was made for this."""
         self.forget_states()
         with self._told():
             for number in self.scenes:
                 (self.folder / self.name_of(number)).unlink(missing_ok=True)
             (self.folder / NAME).unlink(missing_ok=True)
-            with contextlib.suppress(OSError):
-                self.folder.rmdir()
+            if self._ours:
+                with contextlib.suppress(OSError):   # somebody else has put something there
+                    self.folder.rmdir()
 
     def _compare(self, about, frames):
         """Take the frames that are there, if they are of this film."""
