@@ -68,6 +68,7 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
     try:
         there = [number for number in numbers if number in record.scenes and record.check(number, moments.hash(number))]
         missing, done = sorted({*numbers} - {*there}), len(there)
+        tell("frames", done, len(numbers))
         jobs = (Job(number, (on_host(each),), settings, place.suffix, behind)
                 for number, each in moments.scenes(missing, record, functools.partial(tell, "motion")))
         for number, data in alone(jobs, gpus):

@@ -47,6 +47,9 @@ class Motion:
     time: seconds since the groom.
     """
 
+    _state: stage.State
+    _roots: Any   # as `stage.place_roots` gives them
+
     def __init__(self, scene: Scene | Callable[[float], Scene], hair: Any = None, device: Any = None, *,
                  rate: float = 120.0, units_per_metre: float = 1.0, gravity: Any = (0.0, -9.81, 0.0),
                  wind: Wind | None = None, fps: float = 24.0, jump: float | None = None) -> None:
