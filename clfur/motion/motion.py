@@ -140,7 +140,8 @@ class Motion:
         with self._gpu.frame():
             self._corners = self._posed(mesh)
             self._here, self._roots = tuple(map(self._gpu.upload, self._corners)), self._gpu.upload(roots)
-            self._state = replace(self._state, **{name: self._gpu.upload(array) for name, array in of_strands.items()})
+            arrays: dict[str, Any] = {name: self._gpu.upload(array) for name, array in of_strands.items()}
+            self._state = replace(self._state, **arrays)
         self._now, self._mesh, self.time, self._frame, self._last_step = scene, mesh, time, frame, last_step
         return self._drawn()
 

@@ -1,0 +1,114 @@
+"""clfur.film and `clfur film`: frames whole or not at all, restarts to the same bits, and what is refused."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import attrs
+import numpy as np
+import pytest
+from support.command import wrong
+from support.scenes import icosphere
+
+import clfur
+from clfur.film import jobs as library
+from clfur.film.turntable import turntable
+
+MOTION = {"wind": clfur.Wind((3, 0, 1), 0.5, 0.5), "units_per_metre": 2}
+QUICK = clfur.Settings(shadows="off", shadow_map=0, samples=1)
+
+
+@pytest.fixture(scope="module")
+def device():
+    """A Scheduler of the first device: what is drawn is judged elsewhere."""
+    return clfur.Scheduler()
+
+
+def _scene(seconds=0.0, roots=40):
+    positions, faces = icosphere(1)
+    mesh = clfur.Mesh(positions=positions + (np.sin(seconds), 0, 0), faces=faces)
+    fur = clfur.Strands(roots=roots, types=clfur.HairType(length=0.4, segments=4, width=0.02))
+    return clfur.Scene(mesh=mesh, fur=fur, camera=clfur.Camera(eye=(0, 0.5, 4), size=(19, 13)))
+
+
+def _film(folder, device, frames=range(7), scene=_scene, name="%03d.png", **given):
+    given = {"motion": MOTION, "settings": QUICK} | given
+    return clfur.film(scene, folder / name, frames, device=device, **given)
+
+
+def _bytes(folder, suffix=".png"):
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if path.suffix == suffix}
+
+
+def test_frames_are_those_that_render_gives(tmp_path, device):
+    """Of moving hair and of a scene without motion, by the seconds of each frame; EXR holds its camera."""
+    _film(tmp_path / "a", device, range(1, 6, 2), fps=12)
+    motion = clfur.Motion(_scene, device=device, fps=12, **MOTION)
+    for number in (1, 3, 5):
+        clfur.save(tmp_path / "one.png", clfur.render(motion.at(number), device, QUICK))
+        assert (tmp_path / f"a/{number:03}.png").read_bytes() == (tmp_path / "one.png").read_bytes()
+    _film(tmp_path / "b", device, [3], name="%d.exr", motion=None)
+    assert sorted(path.name for path in (tmp_path / "b").iterdir()) == ["3.exr", "film.json"]
+    scene = _scene(3 / 24)
+    np.testing.assert_array_equal(clfur.load(tmp_path / "b/3.exr")["color"], clfur.render(scene, device, QUICK))
+    assert np.abs(clfur.load_header(tmp_path / "b/3.exr")["camera"].pose - scene.camera.pose).max() < 1e-15
+
+
+def test_a_film_goes_on_where_it_stopped(tmp_path, device, monkeypatch):
+    """With motion and wind, from a state that is kept; the same bytes as of a film that nothing has stopped."""
+    monkeypatch.setattr(sys.modules["clfur.film.moments"], "EVERY", 3)
+    _film(tmp_path / "whole", device, range(13))
+    drawn, steps = [], []
+    draw, step = library.Job.draw, clfur.Motion.step
+    monkeypatch.setattr(clfur.Motion, "step", lambda self, *given: steps.append(1) or step(self, *given))
+
+    def failing(self, gpu):
+        drawn.append(self.number)
+        if len(drawn) == 9:
+            raise KeyboardInterrupt
+        return draw(self, gpu)
+    monkeypatch.setattr(library.Job, "draw", failing)
+    with pytest.raises(KeyboardInterrupt):
+        _film(tmp_path / "cut", device, range(13))
+    there = sorted(path.name for path in (tmp_path / "cut").iterdir())
+    assert there == [*(f"{k:03}.png" for k in range(8)), "film.json", "motion-000003.npz", "motion-000006.npz"]
+    (tmp_path / "cut/.007.png.999999.tmp").touch()   # of a process that is gone
+    (tmp_path / "cut/004.png").unlink()
+    drawn.clear(), steps.clear()
+    _film(tmp_path / "cut", device, range(13))
+    assert drawn == [4, *range(8, 13)] and len(steps) == 12 - 3
+    assert _bytes(tmp_path / "cut") == _bytes(tmp_path / "whole")
+    assert sorted(path.name for path in (tmp_path / "cut").iterdir()) == [*_bytes(tmp_path / "whole"), "film.json"]
+    drawn.clear()
+    told = []
+    _film(tmp_path / "cut", device, range(4, 13), progress=lambda *of: told.append(of))
+    assert not drawn and told == [("frames", 9, 9)]
+
+
+@pytest.mark.parametrize("change, words", [
+    ({"settings": clfur.Settings(shadows="off", shadow_map=0, samples=4)}, "settings differs"),
+    ({"motion": MOTION | {"wind": clfur.Wind((3, 0, 1), 0.5, 0.6)}, "fps": 25}, "motion, fps differ"),
+    ({"background": (0, 0, 0)}, "background differs"),
+    ({"scene": lambda t: _scene(t, roots=41)}, "frame 0 shows another scene"),
+    ({"scene": lambda t: _scene(t if t < 0.05 else t + 1e-3)}, "frame 2 shows another scene"),
+    ({"name": "%04d.png"}, "names of files differs")])
+def test_a_folder_of_another_film_is_refused(tmp_path, device, change, words):
+    _film(tmp_path / "a", device, range(3))
+    before = _bytes(tmp_path / "a")
+    with pytest.raises(clfur.Error, match=words):
+        _film(tmp_path / "a", device, **change)
+    assert _bytes(tmp_path / "a") == before
+    _film(tmp_path / "a", device, range(1, 3), **change, overwrite=True)
+    _film(tmp_path / "b", device, range(1, 3), **change)
+    there = _bytes(tmp_path / "a")
+    there.pop("000.png", None)
+    assert there == _bytes(tmp_path / "b") != before
+
+
+def test_frames_of_nobody_are_not_replaced(tmp_path, device):
+    (tmp_path / "005.png").write_bytes(b"mine")
+    with pytest.raises(clfur.Error, match="005.png, and no film.json that tells whose it is"):
+        _film(tmp_path, device)
+    assert [path.name for path in tmp_path.iterdir()] == ["005.png"]
