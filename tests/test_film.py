@@ -1,15 +1,10 @@
 """clfur.film and `clfur film`: frames whole or not at all, restarts to the same bits, and what is refused."""
 
-import json
-import os
-import subprocess
 import sys
-from pathlib import Path
 
 import attrs
 import numpy as np
 import pytest
-from support.command import wrong
 from support.scenes import icosphere
 
 import clfur
@@ -112,3 +107,77 @@ def test_frames_of_nobody_are_not_replaced(tmp_path, device):
     with pytest.raises(clfur.Error, match="005.png, and no film.json that tells whose it is"):
         _film(tmp_path, device)
     assert [path.name for path in tmp_path.iterdir()] == ["005.png"]
+
+
+def test_a_frame_that_fails_is_named_and_the_others_stay(tmp_path, device, monkeypatch):
+    draw = library.Job.draw
+
+    def failing(self, gpu):
+        if self.number == 2:
+            raise clfur.DeviceError("out of memory")
+        return draw(self, gpu)
+    with monkeypatch.context() as patch:
+        patch.setattr(library.Job, "draw", failing)
+        with pytest.raises(clfur.DeviceError, match="^frame 2: out of memory$"):
+            _film(tmp_path / "a", device, range(4))
+    assert [*_bytes(tmp_path / "a")] == ["000.png", "001.png"]
+    _film(tmp_path / "a", device, range(4))
+    _film(tmp_path / "b", device, range(4))
+    assert _bytes(tmp_path / "a") == _bytes(tmp_path / "b")
+
+
+def test_nothing_is_left_of_a_film_that_cannot_begin(tmp_path, device):
+    with pytest.raises(clfur.Error, match="Motion.rate is 0"):
+        _film(tmp_path, device, name="a.png", motion={"rate": 0})
+    with pytest.raises(clfur.Error, match=r"scene\(0\) is 3; allowed: a clfur.Scene"):
+        _film(tmp_path / "frames", device, scene=lambda t: 3)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("given, words", [
+    ({"name": "a.avi"}, "a.avi: .avi is not supported; allowed: .mp4, .webm, .mov, .gif, .png"),
+    ({"name": "a.exr"}, "a.exr: has no place for the number of a frame; allowed: one, such as .*a-%04d.exr"),
+    ({"name": "%d-%d.png"}, "is no name for frames; allowed: one place for a number"),
+    ({"name": "%s.png"}, "is no name for frames"), ({"name": "%d.mp4"}, "is no name for frames"),
+    ({"name": "a/b/%d.png"}, "there is no folder .*a"), ({"frames": []}, r"frames is \[\]"),
+    ({"frames": [1, 1]}, "in rising order"), ({"frames": [-1]}, "frames is -1"), ({"frames": 5}, "frames is 5"),
+    ({"fps": 0}, "fps is 0"), ({"motion": 3}, "motion is 3"), ({"shutter": 361}, "shutter is 361"),
+    ({"blur": 65}, "blur is 65"), ({"background": (1, 2)}, "background is"), ({"settings": 3}, "settings is 3"),
+    ({"overwrite": 3}, "overwrite is 3")])
+def test_what_is_refused(tmp_path, device, given, words):
+    with pytest.raises(clfur.Error, match=words):
+        _film(tmp_path, device, **given)
+    assert not list(tmp_path.iterdir())
+
+
+def test_folders_that_cannot_be_written(tmp_path, device):
+    (tmp_path / "file").touch()
+    with pytest.raises(clfur.Error, match="file: cannot be written: "):
+        _film(tmp_path / "file", device)
+    (tmp_path / "a.mp4.frames").touch()
+    with pytest.raises(clfur.Error, match="a.mp4.frames: cannot be written: "):
+        _film(tmp_path, device, name="a.mp4")
+
+
+def test_pyav_is_asked_for(tmp_path, device, monkeypatch):
+    monkeypatch.setitem(sys.modules, "av", None)
+    with pytest.raises(clfur.Error, match=r'pip install "clfur\[film\]"; allowed without it: frames of a folder'):
+        _film(tmp_path, device, name="a.mp4")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_turntable_turns_all_but_the_scene(tmp_path, device):
+    """The camera alone or with the lights; a quarter of the way it sees the side; what is drawn is the very same."""
+    scene = attrs.evolve(_scene(), light=[clfur.Light((1, -1, 0)), clfur.Light(position=(0, 3, 0), angle=30)])
+    at = turntable(scene, 360, 4)
+    np.testing.assert_allclose(at(1).camera.eye, (4, 0.5, 0), atol=1e-6)
+    np.testing.assert_allclose(at(1).camera.pose[:3, 2], (4, 0.5, 0) / np.sqrt(16.25), atol=1e-6)
+    np.testing.assert_allclose(at(4).camera.pose, scene.camera.pose, atol=1e-12)
+    assert at(1).mesh is scene.mesh and at(1).fur is scene.fur and at(1).light is scene.light
+    lit = turntable(scene, 360, 4, lights=True)(1)
+    np.testing.assert_allclose(lit.lights[0].direction, (0, -0.5**0.5, -0.5**0.5), atol=1e-6)
+    # As if the scene had turned before them; where lights stay, it is another picture.
+    positions = scene.mesh.positions @ np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    turned = attrs.evolve(scene, mesh=clfur.Mesh(positions=positions, faces=scene.mesh.faces), fur=None)
+    one, other, unlit = (clfur.render(attrs.evolve(each, fur=None), device) for each in (turned, lit, at(1)))
+    assert np.abs(one - other).mean() < 1e-4 and np.abs(one - unlit).mean() > 0.003

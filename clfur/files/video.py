@@ -105,8 +105,7 @@ def _converted(av, kind, picture):
 
     frame = _frame(av, filled(picture) if kind.alpha else picture[..., :3]).reformat(
         format=kind.pixels, dst_colorspace=Colorspace.ITU709, src_color_range=ColorRange.JPEG,
-        dst_color_range=ColorRange.MPEG, dst_color_primaries=BT709, dst_color_trc=BT709,
-        interpolation=Interpolation.BICUBIC | Interpolation.ACCURATE_RND | Interpolation.FULL_CHR_H_INP)
+        dst_color_range=ColorRange.MPEG, interpolation=Interpolation.BICUBIC)
     frame.colorspace, frame.color_range = BT709, LIMITED
     return frame
 

@@ -20,7 +20,7 @@ from ..files.video import KINDS, Kind, pyav, write_video
 from ..render import schedulers
 from ..scene import checks
 from ..settings import Settings
-from .jobs import Job, alone, on_host
+from .jobs import Job, alone
 from .moments import Moments
 from .record import Record
 
@@ -56,22 +56,25 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
         raise Error(f"film motion is {shown(motion)}; allowed: None, or a dict of arguments of clfur.Motion")
     settings = Settings() if settings is None else checks.instance(Settings)(settings, "film settings")
     behind = checks.optional(checks.color)(background, "film background")
+    shutter = checks.real(0, 360)(shutter, "film shutter")
+    blur = "auto" if isinstance(blur, str) and blur == "auto" else checks.whole(1, 64)(blur, "film blur")
     if place.kind and not place.kind.alpha and behind is None:
         behind = np.zeros(3)
     gpus = schedulers(device)
     about = {
         "clfur": sources(), "device": digest([[gpu.name, gpu.device.driver_version] for gpu in gpus]),
         "settings": digest(settings), "motion": digest(motion), "fps": digest(fps), "background": digest(behind),
+        "shutter": digest([shutter, blur if shutter else 0]),
         "names of files": place.name}
     record = Record(place.folder, place.name_of, about, checks.flag(overwrite, "film overwrite"))
-    moments, tell = Moments(scene, motion, fps, gpus[0]), progress or (lambda *_: None)
+    moments, tell = Moments(scene, motion, fps, gpus[0], shutter / 360, blur), progress or (lambda *_: None)
     try:
         there = [number for number in numbers if number in record.scenes and record.check(number, moments.hash(number))]
         missing, done = sorted({*numbers} - {*there}), len(there)
         tell("frames", done, len(numbers))
-        jobs = (Job(number, (on_host(each),), settings, place.suffix, behind)
-                for number, each in moments.scenes(missing, record, functools.partial(tell, "motion")))
-        for number, data in alone(jobs, gpus):
+        jobs = (Job(number, scenes, settings, place.suffix, behind)
+                for number, scenes in moments.scenes(missing, record, functools.partial(tell, "motion")))
+        for number, data in _drawn(jobs, gpus, cluster):
             record.put(number, data, moments.hash(number))
             done += 1
             tell("frames", done, len(numbers))
@@ -82,6 +85,15 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
     if place.kind:
         _join(place, record, numbers, fps, tell)
     return place.path
+
+
+def _drawn(jobs, gpus, cluster):
+    """(number, bytes of its file) of the frames that jobs tell."""
+    if cluster is None:
+        return alone(jobs, gpus)
+    from .cluster import on_cluster
+
+    return on_cluster(jobs, cluster)
 
 
 @dataclass(frozen=True)
