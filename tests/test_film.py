@@ -1,6 +1,8 @@
 """clfur.film and `clfur film`: frames whole or not at all, restarts to the same bits, and what is refused."""
 
+import gc
 import sys
+import tracemalloc
 
 import attrs
 import numpy as np
@@ -181,3 +183,20 @@ def test_a_turntable_turns_all_but_the_scene(tmp_path, device):
     turned = attrs.evolve(scene, mesh=clfur.Mesh(positions=positions, faces=scene.mesh.faces), fur=None)
     one, other, unlit = (clfur.render(attrs.evolve(each, fur=None), device) for each in (turned, lit, at(1)))
     assert np.abs(one - other).mean() < 1e-4 and np.abs(one - unlit).mean() > 0.003
+
+
+def test_memory_does_not_grow(tmp_path, device, monkeypatch):
+    """On the host, where two hashes of a frame are 300 bytes and a picture or a state 10,000, and on the device."""
+    took = {}
+
+    def measure(what, done, of):
+        if what == "frames" and done in (20, 60):
+            gc.collect()
+            took[done] = tracemalloc.get_traced_memory()[0], device._pool.managed_bytes
+    monkeypatch.setattr(sys.modules["clfur.film.moments"], "EVERY", 3)
+    tracemalloc.start()
+    try:
+        _film(tmp_path / "a", device, range(60), progress=measure)
+    finally:
+        tracemalloc.stop()
+    assert took[60][0] - took[20][0] < 40 * 700 and took[60][1] < 1.1 * took[20][1]

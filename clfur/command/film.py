@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 
 import click
+import numpy as np
 
 from .. import HairMotion, Scheduler, Wind, film
 from ..files.video import KINDS
@@ -16,7 +17,7 @@ from .types import Bytes, Color, Frames, Numbers, Real, Subframes
 from .waiting import counting, waiting
 
 SIDES = 12      # from which a turntable's camera sees all there is
-METRES = 0.25   # that the radius of a mesh is taken for where nobody tells: a cat's
+METRES = 0.5    # that the longest side of a mesh is taken for where nobody tells: a cat's
 GUST = 0.5      # of the wind's mean
 OTHER = {"wind": (0.0, 0.0, 0.0), "time": None}   # options of one picture
 
@@ -53,7 +54,7 @@ def _filming(command):
 @click.option("--bend-length", type=Real(0, min_open=True), metavar="L",
               help="Hair shorter than this stands, longer droops.  [default: the longest hair]")
 @click.option("--units-per-metre", type=Real(0, min_open=True), metavar="N",
-              help=f"Of the scene.  [default: the mesh is {200 * METRES:g} cm across]")
+              help=f"Of the scene.  [default: the mesh is {100 * METRES:g} cm long]")
 @click.option("--background", type=Color(), metavar="COLOR",
               help="What all is laid over: R,G,B or '#rrggbb'.  [default: nothing, or black in a file without alpha]")
 @click.option("--overwrite", is_flag=True, help="Replace the frames of another film, which are in the folder.")
@@ -81,7 +82,7 @@ def film_command(given, output, frames, fps, turntable, shutter, subframes, blow
                              "units_per_metre": units_per_metre})
         guessed = flags and units_per_metre is None and first.mesh
         if guessed:
-            units_per_metre = first.mesh.bounds[1] / METRES
+            units_per_metre = float(np.ptp(first.mesh.positions, axis=0).max()) / METRES
         motion = _motion(given, motion, flags, blown, gust, bend_length, units_per_metre)
         if turntable is not None:
             lights = not (is_scene_file(given) or options["lights"])
@@ -109,7 +110,7 @@ def film_command(given, output, frames, fps, turntable, shutter, subframes, blow
     print(f"{output}: {len(frames):,} frames of {width}x{height} in {seconds:.1f} s"
           + (f"; {there:,} of them were there" if there else "")
           + (f"; laid over black, as {output.suffix} holds no alpha: --background sets another colour" if black else "")
-          + (f"; hair moves as if the mesh were {200 * METRES:g} cm across: --units-per-metre {units_per_metre:.3g}"
+          + (f"; hair moves as if the mesh were {100 * METRES:g} cm long: --units-per-metre {units_per_metre:.3g}"
              if guessed else ""))
 
 

@@ -53,7 +53,7 @@ def counting():
 def _left(counted, others):
     """How long so many others will take, in words, by the median of the last ones: the first, of which kernels are
     built, has no say."""
-    times = [moment for _, moment in counted[-LAST:]]
+    times = [moment for _, moment in counted[1:][-LAST:]]
     spent = sorted(two - one for one, two in pairwise(times))
     if len(spent) < FEW or not others:
         return ""
