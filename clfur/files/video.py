@@ -44,7 +44,7 @@ KINDS = {
     ".mp4": Kind("mp4", "libx264", "yuv420p", alpha=False, even=True, options={"crf": "16", "preset": "medium"},
                  muxing={"movflags": "+faststart"}),
     ".webm": Kind("webm", "libvpx-vp9", "yuva420p",
-                  options={"crf": "20", "b": "0", "auto-alt-ref": "0", "cpu-used": "2", "row-mt": "1"}),
+                  options={"crf": "16", "b": "0", "auto-alt-ref": "0", "cpu-used": "2", "row-mt": "1"}),
     ".mov": Kind("mov", "prores_ks", "yuva444p10le", options={"profile": "4444", "alpha_bits": "16"}),
     ".gif": Kind("gif", "gif", "pal8"),
     ".png": Kind("apng", "apng", "rgba", muxing={"plays": "0"}),

@@ -3,7 +3,6 @@
 import math
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import attrs
@@ -113,10 +112,8 @@ class Motion:
 
     def state(self) -> dict:
         """All that is needed to go on from here -> {name: NumPy array or number}, for `restore`."""
-        gpu, state = self._gpu, self._state
-        arrays = {f"strands.{name}": getattr(state, name) for name in state.declared} | {"roots": self._roots}
-        return {"time": self.time, "frame": self._frame, "last_step": self._last_step,
-                **{name: gpu.download(array) for name, array in arrays.items()}}
+        arrays = {name: self._gpu.download(getattr(*where)) for name, where in self._held().items()}
+        return {"time": self.time, "frame": self._frame, "last_step": self._last_step, **arrays}
 
     def restore(self, state: dict, mesh: Mesh | None = None) -> Scene:
         """Go to where a Motion of the same arguments was when it gave its `state` -> the Scene then.
@@ -124,14 +121,14 @@ class Motion:
         From there on it gives the same bits. mesh: the last that `step` was given there, if any. Raises Error for
         what is no such state.
         """
+        held = self._held()
         try:
-            of_strands = {name: np.asarray(state[f"strands.{name}"]) for name in self._state.declared}
-            roots = np.asarray(state["roots"])
+            arrays = {name: np.asarray(state[name]) for name in held}
             time, frame, last_step = float(state["time"]), int(state["frame"]), float(state["last_step"])
         except (LookupError, TypeError, ValueError):
             raise Error("Motion.restore state is not what Motion.state has given; allowed: that alone") from None
-        for name, array in [("roots", roots), *of_strands.items()]:
-            there = self._roots if name == "roots" else getattr(self._state, name)
+        for name, array in arrays.items():
+            there = getattr(*held[name])
             if (array.shape, array.dtype) != (there.shape, there.dtype):
                 raise Error(f"Motion.restore state has {name} {array.dtype} {list(array.shape)}; allowed: "
                             f"{there.dtype} {list(there.shape)}, of a Motion of the same arguments")
@@ -139,11 +136,16 @@ class Motion:
         mesh = checks.instance(Mesh, none=True)(mesh, "Motion.restore mesh") or scene.mesh
         with self._gpu.frame():
             self._corners = self._posed(mesh)
-            self._here, self._roots = tuple(map(self._gpu.upload, self._corners)), self._gpu.upload(roots)
-            arrays: dict[str, Any] = {name: self._gpu.upload(array) for name, array in of_strands.items()}
-            self._state = replace(self._state, **arrays)
+            self._here = tuple(map(self._gpu.upload, self._corners))
+            for name, array in arrays.items():
+                owner, attribute = held[name]
+                object.__setattr__(owner, attribute, self._gpu.upload(array))
         self._now, self._mesh, self.time, self._frame, self._last_step = scene, mesh, time, frame, last_step
         return self._drawn()
+
+    def _held(self):
+        """{name: (object, its attribute)} of the arrays on the device that hair keeps from step to step."""
+        return {f"strands.{name}": (self._state, name) for name in self._state.declared} | {"roots": (self, "_roots")}
 
     def _scene_at(self, seconds):
         """The scene that was given, or that the given function gives."""
