@@ -68,7 +68,10 @@ class Moments:
                 tell(here, number)
                 if here % EVERY == 0:
                     record.put_state(here, motion.state(), self.hash(here))
-            yield number, self._taken(number, lambda back: motion.between(1 - back) if back else motion.at(number))
+            yield number, self._taken(number, lambda back: self._within(motion, number, back))
+
+    def _within(self, motion, number, back):
+        return motion.between(1 - back) if back else motion.at(number)
 
     def _taken(self, number, at):
         """The Scenes of a frame, of which ``at`` gives one so many frames back."""
