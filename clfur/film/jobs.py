@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import Error
 from ..files.images import encoded
 from ..render import draw
-from ..scene import Scene, over
+from ..scene import Curves, Scene, over
 from ..settings import Settings
 
 
@@ -44,11 +44,10 @@ class Job:
 
 def on_host(scene: Scene) -> Scene:
     """The same Scene with no array on a device."""
-    given = scene.fur if isinstance(scene.fur, tuple) else (scene.fur,)
-    fur = tuple(getattr(part, "on_host", part) for part in given)   # Curves have one; Strands lie on no device
-    if all(one is other for one, other in zip(given, fur)):
+    if not isinstance(scene.strands, Curves) or scene.strands.on_host is scene.strands:
         return scene
-    return attrs.evolve(scene, fur=fur if len(fur) > 1 else fur[0])
+    curves = scene.strands.on_host
+    return attrs.evolve(scene, fur=curves if scene.shells is None else (scene.shells, curves))
 
 
 def alone(jobs: Iterable[Job], device: Any) -> Iterator[tuple[int, bytes]]:
