@@ -1,6 +1,7 @@
 """clfur.film and `clfur film`: frames whole or not at all, restarts to the same bits, and what is refused."""
 
 import gc
+import pickle
 import sys
 import tracemalloc
 
@@ -10,6 +11,7 @@ import pytest
 from support.scenes import icosphere
 
 import clfur
+from clfur.files.images import pixels
 from clfur.film import jobs as library
 from clfur.film.turntable import turntable
 
@@ -82,6 +84,9 @@ def test_a_film_goes_on_where_it_stopped(tmp_path, device, monkeypatch):
     told = []
     _film(tmp_path / "cut", device, range(4, 13), progress=lambda *of: told.append(of))
     assert not drawn and told == [("frames", 9, 9)]
+    told.clear()
+    _film(tmp_path / "late", device, range(3, 6), progress=lambda *of: told.append(of))
+    assert told == [("frames", 0, 3), *(("motion", k, 3) for k in (1, 2, 3)), *(("frames", k, 3) for k in (1, 2, 3))]
 
 
 @pytest.mark.parametrize("change, words", [
@@ -126,6 +131,19 @@ def test_a_frame_that_fails_is_named_and_the_others_stay(tmp_path, device, monke
     _film(tmp_path / "a", device, range(4))
     _film(tmp_path / "b", device, range(4))
     assert _bytes(tmp_path / "a") == _bytes(tmp_path / "b")
+
+
+def test_a_job_can_be_sent(device):
+    """To another process; over its background; shells in motion and others too."""
+    scene = _scene()
+    shells = clfur.Shells(length=0.1, frequency=5, layers=4)
+    for fur in (scene.fur, shells, (shells, scene.fur), clfur.grow(scene, device)):
+        job = library.Job(3, (attrs.evolve(scene, fur=fur),), QUICK, ".png", np.array([0.2, 0.4, 0.6]))
+        sent = pickle.loads(pickle.dumps(job))
+        assert sent.number == 3 and sent.draw(device) == job.draw(device)
+    picture = pixels(job.draw(device))
+    assert picture.shape == (13, 19, 3) and picture[0, 0].tolist() == clfur.to_uint8(
+        np.full((1, 1, 3), (0.2, 0.4, 0.6), np.float32))[0, 0].tolist()
 
 
 def test_nothing_is_left_of_a_film_that_cannot_begin(tmp_path, device):

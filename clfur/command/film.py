@@ -8,6 +8,7 @@ import click
 import numpy as np
 
 from .. import HairMotion, Scheduler, Wind, film
+from ..files.usd import is_usd
 from ..files.video import KINDS
 from ..film.turntable import turntable as around
 from .devices import ask_drivers
@@ -85,7 +86,7 @@ def film_command(given, output, frames, fps, turntable, shutter, subframes, blow
             units_per_metre = float(np.ptp(first.mesh.positions, axis=0).max()) / METRES
         motion = _motion(given, motion, flags, blown, gust, bend_length, units_per_metre)
         if turntable is not None:
-            lights = not (is_scene_file(given) or options["lights"])
+            lights = not (is_scene_file(given) or is_usd(given) or options["lights"])
             scene = around(scene, turntable, len(frames) * frames.step / fps, lights, frames.start / fps)
         tell("starting OpenCL")
         ask_drivers()

@@ -1,5 +1,6 @@
 """`clfur.film`: what users call."""
 
+import contextlib
 import functools
 import os
 import re
@@ -60,9 +61,13 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
     blur = "auto" if isinstance(blur, str) and blur == "auto" else checks.whole(1, 64)(blur, "film blur")
     if place.kind and not place.kind.alpha and behind is None:
         behind = np.zeros(3)
+    if cluster is not None:
+        from .cluster import check_address
+
+        check_address(cluster)
     gpus = schedulers(device)
     about = {
-        "clfur": sources(), "device": digest([[gpu.name, gpu.device.driver_version] for gpu in gpus]),
+        "version of clfur": sources(), "device": digest([[gpu.name, gpu.device.driver_version] for gpu in gpus]),
         "settings": digest(settings), "motion": digest(motion), "fps": digest(fps), "background": digest(behind),
         "shutter": digest([shutter, blur if shutter else 0]),
         "names of files": place.name}
@@ -74,10 +79,11 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
         tell("frames", done, len(numbers))
         jobs = (Job(number, scenes, settings, place.suffix, behind)
                 for number, scenes in moments.scenes(missing, record, functools.partial(tell, "motion")))
-        for number, data in _drawn(jobs, gpus, cluster):
-            record.put(number, data, moments.hash(number))
-            done += 1
-            tell("frames", done, len(numbers))
+        with contextlib.closing(_drawn(jobs, gpus, device, cluster)) as drawn:
+            for number, data in drawn:
+                record.put(number, data, moments.hash(number))
+                done += 1
+                tell("frames", done, len(numbers))
         record.forget_states()
     finally:
         if not record.scenes:
@@ -87,13 +93,13 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
     return place.path
 
 
-def _drawn(jobs, gpus, cluster):
+def _drawn(jobs, gpus, device, cluster):
     """(number, bytes of its file) of the frames that jobs tell."""
     if cluster is None:
         return alone(jobs, gpus)
     from .cluster import on_cluster
 
-    return on_cluster(jobs, cluster)
+    return on_cluster(jobs, cluster, device)
 
 
 @dataclass(frozen=True)

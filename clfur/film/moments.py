@@ -48,7 +48,7 @@ class Moments:
                tell: Callable[[int, int], None]) -> Iterator[tuple[int, tuple[Scene, ...]]]:
         """(number, the Scenes of which its picture is, without arrays on a device) of frames in rising order.
 
-        tell: called with (frame that hair has come to, that it goes to).
+        tell: called with (frame that hair has come to, that it goes to), on its way to the first.
         """
         if self._motion is None:
             for number in numbers:
@@ -56,7 +56,7 @@ class Moments:
             return
         motion, here = None, 0
         for number in numbers:
-            if motion is None:
+            if first := motion is None:
                 motion = Motion(self._made or self._given, device=self._gpu, fps=self.fps, **self._motion)
                 # With a shutter the step to a frame is looked into.
                 if kept := record.state(number - (self._shutter > 0), self.hash):
@@ -65,7 +65,8 @@ class Moments:
             while here < number:
                 motion.at(here + 1)
                 here += 1
-                tell(here, number)
+                if first:
+                    tell(here, number)
                 if here % EVERY == 0:
                     record.put_state(here, motion.state(), self.hash(here))
             yield number, self._taken(number, lambda back: self._within(motion, number, back))
