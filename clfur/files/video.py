@@ -44,7 +44,9 @@ KINDS = {
     ".mp4": Kind("mp4", "libx264", "yuv420p", alpha=False, even=True, options={"crf": "16", "preset": "medium"},
                  muxing={"movflags": "+faststart"}),
     ".webm": Kind("webm", "libvpx-vp9", "yuva420p",
-                  options={"crf": "16", "b": "0", "auto-alt-ref": "0", "cpu-used": "2", "row-mt": "1"}),
+                  # Without a lag: else its last frames are coded in one go, which takes 17 s at 1920x1080.
+                  options={"crf": "16", "b": "0", "auto-alt-ref": "0", "lag-in-frames": "0", "cpu-used": "2",
+                           "row-mt": "1"}),
     ".mov": Kind("mov", "prores_ks", "yuva444p10le", options={"profile": "4444", "alpha_bits": "16"}),
     ".gif": Kind("gif", "gif", "pal8"),
     ".png": Kind("apng", "apng", "rgba", muxing={"plays": "0"}),
@@ -82,9 +84,16 @@ def write_video(path: Path, pictures: Callable[[], Iterator[np.ndarray]], rate: 
         number, frame = 0, first
         while frame is not None:
             frame.pts, frame.time_base, number = number, 1 / exact, number + 1
-            out.mux(stream.encode(frame))
+            _encode(stream, out, frame)
             frame = next(frames, None)
-        out.mux(stream.encode(None))
+        _encode(stream, out, None)
+
+
+def _encode(stream, out, frame):
+    """Give the codec a frame, or None at the end, and write what it has done; one by one, so that Ctrl-C is heard."""
+    for packet in stream.codec_context.encode_lazy(frame):
+        packet.stream = stream
+        out.mux(packet)
 
 
 def _frames(av, kind, pictures):
