@@ -135,6 +135,27 @@ def test_scale_is_in_metres(gpu):
     assert np.abs(places[1] - places[0]).max() < 1e-4
 
 
+def test_a_motion_goes_on_from_its_state(gpu, scene):
+    """In another Motion of the same arguments, on a mesh that moves, in wind: the same bits."""
+    def moving(seconds):
+        return attrs.evolve(scene, mesh=_posed(scene.mesh, shift=(np.sin(3 * seconds), seconds**2, 0)))
+    one, other = (clfur.Motion(moving, device=gpu, wind=clfur.Wind((3, 0, 1), 0.5, 0.5, 0.1)) for _ in range(2))
+    one.at(5)
+    state = one.state()
+    one.at(9)
+    there = other.restore(state)
+    assert other.time == state["time"] == 5 / 24 and (points(there) == points(other.at(5))).all()
+    assert (points(one.at(9)) == points(other.at(9))).all() and one.time == other.time
+    places = [_posed(scene.mesh, shift=(x, 1, 0)) for x in (0.5, 0.6)]   # not those of the function
+    one.step(0.01, places[0])
+    other.restore(one.state(), places[0])
+    assert (points(one.step(0.01, places[1])) == points(other.step(0.01, places[1]))).all()
+    for wrong, words in [({}, "is not what Motion.state has given"), (3, "is not what Motion.state has given"),
+                         (state | {"roots": state["roots"][:2]}, r"has roots float32 \[2, 3")]:
+        with pytest.raises(clfur.Error, match=words):
+            one.restore(wrong)
+
+
 def test_soft_hair_is_told(gpu, scene):
     with pytest.warns(RuntimeWarning, match="40 of 40 strands are too soft"):
         clfur.Motion(scene, clfur.HairMotion(bend_length=0.01), gpu)

@@ -60,7 +60,7 @@ def scene_of(mesh, options):
     given = options["eye"] or options["target"]
     towards = {"direction": options["view"]} if options["view"] else {}
     camera = frame(mesh, fur, options["size"], options["fov"], ground=None if given else ground, lights=lights,
-                   **towards)
+                   sides=options.get("sides", 1), **towards)
     if given:
         target = vector(3)(options["target"] or camera.target, "Camera.target")
         eye = options["eye"] or (camera.eye + target - camera.target).tolist()

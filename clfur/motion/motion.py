@@ -46,6 +46,9 @@ class Motion:
     time: seconds since the groom.
     """
 
+    _state: stage.State
+    _roots: Any   # as `stage.place_roots` gives them
+
     def __init__(self, scene: Scene | Callable[[float], Scene], hair: Any = None, device: Any = None, *,
                  rate: float = 120.0, units_per_metre: float = 1.0, gravity: Any = (0.0, -9.81, 0.0),
                  wind: Wind | None = None, fps: float = 24.0, jump: float | None = None) -> None:
@@ -103,9 +106,46 @@ class Motion:
         if frame < self._frame:
             raise Error(f"Motion.at frame is {frame}; allowed: {self._frame} and later, as time goes on alone")
         while self._frame < frame:
-            self.step(1 / self.fps)
+            self.step((self._frame + 1) / self.fps - self.time)   # so that errors do not add up
             self._frame += 1
         return self._drawn()
+
+    def state(self) -> dict:
+        """All that is needed to go on from here -> {name: NumPy array or number}, for `restore`."""
+        arrays = {name: self._gpu.download(getattr(*where)) for name, where in self._held().items()}
+        return {"time": self.time, "frame": self._frame, "last_step": self._last_step, **arrays}
+
+    def restore(self, state: dict, mesh: Mesh | None = None) -> Scene:
+        """Go to where a Motion of the same arguments was when it gave its `state` -> the Scene then.
+
+        From there on it gives the same bits. mesh: the last that `step` was given there, if any. Raises Error for
+        what is no such state.
+        """
+        held = self._held()
+        try:
+            arrays = {name: np.asarray(state[name]) for name in held}
+            time, frame, last_step = float(state["time"]), int(state["frame"]), float(state["last_step"])
+        except (LookupError, TypeError, ValueError):
+            raise Error("Motion.restore state is not what Motion.state has given; allowed: that alone") from None
+        for name, array in arrays.items():
+            there = getattr(*held[name])
+            if (array.shape, array.dtype) != (there.shape, there.dtype):
+                raise Error(f"Motion.restore state has {name} {array.dtype} {list(array.shape)}; allowed: "
+                            f"{there.dtype} {list(there.shape)}, of a Motion of the same arguments")
+        scene = self._scene_at(time)
+        mesh = checks.instance(Mesh, none=True)(mesh, "Motion.restore mesh") or scene.mesh
+        with self._gpu.frame():
+            self._corners = self._posed(mesh)
+            self._here = tuple(map(self._gpu.upload, self._corners))
+            for name, array in arrays.items():
+                owner, attribute = held[name]
+                object.__setattr__(owner, attribute, self._gpu.upload(array))
+        self._now, self._mesh, self.time, self._frame, self._last_step = scene, mesh, time, frame, last_step
+        return self._drawn()
+
+    def _held(self):
+        """{name: (object, its attribute)} of the arrays on the device that hair keeps from step to step."""
+        return {f"strands.{name}": (self._state, name) for name in self._state.declared} | {"roots": (self, "_roots")}
 
     def _scene_at(self, seconds):
         """The scene that was given, or that the given function gives."""
