@@ -42,13 +42,14 @@ from .scene import (
     over,
 )
 from .settings import Settings
+from .shutter import blurred, subframes
 
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
     "Frontier", "Ground", "HairMotion", "HairType", "Kajiya", "Light", "Maps", "Material", "Mesh", "Motion",
-    "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "Tufts", "Wind", "compare", "draw", "frames",
+    "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "Tufts", "Wind", "blurred", "compare", "draw", "frames",
     "frontier", "grow", "load", "load_colmap", "load_curves", "load_header", "load_materials", "load_mesh",
-    "load_picture", "load_scene", "over", "render", "save", "save_curves", "to_uint8", "truth",
+    "load_picture", "load_scene", "over", "render", "save", "save_curves", "subframes", "to_uint8", "truth",
 ]
 
 install()

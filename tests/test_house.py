@@ -86,6 +86,7 @@ SEES = {
     "pipeline": "errors layout scene settings stages device",
     "budget": "errors scene settings measures fitted pipeline",
     "render": "errors scene settings device pipeline budget",
+    "shutter": "errors layout scene settings stages pipeline render",
     "motion": "errors layout scene stages render",
     "judge": "errors color cache measures layout settings scene files device budget render twin stages.tessellate",
     "command": "clfur errors color cache settings scene files device budget judge",
