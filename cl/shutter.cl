@@ -21,6 +21,6 @@ __kernel void mean(
     __global float *out)                   // [n]
 {
     WORK_ITEM(i);
-    const long sum = sums[i], half = pictures / 2;
-    out[i] = convert_float((sum + (sum < 0 ? -half : half)) / pictures) * (1.0f / ONE);
+    const long sum = sums[i], most = pictures / 2;
+    out[i] = convert_float((sum + (sum < 0 ? -most : most)) / pictures) * (1.0f / ONE);
 }

@@ -47,8 +47,8 @@ from .shutter import blurred, subframes
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
     "Frontier", "Ground", "HairMotion", "HairType", "Kajiya", "Light", "Maps", "Material", "Mesh", "Motion",
-    "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "Tufts", "Wind", "blurred", "compare", "draw", "frames",
-    "frontier", "grow", "load", "load_colmap", "load_curves", "load_header", "load_materials", "load_mesh",
+    "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "Tufts", "Wind", "blurred", "compare", "draw",
+    "frames", "frontier", "grow", "load", "load_colmap", "load_curves", "load_header", "load_materials", "load_mesh",
     "load_picture", "load_scene", "over", "render", "save", "save_curves", "subframes", "to_uint8", "truth",
 ]
 

@@ -6,12 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 import attrs
-import numpy as np
 
 from .errors import Error, shown
 from .layout import PATTERNS
 from .pipeline.flow import farthest, plan_before
-from .pipeline.picture import OUTPUTS, Frame
+from .pipeline.picture import Frame
 from .pipeline.plan import Plan
 from .pipeline.views import Rig
 from .render import checked, drawn, schedulers
@@ -46,14 +45,12 @@ def blurred(scenes: Sequence[Scene], device: Any = None, settings: Settings | No
         settings = attrs.evolve(settings, seconds=settings.seconds / n)
     means = [name for name in outputs if name in MEANS]
     others = [name for name in outputs if name not in MEANS]
-    frame = drawn(gpus, middle, settings, others, hashes, **whole) if others or hashes or not means else None
-    found = [frame] * (frame is not None)
+    found = [drawn(gpus, middle, settings, others, hashes, **whole)] if others or hashes or not means else []
     if means:
-        blurry = _mean(gpus, scenes, settings, means, part)
-        found.append(blurry)
+        found.append(_mean(gpus, scenes, settings, means, part))
     images = {name: image for each in found for name, image in each.images.items()}
     return replace(found[-1], images={name: images[name] for name in outputs}, hashes=found[0].hashes, pictures=n,
-                   settings=found[-1].settings if frame is None else frame.settings, **_sums(found))
+                   **_sums(found))
 
 
 def subframes(opened: Scene, closed: Scene, device: Any = None) -> int:
@@ -81,7 +78,8 @@ def _scenes(value):
         raise Error(f"scenes is {shown(value)}; allowed: a list of 1 to {MOST} clfur.Scenes")
     sizes = {each.camera.size for each in scenes}
     if len(sizes) > 1:
-        raise Error(f"scenes have pictures of {' and '.join(f'{w} x {h}' for w, h in sorted(sizes))}; allowed: one size")
+        told = " and ".join(f"{width} x {height}" for width, height in sorted(sizes))
+        raise Error(f"scenes have pictures of {told}; allowed: one size")
     return scenes
 
 
@@ -91,15 +89,16 @@ def _mean(gpus, scenes, settings, outputs, region):
     for k, scene in enumerate(scenes):
         each, sample = _samples(scene, settings, k, n)
         frame = drawn(gpus, scene, each, outputs, region=region, sample=sample, aside=aside)
-        settings = attrs.evolve(frame.settings, samples=settings.samples)   # what one has chosen, the others take
+        if settings.goal:   # what the first one has chosen, the others take
+            settings = frame.settings
         aside = sum(shutter.SUMS.bytes * image.size for image in frame.images.values())
         with gpu.frame():
             for name, image in frame.images.items():
                 sums[name] = shutter.add(gpu, gpu.upload(image), sums.get(name))
-        frames.append(replace(frame, images={}))
-    with gpu.frame():
-        images = {name: gpu.download(shutter.mean(gpu, each, n)) for name, each in sums.items()}
-    return replace(frames[n // 2], images=images, settings=settings, **_sums(frames))
+            images = {name: gpu.download(shutter.mean(gpu, each, n)) for name, each in sums.items() if k == n - 1}
+            more = replace(frame, images={}, stages=gpu.seconds(), seconds=0.0, building=0.0)
+        frames += [replace(frame, images={}), more]
+    return replace(frames[-1], images=images, settings=settings, **_sums(frames))
 
 
 def _samples(scene, settings, k, n):

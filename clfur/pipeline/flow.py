@@ -14,8 +14,8 @@ from .views import Rig
 
 
 def plan_before(scene: Scene, before: Scene, settings: Settings) -> Plan:
-    """`Plan` of the scene ``before``, relative to the same place; raises `clfur.Error` unless both have the same strands,
-    faces and size of picture."""
+    """`Plan` of the scene ``before``, relative to the same place; raises `clfur.Error` unless both have the same
+    strands, faces and size of picture."""
     plan = Plan(Rig.of(before, settings), ())
     other = Plan(Rig.of(scene, settings), ())
     for what, one, two in (("strands", plan.strands, other.strands), ("points of strands", plan.points, other.points),
@@ -36,17 +36,18 @@ def vectors(gpu: Any, plan: Plan, parts: list, front: Any, known: dict) -> Any:
         flow.moving(gpu, *views, front.keys, now, build.before(gpu, plan, part), made, bool(plan.settings.lod))
         del now   # goes before the next one is made
     if plan.scene.shells:
-        corners = [gpu.upload(_corners(each.scene.mesh)) for each in (plan, other)]
-        flow.of_shells(gpu, *views, front.keys, front.shell_front, known["id"], *corners, made)
+        now, before = (gpu.upload(_corners(each.scene.mesh)) for each in (plan, other))
+        flow.of_shells(gpu, *views, front.keys, front.shell_front, known["id"], now, before, made)
     return made
 
 
 def farthest(gpu: Any, plan: Plan) -> float:
     """How far anything goes on the screen from the scene before to this one [pixels]."""
+    other: Any = plan.before
     most = None
     for part in plan.parts(gpu):
         now = build.hair(gpu, plan, part, 0), build.body(gpu, plan, part)
-        most = flow.farthest(gpu, plan.view, plan.before.view, now, build.before(gpu, plan, part), most)
+        most = flow.farthest(gpu, plan.view, other.view, now, build.before(gpu, plan, part), most)
         del now
     return float(gpu.download(most).view(np.float32)[0])
 

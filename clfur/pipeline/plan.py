@@ -125,8 +125,8 @@ class Cut:
 class Plan:
     """What a frame takes, and how it fits a device.
 
-    before: `Plan` of the scene from which motion vectors lead to this one, or None.  view: `layout.View` of what is drawn
-    for a region.  size: columns and rows of that, from `left` and `top` on.
+    before: `Plan` of the scene from which motion vectors lead here, or None.  view: `layout.View` of what is drawn for
+    a region.  size: columns and rows of that, from `left` and `top` on.
     wants_color, others: whether color is an output, and whether others are.  tells: outputs of `mattes.TOLD`.
     faces, triangles, strands, points: how many there are.  body: whether there is one.  rest: the mesh by whose areas
     strands are spread, if it is another.  guides: Curves on the host between which strands stand, or None.
