@@ -8,7 +8,7 @@ from typing import Any
 import attrs
 
 from .errors import Error, shown
-from .layout import PATTERNS
+from .layout import PATTERNS, pattern_start
 from .pipeline.flow import farthest, plan_before
 from .pipeline.picture import Frame
 from .pipeline.plan import Plan
@@ -20,7 +20,6 @@ from .stages import shutter
 
 MEANS = ("color", "coverage", "hair_alpha", "body_alpha", "type_alpha", "orientation", "strand_area")
 MOST, APART = 64, 1.5   # pictures of a blur; pixels on the screen that they are apart, at most
-SIDE = sorted(range(16), key=lambda each: PATTERNS[16][each])   # samples of a pixel, from left to right
 
 
 def blurred(scenes: Sequence[Scene], device: Any = None, settings: Settings | None = None,
@@ -31,8 +30,8 @@ def blurred(scenes: Sequence[Scene], device: Any = None, settings: Settings | No
     scenes: 1 to 64 `Scene`s of one size, in the order of time; of one it is `clfur.draw`'s very bits. Color, coverage,
     hair_alpha, body_alpha, type_alpha, orientation and strand_area are the means of all pictures, each with its own
     shadows, added up as linear light in steps of 2^-32, so that they are the same bits in any order. All other outputs,
-    and hashes, are those of scenes[n // 2], drawn once more. Where strands are drawn by what they cover, a picture has
-    so few samples that all together have as many as `Settings.samples`, at places of its own where it has one.
+    and hashes, are those of scenes[n // 2], drawn once more. Where strands are drawn by what they cover, and there are as
+    many pictures as `Settings.samples`, each has one of these, at another place in the pixel.
     Other arguments and errors as for `clfur.draw`; with `Settings.seconds` each picture has its part of these.
     """
     scenes = _scenes(scenes)
@@ -44,7 +43,7 @@ def blurred(scenes: Sequence[Scene], device: Any = None, settings: Settings | No
     if settings.seconds is not None:
         settings = attrs.evolve(settings, seconds=settings.seconds / n)
     means = [name for name in outputs if name in MEANS]
-    others = [name for name in outputs if name not in MEANS]
+    others = [name for name in outputs if name not in MEANS or (hashes and name == "color")]   # light has hashes too
     found = [drawn(gpus, middle, settings, others, hashes, **whole)] if others or hashes or not means else []
     if means:
         found.append(_mean(gpus, scenes, settings, means, part))
@@ -102,12 +101,11 @@ def _mean(gpus, scenes, settings, outputs, region):
 
 
 def _samples(scene, settings, k, n):
-    """(Settings of picture k of n, which of a pixel's sixteen samples it has if it has one, or None)."""
-    if settings.raster != "coverage" or settings.goal or scene.strands is None:
+    """(Settings of picture k of n, the row of `layout.PATTERNS` where its only sample is, or None)."""
+    if settings.raster != "coverage" or settings.goal or scene.strands is None or n < settings.samples:
         return settings, None
-    samples = next(each for each in (1, 4, 16) if each * n >= settings.samples)
-    place = k * next(step for step in range(max(round(n * 0.618), 1), 2 * n + 1) if math.gcd(step, n) == 1) % n
-    return attrs.evolve(settings, samples=samples), SIDE[(2 * place + 1) * 16 // (2 * n)] if samples == 1 else None
+    places = max(each for each in PATTERNS if each <= n)
+    return attrs.evolve(settings, samples=1), pattern_start(places) + k % places
 
 
 def _sums(frames):

@@ -40,7 +40,7 @@ class Rig:
     def of(cls, scene: Scene, settings: Settings = Settings(), sample: int | None = None) -> "Rig":
         """The `Rig` of a scene and how it is drawn.
 
-        ``sample``: which of a pixel's sixteen is its only one; in its middle if None.
+        ``sample``: row of the PATTERN where the only sample of a pixel lies; in its middle if None.
         """
         scene = scene.local
         if not any(light.casts for light in scene.lights):
@@ -48,7 +48,7 @@ class Rig:
         known, shadows = seen(scene), settings.shadows != "off"
         fit, view = Fit(scene, known), view_of(scene, settings.samples, known)
         if sample is not None:
-            view["size"][3] = layout.pattern_start(16) + sample
+            view["size"][3] = sample
         return cls(
             scene, settings, *known.ball, view,
             lights=tuple(light_of(light, scene.environment, settings.scattering != "off") for light in scene.lights),
