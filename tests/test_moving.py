@@ -135,6 +135,62 @@ def test_scale_is_in_metres(gpu):
     assert np.abs(places[1] - places[0]).max() < 1e-4
 
 
+def test_between_begins_and_ends_where_the_step_does(gpu, scene):
+    """To the bit; and so do the mesh, lights and camera."""
+    def at(t):
+        light = clfur.Light(intensity=1 + t)
+        return attrs.evolve(scene, mesh=_posed(scene.mesh, TURN if t > 0.06 else None, (t, 0, 0)), light=light)
+    for given, carried in (at, 1.0), (at, 0.3), (scene, 1.0):
+        motion = clfur.Motion(given, clfur.HairMotion(inertia=carried), gpu, wind=clfur.Wind((4, 0, 1)))
+        before = motion.step(0.05)
+        after = motion.step(0.005)
+        for share, scene_then in (0, before), (1, after):
+            now = motion.between(share)
+            np.testing.assert_array_equal(now.fur.on_host.points, scene_then.fur.on_host.points)
+            np.testing.assert_array_equal(now.fur.on_host.root_normal, scene_then.fur.on_host.root_normal)
+            np.testing.assert_array_equal(now.mesh.positions, scene_then.mesh.positions)
+            assert now.light.intensity == scene_then.light.intensity
+    step = motion.step(0.01, _posed(scene.mesh, shift=(0.1, 0, 0)))
+    half = motion.between(0.5)
+    np.testing.assert_allclose(half.mesh.positions - scene.mesh.positions, [[0.05, 0, 0]] * len(scene.mesh.positions),
+                               atol=1e-6)
+    np.testing.assert_allclose(half.mesh.normals, scene.mesh.normals, atol=1e-6)
+    assert np.abs(points(half) - points(step)).max() > 0.01
+
+
+@pytest.mark.parametrize("spin", [0, 3])
+def test_between_is_exact_to_the_fourth_power_of_the_step(gpu, scene, spin):
+    """Of a swing, against 32 steps in one; lengths stay."""
+    def turned(t):
+        c, s = np.cos(spin * t), np.sin(spin * t)
+        return attrs.evolve(scene, mesh=_posed(scene.mesh, np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])))
+    errors = []
+    for step in 1 / 12, 1 / 24:
+        coarse, fine = (clfur.Motion(turned, clfur.HairMotion(bend_length=0.2), gpu, rate=32 / step, jump=9,
+                                     gravity=(0, -9.81, 0)) for _ in range(2))
+        for motion in coarse, fine:
+            motion.step(1 / 4, wind=clfur.Wind((9, 0, 2)))   # bent: it swings back
+        coarse.step(step, wind=clfur.Wind())
+        worst = 0.0
+        for k in range(1, 32):
+            now = points(fine.step(step / 32, wind=clfur.Wind()))
+            worst = max(worst, np.abs(points(coarse.between(k / 32)) - now).max())
+        errors.append(worst)
+        lengths = [np.linalg.norm(np.diff(points(each).reshape(-1, 7, 3), axis=1), axis=2)
+                   for each in (coarse.between(0.37), coarse.between(1))]
+        assert np.abs(lengths[0] / lengths[1] - 1).max() < 3e-6   # places are in float32, segments of 0.07
+    print(spin, errors)
+    assert errors[1] < errors[0] / 5
+
+
+def test_a_cut_is_over_at_once(gpu, scene):
+    motion = clfur.Motion(scene, device=gpu)
+    motion.step(0.05)
+    now = motion.step(0.05, _posed(scene.mesh, TURN, (0.3, 0, 0)), cut=True)
+    then = motion.between(0.2)
+    assert then.mesh is now.mesh and np.abs(points(then) - points(now)).max() < 0.02
+
+
 def test_soft_hair_is_told(gpu, scene):
     with pytest.warns(RuntimeWarning, match="40 of 40 strands are too soft"):
         clfur.Motion(scene, clfur.HairMotion(bend_length=0.01), gpu)
@@ -150,7 +206,9 @@ def test_what_is_refused(gpu, scene):
             (lambda: motion.step(1 / 24, other), "Motion.scene.mesh has 80 faces and Scene.mesh 79"),
             (lambda: motion.step(0), "Motion.step seconds is 0"),
             (lambda: motion.step(1, "mesh"), "Motion.step mesh is"),
+            (lambda: motion.between(0.5), "Motion.between is asked for before any step"),
             (lambda: [motion.at(2), motion.at(1)], "Motion.at frame is 1; allowed: 2 and later"),
+            (lambda: motion.between(1.5), "Motion.between share is 1.5"),
             (lambda: clfur.Motion(clfur.Scene(mesh=scene.mesh)), "Motion.scene is"),
             (lambda: clfur.Motion(scene, [clfur.HairMotion()] * 3, gpu), "Motion.hair has 3 HairMotions"),
             (lambda: clfur.Motion(scene, 3, gpu), "Motion.hair is 3"),
