@@ -30,8 +30,8 @@ def blurred(scenes: Sequence[Scene], device: Any = None, settings: Settings | No
     scenes: 1 to 64 `Scene`s of one size, in the order of time; of one it is `clfur.draw`'s very bits. Color, coverage,
     hair_alpha, body_alpha, type_alpha, orientation and strand_area are the means of all pictures, each with its own
     shadows, added up as linear light in steps of 2^-32, so that they are the same bits in any order. All other outputs,
-    and hashes, are those of scenes[n // 2], drawn once more. Where strands are drawn by what they cover, and there are as
-    many pictures as `Settings.samples`, each has one of these, at another place in the pixel.
+    and hashes, are those of scenes[n // 2], drawn once more. Where strands are drawn by what they cover, and there are
+    as many pictures as `Settings.samples`, each has one of these, at another place in the pixel.
     Other arguments and errors as for `clfur.draw`; with `Settings.seconds` each picture has its part of these.
     """
     scenes = _scenes(scenes)

@@ -118,8 +118,8 @@ def remember(gpu: Any, state: State) -> tuple[Any, Any]:
     return copies
 
 
-def between(gpu: Any, state: State, types: Any, strands: DeviceStrands, then: tuple[Any, Any], roots: tuple, share: float,
-            seconds: float, jumped: bool = False) -> tuple[Any, Any]:
+def between(gpu: Any, state: State, types: Any, strands: DeviceStrands, then: tuple[Any, Any], roots: tuple,
+            share: float, seconds: float, jumped: bool = False) -> tuple[Any, Any]:
     """Where strands were within their last step -> as `place_points`.
 
     then: what `remember` gave before the step.  roots: [4, 3, padded] float32 each, as the step began, as it ended, and
