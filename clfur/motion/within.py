@@ -20,7 +20,7 @@ class Began:
 
     time: float
     seconds: float
-    mesh: Mesh
+    mesh: Any
     roots: Any
     hair: tuple
     is_cut: bool
