@@ -20,6 +20,7 @@ from .judge.compare import Comparison, compare
 from .judge.frontier import Frontier, frontier
 from .motion.hair import HairMotion, Wind
 from .motion.motion import Motion
+from .motion.shutter import blurred, subframes
 from .render import Frame, draw, frames, grow, render
 from .scene import (
     Camera,
@@ -42,7 +43,6 @@ from .scene import (
     over,
 )
 from .settings import Settings
-from .shutter import blurred, subframes
 
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",

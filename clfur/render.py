@@ -17,7 +17,7 @@ from .device.team import Team
 from .errors import Error, shown
 from .pipeline.build import told
 from .pipeline.grown import curves_of
-from .pipeline.picture import OUTPUTS, Frame, draw_frame
+from .pipeline.picture import OF_TWO, OUTPUTS, Frame, draw_frame
 from .pipeline.plan import Plan
 from .pipeline.views import Rig
 from .scene import Camera, Curves, Scene, Strands, highlighted
@@ -92,8 +92,8 @@ def checked(scene: Any, settings: Any, outputs: Any, region: Any, before: Any) -
     """(outputs, Settings, region) of what `draw` is given, or `clfur.Error`."""
     outputs = (outputs,) if isinstance(outputs, str) else outputs
     for name in outputs if isinstance(outputs, (tuple, list)) else [outputs]:
-        if not isinstance(name, str) or name not in OUTPUTS:
-            raise Error(f"there is no output {shown(name)}; allowed: {', '.join(OUTPUTS)}")
+        if not isinstance(name, str) or name not in OUTPUTS | OF_TWO:
+            raise Error(f"there is no output {shown(name)}; allowed: {', '.join(OUTPUTS | OF_TWO)}")
     _check_scene(scene)
     if before is None and "motion_vector" in outputs:
         raise Error("motion_vector needs before; allowed: the scene at another time")

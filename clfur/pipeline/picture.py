@@ -24,7 +24,8 @@ from .views import Rig
 
 # How many of four values of a pixel on the device are an output's, None: it has one; more are told on the host.
 OUTPUTS = {"color": 4, "depth": None, "id": None, "tangent": 3, "normal": 3, "uv": 2, "coverage": None,
-           "position": None, "motion_vector": 2} | dict.fromkeys(TOLD)
+           "position": None} | dict.fromkeys(TOLD)
+OF_TWO = {"motion_vector": 2}   # and those of a scene and another, which was before
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ class Picture:
 
     def read(self, gpu: Any, band: Band, front: Front, found: dict) -> tuple:
         """What `draw_band` gives: the outputs that are ``found``, on the host."""
-        images = {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in self.outputs
+        images = {name: np.ascontiguousarray(gpu.download(found[name])[..., :(OUTPUTS | OF_TWO)[name]]) for name in self.outputs
                   if name in found}
         if "position" in self.outputs:
             depth = images["depth"] if "depth" in images else gpu.download(found["depth"])

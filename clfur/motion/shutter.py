@@ -7,16 +7,16 @@ from typing import Any
 
 import attrs
 
-from .errors import Error, shown
-from .layout import PATTERNS, pattern_start
-from .pipeline.flow import farthest, plan_before
-from .pipeline.picture import Frame
-from .pipeline.plan import Plan
-from .pipeline.views import Rig
-from .render import checked, drawn, schedulers
-from .scene import Scene
-from .settings import Settings
-from .stages import shutter
+from ..errors import Error, shown
+from ..layout import PATTERNS, pattern_start
+from ..pipeline.flow import farthest, plan_before
+from ..pipeline.picture import Frame
+from ..pipeline.plan import Plan
+from ..pipeline.views import Rig
+from ..render import checked, drawn, schedulers
+from ..scene import Scene
+from ..settings import Settings
+from ..stages import shutter
 
 MEANS = ("color", "coverage", "hair_alpha", "body_alpha", "type_alpha", "orientation", "strand_area")
 MOST, APART = 64, 1.5   # pictures of a blur; pixels on the screen that they are apart, at most
