@@ -121,7 +121,8 @@ class Picture:
 
     def read(self, gpu: Any, band: Band, front: Front, found: dict) -> tuple:
         """What `draw_band` gives: the outputs that are ``found``, on the host."""
-        images = {name: np.ascontiguousarray(gpu.download(found[name])[..., :(OUTPUTS | OF_TWO)[name]]) for name in self.outputs
+        numbers = OUTPUTS | OF_TWO
+        images = {name: np.ascontiguousarray(gpu.download(found[name])[..., :numbers[name]]) for name in self.outputs
                   if name in found}
         if "position" in self.outputs:
             depth = images["depth"] if "depth" in images else gpu.download(found["depth"])
