@@ -174,13 +174,6 @@ inline float way_of(const View *view_before, const View *view, float4 p, float4 
     return sqrt(way.x * way.x + way.y * way.y);
 }
 
-/* Floats that are not negative are in the order of their bits. */
-inline void offer(volatile __global uint *most, float way)
-{
-    if (as_uint(way) > *most)
-        atomic_max(most, as_uint(way));
-}
-
 /* One work-item asks how far the points of one strand go. */
 __kernel void of_strands(
     const ulong begin, const ulong end,    // work-items, see common.h
@@ -202,7 +195,7 @@ __kernel void of_strands(
         const float way = way_of(&view_before, &view, to_screen(&view_before, before), to_screen(&view, points[j]));
         farthest = way > farthest ? way : farthest;
     }
-    offer(most, farthest);
+    atomic_max(most, as_uint(farthest));   // floats that are not negative are in the order of their bits
 }
 
 /* One work-item asks how far one corner of the body goes. */
@@ -215,5 +208,6 @@ __kernel void of_body(
     volatile __global uint *most)          // [1] bits of a float [pixels]
 {
     WORK_ITEM(i);
-    offer(most, way_of(&view_before, &view, to_screen(&view_before, positions_before[i]), to_screen(&view, positions[i])));
+    atomic_max(most, as_uint(way_of(&view_before, &view, to_screen(&view_before, positions_before[i]),
+                                    to_screen(&view, positions[i]))));
 }

@@ -9,6 +9,7 @@ from ._moved import install
 from .budget import PRESETS
 from .device.scheduler import Scheduler
 from .errors import DeviceError, Error
+from .files.animation import load_animation
 from .files.colmap import load_colmap
 from .files.curves import load_curves, save_curves
 from .files.gltf import load_materials
@@ -48,8 +49,9 @@ __all__ = [
     "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
     "Frontier", "Ground", "HairMotion", "HairType", "Kajiya", "Light", "Maps", "Material", "Mesh", "Motion",
     "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "Tufts", "Wind", "blurred", "compare", "draw",
-    "frames", "frontier", "grow", "load", "load_colmap", "load_curves", "load_header", "load_materials", "load_mesh",
-    "load_picture", "load_scene", "over", "render", "save", "save_curves", "subframes", "to_uint8", "truth",
+    "frames", "frontier", "grow", "load", "load_animation", "load_colmap", "load_curves", "load_header",
+    "load_materials", "load_mesh", "load_picture", "load_scene", "over", "render", "save", "save_curves", "subframes",
+    "to_uint8", "truth",
 ]
 
 install()

@@ -89,7 +89,7 @@ SEES = {
     "motion": "errors layout scene settings stages pipeline render",
     "film": "clfur errors color cache settings scene files device render motion av",
     "judge": "errors color cache measures layout settings scene files device budget render twin stages.tessellate",
-    "command": "clfur errors color cache settings scene files device budget judge",
+    "command": "clfur errors color cache settings scene files film device budget judge",
     "_moved": "", "__main__": "command", "__init__": "*",
 }
 GUARDED = {"pyopencl", "trimesh", "mapbox_earcut", "imageio", "OpenEXR", "Imath", "av"}

@@ -177,7 +177,8 @@ _SHELLS = [
                  help="How far hairs of shells are displaced and the size of the waves, both in hairs."),
     click.option("--wind", type=Numbers(3), default="0,0,0", metavar="X,Y,Z", help="Wind over shells; it gusts."),
     click.option("--time", type=AnyReal(), metavar="SECONDS",
-                 help="The moment of the wind, which gusts; or a USD file's time code.  [default: 0, or its first]"),
+                 help="The moment of the wind, which gusts, and of a scene file that moves; or a USD file's time code. "
+                      " [default: 0, or its first]"),
     click.option("--shading", type=click.Choice(["kajiya-kay", "turned"]), default="kajiya-kay",
                  help="Light on shells: by the hair's direction, or by the report's turned normals."),
 ]

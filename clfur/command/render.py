@@ -16,7 +16,7 @@ from ..scene import backdrop
 from .described import lowered
 from .devices import ask_drivers
 from .options import Sectioned, scene_options
-from .scenes import is_scene_file, load_scene
+from .scenes import is_scene_file, load_moving, moved, scene_at
 from .skin import files_of, taken
 from .types import Backdrop, Bytes, Names, Real, Region, read_for
 from .waiting import waiting
@@ -55,7 +55,8 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
 
     MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.  Or it is a USD
     scene (.usd, .usda, .usdc, .usdz), whose camera, lights and hair count where no option says otherwise.  Or it is a
-    Python file (.py) that sets `scene`, a clfur.Scene, and maybe `settings`, a clfur.Settings.
+    Python file (.py) that sets `scene`, a clfur.Scene or a function of seconds that gives one, and maybe `settings`, a
+    clfur.Settings, and `motion`, a dict of arguments of clfur.Motion, by which hair moves up to --time.
     """
     output = Path(Path(given).stem + ".png" if output is None else output)
     read = [given, *(options[name] for name in ("hair", "type_map", "types", "rest", "body_texture"))]
@@ -64,12 +65,16 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
     with waiting(f"reading {given}") as tell:
-        scene, settings = load_scene(given, options)
+        *moving, settings = load_moving(given, options)
+        scene = scene_at(moving[0], options["time"])
         behind = None if background is None else _background(background, scene.camera.size)
         tell("starting OpenCL")
         ask_drivers()
         if memory is not None:
             device = [Scheduler(one, memory) for one in (device if isinstance(device, list) else [device])]
+        if moving[1] is not None:
+            tell(f"moving the hair of {given}")
+        scene, steps = moved(given, *moving, options["time"], device)
         tell(f"drawing {given}")
         drawn = draw(scene, device=device, outputs=outputs, settings=settings, region=region)
         if "color" in drawn.images and not drawn.images["color"][..., 3].any():
@@ -78,12 +83,7 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
         laid = {} if behind is None else {"color": _over(drawn.images["color"], behind, scene.camera.size, region)}
         save(output, drawn.images | laid, _camera_of(scene.camera, region), drawn.settings)
 
-    skipped = {"degenerate": scene.mesh.degenerate_faces if scene.mesh else 0,
-               "zero_normal": scene.mesh.zero_normal_faces if scene.mesh else 0,
-               "doubled": scene.mesh.doubled_faces if scene.mesh else 0}
-    wound = {"turned": scene.mesh.turned_faces if scene.mesh else 0,
-             "one_sided": scene.mesh.one_sided_faces if scene.mesh else 0,
-             "inward": bool(scene.mesh and scene.mesh.inward)}
+    skipped, wound = _faults(scene.mesh)
     shells, fewer = scene.shells, "" if is_scene_file(given) else lowered(options, scene.strands)
     if as_json:
         of_options = {} if is_scene_file(given) or is_usd(given) else {
@@ -94,7 +94,7 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
             "shells": shells and {"frequency": shells.frequency_on(scene.mesh), **{
                 name: getattr(shells, name) for name in ("layers", "length", "hairs", "pattern")}},
-            "fewer": fewer, "inexact": getattr(scene.strands, "inexact", 0), "seconds": drawn.seconds,
+            "fewer": fewer, "inexact": getattr(scene.strands, "inexact", 0), "steps": steps, "seconds": drawn.seconds,
             "building": drawn.building, "stages": drawn.stages, "skipped": skipped, **wound,
             "camera": {"eye": scene.camera.pose[:3, 3].tolist(),
                        "target": None if scene.camera.target is None else scene.camera.target.tolist()},
@@ -109,6 +109,7 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
     print(f"{output}: {drawn.triangles:,} triangles, {', '.join(fur)} "
           f"in {drawn.seconds:.2f} s on {drawn.device} ({stages}"
           + (f"; building kernels {drawn.building:.3f}" if drawn.building >= TOLD else "") + ")"
+          + (f"; moved by {options['time']:g} s in {steps} steps" if steps else "")
           + (f"; {fewer}" if fewer else "") + taken(scene.strands)
           + (f"; skipped faces: {', '.join(left_out)}" if left_out else "")
           + (f"; turned {wound['turned']:,} faces that were inside out" if wound["turned"] else "")
@@ -116,6 +117,13 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
              if wound["one_sided"] else "")
           + ("; the mesh's normals point inwards, and so does its fur" if wound["inward"] else "")
           + (f"; {label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""))
+
+
+def _faults(mesh):
+    """({kind: faces} left out, {what is wrong with how faces are wound}) of a mesh or None."""
+    return ({name: getattr(mesh, f"{name}_faces", 0) for name in ("degenerate", "zero_normal", "doubled")},
+            {name: getattr(mesh, f"{name}_faces", 0) for name in ("turned", "one_sided")}
+            | {"inward": bool(mesh and mesh.inward)})
 
 
 def _told(texts, lights):

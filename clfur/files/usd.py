@@ -65,6 +65,17 @@ class Stage:
         self.purposes: tuple[str, ...] = ("default", "render")   # of prims that are seen
         self.points = 0
 
+    def times(self) -> tuple[float, float, float]:
+        """(first, last, time codes a second) of what moves: as the stage says, else by its samples; first and last are
+        the same of one that does not."""
+        stage = self.stage
+        first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
+        if not stage.HasAuthoredTimeCodeRange():
+            samples = [each for prim in stage.Traverse() for attribute in prim.GetAuthoredAttributes()
+                       for each in attribute.GetTimeSamples()]
+            first, last = (min(samples), max(samples)) if samples else (0.0, 0.0)
+        return float(first), float(last), float(stage.GetTimeCodesPerSecond())
+
     def leave(self, what: str, prim: Any) -> None:
         """Remember that a prim, or something of it, is left out."""
         self.left.setdefault(what, []).append(str(prim.GetPath()))

@@ -65,6 +65,7 @@ def _mesh(stage, prim, materials):
         stage.leave("a Mesh without faces", prim)
         return None
     points, sizes, corners = (numbers(each, columns) for each, columns in zip(given, (3, 1, 1)))
+    points = np.concatenate([points, _first(stage, mesh, points)], axis=1)   # as they are now, and at first
     sizes, corners = (each.ravel().astype(np.int64) for each in (sizes, corners))
     if (sizes < 0).any() or int(sizes.sum()) != len(corners):
         raise Error(f"has {len(corners)} faceVertexIndices, but its faceVertexCounts add up to {int(sizes.sum())}")
@@ -86,7 +87,8 @@ def _mesh(stage, prim, materials):
         points = limit(points, corners) if levels else points
     elif scheme == "loop":
         stage.leave("subdivision of scheme loop", prim)
-    triangles, owner = triangulate(points, corners, sizes)
+    triangles, owner = triangulate(points[:, 3:], corners, sizes)   # alike at all times
+    points = points[:, :3]
     keep = ~np.isin(faces[owner], np.asarray(mesh.GetHoleIndicesAttr().Get(at) or (), np.int64))
     triangles, owner = triangles[keep], owner[keep]
     if str(mesh.GetOrientationAttr().Get(at)) == "leftHanded":
@@ -96,6 +98,12 @@ def _mesh(stage, prim, materials):
         positions, indices = points[corners], triangles
     return {"positions": positions, "faces": indices, "normals": normals, "uv": None if uv is None else uv[triangles],
             "material_of": of_faces[faces[owner]]}
+
+
+def _first(stage, mesh, points):
+    """Points of a mesh at their first time, if they are as many then, else these."""
+    first = mesh.GetPointsAttr().Get(stage.pxr.Usd.TimeCode.EarliestTime())
+    return numbers(first, 3) if len(first or ()) == len(points) else points
 
 
 def _levels(stage, mesh, prim, sizes):
