@@ -57,17 +57,47 @@ def moved(given, scene, motion, seconds, device):
         return scene_at(scene, seconds), 0
     if seconds < 0:
         raise click.UsageError(f"--time is {seconds:g}; allowed: from 0, as {given} sets motion")
-    try:
+    with _of(given):
         motion = clfur.Motion(scene, **motion, fps=FPS, device=device)
-        frames = int(seconds * FPS + 1e-6)
-        now, rest = motion.at(frames), seconds - frames / FPS
-        if rest > 1e-6:
-            now, frames = motion.step(rest), frames + 1
+        now, frames = _go(motion, seconds)
+    return on_host(now), frames
+
+
+def opened(given, scene, motion, seconds, device, shutter, n):
+    """([Scene], steps) of what `load_moving` gives of a file, at the middles of n equal parts of the time in which a
+    shutter is open, so many seconds up to a time from 0; n None: as many as its motion on the screen takes."""
+    seconds, steps = float(seconds or 0), 0
+    began = seconds - shutter
+    if not callable(scene) and motion is None:
+        raise click.UsageError("--shutter is for what moves; allowed: a scene file with def scene(t), or motion")
+    if began < 0:
+        raise click.UsageError(f"--time is {seconds:g}, but the shutter opens {shutter:g} s before; allowed: later")
+    with _of(given):
+        if motion is not None:
+            motion = clfur.Motion(scene, **motion, fps=FPS, device=device)
+            steps = _go(motion, began)[1] + 1
+            motion.step(shutter)
+        at = motion.between if motion else lambda share: scene_at(scene, began + share * shutter)
+        n = n or clfur.subframes(at(0), at(1), device)
+        return [on_host(at((k + 0.5) / n)) for k in range(n)], steps
+
+
+def _go(motion, seconds):
+    """Go on to a time from 0, frame by frame -> (Scene then, steps)."""
+    frames = int(seconds * FPS + 1e-6)
+    now, rest = motion.at(frames), seconds - frames / FPS
+    return (motion.step(rest), frames + 1) if rest > 1e-6 else (now, frames)
+
+
+@contextlib.contextmanager
+def _of(given):
+    """What goes wrong within is told of the file, but what a device, or the file's own function, does."""
+    try:
+        yield
     except Error as error:
-        if type(error) is not Error or str(error).startswith(f"{given}"):   # of a device; of the scene's function
+        if type(error) is not Error or str(error).startswith(f"{given}"):
             raise
         raise Error(f"{given}: {error}") from error
-    return on_host(now), frames
 
 
 def load_moving(given, options):
