@@ -80,16 +80,8 @@ def render(given, output, outputs, background, region, shutter, fps, pictures, d
         ask_drivers()
         if memory is not None:
             device = [Scheduler(one, memory) for one in (device if isinstance(device, list) else [device])]
-        if moving[1] is not None:
-            tell(f"moving the hair of {given}")
-        if shutter:
-            scenes, steps = opened(given, *moving, options["time"], device, shutter / 360 / fps, pictures)
-            scene = scenes[len(scenes) // 2]
-        else:
-            scene, steps = moved(given, *moving, options["time"], device)
-        tell(f"drawing {given}")
         known = {"device": device, "outputs": outputs, "settings": settings, "region": region}
-        drawn = blurred(scenes, **known) if shutter else draw(scene, **known)
+        drawn, scene, steps = _drawn(tell, given, moving, options["time"], shutter / 360 / fps, pictures, known)
         if "color" in drawn.images and not drawn.images["color"][..., 3].any():
             warnings.warn("nothing of the scene is to be seen in the picture", stacklevel=2)
         tell(f"saving {output}")
@@ -139,6 +131,19 @@ def _faults(mesh):
     return ({name: getattr(mesh, f"{name}_faces", 0) for name in ("degenerate", "zero_normal", "doubled")},
             {name: getattr(mesh, f"{name}_faces", 0) for name in ("turned", "one_sided")}
             | {"inward": bool(mesh and mesh.inward)})
+
+
+def _drawn(tell, given, moving, seconds, shutter, pictures, known):
+    """(Frame, Scene, steps) of what `load_moving` gives, at a time, with a shutter that is open so many seconds."""
+    if moving[1] is not None:
+        tell(f"moving the hair of {given}")
+    if not shutter:
+        scene, steps = moved(given, *moving, seconds, known["device"])
+        tell(f"drawing {given}")
+        return draw(scene, **known), scene, steps
+    scenes, steps = opened(given, *moving, seconds, known["device"], shutter, pictures)
+    tell(f"drawing {given}")
+    return blurred(scenes, **known), scenes[len(scenes) // 2], steps
 
 
 def _told(texts, lights):
