@@ -6,6 +6,8 @@ import pytest
 from support.scenes import icosphere
 
 import clfur
+from clfur.pipeline.plan import Plan
+from clfur.pipeline.views import Rig
 from clfur.stages import shutter
 from clfur.twin import shutter as twin
 
@@ -86,6 +88,18 @@ def test_order_and_region_do_not_matter(gpu):
     np.testing.assert_array_equal(part, full[y:y + height, x:x + width])
     still = [turned(0, **bare)] * 3
     np.testing.assert_allclose(clfur.blurred(still, gpu).images["color"], clfur.render(still[0], gpu), atol=2**-32)
+
+
+def test_parts_and_teams_do_not_matter(gpu, another):
+    """The same bits on a device where strands are drawn in parts beside the sums, and on two."""
+    outputs = "color", "hair_alpha", "depth"
+    scenes = [turned(2 * k, roots=14000) for k in range(2)]
+    little, settings = another(memory=6 << 20), clfur.Settings(grid=32, shadow_map=64)
+    whole = clfur.blurred(scenes, gpu, settings, outputs, hashes=True)
+    assert len(Plan(Rig.of(scenes[0], settings), outputs, aside=48 * 40 * 5 * 8).parts(little)) > 1
+    for device in little, [another(), another()]:
+        frame = clfur.blurred(scenes, device, settings, outputs, hashes=True)
+        assert bits(frame.images) == bits(whole.images) and frame.hashes == whole.hashes
 
 
 def test_bodies_are_smooth_with_one_sample_a_picture(gpu):
