@@ -660,7 +660,7 @@ __kernel void between(
         here[a] = column_of(roots + row, padded, i);
     }
     const float4 root = column_of(roots, padded, i);
-    const float4 gone = column_of(roots_now, padded, i) - column_of(roots_then, padded, i);
+    const float4 from = column_of(roots_then, padded, i), gone = column_of(roots_now, padded, i) - from, come = root - from;
     float4 before = (float4)(0.0f), place = before;    // of the point before: as the curves have it, and as lengths do
     for (uint k = 0; k < span.y; ++k) {
         float4 p = (float4)(0.0f);
@@ -668,7 +668,7 @@ __kernel void between(
             const size_t row = 3 * (size_t)k * padded;
             const float4 a = column_of(places_then + row, padded, i), b = column_of(places + row, padded, i);
             const float4 v = seconds * column_of(speeds_then + row, padded, i), w = seconds * column_of(speeds + row, padded, i);
-            const float4 free = curve_at(share, a, v - gone, b, w - gone);
+            const float4 free = curve_at(share, a, v, b + gone, w) - come;
             const float4 held = curve_at(share, along_axes(then, a), along_axes(then, v), along_axes(now, b), along_axes(now, w));
             p = (1.0f - carried) * free + carried * of_axes(here, held);
             const float size = lengths[(size_t)(k - 1) * padded + i];

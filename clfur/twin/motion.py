@@ -178,12 +178,12 @@ def between(then, now, roots, share, seconds, carried, lengths):
     basis = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [1, 1, 1, 1], [0, 1, 2, 3]], float)   # place, speed at 0; and at 1
     weights = np.array([1, share, share**2, share**3]) @ np.linalg.inv(basis)
 
-    def curve(turn_then, turn_now, drift):
-        known = [then[0] @ turn_then, seconds * then[1] @ turn_then - drift,
-                 now[0] @ turn_now, seconds * now[1] @ turn_now - drift]
-        return np.einsum("k,kpa->pa", weights, known)
-    free = curve(np.eye(3), np.eye(3), roots[1][0] - roots[0][0])
-    held = curve(roots[0][1].T, roots[1][1].T, 0) @ roots[2][1]
+    def curve(*ends):
+        """Of (places, speeds) at both ends."""
+        return np.einsum("k,kpa->pa", weights, [each * by for end in ends for each, by in zip(end, (1, seconds))])
+    free = curve(*[(places + root[0], speeds) for (places, speeds), root in zip((then, now), roots)]) - roots[2][0]
+    held = curve(*[(places @ root[1].T, speeds @ root[1].T)
+                   for (places, speeds), root in zip((then, now), roots)]) @ roots[2][1]
     places = (1 - carried) * free + carried * held
     places[0] = 0
     along = np.diff(places, axis=0)
