@@ -22,6 +22,7 @@ from .judge.compare import Comparison, compare
 from .judge.frontier import Frontier, frontier
 from .motion.hair import HairMotion, Wind
 from .motion.motion import Motion
+from .motion.shutter import blurred, subframes
 from .render import Frame, draw, frames, grow, render
 from .scene import (
     Camera,
@@ -48,10 +49,10 @@ from .settings import Settings
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
     "Frontier", "Ground", "HairMotion", "HairType", "Kajiya", "Light", "Maps", "Material", "Mesh", "Motion",
-    "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "Tufts", "Wind", "compare", "draw", "film",
-    "frames", "frontier", "grow", "load", "load_animation", "load_colmap", "load_curves", "load_header",
-    "load_materials", "load_mesh", "load_picture", "load_scene", "over", "render", "save", "save_curves", "to_uint8",
-    "truth",
+    "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "Tufts", "Wind", "blurred", "compare", "draw",
+    "film", "frames", "frontier", "grow", "load", "load_animation", "load_colmap", "load_curves", "load_header",
+    "load_materials", "load_mesh", "load_picture", "load_scene", "over", "render", "save", "save_curves", "subframes",
+    "to_uint8", "truth",
 ]
 
 install()

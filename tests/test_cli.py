@@ -235,7 +235,39 @@ def test_a_scene_file_of_time(clfur, tmp_path):
     assert .005 < np.abs(found["still"] - found["moving"]).max() < .8
 
 
+def test_a_shutter(clfur, tmp_path):
+    """The mean of a scene file at the middles of parts of the time before --time, with `motion` and without."""
+    (tmp_path / "still.py").write_text(text := MOVING_FILE.replace("print", "str"))
+    (tmp_path / "moving.py").write_text(text + "motion = {'units_per_metre': 2}\n")
+    import clfur as library
+    there = runpy.run_path("moving.py")
+    motion = library.Motion(there["scene"], **there["motion"])
+    motion.at(11)
+    motion.step(.5 - 11 / 24 - 1 / 48)
+    motion.step(1 / 48)
+    for name, at in ("still", lambda share: there["scene"](.5 - (1 - share) / 48)), ("moving", motion.between):
+        options = ["render", f"{name}.py", "--time", ".5", "--shutter", "180", "--shadows", "off", "-o", "a.npz"]
+        code, out, _ = clfur(*options, "--pictures", "2")
+        assert code == 0 and "; the mean of 2 pictures" in out and ("13 steps" in out) == (name == "moving")
+        meant = library.blurred([at(.25), at(.75)], settings=library.Settings(shadows="off")).images["color"]
+        np.testing.assert_allclose(load("a.npz")["color"], meant, atol=1e-5)
+        code, out, _ = clfur(*options, "--fps", "1", "--json")
+        assert code == 0 and json.loads(out)["pictures"] == library.subframes(there["scene"](0), at(1))
+        assert clfur(*options[:4], "--fps", "48", "--outputs", "id,motion_vector", "-o", "a.exr")[0] == 0
+        found, meant = load("a.exr"), library.render(at(1), outputs=("id", "motion_vector"), before=at(0))
+        on = (found["id"] == meant["id"]) & (found["id"] != -1)
+        assert on.mean() > .1
+        np.testing.assert_allclose(found["motion_vector"][on], meant["motion_vector"][on], atol=1e-3)
+
+
 @pytest.mark.parametrize("text, options, words", [
+    (MOVING_FILE, ["--shutter", "180"], ["--time is 0, but what is asked for begins 0.0208333 s before"]),
+    (SCENE_FILE, ["--shutter", "180"], ["--shutter and motion_vector are of what moves; allowed: a scene"]),
+    (SCENE_FILE, ["--outputs", "motion_vector", "-o", "a.exr"], ["--shutter and motion_vector are of what moves"]),
+    (MOVING_FILE, ["--time", "1", "--shutter", "9", "--outputs", "motion_vector", "-o", "a.exr"], [
+        "motion_vector is of pictures without --shutter"]),
+    (MOVING_FILE, ["--shutter", "361"], ["--shutter", "'361' is not a number from 0 to 360"]),
+    (MOVING_FILE, ["--shutter", "1", "--pictures", "65"], ["'65' is not auto or a whole number from 1 to 64"]),
     (MOVING_FILE.replace("return ", ""), [], ["fur.py: scene(0) is None; allowed: a clfur.Scene"]),
     (MOVING_FILE.replace("print(", "1 / (t - .5); ("), ["--time", ".5"], [
         "fur.py, line 4, scene(0.5): ZeroDivisionError: float division by zero"]),

@@ -57,17 +57,48 @@ def moved(given, scene, motion, seconds, device):
         return scene_at(scene, seconds), 0
     if seconds < 0:
         raise click.UsageError(f"--time is {seconds:g}; allowed: from 0, as {given} sets motion")
-    try:
+    with _of(given):
         motion = clfur.Motion(scene, **motion, fps=FPS, device=device)
-        frames = int(seconds * FPS + 1e-6)
-        now, rest = motion.at(frames), seconds - frames / FPS
-        if rest > 1e-6:
-            now, frames = motion.step(rest), frames + 1
+        now, frames = _go(motion, seconds)
+    return on_host(now), frames
+
+
+def within(given, scene, motion, seconds, device, length):
+    """(function of a share, 0 to 1, that gives Scenes on the host, steps) of the time of so many seconds that ends at
+    ``seconds``, in what `load_moving` gives of a file that moves."""
+    seconds = float(seconds or 0)
+    began = seconds - length
+    if not callable(scene) and motion is None:
+        raise click.UsageError("--shutter and motion_vector are of what moves; allowed: a scene file with def "
+                               "scene(t), or motion")
+    if began < 0:
+        raise click.UsageError(f"--time is {seconds:g}, but what is asked for begins {length:g} s before; allowed: "
+                               "later")
+    if motion is None:
+        return lambda share: scene_at(scene, began + share * length), 0
+    with _of(given):
+        motion = clfur.Motion(scene, **motion, fps=FPS, device=device)
+        _, steps = _go(motion, began)
+        motion.step(length)
+    return lambda share: on_host(motion.between(share)), steps + 1
+
+
+def _go(motion, seconds):
+    """Go on to a time from 0, frame by frame -> (Scene then, steps)."""
+    frames = int(seconds * FPS + 1e-6)
+    now, rest = motion.at(frames), seconds - frames / FPS
+    return (motion.step(rest), frames + 1) if rest > 1e-6 else (now, frames)
+
+
+@contextlib.contextmanager
+def _of(given):
+    """What goes wrong within is told of the file, but what a device, or the file's own function, does."""
+    try:
+        yield
     except Error as error:
-        if type(error) is not Error or str(error).startswith(f"{given}"):   # of a device; of the scene's function
+        if type(error) is not Error or str(error).startswith(f"{given}"):
             raise
         raise Error(f"{given}: {error}") from error
-    return on_host(now), frames
 
 
 def load_moving(given, options):

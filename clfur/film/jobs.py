@@ -34,7 +34,7 @@ class Job:
         if len(self.scenes) == 1:
             image = draw(scene, device, self.settings).images["color"]
         else:
-            from .. import blurred  # type: ignore[attr-defined]
+            from .. import blurred
 
             image = blurred(self.scenes, device, self.settings).images["color"]
         if self.background is not None:

@@ -3,6 +3,7 @@
 import math
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import attrs
@@ -22,6 +23,7 @@ from ..stages.guides import feet_on
 from ..stages.strands import DeviceStrands
 from ..stages.tessellate import as_float4
 from .hair import HairMotion, Wind, of_types
+from .within import Began, mixed
 
 FEW, MOST = 0.25, 32   # lengths of the longest strand that a root may go in a substep; substeps it is given for that
 
@@ -66,6 +68,7 @@ class Motion:
         self._groom = grow(first, self._gpu) if isinstance(first.strands, Strands) else first.strands.on_host
         hair = of_types(HairMotion() if hair is None else hair, len(self._groom.hair_types))
         self._said, self._last_step, self._frame = False, 0.0, 0
+        self._began: Began | None = None
         self._mesh, self._origin = first.mesh, first.origin
         with self._gpu.frame():
             self._corners = self._posed(first.mesh)
@@ -93,9 +96,12 @@ class Motion:
         if mesh is not self._mesh:
             now = self._posed(mesh)
             moved = float(np.linalg.norm(now[0] - self._corners[0], axis=2).max())
+        is_cut = cut or moved > self.jump
         with self._gpu.frame():
             there = self._here if mesh is self._mesh else tuple(map(self._gpu.upload, now))
-            self._go(seconds, there, moved, cut or moved > self.jump)
+            self._began = Began(self.time, seconds, self._mesh, self._roots, stage.remember(self._gpu, self._state),
+                                is_cut, callable(self._given) and mesh is scene.mesh)
+            self._go(seconds, there, moved, is_cut)
         self._now, self._mesh, self._corners, self._here = scene, mesh, now, there
         return self._drawn()
 
@@ -141,11 +147,43 @@ class Motion:
                 owner, attribute = held[name]
                 object.__setattr__(owner, attribute, self._gpu.upload(array))
         self._now, self._mesh, self.time, self._frame, self._last_step = scene, mesh, time, frame, last_step
+        self._began = None
         return self._drawn()
 
     def _held(self):
         """{name: (object, its attribute)} of the arrays on the device that hair keeps from step to step."""
         return {f"strands.{name}": (self._state, name) for name in self._state.declared} | {"roots": (self, "_roots")}
+
+    def between(self, share: float) -> Scene:
+        """The Scene at a share, 0 to 1, of the last step, for motion blur.
+
+        Strands go on a cubic in time through places and speeds at both ends of the step, and are as long as ever; 1 is
+        what `step` gave, 0 what was before it, to the bit. The mesh is that of the function `scene` then, or goes
+        straight from pose to pose; all of a step that is a cut is after it. Raises Error before the first step.
+        """
+        share, began = checks.real(low=0, high=1)(share, "Motion.between share"), self._began
+        if began is None:
+            raise Error("Motion.between is asked for before any step; allowed: after Motion.step or Motion.at")
+        if share == 1:
+            return self._drawn()
+        time = began.time + share * began.seconds
+        scene = self._scene_at(time) if callable(self._given) else self._now
+        mesh = self._mesh if began.is_cut else scene.mesh if began.by_scene else mixed(began.mesh, self._mesh, share)
+        gpu, state, ends = self._gpu, self._state, (began.roots, self._roots)
+        with gpu.frame():
+            if share == 0 and not began.is_cut:
+                points, normals = stage.place_points(gpu, replace(state, places=began.hair[0]), ends[0], self._strands)
+            else:
+                roots = ends[1] if began.is_cut else self._roots_on(mesh)
+                points, normals = stage.between(gpu, state, self._types, self._strands, began.hair, (*ends, roots),
+                                                share, began.seconds, began.is_cut)
+        return self._drawn_as(scene, mesh, points, normals)
+
+    def _roots_on(self, mesh):
+        """Roots on a pose of the mesh."""
+        there = tuple(map(self._gpu.upload, self._posed(mesh)))
+        return stage.place_roots(self._gpu, self._feet, self._offsets, there, there, 1.0,
+                                 stage.padded(self._gpu, len(self._feet)))
 
     def _scene_at(self, seconds):
         """The scene that was given, or that the given function gives."""
@@ -236,12 +274,16 @@ class Motion:
         """The scene as it is now."""
         with self._gpu.frame():
             points, normals = stage.place_points(self._gpu, self._state, self._roots, self._strands)
-        mesh, (center, radius) = self._mesh, self._mesh.bounds
+        return self._drawn_as(self._now, self._mesh, points, normals)
+
+    def _drawn_as(self, scene, mesh, points, normals):
+        """A scene with strands of such points, and normals at their roots."""
+        center, radius = mesh.bounds
         bounds = attrs.evolve(self._beyond, center=center, radius=radius + self._beyond.radius)
         curves = attrs.evolve(self._groom, points=points, root_normal=normals, origin=self._origin, bounds=bounds,
                               lod_by="number")
-        shells = self._now.shells
-        return attrs.evolve(self._now, mesh=mesh, fur=curves if shells is None else (shells, curves))
+        shells = scene.shells
+        return attrs.evolve(scene, mesh=mesh, fur=curves if shells is None else (shells, curves))
 
 
 def _lengths(points, counts):

@@ -143,6 +143,13 @@ class Scene:
         there, mesh, fur = local(self.mesh, self.fur)
         if mesh is self.mesh and fur is self.fur:
             return self
+        return self._moved(there, mesh, fur)
+
+    def seen_from(self, there: np.ndarray) -> "Scene":
+        """The same Scene relative to another's `origin`, float64 [3]."""
+        return self._moved(there, seen_from(self.mesh, there), seen_from(self.fur, there))
+
+    def _moved(self, there, mesh, fur):
         strands, shells = strands_and_shells(fur)
         if shells is not None and np.any(shells.wind):   # gusts travel through the world
             turns = (shells.wind / np.linalg.norm(shells.wind)) @ there / (shells.rest or mesh).own_frame[2]

@@ -108,3 +108,26 @@ def place_points(gpu: Any, state: State, roots: Any, strands: DeviceStrands) -> 
     gpu.launch("motion.place_points", state.n, padded=state.padded, spans=strands.spans, roots=roots,
                places=state.places, packed=packed, normals=normals)
     return packed, normals
+
+
+def remember(gpu: Any, state: State) -> tuple[Any, Any]:
+    """(Places, speeds) of strands as they are, as `between` takes them after a step."""
+    copies = gpu.empty(state.places.shape, np.float32), gpu.empty(state.speeds.shape, np.float32)
+    gpu.launch("motion.remember", copies[0].size, places=state.places, speeds=state.speeds, places_then=copies[0],
+               speeds_then=copies[1])
+    return copies
+
+
+def between(gpu: Any, state: State, types: Any, strands: DeviceStrands, then: tuple[Any, Any], roots: tuple,
+            share: float, seconds: float, jumped: bool = False) -> tuple[Any, Any]:
+    """Where strands were within their last step -> as `place_points`.
+
+    then: what `remember` gave before the step.  roots: [4, 3, padded] float32 each, as the step began, as it ended, and
+    at ``share`` of its ``seconds``.  jumped: as of `advance`.
+    """
+    packed, normals = gpu.empty((len(strands.points), 3), np.float32), gpu.empty((state.n, 3), np.float32)
+    gpu.launch("motion.between", state.n, padded=state.padded, share=share, seconds=seconds, jumped=int(jumped),
+               spans=strands.spans, types=types, places_then=then[0], speeds_then=then[1], roots_then=roots[0],
+               roots_now=roots[1], roots=roots[2], packed=packed, normals=normals,
+               **{name: getattr(state, name) for name in ("type_of", "lengths", "places", "speeds")})
+    return packed, normals

@@ -166,3 +166,26 @@ def wind_at(places, mean, gust, size, time, seed):
         share = np.where(corner, step, 1 - step).prod(1)
         sums += share[:, None] * ((words >> np.uint32(8)) / 2**23 - 1)
     return mean + gust * sums
+
+
+def between(then, now, roots, share, seconds, carried, lengths):
+    """Where a strand was within a step -> [n + 1, 3] in the world.
+
+    then, now: (places [n + 1, 3] relative to the root, speeds) at both ends. roots: (place [3], axes [3, 3]) there, and
+    at that share of the seconds. A cubic that has these places and speeds (Hermite), of what the root does not carry in
+    the world, and of the rest in its axes; then segments are as long as they are.
+    """
+    basis = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [1, 1, 1, 1], [0, 1, 2, 3]], float)   # place, speed at 0; and at 1
+    weights = np.array([1, share, share**2, share**3]) @ np.linalg.inv(basis)
+
+    def curve(*ends):
+        """Of (places, speeds) at both ends."""
+        return np.einsum("k,kpa->pa", weights, [each * by for end in ends for each, by in zip(end, (1, seconds))])
+    free = curve(*[(places + root[0], speeds) for (places, speeds), root in zip((then, now), roots)]) - roots[2][0]
+    held = curve(*[(places @ root[1].T, speeds @ root[1].T)
+                   for (places, speeds), root in zip((then, now), roots)]) @ roots[2][1]
+    places = (1 - carried) * free + carried * held
+    places[0] = 0
+    along = np.diff(places, axis=0)
+    along *= (np.asarray(lengths) / np.linalg.norm(along, axis=1))[:, None]
+    return roots[2][0] + np.vstack([np.zeros(3), np.cumsum(along, axis=0)])
