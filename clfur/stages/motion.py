@@ -7,6 +7,7 @@ import numpy as np
 
 from .. import layout
 from ..layout import Arrays, array
+from .distance import Distance
 from .strands import DeviceStrands
 
 CPU_ITEMS, GPU_ITEMS = 64, 8192   # work-items of a step: few, so that their workspaces stay in a CPU's caches
@@ -28,6 +29,9 @@ class State(Arrays):
     speeds: Any = array("vector", np.float32, fill=0.0)
     speeds_before: Any = array("vector", np.float32, fill=0.0)
     tensions: Any = array("number", np.float32, fill=0.0)
+    away: Any = array("touch", np.float32, fill=0.0)             # [points, padded], or none: they feel no body
+    free: Any = array("touch", np.float32, fill=0.0)
+    pressed: Any = array("press", np.float32, fill=0.0)          # [points, 3, padded]
     n: int = 0          # strands
     padded: int = 0     # to whole lanes
     points: int = 0     # of the longest
@@ -38,17 +42,39 @@ def padded(gpu: Any, n: int) -> int:
     return -(-n // gpu.lanes) * gpu.lanes
 
 
-def hang(gpu: Any, strands: DeviceStrands, points: int, roots: Any, types: Any, gravity: Any) -> tuple[State, Any]:
+@dataclass(frozen=True)
+class Felt:
+    """The body as strands feel it in a step: how far it is, and where it and its grid are, a `layout.Body`."""
+
+    distance: Distance
+    body: np.void
+
+
+def felt(distance: Distance, to_grid: Any, carry: Any = None, swell: float = 0.0) -> Felt:
+    """`Felt` of a distance, whose frame rows [3, 4] ``to_grid`` give of places in the world.
+
+    carry: rows [3, 4] that take a place a step ago to where the body has taken it; None: it has not moved.  swell: how
+    far its skin has gone besides, at most [world].
+    """
+    body = np.zeros((), layout.Body)
+    body["to_grid"], body["carry"] = to_grid, np.eye(3, 4) if carry is None else carry
+    body["more"][0] = swell
+    return Felt(distance, body)   # type: ignore[arg-type]
+
+
+def hang(gpu: Any, strands: DeviceStrands, points: int, roots: Any, types: Any, gravity: Any,
+         body: Felt | None = None) -> tuple[State, Any]:
     """Strands as they were groomed, at rest under their weight -> (`State`, [strands] uint32: 1 where one is too soft
     for that).
 
     points: of the longest strand.  roots: [4, 3, padded] float32, their places and three axes.  types: [types]
     `layout.MotionType` on the device.  gravity: [3] world / s²; 0 for strands whose groom is their shape without
-    weight.
+    weight.  body: what they are to feel; as near to it as they are now they may always be.
     """
     n, rows = len(strands.spans), padded(gpu, len(strands.spans))
-    state = State.empty(gpu, {"padded": rows, "vector": points * 3 * rows, "number": points * rows}, n=n, padded=rows,
-                        points=points)
+    touch = 0 if body is None else points * rows
+    state = State.empty(gpu, {"padded": rows, "vector": points * 3 * rows, "number": points * rows, "touch": touch,
+                              "press": 3 * touch}, n=n, padded=rows, points=points)
     soft = SOFT.empty(gpu, n)
     gpu.launch("motion.hang", n, n=n, padded=rows, points=strands.points, spans=strands.spans, strand_uv=strands.uv,
                types=types, roots=roots, gravity=(*gravity, 0), too_soft=soft,
@@ -57,22 +83,37 @@ def hang(gpu: Any, strands: DeviceStrands, points: int, roots: Any, types: Any, 
     return state, soft
 
 
+def stand_off(gpu: Any, state: State, strands: DeviceStrands, body: Felt) -> Any:
+    """Tell strands as they were groomed to stay away from the body, from now on -> [padded] float32: how far from it
+    is the nearest point of each that is not its root [world], below 0 inside.
+
+    A point stays half its width away, or as near as it was groomed.
+    """
+    deepest = gpu.full(state.padded, np.float32, 0)
+    gpu.launch("motion.stand_off", state.padded // gpu.lanes, n=state.n, padded=state.padded, grid=body.distance.grid,
+               body=body.body, values=body.distance.values, points=strands.points, spans=strands.spans,
+               away=state.away, free=state.free, deepest=deepest)
+    return deepest
+
+
 def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, step: float, gravity: Any, winds: Any,
-            order: int = 2, jumped: bool = False, skin: float = 0.0) -> None:
+            order: int = 2, jumped: bool = False, skin: float = 0.0, body: Felt | None = None) -> None:
     """One step of strands whose roots go from ``roots_before`` to ``roots``, in place.
 
     step: seconds.  gravity: [3] world / s².  winds: `blow`'s.  skin: up to what height it holds air [world].
     order: of the formula in time (BDF), 1 in the first step.  jumped: whether hair goes with its root as if
-    nothing had moved.
+    nothing had moved.  body: where it is then, or None: they don't feel it.
     """
     items = CPU_ITEMS if gpu.lanes > 1 else GPU_ITEMS
     items = min(items, state.padded // gpu.lanes)
     workspace = gpu.empty(state.points * layout.CONSTANTS["ROWS_OF_POINT"] * items * gpu.lanes, np.float32)
     names = ("segments", "type_of", "groomed", "rest", "lengths", "places", "places_before", "speeds", "speeds_before",
-             "tensions")
+             "tensions", "away", "free", "pressed")
+    there = body or felt(Distance.empty(gpu, {"node": 0}, grid=np.zeros((), layout.Distances)), np.eye(3, 4))
     gpu.launch("motion.advance", items, n_items=items, n=state.n, padded=state.padded, types=types, roots=roots,
                roots_before=roots_before, seconds=step, order=1 if jumped else order, jumped=int(jumped),
                gravity=(*gravity, 0), winds=winds, by_skin=1 / skin if skin else 0.0, workspace=workspace,
+               feels=int(body is not None), grid=there.distance.grid, body=there.body, values=there.distance.values,
                **{name: getattr(state, name) for name in names})
 
 

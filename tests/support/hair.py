@@ -23,10 +23,11 @@ def axes_of(direction):
 class Hair:
     """Strands that move on a device: of points [strands][points, 3] or [points, 3]."""
 
-    def __init__(self, gpu, strands, bend, air=0.0, damping=0.0, carried=0.0, weighted=True):
+    def __init__(self, gpu, strands, bend, air=0.0, damping=0.0, carried=0.0, weighted=True, body=None, friction=0.0,
+                 width=0.0):
         self.gpu, self.strands = gpu, [np.asarray(each, np.float32) for each in strands]
         counts = np.array([len(each) for each in self.strands])
-        curves = clfur.Curves(np.concatenate(self.strands), counts=counts)
+        curves = clfur.Curves(np.concatenate(self.strands), counts=counts, width=width)
         self.drawn = upload_curves(gpu, curves)
         self.n, self.order = len(counts), 1
         self.axes = [axes_of(each[1] - each[0] if len(each) > 1 else (0, 1, 0)) for each in self.strands]
@@ -35,15 +36,18 @@ class Hair:
             self.root[:, :, i] = each[0], *self.axes[i]
         self.roots = gpu.upload(self.root)
         types = np.zeros(1, layout.MotionType)
-        types["hair"] = bend, air, damping, carried
+        types["hair"], types["touch"][:, 0] = (bend, air, damping, carried), friction
         self.types = gpu.upload(types)
         self.state, self.soft = motion.hang(gpu, self.drawn, counts.max(), self.roots, self.types,
-                                            G if weighted else 0 * G)
+                                            G if weighted else 0 * G, body)
+        self.deepest = motion.stand_off(gpu, self.state, self.drawn, body) if body else None
+        self.body = body
 
-    def step(self, step, wind=(0, 0, 0), root=None, jumped=False, skin=0.0):
+    def step(self, step, wind=(0, 0, 0), root=None, jumped=False, skin=0.0, body=None):
         roots = self.roots if root is None else self.gpu.upload(np.asarray(root, np.float32))
         winds = motion.blow(self.gpu, self.state, roots, wind)
-        motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, G, winds, self.order, jumped, skin)
+        motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, G, winds, self.order, jumped, skin,
+                       body or self.body)
         self.roots, self.order = roots, 2
         return self
 
