@@ -6,8 +6,8 @@
  * augmented Lagrangian): so what rests is held by forces that no longer change, and nothing chatters.  After the Newton
  * steps what is still inside is turned out, segment by segment: the last word is always outside.
  */
-#define HARD 1000.0f        // a contact's spring over all else that holds a point, across the skin
-#define GRIP 100.0f         // and along it
+#define HARD 10.0f        // a contact's spring over all else that holds a point, across the skin
+#define GRIP 1.0f         // and along it
 #define FAR_GAP 1e30f       // where no contact is possible
 #define OUT 4               // times that a segment is turned out, at most
 

@@ -237,7 +237,7 @@ INLINED void solve(const Moving *m, int i, const Chain *c, Left *left, lanes3 *b
     b = plus(b, scaled(m->gravity, mass));
     b = minus(b, scaled(minus(minus(place, kept(m, i, BASE)), scaled(m->wind, m->he * felt(m, place))), drag / m->he));
     if (m->feels)
-        press(m, i, own, &a, &b);
+        press(m, i, inertia, &a, &b);
 
     const Symmetric p = inverse(&a);
     const lanes3 pt = times(&p, t);
