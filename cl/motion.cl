@@ -693,6 +693,7 @@ __kernel void place_roots(
     __global const float4 *now,            // [faces, 3] of this pose
     __global const float4 *normals,        // [faces, 3]
     const float share,                     // 0: the pose before, 1: this one
+    const Body body,                       // where it takes them besides
     __global float *roots)                 // [4, 3, padded] place [world], three axes
 {
     WORK_ITEM(i);
@@ -710,9 +711,8 @@ __kernel void place_roots(
     place += (offset.x * axes[0] + offset.y * axes[1]) + offset.z * axes[2];
     for (uint row = 0; row < 4; ++row) {
         const float4 v = row ? axes[row - 1] : place;
-        roots[(3 * row) * (size_t)padded + i] = v.x;
-        roots[(3 * row + 1) * (size_t)padded + i] = v.y;
-        roots[(3 * row + 2) * (size_t)padded + i] = v.z;
+        for (int a = 0; a < 3; ++a)
+            roots[(3 * row + a) * (size_t)padded + i] = dot3(body.to_world[a], v) + (row ? 0.0f : body.to_world[a].w);
     }
 }
 

@@ -221,7 +221,8 @@ MotionType = np.dtype([               # how hair of a type moves
 ])
 
 Body = np.dtype([                     # where the body is, that hair touches
-    ("to_grid", np.float32, (3, 4)),     # rows that take a place [world] to where the grid of its distances has it
+    ("to_world", np.float32, (3, 4)),    # rows that take a place at rest to where it is now [world],
+    ("to_grid", np.float32, (3, 4)),     # and back, to where the grid of its distances has it
     ("carry", np.float32, (3, 4)),       # rows that take a place a step ago to where the body has taken it
     ("more", *_float4),                  # how far its skin has gone besides, at most [world], -, -, -
 ])

@@ -15,6 +15,10 @@ PERIOD = layout.CONSTANTS["PERIOD"]   # cells after which gusts come again
 SOFT = layout.Declared("strand", np.uint32)
 
 
+RESTING = np.zeros((), layout.Body)
+RESTING["to_world"] = RESTING["to_grid"] = RESTING["carry"] = np.eye(3, 4)
+
+
 @dataclass(frozen=True)
 class State(Arrays):
     """What strands that move keep from step to step.  Rows are of all strands, to whole lanes; see motion.cl."""
@@ -50,29 +54,32 @@ class Felt:
     body: np.void
 
 
-def felt(distance: Distance, to_grid: Any, carry: Any = None, swell: float = 0.0) -> Felt:
-    """`Felt` of a distance, whose frame rows [3, 4] ``to_grid`` give of places in the world.
+def body_at(rotation: Any, offset: Any, carry: Any = None, swell: float = 0.0) -> np.void:
+    """`layout.Body` of a body whose places at rest, times a ``rotation`` [3, 3] and with an ``offset`` [3], are those
+    that it has now [world].
 
     carry: rows [3, 4] that take a place a step ago to where the body has taken it; None: it has not moved.  swell: how
     far its skin has gone besides, at most [world].
     """
     body = np.zeros((), layout.Body)
-    body["to_grid"], body["carry"] = to_grid, np.eye(3, 4) if carry is None else carry
+    body["to_world"][:, :3], body["to_world"][:, 3] = rotation, offset
+    body["to_grid"][:, :3], body["to_grid"][:, 3] = np.transpose(rotation), -np.transpose(rotation) @ offset
+    body["carry"] = np.eye(3, 4) if carry is None else carry
     body["more"][0] = swell
-    return Felt(distance, body)   # type: ignore[arg-type]
+    return body   # type: ignore[return-value]
 
 
 def hang(gpu: Any, strands: DeviceStrands, points: int, roots: Any, types: Any, gravity: Any,
-         body: Felt | None = None) -> tuple[State, Any]:
+         feels: bool = False) -> tuple[State, Any]:
     """Strands as they were groomed, at rest under their weight -> (`State`, [strands] uint32: 1 where one is too soft
     for that).
 
     points: of the longest strand.  roots: [4, 3, padded] float32, their places and three axes.  types: [types]
     `layout.MotionType` on the device.  gravity: [3] world / s²; 0 for strands whose groom is their shape without
-    weight.  body: what they are to feel; as near to it as they are now they may always be.
+    weight.  feels: whether they are to feel the body; see `stand_off`.
     """
     n, rows = len(strands.spans), padded(gpu, len(strands.spans))
-    touch = 0 if body is None else points * rows
+    touch = points * rows if feels else 0
     state = State.empty(gpu, {"padded": rows, "vector": points * 3 * rows, "number": points * rows, "touch": touch,
                               "press": 3 * touch}, n=n, padded=rows, points=points)
     soft = SOFT.empty(gpu, n)
@@ -109,7 +116,7 @@ def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, s
     workspace = gpu.empty(state.points * layout.CONSTANTS["ROWS_OF_POINT"] * items * gpu.lanes, np.float32)
     names = ("segments", "type_of", "groomed", "rest", "lengths", "places", "places_before", "speeds", "speeds_before",
              "tensions", "away", "free", "pressed")
-    there = body or felt(Distance.empty(gpu, {"node": 0}, grid=np.zeros((), layout.Distances)), np.eye(3, 4))
+    there = body or Felt(Distance.empty(gpu, {"node": 0}, grid=np.zeros((), layout.Distances)), RESTING)
     gpu.launch("motion.advance", items, n_items=items, n=state.n, padded=state.padded, types=types, roots=roots,
                roots_before=roots_before, seconds=step, order=1 if jumped else order, jumped=int(jumped),
                gravity=(*gravity, 0), winds=winds, by_skin=1 / skin if skin else 0.0, workspace=workspace,
@@ -131,15 +138,17 @@ def blow(gpu: Any, state: State, roots: Any, mean: Any, gust: float = 0.0, size:
     return winds
 
 
-def place_roots(gpu: Any, feet: Any, offsets: Any, before: Any, now: Any, share: float, rows: int) -> Any:
+def place_roots(gpu: Any, feet: Any, offsets: Any, before: Any, now: Any, share: float, rows: int,
+                body: np.void = RESTING) -> Any:
     """Roots that stand on faces, between two poses -> [4, 3, rows] float32 on the device: places and three axes.
 
     feet: `guides.feet_on`'s.  offsets: [strands, 4] float32 from there to the roots, along the axes.  before, now:
-    (corners, normals there) of the poses, [faces, 3, 4] float32 each.  share: 0 is before, 1 is now.
+    (corners, normals there) of the poses, [faces, 3, 4] float32 each.  share: 0 is before, 1 is now.  body: where a
+    `layout.Body` takes it all besides.
     """
     roots = gpu.full((4, 3, rows), np.float32, 0)
     gpu.launch("motion.place_roots", len(feet), padded=rows, feet=feet, offsets=offsets, before=before[0],
-               normals_before=before[1], now=now[0], normals=now[1], share=share, roots=roots)
+               normals_before=before[1], now=now[0], normals=now[1], share=share, body=body, roots=roots)
     return roots
 
 

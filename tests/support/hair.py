@@ -39,7 +39,7 @@ class Hair:
         types["hair"], types["touch"][:, 0] = (bend, air, damping, carried), friction
         self.types = gpu.upload(types)
         self.state, self.soft = motion.hang(gpu, self.drawn, counts.max(), self.roots, self.types,
-                                            G if weighted else 0 * G, body)
+                                            G if weighted else 0 * G, body is not None)
         self.deepest = motion.stand_off(gpu, self.state, self.drawn, body) if body else None
         self.body = body
 
