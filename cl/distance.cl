@@ -278,7 +278,8 @@ __kernel void deepen(
     const int layer,                       // from one layer of such rows to the next [nodes]
     __global const float *values,          // [nodes] distance [world], below 0 inside; grid.reach.x where it is far
     __global const int *enclosed,          // [nodes] 3: inside
-    __global float *found)                 // [nodes] distance [world], or less, below 0 inside; 1e30 and more: not known yet
+    const int last,                        // 1: of the axes
+    __global float *found)                 // [nodes] distance [world], or less, below 0 inside; 1e30: not known yet
 {
     WORK_ITEM(i);
     const size_t first = i % row.z * row.w + i / row.z * layer;
@@ -291,6 +292,7 @@ __kernel void deepen(
             float size = fabs(found[node]);
             if (!is_known && own == side && before + 0.5f * grid.reach.y < size)
                 size = before + 0.5f * grid.reach.y;
+            size = last && back && size > 1e29f ? grid.reach.x : size;
             if (!is_known)
                 found[node] = own * size;
             before = size;

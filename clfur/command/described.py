@@ -12,6 +12,7 @@ from ..files.curves import read_curves
 from ..files.images import load_picture
 from ..files.usd import is_usd
 from ..scene import extent, frame, fur_extent, highlighted, upright
+from ..scene.bounds import LONG
 from ..scene.checks import vector
 from ..scene.scene import DIRECTION
 from ..scene.strands import LAW

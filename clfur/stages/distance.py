@@ -69,11 +69,14 @@ def deepened(gpu: Any, body: Distance) -> Distance:
     nodes, size = len(body.values), [int(n) for n in body.grid["size"][:3]]
     enclosed, found = SUMS.empty(gpu, nodes), Distance.empty(gpu, {"node": nodes}, grid=body.grid)
     step = 1, size[0], size[0] * size[1]
-    for kernel in ("enclose", "deepen"):
-        for axis, (one, other) in enumerate(((1, 2), (0, 2), (0, 1))):
-            gpu.launch(f"distance.{kernel}", size[one] * size[other], grid=body.grid,
-                       row=(size[axis], step[axis], size[one], step[one]), layer=step[other], values=body.values,
-                       enclosed=enclosed, found=found.values)
+    rows = [{"row": (size[axis], step[axis], size[one], step[one]), "layer": step[other]}
+            for axis, (one, other) in enumerate(((1, 2), (0, 2), (0, 1)))]
+    for row in rows:
+        gpu.launch("distance.enclose", nodes // row["row"][0], grid=body.grid, values=body.values, enclosed=enclosed,
+                   found=found.values, **row)
+    for row in rows:
+        gpu.launch("distance.deepen", nodes // row["row"][0], grid=body.grid, values=body.values, enclosed=enclosed,
+                   last=int(row is rows[-1]), found=found.values, **row)
     return found
 
 
