@@ -4,8 +4,12 @@ import numpy as np
 
 import clfur
 from clfur import layout
-from clfur.stages import motion
+from clfur.stages import distance, motion
 from clfur.stages.strands import upload_curves
+from clfur.stages.tessellate import tessellate
+from clfur.twin.distance import near
+
+from .scenes import icosphere
 
 G = np.array([0, -9.81, 0])
 # Tip's drop of a clamped bar of length 1 under its weight, of its length, exactly (the elastica), by K = g / bend.
@@ -74,3 +78,35 @@ def curl(segments, rng, turns=1.0, radius=0.05):
     way = np.diff(np.stack([u, radius * np.cos(angle), radius * np.sin(angle)], 1), axis=0)
     way /= np.linalg.norm(way, axis=1)[:, None] * segments
     return np.vstack([np.zeros(3), np.cumsum(way, axis=0)]) @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
+
+
+def body_of(gpu, positions, faces):
+    """How far a body is, everywhere."""
+    mesh = clfur.Mesh(positions=positions, faces=faces)
+    grid = distance.grid_of(np.min(positions, 0), np.max(positions, 0))
+    return distance.deepened(gpu, distance.distance(gpu, grid, lambda: [tessellate(gpu, mesh, 1, 1, "flat")]))
+
+
+def ball(gpu, radius, level=4):
+    positions, faces = icosphere(level)
+    return body_of(gpu, positions * radius, faces)
+
+
+def look_of(gpu, body, rotation=None, offset=(0, 0, 0)):
+    """What `twin.contact.Contact` asks of a distance: (distance, unit normal) at places of the world."""
+    values, turn = gpu.download(body.values), np.eye(3) if rotation is None else rotation
+
+    def look(places):
+        value, slope = near(body.grid, values, (places - offset) @ turn)
+        return value, slope / np.linalg.norm(slope, axis=1)[:, None] @ turn.T
+    return look
+
+
+def fallen(gpu, body, n=64, segments=8, radius=2.5, friction=0.3, bend=0.3, seed=0):
+    """Hair of length 1 that stands on a ball, unloaded, so that it falls on it."""
+    rng = np.random.default_rng(seed)
+    ways = rng.normal(size=(n, 3))
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    strands = [way * radius * 1.0005 + bar(segments, way + 0.25 * rng.uniform(-1, 1, 3)) for way in ways]
+    return Hair(gpu, strands, 9.81 * bend**3, 5, 0.02, weighted=False, body=motion.Felt(body, motion.RESTING),
+                friction=friction, width=0.01)
