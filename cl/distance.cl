@@ -269,8 +269,8 @@ __kernel void enclose(
     }
 }
 
-/* One work-item goes along a row and back: a node whose distance is not known is half a cell further than the one before it
-   on the same side, or more, which the straight way in any direction is at least. */
+/* One work-item goes along a row and back: a node whose distance is not known is half a cell further than the one before it,
+   or more, which the straight way in any direction is at least. */
 __kernel void deepen(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Distances grid,
@@ -284,19 +284,13 @@ __kernel void deepen(
     WORK_ITEM(i);
     const size_t first = i % row.z * row.w + i / row.z * layer;
     for (int back = 0; back < 2; ++back) {
-        float before = 1e30f, side = 0.0f;
+        float size = 1e30f;
         for (int k = 0; k < row.x; ++k) {
             const size_t node = first + (size_t)(back ? row.x - 1 - k : k) * row.y;
             const bool is_known = !is_far(&grid, values[node]);
-            const float own = is_known ? (values[node] < 0.0f ? -1.0f : 1.0f) : enclosed[node] == 3 ? -1.0f : 1.0f;
-            float size = fabs(found[node]);
-            if (!is_known && own == side && before + 0.5f * grid.reach.y < size)
-                size = before + 0.5f * grid.reach.y;
-            size = last && back && size > 1e29f ? grid.reach.x : size;
+            size = is_known ? fabs(found[node]) : min(fabs(found[node]), size + 0.5f * grid.reach.y);
             if (!is_known)
-                found[node] = own * size;
-            before = size;
-            side = own;
+                found[node] = last && back && enclosed[node] == 3 ? -size : size;
         }
     }
 }
