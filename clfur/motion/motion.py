@@ -33,28 +33,30 @@ DEEP = 0.5             # cells: strands that are groomed further inside the body
 class Motion:
     """The strands of a scene in motion, step by step: each gives a `Scene` that is drawn as any other.
 
-    scene: a Scene with a mesh and Strands or Curves, whose hair is its groom: as it is, it is at rest under gravity.
-    Strands are grown once; roots keep their places on the mesh's faces. hair: a HairMotion, or one for each type; None:
+    scene: a Scene with a mesh and Strands or Curves, or a function of seconds that gives one. The hair of scene(0) is
+    the groom: as it is, it is at rest under gravity. Strands are grown once; roots keep their places on the mesh's
+    faces, which all scenes share. Of later ones the Strands or Curves are not heeded, all else is drawn as it is
+    there: mesh, shells, camera, lights, sky, ground, colours. hair: a HairMotion, or one for each type; None:
     HairMotion(). device: as for `render`, of several the first; scenes must be drawn by the same. rate: substeps a
     second, 1 to 10,000; roots that move fast get more. units_per_metre: of the scene. gravity: [3] m/s². wind: a Wind
-    or None. pose: None, or a function of seconds that gives the Mesh then, of the same faces. fps: frames a second, of
-    `at`. jump: world units; where a vertex goes further in a step it is a cut, and hair is carried along. None: the
-    radius of the mesh. Hair that is too soft to bear its weight as it was groomed falls, and a warning says how much.
+    or None. fps: frames a second, of `at`. jump: world units; where a vertex goes further in a step it is a cut, and
+    hair is carried along. None: the radius of the mesh. Hair that is too soft to bear its weight as it was groomed falls, and a warning says how much.
 
     Hair does not feel the body or other hair. The equations are in docs/motion.md. Raises Error for a scene without
-    strands or mesh, for Curves that stand elsewhere, and where arguments are not allowed.
+    strands or mesh, for Curves that stand elsewhere, and where arguments are not allowed; `step` and `at` do for a
+    function that gives something else, or a mesh of other faces.
 
     time: seconds since the groom.
     """
 
-    def __init__(self, scene: Scene, hair: Any = None, device: Any = None, *, rate: float = 120.0,
-                 units_per_metre: float = 1.0, gravity: Any = (0.0, -9.81, 0.0), wind: Wind | None = None,
-                 pose: Callable[[float], Mesh] | None = None, fps: float = 24.0, jump: float | None = None,
+    def __init__(self, scene: Scene | Callable[[float], Scene], hair: Any = None, device: Any = None, *,
+                 rate: float = 120.0, units_per_metre: float = 1.0, gravity: Any = (0.0, -9.81, 0.0),
+                 wind: Wind | None = None, fps: float = 24.0, jump: float | None = None,
                  body: bool | str = "auto") -> None:
-        if not isinstance(scene, Scene) or scene.mesh is None or scene.strands is None:
-            raise Error(f"Motion.scene is {shown(scene)}; allowed: a clfur.Scene with a mesh, and Strands or Curves")
-        if pose is not None and not callable(pose):
-            checks.refuse("Motion.pose", pose, "None or a function of seconds")
+        self._given, self.time = scene, 0.0
+        self.scene = scene = self._now = self._scene_at(0.0)
+        if scene.strands is None:
+            raise Error(f"Motion.scene is {shown(scene)}; allowed: with Strands or Curves")
         self.rate = checks.real(1, 10_000)(rate, "Motion.rate")
         self.fps = checks.real(1, 10_000)(fps, "Motion.fps")
         self.units = checks.positive()(units_per_metre, "Motion.units_per_metre")
@@ -63,7 +65,6 @@ class Motion:
         self.jump = scene.mesh.bounds[1] if jump is None else checks.positive()(jump, "Motion.jump")
         if isinstance(body, str) and body != "auto" or not isinstance(body, (bool, str)):
             checks.refuse("Motion.body", body, '"auto", True or False')
-        self.pose, self.scene, self.time = pose, scene, 0.0
         self._gpu = schedulers(device)[0]
         self._groom = grow(scene, self._gpu) if isinstance(scene.strands, Strands) else scene.strands.on_host
         hair = of_types(HairMotion() if hair is None else hair, len(self._groom.hair_types))
@@ -82,13 +83,14 @@ class Motion:
     def step(self, seconds: float, mesh: Mesh | None = None, wind: Wind | None = None, cut: bool = False) -> Scene:
         """Go on by so many seconds -> the Scene then, whose Curves are on the device.
 
-        mesh: its pose then, of the same faces; None: what `pose` says, or as it is. wind: from now on, or None: as it
-        is. cut: hair is carried along with the mesh as if nothing had moved. Raises Error for a mesh of other faces.
+        mesh: its pose then, of the same faces; None: that of the function `scene`, or as it is. wind: from now on, or
+        None: as it is. cut: hair is carried along with the mesh as if nothing had moved. Raises Error for a mesh of other faces.
         """
         seconds = checks.real(low=1e-6, high=3600)(seconds, "Motion.step seconds")
         self.wind = checks.instance(Wind, none=True)(wind, "Motion.step wind") or self.wind
-        if mesh is None and self.pose is not None:
-            mesh = self.pose(self.time + seconds)
+        scene = self._scene_at(self.time + seconds)
+        if mesh is None and callable(self._given):
+            mesh = scene.mesh
         mesh = checks.instance(Mesh)(self._mesh if mesh is None else mesh, "Motion.step mesh")
         corners, pose, moved = self._corners, self._pose, 0.0
         if mesh is not self._mesh:
@@ -98,7 +100,7 @@ class Motion:
         with self._gpu.frame():
             there = self._here if pose.corners is self._pose.corners else self._uploaded(pose)
             self._go(seconds, pose, there, moved, cut or moved > self.jump)
-        self._mesh, self._corners, self._pose, self._here = mesh, corners, pose, there
+        self._now, self._mesh, self._corners, self._pose, self._here = scene, mesh, corners, pose, there
         return self._drawn()
 
     def at(self, frame: int) -> Scene:
@@ -111,6 +113,15 @@ class Motion:
             self.step(1 / self.fps)
             self._frame += 1
         return self._drawn()
+
+    def _scene_at(self, seconds):
+        """The scene that was given, or that the given function gives."""
+        scene = self._given(seconds) if callable(self._given) else self._given
+        if not isinstance(scene, Scene) or scene.mesh is None:
+            which = f"Motion.scene({seconds:g})" if callable(self._given) else "Motion.scene"
+            more = ", or a function of seconds that gives one" if scene is self._given else ""
+            raise Error(f"{which} is {shown(scene)}; allowed: a clfur.Scene with a mesh{more}")
+        return scene
 
     def _hang(self, hair, body):
         """Put the groom on the mesh, at rest."""
@@ -220,8 +231,8 @@ class Motion:
         bounds = attrs.evolve(self._beyond, center=center, radius=radius + self._beyond.radius)
         curves = attrs.evolve(self._groom, points=points, root_normal=normals, origin=self._origin, bounds=bounds,
                               lod_by="number")
-        shells = self.scene.shells
-        return attrs.evolve(self.scene, mesh=mesh, fur=curves if shells is None else (shells, curves))
+        shells = self._now.shells
+        return attrs.evolve(self._now, mesh=mesh, fur=curves if shells is None else (shells, curves))
 
 
 def _lengths(points, counts):
