@@ -57,6 +57,19 @@ INLINED lanes3 taken(const Moving *m, int i)
     return plus(by_rows(m->body->carry, three_of(m->places, m->stride, 3 * i)), m->root_taken);
 }
 
+/* A vector of a step ago, as the root's frame has turned since, or as the body has. */
+INLINED lanes3 brought(const Moving *m, lanes3 v)
+{
+    return m->body->more.y > 0.0f ? from_axes(m->axes, in_axes(m->before, v)) : by_rows(m->body->carry, v);
+}
+
+/* Where friction holds a point: where its root takes it on a body that deforms, else where the body does. */
+INLINED lanes3 held_at(const Moving *m, int i)
+{
+    const lanes3 from_root = brought(m, three_of(m->places, m->stride, 3 * i));
+    return m->body->more.y > 0.0f ? from_root : plus(from_root, m->root_taken);
+}
+
 INLINED lanes gap_of(const Moving *m, int i)
 {
     return row_of(m->work, m->work_stride, i * ROWS_OF_POINT + GAP);
@@ -75,7 +88,7 @@ INLINED void recall(const Moving *m, int most)
         const lanes3 force = three_of(m->pressed, m->stride, 3 * i);
         const lanes_i held = force.x != 0.0f | force.y != 0.0f | force.z != 0.0f;
         if (any_lane(held)) {
-            keep(m, i, FORCE, by_rows(m->body->carry, force));
+            keep(m, i, FORCE, brought(m, force));
             put_gap(m, i, held, look(m, kept(m, i, PLACE)));
         } else
             put_row(m->work, m->work_stride, i * ROWS_OF_POINT + GAP, F(FAR_GAP));
@@ -107,7 +120,7 @@ INLINED void press(const Moving *m, int i, lanes own, Symmetric *a, lanes3 *b)
     const lanes3 n = kept(m, i, NORMAL), last = kept(m, i, FORCE);
     const lanes before = dots(last, n), push = before - HARD * own * gap;
     in &= push > 0.0f;
-    const lanes3 way = minus(kept(m, i, PLACE), taken(m, i));
+    const lanes3 way = minus(kept(m, i, PLACE), held_at(m, i));
     const lanes3 along = minus(way, scaled(n, dots(way, n)));
     lanes hold = GRIP * own;
     lanes3 grip = minus(minus(last, scaled(n, before)), scaled(along, hold));
@@ -183,7 +196,7 @@ INLINED void turn_out(const Moving *m, int most)
                                           lack * (1.0f + 0.01f * tries));
             place = chosen(asked, out, place);
             /* Pushed out is no speed gained: it is no longer that with which it came in. */
-            const lanes3 gone = plus(minus(from, three_of(m->places, m->stride, 3 * i)), m->gone);
+            const lanes3 gone = plus(minus(held_at(m, i), three_of(m->places, m->stride, 3 * i)), m->gone);
             const lanes inward = dots(minus(speed, scaled(gone, m->by_step)), near.slope);
             speed = minus(speed, scaled(near.slope, asked ? lesser(inward, F(0.0f)) : F(0.0f)));
             pushed |= asked;

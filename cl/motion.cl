@@ -33,7 +33,7 @@ typedef struct {
     lanes_i n;                                  // segments
     lanes bend, air;                            // B / mass a length, with what damps it; 1 / air [1 / s]
     lanes he;                                   // [s] of implicit Euler's step
-    lanes3 axes[3];                             // of the root
+    lanes3 axes[3], before[3];                  // of the root, and a step ago
     lanes3 gravity, wind;
     float by_skin;                              // 1 / height of air that the skin holds still [1 / world], 0: none
     bool feels;                                 // the body, of which the rest tells
@@ -410,11 +410,11 @@ ONCE void move(Moving *m, int most, lanes second, float step, lanes damping, lan
                __global float *places_before, __global float *speeds, __global float *speeds_before,
                __global float *tensions)
 {
-    lanes3 before[3];
     for (int a = 0; a < 3; ++a) {
         m->axes[a] = three_of(roots, m->stride, 3 + 3 * a);
-        before[a] = three_of(roots_before, m->stride, 3 + 3 * a);
+        m->before[a] = three_of(roots_before, m->stride, 3 + 3 * a);
     }
+    const lanes3 *before = m->before;
     const lanes3 root = three_of(roots, m->stride, 0), gone = minus(root, three_of(roots_before, m->stride, 0));
     if (m->feels) {
         m->places = places;

@@ -224,7 +224,7 @@ Body = np.dtype([                     # where the body is, that hair touches
     ("to_world", np.float32, (3, 4)),    # rows that take a place at rest to where it is now [world],
     ("to_grid", np.float32, (3, 4)),     # and back, to where the grid of its distances has it
     ("carry", np.float32, (3, 4)),       # rows that take a place a step ago to where the body has taken it
-    ("more", *_float4),                  # how far its skin has gone besides, at most [world], -, -, -
+    ("more", *_float4),                  # how far its skin has gone besides, at most [world]; 1: it deforms, -, -
 ])
 
 STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Traits": Traits, "SkinTile": SkinTile,

@@ -23,8 +23,8 @@ def depths(hair, radius, middle=(0, 0, 0)):
 
 
 @pytest.mark.small
-@pytest.mark.parametrize("friction", [0, 0.3, 2])
-def test_a_step_is_the_twins(gpu, friction, monkeypatch):
+@pytest.mark.parametrize("friction, deforms", [(0, False), (0.3, False), (2, False), (0.3, True)])
+def test_a_step_is_the_twins(gpu, friction, deforms, monkeypatch):
     """Strands that lie on a ball, fall on it and are hit by it, which moves and turns, while their roots do."""
     rng = np.random.default_rng(3)
     monkeypatch.setattr(distance, "NODES", 24)
@@ -40,14 +40,15 @@ def test_a_step_is_the_twins(gpu, friction, monkeypatch):
     for number in range(6):
         before, root = root, root.copy()
         root[0, 0] += 0.003
+        root[1:, :, :hair.n] = np.einsum("ij,ajn->ain", turn(0.01), root[1:, :, :hair.n])
         was, at, spin = at, at + [0.004, 0.01, 0], turn(0.02)
         rotation = spin @ rotation
         carry = np.column_stack([spin, at - spin @ was])
-        hair.step(1 / 60, root=root, body=motion.Felt(body, motion.body_at(rotation, at, carry, 1e-4)))
+        hair.step(1 / 60, root=root, body=motion.Felt(body, motion.body_at(rotation, at, carry, 1e-4, deforms)))
         for i, each in enumerate(twins):
             now, then = ((rows[0, :, i].astype(float), rows[1:, :, i].astype(float)) for rows in (root, before))
             each.advance(now, then, 1 / 60, (0, 0, 0), min(number + 1, 2),
-                         body=(look_of(gpu, body, rotation, at), carry, 1e-4))
+                         body=(look_of(gpu, body, rotation, at), carry, 1e-4, deforms))
             touched += each.contact.touched
     assert touched > 5
     pressed, free = hair.array("pressed"), gpu.download(hair.state.free).reshape(hair.state.points, -1)

@@ -37,10 +37,11 @@ class Body:
     def way(self, before: Pose, now: Pose, substeps: int, cut: bool = False) -> Iterator[Felt]:
         """The body at the end of each of so many substeps from one pose to another; cut: it is there at once."""
         last, swell = before.rows(), 0.0 if cut else _apart(before, now) / substeps
+        deforms = not before.corners is now.corners is self._rest.corners
         distances = self._distances(now if cut else before, now, substeps)
         for number, there in enumerate(distances, 1):
             rows = between(before, now, 1 if cut else number / substeps)
-            yield Felt(there, body_at(rows[:3, :3], rows[:3, 3], (rows @ np.linalg.inv(last))[:3], swell))
+            yield Felt(there, body_at(rows[:3, :3], rows[:3, 3], (rows @ np.linalg.inv(last))[:3], swell, deforms))
             last = rows
 
     def _distances(self, before, now, substeps):

@@ -54,18 +54,19 @@ class Felt:
     body: np.void
 
 
-def body_at(rotation: Any, offset: Any, carry: Any = None, swell: float = 0.0) -> np.void:
+def body_at(rotation: Any, offset: Any, carry: Any = None, swell: float = 0.0, deforms: bool = False) -> np.void:
     """`layout.Body` of a body whose places at rest, times a ``rotation`` [3, 3] and with an ``offset`` [3], are those
     that it has now [world].
 
     carry: rows [3, 4] that take a place a step ago to where the body has taken it; None: it has not moved.  swell: how
-    far its skin has gone besides, at most [world].
+    far its skin has gone besides, at most [world].  deforms: friction holds hair where its root takes it, and not where
+    the body as a whole goes.
     """
     body = np.zeros((), layout.Body)
     body["to_world"][:, :3], body["to_world"][:, 3] = rotation, offset
     body["to_grid"][:, :3], body["to_grid"][:, 3] = np.transpose(rotation), -np.transpose(rotation) @ offset
     body["carry"] = np.eye(3, 4) if carry is None else carry
-    body["more"][0] = swell
+    body["more"][:2] = swell, deforms
     return body   # type: ignore[return-value]
 
 

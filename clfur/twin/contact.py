@@ -19,13 +19,16 @@ class Contact:
         self.away, self.free = np.minimum(np.asarray(widths, float) / 2, value - cell / 128), value
         self.forces, self.touched, self.friction = np.zeros((len(points), 3)), False, friction
 
-    def begin(self, look, carry, swell, places, root, root_before):
-        """Where the body is at the end of a step: carry [3, 4] takes a place a step ago to where it is then."""
+    def begin(self, look, carry, swell, deforms, places, root, root_before):
+        """Where the body is at the end of a step: carry [3, 4] takes a place a step ago to where it is then; roots: (place
+        [3], axes [3, 3])."""
+        spin, root, root_before = root_before[1].T @ root[1], root[0], root_before[0]
         self.look = lambda x: look(x + root)
         self.swell, turn = swell, carry[:, :3]
         self.taken = (places + root_before) @ turn.T + carry[:, 3] - root
         self.way_of_root, self.places = root - root_before, places
-        self.last = self.forces @ turn.T
+        self.stuck = places @ spin if deforms else self.taken
+        self.last = self.forces @ (spin if deforms else turn.T)
         self.held = (self.forces != 0).any(1)
         self.known = self.held.copy()
         self.normal, self.gap, self.now = np.zeros_like(places), np.zeros(len(places)), {}
@@ -52,7 +55,7 @@ class Contact:
         if push <= 0:
             self.now[i] = np.zeros((3, 3)), np.zeros(3)
             return self.now[i]
-        grip = along @ (last - hold * (x[i] - self.taken[i]))
+        grip = along @ (last - hold * (x[i] - self.stuck[i]))
         limit = self.friction * (push if before > 0 else -inertia * self.gap[i])
         size = np.linalg.norm(grip)
         stiff = HARD * inertia * across + hold * along
@@ -87,7 +90,7 @@ class Contact:
         return x, speeds
 
     def _out(self, x, speeds, length, i, step):
-        body = (self.taken[i] - self.places[i] + self.way_of_root) / step
+        body = (self.stuck[i] - self.places[i] + self.way_of_root) / step
         for tries in range(OUT):
             value, n = (each[0] for each in self.look(x[i][None]))
             lack = self.away[i] - value

@@ -55,7 +55,7 @@ class Strand:
 
     def advance(self, root, root_before, step, wind, order=2, jumped=False, skin=0.0, body=None):
         """Go on by ``step`` seconds; roots: (place [3], axes [3, 3]); skin: height of still air, 0 for none; body: for
-        `Contact.begin`, (look, carry, swell)."""
+        `Contact.begin`, (look, carry, swell, whether it deforms)."""
         order = 1 if self.contact and self.contact.touched else order
         carried = 1.0 if jumped else self.carried
         axes, old = root[1], root_before[1]
@@ -73,7 +73,7 @@ class Strand:
         free = base + he * (speed + third * (speed - speed_then))
         places = start
         if self.contact:
-            self.contact.begin(*body, self.places, root[0], root_before[0])
+            self.contact.begin(*body, self.places, root, root_before)
         for number in range(2):
             if self.contact:
                 self.contact.meet(places, not number)
