@@ -196,7 +196,7 @@ INLINED void turn_out(const Moving *m, int most)
                                           lack * (1.0f + 0.01f * tries));
             place = chosen(asked, out, place);
             /* Pushed out is no speed gained: it is no longer that with which it came in. */
-            const lanes3 gone = plus(minus(held_at(m, i), three_of(m->places, m->stride, 3 * i)), m->gone);
+            const lanes3 gone = minus(held_at(m, i), three_of(m->places_now, m->stride, 3 * i));   // by the body alone
             const lanes inward = dots(minus(speed, scaled(gone, m->by_step)), near.slope);
             speed = minus(speed, scaled(near.slope, asked ? lesser(inward, F(0.0f)) : F(0.0f)));
             pushed |= asked;

@@ -39,9 +39,9 @@ typedef struct {
     bool feels;                                 // the body, of which the rest tells
     const Distances *grid;
     const Body *body;
-    __global const float *values, *away, *places;
+    __global const float *values, *away, *places, *places_now;   // the last: where what a step begins with counts as being
     __global float *free, *pressed;
-    lanes3 at, gone, root_taken;                // the root in the grid's frame; its way; what it lacks of the body's [world]
+    lanes3 at, root_taken;                      // the root in the grid's frame; what it lacks of the body's way [world]
     lanes friction;
     float by_step;                              // [1 / s]
 } Moving;
@@ -418,7 +418,7 @@ ONCE void move(Moving *m, int most, lanes second, float step, lanes damping, lan
     const lanes3 root = three_of(roots, m->stride, 0), gone = minus(root, three_of(roots_before, m->stride, 0));
     if (m->feels) {
         m->places = places;
-        m->gone = gone;
+        m->places_now = places_before;
         m->at = place_by_rows(m->body->to_grid, root);
         m->root_taken = minus(place_by_rows(m->body->carry, three_of(roots_before, m->stride, 0)), root);
         m->by_step = 1.0f / step;

@@ -23,17 +23,18 @@ def depths(hair, radius, middle=(0, 0, 0)):
 
 
 @pytest.mark.small
-@pytest.mark.parametrize("friction, deforms", [(0, False), (0.3, False), (2, False), (0.3, True)])
-def test_a_step_is_the_twins(gpu, friction, deforms, monkeypatch):
+@pytest.mark.parametrize("friction, deforms, carried", [
+    (0, False, 0), (0.3, False, 0.4), (2, False, 0), (0.3, True, 0)])
+def test_a_step_is_the_twins(gpu, friction, deforms, carried, monkeypatch):
     """Strands that lie on a ball, fall on it and are hit by it, which moves and turns, while their roots do."""
     rng = np.random.default_rng(3)
     monkeypatch.setattr(distance, "NODES", 24)
     body = ball(gpu, 0.5, 2)
     strands = [np.array([x, 0.62, z]) + bar(n, (rng.normal(), -0.6, rng.normal())) * 0.5
                for n, x, z in zip((4, 6, 3, 5, 6), *rng.uniform(-0.35, 0.35, (2, 5)))]
-    hair = Hair(gpu, strands, 0.05, 2, 0.02, body=motion.Felt(body, motion.RESTING), friction=friction, width=0.02)
+    hair = Hair(gpu, strands, 0.05, 2, 0.02, carried, body=motion.Felt(body, motion.RESTING), friction=friction, width=0.02)
     cell = float(body.grid["reach"][1])
-    twins = [twin.Strand(each, axes, 0.05, G, 2, 0.02, contact=contact.Contact(
+    twins = [twin.Strand(each, axes, 0.05, G, 2, 0.02, carried, contact.Contact(
         look_of(gpu, body), each, np.full(len(each), 0.02), cell, friction))
         for each, axes in zip(hair.strands, hair.axes)]
     at, rotation, root, touched = np.zeros(3), np.eye(3), hair.root, 0

@@ -19,14 +19,14 @@ class Contact:
         self.away, self.free = np.minimum(np.asarray(widths, float) / 2, value - cell / 128), value
         self.forces, self.touched, self.friction = np.zeros((len(points), 3)), False, friction
 
-    def begin(self, look, carry, swell, deforms, places, root, root_before):
-        """Where the body is at the end of a step: carry [3, 4] takes a place a step ago to where it is then; roots: (place
-        [3], axes [3, 3])."""
+    def begin(self, look, carry, swell, deforms, places, now, root, root_before):
+        """Where the body is at the end of a step: carry [3, 4] takes a place a step ago to where it is then; now: where
+        places of a step ago count as being; roots: (place [3], axes [3, 3])."""
         spin, root, root_before = root_before[1].T @ root[1], root[0], root_before[0]
         self.look = lambda x: look(x + root)
         self.swell, turn = swell, carry[:, :3]
         self.taken = (places + root_before) @ turn.T + carry[:, 3] - root
-        self.way_of_root, self.places = root - root_before, places
+        self.now_at = now
         self.stuck = places @ spin if deforms else self.taken
         self.last = self.forces @ (spin if deforms else turn.T)
         self.held = (self.forces != 0).any(1)
@@ -90,7 +90,7 @@ class Contact:
         return x, speeds
 
     def _out(self, x, speeds, length, i, step):
-        body = (self.stuck[i] - self.places[i] + self.way_of_root) / step
+        body = (self.stuck[i] - self.now_at[i]) / step
         for tries in range(OUT):
             value, n = (each[0] for each in self.look(x[i][None]))
             lack = self.away[i] - value

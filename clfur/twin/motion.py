@@ -73,7 +73,7 @@ class Strand:
         free = base + he * (speed + third * (speed - speed_then))
         places = start
         if self.contact:
-            self.contact.begin(*body, self.places, root, root_before)
+            self.contact.begin(*body, self.places, now, root, root_before)
         for number in range(2):
             if self.contact:
                 self.contact.meet(places, not number)
