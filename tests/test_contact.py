@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.hair import G, Hair, ball, bar, body_of, fallen, look_of
+from support.hair import G, Hair, ball, bar, body_of, depths, fallen, look_of, shot
 
 from clfur.stages import distance, motion
 from clfur.twin import contact
@@ -14,12 +14,6 @@ def turn(angle, axis=(0, 0, 1)):
     x, y, z = np.asarray(axis, float) / np.linalg.norm(axis)
     k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
-
-
-def depths(hair, radius, middle=(0, 0, 0)):
-    """How far all points that are not roots are from a ball."""
-    return np.concatenate([np.linalg.norm(now[1:] + each[0] - middle, axis=1) - radius
-                           for now, each in zip(hair.array(), hair.strands)])
 
 
 @pytest.mark.small
@@ -64,22 +58,8 @@ def test_a_step_is_the_twins(gpu, friction, deforms, carried, monkeypatch):
 @pytest.mark.parametrize("rate", [24, 60, 240])
 def test_a_fast_ball_never_passes_through(gpu, rate):
     """A ball at 20 lengths a second through hair that hangs: no point inside, in any substep."""
-    rng, radius, speed = np.random.default_rng(3), 0.4, 20
-    body = ball(gpu, radius)
-    strands = [np.array([x, 0, z]) + bar(8, (rng.normal() * 0.1, -1, rng.normal() * 0.1))
-               for x, z in rng.uniform(-0.5, 0.5, (40, 2))]
-    begins = np.array([-1.6, -0.7, 0.05])
-    hair = Hair(gpu, strands, 9.81 * 0.3**3, 5, 0.02, weighted=False, friction=0.3, width=0.01,
-                body=motion.Felt(body, motion.body_at(np.eye(3), begins)))
-    substeps = min(int(np.ceil(speed / rate / (0.5 * float(body.grid["reach"][0])))), 32)
-    step, nearest, moved = 1 / rate / substeps, [], 0
-    carry = np.column_stack([np.eye(3), (speed * step, 0, 0)])
-    for number in range(round(0.16 / step)):
-        at = begins + [speed * step * (number + 1), 0, 0]
-        hair.step(step, body=motion.Felt(body, motion.body_at(np.eye(3), at, carry)))
-        nearest.append(depths(hair, radius, at).min())
-        moved = max(moved, np.abs(np.concatenate(hair.array("speeds"))).max())
-    assert min(nearest) > 0 and hair.stretch() < 1e-5 and moved > 10
+    hair, nearest, fastest = shot(gpu, rate)
+    assert nearest > 0 and fastest > 10 and hair.stretch() < 1e-5
 
 
 @pytest.mark.parametrize("friction", [0.3, 1])

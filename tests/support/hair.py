@@ -110,3 +110,28 @@ def fallen(gpu, body, n=64, segments=8, radius=2.5, friction=0.3, bend=0.3, seed
     strands = [way * radius * 1.0005 + bar(segments, way + 0.25 * rng.uniform(-1, 1, 3)) for way in ways]
     return Hair(gpu, strands, 9.81 * bend**3, 5, 0.02, weighted=False, body=motion.Felt(body, motion.RESTING),
                 friction=friction, width=0.01)
+
+
+def shot(gpu, rate, n=40, radius=0.4, speed=20.0):
+    """A ball at so many lengths a second through hair that hangs, at a rate of frames -> (hair, how far the nearest of
+    its points has been from the ball in any substep, the fastest speed of hair)."""
+    rng, body, begins = np.random.default_rng(3), ball(gpu, radius), np.array([-1.6, -0.7, 0.05])
+    strands = [np.array([x, 0, z]) + bar(8, (rng.normal() * 0.1, -1, rng.normal() * 0.1))
+               for x, z in rng.uniform(-0.5, 0.5, (n, 2))]
+    hair = Hair(gpu, strands, 9.81 * 0.3**3, 5, 0.02, weighted=False, friction=0.3, width=0.01,
+                body=motion.Felt(body, motion.body_at(np.eye(3), begins)))
+    substeps = min(int(np.ceil(speed / rate / (0.5 * float(body.grid["reach"][0])))), 32)
+    step, nearest, fastest = 1 / rate / substeps, np.inf, 0.0
+    carry = np.column_stack([np.eye(3), (speed * step, 0, 0)])
+    for number in range(round(0.16 / step)):
+        at = begins + [speed * step * (number + 1), 0, 0]
+        hair.step(step, body=motion.Felt(body, motion.body_at(np.eye(3), at, carry)))
+        nearest = min(nearest, depths(hair, radius, at).min())
+        fastest = max(fastest, np.abs(np.concatenate(hair.array("speeds"))).max())
+    return hair, nearest, fastest
+
+
+def depths(hair, radius, middle=(0, 0, 0)):
+    """How far all points that are not roots are from a ball."""
+    return np.concatenate([np.linalg.norm(now[1:] + each[0] - middle, axis=1) - radius
+                           for now, each in zip(hair.array(), hair.strands)])
