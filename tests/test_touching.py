@@ -55,7 +55,7 @@ def test_hair_of_a_body_that_deforms_stays_out(gpu, rate, monkeypatch):
     def scene(t):
         wide = 1 + 0.3 * np.sin(8 * t)
         return scene_of(POSITIONS * [wide, 1 / wide, 1] * (1 + 0.1 * np.sin(3 * POSITIONS[:, :1] + 9 * t)))
-    motion = clfur.Motion(scene, clfur.HairMotion(bend_length=0.1), gpu, fps=rate)
+    motion = clfur.Motion(scene, clfur.HairMotion(bend_length=0.1), gpu, fps=rate, units_per_metre=4)
     nearest = min(depth(motion.at(frame)) for frame in range(1, rate // 3 + 1, rate // 12))
     assert nearest > 0 and (gpu.download(motion._state.pressed) != 0).any()
 
