@@ -1,4 +1,4 @@
-"""Hair in motion that touches the body: against its twin, and the laws of what must hold (tools/motion_laws.py has more)."""
+"""Hair in motion that touches the body: against its twin, and what must hold (tools/motion_laws.py has longer runs)."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,8 @@ def test_a_step_is_the_twins(gpu, friction, deforms, carried, monkeypatch):
     body = ball(gpu, 0.5, 2)
     strands = [np.array([x, 0.62, z]) + bar(n, (rng.normal(), -0.6, rng.normal())) * 0.5
                for n, x, z in zip((4, 6, 3, 5, 6), *rng.uniform(-0.35, 0.35, (2, 5)))]
-    hair = Hair(gpu, strands, 0.05, 2, 0.02, carried, body=motion.Felt(body, motion.RESTING), friction=friction, width=0.02)
+    hair = Hair(gpu, strands, 0.05, 2, 0.02, carried, body=motion.Felt(body, motion.RESTING), friction=friction,
+                width=0.02)
     cell = float(body.grid["reach"][1])
     twins = [twin.Strand(each, axes, 0.05, G, 2, 0.02, carried, contact.Contact(
         look_of(gpu, body), each, np.full(len(each), 0.02), cell, friction))

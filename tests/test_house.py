@@ -86,7 +86,7 @@ SEES = {
     "pipeline": "errors layout scene settings stages device",
     "budget": "errors scene settings measures fitted pipeline",
     "render": "errors scene settings device pipeline budget",
-    "motion": "errors layout scene stages render",
+    "motion": "errors layout scene stages pipeline render",
     "film": "clfur errors color cache settings scene files device render motion av",
     "judge": "errors color cache measures layout settings scene files device budget render twin stages.tessellate",
     "command": "clfur errors color cache settings scene files device budget judge",

@@ -62,12 +62,12 @@ def test_hair_of_a_body_that_deforms_stays_out(gpu, rate, monkeypatch):
 
 def test_a_part_of_the_mesh_that_flies_by_pushes_hair_aside(gpu):
     """A small ball through hair at 16 lengths a second, at 24 frames a second."""
-    hair = np.linspace(1, 1.5, 7)[:, None] * np.array([[[x, 1, z]] for x in (-0.1, 0, 0.1) for z in (-0.1, 0, 0.1)])
+    hair = np.linspace(1, 1.5, 7)[:, None] * [[[x, 1, z]] for x in (-0.1, 0, 0.1) for z in (-0.1, 0, 0.1)]
     small, faces = icosphere(1)
 
     def scene(t):
         return scene_of(np.concatenate([POSITIONS, small * 0.2 + [-0.9 + 8 * t, 1.4, 0]]),
-                        clfur.Curves(hair.reshape(9, 7, 3), width=0.02), faces=np.concatenate([FACES, faces + len(POSITIONS)]))
+                        clfur.Curves(hair, width=0.02), faces=np.concatenate([FACES, faces + len(POSITIONS)]))
     motion = clfur.Motion(scene, clfur.HairMotion(bend_length=1), gpu, body=True)
     start, ways = points(motion.at(0)), []
     for frame in range(1, 6):
@@ -114,15 +114,15 @@ def test_rigid_motions_are_found_and_go_on_circles():
     rest = pose.pose_of(corners, normals, None)
     q = rng.normal(size=4)
     rotation, offset = pose._rotation(q / np.linalg.norm(q)), rng.normal(size=3)
-    now = pose.pose_of((corners @ rotation.T + offset).astype(np.float32), (normals @ rotation.T).astype(np.float32), rest)
+    now = pose.pose_of((corners @ rotation.T + offset).astype(np.float32), normals, rest)
     np.testing.assert_allclose(now.rows()[:3], np.column_stack([rotation, offset]), atol=1e-6)
     assert now.corners is rest.corners and now.normals is rest.normals
     half = pose.between(rest, now, 0.5)
     np.testing.assert_allclose(half @ half, now.rows(), atol=1e-12)
-    bent = pose.pose_of((corners * [1, 1.1, 1] @ rotation.T + offset).astype(np.float32), normals, rest)
+    other = (corners * [1, 1.1, 1] @ rotation.T + offset).astype(np.float32)
+    bent = pose.pose_of(other, normals, rest)
     assert np.abs(bent.corners - corners).max() > 0.05
-    np.testing.assert_allclose(bent.corners @ bent.rotation.T + bent.offset, corners * [1, 1.1, 1] @ rotation.T + offset,
-                               atol=2e-6)
+    np.testing.assert_allclose(bent.corners @ bent.rotation.T + bent.offset, other, atol=2e-6)
     middle = pose.part_of(rest, bent, 0.5)
     np.testing.assert_allclose(middle.corners, (corners + bent.corners) / 2, atol=1e-6)
 

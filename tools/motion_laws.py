@@ -55,7 +55,7 @@ def shakes(gpu):
 
 
 def balls(gpu):
-    """Hair that a fast ball goes through, and hair that has fallen on one, of 10 lengths around or 16."""
+    """Hair through which a fast ball flies, and hair that has fallen on one: points and speeds, in lengths."""
     for rate in (24, 60, 240):
         hair, nearest, _ = shot(gpu, rate, 512)
         yield f"a ball at 20 lengths a second, {rate} frames a second: nearest point", f"{nearest:.4f}"
@@ -68,7 +68,8 @@ def balls(gpu):
                     hair.step(1 / rate)
                 speeds = np.array([np.linalg.norm(each, axis=1).max() for each in hair.array("speeds")])
                 yield (f"hair on a ball after 5 s, friction {friction}, {segments} segments, steps of 1/{rate} s",
-                       f"90 % {np.quantile(speeds, 0.9):.1e}, worst {speeds.max():.1e}, nearest {depths(hair, 2.5).min():.4f}")
+                       f"90 % {np.quantile(speeds, 0.9):.1e}, worst {speeds.max():.1e}, nearest "
+                       f"{depths(hair, 2.5).min():.4f}")
 
 
 def main():

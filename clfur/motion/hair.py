@@ -16,8 +16,8 @@ class HairMotion:
     bend_length: world units, > 0: hair shorter than this stands, longer droops, under 9.81 m/s²; (bending stiffness
     over weight a length)^(1/3). None: as long as the longest of its type. air: seconds, > 0, in which air slows hair
     down and wind takes it along, or None: there is none. damping: seconds >= 0 of Kelvin's and Voigt's, by which
-    bending slows down. inertia: 0..1, how much of its root's motion it does not go along with by itself. friction: 0..10
-    on the body, Coulomb's. Raises Error otherwise.
+    bending slows down. inertia: 0..1, how much of its root's motion it does not go along with by itself. friction:
+    0..10 on the body, Coulomb's. Raises Error otherwise.
     """
 
     bend_length: float | None = checks.field(checks.optional(checks.positive()), default=None)

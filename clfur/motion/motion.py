@@ -24,7 +24,7 @@ from ..stages.strands import DeviceStrands
 from ..stages.tessellate import as_float4
 from .body import Body
 from .hair import HairMotion, Wind, of_types
-from .pose import Pose, between, pose_of
+from .pose import between, pose_of
 
 FEW, MOST = 0.25, 32   # lengths of the longest strand that a root may go in a substep; substeps it is given for that
 DEEP = 0.5             # cells: strands that are groomed further inside the body are told of
@@ -40,9 +40,12 @@ class Motion:
     HairMotion(). device: as for `render`, of several the first; scenes must be drawn by the same. rate: substeps a
     second, 1 to 10,000; roots that move fast get more. units_per_metre: of the scene. gravity: [3] m/s². wind: a Wind
     or None. fps: frames a second, of `at`. jump: world units; where a vertex goes further in a step it is a cut, and
-    hair is carried along. None: the radius of the mesh. Hair that is too soft to bear its weight as it was groomed falls, and a warning says how much.
+    hair is carried along. None: the radius of the mesh. body: whether hair feels the mesh, and does not enter it;
+    "auto": where some is longer than a fifth of the mesh's radius, so that it can lie on it. What was groomed nearer than
+    half of its width, or inside, may stay as near. Hair that is too soft to bear its weight as it was groomed falls, and
+    a warning says how much; another, how much goes through the body.
 
-    Hair does not feel the body or other hair. The equations are in docs/motion.md. Raises Error for a scene without
+    Hair does not feel other hair. The equations are in docs/motion.md. Raises Error for a scene without
     strands or mesh, for Curves that stand elsewhere, and where arguments are not allowed; `step` and `at` do for a
     function that gives something else, or a mesh of other faces.
 
@@ -63,7 +66,7 @@ class Motion:
         self.gravity = checks.safely(checks.vector(3), gravity, "Motion.gravity") * self.units
         self.wind = checks.instance(Wind, none=True)(wind, "Motion.wind") or Wind()
         self.jump = scene.mesh.bounds[1] if jump is None else checks.positive()(jump, "Motion.jump")
-        if isinstance(body, str) and body != "auto" or not isinstance(body, (bool, str)):
+        if not isinstance(body, bool) and not (isinstance(body, str) and body == "auto"):
             checks.refuse("Motion.body", body, '"auto", True or False')
         self._gpu = schedulers(device)[0]
         self._groom = grow(scene, self._gpu) if isinstance(scene.strands, Strands) else scene.strands.on_host
@@ -84,7 +87,8 @@ class Motion:
         """Go on by so many seconds -> the Scene then, whose Curves are on the device.
 
         mesh: its pose then, of the same faces; None: that of the function `scene`, or as it is. wind: from now on, or
-        None: as it is. cut: hair is carried along with the mesh as if nothing had moved. Raises Error for a mesh of other faces.
+        None: as it is. cut: hair is carried along with the mesh as if nothing had moved. Raises Error for a mesh of
+        other faces.
         """
         seconds = checks.real(low=1e-6, high=3600)(seconds, "Motion.step seconds")
         self.wind = checks.instance(Wind, none=True)(wind, "Motion.step wind") or self.wind
@@ -161,8 +165,8 @@ class Motion:
         felt = self._body.felt
         deepest = self._gpu.download(stage.stand_off(self._gpu, self._state, self._strands, felt))[:self._state.n]
         if within := int((deepest < -DEEP * felt.distance.grid["reach"][1]).sum()):
-            warnings.warn(f"{within:,} of {len(deepest):,} strands are groomed to go through the body, and may stay as deep "
-                          "in it; Strands.collision keeps them out", RuntimeWarning, stacklevel=5)
+            warnings.warn(f"{within:,} of {len(deepest):,} strands are groomed to go through the body, and may stay as "
+                          "deep in it; Strands.collision keeps them out", RuntimeWarning, stacklevel=5)
 
     def _stand(self, roots):
         """Find the places of roots [strands, 3] on the mesh."""

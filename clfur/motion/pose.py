@@ -28,7 +28,8 @@ class Pose:
 
 
 def pose_of(corners: np.ndarray, normals: np.ndarray, rest: Pose | None) -> Pose:
-    """Return the `Pose` of faces with these corners and normals there, [faces, 3, 3] float32; rest: None: it is that."""
+    """Return the `Pose` of faces with these corners and normals there, [faces, 3, 3] float32. rest: the `Pose` at rest;
+    None: it is that."""
     if rest is None:
         return Pose(np.eye(3), np.zeros(3), corners, normals)
     if np.array_equal(corners, rest.corners) and np.array_equal(normals, rest.normals):

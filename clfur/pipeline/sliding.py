@@ -1,4 +1,4 @@
-"""How far the body is, for growth that slides along it and hair that moves: how fine, and where that is made and kept."""
+"""How far the body is, for growth that slides along it and for hair that moves: how fine, where it is made and kept."""
 
 import functools
 import math

@@ -64,13 +64,13 @@ def distance(gpu: Any, grid: np.void, surfaces: Any) -> Distance:
 
 
 def deepened(gpu: Any, body: Distance) -> Distance:
-    """The same, with values everywhere: also far from the body, where they are half of the distance or more, and within,
-    where it is closed."""
+    """The same, with values everywhere: also far from the body, where they are half of the distance or more, and inside
+    of what is closed."""
     nodes, size = len(body.values), [int(n) for n in body.grid["size"][:3]]
     enclosed, found = SUMS.empty(gpu, nodes), Distance.empty(gpu, {"node": nodes}, grid=body.grid)
     step = 1, size[0], size[0] * size[1]
-    rows = [{"row": (size[axis], step[axis], size[one], step[one]), "layer": step[other]}
-            for axis, (one, other) in enumerate(((1, 2), (0, 2), (0, 1)))]
+    rows: Any = [{"row": (size[axis], step[axis], size[one], step[one]), "layer": step[other]}
+                 for axis, (one, other) in enumerate(((1, 2), (0, 2), (0, 1)))]
     for row in rows:
         gpu.launch("distance.enclose", nodes // row["row"][0], grid=body.grid, values=body.values, enclosed=enclosed,
                    found=found.values, **row)

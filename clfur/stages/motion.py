@@ -15,7 +15,7 @@ PERIOD = layout.CONSTANTS["PERIOD"]   # cells after which gusts come again
 SOFT = layout.Declared("strand", np.uint32)
 
 
-RESTING = np.zeros((), layout.Body)
+RESTING: Any = np.zeros((), layout.Body)
 RESTING["to_world"] = RESTING["to_grid"] = RESTING["carry"] = np.eye(3, 4)
 
 
