@@ -253,11 +253,19 @@ def test_a_shutter(clfur, tmp_path):
         np.testing.assert_allclose(load("a.npz")["color"], meant, atol=1e-5)
         code, out, _ = clfur(*options, "--fps", "1", "--json")
         assert code == 0 and json.loads(out)["pictures"] == library.subframes(there["scene"](0), at(1))
+        assert clfur(*options[:4], "--fps", "48", "--outputs", "id,motion_vector", "-o", "a.exr")[0] == 0
+        found, meant = load("a.exr"), library.render(at(1), outputs=("id", "motion_vector"), before=at(0))
+        on = (found["id"] == meant["id"]) & (found["id"] != -1)
+        assert on.mean() > .1
+        np.testing.assert_allclose(found["motion_vector"][on], meant["motion_vector"][on], atol=1e-3)
 
 
 @pytest.mark.parametrize("text, options, words", [
-    (MOVING_FILE, ["--shutter", "180"], ["--time is 0, but the shutter opens 0.0208333 s before; allowed: later"]),
-    (SCENE_FILE, ["--shutter", "180"], ["--shutter is for what moves; allowed: a scene file with def scene(t)"]),
+    (MOVING_FILE, ["--shutter", "180"], ["--time is 0, but what is asked for begins 0.0208333 s before"]),
+    (SCENE_FILE, ["--shutter", "180"], ["--shutter and motion_vector are of what moves; allowed: a scene"]),
+    (SCENE_FILE, ["--outputs", "motion_vector", "-o", "a.exr"], ["--shutter and motion_vector are of what moves"]),
+    (MOVING_FILE, ["--time", "1", "--shutter", "9", "--outputs", "motion_vector", "-o", "a.exr"], [
+        "motion_vector is of pictures without --shutter"]),
     (MOVING_FILE, ["--shutter", "361"], ["--shutter", "'361' is not a number from 0 to 360"]),
     (MOVING_FILE, ["--shutter", "1", "--pictures", "65"], ["'65' is not auto or a whole number from 1 to 64"]),
     (MOVING_FILE.replace("return ", ""), [], ["fur.py: scene(0) is None; allowed: a clfur.Scene"]),

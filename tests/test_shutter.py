@@ -102,6 +102,12 @@ def test_parts_and_teams_do_not_matter(gpu, another):
         assert bits(frame.images) == bits(whole.images) and frame.hashes == whole.hashes
 
 
+def test_settings_are_chosen_once(gpu):
+    """By the first picture, for all of them; which is told."""
+    frame = clfur.blurred([turned(0), turned(3)], gpu, clfur.Settings(max_error=.1))
+    assert frame.settings.goal is None and frame.error <= .1 and "tried" in frame.why and frame.pictures == 2
+
+
 def test_bodies_are_smooth_with_one_sample_a_picture(gpu):
     """Of a still ball: four pictures are as good as one with four samples, sixteen better."""
     scene = attrs.evolve(turned(0, roots=1, light=clfur.Light(shadows=False)))

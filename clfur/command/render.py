@@ -8,7 +8,7 @@ import attrs
 import click
 import numpy as np
 
-from .. import Camera, Scheduler, blurred, draw, over, save
+from .. import Camera, Scheduler, blurred, draw, over, save, subframes
 from ..files.images import check_writable, load_picture
 from ..files.usd import is_usd
 from ..judge.frontier import label
@@ -16,7 +16,7 @@ from ..scene import backdrop
 from .described import lowered
 from .devices import ask_drivers
 from .options import Sectioned, scene_options
-from .scenes import is_scene_file, load_moving, moved, opened, scene_at
+from .scenes import is_scene_file, load_moving, moved, scene_at, within
 from .skin import files_of, taken
 from .types import Backdrop, Bytes, Names, Pictures, Real, Region, read_for
 from .waiting import waiting
@@ -32,7 +32,8 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
 @click.option("--outputs", type=Names(), default="color", metavar="NAMES",
               help="What to save: color, depth, id, tangent, normal, uv, coverage, position, hair_alpha, body_alpha, "
                    "type, type_alpha, orientation, matte_id and matte_alpha (a Cryptomatte of strands in EXR), "
-                   "strand_area (in NPZ); PNG holds color alone.")
+                   "strand_area (in NPZ), motion_vector (since the frame before, of what moves); PNG holds color "
+                   "alone.")
 @click.option("--background", type=Backdrop(), metavar="COLOR|PICTURE",
               help="What the picture is laid over, which then has no alpha: R,G,B, '#rrggbb' or a picture of the same "
                    "aspect.")
@@ -42,7 +43,7 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
               help="Blur what moves in a scene file with def scene(t) or motion: a shutter is open so many of a "
                    "frame's 360 degrees, up to --time.  [default: 0, no blur]", show_default=False)
 @click.option("--fps", type=Real(0, 1000, min_open=True), default=24,
-              help="Frames a second, of one of which --shutter is a part.")
+              help="Frames a second, of one of which --shutter is a part, and motion_vector.")
 @click.option("--pictures", type=Pictures(), default="auto", metavar="N|auto",
               help="How many, 1 to 64, a picture with --shutter is the mean of; auto: so many that nothing goes "
                    "further than 1.5 pixels from one to the next.")
@@ -81,7 +82,7 @@ def render(given, output, outputs, background, region, shutter, fps, pictures, d
         if memory is not None:
             device = [Scheduler(one, memory) for one in (device if isinstance(device, list) else [device])]
         known = {"device": device, "outputs": outputs, "settings": settings, "region": region}
-        drawn, scene, steps = _drawn(tell, given, moving, options["time"], shutter / 360 / fps, pictures, known)
+        drawn, scene, steps = _drawn(tell, given, moving, options["time"], shutter, fps, pictures, known)
         if "color" in drawn.images and not drawn.images["color"][..., 3].any():
             warnings.warn("nothing of the scene is to be seen in the picture", stacklevel=2)
         tell(f"saving {output}")
@@ -133,17 +134,24 @@ def _faults(mesh):
             | {"inward": bool(mesh and mesh.inward)})
 
 
-def _drawn(tell, given, moving, seconds, shutter, pictures, known):
-    """(Frame, Scene, steps) of what `load_moving` gives, at a time, with a shutter that is open so many seconds."""
+def _drawn(tell, given, moving, seconds, degrees, fps, pictures, known):
+    """(Frame, Scene, steps) of what `load_moving` gives, at a time, with a shutter that is open so many degrees."""
+    vectors, device = "motion_vector" in known["outputs"], known["device"]
+    if vectors and degrees:
+        raise click.UsageError("motion_vector is of pictures without --shutter; allowed: one of them")
     if moving[1] is not None:
         tell(f"moving the hair of {given}")
-    if not shutter:
-        scene, steps = moved(given, *moving, seconds, known["device"])
-        tell(f"drawing {given}")
-        return draw(scene, **known), scene, steps
-    scenes, steps = opened(given, *moving, seconds, known["device"], shutter, pictures)
+    if degrees or vectors:
+        at, steps = within(given, *moving, seconds, device, (degrees or 360) / 360 / fps)
+        n = 1 if vectors else pictures or subframes(at(0), at(1), device)
+        scenes = [at(1)] if vectors else [at((k + 0.5) / n) for k in range(n)]
+        known = known | {"before": at(0) if vectors else None}
+    else:
+        scene, steps = moved(given, *moving, seconds, device)
+        scenes = [scene]
     tell(f"drawing {given}")
-    return blurred(scenes, **known), scenes[len(scenes) // 2], steps
+    drawn = draw(*scenes, **known) if len(scenes) == 1 else blurred(scenes, **known)
+    return drawn, scenes[len(scenes) // 2], steps
 
 
 def _told(texts, lights):

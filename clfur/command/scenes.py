@@ -63,23 +63,24 @@ def moved(given, scene, motion, seconds, device):
     return on_host(now), frames
 
 
-def opened(given, scene, motion, seconds, device, shutter, n):
-    """([Scene], steps) of what `load_moving` gives of a file, at the middles of n equal parts of the time in which a
-    shutter is open, so many seconds up to a time from 0; n None: as many as its motion on the screen takes."""
-    seconds, steps = float(seconds or 0), 0
-    began = seconds - shutter
+def within(given, scene, motion, seconds, device, length):
+    """(function of a share, 0 to 1, that gives Scenes on the host, steps) of the time of so many seconds that ends at
+    ``seconds``, in what `load_moving` gives of a file that moves."""
+    seconds = float(seconds or 0)
+    began = seconds - length
     if not callable(scene) and motion is None:
-        raise click.UsageError("--shutter is for what moves; allowed: a scene file with def scene(t), or motion")
+        raise click.UsageError("--shutter and motion_vector are of what moves; allowed: a scene file with def "
+                               "scene(t), or motion")
     if began < 0:
-        raise click.UsageError(f"--time is {seconds:g}, but the shutter opens {shutter:g} s before; allowed: later")
+        raise click.UsageError(f"--time is {seconds:g}, but what is asked for begins {length:g} s before; allowed: "
+                               "later")
+    if motion is None:
+        return lambda share: scene_at(scene, began + share * length), 0
     with _of(given):
-        if motion is not None:
-            motion = clfur.Motion(scene, **motion, fps=FPS, device=device)
-            steps = _go(motion, began)[1] + 1
-            motion.step(shutter)
-        at = motion.between if motion else lambda share: scene_at(scene, began + share * shutter)
-        n = n or clfur.subframes(at(0), at(1), device)
-        return [on_host(at((k + 0.5) / n)) for k in range(n)], steps
+        motion = clfur.Motion(scene, **motion, fps=FPS, device=device)
+        _, steps = _go(motion, began)
+        motion.step(length)
+    return lambda share: on_host(motion.between(share)), steps + 1
 
 
 def _go(motion, seconds):

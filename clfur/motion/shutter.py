@@ -97,7 +97,8 @@ def _mean(gpus, scenes, settings, outputs, region):
             images = {name: gpu.download(shutter.mean(gpu, each, n)) for name, each in sums.items() if k == n - 1}
             more = replace(frame, images={}, stages=gpu.seconds(), seconds=0.0, building=0.0)
         frames += [replace(frame, images={}), more]
-    return replace(frames[-1], images=images, settings=settings, **_sums(frames))
+    return replace(frames[-1], images=images, settings=settings, error=frames[0].error, why=frames[0].why,
+                   **_sums(frames))
 
 
 def _samples(scene, settings, k, n):
