@@ -31,10 +31,10 @@ INLINED lanes3 place_by_rows(const float4 *rows, lanes3 v)
 }
 
 /* How far the body is from a place relative to the root; the slope is its unit normal there [world]. */
-INLINED Near look(const Moving *m, lanes3 place)
+INLINED Near look(const Moving *m, lanes_i asked, lanes3 place)
 {
     const float4 *rows = m->body->to_grid;
-    Near near = near_at(m->grid, m->values, plus(m->at, by_rows(rows, place)));
+    Near near = near_at(m->grid, m->values, asked, plus(m->at, by_rows(rows, place)));
     const lanes3 s = near.slope;
     const lanes3 n = {rows[0].x * s.x + rows[1].x * s.y + rows[2].x * s.z,
                       rows[0].y * s.x + rows[1].y * s.y + rows[2].y * s.z,
@@ -89,7 +89,7 @@ INLINED void recall(const Moving *m, int most)
         const lanes_i held = force.x != 0.0f | force.y != 0.0f | force.z != 0.0f;
         if (any_lane(held)) {
             keep(m, i, FORCE, brought(m, force));
-            put_gap(m, i, held, look(m, kept(m, i, PLACE)));
+            put_gap(m, i, held, look(m, held, kept(m, i, PLACE)));
         } else
             put_row(m->work, m->work_stride, i * ROWS_OF_POINT + GAP, F(FAR_GAP));
     }
@@ -105,7 +105,7 @@ INLINED void meet(const Moving *m, int most)
         const lanes_i asked = i <= m->n & (held | left <= 0.0f | dots(way, way) >= left * left);
         if (any_lane(asked)) {
             keep(m, i, FORCE, masked(held, kept(m, i, FORCE)));
-            put_gap(m, i, asked, look(m, place));
+            put_gap(m, i, asked, look(m, asked, place));
         }
     }
 }
@@ -188,7 +188,7 @@ INLINED void turn_out(const Moving *m, int most)
         lanes free = row_of(m->free, m->stride, i) - m->body->more.x - exact_root(dots(way, way));
         lanes_i asked = there & (held | free <= away), pushed = I(0);
         for (int tries = 0; tries < OUT && any_lane(asked); ++tries) {
-            const Near near = look(m, place);
+            const Near near = look(m, asked, place);
             const lanes lack = away - near.value;
             free = asked ? greater(near.value, tries == OUT - 1 ? away : near.value) : free;
             asked &= lack > 0.0f;

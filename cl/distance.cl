@@ -331,7 +331,7 @@ INLINED lanes_i go_along(const Distances *grid, __global const float *values, la
     lanes r = lesser(greater(s->free - s->away, pace), s->length);
     lanes_i going = asked, turned = I(0);
     for (int look = 0; look < SLIDE_LOOKS && any_lane(going); ++look) {
-        const Near near = near_at(grid, values, plus(s->at, scaled(s->ahead, r)));
+        const Near near = near_at(grid, values, going, plus(s->at, scaled(s->ahead, r)));
         const lanes lack = s->away - near.value;
         const lanes_i in = going & (lack > least_lack), out = going & ~in, ended = out & (r >= s->length);
         if (any_lane(in)) {
@@ -384,7 +384,7 @@ BY_HAND __kernel void slide(
         LANE(s.free, lane) = state.w;
     }
     if (!k0)
-        s.free = near_at(&grid, values, s.at).value;
+        s.free = near_at(&grid, values, I(ON), s.at).value;
     lanes_i moved = s.at.x != came.x | s.at.y != came.y | s.at.z != came.z;
     const uint most = (uint)most_lane(AS_I(count)), last = most - 1 < stretch.y ? most - 1 : stretch.y;
     for (uint k = k0; most && k < last; ++k) {

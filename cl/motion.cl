@@ -645,7 +645,7 @@ BY_HAND __kernel void stand_off(
                 put_lane(&place, lane, p);
                 LANE(width, lane) = p.w;
             }
-        const lanes value = near_at(&grid, values, place_by_rows(body.to_grid, place)).value;
+        const lanes value = near_at(&grid, values, I(ON), place_by_rows(body.to_grid, place)).value;
         least = k < count ? lesser(least, value) : least;
         put_row(free + first, padded, k, value);
         put_row(away + first, padded, k, lesser(0.5f * width, value - grid.reach.y * (1.0f / 128)));
