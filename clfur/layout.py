@@ -13,7 +13,7 @@ CONSTANTS = {
     "NOTHING": 0xFFFFFFFF,  # depth and id of a sample that nothing covers
     "BODY": 0x80000000,     # id of a body triangle = BODY | triangle; of a strand segment = its first point
     "PERIOD": 1024,         # cells after which gusts of wind come again, along each axis
-    "ROWS_OF_POINT": 38,    # of what a step sets aside for a point of a strand that moves
+    "ROWS_OF_POINT": 50,    # of what a step sets aside for a point of a strand that moves
     "SCAN": 256,            # values one work-item sums in a prefix scan
     "TILE": 8,              # pixels a side of a tile, in which strands are drawn together
     "SLOTS": 32,            # pieces of strands that a pixel lets wait; a multiple of 4
@@ -217,12 +217,20 @@ Lobes = np.dtype([                    # how hair of a type scatters light, where
 MotionType = np.dtype([               # how hair of a type moves
     ("hair", *_float4),                  # what bends it over its mass a length [world^3 / s^2]; 1 / air [1 / s];
                                          # damping [s]; share of its root's motion that carries it along
+    ("touch", *_float4),                 # friction on the body, -, -, -
+])
+
+Body = np.dtype([                     # where the body is, that hair touches
+    ("to_world", np.float32, (3, 4)),    # rows that take a place at rest to where it is now [world],
+    ("to_grid", np.float32, (3, 4)),     # and back, to where the grid of its distances has it
+    ("carry", np.float32, (3, 4)),       # rows that take a place a step ago to where the body has taken it
+    ("more", *_float4),                  # how far its skin has gone besides, at most [world]; 1: it deforms, -, -
 ])
 
 STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Traits": Traits, "SkinTile": SkinTile,
            "SkinMap": SkinMap, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Deep": Deep, "Shells": Shells,
            "Ground": Ground, "OnGround": OnGround, "Material": Material, "Lobes": Lobes, "Distances": Distances,
-           "MotionType": MotionType}
+           "MotionType": MotionType, "Body": Body}
 
 
 def shine(look, alpha, model=None):

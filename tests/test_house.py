@@ -23,7 +23,7 @@ def stems(folder, suffix):
     return {path.stem for path in (ROOT / folder).glob(f"*{suffix}")} - {"__init__"}
 
 
-SHARED = {"lighting", "scatter", "vectors"}   # what several stages or twins use
+SHARED = {"contact", "lighting", "scatter", "vectors"}   # what several stages or twins use
 STAGES = sorted(stems("cl", ".cl") | (stems("clfur/stages", ".py") | stems("clfur/twin", ".py")) - SHARED)
 
 

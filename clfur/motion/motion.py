@@ -1,5 +1,6 @@
 """A scene whose strands move: what users call."""
 
+import itertools
 import math
 import warnings
 from collections.abc import Callable
@@ -13,7 +14,7 @@ from .. import layout
 from ..errors import Error, shown
 from ..render import grow, schedulers
 from ..scene import Mesh, Scene, Strands, checks
-from ..scene.bounds import hair_bounds
+from ..scene.bounds import LONG, hair_bounds
 from ..scene.curves import Bounds
 from ..scene.guides import far_from
 from ..scene.origin import seen_from
@@ -22,10 +23,13 @@ from ..stages import motion as stage
 from ..stages.guides import feet_on
 from ..stages.strands import DeviceStrands
 from ..stages.tessellate import as_float4
+from .body import Body
 from .hair import HairMotion, Wind, of_types
+from .pose import between, pose_of
 from .within import Began, mixed
 
 FEW, MOST = 0.25, 32   # lengths of the longest strand that a root may go in a substep; substeps it is given for that
+DEEP = 0.5             # cells: strands that are groomed further inside the body are told of
 
 
 class Motion:
@@ -33,15 +37,17 @@ class Motion:
 
     scene: a Scene with a mesh and Strands or Curves, or a function of seconds that gives one. The hair of scene(0) is
     the groom: as it is, it is at rest under gravity. Strands are grown once; roots keep their places on the mesh's
-    faces, which all scenes share. Of later ones the Strands or Curves are not heeded, all else is drawn as it is there:
-    mesh, shells, camera, lights, sky, ground, colours. hair: a HairMotion, or one for each type; None: HairMotion().
-    device: as for `render`, of several the first; scenes must be drawn by the same. rate: substeps a second, 1 to
-    10,000; roots that move fast get more. units_per_metre: of the scene. gravity: [3] m/s². wind: a Wind or None. fps:
-    frames a second, of `at`. jump: world units; where a vertex goes further in a step it is a cut, and hair is carried
-    along. None: the radius of the mesh. Hair that is too soft to bear its weight as it was groomed falls, and a warning
-    says how much.
+    faces, which all scenes share. Of later ones the Strands or Curves are not heeded, all else is drawn as it is
+    there: mesh, shells, camera, lights, sky, ground, colours. hair: a HairMotion, or one for each type; None:
+    HairMotion(). device: as for `render`, of several the first; scenes must be drawn by the same. rate: substeps a
+    second, 1 to 10,000; roots that move fast get more. units_per_metre: of the scene. gravity: [3] m/s². wind: a Wind
+    or None. fps: frames a second, of `at`. jump: world units; where a vertex goes further in a step it is a cut, and
+    hair is carried along. None: the radius of the mesh. body: whether hair feels the mesh, and does not enter it;
+    "auto": where some is longer than a fifth of the mesh's radius, so that it can lie on it. What was groomed nearer than
+    half of its width, or inside, may stay as near. Hair that is too soft to bear its weight as it was groomed falls, and
+    a warning says how much; another, how much goes through the body.
 
-    Hair does not feel the body or other hair. The equations are in docs/motion.md. Raises Error for a scene without
+    Hair does not feel other hair. The equations are in docs/motion.md. Raises Error for a scene without
     strands or mesh, for Curves that stand elsewhere, and where arguments are not allowed; `step` and `at` do for a
     function that gives something else, or a mesh of other faces.
 
@@ -53,7 +59,8 @@ class Motion:
 
     def __init__(self, scene: Scene | Callable[[float], Scene], hair: Any = None, device: Any = None, *,
                  rate: float = 120.0, units_per_metre: float = 1.0, gravity: Any = (0.0, -9.81, 0.0),
-                 wind: Wind | None = None, fps: float = 24.0, jump: float | None = None) -> None:
+                 wind: Wind | None = None, fps: float = 24.0, jump: float | None = None,
+                 body: bool | str = "auto") -> None:
         self._given, self.time = scene, 0.0
         first = self.scene = self._now = self._scene_at(0.0)
         if first.strands is None:
@@ -64,6 +71,8 @@ class Motion:
         self.gravity = checks.safely(checks.vector(3), gravity, "Motion.gravity") * self.units
         self.wind = checks.instance(Wind, none=True)(wind, "Motion.wind") or Wind()
         self.jump = first.mesh.bounds[1] if jump is None else checks.positive()(jump, "Motion.jump")
+        if not isinstance(body, bool) and not (isinstance(body, str) and body == "auto"):
+            checks.refuse("Motion.body", body, '"auto", True or False')
         self._gpu = schedulers(device)[0]
         self._groom = grow(first, self._gpu) if isinstance(first.strands, Strands) else first.strands.on_host
         hair = of_types(HairMotion() if hair is None else hair, len(self._groom.hair_types))
@@ -71,9 +80,10 @@ class Motion:
         self._began: Began | None = None
         self._mesh, self._origin = first.mesh, first.origin
         with self._gpu.frame():
-            self._corners = self._posed(first.mesh)
-            self._here = tuple(map(self._gpu.upload, self._corners))
-            self._hang(hair)
+            self._corners, normals = self._posed(first.mesh)
+            self._rest = self._pose = pose_of(self._corners, normals, None)
+            self._here = self._uploaded(self._rest)
+            self._hang(hair, body)
         segments, length, area = hair_bounds(self._groom, len(self._groom.counts))
         away = float(np.abs(self._gpu.download(self._offsets)).max(initial=0)) * 3**0.5
         beyond = self._longest + away + float(self._groom.width.max()) / 2
@@ -92,17 +102,18 @@ class Motion:
         if mesh is None and callable(self._given):
             mesh = scene.mesh
         mesh = checks.instance(Mesh)(self._mesh if mesh is None else mesh, "Motion.step mesh")
-        now, moved = self._corners, 0.0
+        corners, pose, moved = self._corners, self._pose, 0.0
         if mesh is not self._mesh:
-            now = self._posed(mesh)
-            moved = float(np.linalg.norm(now[0] - self._corners[0], axis=2).max())
+            corners, normals = self._posed(mesh)
+            moved = float(np.linalg.norm(corners - self._corners, axis=2).max(initial=0))
+            pose = pose_of(corners, normals, self._rest)
         is_cut = cut or moved > self.jump
         with self._gpu.frame():
-            there = self._here if mesh is self._mesh else tuple(map(self._gpu.upload, now))
+            there = self._here if pose.corners is self._pose.corners else self._uploaded(pose)
             self._began = Began(self.time, seconds, self._mesh, self._roots, stage.remember(self._gpu, self._state),
                                 is_cut, callable(self._given) and mesh is scene.mesh)
-            self._go(seconds, there, moved, is_cut)
-        self._now, self._mesh, self._corners, self._here = scene, mesh, now, there
+            self._go(seconds, pose, there, moved, is_cut)
+        self._now, self._mesh, self._corners, self._pose, self._here = scene, mesh, corners, pose, there
         return self._drawn()
 
     def at(self, frame: int) -> Scene:
@@ -181,7 +192,7 @@ class Motion:
 
     def _roots_on(self, mesh):
         """Roots on a pose of the mesh."""
-        there = tuple(map(self._gpu.upload, self._posed(mesh)))
+        there = self._uploaded(pose_of(*self._posed(mesh), None))
         return stage.place_roots(self._gpu, self._feet, self._offsets, there, there, 1.0,
                                  stage.padded(self._gpu, len(self._feet)))
 
@@ -194,7 +205,7 @@ class Motion:
             raise Error(f"{which} is {shown(scene)}; allowed: a clfur.Scene with a mesh{more}")
         return scene
 
-    def _hang(self, hair):
+    def _hang(self, hair, body):
         """Put the groom on the mesh, at rest."""
         gpu, groom = self._gpu, self._groom
         counts = groom.counts.astype(np.int64)
@@ -203,20 +214,37 @@ class Motion:
         kinds = np.zeros(n, int) if groom.type_of is None else groom.type_of.astype(int)
         uv = np.zeros((n, 4), np.float32)
         uv[:, 2] = kinds
+        drawn = as_float4(points)
+        width = self._groom.width
+        drawn[:, 3] = np.repeat(width, counts) if len(width) == n != len(points) else width
         self._strands = DeviceStrands.empty(
-            gpu, {"run": 0, "color": 0, "type": 0, "strand": n, "point": 0}, points=gpu.upload(as_float4(points)),
+            gpu, {"run": 0, "color": 0, "type": 0, "strand": n, "point": 0}, points=gpu.upload(drawn),
             spans=gpu.upload(np.stack([first, counts], 1).astype(np.uint32)), uv=gpu.upload(uv))
         lengths = _lengths(points, counts)
         longest = [float(lengths[kinds == kind].max(initial=0)) or 1.0 for kind in range(len(hair))]
         types = np.zeros(len(hair), layout.MotionType)
         types["hair"] = [each.row(length, self.units) for each, length in zip(hair, longest)]
+        types["touch"][:, 0] = [each.friction for each in hair]
         self._types, self._longest = gpu.upload(types), float(lengths.max(initial=0))
         self._stand(np.append(points, np.zeros((1, 3), np.float32), 0)[np.where(counts > 0, first, -1)])
+        is_long = self._longest > LONG * self.scene.mesh.bounds[1]
+        self._body = Body(gpu, seen_from(self._mesh, self._origin), self.scene.strands, self._rest) if (
+            is_long if body == "auto" else body) else None
         self._state, soft = stage.hang(gpu, self._strands, int(counts.max(initial=1)), self._roots, self._types,
-                                       self.gravity)
+                                       self.gravity, self._body is not None)
         if too_soft := int(gpu.download(soft).sum()):
             warnings.warn(f"{too_soft:,} of {n:,} strands are too soft to stay as they were groomed under gravity, and "
                           "fall; a longer HairMotion.bend_length bears them", RuntimeWarning, stacklevel=4)
+        if self._body:
+            self._stand_off()
+
+    def _stand_off(self):
+        """Let strands feel the body, from as they were groomed."""
+        felt = self._body.felt
+        deepest = self._gpu.download(stage.stand_off(self._gpu, self._state, self._strands, felt))[:self._state.n]
+        if within := int((deepest < -DEEP * felt.distance.grid["reach"][1]).sum()):
+            warnings.warn(f"{within:,} of {len(deepest):,} strands are groomed to go through the body, and may stay as "
+                          "deep in it; Strands.collision keeps them out", RuntimeWarning, stacklevel=5)
 
     def _stand(self, roots):
         """Find the places of roots [strands, 3] on the mesh."""
@@ -233,29 +261,34 @@ class Motion:
         self._offsets = gpu.upload(offsets)
         self._roots = self._roots_at(self._here, 1.0)
 
-    def _roots_at(self, now, share):
-        """Roots, such a share of the way from the pose that is here to another."""
+    def _roots_at(self, now, share, rows=None):
+        """Roots, such a share of the way from the pose that is here to another; rows: the rigid motion there."""
+        body = stage.RESTING if rows is None else stage.body_at(rows[:3, :3], rows[:3, 3])
         return stage.place_roots(self._gpu, self._feet, self._offsets, self._here, now, share,
-                                 stage.padded(self._gpu, len(self._feet)))
+                                 stage.padded(self._gpu, len(self._feet)), body)
 
     def _posed(self, mesh):
-        """(Corners of the faces that the groom's mesh has, normals there) of a pose, float32 [faces, 3, 4]."""
+        """(Corners of the faces that the groom's mesh has, normals there) of a pose, float32 [faces, 3, 3]."""
         mesh = posed(mesh, self.scene.mesh, "Motion.scene.mesh")
         corners = mesh.positions[mesh.faces] + (mesh.origin - self._origin)
-        return tuple(np.pad(each.astype(np.float32), ((0, 0), (0, 0), (0, 1)))
-                     for each in (corners, mesh.normals[mesh.faces]))
+        return corners.astype(np.float32), mesh.normals[mesh.faces].astype(np.float32)
 
-    def _go(self, seconds, there, moved, is_cut):
-        """Go on to a pose that is on the device, whose vertices have moved so far at most."""
+    def _uploaded(self, pose):
+        return tuple(self._gpu.upload(np.pad(each, ((0, 0), (0, 0), (0, 1)))) for each in (pose.corners, pose.normals))
+
+    def _go(self, seconds, pose, there, moved, is_cut):
+        """Go on to a pose whose faces are on the device, and whose vertices have moved so far at most."""
         gpu, n = self._gpu, self._substeps(seconds, 0.0 if is_cut else moved)
         wind, step = self.wind.of_world(self.units), seconds / n
-        for number in range(n):
+        bodies = self._body.way(self._pose, pose, n, is_cut) if self._body else itertools.repeat(None)
+        for number, felt in zip(range(n), bodies):
             share = 1.0 if is_cut else (number + 1) / n
-            roots = self._roots_at(there, share)
+            roots = self._roots_at(there, share, between(self._pose, pose, share))
             winds = stage.blow(gpu, self._state, roots, time=self.time + (number + 1) * step, **wind)
             as_before = abs(step - self._last_step) < 1e-6 * step
             stage.advance(gpu, self._state, self._types, roots, self._roots, step, self.gravity, winds,
-                          2 if as_before else 1, is_cut and not number, self.wind.skin * self.units)
+                          2 if as_before else 1, is_cut and not number, self.wind.skin * self.units,
+                          felt)
             self._roots, self._last_step = roots, step
         self.time += seconds
 
@@ -263,11 +296,13 @@ class Motion:
         """How many substeps of such a step, in which a vertex of the mesh moves so far."""
         by_rate = max(math.ceil(seconds * self.rate - 1e-6), 1)
         by_way = math.ceil(moved / (FEW * self._longest)) if self._longest else 1
+        if self._body:
+            by_way = max(by_way, math.ceil(moved / self._body.pace))
         if by_way > max(MOST, by_rate) and not self._said:
             self._said = True
-            warnings.warn(f"the mesh moves by {moved / self._longest:.3g} lengths of the longest strand in a step; "
-                          f"{MOST} substeps are made of it at most: shorter steps are more exact", RuntimeWarning,
-                          stacklevel=4)
+            warnings.warn(f"the mesh moves by {moved / self._longest:.3g} lengths of the longest strand in a step, for "
+                          f"which {by_way} substeps would be right; {MOST} substeps are made of it at most: shorter "
+                          "steps are more exact", RuntimeWarning, stacklevel=4)
         return max(by_rate, min(by_way, MOST))
 
     def _drawn(self):

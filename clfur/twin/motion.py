@@ -43,7 +43,8 @@ class Strand:
     """What a strand keeps: `groomed`, `rest`, `lengths` as `hang` gives them; `places` [n + 1, 3] relative to its root,
     those before, speeds and tensions."""
 
-    def __init__(self, points, axes, bend, gravity, air=0.0, damping=0.0, carried=0.0):
+    def __init__(self, points, axes, bend, gravity, air=0.0, damping=0.0, carried=0.0, contact=None):
+        self.contact = contact   # of `contact.Contact`, or None
         points = np.asarray(points, float) - points[0]
         self.groomed, self.rest, self.soft = hang(points, axes, bend, gravity)
         self.lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -52,8 +53,10 @@ class Strand:
         self.speeds, self.speeds_before = np.zeros_like(points), np.zeros_like(points)
         self.tensions = np.zeros(len(self.lengths))
 
-    def advance(self, root, root_before, step, wind, order=2, jumped=False, skin=0.0):
-        """Go on by ``step`` seconds; roots: (place [3], axes [3, 3]); skin: height of still air, 0 for none."""
+    def advance(self, root, root_before, step, wind, order=2, jumped=False, skin=0.0, body=None):
+        """Go on by ``step`` seconds; roots: (place [3], axes [3, 3]); skin: height of still air, 0 for none; body: for
+        `Contact.begin`, (look, carry, swell, whether it deforms)."""
+        order = 1 if self.contact and self.contact.touched else order
         carried = 1.0 if jumped else self.carried
         axes, old = root[1], root_before[1]
         shift, spin = root[0] - root_before[0], old.T @ axes
@@ -69,10 +72,17 @@ class Strand:
         base = now + third * (now - then)
         free = base + he * (speed + third * (speed - speed_then))
         places = start
-        for _ in range(2):
+        if self.contact:
+            self.contact.begin(*body, self.places, now, root, root_before)
+        for number in range(2):
+            if self.contact:
+                self.contact.meet(places, not number)
             places = self._newton(places, base, free, axes, rest, he, np.asarray(wind, float), skin)
+        speeds = (places - base) / he
+        if self.contact:
+            places, speeds = self.contact.turn_out(places, speeds, self.lengths, step)
         self.before, self.speeds_before = now, speed
-        self.places, self.speeds = places, (places - base) / he
+        self.places, self.speeds = places, speeds
         self.before[0] = self.speeds_before[0] = self.speeds[0] = 0
 
     def _damped(self, old, he):
@@ -124,6 +134,10 @@ class Strand:
             felt = height * height * (3 - 2 * height)
             b[i] += masses[i] * (self.gravity - (x[i + 1] - free[i + 1]) / he**2
                                  - self.air * (x[i + 1] - base[i + 1] - he * felt * wind) / he)
+            if self.contact:
+                hard, force = self.contact.press(x, i + 1, masses[i] / he**2 + self.air * masses[i] / he)
+                a[i, :, i] += hard
+                b[i] += force
         rows = np.zeros((n, n, 3))   # of what keeps lengths
         for i in range(n):
             rows[i, i] = t[i + 1]
@@ -133,7 +147,10 @@ class Strand:
         whole = np.block([[a.reshape(3 * n, 3 * n), rows.T], [rows, np.zeros((n, n))]])
         solved = np.linalg.solve(whole, np.concatenate([b.ravel(), self.lengths - now]))
         self.tensions = solved[3 * n:]
-        x = x + np.vstack([np.zeros(3), solved[:3 * n].reshape(n, 3)])
+        ways = np.vstack([np.zeros(3), solved[:3 * n].reshape(n, 3)])
+        if self.contact:
+            self.contact.end(ways)
+        x = x + ways
         t = np.diff(x, axis=0)
         t *= (self.lengths / np.linalg.norm(t, axis=1))[:, None]
         return np.vstack([np.zeros(3), np.cumsum(t, axis=0)])
