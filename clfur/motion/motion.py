@@ -41,9 +41,9 @@ class Motion:
     second, 1 to 10,000; roots that move fast get more. units_per_metre: of the scene. gravity: [3] m/s². wind: a Wind
     or None. fps: frames a second, of `at`. jump: world units; where a vertex goes further in a step it is a cut, and
     hair is carried along. None: the radius of the mesh. body: whether hair feels the mesh, and does not enter it;
-    "auto": where some is longer than a fifth of the mesh's radius, so that it can lie on it. What was groomed nearer than
-    half of its width, or inside, may stay as near. Hair that is too soft to bear its weight as it was groomed falls, and
-    a warning says how much; another, how much goes through the body.
+    "auto": where some is longer than a fifth of the mesh's radius, so that it can lie on it. What was groomed nearer
+    than half of its width, or inside, may stay as near. Hair that is too soft to bear its weight as it was groomed
+    falls, and a warning says how much; another, how much goes through the body.
 
     Hair does not feel other hair. The equations are in docs/motion.md. Raises Error for a scene without
     strands or mesh, for Curves that stand elsewhere, and where arguments are not allowed; `step` and `at` do for a
