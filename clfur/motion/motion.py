@@ -166,7 +166,7 @@ class Motion:
         deepest = self._gpu.download(stage.stand_off(self._gpu, self._state, self._strands, felt))[:self._state.n]
         if within := int((deepest < -DEEP * felt.distance.grid["reach"][1]).sum()):
             warnings.warn(f"{within:,} of {len(deepest):,} strands are groomed to go through the body, and may stay as "
-                          "deep in it; Strands.collision keeps them out", RuntimeWarning, stacklevel=5)
+                          "deep in it; Strands.collision keeps most of them out", RuntimeWarning, stacklevel=5)
 
     def _stand(self, roots):
         """Find the places of roots [strands, 3] on the mesh."""
