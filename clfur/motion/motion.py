@@ -43,9 +43,9 @@ class Motion:
     second, 1 to 10,000; roots that move fast get more. units_per_metre: of the scene. gravity: [3] m/s². wind: a Wind
     or None. fps: frames a second, of `at`. jump: world units; where a vertex goes further in a step it is a cut, and
     hair is carried along. None: the radius of the mesh. body: whether hair feels the mesh, and does not enter it;
-    "auto": where some is longer than a fifth of the mesh's radius, so that it can lie on it. What was groomed nearer than
-    half of its width, or inside, may stay as near. Hair that is too soft to bear its weight as it was groomed falls, and
-    a warning says how much; another, how much goes through the body.
+    "auto": where some is longer than a fifth of the mesh's radius, so that it can lie on it. What was groomed nearer
+    than half of its width, or inside, may stay as near. Hair that is too soft to bear its weight as it was groomed
+    falls, and a warning says how much; another, how much goes through the body.
 
     Hair does not feel other hair. The equations are in docs/motion.md. Raises Error for a scene without
     strands or mesh, for Curves that stand elsewhere, and where arguments are not allowed; `step` and `at` do for a
@@ -244,7 +244,7 @@ class Motion:
         deepest = self._gpu.download(stage.stand_off(self._gpu, self._state, self._strands, felt))[:self._state.n]
         if within := int((deepest < -DEEP * felt.distance.grid["reach"][1]).sum()):
             warnings.warn(f"{within:,} of {len(deepest):,} strands are groomed to go through the body, and may stay as "
-                          "deep in it; Strands.collision keeps them out", RuntimeWarning, stacklevel=5)
+                          "deep in it; Strands.collision keeps most of them out", RuntimeWarning, stacklevel=5)
 
     def _stand(self, roots):
         """Find the places of roots [strands, 3] on the mesh."""
