@@ -152,8 +152,9 @@ class Motion:
         scene = self._scene_at(time)
         mesh = checks.instance(Mesh, none=True)(mesh, "Motion.restore mesh") or scene.mesh
         with self._gpu.frame():
-            self._corners = self._posed(mesh)
-            self._here = tuple(map(self._gpu.upload, self._corners))
+            self._corners, normals = self._posed(mesh)
+            self._pose = pose_of(self._corners, normals, self._rest)
+            self._here = self._uploaded(self._pose)
             for name, array in arrays.items():
                 owner, attribute = held[name]
                 object.__setattr__(owner, attribute, self._gpu.upload(array))
