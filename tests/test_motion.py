@@ -2,15 +2,10 @@
 
 import numpy as np
 import pytest
-from support.hair import DROPS, G, Hair, bar, curl
+from support.hair import DROPS, G, Hair, bar, curl, uneven
 
 from clfur.stages import motion
 from clfur.twin import motion as twin
-
-
-def uneven(rng, counts):
-    """Bent strands of so many points, with segments of many lengths."""
-    return [np.cumsum(rng.normal(size=(n, 3)) * 0.04 + [0, 0.1, 0], axis=0) + rng.normal(size=3) for n in counts]
 
 
 def shaken(root, rng, far):
@@ -190,13 +185,3 @@ def test_roots_are_the_twins(gpu):
                                  0.75 * normals + 0.25 * turned)
     np.testing.assert_allclose(roots[0, :, :n].T, places, rtol=0, atol=3e-6)
     np.testing.assert_allclose(roots[1:, :, :n].transpose(2, 0, 1), axes, rtol=0, atol=3e-6)
-
-
-@pytest.mark.small
-def test_wind_is_the_twins(gpu):
-    hair = Hair(gpu, uneven(np.random.default_rng(10), (4, 2, 6, 3, 3)), 0.5)
-    mean, gust, size, time = (1.5, -0.5, 3), 2.0, 0.7, 12.3
-    winds = gpu.download(motion.blow(gpu, hair.state, hair.roots, mean, gust, size, time, 5)).reshape(3, -1)[:, :hair.n]
-    there = twin.wind_at(hair.root[0, :, :hair.n].T, mean, gust, size, time, 5)
-    np.testing.assert_allclose(winds.T, there, rtol=0, atol=3e-4)   # cells away from 0 are in float32
-    assert np.ptp(there, axis=0).min() > 0.1

@@ -48,7 +48,7 @@ class Wind:
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)
 
     def of_world(self, units_per_metre: float) -> dict:
-        """What `stages.motion.blow` takes of it."""
+        """What `stages.wind.blow` takes of it."""
         mean = np.asarray(self.velocity) * units_per_metre
         return {"mean": mean, "gust": self.gust * float(np.linalg.norm(mean)), "size": self.size * units_per_metre,
                 "seed": self.seed}

@@ -18,6 +18,7 @@ from ..scene.guides import far_from
 from ..scene.origin import seen_from
 from ..scene.rest import posed
 from ..stages import motion as stage
+from ..stages import wind as air
 from ..stages.guides import feet_on
 from ..stages.strands import DeviceStrands
 from ..stages.tessellate import as_float4
@@ -161,7 +162,7 @@ class Motion:
         for number in range(n):
             share = 1.0 if is_cut else (number + 1) / n
             roots = self._roots_at(there, share)
-            winds = stage.blow(gpu, self._state, roots, time=self.time + (number + 1) * step, **wind)
+            winds = air.blow(gpu, self._state, roots, time=self.time + (number + 1) * step, **wind)
             as_before = abs(step - self._last_step) < 1e-6 * step
             stage.advance(gpu, self._state, self._types, roots, self._roots, step, self.gravity, winds,
                           2 if as_before else 1, is_cut and not number, self.wind.skin * self.units)

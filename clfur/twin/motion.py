@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from .strands import random3
-
 
 def turned(a, b, p):
     """p [3] turned by the least rotation that takes unit a to unit b (Rodrigues, from a × b and a · b)."""
@@ -152,17 +150,3 @@ def roots_on(face, weights, offsets, corners, normals):
     axes[:, 1] /= np.linalg.norm(axes[:, 1], axis=1)[:, None]
     axes[:, 0] = np.cross(axes[:, 1], axes[:, 2])
     return np.einsum("nc,ncx->nx", weights, corners) + np.einsum("na,nax->nx", offsets, axes), axes
-
-
-def wind_at(places, mean, gust, size, time, seed):
-    """The wind [n, 3] at places: Perlin's smooth steps between random numbers at whole cells, which mean carries."""
-    at = (np.asarray(places, float) - np.asarray(mean, float) * time) / size
-    low = np.floor(at).astype(int)
-    step = np.polyval([6, -15, 10, 0, 0, 0], at - low)
-    sums = np.zeros_like(at)
-    for corner in np.ndindex(2, 2, 2):
-        cell = (low + corner) % 1024
-        words = random3(cell @ [1, 1024, 1024**2], seed, 9)
-        share = np.where(corner, step, 1 - step).prod(1)
-        sums += share[:, None] * ((words >> np.uint32(8)) / 2**23 - 1)
-    return mean + gust * sums

@@ -4,7 +4,7 @@ import numpy as np
 
 import clfur
 from clfur import layout
-from clfur.stages import motion
+from clfur.stages import motion, wind
 from clfur.stages.strands import upload_curves
 
 G = np.array([0, -9.81, 0])
@@ -40,9 +40,9 @@ class Hair:
         self.state, self.soft = motion.hang(gpu, self.drawn, counts.max(), self.roots, self.types,
                                             G if weighted else 0 * G)
 
-    def step(self, step, wind=(0, 0, 0), root=None, jumped=False, skin=0.0):
+    def step(self, step, velocity=(0, 0, 0), root=None, jumped=False, skin=0.0):
         roots = self.roots if root is None else self.gpu.upload(np.asarray(root, np.float32))
-        winds = motion.blow(self.gpu, self.state, roots, wind)
+        winds = wind.blow(self.gpu, self.state, roots, velocity)
         motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, G, winds, self.order, jumped, skin)
         self.roots, self.order = roots, 2
         return self
@@ -57,6 +57,11 @@ class Hair:
         return max(np.abs(np.linalg.norm(np.diff(now, axis=0), axis=1)
                           / np.linalg.norm(np.diff(each.astype(float), axis=0), axis=1) - 1).max()
                    for now, each in zip(self.array(), self.strands) if len(each) > 1)
+
+
+def uneven(rng, counts):
+    """Bent strands of so many points, with segments of many lengths."""
+    return [np.cumsum(rng.normal(size=(n, 3)) * 0.04 + [0, 0.1, 0], axis=0) + rng.normal(size=3) for n in counts]
 
 
 def bar(segments, direction=(1, 0, 0)):
