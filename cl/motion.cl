@@ -34,8 +34,8 @@ typedef struct {
     lanes bend, air;                            // B / mass a length, with what damps it; 1 / air [1 / s]
     lanes he;                                   // [s] of implicit Euler's step
     lanes3 axes[3];                             // of the root
-    lanes3 gravity, wind;
-    float by_skin;                              // 1 / height of air that the skin holds still [1 / world], 0: none
+    lanes3 gravity;
+    __global const float *winds;
 } Moving;
 
 INLINED lanes row_of(__global const float *rows, size_t stride, int row)
@@ -184,13 +184,6 @@ INLINED lanes3 moment_of(const Chain *c)
     return minus(moment, scaled(crosses(c->here.ghost, c->here.direction), twist));
 }
 
-/* Share of the wind that is felt at a place, along the normal of the root: none at the skin. */
-INLINED lanes felt(const Moving *m, lanes3 place)
-{
-    const lanes h = within(dots(place, m->axes[2]) * m->by_skin, 0.0f, 1.0f);
-    return m->by_skin > 0.0f ? h * h * (3.0f - 2.0f * h) : F(1.0f);
-}
-
 /* Solve for point i; what lies behind it has been solved for already. */
 INLINED void solve(const Moving *m, int i, const Chain *c, Left *left, lanes3 *behind_moment)
 {
@@ -225,7 +218,7 @@ INLINED void solve(const Moving *m, int i, const Chain *c, Left *left, lanes3 *b
     *behind_moment = moment;
     b = minus(b, scaled(minus(place, kept(m, i, FREE)), mass / (m->he * m->he)));
     b = plus(b, scaled(m->gravity, mass));
-    b = minus(b, scaled(minus(minus(place, kept(m, i, BASE)), scaled(m->wind, m->he * felt(m, place))), drag / m->he));
+    b = minus(b, scaled(minus(minus(place, kept(m, i, BASE)), scaled(three_of(m->winds, m->stride, 3 * i), m->he)), drag / m->he));
 
     const Symmetric p = inverse(&a);
     const lanes3 pt = times(&p, t);
@@ -460,8 +453,7 @@ BY_ITSELF __kernel void advance(
     const int order,                       // 2, or 1 where what came before is not known
     const int jumped,                      // 1: hair goes with its root
     const float4 gravity,                  // [world / s^2]
-    __global const float *winds,           // [3, padded] at each root [world / s]
-    const float by_skin,                   // 1 / height of air that the skin holds still [1 / world], 0: none
+    __global const float *winds,           // [points, 3, padded] [world / s]
     __global float *places,                // [points, 3, padded] relative to the root [world]
     __global float *places_before,         // [points, 3, padded]
     __global float *speeds,                // [points, 3, padded] [world / s]
@@ -475,11 +467,10 @@ BY_ITSELF __kernel void advance(
     m.work_stride = (size_t)n_items * LANES;
     m.work = workspace + item * LANES;
     m.gravity = all_lanes(gravity);
-    m.by_skin = by_skin;
     for (uint first = (uint)item * LANES; first < n; first += n_items * LANES) {
         m.groomed = groomed + first;
         m.lengths = lengths + first;
-        m.wind = three_of(winds + first, padded, 0);
+        m.winds = winds + first;
         m.n = *(__global const lanes_i *)(segments + first);
         lanes damping = F(0.0f), carried = F(0.0f);
         m.bend = m.air = F(0.0f);

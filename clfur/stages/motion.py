@@ -57,10 +57,10 @@ def hang(gpu: Any, strands: DeviceStrands, points: int, roots: Any, types: Any, 
 
 
 def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, step: float, gravity: Any, winds: Any,
-            order: int = 2, jumped: bool = False, skin: float = 0.0) -> None:
+            order: int = 2, jumped: bool = False) -> None:
     """One step of strands whose roots go from ``roots_before`` to ``roots``, in place.
 
-    step: seconds.  gravity: [3] world / s².  winds: `wind.blow`'s.  skin: up to what height it holds air [world].
+    step: seconds.  gravity: [3] world / s².  winds: `wind.blow`'s.
     order: of the formula in time (BDF), 1 in the first step.  jumped: whether hair goes with its root as if
     nothing had moved.
     """
@@ -71,7 +71,7 @@ def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, s
              "tensions")
     gpu.launch("motion.advance", items, n_items=items, n=state.n, padded=state.padded, types=types, roots=roots,
                roots_before=roots_before, seconds=step, order=1 if jumped else order, jumped=int(jumped),
-               gravity=(*gravity, 0), winds=winds, by_skin=1 / skin if skin else 0.0, workspace=workspace,
+               gravity=(*gravity, 0), winds=winds, workspace=workspace,
                **{name: getattr(state, name) for name in names})
 
 

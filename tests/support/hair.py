@@ -40,10 +40,12 @@ class Hair:
         self.state, self.soft = motion.hang(gpu, self.drawn, counts.max(), self.roots, self.types,
                                             G if weighted else 0 * G)
 
-    def step(self, step, velocity=(0, 0, 0), root=None, jumped=False, skin=0.0):
+    def step(self, step, velocity=(0, 0, 0), root=None, jumped=False):
         roots = self.roots if root is None else self.gpu.upload(np.asarray(root, np.float32))
-        winds = wind.blow(self.gpu, self.state, roots, velocity)
-        motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, G, winds, self.order, jumped, skin)
+        """``velocity``: of the wind, [3], or a `layout.Wind`."""
+        moment = velocity if getattr(velocity, "dtype", None) == layout.Wind else wind.moment(velocity)
+        self.winds = wind.blow(self.gpu, moment, roots, self.state.places, self.state.points, self.state.padded)
+        motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, G, self.winds, self.order, jumped)
         self.roots, self.order = roots, 2
         return self
 
