@@ -157,7 +157,7 @@ __kernel void sway(
     __global float *leans,                 // [3, padded] from rest, in the axes
     __global float *speeds,                // [3, padded] [1 / s]
     __global float *going,                 // [3, padded] roots' speed in the step before [world / s]
-    __global float4 *out)                  // [vertices] what `Shells.lean` is [world's axes]
+    __global float *out)                   // [vertices, 3] what `Shells.lean` is [world's axes]
 {
     WORK_ITEM(i);
     const size_t stride = padded;
@@ -182,5 +182,5 @@ __kernel void sway(
         /* However much it is pushed into the skin, hair stays out of it. */
         lean += (a == 2 ? fmax(bent + now, fmin(bent, -CROUCHED)) : bent + now) * axes[a];
     }
-    out[i] = lean;
+    vstore3(lean.xyz, i, out);
 }

@@ -13,16 +13,17 @@ from ..errors import Error, shown
 from ..render import grow, schedulers
 from ..scene import Mesh, Scene, Strands, checks
 from ..scene.bounds import hair_bounds
-from ..scene.curves import Bounds
+from ..scene.curves import Bounds, Curves
 from ..scene.guides import far_from
 from ..scene.origin import seen_from
 from ..scene.rest import posed
 from ..stages import motion as stage
 from ..stages import wind as air
 from ..stages.guides import feet_on
-from ..stages.strands import DeviceStrands
+from ..stages.strands import DeviceStrands, upload_curves
 from ..stages.tessellate import as_float4
 from .hair import HairMotion, Wind, of_types
+from .undercoat import Undercoat
 
 FEW, MOST = 0.25, 32   # lengths of the longest strand that a root may go in a substep; substeps it is given for that
 
@@ -47,8 +48,10 @@ class Motion:
     def __init__(self, scene: Scene, hair: Any = None, device: Any = None, *, rate: float = 120.0,
                  units_per_metre: float = 1.0, gravity: Any = (0.0, -9.81, 0.0), wind: Wind | None = None,
                  pose: Callable[[float], Mesh] | None = None, fps: float = 24.0, jump: float | None = None) -> None:
-        if not isinstance(scene, Scene) or scene.mesh is None or scene.strands is None:
-            raise Error(f"Motion.scene is {shown(scene)}; allowed: a clfur.Scene with a mesh, and Strands or Curves")
+        if not isinstance(scene, Scene) or scene.mesh is None or scene.fur is None:
+            raise Error(f"Motion.scene is {shown(scene)}; allowed: a clfur.Scene with a mesh and fur")
+        if scene.shells is not None and np.any(scene.shells.wind):
+            raise Error("Motion.scene.fur's Shells have a wind of their own; allowed: none, Motion.wind moves them")
         if pose is not None and not callable(pose):
             checks.refuse("Motion.pose", pose, "None or a function of seconds")
         self.rate = checks.real(1, 10_000)(rate, "Motion.rate")
@@ -59,17 +62,21 @@ class Motion:
         self.jump = scene.mesh.bounds[1] if jump is None else checks.positive()(jump, "Motion.jump")
         self.pose, self.scene, self.time = pose, scene, 0.0
         self._gpu = schedulers(device)[0]
-        self._groom = grow(scene, self._gpu) if isinstance(scene.strands, Strands) else scene.strands.on_host
-        hair = of_types(HairMotion() if hair is None else hair, len(self._groom.hair_types))
+        self._groom = grow(scene, self._gpu) if isinstance(scene.strands, Strands) else (
+            scene.strands or Curves(np.zeros((0, 3)), counts=[])).on_host
+        *hair, last = of_types(HairMotion() if hair is None else hair, len(self._groom.hair_types) * bool(scene.strands),
+                               scene.shells is not None) + (HairMotion(),) * (scene.shells is None)
         self._said, self._last_step, self._frame = False, 0.0, 0
         self._mesh, self._origin = scene.mesh, scene.origin
         with self._gpu.frame():
             self._corners = self._posed(scene.mesh)
             self._here = tuple(map(self._gpu.upload, self._corners))
             self._hang(hair)
+            self._undercoat = None if scene.shells is None else Undercoat(
+                self._gpu, scene.shells, scene.mesh, last, self.gravity, self.units, self._standing)
         segments, length, area = hair_bounds(self._groom, len(self._groom.counts))
         away = float(np.abs(self._gpu.download(self._offsets)).max(initial=0)) * 3**0.5
-        beyond = self._longest + away + float(self._groom.width.max()) / 2
+        beyond = self._longest + away + float(self._groom.width.max(initial=0)) / 2
         self._beyond = Bounds((0, 0, 0), beyond, segments, length, area)
 
     def step(self, seconds: float, mesh: Mesh | None = None, wind: Wind | None = None, cut: bool = False) -> Scene:
@@ -145,8 +152,12 @@ class Motion:
 
     def _roots_at(self, now, share):
         """Roots, such a share of the way from the pose that is here to another."""
-        return stage.place_roots(self._gpu, self._feet, self._offsets, self._here, now, share,
-                                 stage.padded(self._gpu, len(self._feet)))
+        return self._standing(self._feet, self._offsets, now, share)
+
+    def _standing(self, feet, offsets, now=None, share=1.0):
+        """The same of whatever stands with such feet; now: None as the mesh is here."""
+        return stage.place_roots(self._gpu, feet, offsets, self._here, now or self._here, share,
+                                 stage.padded(self._gpu, len(feet)))
 
     def _posed(self, mesh):
         """(Corners of the faces that the groom's mesh has, normals there) of a pose, float32 [faces, 3, 4]."""
@@ -157,17 +168,32 @@ class Motion:
 
     def _go(self, seconds, there, moved, is_cut):
         """Go on to a pose that is on the device, whose vertices have moved so far at most."""
-        gpu, n = self._gpu, self._substeps(seconds, 0.0 if is_cut else moved)
-        wind, step = self.wind.of_world(self.units), seconds / n
+        gpu, n, state = self._gpu, self._substeps(seconds, 0.0 if is_cut else moved), self._state
+        upwind, step, longest = self._upwind(), seconds / n, self._longest
         for number in range(n):
             share = 1.0 if is_cut else (number + 1) / n
-            roots = self._roots_at(there, share)
-            winds = air.blow(gpu, self._state, roots, time=self.time + (number + 1) * step, **wind)
-            as_before = abs(step - self._last_step) < 1e-6 * step
-            stage.advance(gpu, self._state, self._types, roots, self._roots, step, self.gravity, winds,
-                          2 if as_before else 1, is_cut and not number, self.wind.skin * self.units)
-            self._roots, self._last_step = roots, step
+            wind = self.wind.at(self.time + (number + 1) * step, self.units, longest)
+            if state.n:
+                roots = self._roots_at(there, share)
+                shares = upwind and air.shelter(gpu, wind, upwind, roots, state.places, state.points, state.padded)
+                winds = air.blow(gpu, wind, roots, state.places, state.points, state.padded, shares)
+                as_before = abs(step - self._last_step) < 1e-6 * step
+                stage.advance(gpu, state, self._types, roots, self._roots, step, self.gravity, winds,
+                              2 if as_before else 1, is_cut and not number)
+                self._roots, self._last_step = roots, step
+            if self._undercoat:
+                self._undercoat.go((there, share), step, wind, self.gravity, upwind, is_cut and not number)
         self.time += seconds
+
+    def _upwind(self):
+        """Strands on the wind's way, as they stand now; None where they give no shelter."""
+        speed = float(np.linalg.norm(self.wind.velocity))
+        if not (self.wind.shelter and speed and self._state.n):
+            return None
+        curves, bounds = self._curves(), self._around()
+        return air.upwind(self._gpu, self.wind.velocity / speed, (bounds.center, bounds.radius),
+                          upload_curves(self._gpu, curves), (bounds.segments, bounds.length, bounds.area),
+                          len(curves.hair_types))
 
     def _substeps(self, seconds, moved):
         """How many substeps of such a step, in which a vertex of the mesh moves so far."""
@@ -180,16 +206,24 @@ class Motion:
                           stacklevel=4)
         return max(by_rate, min(by_way, MOST))
 
+    def _around(self):
+        """The `Bounds` of the strands around the mesh as it is now."""
+        center, radius = seen_from(self._mesh, self._origin).bounds
+        return attrs.evolve(self._beyond, center=center, radius=radius + self._beyond.radius)
+
+    def _curves(self):
+        """The strands as they are now."""
+        points, normals = stage.place_points(self._gpu, self._state, self._roots, self._strands)
+        return attrs.evolve(self._groom, points=points, root_normal=normals, origin=self._origin,
+                            bounds=self._around(), lod_by="number")
+
     def _drawn(self):
         """The scene as it is now."""
         with self._gpu.frame():
-            points, normals = stage.place_points(self._gpu, self._state, self._roots, self._strands)
-        mesh, (center, radius) = self._mesh, self._mesh.bounds
-        bounds = attrs.evolve(self._beyond, center=center, radius=radius + self._beyond.radius)
-        curves = attrs.evolve(self._groom, points=points, root_normal=normals, origin=self._origin, bounds=bounds,
-                              lod_by="number")
-        shells = self.scene.shells
-        return attrs.evolve(self.scene, mesh=mesh, fur=curves if shells is None else (shells, curves))
+            fur = (self._undercoat.drawn(self._mesh),) if self._undercoat else ()
+            if self.scene.strands is not None:
+                fur += (self._curves(),)
+        return attrs.evolve(self.scene, mesh=self._mesh, fur=fur if len(fur) > 1 else fur[0])
 
 
 def _lengths(points, counts):

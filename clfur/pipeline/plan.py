@@ -480,7 +480,7 @@ class Plan:
     def _shells(self):
         """Bytes on the device of shell fur."""
         scene = self.scene
-        return size_of(scene.mesh, self.packed_shells, self.topology) if scene.shells else 0
+        return size_of(scene.mesh, self.packed_shells, self.topology, scene.shells.lean is not None) if scene.shells else 0
 
     @functools.cached_property
     def _fixed(self):

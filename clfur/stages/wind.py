@@ -116,14 +116,14 @@ def onward(w: float, zeta: float, step: float) -> tuple[float, float, float, flo
 
 def sway(gpu: Any, state: Leans, roots: Any, roots_before: Any, step: float, gravity: Any, winds: Any,
          hair: tuple[float, float, float, float, float], jumped: bool = False) -> Any:
-    """One step of shell fur at vertices, in place -> [vertices, 4] float32: what `Shells.lean` is then.
+    """One step of shell fur at vertices, in place -> [vertices, 3] float32: what `Shells.lean` is then.
 
     winds: `blow`'s at middles of hair (`stand`).  hair: what bends, air, damping, inertia, as `layout.MotionType` has
     them but for the last; length.
     """
     bend, air, damping, inertia, length = hair
     w, zeta, by = oscillator(bend, air, damping, length)
-    out = gpu.empty((state.n, 4), np.float32)
+    out = gpu.empty((state.n, 3), np.float32)
     gpu.launch("wind.sway", state.n, padded=state.padded, roots=roots, roots_before=roots_before,
                winds=winds, gravity=(*gravity, 0), hair=(by, air, inertia, 0), onward=onward(w, zeta, step),
                times=(1 / step, 0 if jumped else 1, 0, 0), out=out,

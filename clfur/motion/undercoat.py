@@ -1,0 +1,75 @@
+"""Shell fur in motion: each vertex of the mesh leans by itself."""
+
+from typing import Any
+
+import attrs
+import numpy as np
+
+from ..scene import Mesh, Shells
+from ..scene.rest import posed
+from ..stages import motion as stage
+from ..stages import wind as air
+from .hair import HairMotion
+
+
+class Undercoat:
+    """Shells that lean with the wind and as the skin moves, vertex by vertex.
+
+    shells: as they were groomed, at rest.  at: gives roots, as `stages.motion.place_roots`, of (feet, offsets): each
+    vertex stands in a corner of a face.
+    """
+
+    def __init__(self, gpu: Any, shells: Shells, mesh: Mesh, motion: HairMotion, gravity: np.ndarray,
+                 units_per_metre: float, at: Any) -> None:
+        self._gpu, self._at = gpu, at
+        bend, slowed, damping, carried = motion.row(shells.length, units_per_metre)
+        self._hair = bend, slowed, damping, 1 - carried, shells.length
+        self._shells = attrs.evolve(shells, rest=shells.rest or mesh, force=(0, 0, 0), acceleration=(0, 0, 0), lean=None)
+        self._faces = mesh.faces
+        n, rows = len(mesh.positions), stage.padded(gpu, len(mesh.positions))
+        self._feet = gpu.upload(_corners_of(mesh)), gpu.full((n, 4), np.float32, 0)
+        self.roots = at(*self._feet)
+        axes = gpu.download(self.roots)[1:]
+
+        def known(vectors):   # [n, 3] in the world -> in the axes of roots
+            there = np.zeros((3, rows), np.float32)
+            there[:, :n] = np.einsum("axn,nx->an", axes[:, :, :n], vectors)
+            return gpu.upload(there.ravel())
+        force = np.broadcast_to(np.subtract(shells.force, shells.acceleration), (n, 3))
+        force = force if shells.lean is None else force + shells.on_host.lean
+        self.state = air.Leans.empty(gpu, {"vector": 3 * rows}, n=n, padded=rows, rest=known(force),
+                                     weight=known(np.broadcast_to(gravity, (n, 3))))
+        self.lean: Any = gpu.upload(np.ascontiguousarray(force, np.float32))
+
+    def middles(self) -> Any:
+        """Where hair has its middles, as places of strands of two points."""
+        return air.stand(self._gpu, self.roots, self._hair[4], self.state.padded)
+
+    def go(self, there: Any, step: float, wind: np.void, gravity: np.ndarray, upwind: Any, jumped: bool) -> None:
+        """Go on by ``step`` seconds to where vertices stand ``there``, as ``at`` takes it.  upwind: `wind.upwind`'s, or
+        None."""
+        gpu, rows = self._gpu, self.state.padded
+        before, self.roots = self.roots, self._at(*self._feet, *there)
+        middles = self.middles()
+        shares = upwind and air.shelter(gpu, wind, upwind, self.roots, middles, 2, rows)
+        winds = air.blow(gpu, wind, self.roots, middles, 2, rows, shares)
+        self.lean = air.sway(gpu, self.state, self.roots, before, step, gravity, winds, self._hair, jumped)
+
+    def drawn(self, mesh: Mesh) -> Shells:
+        """The shells as they are now, for a pose of the mesh: where its vertices touch they may be one."""
+        rest: Any = self._shells.rest
+        now, lean = posed(mesh, rest, "Shells.rest"), self.lean
+        if now.faces is not self._faces and not np.array_equal(now.faces, self._faces):
+            lean = np.zeros((len(now.positions), 3), np.float32)
+            lean[now.faces] = self._gpu.download(self.lean)[self._faces]
+        return attrs.evolve(self._shells, lean=lean)
+
+
+def _corners_of(mesh):
+    """A corner of a face for each vertex [V, 4] float32, as `guides.feet_on` tells of places; of none the first."""
+    feet = np.zeros((len(mesh.positions), 4), np.float32)
+    for corner in range(3):
+        vertices = mesh.faces[:, corner]
+        feet[vertices, 1] = np.arange(len(mesh.faces), dtype=np.uint32).view(np.float32)
+        feet[vertices, 2:] = np.eye(3)[corner, 1:]
+    return feet
