@@ -64,8 +64,8 @@ class Motion:
         self._gpu = schedulers(device)[0]
         self._groom = grow(scene, self._gpu) if isinstance(scene.strands, Strands) else (
             scene.strands or Curves(np.zeros((0, 3)), counts=[])).on_host
-        *hair, last = of_types(HairMotion() if hair is None else hair, len(self._groom.hair_types) * bool(scene.strands),
-                               scene.shells is not None) + (HairMotion(),) * (scene.shells is None)
+        hair, last = of_types(HairMotion() if hair is None else hair, len(self._groom.hair_types) * bool(scene.strands),
+                              scene.shells is not None)
         self._said, self._last_step, self._frame = False, 0.0, 0
         self._mesh, self._origin = scene.mesh, scene.origin
         with self._gpu.frame():
