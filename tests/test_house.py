@@ -87,11 +87,12 @@ SEES = {
     "budget": "errors scene settings measures fitted pipeline",
     "render": "errors scene settings device pipeline budget",
     "motion": "errors layout scene stages render",
+    "film": "clfur errors color cache settings scene files device render motion av",
     "judge": "errors color cache measures layout settings scene files device budget render twin stages.tessellate",
     "command": "clfur errors color cache settings scene files device budget judge",
     "_moved": "", "__main__": "command", "__init__": "*",
 }
-GUARDED = {"pyopencl", "trimesh", "mapbox_earcut", "imageio", "OpenEXR", "Imath"}
+GUARDED = {"pyopencl", "trimesh", "mapbox_earcut", "imageio", "OpenEXR", "Imath", "av"}
 STANDARD = {"bisect", "dataclasses", "typing", "math", "numpy"}   # all that stages, layout and twins may see of others
 
 

@@ -2,6 +2,7 @@
 
 import warnings
 
+import attrs
 import numpy as np
 import pytest
 from support.scenes import icosphere
@@ -54,6 +55,26 @@ def test_strands_are_not_read_back(gpu, scene):
     now = clfur.Motion(scene, device=gpu).step(1 / 24, _posed(scene.mesh, shift=(0.1, 0, 0)))
     now.fur.points.get = now.fur.root_normal.get = None
     assert clfur.render(now, gpu)[..., 3].max() > 0
+
+
+def test_a_scene_that_is_a_function_of_seconds(gpu, scene):
+    """Its mesh, lights, camera, body and shells are drawn as they are then; its hair is that of the beginning."""
+    def scene_at(seconds):
+        return attrs.evolve(
+            scene, mesh=_posed(scene.mesh, shift=(seconds, 0, 0)), body_color=(seconds, 0, 0),
+            camera=clfur.Camera(eye=(seconds, 0.5, 4), size=(32, 32)), light=clfur.Light(intensity=1 + seconds),
+            fur=scene.fur if seconds < 0.3 else [clfur.Shells(length=0.1), clfur.Strands(roots=7)])
+    motion, by_hand = clfur.Motion(scene_at, device=gpu), clfur.Motion(scene, device=gpu)
+    for seconds in 0.25, 0.5:
+        now = motion.step(0.25)
+        there = by_hand.step(0.25, _posed(scene.mesh, shift=(seconds, 0, 0)))
+        np.testing.assert_array_equal(now.strands.on_host.points, there.fur.on_host.points)
+        np.testing.assert_array_equal(now.mesh.positions, there.mesh.positions)
+        assert now.camera.eye[0] == now.body_color[0] == seconds and now.light.intensity == 1 + seconds
+    assert now.shells.length == 0.1 and len(now.strands.counts) == 40
+    assert clfur.render(now, gpu)[..., 3].max() > 0
+    # A mesh that is given counts more.
+    assert motion.step(0.25, _posed(scene.mesh, shift=(2, 0, 0))).mesh.bounds[0][0] == pytest.approx(2)
 
 
 def test_a_cut_and_a_jump_carry_hair_along(gpu, scene):
@@ -135,7 +156,12 @@ def test_what_is_refused(gpu, scene):
             (lambda: clfur.Motion(scene, 3, gpu), "Motion.hair is 3"),
             (lambda: clfur.Motion(scene, device=gpu, rate=0), "Motion.rate is 0"),
             (lambda: clfur.Motion(scene, device=gpu, wind=(1, 0, 0)), "Motion.wind is"),
-            (lambda: clfur.Motion(scene, device=gpu, pose=3), "Motion.pose is 3"),
+            (lambda: clfur.Motion(3, device=gpu), "Motion.scene is 3; allowed: a clfur.Scene with a mesh, or a func"),
+            (lambda: clfur.Motion(lambda t: 3, device=gpu), r"Motion.scene\(0\) is 3; allowed: a clfur.Scene with a"),
+            (lambda: clfur.Motion(lambda t: clfur.Scene(mesh=scene.mesh), device=gpu), "Motion.scene is Scene.*Strands"),
+            (lambda: clfur.Motion(lambda t: None if t else scene, device=gpu).step(.5), r"Motion.scene\(0.5\) is None"),
+            (lambda: clfur.Motion(lambda t: clfur.Scene(other) if t else scene, device=gpu).step(.5),
+             "Motion.scene.mesh has 80 faces and Scene.mesh 79"),
             (lambda: clfur.Motion(_scene(fur=clfur.Curves(np.array([[[9.0, 0, 0], [9, 1, 0]]]))), device=gpu),
              "Motion.scene.fur has 1 of 1 roots"),
             (lambda: clfur.HairMotion(air=0), "HairMotion.air is 0"),

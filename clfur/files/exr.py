@@ -7,7 +7,7 @@ file states at their word.
 import struct
 import zlib
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -41,25 +41,30 @@ class Part:
 
 
 def write(path: Any, parts: list[Part]) -> None:
-    """Write parts of one size to a file, some rows of each at a time."""
+    """Write parts of one size to a file."""
+    with open(path, "wb") as file:
+        write_to(file, parts)
+
+
+def write_to(file: BinaryIO, parts: list[Part]) -> None:
+    """Write parts of one size to an open file that can be sought in, some rows of each at a time."""
     height, width = next(iter(parts[0].channels.values())).shape
     names = [name for part in parts for name in (part.name, *part.channels, *part.header)]
     several, chunks = len(parts) > 1, -(-height // ROWS[ZIP])
     flags = VERSION | MULTIPLE * several | LONG_NAMES * (max(len(name.encode()) for name in names) > SHORT)
     headers = [_header(part, width, height, chunks, several) for part in parts]
     places = np.zeros((len(parts), chunks), "<u8")
-    with open(path, "wb") as file:
-        file.write(MAGIC + struct.pack("<i", flags) + b"".join(headers) + b"\0" * several)
-        table = file.tell()
-        file.write(places.tobytes())
-        for k in range(chunks):
-            for number, part in enumerate(parts):
-                top = k * ROWS[ZIP]
-                packed = _packed(part.channels, top)
-                places[number, k] = file.tell()
-                file.write(struct.pack("<i", number) * several + struct.pack("<ii", top, len(packed)) + packed)
-        file.seek(table)
-        file.write(places.tobytes())
+    file.write(MAGIC + struct.pack("<i", flags) + b"".join(headers) + b"\0" * several)
+    table = file.tell()
+    file.write(places.tobytes())
+    for k in range(chunks):
+        for number, part in enumerate(parts):
+            top = k * ROWS[ZIP]
+            packed = _packed(part.channels, top)
+            places[number, k] = file.tell()
+            file.write(struct.pack("<i", number) * several + struct.pack("<ii", top, len(packed)) + packed)
+    file.seek(table)
+    file.write(places.tobytes())
 
 
 def _header(part, width, height, chunks, several):

@@ -100,6 +100,15 @@ def png(color: np.ndarray) -> bytes:
     return imageio.v3.imwrite("<bytes>", _in_bands(color), extension=".png", compress_level=EFFORT)
 
 
+def encoded(suffix: str, image: np.ndarray, camera: Camera | None = None, settings: Any = None) -> bytes:
+    """The bytes of a .png or .exr file that `save` writes of a colour picture, linear and premultiplied."""
+    if suffix == ".png":
+        return png(image)
+    file = io.BytesIO()
+    exr.write_to(file, layers.parts_of({"color": image}, layers.about(camera, settings)))
+    return file.getvalue()
+
+
 def to_uint8(image: np.ndarray) -> np.ndarray:
     """Return a picture in 8 bits, as PNG and screens have it: uint8 [h, w, 4], sRGB with straight alpha.
 

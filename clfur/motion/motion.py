@@ -31,36 +31,37 @@ FEW, MOST = 0.25, 32   # lengths of the longest strand that a root may go in a s
 class Motion:
     """The strands of a scene in motion, step by step: each gives a `Scene` that is drawn as any other.
 
-    scene: a Scene with a mesh and Strands or Curves, whose hair is its groom: as it is, it is at rest under gravity.
-    Strands are grown once; roots keep their places on the mesh's faces. hair: a HairMotion, or one for each type; None:
+    scene: a Scene with a mesh and Strands or Curves, or a function of seconds that gives one. The hair of scene(0) is
+    the groom: as it is, it is at rest under gravity. Strands are grown once; roots keep their places on the mesh's
+    faces, which all scenes share. Of later ones the Strands or Curves are not heeded, all else is drawn as it is
+    there: mesh, shells, camera, lights, sky, ground, colours. hair: a HairMotion, or one for each type; None:
     HairMotion(). device: as for `render`, of several the first; scenes must be drawn by the same. rate: substeps a
     second, 1 to 10,000; roots that move fast get more. units_per_metre: of the scene. gravity: [3] m/s². wind: a Wind
-    or None. pose: None, or a function of seconds that gives the Mesh then, of the same faces. fps: frames a second, of
-    `at`. jump: world units; where a vertex goes further in a step it is a cut, and hair is carried along. None: the
-    radius of the mesh. Hair that is too soft to bear its weight as it was groomed falls, and a warning says how much.
+    or None. fps: frames a second, of `at`. jump: world units; where a vertex goes further in a step it is a cut, and
+    hair is carried along. None: the radius of the mesh. Hair that is too soft to bear its weight as it was groomed falls, and a warning says how much.
 
     Hair does not feel the body or other hair. The equations are in docs/motion.md. Raises Error for a scene without
-    strands or mesh, for Curves that stand elsewhere, and where arguments are not allowed.
+    strands or mesh, for Curves that stand elsewhere, and where arguments are not allowed; `step` and `at` do for a
+    function that gives something else, or a mesh of other faces.
 
     time: seconds since the groom.
     """
 
-    def __init__(self, scene: Scene, hair: Any = None, device: Any = None, *, rate: float = 120.0,
-                 units_per_metre: float = 1.0, gravity: Any = (0.0, -9.81, 0.0), wind: Wind | None = None,
-                 pose: Callable[[float], Mesh] | None = None, fps: float = 24.0, jump: float | None = None) -> None:
-        if not isinstance(scene, Scene) or scene.mesh is None or scene.fur is None:
-            raise Error(f"Motion.scene is {shown(scene)}; allowed: a clfur.Scene with a mesh and fur")
+    def __init__(self, scene: Scene | Callable[[float], Scene], hair: Any = None, device: Any = None, *,
+                 rate: float = 120.0, units_per_metre: float = 1.0, gravity: Any = (0.0, -9.81, 0.0),
+                 wind: Wind | None = None, fps: float = 24.0, jump: float | None = None) -> None:
+        self._given, self.time = scene, 0.0
+        self.scene = scene = self._now = self._scene_at(0.0)
+        if scene.fur is None:
+            raise Error(f"Motion.scene is {shown(scene)}; allowed: with Strands, Curves or Shells")
         if scene.shells is not None and np.any(scene.shells.wind):
             raise Error("Motion.scene.fur's Shells have a wind of their own; allowed: none, Motion.wind moves them")
-        if pose is not None and not callable(pose):
-            checks.refuse("Motion.pose", pose, "None or a function of seconds")
         self.rate = checks.real(1, 10_000)(rate, "Motion.rate")
         self.fps = checks.real(1, 10_000)(fps, "Motion.fps")
         self.units = checks.positive()(units_per_metre, "Motion.units_per_metre")
         self.gravity = checks.safely(checks.vector(3), gravity, "Motion.gravity") * self.units
         self.wind = checks.instance(Wind, none=True)(wind, "Motion.wind") or Wind()
         self.jump = scene.mesh.bounds[1] if jump is None else checks.positive()(jump, "Motion.jump")
-        self.pose, self.scene, self.time = pose, scene, 0.0
         self._gpu = schedulers(device)[0]
         self._groom = grow(scene, self._gpu) if isinstance(scene.strands, Strands) else (
             scene.strands or Curves(np.zeros((0, 3)), counts=[])).on_host
@@ -82,13 +83,14 @@ class Motion:
     def step(self, seconds: float, mesh: Mesh | None = None, wind: Wind | None = None, cut: bool = False) -> Scene:
         """Go on by so many seconds -> the Scene then, whose Curves are on the device.
 
-        mesh: its pose then, of the same faces; None: what `pose` says, or as it is. wind: from now on, or None: as it
-        is. cut: hair is carried along with the mesh as if nothing had moved. Raises Error for a mesh of other faces.
+        mesh: its pose then, of the same faces; None: that of the function `scene`, or as it is. wind: from now on, or
+        None: as it is. cut: hair is carried along with the mesh as if nothing had moved. Raises Error for a mesh of other faces.
         """
         seconds = checks.real(low=1e-6, high=3600)(seconds, "Motion.step seconds")
         self.wind = checks.instance(Wind, none=True)(wind, "Motion.step wind") or self.wind
-        if mesh is None and self.pose is not None:
-            mesh = self.pose(self.time + seconds)
+        scene = self._scene_at(self.time + seconds)
+        if mesh is None and callable(self._given):
+            mesh = scene.mesh
         mesh = checks.instance(Mesh)(self._mesh if mesh is None else mesh, "Motion.step mesh")
         now, moved = self._corners, 0.0
         if mesh is not self._mesh:
@@ -97,7 +99,7 @@ class Motion:
         with self._gpu.frame():
             there = self._here if mesh is self._mesh else tuple(map(self._gpu.upload, now))
             self._go(seconds, there, moved, cut or moved > self.jump)
-        self._mesh, self._corners, self._here = mesh, now, there
+        self._now, self._mesh, self._corners, self._here = scene, mesh, now, there
         return self._drawn()
 
     def at(self, frame: int) -> Scene:
@@ -110,6 +112,15 @@ class Motion:
             self.step(1 / self.fps)
             self._frame += 1
         return self._drawn()
+
+    def _scene_at(self, seconds):
+        """The scene that was given, or that the given function gives."""
+        scene = self._given(seconds) if callable(self._given) else self._given
+        if not isinstance(scene, Scene) or scene.mesh is None:
+            which = f"Motion.scene({seconds:g})" if callable(self._given) else "Motion.scene"
+            more = ", or a function of seconds that gives one" if scene is self._given else ""
+            raise Error(f"{which} is {shown(scene)}; allowed: a clfur.Scene with a mesh{more}")
+        return scene
 
     def _hang(self, hair):
         """Put the groom on the mesh, at rest."""
@@ -220,10 +231,12 @@ class Motion:
     def _drawn(self):
         """The scene as it is now."""
         with self._gpu.frame():
-            fur = (self._undercoat.drawn(self._mesh),) if self._undercoat else ()
-            if self.scene.strands is not None:
-                fur += (self._curves(),)
-        return attrs.evolve(self.scene, mesh=self._mesh, fur=fur if len(fur) > 1 else fur[0])
+            shells = self._now.shells
+            if shells is not None and self._undercoat:
+                shells = self._undercoat.drawn(shells, self._mesh)
+            curves = None if self.scene.strands is None else self._curves()
+        fur = tuple(each for each in (shells, curves) if each is not None)
+        return attrs.evolve(self._now, mesh=self._mesh, fur=fur if len(fur) > 1 else fur[0] if fur else None)
 
 
 def _lengths(points, counts):

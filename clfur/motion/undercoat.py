@@ -24,8 +24,7 @@ class Undercoat:
         self._gpu, self._at = gpu, at
         bend, slowed, damping, carried = motion.row(shells.length, units_per_metre)
         self._hair = bend, slowed, damping, 1 - carried, shells.length
-        self._shells = attrs.evolve(shells, rest=shells.rest or mesh, force=(0, 0, 0), acceleration=(0, 0, 0), lean=None)
-        self._faces = mesh.faces
+        self._mesh = mesh
         n, rows = len(mesh.positions), stage.padded(gpu, len(mesh.positions))
         self._feet = gpu.upload(_corners_of(mesh)), gpu.full((n, 4), np.float32, 0)
         self.roots = at(*self._feet)
@@ -55,14 +54,15 @@ class Undercoat:
         winds = air.blow(gpu, wind, self.roots, middles, 2, rows, shares)
         self.lean = air.sway(gpu, self.state, self.roots, before, step, gravity, winds, self._hair, jumped)
 
-    def drawn(self, mesh: Mesh) -> Shells:
-        """The shells as they are now, for a pose of the mesh: where its vertices touch they may be one."""
-        rest: Any = self._shells.rest
+    def drawn(self, shells: Shells, mesh: Mesh) -> Shells:
+        """Shells that lean as these do now, for a pose of the mesh: where its vertices touch they may be one."""
+        rest = shells.rest or self._mesh
         now, lean = posed(mesh, rest, "Shells.rest"), self.lean
-        if now.faces is not self._faces and not np.array_equal(now.faces, self._faces):
+        if now.faces is not self._mesh.faces and not np.array_equal(now.faces, self._mesh.faces):
             lean = np.zeros((len(now.positions), 3), np.float32)
-            lean[now.faces] = self._gpu.download(self.lean)[self._faces]
-        return attrs.evolve(self._shells, lean=lean)
+            lean[now.faces] = self._gpu.download(self.lean)[self._mesh.faces]
+        still = {name: (0, 0, 0) for name in ("wind", "force", "acceleration")}
+        return attrs.evolve(shells, rest=rest, lean=lean, **still)
 
 
 def _corners_of(mesh):

@@ -1,0 +1,55 @@
+"""Frames of a film as they are drawn: a job holds all that one needs, on this machine or another."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import attrs
+import numpy as np
+
+from ..files.images import encoded
+from ..render import draw
+from ..scene import Curves, Scene, over
+from ..settings import Settings
+
+
+@attrs.frozen(eq=False)
+class Job:
+    """A frame of a film that is to be drawn; it can be pickled.
+
+    number: of the frame. scenes: Scenes without arrays on a device, whose pictures count alike: one, or those of a
+    shutter that is open (`clfur.blurred`). settings: `Settings`. suffix: ".png" or ".exr", the file that it becomes.
+    background: linear RGB [3] that it is laid over, or None: it has alpha.
+    """
+
+    number: int
+    scenes: tuple[Scene, ...]
+    settings: Settings
+    suffix: str
+    background: np.ndarray | None = None
+
+    def draw(self, device: Any) -> bytes:
+        """The bytes of the frame's file; device, and errors: as for `clfur.draw`."""
+        scene = self.scenes[len(self.scenes) // 2]
+        if len(self.scenes) == 1:
+            image = draw(scene, device, self.settings).images["color"]
+        else:
+            from .. import blurred  # type: ignore[attr-defined]
+
+            image = blurred(self.scenes, device, self.settings).images["color"]
+        if self.background is not None:
+            image = over(image, self.background)
+        return encoded(self.suffix, image, scene.camera, self.settings)
+
+
+def on_host(scene: Scene) -> Scene:
+    """The same Scene with no array on a device."""
+    if not isinstance(scene.strands, Curves) or scene.strands.on_host is scene.strands:
+        return scene
+    curves = scene.strands.on_host
+    return attrs.evolve(scene, fur=curves if scene.shells is None else (scene.shells, curves))
+
+
+def alone(jobs: Iterable[Job], device: Any) -> Iterator[tuple[int, bytes]]:
+    """Draw jobs one after the other here -> (number, bytes of the frame's file) of each."""
+    for job in jobs:
+        yield job.number, job.draw(device)
