@@ -12,13 +12,14 @@ G = np.array((0, -9.81, 0))
 TURN = np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])   # upside down
 
 
-def _mesh(turn=np.eye(3), shift=(0, 0, 0)):
+def _mesh(turn=None, shift=(0, 0, 0)):
     positions, faces = icosphere(1)
-    return clfur.Mesh(positions=positions @ turn.T + shift, faces=faces)
+    return clfur.Mesh(positions=positions @ (np.eye(3) if turn is None else turn).T + shift, faces=faces)
 
 
 def _scene(*fur):
-    return clfur.Scene(mesh=_mesh(), fur=fur if len(fur) > 1 else fur[0], camera=clfur.Camera(eye=(0, 0.5, 4), size=(32, 32)))
+    camera = clfur.Camera(eye=(0, 0.5, 4), size=(32, 32))
+    return clfur.Scene(mesh=_mesh(), fur=fur if len(fur) > 1 else fur[0], camera=camera)
 
 
 SHELLS = clfur.Shells(length=0.2, layers=6, frequency=9, force=(0.2, -0.3, 0))
@@ -77,7 +78,8 @@ def test_shells_lag_behind_the_skin(gpu):
 def test_shells_and_strands_go_together(gpu):
     """In gusts an undercoat leans whither the tips of as long strands in the same places do, when they do."""
     mesh = _mesh()
-    strands = clfur.Curves(mesh.positions[:, None] + np.linspace(0, 0.2, 7)[:, None] * mesh.normals[:, None], width=0.01)
+    along = np.linspace(0, 0.2, 7)[:, None] * mesh.normals[:, None]
+    strands = clfur.Curves(mesh.positions[:, None] + along, width=0.01)
     motion = clfur.Motion(_scene(attrs.evolve(SHELLS, force=(0, 0, 0)), strands), HAIR, gpu,
                           wind=clfur.Wind((0.6, 0, 0), 1.5, 0.5))
     tips, shells = [], []
@@ -108,10 +110,12 @@ def test_a_pose_whose_vertices_touch(gpu):
     """Shells keep how each corner leans where a pose makes two vertices one."""
     positions = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (2, 0, 0), (3, 0, 0), (2, 1, 0.0)])
     faces = np.array([(0, 1, 2), (3, 4, 5)])
-    scene = clfur.Scene(mesh=clfur.Mesh(positions=positions, faces=faces), fur=SHELLS, camera=clfur.Camera(eye=(0, 0, 9)))
+    mesh = clfur.Mesh(positions=positions, faces=faces)
+    scene = clfur.Scene(mesh=mesh, fur=SHELLS, camera=clfur.Camera(eye=(0, 0, 9)))
     motion = clfur.Motion(scene, HAIR, gpu, wind=clfur.Wind((1, 0, 0)))
     one = motion.step(1 / 24)
-    two = motion.step(1 / 24, clfur.Mesh(positions=positions - (positions[:, :1] > 1.5) * np.array([1, 0, 0.0]), faces=faces))
+    shift = (positions[:, :1] > 1.5) * np.array([1, 0, 0.0])
+    two = motion.step(1 / 24, clfur.Mesh(positions=positions - shift, faces=faces))
     assert len(two.mesh.positions) == 5 == len(two.shells.lean) and len(one.shells.lean) == 6
 
 
@@ -130,12 +134,24 @@ def test_hair_upwind_gives_shelter(gpu):
     (before_free, before_left), (behind_free, behind_left) = free, left
     assert before_left > 0.5 * before_free and behind_left < 0.2 * behind_free
     assert ways[1].min() > -0.05
+    alone = [clfur.Motion(_scene(SHELLS), HAIR, gpu, wind=clfur.Wind((1, 0, 0), shelter=shelter)).step(1 / 24)
+             for shelter in (0, 1)]
+    np.testing.assert_array_equal(*map(leans, alone))   # without strands there is none
+
+
+def test_strands_shelter_the_undercoat(gpu):
+    strands = clfur.Strands(roots=3000, types=clfur.HairType(length=0.4, segments=5, width=0.02))
+    found = []
+    for shelter in (0, 1):
+        motion = clfur.Motion(_scene(SHELLS, strands), HAIR, gpu, wind=clfur.Wind((3, 0, 0), shelter=shelter))
+        found.append((leans(motion.step(1 / 6)) - SHELLS.force)[:, 0])
+    assert found[1].min() > 0 and found[1].max() < 0.7 * found[0].min() and found[1].mean() < 0.3 * found[0].mean()
 
 
 def test_what_is_refused(gpu):
     strands = clfur.Strands(roots=3)
     for call, words in [
-            (lambda: clfur.Motion(_scene(attrs.evolve(SHELLS, wind=(1, 0, 0))), HAIR, gpu), "Shells have a wind of their own"),
+            (lambda: clfur.Motion(_scene(attrs.evolve(SHELLS, wind=(1, 0, 0))), HAIR, gpu), "have a wind of their own"),
             (lambda: clfur.Motion(_scene(SHELLS, strands), [HAIR] * 3, gpu),
              "Motion.hair has 3 HairMotions but Scene.fur has 1 types and shells"),
             (lambda: clfur.Wind(shelter=17), "Wind.shelter is 17")]:

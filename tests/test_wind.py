@@ -42,7 +42,8 @@ def test_hair_upwind_is_the_twins(gpu):
     rng = np.random.default_rng(11)
     curves, _ = _slab(rng, 300, 0.02)
     direction = np.array((0.6, 0, 0.8))
-    there = wind.upwind(gpu, direction, (np.zeros(3), 1.0), upload_curves(gpu, curves), (900, 90.0, 2.0), 1, cells=16)
+    strands, most = upload_curves(gpu, curves), (900, 90.0, 2.0)
+    there = wind.upwind(gpu, direction, (np.zeros(3), 1.0), strands, most, 1, cells=16)
     hair = Hair(gpu, [each * 0.3 for each in uneven(rng, (4, 2, 6, 3, 3))], 0.5)
     state, moment = hair.state, wind.moment(direction, shelter=0.7)
     shares = wind.shelter(gpu, moment, there, hair.roots, state.places, state.points, state.padded)
@@ -59,11 +60,12 @@ def test_hair_upwind_is_the_twins(gpu):
 def test_shelter_is_what_covers_the_way(gpu):
     """exp(-shelter x) of the wind is left behind hair that covers its way x times; half of that in its middle."""
     curves, covers = _slab(np.random.default_rng(12))
-    there = wind.upwind(gpu, np.array((1.0, 0, 0)), (np.zeros(3), 1.0), upload_curves(gpu, curves), (8000, 400.0, 2.0), 1)
-    places = np.array([(x, y, z) for x in (-0.6, 0.0, 0.6) for y in np.linspace(-0.4, 0.4, 9)
-                       for z in np.linspace(-0.4, 0.4, 9)])
+    strands, most = upload_curves(gpu, curves), (8000, 400.0, 2.0)
+    there = wind.upwind(gpu, np.array((1.0, 0, 0)), (np.zeros(3), 1.0), strands, most, 1)
+    places = np.array([(x, y, z) for x in (-0.6, 0.0, 0.6) for y in np.linspace(-0.4, 0.4, 41)
+                       for z in np.linspace(-0.4, 0.4, 41)])
     found = twin.crossings(there[0], gpu.download(there[1]), places).reshape(3, -1).mean(1)
-    # 81 places of the slab's random hair; its two edges stand 0.1 in front of and behind the places at the ends.
+    # 1,681 places of the slab's random hair; its two edges stand 0.1 in front of and behind the places at the ends.
     np.testing.assert_allclose(found, [0, covers / 2, covers], rtol=0.03, atol=1e-6)
 
 
@@ -119,7 +121,7 @@ def test_a_step_in_parts_is_the_same(w, zeta):
 
 def test_shells_swing_and_bend_as_strands_do():
     """Their lean, as the slowest wave of a clamped bar in finite differences, and its tip under a small load."""
-    bend, length, force, n = 0.3, 0.2, 1e-3, 400
+    bend, length, force, n = 0.3, 0.2, 1e-3, 200
     w, zeta, by = wind.oscillator(bend, 0.0, 0.0, length)
     # Curvature at the clamp, half a place's share of it, and at the n places but the free end.
     curved = np.eye(n, k=1) - 2 * np.eye(n) + np.eye(n, k=-1)

@@ -102,7 +102,7 @@ def shakes(gpu):
         for _ in range(1200):
             hair.step(1 / 120)
         speed = np.abs(np.concatenate(hair.array("speeds"))).max()
-        yield (f"roots anywhere within 100 lengths, steps of {step:.3g} s: stretch; lengths a second after 10 s at rest",
+        yield (f"roots jump 100 lengths, steps of {step:.3g} s: stretch; lengths a second, 10 s later",
                f"{stretch:.1e}; {speed:.1e}")
 
 

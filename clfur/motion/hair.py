@@ -61,7 +61,7 @@ def of_types(value, types, shells):
     """Return (a HairMotion for each of so many types, that of shells if there are): one alone is of all."""
     given, n = checks.safely(checks.tuple_of(HairMotion), value, "Motion.hair"), types + shells
     if len(given) not in (1, n):
-        raise Error(f"Motion.hair has {len(given)} HairMotions but Scene.fur has {types} types{' and shells' * shells}; "
-                    "allowed: one, or one for each")
+        raise Error(f"Motion.hair has {len(given)} HairMotions but Scene.fur has {types} types"
+                    f"{' and shells' * shells}; allowed: one, or one for each")
     given = given * n if len(given) == 1 else given
     return given[:types] or given, given[-1]

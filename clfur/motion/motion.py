@@ -64,7 +64,7 @@ class Motion:
         self.jump = scene.mesh.bounds[1] if jump is None else checks.positive()(jump, "Motion.jump")
         self._gpu = schedulers(device)[0]
         self._groom = grow(scene, self._gpu) if isinstance(scene.strands, Strands) else (
-            scene.strands or Curves(np.zeros((0, 3)), counts=[])).on_host
+            scene.strands or Curves(points=np.zeros((0, 3)), counts=[])).on_host
         hair, last = of_types(HairMotion() if hair is None else hair, len(self._groom.hair_types) * bool(scene.strands),
                               scene.shells is not None)
         self._said, self._last_step, self._frame = False, 0.0, 0
@@ -180,31 +180,32 @@ class Motion:
     def _go(self, seconds, there, moved, is_cut):
         """Go on to a pose that is on the device, whose vertices have moved so far at most."""
         gpu, n, state = self._gpu, self._substeps(seconds, 0.0 if is_cut else moved), self._state
-        upwind, step, longest = self._upwind(), seconds / n, self._longest
+        step, longest, (shares, others) = seconds / n, self._longest, self._sheltered()
         for number in range(n):
             share = 1.0 if is_cut else (number + 1) / n
             wind = self.wind.at(self.time + (number + 1) * step, self.units, longest)
             if state.n:
                 roots = self._roots_at(there, share)
-                shares = upwind and air.shelter(gpu, wind, upwind, roots, state.places, state.points, state.padded)
                 winds = air.blow(gpu, wind, roots, state.places, state.points, state.padded, shares)
                 as_before = abs(step - self._last_step) < 1e-6 * step
                 stage.advance(gpu, state, self._types, roots, self._roots, step, self.gravity, winds,
                               2 if as_before else 1, is_cut and not number)
                 self._roots, self._last_step = roots, step
             if self._undercoat:
-                self._undercoat.go((there, share), step, wind, self.gravity, upwind, is_cut and not number)
+                self._undercoat.go((there, share), step, wind, self.gravity, others, is_cut and not number)
         self.time += seconds
 
-    def _upwind(self):
-        """Strands on the wind's way, as they stand now; None where they give no shelter."""
-        speed = float(np.linalg.norm(self.wind.velocity))
-        if not (self.wind.shelter and speed and self._state.n):
-            return None
-        curves, bounds = self._curves(), self._around()
-        return air.upwind(self._gpu, self.wind.velocity / speed, (bounds.center, bounds.radius),
-                          upload_curves(self._gpu, curves), (bounds.segments, bounds.length, bounds.area),
-                          len(curves.hair_types))
+    def _sheltered(self):
+        """Shares of the wind that strands upwind leave to strands, and to shells; None where they give no shelter.
+        Hair goes so little in a step that they are as good as new in all of it."""
+        speed, gpu, state = float(np.linalg.norm(self.wind.velocity)), self._gpu, self._state
+        if not (self.wind.shelter and speed and state.n):
+            return None, None
+        curves, bounds, wind = self._curves(), self._around(), self.wind.at(self.time, self.units, 0)
+        upwind = air.upwind(gpu, self.wind.velocity / speed, (bounds.center, bounds.radius), upload_curves(gpu, curves),
+                            (bounds.segments, bounds.length, bounds.area), len(curves.hair_types))
+        return (air.shelter(gpu, wind, upwind, self._roots, state.places, state.points, state.padded),
+                self._undercoat and self._undercoat.sheltered(wind, upwind))
 
     def _substeps(self, seconds, moved):
         """How many substeps of such a step, in which a vertex of the mesh moves so far."""

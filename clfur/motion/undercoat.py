@@ -40,18 +40,20 @@ class Undercoat:
                                      weight=known(np.broadcast_to(gravity, (n, 3))))
         self.lean: Any = gpu.upload(np.ascontiguousarray(force, np.float32))
 
-    def middles(self) -> Any:
+    def sheltered(self, wind: np.void, upwind: tuple) -> Any:
+        """Shares of the wind that strands, `wind.upwind`'s, leave to middles of hair."""
+        return air.shelter(self._gpu, wind, upwind, self.roots, self._middles(), 2, self.state.padded)
+
+    def _middles(self):
         """Where hair has its middles, as places of strands of two points."""
         return air.stand(self._gpu, self.roots, self._hair[4], self.state.padded)
 
-    def go(self, there: Any, step: float, wind: np.void, gravity: np.ndarray, upwind: Any, jumped: bool) -> None:
-        """Go on by ``step`` seconds to where vertices stand ``there``, as ``at`` takes it.  upwind: `wind.upwind`'s, or
+    def go(self, there: Any, step: float, wind: np.void, gravity: np.ndarray, shares: Any, jumped: bool) -> None:
+        """Go on by ``step`` seconds to where vertices stand ``there``, as ``at`` takes it.  shares: `sheltered`'s, or
         None."""
         gpu, rows = self._gpu, self.state.padded
         before, self.roots = self.roots, self._at(*self._feet, *there)
-        middles = self.middles()
-        shares = upwind and air.shelter(gpu, wind, upwind, self.roots, middles, 2, rows)
-        winds = air.blow(gpu, wind, self.roots, middles, 2, rows, shares)
+        winds = air.blow(gpu, wind, self.roots, self._middles(), 2, rows, shares)
         self.lean = air.sway(gpu, self.state, self.roots, before, step, gravity, winds, self._hair, jumped)
 
     def drawn(self, shells: Shells, mesh: Mesh) -> Shells:
@@ -61,8 +63,8 @@ class Undercoat:
         if now.faces is not self._mesh.faces and not np.array_equal(now.faces, self._mesh.faces):
             lean = np.zeros((len(now.positions), 3), np.float32)
             lean[now.faces] = self._gpu.download(self.lean)[self._mesh.faces]
-        still = {name: (0, 0, 0) for name in ("wind", "force", "acceleration")}
-        return attrs.evolve(shells, rest=rest, lean=lean, **still)
+        none = (0, 0, 0)
+        return attrs.evolve(shells, rest=rest, lean=lean, wind=none, force=none, acceleration=none)
 
 
 def _corners_of(mesh):

@@ -175,8 +175,8 @@ class Scene:
             if shells.pattern == "sine":
                 _check_sines(self.mesh, shells)
             if shells.lean is not None and len(shells.lean) != len(self.mesh.positions):
-                raise Error(f"Shells.lean has {len(shells.lean)} rows and Scene.mesh {len(self.mesh.positions)} vertices; "
-                            "allowed: as many")
+                raise Error(f"Shells.lean has {len(shells.lean)} rows and Scene.mesh {len(self.mesh.positions)} "
+                            "vertices; allowed: as many")
         if isinstance(self.body_color, dict):
             self._lay_tiles()
         _, radius = extent(self.mesh, self.fur)

@@ -12,8 +12,8 @@ from .voxelize import crossing_unit_for, most_of, voxelize
 from .zscan import zscan
 
 PERIOD = layout.CONSTANTS["PERIOD"]   # cells after which gusts come again
-CELLS = 64          # a side of the grid of hair upwind
-FINEST = 0.2        # of a gust's size: gusts at the roots of hair shorter than that do for all of it
+CELLS = 96          # a side of the grid of hair upwind
+FINEST = 0.1        # of a gust's size: gusts at the roots of hair shorter than that do for all of it
 SHARES = Declared("number", np.float32, None, 1.0)
 WINDS = Declared("vector", np.float32)
 
@@ -26,7 +26,7 @@ def moment(mean: Any, gust: float = 0.0, size: float = 1.0, time: float = 0.0, s
     the mean has carried them along.  skin: up to what height it holds air [world], or 0.  shelter: of what `shelter`
     finds, or 0.  longest: of the strands [world].
     """
-    wind = np.zeros((), layout.Wind)
+    wind: Any = np.zeros((), layout.Wind)
     gone = np.remainder(np.asarray(mean, float) * time / size, PERIOD)
     wind["mean"], wind["gone"] = (*mean, gust), (*gone, 1 / size)
     wind["less"][:2] = 1 / skin if skin else 0, shelter
@@ -38,9 +38,11 @@ def blow(gpu: Any, wind: np.void, roots: Any, places: Any, points: int, padded: 
     """The wind at the points of strands -> [points, 3, padded] float32, world / s.
 
     wind: `moment`'s.  roots: [4, 3, padded].  places: [points, 3, padded] relative to them.  shares: `shelter`'s, or
-    None where the wind has none.
+    None where hair gives none.
     """
-    winds = WINDS.empty(gpu, points * 3 * padded)
+    winds, wind = WINDS.empty(gpu, points * 3 * padded), wind.copy()
+    if shares is None:
+        wind["less"][1] = 0
     gpu.launch("wind.blow", padded // gpu.lanes, wind=wind, padded=padded, points=points, roots=roots, places=places,
                open=places if shares is None else shares, winds=winds)
     return winds

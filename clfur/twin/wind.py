@@ -48,7 +48,7 @@ class Lean:
         self.air, self.inertia = air, inertia
         self.lean, self.speed, self.going = np.zeros(3), np.zeros(3), np.zeros(3)
 
-    def advance(self, root, root_before, step, gravity, wind, jumped=False, parts=2000):
+    def advance(self, root, root_before, step, gravity, wind, jumped=False, parts=400):
         """Go on by ``step`` seconds; roots: (place [3], axes [3, 3]) -> what it leans by in the world."""
         going = self.going if jumped else (root[0] - root_before[0]) / step
         force = gravity + self.air * (wind - self.inertia * going) - self.inertia * (going - self.going) / step

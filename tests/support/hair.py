@@ -101,8 +101,8 @@ def period(length):
 
 def blown(gpu, rate, seconds, bend=9.81):
     """Tips [12 seconds, 4, 3] of hair in violent gusts, 20 units a second at most, by so many steps a second."""
-    hair = Hair(gpu, [bar(8, (0, -1, 0)), bar(16, (1, 0, 0)), bar(8, (0, 1, 0)), curl(8, np.random.default_rng(3))], bend,
-                air=5)
+    bars = [bar(8, (0, -1, 0)), bar(16, (1, 0, 0)), bar(8, (0, 1, 0))]
+    hair = Hair(gpu, [*bars, curl(8, np.random.default_rng(3))], bend, air=5)
     tips = []
     for number in range(1, round(rate * seconds) + 1):
         time = number / rate
