@@ -30,6 +30,13 @@ def _wind(value, where):
     return checks.frozen(np.where(np.float32(wind) != 0, wind, 0.0))   # what is none on the device has no direction
 
 
+def gust(wind: np.ndarray, time: float, place: np.ndarray, radius: float) -> float:
+    """Return how strong, 0.4 to 1, the wind over shells is at a place [3] on a mesh of this radius, as `bend` has it: a
+    wave of one second that goes with the wind, two parabolas long."""
+    turn = (time - float(np.dot(wind, place)) / (float(np.linalg.norm(wind)) * radius)) % 1
+    return 0.7 + 0.3 * (16 * turn * (0.5 - turn) if turn < 0.5 else -16 * (turn - 0.5) * (1 - turn))
+
+
 @attrs.frozen(eq=False)
 class Shells(Looking):
     """Fur that is a pattern on the mesh, drawn in layers from the roots to the tips; an eye within it sees none.

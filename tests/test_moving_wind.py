@@ -94,6 +94,33 @@ def test_shells_and_strands_go_together(gpu):
     assert np.abs(tips).max() > 0.01
 
 
+def test_slow_motion_is_instant_motion(gpu):
+    """In a weak wind that turns in seconds strands, and shells, are where hair is that grows under its force then.
+
+    One is a bar that a load bends, the other a curve that turns evenly along its length: a share u of the way to the tip
+    they go u² (6 - 4 u + u²) / 3 and u² as far as it.  The force is such that tips agree.
+    """
+    length, stiffness, air = 0.2, 4.0, 0.1
+    hair = clfur.HairMotion(bend_length=0.6, air=air)
+    by = wind.oscillator(9.81 * 0.6**3, 1 / air, 0.02, length)[2]
+    kind = clfur.HairType(length=length, stiffness=stiffness, segments=8)
+    still = clfur.Strands(roots=60, types=kind, force=(0, 0, 0))
+    motion = clfur.Motion(_scene(attrs.evolve(SHELLS, force=(0, 0, 0)), still), hair, gpu, gravity=(0, 0, 0))
+    start = np.asarray(motion.at(0).strands.on_host.points).reshape(-1, 9, 3)
+    for turn in np.linspace(0, 1, 25):
+        velocity = 10 * np.array((np.cos(turn), 0, np.sin(turn)))
+        now = motion.step(1 / 6, wind=clfur.Wind(velocity))
+    lean = by * velocity / air
+    grown = clfur.grow(_scene(attrs.evolve(still, force=stiffness * lean)), gpu).points.reshape(-1, 9, 3)
+    moved, instant = (np.asarray(each).reshape(-1, 9, 3) - start for each in (now.strands.on_host.points, grown))
+    most = np.linalg.norm(instant, axis=2).max()
+    assert most > 0.03 * length
+    assert np.linalg.norm((moved - instant)[:, -1], axis=1).max() < 0.03 * most
+    u = np.linspace(0, 1, 100)
+    assert np.linalg.norm(moved - instant, axis=2).max() < ((u**2 * (3 - 4 * u + u**2)).max() / 3 + 0.01) * most
+    assert np.linalg.norm(leans(now) - lean, axis=1).max() < 0.03 * np.linalg.norm(lean)
+
+
 def test_a_frame_in_parts_is_the_same(gpu):
     """Where wind and skin are the same, however many substeps make a step, or steps a second."""
     ends = []
