@@ -158,13 +158,14 @@ SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "
 def test_wind_bends_strands_too():
     """As far, at first, as shells of their length: by stiffness or by the report's rule; between gusts, and in them."""
     assert load("sphere")[0].strands.force == pytest.approx((0, -1, 0))
-    by_law, by_rule = (load("sphere", "--fur", "both", "--wind", "0.2,0,0.1", "--force", "0,0,0", "--time", 0.25, *more)[0]
+    options = "sphere", "--wind", "0.2,0,0.1", "--force", "0,0,0"
+    by_law, by_rule = (load(*options, "--fur", "both", "--time", 0.25, *more)[0]
                        for more in (["--stiffness", 3], ["--force-weight", 0.1, "--segments", 5]))
     # In the middle of a sphere around 0 gusts are at their height after a quarter of a second.
     np.testing.assert_allclose(by_law.strands.force, (0.6, 0, 0.3), rtol=1e-6)
     np.testing.assert_allclose(by_rule.strands.force, (0.4, 0, 0.2), rtol=1e-6)
     assert (by_law.shells.wind == (0.2, 0, 0.1)).all()
-    still = load("sphere", "--wind", "0.2,0,0.1", "--force", "0,0,0", "--time", 0.75, "--stiffness", 3)[0].strands.force
+    still = load(*options, "--time", 0.75, "--stiffness", 3)[0].strands.force
     np.testing.assert_allclose(still, np.multiply(0.4, (0.6, 0, 0.3)), rtol=1e-6)
 
 

@@ -97,8 +97,8 @@ def test_shells_and_strands_go_together(gpu):
 def test_slow_motion_is_instant_motion(gpu):
     """In a weak wind that turns in seconds strands, and shells, are where hair is that grows under its force then.
 
-    One is a bar that a load bends, the other a curve that turns evenly along its length: a share u of the way to the tip
-    they go u² (6 - 4 u + u²) / 3 and u² as far as it.  The force is such that tips agree.
+    One is a bar that a load bends, the other a curve that turns evenly along its length: a share u
+    of the way they go u² (6 - 4 u + u²) / 3 and u² as far as it.  The force is such that tips agree.
     """
     length, stiffness, air = 0.2, 4.0, 0.1
     hair = clfur.HairMotion(bend_length=0.6, air=air)

@@ -213,8 +213,8 @@ def _strands(options, length, radius, mesh):
 
 
 def _force(options, mesh):
-    """The force on strands that the options describe, with the wind of that moment in the mesh's middle: it takes tips as
-    far aside, at first, as those of as long shells."""
+    """The force on strands that the options describe, with the wind of that moment in the mesh's middle: it takes tips
+    as far aside, at first, as those of as long shells."""
     force, wind = np.asarray(options["force"], float), vector(3)(options["wind"], "--wind")
     if not wind.any():
         return force
