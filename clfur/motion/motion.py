@@ -31,17 +31,17 @@ FEW, MOST = 0.25, 32   # lengths of the longest strand that a root may go in a s
 class Motion:
     """The strands of a scene in motion, step by step: each gives a `Scene` that is drawn as any other.
 
-    scene: a Scene with a mesh and Strands or Curves, or a function of seconds that gives one. The hair of scene(0) is
+    scene: a Scene with a mesh and fur, or a function of seconds that gives one. The hair of scene(0) is
     the groom: as it is, it is at rest under gravity. Strands are grown once; roots keep their places on the mesh's
     faces, which all scenes share. Of later ones the Strands or Curves are not heeded, all else is drawn as it is
-    there: mesh, shells, camera, lights, sky, ground, colours. hair: a HairMotion, or one for each type; None:
-    HairMotion(). device: as for `render`, of several the first; scenes must be drawn by the same. rate: substeps a
+    there: mesh, shells, camera, lights, sky, ground, colours. hair: a HairMotion, or one for each type and then one
+    for shells; None: HairMotion(). Shells lean at each vertex, with their looks of each time. device: as for `render`, of several the first; scenes must be drawn by the same. rate: substeps a
     second, 1 to 10,000; roots that move fast get more. units_per_metre: of the scene. gravity: [3] m/s². wind: a Wind
     or None. fps: frames a second, of `at`. jump: world units; where a vertex goes further in a step it is a cut, and
     hair is carried along. None: the radius of the mesh. Hair that is too soft to bear its weight as it was groomed falls, and a warning says how much.
 
     Hair does not feel the body or other hair. The equations are in docs/motion.md. Raises Error for a scene without
-    strands or mesh, for Curves that stand elsewhere, and where arguments are not allowed; `step` and `at` do for a
+    fur or mesh, for shells with a wind of their own, for Curves that stand elsewhere, and where arguments are not allowed; `step` and `at` do for a
     function that gives something else, or a mesh of other faces.
 
     time: seconds since the groom.
