@@ -184,3 +184,15 @@ __kernel void sway(
     }
     vstore3(lean.xyz, i, out);
 }
+
+/* How shell fur leans between two moments.  One work-item, one number. */
+__kernel void lean_between(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    __global const float *before,          // [vertices, 3]
+    __global const float *now,             // [vertices, 3]
+    const float share,                     // 0: before, 1: now
+    __global float *out)                   // [vertices, 3]
+{
+    WORK_ITEM(i);
+    out[i] = before[i] + share * (now[i] - before[i]);
+}

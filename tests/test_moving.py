@@ -158,7 +158,7 @@ def test_what_is_refused(gpu, scene):
             (lambda: clfur.Motion(scene, device=gpu, wind=(1, 0, 0)), "Motion.wind is"),
             (lambda: clfur.Motion(3, device=gpu), "Motion.scene is 3; allowed: a clfur.Scene with a mesh, or a func"),
             (lambda: clfur.Motion(lambda t: 3, device=gpu), r"Motion.scene\(0\) is 3; allowed: a clfur.Scene with a"),
-            (lambda: clfur.Motion(lambda t: clfur.Scene(mesh=scene.mesh), device=gpu), "Motion.scene is Scene.*Strands"),
+            (lambda: clfur.Motion(lambda t: clfur.Scene(mesh=scene.mesh), device=gpu), "Motion.scene is Sc.*Strands"),
             (lambda: clfur.Motion(lambda t: None if t else scene, device=gpu).step(.5), r"Motion.scene\(0.5\) is None"),
             (lambda: clfur.Motion(lambda t: clfur.Scene(other) if t else scene, device=gpu).step(.5),
              "Motion.scene.mesh has 80 faces and Scene.mesh 79"),

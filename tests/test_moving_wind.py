@@ -133,6 +133,21 @@ def test_a_frame_in_parts_is_the_same(gpu):
     assert np.abs(ends[0] - SHELLS.force).max() > 0.01
 
 
+def test_an_undercoat_is_kept(gpu):
+    """From what it holds another goes on to the same bits; and it can be drawn as it was within a step."""
+    motions = [clfur.Motion(_scene(SHELLS), HAIR, gpu, wind=clfur.Wind((1, 0, 0), 1, 0.4)) for _ in range(2)]
+    for _ in range(3):
+        before = motions[0].step(1 / 24)
+    kept = {name: gpu.download(array) for name, array in motions[0]._undercoat.arrays.items()}
+    motions[1]._undercoat.restore(kept)
+    motions[1].time = motions[0].time
+    now = [leans(each.step(1 / 24)) for each in motions]
+    np.testing.assert_array_equal(*now)
+    at = [leans(attrs.evolve(before, fur=motions[0]._undercoat.drawn(SHELLS, _mesh(), share))) for share in (0, 0.5)]
+    np.testing.assert_allclose(at, [leans(before), (leans(before) + now[0]) / 2], rtol=0, atol=1e-6)
+    assert np.abs(now[0] - leans(before)).max() > 1e-3
+
+
 def test_a_pose_whose_vertices_touch(gpu):
     """Shells keep how each corner leans where a pose makes two vertices one."""
     positions = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (2, 0, 0), (3, 0, 0), (2, 1, 0.0)])

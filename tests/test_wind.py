@@ -103,6 +103,13 @@ def test_shells_sway_as_the_twin(gpu):
     assert np.abs(out).max() > 0.5 and min(each.lean[2] + each.rest[2] for each in twins) < -0.9
 
 
+@pytest.mark.small
+def test_between_two_leans(gpu):
+    before, now = np.random.default_rng(15).normal(size=(2, 5, 3)).astype(np.float32)
+    found = [gpu.download(wind.lean_between(gpu, gpu.upload(before), gpu.upload(now), share)) for share in (0, 0.25, 1)]
+    np.testing.assert_allclose(found, [before, 0.75 * before + 0.25 * now, now], rtol=0, atol=1e-6)
+
+
 @pytest.mark.parametrize("w, zeta", [(5, 0), (30, 0.1), (20, 1), (12, 3), (400, 60)])
 def test_a_step_in_parts_is_the_same(w, zeta):
     """About a target that stays: one step is two of half of it, or a hundred; and a long one is at rest."""

@@ -31,18 +31,20 @@ FEW, MOST = 0.25, 32   # lengths of the longest strand that a root may go in a s
 class Motion:
     """The strands of a scene in motion, step by step: each gives a `Scene` that is drawn as any other.
 
-    scene: a Scene with a mesh and fur, or a function of seconds that gives one. The hair of scene(0) is
-    the groom: as it is, it is at rest under gravity. Strands are grown once; roots keep their places on the mesh's
-    faces, which all scenes share. Of later ones the Strands or Curves are not heeded, all else is drawn as it is
-    there: mesh, shells, camera, lights, sky, ground, colours. hair: a HairMotion, or one for each type and then one
-    for shells; None: HairMotion(). Shells lean at each vertex, with their looks of each time. device: as for `render`, of several the first; scenes must be drawn by the same. rate: substeps a
-    second, 1 to 10,000; roots that move fast get more. units_per_metre: of the scene. gravity: [3] m/s². wind: a Wind
-    or None. fps: frames a second, of `at`. jump: world units; where a vertex goes further in a step it is a cut, and
-    hair is carried along. None: the radius of the mesh. Hair that is too soft to bear its weight as it was groomed falls, and a warning says how much.
+    scene: a Scene with a mesh and fur, or a function of seconds that gives one. The hair of scene(0) is the groom: as
+    it is, it is at rest under gravity. Strands are grown once; roots keep their places on the mesh's faces, which all
+    scenes share. Of later ones the Strands or Curves are not heeded, all else is drawn as it is there: mesh, camera,
+    lights, sky, ground, colours, and shells but for how they lean, at each vertex, which is of scene(0) and moves.
+    hair: a HairMotion, or one for each type and then one for shells; None: HairMotion().
+    device: as for `render`, of several the first; scenes must be drawn by the same. rate: substeps a second, 1 to
+    10,000; roots that move fast get more. units_per_metre: of the scene. gravity: [3] m/s². wind: a Wind or None. fps:
+    frames a second, of `at`. jump: world units; where a vertex goes further in a step it is a cut, and hair is carried
+    along. None: the radius of the mesh. Hair that is too soft to bear its weight as it was groomed falls, and a warning
+    says how much.
 
     Hair does not feel the body or other hair. The equations are in docs/motion.md. Raises Error for a scene without
-    fur or mesh, for shells with a wind of their own, for Curves that stand elsewhere, and where arguments are not allowed; `step` and `at` do for a
-    function that gives something else, or a mesh of other faces.
+    fur or mesh, for shells with a wind of their own, for Curves that stand elsewhere, and where arguments are not
+    allowed; `step` and `at` do for a function that gives something else, or a mesh of other faces.
 
     time: seconds since the groom.
     """
@@ -51,30 +53,30 @@ class Motion:
                  rate: float = 120.0, units_per_metre: float = 1.0, gravity: Any = (0.0, -9.81, 0.0),
                  wind: Wind | None = None, fps: float = 24.0, jump: float | None = None) -> None:
         self._given, self.time = scene, 0.0
-        self.scene = scene = self._now = self._scene_at(0.0)
-        if scene.fur is None:
-            raise Error(f"Motion.scene is {shown(scene)}; allowed: with Strands, Curves or Shells")
-        if scene.shells is not None and np.any(scene.shells.wind):
+        first = self.scene = self._now = self._scene_at(0.0)
+        if first.fur is None:
+            raise Error(f"Motion.scene is {shown(first)}; allowed: with Strands, Curves or Shells")
+        if first.shells is not None and np.any(first.shells.wind):
             raise Error("Motion.scene.fur's Shells have a wind of their own; allowed: none, Motion.wind moves them")
         self.rate = checks.real(1, 10_000)(rate, "Motion.rate")
         self.fps = checks.real(1, 10_000)(fps, "Motion.fps")
         self.units = checks.positive()(units_per_metre, "Motion.units_per_metre")
         self.gravity = checks.safely(checks.vector(3), gravity, "Motion.gravity") * self.units
         self.wind = checks.instance(Wind, none=True)(wind, "Motion.wind") or Wind()
-        self.jump = scene.mesh.bounds[1] if jump is None else checks.positive()(jump, "Motion.jump")
+        self.jump = first.mesh.bounds[1] if jump is None else checks.positive()(jump, "Motion.jump")
         self._gpu = schedulers(device)[0]
-        self._groom = grow(scene, self._gpu) if isinstance(scene.strands, Strands) else (
-            scene.strands or Curves(points=np.zeros((0, 3)), counts=[])).on_host
-        hair, last = of_types(HairMotion() if hair is None else hair, len(self._groom.hair_types) * bool(scene.strands),
-                              scene.shells is not None)
+        self._groom = grow(first, self._gpu) if isinstance(first.strands, Strands) else (
+            first.strands or Curves(points=np.zeros((0, 3)), counts=[])).on_host
+        hair, last = of_types(HairMotion() if hair is None else hair, len(self._groom.hair_types) * bool(first.strands),
+                              first.shells is not None)
         self._said, self._last_step, self._frame = False, 0.0, 0
-        self._mesh, self._origin = scene.mesh, scene.origin
+        self._mesh, self._origin = first.mesh, first.origin
         with self._gpu.frame():
-            self._corners = self._posed(scene.mesh)
+            self._corners = self._posed(first.mesh)
             self._here = tuple(map(self._gpu.upload, self._corners))
             self._hang(hair)
-            self._undercoat = None if scene.shells is None else Undercoat(
-                self._gpu, scene.shells, scene.mesh, last, self.gravity, self.units, self._standing)
+            self._undercoat = None if first.shells is None else Undercoat(
+                self._gpu, first.shells, first.mesh, last, self.gravity, self.units, self._standing)
         segments, length, area = hair_bounds(self._groom, len(self._groom.counts))
         away = float(np.abs(self._gpu.download(self._offsets)).max(initial=0)) * 3**0.5
         beyond = self._longest + away + float(self._groom.width.max(initial=0)) / 2
@@ -84,7 +86,8 @@ class Motion:
         """Go on by so many seconds -> the Scene then, whose Curves are on the device.
 
         mesh: its pose then, of the same faces; None: that of the function `scene`, or as it is. wind: from now on, or
-        None: as it is. cut: hair is carried along with the mesh as if nothing had moved. Raises Error for a mesh of other faces.
+        None: as it is. cut: hair is carried along with the mesh as if nothing had moved. Raises Error for a mesh of
+        other faces.
         """
         seconds = checks.real(low=1e-6, high=3600)(seconds, "Motion.step seconds")
         self.wind = checks.instance(Wind, none=True)(wind, "Motion.step wind") or self.wind
@@ -181,6 +184,8 @@ class Motion:
         """Go on to a pose that is on the device, whose vertices have moved so far at most."""
         gpu, n, state = self._gpu, self._substeps(seconds, 0.0 if is_cut else moved), self._state
         step, longest, (shares, others) = seconds / n, self._longest, self._sheltered()
+        if self._undercoat:
+            self._undercoat.begin()
         for number in range(n):
             share = 1.0 if is_cut else (number + 1) / n
             wind = self.wind.at(self.time + (number + 1) * step, self.units, longest)

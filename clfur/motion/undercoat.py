@@ -1,5 +1,6 @@
 """Shell fur in motion: each vertex of the mesh leans by itself."""
 
+from dataclasses import replace
 from typing import Any
 
 import attrs
@@ -39,6 +40,7 @@ class Undercoat:
         self.state = air.Leans.empty(gpu, {"vector": 3 * rows}, n=n, padded=rows, rest=known(force),
                                      weight=known(np.broadcast_to(gravity, (n, 3))))
         self.lean: Any = gpu.upload(np.ascontiguousarray(force, np.float32))
+        self._lean_before = self.lean
 
     def sheltered(self, wind: np.void, upwind: tuple) -> Any:
         """Shares of the wind that strands, `wind.upwind`'s, leave to middles of hair."""
@@ -56,13 +58,33 @@ class Undercoat:
         winds = air.blow(gpu, wind, self.roots, self._middles(), 2, rows, shares)
         self.lean = air.sway(gpu, self.state, self.roots, before, step, gravity, winds, self._hair, jumped)
 
-    def drawn(self, shells: Shells, mesh: Mesh) -> Shells:
-        """Shells that lean as these do now, for a pose of the mesh: where its vertices touch they may be one."""
+    def begin(self) -> None:
+        """A step, that of a frame, begins."""
+        self._lean_before = self.lean
+
+    @property
+    def arrays(self) -> dict[str, Any]:
+        """All that is needed to go on from here: {name: array on the device}."""
+        return {"roots": self.roots, "lean": self.lean,
+                **{name: getattr(self.state, name) for name in self.state.declared}}
+
+    def restore(self, arrays: dict[str, Any]) -> None:
+        """Go to where `arrays` were of; of host arrays too."""
+        there = {name: self._gpu.rows(each, 0, len(each)) for name, each in arrays.items()}
+        self.roots, self.lean = there.pop("roots"), there.pop("lean")
+        self.state, self._lean_before = replace(self.state, **there), self.lean
+
+    def drawn(self, shells: Shells, mesh: Mesh, share: float = 1.0) -> Shells:
+        """Shells that lean as these do at a share of the last step, for a pose of the mesh: where its vertices touch
+        they may be one."""
         rest = shells.rest or self._mesh
         now, lean = posed(mesh, rest, "Shells.rest"), self.lean
+        if share < 1:
+            lean = air.lean_between(self._gpu, self._lean_before, lean, share)
         if now.faces is not self._mesh.faces and not np.array_equal(now.faces, self._mesh.faces):
+            known = self._gpu.download(lean)
             lean = np.zeros((len(now.positions), 3), np.float32)
-            lean[now.faces] = self._gpu.download(self.lean)[self._mesh.faces]
+            lean[now.faces] = known[self._mesh.faces]
         none = (0, 0, 0)
         return attrs.evolve(shells, rest=rest, lean=lean, wind=none, force=none, acceleration=none)
 

@@ -138,3 +138,10 @@ def stand(gpu: Any, roots: Any, height: float, padded: int) -> Any:
     places = gpu.full(2 * 3 * padded, np.float32, 0)
     gpu.launch("wind.stand", padded, padded=padded, roots=roots, height=height / 2, places=places)
     return places
+
+
+def lean_between(gpu: Any, before: Any, now: Any, share: float) -> Any:
+    """How shell fur leans, [vertices, 3] float32, a share of the way from ``before`` to ``now``, of `sway`'s form."""
+    out = gpu.empty(now.shape, np.float32)
+    gpu.launch("wind.lean_between", now.size, before=before, now=now, share=share, out=out)
+    return out
