@@ -4,7 +4,8 @@ import numpy as np
 
 import clfur
 from clfur import layout
-from clfur.stages import motion, wind
+from clfur.stages import motion
+from clfur.stages import wind as air
 from clfur.stages.strands import upload_curves
 from clfur.twin import motion as twin
 
@@ -42,11 +43,11 @@ class Hair:
         self.state, self.soft = motion.hang(gpu, self.drawn, counts.max(), self.roots, self.types,
                                             G if weighted else 0 * G)
 
-    def step(self, step, velocity=(0, 0, 0), root=None, jumped=False):
+    def step(self, step, wind=(0, 0, 0), root=None, jumped=False):
+        """``wind``: [3], or a `layout.Wind`."""
         roots = self.roots if root is None else self.gpu.upload(np.asarray(root, np.float32))
-        """``velocity``: of the wind, [3], or a `layout.Wind`."""
-        moment = velocity if getattr(velocity, "dtype", None) == layout.Wind else wind.moment(velocity)
-        self.winds = wind.blow(self.gpu, moment, roots, self.state.places, self.state.points, self.state.padded)
+        moment = wind if getattr(wind, "dtype", None) == layout.Wind else air.moment(wind)
+        self.winds = air.blow(self.gpu, moment, roots, self.state.places, self.state.points, self.state.padded)
         motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, G, self.winds, self.order, jumped)
         self.roots, self.order = roots, 2
         return self
