@@ -233,19 +233,36 @@ def test_signals_that_come_while_one_is_undone_are_none(capfd):
     assert endings.run(command) == 143 and undone == [15, 2] and "SIGTERM" in capfd.readouterr().err
 
 
-def test_a_hail_of_signals():
-    """Wherever the next one comes, in the handler of the one before or as the command ends by itself: one line."""
-    code = ("import time\nfrom clfur.command import endings\n"
-            "def command():\n    print('ready', flush=True)\n    time.sleep({wait})\n"
-            "raise SystemExit(endings.run(command) or 0)\n")
-    for wait in (30, *[0.05] * 8):
-        with subprocess.Popen([sys.executable, "-c", code.format(wait=wait)], text=True, stdout=subprocess.PIPE,
-                              stderr=subprocess.PIPE, env=os.environ | {"PYTHONPATH": str(ROOT)}) as process:
-            assert process.stdout.readline() == "ready\n"
-            for number in range(200):
-                process.send_signal([signal.SIGTERM, signal.SIGINT][number % 2])
-            out, err = process.communicate(timeout=40)
-        assert (process.returncode, out, err) in [
+@pytest.mark.skipif(sys.platform != "linux", reason="asks Linux's C library for the handlers of signals")
+@pytest.mark.parametrize("mine", [True, False])
+def test_a_driver_puts_no_handler_before_pythons(mine):
+    """A compiler's lets a second signal at the same time end the process at once, with half a picture left."""
+    code = ("import ctypes, signal, sys\nmine = lambda *_: None\n"
+            + "signal.signal(signal.SIGTERM, mine)\n" * mine +
+            "def handlers():\n    action = (ctypes.c_uint64 * 32)()\n    for number in (15, 2):\n"
+            "        ctypes.CDLL(None).sigaction(number, None, action)\n        yield action[0]\n"
+            "before = list(handlers())\nimport clfur\n"
+            "scene = clfur.Scene(clfur.load_mesh('sphere'), clfur.Strands(roots=50), clfur.Camera(size=(40, 30)))\n"
+            "clfur.render(scene)\nafter = list(handlers())\n"
+            "assert before[1] == after[1], (before, after)\n"
+            + "assert before[0] == after[0] and signal.getsignal(15) is mine, (before, after)\n" * mine)
+    subprocess.run([sys.executable, "-c", code], check=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
+
+
+def test_a_hail_of_signals(tmp_path):
+    """Wherever the next one comes, in the handler of the one before or as Python ends: one line, and its code."""
+    for number in range(6):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        script = folder / "clfur"
+        script.write_text("import sys, time\nfrom clfur.command import endings\n"
+                          f"def command():\n    open({str(folder / 'mark')!r}, 'w')\n    time.sleep(60)\n"
+                          "sys.exit(endings.run(command) or 0)\n")
+        running = waiting(Running(folder, start=[script]))
+        for each in [signal.SIGTERM, signal.SIGINT] * 100:
+            running.process.send_signal(each)
+        out, err = running.process.communicate(timeout=60)
+        assert (running.process.returncode, out, err) in [
             (143, "", "clfur: ended by SIGTERM\n"), (130, "", "clfur: interrupted\n")]
 
 

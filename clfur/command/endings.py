@@ -3,16 +3,15 @@
 import _thread
 import os
 import signal
+import socket
 import sys
 import threading
-import time
 from contextlib import suppress
 
 SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-ONE = 1.0     # seconds: signals that come closer are one; `timeout` sends two
 AGAIN = 0.2   # seconds, after which one is raised again that something has swallowed
 
-_heard: list[tuple[int, float]] = []   # (number, time) of each signal that counted
+_heard: list[int] = []   # numbers of signals; the first is what ended the command
 
 
 class Ended(BaseException):
@@ -45,13 +44,15 @@ def run(command):
     Meanwhile signals raise `Ended`; those that are ignored (nohup) stay ignored.
     """
     _heard.clear()
-    over, done = [], threading.Event()
-    # Started before a signal can be heard: no handler needs anything that another signal could find half done.
-    again = threading.Thread(target=_raise_again, args=(done,), daemon=True)
+    over, done, hook, before = [], threading.Event(), sys.unraisablehook, {}
+    ear, mouth = socket.socketpair()
+    mouth.setblocking(False)
+    # Started before a signal can be heard: no handler needs anything that another signal could find half begun.
+    again = threading.Thread(target=_raise_again, args=(ear, done), daemon=True)
     again.start()
-    hook = sys.unraisablehook
     sys.unraisablehook = lambda lost: None if lost.exc_type is Ended else hook(lost)
-    before = {}
+    with suppress(ValueError):   # not the main thread, which alone hears signals
+        signal.set_wakeup_fd(mouth.fileno(), warn_on_full_buffer=False)
     try:
         before = _handle(lambda number, _: _raise(number, over))
         return command()
@@ -61,15 +62,19 @@ def run(command):
     finally:
         over.append(True)
         done.set()
+        with suppress(ValueError):
+            signal.set_wakeup_fd(-1)
+        mouth.close()
         again.join()
+        ear.close()
         sys.unraisablehook = hook
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number, handler in before.items():   # Python's own end would let a late one end the process otherwise
+            signal.signal(number, signal.SIG_IGN if _heard and handler is _leave else handler)
 
 
 def say():
     """Tell on stderr what ended the command, in one line -> its exit code, 130 for Ctrl-C, 143 for SIGTERM."""
-    number = _heard[0][0] if _heard else signal.SIGINT
+    number = _heard[0] if _heard else signal.SIGINT
     line = "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
     with suppress(OSError):   # the terminal may be gone
         os.write(2, f"clfur: {line}\n".encode())
@@ -85,19 +90,10 @@ def _handle(handler):
         return {}
 
 
-def _counts(number):
-    """Whether this signal is not the last one once more."""
-    now = time.monotonic()
-    if _heard and now - _heard[-1][1] < ONE:
-        return False
-    _heard.append((number, now))
-    return True
-
-
 def _raise(number, over):
     if over or _is_raised(sys.exc_info()[1]):   # what is half done is being undone
         return
-    _heard.append((number, time.monotonic()))
+    _heard.append(number)
     raise Ended
 
 
@@ -106,12 +102,19 @@ def _is_raised(error):
     return error is not None and (isinstance(error, Ended) or _is_raised(error.__context__))
 
 
-def _raise_again(done):
-    while not done.wait(AGAIN):
-        if _heard:
-            _thread.interrupt_main(_heard[0][0])
+def _raise_again(ear, done):
+    """Once a signal came, send it to the main thread, which may wait for long and not have heard, till it is done."""
+    number = ear.recv(1)
+    while number and number[0] not in SIGNALS:
+        number = ear.recv(1)
+    while number and not done.wait(AGAIN):
+        if hasattr(signal, "pthread_kill"):   # which wakes what waits
+            signal.pthread_kill(threading.main_thread().ident, number[0])
+        else:
+            _thread.interrupt_main(number[0])
 
 
 def _leave(number, frame):
-    if _counts(number):   # nothing is there to be undone
+    if not _heard:   # nothing is there to be undone
+        _heard.append(number)
         os._exit(say())

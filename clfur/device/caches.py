@@ -33,6 +33,7 @@ ROOM = 16 << 20   # bytes: the kernels of a driver take 2 MiB
 SAME = 5.0        # seconds: when a process began is told by the system's clock, which may be set meanwhile
 OTHERS = 8        # folders of clfur's own that are tried, one after the other, where processes died
 OURS = b"clfur made this folder, and removes it\n"   # in the file that locks one
+UNHEARD = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 YOUNG = 60.0      # seconds in which a process has long locked the folder that it has made
 
 notes: list[str] = []                       # what `prepare` has to say, a line each
@@ -182,15 +183,19 @@ def unheard():
     """Signals wait: for threads and programs that a driver starts here for good, for this thread till the end.
 
     Ctrl-C goes to all of a terminal's processes. It would end the linker that PoCL starts, and PoCL then ends the
-    process; and it cuts PoCL's compiler short.
+    process; and it cuts PoCL's compiler short.  That compiler puts handlers of its own before Python's, through which
+    a second signal at the same time ends the process at once: Python's are put back.
     """
     if not hasattr(signal, "pthread_sigmask"):   # Windows
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, UNHEARD)
     try:
         yield
     finally:
+        for number in UNHEARD if threading.current_thread() is threading.main_thread() else ():
+            if callable(handler := signal.getsignal(number)):
+                signal.signal(number, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
