@@ -34,8 +34,8 @@ typedef struct {
     lanes bend, air;                            // B / mass a length, with what damps it; 1 / air [1 / s]
     lanes he;                                   // [s] of implicit Euler's step
     lanes3 axes[3], before[3];                  // of the root, and a step ago
-    lanes3 gravity, wind;
-    float by_skin;                              // 1 / height of air that the skin holds still [1 / world], 0: none
+    lanes3 gravity;
+    __global const float *winds;                // at points [world / s]
     bool feels;                                 // the body, of which the rest tells
     const Distances *grid;
     const Body *body;
@@ -194,13 +194,6 @@ INLINED lanes3 moment_of(const Chain *c)
     return minus(moment, scaled(crosses(c->here.ghost, c->here.direction), twist));
 }
 
-/* Share of the wind that is felt at a place, along the normal of the root: none at the skin. */
-INLINED lanes felt(const Moving *m, lanes3 place)
-{
-    const lanes h = within(dots(place, m->axes[2]) * m->by_skin, 0.0f, 1.0f);
-    return m->by_skin > 0.0f ? h * h * (3.0f - 2.0f * h) : F(1.0f);
-}
-
 /* Solve for point i; what lies behind it has been solved for already. */
 INLINED void solve(const Moving *m, int i, const Chain *c, Left *left, lanes3 *behind_moment)
 {
@@ -235,7 +228,7 @@ INLINED void solve(const Moving *m, int i, const Chain *c, Left *left, lanes3 *b
     *behind_moment = moment;
     b = minus(b, scaled(minus(place, kept(m, i, FREE)), mass / (m->he * m->he)));
     b = plus(b, scaled(m->gravity, mass));
-    b = minus(b, scaled(minus(minus(place, kept(m, i, BASE)), scaled(m->wind, m->he * felt(m, place))), drag / m->he));
+    b = minus(b, scaled(minus(minus(place, kept(m, i, BASE)), scaled(three_of(m->winds, m->stride, 3 * i), m->he)), drag / m->he));
     if (m->feels)
         press(m, i, inertia, &a, &b);
 
@@ -491,8 +484,7 @@ BY_ITSELF __kernel void advance(
     const int order,                       // 2, or 1 where what came before is not known
     const int jumped,                      // 1: hair goes with its root
     const float4 gravity,                  // [world / s^2]
-    __global const float *winds,           // [3, padded] at each root [world / s]
-    const float by_skin,                   // 1 / height of air that the skin holds still [1 / world], 0: none
+    __global const float *winds,           // [points, 3, padded] [world / s]
     __global float *places,                // [points, 3, padded] relative to the root [world]
     __global float *places_before,         // [points, 3, padded]
     __global float *speeds,                // [points, 3, padded] [world / s]
@@ -514,7 +506,6 @@ BY_ITSELF __kernel void advance(
     m.work_stride = (size_t)n_items * LANES;
     m.work = workspace + item * LANES;
     m.gravity = all_lanes(gravity);
-    m.by_skin = by_skin;
     m.feels = feels;
     m.grid = &grid;
     m.body = &body;
@@ -525,7 +516,7 @@ BY_ITSELF __kernel void advance(
         m.away = away + first;
         m.free = free + first;
         m.pressed = pressed + first;
-        m.wind = three_of(winds + first, padded, 0);
+        m.winds = winds + first;
         m.n = *(__global const lanes_i *)(segments + first);
         lanes damping = F(0.0f), carried = F(0.0f);
         m.bend = m.air = m.friction = F(0.0f);
@@ -809,39 +800,4 @@ __kernel void place_roots(
         for (int a = 0; a < 3; ++a)
             roots[(3 * row + a) * (size_t)padded + i] = dot3(body.to_world[a], v) + (row ? 0.0f : body.to_world[a].w);
     }
-}
-
-/* Three numbers from -1 to 1 at a corner of a cell. */
-inline float4 gust_at(int4 cell, uint seed)
-{
-    const uint4 c = as_uint4(cell & (PERIOD - 1));
-    const uint3 words = random3(c.x + PERIOD * c.y + PERIOD * PERIOD * c.z, seed, 9);
-    return (float4)(convert_float3(words >> 8) * 0x1p-23f - 1.0f, 0.0f);
-}
-
-/* The wind at roots: its mean, and gusts, random at the corners of cells and smooth between, which it carries along. */
-__kernel void blow(
-    const ulong begin, const ulong end,    // work-items, see common.h
-    const uint padded,
-    __global const float *roots,           // [4, 3, padded] place [world], three axes
-    const float4 mean,                     // [world / s]; how strong gusts are, likewise
-    const float4 gone,                     // how far gusts have gone [cells]; cells a world unit
-    const uint seed,
-    __global float *winds)                 // [3, padded] [world / s]
-{
-    WORK_ITEM(i);
-    const float4 p = (float4)(roots[i], roots[padded + i], roots[2 * (size_t)padded + i], 0.0f) * gone.w - gone;
-    const float4 low = floor(p), f = p - low, s = f * f * f * (f * (f * 6.0f - 15.0f) + 10.0f);
-    const int4 cell = convert_int4(low);
-    float4 rows[4];
-    for (int k = 0; k < 4; ++k) {
-        const int4 there = cell + (int4)(0, k & 1, k >> 1, 0);
-        const float4 a = gust_at(there, seed), b = gust_at(there + (int4)(1, 0, 0, 0), seed);
-        rows[k] = a + s.x * (b - a);
-    }
-    const float4 near = rows[0] + s.y * (rows[1] - rows[0]), far = rows[2] + s.y * (rows[3] - rows[2]);
-    const float4 wind = mean + mean.w * (near + s.z * (far - near));
-    winds[i] = wind.x;
-    winds[padded + i] = wind.y;
-    winds[2 * (size_t)padded + i] = wind.z;
 }

@@ -19,6 +19,8 @@ __kernel void bend(
     const Shells shells,
     __global const float4 *positions,      // [V]
     __global const float4 *normals,        // [V] unit
+    const int leaning,                     // 1: vertices lean each by itself
+    __global const float *lean,            // [V, 3] as the force; or what isn't read
     __global float4 *curves)               // [V, slabs + 1]
 {
     WORK_ITEM(vertex);
@@ -29,7 +31,9 @@ __kernel void bend(
     /* Gusts travel with the wind: two parabolas make a wave of one turn. */
     const float turns = shells.gust.w - dot3(shells.gust, p), f = turns - floor(turns);
     const float wave = f < 0.5f ? 16.0f * f * (0.5f - f) : -16.0f * (f - 0.5f) * (1.0f - f);
-    const float4 force = shells.bend + (0.7f + 0.3f * wave) * shells.wind;
+    float4 force = shells.bend + (0.7f + 0.3f * wave) * shells.wind;
+    if (leaning)
+        force += (float4)(vload3(vertex, lean), 0.0f);
     for (int k = 0; k < slabs; ++k) {
         curves[vertex * (slabs + 1) + k] = p;
         p += (shells.size.x / slabs) * unit_or(n + ((k + 0.5f) / slabs) * force, n);

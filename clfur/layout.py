@@ -13,6 +13,7 @@ CONSTANTS = {
     "NOTHING": 0xFFFFFFFF,  # depth and id of a sample that nothing covers
     "BODY": 0x80000000,     # id of a body triangle = BODY | triangle; of a strand segment = its first point
     "PERIOD": 1024,         # cells after which gusts of wind come again, along each axis
+    "CROUCHED": 0.9,        # how much less than upright hair of shells is at the tip at most, pushed down
     "ROWS_OF_POINT": 50,    # of what a step sets aside for a point of a strand that moves
     "SCAN": 256,            # values one work-item sums in a prefix scan
     "TILE": 8,              # pixels a side of a tile, in which strands are drawn together
@@ -227,10 +228,18 @@ Body = np.dtype([                     # where the body is, that hair touches
     ("more", *_float4),                  # how far its skin has gone besides, at most [world]; 1: it deforms, -, -
 ])
 
+Wind = np.dtype([                     # of a moment
+    ("mean", *_float4),                  # [world / s]; how strong gusts are, likewise
+    ("gone", *_float4),                  # how far the mean has carried gusts [cells]; cells a world unit
+    ("less", *_float4),                  # 1 / height of the air that the skin holds [1 / world], 0: none; how much less
+                                         # a crossing of hair upwind leaves, -, -
+    ("seed", *_int4),                    # of gusts; 1: those of each point, 0: of roots; -, -
+])
+
 STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Traits": Traits, "SkinTile": SkinTile,
            "SkinMap": SkinMap, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Deep": Deep, "Shells": Shells,
            "Ground": Ground, "OnGround": OnGround, "Material": Material, "Lobes": Lobes, "Distances": Distances,
-           "MotionType": MotionType, "Body": Body}
+           "MotionType": MotionType, "Body": Body, "Wind": Wind}
 
 
 def shine(look, alpha, model=None):

@@ -83,10 +83,10 @@ def uncounted(modules, texts):
 
 
 def test_all_that_is_declared_is_counted():
-    """Lighting holds what SUMS and VISIBLE declare, Transport what FIELD does; State and SOFT are of `Motion`, before
-    a frame."""
+    """Lighting holds what SUMS and VISIBLE declare, Transport what FIELD does; State, SOFT, Leans and WINDS are of
+    `Motion`, before a frame."""
     texts = [path.read_text() for path in (ROOT / "clfur").rglob("*.py")]
-    assert uncounted(STAGES, texts) <= {"SUMS", "Transport", "State", "SOFT"}
+    assert uncounted(STAGES, texts) <= {"SUMS", "Transport", "State", "SOFT", "Leans", "WINDS"}
     planted = type("planted", (), {"Extra": dataclass(type("Extra", (layout.Arrays,), {
         "__annotations__": {"points": Any}, "points": layout.array("point", np.float32, 4)}))})
     assert uncounted([planted], texts) == {"Extra"}

@@ -144,15 +144,29 @@ STRANDS = {"--inner": 5, "--outer": 5, "--roots": "faces", "--surface": "pn", "-
            "--map": "density=a.png", "--on": "head", "--comb": "0,-1,0", "--comb-weight": 0.5,
            "--collision": "on"}
 SHELLS = {"--layers": 30, "--pattern": "cells", "--frequency": 40, "--hairs": 9, "--density": 1, "--noise": "0.5,8",
-          "--wind": "1,0,0", "--time": 0, "--shading": "turned"}
+          "--shading": "turned"}
 SHARED = {"--size": "9x9", "--fur": "both", "--length": 1, "--color": "1,1,1", "--alpha": 1, "--variation": 0,
           "--segments": 1, "--force": "0,0,0", "--force-weight": 1, "--stiffness": 2, "--seed": 1, "--eye": "9,9,9",
           "--target": "0,0,0", "--fov": 30, "--zoom": 2, "--light": "0,-1,0", "--shadows": "binary",
           "--grid": 16, "--samples": 1,
-          "--shadow-map": 64, "--pcf": 0,
+          "--shadow-map": 64, "--pcf": 0, "--wind": "1,0,0", "--time": 0,
           "--specular": "half-vector", "--blur": "all", "--blur-sigma": 2,
           "--preset": "draft", "--rest": "sphere", "--body": "holdout", "--body-color": "1,0,0", "--body-texture": "",
           "--ground": -1.5, "--view": "front", "--up": "z", "--sky": "1,1,1"}
+
+
+def test_wind_bends_strands_too():
+    """As far, at first, as shells of their length: by stiffness or by the report's rule; between gusts, and in them."""
+    assert load("sphere")[0].strands.force == pytest.approx((0, -1, 0))
+    options = "sphere", "--wind", "0.2,0,0.1", "--force", "0,0,0"
+    by_law, by_rule = (load(*options, "--fur", "both", "--time", 0.25, *more)[0]
+                       for more in (["--stiffness", 3], ["--force-weight", 0.1, "--segments", 5]))
+    # In the middle of a sphere around 0 gusts are at their height after a quarter of a second.
+    np.testing.assert_allclose(by_law.strands.force, (0.6, 0, 0.3), rtol=1e-6)
+    np.testing.assert_allclose(by_rule.strands.force, (0.4, 0, 0.2), rtol=1e-6)
+    assert (by_law.shells.wind == (0.2, 0, 0.1)).all()
+    still = load(*options, "--time", 0.75, "--stiffness", 3)[0].strands.force
+    np.testing.assert_allclose(still, np.multiply(0.4, (0.6, 0, 0.3)), rtol=1e-6)
 
 
 def test_the_rule_of_growth(tmp_path):

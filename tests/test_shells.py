@@ -131,8 +131,10 @@ def curves_of(gpu, **options):
     mesh = clfur.Mesh(*MESHES["ball"])
     packed = stage.pack(clfur.Shells(**options), mesh, False, True)
     curves = gpu.empty((len(mesh.positions) * (int(packed["kind"][2]) + 1), 4), np.float32)
+    lean = np.asarray(options.get("lean", mesh.normals), np.float32)
     gpu.launch("shells.bend", len(mesh.positions), shells=packed, positions=gpu.upload(stage.as_float4(mesh.positions)),
-               normals=gpu.upload(stage.as_float4(mesh.normals)), curves=curves)
+               normals=gpu.upload(stage.as_float4(mesh.normals)), leaning=int("lean" in options), lean=gpu.upload(lean),
+               curves=curves)
     return curves.get().reshape(len(mesh.positions), -1, 4)[..., :3].astype(float)
 
 
@@ -145,6 +147,24 @@ def test_layers_keep_their_distance(gpu, options):
     steps = np.linalg.norm(np.diff(curves, axis=1), axis=2)
     np.testing.assert_allclose(steps, 0.3 / (curves.shape[1] - 1), atol=1e-6)
     np.testing.assert_allclose(curves[:, 0], clfur.Mesh(*MESHES["ball"]).positions, atol=1e-7)
+
+
+@pytest.mark.small
+def test_each_vertex_leans_by_itself(gpu):
+    """On top of the force that all feel; the same lean everywhere is the same force."""
+    mesh = clfur.Mesh(*MESHES["ball"])
+    lean = np.random.default_rng(14).normal(size=mesh.positions.shape).astype(np.float32)
+    curves = curves_of(gpu, force=(0, -1, 0), lean=lean)
+    packed = stage.pack(clfur.Shells(force=(0, -1, 0), lean=lean), mesh, False, True)
+    there = twin.bend(packed, mesh.positions, mesh.normals, lean)
+    np.testing.assert_allclose(curves, there, rtol=0, atol=1e-6)
+    assert np.abs(curves - curves_of(gpu, force=(0, -1, 0))).max() > 0.01
+    np.testing.assert_array_equal(curves_of(gpu, lean=np.tile(np.float32((1, -2, 0.5)), (len(lean), 1))),
+                                  curves_of(gpu, force=(1, -2, 0.5)))
+    with pytest.raises(clfur.Error, match="Shells.lean has 3 rows and Scene.mesh"):
+        clfur.Scene(mesh=mesh, fur=clfur.Shells(lean=np.zeros((3, 3))), camera=clfur.Camera(eye=(0, 0, 3)))
+    with pytest.raises(clfur.Error, match="Shells.lean is"):
+        clfur.Shells(lean=(1, 2, 3))
 
 
 def test_wind_comes_again(gpu):

@@ -122,6 +122,7 @@ TEXTURE = np.array([(.7, .3, .02), (.02, .1, .6)])[np.indices((6, 12)).sum(0) % 
 PAINTED = clfur.Maps(density=[[1, .1]], length={1001: [[.3], [1.8]]}, width=[[1, 1], [.4, .4]])
 
 BLOWN = shells(length=.9, frequency=5, density=.4, noise=(0, 8), wind=(2.5, 0, 0), time=.2)
+PARTED = shells(length=.7, frequency=5, density=.4, noise=(0, 8), lean=[(-2, 0, 0), (2, 0, 0), (2, 0, 0), (-2, 0, 0)])
 
 # Name: what is drawn, and what is particular to how.
 PICTURES = {
@@ -142,6 +143,7 @@ PICTURES = {
     "cells": (lambda: scene(shells()), {}),
     "sine": (lambda: scene(shells(pattern="sine", frequency=10)), {}),
     "wind": (lambda: scene(BLOWN, lawn(), (0, .3, 2)), {}),
+    "lean": (lambda: scene(PARTED, lawn(), (0, .3, 2)), {}),
     "both-furs": (lambda: scene([shells(length=.12, color=(.9, .85, .8)), grown(250, hair(width=.02))]), {}),
     "spot": (lambda: scene(grown(), light=SPOT), {}),
     "highlight": (lambda: scene(grown(types=hair(look=SHINY)), light=(-.3, -1, -.8)), {}),

@@ -12,17 +12,64 @@ import clfur
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-from support.hair import DROPS, Hair, ball, bar, curl, depths, fallen, shot
+from support.hair import DROPS, SOFTEST, Hair, ball, bar, blown, curl, depths, fallen, period, shot, swing
 
 
 def drops(gpu):
     """How far tips of clamped bars are from the elastica's, in shares of it."""
     for segments in (8, 16, 32):
-        for k, exact in DROPS.items():
+        for k, exact in (*DROPS.items(), SOFTEST):
             hair = Hair(gpu, [bar(segments)], 9.81 / k, air=5, weighted=False)
             for _ in range(300):
                 hair.step(1 / 60)
             yield f"tip of a clamped bar, K = {k}, {segments} segments", f"{-hair.array()[0][-1, 1] / exact - 1:+.2%}"
+
+
+def drops_by_step(gpu):
+    """How much the drop of a tip depends on the step, in shares of it."""
+    for k in DROPS:
+        found = []
+        for step in (1 / 24, 1 / 60, 1 / 240):
+            hair = Hair(gpu, [bar(8)], 9.81 / k, air=5, weighted=False)
+            for _ in range(round(5 / step)):
+                hair.step(step)
+            found.append(-hair.array()[0][-1, 1])
+        yield f"the same by steps of 1/24, 1/60, 1/240 s, K = {k}, 8 segments", f"{np.ptp(found) / found[0]:.1e}"
+
+
+def swings(gpu):
+    """First period of a hanging chain against Bernoulli's, and how far it swings after six, in shares of the first."""
+    for length in (1.0, 0.05):
+        for segments in (8, 32):
+            for rate in (24, 60, 120, 240) if length == 1 else (120, 240):
+                times, most = swing(gpu, segments, length, 1 / rate, 7.2 * period(length))
+                yield (f"chain of {length:g} m, {segments} segments, 1/{rate} s: first period; swing left after six",
+                       f"{np.diff(times)[0] / period(length) - 1:+.2%}; {most[6]:.3f}")
+
+
+def energies(gpu):
+    """How far the energy of a bar that is let go from the level rises above its start, and in a step, in m g L."""
+    for order, name in ((1, "Euler"), (2, "BDF2")):
+        above, rise = -np.inf, -np.inf
+        for segments in (16, 32):
+            for bend in (0.0, 0.2, 2.0):
+                for rate in (60, 240):
+                    hair = Hair(gpu, [bar(segments)], bend, weighted=False)
+                    found = [next(hair.energy(bend))]
+                    for _ in range(2 * rate):
+                        hair.order = min(hair.order, order)
+                        found.append(next(hair.step(1 / rate).energy(bend)))
+                    found = np.array(found) / 9.81
+                    above, rise = max(above, found[1:].max() - found[0]), max(rise, np.diff(found).max())
+        yield f"energy, {name}: above its start; most in a step", f"{above:+.1e}; {rise:+.1e}"
+
+
+def gusts(gpu):
+    """How far tips are from those of 1,920 steps a second at worst, in 2 s of violent gusts."""
+    exact = blown(gpu, 1920, 2)
+    worst = [np.linalg.norm(blown(gpu, rate, 2) - exact, axis=2).max() for rate in (24, 60, 120, 240, 480)]
+    yield ("violent gusts, K = 1: tips by 1/24, 1/60, 1/120, 1/240, 1/480 s, in lengths",
+           ", ".join(f"{each:.4f}" for each in worst))
 
 
 def rests(gpu):
@@ -41,7 +88,7 @@ def rests(gpu):
 
 
 def shakes(gpu):
-    """Stretch of strands whose roots jump and turn at random in each step."""
+    """Stretch of strands whose roots jump and turn at random in each step, and how fast they go 10 s later."""
     for step in (1.0, 1 / 24, 1 / 240):
         rng = np.random.default_rng(2)
         hair = Hair(gpu, [curl(8, rng) for _ in range(64)], 0.1, air=5)
@@ -51,7 +98,12 @@ def shakes(gpu):
             for i in range(64):
                 root[1:, :, i] = root[1:, :, i] @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
             hair.step(step, (100, 0, 0), root)
-        yield f"stretch, roots anywhere within 100 lengths, steps of {step:.3g} s", f"{hair.stretch():.1e}"
+        stretch = hair.stretch()
+        for _ in range(1200):
+            hair.step(1 / 120)
+        speed = np.abs(np.concatenate(hair.array("speeds"))).max()
+        yield (f"roots jump 100 lengths, steps of {step:.3g} s: stretch; lengths a second, 10 s later",
+               f"{stretch:.1e}; {speed:.1e}")
 
 
 def balls(gpu):
@@ -75,7 +127,7 @@ def balls(gpu):
 def main():
     gpu = clfur.Scheduler()
     print("| law | reached |\n|---|---|")
-    for law in (drops, rests, shakes, balls):
+    for law in (drops, drops_by_step, swings, energies, gusts, rests, shakes, balls):
         for name, value in law(gpu):
             print(f"| {name} | {value} |", flush=True)
 

@@ -15,6 +15,7 @@ from ..scene import extent, frame, fur_extent, highlighted, upright
 from ..scene.bounds import LONG
 from ..scene.checks import vector
 from ..scene.scene import DIRECTION
+from ..scene.shells import gust
 from ..scene.strands import LAW
 from .hair_types import groom_of, hair_type, hair_types, type_map
 from .skin import skin_of
@@ -205,10 +206,24 @@ def _strands(options, length, radius, mesh):
             "--types", lambda path: hair_types(path, said["types"], hair), file),
         type_map=type_map(keys) if keys else None,
         **density(options, len(mesh.faces)), **skin_of(mesh, options, said, Path(file or "").parent),
-        guides_reach=options["reach"] or None,
-        **{name: options[name] for name in ("surface", "force", "seed", "rest", "guides", "parting")})
+        guides_reach=options["reach"] or None, force=_force(options, mesh),
+        **{name: options[name] for name in ("surface", "seed", "rest", "guides", "parting")})
     slides = fur_extent(made) > LONG * radius if options["collision"] == "auto" else options["collision"] == "on"
     return attrs.evolve(made, collision=True) if slides else made
+
+
+def _force(options, mesh):
+    """The force on strands that the options describe, with the wind of that moment in the mesh's middle: it takes tips
+    as far aside, at first, as those of as long shells."""
+    force, wind = np.asarray(options["force"], float), vector(3)(options["wind"], "--wind")
+    if not wind.any():
+        return force
+    _, _, radius = (options["rest"] or mesh).own_frame
+    stiffness = options["stiffness"] or LAW["stiffness"]
+    if options["force_weight"] is not None:
+        whole = options["force_weight"] * options["segments"]
+        stiffness = 1 / whole if whole else 0.0
+    return force + stiffness * gust(wind, options["time"], mesh.bounds[0], radius) * wind
 
 
 def _hair(options, length, radius, mesh):

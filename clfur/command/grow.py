@@ -16,7 +16,7 @@ from .options import Sectioned, of_sections, scene_options
 from .scenes import load_moving, moved, scene_at
 from .waiting import waiting
 
-UNUSED = of_sections("Shells", "Body and ground", "Light", "Camera") - {"time"}   # which is also a USD file's
+UNUSED = of_sections("Shells", "Body and ground", "Light", "Camera")
 
 
 def _growing(command):

@@ -51,6 +51,11 @@ _FUR = [
                       "of shells bends as much as half of one.  [default: 0.625]"),
     click.option("--force-weight", type=AnyReal(), metavar="W",
                  help="Instead of --stiffness, the report's rule: how much each segment gives way to the force."),
+    click.option("--wind", type=Numbers(3), default="0,0,0", metavar="X,Y,Z",
+                 help="Wind that bends hair as it grows; it gusts."),
+    click.option("--time", type=AnyReal(), metavar="SECONDS",
+                 help="The moment of the wind, which gusts, and of a scene file that moves; or a USD file's time code.  "
+                      "[default: 0, or its first]"),
     click.option("--seed", type=AnyWhole(), default=0, metavar="N", help="Of all that is random."),
     click.option("--hair", metavar="FILE", multiple=True, callback=once,
                  help="Strands of a file in place of grown ones, placed as the mesh is: .hair, .tfx, .data, .ply, "
@@ -175,10 +180,6 @@ _SHELLS = [
                  help="How much of its cell a hair of shells fills."),
     click.option("--noise", type=Numbers(2), default="0.5,8", metavar="A,S",
                  help="How far hairs of shells are displaced and the size of the waves, both in hairs."),
-    click.option("--wind", type=Numbers(3), default="0,0,0", metavar="X,Y,Z", help="Wind over shells; it gusts."),
-    click.option("--time", type=AnyReal(), metavar="SECONDS",
-                 help="The moment of the wind, which gusts, and of a scene file that moves; or a USD file's time code. "
-                      " [default: 0, or its first]"),
     click.option("--shading", type=click.Choice(["kajiya-kay", "turned"]), default="kajiya-kay",
                  help="Light on shells: by the hair's direction, or by the report's turned normals."),
 ]
@@ -216,12 +217,12 @@ _SETTINGS = [
 _ONLY = {"strands": ("inner", "outer", "roots", "surface", "width", "tip_width", "root_color", "tip_color", "look",
                      "type_map", "types", "curl", "wave", "tufts", "frizz", "raster", "masks", "scattering", "lod",
                      "hair", "guides", "parting", "reach", "maps", "on", "comb", "comb_weight", "collision"),
-         "shells": ("layers", "pattern", "hairs", "frequency", "density", "noise", "wind", "time", "shading")}
+         "shells": ("layers", "pattern", "hairs", "frequency", "density", "noise", "shading")}
 # Of hair that grows; strands of a file have no use for them, nor for the second where there are no shells.
 _GROWN = ("tip_width", "root_color", "tip_color", "segments", "force", "stiffness", "force_weight", "roots", "type_map",
           "types", "curl", "wave", "tufts", "frizz", "rest", "maps", "on", "comb", "comb_weight", "collision")
-_GROWN_OR_SHELLS = "length", "variation"
-_UNGUIDED = "stiffness", "force_weight", "force", "length"   # what the shapes of guides leave nothing to say
+_GROWN_OR_SHELLS = "length", "variation", "wind"
+_UNGUIDED = "stiffness", "force_weight", "force", "length", "wind"   # what the shapes of guides leave nothing to say
 
 
 def _names(options):

@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import Error
 from ..files.images import encoded
 from ..render import draw
-from ..scene import Curves, Scene, over
+from ..scene import Curves, Scene, Shells, over
 from ..settings import Settings
 
 
@@ -44,10 +44,11 @@ class Job:
 
 def on_host(scene: Scene) -> Scene:
     """The same Scene with no array on a device."""
-    if not isinstance(scene.strands, Curves) or scene.strands.on_host is scene.strands:
+    here = tuple(each.on_host if isinstance(each, (Curves, Shells)) else each
+                 for each in (scene.shells, scene.strands) if each is not None)
+    if all(each is scene.shells or each is scene.strands for each in here):
         return scene
-    curves = scene.strands.on_host
-    return attrs.evolve(scene, fur=curves if scene.shells is None else (scene.shells, curves))
+    return attrs.evolve(scene, fur=here if len(here) > 1 else here[0])
 
 
 def alone(jobs: Iterable[Job], device: Any) -> Iterator[tuple[int, bytes]]:

@@ -5,6 +5,7 @@ import numpy as np
 
 from ..errors import Error
 from ..scene import checks
+from ..stages.wind import moment
 
 STANDARD = 9.81   # m / s², by which bend_length is meant, whatever the scene's gravity
 
@@ -38,27 +39,30 @@ class Wind:
     """Wind that carries its gusts along.
 
     velocity: [3] m/s, its mean. gust: 0..16, how strong gusts are, in speeds of the mean. size: metres, > 0, of gusts.
-    skin: metres >= 0: below this height above the skin air is held back, wholly at the skin. seed: of gusts,
-    0..2**32-1. Raises Error otherwise.
+    skin: metres >= 0: below this height above the skin air is held back, wholly at the skin. shelter: 0..16: where hair
+    upwind covers the wind's way once, exp(-shelter) of it is left; half the drag coefficient of a hair, about 0.5 for
+    coarse hair and 1.5 for the finest, or 0: none. seed: of gusts, 0..2**32-1. Raises Error otherwise.
     """
 
     velocity: checks.Given = checks.field(checks.vector(3), default=(0.0, 0.0, 0.0))
     gust: float = checks.field(checks.real(low=0, high=16), default=0.0)
     size: float = checks.field(checks.positive(), default=1.0)
     skin: float = checks.field(checks.real(low=0), default=0.0)
+    shelter: float = checks.field(checks.real(low=0, high=16), default=0.0, kw_only=True)
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)
 
-    def of_world(self, units_per_metre: float) -> dict:
-        """What `stages.motion.blow` takes of it."""
+    def at(self, seconds: float, units_per_metre: float, longest: float) -> np.void:
+        """The wind of a moment in the scene's units, for strands no longer than ``longest``, as `layout.Wind`."""
         mean = np.asarray(self.velocity) * units_per_metre
-        return {"mean": mean, "gust": self.gust * float(np.linalg.norm(mean)), "size": self.size * units_per_metre,
-                "seed": self.seed}
+        return moment(mean, self.gust * float(np.linalg.norm(mean)), self.size * units_per_metre, seconds, self.seed,
+                      self.skin * units_per_metre, self.shelter, longest)
 
 
-def of_types(value, types):
-    """Return a HairMotion for each of so many types: one alone is of all."""
-    given = checks.safely(checks.tuple_of(HairMotion), value, "Motion.hair")
-    if len(given) not in (1, types):
-        raise Error(f"Motion.hair has {len(given)} HairMotions but Scene.fur has {types} types; allowed: one, or one "
-                    "for each")
-    return given * types if len(given) == 1 else given
+def of_types(value, types, shells):
+    """Return (a HairMotion for each of so many types, that of shells if there are): one alone is of all."""
+    given, n = checks.safely(checks.tuple_of(HairMotion), value, "Motion.hair"), types + shells
+    if len(given) not in (1, n):
+        raise Error(f"Motion.hair has {len(given)} HairMotions but Scene.fur has {types} types"
+                    f"{' and shells' * shells}; allowed: one, or one for each")
+    given = given * n if len(given) == 1 else given
+    return given[:types] or given, given[-1]

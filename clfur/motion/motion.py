@@ -15,17 +15,19 @@ from ..errors import Error, shown
 from ..render import grow, schedulers
 from ..scene import Mesh, Scene, Strands, checks
 from ..scene.bounds import LONG, hair_bounds
-from ..scene.curves import Bounds
+from ..scene.curves import Bounds, Curves
 from ..scene.guides import far_from
 from ..scene.origin import seen_from
 from ..scene.rest import posed
 from ..stages import motion as stage
+from ..stages import wind as air
 from ..stages.guides import feet_on
-from ..stages.strands import DeviceStrands
+from ..stages.strands import DeviceStrands, upload_curves
 from ..stages.tessellate import as_float4
 from .body import Body
 from .hair import HairMotion, Wind, of_types
 from .pose import between, pose_of
+from .undercoat import Undercoat
 from .within import Began, mixed
 
 FEW, MOST = 0.25, 32   # lengths of the longest strand that a root may go in a substep; substeps it is given for that
@@ -35,21 +37,22 @@ DEEP = 0.5             # cells: strands that are groomed further inside the body
 class Motion:
     """The strands of a scene in motion, step by step: each gives a `Scene` that is drawn as any other.
 
-    scene: a Scene with a mesh and Strands or Curves, or a function of seconds that gives one. The hair of scene(0) is
-    the groom: as it is, it is at rest under gravity. Strands are grown once; roots keep their places on the mesh's
-    faces, which all scenes share. Of later ones the Strands or Curves are not heeded, all else is drawn as it is
-    there: mesh, shells, camera, lights, sky, ground, colours. hair: a HairMotion, or one for each type; None:
-    HairMotion(). device: as for `render`, of several the first; scenes must be drawn by the same. rate: substeps a
-    second, 1 to 10,000; roots that move fast get more. units_per_metre: of the scene. gravity: [3] m/s². wind: a Wind
-    or None. fps: frames a second, of `at`. jump: world units; where a vertex goes further in a step it is a cut, and
-    hair is carried along. None: the radius of the mesh. body: whether hair feels the mesh, and does not enter it;
-    "auto": where some is longer than a fifth of the mesh's radius, so that it can lie on it. What was groomed nearer
-    than half of its width, or inside, may stay as near. Hair that is too soft to bear its weight as it was groomed
-    falls, and a warning says how much; another, how much goes through the body.
+    scene: a Scene with a mesh and fur, or a function of seconds that gives one. The hair of scene(0) is the groom: as
+    it is, it is at rest under gravity. Strands are grown once; roots keep their places on the mesh's faces, which all
+    scenes share. Of later ones the Strands or Curves are not heeded, all else is drawn as it is there: mesh, camera,
+    lights, sky, ground, colours, and shells but for how they lean, at each vertex, which is of scene(0) and moves.
+    hair: a HairMotion, or one for each type and then one for shells; None: HairMotion().
+    device: as for `render`, of several the first; scenes must be drawn by the same. rate: substeps a second, 1 to
+    10,000; roots that move fast get more. units_per_metre: of the scene. gravity: [3] m/s². wind: a Wind or None. fps:
+    frames a second, of `at`. jump: world units; where a vertex goes further in a step it is a cut, and hair is carried
+    along. None: the radius of the mesh. body: whether strands feel the mesh, and do not enter it; "auto": where some
+    are longer than a fifth of the mesh's radius, so that they can lie on it. What was groomed nearer than half of its
+    width, or inside, may stay as near. Hair that is too soft to bear its weight as it was groomed falls, and a warning
+    says how much; another, how much goes through the body.
 
-    Hair does not feel other hair. The equations are in docs/motion.md. Raises Error for a scene without
-    strands or mesh, for Curves that stand elsewhere, and where arguments are not allowed; `step` and `at` do for a
-    function that gives something else, or a mesh of other faces.
+    Hair does not feel other hair. The equations are in docs/motion.md. Raises Error for a scene without fur or mesh,
+    for shells with a wind of their own, for Curves that stand elsewhere, and where arguments are not allowed; `step`
+    and `at` do for a function that gives something else, or a mesh of other faces.
 
     time: seconds since the groom.
     """
@@ -63,8 +66,10 @@ class Motion:
                  body: bool | str = "auto") -> None:
         self._given, self.time = scene, 0.0
         first = self.scene = self._now = self._scene_at(0.0)
-        if first.strands is None:
-            raise Error(f"Motion.scene is {shown(first)}; allowed: with Strands or Curves")
+        if first.fur is None:
+            raise Error(f"Motion.scene is {shown(first)}; allowed: with Strands, Curves or Shells")
+        if first.shells is not None and np.any(first.shells.wind):
+            raise Error("Motion.scene.fur's Shells have a wind of their own; allowed: none, Motion.wind moves them")
         self.rate = checks.real(1, 10_000)(rate, "Motion.rate")
         self.fps = checks.real(1, 10_000)(fps, "Motion.fps")
         self.units = checks.positive()(units_per_metre, "Motion.units_per_metre")
@@ -74,8 +79,10 @@ class Motion:
         if not isinstance(body, bool) and not (isinstance(body, str) and body == "auto"):
             checks.refuse("Motion.body", body, '"auto", True or False')
         self._gpu = schedulers(device)[0]
-        self._groom = grow(first, self._gpu) if isinstance(first.strands, Strands) else first.strands.on_host
-        hair = of_types(HairMotion() if hair is None else hair, len(self._groom.hair_types))
+        self._groom = grow(first, self._gpu) if isinstance(first.strands, Strands) else (
+            first.strands or Curves(points=np.zeros((0, 3)), counts=[])).on_host
+        hair, last = of_types(HairMotion() if hair is None else hair, len(self._groom.hair_types) * bool(first.strands),
+                              first.shells is not None)
         self._said, self._last_step, self._frame = False, 0.0, 0
         self._began: Began | None = None
         self._mesh, self._origin = first.mesh, first.origin
@@ -84,9 +91,11 @@ class Motion:
             self._rest = self._pose = pose_of(self._corners, normals, None)
             self._here = self._uploaded(self._rest)
             self._hang(hair, body)
+            self._undercoat = None if first.shells is None else Undercoat(
+                self._gpu, first.shells, first.mesh, last, self.gravity, self.units, self._standing)
         segments, length, area = hair_bounds(self._groom, len(self._groom.counts))
         away = float(np.abs(self._gpu.download(self._offsets)).max(initial=0)) * 3**0.5
-        beyond = self._longest + away + float(self._groom.width.max()) / 2
+        beyond = self._longest + away + float(self._groom.width.max(initial=0)) / 2
         self._beyond = Bounds((0, 0, 0), beyond, segments, length, area)
 
     def step(self, seconds: float, mesh: Mesh | None = None, wind: Wind | None = None, cut: bool = False) -> Scene:
@@ -158,13 +167,19 @@ class Motion:
             for name, array in arrays.items():
                 owner, attribute = held[name]
                 object.__setattr__(owner, attribute, self._gpu.upload(array))
+            if self._undercoat:
+                self._undercoat.begin()
         self._now, self._mesh, self.time, self._frame, self._last_step = scene, mesh, time, frame, last_step
         self._began = None
         return self._drawn()
 
     def _held(self):
         """{name: (object, its attribute)} of the arrays on the device that hair keeps from step to step."""
-        return {f"strands.{name}": (self._state, name) for name in self._state.declared} | {"roots": (self, "_roots")}
+        held = {f"strands.{name}": (self._state, name) for name in self._state.declared} | {"roots": (self, "_roots")}
+        if coat := self._undercoat:
+            held |= {f"shells.{name}": (coat.state, name) for name in coat.state.declared}
+            held |= {f"shells.{name}": (coat, name) for name in ("roots", "lean")}
+        return held
 
     def between(self, share: float) -> Scene:
         """The Scene at a share, 0 to 1, of the last step, for motion blur.
@@ -189,7 +204,7 @@ class Motion:
                 roots = ends[1] if began.is_cut else self._roots_on(mesh)
                 points, normals = stage.between(gpu, state, self._types, self._strands, began.hair, (*ends, roots),
                                                 share, began.seconds, began.is_cut)
-        return self._drawn_as(scene, mesh, points, normals)
+            return self._drawn_as(scene, mesh, points, normals, 1.0 if began.is_cut else share)
 
     def _roots_on(self, mesh):
         """Roots on a pose of the mesh."""
@@ -230,7 +245,7 @@ class Motion:
         self._stand(np.append(points, np.zeros((1, 3), np.float32), 0)[np.where(counts > 0, first, -1)])
         is_long = self._longest > LONG * self.scene.mesh.bounds[1]
         self._body = Body(gpu, seen_from(self._mesh, self._origin), self.scene.strands, self._rest) if (
-            is_long if body == "auto" else body) else None
+            is_long if body == "auto" else body and n) else None
         self._state, soft = stage.hang(gpu, self._strands, int(counts.max(initial=1)), self._roots, self._types,
                                        self.gravity, self._body is not None)
         if too_soft := int(gpu.download(soft).sum()):
@@ -264,9 +279,13 @@ class Motion:
 
     def _roots_at(self, now, share, rows=None):
         """Roots, such a share of the way from the pose that is here to another; rows: the rigid motion there."""
+        return self._standing(self._feet, self._offsets, now, share, rows)
+
+    def _standing(self, feet, offsets, now=None, share=1.0, rows=None):
+        """The same of whatever stands with such feet; now: None as the mesh is here."""
         body = stage.RESTING if rows is None else stage.body_at(rows[:3, :3], rows[:3, 3])
-        return stage.place_roots(self._gpu, self._feet, self._offsets, self._here, now, share,
-                                 stage.padded(self._gpu, len(self._feet)), body)
+        return stage.place_roots(self._gpu, feet, offsets, self._here, now or self._here, share,
+                                 stage.padded(self._gpu, len(feet)), body)
 
     def _posed(self, mesh):
         """(Corners of the faces that the groom's mesh has, normals there) of a pose, float32 [faces, 3, 3]."""
@@ -279,19 +298,38 @@ class Motion:
 
     def _go(self, seconds, pose, there, moved, is_cut):
         """Go on to a pose whose faces are on the device, and whose vertices have moved so far at most."""
-        gpu, n = self._gpu, self._substeps(seconds, 0.0 if is_cut else moved)
-        wind, step = self.wind.of_world(self.units), seconds / n
+        gpu, n, state = self._gpu, self._substeps(seconds, 0.0 if is_cut else moved), self._state
+        step, longest, (shares, others) = seconds / n, self._longest, self._sheltered()
         bodies = self._body.way(self._pose, pose, n, is_cut) if self._body else itertools.repeat(None)
+        if self._undercoat:
+            self._undercoat.begin()
         for number, felt in zip(range(n), bodies):
             share = 1.0 if is_cut else (number + 1) / n
-            roots = self._roots_at(there, share, between(self._pose, pose, share))
-            winds = stage.blow(gpu, self._state, roots, time=self.time + (number + 1) * step, **wind)
-            as_before = abs(step - self._last_step) < 1e-6 * step
-            stage.advance(gpu, self._state, self._types, roots, self._roots, step, self.gravity, winds,
-                          2 if as_before else 1, is_cut and not number, self.wind.skin * self.units,
-                          felt)
-            self._roots, self._last_step = roots, step
+            rows = between(self._pose, pose, share)
+            wind = self.wind.at(self.time + (number + 1) * step, self.units, longest)
+            if state.n:
+                roots = self._roots_at(there, share, rows)
+                winds = air.blow(gpu, wind, roots, state.places, state.points, state.padded, shares)
+                as_before = abs(step - self._last_step) < 1e-6 * step
+                stage.advance(gpu, state, self._types, roots, self._roots, step, self.gravity, winds,
+                              2 if as_before else 1, is_cut and not number, felt)
+                self._roots, self._last_step = roots, step
+            if self._undercoat:
+                self._undercoat.go((there, share, rows), step, wind, self.gravity, others, is_cut and not number)
         self.time += seconds
+
+    def _sheltered(self):
+        """Shares of the wind that strands upwind leave to strands, and to shells; None where they give no shelter.
+        Hair goes so little in a step that they are as good as new in all of it."""
+        speed, gpu, state = float(np.linalg.norm(self.wind.velocity)), self._gpu, self._state
+        if not (self.wind.shelter and speed and state.n):
+            return None, None
+        curves, bounds = self._curves(*self._placed(), self._mesh), self._around(self._mesh)
+        wind = self.wind.at(self.time, self.units, 0)
+        upwind = air.upwind(gpu, self.wind.velocity / speed, (bounds.center, bounds.radius), upload_curves(gpu, curves),
+                            (bounds.segments, bounds.length, bounds.area), len(curves.hair_types))
+        return (air.shelter(gpu, wind, upwind, self._roots, state.places, state.points, state.padded),
+                self._undercoat and self._undercoat.sheltered(wind, upwind))
 
     def _substeps(self, seconds, moved):
         """How many substeps of such a step, in which a vertex of the mesh moves so far."""
@@ -306,20 +344,32 @@ class Motion:
                           "steps are more exact", RuntimeWarning, stacklevel=4)
         return max(by_rate, min(by_way, MOST))
 
+    def _around(self, mesh):
+        """The `Bounds` of the strands around a pose of the mesh."""
+        center, radius = seen_from(mesh, self._origin).bounds
+        return attrs.evolve(self._beyond, center=center, radius=radius + self._beyond.radius)
+
+    def _placed(self):
+        """Points of the strands as they are now, and normals at their roots."""
+        return stage.place_points(self._gpu, self._state, self._roots, self._strands)
+
+    def _curves(self, points, normals, mesh):
+        return attrs.evolve(self._groom, points=points, root_normal=normals, origin=self._origin,
+                            bounds=self._around(mesh), lod_by="number")
+
     def _drawn(self):
         """The scene as it is now."""
         with self._gpu.frame():
-            points, normals = stage.place_points(self._gpu, self._state, self._roots, self._strands)
-        return self._drawn_as(self._now, self._mesh, points, normals)
+            return self._drawn_as(self._now, self._mesh, *self._placed())
 
-    def _drawn_as(self, scene, mesh, points, normals):
-        """A scene with strands of such points, and normals at their roots."""
-        center, radius = mesh.bounds
-        bounds = attrs.evolve(self._beyond, center=center, radius=radius + self._beyond.radius)
-        curves = attrs.evolve(self._groom, points=points, root_normal=normals, origin=self._origin, bounds=bounds,
-                              lod_by="number")
+    def _drawn_as(self, scene, mesh, points, normals, share=1.0):
+        """A scene with strands of such points and normals at roots, and shells as at a share of the last step."""
         shells = scene.shells
-        return attrs.evolve(scene, mesh=mesh, fur=curves if shells is None else (shells, curves))
+        if shells is not None and self._undercoat:
+            shells = self._undercoat.drawn(shells, mesh, share)
+        curves = None if self.scene.strands is None else self._curves(points, normals, mesh)
+        fur = tuple(each for each in (shells, curves) if each is not None)
+        return attrs.evolve(scene, mesh=mesh, fur=fur if len(fur) > 1 else fur[0] if fur else None)
 
 
 def _lengths(points, counts):

@@ -199,8 +199,9 @@ def shell(gpu: Any, plan: Plan) -> tuple[shells.Shell, np.void]:
                 packed["noise"][:3].tolist()])
     walls = int(packed["kind"][2]), int(packed["noise"][3])
     bent = str([packed[name].tolist() for name in ("bend", "wind", "gust")])
-    return gpu.keep("shell", (mesh, rest, laid, *walls, bent), functools.partial(
-        _bend, gpu, mesh, packed, topology, (mesh, rest, laid), (mesh, *walls))), packed
+    lean = plan.scene.shells.lean
+    return gpu.keep("shell", (mesh, rest, laid, *walls, bent, lean), functools.partial(
+        _bend, gpu, mesh, packed, topology, (mesh, rest, laid), (mesh, *walls), lean)), packed
 
 
 def rasterize(plan: Plan, view: np.void, gpu: Any, strands: tuple[int, int] | None = None,
@@ -388,10 +389,10 @@ def _thin(gpu, plan, part, what, lod):
                 not plan.grown and fur.lod_by == "place")
 
 
-def _bend(gpu, mesh, packed, topology, laid, walls):
+def _bend(gpu, mesh, packed, topology, laid, walls, lean):
     pattern = gpu.keep("pattern", laid, functools.partial(shells.lay, gpu, mesh, packed, topology, laid[1]))
     sides = gpu.keep("border", walls, functools.partial(shells.border, gpu, mesh, packed, topology))
-    return shells.bend(gpu, mesh, packed, pattern, topology, sides)
+    return shells.bend(gpu, mesh, packed, pattern, topology, sides, lean)
 
 
 def _lighting(gpu, team, plan, hashes):

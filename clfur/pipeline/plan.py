@@ -484,8 +484,8 @@ class Plan:
     @functools.cached_property
     def _shells(self):
         """Bytes on the device of shell fur."""
-        scene = self.scene
-        return size_of(scene.mesh, self.packed_shells, self.topology) if scene.shells else 0
+        scene, shells = self.scene, self.scene.shells
+        return size_of(scene.mesh, self.packed_shells, self.topology, shells.lean is not None) if shells else 0
 
     @functools.cached_property
     def _fixed(self):

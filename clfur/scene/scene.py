@@ -182,6 +182,9 @@ class Scene:
             object.__setattr__(self, "mesh", posed(self.mesh, shells.rest, "Shells.rest"))
             if shells.pattern == "sine":
                 _check_sines(self.mesh, shells)
+            if shells.lean is not None and len(shells.lean) != len(self.mesh.positions):
+                raise Error(f"Shells.lean has {len(shells.lean)} rows and Scene.mesh {len(self.mesh.positions)} "
+                            "vertices; allowed: as many")
         if isinstance(self.body_color, dict):
             self._lay_tiles()
         _, radius = extent(self.mesh, self.fur)

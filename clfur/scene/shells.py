@@ -17,9 +17,24 @@ def _noise(value, where):
     return amount, size
 
 
+def _lean(value, where):
+    allowed = "None or an array [vertices, 3] of numbers"
+    array = checks.placed(value, where, allowed)
+    if array.ndim != 2 or array.shape[1] != 3:
+        checks.refuse(where, value, allowed)
+    return array if checks.is_on_device(array) else checks.float32(array, where, checks.LARGEST)
+
+
 def _wind(value, where):
     wind = checks.vector(3)(value, where)
     return checks.frozen(np.where(np.float32(wind) != 0, wind, 0.0))   # what is none on the device has no direction
+
+
+def gust(wind: np.ndarray, time: float, place: np.ndarray, radius: float) -> float:
+    """Return how strong, 0.4 to 1, the wind over shells is at a place [3] on a mesh of this radius, as `bend` has it: a
+    wave of one second that goes with the wind, two parabolas long."""
+    turn = (time - float(np.dot(wind, place)) / (float(np.linalg.norm(wind)) * radius)) % 1
+    return 0.7 + 0.3 * (16 * turn * (0.5 - turn) if turn < 0.5 else -16 * (turn - 0.5) * (1 - turn))
 
 
 @attrs.frozen(eq=False)
@@ -40,7 +55,8 @@ class Shells(Looking):
 
     wind, force, acceleration: [3]. At height h of 0..1 a hair goes along n + h · (wind, which gusts with time, + force
     − acceleration) for the normal n; force is gravity and the like, acceleration that of the object itself.
-    time: seconds. seed: of all that is random, 0..2**32-1.
+    time: seconds. seed: of all that is random, 0..2**32-1. lean: None or [vertices, 3], what is added to the force at
+    each vertex of the mesh, as Motion gives it; it may be a float32 array on a device.
 
     rest: None or the Mesh in rest, of the same faces as the scene's, which is posed. Cells and noise belong to the skin
     and are laid on the mesh in rest, so that they stay where they are on it in every pose; frequency is of its units.
@@ -65,6 +81,7 @@ class Shells(Looking):
     time: float = checks.field(checks.real(), default=0.0, kw_only=True)
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0, kw_only=True)
     rest: Mesh | None = checks.field(checks.instance(Mesh, none=True), default=None, kw_only=True)
+    lean: checks.Given = checks.field(checks.optional(_lean), default=None, kw_only=True)
     hairs: int | None = checks.field(checks.optional(checks.whole(1, 10**9)), default=None, kw_only=True)
 
     def __attrs_post_init__(self):
@@ -73,6 +90,11 @@ class Shells(Looking):
             checks.refuse("Shells.look", self.look, "a Kajiya: the pattern of shells has no single hairs")
         if self.hairs is not None and self.pattern == "sine":
             checks.refuse("Shells.hairs", self.hairs, "None with the pattern 'sine', whose frequency is of uv")
+
+    @property
+    def on_host(self) -> "Shells":
+        """The same Shells with no array on a device."""
+        return attrs.evolve(self, lean=self.lean.get()) if checks.is_on_device(self.lean) else self
 
     def frequency_on(self, mesh: Mesh) -> float:
         """Hairs along a unit of length on a scene's mesh, as its ``frequency`` or its ``hairs`` tell; of sines f."""

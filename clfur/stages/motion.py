@@ -11,7 +11,6 @@ from .distance import Distance
 from .strands import DeviceStrands
 
 CPU_ITEMS, GPU_ITEMS = 64, 8192   # work-items of a step: few, so that their workspaces stay in a CPU's caches
-PERIOD = layout.CONSTANTS["PERIOD"]   # cells after which gusts come again
 SOFT = layout.Declared("strand", np.uint32)
 
 
@@ -105,10 +104,10 @@ def stand_off(gpu: Any, state: State, strands: DeviceStrands, body: Felt) -> Any
 
 
 def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, step: float, gravity: Any, winds: Any,
-            order: int = 2, jumped: bool = False, skin: float = 0.0, body: Felt | None = None) -> None:
+            order: int = 2, jumped: bool = False, body: Felt | None = None) -> None:
     """One step of strands whose roots go from ``roots_before`` to ``roots``, in place.
 
-    step: seconds.  gravity: [3] world / s².  winds: `blow`'s.  skin: up to what height it holds air [world].
+    step: seconds.  gravity: [3] world / s².  winds: `wind.blow`'s.
     order: of the formula in time (BDF), 1 in the first step.  jumped: whether hair goes with its root as if
     nothing had moved.  body: where it is then, or None: they don't feel it.
     """
@@ -120,23 +119,9 @@ def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, s
     there = body or Felt(Distance.empty(gpu, {"node": 0}, grid=np.zeros((), layout.Distances)), RESTING)
     gpu.launch("motion.advance", items, n_items=items, n=state.n, padded=state.padded, types=types, roots=roots,
                roots_before=roots_before, seconds=step, order=1 if jumped else order, jumped=int(jumped),
-               gravity=(*gravity, 0), winds=winds, by_skin=1 / skin if skin else 0.0, workspace=workspace,
-               feels=int(body is not None), grid=there.distance.grid, body=there.body, values=there.distance.values,
+               gravity=(*gravity, 0), winds=winds, workspace=workspace, feels=int(body is not None),
+               grid=there.distance.grid, body=there.body, values=there.distance.values,
                **{name: getattr(state, name) for name in names})
-
-
-def blow(gpu: Any, state: State, roots: Any, mean: Any, gust: float = 0.0, size: float = 1.0, time: float = 0.0,
-         seed: int = 0) -> Any:
-    """The wind at roots -> [3, padded] float32, world / s.
-
-    mean: [3] world / s.  gust: how strong gusts are, likewise.  size: of their cells [world].  time: seconds in which
-    the mean has carried them along.
-    """
-    winds = gpu.empty(3 * state.padded, np.float32)
-    gone = np.remainder(np.asarray(mean, float) * time / size, PERIOD)
-    gpu.launch("motion.blow", state.padded, padded=state.padded, roots=roots, mean=(*mean, gust),
-               gone=(*gone, 1 / size), seed=seed, winds=winds)
-    return winds
 
 
 def place_roots(gpu: Any, feet: Any, offsets: Any, before: Any, now: Any, share: float, rows: int,

@@ -20,6 +20,7 @@ MOST_POINTS, MOST_HEIGHTS = 48, 32   # and rows of them and heights of a slab in
 
 
 POSITIONS = Declared("vertex", np.float32, 4)   # of the mesh, while hairs are bent
+LEAN = Declared("vertex", np.float32, 3)        # where vertices lean by themselves
 REST = Declared("corner", np.float32, 4)        # of the faces in rest, while the pattern is laid
 
 
@@ -135,7 +136,7 @@ def pack(shells: Any, mesh: Any, bare: bool, filtered: bool) -> np.void:
         packed["to_noise"][:, :3] = axes.T * (f / waves)
     packed["noise"] = *np.clip(lattice, 1 if sine else 4, most), bare
     bend = np.subtract(shells.force, shells.acceleration)
-    slabs = SLABS if bend.any() or np.any(shells.wind) else 1
+    slabs = SLABS if bend.any() or np.any(shells.wind) or shells.lean is not None else 1
     packed["kind"] = sine, np.uint32(shells.seed).view(np.int32), slabs, filtered
     packed["bend"][:3], packed["wind"][:3] = bend, shells.wind
     if np.any(shells.wind):
@@ -151,12 +152,12 @@ def _rows_of(packed, vertices, faces):
             "lattice": CORNERS * faces, "vertex": vertices, "curve": vertices * (int(packed["kind"][2]) + 1)}
 
 
-def size_of(mesh: Any, packed: np.void, topology: Topology) -> int:
-    """Bytes on the device of a `Shell`, and what it takes to make it."""
+def size_of(mesh: Any, packed: np.void, topology: Topology, leaning: bool = False) -> int:
+    """Bytes on the device of a `Shell`, and what it takes to make it; ``leaning``: with a `Shells.lean`."""
     slabs, bare = int(packed["kind"][2]), int(packed["noise"][3])
     rows = _rows_of(packed, len(mesh.positions), len(mesh.faces))
     sides = len(mesh.faces) * (1 + bare) + 2 * slabs * int((topology.neighbours[:, :3] < 0).sum())
-    making = POSITIONS.bytes * rows["vertex"] + REST.bytes * rows["corner"]
+    making = (POSITIONS.bytes + LEAN.bytes * leaning) * rows["vertex"] + REST.bytes * rows["corner"]
     return Pattern.bytes(**rows) + Shell.bytes(border=sides, **rows) + making
 
 
@@ -200,14 +201,16 @@ def _outward(mesh):
 
 
 def bend(gpu: Any, mesh: Any, packed: np.void, pattern: Pattern, topology: Topology,
-         sides: tuple[Any, Any] | None = None) -> Shell:
-    """Bend the hairs of a pattern -> `Shell`; ``sides``: what `border` gave, if it is there already."""
+         sides: tuple[Any, Any] | None = None, lean: Any = None) -> Shell:
+    """Bend the hairs of a pattern -> `Shell`; ``sides``: what `border` gave, if it is there already; ``lean``: as
+    `Shells.lean`."""
     triangles, starts = sides or border(gpu, mesh, packed, topology)
     shell = Shell.empty(gpu, _rows_of(packed, len(mesh.positions), len(mesh.faces)), pattern=pattern,
                         normals=gpu.upload(as_float4(mesh.normals)), triangles=triangles, border=starts,
                         longest=mesh.longest_edge + 2 * float(packed["size"][0]))
+    there = shell.normals if lean is None else gpu.rows(lean, 0, len(lean))
     gpu.launch("shells.bend", len(mesh.positions), shells=packed, positions=gpu.upload(as_float4(mesh.positions)),
-               normals=shell.normals, curves=shell.curves)
+               normals=shell.normals, leaning=int(lean is not None), lean=there, curves=shell.curves)
     return shell
 
 

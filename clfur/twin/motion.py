@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from .strands import random3
-
 
 def turned(a, b, p):
     """p [3] turned by the least rotation that takes unit a to unit b (Rodrigues, from a × b and a · b)."""
@@ -53,8 +51,8 @@ class Strand:
         self.speeds, self.speeds_before = np.zeros_like(points), np.zeros_like(points)
         self.tensions = np.zeros(len(self.lengths))
 
-    def advance(self, root, root_before, step, wind, order=2, jumped=False, skin=0.0, body=None):
-        """Go on by ``step`` seconds; roots: (place [3], axes [3, 3]); skin: height of still air, 0 for none; body: for
+    def advance(self, root, root_before, step, wind, order=2, jumped=False, body=None):
+        """Go on by ``step`` seconds; roots: (place [3], axes [3, 3]); wind: [n + 1, 3] at its points, or [3]; body: for
         `Contact.begin`, (look, carry, swell, whether it deforms)."""
         order = 1 if self.contact and self.contact.touched else order
         carried = 1.0 if jumped else self.carried
@@ -71,13 +69,13 @@ class Strand:
         speed, speed_then = moved(self.speeds, 0), moved(self.speeds_before, 0)
         base = now + third * (now - then)
         free = base + he * (speed + third * (speed - speed_then))
-        places = start
+        places, wind = start, np.broadcast_to(np.asarray(wind, float), start.shape)
         if self.contact:
             self.contact.begin(*body, self.places, now, root, root_before)
         for number in range(2):
             if self.contact:
                 self.contact.meet(places, not number)
-            places = self._newton(places, base, free, axes, rest, he, np.asarray(wind, float), skin)
+            places = self._newton(places, base, free, axes, rest, he, wind)
         speeds = (places - base) / he
         if self.contact:
             places, speeds = self.contact.turn_out(places, speeds, self.lengths, step)
@@ -94,7 +92,7 @@ class Strand:
         now = [old @ turned(from_[j], self.groomed[j] @ old, t[j]) for j in range(len(t))]
         return (1 - share) * self.rest + share * np.array(now)
 
-    def _newton(self, x, base, free, axes, rest, he, wind, skin):
+    def _newton(self, x, base, free, axes, rest, he, wind):
         n, by = len(self.lengths), 1 / self.lengths
         stiff = stiffnesses(self.bend, self.lengths) * (1 + self.damping / he)
         along = np.diff(x, axis=0)
@@ -130,10 +128,8 @@ class Strand:
             b[i] += moment * by[i]
             if i:
                 b[i - 1] -= moment * by[i]
-            height = np.clip(x[i + 1] @ axes[2] / skin, 0, 1) if skin else 1.0
-            felt = height * height * (3 - 2 * height)
             b[i] += masses[i] * (self.gravity - (x[i + 1] - free[i + 1]) / he**2
-                                 - self.air * (x[i + 1] - base[i + 1] - he * felt * wind) / he)
+                                 - self.air * (x[i + 1] - base[i + 1] - he * wind[i + 1]) / he)
             if self.contact:
                 hard, force = self.contact.press(x, i + 1, masses[i] / he**2 + self.air * masses[i] / he)
                 a[i, :, i] += hard
@@ -169,20 +165,6 @@ def roots_on(face, weights, offsets, corners, normals):
     axes[:, 1] /= np.linalg.norm(axes[:, 1], axis=1)[:, None]
     axes[:, 0] = np.cross(axes[:, 1], axes[:, 2])
     return np.einsum("nc,ncx->nx", weights, corners) + np.einsum("na,nax->nx", offsets, axes), axes
-
-
-def wind_at(places, mean, gust, size, time, seed):
-    """The wind [n, 3] at places: Perlin's smooth steps between random numbers at whole cells, which mean carries."""
-    at = (np.asarray(places, float) - np.asarray(mean, float) * time) / size
-    low = np.floor(at).astype(int)
-    step = np.polyval([6, -15, 10, 0, 0, 0], at - low)
-    sums = np.zeros_like(at)
-    for corner in np.ndindex(2, 2, 2):
-        cell = (low + corner) % 1024
-        words = random3(cell @ [1, 1024, 1024**2], seed, 9)
-        share = np.where(corner, step, 1 - step).prod(1)
-        sums += share[:, None] * ((words >> np.uint32(8)) / 2**23 - 1)
-    return mean + gust * sums
 
 
 def between(then, now, roots, share, seconds, carried, lengths):

@@ -13,13 +13,13 @@ CELL_RADIUS = 0.62
 # --- the stages -----------------------------------------------------------------------------------------
 
 
-def bend(shells, positions, normals):
-    """How hairs are bent at vertices [V, 3] -> places at heights 0, 1/slabs .. 1, [V, slabs + 1, 3]."""
+def bend(shells, positions, normals, lean=0):
+    """How hairs are bent at vertices [V, 3] -> places at heights 0, 1/slabs .. 1, [V, slabs + 1, 3]; lean: [V, 3]."""
     slabs, length = int(shells["kind"][2]), float(shells["size"][0])
     positions, normals, gust = f64(positions), f64(normals), f64(shells["gust"])
     turn = np.mod(gust[3] - positions @ gust[:3], 1)
     wave = np.where(turn < 0.5, 16 * turn * (0.5 - turn), -16 * (turn - 0.5) * (1 - turn))
-    force = f64(shells["bend"])[:3] + (0.7 + 0.3 * wave)[:, None] * f64(shells["wind"])[:3]
+    force = f64(shells["bend"])[:3] + (0.7 + 0.3 * wave)[:, None] * f64(shells["wind"])[:3] + lean
     middles = (np.arange(slabs) + 0.5) / slabs
     steps = unit(normals[:, None] + middles[:, None] * force[:, None]) * length / slabs
     return np.concatenate([positions[:, None], positions[:, None] + np.cumsum(steps, 1)], 1)

@@ -5,8 +5,10 @@ import numpy as np
 import clfur
 from clfur import layout
 from clfur.stages import distance, motion
+from clfur.stages import wind as air
 from clfur.stages.strands import upload_curves
 from clfur.stages.tessellate import tessellate
+from clfur.twin import motion as twin
 from clfur.twin.distance import near
 
 from .scenes import icosphere
@@ -14,6 +16,7 @@ from .scenes import icosphere
 G = np.array([0, -9.81, 0])
 # Tip's drop of a clamped bar of length 1 under its weight, of its length, exactly (the elastica), by K = g / bend.
 DROPS = {1: 0.12347, 5: 0.49591, 10: 0.70020}
+SOFTEST = 50, 0.90792   # the same of hair that hangs all but straight down
 
 
 def axes_of(direction):
@@ -47,10 +50,12 @@ class Hair:
         self.deepest = motion.stand_off(gpu, self.state, self.drawn, body) if body else None
         self.body = body
 
-    def step(self, step, wind=(0, 0, 0), root=None, jumped=False, skin=0.0, body=None):
+    def step(self, step, wind=(0, 0, 0), root=None, jumped=False, body=None):
+        """``wind``: [3], or a `layout.Wind`."""
         roots = self.roots if root is None else self.gpu.upload(np.asarray(root, np.float32))
-        winds = motion.blow(self.gpu, self.state, roots, wind)
-        motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, G, winds, self.order, jumped, skin,
+        moment = wind if getattr(wind, "dtype", None) == layout.Wind else air.moment(wind)
+        self.winds = air.blow(self.gpu, moment, roots, self.state.places, self.state.points, self.state.padded)
+        motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, G, self.winds, self.order, jumped,
                        body or self.body)
         self.roots, self.order = roots, 2
         return self
@@ -60,11 +65,60 @@ class Hair:
         rows = self.gpu.download(getattr(self.state, name)).reshape(self.state.points, 3, -1).astype(float)
         return [rows[:len(each), :, i] for i, each in enumerate(self.strands)]
 
+    def energy(self, bend):
+        """Of each strand, kinetic, of bending and of height, over its mass a length; its clamp points along the root's
+        first axis.  bend: what ``Hair`` was given."""
+        for x, v, each, axes in zip(self.array(), self.array("speeds"), self.strands, self.axes):
+            lengths = np.linalg.norm(np.diff(each.astype(float), axis=0), axis=1)
+            masses = 0.5 * (lengths + np.append(lengths[1:], 0))
+            t = np.vstack([axes[:1], np.diff(x, axis=0) / lengths[:, None]])
+            yield (masses * ((v[1:]**2).sum(1) / 2 - x[1:] @ G)).sum() + (
+                twin.stiffnesses(bend, lengths) * (np.diff(t, axis=0)**2).sum(1) / 2).sum()
+
     def stretch(self):
         """The largest share by which a segment is longer or shorter than it was groomed."""
         return max(np.abs(np.linalg.norm(np.diff(now, axis=0), axis=1)
                           / np.linalg.norm(np.diff(each.astype(float), axis=0), axis=1) - 1).max()
                    for now, each in zip(self.array(), self.strands) if len(each) > 1)
+
+
+def uneven(rng, counts):
+    """Bent strands of so many points, with segments of many lengths."""
+    return [np.cumsum(rng.normal(size=(n, 3)) * 0.04 + [0, 0.1, 0], axis=0) + rng.normal(size=3) for n in counts]
+
+
+def swing(gpu, segments, length, step, seconds, order=2):
+    """Times [s] at which the tip of a chain that hangs and swings a little falls through the middle, and its largest
+    way aside in each period, in shares of the first."""
+    u = np.linspace(0, 1, segments + 1)
+    x = 2.4048 * np.sqrt(1 - u)   # its slowest wave (Bernoulli): J0(x)
+    shape = np.cos(x[:, None] * np.sin((np.arange(64) + 0.5) * np.pi / 64)).mean(1)
+    hair, sides = Hair(gpu, [length * np.stack([0.02 * shape, -u, 0 * u], 1)], 0.0, weighted=False), []
+    for _ in range(round(seconds / step)):
+        hair.order = min(hair.order, order)
+        sides.append(hair.step(step).array()[0][-1, 0])
+    sides = np.array(sides)
+    falls = np.flatnonzero((sides[:-1] > 0) & (sides[1:] <= 0))
+    most = np.array([sides[a:b].max() for a, b in zip(np.append(0, falls), falls)])
+    return (falls + 1 + sides[falls] / (sides[falls] - sides[falls + 1])) * step, most / (0.02 * length)
+
+
+def period(length):
+    """Of the slowest wave of a hanging chain [s]."""
+    return 2 * np.pi / (2.4048 / 2) * np.sqrt(length / -G[1])
+
+
+def blown(gpu, rate, seconds, bend=9.81):
+    """Tips [12 seconds, 4, 3] of hair in violent gusts, 20 units a second at most, by so many steps a second."""
+    bars = [bar(8, (0, -1, 0)), bar(16, (1, 0, 0)), bar(8, (0, 1, 0))]
+    hair = Hair(gpu, [*bars, curl(8, np.random.default_rng(3))], bend, air=5)
+    tips = []
+    for number in range(1, round(rate * seconds) + 1):
+        time = number / rate
+        hair.step(1 / rate, 20 * np.sin(7 * time) * np.array((1, 0.3 * np.cos(3 * time), 0.5 * np.cos(2 * time))))
+        if number % (rate // 12) == 0:
+            tips.append([each[-1] for each in hair.array()])
+    return np.array(tips)
 
 
 def bar(segments, direction=(1, 0, 0)):
