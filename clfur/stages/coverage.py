@@ -24,6 +24,11 @@ BUCKETS = int(layout.CONSTANTS["BUCKETS"])
 SEEN = "bundle", "tile", "mark", "survivor", "counter"   # rows of `Seen`
 BUNDLES = 8192    # of pieces that wait for light, at most, 772 bytes each
 OF_ENTRY, OF_TILE = 4, 1536   # pieces that a segment in a tile has, and a tile, nearly always
+SLOTS, LISTED = int(layout.CONSTANTS["SLOTS"]), int(layout.CONSTANTS["LISTED"])
+PIECES = Declared("number", np.uint32)       # of pieces that have no slot, each has so many:
+OF_PIECE = {"coverage": int(layout.CONSTANTS["PIECE"]), "masks": int(layout.CONSTANTS["MASKED_PIECE"])}
+PIECES_AT_ONCE = TILE**2 * (LISTED + SLOTS)  # that come of segments made ready together, and of all slots
+LEFT = 2048, 1 << 18   # pieces of a tile that may be left in its list: what they are at least where there is one, at most
 WALKS = 16        # tiles at a time that go on in another launch where drivers end long loops, 90 KB each
 OPEN = Declared("tile", np.uint32)           # that have not come to their end, likewise
 GRAINS = Declared("tile", np.uint32, 2)      # where LANES is 1: how a tile's list is sorted
@@ -53,6 +58,7 @@ class Segments(Arrays):
     ids: Any = array("survivor", np.uint32)       # see `raster`
     cuts: Any = array("survivor", np.uint32)      # what is left where they are clipped: from and to, in 1/65535
     survivors: Any = array("counter", np.uint32, None, 0)   # segments so far
+    longest: int = 0                              # list of a tile
 
 
 @dataclass(frozen=True)
@@ -106,7 +112,8 @@ def allocate(gpu: Any, counts: np.ndarray, survivors: int) -> Segments:
     """Room for what was counted: ``counts`` of tiles [n], on the host, ``survivors`` in all -> `Segments`, empty."""
     starts = np.concatenate([[0], np.cumsum(counts, dtype=np.uint64)]).astype(np.uint32)
     rows = {"start": len(starts), "tile": len(counts), "entry": int(starts[-1]), "survivor": survivors, "counter": 1}
-    return Segments.empty(gpu, rows, starts=gpu.upload(starts), cursors=gpu.upload(starts[:-1]))
+    return Segments.empty(gpu, rows, starts=gpu.upload(starts), cursors=gpu.upload(starts[:-1]),
+                          longest=int(counts.max(initial=0)))
 
 
 def fill(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, segments: Segments,
@@ -200,7 +207,7 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
     across, down = tiles_of(width, rows)
     if max(gpu.lanes, gpu.hinted) > 1:
         gpu.launch(f"{kernels}.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries,
-                   room=len(seen.nexts), **vars(seen), **known)
+                   room=len(seen.nexts), **vars(seen), **_overflows(gpu, segments.longest, across * down, kernels), **known)
         return unfinished
     known["grains"] = GRAINS.empty(gpu, across * down)
     _sort(gpu, across * down, entries=segments.entries,
@@ -242,6 +249,19 @@ def choose(gpu: Any, seen: Seen, ids: Any) -> Any:
     gpu.launch("coverage.choose", -(-len(ids) // MARKED), marks=seen.marks, ids=ids, n=len(ids), taken=taken,
                slots=seen.slots, chosen=chosen)
     return gpu.rows(chosen, 0, int(gpu.download(taken)[0]))
+
+
+def _overflows(gpu, longest, tiles, kernels):
+    """Lists in which pieces of tiles wait that have no slot, see cl/overflow.h: for as many tiles as are drawn at a time;
+    fewer or none, where there is little room.  ``longest``: list of a tile's segments."""
+    bytes_ = PIECES.bytes * OF_PIECE[kernels]
+    room = min(gpu.memory // 64, gpu.room // 2, gpu.largest) // bytes_
+    n = min(gpu.device.max_compute_units, tiles) if longest > SLOTS else 0
+    most = min(max(longest, LEFT[0]), LEFT[1])
+    n = min(n, room // (LEFT[0] + PIECES_AT_ONCE))
+    most = min(most, room // max(n, 1) - PIECES_AT_ONCE)
+    return {"n_lists": n, "most_left": most if n else 0, "busy": gpu.full(n, np.uint32, 0),
+            "overflows": PIECES.empty(gpu, n * (most + PIECES_AT_ONCE) * OF_PIECE[kernels])}
 
 
 def _sort(gpu, n, starts, **known):
