@@ -629,8 +629,10 @@ ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global
         const long until = next < n ? all_before(sorted[next].x, grain) : LONG_MAX;
         open = t->overflow.list < 0 ? settle_all(t, picture, until) : settle_list(t, picture, until);
         const bool all_listed = t->overflow.list >= 0 && until >= t->overflow.limit;
-        if (open && (next == n || all_listed) && t->dropped && begin_again(t))
+        if (open && (next == n || all_listed) && t->dropped && begin_again(t)) {
+            atomic_inc(t->overflow.lists->again);
             next = 0;
+        }
     }
 }
 #endif
@@ -663,9 +665,10 @@ ALONE BY_HAND __kernel void tiles(
     __global const uint *slots,            // [survivors or 0] whose places it has
     __global const ulong *places,          // [survivors or slots, sources, FEW_PLACES] light, see places.h
     const uint n_lists,                    // for pieces of tiles that have no slot, see overflow.h
-    const uint most_left,
-    volatile __global uint *busy,
-    __global uint *overflows,
+    const uint most_left,                  // of these in one between chunks
+    volatile __global uint *busy,          // [n_lists] 1: a tile has it
+    __global uint *overflows,              // [n_lists, most_left and some, OF_PIECE]
+    volatile __global uint *again,         // [1] how often a tile's segments were gone through once more
     const int sources,                     // lights, and one for a sky or for light from hair to hair
     __global const float *more,            // [rows of them, 32] see exact_light.h
     __global const Lobes *lobes,           // [types] see lobes.h; none where no type has that look
@@ -734,7 +737,7 @@ ALONE BY_HAND __kernel void tiles(
     t.open = 0;
     t.in_rows = t.in_columns = 0;
     t.dropped = false;
-    const Lists lists = {n_lists, most_left, busy, overflows};
+    const Lists lists = {n_lists, most_left, busy, again, overflows};
     t.overflow.lists = &lists;
     t.overflow.list = NO_LIST;
     t.overflow.n = 0;

@@ -23,6 +23,7 @@ typedef char a_piece_fits[sizeof(Piece) + 2 * sizeof(ulong2) <= 4 * OF_PIECE ? 1
 typedef struct {
     uint n, most;                    // lists; pieces that may be left in one when its tile goes on
     volatile __global uint *busy;    // [n] 1: a tile has it
+    volatile __global uint *again;   // [1] how often a tile's segments were gone through once more
     __global uint *memory;           // [n, most + AT_MOST, OF_PIECE]
 } Lists;
 #define AT_MOST (TILE * TILE * (CHUNK + SLOTS))   // pieces that come of a chunk, and of all slots

@@ -23,12 +23,13 @@ SLABS = 1024      # into which a tile is divided, at most
 BUCKETS = int(layout.CONSTANTS["BUCKETS"])
 SEEN = "bundle", "tile", "mark", "survivor", "counter"   # rows of `Seen`
 BUNDLES = 8192    # of pieces that wait for light, at most, 772 bytes each
-OF_ENTRY, OF_TILE = 4, 1536   # pieces that a segment in a tile has, and a tile, nearly always
+OF_ENTRY, OF_TILE = 4, 1536   # pieces that a segment in a tile has, and a tile, nearly always;
+ENTRIES = 2                   # and so many segments have one that is seen, where a tile has many
 SLOTS, LISTED = int(layout.CONSTANTS["SLOTS"]), int(layout.CONSTANTS["LISTED"])
 PIECES = Declared("number", np.uint32)       # of pieces that have no slot, each has so many:
 OF_PIECE = {"coverage": int(layout.CONSTANTS["PIECE"]), "masks": int(layout.CONSTANTS["MASKED_PIECE"])}
 PIECES_AT_ONCE = TILE**2 * (LISTED + SLOTS)  # that come of segments made ready together, and of all slots
-LEFT = 2048, 1 << 18   # pieces of a tile that may be left in its list: what they are at least where there is one, at most
+LEAST_LEFT, MOST_LEFT = 2048, 1 << 18        # and may be left, whatever the memory, and however many segments there are
 WALKS = 16        # tiles at a time that go on in another launch where drivers end long loops, 90 KB each
 OPEN = Declared("tile", np.uint32)           # that have not come to their end, likewise
 GRAINS = Declared("tile", np.uint32, 2)      # where LANES is 1: how a tile's list is sorted
@@ -226,7 +227,8 @@ def cover_seen(gpu: Any, segments: Segments, counts: np.ndarray, window: tuple[i
     ``window`` and ``seen``.
     """
     n, room = len(segments.ids), BUNDLES * GLOWS
-    pieces = np.where(counts, GLOWS + np.minimum(OF_ENTRY * counts.astype(np.int64), OF_TILE), 0)   # and some
+    most = np.maximum(OF_TILE, counts // ENTRIES)
+    pieces = np.where(counts, GLOWS + np.minimum(OF_ENTRY * counts.astype(np.int64), most), 0)   # and some
     ends = np.append(0, np.cumsum(pieces))
     seen = Seen.empty(gpu, {"bundle": min(BUNDLES, -(-int(ends[-1]) // GLOWS)), "tile": len(counts),
                             "mark": -(-n // 8), "survivor": n, "counter": 1})
@@ -252,15 +254,14 @@ def choose(gpu: Any, seen: Seen, ids: Any) -> Any:
 
 
 def _overflows(gpu, longest, tiles, kernels):
-    """Lists in which pieces of tiles wait that have no slot, see cl/overflow.h: for as many tiles as are drawn at a time;
-    fewer or none, where there is little room.  ``longest``: list of a tile's segments."""
-    bytes_ = PIECES.bytes * OF_PIECE[kernels]
-    room = min(gpu.memory // 64, gpu.room // 2, gpu.largest) // bytes_
-    n = min(gpu.device.max_compute_units, tiles) if longest > SLOTS else 0
-    most = min(max(longest, LEFT[0]), LEFT[1])
-    n = min(n, room // (LEFT[0] + PIECES_AT_ONCE))
-    most = min(most, room // max(n, 1) - PIECES_AT_ONCE)
+    """Lists in which pieces of tiles wait that have no slot, see cl/overflow.h: for as many tiles as are drawn at a time,
+    fewer or none where there is little room.  ``longest``: list of a tile's segments."""
+    room = min(gpu.memory // 64, gpu.room // 2, gpu.largest) // (PIECES.bytes * OF_PIECE[kernels])
+    n = min(gpu.device.max_compute_units, tiles, room // (LEAST_LEFT + PIECES_AT_ONCE)) if longest > SLOTS else 0
+    most = min(max(longest, LEAST_LEFT), MOST_LEFT, room // max(n, 1) - PIECES_AT_ONCE)
+    most = most // 2 * 2   # each list begins where a ulong2 may
     return {"n_lists": n, "most_left": most if n else 0, "busy": gpu.full(n, np.uint32, 0),
+            "again": gpu.full(1, np.uint32, 0),
             "overflows": PIECES.empty(gpu, n * (most + PIECES_AT_ONCE) * OF_PIECE[kernels])}
 
 
