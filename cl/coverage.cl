@@ -411,17 +411,23 @@ INLINED void pixels_of(const Tile *t, const Chunk *chunk, int n, lanes_l *pixels
     }
 }
 
-/* The slots of pixel p are full: its pieces go into the tile's list, or the furthest is dropped. */
-ONCE void make_room(Tile *t, int p)
+/* Slots of some pixels are full: their pieces go into the tile's list, or the furthest of each is dropped. */
+ONCE void make_room(Tile *t)
 {
-    if (t->overflow.list >= 0 || (t->overflow.list == NO_LIST && !t->dropped && take_list(&t->overflow))) {
-        put_into_list(&t->overflow, &t->slots[p], SLOTS, p, t->limits[p]);
-        t->counts[p] = 0;
-        return;
+    if (t->overflow.list == NO_LIST && !t->dropped)
+        take_list(&t->overflow);
+    for (int p = 0; p < TILE * TILE; ++p) {
+        if (t->counts[p] < SLOTS)
+            continue;
+        if (t->overflow.list >= 0) {
+            put_into_list(&t->overflow, &t->slots[p], SLOTS, p, t->limits[p]);
+            t->counts[p] = 0;
+        } else {
+            drop(&t->slots[p], &t->limits[p]);
+            t->counts[p] = SLOTS - 1;
+            t->dropped = true;
+        }
     }
-    drop(&t->slots[p], &t->limits[p]);
-    t->counts[p] = SLOTS - 1;
-    t->dropped = true;
 }
 
 /* Draw segment i of a chunk, which leans or not: eight columns side by side, row by row. */
@@ -449,7 +455,7 @@ INLINED void draw_as(Tile *t, const View *view, const Chunk *chunk, int i, const
     float8 strips[LANES];
 #endif
     float shares[LANES] ALIGNED;
-    int places[LANES] ALIGNED;
+    int places[LANES] ALIGNED, full = 0;
     *(lanes_i *)depths = column.depth;
     do {
         const lanes share = wide ? share_within(&outline, v) : share_of(&column, v);
@@ -476,12 +482,13 @@ INLINED void draw_as(Tile *t, const View *view, const Chunk *chunk, int i, const
 #endif
             const int m = n + ((depths[k] < t->bounds[p]) & (key >= t->lows[p]) & (key < t->limits[p]));
             t->counts[p] = m;
-            if (m == SLOTS)
-                make_room(t, p);
+            full |= m == SLOTS;
         }
         v += 1;
         todo >>= 1;
     } while (any_lane(todo));
+    if (full)                              // of a pixel there was one piece: it still had a slot
+        make_room(t);
 }
 
 /* Those that lean are few, and take more registers. */

@@ -40,8 +40,8 @@ typedef struct {
 
 #define LEAST_GOAL 1024
 
-/* Take a list that no other tile has -> whether there is one. */
-INLINED bool take_list(Overflow *over)
+/* Take a list that no other tile has, if there is one. */
+INLINED void take_list(Overflow *over)
 {
     const Lists *lists = over->lists;
     for (uint k = 0; k < lists->n && over->list == NO_LIST; ++k)
@@ -55,7 +55,6 @@ INLINED bool take_list(Overflow *over)
         }
     if (over->list == NO_LIST)
         over->list = NONE_FREE;
-    return over->list >= 0;
 }
 
 INLINED void give_list_back(Overflow *over)

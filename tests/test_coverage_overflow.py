@@ -1,4 +1,4 @@
-"""Thousands of strands in a tile: the bits of pieces in exact order, whatever waits where, and no segment drawn again."""
+"""Thousands of strands in a tile: the bits of pieces in exact order, wherever they wait, and no segment drawn again."""
 
 import attrs
 import numpy as np
@@ -83,7 +83,7 @@ def test_they_are_the_twins(gpu):
         keys = (here["depth"] << 32 | here["id"]).tolist()
         meant = twin.resolve(dict(zip(keys, here["share"].astype(float).tolist())), [twin.NONE])
         y, x = divmod(pixel, 3)
-        assert len(keys) > 100 and .5 < meant["alpha"]
+        assert len(keys) > 100 and meant["alpha"] > .1
         assert abs(seen["alpha"][y, x] - meant["alpha"]) < 1e-5
         weight = meant["weights"].get(int(seen["front"][y, x]), 0)
         assert weight > max(meant["weights"].values()) - 1e-5
@@ -94,9 +94,9 @@ def test_they_are_the_twins(gpu):
 def test_any_order_of_strands_gives_the_same_bits(gpu, monkeypatch, kernels, lists):
     view, visible, strands = perspective(8, 8, 4, eye=(0, 0, 2.2)), np.full((8, 8, 4), NONE), crowd(2500, width=.004)
     results = []
-    for order in np.arange(2500), np.random.default_rng(2).permutation(2500):
-        let(monkeypatch, lists if order[0] else LONG)
-        segments, seen = covered(gpu, view, strands[order], visible, kernels)
+    for order, kind in (np.arange(2500), LONG), (np.random.default_rng(2).permutation(2500), lists):
+        let(monkeypatch, kind)
+        _, seen = covered(gpu, view, strands[order], visible, kernels)
         back = np.repeat(order * 3, 3) + np.tile(np.arange(3), 2500)   # points as they were
         ids = (seen["front"] & np.uint64(0xFFFFFFFF)).astype(np.int64)
         there = ids != 0xFFFFFFFF
@@ -108,7 +108,7 @@ def test_any_order_of_strands_gives_the_same_bits(gpu, monkeypatch, kernels, lis
 
 @pytest.mark.parametrize("depth, width", [(.6, .004), (0, .004), (.6, 1e-4)], ids=["many", "one depth", "thin"])
 def test_no_segment_is_drawn_again(gpu, monkeypatch, depth, width):
-    """However many share a tile: work grows as they do.  Without lists all are, for each 31 pieces of a pixel that wait."""
+    """However many share a tile: work grows as they do.  Without lists all are, for 31 of a pixel's pieces that wait."""
     if max(gpu.lanes, gpu.hinted) == 1:
         pytest.skip("pixels go one by one")
     again, view, visible = watched(gpu, monkeypatch), perspective(8, 8, 1, eye=(0, 0, 2.2)), np.full((8, 8, 1), NONE)
@@ -126,14 +126,16 @@ def test_a_list_is_for_one_tile_at_a_time(gpu, monkeypatch):
     picture, known = {}, coverage._overflows
     view, visible = perspective(31, 23, 1, eye=(0, 0, 2.2)), np.full((23, 31, 1), NONE)
     for tiles in 1, 12:
-        monkeypatch.setattr(coverage, "_overflows", lambda gpu, longest, _, kernels, n=tiles: known(gpu, longest, n, kernels))
+        monkeypatch.setattr(coverage, "_overflows", lambda gpu, longest, _, kernels, n=tiles: known(
+            gpu, longest, n, kernels))
         picture[tiles] = covered(gpu, view, crowd(9000, width=.004), visible)[1]
     for name, image in picture[1].items():
         np.testing.assert_array_equal(image, picture[12][name], err_msg=name)
 
 
-@pytest.mark.parametrize("settings", [SETTINGS, attrs.evolve(SETTINGS, masks=4, samples=16),
-                                      attrs.evolve(SETTINGS, shadows="off", samples=1)], ids=["default", "masks", "off"])
+@pytest.mark.parametrize("settings", [
+    SETTINGS, attrs.evolve(SETTINGS, masks=4, samples=16), attrs.evolve(SETTINGS, shadows="off", samples=1)],
+    ids=["default", "masks", "off"])
 @pytest.mark.parametrize("with_shells", [False, True])
 def test_a_picture_keeps_its_bits(gpu, monkeypatch, settings, with_shells):
     """Light as well, which waits for what is seen."""

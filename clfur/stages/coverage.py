@@ -208,7 +208,8 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
     across, down = tiles_of(width, rows)
     if max(gpu.lanes, gpu.hinted) > 1:
         gpu.launch(f"{kernels}.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries,
-                   room=len(seen.nexts), **vars(seen), **_overflows(gpu, segments.longest, across * down, kernels), **known)
+                   room=len(seen.nexts), **vars(seen), **known,
+                   **_overflows(gpu, segments.longest, across * down, kernels))
         return unfinished
     known["grains"] = GRAINS.empty(gpu, across * down)
     _sort(gpu, across * down, entries=segments.entries,
@@ -254,8 +255,8 @@ def choose(gpu: Any, seen: Seen, ids: Any) -> Any:
 
 
 def _overflows(gpu, longest, tiles, kernels):
-    """Lists in which pieces of tiles wait that have no slot, see cl/overflow.h: for as many tiles as are drawn at a time,
-    fewer or none where there is little room.  ``longest``: list of a tile's segments."""
+    """Lists in which pieces of tiles wait that have no slot, see cl/overflow.h: for as many tiles as are drawn at a
+    time, fewer or none where there is little room.  ``longest``: list of a tile's segments."""
     room = min(gpu.memory // 64, gpu.room // 2, gpu.largest) // (PIECES.bytes * OF_PIECE[kernels])
     n = min(gpu.device.max_compute_units, tiles, room // (LEAST_LEFT + PIECES_AT_ONCE)) if longest > SLOTS else 0
     most = min(max(longest, LEAST_LEFT), MOST_LEFT, room // max(n, 1) - PIECES_AT_ONCE)
