@@ -108,7 +108,7 @@ def test_any_order_of_strands_gives_the_same_bits(gpu, monkeypatch, kernels, lis
 
 @pytest.mark.parametrize("depth, width", [(.6, .004), (0, .004), (.6, 1e-4)], ids=["many", "one depth", "thin"])
 def test_no_segment_is_drawn_again(gpu, monkeypatch, depth, width):
-    """However many share a tile: work grows as they do.  Without lists all are, for 31 of a pixel's pieces that wait."""
+    """However many share a tile: work grows as they do.  Without lists all are, for 31 pieces that wait in a pixel."""
     if max(gpu.lanes, gpu.hinted) == 1:
         pytest.skip("pixels go one by one")
     again, view, visible = watched(gpu, monkeypatch), perspective(8, 8, 1, eye=(0, 0, 2.2)), np.full((8, 8, 1), NONE)
