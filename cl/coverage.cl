@@ -8,8 +8,9 @@
  * strands are drawn and lists are filled.
  *
  * A list is in no order; it is sorted by depth roughly, into BUCKETS.  So a pixel hides a piece only when all segments that
- * are still to come lie behind it (`settle`), and lets SLOTS of them wait meanwhile.  Where more would wait the furthest
- * goes; the list is gone through once more for those from there on.
+ * are still to come lie behind it (`settle`), and lets SLOTS of them wait meanwhile.  Where more would wait all of its tile
+ * go on in a list of their own (overflow.h); without one the furthest goes, and the segments are gone through once more for
+ * those from there on.
  *
  * A tile whose list does not fit is drawn in slabs of depth, one after the other, and a pixel is kept in between; all that
  * reach into a slab are listed for it.
@@ -18,7 +19,7 @@
 #undef LANES
 #define LANES 8                            // columns of a tile
 #endif
-#define CHUNK (LANES == 1 ? 1 : 64)        // segments that are made ready together
+#define CHUNK (LANES == 1 ? 1 : LISTED)    // segments that are made ready together
 #if LANES == 1
 #define CHUNKS __local                     // where: each work-item makes one ready, all of its group draw it
 #endif
@@ -357,6 +358,8 @@ INLINED long all_before(uint depth, uint2 grain)
 /* --- A tile after the other, eight columns side by side. --- */
 
 #if LANES > 1
+#include "overflow.h"
+
 /* The pixels of a tile, and their pieces that wait. */
 typedef struct {
     Slots slots[TILE * TILE];
@@ -370,6 +373,7 @@ typedef struct {
     long end;                              // or from here on in another slab
     int left, right, top, bottom;          // in the picture
     bool dropped;                          // whether any have gone
+    Overflow overflow;                     // where pieces wait for which there is no slot
 } Tile;
 
 /* Let a pixel be open or closed. */
@@ -407,6 +411,25 @@ INLINED void pixels_of(const Tile *t, const Chunk *chunk, int n, lanes_l *pixels
     }
 }
 
+/* Slots of some pixels are full: their pieces go into the tile's list, or the furthest of each is dropped. */
+ONCE void make_room(Tile *t)
+{
+    if (t->overflow.list == NO_LIST && !t->dropped)
+        take_list(&t->overflow);
+    for (int p = 0; p < TILE * TILE; ++p) {
+        if (t->counts[p] < SLOTS)
+            continue;
+        if (t->overflow.list >= 0) {
+            put_into_list(&t->overflow, &t->slots[p], SLOTS, p, t->limits[p]);
+            t->counts[p] = 0;
+        } else {
+            drop(&t->slots[p], &t->limits[p]);
+            t->counts[p] = SLOTS - 1;
+            t->dropped = true;
+        }
+    }
+}
+
 /* Draw segment i of a chunk, which leans or not: eight columns side by side, row by row. */
 INLINED void draw_as(Tile *t, const View *view, const Chunk *chunk, int i, const bool wide)
 {
@@ -432,7 +455,7 @@ INLINED void draw_as(Tile *t, const View *view, const Chunk *chunk, int i, const
     float8 strips[LANES];
 #endif
     float shares[LANES] ALIGNED;
-    int places[LANES] ALIGNED;
+    int places[LANES] ALIGNED, full = 0;
     *(lanes_i *)depths = column.depth;
     do {
         const lanes share = wide ? share_within(&outline, v) : share_of(&column, v);
@@ -459,15 +482,13 @@ INLINED void draw_as(Tile *t, const View *view, const Chunk *chunk, int i, const
 #endif
             const int m = n + ((depths[k] < t->bounds[p]) & (key >= t->lows[p]) & (key < t->limits[p]));
             t->counts[p] = m;
-            if (m == SLOTS) {
-                drop(slots, &t->limits[p]);
-                t->counts[p] = SLOTS - 1;
-                t->dropped = true;
-            }
+            full |= m == SLOTS;
         }
         v += 1;
         todo >>= 1;
     } while (any_lane(todo));
+    if (full)                              // of a pixel there was one piece: it still had a slot
+        make_room(t);
 }
 
 /* Those that lean are few, and take more registers. */
@@ -524,6 +545,57 @@ INLINED bool settle_all(Tile *t, const Picture *picture, long until)
     return t->open != 0;
 }
 
+/* All pieces of pixel p are hidden that are in its slots. */
+INLINED void settle_slots(Tile *t, const Picture *picture, int p)
+{
+    if (!t->counts[p])
+        return;
+    settle(&t->pixels[p], picture, &t->slots[p], t->counts[p], LONG_MAX);
+    t->counts[p] = 0;
+    if (t->pixels[p].closed)
+        set_open(t, p, false);
+}
+
+/* As `settle_all`, where pieces wait in a list: those that are in slots go there too. */
+ONCE bool settle_list(Tile *t, const Picture *picture, long until)
+{
+    Overflow *over = &t->overflow;
+    long limit = t->end;
+    uint n;
+    for (int p = 0; p < TILE * TILE; ++p)
+        if (t->open >> p & 1) {
+            limit = t->limits[p];              // of all the same
+            put_into_list(over, &t->slots[p], t->counts[p], p, limit);
+            t->counts[p] = 0;
+        }
+    const long before = until < limit ? until : limit;
+    __global const ulong2 *order = in_order(over, t->open, before, &n);
+    for (uint i = 0; i < n; ++i) {
+        __global const Piece *piece = over->pieces + order[i].y;
+        const int p = piece->pixel;
+        if (!(t->open >> p & 1))
+            continue;
+        take_from_list(&t->slots[p], t->counts[p]++, piece);
+        if (t->counts[p] == SLOTS)
+            settle_slots(t, picture, p);
+    }
+    for (int p = 0; p < TILE * TILE; ++p)
+        settle_slots(t, picture, p);
+    keep_in_list(over, t->open, before, limit);
+    const uint most = over->lists->most;
+    if (over->n > most / 2) {                  // too many would be put in order again and again
+        limit = (long)in_order(over, t->open, limit, &n)[most / 2].x;
+        keep_in_list(over, t->open, before, limit);
+        for (int p = 0; p < TILE * TILE; ++p)
+            t->limits[p] = limit;
+        t->dropped = true;
+    }
+    over->limit = limit;
+    over->goal = 2 * over->n > LEAST_GOAL ? 2 * over->n : LEAST_GOAL;
+    over->goal = over->goal < most ? over->goal : most;
+    return t->open != 0;
+}
+
 /* What was dropped comes again; all before it is done.  Whether there is any. */
 INLINED bool begin_again(Tile *t)
 {
@@ -547,7 +619,7 @@ ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global
     lanes_l pixels[CHUNK / LANES];
     bool open = true;
     for (uint next = 0; open && next < n;) {
-        for (int fullest = 0; next < n && fullest < SLOTS / 2;) {
+        for (int fullest = 0; next < n && (t->overflow.list < 0 ? fullest < SLOTS / 2 : t->overflow.n < t->overflow.goal);) {
             const int m = n - next < CHUNK ? n - next : CHUNK;
             prepare(&chunk, view, sorted + next, m, n - next, ends, ids, cuts);
             pixels_of(t, &chunk, m, pixels);
@@ -562,9 +634,12 @@ ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global
                 fullest = t->counts[p] > fullest ? t->counts[p] : fullest;
         }
         const long until = next < n ? all_before(sorted[next].x, grain) : LONG_MAX;
-        open = settle_all(t, picture, until);
-        if (open && next == n && t->dropped && begin_again(t))
+        open = t->overflow.list < 0 ? settle_all(t, picture, until) : settle_list(t, picture, until);
+        const bool all_listed = t->overflow.list >= 0 && until >= t->overflow.limit;
+        if (open && (next == n || all_listed) && t->dropped && begin_again(t)) {
+            atomic_inc(t->overflow.lists->again);
             next = 0;
+        }
     }
 }
 #endif
@@ -596,6 +671,11 @@ ALONE BY_HAND __kernel void tiles(
     __global ulong *marks,                 // [survivors / 8 or 0] a byte of each, 1: its light is looked at
     __global const uint *slots,            // [survivors or 0] whose places it has
     __global const ulong *places,          // [survivors or slots, sources, FEW_PLACES] light, see places.h
+    const uint n_lists,                    // for pieces of tiles that have no slot, see overflow.h
+    const uint most_left,                  // of these in one between chunks
+    volatile __global uint *busy,          // [n_lists] 1: a tile has it
+    __global uint *overflows,              // [n_lists, most_left and some, OF_PIECE]
+    volatile __global uint *again,         // [1] how often a tile's segments were gone through once more
     const int sources,                     // lights, and one for a sky or for light from hair to hair
     __global const float *more,            // [rows of them, 32] see exact_light.h
     __global const Lobes *lobes,           // [types] see lobes.h; none where no type has that look
@@ -664,6 +744,10 @@ ALONE BY_HAND __kernel void tiles(
     t.open = 0;
     t.in_rows = t.in_columns = 0;
     t.dropped = false;
+    const Lists lists = {n_lists, most_left, busy, again, overflows};
+    t.overflow.lists = &lists;
+    t.overflow.list = NO_LIST;
+    t.overflow.n = 0;
     t.end = key_at(slab.y);
     for (int row = 0; row < TILE && y * TILE + row < size.y; ++row)
         for (int k = 0; k < TILE * view.size.z; k += 8)
@@ -685,6 +769,7 @@ ALONE BY_HAND __kernel void tiles(
         const uint2 grain = sort_list(entries + first, n, sorted + first);
         go_through(&t, &view, &picture, sorted + first, n, grain, ends, ids, cuts);
         glow_all(&glow, &picture.sent);
+        give_list_back(&t.overflow);
     }
     if (when == LIGHT_LATER && n) {
         heads[tile] = glow.first;

@@ -8,9 +8,11 @@
 #include "mask.h"
 #define OF_PIXEL MASKED_PIXEL
 #define OF_WALK MASKED_WALK
+#define OF_PIECE MASKED_PIECE
 #else
 #define OF_PIXEL KEPT_PIXEL
 #define OF_WALK WALK
+#define OF_PIECE PIECE
 #endif
 
 #define CHAINS 8                     // strands whose pieces in a pixel are remembered: these lie beside each other, not behind

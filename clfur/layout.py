@@ -18,6 +18,9 @@ CONSTANTS = {
     "SCAN": 256,            # values one work-item sums in a prefix scan
     "TILE": 8,              # pixels a side of a tile, in which strands are drawn together
     "SLOTS": 32,            # pieces of strands that a pixel lets wait; a multiple of 4
+    "PIECE": 14,            # uint of one that waits in a list of its tile,
+    "MASKED_PIECE": 22,     # and where it has masks
+    "LISTED": 64,           # segments that are made ready together where columns go side by side
     "WALK": 88,             # uint4 of a pixel that stops on its way through these,
     "MASKED_WALK": 212,     # and where it has masks
     "KEPT_PIXEL": 32,       # uint4 of a pixel between slabs of depth,

@@ -54,8 +54,8 @@ _FUR = [
     click.option("--wind", type=Numbers(3), default="0,0,0", metavar="X,Y,Z",
                  help="Wind that bends hair as it grows; it gusts."),
     click.option("--time", type=AnyReal(), metavar="SECONDS",
-                 help="The moment of the wind, which gusts, and of a scene file that moves; or a USD file's time code.  "
-                      "[default: 0, or its first]"),
+                 help="The moment of the wind, which gusts, and of a scene file that moves; or a USD file's time code. "
+                      " [default: 0, or its first]"),
     click.option("--seed", type=AnyWhole(), default=0, metavar="N", help="Of all that is random."),
     click.option("--hair", metavar="FILE", multiple=True, callback=once,
                  help="Strands of a file in place of grown ones, placed as the mesh is: .hair, .tfx, .data, .ply, "

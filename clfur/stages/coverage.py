@@ -23,7 +23,13 @@ SLABS = 1024      # into which a tile is divided, at most
 BUCKETS = int(layout.CONSTANTS["BUCKETS"])
 SEEN = "bundle", "tile", "mark", "survivor", "counter"   # rows of `Seen`
 BUNDLES = 8192    # of pieces that wait for light, at most, 772 bytes each
-OF_ENTRY, OF_TILE = 4, 1536   # pieces that a segment in a tile has, and a tile, nearly always
+OF_ENTRY, OF_TILE = 4, 1536   # pieces that a segment in a tile has, and a tile, nearly always;
+ENTRIES = 2                   # and so many segments have one that is seen, where a tile has many
+SLOTS, LISTED = int(layout.CONSTANTS["SLOTS"]), int(layout.CONSTANTS["LISTED"])
+PIECES = Declared("number", np.uint32)       # of pieces that have no slot, each has so many:
+OF_PIECE = {"coverage": int(layout.CONSTANTS["PIECE"]), "masks": int(layout.CONSTANTS["MASKED_PIECE"])}
+PIECES_AT_ONCE = TILE**2 * (LISTED + SLOTS)  # that come of segments made ready together, and of all slots
+LEAST_LEFT, MOST_LEFT = 2048, 1 << 18        # and may be left, whatever the memory, and however many segments there are
 WALKS = 16        # tiles at a time that go on in another launch where drivers end long loops, 90 KB each
 OPEN = Declared("tile", np.uint32)           # that have not come to their end, likewise
 GRAINS = Declared("tile", np.uint32, 2)      # where LANES is 1: how a tile's list is sorted
@@ -53,6 +59,7 @@ class Segments(Arrays):
     ids: Any = array("survivor", np.uint32)       # see `raster`
     cuts: Any = array("survivor", np.uint32)      # what is left where they are clipped: from and to, in 1/65535
     survivors: Any = array("counter", np.uint32, None, 0)   # segments so far
+    longest: int = 0                              # list of a tile
 
 
 @dataclass(frozen=True)
@@ -106,7 +113,8 @@ def allocate(gpu: Any, counts: np.ndarray, survivors: int) -> Segments:
     """Room for what was counted: ``counts`` of tiles [n], on the host, ``survivors`` in all -> `Segments`, empty."""
     starts = np.concatenate([[0], np.cumsum(counts, dtype=np.uint64)]).astype(np.uint32)
     rows = {"start": len(starts), "tile": len(counts), "entry": int(starts[-1]), "survivor": survivors, "counter": 1}
-    return Segments.empty(gpu, rows, starts=gpu.upload(starts), cursors=gpu.upload(starts[:-1]))
+    return Segments.empty(gpu, rows, starts=gpu.upload(starts), cursors=gpu.upload(starts[:-1]),
+                          longest=int(counts.max(initial=0)))
 
 
 def fill(gpu: Any, view: np.void, strands: DeviceStrands, tiles: Tiles, segments: Segments,
@@ -200,7 +208,8 @@ def cover(gpu: Any, view: np.void, visible: Any, segments: Segments, covered: Co
     across, down = tiles_of(width, rows)
     if max(gpu.lanes, gpu.hinted) > 1:
         gpu.launch(f"{kernels}.tiles", -(-across // TILE) * -(-down // TILE) * TILE**2, entries=segments.entries,
-                   room=len(seen.nexts), **vars(seen), **known)
+                   room=len(seen.nexts), **vars(seen), **known,
+                   **_overflows(gpu, segments.longest, across * down, kernels))
         return unfinished
     known["grains"] = GRAINS.empty(gpu, across * down)
     _sort(gpu, across * down, entries=segments.entries,
@@ -219,7 +228,8 @@ def cover_seen(gpu: Any, segments: Segments, counts: np.ndarray, window: tuple[i
     ``window`` and ``seen``.
     """
     n, room = len(segments.ids), BUNDLES * GLOWS
-    pieces = np.where(counts, GLOWS + np.minimum(OF_ENTRY * counts.astype(np.int64), OF_TILE), 0)   # and some
+    most = np.maximum(OF_TILE, counts // ENTRIES)
+    pieces = np.where(counts, GLOWS + np.minimum(OF_ENTRY * counts.astype(np.int64), most), 0)   # and some
     ends = np.append(0, np.cumsum(pieces))
     seen = Seen.empty(gpu, {"bundle": min(BUNDLES, -(-int(ends[-1]) // GLOWS)), "tile": len(counts),
                             "mark": -(-n // 8), "survivor": n, "counter": 1})
@@ -242,6 +252,18 @@ def choose(gpu: Any, seen: Seen, ids: Any) -> Any:
     gpu.launch("coverage.choose", -(-len(ids) // MARKED), marks=seen.marks, ids=ids, n=len(ids), taken=taken,
                slots=seen.slots, chosen=chosen)
     return gpu.rows(chosen, 0, int(gpu.download(taken)[0]))
+
+
+def _overflows(gpu, longest, tiles, kernels):
+    """Lists in which pieces of tiles wait that have no slot, see cl/overflow.h: for as many tiles as are drawn at a
+    time, fewer or none where there is little room.  ``longest``: list of a tile's segments."""
+    room = min(gpu.memory // 64, gpu.room // 2, gpu.largest) // (PIECES.bytes * OF_PIECE[kernels])
+    n = min(gpu.device.max_compute_units, tiles, room // (LEAST_LEFT + PIECES_AT_ONCE)) if longest > SLOTS else 0
+    most = min(max(longest, LEAST_LEFT), MOST_LEFT, room // max(n, 1) - PIECES_AT_ONCE)
+    most = most // 2 * 2   # each list begins where a ulong2 may
+    return {"n_lists": n, "most_left": most if n else 0, "busy": gpu.full(n, np.uint32, 0),
+            "again": gpu.full(1, np.uint32, 0),
+            "overflows": PIECES.empty(gpu, n * (most + PIECES_AT_ONCE) * OF_PIECE[kernels])}
 
 
 def _sort(gpu, n, starts, **known):
