@@ -22,6 +22,7 @@ from ..stages.guides import feet_on
 from ..stages.strands import DeviceStrands
 from ..stages.tessellate import as_float4
 from .hair import HairMotion, Wind, of_types
+from .hair_on_hair import HairOnHair
 
 FEW, MOST = 0.25, 32   # lengths of the longest strand that a root may go in a substep; substeps it is given for that
 
@@ -36,9 +37,11 @@ class Motion:
     HairMotion(). device: as for `render`, of several the first; scenes must be drawn by the same. rate: substeps a
     second, 1 to 10,000; roots that move fast get more. units_per_metre: of the scene. gravity: [3] m/s². wind: a Wind
     or None. fps: frames a second, of `at`. jump: world units; where a vertex goes further in a step it is a cut, and
-    hair is carried along. None: the radius of the mesh. Hair that is too soft to bear its weight as it was groomed falls, and a warning says how much.
+    hair is carried along. None: the radius of the mesh. hair_on_hair: seconds, > 0, in which hair takes the speed of the
+    hair around it; hair is then pushed apart where it lies denser than it was groomed, too. None: hair does not feel
+    other hair. Hair that is too soft to bear its weight as it was groomed falls, and a warning says how much.
 
-    Hair does not feel the body or other hair. The equations are in docs/motion.md. Raises Error for a scene without
+    Hair does not feel the body. The equations are in docs/motion.md. Raises Error for a scene without
     strands or mesh, for Curves that stand elsewhere, and where arguments are not allowed; `step` and `at` do for a
     function that gives something else, or a mesh of other faces.
 
@@ -47,7 +50,8 @@ class Motion:
 
     def __init__(self, scene: Scene | Callable[[float], Scene], hair: Any = None, device: Any = None, *,
                  rate: float = 120.0, units_per_metre: float = 1.0, gravity: Any = (0.0, -9.81, 0.0),
-                 wind: Wind | None = None, fps: float = 24.0, jump: float | None = None) -> None:
+                 wind: Wind | None = None, fps: float = 24.0, jump: float | None = None,
+                 hair_on_hair: float | None = None) -> None:
         self._given, self.time = scene, 0.0
         self.scene = scene = self._now = self._scene_at(0.0)
         if scene.strands is None:
@@ -58,6 +62,7 @@ class Motion:
         self.gravity = checks.safely(checks.vector(3), gravity, "Motion.gravity") * self.units
         self.wind = checks.instance(Wind, none=True)(wind, "Motion.wind") or Wind()
         self.jump = scene.mesh.bounds[1] if jump is None else checks.positive()(jump, "Motion.jump")
+        seconds = checks.optional(checks.positive())(hair_on_hair, "Motion.hair_on_hair")
         self._gpu = schedulers(device)[0]
         self._groom = grow(scene, self._gpu) if isinstance(scene.strands, Strands) else scene.strands.on_host
         hair = of_types(HairMotion() if hair is None else hair, len(self._groom.hair_types))
@@ -67,10 +72,15 @@ class Motion:
             self._corners = self._posed(scene.mesh)
             self._here = tuple(map(self._gpu.upload, self._corners))
             self._hang(hair)
+        self._others = None
         segments, length, area = hair_bounds(self._groom, len(self._groom.counts))
         away = float(np.abs(self._gpu.download(self._offsets)).max(initial=0)) * 3**0.5
         beyond = self._longest + away + float(self._groom.width.max()) / 2
         self._beyond = Bounds((0, 0, 0), beyond, segments, length, area)
+        if seconds is not None:
+            with self._gpu.frame():
+                self._others = HairOnHair(self._gpu, seconds, self._state, self._roots, _box(self._corners), beyond,
+                                          self._longest, self.units)
 
     def step(self, seconds: float, mesh: Mesh | None = None, wind: Wind | None = None, cut: bool = False) -> Scene:
         """Go on by so many seconds -> the Scene then, whose Curves are on the device.
@@ -90,7 +100,8 @@ class Motion:
             moved = float(np.linalg.norm(now[0] - self._corners[0], axis=2).max())
         with self._gpu.frame():
             there = self._here if mesh is self._mesh else tuple(map(self._gpu.upload, now))
-            self._go(seconds, there, moved, cut or moved > self.jump)
+            boxes = None if self._others is None else (_box(self._corners), _box(now))
+            self._go(seconds, there, boxes, moved, cut or moved > self.jump)
         self._now, self._mesh, self._corners, self._here = scene, mesh, now, there
         return self._drawn()
 
@@ -165,8 +176,8 @@ class Motion:
         return tuple(np.pad(each.astype(np.float32), ((0, 0), (0, 0), (0, 1)))
                      for each in (corners, mesh.normals[mesh.faces]))
 
-    def _go(self, seconds, there, moved, is_cut):
-        """Go on to a pose that is on the device, whose vertices have moved so far at most."""
+    def _go(self, seconds, there, boxes, moved, is_cut):
+        """Go on to a pose that is on the device, whose vertices have moved so far at most; boxes: around both."""
         gpu, n = self._gpu, self._substeps(seconds, 0.0 if is_cut else moved)
         wind, step = self.wind.of_world(self.units), seconds / n
         for number in range(n):
@@ -174,8 +185,13 @@ class Motion:
             roots = self._roots_at(there, share)
             winds = stage.blow(gpu, self._state, roots, time=self.time + (number + 1) * step, **wind)
             as_before = abs(step - self._last_step) < 1e-6 * step
+            jumped, felt = is_cut and not number, None
+            if self._others is not None and not jumped:
+                share = 1.0 if is_cut else number / n   # where roots are still
+                box = (1 - share) * boxes[0] + share * boxes[1]
+                felt = self._others.felt(self._roots, box, step, as_before)
             stage.advance(gpu, self._state, self._types, roots, self._roots, step, self.gravity, winds,
-                          2 if as_before else 1, is_cut and not number, self.wind.skin * self.units)
+                          2 if as_before else 1, jumped, self.wind.skin * self.units, felt)
             self._roots, self._last_step = roots, step
         self.time += seconds
 
@@ -200,6 +216,12 @@ class Motion:
                               lod_by="number")
         shells = self._now.shells
         return attrs.evolve(self._now, mesh=mesh, fur=curves if shells is None else (shells, curves))
+
+
+def _box(corners):
+    """(Lowest, highest) corner of a pose [2, 3] float64."""
+    places = corners[0][..., :3].reshape(-1, 3).astype(float)
+    return np.stack([places.min(0), places.max(0)])
 
 
 def _lengths(points, counts):

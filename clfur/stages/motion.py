@@ -58,12 +58,12 @@ def hang(gpu: Any, strands: DeviceStrands, points: int, roots: Any, types: Any, 
 
 
 def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, step: float, gravity: Any, winds: Any,
-            order: int = 2, jumped: bool = False, skin: float = 0.0) -> None:
+            order: int = 2, jumped: bool = False, skin: float = 0.0, felt: Any = None) -> None:
     """One step of strands whose roots go from ``roots_before`` to ``roots``, in place.
 
     step: seconds.  gravity: [3] world / s².  winds: `blow`'s.  skin: up to what height it holds air [world].
     order: of the formula in time (BDF), 1 in the first step.  jumped: whether hair goes with its root as if
-    nothing had moved.
+    nothing had moved.  felt: what `hair_grid.feel` gives, or None: hair doesn't feel hair.
     """
     items = CPU_ITEMS if gpu.lanes > 1 else GPU_ITEMS
     items = min(items, state.padded // gpu.lanes)
@@ -73,6 +73,7 @@ def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, s
     gpu.launch("motion.advance", items, n_items=items, n=state.n, padded=state.padded, types=types, roots=roots,
                roots_before=roots_before, seconds=step, order=1 if jumped else order, jumped=int(jumped),
                gravity=(*gravity, 0), winds=winds, by_skin=1 / skin if skin else 0.0, workspace=workspace,
+               feels_hair=int(felt is not None), felt=gpu.full(1, np.float32, 0) if felt is None else felt,
                **{name: getattr(state, name) for name in names})
 
 
