@@ -292,7 +292,8 @@ GROUP __kernel void feel(
     const int4 size,
     __global const float4 *cells,          // [nz, ny, nx]
     const float friction,                  // [1 / s]
-    const float2 push,                     // [world / s^2] of a gradient of one groomed density a cell, and the most
+    const float4 push,                     // where density falls to none in a cell: acceleration of hair that is far
+                                           // too dense [world / s^2], friction [1 / s]; the most of the first
     __global float *felt)                  // [points, 4, padded] acceleration of what is at rest [world / s^2]; friction [1 / s]
 {
     WORK_ITEM(item);
@@ -302,16 +303,19 @@ GROUP __kernel void feel(
     for (int i = 1; i < (int)points; ++i) {
         const Spots spots = spots_of(low, size, root, three_at(places, row, 3 * i * row + first), i <= n);
         const Among a = among(cells, size, spots);
-        const lanes rest = greater(rows_at(groomed, i * row + first), F(ALONE_IN_CELL));
-        const lanes excess = greater(a.density / rest - DENSER, F(0.0f));
-        const lanes3 away = scaled(a.gradient, -(push.x * excess / rest));
+        const lanes rest = greater(rows_at(groomed, i * row + first), F(ALONE_IN_CELL)) * DENSER;
+        const lanes_i dense = a.density > rest;
+        const lanes by = 1.0f / (dense ? a.density : F(1.0f));
+        const lanes3 slope = scaled(a.gradient, by);
+        const lanes3 away = scaled(slope, dense ? -push.x * (1.0f - rest * by) : F(0.0f));
         const lanes size_of = exact_root(dots(away, away));
-        const lanes3 out = plus(scaled(a.velocity, F(friction)),
-                                scaled(away, size_of > push.y ? push.y / size_of : F(1.0f)));
+        /* What the push would change in a step, if it were as it is then: without it pressed hair would never rest. */
+        const lanes rub = friction + (dense ? push.y * dots(slope, slope) : F(0.0f));
+        const lanes3 out = plus(scaled(a.velocity, rub), scaled(away, size_of > push.z ? push.z / size_of : F(1.0f)));
         __global float *to = felt + 4 * i * row + first;
         *(__global lanes *)to = out.x;
         *(__global lanes *)(to + row) = out.y;
         *(__global lanes *)(to + 2 * row) = out.z;
-        *(__global lanes *)(to + 3 * row) = friction * a.coupling;
+        *(__global lanes *)(to + 3 * row) = rub * a.coupling;
     }
 }

@@ -7,6 +7,7 @@ from .hair import STANDARD
 
 SPACINGS = 4      # of strands that a cell is wide, at least; a segment at least too
 STIFF = 2.0       # push, in weights of the longest hair: it bears this with densities some tenths above the groomed
+RUB = 1.5         # friction of what is pressed: 1 makes up for a push that is a step late
 PART = 0.25       # of a cell, by which a step pushes at most
 
 
@@ -39,7 +40,7 @@ class HairOnHair:
         # No faster a wave of density than half a cell a step: what is explicit stays stable.
         push = min(self._stiff, (self._cell / (2 * step)) ** 2) / self._cell
         return stage.feel(self._gpu, self._state, roots, self._groomed, grid, self._cells(roots, grid, step, ahead),
-                          self._friction, push, most)
+                          self._friction, push, RUB * push * step / self._cell, most)
 
     def _grid(self, box):
         return stage.grid_around(box[0] - self._reach, box[1] + self._reach, self._cell)

@@ -79,14 +79,14 @@ def density(gpu: Any, state: State, roots: Any, grid: HairGrid, cells: Any) -> A
 
 
 def feel(gpu: Any, state: State, roots: Any, groomed: Any, grid: HairGrid, cells: Any, friction: float, push: float,
-         most: float) -> Any:
+         rub: float, most: float) -> Any:
     """What points feel of the hair around them, for `motion.advance` -> [points * 4 * padded] float32 on the device.
 
-    groomed: `density` of the groom.  friction: 1 / s.  push: acceleration [world / s²] where the density goes down by
-    one groomed density in a cell and is twice of what is allowed; most: of it at most.
+    groomed: `density` of the groom.  friction: 1 / s.  push: acceleration [world / s²] of hair that is far denser than
+    groomed, where the density falls to none in a cell; most: of it at most.  rub: friction that is added there [1 / s].
     """
     felt = gpu.empty(state.points * 4 * state.padded, np.float32)   # of the roots it is never read
     gpu.launch("hair_grid.feel", state.padded // gpu.lanes, points=state.points, padded=state.padded, segments=state.segments, roots=roots,
-               places=state.places, groomed=groomed, cells=cells, friction=friction, push=(push, most), felt=felt,
+               places=state.places, groomed=groomed, cells=cells, friction=friction, push=(push, rub, most, 0), felt=felt,
                **grid.arguments)
     return felt

@@ -36,19 +36,22 @@ def density_at(points, density, low, cell):
     return (share * there).sum(0), (slopes * there[..., None]).sum(0)
 
 
-def felt_at(points, groomed, velocity, density, low, cell, friction, push, most):
+def felt_at(points, groomed, velocity, density, low, cell, friction, push, rub, most):
     """What points feel -> (acceleration of one at rest [n, 3], friction [n] [1 / s]).
 
     Cells drag by their mean velocities, and are felt by as many strands as cross them beyond one alone, up to one
-    more.  Where the density is more than `DENSER` times the groomed, -push (density / groomed - DENSER) grad density /
-    groomed is added, of no more than ``most``.
+    more.  Where the density d is above rest = `DENSER` times the groomed, -push (1 - rest / d) (grad d) / d is added, of no
+    more than ``most``, and to the friction rub |(grad d) / d|².
     """
     at, share, _ = shares(points, low, cell, density.shape)
     at = tuple(np.moveaxis(at, 2, 0))
     by = share * np.clip(density[at] - ALONE, 0, 1)
     now, gradient = density_at(points, density, low, cell)
-    rest = np.maximum(groomed, ALONE)
-    away = -push * (np.maximum(now / rest - DENSER, 0) / rest)[:, None] * gradient
+    rest = DENSER * np.maximum(groomed, ALONE)
+    dense = now > rest
+    slope = gradient / np.where(dense, now, 1)[:, None]
+    away = -push * np.where(dense, 1 - rest / np.where(dense, now, 1), 0)[:, None] * slope
     size = np.linalg.norm(away, axis=1)
     away *= np.minimum(1, most / np.where(size > 0, size, 1))[:, None]
-    return friction * (by[..., None] * velocity[at]).sum(0) + away, friction * by.sum(0)
+    friction = friction + np.where(dense, rub * (slope**2).sum(1), 0)
+    return friction[:, None] * (by[..., None] * velocity[at]).sum(0) + away, friction * by.sum(0)
