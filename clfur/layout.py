@@ -14,7 +14,7 @@ CONSTANTS = {
     "BODY": 0x80000000,     # id of a body triangle = BODY | triangle; of a strand segment = its first point
     "PERIOD": 1024,         # cells after which gusts of wind come again, along each axis
     "ROWS_OF_POINT": 38,    # of what a step sets aside for a point of a strand that moves
-    "FASTEST": 1 << 24,     # units of speed that a grid of hair takes: 2^14 are a cell in a step
+    "FASTEST": 1 << 24,     # units of speed that a grid of hair takes: 2^16 are a cell in a step
     "ALONE_IN_CELL": 1.25,  # strands across a cell, by its density, that one alone may seem to be,
     "DENSER": 1.1,          # and by how much hair may be denser than as groomed before it is pushed apart
     "SCAN": 256,            # values one work-item sums in a prefix scan

@@ -11,7 +11,7 @@ from .motion import CPU_ITEMS, State
 
 MOST_CELLS = 1 << 19   # 24 MiB
 FASTEST = layout.CONSTANTS["FASTEST"]
-SPEEDS = 1 << 14   # units of speed in a cell a step
+SPEEDS = 1 << 16   # units of speed in a cell a step
 SUMS = Declared("cell", np.int64, 4, 0)
 CELLS = Declared("cell", np.float32, 4)
 

@@ -52,8 +52,9 @@ class Strand:
         self.speeds, self.speeds_before = np.zeros_like(points), np.zeros_like(points)
         self.tensions = np.zeros(len(self.lengths))
 
-    def advance(self, root, root_before, step, wind, order=2, jumped=False, skin=0.0):
-        """Go on by ``step`` seconds; roots: (place [3], axes [3, 3]); skin: height of still air, 0 for none."""
+    def advance(self, root, root_before, step, wind, order=2, jumped=False, skin=0.0, others=None):
+        """Go on by ``step`` seconds; roots: (place [3], axes [3, 3]); skin: height of still air, 0 for none; others: of
+        other hair (accelerations of points at rest [n + 1, 3], frictions [n + 1])."""
         carried = 1.0 if jumped else self.carried
         axes, old = root[1], root_before[1]
         shift, spin = root[0] - root_before[0], old.T @ axes
@@ -70,7 +71,7 @@ class Strand:
         free = base + he * (speed + third * (speed - speed_then))
         places = start
         for _ in range(2):
-            places = self._newton(places, base, free, axes, rest, he, np.asarray(wind, float), skin)
+            places = self._newton(places, base, free, axes, rest, he, np.asarray(wind, float), skin, others)
         self.before, self.speeds_before = now, speed
         self.places, self.speeds = places, (places - base) / he
         self.before[0] = self.speeds_before[0] = self.speeds[0] = 0
@@ -84,7 +85,7 @@ class Strand:
         now = [old @ turned(from_[j], self.groomed[j] @ old, t[j]) for j in range(len(t))]
         return (1 - share) * self.rest + share * np.array(now)
 
-    def _newton(self, x, base, free, axes, rest, he, wind, skin):
+    def _newton(self, x, base, free, axes, rest, he, wind, skin, others):
         n, by = len(self.lengths), 1 / self.lengths
         stiff = stiffnesses(self.bend, self.lengths) * (1 + self.damping / he)
         along = np.diff(x, axis=0)
@@ -124,6 +125,9 @@ class Strand:
             felt = height * height * (3 - 2 * height)
             b[i] += masses[i] * (self.gravity - (x[i + 1] - free[i + 1]) / he**2
                                  - self.air * (x[i + 1] - base[i + 1] - he * felt * wind) / he)
+            if others is not None:
+                a[i, :, i] += others[1][i + 1] * masses[i] / he * one
+                b[i] += masses[i] * (others[0][i + 1] - others[1][i + 1] * (x[i + 1] - base[i + 1]) / he)
         rows = np.zeros((n, n, 3))   # of what keeps lengths
         for i in range(n):
             rows[i, i] = t[i + 1]

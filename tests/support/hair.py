@@ -40,10 +40,11 @@ class Hair:
         self.state, self.soft = motion.hang(gpu, self.drawn, counts.max(), self.roots, self.types,
                                             G if weighted else 0 * G)
 
-    def step(self, step, wind=(0, 0, 0), root=None, jumped=False, skin=0.0):
+    def step(self, step, wind=(0, 0, 0), root=None, jumped=False, skin=0.0, felt=None):
         roots = self.roots if root is None else self.gpu.upload(np.asarray(root, np.float32))
         winds = motion.blow(self.gpu, self.state, roots, wind)
-        motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, G, winds, self.order, jumped, skin)
+        motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, G, winds, self.order, jumped, skin,
+                       felt)
         self.roots, self.order = roots, 2
         return self
 
