@@ -2,7 +2,7 @@
 
 import numpy as np
 
-ALONE, DENSER = 1.25, 1.1
+ALONE, DENSER = 1.25, 1.2
 
 
 def shares(points, low, cell, size):
