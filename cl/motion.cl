@@ -44,6 +44,7 @@ typedef struct {
     lanes3 at, root_taken;                      // the root in the grid's frame; what it lacks of the body's way [world]
     lanes friction;
     float by_step;                              // [1 / s]
+    __global const float *felt_hair;            // from these strands on, or 0: hair doesn't feel hair
 } Moving;
 
 INLINED lanes row_of(__global const float *rows, size_t stride, int row)
@@ -138,6 +139,7 @@ INLINED lanes3 masked(lanes_i on, lanes3 v)
 }
 
 #include "contact.h"
+#include "felt.h"
 
 /* A segment as it is now, and the joint at its end. */
 typedef struct {
@@ -206,8 +208,11 @@ INLINED void solve(const Moving *m, int i, const Chain *c, Left *left, lanes3 *b
 
     /* The block of the point, of it and the point before, and of it and the one before that (a number times one). */
     Symmetric a = left->first;
-    const lanes own = inertia + c->stiff_before * c->by * c->by + c->stiff * both * both
+    lanes own = inertia + c->stiff_before * c->by * c->by + c->stiff * both * both
         + c->stiff_behind * c->by_behind * c->by_behind + pull + pull_behind;
+    const lanes3 place = kept(m, i, PLACE);
+    lanes3 b = left->right;
+    add_felt(m, i, mass, minus(place, kept(m, i, BASE)), &own, &b);
     a.xx += own;
     a.yy += own;
     a.zz += own;
@@ -223,8 +228,8 @@ INLINED void solve(const Moving *m, int i, const Chain *c, Left *left, lanes3 *b
     f.z.z += beside;
     const lanes g = c->stiff_before * c->by * c->by_before;
 
-    const lanes3 place = kept(m, i, PLACE), moment = scaled(moment_of(c), c->by);
-    lanes3 b = plus(left->right, minus(moment, *behind_moment));
+    const lanes3 moment = scaled(moment_of(c), c->by);
+    b = plus(b, minus(moment, *behind_moment));
     *behind_moment = moment;
     b = minus(b, scaled(minus(place, kept(m, i, FREE)), mass / (m->he * m->he)));
     b = plus(b, scaled(m->gravity, mass));
@@ -485,6 +490,8 @@ BY_ITSELF __kernel void advance(
     const int jumped,                      // 1: hair goes with its root
     const float4 gravity,                  // [world / s^2]
     __global const float *winds,           // [points, 3, padded] [world / s]
+    const int feels_hair,                  // 1: what hair_grid.cl says of each point,
+    __global const float *felt,            // [points, 4, padded] acceleration [world / s^2], friction [1 / s]
     __global float *places,                // [points, 3, padded] relative to the root [world]
     __global float *places_before,         // [points, 3, padded]
     __global float *speeds,                // [points, 3, padded] [world / s]
@@ -517,6 +524,7 @@ BY_ITSELF __kernel void advance(
         m.free = free + first;
         m.pressed = pressed + first;
         m.winds = winds + first;
+        m.felt_hair = feels_hair ? felt + first : 0;
         m.n = *(__global const lanes_i *)(segments + first);
         lanes damping = F(0.0f), carried = F(0.0f);
         m.bend = m.air = m.friction = F(0.0f);

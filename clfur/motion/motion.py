@@ -26,6 +26,7 @@ from ..stages.strands import DeviceStrands, upload_curves
 from ..stages.tessellate import as_float4
 from .body import Body
 from .hair import HairMotion, Wind, of_types
+from .hair_on_hair import HairOnHair
 from .pose import between, pose_of
 from .undercoat import Undercoat
 from .within import Began, mixed
@@ -48,11 +49,13 @@ class Motion:
     along. None: the radius of the mesh. body: whether strands feel the mesh, and do not enter it; "auto": where some
     are longer than a fifth of the mesh's radius, so that they can lie on it. What was groomed nearer than half of its
     width, or inside, may stay as near. Hair that is too soft to bear its weight as it was groomed falls, and a warning
-    says how much; another, how much goes through the body.
+    says how much; another, how much goes through the body. hair_on_hair: seconds, > 0, in which hair takes the speed of
+    the hair around it; hair is then pushed apart where it lies denser than it was groomed, too. None: hair does not
+    feel other hair.
 
-    Hair does not feel other hair. The equations are in docs/motion.md. Raises Error for a scene without fur or mesh,
-    for shells with a wind of their own, for Curves that stand elsewhere, and where arguments are not allowed; `step`
-    and `at` do for a function that gives something else, or a mesh of other faces.
+    The equations are in docs/motion.md. Raises Error for a scene without fur or mesh, for shells with a wind of their
+    own, for Curves that stand elsewhere, and where arguments are not allowed; `step` and `at` do for a function that
+    gives something else, or a mesh of other faces.
 
     time: seconds since the groom.
     """
@@ -63,7 +66,7 @@ class Motion:
     def __init__(self, scene: Scene | Callable[[float], Scene], hair: Any = None, device: Any = None, *,
                  rate: float = 120.0, units_per_metre: float = 1.0, gravity: Any = (0.0, -9.81, 0.0),
                  wind: Wind | None = None, fps: float = 24.0, jump: float | None = None,
-                 body: bool | str = "auto") -> None:
+                 body: bool | str = "auto", hair_on_hair: float | None = None) -> None:
         self._given, self.time = scene, 0.0
         first = self.scene = self._now = self._scene_at(0.0)
         if first.fur is None:
@@ -78,6 +81,7 @@ class Motion:
         self.jump = first.mesh.bounds[1] if jump is None else checks.positive()(jump, "Motion.jump")
         if not isinstance(body, bool) and not (isinstance(body, str) and body == "auto"):
             checks.refuse("Motion.body", body, '"auto", True or False')
+        near = checks.optional(checks.positive())(hair_on_hair, "Motion.hair_on_hair")
         self._gpu = schedulers(device)[0]
         self._groom = grow(first, self._gpu) if isinstance(first.strands, Strands) else (
             first.strands or Curves(points=np.zeros((0, 3)), counts=[])).on_host
@@ -97,6 +101,11 @@ class Motion:
         away = float(np.abs(self._gpu.download(self._offsets)).max(initial=0)) * 3**0.5
         beyond = self._longest + away + float(self._groom.width.max(initial=0)) / 2
         self._beyond = Bounds((0, 0, 0), beyond, segments, length, area)
+        self._others = None
+        if near is not None and first.strands is not None:
+            with self._gpu.frame():
+                self._others = HairOnHair(self._gpu, near, self._state, self._roots, _box(self._corners), beyond,
+                                          self._longest, self.units)
 
     def step(self, seconds: float, mesh: Mesh | None = None, wind: Wind | None = None, cut: bool = False) -> Scene:
         """Go on by so many seconds -> the Scene then, whose Curves are on the device.
@@ -121,7 +130,7 @@ class Motion:
             there = self._here if pose.corners is self._pose.corners else self._uploaded(pose)
             self._began = Began(self.time, seconds, self._mesh, self._roots, stage.remember(self._gpu, self._state),
                                 is_cut, callable(self._given) and mesh is scene.mesh)
-            self._go(seconds, pose, there, moved, is_cut)
+            self._go(seconds, pose, there, corners, moved, is_cut)
         self._now, self._mesh, self._corners, self._pose, self._here = scene, mesh, corners, pose, there
         return self._drawn()
 
@@ -296,10 +305,10 @@ class Motion:
     def _uploaded(self, pose):
         return tuple(self._gpu.upload(np.pad(each, ((0, 0), (0, 0), (0, 1)))) for each in (pose.corners, pose.normals))
 
-    def _go(self, seconds, pose, there, moved, is_cut):
-        """Go on to a pose whose faces are on the device, and whose vertices have moved so far at most."""
+    def _go(self, seconds, pose, there, corners, moved, is_cut):
+        """Go on to a pose whose faces are on the device, corners in the world, and which have moved so far at most."""
         gpu, n, state = self._gpu, self._substeps(seconds, 0.0 if is_cut else moved), self._state
-        step, longest, (shares, others) = seconds / n, self._longest, self._sheltered()
+        step, longest, (shares, bared) = seconds / n, self._longest, self._sheltered()
         bodies = self._body.way(self._pose, pose, n, is_cut) if self._body else itertools.repeat(None)
         if self._undercoat:
             self._undercoat.begin()
@@ -310,12 +319,17 @@ class Motion:
             if state.n:
                 roots = self._roots_at(there, share, rows)
                 winds = air.blow(gpu, wind, roots, state.places, state.points, state.padded, shares)
-                as_before = abs(step - self._last_step) < 1e-6 * step
+                as_before, jumped = abs(step - self._last_step) < 1e-6 * step, is_cut and not number
+                others = None
+                if self._others is not None and not jumped:
+                    was = 1.0 if is_cut else number / n   # where roots are still
+                    box = (1 - was) * _box(self._corners) + was * _box(corners)
+                    others = self._others.felt(self._roots, box, step, as_before)
                 stage.advance(gpu, state, self._types, roots, self._roots, step, self.gravity, winds,
-                              2 if as_before else 1, is_cut and not number, felt)
+                              2 if as_before else 1, jumped, felt, others)
                 self._roots, self._last_step = roots, step
             if self._undercoat:
-                self._undercoat.go((there, share, rows), step, wind, self.gravity, others, is_cut and not number)
+                self._undercoat.go((there, share, rows), step, wind, self.gravity, bared, is_cut and not number)
         self.time += seconds
 
     def _sheltered(self):
@@ -370,6 +384,12 @@ class Motion:
         curves = None if self.scene.strands is None else self._curves(points, normals, mesh)
         fur = tuple(each for each in (shells, curves) if each is not None)
         return attrs.evolve(scene, mesh=mesh, fur=fur if len(fur) > 1 else fur[0] if fur else None)
+
+
+def _box(corners):
+    """(Lowest, highest) corner of a pose [2, 3] float64."""
+    places = corners.reshape(-1, 3).astype(float)
+    return np.stack([places.min(0), places.max(0)])
 
 
 def _lengths(points, counts):

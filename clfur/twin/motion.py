@@ -51,9 +51,10 @@ class Strand:
         self.speeds, self.speeds_before = np.zeros_like(points), np.zeros_like(points)
         self.tensions = np.zeros(len(self.lengths))
 
-    def advance(self, root, root_before, step, wind, order=2, jumped=False, body=None):
+    def advance(self, root, root_before, step, wind, order=2, jumped=False, body=None, others=None):
         """Go on by ``step`` seconds; roots: (place [3], axes [3, 3]); wind: [n + 1, 3] at its points, or [3]; body: for
-        `Contact.begin`, (look, carry, swell, whether it deforms)."""
+        `Contact.begin`, (look, carry, swell, whether it deforms); others: of other hair (accelerations of points at
+        rest [n + 1, 3], frictions [n + 1])."""
         order = 1 if self.contact and self.contact.touched else order
         carried = 1.0 if jumped else self.carried
         axes, old = root[1], root_before[1]
@@ -75,7 +76,7 @@ class Strand:
         for number in range(2):
             if self.contact:
                 self.contact.meet(places, not number)
-            places = self._newton(places, base, free, axes, rest, he, wind)
+            places = self._newton(places, base, free, axes, rest, he, wind, others)
         speeds = (places - base) / he
         if self.contact:
             places, speeds = self.contact.turn_out(places, speeds, self.lengths, step)
@@ -92,7 +93,7 @@ class Strand:
         now = [old @ turned(from_[j], self.groomed[j] @ old, t[j]) for j in range(len(t))]
         return (1 - share) * self.rest + share * np.array(now)
 
-    def _newton(self, x, base, free, axes, rest, he, wind):
+    def _newton(self, x, base, free, axes, rest, he, wind, others):
         n, by = len(self.lengths), 1 / self.lengths
         stiff = stiffnesses(self.bend, self.lengths) * (1 + self.damping / he)
         along = np.diff(x, axis=0)
@@ -134,6 +135,9 @@ class Strand:
                 hard, force = self.contact.press(x, i + 1, masses[i] / he**2 + self.air * masses[i] / he)
                 a[i, :, i] += hard
                 b[i] += force
+            if others is not None:
+                a[i, :, i] += others[1][i + 1] * masses[i] / he * one
+                b[i] += masses[i] * (others[0][i + 1] - others[1][i + 1] * (x[i + 1] - base[i + 1]) / he)
         rows = np.zeros((n, n, 3))   # of what keeps lengths
         for i in range(n):
             rows[i, i] = t[i + 1]

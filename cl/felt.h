@@ -1,0 +1,12 @@
+/* What points of strands that move feel of the hair around them: motion.cl has it in its equations. */
+
+/* Friction with other hair, implicit, and the push out of where it is too dense: hair_grid.cl's `feel`. */
+INLINED void add_felt(const Moving *m, int i, lanes mass, lanes3 gone, lanes *own, lanes3 *right)
+{
+    if (!m->felt_hair)
+        return;
+    const lanes3 pull = three_of(m->felt_hair, m->stride, 4 * i);
+    const lanes drag = row_of(m->felt_hair, m->stride, 4 * i + 3) * mass / m->he;
+    *own += drag;
+    *right = plus(*right, minus(scaled(pull, mass), scaled(gone, drag)));
+}
