@@ -87,7 +87,7 @@ SEES = {
     "budget": "errors scene settings measures fitted pipeline",
     "render": "errors scene settings device pipeline budget",
     "motion": "errors layout scene stages render",
-    "film": "clfur errors color cache settings scene files device render motion av",
+    "film": "clfur errors color cache settings scene files device render motion judge pipeline av",
     "judge": "errors color cache measures layout settings scene files device budget render twin stages.tessellate",
     "command": "clfur errors color cache settings scene files device budget judge",
     "_moved": "", "__main__": "command", "__init__": "*",
