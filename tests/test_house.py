@@ -89,7 +89,7 @@ SEES = {
     "motion": "errors layout scene stages render",
     "film": "clfur errors color cache settings scene files device render motion judge pipeline av",
     "judge": "errors color cache measures layout settings scene files device budget render twin stages.tessellate",
-    "command": "clfur errors color cache settings scene files device budget judge",
+    "command": "clfur errors color cache settings scene files device budget judge film",
     "_moved": "", "__main__": "command", "__init__": "*",
 }
 GUARDED = {"pyopencl", "trimesh", "mapbox_earcut", "imageio", "OpenEXR", "Imath", "av"}

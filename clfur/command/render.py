@@ -11,6 +11,8 @@ import numpy as np
 from .. import Camera, Scheduler, draw, over, save
 from ..files.images import check_writable, load_picture
 from ..files.usd import is_usd
+from ..film.cluster import check_address
+from ..film.regions import picture
 from ..judge.frontier import label
 from ..scene import backdrop
 from .described import lowered
@@ -49,8 +51,11 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
 @click.option("--memory", type=Bytes(), metavar="SIZE",
               help="What arrays may take on the device, such as 2GiB: what does not fit is drawn part by part.  "
                    "[default: three quarters of the device's, or what this process may still take]")
+@click.option("--cluster", metavar="ADDRESS",
+              help="Draw regions of the picture on several machines or devices: tcp://host:port or tls://host:port of "
+                   "a Dask scheduler; local, with a process for each GPU, or local:N, with N of them.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
-def render(given, output, outputs, background, region, device, memory, as_json, **options):
+def render(given, output, outputs, background, region, device, memory, cluster, as_json, **options):
     """Draw MESH with fur and save the picture.
 
     MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.  Or it is a USD
@@ -63,6 +68,13 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
     _check_files(output, outputs, background, read)
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
+    if cluster is not None:
+        check_address(cluster)
+        if memory is not None:
+            raise click.UsageError("--memory is for this process; allowed: without --cluster")
+        if device is not None and not cluster.startswith("local"):
+            raise click.UsageError("--device is for this machine, workers elsewhere have CLFUR_DEVICE; allowed: with "
+                                   "--cluster local, or without one")
     with waiting(f"reading {given}") as tell:
         scene, settings = load_scene(given, options)
         behind = None if background is None else _background(background, scene.camera.size)
@@ -71,7 +83,10 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
         if memory is not None:
             device = [Scheduler(one, memory) for one in (device if isinstance(device, list) else [device])]
         tell(f"drawing {given}")
-        drawn = draw(scene, device=device, outputs=outputs, settings=settings, region=region)
+        if cluster is None:
+            drawn = draw(scene, device=device, outputs=outputs, settings=settings, region=region)
+        else:
+            drawn = picture(scene, cluster, settings, outputs, region, device)
         if "color" in drawn.images and not drawn.images["color"][..., 3].any():
             warnings.warn("nothing of the scene is to be seen in the picture", stacklevel=2)
         tell(f"saving {output}")
