@@ -82,6 +82,8 @@ def _connected(address, device):
             client = stack.enter_context(Client(address, timeout=CONNECT, set_as_default=False))
         except (OSError, TypeError, ValueError, RuntimeError) as error:   # TLS without certificates is a TypeError
             why = " ".join(str(error).split()) or type(error).__name__
+            if isinstance(error, TypeError):
+                why = "no certificates are set; docs/cluster.md tells how"
             raise Error(f"cluster {address}: {why}") from None
         yield client, trouble
 

@@ -27,11 +27,12 @@ def local_cluster(count: int | None, device: Any) -> Iterator[tuple[str, Callabl
     count: of workers, None: one a device. device: as for `clfur.draw`, None: all GPUs, or the device that is taken
     without a name.
     """
+    import dask
     from distributed import Scheduler, SpecCluster
 
     shares = shares_of(local_devices(device), count, cores())
     options = {"host": HOST, "port": 0, "dashboard": False, "dashboard_address": f"{HOST}:0"}
-    with temporary() as folder, \
+    with temporary() as folder, dask.config.set({"temporary-directory": folder}), \
             SpecCluster(scheduler={"cls": Scheduler, "options": options}, workers={}, silence_logs=False) as cluster:
         errors = Path(folder, "stderr")
         with errors.open("wb") as stderr:
