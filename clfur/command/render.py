@@ -68,13 +68,7 @@ def render(given, output, outputs, background, region, device, memory, cluster, 
     _check_files(output, outputs, background, read)
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
-    if cluster is not None:
-        check_address(cluster)
-        if memory is not None:
-            raise click.UsageError("--memory is for this process; allowed: without --cluster")
-        if device is not None and not cluster.startswith("local"):
-            raise click.UsageError("--device is for this machine, workers elsewhere have CLFUR_DEVICE; allowed: with "
-                                   "--cluster local, or without one")
+    _check_cluster(cluster, device, memory)
     with waiting(f"reading {given}") as tell:
         scene, settings = load_scene(given, options)
         behind = None if background is None else _background(background, scene.camera.size)
@@ -83,10 +77,8 @@ def render(given, output, outputs, background, region, device, memory, cluster, 
         if memory is not None:
             device = [Scheduler(one, memory) for one in (device if isinstance(device, list) else [device])]
         tell(f"drawing {given}")
-        if cluster is None:
-            drawn = draw(scene, device=device, outputs=outputs, settings=settings, region=region)
-        else:
-            drawn = picture(scene, cluster, settings, outputs, region, device)
+        drawn = (draw(scene, device, settings, outputs, region=region) if cluster is None else
+                 picture(scene, cluster, settings, outputs, region, device))
         if "color" in drawn.images and not drawn.images["color"][..., 3].any():
             warnings.warn("nothing of the scene is to be seen in the picture", stacklevel=2)
         tell(f"saving {output}")
@@ -169,6 +161,18 @@ def _over(image, behind, size, region):
     whole = np.zeros((size[1], size[0], 4), np.float32)
     whole[y:y + height, x:x + width] = image
     return over(whole, behind)[y:y + height, x:x + width]
+
+
+def _check_cluster(cluster, device, memory):
+    """Raise what is wrong of a cluster's address, or what doesn't go with it."""
+    if cluster is None:
+        return
+    check_address(cluster)
+    if memory is not None:
+        raise click.UsageError("--memory is for this process; allowed: without --cluster")
+    if device is not None and not cluster.startswith("local"):
+        raise click.UsageError("--device is for this machine, workers elsewhere have CLFUR_DEVICE; allowed: with "
+                               "--cluster local, or without one")
 
 
 def _check_files(output, outputs, background, read):
