@@ -66,9 +66,7 @@ def render(given, output, outputs, background, region, device, memory, cluster, 
     read = [given, *(options[name] for name in ("hair", "type_map", "types", "rest", "body_texture"))]
     read += files_of(options)
     _check_files(output, outputs, background, read)
-    if device and "," in device:
-        device = [part.strip() for part in device.split(",")]
-    _check_cluster(cluster, device, memory)
+    device = _devices(device, cluster, memory)
     with waiting(f"reading {given}") as tell:
         scene, settings = load_scene(given, options)
         behind = None if background is None else _background(background, scene.camera.size)
@@ -163,16 +161,16 @@ def _over(image, behind, size, region):
     return over(whole, behind)[y:y + height, x:x + width]
 
 
-def _check_cluster(cluster, device, memory):
-    """Raise what is wrong of a cluster's address, or what doesn't go with it."""
-    if cluster is None:
-        return
-    check_address(cluster)
-    if memory is not None:
-        raise click.UsageError("--memory is for this process; allowed: without --cluster")
-    if device is not None and not cluster.startswith("local"):
-        raise click.UsageError("--device is for this machine, workers elsewhere have CLFUR_DEVICE; allowed: with "
-                               "--cluster local, or without one")
+def _devices(device, cluster, memory):
+    """The option --device, a text or a list of several; raises what does not go with a cluster."""
+    if cluster is not None:
+        check_address(cluster)
+        if memory is not None:
+            raise click.UsageError("--memory is for this process; allowed: without --cluster")
+        if device is not None and not cluster.startswith("local"):
+            raise click.UsageError("--device is for this machine, workers elsewhere have CLFUR_DEVICE; allowed: with "
+                                   "--cluster local, or without one")
+    return [part.strip() for part in device.split(",")] if device and "," in device else device
 
 
 def _check_files(output, outputs, background, read):
