@@ -247,7 +247,7 @@ def test_a_shutter(clfur, tmp_path):
     motion.step(1 / 48)
     for name, at in ("still", lambda share: there["scene"](.5 - (1 - share) / 48)), ("moving", motion.between):
         options = ["render", f"{name}.py", "--time", ".5", "--shutter", "180", "--shadows", "off", "-o", "a.npz"]
-        code, out, _ = clfur(*options, "--pictures", "2")
+        code, out, _ = clfur(*options, "--subframes", "2")
         assert code == 0 and "; the mean of 2 pictures" in out and ("13 steps" in out) == (name == "moving")
         meant = library.blurred([at(.25), at(.75)], settings=library.Settings(shadows="off")).images["color"]
         np.testing.assert_allclose(load("a.npz")["color"], meant, atol=1e-5)
@@ -267,7 +267,7 @@ def test_a_shutter(clfur, tmp_path):
     (MOVING_FILE, ["--time", "1", "--shutter", "9", "--outputs", "motion_vector", "-o", "a.exr"], [
         "motion_vector is of pictures without --shutter"]),
     (MOVING_FILE, ["--shutter", "361"], ["--shutter", "'361' is not a number from 0 to 360"]),
-    (MOVING_FILE, ["--shutter", "1", "--pictures", "65"], ["'65' is not auto or a whole number from 1 to 64"]),
+    (MOVING_FILE, ["--shutter", "1", "--subframes", "65"], ["'65' is not auto or a whole number from 1 to 64"]),
     (MOVING_FILE.replace("return ", ""), [], ["fur.py: scene(0) is None; allowed: a clfur.Scene"]),
     (MOVING_FILE.replace("print(", "1 / (t - .5); ("), ["--time", ".5"], [
         "fur.py, line 4, scene(0.5): ZeroDivisionError: float division by zero"]),

@@ -87,9 +87,9 @@ SEES = {
     "budget": "errors scene settings measures fitted pipeline",
     "render": "errors scene settings device pipeline budget",
     "motion": "errors layout scene settings stages pipeline render",
-    "film": "clfur errors color cache settings scene files device render motion av",
+    "film": "clfur errors color cache settings scene files device render motion judge pipeline av",
     "judge": "errors color cache measures layout settings scene files device budget render twin stages.tessellate",
-    "command": "clfur errors color cache settings scene files film device budget judge",
+    "command": "clfur errors color cache settings scene files device budget judge film",
     "_moved": "", "__main__": "command", "__init__": "*",
 }
 GUARDED = {"pyopencl", "trimesh", "mapbox_earcut", "imageio", "OpenEXR", "Imath", "av"}

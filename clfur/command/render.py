@@ -11,6 +11,9 @@ import numpy as np
 from .. import Camera, Scheduler, blurred, draw, over, save, subframes
 from ..files.images import check_writable, load_picture
 from ..files.usd import is_usd
+from ..film.cluster import check_address
+from ..film.jobs import on_host
+from ..film.regions import picture
 from ..judge.frontier import label
 from ..scene import backdrop
 from .described import lowered
@@ -18,7 +21,7 @@ from .devices import ask_drivers
 from .options import Sectioned, scene_options
 from .scenes import is_scene_file, load_moving, moved, scene_at, within
 from .skin import files_of, taken
-from .types import Backdrop, Bytes, Names, Pictures, Real, Region, read_for
+from .types import Backdrop, Bytes, Names, Real, Region, Subframes, read_for
 from .waiting import waiting
 
 TOLD = 0.05   # seconds of building kernels that a summary tells
@@ -44,7 +47,7 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
                    "frame's 360 degrees, up to --time.  [default: 0, no blur]", show_default=False)
 @click.option("--fps", type=Real(0, 1000, min_open=True), default=24,
               help="Frames a second, of one of which --shutter is a part, and motion_vector.")
-@click.option("--pictures", type=Pictures(), default="auto", metavar="N|auto",
+@click.option("--subframes", "pictures", type=Subframes(), default="auto", metavar="N|auto",
               help="How many, 1 to 64, a picture with --shutter is the mean of; auto: so many that nothing goes "
                    "further than 1.5 pixels from one to the next.")
 @click.option("--max-error", type=Real(0, min_open=True), metavar="E",
@@ -58,8 +61,12 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
 @click.option("--memory", type=Bytes(), metavar="SIZE",
               help="What arrays may take on the device, such as 2GiB: what does not fit is drawn part by part.  "
                    "[default: three quarters of the device's, or what this process may still take]")
+@click.option("--cluster", metavar="ADDRESS",
+              help="Draw regions of the picture on several machines or devices: tcp://host:port or tls://host:port of "
+                   "a Dask scheduler; local, with a process for each GPU, or local:N, with N of them.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
-def render(given, output, outputs, background, region, shutter, fps, pictures, device, memory, as_json, **options):
+def render(given, output, outputs, background, region, shutter, fps, pictures, device, memory, cluster, as_json,
+           **options):
     """Draw MESH with fur and save the picture.
 
     MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.  Or it is a USD
@@ -71,8 +78,7 @@ def render(given, output, outputs, background, region, shutter, fps, pictures, d
     read = [given, *(options[name] for name in ("hair", "type_map", "types", "rest", "body_texture"))]
     read += files_of(options)
     _check_files(output, outputs, background, read)
-    if device and "," in device:
-        device = [part.strip() for part in device.split(",")]
+    device = _devices(device, cluster, memory)
     with waiting(f"reading {given}") as tell:
         *moving, settings = load_moving(given, options)
         scene = scene_at(moving[0], options["time"])
@@ -82,7 +88,7 @@ def render(given, output, outputs, background, region, shutter, fps, pictures, d
         if memory is not None:
             device = [Scheduler(one, memory) for one in (device if isinstance(device, list) else [device])]
         known = {"device": device, "outputs": outputs, "settings": settings, "region": region}
-        drawn, scene, steps = _drawn(tell, given, moving, options["time"], shutter, fps, pictures, known)
+        drawn, scene, steps = _drawn(tell, given, moving, options["time"], shutter, fps, pictures, known, cluster)
         if "color" in drawn.images and not drawn.images["color"][..., 3].any():
             warnings.warn("nothing of the scene is to be seen in the picture", stacklevel=2)
         tell(f"saving {output}")
@@ -134,22 +140,27 @@ def _faults(mesh):
             | {"inward": bool(mesh and mesh.inward)})
 
 
-def _drawn(tell, given, moving, seconds, degrees, fps, pictures, known):
+def _drawn(tell, given, moving, seconds, degrees, fps, pictures, known, cluster):
     """(Frame, Scene, steps) of what `load_moving` gives, at a time, with a shutter that is open so many degrees."""
     vectors, device = "motion_vector" in known["outputs"], known["device"]
     if vectors and degrees:
         raise click.UsageError("motion_vector is of pictures without --shutter; allowed: one of them")
+    if cluster is not None and (vectors or degrees):
+        raise click.UsageError("--cluster draws one moment; allowed: without --shutter and motion_vector")
     if moving[1] is not None:
         tell(f"moving the hair of {given}")
     if degrees or vectors:
         at, steps = within(given, *moving, seconds, device, (degrees or 360) / 360 / fps)
-        n = 1 if vectors else pictures or subframes(at(0), at(1), device)
+        n = 1 if vectors else subframes(at(0), at(1), device) if pictures == "auto" else pictures
         scenes = [at(1)] if vectors else [at((k + 0.5) / n) for k in range(n)]
         known = known | {"before": at(0) if vectors else None}
     else:
         scene, steps = moved(given, *moving, seconds, device)
         scenes = [scene]
     tell(f"drawing {given}")
+    if cluster is not None:
+        return picture(on_host(scene), cluster, device=device, **{
+            name: known[name] for name in ("settings", "outputs", "region")}), scene, steps
     drawn = draw(*scenes, **known) if len(scenes) == 1 else blurred(scenes, **known)
     return drawn, scenes[len(scenes) // 2], steps
 
@@ -190,6 +201,18 @@ def _over(image, behind, size, region):
     whole = np.zeros((size[1], size[0], 4), np.float32)
     whole[y:y + height, x:x + width] = image
     return over(whole, behind)[y:y + height, x:x + width]
+
+
+def _devices(device, cluster, memory):
+    """The option --device, a text or a list of several; raises what does not go with a cluster."""
+    if cluster is not None:
+        check_address(cluster)
+        if memory is not None:
+            raise click.UsageError("--memory is for this process; allowed: without --cluster")
+        if device is not None and not cluster.startswith("local"):
+            raise click.UsageError("--device is for this machine, workers elsewhere have CLFUR_DEVICE; allowed: with "
+                                   "--cluster local, or without one")
+    return [part.strip() for part in device.split(",")] if device and "," in device else device
 
 
 def _check_files(output, outputs, background, read):

@@ -141,19 +141,6 @@ class Region(click.ParamType):
         return tuple(map(int, parts))
 
 
-class Pictures(click.ParamType):
-    """How many pictures a blur is the mean of, 1 to 64, or auto -> None."""
-
-    name = "pictures"
-
-    def convert(self, value, param, ctx):
-        if value in ("auto", None):
-            return None
-        if not (str(value).isdecimal() and 1 <= int(value) <= 64):
-            self.fail(f"{value!r} is not auto or a whole number from 1 to 64", param, ctx)
-        return int(value)
-
-
 class View(click.ParamType):
     """From where the camera looks, a name of `VIEWS` or AZIMUTH,ELEVATION in degrees -> direction [3] towards it."""
 

@@ -130,6 +130,23 @@ def survey():
         for p, (platform, devices) in enumerate(found) if devices or platform.name != CHECKER]}
 
 
+def local_devices(wish):
+    """Numbers ("0:1") of the devices on this machine that jobs can be shared among, one at a time each.
+
+    wish: None, or what `choose` takes, or a list of these. Without it, and none in the environment: all GPUs that did
+    not fail the self-test, or what `choose` takes.
+    """
+    several = wish if isinstance(wish, (list, tuple)) else [wish]
+    platforms = _platforms()
+    if several == [None] and not _wish()[0]:
+        failed = _failed(platforms)
+        several = [device for devices in platforms for device in devices
+                   if device.type & cl.device_type.GPU and device not in failed] or several
+    chosen = [choose(getattr(one, "device", one)) for one in several]   # a Scheduler's
+    return [f"{p}:{d}" for one in chosen for p, devices in enumerate(platforms) for d, device in enumerate(devices)
+            if device == one]
+
+
 def probe(vendor):
     """What becomes of one `vendors.Vendor` -> (status, one line).
 

@@ -21,6 +21,7 @@ from ..files.video import KINDS, Kind, pyav, write_video
 from ..render import schedulers
 from ..scene import checks
 from ..settings import Settings
+from .cluster import check_address, on_cluster
 from .jobs import Job, alone
 from .moments import Moments
 from .record import Record
@@ -62,8 +63,6 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
     if place.kind and not place.kind.alpha and behind is None:
         behind = np.zeros(3)
     if cluster is not None:
-        from .cluster import check_address
-
         check_address(cluster)
     gpus = schedulers(device)
     about = {
@@ -95,11 +94,7 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
 
 def _drawn(jobs, gpus, device, cluster):
     """(number, bytes of its file) of the frames that jobs tell."""
-    if cluster is None:
-        return alone(jobs, gpus)
-    from .cluster import on_cluster
-
-    return on_cluster(jobs, cluster, device)
+    return alone(jobs, gpus) if cluster is None else on_cluster(jobs, cluster, device)
 
 
 @dataclass(frozen=True)

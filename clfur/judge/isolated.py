@@ -56,7 +56,7 @@ def isolated(function, *arguments, seconds, receive=None, environment=None):
         try:
             value, status = _listen(child, answers, seconds, receive)
         finally:
-            _end(child)
+            end(child)
         if status == "hang":
             return Outcome("hang", None, f"no answer in {seconds:g} s")
         if status == "ok":
@@ -68,7 +68,7 @@ def isolated(function, *arguments, seconds, receive=None, environment=None):
         return Outcome("crash", None, f"the process {_death(child.returncode)}" + (f": {said}" if said else ""))
 
 
-def _end(child):
+def end(child):
     """End the child and what it started; Windows has no groups of processes, and there it ends alone."""
     if hasattr(os, "killpg"):
         with contextlib.suppress(ProcessLookupError, PermissionError):   # gone; gone, as macOS says it
@@ -124,7 +124,7 @@ def _send(kind, value):
         _stream.flush()
 
 
-def _end_with_parent():
+def end_with_parent():
     """End this process and what it started once the parent's end of stdin is closed, however the parent ended."""
     sys.stdin.buffer.read(1)
     if hasattr(os, "killpg") and os.getpgrp() == os.getpid():
@@ -135,7 +135,7 @@ def _end_with_parent():
 def _serve(folder):
     """Do the call that lies in a folder."""
     global _stream
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=end_with_parent, daemon=True).start()
     function, arguments, path = pickle.loads(Path(folder, "call").read_bytes())
     sys.path[:] = path
     _stream = Path(folder, "answers").open("ab")   # noqa: SIM115, open to the end
