@@ -244,7 +244,7 @@ _QUALITY = "Quality and speed"   # fields of `Settings`
 _NAMES_IN = {title: _names(options) for title, options in _sections().items()}
 _NAMES_IN[_QUALITY] |= {"max_error", "seconds"}   # those of `clfur render`
 _NAMES_IN["Camera"] |= {"region", "turntable"}
-_NAMES_IN["Time"] = {"frames", "fps", "shutter", "subframes"}   # those of `clfur film`
+_NAMES_IN["Time"] = {"frames", "fps", "shutter", "subframes", "pictures"}   # those of `clfur film`
 _NAMES_IN["Motion"] = {"blown", "gust", "bend_length", "units_per_metre"}
 
 
