@@ -233,6 +233,79 @@ __kernel void finish(
     values[i] = nearest[i] == NOTHING ? grid.reach.x : sums[i] < 0 ? -distance : distance;
 }
 
+/* Whether a node is one of which it is not known how far it is. */
+inline bool is_far(const Distances *grid, float value)
+{
+    return value >= grid->reach.x;
+}
+
+/* One work-item goes along a row of nodes: where it is not known how far they are, but both ends of the gap are inside,
+   they are inside too, as far as this row tells. */
+__kernel void enclose(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const Distances grid,
+    const int4 row,                        // nodes of a row; from one to the next; rows side by side, from one to the next
+    const int layer,                       // from one layer of such rows to the next [nodes]
+    __global const float *values,          // [nodes] distance [world], below 0 inside; grid.reach.x where it is far
+    __global int *enclosed,                // [nodes] rows that tell so; all three do inside of what is closed
+    __global float *found)                 // [nodes] the same values; further than all where they are not known
+{
+    WORK_ITEM(i);
+    const size_t first = i % row.z * row.w + i / row.z * layer;
+    int since = 0;                         // nodes of the gap that are behind
+    bool inside = false;
+    for (int k = 0; k < row.x; ++k) {
+        const size_t node = first + (size_t)k * row.y;
+        const float value = values[node];
+        found[node] = is_far(&grid, value) ? 1e30f : value;
+        if (is_far(&grid, value)) {
+            ++since;
+            continue;
+        }
+        for (int back = 1; inside && value < 0.0f && back <= since; ++back)
+            ++enclosed[node - (size_t)back * row.y];
+        inside = value < 0.0f;
+        since = 0;
+    }
+}
+
+/* One work-item goes along a row and back: a node whose distance is not known is half a cell further than the one before it,
+   or more, which the straight way in any direction is at least. */
+__kernel void deepen(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const Distances grid,
+    const int4 row,                        // nodes of a row; from one to the next; rows side by side, from one to the next
+    const int layer,                       // from one layer of such rows to the next [nodes]
+    __global const float *values,          // [nodes] distance [world], below 0 inside; grid.reach.x where it is far
+    __global const int *enclosed,          // [nodes] 3: inside
+    const int last,                        // 1: of the axes
+    __global float *found)                 // [nodes] distance [world], or less, below 0 inside; 1e30: not known yet
+{
+    WORK_ITEM(i);
+    const size_t first = i % row.z * row.w + i / row.z * layer;
+    for (int back = 0; back < 2; ++back) {
+        float size = 1e30f;
+        for (int k = 0; k < row.x; ++k) {
+            const size_t node = first + (size_t)(back ? row.x - 1 - k : k) * row.y;
+            const bool is_known = !is_far(&grid, values[node]);
+            size = is_known ? fabs(found[node]) : min(fabs(found[node]), size + 0.5f * grid.reach.y);
+            if (!is_known)
+                found[node] = last && back && enclosed[node] == 3 ? -size : size;
+        }
+    }
+}
+
+__kernel void between(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const float share,                     // 0: before, 1: now
+    __global const float *before,          // [nodes] distance [world]
+    __global const float *now,             // [nodes]
+    __global float *found)                 // [nodes]
+{
+    WORK_ITEM(i);
+    found[i] = before[i] + share * (now[i] - before[i]);
+}
+
 /* Segments side by side, one of each strand. */
 typedef struct {
     lanes3 at, ahead;    // where it begins [world], which way it goes, unit
@@ -258,7 +331,7 @@ INLINED lanes_i go_along(const Distances *grid, __global const float *values, la
     lanes r = lesser(greater(s->free - s->away, pace), s->length);
     lanes_i going = asked, turned = I(0);
     for (int look = 0; look < SLIDE_LOOKS && any_lane(going); ++look) {
-        const Near near = near_at(grid, values, plus(s->at, scaled(s->ahead, r)));
+        const Near near = near_at(grid, values, going, plus(s->at, scaled(s->ahead, r)));
         const lanes lack = s->away - near.value;
         const lanes_i in = going & (lack > least_lack), out = going & ~in, ended = out & (r >= s->length);
         if (any_lane(in)) {
@@ -311,7 +384,7 @@ BY_HAND __kernel void slide(
         LANE(s.free, lane) = state.w;
     }
     if (!k0)
-        s.free = near_at(&grid, values, s.at).value;
+        s.free = near_at(&grid, values, I(ON), s.at).value;
     lanes_i moved = s.at.x != came.x | s.at.y != came.y | s.at.z != came.z;
     const uint most = (uint)most_lane(AS_I(count)), last = most - 1 < stretch.y ? most - 1 : stretch.y;
     for (uint k = k0; most && k < last; ++k) {

@@ -17,7 +17,8 @@ INLINED lanes cell_of(lanes x, int nodes, lanes *within_cell)
     return low;
 }
 
-INLINED Near near_at(const Distances *grid, __global const float *values, lanes3 p)
+/* In the lanes that are `asked` for; in others it is anything. */
+INLINED Near near_at(const Distances *grid, __global const float *values, lanes_i asked, lanes3 p)
 {
     lanes3 f;
     const lanes x = cell_of((p.x - grid->place.x) * grid->place.w, grid->size.x, &f.x);
@@ -25,8 +26,9 @@ INLINED Near near_at(const Distances *grid, __global const float *values, lanes3
     const lanes z = cell_of((p.z - grid->place.z) * grid->place.w, grid->size.z, &f.z);
     const lanes_i first = (nearest_i(z) * grid->size.y + nearest_i(y)) * grid->size.x + nearest_i(x);
     const int row = grid->size.x, layer = grid->size.x * grid->size.y;
-    lanes a, b, c, d, e, g, h, k;   // corners: x runs first, then y, then z
-    for (uint lane = 0; lane < LANES; ++lane) {
+    lanes a = F(0.0f), b = a, c = a, d = a, e = a, g = a, h = a, k = a;   // corners: x runs first, then y, then z
+    for (uint bits = bits_of(asked); bits; bits &= bits - 1) {
+        const int lane = first_of(bits);
         __global const float *v = values + LANE_I(first, lane);
         LANE(a, lane) = v[0];
         LANE(b, lane) = v[1];

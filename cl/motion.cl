@@ -5,7 +5,7 @@
  * j + 1, is a rest direction of segment j + 1 that hangs from the groomed direction of segment j in the axes of the root,
  * turned by the least rotation to where segment j points now.
  */
-#include "lanes.h"
+#include "distance.h"
 
 typedef struct {
     lanes xx, xy, xz, yy, yz, zz;
@@ -22,7 +22,7 @@ typedef struct {
     lanes3 right, right_second;
 } Left;
 
-/* What is set aside for each point between the two ways along the strand: rows of the workspace. */
+/* What is set aside for each point between the two ways along the strand: rows of the workspace.  contact.h has more. */
 enum { PLACE = 0, FREE = 3, BASE = 6, REST = 9, SOLVED = 12, BY_ONE = 15, BY_TWO = 24, PULL = 30, TENSION = 37 };   // of ROWS_OF_POINT
 
 /* Of strands side by side. */
@@ -33,10 +33,18 @@ typedef struct {
     lanes_i n;                                  // segments
     lanes bend, air;                            // B / mass a length, with what damps it; 1 / air [1 / s]
     lanes he;                                   // [s] of implicit Euler's step
-    lanes3 axes[3];                             // of the root
+    lanes3 axes[3], before[3];                  // of the root, and a step ago
     lanes3 gravity, wind;
     float by_skin;                              // 1 / height of air that the skin holds still [1 / world], 0: none
-    __global const float *felt_hair;            // from these strands on, or 0: hair doesn't feel hair
+    __global const float *of_hair;              // what is felt of other hair, from these strands on, or 0
+    bool feels;                                 // the body, of which the rest tells
+    const Distances *grid;
+    const Body *body;
+    __global const float *values, *away, *places, *places_now;   // the last: where what a step begins with counts as being
+    __global float *free, *pressed;
+    lanes3 at, root_taken;                      // the root in the grid's frame; what it lacks of the body's way [world]
+    lanes friction;
+    float by_step;                              // [1 / s]
 } Moving;
 
 INLINED lanes row_of(__global const float *rows, size_t stride, int row)
@@ -130,6 +138,7 @@ INLINED lanes3 masked(lanes_i on, lanes3 v)
     return chosen(on, v, all_lanes((float4)(0.0f)));
 }
 
+#include "contact.h"
 #include "felt.h"
 
 /* A segment as it is now, and the joint at its end. */
@@ -232,6 +241,8 @@ INLINED void solve(const Moving *m, int i, const Chain *c, Left *left, lanes3 *b
     b = minus(b, scaled(minus(place, kept(m, i, FREE)), mass / (m->he * m->he)));
     b = plus(b, scaled(m->gravity, mass));
     b = minus(b, scaled(minus(minus(place, kept(m, i, BASE)), scaled(m->wind, m->he * felt(m, place))), drag / m->he));
+    if (m->feels)
+        press(m, i, inertia, &a, &b);
 
     const Symmetric p = inverse(&a);
     const lanes3 pt = times(&p, t);
@@ -354,6 +365,8 @@ INLINED void improve(const Moving *m, int most)
         const lanes tension = row_of(m->work, m->work_stride, at + PULL) - dots(kept(m, i, PULL + 1), one)
             - dots(kept(m, i, PULL + 4), two);
         put_row(m->work, m->work_stride, at + TENSION, tension);
+        if (m->feels)
+            pressed_by(m, i, way);
         two = one;
         one = way;
         const lanes3 place = plus(kept(m, i, PLACE), way), along = minus(place, was);
@@ -371,6 +384,7 @@ INLINED void put_motion(Moving *m, lanes *damping, lanes *carried, uint lane, __
     LANE(m->air, lane) = type->hair.y;
     LANE(*damping, lane) = type->hair.z;
     LANE(*carried, lane) = type->hair.w;
+    LANE(m->friction, lane) = type->touch.x;
 }
 
 /* The rest directions with Kelvin's and Voigt's damping: a share of where the strand points now. */
@@ -396,17 +410,25 @@ INLINED void damp(const Moving *m, int most, const lanes3 *before, __global cons
 }
 
 /* One step of strands side by side. */
-ONCE void move(Moving *m, int most, lanes second, lanes step, lanes damping, lanes carried, __global const float *roots,
+ONCE void move(Moving *m, int most, lanes second, float step, lanes damping, lanes carried, __global const float *roots,
                __global const float *roots_before, __global const float *rest, __global float *places,
                __global float *places_before, __global float *speeds, __global float *speeds_before,
                __global float *tensions)
 {
-    lanes3 before[3];
     for (int a = 0; a < 3; ++a) {
         m->axes[a] = three_of(roots, m->stride, 3 + 3 * a);
-        before[a] = three_of(roots_before, m->stride, 3 + 3 * a);
+        m->before[a] = three_of(roots_before, m->stride, 3 + 3 * a);
     }
-    const lanes3 gone = minus(three_of(roots, m->stride, 0), three_of(roots_before, m->stride, 0));
+    const lanes3 *before = m->before;
+    const lanes3 root = three_of(roots, m->stride, 0), gone = minus(root, three_of(roots_before, m->stride, 0));
+    if (m->feels) {
+        m->places = places;
+        m->places_now = places_before;
+        m->at = place_by_rows(m->body->to_grid, root);
+        m->root_taken = minus(place_by_rows(m->body->carry, three_of(roots_before, m->stride, 0)), root);
+        m->by_step = 1.0f / step;
+        second = row_of(m->pressed, m->stride, 0) > 0.0f ? F(0.0f) : second;   // implicit Euler for what has touched it
+    }
     m->he = step / (1.0f + 0.5f * second);
     const lanes stiffer = 1.0f + damping / m->he, third = second / 3.0f;
     damp(m, most, before, rest, damping / m->he / stiffer, places);
@@ -430,13 +452,21 @@ ONCE void move(Moving *m, int most, lanes second, lanes step, lanes damping, lan
         put_three(places_before, m->stride, 3 * i, masked(there, p_now));
         put_three(speeds_before, m->stride, 3 * i, masked(there, v_now));
     }
-    for (int newton = 0; newton < 2; ++newton)
+    if (m->feels)
+        recall(m, most);
+    for (int newton = 0; newton < 2; ++newton) {
+        if (m->feels && newton)
+            meet(m, most);
         improve(m, most);
+    }
+    if (m->feels)
+        turn_out(m, most);
     for (int i = 1; i <= most; ++i) {
         const lanes_i there = i <= m->n;
         const lanes3 place = kept(m, i, PLACE);
         put_three(places, m->stride, 3 * i, masked(there, place));
-        put_three(speeds, m->stride, 3 * i, masked(there, scaled(minus(place, kept(m, i, BASE)), 1.0f / m->he)));
+        const lanes3 speed = m->feels ? kept(m, i, SOLVED) : scaled(minus(place, kept(m, i, BASE)), 1.0f / m->he);
+        put_three(speeds, m->stride, 3 * i, masked(there, speed));
         const lanes tension = row_of(m->work, m->work_stride, i * ROWS_OF_POINT + TENSION);
         put_row(tensions, m->stride, i, there ? tension : F(0.0f));
     }
@@ -469,12 +499,20 @@ BY_ITSELF __kernel void advance(
     __global const float *winds,           // [3, padded] at each root [world / s]
     const float by_skin,                   // 1 / height of air that the skin holds still [1 / world], 0: none
     const int feels_hair,                  // 1: what hair_grid.cl says of each point,
-    __global const float *felt,            // [points, 4, padded] acceleration [world / s^2], friction [1 / s]
+    __global const float *felt_of_hair,    // [points, 4, padded] acceleration [world / s^2], friction [1 / s]
     __global float *places,                // [points, 3, padded] relative to the root [world]
     __global float *places_before,         // [points, 3, padded]
     __global float *speeds,                // [points, 3, padded] [world / s]
     __global float *speeds_before,         // [points, 3, padded]
     __global float *tensions,              // [points, padded] of segments, by the points that they end in
+    const int feels,                       // the body: 0, or else what follows is there
+    const Distances grid,
+    const Body body,
+    __global const float *values,          // [nodes] distance from the body [world], below 0 inside
+    __global const float *away,            // [points, padded] that a point keeps from it [world]
+    __global float *free,                  // [points, padded] that it is from it, or less [world]
+    __global float *pressed,               // [points, 3, padded] force of the contact over mass a length; 1 in the first
+                                           // row: the strand has touched the body
     __global float *workspace)             // [points, ROWS_OF_POINT, work-items, LANES]
 {
     WORK_ITEM(item);
@@ -484,20 +522,27 @@ BY_ITSELF __kernel void advance(
     m.work = workspace + item * LANES;
     m.gravity = all_lanes(gravity);
     m.by_skin = by_skin;
+    m.feels = feels;
+    m.grid = &grid;
+    m.body = &body;
+    m.values = values;
     for (uint first = (uint)item * LANES; first < n; first += n_items * LANES) {
         m.groomed = groomed + first;
         m.lengths = lengths + first;
+        m.away = away + first;
+        m.free = free + first;
+        m.pressed = pressed + first;
         m.wind = three_of(winds + first, padded, 0);
-        m.felt_hair = feels_hair ? felt + first : 0;
+        m.of_hair = feels_hair ? felt_of_hair + first : 0;
         m.n = *(__global const lanes_i *)(segments + first);
         lanes damping = F(0.0f), carried = F(0.0f);
-        m.bend = m.air = F(0.0f);
+        m.bend = m.air = m.friction = F(0.0f);
         for (uint lane = 0; lane < LANES; ++lane)
             put_motion(&m, &damping, &carried, lane, &types[type_of[first + lane]]);
         const lanes n_segments = greater(TO(lanes, m.n), F(1.0f));
         m.bend *= 1.0f + 1.0f / (n_segments * n_segments);   // so that a bar of few bends as one of endlessly many
         carried = jumped ? F(1.0f) : carried;
-        move(&m, most_lane(m.n), F(order == 2 ? 1.0f : 0.0f), F(seconds), damping, carried, roots + first,
+        move(&m, most_lane(m.n), F(order == 2 ? 1.0f : 0.0f), seconds, damping, carried, roots + first,
              roots_before + first, rest + first, places + first, places_before + first, speeds + first,
              speeds_before + first, tensions + first);
     }
@@ -579,6 +624,43 @@ __kernel void hang(
     too_soft[i] = soft;
 }
 
+/* How far points of strands as they were groomed stay away from the body: half of their width, or as near as they are. */
+BY_HAND __kernel void stand_off(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const uint n,                          // strands
+    const uint padded,
+    const Distances grid,
+    const Body body,
+    __global const float *values,          // [nodes] distance from the body [world], below 0 inside
+    __global const float4 *points,         // [points] x, y, z, width [world]
+    __global const uint2 *spans,           // [strands] first point, points
+    __global float *away,                  // [points, padded] that a point keeps from it [world]
+    __global float *free,                  // [points, padded] that it is from it [world]
+    __global float *deepest)               // [padded] the least of these
+{
+    WORK_ITEM(block);
+    const uint first = (uint)block * LANES;
+    lanes least = F(grid.reach.x), width = F(0.0f);
+    lanes_i count = I(0);
+    for (uint lane = 0; lane < LANES && first + lane < n; ++lane)
+        LANE_I(count, lane) = (int)spans[first + lane].y;
+    const int most = most_lane(count);
+    for (int k = 1; k < most; ++k) {
+        lanes3 place = all_lanes((float4)(0.0f));
+        for (uint lane = 0; lane < LANES && first + lane < n; ++lane)
+            if (k < LANE_I(count, lane)) {
+                const float4 p = points[spans[first + lane].x + k];
+                put_lane(&place, lane, p);
+                LANE(width, lane) = p.w;
+            }
+        const lanes value = near_at(&grid, values, I(ON), place_by_rows(body.to_grid, place)).value;
+        least = k < count ? lesser(least, value) : least;
+        put_row(free + first, padded, k, value);
+        put_row(away + first, padded, k, lesser(0.5f * width, value - grid.reach.y * (1.0f / 128)));
+    }
+    put_row(deepest + first, padded, 0, least);
+}
+
 /* Where strands are now, as they are drawn. */
 __kernel void place_points(
     const ulong begin, const ulong end,    // work-items, see common.h
@@ -597,6 +679,101 @@ __kernel void place_points(
             packed[3 * (size_t)(span.x + k) + a] = root + (k ? places[(3 * (size_t)k + a) * padded + i] : 0.0f);
         normals[3 * i + a] = roots[(9 + a) * (size_t)padded + i];
     }
+}
+
+/* What places and speeds are before a step, for what lies within it. */
+__kernel void remember(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    __global const float *places,          // [points, 3, padded]
+    __global const float *speeds,
+    __global float *places_then,           // likewise
+    __global float *speeds_then)
+{
+    WORK_ITEM(i);
+    places_then[i] = places[i];
+    speeds_then[i] = speeds[i];
+}
+
+inline float4 column_of(__global const float *rows, size_t padded, size_t strand)
+{
+    return (float4)(rows[strand], rows[padded + strand], rows[2 * padded + strand], 0.0f);
+}
+
+/* Between two places and the speeds there, times the seconds between (Hermite). */
+inline float4 curve_at(float share, float4 from, float4 from_speed, float4 to, float4 to_speed)
+{
+    const float left = 1.0f - share, square = share * share, left_square = left * left;
+    return ((left_square * (1.0f + 2.0f * share)) * from + (left_square * share) * from_speed)
+        + ((square * (1.0f + 2.0f * left)) * to - (square * left) * to_speed);
+}
+
+/* Parts of v along three axes, and back. */
+inline float4 along_axes(const float4 *axes, float4 v)
+{
+    return (float4)(dot3(axes[0], v), dot3(axes[1], v), dot3(axes[2], v), 0.0f);
+}
+
+inline float4 of_axes(const float4 *axes, float4 v)
+{
+    return (v.x * axes[0] + v.y * axes[1]) + v.z * axes[2];
+}
+
+/* Where one strand was within a step, from places and speeds at both of its ends: in the world as far as it goes by its own
+   laws, and in the axes of its root as far as that carries it.  Then lengths are made exact again. */
+__kernel void between(
+    const ulong begin, const ulong end,    // work-items, see common.h
+    const uint padded,
+    const float share,                     // of the step, 0 to 1
+    const float seconds,                   // of the step
+    const int jumped,                      // 1: hair went with its root
+    __global const uint2 *spans,           // [strands] first point, points
+    __global const uint *type_of,          // [padded]
+    __global const MotionType *types,
+    __global const float *lengths,         // [points, padded] of segments [world]
+    __global const float *roots_then,      // [4, 3, padded] at the step's beginning: place [world], three axes
+    __global const float *roots_now,       // at its end
+    __global const float *roots,           // and at the time that is asked for
+    __global const float *places_then,     // [points, 3, padded] relative to the root [world]
+    __global const float *speeds_then,     // [world / s]
+    __global const float *places,
+    __global const float *speeds,
+    __global float *packed,                // [points, 3] x, y, z [world]
+    __global float *normals)               // [strands, 3] unit, of the skin at the root
+{
+    WORK_ITEM(i);
+    const uint2 span = spans[i];
+    const float carried = jumped ? 1.0f : types[type_of[i]].hair.w;
+    float4 then[3], now[3], here[3];
+    for (int a = 0; a < 3; ++a) {
+        const size_t row = (size_t)(3 + 3 * a) * padded;
+        then[a] = column_of(roots_then + row, padded, i);
+        now[a] = column_of(roots_now + row, padded, i);
+        here[a] = column_of(roots + row, padded, i);
+    }
+    const float4 root = column_of(roots, padded, i);
+    const float4 from = column_of(roots_then, padded, i), gone = column_of(roots_now, padded, i) - from, come = root - from;
+    float4 before = (float4)(0.0f), place = before;    // of the point before: as the curves have it, and as lengths do
+    for (uint k = 0; k < span.y; ++k) {
+        float4 p = (float4)(0.0f);
+        if (k) {
+            const size_t row = 3 * (size_t)k * padded;
+            const float4 a = column_of(places_then + row, padded, i), b = column_of(places + row, padded, i);
+            const float4 v = seconds * column_of(speeds_then + row, padded, i), w = seconds * column_of(speeds + row, padded, i);
+            const float4 free = curve_at(share, a, v, b + gone, w) - come;
+            const float4 held = curve_at(share, along_axes(then, a), along_axes(then, v), along_axes(now, b), along_axes(now, w));
+            p = (1.0f - carried) * free + carried * of_axes(here, held);
+            const float size = lengths[(size_t)(k - 1) * padded + i];
+            const float4 way = p - before;
+            place = size > 0.0f ? place + size * unit_or(way, (float4)(0.0f)) : p;
+        }
+        before = p;
+        const size_t at = 3 * (size_t)(span.x + k);
+        packed[at] = root.x + place.x;
+        packed[at + 1] = root.y + place.y;
+        packed[at + 2] = root.z + place.z;
+    }
+    for (uint a = 0; a < 3; ++a)
+        normals[3 * i + a] = roots[(9 + a) * (size_t)padded + i];
 }
 
 /* A mean of three corners of a face, between two poses. */
@@ -619,6 +796,7 @@ __kernel void place_roots(
     __global const float4 *now,            // [faces, 3] of this pose
     __global const float4 *normals,        // [faces, 3]
     const float share,                     // 0: the pose before, 1: this one
+    const Body body,                       // where it takes them besides
     __global float *roots)                 // [4, 3, padded] place [world], three axes
 {
     WORK_ITEM(i);
@@ -636,9 +814,8 @@ __kernel void place_roots(
     place += (offset.x * axes[0] + offset.y * axes[1]) + offset.z * axes[2];
     for (uint row = 0; row < 4; ++row) {
         const float4 v = row ? axes[row - 1] : place;
-        roots[(3 * row) * (size_t)padded + i] = v.x;
-        roots[(3 * row + 1) * (size_t)padded + i] = v.y;
-        roots[(3 * row + 2) * (size_t)padded + i] = v.z;
+        for (int a = 0; a < 3; ++a)
+            roots[(3 * row + a) * (size_t)padded + i] = dot3(body.to_world[a], v) + (row ? 0.0f : body.to_world[a].w);
     }
 }
 

@@ -1,4 +1,4 @@
-/* What a sample sees, and from where: shade.cl, strand_light.cl, shells.cl and march.cl use this. */
+/* What a sample sees, and from where: shade.cl, flow.cl, strand_light.cl, shells.cl and march.cl use this. */
 
 /* Reversed depth of what was seen at this depth: at least half a step, as infinity is no place. */
 inline float reversed_depth(uint depth)
@@ -38,4 +38,25 @@ inline float4 towards_eye(const View *view, float4 p)
 {
     const float4 eye = (float4)(view->eye.xyz, 0.0f);
     return unit_or(eye - view->eye.w * p, (float4)(0.0f, 0.0f, 1.0f, 0.0f));
+}
+
+/* Weights of a triangle's corners at a point of its plane. */
+inline float4 barycentric(float4 a, float4 b, float4 c, float4 p)
+{
+    const float4 n = cross3(b - a, c - a);
+    const float square = dot3(n, n);
+    if (!(square > 0.0f))
+        return (float4)(1.0f, 0.0f, 0.0f, 0.0f);
+    const float v = clamp(dot3(cross3(p - a, c - a), n) / square, 0.0f, 1.0f);
+    const float w = clamp(dot3(cross3(b - a, p - a), n) / square, 0.0f, 1.0f - v);
+    return (float4)(1.0f - v - w, v, w, 0.0f);
+}
+
+/* Number of what a sample shows among the triangles, or the segments as they came, that a part of the scene holds; NOTHING
+   if it shows none of these. */
+inline uint local_id(ulong key, uint4 part)
+{
+    const bool is_body = (uint)key & BODY;
+    const uint id = is_body ? ((uint)key & ~BODY) - part.z : (uint)key - part.x;   // wraps round below the first
+    return (uint)key == NOTHING || id >= (is_body ? part.w : part.y) ? NOTHING : id;
 }

@@ -10,19 +10,6 @@
 #include "light_lanes.h"
 #include "sky.h"
 #include "sums.h"
-
-/* Weights of a triangle's corners at a point of its plane. */
-inline float4 barycentric(float4 a, float4 b, float4 c, float4 p)
-{
-    const float4 n = cross3(b - a, c - a);
-    const float square = dot3(n, n);
-    if (!(square > 0.0f))
-        return (float4)(1.0f, 0.0f, 0.0f, 0.0f);
-    const float v = clamp(dot3(cross3(p - a, c - a), n) / square, 0.0f, 1.0f);
-    const float w = clamp(dot3(cross3(b - a, p - a), n) / square, 0.0f, 1.0f - v);
-    return (float4)(1.0f - v - w, v, w, 0.0f);
-}
-
 #include "paint.h"
 
 /* The surface's normal at a point of triangle t, on the eye's side. */
@@ -33,15 +20,6 @@ inline float4 body_normal(__global const float4 *positions, __global const float
     const float4 n = unit_or(b.x * normals[t.x] + b.y * normals[t.y] + b.z * normals[t.z], normals[t.x]);
     *weights = b;
     return dot3(n, v) < 0.0f ? -n : n;
-}
-
-/* Number of what a sample shows among the triangles, or the segments as they came, that a part of the scene holds; NOTHING
-   if it shows none of these. */
-inline uint local_id(ulong key, uint4 part)
-{
-    const bool is_body = (uint)key & BODY;
-    const uint id = is_body ? ((uint)key & ~BODY) - part.z : (uint)key - part.x;   // wraps round below the first
-    return (uint)key == NOTHING || id >= (is_body ? part.w : part.y) ? NOTHING : id;
 }
 
 /* Samples that wait to be lit side by side: where they are on the screen, what they show, and how much of it. */

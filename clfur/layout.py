@@ -13,7 +13,7 @@ CONSTANTS = {
     "NOTHING": 0xFFFFFFFF,  # depth and id of a sample that nothing covers
     "BODY": 0x80000000,     # id of a body triangle = BODY | triangle; of a strand segment = its first point
     "PERIOD": 1024,         # cells after which gusts of wind come again, along each axis
-    "ROWS_OF_POINT": 38,    # of what a step sets aside for a point of a strand that moves
+    "ROWS_OF_POINT": 50,    # of what a step sets aside for a point of a strand that moves
     "FASTEST": 1 << 24,     # units of speed that a grid of hair takes: 2^16 are a cell in a step
     "ALONE_IN_CELL": 1.25,  # strands across a cell, by its density, that one alone may seem to be,
     "DENSER": 1.2,          # and by how much hair may be denser than as groomed before it is pushed apart
@@ -220,12 +220,20 @@ Lobes = np.dtype([                    # how hair of a type scatters light, where
 MotionType = np.dtype([               # how hair of a type moves
     ("hair", *_float4),                  # what bends it over its mass a length [world^3 / s^2]; 1 / air [1 / s];
                                          # damping [s]; share of its root's motion that carries it along
+    ("touch", *_float4),                 # friction on the body, -, -, -
+])
+
+Body = np.dtype([                     # where the body is, that hair touches
+    ("to_world", np.float32, (3, 4)),    # rows that take a place at rest to where it is now [world],
+    ("to_grid", np.float32, (3, 4)),     # and back, to where the grid of its distances has it
+    ("carry", np.float32, (3, 4)),       # rows that take a place a step ago to where the body has taken it
+    ("more", *_float4),                  # how far its skin has gone besides, at most [world]; 1: it deforms, -, -
 ])
 
 STRUCTS = {"Sky": Sky, "View": View, "HairType": HairType, "Traits": Traits, "SkinTile": SkinTile,
            "SkinMap": SkinMap, "Light": Light, "Shadow": Shadow, "Grid": Grid, "Deep": Deep, "Shells": Shells,
            "Ground": Ground, "OnGround": OnGround, "Material": Material, "Lobes": Lobes, "Distances": Distances,
-           "MotionType": MotionType}
+           "MotionType": MotionType, "Body": Body}
 
 
 def shine(look, alpha, model=None):

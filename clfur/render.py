@@ -17,7 +17,7 @@ from .device.team import Team
 from .errors import Error, shown
 from .pipeline.build import told
 from .pipeline.grown import curves_of
-from .pipeline.picture import OUTPUTS, Frame, draw_frame
+from .pipeline.picture import OF_TWO, OUTPUTS, Frame, draw_frame
 from .pipeline.plan import Plan
 from .pipeline.views import Rig
 from .scene import Camera, Curves, Scene, Strands, highlighted
@@ -29,7 +29,8 @@ __all__ = ["OUTPUTS", "Frame", "draw", "frames", "grow", "render", "schedulers"]
 
 
 def render(scene: Scene, device: Any = None, settings: Settings | None = None,
-           outputs: Sequence[str] | None = None, region: Sequence[int] | None = None) -> Any:
+           outputs: Sequence[str] | None = None, region: Sequence[int] | None = None,
+           before: Scene | None = None) -> Any:
     """Draw a `Scene` -> float32 [height, width, 4]: linear, premultiplied, coverage in alpha.
 
     ``device``: what `Scheduler` accepts, or a `Scheduler` to keep between frames, or a list of these, which then draw
@@ -43,6 +44,9 @@ def render(scene: Scene, device: Any = None, settings: Settings | None = None,
       middle; inf where nothing is. "id", int32: strand, -1 nothing, -2 body, -3 shells, -4 ground. "tangent" and
       "normal", float32 [h, w, 3]: unit vectors of the world, 0 where there is none. "uv", float32 [h, w, 2]: the
       body's, or of the strand's root.
+    - "motion_vector", float32 [h, w, 2]: how many pixels what is seen has gone to the right and down since ``before``,
+      the same place of the same strand or triangle; inf where that was not before the camera. Background goes as the
+      camera turns, a ground stays in the world, shells go with their face.
     - "hair_alpha", float32: share of the pixel's light that strands and shells have, in front of all else or seen
       through it: the hair alone. "body_alpha": the body's share. With the ground's they add up to what is covered.
       "type_alpha", float32 [h, w, types]: each type's share; where the scene has shells, theirs is one more, the
@@ -61,15 +65,16 @@ def render(scene: Scene, device: Any = None, settings: Settings | None = None,
     caller's own: `torch.from_dlpack(array)` shares them.
     ``region``: (x, y, width, height) in pixels of the picture that are wanted alone, from its top-left corner on: the
     very same bits as of the whole one, in about that share of its time.
-    Raises `clfur.Error` for an unknown device or output, a region that is not within the picture, and for a picture
-    that the device cannot hold.
+    ``before``: the same scene at another time, of as many strands and faces in their order, for motion_vector.
+    Raises `clfur.Error` for an unknown device or output, a region that is not within the picture, a ``before`` of
+    other strands, and for a picture that the device cannot hold.
     """
-    frame = draw(scene, device, settings, ("color",) if outputs is None else outputs, region=region)
+    frame = draw(scene, device, settings, ("color",) if outputs is None else outputs, region=region, before=before)
     return frame.images["color"] if outputs is None else frame.images
 
 
 def draw(scene: Scene, device: Any = None, settings: Settings | None = None, outputs: Sequence[str] = ("color",),
-         hashes: bool = False, region: Sequence[int] | None = None) -> Frame:
+         hashes: bool = False, region: Sequence[int] | None = None, before: Scene | None = None) -> Frame:
     """Draw a `Scene` and tell what it took -> `Frame`; arguments and errors as for `render`.
 
     ``hashes``: also hash the bits of the integer stages, which are the same on every device; of a region those of the
@@ -79,30 +84,45 @@ def draw(scene: Scene, device: Any = None, settings: Settings | None = None, out
     for a scene, a light and a distance, while the `Scheduler` is kept, and is no part of the frame's seconds.  If it
     cannot be had: the best there is, and a warning.  With both, seconds counts more.
     """
+    outputs, settings, part = checked(scene, settings, outputs, region, before)
+    return drawn(schedulers(device), scene, settings, outputs, hashes, region=part, before=before)
+
+
+def checked(scene: Any, settings: Any, outputs: Any, region: Any, before: Any) -> tuple:
+    """(outputs, Settings, region) of what `draw` is given, or `clfur.Error`."""
     outputs = (outputs,) if isinstance(outputs, str) else outputs
     for name in outputs if isinstance(outputs, (tuple, list)) else [outputs]:
-        if not isinstance(name, str) or name not in OUTPUTS:
-            raise Error(f"there is no output {shown(name)}; allowed: {', '.join(OUTPUTS)}")
+        if not isinstance(name, str) or name not in OUTPUTS | OF_TWO:
+            raise Error(f"there is no output {shown(name)}; allowed: {', '.join(OUTPUTS | OF_TWO)}")
     _check_scene(scene)
+    if before is None and "motion_vector" in outputs:
+        raise Error("motion_vector needs before; allowed: the scene at another time")
+    if before is not None and not isinstance(before, Scene):
+        raise Error(f"before is {shown(before)}; allowed: a clfur.Scene")
     settings = Settings() if settings is None else settings
     if not isinstance(settings, Settings):
         raise Error(f"settings is {shown(settings)}; allowed: a clfur.Settings")
-    part = _region(region, scene.camera.size)
-    gpus = schedulers(device)
+    return outputs, settings, _region(region, scene.camera.size)
+
+
+def drawn(gpus: list[Scheduler], scene: Scene, settings: Settings, outputs: Sequence[str], hashes: bool = False,
+          before: Scene | None = None, **how: Any) -> Frame:
+    """`draw` of what has been checked; how: what else `draw_frame` takes."""
+    how["before"] = before and before.seen_from(scene.origin)
     with ExitStack() as frames:
         for gpu in gpus:
             frames.enter_context(gpu.frame())
         team, scene = Team(gpus), scene.local
-        drawn = scene
+        meant = scene
         if settings.specular is not None:   # as once all looks had it
-            drawn = attrs.evolve(scene, fur=highlighted(scene.fur, settings.specular))
+            meant = attrs.evolve(scene, fur=highlighted(scene.fur, settings.specular))
         if not settings.goal:
-            return draw_frame(team, drawn, settings, outputs, hashes, region=part)
-        chosen = budget.choose(team, scene, settings, functools.partial(draw_frame, team, drawn))
+            return draw_frame(team, meant, settings, outputs, hashes, **how)
+        chosen = budget.choose(team, scene, settings, functools.partial(draw_frame, team, meant))
         for gpu in team.gpus:
             gpu.start()
-        drawn_frame = draw_frame(team, drawn, chosen.settings, outputs, hashes, region=part)
-        return replace(drawn_frame, error=chosen.error, why=chosen.why)
+        frame = draw_frame(team, meant, chosen.settings, outputs, hashes, **how)
+        return replace(frame, error=chosen.error, why=chosen.why)
 
 
 def _region(value, size):

@@ -11,7 +11,8 @@ import clfur
 def main(folder=".", size=(640, 480), frames=24, roots=20_000):
     rest, gpu = clfur.load_mesh("teapot"), clfur.Scheduler()
     rest = clfur.Mesh(positions=rest.positions, faces=rest.faces)
-    fur = clfur.Strands(roots=roots, types=clfur.HairType(length=.22, stiffness=1.2, length_variation=.3, width=.004))
+    fur = clfur.Strands(roots=roots, types=clfur.HairType(length=.22, stiffness=1.2, length_variation=.3, width=.004),
+                        collision=True)
 
     def scene(seconds):
         a = .8 * math.sin(2 * math.pi * seconds)

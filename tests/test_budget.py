@@ -50,9 +50,9 @@ def frames(monkeypatch):
     render, calls = sys.modules["clfur.render"], []
     real = render.draw_frame
 
-    def draw(team, scene, settings, *rest, bands=None, region=None):
+    def draw(team, scene, settings, *rest, bands=None, **how):
         calls.append((settings, bands))
-        return real(team, scene, settings, *rest, bands=bands, region=region)
+        return real(team, scene, settings, *rest, bands=bands, **how)
     monkeypatch.setattr(render, "draw_frame", draw)
     return calls
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -201,7 +202,82 @@ def test_scene_file_with_settings_and_no_mesh(clfur, tmp_path):
     assert result["skipped"] == {"degenerate": 0, "zero_normal": 0, "doubled": 0}
 
 
+MOVING_FILE = """import clfur
+ball = clfur.load_mesh("sphere")
+def scene(t):
+    print(f"at {t}")
+    mesh = clfur.Mesh(positions=ball.positions + (t / 2, 0, 0), faces=ball.faces)
+    fur = clfur.Strands(roots=50, types=clfur.HairType(length=.4, stiffness=4, width=.05))
+    return clfur.Scene(mesh=mesh, fur=fur, camera=clfur.Camera(size=(40, 30)))
+"""
+
+
+def test_a_scene_file_of_time(clfur, tmp_path):
+    """Its function at --time; with `motion` hair lags behind, as clfur.Motion says, drawn and grown."""
+    (tmp_path / "still.py").write_text(MOVING_FILE)
+    (tmp_path / "moving.py").write_text(MOVING_FILE + "motion = {'units_per_metre': 2, 'rate': 60}\n")
+    drawn = {}
+    for name, options in ("still", ["--time", ".6"]), ("moving", ["--time", ".6"]), ("moving", []):
+        code, out, err = clfur("render", f"{name}.py", "--json", "-o", "a.npz", *options)
+        assert code == 0 and ("at 0.6\n" in err) == bool(options)
+        drawn[name, bool(options)] = json.loads(out)["steps"], load("a.npz")["color"]
+    assert [steps for steps, _ in drawn.values()] == [0, 15, 0]   # 14 frames of a 24th of a second, and what is left
+    assert np.abs(drawn["moving", True][1] - drawn["still", True][1]).max() > .05
+    _, out, _ = clfur("render", "moving.py", "--time", ".5")
+    assert "; moved by 0.5 s in 12 steps" in out
+    for name in "still", "moving":
+        assert clfur("grow", f"{name}.py", "--time", ".5", "-o", f"{name}.npz")[0] == 0
+    import clfur as library
+    there = runpy.run_path("moving.py")
+    motion = library.Motion(there["scene"], **there["motion"]).at(12)
+    found = {name: library.load_curves(f"{name}.npz").points for name in ("still", "moving")}
+    np.testing.assert_allclose(found["moving"], motion.strands.on_host.points, atol=1e-6)
+    assert .005 < np.abs(found["still"] - found["moving"]).max() < .8
+
+
+def test_a_shutter(clfur, tmp_path):
+    """The mean of a scene file at the middles of parts of the time before --time, with `motion` and without."""
+    (tmp_path / "still.py").write_text(text := MOVING_FILE.replace("print", "str"))
+    (tmp_path / "moving.py").write_text(text + "motion = {'units_per_metre': 2}\n")
+    import clfur as library
+    there = runpy.run_path("moving.py")
+    motion = library.Motion(there["scene"], **there["motion"])
+    motion.at(11)
+    motion.step(.5 - 11 / 24 - 1 / 48)
+    motion.step(1 / 48)
+    for name, at in ("still", lambda share: there["scene"](.5 - (1 - share) / 48)), ("moving", motion.between):
+        options = ["render", f"{name}.py", "--time", ".5", "--shutter", "180", "--shadows", "off", "-o", "a.npz"]
+        code, out, _ = clfur(*options, "--pictures", "2")
+        assert code == 0 and "; the mean of 2 pictures" in out and ("13 steps" in out) == (name == "moving")
+        meant = library.blurred([at(.25), at(.75)], settings=library.Settings(shadows="off")).images["color"]
+        np.testing.assert_allclose(load("a.npz")["color"], meant, atol=1e-5)
+        code, out, _ = clfur(*options, "--fps", "1", "--json")
+        assert code == 0 and json.loads(out)["pictures"] == library.subframes(there["scene"](0), at(1))
+        assert clfur(*options[:4], "--fps", "48", "--outputs", "id,motion_vector", "-o", "a.exr")[0] == 0
+        found, meant = load("a.exr"), library.render(at(1), outputs=("id", "motion_vector"), before=at(0))
+        on = (found["id"] == meant["id"]) & (found["id"] != -1)
+        assert on.mean() > .1
+        np.testing.assert_allclose(found["motion_vector"][on], meant["motion_vector"][on], atol=1e-3)
+
+
 @pytest.mark.parametrize("text, options, words", [
+    (MOVING_FILE, ["--shutter", "180"], ["--time is 0, but what is asked for begins 0.0208333 s before"]),
+    (SCENE_FILE, ["--shutter", "180"], ["--shutter and motion_vector are of what moves; allowed: a scene"]),
+    (SCENE_FILE, ["--outputs", "motion_vector", "-o", "a.exr"], ["--shutter and motion_vector are of what moves"]),
+    (MOVING_FILE, ["--time", "1", "--shutter", "9", "--outputs", "motion_vector", "-o", "a.exr"], [
+        "motion_vector is of pictures without --shutter"]),
+    (MOVING_FILE, ["--shutter", "361"], ["--shutter", "'361' is not a number from 0 to 360"]),
+    (MOVING_FILE, ["--shutter", "1", "--pictures", "65"], ["'65' is not auto or a whole number from 1 to 64"]),
+    (MOVING_FILE.replace("return ", ""), [], ["fur.py: scene(0) is None; allowed: a clfur.Scene"]),
+    (MOVING_FILE.replace("print(", "1 / (t - .5); ("), ["--time", ".5"], [
+        "fur.py, line 4, scene(0.5): ZeroDivisionError: float division by zero"]),
+    (MOVING_FILE.replace("(t)", "()"), [], ["fur.py sets scene as a function, but too many positional arguments"]),
+    (MOVING_FILE + "motion = {'winds': 3}", [], ["fur.py sets motion['winds']; allowed: motion = {...} of hair,"]),
+    (MOVING_FILE + "motion = {'fps': 3}", [], ["fur.py sets motion['fps']"]),
+    (MOVING_FILE + "motion = 3", [], ["fur.py sets motion = 3; allowed: motion = {...} of hair, rate,"]),
+    (MOVING_FILE + "motion = {'rate': 0}", ["--time", "1"], ["fur.py: Motion.rate is 0; allowed"]),
+    (MOVING_FILE + "motion = {}", ["--time", "-1"], ["--time is -1; allowed: from 0, as fur.py sets motion"]),
+    (SCENE_FILE, ["--time", "1"], ["--time", "fur.py sets this itself"]),
     (SCENE_FILE, ["--size", "64x48"], ["--size", "fur.py sets this itself"]),
     (SCENE_FILE, ["--seed", "0"], ["--seed", "fur.py sets this itself"]),
     (SCENE_FILE + "settings = clfur.Settings()", ["--samples", "16"], ["--samples", "fur.py sets this itself"]),

@@ -118,6 +118,32 @@ def test_a_distance_does_not_depend_on_order_or_parts(gpu, monkeypatch):
     assert np.abs(moved - whole).max() < 1e-5 * distance_of(gpu, surface).grid["reach"][1]
 
 
+@pytest.mark.parametrize("shape, nodes, closed", [
+    pytest.param("cube", 14, True, marks=pytest.mark.small), ("sphere", 28, True), ("torus", 33, True),
+    ("sheet", 40, False), ("bag", 40, False)])
+def test_far_nodes_know_their_side_and_about_how_far(gpu, shape, nodes, closed, monkeypatch):
+    """As the twin has it: half of the distance or more, and not more than it, but for a part of a cell; an open body is
+    no deeper than the band; what is between two poses is between them."""
+    monkeypatch.setattr(distance, "NODES", nodes)
+    mesh, surface, body = body_of(gpu, *SHAPES[shape])
+    grid = distance.grid_of(mesh.positions.min(0), mesh.positions.max(0))
+    found = distance.distance(gpu, grid, lambda: [surface])
+    deep = distance.deepened(gpu, found)
+    near, values = gpu.download(found.values), gpu.download(deep.values)
+    np.testing.assert_allclose(values, twin.deepened(grid, near), rtol=0, atol=1e-5)
+    far = near >= grid["reach"][0]
+    assert (values[~far] == near[~far]).all() and far.any()
+    true = np.abs(body.nearest(twin.nodes(grid)[far])[0])
+    assert (np.abs(values[far]) <= true + grid["reach"][1] / 2).all()
+    assert (np.abs(values[far]) >= true / 2).all()
+    if closed:
+        assert ((values < 0) == (body.nearest(twin.nodes(grid))[0] < 0))[far].all()
+    else:
+        assert (values[far] > 0).all()
+    between = gpu.download(distance.between(gpu, found, deep, 0.25).values)
+    np.testing.assert_allclose(between, 0.75 * near + 0.25 * values, rtol=0, atol=1e-6)
+
+
 def test_an_open_sheet_has_an_inside_as_deep_as_the_band(gpu):
     """And its surface goes on so far beyond its border; beyond that all is outside."""
     _, surface, _ = body_of(gpu, *SHAPES["sheet"])

@@ -154,6 +154,18 @@ images.WRITERS[".png"] = half
     assert [(file.name, file.read_text()) for file in running.folder.iterdir()] == [("a.png", "mine")]
 
 
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_while_it_films(tmp_path, name):
+    """Whole frames stay, and nothing that was half written."""
+    running = Running(tmp_path, "film", "sphere", "--roots", "20000", "--size", "96x64", "--frames", "0:9999", "--wind",
+                      "3,0,0", "-o", "f/%d.png")
+    running.wait_for((running.folder / "f" / "1.png").exists)
+    running.ends(name)
+    there = sorted((running.folder / "f").iterdir())
+    assert {path.name for path in there} == {*(f"{k}.png" for k in range(len(there) - 1)), "film.json"}
+    assert all(library.load(path)["color"].shape == (64, 96, 4) for path in there if path.suffix == ".png")
+
+
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="asks /proc for children")
 @pytest.mark.parametrize("command", [["devices", "--check"], ["compare", "sphere", "--repeat", "9999", "-o", "a.html"]])
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])

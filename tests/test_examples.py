@@ -12,7 +12,7 @@ import clfur
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 SMALLER = {"curves": {"strands": 200, "points": 8}, "turntable": {"frames": 2},
-           "motion": {"frames": 2, "roots": 500}, "shells": {"frames": 2},
+           "motion": {"frames": 2, "roots": 500}, "turning": {"frames": 2}, "shells": {"frames": 2},
            "dataset": {"poses": 2}, "budget": {"max_error": .3, "seconds": 5.0}}
 
 

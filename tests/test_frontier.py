@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import clfur
+from clfur import cache
 from clfur.cache import digest
+from clfur.device import scheduler
 from clfur.device import selection as device
 from clfur.judge.frontier import label, sweep
 
@@ -256,8 +258,8 @@ def test_sweep_takes_the_knobs_that_matter(sphere):
 def test_a_change_anywhere_measures_anew(monkeypatch):
     """Of any module or kernel of clfur."""
     read = []
-    monkeypatch.setattr(library, "digest", read.append)
-    library._sources.__wrapped__()
+    monkeypatch.setattr(cache, "digest", read.append)
+    scheduler.sources.__wrapped__()
     names = {name for name, _ in read[0]}
     assert {"layout.py", "render.py", "plan.py", "coverage.py", "frontier.py", "light.h", "coverage.cl"} <= names
 

@@ -1,4 +1,4 @@
-"""hair_grid against its twin, and the laws of a grid: sums, momentum, order, one strand alone (test_hair_on_hair has more)."""
+"""hair_grid against its twin, and the laws of a grid: sums, momentum, order, one strand alone."""
 
 import numpy as np
 import pytest
@@ -92,10 +92,10 @@ def test_a_step_that_feels_hair_is_the_twins(gpu):
     felt[:, :, :4] = rng.uniform(-3, 30, (9, 4, 4))
     felt[:, 3] = np.abs(felt[:, 3])
     for number in range(3):
-        hair.step(STEP, felt=gpu.upload(felt))
+        hair.step(STEP, of_hair=gpu.upload(felt))
         for i, each in enumerate(twins):
             root = np.zeros(3), hair.axes[i]
-            each.advance(root, root, STEP, (0, 0, 0), min(number + 1, 2), others=(felt[:, :3, i], felt[:, 3, i]))
+            each.advance(root, root, STEP, (0, 0, 0), min(number + 1, 2), of_hair=(felt[:, :3, i], felt[:, 3, i]))
     for now, each, groomed in zip(hair.array(), twins, strands):
         assert np.abs(now - groomed + groomed[0]).max() > 5e-3
         np.testing.assert_allclose(now, each.places, rtol=0, atol=3e-5)

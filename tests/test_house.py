@@ -23,7 +23,7 @@ def stems(folder, suffix):
     return {path.stem for path in (ROOT / folder).glob(f"*{suffix}")} - {"__init__"}
 
 
-SHARED = {"lighting", "scatter", "vectors"}   # what several stages or twins use
+SHARED = {"contact", "lighting", "scatter", "vectors"}   # what several stages or twins use
 STAGES = sorted(stems("cl", ".cl") | (stems("clfur/stages", ".py") | stems("clfur/twin", ".py")) - SHARED)
 
 
@@ -81,15 +81,15 @@ SEES = {
     "cache": "errors",
     "measures": "color",
     "device": "errors layout cache pyopencl",
-    "files": "errors color scene mapbox_earcut imageio OpenEXR Imath",
+    "files": "errors color scene mapbox_earcut imageio OpenEXR Imath av",
     "stages": "layout",
     "pipeline": "errors layout scene settings stages device",
     "budget": "errors scene settings measures fitted pipeline",
     "render": "errors scene settings device pipeline budget",
-    "motion": "errors layout scene stages render",
+    "motion": "errors layout scene settings stages pipeline render",
     "film": "clfur errors color cache settings scene files device render motion av",
     "judge": "errors color cache measures layout settings scene files device budget render twin stages.tessellate",
-    "command": "clfur errors color cache settings scene files device budget judge",
+    "command": "clfur errors color cache settings scene files film device budget judge",
     "_moved": "", "__main__": "command", "__init__": "*",
 }
 GUARDED = {"pyopencl", "trimesh", "mapbox_earcut", "imageio", "OpenEXR", "Imath", "av"}

@@ -172,6 +172,40 @@ def test_points_are_put_where_strands_are(gpu):
 
 
 @pytest.mark.small
+@pytest.mark.parametrize("carried, jumped", [(0, False), (0.7, False), (1, False), (0, True)])
+def test_within_a_step_is_the_twins(gpu, carried, jumped):
+    """Strands of many lengths whose roots move and turn, at shares of a step; at its ends what was there."""
+    rng = np.random.default_rng(6)
+    strands = uneven(rng, (5, 9, 2, 7, 3, 1, 4, 6, 8))
+    hair = Hair(gpu, strands, 0.5, carried=carried)
+    hair.step(1 / 60, (1, 2, 0), shaken(hair.root, rng, 0.02))
+    then, root, roots = motion.remember(gpu, hair.state), gpu.download(hair.roots), [hair.roots]
+    placed = [hair.array(name) for name in ("places", "speeds")]
+    ends = root, shaken(root, rng, 0.02), shaken(root, rng, 0.02)
+    hair.step(1 / 60, (-1, 0, 2), ends[1], jumped=jumped)
+    roots += [gpu.upload(each) for each in ends[1:]]
+    carried = 1 if jumped else carried
+    for share in 0, 0.3, 1:
+        there = ends[{0: 0, 0.3: 2, 1: 1}[share]]
+        points, normals = (gpu.download(each) for each in motion.between(
+            gpu, hair.state, hair.types, hair.drawn, then, (*roots[:2], gpu.upload(there)), share, 1 / 60, jumped))
+        np.testing.assert_array_equal(normals, there[3, :, :hair.n].T)
+        first = 0
+        for i, each in enumerate(hair.strands):
+            frames = [(rows[0, :, i].astype(float), rows[1:, :, i].astype(float)) for rows in (*ends[:2], there)]
+            lengths = np.linalg.norm(np.diff(each.astype(float), axis=0), axis=1)
+            now = hair.array()[i], hair.array("speeds")[i]
+            meant = twin.between([part[i] for part in placed], now, frames, share, 1 / 60, carried, lengths)
+            found = points[first:first + len(each)].astype(float)
+            first += len(each)
+            np.testing.assert_allclose(found, meant, rtol=0, atol=1e-5)
+            if share != 0.3:
+                np.testing.assert_allclose(found - frames[2][0], (now if share else [part[i] for part in placed])[0],
+                                           rtol=0, atol=1e-5)
+            np.testing.assert_allclose(np.linalg.norm(np.diff(found - found[:1], axis=0), axis=1), lengths, atol=1e-6)
+
+
+@pytest.mark.small
 def test_roots_are_the_twins(gpu):
     """On faces that move and turn, between two poses."""
     rng = np.random.default_rng(9)

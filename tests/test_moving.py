@@ -135,6 +135,92 @@ def test_scale_is_in_metres(gpu):
     assert np.abs(places[1] - places[0]).max() < 1e-4
 
 
+def test_a_motion_goes_on_from_its_state(gpu, scene):
+    """In another Motion of the same arguments, on a mesh that moves, in wind: the same bits."""
+    def moving(seconds):
+        return attrs.evolve(scene, mesh=_posed(scene.mesh, shift=(np.sin(3 * seconds), seconds**2, 0)))
+    one, other = (clfur.Motion(moving, device=gpu, wind=clfur.Wind((3, 0, 1), 0.5, 0.5, 0.1)) for _ in range(2))
+    one.at(5)
+    state = one.state()
+    one.at(9)
+    there = other.restore(state)
+    assert other.time == state["time"] == 5 / 24 and (points(there) == points(other.at(5))).all()
+    assert (points(one.at(9)) == points(other.at(9))).all() and one.time == other.time
+    places = [_posed(scene.mesh, shift=(x, 1, 0)) for x in (0.5, 0.6)]   # not those of the function
+    one.step(0.01, places[0])
+    other.restore(one.state(), places[0])
+    assert (points(one.step(0.01, places[1])) == points(other.step(0.01, places[1]))).all()
+    for wrong, words in [({}, "is not what Motion.state has given"), (3, "is not what Motion.state has given"),
+                         (state | {"roots": state["roots"][:2]}, r"has roots float32 \[2, 3")]:
+        with pytest.raises(clfur.Error, match=words):
+            one.restore(wrong)
+
+
+def test_between_begins_and_ends_where_the_step_does(gpu, scene):
+    """To the bit; and so do the mesh, lights and camera."""
+    def at(t):
+        light = clfur.Light(intensity=1 + t)
+        return attrs.evolve(scene, mesh=_posed(scene.mesh, TURN if t > 0.06 else None, (t, 0, 0)), light=light)
+    for given, carried in (at, 1.0), (at, 0.3), (scene, 1.0):
+        motion = clfur.Motion(given, clfur.HairMotion(inertia=carried), gpu, wind=clfur.Wind((4, 0, 1)))
+        before = motion.step(0.05)
+        after = motion.step(0.005)
+        for share, scene_then in (0, before), (1, after):
+            now = motion.between(share)
+            np.testing.assert_array_equal(now.fur.on_host.points, scene_then.fur.on_host.points)
+            np.testing.assert_array_equal(now.fur.on_host.root_normal, scene_then.fur.on_host.root_normal)
+            np.testing.assert_array_equal(now.mesh.positions, scene_then.mesh.positions)
+            assert now.light.intensity == scene_then.light.intensity
+    step = motion.step(0.01, _posed(scene.mesh, shift=(0.1, 0, 0)))
+    half = motion.between(0.5)
+    np.testing.assert_allclose(half.mesh.positions - scene.mesh.positions, [[0.05, 0, 0]] * len(scene.mesh.positions),
+                               atol=1e-6)
+    np.testing.assert_allclose(half.mesh.normals, scene.mesh.normals, atol=1e-6)
+    assert np.abs(points(half) - points(step)).max() > 0.01
+
+
+def test_between_is_exact_to_the_fourth_power_of_the_step(gpu, scene):
+    """Of a swing, against steps of a sixteenth; lengths stay to the float32 of places."""
+    errors = []
+    for step in 1 / 12, 1 / 24:
+        coarse, fine = (clfur.Motion(scene, clfur.HairMotion(bend_length=0.3), gpu, rate=768) for _ in range(2))
+        for motion in coarse, fine:
+            motion.step(0.25, wind=clfur.Wind((3, 0, 1)))   # bent: it swings back
+            motion.step(0.25, wind=clfur.Wind())
+        worst = 0.0
+        for _ in range(round(1 / 12 / step)):
+            coarse.step(step)
+            for k in range(1, 17):
+                worst = max(worst, np.abs(points(coarse.between(k / 16)) - points(fine.step(step / 16))).max())
+        errors.append(worst)
+        lengths = [np.linalg.norm(np.diff(points(each).reshape(-1, 7, 3), axis=1), axis=2)
+                   for each in (coarse.between(0.37), coarse.between(1))]
+        assert np.abs(lengths[0] - lengths[1]).max() < 3e-7
+    assert errors[1] < errors[0] / 8 < 2e-5
+
+
+def test_between_goes_with_the_skin(gpu, scene):
+    """Of a function of seconds: roots stand on its mesh, and hair of no inertia as it does at both ends."""
+    def at(t):
+        turn = np.array([[np.cos(9 * t), 0, np.sin(9 * t)], [0, 1, 0], [-np.sin(9 * t), 0, np.cos(9 * t)]])
+        return attrs.evolve(scene, mesh=_posed(scene.mesh, turn))
+    motion = clfur.Motion(at, clfur.HairMotion(inertia=0, bend_length=9, air=None), gpu, jump=9)
+    groom = points(motion.at(0))
+    motion.step(1 / 24)
+    now = motion.between(0.4)
+    turn = at(0.4 / 24).mesh.positions.T @ np.linalg.pinv(scene.mesh.positions.T)
+    assert np.abs(points(now) - groom @ turn.T).max() < 2e-3
+    assert np.abs(points(now) - groom).max() > 0.1
+
+
+def test_a_cut_is_over_at_once(gpu, scene):
+    motion = clfur.Motion(scene, device=gpu)
+    motion.step(0.05)
+    now = motion.step(0.05, _posed(scene.mesh, TURN, (0.3, 0, 0)), cut=True)
+    then = motion.between(0.2)
+    assert then.mesh is now.mesh and np.abs(points(then) - points(now)).max() < 0.02
+
+
 def test_soft_hair_is_told(gpu, scene):
     with pytest.warns(RuntimeWarning, match="40 of 40 strands are too soft"):
         clfur.Motion(scene, clfur.HairMotion(bend_length=0.01), gpu)
@@ -150,7 +236,9 @@ def test_what_is_refused(gpu, scene):
             (lambda: motion.step(1 / 24, other), "Motion.scene.mesh has 80 faces and Scene.mesh 79"),
             (lambda: motion.step(0), "Motion.step seconds is 0"),
             (lambda: motion.step(1, "mesh"), "Motion.step mesh is"),
+            (lambda: motion.between(0.5), "Motion.between is asked for before any step"),
             (lambda: [motion.at(2), motion.at(1)], "Motion.at frame is 1; allowed: 2 and later"),
+            (lambda: motion.between(1.5), "Motion.between share is 1.5"),
             (lambda: clfur.Motion(clfur.Scene(mesh=scene.mesh)), "Motion.scene is"),
             (lambda: clfur.Motion(scene, [clfur.HairMotion()] * 3, gpu), "Motion.hair has 3 HairMotions"),
             (lambda: clfur.Motion(scene, 3, gpu), "Motion.hair is 3"),
@@ -158,7 +246,7 @@ def test_what_is_refused(gpu, scene):
             (lambda: clfur.Motion(scene, device=gpu, wind=(1, 0, 0)), "Motion.wind is"),
             (lambda: clfur.Motion(3, device=gpu), "Motion.scene is 3; allowed: a clfur.Scene with a mesh, or a func"),
             (lambda: clfur.Motion(lambda t: 3, device=gpu), r"Motion.scene\(0\) is 3; allowed: a clfur.Scene with a"),
-            (lambda: clfur.Motion(lambda t: clfur.Scene(mesh=scene.mesh), device=gpu), "Motion.scene is Scene.*Strands"),
+            (lambda: clfur.Motion(lambda t: clfur.Scene(mesh=scene.mesh), device=gpu), "Motion.scene is Sc.*Strands"),
             (lambda: clfur.Motion(lambda t: None if t else scene, device=gpu).step(.5), r"Motion.scene\(0.5\) is None"),
             (lambda: clfur.Motion(lambda t: clfur.Scene(other) if t else scene, device=gpu).step(.5),
              "Motion.scene.mesh has 80 faces and Scene.mesh 79"),

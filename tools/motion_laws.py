@@ -12,7 +12,7 @@ import clfur
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-from support.hair import DROPS, Hair, bar, curl
+from support.hair import DROPS, Hair, ball, bar, curl, depths, fallen, shot
 
 
 def drops(gpu):
@@ -54,10 +54,28 @@ def shakes(gpu):
         yield f"stretch, roots anywhere within 100 lengths, steps of {step:.3g} s", f"{hair.stretch():.1e}"
 
 
+def balls(gpu):
+    """Hair through which a fast ball flies, and hair that has fallen on one: points and speeds, in lengths."""
+    for rate in (24, 60, 240):
+        hair, nearest, _ = shot(gpu, rate, 512)
+        yield f"a ball at 20 lengths a second, {rate} frames a second: nearest point", f"{nearest:.4f}"
+    body = ball(gpu, 2.5, 5)
+    for friction in (0.3, 1):
+        for segments in (8, 32):
+            for rate in (24, 120, 240):
+                hair = fallen(gpu, body, 512, segments, friction=friction)
+                for _ in range(5 * rate):
+                    hair.step(1 / rate)
+                speeds = np.array([np.linalg.norm(each, axis=1).max() for each in hair.array("speeds")])
+                yield (f"hair on a ball after 5 s, friction {friction}, {segments} segments, steps of 1/{rate} s",
+                       f"90 % {np.quantile(speeds, 0.9):.1e}, worst {speeds.max():.1e}, nearest "
+                       f"{depths(hair, 2.5).min():.4f}")
+
+
 def main():
     gpu = clfur.Scheduler()
     print("| law | reached |\n|---|---|")
-    for law in (drops, rests, shakes):
+    for law in (drops, rests, shakes, balls):
         for name, value in law(gpu):
             print(f"| {name} | {value} |", flush=True)
 

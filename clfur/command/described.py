@@ -12,6 +12,7 @@ from ..files.curves import read_curves
 from ..files.images import load_picture
 from ..files.usd import is_usd
 from ..scene import extent, frame, fur_extent, highlighted, upright
+from ..scene.bounds import LONG
 from ..scene.checks import vector
 from ..scene.scene import DIRECTION
 from ..scene.strands import LAW
@@ -22,7 +23,6 @@ from .types import light_of, read_for, tufts_of
 SEGMENTS, MOST_SEGMENTS = 8, 64   # of a strand: at least, and where guides have as many points
 SKIN = 0.6                 # of the hair's light: bare places are seen between hairs, and must not shine through
 ROOTS = 100_000            # strands without options, on any mesh: it is framed as large as any other
-LONG = 0.2                 # of a mesh's radius: hair that is longer slides along it without options
 SHEEN = 0.15, 40           # specular and exponent of shells: their hairs lie all alike, a narrow one is a band of satin
 TUFTS = "4000:strength=0.5"   # in which strands gather without options: alike and evenly, they are of plush
 HAIRS = 60_000             # of shells on a mesh without options
@@ -60,7 +60,7 @@ def scene_of(mesh, options):
     given = options["eye"] or options["target"]
     towards = {"direction": options["view"]} if options["view"] else {}
     camera = frame(mesh, fur, options["size"], options["fov"], ground=None if given else ground, lights=lights,
-                   **towards)
+                   sides=options.get("sides", 1), **towards)
     if given:
         target = vector(3)(options["target"] or camera.target, "Camera.target")
         eye = options["eye"] or (camera.eye + target - camera.target).tolist()

@@ -13,7 +13,7 @@ from ..files.usd import is_usd
 from ..scene import upright
 from .devices import ask_drivers
 from .options import Sectioned, of_sections, scene_options
-from .scenes import load_scene
+from .scenes import load_moving, moved, scene_at
 from .waiting import waiting
 
 UNUSED = of_sections("Shells", "Body and ground", "Light", "Camera") - {"time"}   # which is also a USD file's
@@ -48,13 +48,15 @@ def grow_command(given, output, device, as_json, **options):
     """
     check_writable(output, tuple(WRITERS))
     with waiting(f"reading {given}") as tell:
-        scene, _ = load_scene(given, options)
+        *moving, _ = load_moving(given, options)
+        scene = scene_at(moving[0], options["time"])
         if not isinstance(scene.strands, Strands):
             raise Error(f"{given} grows no strands; allowed: with --fur strands or both, and without --hair")
         tell("starting OpenCL")
         ask_drivers()
         tell(f"growing hair on {given}")
-        curves = grow(scene, device)
+        scene, steps = moved(given, *moving, options["time"], device)
+        curves = scene.strands if steps else grow(scene, device)
         tell(f"saving {output}")
         turned = options["up"] == "z" and not is_usd(output)   # which would tell that Y is up
         save_curves(output, upright(curves, back=True) if turned else curves)

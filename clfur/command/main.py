@@ -12,6 +12,7 @@ from . import endings
 from .chart import chart
 from .compare import compare
 from .devices import devices
+from .film import film_command
 from .grow import grow_command
 from .render import render
 
@@ -26,6 +27,7 @@ def clfur(context):
 
 
 clfur.add_command(render)
+clfur.add_command(film_command)
 clfur.add_command(chart)
 clfur.add_command(compare)
 clfur.add_command(devices)

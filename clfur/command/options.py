@@ -177,7 +177,8 @@ _SHELLS = [
                  help="How far hairs of shells are displaced and the size of the waves, both in hairs."),
     click.option("--wind", type=Numbers(3), default="0,0,0", metavar="X,Y,Z", help="Wind over shells; it gusts."),
     click.option("--time", type=AnyReal(), metavar="SECONDS",
-                 help="The moment of the wind, which gusts; or a USD file's time code.  [default: 0, or its first]"),
+                 help="The moment of the wind, which gusts, and of a scene file that moves; or a USD file's time code. "
+                      " [default: 0, or its first]"),
     click.option("--shading", type=click.Choice(["kajiya-kay", "turned"]), default="kajiya-kay",
                  help="Light on shells: by the hair's direction, or by the report's turned normals."),
 ]
@@ -241,7 +242,9 @@ def _sections(size="640x480"):
 _QUALITY = "Quality and speed"   # fields of `Settings`
 _NAMES_IN = {title: _names(options) for title, options in _sections().items()}
 _NAMES_IN[_QUALITY] |= {"max_error", "seconds"}   # those of `clfur render`
-_NAMES_IN["Camera"] |= {"region"}
+_NAMES_IN["Camera"] |= {"region", "turntable"}
+_NAMES_IN["Time"] = {"frames", "fps", "shutter", "subframes"}   # those of `clfur film`
+_NAMES_IN["Motion"] = {"blown", "gust", "bend_length", "units_per_metre"}
 
 
 def of_sections(*titles):

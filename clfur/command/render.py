@@ -8,7 +8,7 @@ import attrs
 import click
 import numpy as np
 
-from .. import Camera, Scheduler, draw, over, save
+from .. import Camera, Scheduler, blurred, draw, over, save, subframes
 from ..files.images import check_writable, load_picture
 from ..files.usd import is_usd
 from ..judge.frontier import label
@@ -16,9 +16,9 @@ from ..scene import backdrop
 from .described import lowered
 from .devices import ask_drivers
 from .options import Sectioned, scene_options
-from .scenes import is_scene_file, load_scene
+from .scenes import is_scene_file, load_moving, moved, scene_at, within
 from .skin import files_of, taken
-from .types import Backdrop, Bytes, Names, Real, Region, read_for
+from .types import Backdrop, Bytes, Names, Pictures, Real, Region, read_for
 from .waiting import waiting
 
 TOLD = 0.05   # seconds of building kernels that a summary tells
@@ -32,12 +32,21 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
 @click.option("--outputs", type=Names(), default="color", metavar="NAMES",
               help="What to save: color, depth, id, tangent, normal, uv, coverage, position, hair_alpha, body_alpha, "
                    "type, type_alpha, orientation, matte_id and matte_alpha (a Cryptomatte of strands in EXR), "
-                   "strand_area (in NPZ); PNG holds color alone.")
+                   "strand_area (in NPZ), motion_vector (since the frame before, of what moves); PNG holds color "
+                   "alone.")
 @click.option("--background", type=Backdrop(), metavar="COLOR|PICTURE",
               help="What the picture is laid over, which then has no alpha: R,G,B, '#rrggbb' or a picture of the same "
                    "aspect.")
 @click.option("--region", type=Region(), metavar="X,Y,W,H",
               help="Draw only these pixels of the picture, from its top-left corner on: the same ones as of the whole.")
+@click.option("--shutter", type=Real(0, 360), default=0, metavar="DEGREES",
+              help="Blur what moves in a scene file with def scene(t) or motion: a shutter is open so many of a "
+                   "frame's 360 degrees, up to --time.  [default: 0, no blur]", show_default=False)
+@click.option("--fps", type=Real(0, 1000, min_open=True), default=24,
+              help="Frames a second, of one of which --shutter is a part, and motion_vector.")
+@click.option("--pictures", type=Pictures(), default="auto", metavar="N|auto",
+              help="How many, 1 to 64, a picture with --shutter is the mean of; auto: so many that nothing goes "
+                   "further than 1.5 pixels from one to the next.")
 @click.option("--max-error", type=Real(0, min_open=True), metavar="E",
               help="Choose the cheapest samples, raster, shadows, grid, masks and lod that err by no more, such as "
                    "0.05: root mean square of sRGB, 0 to 1, against the true picture.")
@@ -50,12 +59,13 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
               help="What arrays may take on the device, such as 2GiB: what does not fit is drawn part by part.  "
                    "[default: three quarters of the device's, or what this process may still take]")
 @click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
-def render(given, output, outputs, background, region, device, memory, as_json, **options):
+def render(given, output, outputs, background, region, shutter, fps, pictures, device, memory, as_json, **options):
     """Draw MESH with fur and save the picture.
 
     MESH is an OBJ, PLY, STL, OFF, GLB or glTF file, or one of the built-in shapes: sphere, teapot.  Or it is a USD
     scene (.usd, .usda, .usdc, .usdz), whose camera, lights and hair count where no option says otherwise.  Or it is a
-    Python file (.py) that sets `scene`, a clfur.Scene, and maybe `settings`, a clfur.Settings.
+    Python file (.py) that sets `scene`, a clfur.Scene or a function of seconds that gives one, and maybe `settings`, a
+    clfur.Settings, and `motion`, a dict of arguments of clfur.Motion, by which hair moves up to --time.
     """
     output = Path(Path(given).stem + ".png" if output is None else output)
     read = [given, *(options[name] for name in ("hair", "type_map", "types", "rest", "body_texture"))]
@@ -64,26 +74,22 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
     with waiting(f"reading {given}") as tell:
-        scene, settings = load_scene(given, options)
+        *moving, settings = load_moving(given, options)
+        scene = scene_at(moving[0], options["time"])
         behind = None if background is None else _background(background, scene.camera.size)
         tell("starting OpenCL")
         ask_drivers()
         if memory is not None:
             device = [Scheduler(one, memory) for one in (device if isinstance(device, list) else [device])]
-        tell(f"drawing {given}")
-        drawn = draw(scene, device=device, outputs=outputs, settings=settings, region=region)
+        known = {"device": device, "outputs": outputs, "settings": settings, "region": region}
+        drawn, scene, steps = _drawn(tell, given, moving, options["time"], shutter, fps, pictures, known)
         if "color" in drawn.images and not drawn.images["color"][..., 3].any():
             warnings.warn("nothing of the scene is to be seen in the picture", stacklevel=2)
         tell(f"saving {output}")
         laid = {} if behind is None else {"color": _over(drawn.images["color"], behind, scene.camera.size, region)}
         save(output, drawn.images | laid, _camera_of(scene.camera, region), drawn.settings)
 
-    skipped = {"degenerate": scene.mesh.degenerate_faces if scene.mesh else 0,
-               "zero_normal": scene.mesh.zero_normal_faces if scene.mesh else 0,
-               "doubled": scene.mesh.doubled_faces if scene.mesh else 0}
-    wound = {"turned": scene.mesh.turned_faces if scene.mesh else 0,
-             "one_sided": scene.mesh.one_sided_faces if scene.mesh else 0,
-             "inward": bool(scene.mesh and scene.mesh.inward)}
+    skipped, wound = _faults(scene.mesh)
     shells, fewer = scene.shells, "" if is_scene_file(given) else lowered(options, scene.strands)
     if as_json:
         of_options = {} if is_scene_file(given) or is_usd(given) else {
@@ -94,7 +100,8 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
             "triangles": drawn.triangles, "strands": drawn.strands, "segments": drawn.segments,
             "shells": shells and {"frequency": shells.frequency_on(scene.mesh), **{
                 name: getattr(shells, name) for name in ("layers", "length", "hairs", "pattern")}},
-            "fewer": fewer, "inexact": getattr(scene.strands, "inexact", 0), "seconds": drawn.seconds,
+            "fewer": fewer, "inexact": getattr(scene.strands, "inexact", 0), "steps": steps,
+            "pictures": drawn.pictures, "seconds": drawn.seconds,
             "building": drawn.building, "stages": drawn.stages, "skipped": skipped, **wound,
             "camera": {"eye": scene.camera.pose[:3, 3].tolist(),
                        "target": None if scene.camera.target is None else scene.camera.target.tolist()},
@@ -109,6 +116,8 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
     print(f"{output}: {drawn.triangles:,} triangles, {', '.join(fur)} "
           f"in {drawn.seconds:.2f} s on {drawn.device} ({stages}"
           + (f"; building kernels {drawn.building:.3f}" if drawn.building >= TOLD else "") + ")"
+          + (f"; the mean of {drawn.pictures} pictures" if drawn.pictures > 1 else "")
+          + (f"; moved by {options['time']:g} s in {steps} steps" if steps else "")
           + (f"; {fewer}" if fewer else "") + taken(scene.strands)
           + (f"; skipped faces: {', '.join(left_out)}" if left_out else "")
           + (f"; turned {wound['turned']:,} faces that were inside out" if wound["turned"] else "")
@@ -116,6 +125,33 @@ def render(given, output, outputs, background, region, device, memory, as_json, 
              if wound["one_sided"] else "")
           + ("; the mesh's normals point inwards, and so does its fur" if wound["inward"] else "")
           + (f"; {label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""))
+
+
+def _faults(mesh):
+    """({kind: faces} left out, {what is wrong with how faces are wound}) of a mesh or None."""
+    return ({name: getattr(mesh, f"{name}_faces", 0) for name in ("degenerate", "zero_normal", "doubled")},
+            {name: getattr(mesh, f"{name}_faces", 0) for name in ("turned", "one_sided")}
+            | {"inward": bool(mesh and mesh.inward)})
+
+
+def _drawn(tell, given, moving, seconds, degrees, fps, pictures, known):
+    """(Frame, Scene, steps) of what `load_moving` gives, at a time, with a shutter that is open so many degrees."""
+    vectors, device = "motion_vector" in known["outputs"], known["device"]
+    if vectors and degrees:
+        raise click.UsageError("motion_vector is of pictures without --shutter; allowed: one of them")
+    if moving[1] is not None:
+        tell(f"moving the hair of {given}")
+    if degrees or vectors:
+        at, steps = within(given, *moving, seconds, device, (degrees or 360) / 360 / fps)
+        n = 1 if vectors else pictures or subframes(at(0), at(1), device)
+        scenes = [at(1)] if vectors else [at((k + 0.5) / n) for k in range(n)]
+        known = known | {"before": at(0) if vectors else None}
+    else:
+        scene, steps = moved(given, *moving, seconds, device)
+        scenes = [scene]
+    tell(f"drawing {given}")
+    drawn = draw(*scenes, **known) if len(scenes) == 1 else blurred(scenes, **known)
+    return drawn, scenes[len(scenes) // 2], steps
 
 
 def _told(texts, lights):

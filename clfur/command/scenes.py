@@ -1,6 +1,8 @@
 """The scene and the settings of a command: of a mesh and options, or of a Python file."""
 
 import contextlib
+import functools
+import inspect
 import re
 import runpy
 import sys
@@ -15,7 +17,9 @@ import clfur
 
 from .. import PRESETS, Error, Scene, Settings, load_mesh
 from ..budget import LADDER, refused
+from ..errors import shown
 from ..files.usd import is_usd
+from ..film.jobs import on_host
 from ..judge.frontier import label
 from ..scene import highlighted, upright
 from ..settings import CHOSEN
@@ -23,6 +27,7 @@ from .described import scene_of
 from .options import check_fur, check_settings, given_flags
 from .usd import scene_of_usd
 
+FPS = 24   # frames a second in which hair is moved up to a time
 
 def is_scene_file(given):
     """Whether a command's argument names a Python file that sets a scene, not a mesh."""
@@ -32,9 +37,73 @@ def is_scene_file(given):
 def load_scene(given, options):
     """(Scene, Settings) of a command's argument, a mesh or a scene file, and of its `scene_options`, {name: value}.
 
-    Raises `clfur.Error` for what cannot be loaded, and click.UsageError for options that have no say: the
-    scene file sets them itself, or they are of another fur than is chosen.
+    A scene file's function gives the Scene at the option time, whose hair is as it is groomed. Raises `clfur.Error` for
+    what cannot be loaded, and click.UsageError for options that have no say: the scene file sets them itself, or they
+    are of another fur than is chosen.
     """
+    scene, _, settings = load_moving(given, options)
+    return scene_at(scene, options["time"]), settings
+
+
+def scene_at(scene, seconds):
+    """The Scene that is given, or that a function gives at a time; None: 0."""
+    return scene(float(seconds or 0)) if callable(scene) else scene
+
+
+def moved(given, scene, motion, seconds, device):
+    """(Scene, steps) of what `load_moving` gives of a file, at a time from 0, or None: its hair has moved by `motion`
+    up to then, frame by frame, and is on the host. Without motion, or at 0, the Scene as it is groomed, and 0."""
+    if motion is None or not seconds:
+        return scene_at(scene, seconds), 0
+    if seconds < 0:
+        raise click.UsageError(f"--time is {seconds:g}; allowed: from 0, as {given} sets motion")
+    with _of(given):
+        motion = clfur.Motion(scene, **motion, fps=FPS, device=device)
+        now, frames = _go(motion, seconds)
+    return on_host(now), frames
+
+
+def within(given, scene, motion, seconds, device, length):
+    """(function of a share, 0 to 1, that gives Scenes on the host, steps) of the time of so many seconds that ends at
+    ``seconds``, in what `load_moving` gives of a file that moves."""
+    seconds = float(seconds or 0)
+    began = seconds - length
+    if not callable(scene) and motion is None:
+        raise click.UsageError("--shutter and motion_vector are of what moves; allowed: a scene file with def "
+                               "scene(t), or motion")
+    if began < 0:
+        raise click.UsageError(f"--time is {seconds:g}, but what is asked for begins {length:g} s before; allowed: "
+                               "later")
+    if motion is None:
+        return lambda share: scene_at(scene, began + share * length), 0
+    with _of(given):
+        motion = clfur.Motion(scene, **motion, fps=FPS, device=device)
+        _, steps = _go(motion, began)
+        motion.step(length)
+    return lambda share: on_host(motion.between(share)), steps + 1
+
+
+def _go(motion, seconds):
+    """Go on to a time from 0, frame by frame -> (Scene then, steps)."""
+    frames = int(seconds * FPS + 1e-6)
+    now, rest = motion.at(frames), seconds - frames / FPS
+    return (motion.step(rest), frames + 1) if rest > 1e-6 else (now, frames)
+
+
+@contextlib.contextmanager
+def _of(given):
+    """What goes wrong within is told of the file, but what a device, or the file's own function, does."""
+    try:
+        yield
+    except Error as error:
+        if type(error) is not Error or str(error).startswith(f"{given}"):
+            raise
+        raise Error(f"{given}: {error}") from error
+
+
+def load_moving(given, options):
+    """(scene, motion, Settings) as `load_scene`, for a film: scene is a Scene or a function of seconds that gives one,
+    motion {argument: value} of `clfur.Motion`, or None."""
     flags = given_flags(options)
     if "view" in flags and (other := next((flags[name] for name in ("eye", "target") if name in flags), None)):
         raise click.UsageError(f"--view places the camera, and so does {other}; allowed: one of them")
@@ -51,16 +120,25 @@ def load_scene(given, options):
             raise click.UsageError(f"--up is for files that do not tell, but {given} does; allowed: without it")
         scene = scene_of_usd(given, flags, options) if is_usd(given) else scene_of(
             upright(load_mesh(given)) if options["up"] == "z" else load_mesh(given), options | {"given": given})
-        return scene, _taken(scene, settings, flags, options)
-    scene, given_settings = _run(given)
+        return scene, None, _taken(scene, settings, flags, options)
+    scene, motion, given_settings = _run(given)
     # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
     for name, flag in flags.items():
+        if name == "time" and (callable(scene) or motion is not None):
+            continue
         if given_settings or not (hasattr(settings, name) or name == "preset"):
             raise click.UsageError(f"{flag}: {given} sets this itself; change it there")
     check_settings(flags, settings)
     if "specular" in flags:
-        scene = attrs.evolve(scene, fur=highlighted(scene.fur, options["specular"]))
-    return scene, given_settings or _taken(scene, settings, flags, options)
+        scene = _with_highlights(scene, options["specular"])
+    return scene, motion, given_settings or _taken(scene_at(scene, options["time"]), settings, flags, options)
+
+
+def _with_highlights(scene, specular):
+    """A Scene, or a function that gives one, whose looks have their highlight by the given direction."""
+    if callable(scene):
+        return lambda seconds: _with_highlights(scene(seconds), specular)
+    return attrs.evolve(scene, fur=highlighted(scene.fur, specular))
 
 
 def _settings(flags, options):
@@ -92,25 +170,59 @@ def _taken(scene, settings, flags, options):
 
 
 def _run(path):
-    """(scene, settings or None) that a Python file sets; raises `clfur.Error` naming the file and the line."""
+    """(scene, motion or None, settings or None) that a Python file sets; a function `scene` gives Scenes, or raises.
+    Raises `clfur.Error` naming the file and the line."""
     if not Path(path).is_file():
         raise Error(f"{path}: {'is a folder' if Path(path).is_dir() else 'no such file'}; allowed: a scene file")
+    with _naming(path):
+        there = runpy.run_path(path)
+    scene, motion, settings = there.get("scene"), there.get("motion"), there.get("settings")
+    if callable(scene):
+        scene = _function(path, scene)
+    elif not isinstance(scene, Scene):
+        raise Error(f"{path} sets {f'scene = {scene!r:.60}' if 'scene' in there else 'no scene'}; "
+                    f"allowed: scene = clfur.Scene(...), or def scene(t) that returns one")
+    if not isinstance(settings, Settings | None):
+        raise Error(f"{path} sets settings = {settings!r:.60}; allowed: settings = clfur.Settings(...), or none")
+    allowed = [name for name in inspect.signature(clfur.Motion).parameters if name not in ("scene", "device", "fps")]
+    wrong = [] if motion is None else [motion] if not isinstance(motion, dict) else [
+        name for name in motion if name not in allowed]
+    if wrong:
+        what = f"motion[{wrong[0]!r:.60}]" if isinstance(motion, dict) else f"motion = {motion!r:.60}"
+        raise Error(f"{path} sets {what}; allowed: motion = {{...}} of {', '.join(allowed)}, or none")
+    return scene, motion, settings
+
+
+@contextlib.contextmanager
+def _naming(path, doing=""):
+    """What runs within and fails raises `clfur.Error` that names the file, its line and what it was ``doing``."""
     try:
         with contextlib.redirect_stdout(sys.stderr):   # stdout is the command's own
-            there = runpy.run_path(path)
+            yield
     except (Exception, SystemExit) as error:
         lines = [place.lineno for place in traceback.extract_tb(error.__traceback__) if place.filename == path]
         line = error.lineno if isinstance(error, SyntaxError) and error.filename == path else lines[-1] if lines else 0
         kind = "" if isinstance(error, Error) else f"{type(error).__name__}: "
         said = f"{error.msg if isinstance(error, SyntaxError) else error}{_known(error)}"
-        raise Error(f"{path}, line {line}: {kind}{said}") from error
-    scene, settings = there.get("scene"), there.get("settings")
-    if not isinstance(scene, Scene):
-        raise Error(f"{path} sets {f'scene = {scene!r:.60}' if 'scene' in there else 'no scene'}; "
-                    f"allowed: scene = clfur.Scene(...)")
-    if not isinstance(settings, Settings | None):
-        raise Error(f"{path} sets settings = {settings!r:.60}; allowed: settings = clfur.Settings(...), or none")
-    return scene, settings
+        raise Error(f"{path}, line {line}{doing}: {kind}{said}") from error
+
+
+def _function(path, scene):
+    """A scene file's function, whose errors name the file; it gives Scenes."""
+    try:
+        inspect.signature(scene).bind(0.0)
+    except TypeError as error:
+        raise Error(f"{path} sets scene as a function, but {error} when it is called with seconds; allowed: "
+                    "def scene(t)") from None
+
+    @functools.wraps(scene)
+    def named(seconds):
+        with _naming(path, f", scene({seconds:g})"):
+            found = scene(seconds)
+        if not isinstance(found, Scene):
+            raise Error(f"{path}: scene({seconds:g}) is {shown(found)}; allowed: a clfur.Scene")
+        return found
+    return named
 
 
 def _known(error):

@@ -97,6 +97,36 @@ class Size(click.ParamType):
         return tuple(map(int, parts))
 
 
+class Frames(click.ParamType):
+    """Numbers of frames as Python has a range, such as 0:240 or 0:240:10."""
+
+    name = "frames"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, range):
+            return value
+        parts = [part.strip() for part in value.split(":")]
+        whole = all(part.isdecimal() and len(part) < 8 for part in parts)
+        numbers = range(*map(int, parts)) if whole and len(parts) in (2, 3) and parts[2:] != ["0"] else ()
+        if not numbers:
+            self.fail(f"{value!r:.60} is not A:B or A:B:STEP, whole numbers of which B is above A, such as 0:240",
+                      param, ctx)
+        return numbers
+
+
+class Subframes(click.ParamType):
+    """How many pictures make a frame, or auto."""
+
+    name = "subframes"
+
+    def convert(self, value, param, ctx):
+        if value == "auto" or isinstance(value, int):
+            return value
+        if not (value.isdecimal() and 1 <= int(value[:3]) <= 64):
+            self.fail(f"{value!r:.60} is not auto or a whole number from 1 to 64", param, ctx)
+        return int(value)
+
+
 class Region(click.ParamType):
     """Column, row, width and height in pixels, such as 100,50,64,48."""
 
@@ -109,6 +139,19 @@ class Region(click.ParamType):
         if len(parts) != 4 or not all(part.isdecimal() and len(part) < 6 for part in parts):
             self.fail(f"{value!r} is not X,Y,WIDTH,HEIGHT in pixels, such as 100,50,64,48", param, ctx)
         return tuple(map(int, parts))
+
+
+class Pictures(click.ParamType):
+    """How many pictures a blur is the mean of, 1 to 64, or auto -> None."""
+
+    name = "pictures"
+
+    def convert(self, value, param, ctx):
+        if value in ("auto", None):
+            return None
+        if not (str(value).isdecimal() and 1 <= int(value) <= 64):
+            self.fail(f"{value!r} is not auto or a whole number from 1 to 64", param, ctx)
+        return int(value)
 
 
 class View(click.ParamType):

@@ -1,5 +1,6 @@
 """Owns the context, queue, programs and buffers; launches kernels and times them; knows no fur."""
 
+import functools
 import math
 import operator
 import re
@@ -19,7 +20,7 @@ import pyopencl as cl
 import pyopencl.array as cla
 from pyopencl import tools
 
-from .. import layout
+from .. import cache, layout
 from ..errors import DeviceError, Error, shown
 from . import caches, pocl, programs, signature
 from .memory import allowed, planned
@@ -40,6 +41,14 @@ def kernel_dir():
         return files("clfur.cl")
     except ModuleNotFoundError:
         return Path(__file__).resolve().parents[2] / "cl"
+
+
+@functools.cache
+def sources() -> str:
+    """A hash of what this version of clfur consists of: a change anywhere may change times and pictures."""
+    here, kernels = Path(__file__).parents[1], kernel_dir()
+    return cache.digest([[path.name, path.read_bytes()] for path in [*sorted(here.rglob("*.py")), *sorted(
+        (path for path in kernels.iterdir() if path.name.endswith((".cl", ".h"))), key=lambda path: path.name)]])
 
 
 def _text(file):
@@ -217,7 +226,9 @@ class Scheduler:
     def download(self, array: cla.Array) -> np.ndarray:
         """Copy of a device array on the host."""
         with self._watched("gives no data"):
-            return array.get()
+            there = array.get()
+        array.events.clear()   # of what is done; each would keep alive what was read, twelve times over
+        return there
 
     def launch(self, name: str, size: int, /, **arguments: Any) -> None:
         """Run kernel "stem.kernel" over ``size`` work-items.

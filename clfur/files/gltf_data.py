@@ -30,10 +30,13 @@ USES = {
     "WEIGHTS": ("VEC4", (5121, 5123, 5126)),
     "indices": ("SCALAR", (5121, 5123, 5125)),
     "inverseBindMatrices": ("MAT4", (5126,)),
+    "time": ("SCALAR", (5126,)), "translation": ("VEC3", (5126,)), "scale": ("VEC3", (5126,)),
+    "rotation": ("VEC4", (5120, 5121, 5122, 5123, 5126)), "weights": ("SCALAR", (5120, 5121, 5122, 5123, 5126)),
     "TRANSLATION": ("VEC3", (5126,)), "ROTATION": ("VEC4", (5120, 5122, 5126)), "SCALE": ("VEC3", (5126,)),
 }
 WHOLE = ("JOINTS", "indices")                            # numbers of things: never normalized
-PACKED = ("indices", "inverseBindMatrices", "sparse")    # no attributes: never with a byteStride
+PACKED = ("indices", "inverseBindMatrices", "sparse", "time", "translation", "rotation", "scale",
+          "weights")                                     # no attributes: never with a byteStride
 
 
 def whole(holder: dict, name: str, where: str, default: int | None = None) -> int:

@@ -9,15 +9,18 @@ IDENTITY = np.eye(4)
 
 
 class Nodes:
-    """The nodes of a file. world: float64 [n, 4, 4], their places; shown: numbers of those in the scene, in order."""
+    """The nodes of a file. world: float64 [n, 4, 4], their places now; local: their own matrices in rest, and trs:
+    the translations, rotations and scales of these; shown: numbers of those in the scene, in order."""
 
     def __init__(self, source):
         self.source, self.items = source, source.items("nodes")
         self.children = [self._numbers(node, "children", f"nodes[{k}]") for k, node in enumerate(self.items)]
-        self.parents = self._parents()
-        self.world = self._world()
+        self.parents = np.array(self._parents(), np.intp)
+        self._levels = self._by_depth()
+        self._skins = {}   # number: (joints, inverse bind matrices), once used
+        self.trs, self.local = _local(self.items)
+        self.move(self.local)
         self.shown = self._shown()
-        self._bones = {}   # of a skin, once used
 
     def _numbers(self, holder, name, where):
         """Return the numbers of nodes in the list holder[name]."""
@@ -34,21 +37,23 @@ class Nodes:
                 parents[number] = k
         return parents
 
-    def _world(self):
-        """Return the product of each node's matrices from its root down, float64 [n, 4, 4]."""
-        waiting = [k for k, parent in enumerate(self.parents) if parent < 0]
-        reached = 0
+    def _by_depth(self):
+        """Return the numbers of the nodes of each depth below their roots, from these on."""
+        levels, waiting = [], [k for k, parent in enumerate(self.parents) if parent < 0]
+        while waiting:
+            levels.append(waiting)
+            waiting = [number for k in waiting for number in self.children[k]]
+        if lost := len(self.items) - sum(map(len, levels)):
+            raise Error(f"{lost} nodes are below a node that is its own ancestor; allowed: a tree")
+        return levels
+
+    def move(self, local):
+        """Place all nodes by the own matrix of each, float64 [n, 4, 4]: the product of these from its root down."""
+        self._bones = {}
         with np.errstate(all="ignore"):   # what is not finite is found by Mesh
-            world = _local(self.items)
-            while waiting:
-                k = waiting.pop()
-                if self.parents[k] >= 0:
-                    world[k] = world[self.parents[k]] @ world[k]
-                waiting += self.children[k]
-                reached += 1
-        if reached < len(self.items):
-            raise Error(f"{len(self.items) - reached} nodes are below a node that is its own ancestor; allowed: a tree")
-        return world
+            self.world = local.copy()
+            for level in self._levels[1:]:
+                self.world[level] = self.world[self.parents[level]] @ self.world[level]
 
     def _shown(self):
         """Return the numbers of the nodes of the scene that is shown, as trimesh orders them: the last first."""
@@ -74,28 +79,34 @@ class Nodes:
     def bones(self, k):
         """Return the matrices that place a vertex by the joints of node k's skin, float64 [joints, 3, 4] (3.7.3.1)."""
         number, skin = self.source.item("skins", self.items[k], "skin", f"nodes[{k}]")
+        if number not in self._skins:
+            self._skins[number] = self._skin(skin, f"skins[{number}]")
         if number not in self._bones:
-            where = f"skins[{number}]"
-            joints = self._numbers(skin, "joints", where)
-            if not joints:
-                raise Error(f"{where}.joints is []; allowed: one or more")
-            bind = IDENTITY[None]
-            if "inverseBindMatrices" in skin:
-                bind = self.source.values(skin, "inverseBindMatrices", where).reshape(-1, 4, 4).transpose(0, 2, 1)
-                if len(bind) < len(joints):
-                    raise Error(f"{where} has {len(bind)} inverseBindMatrices; allowed: {len(joints)}, one a joint")
-                bind = bind[:len(joints)]
-                _check_affine(bind, f"{where}.inverseBindMatrices")
+            joints, bind = self._skins[number]
             self._bones[number] = (self.world[joints] @ bind)[:, :3]
         return self._bones[number]
 
+    def _skin(self, skin, where):
+        """Return a skin's joints, numbers of nodes, and their inverse bind matrices, float64 [joints or 1, 4, 4]."""
+        joints = self._numbers(skin, "joints", where)
+        if not joints:
+            raise Error(f"{where}.joints is []; allowed: one or more")
+        if "inverseBindMatrices" not in skin:
+            return joints, IDENTITY[None]
+        bind = self.source.values(skin, "inverseBindMatrices", where).reshape(-1, 4, 4).transpose(0, 2, 1)
+        if len(bind) < len(joints):
+            raise Error(f"{where} has {len(bind)} inverseBindMatrices; allowed: {len(joints)}, one a joint")
+        bind = bind[:len(joints)]
+        _check_affine(bind, f"{where}.inverseBindMatrices")
+        return joints, bind
+
 
 def _local(nodes):
-    """Return the own matrix of each node, float64 [n, 4, 4]."""
-    moved, turned, scaled = (
+    """Return the translation, rotation and scale of each node, and its own matrix, float64 [n, 4, 4]."""
+    trs = moved, turned, scaled = [
         np.array([vector(node, name, len(default), f"nodes[{k}]", default) for k, node in enumerate(nodes)]).reshape(
             -1, len(default)) for name, default in (
-            ("translation", (0, 0, 0)), ("rotation", (0, 0, 0, 1)), ("scale", (1, 1, 1))))
+            ("translation", (0, 0, 0)), ("rotation", (0, 0, 0, 1)), ("scale", (1, 1, 1)))]
     matrices = composed(moved, turned, scaled)
     for k, node in enumerate(nodes):
         if "matrix" in node:
@@ -104,7 +115,7 @@ def _local(nodes):
                 raise Error(f"nodes[{k}] has a matrix and a {given[0]}; allowed: one of both")
             matrices[k] = vector(node, "matrix", 16, f"nodes[{k}]").reshape(4, 4).T
             _check_affine(matrices[k], f"nodes[{k}].matrix")
-    return matrices
+    return trs, matrices
 
 
 def _check_affine(matrices, where):

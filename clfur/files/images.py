@@ -109,6 +109,11 @@ def encoded(suffix: str, image: np.ndarray, camera: Camera | None = None, settin
     return file.getvalue()
 
 
+def pixels(data: bytes) -> np.ndarray:
+    """The pixels of a PNG file that `png` has given: uint8 [h, w, 4] or [h, w, 3], sRGB with straight alpha."""
+    return np.asarray(_opened(data))
+
+
 def to_uint8(image: np.ndarray) -> np.ndarray:
     """Return a picture in 8 bits, as PNG and screens have it: uint8 [h, w, 4], sRGB with straight alpha.
 

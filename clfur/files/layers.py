@@ -13,7 +13,8 @@ from ..scene import Camera
 from . import exr, matte
 
 # Names of the channels of each output, one for each of its last axis; NUMBERED ones have as many as there are.
-CHANNELS = {"depth": ("Z",), "uv": ("uv.U", "uv.V"), "orientation": ("orientation.X", "orientation.Y")} | {
+CHANNELS = {"depth": ("Z",), "uv": ("uv.U", "uv.V"), "orientation": ("orientation.X", "orientation.Y"),
+            "motion_vector": ("motion_vector.X", "motion_vector.Y")} | {
     name: tuple(f"{name}.{axis}" for axis in "XYZ") for name in ("tangent", "normal", "position")}
 NUMBERED = ("type_alpha",)
 WHOLE = 2**24         # of whole numbers up to it float32 holds each

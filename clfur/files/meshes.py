@@ -41,9 +41,7 @@ def load_mesh(path: str | os.PathLike) -> Mesh:
     path = Path(path)
     data = _read(path)
     try:
-        fields = READERS[path.suffix.lower()](data, path)
-        numbering = _numbering(fields)
-        return copied(Mesh(**finite(fields)), numbering=numbering)
+        return mesh_of(READERS[path.suffix.lower()](data, path))
     except Error as error:
         raise Error(f"{path}: {error}") from None
     except Exception as error:  # a reader may fail in any way on a damaged file; the user gets one line
@@ -68,6 +66,12 @@ def _read(path):
     if not data:
         raise Error(f"{path}: is empty")
     return data
+
+
+def mesh_of(fields: dict[str, Any]) -> Mesh:
+    """Return the Mesh of what a reader gives, numbered as the file is."""
+    numbering = _numbering(fields)
+    return copied(Mesh(**finite(fields)), numbering=numbering)
 
 
 def _numbering(fields):

@@ -1,5 +1,6 @@
 """USD stages -> Scene."""
 
+import contextlib
 import math
 import os
 import warnings
@@ -16,19 +17,22 @@ from .curves import curves_from
 from .images import picture_of
 from .meshes import finite
 from .output import is_path
+from .poses import Poses
 from .usd import SUFFIXES, Stage, called
 from .usd_curves import strands_of
 from .usd_lights import camera_of, lights_of, resolution_of
 from .usd_mesh import WHITE, meshes_of
 
 ROWS = 64              # of a sky's picture, at least
+AHEAD = 8              # times that are read at once
+TOLERANCE = 0.25       # of chords, as `load_curves` has it
 WIDTH = 640            # of a picture whose file says nothing of it
 NEAR, FAR = 1.06, 900  # radii of a scene from its middle where a light may stand that shines everywhere, or any
 
 
 def load_scene(path: str | os.PathLike, *, camera: str | None = None, time: float | None = None,
                size: Sequence[int] | None = None, width: float | None = None, color: Any = None,
-               tolerance: float = 0.25) -> Scene:
+               tolerance: float = TOLERANCE) -> Scene:
     """Return the Scene of a USD file (.usd, .usda, .usdc, .usdz; needs usd-core): its meshes as one, BasisCurves, a
     camera, distant, sphere, disk, rect and dome lights, colours and pictures of UsdPreviewSurface.
 
@@ -42,38 +46,116 @@ def load_scene(path: str | os.PathLike, *, camera: str | None = None, time: floa
     given = {"width": None if width is None else checks.real(low=0)(width, "load_scene width"), "color": color}
     parts = parts_of(path, {name: value for name, value in given.items() if value is not None}, camera, time, size,
                      tolerance)
+    return _whole(parts, size)
+
+
+def _whole(parts, size=None):
+    """The Scene of what a file has of one."""
     parts = {"light": [Light()], "body_color": WHITE["color"]} | parts
     if "camera" not in parts:
         parts["camera"] = frame(parts["mesh"], parts["fur"], size or (WIDTH, WIDTH * 3 // 4), lights=parts["light"])
     return Scene(**parts)
 
 
+class SceneAnimation:
+    """What moves in a USD file: called with seconds it gives the Scene then, whose mesh has the same faces where the
+    file says the same of them. duration: seconds from its first time code to its last. fps: time codes a second."""
+
+    def __init__(self, path: Path) -> None:
+        _check_file(path)
+        self._path = path
+        with _naming(path), np.errstate(all="ignore"):
+            (self._first, last, self.fps), stages = called(_read_some, path)
+            self.duration = (last - self._first) / self.fps
+            self._begin, self._mesh = _parts(stages[0], None, {}), stages[0]["mesh"]
+            same = [each["mesh"] for each in stages if self._fits(each["mesh"])]
+            self._poses = Poses(self._begin["mesh"], (each["positions"] for each in same)) if same else None
+        self._last: tuple[float, Scene] | None = None
+        self._known: dict[float, dict] = {}   # what is read, by time code
+        self._code = self._first
+        _tell_left(path, stages[0]["left"], 4)
+
+    def __call__(self, seconds: float) -> Scene:
+        """Return the Scene at a time; asked again, the very same."""
+        at = min(max(checks.real()(seconds, "seconds"), 0.0), self.duration)
+        if self._last is None or self._last[0] != at:
+            with _naming(self._path), np.errstate(all="ignore"):
+                self._last = at, self._scene(round(self._first + at * self.fps, 6))
+        return self._last[1]
+
+    def _scene(self, code):
+        if code not in self._known:   # and those that are likely to come next, as a file may be slow to open
+            step = code - self._code
+            codes = [round(code + k * step, 6) for k in range(AHEAD if step > 0 else 1)]
+            self._known = dict(zip(codes, called(_read_at, self._path, codes)))
+        self._code, stage, mesh = code, self._known[code], None
+        if self._poses is not None and self._fits(stage["mesh"]):
+            mesh = self._poses.mesh(stage["mesh"]["positions"], stage["mesh"].get("normals"))
+        parts = _parts(stage, None, {}, mesh)
+        if "camera" not in parts:   # one that stays
+            parts["camera"] = _whole(self._begin).camera
+        return _whole(parts)
+
+    def _fits(self, mesh):
+        """Whether a mesh has the faces that there are at first."""
+        return mesh is not None and self._mesh is not None and len(mesh["positions"]) == len(
+            self._mesh["positions"]) and np.array_equal(mesh["faces"], self._mesh["faces"])
+
+
+def _read_some(path):
+    """When a file begins and ends, and what `_read` gives at some times: at first, and at others."""
+    first, last, codes = Stage(path, None).times()
+    if not last > first:
+        raise Error("has no time samples; allowed: files that move (`load_scene` reads others)")
+    return (first, last, codes), _read_at(path, np.linspace(first, last, 5).tolist())
+
+
+def _read_at(path, codes):
+    """What `_read` gives at some time codes."""
+    return [_read(path, code, None, TOLERANCE) for code in codes]
+
+
 def parts_of(path: str | os.PathLike, given: dict[str, Any], camera: str | None = None, time: float | None = None,
-             size: Sequence[int] | None = None, tolerance: float = 0.25) -> dict[str, Any]:
+             size: Sequence[int] | None = None, tolerance: float = TOLERANCE) -> dict[str, Any]:
     """Return the fields of a Scene that a USD file has, mesh and fur always; ``given`` as `curves_from` takes it."""
     if not is_path(path):
         raise Error(f"load_scene path is {shown(path)}; allowed: a file's name")
     file = Path(path)
-    if file.suffix.lower() not in SUFFIXES:
-        raise Error(f"{file}: {file.suffix or 'no suffix'} is no scene file; allowed: {', '.join(SUFFIXES)}")
+    _check_file(file)
     time = None if time is None else checks.real()(time, "load_scene time")
     tolerance = checks.real(low=1e-3, high=1e3)(tolerance, "load_scene tolerance")
     if not (camera is None or isinstance(camera, str)):
         raise Error(f"load_scene camera is {shown(camera)}; allowed: a name, or None")
+    with _naming(file), np.errstate(all="ignore"):   # what is not finite is an Error of Mesh, Curves and so on
+        stage = called(_read, file, time, camera, tolerance)
+        parts = _parts(stage, size, given)
+    _tell_left(file, stage["left"], 4)
+    return parts
+
+
+def _check_file(file):
+    if file.suffix.lower() not in SUFFIXES:
+        raise Error(f"{file}: {file.suffix or 'no suffix'} is no scene file; allowed: {', '.join(SUFFIXES)}")
     if os.path.isdir(file) or not os.path.exists(file):
         raise Error(f"{file}: {'is a folder; allowed: a file' if os.path.isdir(file) else 'no such file'}")
+
+
+@contextlib.contextmanager
+def _naming(file):
+    """What is raised of a file within becomes an Error of one line that names it."""
     try:
-        with np.errstate(all="ignore"):   # what is not finite is an Error of Mesh, Curves and so on
-            stage = called(_read, file, time, camera, tolerance)
-            parts = _parts(stage, size, given)
+        yield
     except Error as error:
         raise Error(str(error) if str(error).startswith(f"{file}: ") else f"{file}: {error}") from None
     except Exception as error:   # a reader may fail in any way on a damaged file; the user gets one line
         first_line = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise Error(f"{file}: cannot be read as USD: {first_line}") from error
-    if stage["left"]:
-        warnings.warn(f"{file}: left out: {_listed(stage['left'])}", stacklevel=3)
-    return parts
+
+
+def _tell_left(file, left, level):
+    """Warn of what is left out of a file, if anything."""
+    if left:
+        warnings.warn(f"{file}: left out: {_listed(left)}", stacklevel=level)
 
 
 def _read(path, time, camera, tolerance):
@@ -84,8 +166,8 @@ def _read(path, time, camera, tolerance):
     UsdGeom = stage.pxr.UsdGeom
     for prim, _ in stage.seen():
         known = prim.IsA(UsdGeom.Mesh) or prim.IsA(UsdGeom.BasisCurves) or prim.HasAPI(stage.pxr.UsdLux.LightAPI)
-        if prim.IsA(UsdGeom.Boundable) and not known:
-            stage.leave("skinning" if prim.GetTypeName() == "SkelRoot" else f"a {prim.GetTypeName()}", prim)
+        if prim.IsA(UsdGeom.Boundable) and not known and prim.GetTypeName() not in ("SkelRoot", "Skeleton"):
+            stage.leave(f"a {prim.GetTypeName()}", prim)
     if found["mesh"] is None and found["strands"] is None:
         raise Error("has neither Meshes nor BasisCurves that are seen")
     return found | {"left": stage.left}
@@ -101,11 +183,11 @@ def _listed(left):
     return "; ".join(kinds)
 
 
-def _parts(stage, size, given):
-    """The fields of a Scene that the answer of `_read` tells."""
+def _parts(stage, size, given, mesh=None):
+    """The fields of a Scene that the answer of `_read` tells; mesh: the Mesh of it, if that is known already."""
     parts: dict[str, Any] = {"mesh": None, "fur": None}
     if stage["mesh"] is not None:
-        parts["mesh"], materials = _mesh(stage["mesh"])
+        parts["mesh"], materials = _mesh(stage["mesh"], mesh)
         if any(each != WHITE for each in stage["mesh"]["materials"]):
             parts["body_color"] = materials
     if stage["strands"] is not None:
@@ -117,9 +199,9 @@ def _parts(stage, size, given):
     return parts | ({"light": lights} if lights else {}) | ({"environment": sky} if sky is not None else {})
 
 
-def _mesh(found):
-    """(Mesh, tuple of Material) of what `meshes_of` gives."""
-    mesh = Mesh(**finite({name: found[name] for name in found if name != "materials"}))
+def _mesh(found, mesh=None):
+    """(Mesh, tuple of Material) of what `meshes_of` gives; mesh: if that is known already."""
+    mesh = mesh or Mesh(**finite({name: found[name] for name in found if name != "materials"}))
     materials = []
     for each in found["materials"]:
         texture = None

@@ -7,7 +7,7 @@ def smoothed(points: np.ndarray, sizes: np.ndarray, corners: np.ndarray, uv: np.
              ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Return a mesh with each polygon of n corners divided into n quads: (points, corners [4 C] and uv of these).
 
-    points: float64 [V, 3]. sizes: int64 [F] of the polygons, corners: int64 [C] into points, polygon after polygon.
+    points: float64 [V, n]. sizes: int64 [F] of the polygons, corners: int64 [C] into points, polygon after polygon.
     uv: float64 [C, 2] or None; it stays linear. The quads come in the order of the corners.
     """
     face, behind, before = _around(sizes)
@@ -31,7 +31,7 @@ def smoothed(points: np.ndarray, sizes: np.ndarray, corners: np.ndarray, uv: np.
 
 
 def limit(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Return where points of quads come to lie on the surface itself (Halstead et al. 1993), float64 [V, 3].
+    """Return where points of quads come to lie on the surface itself (Halstead et al. 1993), float64 [V, n].
 
     corners: int64 [4 F], of quads that `smoothed` has made.
     """
@@ -62,7 +62,7 @@ def _bounded(new, points, rim, many, own):
     """New places, but of vertices on edges [R, 2] without two faces: ``own`` parts of their place and the rest of their
     two neighbours' there; a corner of one face alone, or where other than two such edges meet, stays."""
     touched = np.bincount(rim.ravel(), minlength=len(points))
-    beside = _means(points[rim[:, ::-1]].reshape(-1, 3), rim.ravel(), len(points))
+    beside = _means(points[rim[:, ::-1]].reshape(-1, points.shape[1]), rim.ravel(), len(points))
     smooth = (touched == 2) & (many > 1)
     new = np.where((touched > 0)[:, None], points, new)
     return np.where(smooth[:, None], own * points + (1 - own) * beside, new)

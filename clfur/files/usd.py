@@ -27,7 +27,7 @@ def library() -> Any:
     """Return usd-core's package; raises Error where it is not installed."""
     try:
         import pxr
-        from pxr import Ar, Gf, Sdf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, Vt  # noqa: F401, as pxr.Usd and so on
+        from pxr import Ar, Gf, Sdf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, UsdSkel, Vt  # noqa: F401
     except ImportError:
         raise Error('needs usd-core to be read or written; allowed: pip install "clfur[usd]"') from None
     return pxr
@@ -64,6 +64,17 @@ class Stage:
         self.left: dict[str, list[str]] = {}   # what of it is not understood, and where
         self.purposes: tuple[str, ...] = ("default", "render")   # of prims that are seen
         self.points = 0
+
+    def times(self) -> tuple[float, float, float]:
+        """(first, last, time codes a second) of what moves: as the stage says, else by its samples; first and last are
+        the same of one that does not."""
+        stage = self.stage
+        first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
+        if not stage.HasAuthoredTimeCodeRange():
+            samples = [each for prim in stage.Traverse() for attribute in prim.GetAuthoredAttributes()
+                       for each in attribute.GetTimeSamples()]
+            first, last = (min(samples), max(samples)) if samples else (0.0, 0.0)
+        return float(first), float(last), float(stage.GetTimeCodesPerSecond())
 
     def leave(self, what: str, prim: Any) -> None:
         """Remember that a prim, or something of it, is left out."""

@@ -8,6 +8,7 @@ from ..errors import Error
 from .polygons import triangulate
 from .subdivision import limit, smoothed
 from .usd import Stage, numbers
+from .usd_skel import Skeletons
 
 UV = "st", "UVMap", "uv", "map1"   # primvars, the first that there is: USD's own, then what programs wrote
 LEVELS, QUADS = 2, 250_000   # of subdivision, and faces that it may make
@@ -18,12 +19,12 @@ WHITE: dict[str, Any] = {"color": (0.18, 0.18, 0.18)}   # of a mesh that says no
 def meshes_of(stage: Stage) -> dict | None:
     """Return all meshes that are seen as one: positions, faces, normals or None, uv by corner or None, material_of,
     and materials: dictionaries of color and, as they have it, texture (bytes of a picture), wrap and raw."""
-    found, materials = [], Materials(stage)
+    found, materials, skeletons = [], Materials(stage), Skeletons(stage)
     for prim, matrices in stage.seen():
         if not prim.IsA(stage.pxr.UsdGeom.Mesh):
             continue
         try:
-            own = _mesh(stage, prim, materials)
+            own = _mesh(stage, prim, materials, skeletons)
             for matrix in matrices if own else []:
                 stage.count(len(own["positions"]))
                 found.append(_placed(own, matrix))
@@ -56,7 +57,7 @@ def _placed(own, matrix):
     return own | {"positions": own["positions"] @ turn + matrix[3, :3], "normals": normals, "faces": faces, "uv": uv}
 
 
-def _mesh(stage, prim, materials):
+def _mesh(stage, prim, materials, skeletons):
     """One mesh in its own space; None of one without faces."""
     mesh, at = stage.pxr.UsdGeom.Mesh(prim), stage.at
     given = [each.Get(at) for each in (mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(),
@@ -65,6 +66,8 @@ def _mesh(stage, prim, materials):
         stage.leave("a Mesh without faces", prim)
         return None
     points, sizes, corners = (numbers(each, columns) for each, columns in zip(given, (3, 1, 1)))
+    held, first = skeletons.hold(prim), _first(stage, mesh, points)
+    points = np.concatenate([skeletons.deformed(prim, points) if held else points, first], axis=1)   # now, and at first
     sizes, corners = (each.ravel().astype(np.int64) for each in (sizes, corners))
     if (sizes < 0).any() or int(sizes.sum()) != len(corners):
         raise Error(f"has {len(corners)} faceVertexIndices, but its faceVertexCounts add up to {int(sizes.sum())}")
@@ -74,7 +77,7 @@ def _mesh(stage, prim, materials):
     of_faces, faces = materials.of_faces(prim, len(sizes)), np.arange(len(sizes))   # which of the file's each is of
     scheme = str(mesh.GetSubdivisionSchemeAttr().Get(at))
     uv = next(filter(None, (stage.values(prim, name, 2) for name in UV)), None)
-    normals = _normals(stage, mesh, prim) if scheme == "none" else None
+    normals = _normals(stage, mesh, prim) if scheme == "none" and not held else None
     uv, normals = (None if each is None else _by_corner(what, each, len(points), corners, sizes)
                    for what, each in (("uv", uv), ("normals", normals)))
     if scheme == "catmullClark":
@@ -86,7 +89,8 @@ def _mesh(stage, prim, materials):
         points = limit(points, corners) if levels else points
     elif scheme == "loop":
         stage.leave("subdivision of scheme loop", prim)
-    triangles, owner = triangulate(points, corners, sizes)
+    triangles, owner = triangulate(points[:, 3:], corners, sizes)   # alike at all times
+    points = points[:, :3]
     keep = ~np.isin(faces[owner], np.asarray(mesh.GetHoleIndicesAttr().Get(at) or (), np.int64))
     triangles, owner = triangles[keep], owner[keep]
     if str(mesh.GetOrientationAttr().Get(at)) == "leftHanded":
@@ -96,6 +100,12 @@ def _mesh(stage, prim, materials):
         positions, indices = points[corners], triangles
     return {"positions": positions, "faces": indices, "normals": normals, "uv": None if uv is None else uv[triangles],
             "material_of": of_faces[faces[owner]]}
+
+
+def _first(stage, mesh, points):
+    """Points of a mesh at their first time, if they are as many then, else these."""
+    first = mesh.GetPointsAttr().Get(stage.pxr.Usd.TimeCode.EarliestTime())
+    return numbers(first, 3) if len(first or ()) == len(points) else points
 
 
 def _levels(stage, mesh, prim, sizes):

@@ -6,6 +6,7 @@ from typing import Any
 import attrs
 import numpy as np
 
+from ..errors import Error
 from ..files.images import encoded
 from ..render import draw
 from ..scene import Curves, Scene, over
@@ -33,7 +34,7 @@ class Job:
         if len(self.scenes) == 1:
             image = draw(scene, device, self.settings).images["color"]
         else:
-            from .. import blurred  # type: ignore[attr-defined]
+            from .. import blurred
 
             image = blurred(self.scenes, device, self.settings).images["color"]
         if self.background is not None:
@@ -50,6 +51,10 @@ def on_host(scene: Scene) -> Scene:
 
 
 def alone(jobs: Iterable[Job], device: Any) -> Iterator[tuple[int, bytes]]:
-    """Draw jobs one after the other here -> (number, bytes of the frame's file) of each."""
+    """Draw jobs one after the other here -> (number, bytes of the frame's file) of each; an Error tells which it is
+    of."""
     for job in jobs:
-        yield job.number, job.draw(device)
+        try:
+            yield job.number, job.draw(device)
+        except Error as error:
+            raise type(error)(f"frame {job.number}: {error}") from error

@@ -1,13 +1,11 @@
 """Speed against accuracy: what each of many settings takes and how far its pictures are from the truth."""
 
-import functools
 import io
 import itertools
 import json
 import zipfile
 import zlib
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import attrs
@@ -16,7 +14,7 @@ import numpy as np
 from .. import cache, measures
 from ..budget import PRESETS, refused
 from ..cache import digest
-from ..device.scheduler import Scheduler, kernel_dir
+from ..device.scheduler import Scheduler, sources
 from ..errors import Error
 from ..render import draw
 from ..scene import Camera, Scene, checks
@@ -162,7 +160,7 @@ def frontier(scene: Scene, candidates: Sequence[Settings] | None = None, device:
     if not truths[..., 3].any():
         raise Error("nothing of the scene is to be seen in the picture; allowed: a camera that looks at it")
     flips = measures.flip(truths[0], truths[0]) is not None
-    kept = _Kept(digest(scene, OVER, orders, _sources(), gpu.name, gpu.device.driver_version, pan, flips), fresh)
+    kept = _Kept(digest(scene, OVER, orders, sources(), gpu.name, gpu.device.driver_version, pan, flips), fresh)
 
     for number, way in enumerate(ways):
         progress("pictures", number, len(ways))
@@ -204,14 +202,6 @@ def label(settings, layers=None):
     return ", ".join(words)
 
 
-@functools.cache
-def _sources():
-    """What this version of clfur consists of: a change anywhere may change times and pictures."""
-    here = Path(__file__).parents[1]
-    return digest([[path.name, path.read_bytes()] for path in [*sorted(here.rglob("*.py")), *sorted(
-        (path for path in kernel_dir().iterdir() if path.name.endswith((".cl", ".h"))), key=lambda path: path.name)]])
-
-
 def _checked(scene, ways):
     """[(Settings, layers or None)] of candidates, each once."""
     allowed = "Settings, or pairs of Settings and layers of shells (1 to 1000), in a list"
@@ -248,7 +238,7 @@ def _moved(scene, pixels, over=1, wider=0):
 
 def _truths(scene, gpu, progress, orders=0):
     """(truth at each step of the pan float32 [STEPS + 1, h, w, 4], its noise)."""
-    known = digest(scene, OVER, STEPS, *((LAYERS, FINEST, _sources()) if scene.shells else (truth.VERSION,)),
+    known = digest(scene, OVER, STEPS, *((LAYERS, FINEST, sources()) if scene.shells else (truth.VERSION,)),
                    *([orders] if orders else []))
     file = cache.folder("charts") / f"truth-{known[:32]}.npz"
     try:

@@ -16,14 +16,15 @@ class HairMotion:
     bend_length: world units, > 0: hair shorter than this stands, longer droops, under 9.81 m/s²; (bending stiffness
     over weight a length)^(1/3). None: as long as the longest of its type. air: seconds, > 0, in which air slows hair
     down and wind takes it along, or None: there is none. damping: seconds >= 0 of Kelvin's and Voigt's, by which
-    bending slows down. inertia: 0..1, how much of its root's motion it does not go along with by itself. Raises Error
-    otherwise.
+    bending slows down. inertia: 0..1, how much of its root's motion it does not go along with by itself. friction:
+    0..10 on the body, Coulomb's. Raises Error otherwise.
     """
 
     bend_length: float | None = checks.field(checks.optional(checks.positive()), default=None)
     air: float | None = checks.field(checks.optional(checks.positive()), default=0.2)
     damping: float = checks.field(checks.real(low=0), default=0.02)
     inertia: float = checks.field(checks.real(low=0, high=1), default=1.0)
+    friction: float = checks.field(checks.real(low=0, high=10), default=0.3)
 
     def row(self, longest: float, units_per_metre: float) -> tuple:
         """What `layout.MotionType` has of it; longest: of its type, world units."""

@@ -1,8 +1,10 @@
 """A scene whose strands move: what users call."""
 
+import itertools
 import math
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import attrs
@@ -12,7 +14,7 @@ from .. import layout
 from ..errors import Error, shown
 from ..render import grow, schedulers
 from ..scene import Mesh, Scene, Strands, checks
-from ..scene.bounds import hair_bounds
+from ..scene.bounds import LONG, hair_bounds
 from ..scene.curves import Bounds
 from ..scene.guides import far_from
 from ..scene.origin import seen_from
@@ -21,10 +23,14 @@ from ..stages import motion as stage
 from ..stages.guides import feet_on
 from ..stages.strands import DeviceStrands
 from ..stages.tessellate import as_float4
+from .body import Body
 from .hair import HairMotion, Wind, of_types
-from .hair_on_hair import HairOnHair
+from .hair_on_hair import HairOnHair, box_of
+from .pose import between, pose_of
+from .within import Began, mixed
 
 FEW, MOST = 0.25, 32   # lengths of the longest strand that a root may go in a substep; substeps it is given for that
+DEEP = 0.5             # cells: strands that are groomed further inside the body are told of
 
 
 class Motion:
@@ -37,56 +43,65 @@ class Motion:
     HairMotion(). device: as for `render`, of several the first; scenes must be drawn by the same. rate: substeps a
     second, 1 to 10,000; roots that move fast get more. units_per_metre: of the scene. gravity: [3] m/s². wind: a Wind
     or None. fps: frames a second, of `at`. jump: world units; where a vertex goes further in a step it is a cut, and
-    hair is carried along. None: the radius of the mesh. hair_on_hair: seconds, > 0, in which hair takes the speed of the
-    hair around it; hair is then pushed apart where it lies denser than it was groomed, too. None: hair does not feel
-    other hair. Hair that is too soft to bear its weight as it was groomed falls, and a warning says how much.
+    hair is carried along. None: the radius of the mesh. body: whether hair feels the mesh, and does not enter it;
+    "auto": where some is longer than a fifth of the mesh's radius, so that it can lie on it. What was groomed nearer
+    than half of its width, or inside, may stay as near. hair_on_hair: seconds, > 0, in which hair takes the speed of
+    the hair around it; where it lies denser than groomed it is pushed apart, too. None: none of that. Hair that is too
+    soft to bear its weight as it was groomed falls, and a warning says how much; another, how much goes through the
+    body.
 
-    Hair does not feel the body. The equations are in docs/motion.md. Raises Error for a scene without
-    strands or mesh, for Curves that stand elsewhere, and where arguments are not allowed; `step` and `at` do for a
-    function that gives something else, or a mesh of other faces.
+    The equations are in docs/motion.md. Raises Error for a scene without strands or mesh, for Curves that stand
+    elsewhere, and where arguments are not allowed; `step` and `at` do for a function that gives something else, or a
+    mesh of other faces.
 
     time: seconds since the groom.
     """
 
+    _state: stage.State
+    _roots: Any   # as `stage.place_roots` gives them
+
     def __init__(self, scene: Scene | Callable[[float], Scene], hair: Any = None, device: Any = None, *,
                  rate: float = 120.0, units_per_metre: float = 1.0, gravity: Any = (0.0, -9.81, 0.0),
                  wind: Wind | None = None, fps: float = 24.0, jump: float | None = None,
-                 hair_on_hair: float | None = None) -> None:
+                 body: bool | str = "auto", hair_on_hair: float | None = None) -> None:
         self._given, self.time = scene, 0.0
-        self.scene = scene = self._now = self._scene_at(0.0)
-        if scene.strands is None:
-            raise Error(f"Motion.scene is {shown(scene)}; allowed: with Strands or Curves")
+        first = self.scene = self._now = self._scene_at(0.0)
+        if first.strands is None:
+            raise Error(f"Motion.scene is {shown(first)}; allowed: with Strands or Curves")
         self.rate = checks.real(1, 10_000)(rate, "Motion.rate")
         self.fps = checks.real(1, 10_000)(fps, "Motion.fps")
         self.units = checks.positive()(units_per_metre, "Motion.units_per_metre")
         self.gravity = checks.safely(checks.vector(3), gravity, "Motion.gravity") * self.units
         self.wind = checks.instance(Wind, none=True)(wind, "Motion.wind") or Wind()
-        self.jump = scene.mesh.bounds[1] if jump is None else checks.positive()(jump, "Motion.jump")
-        seconds = checks.optional(checks.positive())(hair_on_hair, "Motion.hair_on_hair")
+        self.jump = first.mesh.bounds[1] if jump is None else checks.positive()(jump, "Motion.jump")
+        if not isinstance(body, bool) and not (isinstance(body, str) and body == "auto"):
+            checks.refuse("Motion.body", body, '"auto", True or False')
+        touch = checks.optional(checks.positive())(hair_on_hair, "Motion.hair_on_hair")
         self._gpu = schedulers(device)[0]
-        self._groom = grow(scene, self._gpu) if isinstance(scene.strands, Strands) else scene.strands.on_host
+        self._groom = grow(first, self._gpu) if isinstance(first.strands, Strands) else first.strands.on_host
         hair = of_types(HairMotion() if hair is None else hair, len(self._groom.hair_types))
         self._said, self._last_step, self._frame = False, 0.0, 0
-        self._mesh, self._origin = scene.mesh, scene.origin
+        self._began: Began | None = None
+        self._mesh, self._origin = first.mesh, first.origin
         with self._gpu.frame():
-            self._corners = self._posed(scene.mesh)
-            self._here = tuple(map(self._gpu.upload, self._corners))
-            self._hang(hair)
-        self._others = None
+            self._corners, normals = self._posed(first.mesh)
+            self._rest = self._pose = pose_of(self._corners, normals, None)
+            self._here = self._uploaded(self._rest)
+            self._hang(hair, body)
         segments, length, area = hair_bounds(self._groom, len(self._groom.counts))
         away = float(np.abs(self._gpu.download(self._offsets)).max(initial=0)) * 3**0.5
         beyond = self._longest + away + float(self._groom.width.max()) / 2
         self._beyond = Bounds((0, 0, 0), beyond, segments, length, area)
-        if seconds is not None:
-            with self._gpu.frame():
-                self._others = HairOnHair(self._gpu, seconds, self._state, self._roots, _box(self._corners), beyond,
-                                          self._longest, self.units)
+        with self._gpu.frame():
+            self._others = touch and HairOnHair(self._gpu, touch, self._state, self._roots, box_of(self._corners),
+                                                beyond, self._longest, self.units)
 
     def step(self, seconds: float, mesh: Mesh | None = None, wind: Wind | None = None, cut: bool = False) -> Scene:
         """Go on by so many seconds -> the Scene then, whose Curves are on the device.
 
         mesh: its pose then, of the same faces; None: that of the function `scene`, or as it is. wind: from now on, or
-        None: as it is. cut: hair is carried along with the mesh as if nothing had moved. Raises Error for a mesh of other faces.
+        None: as it is. cut: hair is carried along with the mesh as if nothing had moved. Raises Error for a mesh of
+        other faces.
         """
         seconds = checks.real(low=1e-6, high=3600)(seconds, "Motion.step seconds")
         self.wind = checks.instance(Wind, none=True)(wind, "Motion.step wind") or self.wind
@@ -94,15 +109,18 @@ class Motion:
         if mesh is None and callable(self._given):
             mesh = scene.mesh
         mesh = checks.instance(Mesh)(self._mesh if mesh is None else mesh, "Motion.step mesh")
-        now, moved = self._corners, 0.0
+        corners, pose, moved = self._corners, self._pose, 0.0
         if mesh is not self._mesh:
-            now = self._posed(mesh)
-            moved = float(np.linalg.norm(now[0] - self._corners[0], axis=2).max())
+            corners, normals = self._posed(mesh)
+            moved = float(np.linalg.norm(corners - self._corners, axis=2).max(initial=0))
+            pose = pose_of(corners, normals, self._rest)
+        is_cut = cut or moved > self.jump
         with self._gpu.frame():
-            there = self._here if mesh is self._mesh else tuple(map(self._gpu.upload, now))
-            boxes = None if self._others is None else (_box(self._corners), _box(now))
-            self._go(seconds, there, boxes, moved, cut or moved > self.jump)
-        self._now, self._mesh, self._corners, self._here = scene, mesh, now, there
+            there = self._here if pose.corners is self._pose.corners else self._uploaded(pose)
+            self._began = Began(self.time, seconds, self._mesh, self._roots, stage.remember(self._gpu, self._state),
+                                is_cut, callable(self._given) and mesh is scene.mesh)
+            self._go(seconds, pose, there, moved, is_cut, (box_of(self._corners), box_of(corners)))
+        self._now, self._mesh, self._corners, self._pose, self._here = scene, mesh, corners, pose, there
         return self._drawn()
 
     def at(self, frame: int) -> Scene:
@@ -112,9 +130,79 @@ class Motion:
         if frame < self._frame:
             raise Error(f"Motion.at frame is {frame}; allowed: {self._frame} and later, as time goes on alone")
         while self._frame < frame:
-            self.step(1 / self.fps)
+            self.step((self._frame + 1) / self.fps - self.time)   # so that errors do not add up
             self._frame += 1
         return self._drawn()
+
+    def state(self) -> dict:
+        """All that is needed to go on from here -> {name: NumPy array or number}, for `restore`."""
+        arrays = {name: self._gpu.download(getattr(*where)) for name, where in self._held().items()}
+        return {"time": self.time, "frame": self._frame, "last_step": self._last_step, **arrays}
+
+    def restore(self, state: dict, mesh: Mesh | None = None) -> Scene:
+        """Go to where a Motion of the same arguments was when it gave its `state` -> the Scene then.
+
+        From there on it gives the same bits. mesh: the last that `step` was given there, if any. Raises Error for
+        what is no such state.
+        """
+        held = self._held()
+        try:
+            arrays = {name: np.asarray(state[name]) for name in held}
+            time, frame, last_step = float(state["time"]), int(state["frame"]), float(state["last_step"])
+        except (LookupError, TypeError, ValueError):
+            raise Error("Motion.restore state is not what Motion.state has given; allowed: that alone") from None
+        for name, array in arrays.items():
+            there = getattr(*held[name])
+            if (array.shape, array.dtype) != (there.shape, there.dtype):
+                raise Error(f"Motion.restore state has {name} {array.dtype} {list(array.shape)}; allowed: "
+                            f"{there.dtype} {list(there.shape)}, of a Motion of the same arguments")
+        scene = self._scene_at(time)
+        mesh = checks.instance(Mesh, none=True)(mesh, "Motion.restore mesh") or scene.mesh
+        with self._gpu.frame():
+            self._corners, normals = self._posed(mesh)
+            self._pose = pose_of(self._corners, normals, self._rest)
+            self._here = self._uploaded(self._pose)
+            for name, array in arrays.items():
+                owner, attribute = held[name]
+                object.__setattr__(owner, attribute, self._gpu.upload(array))
+        self._now, self._mesh, self.time, self._frame, self._last_step = scene, mesh, time, frame, last_step
+        self._began = None
+        return self._drawn()
+
+    def _held(self):
+        """{name: (object, its attribute)} of the arrays on the device that hair keeps from step to step."""
+        return {f"strands.{name}": (self._state, name) for name in self._state.declared} | {"roots": (self, "_roots")}
+
+    def between(self, share: float) -> Scene:
+        """The Scene at a share, 0 to 1, of the last step, for motion blur.
+
+        Strands go on a cubic in time through places and speeds at both ends of the step, and are as long as ever; 1 is
+        what `step` gave, 0 what was before it, to the bit. The mesh is that of the function `scene` then, or goes
+        straight from pose to pose; all of a step that is a cut is after it. Raises Error before the first step.
+        """
+        share, began = checks.real(low=0, high=1)(share, "Motion.between share"), self._began
+        if began is None:
+            raise Error("Motion.between is asked for before any step; allowed: after Motion.step or Motion.at")
+        if share == 1:
+            return self._drawn()
+        time = began.time + share * began.seconds
+        scene = self._scene_at(time) if callable(self._given) else self._now
+        mesh = self._mesh if began.is_cut else scene.mesh if began.by_scene else mixed(began.mesh, self._mesh, share)
+        gpu, state, ends = self._gpu, self._state, (began.roots, self._roots)
+        with gpu.frame():
+            if share == 0 and not began.is_cut:
+                points, normals = stage.place_points(gpu, replace(state, places=began.hair[0]), ends[0], self._strands)
+            else:
+                roots = ends[1] if began.is_cut else self._roots_on(mesh)
+                points, normals = stage.between(gpu, state, self._types, self._strands, began.hair, (*ends, roots),
+                                                share, began.seconds, began.is_cut)
+        return self._drawn_as(scene, mesh, points, normals)
+
+    def _roots_on(self, mesh):
+        """Roots on a pose of the mesh."""
+        there = self._uploaded(pose_of(*self._posed(mesh), None))
+        return stage.place_roots(self._gpu, self._feet, self._offsets, there, there, 1.0,
+                                 stage.padded(self._gpu, len(self._feet)))
 
     def _scene_at(self, seconds):
         """The scene that was given, or that the given function gives."""
@@ -125,7 +213,7 @@ class Motion:
             raise Error(f"{which} is {shown(scene)}; allowed: a clfur.Scene with a mesh{more}")
         return scene
 
-    def _hang(self, hair):
+    def _hang(self, hair, body):
         """Put the groom on the mesh, at rest."""
         gpu, groom = self._gpu, self._groom
         counts = groom.counts.astype(np.int64)
@@ -134,20 +222,37 @@ class Motion:
         kinds = np.zeros(n, int) if groom.type_of is None else groom.type_of.astype(int)
         uv = np.zeros((n, 4), np.float32)
         uv[:, 2] = kinds
+        drawn = as_float4(points)
+        width = self._groom.width
+        drawn[:, 3] = np.repeat(width, counts) if len(width) == n != len(points) else width
         self._strands = DeviceStrands.empty(
-            gpu, {"run": 0, "color": 0, "type": 0, "strand": n, "point": 0}, points=gpu.upload(as_float4(points)),
+            gpu, {"run": 0, "color": 0, "type": 0, "strand": n, "point": 0}, points=gpu.upload(drawn),
             spans=gpu.upload(np.stack([first, counts], 1).astype(np.uint32)), uv=gpu.upload(uv))
         lengths = _lengths(points, counts)
         longest = [float(lengths[kinds == kind].max(initial=0)) or 1.0 for kind in range(len(hair))]
         types = np.zeros(len(hair), layout.MotionType)
         types["hair"] = [each.row(length, self.units) for each, length in zip(hair, longest)]
+        types["touch"][:, 0] = [each.friction for each in hair]
         self._types, self._longest = gpu.upload(types), float(lengths.max(initial=0))
         self._stand(np.append(points, np.zeros((1, 3), np.float32), 0)[np.where(counts > 0, first, -1)])
+        is_long = self._longest > LONG * self.scene.mesh.bounds[1]
+        self._body = Body(gpu, seen_from(self._mesh, self._origin), self.scene.strands, self._rest) if (
+            is_long if body == "auto" else body) else None
         self._state, soft = stage.hang(gpu, self._strands, int(counts.max(initial=1)), self._roots, self._types,
-                                       self.gravity)
+                                       self.gravity, self._body is not None)
         if too_soft := int(gpu.download(soft).sum()):
             warnings.warn(f"{too_soft:,} of {n:,} strands are too soft to stay as they were groomed under gravity, and "
                           "fall; a longer HairMotion.bend_length bears them", RuntimeWarning, stacklevel=4)
+        if self._body:
+            self._stand_off()
+
+    def _stand_off(self):
+        """Let strands feel the body, from as they were groomed."""
+        felt = self._body.felt
+        deepest = self._gpu.download(stage.stand_off(self._gpu, self._state, self._strands, felt))[:self._state.n]
+        if within := int((deepest < -DEEP * felt.distance.grid["reach"][1]).sum()):
+            warnings.warn(f"{within:,} of {len(deepest):,} strands are groomed to go through the body, and may stay as "
+                          "deep in it; Strands.collision keeps most of them out", RuntimeWarning, stacklevel=5)
 
     def _stand(self, roots):
         """Find the places of roots [strands, 3] on the mesh."""
@@ -164,34 +269,38 @@ class Motion:
         self._offsets = gpu.upload(offsets)
         self._roots = self._roots_at(self._here, 1.0)
 
-    def _roots_at(self, now, share):
-        """Roots, such a share of the way from the pose that is here to another."""
+    def _roots_at(self, now, share, rows=None):
+        """Roots, such a share of the way from the pose that is here to another; rows: the rigid motion there."""
+        body = stage.RESTING if rows is None else stage.body_at(rows[:3, :3], rows[:3, 3])
         return stage.place_roots(self._gpu, self._feet, self._offsets, self._here, now, share,
-                                 stage.padded(self._gpu, len(self._feet)))
+                                 stage.padded(self._gpu, len(self._feet)), body)
 
     def _posed(self, mesh):
-        """(Corners of the faces that the groom's mesh has, normals there) of a pose, float32 [faces, 3, 4]."""
+        """(Corners of the faces that the groom's mesh has, normals there) of a pose, float32 [faces, 3, 3]."""
         mesh = posed(mesh, self.scene.mesh, "Motion.scene.mesh")
         corners = mesh.positions[mesh.faces] + (mesh.origin - self._origin)
-        return tuple(np.pad(each.astype(np.float32), ((0, 0), (0, 0), (0, 1)))
-                     for each in (corners, mesh.normals[mesh.faces]))
+        return corners.astype(np.float32), mesh.normals[mesh.faces].astype(np.float32)
 
-    def _go(self, seconds, there, boxes, moved, is_cut):
-        """Go on to a pose that is on the device, whose vertices have moved so far at most; boxes: around both."""
+    def _uploaded(self, pose):
+        return tuple(self._gpu.upload(np.pad(each, ((0, 0), (0, 0), (0, 1)))) for each in (pose.corners, pose.normals))
+
+    def _go(self, seconds, pose, there, moved, is_cut, boxes):
+        """Go on to a pose whose faces are on the device, and whose vertices have moved so far at most; boxes: around
+        both."""
         gpu, n = self._gpu, self._substeps(seconds, 0.0 if is_cut else moved)
         wind, step = self.wind.of_world(self.units), seconds / n
-        for number in range(n):
+        bodies = self._body.way(self._pose, pose, n, is_cut) if self._body else itertools.repeat(None)
+        for number, felt in zip(range(n), bodies):
             share = 1.0 if is_cut else (number + 1) / n
-            roots = self._roots_at(there, share)
+            roots = self._roots_at(there, share, between(self._pose, pose, share))
             winds = stage.blow(gpu, self._state, roots, time=self.time + (number + 1) * step, **wind)
             as_before = abs(step - self._last_step) < 1e-6 * step
-            jumped, felt = is_cut and not number, None
-            if self._others is not None and not jumped:
-                share = 1.0 if is_cut else number / n   # where roots are still
-                box = (1 - share) * boxes[0] + share * boxes[1]
-                felt = self._others.felt(self._roots, box, step, as_before)
+            jumped, of_hair = is_cut and not number, None
+            if self._others and not jumped:
+                box = boxes[0] + (1.0 if is_cut else number / n) * (boxes[1] - boxes[0])   # where roots are still
+                of_hair = self._others.felt(self._roots, box, step, as_before)
             stage.advance(gpu, self._state, self._types, roots, self._roots, step, self.gravity, winds,
-                          2 if as_before else 1, jumped, self.wind.skin * self.units, felt)
+                          2 if as_before else 1, jumped, self.wind.skin * self.units, felt, of_hair)
             self._roots, self._last_step = roots, step
         self.time += seconds
 
@@ -199,29 +308,29 @@ class Motion:
         """How many substeps of such a step, in which a vertex of the mesh moves so far."""
         by_rate = max(math.ceil(seconds * self.rate - 1e-6), 1)
         by_way = math.ceil(moved / (FEW * self._longest)) if self._longest else 1
+        if self._body:
+            by_way = max(by_way, math.ceil(moved / self._body.pace))
         if by_way > max(MOST, by_rate) and not self._said:
             self._said = True
-            warnings.warn(f"the mesh moves by {moved / self._longest:.3g} lengths of the longest strand in a step; "
-                          f"{MOST} substeps are made of it at most: shorter steps are more exact", RuntimeWarning,
-                          stacklevel=4)
+            warnings.warn(f"the mesh moves by {moved / self._longest:.3g} lengths of the longest strand in a step, for "
+                          f"which {by_way} substeps would be right; {MOST} substeps are made of it at most: shorter "
+                          "steps are more exact", RuntimeWarning, stacklevel=4)
         return max(by_rate, min(by_way, MOST))
 
     def _drawn(self):
         """The scene as it is now."""
         with self._gpu.frame():
             points, normals = stage.place_points(self._gpu, self._state, self._roots, self._strands)
-        mesh, (center, radius) = self._mesh, self._mesh.bounds
+        return self._drawn_as(self._now, self._mesh, points, normals)
+
+    def _drawn_as(self, scene, mesh, points, normals):
+        """A scene with strands of such points, and normals at their roots."""
+        center, radius = mesh.bounds
         bounds = attrs.evolve(self._beyond, center=center, radius=radius + self._beyond.radius)
         curves = attrs.evolve(self._groom, points=points, root_normal=normals, origin=self._origin, bounds=bounds,
                               lod_by="number")
-        shells = self._now.shells
-        return attrs.evolve(self._now, mesh=mesh, fur=curves if shells is None else (shells, curves))
-
-
-def _box(corners):
-    """(Lowest, highest) corner of a pose [2, 3] float64."""
-    places = corners[0][..., :3].reshape(-1, 3).astype(float)
-    return np.stack([places.min(0), places.max(0)])
+        shells = scene.shells
+        return attrs.evolve(scene, mesh=mesh, fur=curves if shells is None else (shells, curves))
 
 
 def _lengths(points, counts):

@@ -12,6 +12,7 @@ import attrs
 import numpy as np
 
 from ..device.team import Team
+from ..errors import Error
 from ..scene import extent, hair_bounds
 from ..scene.bounds import boxes_to_see, fur_extent
 from ..scene.guides import far_from
@@ -41,6 +42,7 @@ def let_go(plan: Plan, gpu: Any) -> None:
     transmittances(gpu, plan)
     furry, under_sky = plan.scene.shells is not None, plan.scene.environment is not None
     for name, used in (("body", plan.faces), ("resting", plan.rest), ("strands", plan.strands), ("guides", plan.guides),
+                       ("strands before", plan.before), ("body before", plan.before),
                        ("tufts", plan.tufted), ("distance", plan.sliding),
                        ("thinned", plan.strands and plan.settings.lod),
                        ("transport", plan.scatters), ("phases", plan.scatters), ("deep", plan.is_deep),
@@ -60,7 +62,7 @@ def let_go_of_parts(gpu: Any, plan: Plan, parts: list[Part], others: list[Part])
         if part not in others:
             del known[part, what]
     if parts != others:
-        for name in "body", "resting", "strands", "thinned":
+        for name in "body", "resting", "strands", "thinned", "strands before", "body before":
             gpu.keep(name, (), dict)
 
 
@@ -79,6 +81,19 @@ def hair(gpu: Any, plan: Plan, part: Part, lod: float) -> DeviceStrands:
         return gpu.keep("thinned", (*what, scene.camera, str(lod)),
                         functools.partial(_thin, gpu, plan, part, what, lod))
     return _whole(gpu, plan, part, what)
+
+
+def before(gpu: Any, plan: Plan, part: Part) -> tuple[DeviceStrands, Surface]:
+    """A part as it is in the scene from which motion vectors lead to this one."""
+    other: Any = plan.before
+    if plan.grown and len(plan.parts(gpu)) > 1:
+        raise Error("motion_vector needs strands that do not grow, where they do not fit the device at once; allowed: "
+                    "Curves, which clfur.grow and clfur.Motion give")
+    strands = functools.partial(_grow, gpu, other, part) if part.hairy else functools.partial(no_strands, gpu)
+    surface = functools.partial(tessellate, gpu, other.scene.mesh, *plan.levels, part.faces) if (
+        part.body) else functools.partial(no_surface, gpu)
+    key = other.scene.mesh, other.scene.strands, *part.strands, *part.faces
+    return gpu.keep("strands before", key, strands), gpu.keep("body before", key, surface)
 
 
 def tally(gpu: Any, plan: Plan, part: Part) -> tuple[int, int]:

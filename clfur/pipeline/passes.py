@@ -101,6 +101,10 @@ class Samples:
             _tell_ground(gpu, plan, front, known)
         return image, known or {}
 
+    def parts(self, gpu: Any, band: Band) -> list:
+        """[`Part`] in which a band is drawn."""
+        return self.plan.parts(gpu)
+
     def tell(self, gpu: Any, band: Band, front: Front) -> dict:
         """{output: array} of whose light the pixels' is, see `mattes.Told`."""
         plan, samples, told = self.plan, band.visible.shape[2], Told(self.plan, band.rows)
@@ -159,6 +163,10 @@ class Coverage:
         front = covered.shell_front if plan.scene.shells else None
         return Front(one_sample(band.view), covered.front, covered.alpha, front, {"coverage": covered.alpha}, image,
                      covered.body_transmittance, shells)
+
+    def parts(self, gpu: Any, band: Band) -> list:
+        """[`Part`] in which a band is drawn."""
+        return band.counted.cut.parts
 
     def tell(self, gpu: Any, band: Band, front: Front) -> dict:
         """{output: array} of whose light the pixels' is, see `mattes.Told`: strands are drawn again, without light."""

@@ -16,7 +16,7 @@ from ..settings import Settings
 from ..stages import march, shells
 from ..stages.blur import blur, blur_radius
 from ..stages.lighting import unshadowed
-from . import build
+from . import build, flow
 from .mattes import TOLD, UNIT, positions
 from .passes import Band, Coverage, Front, Samples
 from .plan import Plan
@@ -25,6 +25,7 @@ from .views import Rig
 # How many of four values of a pixel on the device are an output's, None: it has one; more are told on the host.
 OUTPUTS = {"color": 4, "depth": None, "id": None, "tangent": 3, "normal": 3, "uv": 2, "coverage": None,
            "position": None} | dict.fromkeys(TOLD)
+OF_TWO = {"motion_vector": 2}   # and those of a scene and another, which was before
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Frame:
     memory: most bytes that its arrays took on the device at once.  hashes: SHA-256 of what integer stages gave,
     {"visibility": ..., "voxels": ..., "shadow_map": ...}, if asked for.  settings: what it was drawn with.  error: what
     `Settings.max_error` limits, as far as can be told without the truth; why: how the settings were chosen, in a line;
-    None and "" if they were given.
+    None and "" if they were given.  pictures: how many it is the mean of, see `clfur.blurred`.
     """
 
     images: dict
@@ -53,17 +54,21 @@ class Frame:
     error: float | None = None
     why: str = ""
     building: float = 0.0
+    pictures: int = 1
 
 
 def draw_frame(team: Team, scene: Scene, settings: Settings, outputs: Sequence[str] = ("color",), hashes: bool = False,
-               bands: list | None = None, region: tuple | None = None) -> Frame:
+               bands: list | None = None, region: tuple | None = None, before: Scene | None = None,
+               sample: int | None = None, aside: int = 0) -> Frame:
     """Draw a scene by a `Team` -> `Frame`.
 
     ``bands``: [(first row, one past the last)] of the picture alone; the others hold anything.  ``region``: (column,
-    row, columns, rows) that the images hold, of all if None.
+    row, columns, rows) that the images hold, of all if None.  ``before``: where motion vectors come from.  ``sample``:
+    see `Rig.of`.  ``aside``: see `Plan`.
     """
     began = time.perf_counter()
-    plan = Plan(Rig.of(scene, settings), outputs, region)
+    there = flow.plan_before(scene, before, settings) if before and "motion_vector" in outputs else None
+    plan = Plan(Rig.of(scene, settings, sample), outputs, region, there, aside)
     picture = Picture(team, plan, outputs, hashes)
     team.each(functools.partial(build.let_go, plan))
     for top, end in bands or [(plan.top, plan.bottom)]:
@@ -73,7 +78,7 @@ def draw_frame(team: Team, scene: Scene, settings: Settings, outputs: Sequence[s
         team.first(picture.blur)
     seconds = time.perf_counter() - began
     for what in [*picture.warnings, *team.first(functools.partial(build.told, plan))]:
-        warnings.warn(what, RuntimeWarning, stacklevel=4)
+        warnings.warn(what, RuntimeWarning, stacklevel=5)
     return picture.frame(seconds)
 
 
@@ -97,6 +102,8 @@ def draw_band(picture: "Picture", top: int, end: int, gpu: Any) -> tuple:
     image, known = strands.shade(gpu, band, front, lighting)
     if plan.scene.shells and plan.others:
         shells.outputs(gpu, front.view, shell[0], front.keys, front.shell_transmittance, front.shell_front, known)
+    if plan.before:
+        known = known | {"motion_vector": flow.vectors(gpu, plan, strands.parts(gpu, band), front, known)}
     return picture.read(gpu, band, front, {"color": image, **known, **front.outputs})
 
 
@@ -114,7 +121,8 @@ class Picture:
 
     def read(self, gpu: Any, band: Band, front: Front, found: dict) -> tuple:
         """What `draw_band` gives: the outputs that are ``found``, on the host."""
-        images = {name: np.ascontiguousarray(gpu.download(found[name])[..., :OUTPUTS[name]]) for name in self.outputs
+        numbers = OUTPUTS | OF_TWO
+        images = {name: np.ascontiguousarray(gpu.download(found[name])[..., :numbers[name]]) for name in self.outputs
                   if name in found}
         if "position" in self.outputs:
             depth = images["depth"] if "depth" in images else gpu.download(found["depth"])

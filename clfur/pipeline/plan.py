@@ -37,6 +37,7 @@ from ..stages.coverage import (
 )
 from ..stages.deep import bytes_of as deep_bytes
 from ..stages.distance import STATES
+from ..stages.flow import VECTORS
 from ..stages.guides import FOUND
 from ..stages.guides import bytes_of as guides_bytes
 from ..stages.lighting import Lighting
@@ -124,7 +125,8 @@ class Cut:
 class Plan:
     """What a frame takes, and how it fits a device.
 
-    view: `layout.View` of what is drawn for a region.  size: columns and rows of that, from `left` and `top` on.
+    before: `Plan` of the scene from which motion vectors lead here, or None.  view: `layout.View` of what is drawn for
+    a region.  size: columns and rows of that, from `left` and `top` on.
     wants_color, others: whether color is an output, and whether others are.  tells: outputs of `mattes.TOLD`.
     faces, triangles, strands, points: how many there are.  body: whether there is one.  rest: the mesh by whose areas
     strands are spread, if it is another.  guides: Curves on the host between which strands stand, or None.
@@ -133,9 +135,12 @@ class Plan:
     has more than one colour.
     """
 
-    def __init__(self, rig: Rig, outputs: Sequence[str], region: tuple | None = None) -> None:
-        """``region``: (column, row, columns, rows) that are wanted of the picture, all if None."""
+    def __init__(self, rig: Rig, outputs: Sequence[str], region: tuple | None = None,
+                 before: "Plan | None" = None, aside: int = 0) -> None:
+        """``region``: (column, row, columns, rows) that are wanted of the picture, all if None.  ``before``: of the
+        scene from which motion vectors lead here.  ``aside``: bytes on the device that are something else's."""
         self.rig, self.scene, self.settings = rig, rig.scene, rig.settings
+        self.before, self.aside = before, aside
         self.region = region or (0, 0, *self.scene.camera.size)
         around = 0 if self.settings.blur == "off" else blur_radius(self.settings.blur_sigma)
         (self.left, right), (self.top, self.bottom) = (   # whole tiles, and what blurs need
@@ -175,7 +180,7 @@ class Plan:
             self.strands = len(self._before) - 1
         self.points = self._points(0, self.strands)
         # What cannot be divided: bytes of the largest face, points of the longest strand.
-        surfaces = 2 if self.rest else 1   # both are there at once
+        surfaces = 1 + bool(self.rest) + bool(before)   # they are there at once
         self._bytes_of_faces = surfaces * (VERTEX * self._vertices + TRIANGLE * self._triangles)
         self._face = int(np.diff(self._bytes_of_faces).max(initial=0))
         self.longest = self.stride if self.grown else int(np.diff(self._before).max(initial=0))
@@ -200,7 +205,7 @@ class Plan:
         needed = {
             "tessellate": self.faces, "raster": True, "coverage": self.uses_coverage,
             "masks": self.uses_coverage and settings.masks, "strands": self.strands,
-            "mattes": self.tells and self.strands,
+            "mattes": self.tells and self.strands, "flow": self.before,
             "maps": self.planes and self.strands, "distance": self.sliding,
             "order": not self.grown and self.strands >= SORTED_FROM,
             "guides": self.guides is not None, "tufts": self.strands and self.tufted,
@@ -411,7 +416,7 @@ class Plan:
             pixel += covered + (IMAGE.bytes + covered) * bool(self.tells)   # drawn again
         if self.scene.shells:
             pixel += VISIBLE.bytes * samples + Rays.bytes(sample=samples)   # where they enter
-        return pixel + IMAGE.bytes + RADIANCE_SUMS.bytes + OTHERS * self.others
+        return pixel + IMAGE.bytes + RADIANCE_SUMS.bytes + (OTHERS + VECTORS.bytes * bool(self.before)) * self.others
 
     # --- memory -------------------------------------------------------------------------------------------------
 
@@ -486,7 +491,7 @@ class Plan:
     def _fixed(self):
         """Bytes on the device of what is never divided."""
         scene, settings = self.scene, self.settings
-        fixed = self.faces * MESH_FACE + self._shells
+        fixed = self.aside + self.faces * MESH_FACE + self._shells
         fixed += MESH_VERTEX * max((len(mesh.positions) for mesh in (scene.mesh, self.rest) if mesh), default=0)
         casting = sum(light.casts for light in scene.lights)
         maps = casting * (1 + (casting > 1))                                 # several are put together from as many
@@ -546,6 +551,8 @@ class Plan:
         """Bytes on the device of a strand and of each of its points."""
         fur = self.scene.strands
         strand, point = (STRAND, POINT) if self.grown else (STRAND + PUT_IN_ORDER, POINT + PACKED)
+        if self.before:   # so are the same strands as they were
+            strand, point = 2 * strand, 2 * point
         if isinstance(fur, Curves) and fur.uniform is None:
             point += RUN
         if isinstance(fur, Strands) and fur.colored_points:

@@ -1,4 +1,4 @@
-"""Growth that would enter the body slides along it: how fine its distance is known, and where that is made and kept."""
+"""How far the body is, for growth that slides along it and for hair that moves: how fine, where it is made and kept."""
 
 import functools
 import math
@@ -40,7 +40,10 @@ class Sliding:
 @functools.lru_cache(maxsize=2)
 def sliding_of(mesh: Mesh, fur: Strands) -> Sliding:
     """`Sliding` of strands on a mesh."""
-    grid = distance.grid_of(*boxes_to_see(mesh, fur)[0])
+    return _planned(mesh, fur, distance.grid_of(*boxes_to_see(mesh, fur)[0]))
+
+
+def _planned(mesh, fur, grid):
     finest = max(math.ceil(mesh.longest_edge * float(grid["place"][3]) / distance.SIDE), 1)
     levels = np.minimum(fur.inner, finest), np.minimum(fur.outer, finest), fur.surface
     vertices, triangles = counts_of(levels_of(*levels[:2], len(mesh.faces)))
@@ -57,10 +60,19 @@ def sliding_of(mesh: Mesh, fur: Strands) -> Sliding:
 
 def slide(gpu: Any, mesh: Mesh, fur: Strands, strands: DeviceStrands) -> None:
     """Let strands that grew on a mesh slide along it, in place; its distance is kept while mesh and levels stay."""
+    distance.slide(gpu, distance_of(gpu, mesh, fur), strands)
+
+
+def distance_of(gpu: Any, mesh: Mesh, fur: Any) -> distance.Distance:
+    """How far a mesh is, as it is drawn under Strands or Curves; kept while mesh and levels stay."""
     plan = sliding_of(mesh, fur)
-    body = gpu.keep("distance", (mesh, fur.inner, fur.outer, fur.surface, plan.finest),
+    return gpu.keep("distance", (mesh, fur.inner, fur.outer, fur.surface, plan.finest),
                     functools.partial(_distance, gpu, mesh, plan))
-    distance.slide(gpu, body, strands)
+
+
+def distance_in(gpu: Any, mesh: Mesh, fur: Any, grid: np.void) -> distance.Distance:
+    """The same in a grid that is given, and not kept."""
+    return _distance(gpu, mesh, _planned(mesh, fur, grid))
 
 
 def _distance(gpu, mesh, plan):

@@ -37,13 +37,18 @@ class Rig:
     ground: np.void | None   # layout.Ground, None where none is seen
 
     @classmethod
-    def of(cls, scene: Scene, settings: Settings = Settings()) -> "Rig":
-        """The `Rig` of a scene and how it is drawn."""
+    def of(cls, scene: Scene, settings: Settings = Settings(), sample: int | None = None) -> "Rig":
+        """The `Rig` of a scene and how it is drawn.
+
+        ``sample``: row of the PATTERN where the only sample of a pixel lies; in its middle if None.
+        """
         scene = scene.local
         if not any(light.casts for light in scene.lights):
             settings = attrs.evolve(settings, shadows="off")
         known, shadows = seen(scene), settings.shadows != "off"
         fit, view = Fit(scene, known), view_of(scene, settings.samples, known)
+        if sample is not None:
+            view["size"][3] = sample
         return cls(
             scene, settings, *known.ball, view,
             lights=tuple(light_of(light, scene.environment, settings.scattering != "off") for light in scene.lights),

@@ -14,6 +14,8 @@ from .origin import ZERO, seen_from
 from .shells import Shells
 from .strands import HairType, Strands
 
+LONG = 0.2   # of a mesh's radius: hair that is longer may lie on the mesh
+
 
 def strands_and_shells(fur):
     """Return (Strands, Curves or None; Shells or None) of what `_fur` gave."""

@@ -63,6 +63,12 @@ def _checked(k, given, where):
     return k
 
 
+def around(degrees: float) -> np.ndarray:
+    """Return the rotation [3, 3] around the vertical, from +Z to +X."""
+    sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
+    return np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
+
+
 @attrs.frozen(eq=False)
 class Camera:
     """A pinhole camera at `eye` that looks at `target`.

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import Error
 from . import checks
 from .bounds import extent, local, origin_of, points_to_frame, strands_and_shells
-from .camera import FOV, Camera, size_of
+from .camera import FOV, Camera, around, size_of
 from .curves import Curves
 from .environment import Environment
 from .ground import Ground, height_on, shadow_places
@@ -57,13 +57,14 @@ DIRECTION = 0.45, 0.3, 1.0   # from what is drawn to a camera that nobody has pl
 
 def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: float = 45,
           direction: Sequence[float] = DIRECTION, ground: Ground | None = None,
-          lights: Sequence[Light] = ()) -> Camera:
+          lights: Sequence[Light] = (), sides: int = 1) -> Camera:
     """Return a Camera that sees all of a mesh and its fur, and most of its shadow on a ground.
 
     mesh: Mesh, or None with Curves. fur: what `Scene` takes. size: (width, height) in pixels. fov: vertical, degrees.
     direction: [3] from the centre of what is drawn to the camera, which comes as near as it can. ground: a Ground, on
     which shadows of lights count that are no further than three radii from the centre, and not those of lights less
-    than half as strong as the strongest. Raises Error as Scene does for its fur, and as Camera does.
+    than half as strong as the strongest. sides: from how many sides, as the camera goes around the vertical through the
+    centre, all is in the picture. Raises Error as Scene does for its fur, and as Camera does.
     """
     fur = _fur(fur, "frame fur")
     mesh = checks.instance(Mesh, none=True)(mesh, "frame mesh")
@@ -83,7 +84,7 @@ def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: fl
         points = np.concatenate([points, shadow_places(
             points, extends, height_on(seen_from(ground, there), *drawn), center - there, radius,
             seen_from(tuple(lights), there))])
-    offsets = (points - (center - there)) @ axes
+    offsets = np.concatenate([(points - (center - there)) @ around(360 * side / sides) for side in range(sides)]) @ axes
     margin = extends * np.sqrt(1 + slopes**2)
     one = (offsets[:, :2] + slopes * offsets[:, 2:]).max(0) + margin
     other = (-offsets[:, :2] + slopes * offsets[:, 2:]).max(0) + margin
@@ -142,6 +143,13 @@ class Scene:
         there, mesh, fur = local(self.mesh, self.fur)
         if mesh is self.mesh and fur is self.fur:
             return self
+        return self._moved(there, mesh, fur)
+
+    def seen_from(self, there: np.ndarray) -> "Scene":
+        """The same Scene relative to another's `origin`, float64 [3]."""
+        return self._moved(there, seen_from(self.mesh, there), seen_from(self.fur, there))
+
+    def _moved(self, there, mesh, fur):
         strands, shells = strands_and_shells(fur)
         if shells is not None and np.any(shells.wind):   # gusts travel through the world
             turns = (shells.wind / np.linalg.norm(shells.wind)) @ there / (shells.rest or mesh).own_frame[2]

@@ -63,6 +63,31 @@ def distance(gpu: Any, grid: np.void, surfaces: Any) -> Distance:
     return found
 
 
+def deepened(gpu: Any, body: Distance) -> Distance:
+    """The same, with values everywhere: also far from the body, where they are half of the distance or more, and inside
+    of what is closed."""
+    nodes, size = len(body.values), [int(n) for n in body.grid["size"][:3]]
+    enclosed, found = SUMS.empty(gpu, nodes), Distance.empty(gpu, {"node": nodes}, grid=body.grid)
+    step = 1, size[0], size[0] * size[1]
+    rows: Any = [{"row": (size[axis], step[axis], size[one], step[one]), "layer": step[other]}
+                 for axis, (one, other) in enumerate(((1, 2), (0, 2), (0, 1)))]
+    for row in rows:
+        gpu.launch("distance.enclose", nodes // row["row"][0], grid=body.grid, values=body.values, enclosed=enclosed,
+                   found=found.values, **row)
+    for row in rows:
+        gpu.launch("distance.deepen", nodes // row["row"][0], grid=body.grid, values=body.values, enclosed=enclosed,
+                   last=int(row is rows[-1]), found=found.values, **row)
+    return found
+
+
+def between(gpu: Any, before: Distance, now: Distance, share: float) -> Distance:
+    """How far a body is on its way between two poses, in the same grid: so much of it is gone, 0 to 1."""
+    found = Distance.empty(gpu, {"node": len(now.values)}, grid=now.grid)
+    gpu.launch("distance.between", len(now.values), share=share, before=before.values, now=now.values,
+               found=found.values)
+    return found
+
+
 def slide(gpu: Any, body: Distance, strands: DeviceStrands) -> None:
     """Turn segments of strands that would enter a body, in place: lengths stay, and what follows goes along."""
     n = len(strands.spans)

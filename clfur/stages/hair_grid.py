@@ -10,7 +10,7 @@ from ..layout import Declared
 from .motion import CPU_ITEMS, State
 
 MOST_CELLS = 1 << 19   # 24 MiB
-FASTEST = layout.CONSTANTS["FASTEST"]
+FASTEST = int(layout.CONSTANTS["FASTEST"])
 SPEEDS = 1 << 16   # units of speed in a cell a step
 SUMS = Declared("cell", np.int64, 4, 0)
 CELLS = Declared("cell", np.float32, 4)
@@ -40,8 +40,10 @@ def grid_around(low: Any, high: Any, cell: float) -> HairGrid:
 
 
 def mass_unit(points: int, heaviest: float) -> float:
-    """Units of mass in a world unit of hair, for so many points, of which the heaviest has so much: 2^16 in this one, or
-    less, so that all of them together, at `FASTEST`, stay below 2^62."""
+    """Units of mass in a world unit of hair, for so many points, of which the heaviest has so much.
+
+    They are 2^16 in this one, or less, so that all of them together, at `FASTEST`, stay below 2^62.
+    """
     bits = min(16, 62 - FASTEST.bit_length() - max(points - 1, 0).bit_length())
     return 2.0**bits / heaviest
 
@@ -49,14 +51,14 @@ def mass_unit(points: int, heaviest: float) -> float:
 def deposit(gpu: Any, state: State, roots: Any, grid: HairGrid, unit: float, step: float, ahead: bool = False) -> Any:
     """Mass and momentum of all points in each cell -> [cells, 4] int64 on the device: momentum, mass.
 
-    roots: [4, 3, padded] float32 of the state.  unit: `mass_unit`.  step: seconds, of the next: speeds are told in parts
-    of a cell in it.  ahead: of speeds as they will be then, if they go on to change as they did.
+    roots: [4, 3, padded] float32 of the state.  unit: `mass_unit`.  step: seconds, of the next: speeds are told in
+    parts of a cell in it.  ahead: of speeds as they will be then, if they go on to change as they did.
     """
     sums = SUMS.empty(gpu, int(np.prod(grid.size)))
     run = -(-state.padded // gpu.lanes // CPU_ITEMS) * gpu.lanes if gpu.lanes > 1 else 1
-    gpu.launch("hair_grid.deposit", -(-state.padded // max(run, 1)), run=run, padded=state.padded, segments=state.segments,
-               lengths=state.lengths, roots=roots, places=state.places, speeds=state.speeds, speeds_before=state.speeds_before,
-               ahead=float(ahead), units=(unit, SPEEDS * step / grid.cell),
+    gpu.launch("hair_grid.deposit", -(-state.padded // max(run, 1)), run=run, padded=state.padded,
+               segments=state.segments, lengths=state.lengths, roots=roots, places=state.places, speeds=state.speeds,
+               speeds_before=state.speeds_before, ahead=float(ahead), units=(unit, SPEEDS * step / grid.cell),
                sums=sums, **grid.arguments)
     return sums
 
@@ -73,8 +75,9 @@ def average(gpu: Any, sums: Any, grid: HairGrid, unit: float, step: float) -> An
 def density(gpu: Any, state: State, roots: Any, grid: HairGrid, cells: Any) -> Any:
     """How dense hair is at each point -> [points * padded] float32 on the device, [strands across a cell]."""
     densities = gpu.full(state.points * state.padded, np.float32, 0)
-    gpu.launch("hair_grid.density", state.padded // gpu.lanes, points=state.points, padded=state.padded, segments=state.segments, roots=roots,
-               places=state.places, cells=cells, densities=densities, **grid.arguments)
+    gpu.launch("hair_grid.density", state.padded // gpu.lanes, points=state.points, padded=state.padded,
+               segments=state.segments, roots=roots, places=state.places, cells=cells, densities=densities,
+               **grid.arguments)
     return densities
 
 
@@ -82,11 +85,12 @@ def feel(gpu: Any, state: State, roots: Any, groomed: Any, grid: HairGrid, cells
          rub: float, most: float) -> Any:
     """What points feel of the hair around them, for `motion.advance` -> [points * 4 * padded] float32 on the device.
 
-    groomed: `density` of the groom.  friction: 1 / s.  push: acceleration [world / s²] of hair that is far denser than
-    groomed, where the density falls to none in a cell; most: of it at most.  rub: friction that is added there [1 / s].
+    groomed: `density` of the groom.  friction: 1 / s.  push: acceleration [world / s²] of hair that is far denser
+    than groomed, where the density falls to none in a cell; most: of it at most.  rub: friction that is added there
+    [1 / s].
     """
     felt = gpu.empty(state.points * 4 * state.padded, np.float32)   # of the roots it is never read
-    gpu.launch("hair_grid.feel", state.padded // gpu.lanes, points=state.points, padded=state.padded, segments=state.segments, roots=roots,
-               places=state.places, groomed=groomed, cells=cells, friction=friction, push=(push, rub, most, 0), felt=felt,
-               **grid.arguments)
+    gpu.launch("hair_grid.feel", state.padded // gpu.lanes, points=state.points, padded=state.padded,
+               segments=state.segments, roots=roots, places=state.places, groomed=groomed, cells=cells,
+               friction=friction, push=(push, rub, most, 0), felt=felt, **grid.arguments)
     return felt

@@ -90,6 +90,33 @@ def nodes(grid):
     return np.stack(np.meshgrid(z, y, x, indexing="ij"), -1)[..., ::-1].reshape(-1, 3)
 
 
+def deepened(grid, values):
+    """Values of nodes, as the kernel `finish` gives them, with those that are far: half the way along rows from what is
+    known, through planes of x, then y, then z; inside is what is enclosed by it along all three."""
+    size, reach, cell = grid["size"][2::-1], float(grid["reach"][0]), float(grid["reach"][1])
+    v = f64(values).reshape(size)
+    far, enclosed = v >= reach, np.ones(size, bool)
+    for axis in range(3):
+        enclosed &= _comes_from_inside(v, far, axis) & np.flip(
+            _comes_from_inside(np.flip(v, axis), np.flip(far, axis), axis), axis)
+    found = np.where(far, np.inf, np.abs(v))
+    for axis in (2, 1, 0):
+        for order in (1, -1):
+            rows, free = (np.moveaxis(each, axis, 0)[::order] for each in (found, far))
+            for k in range(1, len(rows)):
+                rows[k] = np.where(free[k], np.minimum(rows[k], rows[k - 1] + cell / 2), rows[k])
+    return np.where(far & enclosed | ~far & (v < 0), -found, found).ravel()
+
+
+def _comes_from_inside(v, far, axis):
+    """Whether the last node before each along an axis that is known is inside."""
+    inside = np.zeros(v.shape, bool)
+    rows, values, free = (np.moveaxis(each, axis, 0) for each in (inside, v, far))
+    for k in range(1, len(rows)):
+        rows[k] = np.where(free[k - 1], rows[k - 1], values[k - 1] < 0)
+    return inside
+
+
 # --- between nodes -------------------------------------------------------------------------------------------------
 
 

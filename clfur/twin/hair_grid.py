@@ -40,8 +40,8 @@ def felt_at(points, groomed, velocity, density, low, cell, friction, push, rub, 
     """What points feel -> (acceleration of one at rest [n, 3], friction [n] [1 / s]).
 
     Cells drag by their mean velocities, and are felt by as many strands as cross them beyond one alone, up to one
-    more.  Where the density d is above rest = `DENSER` times the groomed, -push (1 - rest / d) (grad d) / d is added, of no
-    more than ``most``, and to the friction rub |(grad d) / d|².
+    more.  Where the density d is above rest = `DENSER` times the groomed, -push (1 - rest / d) (grad d) / d is added,
+    of no more than ``most``, and to the friction rub |(grad d) / d|².
     """
     at, share, _ = shares(points, low, cell, density.shape)
     at = tuple(np.moveaxis(at, 2, 0))

@@ -43,7 +43,8 @@ class Strand:
     """What a strand keeps: `groomed`, `rest`, `lengths` as `hang` gives them; `places` [n + 1, 3] relative to its root,
     those before, speeds and tensions."""
 
-    def __init__(self, points, axes, bend, gravity, air=0.0, damping=0.0, carried=0.0):
+    def __init__(self, points, axes, bend, gravity, air=0.0, damping=0.0, carried=0.0, contact=None):
+        self.contact = contact   # of `contact.Contact`, or None
         points = np.asarray(points, float) - points[0]
         self.groomed, self.rest, self.soft = hang(points, axes, bend, gravity)
         self.lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -52,9 +53,12 @@ class Strand:
         self.speeds, self.speeds_before = np.zeros_like(points), np.zeros_like(points)
         self.tensions = np.zeros(len(self.lengths))
 
-    def advance(self, root, root_before, step, wind, order=2, jumped=False, skin=0.0, others=None):
-        """Go on by ``step`` seconds; roots: (place [3], axes [3, 3]); skin: height of still air, 0 for none; others: of
-        other hair (accelerations of points at rest [n + 1, 3], frictions [n + 1])."""
+    def advance(self, root, root_before, step, wind, order=2, jumped=False, skin=0.0, body=None,
+                of_hair=None):
+        """Go on by ``step`` seconds; roots: (place [3], axes [3, 3]); skin: height of still air, 0 for none; body: for
+        `Contact.begin`, (look, carry, swell, whether it deforms); of_hair: of other hair (accelerations of points
+        at rest [n + 1, 3], frictions [n + 1])."""
+        order = 1 if self.contact and self.contact.touched else order
         carried = 1.0 if jumped else self.carried
         axes, old = root[1], root_before[1]
         shift, spin = root[0] - root_before[0], old.T @ axes
@@ -70,10 +74,17 @@ class Strand:
         base = now + third * (now - then)
         free = base + he * (speed + third * (speed - speed_then))
         places = start
-        for _ in range(2):
-            places = self._newton(places, base, free, axes, rest, he, np.asarray(wind, float), skin, others)
+        if self.contact:
+            self.contact.begin(*body, self.places, now, root, root_before)
+        for number in range(2):
+            if self.contact:
+                self.contact.meet(places, not number)
+            places = self._newton(places, base, free, axes, rest, he, np.asarray(wind, float), skin, of_hair)
+        speeds = (places - base) / he
+        if self.contact:
+            places, speeds = self.contact.turn_out(places, speeds, self.lengths, step)
         self.before, self.speeds_before = now, speed
-        self.places, self.speeds = places, (places - base) / he
+        self.places, self.speeds = places, speeds
         self.before[0] = self.speeds_before[0] = self.speeds[0] = 0
 
     def _damped(self, old, he):
@@ -85,7 +96,7 @@ class Strand:
         now = [old @ turned(from_[j], self.groomed[j] @ old, t[j]) for j in range(len(t))]
         return (1 - share) * self.rest + share * np.array(now)
 
-    def _newton(self, x, base, free, axes, rest, he, wind, skin, others):
+    def _newton(self, x, base, free, axes, rest, he, wind, skin, of_hair):
         n, by = len(self.lengths), 1 / self.lengths
         stiff = stiffnesses(self.bend, self.lengths) * (1 + self.damping / he)
         along = np.diff(x, axis=0)
@@ -125,9 +136,13 @@ class Strand:
             felt = height * height * (3 - 2 * height)
             b[i] += masses[i] * (self.gravity - (x[i + 1] - free[i + 1]) / he**2
                                  - self.air * (x[i + 1] - base[i + 1] - he * felt * wind) / he)
-            if others is not None:
-                a[i, :, i] += others[1][i + 1] * masses[i] / he * one
-                b[i] += masses[i] * (others[0][i + 1] - others[1][i + 1] * (x[i + 1] - base[i + 1]) / he)
+            if of_hair is not None:
+                a[i, :, i] += of_hair[1][i + 1] * masses[i] / he * one
+                b[i] += masses[i] * (of_hair[0][i + 1] - of_hair[1][i + 1] * (x[i + 1] - base[i + 1]) / he)
+            if self.contact:
+                hard, force = self.contact.press(x, i + 1, masses[i] / he**2 + self.air * masses[i] / he)
+                a[i, :, i] += hard
+                b[i] += force
         rows = np.zeros((n, n, 3))   # of what keeps lengths
         for i in range(n):
             rows[i, i] = t[i + 1]
@@ -137,7 +152,10 @@ class Strand:
         whole = np.block([[a.reshape(3 * n, 3 * n), rows.T], [rows, np.zeros((n, n))]])
         solved = np.linalg.solve(whole, np.concatenate([b.ravel(), self.lengths - now]))
         self.tensions = solved[3 * n:]
-        x = x + np.vstack([np.zeros(3), solved[:3 * n].reshape(n, 3)])
+        ways = np.vstack([np.zeros(3), solved[:3 * n].reshape(n, 3)])
+        if self.contact:
+            self.contact.end(ways)
+        x = x + ways
         t = np.diff(x, axis=0)
         t *= (self.lengths / np.linalg.norm(t, axis=1))[:, None]
         return np.vstack([np.zeros(3), np.cumsum(t, axis=0)])
@@ -170,3 +188,26 @@ def wind_at(places, mean, gust, size, time, seed):
         share = np.where(corner, step, 1 - step).prod(1)
         sums += share[:, None] * ((words >> np.uint32(8)) / 2**23 - 1)
     return mean + gust * sums
+
+
+def between(then, now, roots, share, seconds, carried, lengths):
+    """Where a strand was within a step -> [n + 1, 3] in the world.
+
+    then, now: (places [n + 1, 3] relative to the root, speeds) at both ends. roots: (place [3], axes [3, 3]) there, and
+    at that share of the seconds. A cubic that has these places and speeds (Hermite), of what the root does not carry in
+    the world, and of the rest in its axes; then segments are as long as they are.
+    """
+    basis = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [1, 1, 1, 1], [0, 1, 2, 3]], float)   # place, speed at 0; and at 1
+    weights = np.array([1, share, share**2, share**3]) @ np.linalg.inv(basis)
+
+    def curve(*ends):
+        """Of (places, speeds) at both ends."""
+        return np.einsum("k,kpa->pa", weights, [each * by for end in ends for each, by in zip(end, (1, seconds))])
+    free = curve(*[(places + root[0], speeds) for (places, speeds), root in zip((then, now), roots)]) - roots[2][0]
+    held = curve(*[(places @ root[1].T, speeds @ root[1].T)
+                   for (places, speeds), root in zip((then, now), roots)]) @ roots[2][1]
+    places = (1 - carried) * free + carried * held
+    places[0] = 0
+    along = np.diff(places, axis=0)
+    along *= (np.asarray(lengths) / np.linalg.norm(along, axis=1))[:, None]
+    return roots[2][0] + np.vstack([np.zeros(3), np.cumsum(along, axis=0)])

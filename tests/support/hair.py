@@ -4,8 +4,12 @@ import numpy as np
 
 import clfur
 from clfur import layout
-from clfur.stages import motion
+from clfur.stages import distance, motion
 from clfur.stages.strands import upload_curves
+from clfur.stages.tessellate import tessellate
+from clfur.twin.distance import near
+
+from .scenes import icosphere
 
 G = np.array([0, -9.81, 0])
 # Tip's drop of a clamped bar of length 1 under its weight, of its length, exactly (the elastica), by K = g / bend.
@@ -23,10 +27,11 @@ def axes_of(direction):
 class Hair:
     """Strands that move on a device: of points [strands][points, 3] or [points, 3]."""
 
-    def __init__(self, gpu, strands, bend, air=0.0, damping=0.0, carried=0.0, weighted=True):
+    def __init__(self, gpu, strands, bend, air=0.0, damping=0.0, carried=0.0, weighted=True, body=None, friction=0.0,
+                 width=0.0):
         self.gpu, self.strands = gpu, [np.asarray(each, np.float32) for each in strands]
         counts = np.array([len(each) for each in self.strands])
-        curves = clfur.Curves(np.concatenate(self.strands), counts=counts)
+        curves = clfur.Curves(np.concatenate(self.strands), counts=counts, width=width)
         self.drawn = upload_curves(gpu, curves)
         self.n, self.order = len(counts), 1
         self.axes = [axes_of(each[1] - each[0] if len(each) > 1 else (0, 1, 0)) for each in self.strands]
@@ -35,16 +40,18 @@ class Hair:
             self.root[:, :, i] = each[0], *self.axes[i]
         self.roots = gpu.upload(self.root)
         types = np.zeros(1, layout.MotionType)
-        types["hair"] = bend, air, damping, carried
+        types["hair"], types["touch"][:, 0] = (bend, air, damping, carried), friction
         self.types = gpu.upload(types)
         self.state, self.soft = motion.hang(gpu, self.drawn, counts.max(), self.roots, self.types,
-                                            G if weighted else 0 * G)
+                                            G if weighted else 0 * G, body is not None)
+        self.deepest = motion.stand_off(gpu, self.state, self.drawn, body) if body else None
+        self.body = body
 
-    def step(self, step, wind=(0, 0, 0), root=None, jumped=False, skin=0.0, felt=None):
+    def step(self, step, wind=(0, 0, 0), root=None, jumped=False, skin=0.0, body=None, of_hair=None):
         roots = self.roots if root is None else self.gpu.upload(np.asarray(root, np.float32))
         winds = motion.blow(self.gpu, self.state, roots, wind)
         motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, G, winds, self.order, jumped, skin,
-                       felt)
+                       body or self.body, of_hair)
         self.roots, self.order = roots, 2
         return self
 
@@ -71,3 +78,60 @@ def curl(segments, rng, turns=1.0, radius=0.05):
     way = np.diff(np.stack([u, radius * np.cos(angle), radius * np.sin(angle)], 1), axis=0)
     way /= np.linalg.norm(way, axis=1)[:, None] * segments
     return np.vstack([np.zeros(3), np.cumsum(way, axis=0)]) @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
+
+
+def body_of(gpu, positions, faces):
+    """How far a body is, everywhere."""
+    mesh = clfur.Mesh(positions=positions, faces=faces)
+    grid = distance.grid_of(np.min(positions, 0), np.max(positions, 0))
+    return distance.deepened(gpu, distance.distance(gpu, grid, lambda: [tessellate(gpu, mesh, 1, 1, "flat")]))
+
+
+def ball(gpu, radius, level=4):
+    positions, faces = icosphere(level)
+    return body_of(gpu, positions * radius, faces)
+
+
+def look_of(gpu, body, rotation=None, offset=(0, 0, 0)):
+    """What `twin.contact.Contact` asks of a distance: (distance, unit normal) at places of the world."""
+    values, turn = gpu.download(body.values), np.eye(3) if rotation is None else rotation
+
+    def look(places):
+        value, slope = near(body.grid, values, (places - offset) @ turn)
+        return value, slope / np.linalg.norm(slope, axis=1)[:, None] @ turn.T
+    return look
+
+
+def fallen(gpu, body, n=64, segments=8, radius=2.5, friction=0.3, bend=0.3, seed=0):
+    """Hair of length 1 that stands on a ball, unloaded, so that it falls on it."""
+    rng = np.random.default_rng(seed)
+    ways = rng.normal(size=(n, 3))
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    strands = [way * radius * 1.0005 + bar(segments, way + 0.25 * rng.uniform(-1, 1, 3)) for way in ways]
+    return Hair(gpu, strands, 9.81 * bend**3, 5, 0.02, weighted=False, body=motion.Felt(body, motion.RESTING),
+                friction=friction, width=0.01)
+
+
+def shot(gpu, rate, n=40, radius=0.4, speed=20.0):
+    """A ball at so many lengths a second through hair that hangs, at a rate of frames -> (hair, how far the nearest of
+    its points has been from the ball in any substep, the fastest speed of hair)."""
+    rng, body, begins = np.random.default_rng(3), ball(gpu, radius), np.array([-1.6, -0.7, 0.05])
+    strands = [np.array([x, 0, z]) + bar(8, (rng.normal() * 0.1, -1, rng.normal() * 0.1))
+               for x, z in rng.uniform(-0.5, 0.5, (n, 2))]
+    hair = Hair(gpu, strands, 9.81 * 0.3**3, 5, 0.02, weighted=False, friction=0.3, width=0.01,
+                body=motion.Felt(body, motion.body_at(np.eye(3), begins)))
+    substeps = min(int(np.ceil(speed / rate / (0.5 * float(body.grid["reach"][0])))), 32)
+    step, nearest, fastest = 1 / rate / substeps, np.inf, 0.0
+    carry = np.column_stack([np.eye(3), (speed * step, 0, 0)])
+    for number in range(round(0.16 / step)):
+        at = begins + [speed * step * (number + 1), 0, 0]
+        hair.step(step, body=motion.Felt(body, motion.body_at(np.eye(3), at, carry)))
+        nearest = min(nearest, depths(hair, radius, at).min())
+        fastest = max(fastest, np.abs(np.concatenate(hair.array("speeds"))).max())
+    return hair, nearest, fastest
+
+
+def depths(hair, radius, middle=(0, 0, 0)):
+    """How far all points that are not roots are from a ball."""
+    return np.concatenate([np.linalg.norm(now[1:] + each[0] - middle, axis=1) - radius
+                           for now, each in zip(hair.array(), hair.strands)])
