@@ -73,7 +73,7 @@ class Strand:
         speed, speed_then = moved(self.speeds, 0), moved(self.speeds_before, 0)
         base = now + third * (now - then)
         free = base + he * (speed + third * (speed - speed_then))
-        places = start
+        places, of_hair = start, of_hair or (np.zeros_like(start), np.zeros(len(start)))
         if self.contact:
             self.contact.begin(*body, self.places, now, root, root_before)
         for number in range(2):
@@ -116,7 +116,7 @@ class Strand:
                 row[j - 1] += by[j - 1]
             a += stiff[j] * np.einsum("i,k,cd->ickd", row[1:], row[1:], one)
         for i in range(n):
-            a[i, :, i] += (masses[i] / he**2 + self.air * masses[i] / he) * one
+            a[i, :, i] += (masses[i] / he**2 + (self.air + of_hair[1][i + 1]) * masses[i] / he) * one
             pull = max(self.tensions[i], 0) * by[i] * (one - np.outer(t[i + 1], t[i + 1]))
             a[i, :, i] += pull
             if i:
@@ -134,11 +134,8 @@ class Strand:
                 b[i - 1] -= moment * by[i]
             height = np.clip(x[i + 1] @ axes[2] / skin, 0, 1) if skin else 1.0
             felt = height * height * (3 - 2 * height)
-            b[i] += masses[i] * (self.gravity - (x[i + 1] - free[i + 1]) / he**2
-                                 - self.air * (x[i + 1] - base[i + 1] - he * felt * wind) / he)
-            if of_hair is not None:
-                a[i, :, i] += of_hair[1][i + 1] * masses[i] / he * one
-                b[i] += masses[i] * (of_hair[0][i + 1] - of_hair[1][i + 1] * (x[i + 1] - base[i + 1]) / he)
+            b[i] += masses[i] * (self.gravity + self.air * felt * wind + of_hair[0][i + 1] - (x[i + 1] - free[i + 1])
+                                 / he**2 - (self.air + of_hair[1][i + 1]) * (x[i + 1] - base[i + 1]) / he)
             if self.contact:
                 hard, force = self.contact.press(x, i + 1, masses[i] / he**2 + self.air * masses[i] / he)
                 a[i, :, i] += hard
