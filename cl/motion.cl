@@ -36,6 +36,7 @@ typedef struct {
     lanes3 axes[3], before[3];                  // of the root, and a step ago
     lanes3 gravity;
     __global const float *winds;                // at points [world / s]
+    __global const float *of_hair;              // what is felt of other hair, from these strands on, or 0
     bool feels;                                 // the body, of which the rest tells
     const Distances *grid;
     const Body *body;
@@ -44,7 +45,6 @@ typedef struct {
     lanes3 at, root_taken;                      // the root in the grid's frame; what it lacks of the body's way [world]
     lanes friction;
     float by_step;                              // [1 / s]
-    __global const float *felt_hair;            // from these strands on, or 0: hair doesn't feel hair
 } Moving;
 
 INLINED lanes row_of(__global const float *rows, size_t stride, int row)
@@ -491,7 +491,7 @@ BY_ITSELF __kernel void advance(
     const float4 gravity,                  // [world / s^2]
     __global const float *winds,           // [points, 3, padded] [world / s]
     const int feels_hair,                  // 1: what hair_grid.cl says of each point,
-    __global const float *felt,            // [points, 4, padded] acceleration [world / s^2], friction [1 / s]
+    __global const float *felt_of_hair,    // [points, 4, padded] acceleration [world / s^2], friction [1 / s]
     __global float *places,                // [points, 3, padded] relative to the root [world]
     __global float *places_before,         // [points, 3, padded]
     __global float *speeds,                // [points, 3, padded] [world / s]
@@ -524,7 +524,7 @@ BY_ITSELF __kernel void advance(
         m.free = free + first;
         m.pressed = pressed + first;
         m.winds = winds + first;
-        m.felt_hair = feels_hair ? felt + first : 0;
+        m.of_hair = feels_hair ? felt_of_hair + first : 0;
         m.n = *(__global const lanes_i *)(segments + first);
         lanes damping = F(0.0f), carried = F(0.0f);
         m.bend = m.air = m.friction = F(0.0f);

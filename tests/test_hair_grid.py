@@ -1,5 +1,4 @@
-"""hair_grid against its twin, and the laws of a grid: sums, momentum, order, one strand alone (test_hair_on_hair has
-more)."""
+"""hair_grid against its twin, and the laws of a grid: sums, momentum, order, one strand alone."""
 
 import numpy as np
 import pytest
@@ -93,10 +92,10 @@ def test_a_step_that_feels_hair_is_the_twins(gpu):
     felt[:, :, :4] = rng.uniform(-3, 30, (9, 4, 4))
     felt[:, 3] = np.abs(felt[:, 3])
     for number in range(3):
-        hair.step(STEP, felt=gpu.upload(felt))
+        hair.step(STEP, of_hair=gpu.upload(felt))
         for i, each in enumerate(twins):
             root = np.zeros(3), hair.axes[i]
-            each.advance(root, root, STEP, (0, 0, 0), min(number + 1, 2), others=(felt[:, :3, i], felt[:, 3, i]))
+            each.advance(root, root, STEP, (0, 0, 0), min(number + 1, 2), of_hair=(felt[:, :3, i], felt[:, 3, i]))
     for now, each, groomed in zip(hair.array(), twins, strands):
         assert np.abs(now - groomed + groomed[0]).max() > 5e-3
         np.testing.assert_allclose(now, each.places, rtol=0, atol=3e-5)
@@ -114,6 +113,23 @@ def test_friction_gives_what_it_takes(gpu):
     cut = CELL / STEP / hair_grid.SPEEDS / 2   # of a speed, in whole units
     assert np.abs(forces.sum(0)).max() < 1e-4 * np.abs(forces).sum() + FRICTION * masses.sum() * cut
     assert np.abs(forces).sum() > 1
+
+
+@pytest.mark.small
+def test_what_moves_as_one_is_not_held_back(gpu):
+    """All hair at one speed, which grows: it feels none of the friction that it would at another."""
+    hair = Hair(gpu, tangle(60), 0.5)
+    now, then = np.array([3.0, -1, 7]), np.array([2.0, -1.5, 7])
+    for name, speed in ("speeds", now), ("speeds_before", then):
+        rows = np.broadcast_to(speed[:, None], (hair.state.points, 3, hair.state.padded)).astype(np.float32).ravel()
+        getattr(hair.state, name).set(rows, hair.gpu.queue)
+    for ahead, speed in (False, now), (True, 2 * now - then):
+        cells = gathered(gpu, hair, ahead)[1]
+        groomed = hair_grid.density(gpu, hair.state, hair.roots, GRID, cells)
+        felt = rows_of(gpu, hair, felt_by(gpu, hair, groomed, cells, 30.0, 5.0))
+        assert felt[:, 3].max() == pytest.approx(FRICTION, rel=1e-5)
+        cut = CELL / STEP / hair_grid.SPEEDS   # of a speed, in whole units
+        np.testing.assert_allclose(felt[:, :3], felt[:, 3:] * speed, rtol=1e-5, atol=FRICTION * cut)
 
 
 @pytest.mark.small

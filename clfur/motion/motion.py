@@ -26,7 +26,7 @@ from ..stages.strands import DeviceStrands, upload_curves
 from ..stages.tessellate import as_float4
 from .body import Body
 from .hair import HairMotion, Wind, of_types
-from .hair_on_hair import HairOnHair
+from .hair_on_hair import HairOnHair, box_of
 from .pose import between, pose_of
 from .undercoat import Undercoat
 from .within import Began, mixed
@@ -104,7 +104,7 @@ class Motion:
         self._others = None
         if near is not None and first.strands is not None:
             with self._gpu.frame():
-                self._others = HairOnHair(self._gpu, near, self._state, self._roots, _box(self._corners), beyond,
+                self._others = HairOnHair(self._gpu, near, self._state, self._roots, box_of(self._corners), beyond,
                                           self._longest, self.units)
 
     def step(self, seconds: float, mesh: Mesh | None = None, wind: Wind | None = None, cut: bool = False) -> Scene:
@@ -320,13 +320,13 @@ class Motion:
                 roots = self._roots_at(there, share, rows)
                 winds = air.blow(gpu, wind, roots, state.places, state.points, state.padded, shares)
                 as_before, jumped = abs(step - self._last_step) < 1e-6 * step, is_cut and not number
-                others = None
+                of_hair = None
                 if self._others is not None and not jumped:
                     was = 1.0 if is_cut else number / n   # where roots are still
-                    box = (1 - was) * _box(self._corners) + was * _box(corners)
-                    others = self._others.felt(self._roots, box, step, as_before)
+                    box = (1 - was) * box_of(self._corners) + was * box_of(corners)
+                    of_hair = self._others.felt(self._roots, box, step, as_before)
                 stage.advance(gpu, state, self._types, roots, self._roots, step, self.gravity, winds,
-                              2 if as_before else 1, jumped, felt, others)
+                              2 if as_before else 1, jumped, felt, of_hair)
                 self._roots, self._last_step = roots, step
             if self._undercoat:
                 self._undercoat.go((there, share, rows), step, wind, self.gravity, bared, is_cut and not number)
@@ -384,12 +384,6 @@ class Motion:
         curves = None if self.scene.strands is None else self._curves(points, normals, mesh)
         fur = tuple(each for each in (shells, curves) if each is not None)
         return attrs.evolve(scene, mesh=mesh, fur=fur if len(fur) > 1 else fur[0] if fur else None)
-
-
-def _box(corners):
-    """(Lowest, highest) corner of a pose [2, 3] float64."""
-    places = corners.reshape(-1, 3).astype(float)
-    return np.stack([places.min(0), places.max(0)])
 
 
 def _lengths(points, counts):

@@ -10,7 +10,7 @@ from ..layout import Declared
 from .motion import CPU_ITEMS, State
 
 MOST_CELLS = 1 << 19   # 24 MiB
-FASTEST = layout.CONSTANTS["FASTEST"]
+FASTEST = int(layout.CONSTANTS["FASTEST"])
 SPEEDS = 1 << 16   # units of speed in a cell a step
 SUMS = Declared("cell", np.int64, 4, 0)
 CELLS = Declared("cell", np.float32, 4)
@@ -40,8 +40,10 @@ def grid_around(low: Any, high: Any, cell: float) -> HairGrid:
 
 
 def mass_unit(points: int, heaviest: float) -> float:
-    """Units of mass in a world unit of hair, for so many points, of which the heaviest has so much: 2^16 in this one,
-    or less, so that all of them together, at `FASTEST`, stay below 2^62."""
+    """Units of mass in a world unit of hair, for so many points, of which the heaviest has so much.
+
+    They are 2^16 in this one, or less, so that all of them together, at `FASTEST`, stay below 2^62.
+    """
     bits = min(16, 62 - int(FASTEST).bit_length() - max(points - 1, 0).bit_length())
     return 2.0**bits / heaviest
 
@@ -83,8 +85,9 @@ def feel(gpu: Any, state: State, roots: Any, groomed: Any, grid: HairGrid, cells
          rub: float, most: float) -> Any:
     """What points feel of the hair around them, for `motion.advance` -> [points * 4 * padded] float32 on the device.
 
-    groomed: `density` of the groom.  friction: 1 / s.  push: acceleration [world / s²] of hair that is far denser than
-    groomed, where the density falls to none in a cell; most: of it at most.  rub: friction that is added there [1 / s].
+    groomed: `density` of the groom.  friction: 1 / s.  push: acceleration [world / s²] of hair that is far denser
+    than groomed, where the density falls to none in a cell; most: of it at most.  rub: friction that is added there
+    [1 / s].
     """
     felt = gpu.empty(state.points * 4 * state.padded, np.float32)   # of the roots it is never read
     gpu.launch("hair_grid.feel", state.padded // gpu.lanes, points=state.points, padded=state.padded,

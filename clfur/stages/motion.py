@@ -104,14 +104,13 @@ def stand_off(gpu: Any, state: State, strands: DeviceStrands, body: Felt) -> Any
 
 
 def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, step: float, gravity: Any, winds: Any,
-            order: int = 2, jumped: bool = False, body: Felt | None = None,
-            others: Any = None) -> None:
+            order: int = 2, jumped: bool = False, body: Felt | None = None, of_hair: Any = None) -> None:
     """One step of strands whose roots go from ``roots_before`` to ``roots``, in place.
 
     step: seconds.  gravity: [3] world / s².  winds: `wind.blow`'s.
     order: of the formula in time (BDF), 1 in the first step.  jumped: whether hair goes with its root as if
-    nothing had moved.  body: where it is then, or None: they don't feel it.  others: what
-    `hair_grid.feel` gives, or None: hair doesn't feel hair.
+    nothing had moved.  body: where it is then, or None: they don't feel it.  of_hair: what
+    `hair_grid.feel` gives, or None: they don't feel each other.
     """
     items = CPU_ITEMS if gpu.lanes > 1 else GPU_ITEMS
     items = min(items, state.padded // gpu.lanes)
@@ -121,9 +120,9 @@ def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, s
     there = body or Felt(Distance.empty(gpu, {"node": 0}, grid=np.zeros((), layout.Distances)), RESTING)
     gpu.launch("motion.advance", items, n_items=items, n=state.n, padded=state.padded, types=types, roots=roots,
                roots_before=roots_before, seconds=step, order=1 if jumped else order, jumped=int(jumped),
-               gravity=(*gravity, 0), winds=winds, workspace=workspace, feels=int(body is not None),
-               grid=there.distance.grid, body=there.body, values=there.distance.values,
-               feels_hair=int(others is not None), felt=gpu.full(1, np.float32, 0) if others is None else others,
+               gravity=(*gravity, 0), winds=winds, workspace=workspace, feels_hair=int(of_hair is not None),
+               felt_of_hair=gpu.full(1, np.float32, 0) if of_hair is None else of_hair,
+               feels=int(body is not None), grid=there.distance.grid, body=there.body, values=there.distance.values,
                **{name: getattr(state, name) for name in names})
 
 

@@ -51,9 +51,9 @@ class Strand:
         self.speeds, self.speeds_before = np.zeros_like(points), np.zeros_like(points)
         self.tensions = np.zeros(len(self.lengths))
 
-    def advance(self, root, root_before, step, wind, order=2, jumped=False, body=None, others=None):
+    def advance(self, root, root_before, step, wind, order=2, jumped=False, body=None, of_hair=None):
         """Go on by ``step`` seconds; roots: (place [3], axes [3, 3]); wind: [n + 1, 3] at its points, or [3]; body: for
-        `Contact.begin`, (look, carry, swell, whether it deforms); others: of other hair (accelerations of points at
+        `Contact.begin`, (look, carry, swell, whether it deforms); of_hair: of other hair (accelerations of points at
         rest [n + 1, 3], frictions [n + 1])."""
         order = 1 if self.contact and self.contact.touched else order
         carried = 1.0 if jumped else self.carried
@@ -71,12 +71,13 @@ class Strand:
         base = now + third * (now - then)
         free = base + he * (speed + third * (speed - speed_then))
         places, wind = start, np.broadcast_to(np.asarray(wind, float), start.shape)
+        of_hair = of_hair or (np.zeros_like(start), np.zeros(len(start)))
         if self.contact:
             self.contact.begin(*body, self.places, now, root, root_before)
         for number in range(2):
             if self.contact:
                 self.contact.meet(places, not number)
-            places = self._newton(places, base, free, axes, rest, he, wind, others)
+            places = self._newton(places, base, free, axes, rest, he, wind, of_hair)
         speeds = (places - base) / he
         if self.contact:
             places, speeds = self.contact.turn_out(places, speeds, self.lengths, step)
@@ -93,7 +94,7 @@ class Strand:
         now = [old @ turned(from_[j], self.groomed[j] @ old, t[j]) for j in range(len(t))]
         return (1 - share) * self.rest + share * np.array(now)
 
-    def _newton(self, x, base, free, axes, rest, he, wind, others):
+    def _newton(self, x, base, free, axes, rest, he, wind, of_hair):
         n, by = len(self.lengths), 1 / self.lengths
         stiff = stiffnesses(self.bend, self.lengths) * (1 + self.damping / he)
         along = np.diff(x, axis=0)
@@ -113,7 +114,7 @@ class Strand:
                 row[j - 1] += by[j - 1]
             a += stiff[j] * np.einsum("i,k,cd->ickd", row[1:], row[1:], one)
         for i in range(n):
-            a[i, :, i] += (masses[i] / he**2 + self.air * masses[i] / he) * one
+            a[i, :, i] += (masses[i] / he**2 + (self.air + of_hair[1][i + 1]) * masses[i] / he) * one
             pull = max(self.tensions[i], 0) * by[i] * (one - np.outer(t[i + 1], t[i + 1]))
             a[i, :, i] += pull
             if i:
@@ -129,15 +130,12 @@ class Strand:
             b[i] += moment * by[i]
             if i:
                 b[i - 1] -= moment * by[i]
-            b[i] += masses[i] * (self.gravity - (x[i + 1] - free[i + 1]) / he**2
-                                 - self.air * (x[i + 1] - base[i + 1] - he * wind[i + 1]) / he)
+            b[i] += masses[i] * (self.gravity + self.air * wind[i + 1] + of_hair[0][i + 1] - (x[i + 1] - free[i + 1])
+                                 / he**2 - (self.air + of_hair[1][i + 1]) * (x[i + 1] - base[i + 1]) / he)
             if self.contact:
                 hard, force = self.contact.press(x, i + 1, masses[i] / he**2 + self.air * masses[i] / he)
                 a[i, :, i] += hard
                 b[i] += force
-            if others is not None:
-                a[i, :, i] += others[1][i + 1] * masses[i] / he * one
-                b[i] += masses[i] * (others[0][i + 1] - others[1][i + 1] * (x[i + 1] - base[i + 1]) / he)
         rows = np.zeros((n, n, 3))   # of what keeps lengths
         for i in range(n):
             rows[i, i] = t[i + 1]

@@ -50,13 +50,13 @@ class Hair:
         self.deepest = motion.stand_off(gpu, self.state, self.drawn, body) if body else None
         self.body = body
 
-    def step(self, step, wind=(0, 0, 0), root=None, jumped=False, body=None, felt=None):
+    def step(self, step, wind=(0, 0, 0), root=None, jumped=False, body=None, of_hair=None):
         """``wind``: [3], or a `layout.Wind`."""
         roots = self.roots if root is None else self.gpu.upload(np.asarray(root, np.float32))
         moment = wind if getattr(wind, "dtype", None) == layout.Wind else air.moment(wind)
         self.winds = air.blow(self.gpu, moment, roots, self.state.places, self.state.points, self.state.padded)
         motion.advance(self.gpu, self.state, self.types, roots, self.roots, step, G, self.winds, self.order, jumped,
-                       body or self.body, felt)
+                       body or self.body, of_hair)
         self.roots, self.order = roots, 2
         return self
 
