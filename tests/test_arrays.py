@@ -198,8 +198,11 @@ def test_the_plan_counts_all_of_segments(gpu, mesh):
     taken, (segments, lit, image, covered) = most(gpu, make)
     counted = 152 * 200 * (plan.VISIBLE.bytes * 4 + coverage.Covered.bytes(pixel=1, sample=4) + plan.IMAGE.bytes + 1)
     counted += plan.ENTRY * len(segments.entries) + plan.SURVIVOR * len(segments.ids)
-    lights = bytes_of(lit)
-    assert lights <= plan.LIT * len(segments.ids)
+    # Lists of what has no slot are no part of the plan: they take what is free, a 64th of the memory at most.
+    lists = coverage._overflows(gpu, segments.longest, 25 * 19, "coverage")["overflows"].nbytes
+    assert lists <= gpu.memory // 64
+    lights = bytes_of(lit) + lists
+    assert bytes_of(lit) <= plan.LIT * len(segments.ids)
     assert bytes_of(segments, covered) + image.nbytes < counted
     assert .8 * (counted + lights) < taken < room(counted + lights)
 

@@ -107,7 +107,7 @@ def test_that_a_mesh_is_read_is_told(monkeypatch, command):
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(sys, "stderr", stderr)
     monkeypatch.setattr(waiting, "PATIENCE", 0.05)
-    monkeypatch.setattr(module, "load_scene", slow)
+    monkeypatch.setattr(module, "load_moving" if command == "render" else "load_scene", slow)
     with pytest.raises(InterruptedError):
         getattr(module, command).main(["large.obj"], standalone_mode=False)
     assert "reading large.obj" in stderr.text

@@ -257,7 +257,7 @@ def choose(gpu: Any, seen: Seen, ids: Any) -> Any:
 def _overflows(gpu, longest, tiles, kernels):
     """Lists in which pieces of tiles wait that have no slot, see cl/overflow.h: for as many tiles as are drawn at a
     time, fewer or none where there is little room.  ``longest``: list of a tile's segments."""
-    room = min(gpu.memory // 64, gpu.room // 2, gpu.largest) // (PIECES.bytes * OF_PIECE[kernels])
+    room = max(min(gpu.memory // 64, gpu.room // 2, gpu.largest), 0) // (PIECES.bytes * OF_PIECE[kernels])
     n = min(gpu.device.max_compute_units, tiles, room // (LEAST_LEFT + PIECES_AT_ONCE)) if longest > SLOTS else 0
     most = min(max(longest, LEAST_LEFT), MOST_LEFT, room // max(n, 1) - PIECES_AT_ONCE)
     most = most // 2 * 2   # each list begins where a ulong2 may

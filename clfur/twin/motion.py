@@ -136,12 +136,7 @@ class Strand:
                 hard, force = self.contact.press(x, i + 1, masses[i] / he**2 + self.air * masses[i] / he)
                 a[i, :, i] += hard
                 b[i] += force
-        rows = np.zeros((n, n, 3))   # of what keeps lengths
-        for i in range(n):
-            rows[i, i] = t[i + 1]
-            if i:
-                rows[i, i - 1] = -t[i + 1]
-        rows = rows.reshape(n, 3 * n)
+        rows = of_lengths(t[1:])
         whole = np.block([[a.reshape(3 * n, 3 * n), rows.T], [rows, np.zeros((n, n))]])
         solved = np.linalg.solve(whole, np.concatenate([b.ravel(), self.lengths - now]))
         self.tensions = solved[3 * n:]
@@ -152,6 +147,15 @@ class Strand:
         t = np.diff(x, axis=0)
         t *= (self.lengths / np.linalg.norm(t, axis=1))[:, None]
         return np.vstack([np.zeros(3), np.cumsum(t, axis=0)])
+
+
+def of_lengths(t):
+    """Rows [n, 3 n] that tell by how much segments of these unit directions [n, 3] get longer, as their ends move."""
+    n = len(t)
+    rows = np.zeros((n, n, 3))
+    rows[np.arange(n), np.arange(n)] = t
+    rows[np.arange(1, n), np.arange(n - 1)] = -t[1:]
+    return rows.reshape(n, 3 * n)
 
 
 def roots_on(face, weights, offsets, corners, normals):
