@@ -251,7 +251,8 @@ class Motion:
         types["hair"] = [each.row(length, self.units) for each, length in zip(hair, longest)]
         types["touch"][:, 0] = [each.friction for each in hair]
         self._types, self._longest = gpu.upload(types), float(lengths.max(initial=0))
-        self._stand(np.append(points, np.zeros((1, 3), np.float32), 0)[np.where(counts > 0, first, -1)])
+        somewhere = self._corners.reshape(-1, 3)[:1] if len(self._corners) else np.zeros((1, 3), np.float32)
+        self._stand(np.append(points, somewhere, 0)[np.where(counts > 0, first, -1)])   # a strand may have no points
         is_long = self._longest > LONG * self.scene.mesh.bounds[1]
         self._body = Body(gpu, seen_from(self._mesh, self._origin), self.scene.strands, self._rest) if (
             is_long if body == "auto" else body and n) else None
