@@ -27,7 +27,7 @@ from ..stages.tessellate import as_float4
 from .body import Body
 from .hair import HairMotion, Wind, of_types
 from .hair_on_hair import HairOnHair
-from .pose import between, pose_of
+from .pose import between, box_within, pose_of
 from .undercoat import Undercoat
 from .within import Began, mixed
 
@@ -104,8 +104,9 @@ class Motion:
         self._others = None
         if near is not None and first.strands is not None:
             with self._gpu.frame():
-                self._others = HairOnHair(self._gpu, near, self._state, self._roots, _box(self._corners), beyond,
-                                          self._longest, self.units)
+                box = box_within(self._rest, self._rest, 0)
+                self._others = HairOnHair(self._gpu, near, self._state, self._roots, box, beyond, self._longest,
+                                          self.units)
 
     def step(self, seconds: float, mesh: Mesh | None = None, wind: Wind | None = None, cut: bool = False) -> Scene:
         """Go on by so many seconds -> the Scene then, whose Curves are on the device.
@@ -131,7 +132,7 @@ class Motion:
             there = self._here if pose.corners is self._pose.corners else self._uploaded(pose)
             self._began = Began(self.time, seconds, self._mesh, self._roots, stage.remember(self._gpu, self._state),
                                 is_cut, callable(self._given) and mesh is scene.mesh)
-            self._go(seconds, pose, there, corners, moved, is_cut)
+            self._go(seconds, pose, there, moved, is_cut)
         self._now, self._mesh, self._corners, self._pose, self._here = scene, mesh, corners, pose, there
         return self._drawn()
 
@@ -309,8 +310,8 @@ class Motion:
     def _uploaded(self, pose):
         return tuple(self._gpu.upload(np.pad(each, ((0, 0), (0, 0), (0, 1)))) for each in (pose.corners, pose.normals))
 
-    def _go(self, seconds, pose, there, corners, moved, is_cut):
-        """Go on to a pose whose faces are on the device, corners in the world, and which have moved so far at most."""
+    def _go(self, seconds, pose, there, moved, is_cut):
+        """Go on to a pose whose faces are on the device, and which have moved so far at most."""
         gpu, n, state = self._gpu, self._substeps(seconds, 0.0 if is_cut else moved), self._state
         step, longest, (shares, bared) = seconds / n, self._longest, self._sheltered()
         bodies = self._body.way(self._pose, pose, n, is_cut) if self._body else itertools.repeat(None)
@@ -326,8 +327,7 @@ class Motion:
                 as_before, jumped = abs(step - self._last_step) < 1e-6 * step, is_cut and not number
                 others = None
                 if self._others is not None and not jumped:
-                    was = 1.0 if is_cut else number / n   # where roots are still
-                    box = (1 - was) * _box(self._corners) + was * _box(corners)
+                    box = box_within(self._pose, pose, 1.0 if is_cut else number / n)   # where roots are still
                     others = self._others.felt(self._roots, box, step, as_before)
                 stage.advance(gpu, state, self._types, roots, self._roots, step, self.gravity, winds,
                               2 if as_before else 1, jumped, felt, others)
@@ -388,12 +388,6 @@ class Motion:
         curves = None if self.scene.strands is None else self._curves(points, normals, mesh)
         fur = tuple(each for each in (shells, curves) if each is not None)
         return attrs.evolve(scene, mesh=mesh, fur=fur if len(fur) > 1 else fur[0] if fur else None)
-
-
-def _box(corners):
-    """(Lowest, highest) corner of a pose [2, 3] float64."""
-    places = corners.reshape(-1, 3).astype(float)
-    return np.stack([places.min(0), places.max(0)])
 
 
 def _lengths(points, counts):
