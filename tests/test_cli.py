@@ -267,6 +267,8 @@ def test_a_shutter(clfur, tmp_path):
     (MOVING_FILE, ["--time", "1", "--shutter", "9", "--outputs", "motion_vector", "-o", "a.exr"], [
         "motion_vector is of pictures without --shutter"]),
     (MOVING_FILE, ["--shutter", "361"], ["--shutter", "'361' is not a number from 0 to 360"]),
+    (MOVING_FILE, ["--subframes", "4"], ["--subframes is of --shutter; allowed: with it"]),
+    (MOVING_FILE, ["--fps", "30"], ["--fps is of --shutter and motion_vector; allowed: with it"]),
     (MOVING_FILE, ["--shutter", "1", "--subframes", "65"], ["'65' is not auto or a whole number from 1 to 64"]),
     (MOVING_FILE.replace("return ", ""), [], ["fur.py: scene(0) is None; allowed: a clfur.Scene"]),
     (MOVING_FILE.replace("print(", "1 / (t - .5); ("), ["--time", ".5"], [

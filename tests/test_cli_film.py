@@ -103,6 +103,7 @@ def test_a_scene_file(clfur, tmp_path):
     (["--frames", "5"], "'5' is not A:B or A:B:STEP"), (["--frames", "3:3"], "is not A:B or A:B:STEP"),
     (["--frames", "0:9:0"], "is not A:B or A:B:STEP"), (["--frames", "-3:4"], "is not A:B or A:B:STEP"),
     (["--fps", "0"], "'0' is not a number from 1 to 1000"), (["--subframes", "0"], "'0' is not auto or a whole number"),
+    (["--subframes", "4"], "--subframes is of --shutter; allowed: with it"),
     (["--gust", "1"], "--gust is how strong gusts of the wind are, but there is none; allowed: with --wind"),
     (["-o", "a.avi"], "a.avi: .avi is not supported; allowed: .mp4"), (["-o", "a.exr"], "has no place for the number"),
     (["-o", "f/%d%d.png"], "is no name for frames"), (["--shutter", "361"], "'361' is not a number from 0 to 360"),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from support.piles import ball, densities, points, scene_of, wall
+from support.scenes import icosphere
 
 import clfur
 
@@ -29,6 +30,22 @@ def test_a_groom_that_goes_with_its_body_stays(gpu, move):
         c, s = np.cos(0.5), np.sin(0.5)
         began = began @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
     assert np.abs(now - began).max() < 3e-3   # a hundredth of its length
+
+
+def test_the_grid_goes_on_the_body_s_way(gpu):
+    """Of a body that goes round in one step, or in one for each of its substeps: the grid is where hair is."""
+    def turned(angle):
+        c, s = np.cos(angle), np.sin(angle)
+        positions = (icosphere(2)[0] * 0.2 + [0.78, 0, 0]) @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
+        return clfur.Mesh(positions=positions, faces=icosphere(2)[1])
+    places = []
+    for n, seconds in (1, 0.02), (32, 0.02), (32, None):
+        motion = clfur.Motion(scene_of(turned(0), 1000), clfur.HairMotion(bend_length=0.15), gpu, jump=99, rate=96,
+                              body=False, gravity=(0, 0, 0), hair_on_hair=seconds)
+        for k in range(n):
+            now = motion.step(1 / 3 / n, turned(2.3 * (k + 1) / n))
+        places.append(points(now))
+    assert np.sqrt(((places[0] - places[1])**2).mean()) < 1e-3 and np.abs(places[1] - places[2]).mean() > 0.01
 
 
 def test_a_pile_keeps_its_volume(gpu):

@@ -73,6 +73,8 @@ def film_command(given, output, frames, fps, turntable, shutter, subframes, blow
     a film that was interrupted goes on where it stopped.
     """
     output = Path(Path(given).stem + ".mp4" if output is None else output)
+    if not shutter and given_flags({"subframes": subframes}):
+        raise click.UsageError("--subframes is of --shutter; allowed: with it")
     options |= OTHER | ({"sides": SIDES} if turntable is not None and abs(turntable) > 30 else {})
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]

@@ -18,7 +18,7 @@ from ..judge.frontier import label
 from ..scene import backdrop
 from .described import lowered
 from .devices import ask_drivers
-from .options import Sectioned, scene_options
+from .options import Sectioned, given_flags, scene_options
 from .scenes import is_scene_file, load_moving, moved, scene_at, within
 from .skin import files_of, taken
 from .types import Backdrop, Bytes, Names, Real, Region, Subframes, read_for
@@ -143,6 +143,9 @@ def _faults(mesh):
 def _drawn(tell, given, moving, seconds, degrees, fps, pictures, known, cluster):
     """(Frame, Scene, steps) of what `load_moving` gives, at a time, with a shutter that is open so many degrees."""
     vectors, device = "motion_vector" in known["outputs"], known["device"]
+    for name, flag in given_flags({"fps": fps, "pictures": pictures}).items():
+        if not degrees and not (vectors and name == "fps"):
+            raise click.UsageError(f"{flag} is of --shutter{' and motion_vector' * (name == 'fps')}; allowed: with it")
     if vectors and degrees:
         raise click.UsageError("motion_vector is of pictures without --shutter; allowed: one of them")
     if cluster is not None and (vectors or degrees):

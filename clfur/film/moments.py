@@ -1,6 +1,7 @@
 """The scenes of a film's frames, and hashes of what they show."""
 
 import functools
+import inspect
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
@@ -16,6 +17,7 @@ from .record import Record
 
 LARGE = "mesh", "strands", "shells", "body_color", "environment"   # parts of scenes, which may take long to hash
 EVERY = 24   # frames from one state of the motion that is kept to the next
+OF_MOTION = [name for name in inspect.signature(Motion).parameters if name not in ("scene", "device", "fps")]
 
 
 class Moments:

@@ -14,9 +14,9 @@ PART = 0.25       # of a cell, by which a step pushes at most
 class HairOnHair:
     """What strands feel of each other, from the groom on.
 
-    seconds: in which hair takes the speed of the hair around it.  state, roots: the groom on the device, as
-    `stages.motion` has it.  box: `box_of` the body.  reach: of hair beyond it, and the longest strand [world].  units:
-    world units a metre.
+    seconds: in which hair takes the speed of the hair around it. state, roots: the groom on the device, as
+    `stages.motion` has it. box: [2, 3], lowest and highest corner of the body. reach: of hair beyond it, and the
+    longest strand [world]. units: world units a metre.
     """
 
     def __init__(self, gpu, seconds, state, roots, box, reach, longest, units):
@@ -48,12 +48,6 @@ class HairOnHair:
     def _cells(self, roots, grid, step, ahead):
         sums = stage.deposit(self._gpu, self._state, roots, grid, self._unit, step, ahead)
         return stage.average(self._gpu, sums, grid, self._unit, step)
-
-
-def box_of(corners):
-    """The box around corners of faces [faces, 3, 3] -> lowest and highest corner [2, 3] float64."""
-    places = corners.reshape(-1, 3).astype(float)
-    return np.stack([places.min(0), places.max(0)])
 
 
 def _cell(places, segment, box, reach):

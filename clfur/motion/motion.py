@@ -26,8 +26,8 @@ from ..stages.strands import DeviceStrands, upload_curves
 from ..stages.tessellate import as_float4
 from .body import Body
 from .hair import HairMotion, Wind, of_types
-from .hair_on_hair import HairOnHair, box_of
-from .pose import between, pose_of
+from .hair_on_hair import HairOnHair
+from .pose import between, box_within, pose_of
 from .undercoat import Undercoat
 from .within import Began, mixed
 
@@ -77,7 +77,7 @@ class Motion:
         self.fps = checks.real(1, 10_000)(fps, "Motion.fps")
         self.units = checks.positive()(units_per_metre, "Motion.units_per_metre")
         self.gravity = checks.safely(checks.vector(3), gravity, "Motion.gravity") * self.units
-        self.wind = checks.instance(Wind, none=True)(wind, "Motion.wind") or Wind()
+        self.wind = self._wind = checks.instance(Wind, none=True)(wind, "Motion.wind") or Wind()
         self.jump = first.mesh.bounds[1] if jump is None else checks.positive()(jump, "Motion.jump")
         if not isinstance(body, bool) and not (isinstance(body, str) and body == "auto"):
             checks.refuse("Motion.body", body, '"auto", True or False')
@@ -104,8 +104,9 @@ class Motion:
         self._others = None
         if near is not None and first.strands is not None:
             with self._gpu.frame():
-                self._others = HairOnHair(self._gpu, near, self._state, self._roots, box_of(self._corners), beyond,
-                                          self._longest, self.units)
+                box = box_within(self._rest, self._rest, 0)
+                self._others = HairOnHair(self._gpu, near, self._state, self._roots, box, beyond, self._longest,
+                                          self.units)
 
     def step(self, seconds: float, mesh: Mesh | None = None, wind: Wind | None = None, cut: bool = False) -> Scene:
         """Go on by so many seconds -> the Scene then, whose Curves are on the device.
@@ -115,7 +116,8 @@ class Motion:
         other faces.
         """
         seconds = checks.real(low=1e-6, high=3600)(seconds, "Motion.step seconds")
-        self.wind = checks.instance(Wind, none=True)(wind, "Motion.step wind") or self.wind
+        wind = checks.instance(Wind, none=True)(wind, "Motion.step wind") or self.wind
+        cut = checks.flag(cut, "Motion.step cut")
         scene = self._scene_at(self.time + seconds)
         if mesh is None and callable(self._given):
             mesh = scene.mesh
@@ -125,12 +127,12 @@ class Motion:
             corners, normals = self._posed(mesh)
             moved = float(np.linalg.norm(corners - self._corners, axis=2).max(initial=0))
             pose = pose_of(corners, normals, self._rest)
-        is_cut = cut or moved > self.jump
+        is_cut, self.wind = cut or moved > self.jump, wind
         with self._gpu.frame():
             there = self._here if pose.corners is self._pose.corners else self._uploaded(pose)
             self._began = Began(self.time, seconds, self._mesh, self._roots, stage.remember(self._gpu, self._state),
                                 is_cut, callable(self._given) and mesh is scene.mesh)
-            self._go(seconds, pose, there, corners, moved, is_cut)
+            self._go(seconds, pose, there, moved, is_cut)
         self._now, self._mesh, self._corners, self._pose, self._here = scene, mesh, corners, pose, there
         return self._drawn()
 
@@ -150,17 +152,18 @@ class Motion:
         arrays = {name: self._gpu.download(getattr(*where)) for name, where in self._held().items()}
         return {"time": self.time, "frame": self._frame, "last_step": self._last_step, **arrays}
 
-    def restore(self, state: dict, mesh: Mesh | None = None) -> Scene:
+    def restore(self, state: dict, mesh: Mesh | None = None, wind: Wind | None = None) -> Scene:
         """Go to where a Motion of the same arguments was when it gave its `state` -> the Scene then.
 
-        From there on it gives the same bits. mesh: the last that `step` was given there, if any. Raises Error for
-        what is no such state.
+        From there on it gives the same bits. mesh, wind: the last that `step` was given there, if any. Raises Error
+        for what is no such state.
         """
         held = self._held()
         try:
             arrays = {name: np.asarray(state[name]) for name in held}
-            time, frame, last_step = float(state["time"]), int(state["frame"]), float(state["last_step"])
-        except (LookupError, TypeError, ValueError):
+            time, last_step = (checks.real(low=0)(state[name], name) for name in ("time", "last_step"))
+            frame = checks.whole(0, 2**31 - 1)(state["frame"], "frame")
+        except (LookupError, TypeError, ValueError):   # of which Error is one
             raise Error("Motion.restore state is not what Motion.state has given; allowed: that alone") from None
         for name, array in arrays.items():
             there = getattr(*held[name])
@@ -169,6 +172,7 @@ class Motion:
                             f"{there.dtype} {list(there.shape)}, of a Motion of the same arguments")
         scene = self._scene_at(time)
         mesh = checks.instance(Mesh, none=True)(mesh, "Motion.restore mesh") or scene.mesh
+        self.wind = checks.instance(Wind, none=True)(wind, "Motion.restore wind") or self._wind
         with self._gpu.frame():
             self._corners, normals = self._posed(mesh)
             self._pose = pose_of(self._corners, normals, self._rest)
@@ -251,7 +255,8 @@ class Motion:
         types["hair"] = [each.row(length, self.units) for each, length in zip(hair, longest)]
         types["touch"][:, 0] = [each.friction for each in hair]
         self._types, self._longest = gpu.upload(types), float(lengths.max(initial=0))
-        self._stand(np.append(points, np.zeros((1, 3), np.float32), 0)[np.where(counts > 0, first, -1)])
+        somewhere = self._corners.reshape(-1, 3)[:1] if len(self._corners) else np.zeros((1, 3), np.float32)
+        self._stand(np.append(points, somewhere, 0)[np.where(counts > 0, first, -1)])   # a strand may have no points
         is_long = self._longest > LONG * self.scene.mesh.bounds[1]
         self._body = Body(gpu, seen_from(self._mesh, self._origin), self.scene.strands, self._rest) if (
             is_long if body == "auto" else body and n) else None
@@ -305,8 +310,8 @@ class Motion:
     def _uploaded(self, pose):
         return tuple(self._gpu.upload(np.pad(each, ((0, 0), (0, 0), (0, 1)))) for each in (pose.corners, pose.normals))
 
-    def _go(self, seconds, pose, there, corners, moved, is_cut):
-        """Go on to a pose whose faces are on the device, corners in the world, and which have moved so far at most."""
+    def _go(self, seconds, pose, there, moved, is_cut):
+        """Go on to a pose whose faces are on the device, and which have moved so far at most."""
         gpu, n, state = self._gpu, self._substeps(seconds, 0.0 if is_cut else moved), self._state
         step, longest, (shares, bared) = seconds / n, self._longest, self._sheltered()
         bodies = self._body.way(self._pose, pose, n, is_cut) if self._body else itertools.repeat(None)
@@ -322,8 +327,7 @@ class Motion:
                 as_before, jumped = abs(step - self._last_step) < 1e-6 * step, is_cut and not number
                 of_hair = None
                 if self._others is not None and not jumped:
-                    was = 1.0 if is_cut else number / n   # where roots are still
-                    box = (1 - was) * box_of(self._corners) + was * box_of(corners)
+                    box = box_within(self._pose, pose, 1.0 if is_cut else number / n)   # where roots are still
                     of_hair = self._others.felt(self._roots, box, step, as_before)
                 stage.advance(gpu, state, self._types, roots, self._roots, step, self.gravity, winds,
                               2 if as_before else 1, jumped, felt, of_hair)

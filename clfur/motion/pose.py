@@ -98,6 +98,14 @@ def part_of(before: Pose, now: Pose, share: float) -> Pose:
     return Pose(rows[:3, :3], rows[:3, 3], corners, normals)
 
 
+def box_within(before: Pose, now: Pose, share: float) -> np.ndarray:
+    """The box around all corners such a share of the way: its lowest and highest corner [2, 3], float64."""
+    rows = between(before, now, share)
+    corners = before.corners if now.corners is before.corners else part_of(before, now, share).corners
+    places = corners.reshape(-1, 3) @ rows[:3, :3].T + rows[:3, 3]
+    return np.stack([places.min(0), places.max(0)])
+
+
 def _axis_of(rotation: np.ndarray) -> tuple[np.ndarray, float]:
     """The unit axis of a rotation, and its angle, 0 to pi."""
     q = _quaternion(rotation.T)
