@@ -20,6 +20,7 @@ from ..budget import LADDER, refused
 from ..errors import shown
 from ..files.usd import is_usd
 from ..film.jobs import on_host
+from ..film.moments import MOTION
 from ..judge.frontier import label
 from ..scene import highlighted, upright
 from ..settings import CHOSEN
@@ -57,7 +58,7 @@ def moved(given, scene, motion, seconds, device):
         return scene_at(scene, seconds), 0
     if seconds < 0:
         raise click.UsageError(f"--time is {seconds:g}; allowed: from 0, as {given} sets motion")
-    with _of(given):
+    with of_file(given):
         motion = clfur.Motion(scene, **motion, fps=FPS, device=device)
         now, frames = _go(motion, seconds)
     return on_host(now), frames
@@ -73,10 +74,10 @@ def within(given, scene, motion, seconds, device, length):
                                "scene(t), or motion")
     if began < 0:
         raise click.UsageError(f"--time is {seconds:g}, but what is asked for begins {length:g} s before; allowed: "
-                               "later")
+                               f"from {length:g} on")
     if motion is None:
         return lambda share: scene_at(scene, began + share * length), 0
-    with _of(given):
+    with of_file(given):
         motion = clfur.Motion(scene, **motion, fps=FPS, device=device)
         _, steps = _go(motion, began)
         motion.step(length)
@@ -91,12 +92,13 @@ def _go(motion, seconds):
 
 
 @contextlib.contextmanager
-def _of(given):
-    """What goes wrong within is told of the file, but what a device, or the file's own function, does."""
+def of_file(given, start=""):
+    """What goes wrong within, and begins so, is told of the file, but what a device, or the file's own function, does.
+    """
     try:
         yield
     except Error as error:
-        if type(error) is not Error or str(error).startswith(f"{given}"):
+        if type(error) is not Error or str(error).startswith(f"{given}") or not str(error).startswith(start):
             raise
         raise Error(f"{given}: {error}") from error
 
@@ -184,12 +186,11 @@ def _run(path):
                     f"allowed: scene = clfur.Scene(...), or def scene(t) that returns one")
     if not isinstance(settings, Settings | None):
         raise Error(f"{path} sets settings = {settings!r:.60}; allowed: settings = clfur.Settings(...), or none")
-    allowed = [name for name in inspect.signature(clfur.Motion).parameters if name not in ("scene", "device", "fps")]
     wrong = [] if motion is None else [motion] if not isinstance(motion, dict) else [
-        name for name in motion if name not in allowed]
+        name for name in motion if name not in MOTION]
     if wrong:
         what = f"motion[{wrong[0]!r:.60}]" if isinstance(motion, dict) else f"motion = {motion!r:.60}"
-        raise Error(f"{path} sets {what}; allowed: motion = {{...}} of {', '.join(allowed)}, or none")
+        raise Error(f"{path} sets {what}; allowed: motion = {{...}} of {', '.join(MOTION)}, or none")
     return scene, motion, settings
 
 
