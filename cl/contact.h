@@ -102,7 +102,7 @@ INLINED void meet(const Moving *m, int most)
         const lanes3 place = kept(m, i, PLACE), way = minus(place, taken(m, i));
         const lanes_i held = gap_of(m, i) < FAR_GAP;
         const lanes left = row_of(m->free, m->stride, i) - away_of(m, i) - m->body->more.x;
-        const lanes_i asked = i <= m->n & (held | left <= 0.0f | dots(way, way) >= left * left);
+        const lanes_i asked = (i <= m->n) & (held | (left <= 0.0f) | (dots(way, way) >= left * left));
         if (any_lane(asked)) {
             keep(m, i, FORCE, masked(held, kept(m, i, FORCE)));
             put_gap(m, i, asked, look(m, asked, place));
@@ -186,7 +186,7 @@ INLINED void turn_out(const Moving *m, int most)
         const lanes away = away_of(m, i);
         const lanes3 way = minus(place, from);
         lanes free = row_of(m->free, m->stride, i) - m->body->more.x - exact_root(dots(way, way));
-        lanes_i asked = there & (held | free <= away), pushed = I(0);
+        lanes_i asked = there & (held | (free <= away)), pushed = I(0);
         for (int tries = 0; tries < OUT && any_lane(asked); ++tries) {
             const Near near = look(m, asked, place);
             const lanes lack = away - near.value;
@@ -204,7 +204,7 @@ INLINED void turn_out(const Moving *m, int most)
         shift = minus(place, solved);
         start = place;
         const lanes3 force = masked(there & held, kept(m, i, APPLIED));
-        touched |= there & (pushed | force.x != 0.0f | force.y != 0.0f | force.z != 0.0f);
+        touched |= there & (pushed | (force.x != 0.0f) | (force.y != 0.0f) | (force.z != 0.0f));
         keep(m, i, PLACE, place);
         keep(m, i, SOLVED, speed);
         put_three(m->pressed, m->stride, 3 * i, force);

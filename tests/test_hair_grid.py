@@ -117,6 +117,23 @@ def test_friction_gives_what_it_takes(gpu):
 
 
 @pytest.mark.small
+def test_what_moves_as_one_is_not_held_back(gpu):
+    """All hair at one speed, which grows: it feels none of the friction that it would at another."""
+    hair = Hair(gpu, tangle(60), 0.5)
+    now, then = np.array([3.0, -1, 7]), np.array([2.0, -1.5, 7])
+    for name, speed in ("speeds", now), ("speeds_before", then):
+        rows = np.broadcast_to(speed[:, None], (hair.state.points, 3, hair.state.padded)).astype(np.float32).ravel()
+        getattr(hair.state, name).set(rows, hair.gpu.queue)
+    for ahead, speed in (False, now), (True, 2 * now - then):
+        cells = gathered(gpu, hair, ahead)[1]
+        groomed = hair_grid.density(gpu, hair.state, hair.roots, GRID, cells)
+        felt = rows_of(gpu, hair, felt_by(gpu, hair, groomed, cells, 30.0, 5.0))
+        assert felt[:, 3].max() == pytest.approx(FRICTION, rel=1e-5)
+        cut = CELL / STEP / hair_grid.SPEEDS   # of a speed, in whole units
+        np.testing.assert_allclose(felt[:, :3], felt[:, 3:] * speed, rtol=1e-5, atol=FRICTION * cut)
+
+
+@pytest.mark.small
 def test_the_same_bits_in_any_order_and_lanes(gpu, another):
     """Of strands, and with and without 64-bit atomics."""
     strands = tangle(70)

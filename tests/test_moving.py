@@ -150,7 +150,15 @@ def test_a_motion_goes_on_from_its_state(gpu, scene):
     one.step(0.01, places[0])
     other.restore(one.state(), places[0])
     assert (points(one.step(0.01, places[1])) == points(other.step(0.01, places[1]))).all()
-    for wrong, words in [({}, "is not what Motion.state has given"), (3, "is not what Motion.state has given"),
+    wind, state_then = clfur.Wind((-5, 0, 0)), one.state()
+    there = points(one.step(0.01, places[0], wind))
+    assert (points(one.restore(state_then, places[1])) == points(other.restore(state_then, places[1]))).all()
+    assert (points(one.step(0.01, places[0])) != there).any()   # in the wind of before
+    other.restore(state_then, places[1], wind)
+    assert (points(other.step(0.01, places[0])) == there).all()
+    unknown = "is not what Motion.state has given"
+    for wrong, words in [({}, unknown), (3, unknown), *((state | each, unknown) for each in (
+                             {"time": float("nan")}, {"frame": -1}, {"frame": float("inf")}, {"last_step": "a"})),
                          (state | {"roots": state["roots"][:2]}, r"has roots float32 \[2, 3")]:
         with pytest.raises(clfur.Error, match=words):
             one.restore(wrong)
@@ -221,6 +229,21 @@ def test_a_cut_is_over_at_once(gpu, scene):
     assert then.mesh is now.mesh and np.abs(points(then) - points(now)).max() < 0.02
 
 
+def test_strands_of_no_and_one_point(gpu, scene):
+    """They stand where the mesh does, wherever that is, and strands beside them do not notice."""
+    mesh = _posed(scene.mesh, shift=(30, 0, 0))
+    root = mesh.positions[0] + mesh.origin
+    strand = root + np.linspace(0, 0.4, 5)[:, None] * (root - [30, 0, 0])
+    found = []
+    for counts in (5,), (0, 5, 1, 0):
+        curves = clfur.Curves(np.concatenate([strand] + [[root]] * (1 in counts)), counts=counts, width=0.01)
+        motion = clfur.Motion(clfur.Scene(mesh=mesh, fur=curves), clfur.HairMotion(bend_length=0.8), gpu, body=True,
+                              hair_on_hair=0.1, wind=clfur.Wind((0, 0, 3), 1, shelter=1))
+        found.append(points(motion.step(0.1, _posed(scene.mesh, shift=(30.1, 0, 0)))))
+    assert (found[0] == found[1][:5]).all() and np.abs(found[0] - strand).max() > 0.01
+    np.testing.assert_allclose(found[1][5], root + [0.1, 0, 0], atol=1e-5)
+
+
 def test_soft_hair_is_told(gpu, scene):
     with pytest.warns(RuntimeWarning, match="40 of 40 strands are too soft"):
         clfur.Motion(scene, clfur.HairMotion(bend_length=0.01), gpu)
@@ -236,6 +259,9 @@ def test_what_is_refused(gpu, scene):
             (lambda: motion.step(1 / 24, other), "Motion.scene.mesh has 80 faces and Scene.mesh 79"),
             (lambda: motion.step(0), "Motion.step seconds is 0"),
             (lambda: motion.step(1, "mesh"), "Motion.step mesh is"),
+            (lambda: motion.step(1, cut="no"), "Motion.step cut is 'no'"),
+            (lambda: motion.restore({"time": 0}, wind=3), "is not what Motion.state has given"),
+            (lambda: motion.restore(motion.state(), wind=3), "Motion.restore wind is 3"),
             (lambda: motion.between(0.5), "Motion.between is asked for before any step"),
             (lambda: [motion.at(2), motion.at(1)], "Motion.at frame is 1; allowed: 2 and later"),
             (lambda: motion.between(1.5), "Motion.between share is 1.5"),

@@ -13,6 +13,7 @@ import clfur
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from support.hair import DROPS, SOFTEST, Hair, ball, bar, blown, curl, depths, fallen, period, shot, swing
+from support.piles import densities, points, scene_of, wall
 
 
 def drops(gpu):
@@ -124,10 +125,22 @@ def balls(gpu):
                        f"{depths(hair, 2.5).min():.4f}")
 
 
+def piles(gpu):
+    """Limp hair that has fallen from a wall: how dense it lies, by what was groomed, and its thickness."""
+    for seconds in (None, 0.5, 0.1, 0.02):
+        motion = clfur.Motion(scene_of(wall(), 3000), clfur.HairMotion(bend_length=0.05), gpu, body=False,
+                              hair_on_hair=seconds)
+        began, now = points(motion.at(0)), points(motion.at(72))
+        fastest = np.abs(points(motion.at(73)) - now).max() * motion.fps
+        yield (f"hair of 0.3 fallen from a wall after 3 s, hair on hair {seconds}",
+               f"{np.mean(densities(now) / densities(began)):.2f} times as dense, thick "
+               f"{np.ptp(np.percentile(now[:, 1:, 0], [5, 95])):.3f}, fastest {fastest:.1e}")
+
+
 def main():
     gpu = clfur.Scheduler()
     print("| law | reached |\n|---|---|")
-    for law in (drops, drops_by_step, swings, energies, gusts, rests, shakes, balls):
+    for law in (drops, drops_by_step, swings, energies, gusts, rests, shakes, balls, piles):
         for name, value in law(gpu):
             print(f"| {name} | {value} |", flush=True)
 

@@ -20,7 +20,7 @@ from ..budget import LADDER, refused
 from ..errors import shown
 from ..files.usd import is_usd
 from ..film.jobs import on_host
-from ..film.moments import MOTION
+from ..film.moments import OF_MOTION
 from ..judge.frontier import label
 from ..scene import highlighted, upright
 from ..settings import CHOSEN
@@ -29,6 +29,7 @@ from .options import check_fur, check_settings, given_flags
 from .usd import scene_of_usd
 
 FPS = 24   # frames a second in which hair is moved up to a time
+
 
 def is_scene_file(given):
     """Whether a command's argument names a Python file that sets a scene, not a mesh."""
@@ -187,10 +188,10 @@ def _run(path):
     if not isinstance(settings, Settings | None):
         raise Error(f"{path} sets settings = {settings!r:.60}; allowed: settings = clfur.Settings(...), or none")
     wrong = [] if motion is None else [motion] if not isinstance(motion, dict) else [
-        name for name in motion if name not in MOTION]
+        name for name in motion if name not in OF_MOTION]
     if wrong:
         what = f"motion[{wrong[0]!r:.60}]" if isinstance(motion, dict) else f"motion = {motion!r:.60}"
-        raise Error(f"{path} sets {what}; allowed: motion = {{...}} of {', '.join(MOTION)}, or none")
+        raise Error(f"{path} sets {what}; allowed: motion = {{...}} of {', '.join(OF_MOTION)}, or none")
     return scene, motion, settings
 
 

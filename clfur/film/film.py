@@ -23,7 +23,7 @@ from ..scene import checks
 from ..settings import Settings
 from .cluster import check_address, on_cluster
 from .jobs import Job, alone
-from .moments import MOTION, Moments
+from .moments import OF_MOTION, Moments
 from .record import Record
 
 FRAMES = ".png", ".exr"     # files of single frames
@@ -56,11 +56,11 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
     place = _Place.of(path)
     numbers = _numbers(frames)
     fps = checks.real(low=1, high=1000)(fps, "film fps")
-    if motion is not None and not isinstance(motion, dict):
-        raise Error(f"film motion is {shown(motion)}; allowed: None, or a dict of arguments of clfur.Motion")
-    for name in motion or {}:
-        if name not in MOTION:
-            raise Error(f"film motion has {shown(name)}; allowed: {', '.join(MOTION)}")
+    if motion is not None and not (isinstance(motion, dict) and all(name in OF_MOTION for name in motion)):
+        raise Error(f"film motion is {shown(motion)}; allowed: None, or a dict of arguments of clfur.Motion: "
+                    f"{', '.join(OF_MOTION)}")
+    if progress is not None and not callable(progress):
+        raise Error(f"film progress is {shown(progress)}; allowed: None, or a function")
     settings = Settings() if settings is None else checks.instance(Settings)(settings, "film settings")
     behind = checks.optional(checks.color)(background, "film background")
     shutter = checks.real(0, 360)(shutter, "film shutter")

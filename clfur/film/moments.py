@@ -15,9 +15,9 @@ from ..scene.origin import copied
 from .jobs import on_host
 from .record import Record
 
-MOTION = [name for name in inspect.signature(Motion).parameters if name not in ("scene", "device", "fps")]
 LARGE = "mesh", "strands", "shells", "body_color", "environment"   # parts of scenes, which may take long to hash
 EVERY = 24   # frames from one state of the motion that is kept to the next
+OF_MOTION = [name for name in inspect.signature(Motion).parameters if name not in ("scene", "device", "fps")]
 
 
 class Moments:

@@ -77,7 +77,7 @@ class Motion:
         self.fps = checks.real(1, 10_000)(fps, "Motion.fps")
         self.units = checks.positive()(units_per_metre, "Motion.units_per_metre")
         self.gravity = checks.safely(checks.vector(3), gravity, "Motion.gravity") * self.units
-        self.wind = checks.instance(Wind, none=True)(wind, "Motion.wind") or Wind()
+        self.wind = self._wind = checks.instance(Wind, none=True)(wind, "Motion.wind") or Wind()
         self.jump = first.mesh.bounds[1] if jump is None else checks.positive()(jump, "Motion.jump")
         if not isinstance(body, bool) and not (isinstance(body, str) and body == "auto"):
             checks.refuse("Motion.body", body, '"auto", True or False')
@@ -115,7 +115,8 @@ class Motion:
         other faces.
         """
         seconds = checks.real(low=1e-6, high=3600)(seconds, "Motion.step seconds")
-        self.wind = checks.instance(Wind, none=True)(wind, "Motion.step wind") or self.wind
+        wind = checks.instance(Wind, none=True)(wind, "Motion.step wind") or self.wind
+        cut = checks.flag(cut, "Motion.step cut")
         scene = self._scene_at(self.time + seconds)
         if mesh is None and callable(self._given):
             mesh = scene.mesh
@@ -125,7 +126,7 @@ class Motion:
             corners, normals = self._posed(mesh)
             moved = float(np.linalg.norm(corners - self._corners, axis=2).max(initial=0))
             pose = pose_of(corners, normals, self._rest)
-        is_cut = cut or moved > self.jump
+        is_cut, self.wind = cut or moved > self.jump, wind
         with self._gpu.frame():
             there = self._here if pose.corners is self._pose.corners else self._uploaded(pose)
             self._began = Began(self.time, seconds, self._mesh, self._roots, stage.remember(self._gpu, self._state),
@@ -150,17 +151,18 @@ class Motion:
         arrays = {name: self._gpu.download(getattr(*where)) for name, where in self._held().items()}
         return {"time": self.time, "frame": self._frame, "last_step": self._last_step, **arrays}
 
-    def restore(self, state: dict, mesh: Mesh | None = None) -> Scene:
+    def restore(self, state: dict, mesh: Mesh | None = None, wind: Wind | None = None) -> Scene:
         """Go to where a Motion of the same arguments was when it gave its `state` -> the Scene then.
 
-        From there on it gives the same bits. mesh: the last that `step` was given there, if any. Raises Error for
-        what is no such state.
+        From there on it gives the same bits. mesh, wind: the last that `step` was given there, if any. Raises Error
+        for what is no such state.
         """
         held = self._held()
         try:
             arrays = {name: np.asarray(state[name]) for name in held}
-            time, frame, last_step = float(state["time"]), int(state["frame"]), float(state["last_step"])
-        except (LookupError, TypeError, ValueError):
+            time, last_step = (checks.real(low=0)(state[name], name) for name in ("time", "last_step"))
+            frame = checks.whole(0, 2**31 - 1)(state["frame"], "frame")
+        except (LookupError, TypeError, ValueError):   # of which Error is one
             raise Error("Motion.restore state is not what Motion.state has given; allowed: that alone") from None
         for name, array in arrays.items():
             there = getattr(*held[name])
@@ -169,6 +171,7 @@ class Motion:
                             f"{there.dtype} {list(there.shape)}, of a Motion of the same arguments")
         scene = self._scene_at(time)
         mesh = checks.instance(Mesh, none=True)(mesh, "Motion.restore mesh") or scene.mesh
+        self.wind = checks.instance(Wind, none=True)(wind, "Motion.restore wind") or self._wind
         with self._gpu.frame():
             self._corners, normals = self._posed(mesh)
             self._pose = pose_of(self._corners, normals, self._rest)
@@ -251,7 +254,8 @@ class Motion:
         types["hair"] = [each.row(length, self.units) for each, length in zip(hair, longest)]
         types["touch"][:, 0] = [each.friction for each in hair]
         self._types, self._longest = gpu.upload(types), float(lengths.max(initial=0))
-        self._stand(np.append(points, np.zeros((1, 3), np.float32), 0)[np.where(counts > 0, first, -1)])
+        somewhere = self._corners.reshape(-1, 3)[:1] if len(self._corners) else np.zeros((1, 3), np.float32)
+        self._stand(np.append(points, somewhere, 0)[np.where(counts > 0, first, -1)])   # a strand may have no points
         is_long = self._longest > LONG * self.scene.mesh.bounds[1]
         self._body = Body(gpu, seen_from(self._mesh, self._origin), self.scene.strands, self._rest) if (
             is_long if body == "auto" else body and n) else None

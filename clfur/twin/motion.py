@@ -71,6 +71,7 @@ class Strand:
         base = now + third * (now - then)
         free = base + he * (speed + third * (speed - speed_then))
         places, wind = start, np.broadcast_to(np.asarray(wind, float), start.shape)
+        others = others or (np.zeros_like(start), np.zeros(len(start)))
         if self.contact:
             self.contact.begin(*body, self.places, now, root, root_before)
         for number in range(2):
@@ -113,7 +114,7 @@ class Strand:
                 row[j - 1] += by[j - 1]
             a += stiff[j] * np.einsum("i,k,cd->ickd", row[1:], row[1:], one)
         for i in range(n):
-            a[i, :, i] += (masses[i] / he**2 + self.air * masses[i] / he) * one
+            a[i, :, i] += (masses[i] / he**2 + (self.air + others[1][i + 1]) * masses[i] / he) * one
             pull = max(self.tensions[i], 0) * by[i] * (one - np.outer(t[i + 1], t[i + 1]))
             a[i, :, i] += pull
             if i:
@@ -129,15 +130,12 @@ class Strand:
             b[i] += moment * by[i]
             if i:
                 b[i - 1] -= moment * by[i]
-            b[i] += masses[i] * (self.gravity - (x[i + 1] - free[i + 1]) / he**2
-                                 - self.air * (x[i + 1] - base[i + 1] - he * wind[i + 1]) / he)
+            b[i] += masses[i] * (self.gravity + self.air * wind[i + 1] + others[0][i + 1] - (x[i + 1] - free[i + 1])
+                                 / he**2 - (self.air + others[1][i + 1]) * (x[i + 1] - base[i + 1]) / he)
             if self.contact:
                 hard, force = self.contact.press(x, i + 1, masses[i] / he**2 + self.air * masses[i] / he)
                 a[i, :, i] += hard
                 b[i] += force
-            if others is not None:
-                a[i, :, i] += others[1][i + 1] * masses[i] / he * one
-                b[i] += masses[i] * (others[0][i + 1] - others[1][i + 1] * (x[i + 1] - base[i + 1]) / he)
         rows = np.zeros((n, n, 3))   # of what keeps lengths
         for i in range(n):
             rows[i, i] = t[i + 1]
