@@ -78,10 +78,7 @@ def render(given, output, outputs, background, region, shutter, fps, pictures, d
     read = [given, *(options[name] for name in ("hair", "type_map", "types", "rest", "body_texture"))]
     read += files_of(options)
     _check_files(output, outputs, background, read)
-    for name, flag in {} if shutter else given_flags({"pictures": pictures, "fps": fps}).items():
-        if name == "pictures" or "motion_vector" not in outputs:
-            more = " or --outputs motion_vector" if name == "fps" else ""
-            raise click.UsageError(f"{flag} is of a shutter, but there is none; allowed: with --shutter{more}")
+    _check_shutter(shutter, outputs)
     device = _devices(device, cluster, memory)
     with waiting(f"reading {given}") as tell:
         *moving, settings = load_moving(given, options)
@@ -217,6 +214,14 @@ def _devices(device, cluster, memory):
             raise click.UsageError("--device is for this machine, workers elsewhere have CLFUR_DEVICE; allowed: with "
                                    "--cluster local, or without one")
     return [part.strip() for part in device.split(",")] if device and "," in device else device
+
+
+def _check_shutter(degrees, outputs):
+    """Raise click.UsageError for options of a shutter that is not there."""
+    for name, flag in {} if degrees else given_flags({"pictures": None, "fps": None}).items():
+        if name == "pictures" or "motion_vector" not in outputs:
+            more = " or --outputs motion_vector" if name == "fps" else ""
+            raise click.UsageError(f"{flag} is of a shutter, but there is none; allowed: with --shutter{more}")
 
 
 def _check_files(output, outputs, background, read):
