@@ -32,6 +32,8 @@ def test_film(clfur, tmp_path):
     assert "laid over black, as .mp4 holds no alpha: --background sets another colour" in out
     assert "as if the mesh were 50 cm long: --units-per-metre 4\n" in out
     assert [file.name for file in tmp_path.iterdir()] == ["sphere.mp4"]
+    assert clfur("film", "sphere", *SMALL[:-1], "2:3", "-o", "%d.png")[1].endswith(
+        "s; nothing moves: --wind, --turntable or a scene file can move it\n")
     code, out, _ = clfur("film", "sphere", *SMALL, "-o", "a.webm", "--json")
     told = json.loads(out)
     assert (told.pop("seconds") > 0, code) == (True, 0)
@@ -97,6 +99,8 @@ def test_a_scene_file(clfur, tmp_path):
     wrong(clfur("film", "fur.py", "--roots", "9"), "--roots: fur.py sets this itself")
     (tmp_path / "hair.py").write_text(FILE + "motion = {'hair': 3}\n")
     wrong(clfur("film", "hair.py", "-o", "bad/%d.png"), "hair.py: Motion.hair is 3; allowed: one HairMotion")
+    (tmp_path / "sizes.py").write_text(FILE.replace("(32, 24)", "(32, 24) if t < .05 else (24, 32)"))
+    wrong(clfur("film", "sizes.py", "-o", "a.mp4"), "sizes.py: scene(0.0833333) has a picture of 24 x 32, but others")
     (tmp_path / "bad.py").write_text(FILE.replace("(t, 0, 0)", "(1 / (t - 1 / 24), 0, 0)"))
     wrong(clfur("film", "bad.py", "-o", "bad/%d.png"), "bad.py, line 5, scene(0.0416667): ZeroDivisionError")
 

@@ -96,7 +96,7 @@ def film_command(given, output, frames, fps, turntable, shutter, subframes, blow
         if memory is not None:
             device = [Scheduler(one, memory) for one in (device if isinstance(device, list) else [device])]
     began, told = time.monotonic(), []
-    with counting() as show, of_file(given, "Motion."):
+    with counting() as show, of_file(given, ("Motion.", "scene(")):
         def progress(what, done, of):
             told.append(done)
             show(what, done, of)
@@ -111,13 +111,13 @@ def film_command(given, output, frames, fps, turntable, shutter, subframes, blow
                           "units_per_metre": motion and motion.get("units_per_metre", 1.0),
                           "background": [0, 0, 0] if black else background and list(background)}))
         return
-    print(f"{output}: {len(frames):,} frames of {width}x{height} in {seconds:.1f} s"
+    print(f"{output}: {len(frames):,} frame{'s' * (len(frames) > 1)} of {width}x{height} in {seconds:.1f} s"
           + (f"; {there:,} of them were there" if there else "")
           + (f"; laid over black, as {output.suffix} holds no alpha: --background sets another colour" if black else "")
           + (f"; hair moves as if the mesh were {100 * METRES:g} cm long: --units-per-metre {units_per_metre:.3g}"
              if guessed else "")
-          + ("; nothing moves: --wind and --turntable do, and scene files" if motion is None and not callable(scene)
-             else ""))
+          + ("" if motion is not None or callable(scene) else
+             "; nothing moves: --wind, --turntable or a scene file can move it"))
 
 
 def _motion(given, motion, flags, blown, gust, bend_length, units_per_metre):

@@ -94,8 +94,8 @@ def _go(motion, seconds):
 
 @contextlib.contextmanager
 def of_file(given, start=""):
-    """What goes wrong within, and begins so, is told of the file, but what a device, or the file's own function, does.
-    """
+    """What goes wrong within, and begins so (a text or several), is told of the file, but what a device, or the file's
+    own function, does."""
     try:
         yield
     except Error as error:
