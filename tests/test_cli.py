@@ -266,6 +266,8 @@ def test_a_shutter(clfur, tmp_path):
     (SCENE_FILE, ["--outputs", "motion_vector", "-o", "a.exr"], ["--shutter and motion_vector are of what moves"]),
     (MOVING_FILE, ["--time", "1", "--shutter", "9", "--outputs", "motion_vector", "-o", "a.exr"], [
         "motion_vector is of pictures without --shutter"]),
+    (MOVING_FILE, ["--subframes", "2"], ["--subframes is of a shutter, but there is none; allowed: with --shutter\n"]),
+    (MOVING_FILE, ["--fps", "30"], ["--fps is of a shutter", "allowed: with --shutter or --outputs motion_vector"]),
     (MOVING_FILE, ["--shutter", "361"], ["--shutter", "'361' is not a number from 0 to 360"]),
     (MOVING_FILE, ["--subframes", "4"], ["--subframes is of --shutter; allowed: with it"]),
     (MOVING_FILE, ["--fps", "30"], ["--fps is of --shutter and motion_vector; allowed: with it"]),

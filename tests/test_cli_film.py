@@ -32,6 +32,8 @@ def test_film(clfur, tmp_path):
     assert "laid over black, as .mp4 holds no alpha: --background sets another colour" in out
     assert "as if the mesh were 50 cm long: --units-per-metre 4\n" in out
     assert [file.name for file in tmp_path.iterdir()] == ["sphere.mp4"]
+    assert clfur("film", "sphere", *SMALL[:-1], "2:3", "-o", "%d.png")[1].endswith(
+        "s; nothing moves: --wind, --turntable or a scene file can move it\n")
     code, out, _ = clfur("film", "sphere", *SMALL, "-o", "a.webm", "--json")
     told = json.loads(out)
     assert (told.pop("seconds") > 0, code) == (True, 0)
@@ -45,7 +47,7 @@ def test_frames_go_on(clfur, tmp_path):
     (tmp_path / "f/01.png").unlink()
     assert "; 2 of them were there" in clfur("film", "sphere", *SMALL, *frames)[1]
     wrong(clfur("film", "sphere", *SMALL, *frames, "--gust", "0", "--wind", "1,0,0"), "f holds another film's frames: "
-          "motion differs; allowed: another folder, or overwriting them (overwrite=True, --overwrite)")
+          "they differ in motion; allowed: another folder, or overwriting them (overwrite=True, --overwrite)")
     assert clfur("film", "sphere", *SMALL, *frames, "--gust", "0", "--wind", "1,0,0", "--overwrite")[0] == 0
 
 
@@ -95,6 +97,10 @@ def test_a_scene_file(clfur, tmp_path):
     assert np.abs(still[0] - still[1]).mean() > 1e-3   # the mesh has moved
     wrong(clfur("film", "moving.py", "--wind", "1,0,0"), "--wind: moving.py sets motion itself; change it there")
     wrong(clfur("film", "fur.py", "--roots", "9"), "--roots: fur.py sets this itself")
+    (tmp_path / "hair.py").write_text(FILE + "motion = {'hair': 3}\n")
+    wrong(clfur("film", "hair.py", "-o", "bad/%d.png"), "hair.py: Motion.hair is 3; allowed: one HairMotion")
+    (tmp_path / "sizes.py").write_text(FILE.replace("(32, 24)", "(32, 24) if t < .05 else (24, 32)"))
+    wrong(clfur("film", "sizes.py", "-o", "a.mp4"), "sizes.py: scene(0.0833333) has a picture of 24 x 32, but others")
     (tmp_path / "bad.py").write_text(FILE.replace("(t, 0, 0)", "(1 / (t - 1 / 24), 0, 0)"))
     wrong(clfur("film", "bad.py", "-o", "bad/%d.png"), "bad.py, line 5, scene(0.0416667): ZeroDivisionError")
 
@@ -105,8 +111,10 @@ def test_a_scene_file(clfur, tmp_path):
     (["--fps", "0"], "'0' is not a number from 1 to 1000"), (["--subframes", "0"], "'0' is not auto or a whole number"),
     (["--subframes", "4"], "--subframes is of --shutter; allowed: with it"),
     (["--gust", "1"], "--gust is how strong gusts of the wind are, but there is none; allowed: with --wind"),
-    (["-o", "a.avi"], "a.avi: .avi is not supported; allowed: .mp4"), (["-o", "a.exr"], "has no place for the number"),
+    (["-o", "a.avi"], "a.avi: .avi is not supported; allowed: .mp4, .webm, .mov, .gif, .png, or pictures with a place"),
+    (["-o", "a.exr"], "has no place for the number"),
     (["-o", "f/%d%d.png"], "is no name for frames"), (["--shutter", "361"], "'361' is not a number from 0 to 360"),
+    (["--subframes", "4"], "--subframes is of a shutter, but there is none; allowed: with --shutter"),
     (["--background", "red"], "'red'"), (["--time", "3"], "No such option"),
     (["-o", "no/f/%d.png"], "there is no folder")])
 def test_what_is_wrong(clfur, tmp_path, options, words):

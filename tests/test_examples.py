@@ -16,8 +16,8 @@ SMALLER = {"curves": {"strands": 200, "points": 8}, "turntable": {"frames": 2},
            "dataset": {"poses": 2}, "budget": {"max_error": .3, "seconds": 5.0}}
 
 
-def test_there_are_sixteen():
-    assert len(EXAMPLES) >= 16 and set(SMALLER) <= {path.stem for path in EXAMPLES}
+def test_there_are_seventeen():
+    assert len(EXAMPLES) == 17 and set(SMALLER) <= {path.stem for path in EXAMPLES}
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)

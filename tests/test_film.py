@@ -90,12 +90,12 @@ def test_a_film_goes_on_where_it_stopped(tmp_path, device, monkeypatch):
 
 
 @pytest.mark.parametrize("change, words", [
-    ({"settings": clfur.Settings(shadows="off", shadow_map=0, samples=4)}, "settings differs"),
-    ({"motion": MOTION | {"wind": clfur.Wind((3, 0, 1), 0.5, 0.6)}, "fps": 25}, "motion, fps differ"),
-    ({"background": (0, 0, 0)}, "background differs"),
+    ({"settings": clfur.Settings(shadows="off", shadow_map=0, samples=4)}, "differ in settings"),
+    ({"motion": MOTION | {"wind": clfur.Wind((3, 0, 1), 0.5, 0.6)}, "fps": 25}, "differ in motion, fps"),
+    ({"background": (0, 0, 0)}, "differ in background"),
     ({"scene": lambda t: _scene(t, roots=41)}, "frame 0 shows another scene"),
     ({"scene": lambda t: _scene(t if t < 0.05 else t + 1e-3)}, "frame 2 shows another scene"),
-    ({"name": "%04d.png"}, "names of files differs")])
+    ({"name": "%04d.png"}, "differ in names of files")])
 def test_a_folder_of_another_film_is_refused(tmp_path, device, change, words):
     _film(tmp_path / "a", device, range(3))
     before = _bytes(tmp_path / "a")
@@ -164,12 +164,24 @@ def test_nothing_is_left_of_a_film_that_cannot_begin(tmp_path, device):
     ({"fps": 0}, "fps is 0"), ({"motion": 3}, "motion is 3"), ({"shutter": 361}, "shutter is 361"),
     ({"motion": {"winds": 3}}, "motion is {'winds': 3}; allowed: .* hair, rate"), ({"motion": {"fps": 3}}, "motion is"),
     ({"motion": {1: 2}}, "motion is"), ({"progress": 3}, "progress is 3"),
-    ({"blur": 65}, "blur is 65"), ({"background": (1, 2)}, "background is"), ({"settings": 3}, "settings is 3"),
+    ({"subframes": 65}, "subframes is 65; allowed: .auto., or"), ({"background": (1, 2)}, "background is"),
+    ({"settings": 3}, "settings is 3"),
     ({"overwrite": 3}, "overwrite is 3")])
 def test_what_is_refused(tmp_path, device, given, words):
     with pytest.raises(clfur.Error, match=words):
         _film(tmp_path, device, **given)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("motion", [None, MOTION])
+def test_pictures_of_two_sizes_are_refused(tmp_path, device, motion):
+    def scene(seconds):
+        camera = clfur.Camera(eye=(0, 0.5, 4), size=(19, 13) if seconds < 0.06 else (13, 19))
+        return attrs.evolve(_scene(seconds), camera=camera)
+
+    with pytest.raises(clfur.Error, match=r"scene\(0.0833333\) has a picture of 13 x 19, but others of"):
+        _film(tmp_path / "a", device, range(4), scene, motion=motion)
+    assert [*_bytes(tmp_path / "a")] == ["000.png", "001.png"]
 
 
 def test_folders_that_cannot_be_written(tmp_path, device):

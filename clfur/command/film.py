@@ -13,7 +13,7 @@ from ..files.video import KINDS
 from ..film.turntable import turntable as around
 from .devices import ask_drivers
 from .options import Sectioned, given_flags, scene_options
-from .scenes import is_scene_file, load_moving, scene_at
+from .scenes import is_scene_file, load_moving, of_file, scene_at
 from .types import Bytes, Color, Frames, Numbers, Real, Subframes
 from .waiting import counting, waiting
 
@@ -60,7 +60,8 @@ def _filming(command):
               help="What all is laid over: R,G,B or '#rrggbb'.  [default: nothing, or black in a file without alpha]")
 @click.option("--overwrite", is_flag=True, help="Replace the frames of another film, which are in the folder.")
 @click.option("--cluster", metavar="local|ADDRESS",
-              help='Draw frames on many devices, see docs/cluster.md; needs pip install "clfur[cluster]".')
+              help="Draw frames on several machines or devices: local, local:N, or the tcp://host:port or tls://host:port"
+                   ' of a Dask scheduler; see docs/cluster.md; needs pip install "clfur[cluster]".')
 @click.option("--device", metavar="DEVICE", help="As for `clfur render`.")
 @click.option("--memory", type=Bytes(), metavar="SIZE", help="As for `clfur render`.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
@@ -76,6 +77,8 @@ def film_command(given, output, frames, fps, turntable, shutter, subframes, blow
     if not shutter and given_flags({"subframes": subframes}):
         raise click.UsageError("--subframes is of --shutter; allowed: with it")
     options |= OTHER | ({"sides": SIDES} if turntable is not None and abs(turntable) > 30 else {})
+    if not shutter and "subframes" in given_flags({"subframes": subframes}):
+        raise click.UsageError("--subframes is of a shutter, but there is none; allowed: with --shutter")
     if device and "," in device:
         device = [part.strip() for part in device.split(",")]
     with waiting(f"reading {given}") as tell:
@@ -95,12 +98,12 @@ def film_command(given, output, frames, fps, turntable, shutter, subframes, blow
         if memory is not None:
             device = [Scheduler(one, memory) for one in (device if isinstance(device, list) else [device])]
     began, told = time.monotonic(), []
-    with counting() as show:
+    with counting() as show, of_file(given, ("Motion.", "scene(")):
         def progress(what, done, of):
             told.append(done)
             show(what, done, of)
         film(scene, output, frames, fps=fps, motion=motion, settings=settings, device=device, cluster=cluster,
-             shutter=shutter, blur=subframes, background=background, overwrite=overwrite, progress=progress)
+             shutter=shutter, subframes=subframes, background=background, overwrite=overwrite, progress=progress)
     seconds, there = time.monotonic() - began, told[0]
     width, height = first.camera.size
     black = background is None and output.suffix.lower() in KINDS and not KINDS[output.suffix.lower()].alpha
@@ -110,11 +113,13 @@ def film_command(given, output, frames, fps, turntable, shutter, subframes, blow
                           "units_per_metre": motion and motion.get("units_per_metre", 1.0),
                           "background": [0, 0, 0] if black else background and list(background)}))
         return
-    print(f"{output}: {len(frames):,} frames of {width}x{height} in {seconds:.1f} s"
+    print(f"{output}: {len(frames):,} frame{'s' * (len(frames) > 1)} of {width}x{height} in {seconds:.1f} s"
           + (f"; {there:,} of them were there" if there else "")
           + (f"; laid over black, as {output.suffix} holds no alpha: --background sets another colour" if black else "")
           + (f"; hair moves as if the mesh were {100 * METRES:g} cm long: --units-per-metre {units_per_metre:.3g}"
-             if guessed else ""))
+             if guessed else "")
+          + ("" if motion is not None or callable(scene) else
+             "; nothing moves: --wind, --turntable or a scene file can move it"))
 
 
 def _motion(given, motion, flags, blown, gust, bend_length, units_per_metre):

@@ -45,7 +45,7 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
 @click.option("--shutter", type=Real(0, 360), default=0, metavar="DEGREES",
               help="Blur what moves in a scene file with def scene(t) or motion: a shutter is open so many of a "
                    "frame's 360 degrees, up to --time.  [default: 0, no blur]", show_default=False)
-@click.option("--fps", type=Real(0, 1000, min_open=True), default=24,
+@click.option("--fps", type=Real(1, 1000), default=24, metavar="N",
               help="Frames a second, of one of which --shutter is a part, and motion_vector.")
 @click.option("--subframes", "pictures", type=Subframes(), default="auto", metavar="N|auto",
               help="How many, 1 to 64, a picture with --shutter is the mean of; auto: so many that nothing goes "
@@ -61,7 +61,7 @@ TOLD = 0.05   # seconds of building kernels that a summary tells
 @click.option("--memory", type=Bytes(), metavar="SIZE",
               help="What arrays may take on the device, such as 2GiB: what does not fit is drawn part by part.  "
                    "[default: three quarters of the device's, or what this process may still take]")
-@click.option("--cluster", metavar="ADDRESS",
+@click.option("--cluster", metavar="local|ADDRESS",
               help="Draw regions of the picture on several machines or devices: tcp://host:port or tls://host:port of "
                    "a Dask scheduler; local, with a process for each GPU, or local:N, with N of them.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was drawn as JSON.")
@@ -78,6 +78,7 @@ def render(given, output, outputs, background, region, shutter, fps, pictures, d
     read = [given, *(options[name] for name in ("hair", "type_map", "types", "rest", "body_texture"))]
     read += files_of(options)
     _check_files(output, outputs, background, read)
+    _check_shutter(shutter, outputs)
     device = _devices(device, cluster, memory)
     with waiting(f"reading {given}") as tell:
         *moving, settings = load_moving(given, options)
@@ -216,6 +217,14 @@ def _devices(device, cluster, memory):
             raise click.UsageError("--device is for this machine, workers elsewhere have CLFUR_DEVICE; allowed: with "
                                    "--cluster local, or without one")
     return [part.strip() for part in device.split(",")] if device and "," in device else device
+
+
+def _check_shutter(degrees, outputs):
+    """Raise click.UsageError for options of a shutter that is not there."""
+    for name, flag in {} if degrees else given_flags({"pictures": None, "fps": None}).items():
+        if name == "pictures" or "motion_vector" not in outputs:
+            more = " or --outputs motion_vector" if name == "fps" else ""
+            raise click.UsageError(f"{flag} is of a shutter, but there is none; allowed: with --shutter{more}")
 
 
 def _check_files(output, outputs, background, read):

@@ -59,7 +59,7 @@ def moved(given, scene, motion, seconds, device):
         return scene_at(scene, seconds), 0
     if seconds < 0:
         raise click.UsageError(f"--time is {seconds:g}; allowed: from 0, as {given} sets motion")
-    with _of(given):
+    with of_file(given):
         motion = clfur.Motion(scene, **motion, fps=FPS, device=device)
         now, frames = _go(motion, seconds)
     return on_host(now), frames
@@ -75,10 +75,10 @@ def within(given, scene, motion, seconds, device, length):
                                "scene(t), or motion")
     if began < 0:
         raise click.UsageError(f"--time is {seconds:g}, but what is asked for begins {length:g} s before; allowed: "
-                               "later")
+                               f"from {length:g} on")
     if motion is None:
         return lambda share: scene_at(scene, began + share * length), 0
-    with _of(given):
+    with of_file(given):
         motion = clfur.Motion(scene, **motion, fps=FPS, device=device)
         _, steps = _go(motion, began)
         motion.step(length)
@@ -93,12 +93,13 @@ def _go(motion, seconds):
 
 
 @contextlib.contextmanager
-def _of(given):
-    """What goes wrong within is told of the file, but what a device, or the file's own function, does."""
+def of_file(given, start=""):
+    """What goes wrong within, and begins so (a text or several), is told of the file, but what a device, or the file's
+    own function, does."""
     try:
         yield
     except Error as error:
-        if type(error) is not Error or str(error).startswith(f"{given}"):
+        if type(error) is not Error or str(error).startswith(f"{given}") or not str(error).startswith(start):
             raise
         raise Error(f"{given}: {error}") from error
 

@@ -32,18 +32,20 @@ PLACE = re.compile(r"%(0\d)?d")
 
 def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 24), *, fps: float = 24.0,
          motion: dict | None = None, settings: Settings | None = None, device: Any = None, cluster: str | None = None,
-         shutter: float = 0.0, blur: Any = "auto", background: Any = None, overwrite: bool = False,
+         shutter: float = 0.0, subframes: Any = "auto", background: Any = None, overwrite: bool = False,
          progress: Callable[[str, int, int], None] | None = None) -> Path:
     """Draw a scene at one moment after the other, to a video file or a folder of pictures -> its path.
 
-    scene: a `Scene`, or a function of seconds that gives one. path: .mp4, .webm, .mov, .gif or .png (an animated one),
-    or pictures with a place for their number, such as "frames/%04d.png" or .exr; the folder is made where it is
-    missing. frames: whole numbers from 0 on, in rising order, of which number n is n / fps seconds after the groom, 0.
-    motion: None, or a dict of arguments of `Motion`, by which strands move: {} for its own. cluster: None, or where the
-    frames are drawn by others. shutter: degrees, 0 to 360, of a frame's time in which it takes light, up to its moment;
-    0: none. blur: how many pictures that is, 1 to 64, or "auto". background: None or a colour [3], linear light, that
-    all is laid over; files that hold no alpha, .mp4, have black if it is None. overwrite: whether frames of another
-    film make room for this one. progress: called with ("motion", "frames" or "video", how many are done, of how many).
+    scene: a `Scene`, or a function of seconds that gives one, all of one size. path: .mp4, .webm, .mov, .gif or .png
+    (an animated one), or pictures with a place for their number, such as "frames/%04d.png" or .exr; the folder is made
+    where it is missing. frames: whole numbers from 0 on, in rising order, of which number n is n / fps seconds after
+    the groom, 0. fps: 1 to 1000. motion: None, or a dict of arguments of `Motion`, by which hair moves: {} for its own.
+    cluster: None, or whose workers draw: "local", "local:N", "tcp://host:port" or "tls://host:port" (docs/cluster.md).
+    shutter: degrees, 0 to 360, of a frame's time in which it takes light, up to its moment; 0: none. subframes: how
+    many pictures that is, 1 to 64, or "auto", as `clfur.subframes` tells. background: None or a colour [3], linear
+    light, that all is laid over; files that hold no alpha, .mp4, have black if it is None. overwrite: whether frames of
+    another film make room for this one. progress: called with ("motion", "frames" or "video", how many are done, of how
+    many).
     Other arguments as for `clfur.draw`.
 
     Frames come first, each whole or not at all; those of a video in a folder beside it, path + ".frames", which goes
@@ -62,7 +64,11 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
     settings = Settings() if settings is None else checks.instance(Settings)(settings, "film settings")
     behind = checks.optional(checks.color)(background, "film background")
     shutter = checks.real(0, 360)(shutter, "film shutter")
-    blur = "auto" if isinstance(blur, str) and blur == "auto" else checks.whole(1, 64)(blur, "film blur")
+    if not (isinstance(subframes, str) and subframes == "auto"):
+        try:
+            subframes = checks.whole(1, 64)(subframes, "film subframes")
+        except Error:
+            checks.refuse("film subframes", subframes, '"auto", or a whole number from 1 to 64')
     if place.kind and not place.kind.alpha and behind is None:
         behind = np.zeros(3)
     if cluster is not None:
@@ -71,10 +77,10 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
     about = {
         "version of clfur": sources(), "device": digest([[gpu.name, gpu.device.driver_version] for gpu in gpus]),
         "settings": digest(settings), "motion": digest(motion), "fps": digest(fps), "background": digest(behind),
-        "shutter": digest([shutter, blur if shutter else 0]),
+        "shutter": digest([shutter, subframes if shutter else 0]),
         "names of files": place.name}
     record = Record(place.folder, place.name_of, about, checks.flag(overwrite, "film overwrite"))
-    moments, tell = Moments(scene, motion, fps, gpus[0], shutter / 360, blur), progress or (lambda *_: None)
+    moments, tell = Moments(scene, motion, fps, gpus[0], shutter / 360, subframes), progress or (lambda *_: None)
     try:
         there = [number for number in numbers if number in record.scenes and record.check(number, moments.hash(number))]
         missing, done = sorted({*numbers} - {*there}), len(there)
@@ -131,6 +137,9 @@ class _Place:
         if suffix in FRAMES and suffix not in KINDS:
             raise Error(f"{path}: has no place for the number of a frame; allowed: one, such as "
                         f"{path.with_name(path.stem + '-%04d' + suffix)}")
+        if suffix not in KINDS:
+            raise Error(f"{path}: {suffix or 'no suffix'} is not supported; allowed: {', '.join(KINDS)}, or pictures "
+                        "with a place for their number, such as frames/%04d.png")
         check_writable(path, [*KINDS])
         pyav()
         return cls(path, path.with_name(path.name + ".frames"), "%06d.png", ".png", KINDS[suffix])

@@ -25,17 +25,18 @@ class Moments:
 
     scene: a Scene, or a function of seconds that gives one. motion: None, or arguments of `Motion` beside scene,
     device and fps. gpu: a Scheduler for it. shutter: share of a frame's time in which it is open, up to the frame's
-    moment; but frame 0 stands still. blur: how many pictures that is, or "auto".
+    moment; but frame 0 stands still. subframes: how many pictures that is, or "auto".
     """
 
     def __init__(self, scene: Any, motion: dict | None, fps: float, gpu: Any, shutter: float = 0.0,
-                 blur: int | str = "auto") -> None:
+                 subframes: int | str = "auto") -> None:
         self.fps, self._given, self._gpu, self._motion = fps, scene, gpu, motion
-        self._blur, self._shutter = blur, shutter if callable(scene) or motion is not None else 0.0
+        self._subframes, self._shutter = subframes, shutter if callable(scene) or motion is not None else 0.0
         # Whoever asks for the same moment again gets the very same: it may take long to make.
         self._made = functools.lru_cache(maxsize=2)(scene) if callable(scene) else None
         self._parts: deque[tuple[Any, str]] = deque(maxlen=2 * len(LARGE))
         self._hashes: list[str] = []
+        self._size: tuple[int, int] | None = None   # of all pictures
 
     def hash(self, number: int) -> str:
         """A hash of what a frame shows: of its scene, and with motion of those of all frames before."""
@@ -82,7 +83,7 @@ class Moments:
             return (on_host(at(0)),)
         from .. import subframes
 
-        n = subframes(at(self._shutter), at(0), self._gpu) if self._blur == "auto" else self._blur
+        n = subframes(at(self._shutter), at(0), self._gpu) if self._subframes == "auto" else self._subframes
         return tuple(on_host(at(self._shutter * (1 - (k + 0.5) / n))) for k in range(n))
 
     def _scene(self, seconds):
@@ -90,6 +91,10 @@ class Moments:
         if not isinstance(scene, Scene):
             where = "scene" if self._made is None else f"scene({seconds:g})"
             raise Error(f"{where} is {shown(scene)}; allowed: a clfur.Scene, or a function of seconds that gives one")
+        if (size := tuple(scene.camera.size)) != (self._size or size):
+            raise Error(f"scene({seconds:g}) has a picture of {size[0]} x {size[1]}, but others of the film have "
+                        f"{self._size[0]} x {self._size[1]}; allowed: one size")
+        self._size = size
         return scene
 
     def _digest(self, scene):

@@ -105,7 +105,7 @@ class Record:
             raise self._another(f"{name}, and no {NAME} that tells whose it is")
         differ = [what for what in {**about, **self.about} if about.get(what) != self.about.get(what)]
         if differ and not self._overwrite:
-            raise self._another(f"{', '.join(differ)} {'differ' if len(differ) > 1 else 'differs'}")
+            raise self._another(f"they differ in {', '.join(differ)}")
         if differ:
             for frame in there:
                 (self.folder / frame["name"]).unlink(missing_ok=True)
