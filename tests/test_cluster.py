@@ -193,7 +193,9 @@ def test_no_process_is_left(tmp_path, how):
         took = time.monotonic() - asked
     until(lambda: not processes(mark))
     if how == "SIGINT":
-        assert (child.returncode, out, err) == (130, "", "clfur: interrupted\n")
+        # What a process of before has left, if anything, is no part of the end.
+        lines = [line for line in err.splitlines() if "kernels are not kept" not in line]
+        assert (child.returncode, out, lines) == (130, "", ["clfur: interrupted"]), err
         assert list((tmp_path / "temporary").iterdir()) == []
         print(f"ended after {took:.2f} s")
         assert took < 10   # 2 on a machine that does nothing else
@@ -203,7 +205,8 @@ def test_the_command(clfur, tmp_path):
     plain = ("render", "sphere", "--roots", 300, "--size", "40x30")
     assert clfur(*plain, "-o", "alone.png")[0] == 0
     code, out, err = clfur(*plain, "-o", "many.png", "--cluster", "local")
-    assert (code, err) == (0, "") and out.startswith("many.png: ")
+    assert (code, err) == (0, ""), err
+    assert out.startswith("many.png: ")
     one, other = (library.load(tmp_path / f"{name}.png") for name in ("alone", "many"))
     assert (one["color"] == other["color"]).all()
 

@@ -181,7 +181,8 @@ def test_with_a_child(tmp_path, command, name):
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="asks /proc for children")
 def test_a_child_ends_with_a_parent_that_is_killed(tmp_path):
-    running = Running(tmp_path, "compare", "sphere", "--devices", "auto", "--repeat", "9999")
+    running = Running(tmp_path, "compare", "sphere", "--devices", "auto", "--repeat", "9999",
+                      places={"XDG_CACHE_HOME": str(tmp_path), "POCL_CACHE_DIR": str(tmp_path)})   # as above
     running.wait_for(running.children)
     child = Path(f"/proc/{running.children()[0]}")
     running.process.kill()

@@ -228,6 +228,17 @@ def are_taken():
     return bool(_taking)
 
 
+def takes_kernels(group):
+    """Whether a process of a group, by number, is taking kernels: killed now, it would leave them suspect."""
+    with contextlib.suppress(Error, OSError, ValueError):   # no cache; of what is no mark
+        for mark in list(cache.folder("taking").glob("*/*")):
+            process, began, _, *old = mark.name.split()
+            with contextlib.suppress(ProcessLookupError):
+                if not old and os.getpgid(int(process)) == group and _lives(int(process), float(began)):
+                    return True
+    return False
+
+
 def _died(place):
     """Whether a process of this machine has died while its driver took kernels from this folder, which is still it.
 

@@ -23,6 +23,7 @@ from .parcels import Parcels
 TRIES = 3        # workers that may die of a job, before it is given up
 CONNECT = 10     # seconds in which a scheduler must answer
 PATIENCE = 60    # seconds without any worker
+SETTLE = 10      # seconds in which workers that are still being greeted may end that, once all is drawn
 LOOK = 0.3       # seconds between two looks at who is there
 LOGGERS = "distributed", "distributed.client", "distributed.scheduler", "tornado.application", "asyncio"
 ADDRESS = re.compile(r"local(:[1-9]\d{0,3})?|(tcp|tls)://[^\s/]+:\d{1,5}")
@@ -62,6 +63,8 @@ def drawn(jobs, address, device, kinds, what):
         with _connected(address, device) as (client, trouble):
             crew = Crew(client, parcels, what, trouble, address)
             yield from crew.draw(itertools.chain([first], jobs))
+            if address.startswith("local"):
+                crew.settle()
 
 
 @contextlib.contextmanager
@@ -75,14 +78,15 @@ def _connected(address, device):
         # Moved points of a frame are more than what Dask warns of.
         stack.enter_context(dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"}))
         trouble = str
-        if address.startswith("local"):
+        own = address.startswith("local")   # here, and there for certain, however busy this machine is
+        if own:
             count = int(address[6:]) if ":" in address else None
             address, trouble = stack.enter_context(local_cluster(count, device))
         try:
             # Asked first: a client that fails without them tries to close for 20 seconds.
             if address.startswith("tls") and not Security().get_connection_args("client").get("ssl_context"):
                 raise OSError("no certificates are set; docs/cluster.md tells how")
-            client = stack.enter_context(Client(address, timeout=CONNECT, set_as_default=False))
+            client = stack.enter_context(Client(address, timeout=PATIENCE if own else CONNECT, set_as_default=False))
         except (OSError, ValueError, RuntimeError) as error:
             why = " ".join(str(error).split()) or type(error).__name__
             raise Error(f"cluster {address}: {why}") from None
@@ -150,6 +154,13 @@ class Crew:
                 yield from self.hear(*self.answers.get(timeout=LOOK))
         if self.failed:
             raise Error("; ".join(f"{self.what} {number} {why}" for number, why in sorted(self.failed.items())))
+
+    def settle(self) -> None:
+        """Wait a little for workers that build kernels: killed meanwhile, they would leave the kernels suspect."""
+        until = time.monotonic() + SETTLE
+        for each in self.workers.values():
+            while each.call and not each.call.done() and time.monotonic() < until:
+                time.sleep(0.02)
 
     def look(self) -> None:
         """See who has come and who is gone."""

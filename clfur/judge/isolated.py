@@ -13,8 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..device.caches import remove_private, temporary
+from ..device.caches import remove_private, takes_kernels, temporary
 from ..errors import Error
+
+GRACE = 1.0   # seconds for what takes kernels when it is to end
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,9 @@ def isolated(function, *arguments, seconds, receive=None, environment=None):
 def end(child):
     """End the child and what it started; Windows has no groups of processes, and there it ends alone."""
     if hasattr(os, "killpg"):
+        asked = time.monotonic()
+        while time.monotonic() - asked < GRACE and takes_kernels(child.pid):
+            time.sleep(0.02)
         with contextlib.suppress(ProcessLookupError, PermissionError):   # gone; gone, as macOS says it
             os.killpg(child.pid, signal.SIGKILL)
     else:
