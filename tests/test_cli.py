@@ -269,8 +269,6 @@ def test_a_shutter(clfur, tmp_path):
     (MOVING_FILE, ["--subframes", "2"], ["--subframes is of a shutter, but there is none; allowed: with --shutter\n"]),
     (MOVING_FILE, ["--fps", "30"], ["--fps is of a shutter", "allowed: with --shutter or --outputs motion_vector"]),
     (MOVING_FILE, ["--shutter", "361"], ["--shutter", "'361' is not a number from 0 to 360"]),
-    (MOVING_FILE, ["--subframes", "4"], ["--subframes is of --shutter; allowed: with it"]),
-    (MOVING_FILE, ["--fps", "30"], ["--fps is of --shutter and motion_vector; allowed: with it"]),
     (MOVING_FILE, ["--shutter", "1", "--subframes", "65"], ["'65' is not auto or a whole number from 1 to 64"]),
     (MOVING_FILE.replace("return ", ""), [], ["fur.py: scene(0) is None; allowed: a clfur.Scene"]),
     (MOVING_FILE.replace("print(", "1 / (t - .5); ("), ["--time", ".5"], [

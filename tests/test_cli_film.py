@@ -109,7 +109,6 @@ def test_a_scene_file(clfur, tmp_path):
     (["--frames", "5"], "'5' is not A:B or A:B:STEP"), (["--frames", "3:3"], "is not A:B or A:B:STEP"),
     (["--frames", "0:9:0"], "is not A:B or A:B:STEP"), (["--frames", "-3:4"], "is not A:B or A:B:STEP"),
     (["--fps", "0"], "'0' is not a number from 1 to 1000"), (["--subframes", "0"], "'0' is not auto or a whole number"),
-    (["--subframes", "4"], "--subframes is of --shutter; allowed: with it"),
     (["--gust", "1"], "--gust is how strong gusts of the wind are, but there is none; allowed: with --wind"),
     (["-o", "a.avi"], "a.avi: .avi is not supported; allowed: .mp4, .webm, .mov, .gif, .png, or pictures with a place"),
     (["-o", "a.exr"], "has no place for the number"),

@@ -74,8 +74,6 @@ def film_command(given, output, frames, fps, turntable, shutter, subframes, blow
     a film that was interrupted goes on where it stopped.
     """
     output = Path(Path(given).stem + ".mp4" if output is None else output)
-    if not shutter and given_flags({"subframes": subframes}):
-        raise click.UsageError("--subframes is of --shutter; allowed: with it")
     options |= OTHER | ({"sides": SIDES} if turntable is not None and abs(turntable) > 30 else {})
     if not shutter and "subframes" in given_flags({"subframes": subframes}):
         raise click.UsageError("--subframes is of a shutter, but there is none; allowed: with --shutter")

@@ -144,9 +144,6 @@ def _faults(mesh):
 def _drawn(tell, given, moving, seconds, degrees, fps, pictures, known, cluster):
     """(Frame, Scene, steps) of what `load_moving` gives, at a time, with a shutter that is open so many degrees."""
     vectors, device = "motion_vector" in known["outputs"], known["device"]
-    for name, flag in given_flags({"fps": fps, "pictures": pictures}).items():
-        if not degrees and not (vectors and name == "fps"):
-            raise click.UsageError(f"{flag} is of --shutter{' and motion_vector' * (name == 'fps')}; allowed: with it")
     if vectors and degrees:
         raise click.UsageError("motion_vector is of pictures without --shutter; allowed: one of them")
     if cluster is not None and (vectors or degrees):
