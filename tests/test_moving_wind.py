@@ -1,5 +1,8 @@
 """clfur.Motion in the wind: shells that it moves alone or under strands, and what hair upwind leaves of it."""
 
+import gc
+import weakref
+
 import attrs
 import numpy as np
 import pytest
@@ -144,6 +147,24 @@ def test_an_undercoat_is_kept(gpu):
     at = [leans(attrs.evolve(before, fur=motions[0]._undercoat.drawn(SHELLS, _mesh(), share))) for share in (0, 0.5)]
     np.testing.assert_allclose(at, [leans(before), (leans(before) + now[0]) / 2], rtol=0, atol=1e-6)
     assert np.abs(now[0] - leans(before)).max() > 1e-3
+
+
+@pytest.mark.parametrize("fur", [SHELLS, (SHELLS, clfur.Strands(roots=200))], ids=["shells", "both"])
+def test_what_a_motion_holds_is_free_without_it(gpu, fur):
+    """At once, and not when Python happens to look for what holds itself: it is the memory of a device."""
+    motion = clfur.Motion(_scene(fur), HAIR, gpu, wind=clfur.Wind((1, 0, 0), 1, shelter=1), body=True, hair_on_hair=0.1)
+    motion.step(1 / 24)
+    gc.disable()
+    try:
+        held = gpu._pool.active_bytes
+        del motion
+        assert gpu._pool.active_bytes < held - 10_000
+        motion = clfur.Motion(_scene(fur), HAIR, gpu)
+        kept = weakref.ref(motion)
+        del motion
+        assert kept() is None
+    finally:
+        gc.enable()
 
 
 def test_a_pose_whose_vertices_touch(gpu):

@@ -333,7 +333,8 @@ class Motion:
                               2 if as_before else 1, jumped, felt, of_hair)
                 self._roots, self._last_step = roots, step
             if self._undercoat:
-                self._undercoat.go((there, share, rows), step, wind, self.gravity, bared, is_cut and not number)
+                roots = self._standing(*self._undercoat.feet, there, share, rows)
+                self._undercoat.go(roots, step, wind, self.gravity, bared, is_cut and not number)
         self.time += seconds
 
     def _sheltered(self):

@@ -15,19 +15,19 @@ from .hair import HairMotion
 class Undercoat:
     """Shells that lean with the wind and as the skin moves, vertex by vertex.
 
-    shells: as they were groomed, at rest.  at: gives roots, as `stages.motion.place_roots`, of (feet, offsets): each
+    shells: as they were groomed, at rest.  at: gives roots, as `stages.motion.place_roots`, of `feet`, where each
     vertex stands in a corner of a face.
     """
 
     def __init__(self, gpu: Any, shells: Shells, mesh: Mesh, motion: HairMotion, gravity: np.ndarray,
                  units_per_metre: float, at: Any) -> None:
-        self._gpu, self._at = gpu, at
+        self._gpu = gpu
         bend, slowed, damping, carried = motion.row(shells.length, units_per_metre)
         self._hair = bend, slowed, damping, 1 - carried, shells.length
         self._mesh = mesh
         n, rows = len(mesh.positions), stage.padded(gpu, len(mesh.positions))
-        self._feet = gpu.upload(_corners_of(mesh)), gpu.full((n, 4), np.float32, 0)
-        self.roots = at(*self._feet)
+        self.feet = gpu.upload(_corners_of(mesh)), gpu.full((n, 4), np.float32, 0)   # and offsets
+        self.roots = at(*self.feet)   # not kept: it would hold who holds this
         axes = gpu.download(self.roots)[1:]
 
         def known(vectors):   # [n, 3] in the world -> in the axes of roots
@@ -49,11 +49,10 @@ class Undercoat:
         """Where hair has its middles, as places of strands of two points."""
         return air.stand(self._gpu, self.roots, self._hair[4], self.state.padded)
 
-    def go(self, there: Any, step: float, wind: np.void, gravity: np.ndarray, shares: Any, jumped: bool) -> None:
-        """Go on by ``step`` seconds to where vertices stand ``there``, as ``at`` takes it.  shares: `sheltered`'s, or
-        None."""
+    def go(self, roots: Any, step: float, wind: np.void, gravity: np.ndarray, shares: Any, jumped: bool) -> None:
+        """Go on by ``step`` seconds to where `feet` have their roots then.  shares: `sheltered`'s, or None."""
         gpu, rows = self._gpu, self.state.padded
-        before, self.roots = self.roots, self._at(*self._feet, *there)
+        before, self.roots = self.roots, roots
         winds = air.blow(gpu, wind, self.roots, self._middles(), 2, rows, shares)
         self.lean = air.sway(gpu, self.state, self.roots, before, step, gravity, winds, self._hair, jumped)
 
