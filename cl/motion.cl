@@ -146,6 +146,7 @@ typedef struct {
     lanes3 direction;   // unit
     lanes3 ghost;       // the groomed direction, which turned with the root alone
     lanes3 wants;       // where the next segment would point at rest
+    lanes kink;         // (1 - cosine of the angle there at rest)²
     lanes now, length;  // [world] as it is, as it should be
 } Segment;
 
@@ -158,7 +159,7 @@ INLINED Segment segment_of(const Moving *m, int j, lanes3 start, lanes3 end)
     if (j == 0) {
         s.direction = s.ghost;
         s.wants = rest;
-        s.now = s.length = F(0.0f);
+        s.now = s.length = s.kink = F(0.0f);
         return s;
     }
     const lanes3 along = minus(end, start);
@@ -166,6 +167,8 @@ INLINED Segment segment_of(const Moving *m, int j, lanes3 start, lanes3 end)
     s.length = row_of(m->lengths, m->stride, j - 1);
     s.direction = scaled(along, s.now > 0.0f ? 1.0f / s.now : F(0.0f));   // behind a tip is nothing
     s.wants = plus(s.direction, turned(s.ghost, s.direction, minus(rest, s.ghost)));
+    const lanes bent = 1.0f - dots(s.ghost, rest);
+    s.kink = bent * bent;
     return s;
 }
 
@@ -203,7 +206,12 @@ INLINED void solve(const Moving *m, int i, const Chain *c, Left *left, lanes3 *b
     const lanes_i inner = i < m->n;
     const lanes mass = 0.5f * (c->here.length + (inner ? c->behind.length : F(0.0f)));
     const lanes drag = m->air * mass, inertia = mass / (m->he * m->he) + drag / m->he;
-    const lanes pull = greater(c->tension, F(0.0f)) * c->by, pull_behind = greater(c->tension_behind, F(0.0f)) * c->by_behind;
+    /* Second differences are not all of a joint that is bent at rest: what lies behind swings about the segment before,
+     * and they do not feel it where both swing aside alike.  With this on the segment they are at least half of the true
+     * second derivatives, however bent, so that Newton steps lead to rest and not away from it. */
+    const lanes pull = greater(c->tension, F(0.0f)) * c->by + c->stiff * c->here.kink * c->by * c->by;
+    const lanes pull_behind = greater(c->tension_behind, F(0.0f)) * c->by_behind
+        + c->stiff_behind * c->behind.kink * c->by_behind * c->by_behind;
     const lanes both = c->by + c->by_behind;
 
     /* The block of the point, of it and the point before, and of it and the one before that (a number times one). */

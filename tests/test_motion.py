@@ -96,6 +96,24 @@ def test_a_groom_is_at_rest(gpu, k, shape, allowed):
     assert max(np.linalg.norm(now - then, axis=1).max() for now, then in zip(hair.array(), began)) < allowed
 
 
+@pytest.mark.parametrize("damping", [0.02, 0.1])
+def test_bent_hair_comes_to_rest(gpu, damping):
+    """Strands of 5 cm, groomed with a sharp bend in one joint, as where hair was led along the body, or in all."""
+    bends = [np.where(np.arange(7) == joint, angle, 5) for angle in (50, 80, 110, 140) for joint in range(7)]
+    bends += [angle * (-1.0) ** np.arange(7) for angle in (50, 80, 110)]
+    strands = []
+    for angles in bends:
+        turn = np.radians(np.concatenate([[90], 90 + np.cumsum(angles)]))
+        along = np.stack([np.cos(turn), np.sin(turn), 0 * turn], 1)
+        strands.append(np.vstack([np.zeros(3), np.cumsum(along, 0)]) * 0.05 / 8)
+    hair = Hair(gpu, strands, 9.81 * 0.06**3, air=4, damping=damping)
+    began = hair.array()
+    for number in range(360):
+        hair.step(1 / 120, (0.1, 0, 0.1) if number < 12 else (0, 0, 0))
+    assert np.abs(np.concatenate(hair.array("speeds"))).max() < 1e-3 * 0.05
+    assert max(np.abs(now - then).max() for now, then in zip(hair.array(), began)) < 1e-3 * 0.05
+
+
 @pytest.mark.parametrize("step", [1.0, 1 / 24, 1 / 240])
 @pytest.mark.parametrize("far", [0.3, 100])
 def test_a_shaken_head_keeps_its_hair(gpu, step, far):
