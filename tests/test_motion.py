@@ -98,7 +98,7 @@ def test_a_groom_is_at_rest(gpu, k, shape, allowed):
 
 @pytest.mark.parametrize("damping", [0.02, 0.1])
 def test_bent_hair_comes_to_rest(gpu, damping):
-    """Strands of 5 cm, groomed with a sharp bend in one joint, as where hair was led along the body, or in all."""
+    """Strands of 5 cm that are groomed with a sharp bend in one joint, as where the body turned it, or in all."""
     bends = [np.where(np.arange(7) == joint, angle, 5) for angle in (50, 80, 110, 140) for joint in range(7)]
     bends += [angle * (-1.0) ** np.arange(7) for angle in (50, 80, 110)]
     strands = []

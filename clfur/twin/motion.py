@@ -115,7 +115,7 @@ class Strand:
             a += stiff[j] * np.einsum("i,k,cd->ickd", row[1:], row[1:], one)
         for i in range(n):
             a[i, :, i] += (masses[i] / he**2 + (self.air + of_hair[1][i + 1]) * masses[i] / he) * one
-            kink = stiff[i + 1] * (1 - ghost[i + 1] @ axes.T @ rest[i + 1])**2 if i + 1 < n else 0   # of a bent joint
+            kink = stiff[i + 1] * (1 - self.groomed[i + 1] @ rest[i + 1])**2 if i + 1 < n else 0   # of a bent joint
             pull = (max(self.tensions[i], 0) + kink * by[i]) * by[i] * (one - np.outer(t[i + 1], t[i + 1]))
             a[i, :, i] += pull
             if i:
