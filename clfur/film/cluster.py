@@ -269,5 +269,3 @@ class Crew:
         """A worker gets no jobs, and all hear of it."""
         who.refused, self.refused[who.name] = True, why
         warnings.warn(f"the worker {who.name} takes no part: {why}", RuntimeWarning, stacklevel=2)
-
-

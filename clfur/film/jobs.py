@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import Error
 from ..files.images import encoded
+from ..motion.shutter import blurred
 from ..render import draw
 from ..scene import Curves, Scene, Shells, over
 from ..settings import Settings
@@ -34,8 +35,6 @@ class Job:
         if len(self.scenes) == 1:
             image = draw(scene, device, self.settings).images["color"]
         else:
-            from .. import blurred
-
             image = blurred(self.scenes, device, self.settings).images["color"]
         if self.background is not None:
             image = over(image, self.background)

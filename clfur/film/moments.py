@@ -9,6 +9,7 @@ from typing import Any
 from ..cache import digest
 from ..errors import Error, shown
 from ..motion.motion import Motion
+from ..motion.shutter import subframes
 from ..scene import Scene, Strands
 from ..scene.maps import planes
 from ..scene.origin import copied
@@ -81,8 +82,6 @@ class Moments:
         """The Scenes of a frame, of which ``at`` gives one so many frames back."""
         if not (self._shutter and number):
             return (on_host(at(0)),)
-        from .. import subframes
-
         n = subframes(at(self._shutter), at(0), self._gpu) if self._subframes == "auto" else self._subframes
         return tuple(on_host(at(self._shutter * (1 - (k + 0.5) / n))) for k in range(n))
 
