@@ -142,6 +142,7 @@ def test_the_same_bits_in_any_order_and_lanes(gpu, another):
     sums, cells = gathered(gpu, one)
     assert (gpu.download(gathered(gpu, others[0])[0]) == gpu.download(sums)).all()
     felt = gpu.download(felt_by(gpu, one, there.lengths * np.float32(0), cells, 30.0, 5.0)).reshape(9, 4, -1)
+    dense = gpu.download(hair_grid.density(gpu, there, one.roots, GRID, cells)).reshape(9, -1)
     for built in {"lanes": 1}, {"lanes": 1, "int64_atomics": False}, {"int64_atomics": False}:
         device = another(**built)
         same = Hair(device, strands, 0.5, 1)
@@ -154,6 +155,8 @@ def test_the_same_bits_in_any_order_and_lanes(gpu, another):
         assert (device.download(again) == gpu.download(sums)).all()
         other = device.download(felt_by(device, same, same.state.lengths * np.float32(0), cells, 30.0, 5.0))
         assert (other.reshape(9, 4, -1)[1:, :, :70] == felt[1:, :, :70]).all()
+        other = device.download(hair_grid.density(device, same.state, same.roots, GRID, cells)).reshape(9, -1)
+        assert (other[:, :70] == dense[:, :70]).all() and dense.max() > 4
 
 
 @pytest.mark.small
