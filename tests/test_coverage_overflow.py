@@ -117,8 +117,8 @@ def test_no_segment_is_drawn_again(gpu, monkeypatch, depth, width):
         for n in 500, 4000:
             segments, _ = covered(gpu, view, crowd(n, depth, width), visible)
     (few, many), (_, short), (_, without) = again[:2], again[2:4], again[4:]
-    # A list holds as many pieces as a tile's segments are.  All at one depth wait together: each time the nearer half of
-    # a list is done, or more, as segments of the same depth come in any order.
+    # A list holds as many pieces as a tile's segments are.  All at one depth wait together: each time the nearer half
+    # of a list is done, or more, as segments of the same depth come in any order.
     most = 1 if depth else 2 * len(pieces_of(gpu, view, segments)["pixel"]) // segments.longest
     assert not few and many <= most < 4
     assert short > 20 and without > 5
