@@ -5,6 +5,10 @@
  * j + 1, is a rest direction of segment j + 1 that hangs from the groomed direction of segment j in the axes of the root,
  * turned by the least rotation to where segment j points now.
  */
+#if LANES == 32
+#undef LANES
+#define LANES 16   // a step keeps so many numbers at once that two vectors of each would not stay in registers
+#endif
 #include "distance.h"
 
 typedef struct {
@@ -473,6 +477,15 @@ ONCE void move(Moving *m, int most, lanes second, float step, lanes damping, lan
     }
 }
 
+/* What a CPU needs soon: rows lie so far apart that it does not foresee them. */
+INLINED void ask_for(__global const float *rows, size_t stride, uint n)
+{
+#if LANES > 1
+    for (uint row = 0; row < n; ++row)
+        PREFETCH(rows + row * stride);
+#endif
+}
+
 #if LANES > 1
 #define BY_ITSELF ALONE BY_HAND
 #else
@@ -484,6 +497,7 @@ BY_ITSELF __kernel void advance(
     const ulong begin, const ulong end,    // work-items, see common.h
     const uint n_items,                    // work-items in all
     const uint n,                          // strands
+    const uint points,                     // of the longest
     const uint padded,                     // to whole LANES: from one row of what follows to the next
     __global const int *segments,          // [padded] of each strand; 0 where there is none
     __global const uint *type_of,          // [padded]
@@ -513,19 +527,43 @@ BY_ITSELF __kernel void advance(
     __global float *free,                  // [points, padded] that it is from it, or less [world]
     __global float *pressed,               // [points, 3, padded] force of the contact over mass a length; 1 in the first
                                            // row: the strand has touched the body
-    __global float *workspace)             // [points, ROWS_OF_POINT, work-items, LANES]
+    __global float *workspace)             // side by side: [work-items, points, ROWS_OF_POINT, LANES], else
+                                           // [points, ROWS_OF_POINT, work-items]
 {
     WORK_ITEM(item);
+    /* A CPU's work-item takes strands that follow each other, and its workspace lies together: else each row would be a
+       page of its own, and all of them one place in the cache.  On a GPU neighbours take neighbours. */
+    const uint all = (n + LANES - 1) / LANES, run = (all + n_items - 1) / n_items;
+    const uint past = LANES > 1 ? min((uint)(item + 1) * run, all) : all;
     Moving m;
     m.stride = padded;
-    m.work_stride = (size_t)n_items * LANES;
-    m.work = workspace + item * LANES;
+    m.work_stride = LANES > 1 ? LANES : n_items;
+    m.work = workspace + (LANES > 1 ? item * points * ROWS_OF_POINT * LANES : item);
     m.gravity = all_lanes(gravity);
     m.feels = feels;
     m.grid = &grid;
     m.body = &body;
     m.values = values;
-    for (uint first = (uint)item * LANES; first < n; first += n_items * LANES) {
+    for (uint block = (uint)item * (LANES > 1 ? run : 1); block < past; block += LANES > 1 ? 1 : n_items) {
+        const uint first = block * LANES, next = first + LANES;
+        if (block + 1 < past) {
+            ask_for(groomed + next, padded, 3 * points);
+            ask_for(rest + next, padded, 3 * points);
+            ask_for(lengths + next, padded, points);
+            ask_for(winds + next, padded, 3 * points);
+            ask_for(places + next, padded, 3 * points);
+            ask_for(places_before + next, padded, 3 * points);
+            ask_for(speeds + next, padded, 3 * points);
+            ask_for(speeds_before + next, padded, 3 * points);
+            ask_for(tensions + next, padded, points);
+            if (feels) {
+                ask_for(away + next, padded, points);
+                ask_for(free + next, padded, points);
+                ask_for(pressed + next, padded, 3 * points);
+            }
+            if (feels_hair)
+                ask_for(felt_of_hair + next, padded, 4 * points);
+        }
         m.groomed = groomed + first;
         m.lengths = lengths + first;
         m.away = away + first;

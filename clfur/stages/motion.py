@@ -10,6 +10,7 @@ from ..layout import Arrays, array
 from .distance import Distance
 from .strands import DeviceStrands
 
+LANES = 16   # side by side at most: motion.cl
 CPU_ITEMS, GPU_ITEMS = 64, 8192   # work-items of a step: few, so that their workspaces stay in a CPU's caches
 SOFT = layout.Declared("strand", np.uint32)
 
@@ -38,6 +39,11 @@ class State(Arrays):
     n: int = 0          # strands
     padded: int = 0     # to whole lanes
     points: int = 0     # of the longest
+
+
+def lanes(gpu: Any) -> int:
+    """How many strands its kernels take side by side."""
+    return min(gpu.lanes, LANES)
 
 
 def padded(gpu: Any, n: int) -> int:
@@ -97,7 +103,7 @@ def stand_off(gpu: Any, state: State, strands: DeviceStrands, body: Felt) -> Any
     A point stays half its width away, or as near as it was groomed.
     """
     deepest = gpu.full(state.padded, np.float32, 0)
-    gpu.launch("motion.stand_off", state.padded // gpu.lanes, n=state.n, padded=state.padded, grid=body.distance.grid,
+    gpu.launch("motion.stand_off", state.padded // lanes(gpu), n=state.n, padded=state.padded, grid=body.distance.grid,
                body=body.body, values=body.distance.values, points=strands.points, spans=strands.spans,
                away=state.away, free=state.free, deepest=deepest)
     return deepest
@@ -113,13 +119,13 @@ def advance(gpu: Any, state: State, types: Any, roots: Any, roots_before: Any, s
     `hair_grid.feel` gives, or None: they don't feel each other.
     """
     items = CPU_ITEMS if gpu.lanes > 1 else GPU_ITEMS
-    items = min(items, state.padded // gpu.lanes)
-    workspace = gpu.empty(state.points * layout.CONSTANTS["ROWS_OF_POINT"] * items * gpu.lanes, np.float32)
+    items = min(items, state.padded // lanes(gpu))
+    workspace = gpu.empty(state.points * layout.CONSTANTS["ROWS_OF_POINT"] * items * lanes(gpu), np.float32)
     names = ("segments", "type_of", "groomed", "rest", "lengths", "places", "places_before", "speeds", "speeds_before",
              "tensions", "away", "free", "pressed")
     there = body or Felt(Distance.empty(gpu, {"node": 0}, grid=np.zeros((), layout.Distances)), RESTING)
-    gpu.launch("motion.advance", items, n_items=items, n=state.n, padded=state.padded, types=types, roots=roots,
-               roots_before=roots_before, seconds=step, order=1 if jumped else order, jumped=int(jumped),
+    gpu.launch("motion.advance", items, n_items=items, n=state.n, points=state.points, padded=state.padded, types=types,
+               roots=roots, roots_before=roots_before, seconds=step, order=1 if jumped else order, jumped=int(jumped),
                gravity=(*gravity, 0), winds=winds, workspace=workspace, feels_hair=int(of_hair is not None),
                felt_of_hair=gpu.full(1, np.float32, 0) if of_hair is None else of_hair,
                feels=int(body is not None), grid=there.distance.grid, body=there.body, values=there.distance.values,
