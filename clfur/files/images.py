@@ -142,9 +142,10 @@ def _coded(color):
     if len(planes) == 4:
         alpha = np.fmin(np.fmax(planes[3], 0), 1)   # 0 if it is NaN
         with np.errstate(invalid="ignore"):   # where alpha is 0; of NaN the code is 0
-            planes = np.clip(planes[:3], 0, alpha) / alpha
+            planes = np.minimum(np.maximum(planes[:3], 0), alpha) / alpha
         coded[:, :, 3] = alpha * 255 + 0.5
-    coded[:, :, :3] = np.moveaxis(srgb_codes(planes), 0, 2)
+    for channel, plane in enumerate(planes):
+        coded[:, :, channel] = srgb_codes(plane)
     return coded
 
 
