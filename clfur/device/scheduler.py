@@ -7,7 +7,7 @@ import re
 import threading
 import time
 import warnings
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
@@ -21,13 +21,13 @@ import pyopencl.array as cla
 from pyopencl import tools
 
 from .. import cache, layout
-from ..errors import DeviceError, Error, shown
+from ..errors import DeviceError, Error, Stopped, go_on, shown
 from . import caches, pocl, programs, signature
 from .memory import allowed, planned
 from .selection import CHECKER, check_process, choose, describe, is_shared
 
 GROUP = 64          # work-items in a work-group, where a kernel doesn't state how many it has
-FIRST = 1024        # work-items in the first piece of a launch
+FIRST = 256         # work-items in the first piece of a launch
 MOST = 65_472       # work-items in any piece: PoCL compiles a kernel anew for 2^16 and more
 PIECE = 0.1         # seconds that a piece of a launch should take, so that Ctrl-C need not wait long
 SMALL = 1 << 18     # bytes of an upload that is not waited for, but copied first
@@ -122,9 +122,12 @@ class Scheduler:
         self._label: str | None = None
         self._busy = threading.Lock()
         self._stopped = False
+        self._stop: Callable[[], bool] | None = None
         self._load = None
-        self._rates: dict[str, float] = {}           # seconds a work-item of each kernel takes
-        self._wholes: dict[str, tuple] = {}          # (work-items, seconds) of the last launch of several pieces
+        # By launch, (kernel, how many of it came before in the frame): one may march all rays, and the next the rest.
+        self._rates: dict[tuple, float] = {}         # seconds a work-item takes
+        self._wholes: dict[tuple, tuple] = {}        # (work-items, seconds) of it when it last took several pieces
+        self._turns: Counter[str] = Counter()        # launches of each kernel in this frame
         self._ahead = 0.0          # seconds of work that the device may have before it
 
     @contextmanager
@@ -211,6 +214,15 @@ class Scheduler:
                                 src_offset=array.offset + first * array.strides[0], dst_offset=0)
             return there
 
+    def copied(self, array: cla.Array) -> cla.Array:
+        """Copy of a device array on the device."""
+        there = self.empty(array.shape, array.dtype)
+        if there.size:
+            with self._watched("takes no data"):
+                cl.enqueue_copy(self.queue, _buffer(there), _buffer(array), byte_count=there.nbytes,
+                                src_offset=array.offset, dst_offset=0)
+        return there
+
     def joined(self, arrays: Sequence, dtype: Any) -> cla.Array:
         """Device arrays, None for none, one after the other -> [all their values]; one alone is not copied."""
         arrays = [array for array in arrays if array is not None]
@@ -225,6 +237,7 @@ class Scheduler:
 
     def download(self, array: cla.Array) -> np.ndarray:
         """Copy of a device array on the host."""
+        self.ask()
         with self._watched("gives no data"):
             there = array.get()
         array.events.clear()   # of what is done; each would keep alive what was read, twelve times over
@@ -259,12 +272,13 @@ class Scheduler:
         """Run a kernel, in pieces: a driver can't be interrupted.  All but the last are waited for, unless it took less
         than a piece may the last time."""
         name, group, begin, started = kernel.name, kernel.group, 0, time.perf_counter()
-        most, whole = self._wholes.get(name, (0, 0.0))
+        turn = name, self._turns[name]
+        self._turns[name] += 1
+        most, whole = self._wholes.get(turn, (0, 0.0))
         short = size <= most and self._ahead + whole < PIECE
         while begin < size:
-            if self._stopped:
-                raise Error(f"{self.name} was told to stop")
-            rate, alone = whole / most if short else self._rates.get(name), not self._ahead
+            self.ask()
+            rate, alone = whole / most if short else self._rates.get(turn), not self._ahead
             piece = MOST if short else FIRST if rate is None else min(int(PIECE / rate), MOST)
             end = min(begin + max(piece // group, 1) * group, size)
             began = time.perf_counter()
@@ -276,11 +290,11 @@ class Scheduler:
                 event.wait()
                 if not short and (alone or rate is None):
                     # Sky is done in no time, but fur may begin in the next piece: a rate falls slowly.
-                    self._rates[name] = max((time.perf_counter() - began) / (end - begin), (rate or 0) / 2, 1e-10)
+                    self._rates[turn] = max((time.perf_counter() - began) / (end - begin), (rate or 0) / 2, 1e-10)
                 self._ahead = 0.0
             if begin and end == size and not short:
                 event.wait()
-                self._wholes[name], self._ahead = (size, time.perf_counter() - started), 0.0
+                self._wholes[turn], self._ahead = (size, time.perf_counter() - started), 0.0
             begin = end
 
     def load(self, key: Any) -> None:
@@ -311,26 +325,38 @@ class Scheduler:
         self._kept.clear()
 
     @contextmanager
-    def frame(self) -> Iterator[None]:
-        """One frame: nothing else may draw with this scheduler meanwhile, and `seconds` and `peak` count anew."""
+    def frame(self, stop: Callable[[], bool] | None = None) -> Iterator[None]:
+        """One frame: nothing else may draw with this scheduler meanwhile, and `seconds` and `peak` count anew.
+
+        ``stop``: asked between launches and their pieces, and before arrays are read back: `Stopped` is raised there
+        once it says True.  What was launched by then runs on, for `PIECE` seconds or so.
+        """
         check_process()
         if not self._busy.acquire(blocking=False):
             raise Error(f"this Scheduler ({self.name}) is drawing in another thread; allowed: one for each thread")
         try:
-            self._stopped = False
+            self._stopped, self._stop = False, stop
             self.start()
             yield
         finally:
+            self._stop = None
             self._leave_builds()
             self._busy.release()
 
     def stop(self) -> None:
-        """Let the frame that is being drawn in another thread end with an error, soon."""
+        """Let the frame that is being drawn in another thread end with `Stopped`, soon."""
         self._stopped = True
+
+    def ask(self) -> None:
+        """Raise `Stopped` if the frame that is being drawn is not wanted any more."""
+        if self._stopped:
+            raise Stopped("it was stopped with others that drew the same")
+        go_on(self._stop)
 
     def start(self) -> None:
         """Begin a new frame: from here on `seconds` and `peak` count anew."""
         self._log.clear()
+        self._turns.clear()
         self.held_up = 0.0
         # Frames of ever new sizes leave ever new pieces in the pool.  What the last one took may be of use again: in
         # new memory the system clears each page when it is first touched: up to a third of a frame.
