@@ -1,8 +1,6 @@
 """Clfur's folder in the user's cache, names of what is kept there, and what the self-test said of each device."""
 
-import functools
 import hashlib
-import importlib.metadata
 import json
 import os
 import tempfile
@@ -12,6 +10,7 @@ import attrs
 import numpy as np
 import platformdirs
 
+from ._version import __version__
 from .errors import Error
 
 VERDICTS = ("pass", "wrong", "crash", "hang")
@@ -103,13 +102,5 @@ def remember(identity, verdict, message=""):
 
 
 def _file(identity):
-    name = hashlib.sha256(json.dumps([*identity, _version()]).encode()).hexdigest()[:32]
+    name = hashlib.sha256(json.dumps([*identity, __version__]).encode()).hexdigest()[:32]
     return folder("checks") / f"{name}.json"
-
-
-@functools.cache
-def _version():
-    try:
-        return importlib.metadata.version("clfur")
-    except importlib.metadata.PackageNotFoundError:   # a checkout that is not installed
-        return ""

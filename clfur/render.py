@@ -8,8 +8,6 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
 
-import attrs
-
 from . import budget
 from .device.scheduler import Scheduler
 from .device.selection import choose
@@ -20,7 +18,7 @@ from .pipeline.grown import curves_of
 from .pipeline.picture import OF_TWO, OUTPUTS, Frame, draw_frame
 from .pipeline.plan import Plan
 from .pipeline.views import Rig
-from .scene import Camera, Curves, Scene, Strands, highlighted
+from .scene import Camera, Curves, Scene, Strands
 from .scene.checks import refuse, whole
 from .scene.origin import copied
 from .settings import Settings
@@ -113,15 +111,12 @@ def drawn(gpus: list[Scheduler], scene: Scene, settings: Settings, outputs: Sequ
         for gpu in gpus:
             frames.enter_context(gpu.frame())
         team, scene = Team(gpus), scene.local
-        meant = scene
-        if settings.specular is not None:   # as once all looks had it
-            meant = attrs.evolve(scene, fur=highlighted(scene.fur, settings.specular))
         if not settings.goal:
-            return draw_frame(team, meant, settings, outputs, hashes, **how)
-        chosen = budget.choose(team, scene, settings, functools.partial(draw_frame, team, meant))
+            return draw_frame(team, scene, settings, outputs, hashes, **how)
+        chosen = budget.choose(team, scene, settings, functools.partial(draw_frame, team, scene))
         for gpu in team.gpus:
             gpu.start()
-        frame = draw_frame(team, meant, chosen.settings, outputs, hashes, **how)
+        frame = draw_frame(team, scene, chosen.settings, outputs, hashes, **how)
         return replace(frame, error=chosen.error, why=chosen.why)
 
 

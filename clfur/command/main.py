@@ -7,7 +7,7 @@ import warnings
 
 import click
 
-from .. import Error
+from .. import Error, __version__
 from . import endings
 from .chart import chart
 from .compare import compare
@@ -18,7 +18,7 @@ from .render import render
 
 
 @click.group(invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="clfur")
+@click.version_option(__version__)
 @click.pass_context
 def clfur(context):
     """Fur and hair on meshes, rendered with OpenCL."""
