@@ -1,6 +1,7 @@
 """From a scene to its picture: what users call."""
 
 import functools
+import itertools
 import threading
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
@@ -10,7 +11,7 @@ from typing import Any
 
 from . import budget
 from .device.scheduler import Scheduler
-from .device.selection import choose
+from .device.selection import choose, shares_processor
 from .device.team import Team
 from .errors import Error, shown
 from .pipeline.build import told
@@ -187,6 +188,11 @@ def schedulers(device: Any) -> list[Scheduler]:
     if not gpus or len(set(gpus)) < len(gpus):
         raise Error(f"device is {shown(device, 200)}; allowed: what means a device, a clfur.Scheduler, or a list of "
                     "different ones")
+    for one, other in itertools.combinations(gpus, 2):
+        if shares_processor(one.device, other.device):
+            warnings.warn(f"{one.name} and {other.name} are the same processor: together they are no faster than one",
+                          RuntimeWarning, stacklevel=3)
+            break
     return gpus
 
 
