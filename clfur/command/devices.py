@@ -14,22 +14,29 @@ from ..device import caches, vendors
 from ..errors import Error
 from ..judge import speed
 from ..judge.isolated import isolated
+from ..judge.report import milliseconds
+from . import bug_report
 
-LOADING, CHECKING, TIMING = 60, 180, 60   # seconds; PoCL compiles every kernel on the first run
+LOADING, CHECKING = 60, 180   # seconds; PoCL compiles every kernel on the first run
 
 
 @click.command()
 @click.option("--check", is_flag=True, help="Draw a small picture on each device and say whether it is right, and how "
               "fast a larger one is; auto then takes the fastest that is right.")
 @click.option("--why", is_flag=True, help="List every driver that OpenCL looks at, and why it does not load.")
+@click.option("--report", is_flag=True, help="Print what a bug report should hold: versions, system, devices, drivers, "
+              "what is known of their checks; no paths, no names of users.")
 @click.option("--json", "as_json", is_flag=True, help="Print the same as one JSON object.")
-def devices(check, why, as_json):
+def devices(check, why, report, as_json):
     """List the OpenCL devices: what to give --device, and which one is taken without it.
 
     With --check, the exit code is 1 if a device fails.
     """
-    if check and why:
-        raise click.UsageError("--check and --why are two questions: ask one at a time")
+    asked = [name for name, given in {"--check": check, "--why": why, "--report": report}.items() if given]
+    if len(asked) > 1:
+        raise click.UsageError(f"{' and '.join(asked)} are {len(asked)} questions: ask one at a time")
+    if report:
+        return _report(as_json)
     if why:
         return _why(as_json)
     vendors.prepare()   # here, so that what it makes stays as long as the command
@@ -96,7 +103,7 @@ def _check(found):
             seconds, trouble = _seconds(device["number"])
             notes += [trouble] * bool(trouble)
         device["check"] = {"verdict": verdict, "message": message, "seconds": seconds}
-        took = f", {1e3 * seconds:.3g} ms a frame" if seconds else ""
+        took = f", {milliseconds(seconds)} ms a frame" if seconds else ""
         for line in [f"{verdict}{took}{message and f': {message}'}", *notes]:
             click.echo(f"{device['device']}: {line}", err=True)
         identity = tuple(device["identity"])
@@ -124,7 +131,7 @@ def _verdict(number, environment):
 
 def _seconds(number):
     """(seconds of a frame on a device in a process of its own, "") or (None, why there are none)."""
-    outcome = isolated("clfur.judge.speed:measure", number, seconds=TIMING)
+    outcome = isolated("clfur.judge.speed:measure", number, seconds=CHECKING)
     return (outcome.value, "") if outcome.status == "ok" else (None, f"it was not timed: {outcome.message}")
 
 
@@ -173,7 +180,7 @@ def _checked(check):
     """What the table says of a check, or of none."""
     if not check:
         return "-"
-    return check["verdict"] + (f",\n{1e3 * check['seconds']:.3g} ms" if check["seconds"] else "")
+    return check["verdict"] + (f",\n{milliseconds(check['seconds'])} ms" if check["seconds"] else "")
 
 
 def _sentence(found):
@@ -186,7 +193,32 @@ def _sentence(found):
     return f"{default['by']}={default['text']} decides: it {taken}\nwithout it {sentence}"
 
 
+def _report(as_json):
+    if as_json:
+        raise click.UsageError("--report is text for people; allowed beside it: nothing")
+    rows, notes = _drivers()
+    try:
+        found, trouble = survey(), ""
+    except Error as error:
+        found, trouble = None, str(error)
+    print(bug_report.report(found, trouble, rows, notes))
+
+
 def _why(as_json):
+    rows, lines = _drivers()
+    if as_json:
+        print(json.dumps({"drivers": rows, "notes": lines}))
+        return
+    for row in rows:
+        print(f"{row['file']} ({row['origin']})\n    {row['status']}: {row['message']}")
+    for line in lines:
+        print(line)
+    if not rows and sys.platform not in vendors.NOT_BY_FILES:
+        print("OpenCL's loader looks at no driver at all")
+
+
+def _drivers():
+    """([{what is known of a driver}], [what else there is to say]), each driver in a process of its own."""
     listed, lines = vendors.vendors()
     rows = []
     for vendor in listed:
@@ -195,15 +227,7 @@ def _why(as_json):
         status, message = outcome.value if outcome.status == "ok" else (outcome.status, outcome.message)
         rows.append({"file": vendor.place, "library": vendor.library, "origin": vendor.origin,
                      "status": status, "message": message})
-        if not as_json:
-            print(f"{vendor.place} ({vendor.origin})\n    {status}: {message}")
-    if as_json:
-        print(json.dumps({"drivers": rows, "notes": lines}))
-        return
-    for line in lines:
-        print(line)
-    if not listed and sys.platform not in vendors.NOT_BY_FILES:
-        print("OpenCL's loader looks at no driver at all")
+    return rows, lines
 
 
 def _size(number):

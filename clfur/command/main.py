@@ -46,7 +46,8 @@ def main(arguments=None):
 def _run(arguments):
     """The exit code."""
     try:
-        code = clfur.main(arguments, prog_name="clfur", standalone_mode=False)
+        given = sys.argv[1:] if arguments is None else arguments
+        code = clfur.main(given, prog_name="clfur", standalone_mode=False, obj=list(given))   # obj: what pages tell
         sys.stdout.flush()   # what fails at the end of the process is told by nobody
         return code
     except (click.Abort, KeyboardInterrupt):

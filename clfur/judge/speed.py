@@ -7,6 +7,7 @@ from ..device.scheduler import Scheduler
 from ..files.meshes import load_mesh
 from ..render import draw
 from ..scene import Camera, HairType, Light, Scene, Strands
+from .report import milliseconds
 
 FRAMES, SECONDS = 5, 1.0   # so many frames are timed, but none begun after so long
 ALIKE = 1.05               # what takes up to so many times as long as the fastest is as fast
@@ -34,7 +35,7 @@ def measure(device):
 def told(seconds):
     """Which device is fastest, and by how much, in a line; ``seconds``: {device: of a frame}, one or more."""
     (best, least), *others = sorted(seconds.items(), key=lambda item: item[1])
-    words = [f"{best} {'is fastest, ' if others else 'takes '}{1e3 * least:.3g} ms a frame"]
+    words = [f"{best} {'is fastest, ' if others else 'takes '}{milliseconds(least)} ms a frame"]
     for place, (name, took) in enumerate(others):
         times = f"{took / least:.{2 if took < 9.95 * least else 3}g} times" + " as long" * (not place)
         words.append(f"{name} {'takes ' * (not place)}{times if took >= ALIKE * least else 'about as long'}")
