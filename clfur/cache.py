@@ -1,9 +1,8 @@
-"""Clfur's folder in the user's cache, names of what is kept there, and what the self-test said of each device."""
+"""Clfur's folder in the user's cache, names of what is kept there, and what is known of each device."""
 
-import functools
 import hashlib
-import importlib.metadata
 import json
+import math
 import os
 import tempfile
 from pathlib import Path
@@ -12,6 +11,7 @@ import attrs
 import numpy as np
 import platformdirs
 
+from ._version import __version__
 from .errors import Error
 
 VERDICTS = ("pass", "wrong", "crash", "hang")
@@ -84,32 +84,36 @@ def recall_bytes(file):
 
 
 def recall(identity):
-    """What `remember` kept of this device -> (verdict, message), or None."""
+    """What `remember` kept of what the self-test said of this device -> (verdict, message), or None."""
+    record = _record(identity)
+    return record and (record["verdict"], record["message"])
+
+
+def recall_seconds(identity):
+    """What `remember` kept of the seconds that this device takes for a frame, or None."""
+    seconds = (_record(identity) or {}).get("seconds")
+    return seconds if isinstance(seconds, float) and 0 < seconds < math.inf else None
+
+
+def _record(identity):
     try:
         record = json.loads(_file(identity).read_bytes())
-        verdict, message = record["verdict"], record["message"]
+        whole = record["verdict"] in VERDICTS and isinstance(record["message"], str)
     except (OSError, ValueError, LookupError, TypeError):   # none yet, or damaged; clfur.Error is a ValueError
         return None
-    return (verdict, message) if verdict in VERDICTS and isinstance(message, str) else None
+    return record if whole else None
 
 
-def remember(identity, verdict, message=""):
-    """Keep what the self-test said of a device: one of `VERDICTS`, and a line.
+def remember(identity, verdict, message="", seconds=None):
+    """Keep what the self-test said of a device, one of `VERDICTS` and a line, and the seconds of a frame.
 
     identity: texts that distinguish the device and its driver's version from others; clfur's own version is added.
     Raises `clfur.Error` if the folder cannot be written.
     """
-    write(_file(identity), json.dumps({"device": identity, "verdict": verdict, "message": message}).encode())
+    write(_file(identity), json.dumps(
+        {"device": identity, "verdict": verdict, "message": message, "seconds": seconds}).encode())
 
 
 def _file(identity):
-    name = hashlib.sha256(json.dumps([*identity, _version()]).encode()).hexdigest()[:32]
+    name = hashlib.sha256(json.dumps([*identity, __version__]).encode()).hexdigest()[:32]
     return folder("checks") / f"{name}.json"
-
-
-@functools.cache
-def _version():
-    try:
-        return importlib.metadata.version("clfur")
-    except importlib.metadata.PackageNotFoundError:   # a checkout that is not installed
-        return ""

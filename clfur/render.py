@@ -1,6 +1,7 @@
 """From a scene to its picture: what users call."""
 
 import functools
+import itertools
 import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -8,11 +9,9 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
 
-import attrs
-
 from . import budget
 from .device.scheduler import Scheduler
-from .device.selection import choose
+from .device.selection import choose, shares_processor
 from .device.team import Team
 from .errors import Error, shown
 from .pipeline.build import told
@@ -20,7 +19,7 @@ from .pipeline.grown import curves_of
 from .pipeline.picture import OF_TWO, OUTPUTS, Frame, draw_frame
 from .pipeline.plan import Plan
 from .pipeline.views import Rig
-from .scene import Camera, Curves, Scene, Strands, highlighted
+from .scene import Camera, Curves, Scene, Strands
 from .scene.checks import refuse, to_stop, whole
 from .scene.origin import copied
 from .settings import Settings
@@ -120,15 +119,12 @@ def drawn(gpus: list[Scheduler], scene: Scene, settings: Settings, outputs: Sequ
         for gpu in gpus:
             frames.enter_context(gpu.frame(stop))
         team, scene = Team(gpus), scene.local
-        meant = scene
-        if settings.specular is not None:   # as once all looks had it
-            meant = attrs.evolve(scene, fur=highlighted(scene.fur, settings.specular))
         if not settings.goal:
-            return draw_frame(team, meant, settings, outputs, hashes, **how)
-        chosen = budget.choose(team, scene, settings, functools.partial(draw_frame, team, meant))
+            return draw_frame(team, scene, settings, outputs, hashes, **how)
+        chosen = budget.choose(team, scene, settings, functools.partial(draw_frame, team, scene))
         for gpu in team.gpus:
             gpu.start()
-        frame = draw_frame(team, meant, chosen.settings, outputs, hashes, **how)
+        frame = draw_frame(team, scene, chosen.settings, outputs, hashes, **how)
         return replace(frame, error=chosen.error, why=chosen.why)
 
 
@@ -199,6 +195,11 @@ def schedulers(device: Any) -> list[Scheduler]:
     if not gpus or len(set(gpus)) < len(gpus):
         raise Error(f"device is {shown(device, 200)}; allowed: what means a device, a clfur.Scheduler, or a list of "
                     "different ones")
+    for one, other in itertools.combinations(gpus, 2):
+        if shares_processor(one.device, other.device):
+            warnings.warn(f"{one.name} and {other.name} are the same processor: together they are no faster than one",
+                          RuntimeWarning, stacklevel=3)
+            break
     return gpus
 
 

@@ -1,7 +1,5 @@
 """What a picture may cost."""
 
-import warnings
-
 import attrs
 
 from .errors import Error
@@ -55,7 +53,6 @@ class Settings:
     max_error: None, or how wrong the picture may be: root mean square of the difference of sRGB-coded values (0 to 1)
     to the true picture.  seconds: None, or how long a frame may take.  Where either is given, samples, raster, shadows,
     grid, shadow_map, pcf, masks and lod are chosen (see `clfur.draw`), and may not be given here.
-    specular: the highlight of all hair, whatever its look; goes away (DeprecationWarning): see `clfur.Kajiya`.
     Raises `clfur.Error` for anything else.
     """
 
@@ -65,7 +62,6 @@ class Settings:
     grid: int = checks.field(_cells, default=96)
     shadow_map: int = checks.field(checks.whole(0, 8192), default=512)
     pcf: int = checks.field(checks.whole(0, 16), default=1)
-    specular: str | None = checks.field(checks.optional(checks.choice("kajiya-kay", "half-vector")), default=None)
     masks: int = checks.field(_masks, default=0)
     scattering: str = checks.field(checks.choice(*SCATTERING), default="off")
     lod: float = checks.field(checks.real(low=0, high=4), default=0.0)
@@ -79,9 +75,6 @@ class Settings:
         if self.masks and self.raster != "coverage":
             raise Error(f"Settings.masks is {self.masks}, but Settings.raster is {self.raster!r}; allowed: 0, or "
                         "raster 'coverage'")
-        if self.specular is not None:
-            warnings.warn(f"Settings.specular goes away: give hair look=clfur.Kajiya(highlight={self.specular!r})",
-                          DeprecationWarning, stacklevel=3)
         if self.scattering != "off" and (self.goal or self.raster != "coverage"):
             field = self.goal or "raster"
             raise Error(f"Settings.scattering is {self.scattering!r}, but Settings.{field} is "

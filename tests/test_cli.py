@@ -74,7 +74,7 @@ def test_max_error(clfur):
     with np.load("a.npz") as one, np.load("b.npz") as other:
         assert np.array_equal(one["color"], other["color"])
     code, out, err = clfur("render", "sphere", *FURRY, "--max-error", "0.3")
-    assert (code, err) == (0, "") and "; 1 sample, length 48, map 256, pcf 0, lod 0.5: error about 0." in out
+    assert (code, err) == (0, "") and "; 1 sample, shadow grid 48, map 256, pcf 0, lod 0.5: error about 0." in out
     code, out, err = clfur("render", "sphere", *FURRY, "--json")
     result = json.loads(out)
     assert (result["error"], result["why"], result["settings"]["samples"]) == (None, "", 4)

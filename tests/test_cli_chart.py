@@ -63,8 +63,8 @@ def test_table(clfur, made):
     lines = [" ".join(line.split()) for line in out.splitlines()]
     assert lines[0] == "teapot: 32x24 on PoCL 3.0 · <b>Chip</b>; 41 settings, 41 warm frames"
     assert lines[1] == "the truth: brute force, itself 0.0040 in error"
-    assert "1 sample, length 16 20.0 (18.0–22.0) 0.2000 – -0.0100 90.0% 0.1000" in lines
-    assert "4 samples, coverage, length 96 (default) 500 (500–500) 0.1000 0.0300 +0.0200 – –" in lines
+    assert "1 sample, shadow grid 16 20.0 (18.0–22.0) 0.2000 – -0.0100 90.0% 0.1000" in lines
+    assert "4 samples, coverage, shadow grid 96 (default) 500 (500–500) 0.1000 0.0300 +0.0200 – –" in lines
     assert lines[-1] == "not on it: default"
     assert len(lines) == 2 + 1 + 2 + 12 + 2 and "\x1b" not in out and max(map(len, out.splitlines())) <= 120
 

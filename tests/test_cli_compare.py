@@ -33,6 +33,8 @@ def test_compare(clfur, tmp_path):
     assert result["rows"][0]["difference"]["same"]["voxels"] is True
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "fur on 1 device<" in page and page.count("<img") == 2
+    assert "<code>clfur compare fur.py --devices auto --repeat 1 -o a.html --json</code>" in page
+    assert result["fastest"].startswith(f"{result['rows'][0]['device']} takes ")
     assert {file.name for file in tmp_path.iterdir()} == {"fur.py", "a.html"}
 
 
@@ -51,6 +53,7 @@ def test_tables(clfur, made):
     assert (devices, settings.grid, repeat, scene.camera.size) == ("pocl, rusticl", 32, 7, (32, 24))
     assert out.startswith("teapot: 16x12, 1,000 strands, 8,000 segments, 3 warm frames a device\n")
     lines = [" ".join(line.split()) for line in out.splitlines()]
+    assert lines[1] == "pocl is fastest, 500 ms a frame; rusticl takes about as long"   # what differs is not named
     for line in ("pocl PoCL 3.0 · <b>Chip</b> ok, the reference", "odd Odd driver · Chip differs: other bits in voxels",
                  "bad Bad driver · Chip crash: the process died of SIGSEGV (after 1 of 5 frames)",
                  "pocl 500 (250–1,000) 8,000 2,500 2,000 3 600", "rusticl not reported", "pocl 125 250",
@@ -69,7 +72,7 @@ def test_none_works(clfur, made, comparison, monkeypatch):
     lost = attrs.evolve(comparison, rows=[comparison.rows[2]], reference=None, strands=None, segments=None)
     monkeypatch.setattr(cli_compare, "compare_devices", lambda *_, **__: lost)
     code, out, err = clfur("compare", *TINY)
-    assert (code, err) == (1, "") and "SIGSEGV" in out and "difference" not in out
+    assert (code, err) == (1, "") and "SIGSEGV" in out and "difference" not in out and "fast" not in out
     assert json.loads(clfur("compare", *TINY, "--json")[1])["reference"] is None
 
 

@@ -129,7 +129,7 @@ def test_preset():
 def test_a_preset_that_the_scene_refuses():
     """The next below is taken, and told; options beside it still count."""
     with pytest.warns(UserWarning, match="^--preset reference: Settings.shadows is 'deep', but the scene has shells; "
-                                         "drawn with 4 samples, coverage, length 32, masks 4, blur all$"):
+                                         "drawn with 4 samples, coverage, shadow grid 32, masks 4, blur all$"):
         taken = load("sphere", "--fur", "both", "--preset", "reference", "--grid", 32, "--blur", "all")[1]
     assert taken == Settings(grid=32, masks=4, blur="all")
     beside = load("sphere", "--preset", "reference", "--scattering", "grid")[1]   # which no preset mends
@@ -306,8 +306,8 @@ def test_the_highlight_is_the_looks(tmp_path, monkeypatch):
     """Of all fur, also of a scene file's and of types in JSON; settings know nothing of it."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "types.json").write_text('[{"specular": 0.9}]')
-    scene, settings = load("sphere", "--fur", "both", "--types", "types.json", "--specular", "half-vector")
-    assert settings.specular is None and scene.shells.look.highlight == "half-vector"
+    scene, _ = load("sphere", "--fur", "both", "--types", "types.json", "--specular", "half-vector")
+    assert scene.shells.look.highlight == "half-vector"
     assert scene.strands.types[0].look == Kajiya(specular=.9, highlight="half-vector")
     (tmp_path / "fur.py").write_text("import clfur\nscene = clfur.Scene(clfur.load_mesh('sphere'), clfur.Shells())\n")
     assert load("fur.py", "--specular", "half-vector")[0].shells.look.highlight == "half-vector"

@@ -122,6 +122,67 @@ def test_reason(platforms, failed, words):
     assert devices.reason(platforms, failed) == words
 
 
+SLOW, FAST = .5, .125   # seconds of a frame
+
+
+@pytest.mark.parametrize("platforms, failed, measured, expected, why", [
+    ([INTEL, POCL], [], [(INTEL[0], FAST), (POCL[0], SLOW)], INTEL, "the fastest of 2 that were measured"),
+    ([INTEL, POCL], [], [(INTEL[0], SLOW), (POCL[0], FAST)], POCL, "the fastest of 2 that were measured"),
+    ([POCL, NVIDIA[:1]], [], [(POCL[0], FAST), (NVIDIA[0], SLOW)], POCL, "the fastest of 2 that were measured"),
+    # One that fails is none, however fast.
+    ([INTEL, POCL, DEBIAN], INTEL, [(INTEL[0], FAST), (POCL[0], SLOW), (DEBIAN[0], .3)], DEBIAN,
+     "the fastest of 2 that were measured"),
+    # What is not measured keeps its place: a GPU with a new driver before CPUs, a new CPU driver behind PoCL.
+    ([POCL, NVIDIA[:1]], [], [(POCL[0], FAST)], NVIDIA, "GPU before CPU"),
+    ([INTEL, POCL], [], [(POCL[0], SLOW)], POCL, "no GPU; PoCL before other CPU drivers"),
+    ([INTEL, POCL, NVIDIA], [], [(POCL[0], SLOW), (INTEL[0], FAST), (NVIDIA[0], .2)], INTEL,
+     "the fastest of 3 that were measured"),
+    ([POCL], [], [(POCL[0], SLOW)], POCL, "it is the only device")])
+def test_auto_takes_the_fastest(platforms, failed, measured, expected, why):
+    assert devices.pick("auto", platforms, failed, measured) is expected[0]
+    assert devices.reason(platforms, failed, measured) == why
+    kinds = [devices.pick(f"auto:{n}", platforms, failed, measured) for n in range(sum(map(len, platforms)))]
+    assert len({id(device) for device in kinds}) == len(kinds)   # each has one place
+
+
+def test_what_was_measured_is_remembered(no_wish):
+    """As long as driver, clfur and the number of units are the same; damaged numbers are none."""
+    no_wish.setattr(devices, "_platforms", lambda: [INTEL, POCL])
+    assert devices.choose() is POCL[0]
+    cache.remember(devices._identity(INTEL[0]), "pass", "", FAST)
+    assert devices.choose() is POCL[0]
+    cache.remember(devices._identity(POCL[0]), "pass", "", SLOW)
+    assert devices.choose() is INTEL[0] and devices.choose("pocl") is POCL[0]
+    for name, other in ("driver_version", "1.3"), ("max_compute_units", 64):
+        with no_wish.context() as changed:
+            changed.setattr(INTEL[0], name, other)
+            assert devices.choose() is POCL[0]
+        assert devices.choose() is INTEL[0]
+    for seconds in ("0.1", -1.0, 0.0, float("inf"), float("nan"), True, None, [1.0]):
+        cache.remember(devices._identity(INTEL[0]), "pass", "", seconds)
+        assert cache.recall_seconds(devices._identity(INTEL[0])) is None and devices.choose() is POCL[0]
+    cache.remember(devices._identity(INTEL[0]), "crash", "died", FAST)
+    assert devices.choose() is POCL[0]
+
+
+def test_jobs_go_to_gpus_unless_a_cpu_is_faster(no_wish):
+    no_wish.setattr(devices, "_platforms", lambda: [POCL, NVIDIA])
+    no_wish.setattr(devices, "choose", lambda wish: wish or POCL[0])
+    assert devices.local_devices(None) == ["1:0", "1:1"]
+    for device, seconds in (POCL[0], FAST), (NVIDIA[0], SLOW), (NVIDIA[1], SLOW):
+        cache.remember(devices._identity(device), "pass", "", seconds)
+    assert devices.local_devices(None) == ["0:0"]
+
+
+def test_drivers_of_one_processor():
+    one, other, gpu, card = (Made(name=name, type=kind, parent_device=None)
+                             for name, kind in (("a", CPU), ("b", CPU), ("c", GPU), ("d", GPU)))
+    half, rest = (Made(name=name, type=CPU, parent_device=one) for name in ("e", "f"))
+    assert devices.shares_processor(one, other) and devices.shares_processor(gpu, gpu)
+    assert not devices.shares_processor(one, gpu) and not devices.shares_processor(gpu, card)
+    assert not devices.shares_processor(half, rest)
+
+
 def test_handles_give_their_device():
     unnamed = platform("(R)", "OpenCL 1.2", ("?", OTHER))
     platforms = [unnamed, *ALL]
@@ -177,7 +238,7 @@ def test_a_failed_check_is_remembered(no_wish):
     NVIDIA[1].driver_version, old = "1.3", NVIDIA[1].driver_version   # another driver has to be tried anew
     cache.remember(devices._identity(NVIDIA[1]), "wrong")
     NVIDIA[1].driver_version = old
-    assert devices._failed(ALL) == []
+    assert devices._known(ALL) == ([], [])
 
 
 @pytest.mark.parametrize("content", [b"", b"[]", b"{", b'{"verdict": "perhaps", "message": ""}', b"\xff",

@@ -2,6 +2,7 @@
 
 import json
 import os
+import platform
 import re
 import subprocess
 import sys
@@ -10,14 +11,18 @@ from pathlib import Path
 import platformdirs
 import pytest
 
+import clfur
 from clfur import cache
+from clfur.command import bug_report
 from clfur.command import devices as cli_devices
 from clfur.command.main import main
 from clfur.device import caches, vendors
 from clfur.device import selection as device
+from clfur.judge import speed
 from clfur.judge.isolated import Outcome
 
 EPYC, LONG = "[bold]EPYC[/bold] :smile:", "Processor-" * 9   # names that are markup to rich, or too long
+SPEED = "clfur.judge.speed:measure"
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -55,12 +60,15 @@ def run(monkeypatch, capfd, tmp_path):
 
 @pytest.fixture
 def made_up(run, monkeypatch):
-    """The same on a made-up machine; ``checks``: {number: Outcome} of the self-test there."""
-    checks = {"0:0": Outcome("ok", ""), "0:1": Outcome("ok", ""), "1:0": Outcome("ok", "")}
+    """The same on a made-up machine; ``checks``: {number: Outcome} of the self-test there, and SPEED: of frames."""
+    checks = {"0:0": Outcome("ok", ""), "0:1": Outcome("ok", ""), "1:0": Outcome("ok", ""),
+              SPEED: {"0:0": Outcome("ok", .125), "0:1": Outcome("ok", .1), "1:0": Outcome("ok", 1.22)}}
 
     def isolated(function, *arguments, **_):
         if function == "clfur.device.selection:survey":
             return Outcome("ok", machine())
+        if function == SPEED:
+            return checks[SPEED][arguments[0]]
         found = checks[arguments[0]]
         return Outcome("ok", (found.value, [])) if found.status == "ok" else found
     monkeypatch.setattr(cli_devices, "isolated", isolated)
@@ -113,11 +121,32 @@ def test_json(made_up):
 def test_check_passes(made_up):
     code, out, err = made_up[0]("--check")
     assert code == 0
-    assert err.splitlines() == [line for name, driver in (
-        ("pocl", EPYC), ("pocl:1", "Xeon"), ("a", LONG))
-        for line in (f"{name}: checking driver · {driver} ...", f"{name}: pass")]
-    assert words(out).count(" pass ") == 3
-    assert cache.recall(["Xeon", "1.2"]) == ("pass", "")
+    assert err.splitlines() == [line for name, driver, ms in (
+        ("pocl", EPYC, "125"), ("pocl:1", "Xeon", "100"),
+        ("a", LONG, "1,220"))
+        for line in (f"{name}: checking driver · {driver} ...", f"{name}: pass, {ms} ms a frame")]
+    assert words(out).count(" pass, ") == 3 and "100 ms" in out
+    assert out.splitlines()[-2] == "pocl:1 is fastest, 100 ms a frame; pocl takes 1.2 times as long, a 12.2 times"
+    assert cache.recall(["Xeon", "1.2"]) == ("pass", "") and cache.recall_seconds(["Xeon", "1.2"]) == .1
+
+
+@pytest.mark.parametrize("outcome", [Outcome("error", None, "too little memory"), Outcome("hang", None, "no answer")])
+def test_what_cannot_be_timed_passes(made_up, outcome):
+    run, checks = made_up
+    checks[SPEED]["0:1"] = outcome
+    code, out, err = run("--check")
+    assert code == 0 and f"pocl:1: it was not timed: {outcome.message}" in err.splitlines()
+    assert "pocl:1 " not in out.splitlines()[-2]
+    assert cache.recall(["Xeon", "1.2"]) == ("pass", "") and cache.recall_seconds(["Xeon", "1.2"]) is None
+
+
+@pytest.mark.parametrize("seconds, words", [
+    ({"a": .5}, "a takes 500 ms a frame"),
+    ({"a": .52, "b": .5}, "b is fastest, 500 ms a frame; a takes about as long"),
+    ({"a": 1.4, "b": .02, "c": .0205, "d": .05},
+     "b is fastest, 20.0 ms a frame; c takes about as long, d 2.5 times, a 70 times")])
+def test_which_is_fastest(seconds, words):
+    assert speed.told(seconds) == words
 
 
 @pytest.mark.parametrize("outcome, verdict, message", [
@@ -155,7 +184,7 @@ def test_two_cards_of_one_kind(made_up, monkeypatch):
 def test_check_without_a_cache(made_up, tmp_path):
     (tmp_path / "clfur").write_text("a file where the folder should be")
     code, out, err = made_up[0]("--check")
-    assert code == 0 and words(out).count(" pass ") == 3
+    assert code == 0 and words(out).count(" pass, ") == 3
     assert "pocl: this is not remembered: cannot write to" in err
 
 
@@ -170,9 +199,53 @@ def test_no_device(run, monkeypatch, outcome, expected, options):
     assert (code, out) == (2, "") and len(err.splitlines()) == 1 and expected in err
 
 
-def test_one_question_at_a_time(run):
-    code, out, err = run("--check", "--why")
+@pytest.mark.parametrize("options", [["--check", "--why"], ["--check", "--why", "--report"], ["--report", "--json"]])
+def test_one_question_at_a_time(run, options):
+    code, out, err = run(*options)
     assert (code, out) == (2, "") and len(err.splitlines()) == 1
+
+
+SECRET = "/net/secret/karl/icd"
+
+
+def test_report_for_a_bug(made_up, monkeypatch):
+    """Versions, the system, each device, its check and speed, drivers and variables; no folders, no names of users."""
+    run, _ = made_up
+    checked = machine()
+    checked["platforms"][0]["devices"][0]["check"] = {"verdict": "pass", "message": "", "seconds": .1234}
+    checked["platforms"][0]["devices"][1]["check"] = {"verdict": "wrong", "message": f"see {SECRET}", "seconds": None}
+    driver = vendors.Vendor(f"{SECRET}/a.icd", f"{SECRET}/liba.so", "system")
+    monkeypatch.setattr(cli_devices, "isolated", lambda function, *_, **__: Outcome(
+        "ok", checked if "survey" in function else ("library not found", f"{SECRET}/liba.so: no such file")))
+    monkeypatch.setattr(vendors, "vendors", lambda: ([driver], []))
+    monkeypatch.setenv("OCL_ICD_VENDORS", SECRET)
+    monkeypatch.setenv("CLFUR_DEVICE", "xeon")
+    code, out, err = run("--report")
+    assert (code, err) == (0, "")
+    for words in (f"clfur {clfur.__version__}, {platform.system()}", f"Python {platform.python_version()}",
+                  "pyopencl 20", "numpy ", "PoCL 3.1", "- pocl:1 (0:1): Xeon, CPU, driver 1.2, 108 units, 80.0 GiB",
+                  "check: pass, 123 ms a frame", "check: wrong: see .../icd", "check: none yet (clfur devices --check)",
+                  "platform Clover, OpenCL 1.1 Mesa, no device", "auto takes pocl: no GPU",
+                  "- .../a.icd (system): library not found: .../liba.so: no such file",
+                  "environment: CLFUR_DEVICE=xeon, ", "OCL_ICD_VENDORS is set"):
+        assert words in out, words
+    assert "karl" not in out and "/net" not in out and os.path.expanduser("~") + "/" not in out
+
+
+def test_report_where_opencl_does_not_start(run, monkeypatch):
+    monkeypatch.setattr(cli_devices, "isolated", lambda *_, **__: Outcome("crash", None, "the process died of SIGABRT"))
+    code, out, _ = run("--report")
+    assert code == 0 and "OpenCL does not start: " in out and "SIGABRT" in out and "environment: " in out
+
+
+@pytest.mark.parametrize("text, expected", [
+    ("/home/karl/x/libpocl.so: no", ".../libpocl.so: no"), ("~/.cache/clfur", ".../clfur"),
+    ("and/or 3/4", "and/or 3/4"), ("HOME", "it is ~"),
+    (r"C:\Users\Karl\a.dll is missing", ".../a.dll is missing"),
+    ("OpenCL 3.0 PoCL 3.0-rc2  Linux, SLEEF", "OpenCL 3.0 PoCL 3.0-rc2  Linux, SLEEF")])
+def test_paths_are_cut_to_their_last_names(text, expected):
+    given = f"it is {os.path.expanduser('~')}" if text == "HOME" else text
+    assert bug_report.nameless(given) == expected
 
 
 def test_here(run):
@@ -194,7 +267,10 @@ def test_check_here(tmp_path):
     found = json.loads(done.stdout)
     listed = [d for platform in found["platforms"] for d in platform["devices"]]
     assert len(listed) == len(device.find())
-    assert all(d["check"] == {"verdict": "pass", "message": ""} for d in listed)
+    assert all(d["check"] | {"seconds": 0} == {"verdict": "pass", "message": "", "seconds": 0} for d in listed)
+    assert all(1e-4 < d["check"]["seconds"] < 60 for d in listed)
+    least = min(listed, key=lambda d: d["check"]["seconds"])
+    assert found["auto"]["device"] == least["device"]
     assert len(list((tmp_path / "clfur" / "checks").iterdir())) == len({tuple(d["identity"]) for d in listed})
 
 
@@ -262,7 +338,7 @@ def test_a_spoilt_cache_is_not_the_devices_fault(made_up, monkeypatch):
     checks["0:1"] = Outcome("crash", None, "the process died of SIGBUS")
     code, _, err = run("--check")
     assert code == 0 and cache.recall(["Xeon", "1.2"]) == ("pass", "")
-    assert err.splitlines()[3:5] == ["pocl:1: pass", (
+    assert err.splitlines()[3:5] == ["pocl:1: pass, 100 ms a frame", (
         "pocl:1: it is right without the kernels that are kept in /kernels: these are spoilt, delete them "
         "(crash: the process died of SIGBUS)")]
     checks["0:1"] = Outcome("hang", None, "no answer in 180 s")   # nobody waits for that twice

@@ -215,7 +215,7 @@ def test_shells_are_their_own_truth(sphere, drawn):
     assert {there.shells.layers for _, there in drawn[1:]} == {1, 30, 60}
     by_layers = {point.layers: point for point in found.points}
     assert set(by_layers) == {1, 30, 60} and by_layers[60].error < by_layers[1].error
-    assert by_layers[1].label == "4 samples, coverage, 1 layer, length 96"
+    assert by_layers[1].label == "4 samples, coverage, 1 layer, shadow grid 96"
     assert {layers: point.name for layers, point in by_layers.items()} == {1: "", 30: "default", 60: ""}
 
 
@@ -265,13 +265,13 @@ def test_a_change_anywhere_measures_anew(monkeypatch):
 
 
 def test_label():
-    assert label(clfur.Settings()) == "4 samples, coverage, length 96"
-    assert label(clfur.Settings(lod=.5)) == "4 samples, coverage, length 96, lod 0.5"
-    odd = clfur.Settings(samples=1, raster="samples", pcf=0, shadow_map=2048, specular="half-vector", filtered=False,
-                         blur="all")
-    assert label(odd, 8) == "1 sample, 8 layers, length 96, unfiltered, map 2048, pcf 0, specular half-vector, blur all"
+    assert label(clfur.Settings()) == "4 samples, coverage, shadow grid 96"
+    assert label(clfur.Settings(lod=.5)) == "4 samples, coverage, shadow grid 96, lod 0.5"
+    odd = clfur.Settings(samples=1, raster="samples", pcf=0, shadow_map=2048, filtered=False, blur="all")
+    assert label(odd, 8) == "1 sample, 8 layers, shadow grid 96, unfiltered, map 2048, pcf 0, blur all"
+    assert label(clfur.Settings(shadows="deep")) == "4 samples, coverage, deep shadows, shadow grid 96"
     assert label(attrs.evolve(odd, shadows="off"), 8) == (
-        "1 sample, 8 layers, no shadows, unfiltered, specular half-vector, blur all")
+        "1 sample, 8 layers, no shadows, unfiltered, blur all")
 
 
 def test_digest(sphere):

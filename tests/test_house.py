@@ -75,13 +75,13 @@ def test_the_stages_are_there():
 
 # What each package, or module at the top, may see of clfur, and of others what not all may.  A package sees itself.
 SEES = {
-    "errors": "", "color": "", "layout": "", "twin": "", "fitted": "",
+    "_version": "", "errors": "", "color": "", "layout": "", "twin": "", "fitted": "",
     "scene": "errors color",
     "settings": "errors scene",
-    "cache": "errors",
+    "cache": "_version errors",
     "measures": "color",
     "device": "errors layout cache pyopencl",
-    "files": "errors color scene mapbox_earcut imageio OpenEXR Imath av",
+    "files": "_version errors color scene mapbox_earcut imageio OpenEXR Imath av",
     "stages": "layout",
     "pipeline": "errors layout scene settings stages device",
     "budget": "errors scene settings measures fitted pipeline",
@@ -90,7 +90,7 @@ SEES = {
     "film": "clfur errors color cache settings scene files device render motion judge pipeline av",
     "judge": "errors color cache measures layout settings scene files device budget render twin stages.tessellate",
     "command": "clfur errors color cache settings scene files device budget judge film",
-    "_moved": "", "__main__": "command", "__init__": "*",
+    "__main__": "command", "__init__": "*",
 }
 GUARDED = {"pyopencl", "trimesh", "mapbox_earcut", "imageio", "OpenEXR", "Imath", "av"}
 STANDARD = {"bisect", "dataclasses", "typing", "math", "numpy"}   # all that stages, layout and twins may see of others

@@ -1,7 +1,5 @@
 """What hair looks like: where looks are given, and that all that draws takes them."""
 
-import warnings
-
 import attrs
 import numpy as np
 import pytest
@@ -62,23 +60,14 @@ def furs(look):
             "both": [clfur.Shells(length=.2, frequency=8, layers=8, look=look), strands]}
 
 
-@pytest.mark.parametrize("raster", ["coverage", "samples"])
 @pytest.mark.parametrize("kind", ["strands", "curves", "typed", "shells", "both"])
-def test_settings_highlight_is_that_of_all_looks(gpu, kind, raster):
-    """For one version: with a warning that tells what to write, the very picture that this gives."""
-    scene, settings = scene_of(furs(clfur.Kajiya(.5, 30))[kind]), attrs.evolve(OFF, raster=raster)
-    meant = clfur.render(scene_of(furs(clfur.Kajiya(.5, 30, "half-vector"))[kind]), gpu, settings)
-    with pytest.warns(DeprecationWarning, match=r"give hair look=clfur.Kajiya\(highlight='half-vector'\)") as caught:
-        settings = clfur.Settings(samples=1, shadows="off", raster=raster, specular="half-vector")
-    assert caught[0].filename == __file__
-    np.testing.assert_array_equal(clfur.render(scene, gpu, settings), meant)
-    assert np.abs(clfur.render(scene, gpu, attrs.evolve(OFF, raster=raster)) - meant).max() > .01
-
-
-def test_without_it_settings_say_nothing():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert clfur.Settings().specular is None
+def test_highlighted_changes_all_looks(gpu, kind):
+    """The very picture that looks with this highlight give: what --specular does."""
+    scene = scene_of(furs(clfur.Kajiya(.5, 30))[kind])
+    meant = clfur.render(scene_of(furs(clfur.Kajiya(.5, 30, "half-vector"))[kind]), gpu, OFF)
+    fur = highlighted(scene.fur, "half-vector")
+    np.testing.assert_array_equal(clfur.render(attrs.evolve(scene, fur=fur), gpu, OFF), meant)
+    assert np.abs(clfur.render(scene, gpu, OFF) - meant).max() > .01
 
 
 def test_what_is_highlighted_again_is_the_very_same():

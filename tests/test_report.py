@@ -14,7 +14,7 @@ from clfur.judge import report
 
 @pytest.fixture
 def text(comparison, tmp_path):
-    report.save_report(tmp_path / "a.html", comparison, "tea & pot")
+    report.save_report(tmp_path / "a.html", comparison, "tea & pot", "clfur compare 'a b'")
     assert [file.name for file in tmp_path.iterdir()] == ["a.html"]
     return (tmp_path / "a.html").read_text(encoding="utf-8")
 
@@ -31,6 +31,8 @@ def test_the_page_needs_nothing_else(text):
 def test_the_page_shows_every_device(text):
     for words in ("tea &amp; pot on 4 devices", "PoCL 3.0 · &lt;b&gt;Chip", "2 of",
                   "the process died of SIGSEGV (after 1 of 5 frames)", "other bits in voxels", "500 (250–1,000)",
+                  "pocl is fastest, 500 ms a frame; rusticl takes about as long.", "500 ms, differs",
+                  f"clfur {clfur.__version__}, {report.system()}, 20", "<code>clfur compare &#39;a b&#39;</code>",
                   "2,000", "not reported", "Difference to pocl", "same bits", "0.521 %", "125<br>"):
         assert words in text, words
     assert text.count("data:image/png;base64,") == 7   # the picture and the difference of three, and the scale
@@ -42,12 +44,18 @@ def test_the_page_shows_every_device(text):
     assert len(ids) == len(set(ids)) > 0
 
 
+def test_the_page_answers_speed_first(text):
+    """Which device is fastest stands ahead of all else, then how long each takes."""
+    body = text[text.index("<body>"):]
+    assert body.index("is fastest") < body.index('class="bars"') < body.index('class="verdict') < body.index("<table>")
+
+
 def test_a_page_of_failures(comparison, tmp_path):
     lost = attrs.evolve(comparison, rows=[comparison.rows[2]], reference=None, strands=None, segments=None,
                         triangles=None)
     report.save_report(tmp_path / "a.html", lost, "teapot")
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
-    assert "SIGSEGV" in text and "<svg" not in text
+    assert "SIGSEGV" in text and "<svg" not in text and "fastest" not in text and "<code>" not in text
 
 
 def test_colours_of_a_difference():

@@ -12,7 +12,7 @@ from ..judge.chart import check_chart, numbers, save_chart
 from ..judge.report import spread
 from ..settings import Settings
 from .devices import ask_drivers
-from .options import Sectioned, scene_options
+from .options import Sectioned, command_line, scene_options
 from .scenes import load_scene
 from .types import Whole
 from .waiting import waiting
@@ -59,7 +59,7 @@ def chart(given, output, device, repeat, pan, fresh, as_json, **options):
         found = frontier(scene, device=device, repeat=repeat, pan=pan, tell=show, fresh=fresh,
                          own=given_settings)
     if output is not None:
-        save_chart(output, found, Path(given).stem)
+        save_chart(output, found, Path(given).stem, command_line())
     if as_json:
         print(json.dumps({"scene": given, "chart": output, **found.as_dict()}, allow_nan=False))
     else:

@@ -9,7 +9,7 @@ import click
 from .. import compare as compare_devices
 from ..judge.report import check_report, mebibytes, milliseconds, save_report, spread
 from .devices import ask_drivers
-from .options import Sectioned, scene_options
+from .options import Sectioned, command_line, scene_options
 from .scenes import load_scene
 from .types import Whole
 from .waiting import waiting
@@ -53,7 +53,7 @@ def compare(given, devices, repeat, output, as_json, **options):
             progress.update(tasks[device], completed=done)
         found = compare_devices(scene, devices, settings, repeat, tell=show)
     if output is not None:
-        save_report(output, found, Path(given).stem)
+        save_report(output, found, Path(given).stem, command_line())
     if as_json:
         print(json.dumps({"scene": given, "report": output, **found.as_dict()}, allow_nan=False))
     else:
@@ -71,6 +71,8 @@ def _print(found, given):
     strands = "" if found.strands is None else f", {found.strands:,} strands, {found.segments:,} segments"
     console.print(f"{given}: {found.size[0]}x{found.size[1]}{strands}, "
                   f"{found.repeat} warm frame{'s' * (found.repeat != 1)} a device")
+    if found.fastest:
+        console.print(found.fastest)
     _table(console, "", ["device", "driver and processor", "status"], [
         [row.device, row.name, Text(row.status, "green" if row.status == "ok" else "red")
          + (", the reference" if row.device == found.reference else "") + (f": {row.message}" if row.message else "")]

@@ -12,23 +12,31 @@ import click
 from .. import cache
 from ..device import caches, vendors
 from ..errors import Error
+from ..judge import speed
 from ..judge.isolated import isolated
+from ..judge.report import milliseconds
+from . import bug_report
 
 LOADING, CHECKING = 60, 180   # seconds; PoCL compiles every kernel on the first run
 
 
 @click.command()
-@click.option("--check", is_flag=True, help="Draw a small picture on each device and say whether it is right; "
-              "auto then passes over devices that fail.")
+@click.option("--check", is_flag=True, help="Draw a small picture on each device and say whether it is right, and how "
+              "fast a larger one is; auto then takes the fastest that is right.")
 @click.option("--why", is_flag=True, help="List every driver that OpenCL looks at, and why it does not load.")
+@click.option("--report", is_flag=True, help="Print what a bug report should hold: versions, system, devices, drivers, "
+              "what is known of their checks; no paths, no names of users.")
 @click.option("--json", "as_json", is_flag=True, help="Print the same as one JSON object.")
-def devices(check, why, as_json):
+def devices(check, why, report, as_json):
     """List the OpenCL devices: what to give --device, and which one is taken without it.
 
     With --check, the exit code is 1 if a device fails.
     """
-    if check and why:
-        raise click.UsageError("--check and --why are two questions: ask one at a time")
+    asked = [name for name, given in {"--check": check, "--why": why, "--report": report}.items() if given]
+    if len(asked) > 1:
+        raise click.UsageError(f"{' and '.join(asked)} are {len(asked)} questions: ask one at a time")
+    if report:
+        return _report(as_json)
     if why:
         return _why(as_json)
     vendors.prepare()   # here, so that what it makes stays as long as the command
@@ -83,6 +91,7 @@ def _check(found):
     for name, device in [(each["name"], device) for each in found["platforms"] for device in each["devices"]]:
         click.echo(f"{device['device']}: checking {device['description']} ...", err=True)
         verdict, message, notes = _verdict(device["number"], {})
+        seconds = None
         if verdict in ("crash", "wrong"):   # perhaps because of kernels that are spoilt
             with caches.temporary() as empty:
                 again, _, _ = _verdict(device["number"], caches.in_folder(empty))
@@ -90,8 +99,12 @@ def _check(found):
                 notes.append(f"it is right without the kernels that are kept{caches.where(name)}: these "
                              f"are spoilt, delete them ({verdict}: {message})")
                 verdict, message = again, ""
-        device["check"] = {"verdict": verdict, "message": message}
-        for line in [f"{verdict}{message and f': {message}'}", *notes]:
+        if verdict == "pass":
+            seconds, trouble = _seconds(device["number"])
+            notes += [trouble] * bool(trouble)
+        device["check"] = {"verdict": verdict, "message": message, "seconds": seconds}
+        took = f", {milliseconds(seconds)} ms a frame" if seconds else ""
+        for line in [f"{verdict}{took}{message and f': {message}'}", *notes]:
             click.echo(f"{device['device']}: {line}", err=True)
         identity = tuple(device["identity"])
         if identity in failures:   # of two cards of one kind, the one that fails counts
@@ -99,7 +112,7 @@ def _check(found):
         if verdict != "pass":
             failures[identity] = verdict
         try:
-            cache.remember(device["identity"], verdict, message)
+            cache.remember(device["identity"], verdict, message, seconds)
         except Error as error:
             click.echo(f"{device['device']}: this is not remembered: {error}", err=True)
     # What auto takes may be another device now.
@@ -114,6 +127,12 @@ def _verdict(number, environment):
     message, notes = outcome.value if outcome.status == "ok" else (outcome.message, [])
     verdict = {"ok": "wrong" if message else "pass", "error": "wrong"}.get(outcome.status, outcome.status)
     return verdict, message, notes
+
+
+def _seconds(number):
+    """(seconds of a frame on a device in a process of its own, "") or (None, why there are none)."""
+    outcome = isolated("clfur.judge.speed:measure", number, seconds=CHECKING)
+    return (outcome.value, "") if outcome.status == "ok" else (None, f"it was not timed: {outcome.message}")
 
 
 def _table(found):
@@ -140,7 +159,7 @@ def _table(found):
             row = [f"{d['device']}\n{d['type']}", f"{title}\ndriver {d['driver']}\n{d['short_name']}",
                    str(d["compute_units"]), f"{_size(d['memory'])}\n{_size(d['largest_allocation'])}",
                    _yes(d["fp64"]), _yes(d["int64_atomics"])]
-            table.add_row(*row, *([d["check"]["verdict"] if d["check"] else "-"] if checked else []))
+            table.add_row(*row, *([_checked(d["check"])] if checked else []))
         table.add_section()
     # Names are not markup, whatever they hold.
     Console(markup=False, highlight=False, emoji=False).print(table)
@@ -152,7 +171,16 @@ def _table(found):
     for device in _each(found):
         if device["check"] and device["check"]["message"]:
             print(f"{device['device']} {device['check']['verdict']}: {device['check']['message']}")
+    if timed := {d["device"]: d["check"]["seconds"] for d in _each(found) if d["check"] and d["check"]["seconds"]}:
+        print(speed.told(timed))
     print(_sentence(found))
+
+
+def _checked(check):
+    """What the table says of a check, or of none."""
+    if not check:
+        return "-"
+    return check["verdict"] + (f",\n{milliseconds(check['seconds'])} ms" if check["seconds"] else "")
 
 
 def _sentence(found):
@@ -165,7 +193,32 @@ def _sentence(found):
     return f"{default['by']}={default['text']} decides: it {taken}\nwithout it {sentence}"
 
 
+def _report(as_json):
+    if as_json:
+        raise click.UsageError("--report is text for people; allowed beside it: nothing")
+    rows, notes = _drivers()
+    try:
+        found, trouble = survey(), ""
+    except Error as error:
+        found, trouble = None, str(error)
+    print(bug_report.report(found, trouble, rows, notes))
+
+
 def _why(as_json):
+    rows, lines = _drivers()
+    if as_json:
+        print(json.dumps({"drivers": rows, "notes": lines}))
+        return
+    for row in rows:
+        print(f"{row['file']} ({row['origin']})\n    {row['status']}: {row['message']}")
+    for line in lines:
+        print(line)
+    if not rows and sys.platform not in vendors.NOT_BY_FILES:
+        print("OpenCL's loader looks at no driver at all")
+
+
+def _drivers():
+    """([{what is known of a driver}], [what else there is to say]), each driver in a process of its own."""
     listed, lines = vendors.vendors()
     rows = []
     for vendor in listed:
@@ -174,15 +227,7 @@ def _why(as_json):
         status, message = outcome.value if outcome.status == "ok" else (outcome.status, outcome.message)
         rows.append({"file": vendor.place, "library": vendor.library, "origin": vendor.origin,
                      "status": status, "message": message})
-        if not as_json:
-            print(f"{vendor.place} ({vendor.origin})\n    {status}: {message}")
-    if as_json:
-        print(json.dumps({"drivers": rows, "notes": lines}))
-        return
-    for line in lines:
-        print(line)
-    if not listed and sys.platform not in vendors.NOT_BY_FILES:
-        print("OpenCL's loader looks at no driver at all")
+    return rows, lines
 
 
 def _size(number):

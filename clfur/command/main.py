@@ -7,7 +7,7 @@ import warnings
 
 import click
 
-from .. import Error
+from .. import Error, __version__
 from . import endings
 from .chart import chart
 from .compare import compare
@@ -18,7 +18,7 @@ from .render import render
 
 
 @click.group(invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="clfur")
+@click.version_option(__version__)
 @click.pass_context
 def clfur(context):
     """Fur and hair on meshes, rendered with OpenCL."""
@@ -46,7 +46,8 @@ def main(arguments=None):
 def _run(arguments):
     """The exit code."""
     try:
-        code = clfur.main(arguments, prog_name="clfur", standalone_mode=False)
+        given = sys.argv[1:] if arguments is None else arguments
+        code = clfur.main(given, prog_name="clfur", standalone_mode=False, obj=list(given))   # obj: what pages tell
         sys.stdout.flush()   # what fails at the end of the process is told by nobody
         return code
     except (click.Abort, KeyboardInterrupt):

@@ -2,6 +2,7 @@
 
 import functools
 import re
+import shlex
 
 import click
 from click.core import ParameterSource
@@ -350,6 +351,11 @@ def check_fur(flags, options):
     if "variation" in flags and (options["fur"], options["pattern"]) == ("shells", "sine"):
         raise click.UsageError("--variation is for --pattern cells, but --pattern is sine; "
                                "allowed: with --pattern cells or --fur both")
+
+
+def command_line():
+    """The line of the shell that runs now, as `main` was given it."""
+    return shlex.join(["clfur", *(click.get_current_context().obj or ())])
 
 
 def check_grown(flags, options, has):

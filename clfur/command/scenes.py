@@ -125,11 +125,12 @@ def load_moving(given, options):
             upright(load_mesh(given)) if options["up"] == "z" else load_mesh(given), options | {"given": given})
         return scene, None, _taken(scene, settings, flags, options)
     scene, motion, given_settings = _run(given)
-    # Options named as a field of Settings count where the file sets no settings; all others describe the scene.
+    # Options named as a field of Settings, and the highlight of all looks, count where the file sets no settings; all
+    # others describe the scene.
     for name, flag in flags.items():
         if name == "time" and (callable(scene) or motion is not None):
             continue
-        if given_settings or not (hasattr(settings, name) or name == "preset"):
+        if given_settings or not (hasattr(settings, name) or name in ("preset", "specular")):
             raise click.UsageError(f"{flag}: {given} sets this itself; change it there")
     check_settings(flags, settings)
     if "specular" in flags:
@@ -146,8 +147,7 @@ def _with_highlights(scene, specular):
 
 def _settings(flags, options):
     """The `Settings` of the options; raises click.UsageError where some of those given, {name: flag}, have no say."""
-    values = {field.name: options[field.name] for field in attrs.fields(Settings)
-              if field.name in options and field.name != "specular"}   # which is their looks'
+    values = {field.name: options[field.name] for field in attrs.fields(Settings) if field.name in options}
     if values:
         values["samples"] = int(values["samples"])
     goal = next((flags[name] for name in ("seconds", "max_error") if name in flags), None)

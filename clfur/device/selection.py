@@ -37,24 +37,25 @@ def choose(device: Any = None) -> cl.Device:
     source, wish = _wish() if device is None else ("", device)
     platforms = _platforms()
     try:
-        return pick(wish, platforms, _failed(platforms) if wish.strip().lower().startswith("auto") else ())
+        return pick(wish, platforms, *(_known(platforms) if wish.strip().lower().startswith("auto") else ()))
     except Error as error:
         raise Error(f"{source}: {error}" if source else str(error)) from None
 
 
-def pick(text, platforms, failed=()):
+def pick(text, platforms, failed=(), measured=()):
     """The device that ``text`` means among ``platforms``, a list of lists of devices.
 
     "auto", "cpu", "gpu", or a part of the platform's name or version or else of the device's name, in any
     case; ":1" after it takes the second match in the order of "auto" (GPU, CPU, others; PoCL first).
-    "1:0" and "1" are numbers of platform and device.  "auto" takes the devices that ``failed`` their self-test last.
+    "1:0" and "1" are numbers of platform and device.  "auto" takes the devices that ``failed`` their self-test last,
+    and of those that are ``measured``, [(device, seconds of a frame)], the fastest first: see `_best_first`.
     Raises `clfur.Error` if there is no such device.
     """
     if not any(platforms):
         # PoCL without a folder for its kernel cache is there, but shows no device.
         hint = "; PoCL also needs a cache folder it can write to" if platforms else ""
         raise Error(f"there is no OpenCL device; {vendors.advice()}{hint}")
-    matches = _matches(text, platforms, failed)
+    matches = _matches(text, platforms, failed, measured)
     if not matches:
         kinds = [kind for kind in ("cpu", "gpu") if _matches(kind, platforms)]
         there = ", ".join(f"{handle} ({describe(device)})" for handle, device in handles(platforms))
@@ -85,9 +86,9 @@ def describe(device: cl.Device) -> str:
     return f"{_tidy(driver)} · {_short_name(device)} ({units} unit{'s' * (units != 1)})"
 
 
-def reason(platforms, failed=()):
+def reason(platforms, failed=(), measured=()):
     """Why "auto" takes the device that it takes, in a few words: "no GPU; PoCL before other CPU drivers"."""
-    best = pick("auto", platforms, failed)
+    best = pick("auto", platforms, failed, measured)
     devices = _matches("auto", platforms)
     if len(devices) == 1:
         return "it is the only device" + "; it failed its check, though" * (best in failed)
@@ -98,6 +99,9 @@ def reason(platforms, failed=()):
     words = [f"{', '.join(skipped)} failed the check"] if skipped else []
     if best in failed:
         words.append("all failed their check")
+    timed = [device for device, _ in measured if device in rivals]
+    if best in timed and len(timed) > 1:
+        return "; ".join([*words, f"the fastest of {len(timed)} that were measured"])
     if kind == 0 and max(kinds) > 0:
         words.append("GPU before CPU")
     elif kind and not skipped:
@@ -115,13 +119,14 @@ def survey():
     """All that is known of this machine's OpenCL, as what JSON can hold: see `clfur devices --json`."""
     found = _found()
     platforms = [devices for _, devices in found]
-    named, failed = handles(platforms), _failed(platforms)
+    named, (failed, measured) = handles(platforms), _known(platforms)
     handle_of = {id(device): handle for handle, device in named}
     source, wish = _wish()
     default = auto = None
     if named:
-        auto = {"device": handle_of[id(pick("auto", platforms, failed))], "why": reason(platforms, failed)}
-        matches = _matches(wish, platforms, failed)
+        auto = {"device": handle_of[id(pick("auto", platforms, failed, measured))],
+                "why": reason(platforms, failed, measured)}
+        matches = _matches(wish, platforms, failed, measured)
         default = {"by": source or "auto", "text": wish, "device": handle_of[id(matches[0])] if matches else None}
     return {"auto": auto, "default": default, "platforms": [
         {"name": platform.name, "version": platform.version, "vendor": platform.vendor, "devices": [
@@ -134,14 +139,15 @@ def local_devices(wish):
     """Numbers ("0:1") of the devices on this machine that jobs can be shared among, one at a time each.
 
     wish: None, or what `choose` takes, or a list of these. Without it, and none in the environment: all GPUs that did
-    not fail the self-test, or what `choose` takes.
+    not fail the self-test, if "auto" means one of them, or what `choose` takes.
     """
     several = wish if isinstance(wish, (list, tuple)) else [wish]
     platforms = _platforms()
     if several == [None] and not _wish()[0]:
-        failed = _failed(platforms)
-        several = [device for devices in platforms for device in devices
-                   if device.type & cl.device_type.GPU and device not in failed] or several
+        failed, measured = _known(platforms)
+        gpus = [device for devices in platforms for device in devices
+                if device.type & cl.device_type.GPU and device not in failed]
+        several = gpus if gpus and pick("auto", platforms, failed, measured) in gpus else several
     chosen = [choose(getattr(one, "device", one)) for one in several]   # a Scheduler's
     return [f"{p}:{d}" for one in chosen for p, devices in enumerate(platforms) for d, device in enumerate(devices)
             if device == one]
@@ -223,7 +229,7 @@ def _devices(platform):
         return []
 
 
-def _matches(text, platforms, failed=()):
+def _matches(text, platforms, failed=(), measured=()):
     """The devices that ``text`` means, the best first; maybe none."""
     text = text.strip().lower()
     if numbers := re.fullmatch(r"(\d{1,9})(?::(\d{1,9}))?", text):
@@ -234,7 +240,7 @@ def _matches(text, platforms, failed=()):
         name, first = numbered[1], int(numbered[2])
     devices = sorted((device for platform in platforms for device in platform), key=_rank)   # stable
     if name == "auto":
-        found = sorted(devices, key=lambda device: device in failed)
+        found = _best_first(devices, failed, measured)
     elif name in _TYPES:
         found = [d for d in devices if d.type & _TYPES[name]]
     else:
@@ -244,20 +250,41 @@ def _matches(text, platforms, failed=()):
     return found[first:]
 
 
+def _best_first(devices, failed, measured):
+    """Devices in the order of "auto", of what is ordered by kind: those that failed last; and of the others those that
+    were measured, [(device, seconds)], take each other's places by speed, while others keep theirs.
+
+    So a GPU that was never measured stays before CPUs that were: a new driver must not turn a machine to its CPU.
+    """
+    passing = [device for device in devices if device not in failed]
+    timed = [device for device, _ in sorted(measured, key=lambda each: each[1]) if device in passing]
+    fastest = iter(timed)
+    return [next(fastest) if device in timed else device for device in passing] + [
+        device for device in devices if device in failed]
+
+
 def _identity(device):
-    """Texts that distinguish a device and its driver from others on this machine."""
-    return [device.platform.name, device.platform.version, device.name, device.driver_version]
+    """Texts that distinguish a device and its driver from others, also where machines share a home."""
+    return [device.platform.name, device.platform.version, device.name, device.driver_version,
+            str(device.max_compute_units)]
 
 
-def _failed(platforms):
-    """The devices whose last self-test is remembered to have failed."""
-    return [device for devices in platforms for device in devices
-            if (cache.recall(_identity(device)) or ("pass",))[0] != "pass"]
+def _known(platforms):
+    """([device] whose last self-test failed, [(device, seconds of a frame)] that were measured), as remembered."""
+    devices = [(device, _identity(device)) for devices in platforms for device in devices]
+    return ([device for device, identity in devices if (cache.recall(identity) or ("pass",))[0] != "pass"],
+            [(device, seconds) for device, identity in devices if (seconds := cache.recall_seconds(identity))])
+
+
+def shares_processor(one, other):
+    """Whether two devices are the same processor: one device, or two drivers of this machine's CPU."""
+    return one is other or one == other or all(
+        device.type & cl.device_type.CPU and device.parent_device is None for device in (one, other))
 
 
 def _facts(device):
     """What `survey` has of a device; sizes in bytes."""
-    check = cache.recall(_identity(device))
+    check, seconds = cache.recall(_identity(device)), cache.recall_seconds(_identity(device))
     memory, limit = planned(device.global_mem_size, allowed(device.max_compute_units, is_shared(device)))
     return {
         "name": device.name,
@@ -273,7 +300,7 @@ def _facts(device):
         "int64_atomics": "cl_khr_int64_extended_atomics" in device.extensions.split(),
         "description": describe(device),
         "identity": _identity(device),
-        "check": check and {"verdict": check[0], "message": check[1]},
+        "check": check and {"verdict": check[0], "message": check[1], "seconds": seconds},
     }
 
 

@@ -1,13 +1,12 @@
 """Outputs of the renderer <-> parts of an EXR file: names of channels, whole numbers, Cryptomatte, the header."""
 
-import contextlib
-import importlib.metadata
 import json
 from typing import Any
 
 import attrs
 import numpy as np
 
+from .._version import __version__
 from ..errors import Error
 from ..scene import Camera
 from . import exr, matte
@@ -26,9 +25,7 @@ KIND = "clfur:dtype"  # attribute: what the arrays of a part were
 
 def about(camera: Camera | None = None, settings: Any = None) -> dict:
     """{attribute: value} of a header: who made the picture, and of what."""
-    found: dict[str, Any] = {"software": "clfur"}
-    with contextlib.suppress(importlib.metadata.PackageNotFoundError):   # a checkout that is not installed
-        found["software"] += f" {importlib.metadata.version('clfur')}"
+    found: dict[str, Any] = {"software": f"clfur {__version__}"}
     if camera is not None:
         if not isinstance(camera, Camera):
             raise Error(f"save camera is {camera!r:.60}; allowed: a clfur.Camera")

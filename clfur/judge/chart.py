@@ -20,17 +20,19 @@ def check_chart(path):
     require(f"{path}: a chart", "matplotlib", *["jinja2"] * (path.suffix.lower() in SUFFIXES[:2]))
 
 
-def save_chart(path, found, title):
+def save_chart(path, found, title, command=""):
     """Write what `clfur.frontier` found to an .html, .png or .svg file: all of it or nothing.
 
-    ``title``: what was drawn, in a word.  Raises `clfur.Error` where it cannot be written, or without the extra.
+    ``title``: what was drawn, in a word.  ``command``: the line of the shell that made it, if one did.
+    Raises `clfur.Error` where it cannot be written, or without the extra.
     """
     check_chart(path)
     path = output_path(path, SUFFIXES)
     with whole(path) as temporary:
         if path.suffix.lower() in SUFFIXES[:2]:
             picture = svg(draw_chart(found), "chart")
-            text = page("chart.html", found=found, title=title, picture=picture, numbers=numbers)
+            text = page("chart.html", found=found, title=title, picture=picture, numbers=numbers,
+                        command=command)
             temporary.write_text(text, encoding="utf-8")
         else:
             figure = draw_chart(found, f"{title} on {found.device}")

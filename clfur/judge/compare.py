@@ -21,6 +21,7 @@ from ..render import draw
 from ..scene import Scene, checks
 from ..settings import Settings
 from .isolated import isolated, send
+from .speed import told
 
 BEYOND = 1e-3   # colours further apart than this, in linear light, count as different ...
 SHARE = 1e-3    # ... of which a picture may hold this share and still agree
@@ -105,9 +106,16 @@ class Comparison:
         """Whether every device gave the picture, and all the same one."""
         return all(row.status == "ok" for row in self.rows)
 
+    @property
+    def fastest(self) -> str:
+        """Which device is fastest, and by how much, in a line; of those that give the picture, "" where none does."""
+        seconds = {row.device: row.frame.median for row in self.rows if row.frame and row.status == "ok"}
+        return told(seconds) if seconds else ""
+
     def as_dict(self) -> dict:
         """All but the pictures, as what JSON can hold; numbers that are not finite become None."""
-        return plain(attrs.asdict(self, filter=lambda field, _: field.name != "picture") | {"agree": self.agree})
+        known = attrs.asdict(self, filter=lambda field, _: field.name != "picture")
+        return plain(known | {"agree": self.agree, "fastest": self.fastest})
 
 
 def compare(scene: Scene, devices: str | Sequence[str] = "all", settings: Settings | None = None, repeat: int = 5,

@@ -186,11 +186,12 @@ def frontier(scene: Scene, candidates: Sequence[Settings] | None = None, device:
 
 
 def label(settings, layers=None):
-    """What is particular to settings, in a few words: "4 samples, coverage, length 48"."""
+    """What is particular to settings, in a few words: "4 samples, coverage, shadow grid 48"."""
     words = [f"{settings.samples} sample{'s' * (settings.samples > 1)}"]
     words += ["coverage"] * (settings.raster == "coverage")
     words += [] if layers is None else [f"{layers} layer{'s' * (layers > 1)}"]
-    words.append("no shadows" if settings.shadows == "off" else f"{settings.shadows} {settings.grid}")
+    words += [f"{settings.shadows} shadows"] * (settings.shadows not in ("length", "off"))
+    words.append("no shadows" if settings.shadows == "off" else f"shadow grid {settings.grid}")
     words += ["unfiltered"] * (not settings.filtered)
     written = {"samples", "raster", "shadows", "grid", "filtered"}
     written |= {"shadow_map", "pcf"} if settings.shadows == "off" else set()   # without shadows nothing reads these

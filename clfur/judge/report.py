@@ -3,12 +3,14 @@
 import base64
 import importlib
 import io
+import platform
 import re
 import time
 from importlib.resources import files
 
 import numpy as np
 
+from .._version import __version__
 from ..color import srgb_to_linear
 from ..errors import Error
 from ..files.images import png_bytes
@@ -34,15 +36,16 @@ def require(what, *names):
             raise Error(f'{what} needs {name}: pip install "clfur[report]"') from None
 
 
-def save_report(path, comparison, title):
+def save_report(path, comparison, title, command=""):
     """Write the page of a `clfur.Comparison` to an .html file: all of it or nothing.
 
-    ``title``: what was drawn, in a word.  Raises `clfur.Error` where it cannot be written, or without the extra.
+    ``title``: what was drawn, in a word.  ``command``: the line of the shell that made it, if one did.
+    Raises `clfur.Error` where it cannot be written, or without the extra.
     """
     check_report(path)
     path = output_path(path, SUFFIXES)
     with whole(path) as temporary:
-        temporary.write_text(page("report.html", **_of(comparison), title=title), encoding="utf-8")
+        temporary.write_text(page("report.html", **_of(comparison), title=title, command=command), encoding="utf-8")
 
 
 def page(template, **values):
@@ -53,7 +56,14 @@ def page(template, **values):
                                      undefined=jinja2.StrictUndefined, loader=jinja2.FunctionLoader(_template))
     environment.filters |= {"ms": milliseconds, "spread": spread, "mib": mebibytes, "count": "{:,.0f}".format,
                             "small": "{:.2g}".format}
-    return environment.get_template(template).render(**values, now=time.strftime("%Y-%m-%d %H:%M"))
+    return environment.get_template(template).render(
+        **values, now=time.strftime("%Y-%m-%d %H:%M"), version=__version__, system=system())
+
+
+def system():
+    """System and Python in a line: "Linux 6.1.0 x86_64, Python 3.11.7"."""
+    return (f"{platform.system()} {platform.release()} {platform.machine()}, "
+            f"{platform.python_implementation().replace('CPython', 'Python')} {platform.python_version()}")
 
 
 def _template(name):
@@ -123,6 +133,7 @@ def _of(comparison):
     return {
         "comparison": comparison,
         "drawn": drawn,
+        "by_speed": sorted(drawn, key=lambda row: row.frame.median),
         "stages": list(dict.fromkeys(name for row in drawn for name in row.stages or ())),
         "integer_stages": list(dict.fromkeys(name for row in drawn for name in row.difference.same)),
         "charts": [("Where the time goes", _stage_chart(drawn)), ("Every frame", _frame_chart(drawn))] if drawn else [],

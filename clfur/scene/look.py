@@ -161,8 +161,7 @@ class Looking:
 
 @functools.lru_cache(maxsize=8)   # what is drawn again must be the very same
 def highlighted(fur: Any, highlight: str) -> Any:
-    """Return fur, or each of a tuple, whose looks have this highlight: what `Settings.specular` chose once for all.
-    A Chiang has none to choose."""
+    """Return fur, or each of a tuple, whose looks have this highlight; a Chiang has none to choose."""
     if fur is None or isinstance(fur, tuple):
         return fur and tuple(highlighted(part, highlight) for part in fur)
     if types := getattr(fur, "types", None):
