@@ -3,7 +3,7 @@
 import attrs
 import numpy as np
 
-from ..errors import Error
+from ..errors import Error, brief
 from . import checks
 from .mesh import Mesh
 
@@ -64,6 +64,7 @@ class Spots:
     sizes: np.ndarray
     turns: np.ndarray
     spacing: float
+    __repr__ = brief
 
 
 def spots_of(tufts: Tufts, mesh: Mesh, rest: Mesh, seed: int) -> Spots:
