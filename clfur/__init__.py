@@ -45,6 +45,8 @@ from .scene import (
     over,
 )
 from .settings import Settings
+from .viewer import pictures
+from .viewer.notebook import view
 
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
@@ -52,8 +54,9 @@ __all__ = [
     "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "Tufts", "Wind", "blurred", "compare", "draw",
     "film", "frames", "frontier", "grow", "load", "load_animation", "load_colmap", "load_curves", "load_header",
     "load_materials", "load_mesh", "load_picture", "load_scene", "over", "render", "save", "save_curves", "subframes",
-    "to_uint8", "truth",
+    "to_uint8", "truth", "view",
 ]
 
 install()
-del install
+pictures.install()
+del install, pictures

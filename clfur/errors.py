@@ -78,7 +78,7 @@ def _told(thing):
 def _equal(value, default):
     """Whether a field holds its default, which may have become an array."""
     if isinstance(value, np.ndarray):
-        return isinstance(default, tuple) and np.array_equal(value.ravel(), default)
+        return isinstance(default, (tuple, np.ndarray)) and np.array_equal(value.ravel(), default)
     plain = isinstance(value, (bool, int, float, str, tuple)) and type(value) is type(default)
     return value is default or (plain and value == default)
 
