@@ -15,9 +15,9 @@ from ..errors import Error, shown
 from ..scene import Scene
 from ..scene.origin import copied
 from ..settings import Settings
-from .orbit import Orbit
 from .pictures import device_of, drawn, scene_png
 
+JAVASCRIPT = Path(__file__).with_name("notebook.js")
 LARGEST = 640, 480   # of the picture where no size is told
 # Without lod what the lights' grids hold stays as it is while the camera moves.
 MOVING = attrs.evolve(PRESETS["draft"], lod=0.0)
@@ -41,23 +41,26 @@ def view(scene: Scene, device: Any = None, settings: Settings | None = None, siz
     if size is None:
         share = min(1.0, *(most / own for most, own in zip(LARGEST, scene.camera.size)))
         size = [max(round(share * own), 1) for own in scene.camera.size]
-    orbit = Orbit.of(scene, size)
-    return _widget()(scene, device_of(device), settings, orbit)
+    from .orbit import Orbit  # not above, where all who import clfur would wait for it
+
+    return _widget()(scene, device_of(device), settings, Orbit.of(scene, size))
 
 
 class Drawing:
-    """Pictures of a Scene from the newest camera, drawn in a thread that lasts as long as there is something to draw.
+    """Pictures of a Scene from the newest camera, drawn in a thread that lasts as long as there is something to draw:
+    a kernel that drew them itself would answer nothing else meanwhile.
 
-    send(content, picture): is given each picture, from that thread: {"final": whether it is as ``settings`` say} and
-    the bytes of a PNG file, or {"error": a line} and None.
+    device: an OpenCL device. orbit: an `Orbit`, where the camera begins. send(content, picture): is given each picture
+    in that thread: {"final": whether it is as ``settings`` say} and the bytes of a PNG file, or {"error": a line} and
+    None.
     """
 
-    def __init__(self, scene: Scene, device: Any, settings: Settings, orbit: Orbit,
+    def __init__(self, scene: Scene, device: Any, settings: Settings, orbit: Any,
                  send: Callable[[dict, bytes | None], None]) -> None:
         self.scene, self.settings, self.orbit = scene, settings, orbit
         self._device, self._send, self._begun, self._half = device, send, orbit, False
         self._lock = threading.Lock()
-        self._wanted: tuple[Orbit, bool] | None = None   # one slot: a newer camera takes the place of one that waits
+        self._wanted: tuple[Any, bool] | None = None   # one slot: a newer camera takes the place of one that waits
         self._draws = False
 
     def heed(self, asked: dict) -> None:
@@ -117,7 +120,7 @@ def _widget():
         raise Error('clfur.view needs anywidget: pip install "clfur[notebook]"') from None
 
     class View(AnyWidget):
-        _esm = Path(__file__).with_name("notebook.js").read_text(encoding="utf-8")
+        _esm = JAVASCRIPT.read_text(encoding="utf-8")
 
         def __init__(self, scene, device, settings, orbit):
             super().__init__()
