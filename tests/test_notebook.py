@@ -280,11 +280,11 @@ def page():
         browser.close()
 
 
-MODEL = """source => import(URL.createObjectURL(new Blob([source], {type: "text/javascript"}))).then(({default: it}) => {
+MODEL = """source => import(URL.createObjectURL(new Blob([source], {type: "text/javascript"}))).then((module) => {
     let take;
     window.open = window.most = 0;   // pictures that the page waits for, now and at most
     const send = (content) => { if (!content.rest) most = Math.max(most, ++open); heed(content); };
-    it.render({model: {send, on: (_, f) => { take = f; }, off() {}}, el: document.body});
+    module.default.render({model: {send, on: (_, f) => { take = f; }, off() {}}, el: document.body});
     window.put = (content, bytes) => {
         if (!content.final) open = 0;
         take(content, bytes && [new DataView(Uint8Array.from(atob(bytes), (c) => c.charCodeAt(0)).buffer)]);
