@@ -101,7 +101,7 @@ def test_what_cannot_be_drawn_fails_no_cell(scene, monkeypatch):
         warnings.simplefilter("error")
         assert scene._repr_png_() is None   # silently
         monkeypatch.delenv("CLFUR_DEVICE")
-        monkeypatch.setattr(pictures, "render", lambda *_: 1 / 0)
+        monkeypatch.setattr(pictures, "render", lambda *_, **__: 1 / 0)
         assert scene._repr_png_() is None   # though a warning is an error
     with pytest.warns(RuntimeWarning, match="no picture of this Scene: division by zero"):
         assert scene._repr_png_() is None
@@ -166,6 +166,12 @@ def test_the_newest_camera_wins(gpu, scene, monkeypatch):
     page.until_idle()
     assert page.put.empty() and len(asked) == 2
     assert (asked[-1].eye == page.drawing._begun.turned(.05, 0).camera().eye).all()
+
+
+def test_a_picture_is_given_up(gpu, scene):
+    answers = iter([False, True])
+    assert pictures.drawn(scene, clfur.Settings(), gpu.device, lambda: next(answers, True)) is None
+    assert pictures.drawn(scene, clfur.Settings(), gpu.device, lambda: False) == png(clfur.render(scene, gpu))
 
 
 def test_slow_pictures_are_half_as_large_while_they_move(gpu, scene, monkeypatch):
