@@ -8,6 +8,7 @@ import queue
 import shutil
 import sys
 import threading
+import time
 import warnings
 from pathlib import Path
 
@@ -309,7 +310,8 @@ def test_the_mouse_turns_the_scene_in_a_browser(page, gpu, scene):
     page.evaluate(MODEL, notebook.JAVASCRIPT.read_text())
 
     def until_final():
-        while True:
+        end = time.monotonic() + 30
+        while time.monotonic() < end:
             page.wait_for_timeout(1)   # the page's events are heard meanwhile
             while not there.put.empty():
                 content, picture = there.put.get()
@@ -318,6 +320,7 @@ def test_the_mouse_turns_the_scene_in_a_browser(page, gpu, scene):
                     page.wait_for_function("expected => document.querySelector('div').textContent === expected",
                                            arg=content.get("error", ""))
                     return picture
+        pytest.fail("no final picture came")
 
     def drag(*keys):
         for key in keys:
