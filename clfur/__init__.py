@@ -48,6 +48,8 @@ from .scene import (
     over,
 )
 from .settings import Settings
+from .viewer import pictures
+from .viewer.notebook import view
 
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
@@ -55,10 +57,11 @@ __all__ = [
     "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Stopped", "Strands", "Tufts", "Wind", "blurred",
     "compare", "draw", "film", "frames", "frontier", "grow", "load", "load_animation", "load_colmap", "load_curves",
     "load_header", "load_materials", "load_mesh", "load_picture", "load_scene", "over", "render", "save", "save_curves",
-    "subframes", "to_uint8", "truth",
+    "subframes", "to_uint8", "truth", "view",
 ]
 
+pictures.install()
 for _name in ("compare", "frontier", "truth"):   # in judge/; users import them by these names
     # There from the start: an import would put the module in the place of the function.
     sys.modules[f"clfur.{_name}"] = importlib.import_module(f"clfur.judge.{_name}")
-del importlib, sys, _name
+del importlib, sys, pictures, _name

@@ -15,7 +15,7 @@ import psutil
 from ..device.caches import in_folder, temporary
 from ..device.scheduler import Scheduler
 from ..device.selection import choose, describe, handles
-from ..errors import Error
+from ..errors import Error, brief
 from ..measures import flip
 from ..render import draw
 from ..scene import Scene, checks
@@ -81,6 +81,7 @@ class Row:
     strands_per_second: float | None = None
     difference: Difference | None = None
     picture: np.ndarray | None = attrs.field(default=None, repr=False)
+    __repr__ = brief
 
 
 @attrs.frozen(eq=False)
@@ -100,6 +101,7 @@ class Comparison:
     segments: int | None
     repeat: int
     rows: list
+    __repr__ = brief
 
     @property
     def agree(self) -> bool:

@@ -15,7 +15,7 @@ from .. import cache, measures
 from ..budget import PRESETS, refused
 from ..cache import digest
 from ..device.scheduler import Scheduler, sources
-from ..errors import Error
+from ..errors import Error, brief
 from ..render import draw
 from ..scene import Camera, Scene, checks
 from ..settings import Settings
@@ -55,6 +55,7 @@ class Point:
     flip: float | None
     flicker: float | None
     best: bool = False
+    __repr__ = brief
 
 
 @attrs.frozen(eq=False)
@@ -72,6 +73,7 @@ class Frontier:
     truth: str
     earlier: int
     points: list
+    __repr__ = brief
 
     @property
     def best(self) -> list[Point]:

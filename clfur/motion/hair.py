@@ -3,7 +3,7 @@
 import attrs
 import numpy as np
 
-from ..errors import Error
+from ..errors import Error, brief
 from ..scene import checks
 from ..stages.wind import moment
 
@@ -50,6 +50,7 @@ class Wind:
     skin: float = checks.field(checks.real(low=0), default=0.0)
     shelter: float = checks.field(checks.real(low=0, high=16), default=0.0, kw_only=True)
     seed: int = checks.field(checks.whole(0, 2**32 - 1), default=0)
+    __repr__ = brief
 
     def at(self, seconds: float, units_per_metre: float, longest: float) -> np.void:
         """The wind of a moment in the scene's units, for strands no longer than ``longest``, as `layout.Wind`."""

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..device.team import Team
+from ..errors import brief
 from ..scene import Scene
 from ..settings import Settings
 from ..stages import march, shells
@@ -55,6 +56,7 @@ class Frame:
     why: str = ""
     building: float = 0.0
     pictures: int = 1
+    __repr__ = brief
 
 
 def draw_frame(team: Team, scene: Scene, settings: Settings, outputs: Sequence[str] = ("color",), hashes: bool = False,

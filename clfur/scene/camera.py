@@ -7,7 +7,7 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..errors import Error
+from ..errors import Error, brief
 from . import checks
 
 FOV = checks.real(low=1e-3, high=179.99)   # degrees: with any size, focal lengths are FOCAL to checks.LARGEST
@@ -88,6 +88,7 @@ class Camera:
     size: checks.Given = checks.field(size_of, default=(640, 480))
     pose: np.ndarray = attrs.field(init=False, repr=False)
     intrinsics: np.ndarray = attrs.field(init=False, repr=False)
+    __repr__ = brief
 
     def __attrs_post_init__(self):
         if (self.eye == self.target).all():

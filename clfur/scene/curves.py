@@ -6,7 +6,7 @@ import attrs
 import numpy as np
 
 from ..color import linear_of
-from ..errors import Error
+from ..errors import Error, brief
 from . import checks
 from .look import Looking
 from .origin import ZERO, copied, near_origin, origin
@@ -82,6 +82,7 @@ class Bounds:
     segments: int = checks.field(checks.whole(0, 2**63))
     length: float = checks.field(checks.total)
     area: float = checks.field(checks.total)
+    __repr__ = brief
 
 
 @attrs.frozen(eq=False)
@@ -132,6 +133,7 @@ class Curves(Looking):
     bounds: Bounds | None = checks.field(checks.instance(Bounds, none=True), default=None, kw_only=True)
     origin: checks.Given = checks.field(origin, default=ZERO, kw_only=True)
     uniform: int | None = attrs.field(init=False)
+    __repr__ = brief
 
     def __attrs_post_init__(self):
         super().__attrs_post_init__()

@@ -7,7 +7,7 @@ import attrs
 import numpy as np
 
 from ..color import linear_of
-from ..errors import Error
+from ..errors import Error, brief
 from . import checks
 from .light import AMBIENT, Light
 
@@ -40,6 +40,7 @@ class Environment:
     sky: checks.Given = checks.field(_sky, default=(1.0, 1.0, 1.0))
     intensity: float = checks.field(checks.real(low=0, high=checks.LARGEST), default=1.0)
     rotation: float = checks.field(checks.real(low=-checks.LARGEST, high=checks.LARGEST), default=0.0)
+    __repr__ = brief
 
     @property
     def picture(self) -> np.ndarray:

@@ -5,6 +5,7 @@ from typing import Any
 import attrs
 import numpy as np
 
+from ..errors import brief
 from . import checks
 from .bounds import boxes_to_see, strands_and_shells
 from .seen import is_unknown
@@ -24,6 +25,7 @@ class Ground:
 
     height: float | None = checks.field(checks.optional(checks.real()), default=None)
     color: checks.Given = checks.field(checks.optional(checks.color), default=None)
+    __repr__ = brief
 
 
 def height_of(scene: Any) -> float:

@@ -3,6 +3,7 @@
 import attrs
 import numpy as np
 
+from ..errors import brief
 from . import checks
 
 EVERYWHERE = 360.0   # the angle of a point light
@@ -40,6 +41,7 @@ class Light:
     size: float = checks.field(checks.real(low=0), default=0.0)
     shadows: bool = checks.field(checks.flag, default=True)
     intensity: float = checks.field(checks.real(low=0), default=1.0)
+    __repr__ = brief
 
     def __attrs_post_init__(self):
         if self.position is None and self.size > WIDEST:

@@ -7,7 +7,7 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..errors import Error
+from ..errors import Error, brief
 from . import checks
 
 
@@ -74,6 +74,7 @@ class Chiang:
     eumelanin: float = checks.field(checks.optional(checks.real(low=0)), default=None, kw_only=True)
     pheomelanin: float = checks.field(checks.optional(checks.real(low=0)), default=None, kw_only=True)
     absorption: checks.Given = checks.field(checks.optional(_triple), default=None, kw_only=True)
+    __repr__ = brief
 
     def __attrs_post_init__(self):
         if self.absorption is not None and (self.eumelanin, self.pheomelanin) != (None, None):

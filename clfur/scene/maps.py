@@ -6,7 +6,7 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..errors import Error
+from ..errors import Error, brief
 from . import checks
 from .mesh import Mesh
 
@@ -29,6 +29,7 @@ class Skin:
 
     per: str
     data: Any
+    __repr__ = brief
 
     @property
     def most(self) -> float:
@@ -125,6 +126,7 @@ class Maps:
     clump: checks.Given = checks.field(checks.optional(grey(1.0)), default=None, kw_only=True)
     curl: checks.Given = checks.field(checks.optional(grey(FACTOR)), default=None, kw_only=True)
     stiffness: checks.Given = checks.field(checks.optional(grey(FACTOR)), default=None, kw_only=True)
+    __repr__ = brief
 
     def most(self, name: str) -> float:
         """The largest number of the map of this name; 1 where there is none."""
@@ -171,6 +173,7 @@ class Comb:
 
     direction: checks.Given = checks.field(_directions)
     weight: float = checks.field(checks.real(low=0, high=1), default=0.7)
+    __repr__ = brief
 
     def asked_from(self, there: np.ndarray) -> "Comb":
         """The same where positions are relative to a place, float64 [3]: a function is asked in the world."""

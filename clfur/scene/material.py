@@ -6,6 +6,7 @@ from typing import Any
 import attrs
 import numpy as np
 
+from ..errors import brief
 from . import checks
 from .maps import TILES, tiles
 from .mesh import Mesh
@@ -37,6 +38,7 @@ class Material:
     color: checks.Given = checks.field(checks.color, default=(1.0, 1.0, 1.0))
     texture: checks.Given = checks.field(checks.optional(texture), default=None)
     wrap: checks.Given = checks.field(_wrap, default=("repeat", "repeat"))
+    __repr__ = brief
 
     @functools.cached_property
     def levels(self) -> list[np.ndarray]:

@@ -5,7 +5,7 @@ import functools
 import attrs
 import numpy as np
 
-from ..errors import Error
+from ..errors import Error, brief
 from . import checks
 from .origin import ZERO, near_origin, origin
 from .winding import Surfaces, groups_of, parity_of
@@ -48,6 +48,7 @@ class Numbering:
     faces: int
     labels: tuple = ()
     colors: np.ndarray | None = None
+    __repr__ = brief
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -135,6 +136,7 @@ class Mesh:
     kept_faces: np.ndarray = attrs.field(init=False, repr=False)
     # (which [D], places [D, 3, 3] as positions, uv [D, 3, 2], materials [D])
     dropped: tuple = attrs.field(init=False, repr=False)
+    __repr__ = brief
 
     def __attrs_post_init__(self):
         given, origin = near_origin(self.positions, self.origin, "Mesh.positions")

@@ -8,7 +8,7 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..errors import Error
+from ..errors import Error, brief
 from . import checks
 from .bounds import extent, local, origin_of, points_to_frame, strands_and_shells
 from .camera import FOV, Camera, around, size_of
@@ -126,6 +126,7 @@ class Scene:
     ground: Ground | None = checks.field(checks.instance(Ground, none=True), default=None)
     strands: Strands | Curves = attrs.field(init=False, repr=False)
     shells: Shells = attrs.field(init=False, repr=False)
+    __repr__ = brief
 
     @property
     def lights(self) -> tuple[Light, ...]:

@@ -5,6 +5,7 @@ import math
 import attrs
 import numpy as np
 
+from ..errors import brief
 from . import checks
 from .look import Kajiya, Looking
 from .mesh import Mesh
@@ -83,6 +84,7 @@ class Shells(Looking):
     rest: Mesh | None = checks.field(checks.instance(Mesh, none=True), default=None, kw_only=True)
     lean: checks.Given = checks.field(checks.optional(_lean), default=None, kw_only=True)
     hairs: int | None = checks.field(checks.optional(checks.whole(1, 10**9)), default=None, kw_only=True)
+    __repr__ = brief
 
     def __attrs_post_init__(self):
         super().__attrs_post_init__()

@@ -7,7 +7,7 @@ import attrs
 import numpy as np
 
 from ..color import linear_of
-from ..errors import Error
+from ..errors import Error, brief
 from . import checks
 from .guides import guides
 from .look import Looking
@@ -105,6 +105,7 @@ class HairType(Looking):
     tufts: Tufts | None = checks.field(checks.instance(Tufts, none=True), default=None, kw_only=True)
     frizz: checks.Given = checks.field(_frizz, default=(0.0, 0.0), kw_only=True)
     key: checks.Given = checks.field(checks.optional(_key), default=None, kw_only=True)
+    __repr__ = brief
 
     def __attrs_post_init__(self):
         super().__attrs_post_init__()
@@ -148,6 +149,7 @@ class PointForce:
 
     position: checks.Given = checks.field(checks.vector(3))
     strength: float = checks.field(checks.real(), default=1.0)
+    __repr__ = brief
 
 
 def levels(shape, words):
@@ -275,6 +277,7 @@ class Strands:
     comb: Comb | None = checks.field(checks.instance(Comb, none=True), default=None, kw_only=True)
     type_indices: Any = attrs.field(init=False, repr=False)
     inexact: int = attrs.field(init=False, repr=False)
+    __repr__ = brief
 
     @property
     def hair_types(self) -> tuple[HairType, ...]:

@@ -3,7 +3,7 @@
 import attrs
 import numpy as np
 
-from ..errors import Error
+from ..errors import Error, brief
 from . import checks
 from .mesh import Mesh
 
@@ -28,6 +28,7 @@ class Tufts:
     profile: float = checks.field(checks.real(low=1e-3, high=0.999), default=0.4, kw_only=True)
     size_variation: float = checks.field(checks.real(low=0, high=1), default=0.3, kw_only=True)
     within: "Tufts | None" = attrs.field(default=None, kw_only=True)
+    __repr__ = brief
 
     def __attrs_post_init__(self):
         if (self.count is None) == (self.density is None):
@@ -64,6 +65,7 @@ class Spots:
     sizes: np.ndarray
     turns: np.ndarray
     spacing: float
+    __repr__ = brief
 
 
 def spots_of(tufts: Tufts, mesh: Mesh, rest: Mesh, seed: int) -> Spots:
