@@ -13,7 +13,7 @@ from ..budget import PRESETS
 from ..device.scheduler import Scheduler
 from ..device.selection import choose
 from ..errors import Error
-from ..files.images import png
+from ..files.images import png_bytes
 from ..render import Frame, render
 from ..scene import Camera, Scene
 from ..scene.origin import copied
@@ -49,7 +49,7 @@ def drawn(scene: Scene, settings: Settings, device: Any, stop: Callable[[], bool
         if stop():
             return None
         picture = render(scene, gpu, settings)
-    return None if stop() else png(picture)
+    return None if stop() else png_bytes(picture)
 
 
 def small(camera: Camera) -> Camera:
@@ -80,7 +80,7 @@ def _show_scene(scene: Scene) -> bytes | None:
 
 
 def _show_frame(frame: Frame) -> bytes | None:
-    return png(frame.images["color"]) if "color" in frame.images and wanted() else None
+    return png_bytes(frame.images["color"]) if "color" in frame.images and wanted() else None
 
 
 def wanted() -> bool:
