@@ -246,15 +246,15 @@ def test_public_classes_with_arrays_have_short_reprs():
     assert [kind for kind in classes if kind not in plain and kind.__repr__ is not brief] == []
 
 
-def test_reprs_are_short(gpu, sphere, comparison, measured):
+def test_reprs_are_short(gpu, sphere, scene, comparison, measured):
     picture = np.ones((64, 64, 3), np.uint8)
     kinds = [clfur.HairType(color=(.1 * k, 0, 0), color_texture=picture, key=(k, 0, 0)) for k in range(5)]
     fur = clfur.Strands(types=kinds, type_map=picture, inner=np.ones(320, int), maps=clfur.Maps(length=picture[..., 0]))
     lights = [clfur.Light(position=(9, 9, 9))] * 4
+    frame = clfur.draw(scene, gpu, outputs=("color", "depth"), hashes=True)
     scene = clfur.Scene(sphere, [fur, clfur.Shells(rest=sphere, length=.2)], light=lights,
                         environment=clfur.Environment(picture), ground=clfur.Ground(-1.5, (1, 1, 1)),
                         camera=clfur.Camera(size=(16, 12)), body_color=clfur.Material(texture=picture))
-    frame = clfur.draw(scene, gpu, outputs=("color", "depth", "id", "normal", "tangent"), hashes=True)
     on_device = clfur.Curves(gpu.upload(np.zeros((8, 3), np.float32)), counts=[8])
     for thing in (sphere, sphere.numbering, *kinds, fur, fur.maps, scene, lights[0], scene.environment, scene.camera,
                   scene.body_color[0], frame, on_device, comparison, comparison.rows[0], measured, measured.points[0],

@@ -31,7 +31,7 @@ OF_TWO = {"motion_vector": 2}   # and those of a scene and another, which was be
 
 @dataclass(frozen=True)
 class Frame:
-    """A picture, and what it took.
+    """A picture, and what it took; in notebooks it shows itself.
 
     images: {output: array}; see `render`.  triangles, strands, segments: what was drawn.  device: its name, or
     those of all that did not fail.  seconds: the whole frame, reading back included; building: those of them that it

@@ -95,7 +95,7 @@ def frame(mesh: Mesh | None, fur: Any, size: Sequence[int] = (640, 480), fov: fl
 
 @attrs.frozen(eq=False)
 class Scene:
-    """All that a picture shows.
+    """All that a picture shows; in notebooks it shows itself, small.
 
     mesh: Mesh or None. fur: Strands or Shells (which need a mesh), Curves, a list of Shells (undercoat) and one of
     Strands and Curves (guard hairs), or None; a mesh or fur is required. camera: Camera, or None to frame all of it.
