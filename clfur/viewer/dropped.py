@@ -31,7 +31,7 @@ def suffix_of(name: str, size: int) -> str:
     """Return the suffix of a file that may be dropped, by its name and its size in bytes; raises Error otherwise."""
     suffix = Path(name.replace("\\", "/")).suffix.lower()
     if suffix == ".py":
-        raise Error("a scene file is a program, and a page cannot have it run; allowed: `clfur view` of it in the shell")
+        raise Error("a scene file is a program, and a page may not run one; allowed: `clfur view` of it in the shell")
     if suffix not in ALLOWED:
         raise Error(f"files {suffix or 'without a suffix'} cannot be dropped; allowed: {', '.join(ALLOWED)}")
     if size > MOST:
@@ -69,7 +69,7 @@ def _take(document, path, data):
         return "a sky"
     if suffix in PICTURES:
         return _take_map(document, scene, load_picture(path))
-    if suffix == ".ply" and _is_strands(data) or suffix not in MESHES:
+    if (suffix == ".ply" and _is_strands(data)) or suffix not in MESHES:
         return _take_strands(document, scene, load_curves(path))
     mesh = load_mesh(path)
     fields: dict[str, Any] = {}
@@ -77,8 +77,7 @@ def _take(document, path, data):
         fields["body_color"] = materials
     elif isinstance(scene.body_color, tuple):   # which were of the other mesh
         fields["body_color"] = (0.3, 0.2, 0.12)
-    after = with_mesh(scene, mesh, **fields)
-    motion = document.state.motion
+    after, motion = with_mesh(scene, mesh, **fields), document.state.motion
     if motion is not None and scene.mesh is not None:
         motion = attrs.evolve(motion, units_per_metre=motion.units_per_metre * mesh.bounds[1] / scene.mesh.bounds[1])
     document.change(scene=after, mesh_file=MeshFile(mesh, data=data, suffix=suffix), motion=motion)
@@ -94,9 +93,9 @@ def with_mesh(scene: Scene, mesh: Mesh, **fields: Any) -> Scene:
     else:
         fur = fitted(scene.fur if isinstance(scene.fur, tuple) else (scene.fur,), scene.mesh, mesh)
     if scene.mesh is not None:
-        (here, before), (there, after) = scene.mesh.bounds, mesh.bounds
+        (here, before), (there, now) = scene.mesh.bounds, mesh.bounds
         lights = [light if light.position is None else attrs.evolve(
-            light, position=there + (light.position - here) * (after / before), size=light.size * after / before)
+            light, position=there + (light.position - here) * (now / before), size=light.size * now / before)
             for light in scene.lights]
         fields["light"] = tuple(lights)
     ground = scene.ground and attrs.evolve(scene.ground, height=None)
@@ -175,8 +174,8 @@ def types_of(pixels: np.ndarray, types: tuple[HairType, ...]) -> list[HairType]:
     near = np.min([np.abs(colors - key).max(1) for key in keys], axis=0) <= APART
     clear = counts[order][near].sum() / counts.sum()
     if len(keys) > TYPES or clear < 0.8 or _furthest(colors, keys) > blends(keys):
-        raise Error(f"the picture has {len(colors):,} colours, as a photo has; allowed in a type map: up to {TYPES} plain "
-                    "ones")
+        raise Error(f"the picture has {len(colors):,} colours, as a photo has; allowed in a type map: up to {TYPES} "
+                    "plain ones")
     return [_keyed(types[n], key) if n < len(types) else _painted(types[-1], key) for n, key in enumerate(keys)]
 
 

@@ -79,7 +79,8 @@ class _Writer:
         if not self.arrays:
             return self.beside
         file = io.BytesIO()
-        np.savez_compressed(file, **self.arrays)
+        arrays: dict[str, Any] = self.arrays
+        np.savez_compressed(file, **arrays)
         return {**self.beside, f"{self.name}.npz": file.getvalue()}
 
     def module(self, scene: Scene, state: State) -> str:
@@ -127,7 +128,7 @@ class _Writer:
         usual, said = _usual(type(thing)), []
         for field in attrs.fields(type(thing)):
             value = getattr(thing, field.name)
-            if field.init and not (_same(value, field.default) or usual and _same(value, getattr(usual, field.name))):
+            if field.init and not (_same(value, field.default) or (usual and _same(value, getattr(usual, field.name)))):
                 said.append(word(field.alias, self.of(value, deep + 1)))
         return _joined(said, deep)
 
