@@ -8,7 +8,7 @@ watch_imports()   # ahead of all that takes time to import
 from ._moved import install
 from .budget import PRESETS
 from .device.scheduler import Scheduler
-from .errors import DeviceError, Error
+from .errors import DeviceError, Error, Stopped
 from .files.animation import load_animation
 from .files.colmap import load_colmap
 from .files.curves import load_curves, save_curves
@@ -49,10 +49,10 @@ from .settings import Settings
 __all__ = [
     "PRESETS", "Camera", "Chiang", "Comb", "Comparison", "Curves", "DeviceError", "Environment", "Error", "Frame",
     "Frontier", "Ground", "HairMotion", "HairType", "Kajiya", "Light", "Maps", "Material", "Mesh", "Motion",
-    "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Strands", "Tufts", "Wind", "blurred", "compare", "draw",
-    "film", "frames", "frontier", "grow", "load", "load_animation", "load_colmap", "load_curves", "load_header",
-    "load_materials", "load_mesh", "load_picture", "load_scene", "over", "render", "save", "save_curves", "subframes",
-    "to_uint8", "truth",
+    "PointForce", "Scene", "Scheduler", "Settings", "Shells", "Stopped", "Strands", "Tufts", "Wind", "blurred",
+    "compare", "draw", "film", "frames", "frontier", "grow", "load", "load_animation", "load_colmap", "load_curves",
+    "load_header", "load_materials", "load_mesh", "load_picture", "load_scene", "over", "render", "save", "save_curves",
+    "subframes", "to_uint8", "truth",
 ]
 
 install()

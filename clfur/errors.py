@@ -1,6 +1,7 @@
 """The errors of the library, and how they show what is wrong."""
 
 import reprlib
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,17 @@ class DeviceError(Error):
 
     The message names the device, what it was doing, and the kernel's file and line where the driver tells them.
     """
+
+
+class Stopped(Exception):
+    """What was drawn is given up, as the ``stop`` of its caller wanted; whatever drew it is as good as before."""
+
+
+def go_on(stop: Callable[[], bool] | None) -> bool:
+    """True, unless ``stop`` says True by now: then `Stopped` is raised."""
+    if stop is not None and stop():
+        raise Stopped("it was stopped, as its caller wanted")
+    return True
 
 
 def shown(value: Any, most: int = 80) -> str:

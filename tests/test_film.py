@@ -61,13 +61,13 @@ def test_a_film_goes_on_where_it_stopped(tmp_path, device, monkeypatch):
     _film(tmp_path / "whole", device, range(13))
     drawn, steps = [], []
     draw, step = library.Job.draw, clfur.Motion.step
-    monkeypatch.setattr(clfur.Motion, "step", lambda self, *given: steps.append(1) or step(self, *given))
+    monkeypatch.setattr(clfur.Motion, "step", lambda self, *given, **more: steps.append(1) or step(self, *given, **more))
 
-    def failing(self, gpu):
+    def failing(self, gpu, stop):
         drawn.append(self.number)
         if len(drawn) == 9:
             raise KeyboardInterrupt
-        return draw(self, gpu)
+        return draw(self, gpu, stop)
     monkeypatch.setattr(library.Job, "draw", failing)
     with pytest.raises(KeyboardInterrupt):
         _film(tmp_path / "cut", device, range(13))
@@ -119,10 +119,10 @@ def test_frames_of_nobody_are_not_replaced(tmp_path, device):
 def test_a_frame_that_fails_is_named_and_the_others_stay(tmp_path, device, monkeypatch):
     draw = library.Job.draw
 
-    def failing(self, gpu):
+    def failing(self, gpu, stop):
         if self.number == 2:
             raise clfur.DeviceError("out of memory")
-        return draw(self, gpu)
+        return draw(self, gpu, stop)
     with monkeypatch.context() as patch:
         patch.setattr(library.Job, "draw", failing)
         with pytest.raises(clfur.DeviceError, match="^frame 2: out of memory$"):

@@ -15,6 +15,7 @@ from .devices import devices
 from .film import film_command
 from .grow import grow_command
 from .render import render
+from .view import view
 
 
 @click.group(invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
@@ -27,6 +28,7 @@ def clfur(context):
 
 
 clfur.add_command(render)
+clfur.add_command(view)
 clfur.add_command(film_command)
 clfur.add_command(chart)
 clfur.add_command(compare)

@@ -21,7 +21,7 @@ import pyopencl.array as cla
 from pyopencl import tools
 
 from .. import cache, layout
-from ..errors import DeviceError, Error, shown
+from ..errors import DeviceError, Error, Stopped, go_on, shown
 from . import caches, pocl, programs, signature
 from .memory import allowed, planned
 from .selection import CHECKER, check_process, choose, describe, is_shared
@@ -122,6 +122,7 @@ class Scheduler:
         self._label: str | None = None
         self._busy = threading.Lock()
         self._stopped = False
+        self._stop: Callable[[], bool] | None = None
         self._load = None
         self._rates: dict[str, float] = {}           # seconds a work-item of each kernel takes
         self._wholes: dict[str, tuple] = {}          # (work-items, seconds) of the last launch of several pieces
@@ -211,6 +212,15 @@ class Scheduler:
                                 src_offset=array.offset + first * array.strides[0], dst_offset=0)
             return there
 
+    def copied(self, array: cla.Array) -> cla.Array:
+        """Copy of a device array on the device."""
+        there = self.empty(array.shape, array.dtype)
+        if there.size:
+            with self._watched("takes no data"):
+                cl.enqueue_copy(self.queue, _buffer(there), _buffer(array), byte_count=there.nbytes,
+                                src_offset=array.offset, dst_offset=0)
+        return there
+
     def joined(self, arrays: Sequence, dtype: Any) -> cla.Array:
         """Device arrays, None for none, one after the other -> [all their values]; one alone is not copied."""
         arrays = [array for array in arrays if array is not None]
@@ -225,6 +235,7 @@ class Scheduler:
 
     def download(self, array: cla.Array) -> np.ndarray:
         """Copy of a device array on the host."""
+        self.ask()
         with self._watched("gives no data"):
             there = array.get()
         array.events.clear()   # of what is done; each would keep alive what was read, twelve times over
@@ -262,8 +273,7 @@ class Scheduler:
         most, whole = self._wholes.get(name, (0, 0.0))
         short = size <= most and self._ahead + whole < PIECE
         while begin < size:
-            if self._stopped:
-                raise Error(f"{self.name} was told to stop")
+            self.ask()
             rate, alone = whole / most if short else self._rates.get(name), not self._ahead
             piece = MOST if short else FIRST if rate is None else min(int(PIECE / rate), MOST)
             end = min(begin + max(piece // group, 1) * group, size)
@@ -311,22 +321,33 @@ class Scheduler:
         self._kept.clear()
 
     @contextmanager
-    def frame(self) -> Iterator[None]:
-        """One frame: nothing else may draw with this scheduler meanwhile, and `seconds` and `peak` count anew."""
+    def frame(self, stop: Callable[[], bool] | None = None) -> Iterator[None]:
+        """One frame: nothing else may draw with this scheduler meanwhile, and `seconds` and `peak` count anew.
+
+        ``stop``: asked between launches and their pieces, and before arrays are read back: `Stopped` is raised there
+        once it says True.  What was launched by then runs on, for `PIECE` seconds or so.
+        """
         check_process()
         if not self._busy.acquire(blocking=False):
             raise Error(f"this Scheduler ({self.name}) is drawing in another thread; allowed: one for each thread")
         try:
-            self._stopped = False
+            self._stopped, self._stop = False, stop
             self.start()
             yield
         finally:
+            self._stop = None
             self._leave_builds()
             self._busy.release()
 
     def stop(self) -> None:
-        """Let the frame that is being drawn in another thread end with an error, soon."""
+        """Let the frame that is being drawn in another thread end with `Stopped`, soon."""
         self._stopped = True
+
+    def ask(self) -> None:
+        """Raise `Stopped` if the frame that is being drawn is not wanted any more."""
+        if self._stopped:
+            raise Stopped("it was stopped with others that drew the same")
+        go_on(self._stop)
 
     def start(self) -> None:
         """Begin a new frame: from here on `seconds` and `peak` count anew."""

@@ -3,7 +3,7 @@
 import itertools
 import time
 import warnings
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 
 from ..errors import DeviceError, Error
 
@@ -101,8 +101,10 @@ class Team:
         with ThreadPoolExecutor(max(len(jobs), 1)) as threads:
             futures = [threads.submit(run, *job) for job in jobs]
             try:
-                wait(futures)
-            except BaseException:   # Ctrl-C: the threads can't be interrupted, but asked
+                done, _ = wait(futures, return_when=FIRST_EXCEPTION)
+                for future in done:   # the first that was stopped stops the others
+                    future.result()
+            except BaseException:   # Ctrl-C too: the threads can't be interrupted, but asked
                 for gpu, _, _ in jobs:
                     gpu.stop()
                 raise

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..color import linear_to_srgb, srgb_to_linear
+from ..color import srgb_codes, srgb_to_linear
 from ..errors import Error, shown
 from ..scene import Camera, checks
 from . import exr, layers, output, radiance
@@ -137,14 +137,15 @@ def _in_bands(color):
 
 def _coded(color):
     """8-bit sRGB with straight alpha of a float picture as `save` takes it."""
-    color = np.nan_to_num(color.astype(np.float32), nan=0.0, posinf=1.0, neginf=0.0)
-    if color.shape[2] == 4:
-        alpha = np.clip(color[:, :, 3:], 0, 1)
-        straight = np.where(alpha > 0, np.clip(color[:, :, :3], 0, alpha) / np.where(alpha > 0, alpha, 1), 0)
-        coded = np.concatenate([linear_to_srgb(straight), alpha], axis=2)
-    else:
-        coded = linear_to_srgb(color)
-    return (coded * 255 + 0.5).astype(np.uint8)
+    planes = np.ascontiguousarray(np.moveaxis(color, 2, 0), np.float32)
+    coded = np.empty(color.shape, np.uint8)
+    if len(planes) == 4:
+        alpha = np.fmin(np.fmax(planes[3], 0), 1)   # 0 if it is NaN
+        with np.errstate(invalid="ignore"):   # where alpha is 0; of NaN the code is 0
+            planes = np.clip(planes[:3], 0, alpha) / alpha
+        coded[:, :, 3] = alpha * 255 + 0.5
+    coded[:, :, :3] = np.moveaxis(srgb_codes(planes), 0, 2)
+    return coded
 
 
 def _png(path, outputs, _about):

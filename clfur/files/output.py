@@ -4,7 +4,7 @@ import os
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..errors import Error, shown
+from ..errors import Error, Stopped, shown
 
 
 def is_path(value):
@@ -52,7 +52,7 @@ def whole(path):
         temporary.touch(exist_ok=False)
         yield temporary
         os.replace(temporary, path)
-    except Error:
+    except (Error, Stopped):
         raise
     except Exception as error:  # whatever a writer fails with, the user gets one line
         raise Error(f"{path}: cannot be written: {reason(error)}") from error

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..device.scheduler import sources
-from ..errors import Error, shown
+from ..errors import Error, go_on, shown
 from ..scene import Environment, Mesh
 from . import worker
 from .local import local_cluster
@@ -29,17 +29,18 @@ LOGGERS = "distributed", "distributed.client", "distributed.scheduler", "tornado
 ADDRESS = re.compile(r"local(:[1-9]\d{0,3})?|(tcp|tls)://[^\s/]+:\d{1,5}")
 
 
-def on_cluster(jobs: Iterable, address: str, device: Any = None) -> Iterator[tuple[int, bytes]]:
+def on_cluster(jobs: Iterable, address: str, device: Any = None,
+               stop: Callable[[], bool] | None = None) -> Iterator[tuple[int, bytes]]:
     """Draw jobs by the workers at an address -> (number, bytes of the frame's file) of each, as they are done.
 
     address: "local": workers on this machine, one a device; "local:N": N of them, that share its devices and cores;
     "tcp://host:port" or "tls://host:port": of a Dask scheduler. device: of "local", as for `clfur.draw`; else each
-    worker has its own. See docs/cluster.md.
+    worker has its own. See docs/cluster.md. stop: as for `clfur.film`.
 
     Raises Error for another address, without Dask, if nobody is there, or, once all others are done, for jobs that
     cannot be drawn, by number: those whose drawing raised one, and those of which three workers died.
     """
-    for job, value in drawn(jobs, address, device, (Mesh, Environment), "frame"):
+    for job, value in drawn(jobs, address, device, (Mesh, Environment), "frame", stop):
         yield job.number, value
 
 
@@ -54,15 +55,16 @@ def check_address(address: Any) -> str:
     return address
 
 
-def drawn(jobs, address, device, kinds, what):
-    """(job, what its ``draw`` gives) of each; kinds: of objects that go to each worker once; what: jobs are called."""
+def drawn(jobs, address, device, kinds, what, stop=None):
+    """(job, what its ``draw`` gives) of each; kinds: of objects that go to each worker once; what: jobs are called;
+    stop: as for `clfur.film`."""
     check_address(address)
     jobs = iter(jobs)
     for first in jobs:
         parcels = Parcels(first, kinds)
         with _connected(address, device) as (client, trouble):
             crew = Crew(client, parcels, what, trouble, address)
-            yield from crew.draw(itertools.chain([first], jobs))
+            yield from crew.draw(itertools.chain([first], jobs), stop)
             if address.startswith("local"):
                 crew.settle()
 
@@ -139,10 +141,10 @@ class Crew:
         self.told: set[str] = set()              # warnings of workers
         self.empty_since = time.monotonic()
 
-    def draw(self, jobs: Iterator) -> Iterator[tuple]:
-        """(job, what it gives) of each."""
+    def draw(self, jobs: Iterator, stop: Callable[[], bool] | None = None) -> Iterator[tuple]:
+        """(job, what it gives) of each; stop: asked a few times a second."""
         looked = float("-inf")
-        while True:
+        while go_on(stop):
             if time.monotonic() - looked > LOOK:
                 self.look()
                 looked = time.monotonic()

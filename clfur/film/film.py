@@ -14,7 +14,7 @@ import numpy as np
 
 from ..cache import digest
 from ..device.scheduler import sources
-from ..errors import Error, shown
+from ..errors import Error, go_on, shown
 from ..files.images import pixels
 from ..files.output import check_writable, is_path
 from ..files.video import KINDS, Kind, pyav, write_video
@@ -33,7 +33,7 @@ PLACE = re.compile(r"%(0\d)?d")
 def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 24), *, fps: float = 24.0,
          motion: dict | None = None, settings: Settings | None = None, device: Any = None, cluster: str | None = None,
          shutter: float = 0.0, subframes: Any = "auto", background: Any = None, overwrite: bool = False,
-         progress: Callable[[str, int, int], None] | None = None) -> Path:
+         progress: Callable[[str, int, int], None] | None = None, stop: Callable[[], bool] | None = None) -> Path:
     """Draw a scene at one moment after the other, to a video file or a folder of pictures -> its path.
 
     scene: a `Scene`, or a function of seconds that gives one, all of one size. path: .mp4, .webm, .mov, .gif or .png
@@ -45,7 +45,8 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
     many pictures that is, 1 to 64, or "auto", as `clfur.subframes` tells. background: None or a colour [3], linear
     light, that all is laid over; files that hold no alpha, .mp4, have black if it is None. overwrite: whether frames of
     another film make room for this one. progress: called with ("motion", "frames" or "video", how many are done, of how
-    many).
+    many). stop: as for `clfur.draw`; whole frames stay, and the next call goes on there. Workers elsewhere finish what
+    they draw.
     Other arguments as for `clfur.draw`.
 
     Frames come first, each whole or not at all; those of a video in a folder beside it, path + ".frames", which goes
@@ -61,6 +62,7 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
                     f"{', '.join(OF_MOTION)}")
     if progress is not None and not callable(progress):
         raise Error(f"film progress is {shown(progress)}; allowed: None, or a function")
+    checks.to_stop(stop, "film stop")
     settings = Settings() if settings is None else checks.instance(Settings)(settings, "film settings")
     behind = checks.optional(checks.color)(background, "film background")
     shutter = checks.real(0, 360)(shutter, "film shutter")
@@ -82,12 +84,13 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
     record = Record(place.folder, place.name_of, about, checks.flag(overwrite, "film overwrite"))
     moments, tell = Moments(scene, motion, fps, gpus[0], shutter / 360, subframes), progress or (lambda *_: None)
     try:
-        there = [number for number in numbers if number in record.scenes and record.check(number, moments.hash(number))]
+        there = [number for number in numbers
+                 if number in record.scenes and go_on(stop) and record.check(number, moments.hash(number))]
         missing, done = sorted({*numbers} - {*there}), len(there)
         tell("frames", done, len(numbers))
         jobs = (Job(number, scenes, settings, place.suffix, behind)
-                for number, scenes in moments.scenes(missing, record, functools.partial(tell, "motion")))
-        with contextlib.closing(_drawn(jobs, gpus, device, cluster)) as drawn:
+                for number, scenes in moments.scenes(missing, record, functools.partial(tell, "motion"), stop))
+        with contextlib.closing(_drawn(jobs, gpus, device, cluster, stop)) as drawn:
             for number, data in drawn:
                 record.put(number, data, moments.hash(number))
                 done += 1
@@ -97,13 +100,13 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
         if not record.scenes:
             record.remove()
     if place.kind:
-        _join(place, record, numbers, fps, tell)
+        _join(place, record, numbers, fps, tell, stop)
     return place.path
 
 
-def _drawn(jobs, gpus, device, cluster):
+def _drawn(jobs, gpus, device, cluster, stop):
     """(number, bytes of its file) of the frames that jobs tell."""
-    return alone(jobs, gpus) if cluster is None else on_cluster(jobs, cluster, device)
+    return alone(jobs, gpus, stop) if cluster is None else on_cluster(jobs, cluster, device, stop)
 
 
 @dataclass(frozen=True)
@@ -157,12 +160,13 @@ def _numbers(frames):
     return numbers
 
 
-def _join(place, record, numbers, fps, tell):
+def _join(place, record, numbers, fps, tell, stop):
     """Make the video of the frames, and remove these."""
 
     def pictures():
         for done, number in enumerate(numbers):
             tell("video", done, len(numbers))
+            go_on(stop)
             yield pixels((place.folder / place.name_of(number)).read_bytes())
 
     steps = {other - one for one, other in pairwise(numbers)}

@@ -1,6 +1,6 @@
 """Frames of a film as they are drawn: a job holds all that one needs, on this machine or another."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import attrs
@@ -29,13 +29,13 @@ class Job:
     suffix: str
     background: np.ndarray | None = None
 
-    def draw(self, device: Any) -> bytes:
-        """The bytes of the frame's file; device, and errors: as for `clfur.draw`."""
+    def draw(self, device: Any, stop: Callable[[], bool] | None = None) -> bytes:
+        """The bytes of the frame's file; device, stop and errors: as for `clfur.draw`."""
         scene = self.scenes[len(self.scenes) // 2]
         if len(self.scenes) == 1:
-            image = draw(scene, device, self.settings).images["color"]
+            image = draw(scene, device, self.settings, stop=stop).images["color"]
         else:
-            image = blurred(self.scenes, device, self.settings).images["color"]
+            image = blurred(self.scenes, device, self.settings, stop=stop).images["color"]
         if self.background is not None:
             image = over(image, self.background)
         return encoded(self.suffix, image, scene.camera, self.settings)
@@ -50,11 +50,11 @@ def on_host(scene: Scene) -> Scene:
     return attrs.evolve(scene, fur=here if len(here) > 1 else here[0])
 
 
-def alone(jobs: Iterable[Job], device: Any) -> Iterator[tuple[int, bytes]]:
+def alone(jobs: Iterable[Job], device: Any, stop: Callable[[], bool] | None = None) -> Iterator[tuple[int, bytes]]:
     """Draw jobs one after the other here -> (number, bytes of the frame's file) of each; an Error tells which it is
     of."""
     for job in jobs:
         try:
-            yield job.number, job.draw(device)
+            yield job.number, job.draw(device, stop)
         except Error as error:
             raise type(error)(f"frame {job.number}: {error}") from error

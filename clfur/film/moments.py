@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from ..cache import digest
-from ..errors import Error, shown
+from ..errors import Error, go_on, shown
 from ..motion.motion import Motion
 from ..motion.shutter import subframes
 from ..scene import Scene, Strands
@@ -48,14 +48,16 @@ class Moments:
             self._hashes.append(digest(self._hashes[-1:], self._digest(self._scene(each / self.fps))))
         return self._hashes[number]
 
-    def scenes(self, numbers: Iterable[int], record: Record,
-               tell: Callable[[int, int], None]) -> Iterator[tuple[int, tuple[Scene, ...]]]:
+    def scenes(self, numbers: Iterable[int], record: Record, tell: Callable[[int, int], None],
+               stop: Callable[[], bool] | None = None) -> Iterator[tuple[int, tuple[Scene, ...]]]:
         """(number, the Scenes of which its picture is, without arrays on a device) of frames in rising order.
 
-        tell: called with (frame that hair has come to, that it goes to), on its way to the first.
+        tell: called with (frame that hair has come to, that it goes to), on its way to the first.  stop: as for
+        `clfur.draw`.
         """
         if self._motion is None:
             for number in numbers:
+                go_on(stop)
                 yield number, self._taken(number, lambda back: self._scene((number - back) / self.fps))
             return
         motion, here = None, 0
@@ -67,12 +69,13 @@ class Moments:
                     here = kept[0]
                     motion.restore(kept[1])
             while here < number:
-                motion.at(here + 1)
+                motion.at(here + 1, stop)
                 here += 1
                 if first:
                     tell(here, number)
                 if here % EVERY == 0:
                     record.put_state(here, motion.state(), self.hash(here))
+            go_on(stop)
             yield number, self._taken(number, lambda back: self._within(motion, number, back))
 
     def _within(self, motion, number, back):

@@ -4,6 +4,7 @@ import itertools
 import math
 import warnings
 from collections.abc import Callable
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -108,12 +109,13 @@ class Motion:
                 self._others = HairOnHair(self._gpu, near, self._state, self._roots, box, beyond, self._longest,
                                           self.units)
 
-    def step(self, seconds: float, mesh: Mesh | None = None, wind: Wind | None = None, cut: bool = False) -> Scene:
+    def step(self, seconds: float, mesh: Mesh | None = None, wind: Wind | None = None, cut: bool = False,
+             stop: Callable[[], bool] | None = None) -> Scene:
         """Go on by so many seconds -> the Scene then, whose Curves are on the device.
 
         mesh: its pose then, of the same faces; None: that of the function `scene`, or as it is. wind: from now on, or
-        None: as it is. cut: hair is carried along with the mesh as if nothing had moved. Raises Error for a mesh of
-        other faces.
+        None: as it is. cut: hair is carried along with the mesh as if nothing had moved. stop: as for `clfur.draw`; a
+        step that is stopped, or ends in an error or by Ctrl-C, has not begun. Raises Error for a mesh of other faces.
         """
         seconds = checks.real(low=1e-6, high=3600)(seconds, "Motion.step seconds")
         wind = checks.instance(Wind, none=True)(wind, "Motion.step wind") or self.wind
@@ -127,23 +129,42 @@ class Motion:
             corners, normals = self._posed(mesh)
             moved = float(np.linalg.norm(corners - self._corners, axis=2).max(initial=0))
             pose = pose_of(corners, normals, self._rest)
-        is_cut, self.wind = cut or moved > self.jump, wind
-        with self._gpu.frame():
+        is_cut = cut or moved > self.jump
+        with self._gpu.frame(checks.to_stop(stop, "Motion.step stop")), self._whole():
+            self.wind = wind
             there = self._here if pose.corners is self._pose.corners else self._uploaded(pose)
             self._began = Began(self.time, seconds, self._mesh, self._roots, stage.remember(self._gpu, self._state),
                                 is_cut, callable(self._given) and mesh is scene.mesh)
             self._go(seconds, pose, there, moved, is_cut)
-        self._now, self._mesh, self._corners, self._pose, self._here = scene, mesh, corners, pose, there
-        return self._drawn()
+            self._now, self._mesh, self._corners, self._pose, self._here = scene, mesh, corners, pose, there
+            return self._drawn_as(scene, mesh, *self._placed())
 
-    def at(self, frame: int) -> Scene:
-        """Go on to a frame, as `fps` counts them from the groom's, 0 -> the Scene then. Raises Error for one that has
-        gone by."""
+    @contextmanager
+    def _whole(self):
+        """If what is done within is given up, all that moves is as it was."""
+        moving = [each for each in (self, self._undercoat) if each]
+        known = [(each, dict(vars(each))) for each in moving]
+        states = [self._state, self._undercoat.state] if self._undercoat else [self._state]
+        arrays = [(state, name, self._gpu.copied(getattr(state, name))) for state in states for name in state.moving]
+        try:
+            yield
+        except BaseException:   # Ctrl-C too
+            for each, there in known:
+                vars(each).update(there)
+            for state, name, array in arrays:
+                object.__setattr__(state, name, array)
+            raise
+
+    def at(self, frame: int, stop: Callable[[], bool] | None = None) -> Scene:
+        """Go on to a frame, as `fps` counts them from the groom's, 0 -> the Scene then. stop: as for `step`. Raises
+        Error for one that has gone by."""
         frame = checks.whole(0, 2**31 - 1)(frame, "Motion.at frame")
         if frame < self._frame:
             raise Error(f"Motion.at frame is {frame}; allowed: {self._frame} and later, as time goes on alone")
         while self._frame < frame:
-            self.step((self._frame + 1) / self.fps - self.time)   # so that errors do not add up
+            seconds = (self._frame + 1) / self.fps - self.time   # so that errors do not add up
+            if seconds > 1e-6:   # Ctrl-C may have come between the step and what follows
+                self.step(seconds, stop=stop)
             self._frame += 1
         return self._drawn()
 

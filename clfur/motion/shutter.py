@@ -1,7 +1,7 @@
 """Motion blur: the mean of pictures that were taken while a shutter was open."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -24,7 +24,7 @@ MOST, APART = 64, 1.5   # pictures of a blur; pixels on the screen that they are
 
 def blurred(scenes: Sequence[Scene], device: Any = None, settings: Settings | None = None,
             outputs: Sequence[str] = ("color",), hashes: bool = False, region: Sequence[int] | None = None,
-            before: Scene | None = None) -> Frame:
+            before: Scene | None = None, stop: Callable[[], bool] | None = None) -> Frame:
     """Draw a scene at the middles of n equal parts of the time in which a shutter is open -> `Frame`, of one picture.
 
     scenes: 1 to 64 `Scene`s of one size, in the order of time; of one it is `clfur.draw`'s very bits. Color, coverage,
@@ -36,8 +36,8 @@ def blurred(scenes: Sequence[Scene], device: Any = None, settings: Settings | No
     """
     scenes = _scenes(scenes)
     n, middle = len(scenes), scenes[len(scenes) // 2]
-    outputs, settings, part = checked(middle, settings, outputs, region, before)
-    gpus, whole = schedulers(device), {"region": part, "before": before}
+    outputs, settings, part = checked(middle, settings, outputs, region, before, stop)
+    gpus, whole = schedulers(device), {"region": part, "before": before, "stop": stop}
     if n == 1:
         return drawn(gpus, middle, settings, outputs, hashes, **whole)
     if settings.seconds is not None:
@@ -46,7 +46,7 @@ def blurred(scenes: Sequence[Scene], device: Any = None, settings: Settings | No
     others = [name for name in outputs if name not in MEANS or (hashes and name == "color")]   # light has hashes too
     found = [drawn(gpus, middle, settings, others, hashes, **whole)] if others or hashes or not means else []
     if means:
-        found.append(_mean(gpus, scenes, settings, means, part))
+        found.append(_mean(gpus, scenes, settings, means, part, stop))
     images = {name: image for each in found for name, image in each.images.items()}
     return replace(found[-1], images={name: images[name] for name in outputs}, hashes=found[0].hashes, pictures=n,
                    **_sums(found))
@@ -82,16 +82,16 @@ def _scenes(value):
     return scenes
 
 
-def _mean(gpus, scenes, settings, outputs, region):
+def _mean(gpus, scenes, settings, outputs, region, stop):
     """`Frame` of what is a mean."""
     n, gpu, frames, sums, aside = len(scenes), gpus[0], [], {}, 0
     for k, scene in enumerate(scenes):
         each, sample = _samples(scene, settings, k, n)
-        frame = drawn(gpus, scene, each, outputs, region=region, sample=sample, aside=aside)
+        frame = drawn(gpus, scene, each, outputs, stop=stop, region=region, sample=sample, aside=aside)
         if settings.goal:   # what the first one has chosen, the others take
             settings = frame.settings
         aside = sum(shutter.SUMS.bytes * image.size for image in frame.images.values())
-        with gpu.frame():
+        with gpu.frame(stop):
             for name, image in frame.images.items():
                 sums[name] = shutter.add(gpu, gpu.upload(image), sums.get(name))
             images = {name: gpu.download(shutter.mean(gpu, each, n)) for name, each in sums.items() if k == n - 1}

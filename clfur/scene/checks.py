@@ -110,6 +110,13 @@ def flag(value, where):
     return refuse(where, value, "True or False")
 
 
+def to_stop(value, where):
+    """Return what is asked whether a picture is to be given up, or None."""
+    if value is not None and not callable(value):
+        refuse(where, value, "None, or a function without arguments, such as threading.Event().is_set")
+    return value
+
+
 def choice(*names):
     def convert(value, where):
         if not isinstance(value, str) or value not in names:

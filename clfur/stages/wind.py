@@ -89,6 +89,8 @@ class Leans(Arrays):
     n: int = 0
     padded: int = 0
 
+    moving = "leans", "speeds", "going"   # what steps change
+
 
 def oscillator(bend: float, air: float, damping: float, length: float) -> tuple[float, float, float]:
     """Shell fur of a length as the first bending wave of a bar that is clamped at the skin -> (w [1 / s], zeta, lean by

@@ -1,0 +1,233 @@
+"""One thread that draws for all windows, and another one that codes what it has drawn."""
+
+import inspect
+import sys
+import threading
+import time
+import traceback
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from .. import draw
+from ..errors import Error
+from ..files.images import png as png_bytes
+from ..judge.frontier import label
+from ..scene.origin import copied
+from .coding import jpeg
+from .document import Document
+from .pace import Pace, ways
+from .windows import AHEAD, MOST, REST, Link, Window
+
+
+class Drawing:
+    """Draws a document for its windows, each with its own camera, by turns.
+
+    devices: what `clfur.draw` takes; no other thread may draw with them. While a window's camera, or the document,
+    changes, pictures are fast ones, of the newest camera; `REST` seconds later comes the final one, with the document's
+    settings. It is given up when anything that it shows changes, or when another window moves. A page has at most one
+    picture that it has not told to be drawn, and nothing is drawn for one that is hidden.
+    """
+
+    def __init__(self, document: Document, devices: Any) -> None:
+        self.document, self.devices = document, devices
+        self.windows: dict[str, Window] = {}
+        self._changed = threading.Condition()
+        self._last: Window | None = None      # that was drawn for
+        self._document_changed = 0.0
+        self._closed = False
+        self._pace, self._paced = Pace(5), None   # the settings that it is of
+        self._coder = ThreadPoolExecutor(1, "coding")
+        self._thread = threading.Thread(target=self._run, name="drawing", daemon=True)
+        self._end = document.subscribe(self._on_change)
+
+    def start(self) -> None:
+        """Begin to draw."""
+        self._thread.start()
+
+    def close(self, seconds: float | None = None) -> bool:
+        """End, after at most so many seconds -> whether it has: a kernel that is being built cannot be stopped."""
+        self._end()
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+        if self._thread.ident:
+            self._thread.join(seconds)
+        self._coder.shutdown(wait=not self._thread.is_alive())
+        return not self._thread.is_alive()
+
+    def open(self, key: str) -> Window:
+        """A new window of this name."""
+        with self._changed:
+            unseen = [each for each in self.windows.values() if each.link is None]
+            for each in unseen[:max(len(self.windows) - MOST, 0)]:
+                del self.windows[each.key]
+            window = self.windows[key] = Window(key, self.document.scene)
+            return window
+
+    def connect(self, window: Window, link: Link, before: str = "") -> None:
+        """A window's page is there, which was the window ``before`` until it was loaded anew."""
+        with self._changed:
+            earlier = self.windows.get(before)
+            if earlier is not None and earlier is not window and not window.pictures:
+                window.look_like(earlier)
+                if earlier.link is None:
+                    del self.windows[before]
+            window.link, window.shown, window.changed = link, (None, False), time.monotonic()
+            self._changed.notify()
+
+    def disconnect(self, window: Window, link: Link) -> None:
+        """The page has gone."""
+        with self._changed:
+            if window.link is link:
+                window.link = None
+
+    def take(self, window: Window, link: Link, message: dict[str, Any]) -> None:
+        """What a page tells: as `Window.takes`, and {"hidden": whether nobody can see it, "drawn": it has drawn a
+        picture}. Raises Error where it is no such message."""
+        scene = self.document.scene
+        with self._changed:
+            if message.get("drawn"):
+                link.under_way = max(link.under_way - 1, 0)
+            if "hidden" in message:
+                link.hidden = bool(message["hidden"])
+            window.takes(message, scene)
+            self._changed.notify()
+
+    def _on_change(self):
+        with self._changed:
+            self._document_changed = time.monotonic()
+            self._changed.notify()
+
+    # What follows runs in the thread that draws.
+
+    def _run(self):
+        while True:
+            with self._changed:
+                window, final = self._next()
+                if self._closed:
+                    return
+                if window is None:
+                    self._changed.wait(final)
+                    continue
+                link, window.pictures = window.link, window.pictures + 1
+                link.under_way += 1
+                self._last = window
+            try:
+                self._draw(window, link, final)
+            except Exception as error:
+                if not _is_stop(error):
+                    self._tell(window, link, error)
+                with self._changed:
+                    link.under_way -= 1
+
+    def _next(self):
+        """(window, whether its final picture) to draw, moving ones first; or (None, seconds until there is one)."""
+        now, resting, soon = time.monotonic(), None, None
+        for window in self._turns():
+            wish = self._wish(window, now)
+            if wish == "moving":
+                return window, False
+            if wish == "final":
+                resting = resting or window
+            elif wish is not None:
+                soon = min(wish, soon or wish)
+        return (resting, True) if resting else (None, soon)
+
+    def _turns(self):
+        """The windows, from the one after the last on."""
+        windows = list(self.windows.values())
+        at = windows.index(self._last) + 1 if self._last in windows else 0
+        return windows[at:] + windows[:at]
+
+    def _wish(self, window, now):
+        """What a window should be shown: "moving", "final", seconds until that is known, or None for nothing."""
+        link = window.link
+        if link is None or link.hidden or link.under_way >= AHEAD or not window.sized:
+            return None
+        if self.document.playing:
+            return "moving"
+        state = self._state(window)
+        if window.shown == (state, True):
+            return None
+        left = max(window.changed, self._document_changed) + REST - now
+        if left <= 0:
+            return "final"
+        return left if window.shown[0] == state else "moving"
+
+    def _state(self, window):
+        return window.orbit, self.document.version
+
+    def _draw(self, window, link, final):
+        """Draw a picture of a window, and let it be coded."""
+        document = self.document
+        document.advance(self.devices)
+        scene, settings = document.scene, document.settings
+        with self._changed:
+            if scene.camera is not window.home:   # another scene
+                window.go_home(scene)
+            (orbit, version), gesture, number = self._state(window), window.gesture, window.pictures
+            repeated = window.shown[0] is not None and window.shown[0][1] == version
+        began, divided = time.monotonic(), 1
+        if final:
+            link.tell({"drawing": number})
+        else:
+            settings, divided = self._way(settings)
+        width, height = orbit.size
+        pictured = orbit.resized(((width + divided - 1) // divided, (height + divided - 1) // divided))
+
+        def is_over():
+            return self._closed or (final and self._is_late(window, link, (orbit, version)))
+        frame = drawn(copied(scene, camera=pictured.camera()), self.devices, settings, is_over)
+        seconds = time.monotonic() - began
+        if not final and repeated and not frame.building:   # else it is the hair's time, or a compiler's
+            self._pace.took(seconds)
+        with self._changed:
+            window.shown = (orbit, version), final
+        header = {
+            "picture": number, "gesture": gesture, "final": final, "size": pictured.size, "orbit": orbit.told(),
+            "seconds": seconds, "strands": frame.strands, "settings": label(frame.settings or settings),
+            "device": frame.device}
+        self._coder.submit(self._code, window, link, frame.images["color"], header, (orbit, version))
+
+    def _way(self, settings):
+        """(Settings, by what to divide the size) of a moving picture."""
+        if self._paced != settings:   # of others, times tell nothing
+            self._paced = settings
+        return ways(settings)[self._pace.step]
+
+    def _is_late(self, window, link, state):
+        """Whether nobody waits for the final picture of a state any more, or another window moves."""
+        if window.link is not link or link.hidden or self._state(window) != state:
+            return True
+        now = time.monotonic()
+        return any(self._wish(other, now) == "moving" for other in list(self.windows.values()) if other is not window)
+
+    def _code(self, window, link, image, header, state):
+        """Bring a page its picture, but a final one that is late already."""
+        try:
+            if not (header["final"] and self._state(window) != state):
+                return link.send(header, png_bytes(image) if header["final"] else jpeg(image))
+        except Exception:   # the next picture may be better
+            traceback.print_exc()
+        with self._changed:
+            link.under_way -= 1
+            self._changed.notify()
+
+    def _tell(self, window, link, error):
+        """Tell a page why there is no picture; the last one stays, and none is tried until something changes."""
+        if not isinstance(error, (Error, MemoryError)):
+            traceback.print_exception(error, file=sys.stderr)
+        line = str(error) if isinstance(error, Error) else f"{type(error).__name__}: {error}"
+        link.tell({"error": " ".join(line.split())[:500]})
+        with self._changed:
+            window.shown = self._state(window), True
+
+
+def drawn(scene, devices, settings, stop):
+    """What `clfur.draw` gives, unless stop() says that nobody waits for it any more."""
+    how = {"stop": stop} if "stop" in inspect.signature(draw).parameters else {}
+    return draw(scene, devices, settings, **how)
+
+
+def _is_stop(error):
+    return type(error).__name__ == "Stopped"
