@@ -1,16 +1,13 @@
-"""Pictures as a page takes them."""
+"""Moving pictures as a page takes them."""
 
 import io
 
 import numpy as np
 
-from ..color import linear_to_srgb
+from .. import to_uint8
 
-BACKGROUND = 38, 39, 42   # sRGB behind the picture: the page's own, which JPEG without alpha is laid over
-CODES = 4096              # of linear light, whose sRGB stands in a table: moving pictures need no more
+BACKGROUND = 37, 38, 41   # sRGB behind the picture: the page's own, which JPEG without alpha is laid over
 QUALITY = 85              # of JPEG
-
-_TABLE = np.round(255 * linear_to_srgb(np.linspace(0, 1, CODES))).astype(np.uint8)
 
 
 def background() -> str:
@@ -25,13 +22,9 @@ def jpeg(image: np.ndarray) -> bytes:
     """
     from PIL import Image
 
-    alpha = np.clip(image[..., 3:], 0, 1)
-    straight = image[..., :3] / np.maximum(alpha, 1e-6)
-    np.clip(straight, 0, 1, out=straight)
-    straight *= CODES - 1
-    coded = _TABLE[straight.astype(np.uint16)]
-    if alpha.min(initial=1) < 1:
-        coded = np.round(np.float32(BACKGROUND) + (coded - np.float32(BACKGROUND)) * alpha).astype(np.uint8)
+    picture = Image.fromarray(to_uint8(image))
+    page = Image.new("RGB", picture.size, BACKGROUND)
+    page.paste(picture, mask=picture)
     file = io.BytesIO()
-    Image.fromarray(coded).save(file, "JPEG", quality=QUALITY)
+    page.save(file, "JPEG", quality=QUALITY)
     return file.getvalue()

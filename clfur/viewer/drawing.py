@@ -1,6 +1,5 @@
 """One thread that draws for all windows, and another one that codes what it has drawn."""
 
-import inspect
 import sys
 import threading
 import time
@@ -9,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from .. import draw
-from ..errors import Error
+from ..errors import Error, Stopped
 from ..files.images import png as png_bytes
 from ..judge.frontier import label
 from ..scene.origin import copied
@@ -35,7 +34,7 @@ class Drawing:
         self._last: Window | None = None      # that was drawn for
         self._document_changed = 0.0
         self._closed = False
-        self._pace, self._paced = Pace(5), None   # the settings that it is of
+        self._pace, self._paced = Pace(4), None   # the settings that it is of
         self._coder = ThreadPoolExecutor(1, "coding")
         self._thread = threading.Thread(target=self._run, name="drawing", daemon=True)
         self._end = document.subscribe(self._on_change)
@@ -114,11 +113,13 @@ class Drawing:
                 self._last = window
             try:
                 self._draw(window, link, final)
-            except Exception as error:
-                if not _is_stop(error):
-                    self._tell(window, link, error)
-                with self._changed:
-                    link.under_way -= 1
+                continue
+            except Stopped:
+                pass
+            except Exception as error:   # of a device too, or ours: the page goes on
+                self._tell(window, link, error)
+            with self._changed:
+                link.under_way -= 1
 
     def _next(self):
         """(window, whether its final picture) to draw, moving ones first; or (None, seconds until there is one)."""
@@ -177,7 +178,7 @@ class Drawing:
 
         def is_over():
             return self._closed or (final and self._is_late(window, link, (orbit, version)))
-        frame = drawn(copied(scene, camera=pictured.camera()), self.devices, settings, is_over)
+        frame = draw(copied(scene, camera=pictured.camera()), self.devices, settings, stop=is_over)
         seconds = time.monotonic() - began
         if not final and repeated and not frame.building:   # else it is the hair's time, or a compiler's
             self._pace.took(seconds)
@@ -222,12 +223,3 @@ class Drawing:
         with self._changed:
             window.shown = self._state(window), True
 
-
-def drawn(scene, devices, settings, stop):
-    """What `clfur.draw` gives, unless stop() says that nobody waits for it any more."""
-    how = {"stop": stop} if "stop" in inspect.signature(draw).parameters else {}
-    return draw(scene, devices, settings, **how)
-
-
-def _is_stop(error):
-    return type(error).__name__ == "Stopped"

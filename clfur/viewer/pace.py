@@ -26,7 +26,7 @@ def ways(settings: Settings) -> list[tuple[Settings, int]]:
                          shadows=settings.method)
     raster = "samples" if settings.scattering == "off" else settings.raster
     fine, fast = (attrs.evolve(still, raster=raster, samples=min(n, settings.samples)) for n in (4, 1))
-    return [(still, 1), (fine, 1), (fine, 2), (fast, 2), (fast, 4)]
+    return [(still, 1), (fine, 1), (fine, 2), (fast, 2)]
 
 
 class Pace:
