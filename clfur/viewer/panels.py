@@ -5,6 +5,7 @@ import functools
 from importlib.resources import files
 from typing import Any
 
+import attrs
 from nicegui import ui
 
 from .. import draw
@@ -142,7 +143,7 @@ class Panels:
                     self._switch(inner)
                     for action in inner.actions:
                         _button(action.icon, action.label, functools.partial(self.do, action.do, self.document))
-                self._contents(attrs_without_actions(inner))
+                self._contents(attrs.evolve(inner, actions=()))   # which are in its head
         if section.actions:
             with ui.element("div").classes("actions"):
                 for action in section.actions:
@@ -187,13 +188,6 @@ class Panels:
 
     async def _save_strands(self, suffix):
         await self._save(f"strands{suffix}", lambda scene, camera: strand_file(scene, suffix, self.drawing.devices))
-
-
-def attrs_without_actions(section: Section) -> Section:
-    """The same section without its buttons."""
-    import attrs
-
-    return attrs.evolve(section, actions=())
 
 
 def _button(icon, hint, on_click=None):

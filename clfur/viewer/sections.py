@@ -53,7 +53,8 @@ class Section:
     @property
     def shape(self) -> Any:
         """What has to be built anew where it is another: all but values."""
-        return (self.title, self.hint, self.swatch, [(each.path, each.label, each.low, each.high) for each in self.fields],
+        return (self.title, self.hint, self.swatch,
+                [(each.path, each.label, each.low, each.high) for each in self.fields],
                 [each.label for each in self.actions], self.switch and self.switch.on,
                 [each.shape for each in self.inner])
 
