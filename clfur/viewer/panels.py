@@ -36,7 +36,9 @@ class Panels:
 
     def __init__(self, drawing: Drawing, window: Window) -> None:
         self.drawing, self.document, self.window = drawing, drawing.document, window
-        self._seen = self._told = None
+        self._seen: Any = None
+        self._told: str | None = None
+        self._frame: ui.label | None = None
         self._shape: Any = None
         self._rows: list[Row] = []
         self._open: dict[str, bool] = {}
@@ -148,7 +150,8 @@ class Panels:
             with ui.element("div").classes("actions"):
                 for action in section.actions:
                     ui.button(action.label, icon=action.icon or None, on_click=functools.partial(
-                        self.do, action.do, self.document)).props("dense no-caps unelevated").classes("action")
+                        self.do, action.do, self.document)).props(
+                            "dense no-caps unelevated color=grey-9 text-color=grey-4").classes("action")
 
     def _switch(self, section):
         if (switch := section.switch) is not None:
@@ -160,7 +163,7 @@ class Panels:
                 "click", js_handler="(event) => event.stopPropagation()")
 
     def _show_told(self):
-        if getattr(self, "_frame", None) is not None and not self._frame.is_deleted:
+        if self._frame is not None and not self._frame.is_deleted:
             self._frame.set_text(self._told or "")
 
     # Saving -----------------------------------------------------------------------------------------------------

@@ -116,8 +116,9 @@ def switch_on(field: Field) -> Any:
 def with_goal(settings: Settings, name: str, value: float) -> Settings:
     """Return settings of which "max_error" or "seconds" chooses what it may."""
     usual = Settings()
-    chosen = {each: getattr(usual, each) for each in CHOSEN}
-    return attrs.evolve(settings, **chosen, scattering="off", **{name: value})
+    fields: dict[str, Any] = {"scattering": "off", name: value}
+    fields |= {each: getattr(usual, each) for each in CHOSEN}
+    return attrs.evolve(settings, **fields)
 
 
 def _radius(scene):
@@ -225,7 +226,7 @@ def _shells(scene, radius):
 
 def usual_shells(scene: Scene) -> Shells:
     """Return shells that look well under a scene's strands, or alone."""
-    radius, strands = scene.mesh.bounds[1], scene.strands
+    radius, strands = _radius(scene), scene.strands
     length, color = 0.05 * radius, (0.42, 0.24, 0.11)
     if isinstance(strands, Strands):
         longest = max(strands.types, key=lambda kind: kind.full_length)

@@ -19,8 +19,8 @@ def told(frame: Frame, scene: Scene) -> str:
 
 
 def expected(frame: Frame, scene: Scene) -> float | None:
-    """Return what the picture of strands errs by `clfur.budget`'s fit, or None where that knows nothing of its settings:
-    root mean square of sRGB, 0 to 1."""
+    """Return what the picture of strands errs by `clfur.budget`'s fit, root mean square of sRGB, 0 to 1; None where
+    that knows nothing of its settings."""
     settings = frame.settings
     if scene.strands is None or settings is None:
         return None

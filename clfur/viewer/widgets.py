@@ -108,7 +108,7 @@ class From(Row):
                 slider = ui.slider(min=low, max=high, step=1).props("dense").on(
                     "update:model-value", lambda event, n=n: self._turned(n, float(event.args)), throttle=OFTEN)
                 number = _number(lambda value, n=n: self._turned(n, value)).props(f'aria-label="{name}"')
-                ui.label("°").classes("unit").tooltip(f"degrees {name}")
+                ui.label(f"° {name}").classes("unit")
                 self._sliders.append((slider, number))
 
     def _show(self, value):
