@@ -6,7 +6,7 @@ import numpy as np
 
 from .. import to_uint8
 
-BACKGROUND = 37, 38, 41   # sRGB behind the picture: the page's own, which JPEG without alpha is laid over
+BACKGROUND = 38, 39, 43   # sRGB behind the picture: the page's own, which JPEG without alpha is laid over
 QUALITY = 85              # of JPEG
 
 
