@@ -24,7 +24,7 @@ ALLOWED = (*MESHES, *PICTURES, *SKIES, *(each for each in (*STRANDS, *USD) if ea
 NEAR = 1.5              # radii of a mesh within which strands' roots are taken to stand on it
 TYPES = 16              # of a type map, at most, that are made of its colours
 APART = 48              # 8-bit steps that colours of a type map are apart, in one channel at least
-FEW = 1 / 500           # share of a picture that is no more than the edge of a brush
+FEW, EDGES = 1 / 500, 1 / 20   # shares of a picture that are no type's; that are edges, if their colour is a blend
 
 
 def suffix_of(name: str, size: int) -> str:
@@ -65,7 +65,7 @@ def take(document: Document, name: str, data: bytes) -> str:
 def _take(document, path, data):
     suffix, scene = path.suffix, document.state.scene
     if suffix in SKIES:
-        document.change(scene=None, **_changed(document, ("environment",), Environment(load_picture(path))))
+        document.set(("scene", "environment"), Environment(load_picture(path)))
         return "a sky"
     if suffix in PICTURES:
         return _take_map(document, scene, load_picture(path))
@@ -108,12 +108,6 @@ def _of_size(scene, size):
     return attrs.evolve(scene, camera=frame(scene.mesh, scene.fur, size, ground=scene.ground, lights=scene.lights))
 
 
-def _changed(document, path, value):
-    """{field: value} of a document's state after a change of its scene."""
-    after = document.state.changed(("scene", *path), value)
-    return {"scene": after.scene, "given": after.given, "changes": after.changes}
-
-
 def _is_strands(data):
     """Whether a .ply file has strands, and no faces."""
     head = data[:data.find(b"end_header") + 1 or 4096]
@@ -143,7 +137,7 @@ def _take_map(document, scene, pixels):
         raise Error("the picture has more than 8 bits a channel; allowed in a type map: 8, as the keys of types have")
     types = strands.types if _are_known(pixels, strands.types) else types_of(pixels, strands.types)
     after = attrs.evolve(strands, type_map=pixels, types=types)
-    document.change(scene=None, **_changed(document, ("strands",), after))
+    document.set(("scene", "strands"), after)
     return f"a type map of {len(types)} types"
 
 
@@ -169,7 +163,8 @@ def types_of(pixels: np.ndarray, types: tuple[HairType, ...]) -> list[HairType]:
     colors = np.stack([packed >> 16, packed >> 8 & 255, packed & 255], 1)[order].astype(int)
     keys: list[Any] = []
     for color, share in zip(colors[:4096], counts[order] / counts.sum()):
-        if (share >= FEW or not keys) and all(np.abs(color - key).max() > APART for key in keys):
+        new = all(np.abs(color - key).max() > APART for key in keys)
+        if not keys or (new and share >= FEW and (share >= EDGES or not _is_blend(color, keys))):
             keys.append(color)
     near = np.min([np.abs(colors - key).max(1) for key in keys], axis=0) <= APART
     clear = counts[order][near].sum() / counts.sum()
@@ -177,6 +172,17 @@ def types_of(pixels: np.ndarray, types: tuple[HairType, ...]) -> list[HairType]:
         raise Error(f"the picture has {len(colors):,} colours, as a photo has; allowed in a type map: up to {TYPES} "
                     "plain ones")
     return [_keyed(types[n], key) if n < len(types) else _painted(types[-1], key) for n, key in enumerate(keys)]
+
+
+def _is_blend(color, keys):
+    """Whether a colour lies between two of these keys, as a soft brush leaves it where they meet."""
+    for n, one in enumerate(keys):
+        for other in keys[n + 1:]:
+            way = other - one
+            share = min(max(float((color - one) @ way) / float(way @ way), 0), 1)
+            if np.abs(one + share * way - color).max() <= APART / 2:
+                return True
+    return False
 
 
 def _furthest(colors, keys):

@@ -30,7 +30,7 @@ def show(drawing: Drawing, title: str) -> None:
     ui.query(".nicegui-content").classes("stage-content")
     stage = ui.element("div").props('id="stage"')
     stage.props(f'data-window="{window.key}"')
-    drawer = ui.right_drawer(value=True, bordered=False).classes("panels").props("width=340 breakpoint=700")
+    drawer = ui.right_drawer(bordered=False).classes("panels").props("width=340 breakpoint=700")
     with drawer:
         panels.build(drawing, window)
     ui.button(icon="tune", on_click=drawer.toggle).props('flat round dense aria-label="Panels"').classes(

@@ -100,8 +100,8 @@ class Panels:
                     _item(f"Picture {suffix}", functools.partial(self._save_picture, suffix))
                 _item("Scene file", self._save_scene)
                 with _item("Strands"), ui.menu().classes("panel-menu").props('anchor="top end" self="top start"'):
-                    for suffix in STRANDS:
-                        _item(suffix, functools.partial(self._save_strands, suffix))
+                    for suffix, name in STRANDS.items():
+                        _item(f"{name} {suffix}", functools.partial(self._save_strands, suffix))
 
     # Sections ---------------------------------------------------------------------------------------------------
 
