@@ -15,7 +15,7 @@ from .drawing import Drawing
 from .dropped import ALLOWED, MOST
 from .saving import PICTURES, STRANDS, picture_file, scene_file, strand_file
 from .sections import Section, put, sections, value_of
-from .widgets import ROWS, Row
+from .widgets import ALONE, ROWS, Row
 from .windows import Window
 
 OFTEN = 0.2   # seconds between two looks at the document: other windows, undo and motion change it
@@ -159,8 +159,9 @@ class Panels:
                 if self.do(lambda: self.document.set(switch.path, switch.make(
                         self.document.state) if event.args else None)) and event.args:
                     self._open[section.title] = True
-            ui.switch(value=switch.on).props("dense size=xs").on("update:model-value", turn).on(
-                "click", js_handler="(event) => event.stopPropagation()")
+            ui.switch(value=switch.on).props("dense size=xs").on(
+                "update:model-value", turn, js_handler=ALONE).on(
+                    "click", js_handler="(event) => event.stopPropagation()")
 
     def _show_told(self):
         if self._frame is not None and not self._frame.is_deleted:

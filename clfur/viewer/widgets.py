@@ -11,6 +11,7 @@ from .sections import switch_on
 
 OFTEN = 0.06   # seconds between two values of a slider that is dragged
 TYPED = 700    # milliseconds after the last key at which a number is taken
+ALONE = "(value) => emit(value)"   # of what a switch emits: else the mouse's event comes along
 
 
 class Row:
@@ -23,7 +24,8 @@ class Row:
         with ui.element("div").classes("field").props(f'data-path="{".".join(map(str, field.path))}"'):
             with ui.element("div").classes("field-label"):
                 if field.given is not None:
-                    self._on = ui.checkbox().props("dense size=xs").on("update:model-value", self._switch)
+                    self._on = ui.checkbox().props("dense size=xs").on(
+                        "update:model-value", self._switch, js_handler=ALONE)
                 name = ui.label(field.label)
                 if field.hint:
                     name.classes("hinted").tooltip(field.hint)
@@ -170,7 +172,7 @@ class Flag(Row):
 
     def _build(self):
         self._flag = ui.switch().props("dense size=xs").on(
-            "update:model-value", lambda event: self._chosen(bool(event.args)))
+            "update:model-value", lambda event: self._chosen(bool(event.args)), js_handler=ALONE)
 
     def _show(self, value):
         self._flag.set_value(bool(value))
