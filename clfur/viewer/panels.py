@@ -48,6 +48,7 @@ class Panels:
         self._body = ui.element("div").classes("panel-body")
         self.refresh()
         ui.timer(OFTEN, self.refresh)
+        ui.keyboard(self._key, repeating=False, ignore=["input", "textarea"])
 
     def refresh(self) -> None:
         """Show what the document has now."""
@@ -81,6 +82,13 @@ class Panels:
         self.say("")
         self.refresh()
         return done
+
+    def _key(self, event):
+        """Ctrl-Z, and with shift or as Ctrl-Y the other way."""
+        held = event.modifiers
+        if event.action.keydown and (held.ctrl or held.meta) and event.key.name.lower() in ("z", "y"):
+            again = held.shift or event.key.name.lower() == "y"
+            self.do(self.document.redo if again else self.document.undo)
 
     # The bar on top ---------------------------------------------------------------------------------------------
 

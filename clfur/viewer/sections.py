@@ -252,7 +252,16 @@ def _lights(scene, radius):
         for n, light in enumerate(scene.lights)]
     add = Action("Add a light", "add", lambda document: document.set(path, (
         *document.state.scene.lights, Light((1.0, -0.6, -0.5), ambient=0.0, intensity=0.6))))
-    return Section("Lights", inner=inner, actions=[add])
+    lamp = Action("Add a lamp", "add", lambda document: document.set(path, (
+        *document.state.scene.lights, usual_lamp(document.state.scene))))
+    return Section("Lights", inner=inner, actions=[add, lamp])
+
+
+def usual_lamp(scene: Scene) -> Light:
+    """Return a lamp over a scene, in front to the right, that shines on all of it."""
+    center, radius = extent(scene.mesh, scene.fur)
+    away = 1.5 * (radius or 1) * np.array([1.0, 1.5, 1.2])
+    return Light(direction=-away, position=center + away, angle=50, ambient=0.0, size=0.1 * radius)
 
 
 def _sky(scene):
