@@ -41,7 +41,7 @@
   async function send(files) {
     for (const file of files) {
       if (file.size > LARGEST) {
-        say(`${file.name}: the file has ${(file.size / 2 ** 20).toFixed(1)} MiB; allowed: at most ${LARGEST / 2 ** 20}`, true);
+        say(`${file.name}: the file has ${(file.size / 2 ** 20).toFixed(1)} MiB; allowed: at most ${LARGEST / 2 ** 20} MiB`, true);
         continue;
       }
       say(`${file.name}: reading …`);
