@@ -61,7 +61,7 @@ def test_a_film_goes_on_where_it_stopped(tmp_path, device, monkeypatch):
     _film(tmp_path / "whole", device, range(13))
     drawn, steps = [], []
     draw, step = library.Job.draw, clfur.Motion.step
-    monkeypatch.setattr(clfur.Motion, "step", lambda self, *given, **more: steps.append(1) or step(self, *given, **more))
+    monkeypatch.setattr(clfur.Motion, "step", lambda self, *of, **how: steps.append(1) or step(self, *of, **how))
 
     def failing(self, gpu, stop):
         drawn.append(self.number)

@@ -275,13 +275,41 @@ def test_only_regular_files_are_read_as_pictures(tmp_path):
 def test_a_png_is_coded_in_bands(monkeypatch):
     """NumPy hears Ctrl-C only between its steps: none is of more than a band, and the picture is the whole's."""
     color = np.random.default_rng(2).random((2 * pictures.BAND + 7, 5, 4), np.float32)
-    rows, code = [], pictures.linear_to_srgb
-    monkeypatch.setattr(pictures, "linear_to_srgb", lambda part: rows.append(len(part)) or code(part))
-    pixels = imageio.v3.imread(pictures.png(color))
-    assert rows == [pictures.BAND, pictures.BAND, 7]
-    alpha = color[..., 3:]
-    expected = np.concatenate([code(color[..., :3] / alpha), alpha], axis=2) * 255
-    assert np.abs(pixels - expected).max() < 0.51
+    rows, code = [], pictures.srgb_codes
+    monkeypatch.setattr(pictures, "srgb_codes", lambda part: rows.append(len(part)) or code(part))
+    for level in (1, 9):
+        rows.clear()
+        pixels = imageio.v3.imread(pictures.png_bytes(color, level))
+        assert rows == [pictures.BAND] * 6 + [7] * 3
+        np.testing.assert_array_equal(pixels, _by_formula(color))
+
+
+def _by_formula(color):
+    """8-bit codes of a picture as they are defined, without a table."""
+    color = np.nan_to_num(color.astype(np.float32), nan=0.0, posinf=1.0, neginf=0.0)
+    if color.shape[2] == 4:
+        alpha = np.clip(color[:, :, 3:], 0, 1)
+        straight = np.where(alpha > 0, np.clip(color[:, :, :3], 0, alpha) / np.where(alpha > 0, alpha, 1), 0)
+        coded = np.concatenate([linear_to_srgb(straight), alpha], axis=2)
+    else:
+        coded = linear_to_srgb(color)
+    return (coded * 255 + 0.5).astype(np.uint8)
+
+
+def test_codes_are_those_of_the_formula():
+    """Of floats of all kinds, and of all near which a code ends: the same bytes. All 2^32 floats were tried once."""
+    middles = srgb_to_linear((np.arange(255) + 0.5) / 255)   # where one code becomes the next, to some ulp
+    near = middles.view(np.uint32)[:, None].astype(np.int64) + np.arange(-500, 500)
+    kinds = (0, 1, 0x7FFFFF, 0x800000, 0x3F800000, 0x7F7FFFFF, 0x7F800000, 0x7FC00000, 0x7FFFFFFF)
+    ends = np.array([[kind + k for kind in kinds] for k in (-1, 0, 1)]).clip(0, 2**31 - 1)
+    some = np.random.default_rng(3).integers(0, 2**32, 200_000)
+    bits = np.concatenate([near.ravel(), ends.ravel(), ends.ravel() + 2**31, some, some % 0x3F800000])
+    values = np.resize(bits, (len(bits) // 12 * 12)).astype(np.uint32).view(np.float32)
+    with np.errstate(all="ignore"):
+        wide = values.astype(np.float64)
+        for picture in (values.reshape(-1, 1, 3), values.reshape(-1, 1, 4), wide.reshape(-1, 2, 3)):
+            np.testing.assert_array_equal(pictures.to_uint8(picture), _by_formula(picture))
+    assert len(np.unique(pictures.to_uint8(near.astype(np.uint32).view(np.float32)[..., None].repeat(3, 2)))) == 256
 
 
 def test_an_exr_is_written_in_bands(tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ from support.stages import strands_on
 from support.views import perspective
 
 import clfur
-from clfur.files.images import png
+from clfur.files.images import png_bytes
 from clfur.pipeline.mattes import RANKS, TOLD
 from clfur.render import OUTPUTS
 from clfur.stages import mattes
@@ -187,7 +187,7 @@ def test_arrays_are_handed_over_as_they_are(gpu):
         assert array.flags.c_contiguous and array.flags.writeable, name
         assert np.shares_memory(np.from_dlpack(array), array), name
     pixels = clfur.to_uint8(out["color"])
-    np.testing.assert_array_equal(pixels, imageio.v3.imread(png(out["color"])))
+    np.testing.assert_array_equal(pixels, imageio.v3.imread(png_bytes(out["color"])))
     assert pixels.flags.c_contiguous and clfur.to_uint8(out["color"][..., :3]).shape == (31, 41, 3)
     for wrong in pixels, out["depth"], None:
         with pytest.raises(clfur.Error, match="to_uint8 image"):

@@ -20,7 +20,7 @@ from clfur import budget, layout
 from clfur.color import linear_to_srgb, srgb_to_linear
 from clfur.command import types
 from clfur.device.team import shares_of
-from clfur.files.images import png
+from clfur.files.images import png_bytes
 from clfur.files.output import output_path
 from clfur.pipeline.plan import _before, _pieces, _runs, _share
 from clfur.pipeline.views import Rig, band_of, columns_of, grid_of, light_view_of
@@ -322,7 +322,7 @@ def test_colors_come_back_and_keep_their_order(coded):
 def test_any_picture_can_be_saved(image):
     """Infinities, NaN, negative light and alphas beyond 1 among them."""
     from imageio.v3 import imread
-    read = imread(png(image), extension=".png")
+    read = imread(png_bytes(image), extension=".png")
     assert read.shape == image.shape and read.dtype == np.uint8
     if image.shape[2] == 3:
         assert (read[np.isnan(image) | (image <= 0)] == 0).all() and (read[image >= 1] == 255).all()
@@ -331,4 +331,4 @@ def test_any_picture_can_be_saved(image):
 @given(arrays.arrays(np.uint8, st.tuples(st.integers(1, 5), st.integers(1, 5), st.just(3))))
 def test_a_saved_picture_is_what_was_coded(coded):
     from imageio.v3 import imread
-    np.testing.assert_array_equal(imread(png(srgb_to_linear(coded)), extension=".png"), coded)
+    np.testing.assert_array_equal(imread(png_bytes(srgb_to_linear(coded)), extension=".png"), coded)

@@ -7,7 +7,7 @@ import re
 import threading
 import time
 import warnings
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
@@ -27,7 +27,7 @@ from .memory import allowed, planned
 from .selection import CHECKER, check_process, choose, describe, is_shared
 
 GROUP = 64          # work-items in a work-group, where a kernel doesn't state how many it has
-FIRST = 1024        # work-items in the first piece of a launch
+FIRST = 256         # work-items in the first piece of a launch
 MOST = 65_472       # work-items in any piece: PoCL compiles a kernel anew for 2^16 and more
 PIECE = 0.1         # seconds that a piece of a launch should take, so that Ctrl-C need not wait long
 SMALL = 1 << 18     # bytes of an upload that is not waited for, but copied first
@@ -124,8 +124,10 @@ class Scheduler:
         self._stopped = False
         self._stop: Callable[[], bool] | None = None
         self._load = None
-        self._rates: dict[str, float] = {}           # seconds a work-item of each kernel takes
-        self._wholes: dict[str, tuple] = {}          # (work-items, seconds) of the last launch of several pieces
+        # By launch, (kernel, how many of it came before in the frame): one may march all rays, and the next the rest.
+        self._rates: dict[tuple, float] = {}         # seconds a work-item takes
+        self._wholes: dict[tuple, tuple] = {}        # (work-items, seconds) of it when it last took several pieces
+        self._turns: Counter[str] = Counter()        # launches of each kernel in this frame
         self._ahead = 0.0          # seconds of work that the device may have before it
 
     @contextmanager
@@ -270,11 +272,13 @@ class Scheduler:
         """Run a kernel, in pieces: a driver can't be interrupted.  All but the last are waited for, unless it took less
         than a piece may the last time."""
         name, group, begin, started = kernel.name, kernel.group, 0, time.perf_counter()
-        most, whole = self._wholes.get(name, (0, 0.0))
+        turn = name, self._turns[name]
+        self._turns[name] += 1
+        most, whole = self._wholes.get(turn, (0, 0.0))
         short = size <= most and self._ahead + whole < PIECE
         while begin < size:
             self.ask()
-            rate, alone = whole / most if short else self._rates.get(name), not self._ahead
+            rate, alone = whole / most if short else self._rates.get(turn), not self._ahead
             piece = MOST if short else FIRST if rate is None else min(int(PIECE / rate), MOST)
             end = min(begin + max(piece // group, 1) * group, size)
             began = time.perf_counter()
@@ -286,11 +290,11 @@ class Scheduler:
                 event.wait()
                 if not short and (alone or rate is None):
                     # Sky is done in no time, but fur may begin in the next piece: a rate falls slowly.
-                    self._rates[name] = max((time.perf_counter() - began) / (end - begin), (rate or 0) / 2, 1e-10)
+                    self._rates[turn] = max((time.perf_counter() - began) / (end - begin), (rate or 0) / 2, 1e-10)
                 self._ahead = 0.0
             if begin and end == size and not short:
                 event.wait()
-                self._wholes[name], self._ahead = (size, time.perf_counter() - started), 0.0
+                self._wholes[turn], self._ahead = (size, time.perf_counter() - started), 0.0
             begin = end
 
     def load(self, key: Any) -> None:
@@ -352,6 +356,7 @@ class Scheduler:
     def start(self) -> None:
         """Begin a new frame: from here on `seconds` and `peak` count anew."""
         self._log.clear()
+        self._turns.clear()
         self.held_up = 0.0
         # Frames of ever new sizes leave ever new pieces in the pool.  What the last one took may be of use again: in
         # new memory the system clears each page when it is first touched: up to a third of a frame.

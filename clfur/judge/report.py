@@ -11,7 +11,7 @@ import numpy as np
 
 from ..color import srgb_to_linear
 from ..errors import Error
-from ..files.images import png
+from ..files.images import png_bytes
 from ..files.output import check_writable, output_path, whole
 
 SUFFIXES = ".html", ".htm"
@@ -104,7 +104,7 @@ def svg(figure, name):
 
 def data_uri(color):
     """A float picture as `clfur.save` takes it, as the address of a PNG that holds the picture itself."""
-    return "data:image/png;base64," + base64.b64encode(png(color)).decode()
+    return "data:image/png;base64," + base64.b64encode(png_bytes(color)).decode()
 
 
 def difference_picture(one, other):

@@ -103,6 +103,8 @@ class Drawing:
             if "hidden" in message:
                 link.hidden = bool(message["hidden"])
             window.takes(message, scene)
+            if "n" in message and window.shown == (self._state(window), True):
+                link.tell({"gesture": window.gesture})   # nothing is another: the page has its picture already
             self._changed.notify()
 
     def _on_change(self):
@@ -175,10 +177,10 @@ class Drawing:
         state = self._state(window)
         if window.shown == (state, True):
             return None
+        if window.shown[0] != state:   # also where it rests since: there was no time for a picture of it
+            return "moving"
         left = max(window.changed, self._document_changed) + REST - now
-        if left <= 0:
-            return "final"
-        return left if window.shown[0] == state else "moving"
+        return left if left > 0 else "final"
 
     def _state(self, window):
         return window.orbit, self.document.version

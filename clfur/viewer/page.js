@@ -1,6 +1,6 @@
 "use strict";
-// The page's side of the viewer: what a mouse or fingers do is told, at most once an animation frame; pictures that come
-// are drawn in an animation frame, which is told, so that the next one comes.
+// The page's side of the viewer: what a mouse or fingers do is told, at most once an animation frame; a picture that
+// comes is drawn in an animation frame, which is told, so that the next one comes.
 (() => {
   const DENSEST = 2;        // device pixels a CSS pixel at most
   const WHEEL = 100;        // pixels of scrolling that are one step of zoom
@@ -11,7 +11,7 @@
   const view = window.clfur = { drawn: 0, header: null, bytes: null, told: 0 };   // what was drawn, for who looks
   let stage, canvas, context, status, trouble, socket, opened = false;
   let wish = {}, asked = false;       // what is to be told in the next animation frame
-  let waiting = null;                 // a picture that is decoded, to be drawn in the next one
+  let last = Promise.resolve();       // of what came: each is taken after the one before
   const held = new Map();             // pointers that are down: id -> [x, y]
   const recent = [];                  // when moving pictures were drawn
 
@@ -129,7 +129,7 @@
       wish = { ...wish, hidden: document.hidden };
       resize();
     };
-    socket.onmessage = (event) => take(event.data);
+    socket.onmessage = (event) => { last = last.then(() => take(event.data)); };
     socket.onclose = (event) => {
       if (event.code === UNKNOWN) return location.reload();
       say(opened ? "clfur view does not answer: it has ended, or will be back." : "connecting …");
@@ -148,33 +148,28 @@
     const header = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
     if (header.error) return say(header.error);
     if (header.drawing) return status.classList.add("drawing");
+    if (!header.picture) return Object.assign(view.header || {}, header);   // of what it shows
     const bytes = new Uint8Array(data, 4 + length);
-    let image = null;
     try {
-      image = await createImageBitmap(new Blob([bytes], { type: header.final ? "image/png" : "image/jpeg" }));
+      const image = await createImageBitmap(new Blob([bytes], { type: header.final ? "image/png" : "image/jpeg" }));
+      await new Promise(requestAnimationFrame);
+      draw(header, bytes, image);
     } catch (error) {
       console.error(error);
     }
-    waiting = { header, bytes, image };
-    requestAnimationFrame(draw);
+    if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ drawn: header.picture }));
   }
 
-  function draw() {
-    if (!waiting) return;
-    const { header, bytes, image } = waiting;
-    waiting = null;
-    if (image && !(view.header && header.picture < view.header.picture)) {   // a late one is dropped
-      const [width, height] = header.orbit.size;
-      if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
-      context.clearRect(0, 0, width, height);
-      context.imageSmoothingQuality = "high";
-      context.drawImage(image, 0, 0, width, height);
-      image.close();
-      Object.assign(view, { drawn: view.drawn + 1, header, bytes });
-      say("");
-      count(header);
-    }
-    if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ drawn: header.picture }));
+  function draw(header, bytes, image) {
+    const [width, height] = header.orbit.size;
+    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+    context.clearRect(0, 0, width, height);
+    context.imageSmoothingQuality = "high";
+    context.drawImage(image, 0, 0, width, height);
+    image.close();
+    Object.assign(view, { drawn: view.drawn + 1, header, bytes });
+    say("");
+    count(header);
   }
 
   // What is said -----------------------------------------------------------------------------------------------------
@@ -192,7 +187,7 @@
     }
     if (header.strands) parts.push(`${header.strands.toLocaleString("en")} strands`);
     parts.push(header.settings, header.device);
-    status.replaceChildren(Object.assign(document.createElement("span"), { className: "busy" }), parts.join("  ·  "));
+    status.replaceChildren(parts.join("  ·  "), Object.assign(document.createElement("span"), { className: "busy" }));
   }
 
   function say(line) {

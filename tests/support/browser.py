@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 NAMES = "chromium", "chromium-browser", "google-chrome-stable", "google-chrome", "chrome"
-WAIT = 60_000   # milliseconds for what kernels may have to be built for
+WAIT = 20_000    # milliseconds
+FIRST = 90_000   # for a first picture, which kernels may have to be built for
 
 # In each page: all that its socket of pictures gets and sends, with times; and events that a mouse would make.
 RECORDER = """
@@ -106,14 +107,14 @@ def opened(context, address):
     page = context.new_page()
     page.add_init_script(RECORDER)
     page.goto(address)
-    settled(page)
+    settled(page, FIRST)
     return page
 
 
-def settled(page):
+def settled(page, milliseconds=WAIT):
     """Wait till a page shows the final picture of all that it has told -> the picture's header."""
     page.wait_for_function("window.clfur && clfur.header && clfur.header.final && clfur.header.gesture === clfur.told",
-                           timeout=WAIT)
+                           timeout=milliseconds)
     return page.evaluate("clfur.header")
 
 

@@ -1,0 +1,258 @@
+"""`clfur view` in a real Chromium: what its page shows is what clfur draws, and it keeps up with who looks."""
+
+import io
+import itertools
+import os
+import runpy
+import signal
+import statistics
+import time
+
+import attrs
+import numpy as np
+import pytest
+from PIL import Image
+from support.browser import WAIT, find, opened, serving, settled, until
+
+import clfur
+from clfur.viewer.orbit import Orbit
+
+pytest.importorskip("nicegui", reason='clfur view needs pip install "clfur[view]"')
+library = pytest.importorskip("playwright.sync_api", reason="NO BROWSER IS DRIVEN: playwright is not installed")
+
+SMALL = {"width": 320, "height": 240}
+SCENE = """
+import clfur
+hair = clfur.HairType(color=(0.5, 0.3, 0.1), segments=8, segment_length=0.03, width=0.004)
+fur = clfur.Strands(inner=1, outer=1, types=hair, roots=4000, surface="flat")
+scene = clfur.Scene(clfur.load_mesh("sphere"), fur, clfur.Camera(eye=(1, 1, 3)))
+settings = clfur.Settings(masks=4)
+"""
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with library.sync_playwright() as playwright:
+        path = find(playwright)
+        if path is None:
+            pytest.skip("NO BROWSER IS DRIVEN: there is no Chromium; `playwright install chromium` or your system has it")
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    path = tmp_path_factory.mktemp("viewed") / "furry.py"
+    path.write_text(SCENE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def served(scene):
+    with serving(scene) as server:
+        yield server
+        assert "Traceback" not in server.said()
+
+
+@pytest.fixture
+def context(chromium):
+    context = chromium.new_context(viewport=SMALL)
+    yield context
+    context.close()
+
+
+@pytest.fixture(scope="module")
+def one_page(chromium, served):
+    context, wrong = chromium.new_context(viewport=SMALL), []
+    page = opened(context, served.address)
+    page.on("pageerror", lambda error: wrong.append(error))
+    yield page
+    assert not wrong
+    context.close()
+
+
+@pytest.fixture
+def page(one_page):
+    """A page at home, whose log is empty."""
+    one_page.set_viewport_size(SMALL)
+    one_page.keyboard.press("Home")
+    one_page.wait_for_timeout(50)
+    settled(one_page)
+    one_page.evaluate("log.length = 0")
+    return one_page
+
+
+def moved(page):
+    """Drag a little, and wait for the final picture -> its header."""
+    page.evaluate("drag([100, 100], [130, 110])")
+    page.wait_for_timeout(50)   # an animation frame, in which it is told
+    return settled(page)
+
+
+def test_it_opens_with_its_token_alone(chromium, context, served):
+    stranger = chromium.new_context()
+    page = stranger.new_page()
+    answer = page.goto(served.address.partition("?")[0])
+    assert answer.status == 403 and "address that clfur view prints" in page.inner_text("body")
+    stranger.close()
+    page = opened(context, served.address)
+    assert page.url == f"http://127.0.0.1:{served.port}/" and page.evaluate("document.cookie") == ""
+    cookie, = context.cookies()
+    assert (cookie["httpOnly"], cookie["sameSite"], cookie["value"]) == (True, "Strict", served.token)
+    assert "furry" in page.title() and "4,000 strands" in page.inner_text(".status")
+
+
+def test_orbiting(page):
+    """The newest camera is drawn, one picture at a time, and in the end the final one."""
+    ended = page.evaluate("shake(3)")
+    settled(page)
+    log = page.evaluate("log")
+    drawn = [each["sent"]["drawn"] for each in log if "drawn" in each.get("sent", {})]
+    got = [each["got"] for each in log if "picture" in each.get("got", {})]
+    gestures = [each["gesture"] for each in got]
+    assert gestures == sorted(gestures) and drawn == sorted(set(drawn))
+    unconfirmed = itertools.accumulate(
+        (1 if "picture" in each.get("got", {}) else -1 if "drawn" in each.get("sent", {}) else 0) for each in log)
+    assert max(unconfirmed) == 1
+    moving = [each["at"] for each in log if "drawn" in each.get("sent", {}) and each["at"] < ended]
+    print(f"{len(moving) / 3:.1f} pictures a second")
+    assert len(moving) > 6 and got[-1]["final"] and got[-1]["gesture"] == page.evaluate("clfur.told")
+    assert sum(each["final"] for each in got) <= 2   # not while it moves; one of the rest before at most
+    seen = page.evaluate("clfur.header.orbit")
+    assert seen["azimuth"] != got[0]["orbit"]["azimuth"]
+
+
+def test_the_final_picture_is_clfurs_own(page, scene):
+    """Byte for byte, drawn here with the camera that the page tells; and it is what the page shows."""
+    header = moved(page)
+    data = bytes(page.evaluate("Array.from(clfur.bytes)"))
+    there = runpy.run_path(str(scene))
+    image = clfur.render(attrs.evolve(there["scene"], camera=Orbit(**header["orbit"]).camera()),
+                         settings=there["settings"])
+    path = scene.with_suffix(".png")
+    clfur.save(path, image)
+    assert data == path.read_bytes() and header["orbit"]["size"] == [320, 240]
+    canvas = np.array(page.evaluate("""Array.from(document.querySelector("#stage canvas").getContext("2d").getImageData(
+        0, 0, 320, 240).data)"""), np.uint8).reshape(240, 320, 4)
+    pixels = np.asarray(Image.open(io.BytesIO(data)))
+    assert np.array_equal(canvas[..., 3], pixels[..., 3])   # where it is transparent, a canvas keeps fewer bits of colour
+    opaque = pixels[..., 3] == 255
+    assert opaque.any() and np.array_equal(canvas[opaque], pixels[opaque])
+
+
+def test_who_moves_again_does_not_wait(page):
+    """For a final picture that has begun 50 ms before: the next moving one comes within the time of two."""
+    page.set_viewport_size({"width": 960, "height": 720})
+    page.wait_for_timeout(100)
+    settled(page)
+    page.evaluate("log.length = 0")
+    page.evaluate("shake(1.5)")
+    settled(page)
+    log = page.evaluate("log")
+    told = {each["sent"]["n"]: each["at"] for each in log if "n" in each.get("sent", {})}
+    got = {each["got"]["picture"]: each["got"] for each in log if "picture" in each.get("got", {})}
+    waits = [each["at"] - told[got[number]["gesture"]] for each in log if (number := each.get("sent", {}).get("drawn"))
+             and not got[number]["final"] and got[number]["gesture"] in told]
+    usual = statistics.median(waits)
+    took = 1000 * page.evaluate("clfur.header.seconds")
+    again = min(page.evaluate(AGAIN) for _ in range(3))   # others may have the processor
+    print(f"moving {usual:.0f} ms, final {took:.0f} ms, again after {again:.0f} ms")
+    assert again < 2 * usual and took > 3 * usual
+    assert settled(page)["final"]
+
+
+# Moves 50 ms after a final picture was begun -> milliseconds until that is drawn.
+AGAIN = """async () => {
+  const drawn = () => log.filter((each) => each.sent && each.sent.drawn).length;
+  const wait = async (true_) => { while (!true_()) await new Promise((done) => setTimeout(done, 2)); };
+  log.length = 0;
+  drag([100, 100], [120, 105]);
+  await wait(() => log.some((each) => each.got && each.got.drawing));
+  await new Promise((done) => setTimeout(done, 50));
+  const before = drawn(), began = performance.now();
+  drag([100, 100], [130, 95]);
+  await wait(() => drawn() > before && !clfur.header.final && clfur.header.gesture === clfur.told);
+  return performance.now() - began;
+}"""
+
+
+def test_mouse_and_fingers(page):
+    home = settled(page)["orbit"]
+
+    def after(script):
+        page.evaluate(script)
+        page.wait_for_timeout(50)
+        return settled(page)["orbit"]
+    turned = after("drag([100, 100], [124, 100])")
+    assert turned["azimuth"] == pytest.approx(home["azimuth"] - 36) and turned["target"] == home["target"]
+    panned = after("drag([100, 100], [124, 100], { shiftKey: true })")
+    assert panned["azimuth"] == turned["azimuth"] and panned["target"] != home["target"]
+    assert after("drag([100, 100], [124, 100], { buttons: 2 })")["target"] != panned["target"]
+    near = after("document.getElementById('stage').dispatchEvent(new WheelEvent('wheel', {deltaY: -300}))")
+    assert near["distance"] == pytest.approx(home["distance"] / 1.1**3)
+    pinched = after("""pointer("pointerdown", 100, 100); pointer("pointerdown", 200, 100, { pointerId: 2 });
+        pointer("pointermove", 220, 100, { pointerId: 2 }); pointer("pointermove", 80, 100);
+        pointer("pointerup", 80, 100); pointer("pointerup", 220, 100, { pointerId: 2 })""")
+    assert pinched["distance"] == pytest.approx(near["distance"] / 1.4) and pinched["azimuth"] == near["azimuth"]
+    assert after("document.getElementById('stage').dispatchEvent(new MouseEvent('dblclick'))") == home
+
+
+def test_windows(context, served):
+    """Each has its camera; loaded anew it keeps it; one that is closed while its picture is drawn does no harm."""
+    one, other = opened(context, served.address), opened(context, served.address)
+    before = settled(other)["orbit"]
+    seen = moved(one)["orbit"]
+    assert seen != before and settled(other)["orbit"] == before
+    one.reload()
+    assert settled(one)["orbit"] == seen
+    other.evaluate("drag([100, 100], [150, 110])")
+    other.close()
+    assert moved(one)["orbit"] != seen
+
+
+def test_a_window_of_another_size(chromium, served):
+    """Pictures are as large as the window's device pixels, two a pixel at most."""
+    context = chromium.new_context(viewport={"width": 200, "height": 150}, device_scale_factor=2)
+    page = opened(context, served.address)
+    assert settled(page)["size"] == [400, 300]
+    page.set_viewport_size({"width": 240, "height": 150})
+    page.wait_for_function("clfur.header.final && clfur.header.size[0] === 480", timeout=WAIT)
+    assert page.evaluate("clfur.header.orbit.fov") == 45
+    context.close()
+
+
+def test_a_hidden_window_asks_for_nothing(page):
+    page.evaluate("""Object.defineProperty(document, "hidden", { get: () => window.away, configurable: true });
+        window.away = true; document.dispatchEvent(new Event("visibilitychange")); log.length = 0;
+        drag([100, 100], [150, 110])""")
+    page.wait_for_timeout(600)
+    assert not any("picture" in each.get("got", {}) for each in page.evaluate("log"))
+    page.evaluate("window.away = false; document.dispatchEvent(new Event('visibilitychange'))")
+    settled(page)
+    assert any("picture" in each.get("got", {}) for each in page.evaluate("log"))
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="signals")
+def test_a_closed_lid(page, served):
+    """A server that stands still for some seconds: the same page goes on."""
+    before = moved(page)["orbit"]
+    page.evaluate("window.same = true")
+    served.process.send_signal(signal.SIGSTOP)
+    page.evaluate("drag([100, 100], [150, 110])")
+    page.wait_for_timeout(2500)
+    served.process.send_signal(signal.SIGCONT)
+    page.wait_for_timeout(100)
+    assert settled(page)["orbit"] != before and page.evaluate("window.same") and page.inner_text(".trouble") == ""
+
+
+def test_a_server_that_goes_and_comes_back(chromium):
+    """The page says that it is gone; another one on its port has another token, of which the page then tells."""
+    context = chromium.new_context(viewport={"width": 160, "height": 120})
+    with serving("sphere", "--roots", 100) as server:
+        page = opened(context, server.address)
+        port = server.port
+    page.wait_for_function("document.querySelector('.trouble').textContent.includes('does not answer')", timeout=WAIT)
+    with serving("sphere", "--roots", 100, "--port", port):
+        page.wait_for_function("document.body.innerText.includes('address that clfur view prints')", timeout=WAIT)
+    context.close()
