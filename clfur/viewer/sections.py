@@ -78,10 +78,8 @@ def value_of(field: Field, state: State) -> Any:
         return next((name for name, settings in PRESETS.items() if settings == value), "")
     if field.given is not None and (value is None or (isinstance(value, str) and value == field.off)):
         return None
-    if field.kind == "color":
-        return hex_of(value)
-    if field.kind == "from":
-        return tuple(round(angle, 1) for angle in angles_of(value))
+    if field.kind in ("color", "from"):
+        return hex_of(value) if field.kind == "color" else tuple(round(angle, 1) for angle in angles_of(value))
     return tuple(float(each) for each in value) if field.kind == "vector" else value
 
 
