@@ -1,6 +1,7 @@
 """Coats that look well on any mesh: they go with its size."""
 
 from collections.abc import Callable
+from typing import Any
 
 import attrs
 import numpy as np
@@ -92,7 +93,7 @@ def fitted(fur: tuple, before: Mesh, mesh: Mesh) -> tuple:
 
 def scaled(kind: HairType, times: float) -> HairType:
     """Return a hair type so many times as large."""
-    fields = {name: None if getattr(kind, name) is None else getattr(kind, name) * times for name in LENGTHS}
+    fields: dict[str, Any] = {name: getattr(kind, name) and getattr(kind, name) * times for name in LENGTHS}
     fields |= {name: (getattr(kind, name)[0] * times, getattr(kind, name)[1]) for name in ("curl", "wave", "frizz")}
     return attrs.evolve(kind, tufts=_spread(kind.tufts, times), **fields)
 

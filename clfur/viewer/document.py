@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import Error
 from ..motion.hair import HairMotion, Wind
 from ..scene import Mesh, Scene, checks
+from ..scene.origin import copied
 from ..settings import Settings
 from .changes import Path as Steps
 from .changes import changed, found
@@ -89,7 +90,7 @@ class State:
         scene = self.given(seconds)
         for path, value in self.changes:
             scene = changed(scene, path, value)
-        return scene
+        return copied(scene, camera=self.scene.camera)   # who looks has a camera of their own
 
     def changed(self, path: Steps, value: Any) -> "State":
         """Another state with this value at a path; raises Error where it does not fit."""

@@ -4,7 +4,9 @@ import sys
 import threading
 import time
 import traceback
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 from .. import draw
@@ -15,6 +17,7 @@ from ..scene.origin import copied
 from .coding import jpeg
 from .document import Document
 from .pace import Pace, ways
+from .told import told
 from .windows import AHEAD, MOST, REST, Link, Window
 
 
@@ -34,6 +37,7 @@ class Drawing:
         self._last: Window | None = None      # that was drawn for
         self._document_changed = 0.0
         self._closed = False
+        self._works: deque[tuple[Future, Callable[[], Any]]] = deque()
         self._pace, self._paced = Pace(4), None   # the settings that it is of
         self._coder = ThreadPoolExecutor(1, "coding")
         self._thread = threading.Thread(target=self._run, name="drawing", daemon=True)
@@ -53,6 +57,15 @@ class Drawing:
             self._thread.join(seconds)
         self._coder.shutdown(wait=not self._thread.is_alive())
         return not self._thread.is_alive()
+
+    def do(self, work: Callable[[], Any]) -> Future:
+        """Have the thread that draws call work(), with its devices, ahead of any other picture -> a Future of what it
+        returns or raises."""
+        done: Future = Future()
+        with self._changed:
+            self._works.append((done, work))
+            self._changed.notify()
+        return done
 
     def open(self, key: str) -> Window:
         """A new window of this name."""
@@ -103,10 +116,13 @@ class Drawing:
 
     def _run(self):
         while True:
+            self._work()
             with self._changed:
                 window, final = self._next()
                 if self._closed:
                     return
+                if self._works:
+                    continue
                 if window is None:
                     self._changed.wait(final)
                     continue
@@ -122,6 +138,15 @@ class Drawing:
                 self._tell(window, link, error)
             with self._changed:
                 link.under_way -= 1
+
+    def _work(self):
+        """Do what `do` was given."""
+        while self._works and not self._closed:
+            done, work = self._works.popleft()
+            try:
+                done.set_result(work())
+            except BaseException as error:   # whoever asked for it is told
+                done.set_exception(error)
 
     def _next(self):
         """(window, whether its final picture) to draw, moving ones first; or (None, seconds until there is one)."""
@@ -186,6 +211,7 @@ class Drawing:
             self._pace.took(seconds)
         with self._changed:
             window.shown = (orbit, version), final
+            window.told = told(frame, scene) if final else window.told
         header = {
             "picture": number, "gesture": gesture, "final": final, "size": pictured.size, "orbit": orbit.told(),
             "seconds": seconds, "strands": frame.strands, "settings": label(frame.settings or settings),
@@ -200,7 +226,7 @@ class Drawing:
 
     def _is_late(self, window, link, state):
         """Whether nobody waits for the final picture of a state any more, or another window moves."""
-        if window.link is not link or link.hidden or self._state(window) != state:
+        if window.link is not link or link.hidden or self._works or self._state(window) != state:
             return True
         now = time.monotonic()
         return any(self._wish(other, now) == "moving" for other in list(self.windows.values()) if other is not window)

@@ -24,14 +24,14 @@ ALLOWED = (*MESHES, *PICTURES, *SKIES, *(each for each in (*STRANDS, *USD) if ea
 NEAR = 1.5              # radii of a mesh within which strands' roots are taken to stand on it
 TYPES = 16              # of a type map, at most, that are made of its colours
 APART = 48              # 8-bit steps that colours of a type map are apart, in one channel at least
-FEW = 1 / 500           # share of a picture that is no more than the edge of a brush
+FEW, EDGES = 1 / 500, 1 / 20   # shares of a picture that are no type's; that are edges, if their colour is a blend
 
 
 def suffix_of(name: str, size: int) -> str:
     """Return the suffix of a file that may be dropped, by its name and its size in bytes; raises Error otherwise."""
     suffix = Path(name.replace("\\", "/")).suffix.lower()
     if suffix == ".py":
-        raise Error("a scene file is a program, and a page cannot have it run; allowed: `clfur view` of it in the shell")
+        raise Error("a scene file is a program, and a page may not run one; allowed: `clfur view` of it in the shell")
     if suffix not in ALLOWED:
         raise Error(f"files {suffix or 'without a suffix'} cannot be dropped; allowed: {', '.join(ALLOWED)}")
     if size > MOST:
@@ -65,11 +65,11 @@ def take(document: Document, name: str, data: bytes) -> str:
 def _take(document, path, data):
     suffix, scene = path.suffix, document.state.scene
     if suffix in SKIES:
-        document.change(scene=None, **_changed(document, ("environment",), Environment(load_picture(path))))
+        document.set(("scene", "environment"), Environment(load_picture(path)))
         return "a sky"
     if suffix in PICTURES:
         return _take_map(document, scene, load_picture(path))
-    if suffix == ".ply" and _is_strands(data) or suffix not in MESHES:
+    if (suffix == ".ply" and _is_strands(data)) or suffix not in MESHES:
         return _take_strands(document, scene, load_curves(path))
     mesh = load_mesh(path)
     fields: dict[str, Any] = {}
@@ -77,8 +77,7 @@ def _take(document, path, data):
         fields["body_color"] = materials
     elif isinstance(scene.body_color, tuple):   # which were of the other mesh
         fields["body_color"] = (0.3, 0.2, 0.12)
-    after = with_mesh(scene, mesh, **fields)
-    motion = document.state.motion
+    after, motion = with_mesh(scene, mesh, **fields), document.state.motion
     if motion is not None and scene.mesh is not None:
         motion = attrs.evolve(motion, units_per_metre=motion.units_per_metre * mesh.bounds[1] / scene.mesh.bounds[1])
     document.change(scene=after, mesh_file=MeshFile(mesh, data=data, suffix=suffix), motion=motion)
@@ -94,9 +93,9 @@ def with_mesh(scene: Scene, mesh: Mesh, **fields: Any) -> Scene:
     else:
         fur = fitted(scene.fur if isinstance(scene.fur, tuple) else (scene.fur,), scene.mesh, mesh)
     if scene.mesh is not None:
-        (here, before), (there, after) = scene.mesh.bounds, mesh.bounds
+        (here, before), (there, now) = scene.mesh.bounds, mesh.bounds
         lights = [light if light.position is None else attrs.evolve(
-            light, position=there + (light.position - here) * (after / before), size=light.size * after / before)
+            light, position=there + (light.position - here) * (now / before), size=light.size * now / before)
             for light in scene.lights]
         fields["light"] = tuple(lights)
     ground = scene.ground and attrs.evolve(scene.ground, height=None)
@@ -107,12 +106,6 @@ def with_mesh(scene: Scene, mesh: Mesh, **fields: Any) -> Scene:
 def _of_size(scene, size):
     """A scene framed by itself, in a picture of (width, height)."""
     return attrs.evolve(scene, camera=frame(scene.mesh, scene.fur, size, ground=scene.ground, lights=scene.lights))
-
-
-def _changed(document, path, value):
-    """{field: value} of a document's state after a change of its scene."""
-    after = document.state.changed(("scene", *path), value)
-    return {"scene": after.scene, "given": after.given, "changes": after.changes}
 
 
 def _is_strands(data):
@@ -144,7 +137,7 @@ def _take_map(document, scene, pixels):
         raise Error("the picture has more than 8 bits a channel; allowed in a type map: 8, as the keys of types have")
     types = strands.types if _are_known(pixels, strands.types) else types_of(pixels, strands.types)
     after = attrs.evolve(strands, type_map=pixels, types=types)
-    document.change(scene=None, **_changed(document, ("strands",), after))
+    document.set(("scene", "strands"), after)
     return f"a type map of {len(types)} types"
 
 
@@ -170,14 +163,26 @@ def types_of(pixels: np.ndarray, types: tuple[HairType, ...]) -> list[HairType]:
     colors = np.stack([packed >> 16, packed >> 8 & 255, packed & 255], 1)[order].astype(int)
     keys: list[Any] = []
     for color, share in zip(colors[:4096], counts[order] / counts.sum()):
-        if (share >= FEW or not keys) and all(np.abs(color - key).max() > APART for key in keys):
+        new = all(np.abs(color - key).max() > APART for key in keys)
+        if not keys or (new and share >= FEW and (share >= EDGES or not _is_blend(color, keys))):
             keys.append(color)
     near = np.min([np.abs(colors - key).max(1) for key in keys], axis=0) <= APART
     clear = counts[order][near].sum() / counts.sum()
     if len(keys) > TYPES or clear < 0.8 or _furthest(colors, keys) > blends(keys):
-        raise Error(f"the picture has {len(colors):,} colours, as a photo has; allowed in a type map: up to {TYPES} plain "
-                    "ones")
+        raise Error(f"the picture has {len(colors):,} colours, as a photo has; allowed in a type map: up to {TYPES} "
+                    "plain ones")
     return [_keyed(types[n], key) if n < len(types) else _painted(types[-1], key) for n, key in enumerate(keys)]
+
+
+def _is_blend(color, keys):
+    """Whether a colour lies between two of these keys, as a soft brush leaves it where they meet."""
+    for n, one in enumerate(keys):
+        for other in keys[n + 1:]:
+            way = other - one
+            share = min(max(float((color - one) @ way) / float(way @ way), 0), 1)
+            if np.abs(one + share * way - color).max() <= APART / 2:
+                return True
+    return False
 
 
 def _furthest(colors, keys):

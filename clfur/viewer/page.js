@@ -187,7 +187,7 @@
     }
     if (header.strands) parts.push(`${header.strands.toLocaleString("en")} strands`);
     parts.push(header.settings, header.device);
-    status.replaceChildren(Object.assign(document.createElement("span"), { className: "busy" }), parts.join("  ·  "));
+    status.replaceChildren(parts.join("  ·  "), Object.assign(document.createElement("span"), { className: "busy" }));
   }
 
   function say(line) {

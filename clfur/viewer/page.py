@@ -6,7 +6,7 @@ from typing import Any
 
 from nicegui import ui
 
-from . import coding
+from . import coding, panels
 from .drawing import Drawing
 
 RECONNECT = 10.0   # seconds that the page's elements are kept for a page that has gone
@@ -24,20 +24,17 @@ def build(app: Any, drawing: Drawing, title: str) -> None:
 def show(drawing: Drawing, title: str) -> None:
     """Build the page for a new window."""
     window = drawing.open(secrets.token_hex(8))
+    ui.colors(primary="#c9955c", dark="#1e1f21")
     here = files(__package__)
     ui.add_css(here.joinpath("page.css").read_text(encoding="utf-8").replace("BACKGROUND", coding.background()))
     ui.query(".nicegui-content").classes("stage-content")
     stage = ui.element("div").props('id="stage"')
     stage.props(f'data-window="{window.key}"')
-    try:
-        from . import panels
-    except ImportError:
-        panels = None
-    if panels is not None:
-        drawer = ui.right_drawer(value=True, bordered=False).classes("panels").props("width=320 breakpoint=700")
-        with drawer:
-            panels.build(drawing.document, window)
-        ui.button(icon="tune", on_click=drawer.toggle).props("flat round dense").classes("panels-button")
+    drawer = ui.right_drawer(bordered=False).classes("panels").props("width=340 breakpoint=700")
+    with drawer:
+        panels.build(drawing, window)
+    ui.button(icon="tune", on_click=drawer.toggle).props('flat round dense aria-label="Panels"').classes(
+        "panels-button")
     ui.add_body_html(f"<script>{here.joinpath('page.js').read_text(encoding='utf-8')}</script>")
 
 

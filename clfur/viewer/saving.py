@@ -2,6 +2,7 @@
 
 import functools
 import io
+import json
 import tempfile
 import zipfile
 from pathlib import Path
@@ -12,17 +13,17 @@ import numpy as np
 
 from .. import save_curves
 from ..errors import Error, shown
-from ..files.curves import WRITERS
 from ..files.images import encoded
 from ..render import Frame, grow
 from ..scene import Camera, Curves, Mesh, Scene
 from .document import MeshFile, State
 
-FEW = 64        # numbers of an array that stand in the text; more are beside it
+FEW = 16        # numbers of an array that stand in the text; more are beside it
 WIDE = 120      # characters of a line
 ROUNDS = 50     # in which normals are found
 PICTURES = ".png", ".exr"
-STRANDS = tuple(sorted(WRITERS))
+STRANDS = {".npz": "NumPy", ".usdc": "USD", ".usda": "USD as text", ".hair": "cyHair", ".tfx": "TressFX",
+           ".data": "USC-HairSalon", ".ply": "PLY", ".txt": "Mitsuba", ".pbrt": "pbrt"}   # of `clfur.save_curves`
 HEAD = '''"""A scene as it was viewed: `clfur render {name}.py` draws it."""
 
 '''
@@ -79,7 +80,8 @@ class _Writer:
         if not self.arrays:
             return self.beside
         file = io.BytesIO()
-        np.savez_compressed(file, **self.arrays)
+        arrays: dict[str, Any] = self.arrays
+        np.savez_compressed(file, **arrays)
         return {**self.beside, f"{self.name}.npz": file.getvalue()}
 
     def module(self, scene: Scene, state: State) -> str:
@@ -112,13 +114,16 @@ class _Writer:
         if attrs.has(type(value)):
             return f"clfur.{type(value).__name__}({self._fields(value, deep)})"
         if isinstance(value, np.ndarray):
-            return repr(_plain(value.tolist())) if value.size <= FEW and value.dtype.kind != "u" else self._array(value)
+            few = value.size <= FEW and value.dtype.kind != "u"   # of bytes the dtype says that they are sRGB
+            return self.of(_plain(value.tolist()), deep) if few else self._array(value)
         if isinstance(value, (tuple, list)):
             inner = _joined([self.of(each, deep + 1) for each in value], deep)
             return f"({inner},)" if len(value) == 1 else f"({inner})"
         if isinstance(value, dict):
             return f"{{{_joined([f'{key!r}: {self.of(each, deep + 1)}' for key, each in value.items()], deep)}}}"
-        if value is None or isinstance(value, (bool, int, float, str)):
+        if isinstance(value, str):
+            return json.dumps(value, ensure_ascii=False)
+        if value is None or isinstance(value, (bool, int, float)):
             return repr(value)
         raise Error(f"a scene file cannot say {shown(value)}; allowed: what is no function")
 
@@ -127,7 +132,7 @@ class _Writer:
         usual, said = _usual(type(thing)), []
         for field in attrs.fields(type(thing)):
             value = getattr(thing, field.name)
-            if field.init and not (_same(value, field.default) or usual and _same(value, getattr(usual, field.name))):
+            if field.init and not (_same(value, field.default) or (usual and _same(value, getattr(usual, field.name)))):
                 said.append(word(field.alias, self.of(value, deep + 1)))
         return _joined(said, deep)
 
@@ -151,7 +156,7 @@ class _Writer:
             self.beside[f"{self.name}-mesh{file.suffix}"] = file.data
             where = f'Path(__file__).with_name("{self.name}-mesh{file.suffix}")'
         else:
-            where = repr(_absolute(file.path))
+            where = json.dumps(_absolute(file.path), ensure_ascii=False)
         text = f"clfur.load_mesh({where})"
         return f"clfur.scene.upright({text})" if file.up == "z" else text
 

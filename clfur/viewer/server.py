@@ -15,7 +15,7 @@ import uvicorn
 from fastapi import FastAPI, WebSocket, WebSocketDisconnect
 
 from ..errors import Error
-from . import page
+from . import dropping, page
 from .document import Document
 from .drawing import Drawing
 from .guard import LOCAL, Guard
@@ -39,6 +39,7 @@ def view(document: Document, devices: Any, host: str = "127.0.0.1", port: int | 
         drawing = Drawing(document, devices)
         app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
         app.websocket(ROUTE)(_pictures(drawing))
+        dropping.add_route(app, document)
         page.build(app, drawing, title)
         server = uvicorn.Server(uvicorn.Config(
             Guard(app, port, token, everywhere), log_level="critical", access_log=False, server_header=False,

@@ -27,7 +27,7 @@ class Window:
     """One page's camera, which stays while the page is loaded anew; `Windows` guards it by its lock.
 
     key: its name. gesture: number of the last message of the page that is in its camera. changed: when its camera
-    was. shown: (what the last picture is of, whether it is the final one).
+    was. shown: (what the last picture is of, whether it is the final one). told: what its last final picture took.
     """
 
     def __init__(self, key: str, scene: Scene) -> None:
@@ -36,6 +36,7 @@ class Window:
         self.link: Link | None = None
         self.gesture = self.pictures = 0
         self.changed, self.shown, self.sized = time.monotonic(), (None, False), False
+        self.told = ""
 
     @property
     def camera(self) -> Camera:

@@ -1,0 +1,65 @@
+"use strict";
+// Files that are dropped on the page, or opened: each is sent as it is, and the server answers in a line.
+(() => {
+  const LARGEST = MOST;      // bytes of a file
+  const SEEN = 6000;         // milliseconds that a line of what was done stays
+  let over = 0, shade, said, chooser, wiped;
+
+  function start() {
+    shade = add("drop-here");
+    shade.textContent = "Drop a mesh, a painted type map, strands or a sky";
+    said = add("drop-said");
+    said.setAttribute("role", "status");
+    chooser = document.body.appendChild(Object.assign(document.createElement("input"), {
+      type: "file", multiple: true, accept: "ALLOWED", hidden: true }));
+    chooser.addEventListener("change", () => { send([...chooser.files]); chooser.value = ""; });
+    document.addEventListener("click", (event) => {
+      if (event.target.closest && event.target.closest("[data-open-file]")) chooser.click();
+    });
+    window.addEventListener("dragenter", (event) => count(event, 1));
+    window.addEventListener("dragleave", (event) => count(event, -1));
+    window.addEventListener("dragover", (event) => event.preventDefault());
+    window.addEventListener("drop", (event) => {
+      event.preventDefault();
+      over = 0;
+      shade.classList.remove("over");
+      if (event.dataTransfer) send([...event.dataTransfer.files]);
+    });
+  }
+
+  function add(name) {
+    return document.body.appendChild(Object.assign(document.createElement("div"), { className: name }));
+  }
+
+  function count(event, by) {
+    event.preventDefault();
+    over = Math.max(over + by, 0);
+    const files = event.dataTransfer && [...event.dataTransfer.types].includes("Files");
+    shade.classList.toggle("over", over > 0 && !!files);
+  }
+
+  async function send(files) {
+    for (const file of files) {
+      if (file.size > LARGEST) {
+        say(`${file.name}: the file has ${(file.size / 2 ** 20).toFixed(1)} MiB; allowed: at most ${LARGEST / 2 ** 20} MiB`, true);
+        continue;
+      }
+      say(`${file.name}: reading …`);
+      try {
+        const answer = await fetch(`/drop?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file });
+        say(`${file.name}: ${(await answer.text()).slice(0, 600)}`, !answer.ok);
+      } catch (error) {
+        say(`${file.name}: could not be sent`, true);
+      }
+    }
+  }
+
+  function say(line, wrong = false) {
+    said.textContent = line;
+    said.classList.toggle("wrong", wrong);
+    clearTimeout(wiped);
+    wiped = setTimeout(() => { said.textContent = ""; }, wrong ? 2 * SEEN : SEEN);
+  }
+
+  start();
+})();

@@ -1,0 +1,212 @@
+"""Panels beside the picture: all that a person turns, what was drawn, undo, play, and what is saved."""
+
+import asyncio
+import functools
+from importlib.resources import files
+from typing import Any
+
+import attrs
+from nicegui import ui
+
+from .. import draw
+from ..errors import Error
+from ..scene.origin import copied
+from .drawing import Drawing
+from .dropped import ALLOWED, MOST
+from .saving import PICTURES, STRANDS, picture_file, scene_file, strand_file
+from .sections import Section, put, sections, value_of
+from .widgets import ALONE, ROWS, Row
+from .windows import Window
+
+OFTEN = 0.2   # seconds between two looks at the document: other windows, undo and motion change it
+
+
+def build(drawing: Drawing, window: Window) -> None:
+    """Build the panels of a window where NiceGUI is building just now."""
+    here = files(__package__)
+    ui.add_css(here.joinpath("panels.css").read_text(encoding="utf-8"))
+    script = here.joinpath("panels.js").read_text(encoding="utf-8").replace("MOST", str(MOST)).replace(
+        "ALLOWED", ",".join(ALLOWED))
+    ui.add_body_html(f"<script>{script}</script>")
+    Panels(drawing, window)
+
+
+class Panels:
+    """The panels of one window.  They look at the document, as other threads and windows change it, now and then."""
+
+    def __init__(self, drawing: Drawing, window: Window) -> None:
+        self.drawing, self.document, self.window = drawing, drawing.document, window
+        self._seen: Any = None
+        self._told: str | None = None
+        self._frame: ui.label | None = None
+        self._shape: Any = None
+        self._rows: list[Row] = []
+        self._open: dict[str, bool] = {}
+        self._toolbar()
+        self._trouble = ui.label().classes("panel-trouble").props("role=alert")
+        self._trouble.set_visibility(False)
+        self._body = ui.element("div").classes("panel-body")
+        self.refresh()
+        ui.timer(OFTEN, self.refresh)
+        ui.keyboard(self._key, repeating=False, ignore=["input", "textarea"])
+
+    def refresh(self) -> None:
+        """Show what the document has now."""
+        seen = (self.document.state, self.document.playing, self.document.problem, self.document.can_undo,
+                self.document.can_redo)
+        if self._told is not self.window.told:
+            self._told = self.window.told
+            self._show_told()
+        if seen == self._seen:
+            return
+        if self._seen is None or seen[2] != self._seen[2]:
+            self.say(seen[2])
+        self._seen = seen
+        self._undo.set_enabled(self.document.can_undo)
+        self._redo.set_enabled(self.document.can_redo)
+        self._play.props(f"icon={'pause' if self.document.playing else 'play_arrow'}")
+        self._show()
+
+    def say(self, line: str) -> None:
+        """Show a line of what went wrong; "" takes it away."""
+        self._trouble.set_text(line)
+        self._trouble.set_visibility(bool(line))
+
+    def do(self, action: Any, *given: Any) -> Any:
+        """Call action(*given); what a person got wrong becomes a line, and nothing is changed."""
+        try:
+            done = action(*given)
+        except Error as error:
+            self.say(str(error))
+            return None
+        self.say("")
+        self.refresh()
+        return done
+
+    def _key(self, event):
+        """Ctrl-Z, and with shift or as Ctrl-Y the other way."""
+        held = event.modifiers
+        if event.action.keydown and (held.ctrl or held.meta) and event.key.name.lower() in ("z", "y"):
+            again = held.shift or event.key.name.lower() == "y"
+            self.do(self.document.redo if again else self.document.undo)
+
+    # The bar on top ---------------------------------------------------------------------------------------------
+
+    def _toolbar(self):
+        with ui.element("div").classes("panel-bar"):
+            self._undo = _button("undo", "Undo", lambda: self.do(self.document.undo))
+            self._redo = _button("redo", "Redo", lambda: self.do(self.document.redo))
+            ui.element("div").classes("gap")
+            self._play = _button("play_arrow", "Let hair move", lambda: self.do(
+                self.document.pause if self.document.playing else self.document.play))
+            _button("stop", "Back to rest", lambda: self.do(self.document.stop))
+            ui.element("div").classes("gap")
+            _button("folder_open", "Open a mesh, a type map, strands or a sky, or drop it on the page").props(
+                "data-open-file")
+            with _button("download", "Save"), ui.menu().classes("panel-menu"):
+                for suffix in PICTURES:
+                    _item(f"Picture {suffix}", functools.partial(self._save_picture, suffix))
+                _item("Scene file", self._save_scene)
+                with _item("Strands"), ui.menu().classes("panel-menu").props('anchor="top end" self="top start"'):
+                    for suffix, name in STRANDS.items():
+                        _item(f"{name} {suffix}", functools.partial(self._save_strands, suffix))
+
+    # Sections ---------------------------------------------------------------------------------------------------
+
+    def _show(self):
+        there = sections(self.document.state)
+        shape = [each.shape for each in there]
+        if shape != self._shape:
+            self._shape, self._rows = shape, []
+            self._body.clear()
+            with self._body:
+                for section in there:
+                    self._section(section)
+        for row in self._rows:
+            row.show(value_of(row.field, self.document.state))
+
+    def _section(self, section: Section) -> None:
+        expansion = ui.expansion(value=self._open.get(section.title, False)).props(
+            f'dense dense-toggle expand-icon-class="chevron" data-section="{section.title}"').classes("section")
+        expansion.on_value_change(lambda event: self._open.__setitem__(section.title, bool(event.value)))
+        with expansion.add_slot("header"), ui.element("div").classes("section-head"):
+            if section.swatch:
+                ui.element("div").classes("swatch").style(f"background: {section.swatch}").tooltip(
+                    "What is painted so on the type map")
+            ui.label(section.title).classes("section-title")
+            self._switch(section)
+        with expansion, ui.element("div").classes("section-body"):
+            if section.hint:
+                ui.label(section.hint).classes("hint")
+            self._contents(section)
+            if section.title == "Final picture":
+                self._frame = ui.label().classes("hint told")
+                self._show_told()
+
+    def _contents(self, section):
+        for field in section.fields:
+            self._rows.append(ROWS[field.kind](field, lambda field, value: self.do(put, field, self.document, value)))
+        for inner in section.inner:
+            with ui.element("div").classes("inner").props(f'data-section="{inner.title}"'):
+                with ui.element("div").classes("inner-head"):
+                    ui.label(inner.title)
+                    self._switch(inner)
+                    for action in inner.actions:
+                        _button(action.icon, action.label, functools.partial(self.do, action.do, self.document))
+                self._contents(attrs.evolve(inner, actions=()))   # which are in its head
+        if section.actions:
+            with ui.element("div").classes("actions"):
+                for action in section.actions:
+                    ui.button(action.label, icon=action.icon or None, on_click=functools.partial(
+                        self.do, action.do, self.document)).props(
+                            "dense no-caps unelevated color=grey-9 text-color=grey-4").classes("action")
+
+    def _switch(self, section):
+        if (switch := section.switch) is not None:
+            def turn(event):
+                if self.do(lambda: self.document.set(switch.path, switch.make(
+                        self.document.state) if event.args else None)) and event.args:
+                    self._open[section.title] = True
+            ui.switch(value=switch.on).props("dense size=xs").on(
+                "update:model-value", turn, js_handler=ALONE).on(
+                    "click", js_handler="(event) => event.stopPropagation()")
+
+    def _show_told(self):
+        if self._frame is not None and not self._frame.is_deleted:
+            self._frame.set_text(self._told or "")
+
+    # Saving -----------------------------------------------------------------------------------------------------
+
+    async def _save(self, name, work):
+        """Bring the browser the bytes of work(scene, camera), which runs in the thread that draws."""
+        self.say("")
+        try:
+            data = await asyncio.wrap_future(self.drawing.do(
+                lambda: work(self.document.scene, self.window.camera)))
+        except Error as error:
+            self.say(str(error))
+        else:
+            ui.download.content(data[1] if isinstance(data, tuple) else data,
+                                data[0] if isinstance(data, tuple) else name)
+
+    async def _save_picture(self, suffix):
+        devices, settings = self.drawing.devices, self.document.settings
+        await self._save(f"clfur{suffix}", lambda scene, camera: picture_file(
+            draw(copied(scene, camera=camera), devices, settings), camera, suffix))
+
+    async def _save_scene(self):
+        state = self.document.state
+        await self._save("", lambda scene, camera: scene_file(state, camera))
+
+    async def _save_strands(self, suffix):
+        await self._save(f"strands{suffix}", lambda scene, camera: strand_file(scene, suffix, self.drawing.devices))
+
+
+def _button(icon, hint, on_click=None):
+    button = ui.button(icon=icon, on_click=on_click).props(f'flat dense round size=sm aria-label="{hint}"')
+    button.tooltip(hint)
+    return button
+
+
+def _item(label, on_click=None):
+    return ui.menu_item(label, on_click=on_click, auto_close=on_click is not None).props("dense")
