@@ -97,7 +97,7 @@ def test_the_wheel_holds_what_runs(built):
     expected = {path.relative_to(ROOT).as_posix() for path in (ROOT / "clfur").rglob("*.py")}
     expected |= {f"clfur/cl/{path.name}" for path in (ROOT / "cl").iterdir() if path.is_file()}
     expected |= {path.relative_to(ROOT).as_posix() for path in (ROOT / "clfur").rglob("*")
-                 if path.suffix in (".html", ".js")}
+                 if path.suffix in (".html", ".css", ".js")}
     expected |= {"clfur/py.typed", "clfur/judge/selftest.npz"}
     assert sorted(expected - held) == [] and f"clfur/cl/{scheduler.kernel_dir().joinpath('march.cl').name}" in held
     assert {name.split("/")[0].split("-")[0] for name in held} == {"clfur"}   # no tests, tools or examples beside it

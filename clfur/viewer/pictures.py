@@ -12,7 +12,7 @@ import numpy as np
 from ..budget import PRESETS
 from ..device.scheduler import Scheduler
 from ..device.selection import choose
-from ..errors import Error
+from ..errors import Error, Stopped
 from ..files.images import png_bytes
 from ..render import Frame, render
 from ..scene import Camera, Scene
@@ -45,10 +45,11 @@ def _scheduler(device: Any) -> Iterator[Scheduler]:
 
 def drawn(scene: Scene, settings: Settings, device: Any, stop: Callable[[], bool]) -> bytes | None:
     """The bytes of a PNG file of a Scene, drawn on an OpenCL device; None where ``stop`` has said True meanwhile."""
-    with _scheduler(device) as gpu:
-        if stop():
-            return None
-        picture = render(scene, gpu, settings)
+    try:
+        with _scheduler(device) as gpu:
+            picture = render(scene, gpu, settings, stop=stop)
+    except Stopped:
+        return None
     return None if stop() else png_bytes(picture)
 
 
