@@ -195,12 +195,16 @@ def schedulers(device: Any) -> list[Scheduler]:
     if not gpus or len(set(gpus)) < len(gpus):
         raise Error(f"device is {shown(device, 200)}; allowed: what means a device, a clfur.Scheduler, or a list of "
                     "different ones")
-    for one, other in itertools.combinations(gpus, 2):
-        if shares_processor(one.device, other.device):
-            warnings.warn(f"{one.name} and {other.name} are the same processor: together they are no faster than one",
-                          RuntimeWarning, stacklevel=3)
-            break
+    if same := next((pair for pair in itertools.combinations(gpus, 2)
+                     if shares_processor(*(gpu.device for gpu in pair))), None):
+        _tell_same(*(gpu.name for gpu in same))
     return gpus
+
+
+@functools.cache   # once, not for each frame
+def _tell_same(one, other):
+    warnings.warn(f"{one} and {other} are the same processor: together they are no faster than one", RuntimeWarning,
+                  stacklevel=4)
 
 
 _here = threading.local()   # a scheduler belongs to one thread

@@ -51,8 +51,10 @@ class Settings:
     over the picture: "off", "all", or "edges", which leaves the interior of the fur untouched.  blur_sigma: its width
     in pixels, above 0, at most 16.
     max_error: None, or how wrong the picture may be: root mean square of the difference of sRGB-coded values (0 to 1)
-    to the true picture.  seconds: None, or how long a frame may take.  Where either is given, samples, raster, shadows,
-    grid, shadow_map, pcf, masks and lod are chosen (see `clfur.draw`), and may not be given here.
+    to the true picture.  seconds: None, or how many seconds a frame may take, by the clock, everything done anew and
+    kernels built: `Frame.seconds` of the first one; those that follow keep what has not changed, and take less.
+    Where either is given, samples, raster, shadows, grid, shadow_map, pcf, masks and lod are chosen (see `clfur.draw`),
+    and may not be given here.
     Raises `clfur.Error` for anything else.
     """
 

@@ -185,6 +185,17 @@ def test_seconds(gpu, sphere, monkeypatch, seconds, place):
     assert place_of(far.settings, furry) == 0
 
 
+def test_seconds_are_of_a_frame_done_anew(gpu, sphere, frames):
+    """So that the frame tells what was promised; the next one keeps what has not changed, and the choice."""
+    furry, goal = scene(sphere), clfur.Settings(seconds=1e3)
+    first = quiet(furry, gpu, goal)
+    assert {"tessellate", "strands", "voxelize", "shade"} <= set(first.stages) and first.why.endswith(", done anew")
+    del frames[:]
+    again = quiet(furry, gpu, goal)
+    assert len(frames) == 1 and again.settings == first.settings and "strands" not in again.stages
+    assert np.array_equal(again.images["color"], first.images["color"])
+
+
 @pytest.mark.parametrize("fur", ["none", "shells", "both", "curves", "bald"])
 def test_other_furs(gpu, sphere, fur):
     furry = scene(sphere, fur)

@@ -88,7 +88,8 @@ SEES = {
     "render": "errors scene settings device pipeline budget",
     "motion": "errors layout scene settings stages pipeline render",
     "film": "clfur errors color cache settings scene files device render motion judge pipeline av",
-    "judge": "errors color cache measures layout settings scene files device budget render twin stages.tessellate",
+    "judge": "_version errors color cache measures layout settings scene files device budget render twin "
+             "stages.tessellate",
     "viewer": "clfur errors color cache settings scene files device budget render motion pipeline judge",
     "command": "clfur errors color cache settings scene files device budget judge film viewer",
     "__main__": "command", "__init__": "*",

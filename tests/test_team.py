@@ -1,6 +1,7 @@
 """Several devices on one frame: the same bits as one, shares by speed, and what happens when one fails."""
 
 import threading
+import warnings
 from types import SimpleNamespace
 
 import attrs
@@ -12,7 +13,7 @@ from support.scenes import scene_of
 
 import clfur
 from clfur.device.team import Team, shares_of
-from clfur.render import OUTPUTS
+from clfur.render import OUTPUTS, _tell_same, schedulers
 from clfur.stages import strands
 
 SETTINGS = clfur.Settings(raster="samples", samples=4, grid=32, shadow_map=64)
@@ -187,3 +188,14 @@ def test_one_frame_at_a_time(another, sphere):
         go.set()
         thread.join()
     assert clfur.render(scene, one, SETTINGS).std() > 0
+
+
+def test_one_processor_is_told_to_gain_nothing(gpu, another):
+    """Once, not for each frame; a single device is no team."""
+    _tell_same.cache_clear()
+    gpus = [gpu, another()]
+    with pytest.warns(RuntimeWarning, match="^.* and .* are the same processor: together they are no faster than one$"):
+        assert schedulers(gpus) == gpus
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert schedulers(gpus) == gpus and schedulers(gpu) == [gpu]
