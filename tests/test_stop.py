@@ -100,6 +100,7 @@ def test_a_team(gpu, another, raster):
     want = clfur.draw(scene, gpu, settings, hashes=True)
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
+        warnings.filterwarnings("ignore", ".* are the same processor", RuntimeWarning)
         _all_ways(lambda stop: clfur.draw(scene, team, settings, hashes=True, stop=stop), team, want)
 
 
