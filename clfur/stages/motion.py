@@ -10,7 +10,6 @@ from ..layout import Arrays, array
 from .distance import Distance
 from .strands import DeviceStrands
 
-LANES = 16   # side by side at most: motion.cl
 CPU_ITEMS, GPU_ITEMS = 64, 8192   # work-items of a step: few, so that their workspaces stay in a CPU's caches
 SOFT = layout.Declared("strand", np.uint32)
 
@@ -43,7 +42,7 @@ class State(Arrays):
 
 def lanes(gpu: Any) -> int:
     """How many strands its kernels take side by side."""
-    return min(gpu.lanes, LANES)
+    return min(gpu.lanes, layout.CONSTANTS["STRANDS_BESIDE"])
 
 
 def padded(gpu: Any, n: int) -> int:
