@@ -5,9 +5,9 @@
  * j + 1, is a rest direction of segment j + 1 that hangs from the groomed direction of segment j in the axes of the root,
  * turned by the least rotation to where segment j points now.
  */
-#if LANES > LANES_OF_MOTION
+#if LANES > STRANDS_BESIDE
 #undef LANES
-#define LANES LANES_OF_MOTION   // a step keeps so many numbers at once that two vectors of each would not stay in registers
+#define LANES STRANDS_BESIDE
 #endif
 #include "distance.h"
 

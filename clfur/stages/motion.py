@@ -39,12 +39,10 @@ class State(Arrays):
     padded: int = 0     # to whole lanes
     points: int = 0     # of the longest
 
-    moving = "places", "places_before", "speeds", "speeds_before", "tensions", "free", "pressed"   # what steps change
-
 
 def lanes(gpu: Any) -> int:
     """How many strands its kernels take side by side."""
-    return min(gpu.lanes, layout.CONSTANTS["LANES_OF_MOTION"])
+    return min(gpu.lanes, layout.CONSTANTS["STRANDS_BESIDE"])
 
 
 def padded(gpu: Any, n: int) -> int:
