@@ -123,7 +123,7 @@ def test_no_folder_can_be_written(place, monkeypatch):
 
 def test_two_at_once(place):
     """Processes that start together agree, and none sees half a folder."""
-    code = ("import os, sys, pathlib; from clfur import cache, vendors; "
+    code = ("import os, sys, pathlib; from clfur import cache; from clfur.device import vendors; "
             "cache.folder = pathlib.Path(sys.argv[1]).joinpath; vendors._intel = lambda: '/i/libintelocl.so'; "
             "vendors.prepare(); f = pathlib.Path(os.environ['OCL_ICD_VENDORS']); "
             "print(f, sorted((x.name, x.read_bytes()) for x in f.glob('*.icd')))")

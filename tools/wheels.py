@@ -1,6 +1,7 @@
 """Builds sdist and wheel as for a release, installs the wheel in an empty environment of each Python, and draws there.
 
     python tools/wheels.py                  Pythons 3.10 to 3.14 that are found: on PATH, and those of pyenv
+    python tools/wheels.py 3.12 3.14        these alone
     python tools/wheels.py --this           this Python alone: what .ci/run does
     python tools/wheels.py --keep dist      also leave sdist and wheel in a folder
 
@@ -77,6 +78,7 @@ def install(python, wheel, version, folder):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("names", nargs="*", metavar="3.N", help="these Pythons alone")
     parser.add_argument("--this", action="store_true", help="this Python alone")
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="leave sdist and wheel there")
     options = parser.parse_args()
@@ -92,7 +94,7 @@ def main():
                 shutil.copy(file, options.keep)
         here = ".".join(map(str, sys.version_info[:2]))
         found = {here: sys.executable} if options.this else pythons()
-        for name in found if options.this else PYTHONS:
+        for name in options.names or (found if options.this else PYTHONS):
             began, place = time.monotonic(), folder / name
             place.mkdir()
             try:
