@@ -248,9 +248,9 @@ def test_two_windows_show_the_same_and_hair_moves_in_both(page, context, served)
     page.reload()
     assert shown(page) == before
     drawn = page.evaluate("clfur.drawn")
-    page.locator("[aria-label='Let hair move']").click()
+    page.locator("[aria-label='Play or pause']").click()
     until(lambda: page.evaluate("clfur.drawn") > drawn + 5 and not page.evaluate("clfur.header.final"))
-    other.locator("[aria-label='Let hair move']").click()   # holds it
+    other.locator("[aria-label='Play or pause']").click()   # holds it
     held = shown(page)
     other.locator("[aria-label='Back to rest']").click()
     until(lambda: shown(page) == before)

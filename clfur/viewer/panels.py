@@ -97,7 +97,7 @@ class Panels:
             self._undo = _button("undo", "Undo", lambda: self.do(self.document.undo))
             self._redo = _button("redo", "Redo", lambda: self.do(self.document.redo))
             ui.element("div").classes("gap")
-            self._play = _button("play_arrow", "Let hair move", lambda: self.do(
+            self._play = _button("play_arrow", "Play or pause", lambda: self.do(
                 self.document.pause if self.document.playing else self.document.play))
             _button("stop", "Back to rest", lambda: self.do(self.document.stop))
             ui.element("div").classes("gap")
@@ -153,6 +153,8 @@ class Panels:
                     self._switch(inner)
                     for action in inner.actions:
                         _button(action.icon, action.label, functools.partial(self.do, action.do, self.document))
+                if inner.hint:
+                    ui.label(inner.hint).classes("hint")
                 self._contents(attrs.evolve(inner, actions=()))   # which are in its head
         if section.actions:
             with ui.element("div").classes("actions"):

@@ -176,8 +176,10 @@ def _of_type(kind, path, radius):
 def _look(thing, path):
     """The group of fields of a look."""
     path = (*path, "look")
-    table = fields.CHIANG if isinstance(thing.look, Chiang) else fields.KAJIYA
-    return Section("Look", (Field(path, "Hair is", "look", choices=LOOKS), *_of(thing.look, table, path)))
+    glassy = isinstance(thing.look, Chiang)
+    table = fields.CHIANG if glassy else fields.KAJIYA
+    return Section("Look", (Field(path, "Hair is", "look", choices=LOOKS), *_of(thing.look, table, path)),
+                   hint="Bright as it is with 'Hair to hair' on, under Final picture" * glassy)
 
 
 def _curves(curves, radius):
