@@ -136,7 +136,7 @@ def test_the_final_picture_is_clfurs_own(page, scene):
     canvas = np.array(page.evaluate("""Array.from(document.querySelector("#stage canvas").getContext("2d").getImageData(
         0, 0, 320, 240).data)"""), np.uint8).reshape(240, 320, 4)
     pixels = np.asarray(Image.open(io.BytesIO(data)))
-    assert np.array_equal(canvas[..., 3], pixels[..., 3])   # where it is transparent, a canvas keeps fewer bits of colour
+    assert np.array_equal(canvas[..., 3], pixels[..., 3])   # a canvas keeps fewer bits of colours that are transparent
     opaque = pixels[..., 3] == 255
     assert opaque.any() and np.array_equal(canvas[opaque], pixels[opaque])
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from .. import draw
 from ..errors import Error, Stopped
-from ..files.images import png as png_bytes
+from ..files.images import png_bytes
 from ..judge.frontier import label
 from ..scene.origin import copied
 from .coding import jpeg

@@ -89,7 +89,8 @@ def _pictures(drawing):
         await socket.accept()
         if known is None:
             return await socket.close(UNKNOWN)
-        loop, waiting, drawn = asyncio.get_running_loop(), asyncio.Queue(), asyncio.Event()
+        waiting: asyncio.Queue = asyncio.Queue()
+        loop, drawn = asyncio.get_running_loop(), asyncio.Event()
         drawn.set()
 
         def later(*what):
