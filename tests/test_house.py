@@ -89,7 +89,8 @@ SEES = {
     "motion": "errors layout scene settings stages pipeline render",
     "film": "clfur errors color cache settings scene files device render motion judge pipeline av",
     "judge": "errors color cache measures layout settings scene files device budget render twin stages.tessellate",
-    "viewer": "clfur errors color cache settings scene files device budget render motion pipeline judge nicegui fastapi uvicorn",
+    "viewer": "clfur errors color cache settings scene files device budget render motion pipeline judge "
+              "nicegui fastapi uvicorn",
     "command": "clfur errors color cache settings scene files device budget judge film viewer",
     "_moved": "", "__main__": "command", "__init__": "*",
 }

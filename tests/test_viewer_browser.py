@@ -2,17 +2,15 @@
 
 import io
 import itertools
-import os
 import runpy
 import signal
 import statistics
-import time
 
 import attrs
 import numpy as np
 import pytest
 from PIL import Image
-from support.browser import WAIT, find, opened, serving, settled, until
+from support.browser import WAIT, find, opened, serving, settled
 
 import clfur
 from clfur.viewer.orbit import Orbit
@@ -35,7 +33,7 @@ def chromium():
     with library.sync_playwright() as playwright:
         path = find(playwright)
         if path is None:
-            pytest.skip("NO BROWSER IS DRIVEN: there is no Chromium; `playwright install chromium` or your system has it")
+            pytest.skip("NO BROWSER IS DRIVEN: there is no Chromium; your system has one, or `playwright install`")
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         yield browser
         browser.close()
