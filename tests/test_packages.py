@@ -32,7 +32,7 @@ WHEELS = {
         "pyopencl": "2026.1.4", "trimesh": "5.2.0", "attrs": "26.1.0", "click": "8.5.1", "rich": "15.0.0",
         "mapbox-earcut": "2.1.0", "psutil": "7.2.2", "jinja2": "3.1.6", "pytest": "9.2.0", "pytest-xdist": "3.8.0",
         "mypy": "2.4.1", "ruff": "0.17.6", "setuptools": "84.2.1",
-        "distributed": "2026.8.0"}.items()},
+        "distributed": "2026.8.0", "nicegui": "3.18.0", "playwright": "1.65.2"}.items()},
     **{name: [(old, ALL, OLD), (new, ALL, NEW)] for name, old, new in [
         ("numpy", "2.2.6", "2.4.6"), ("imageio", "2.38.0", "2.38.1"), ("pillow", "12.3.0", "13.0.0"),
         ("openexr", "3.5.2", "3.5.3"), ("platformdirs", "4.12.4", "4.14.8"), ("filelock", "4.1.0", "4.3.1"),
@@ -95,7 +95,8 @@ def test_the_wheel_holds_what_runs(built):
         held = set(packed.namelist())
     expected = {path.relative_to(ROOT).as_posix() for path in (ROOT / "clfur").rglob("*.py")}
     expected |= {f"clfur/cl/{path.name}" for path in (ROOT / "cl").iterdir() if path.is_file()}
-    expected |= {path.relative_to(ROOT).as_posix() for path in (ROOT / "clfur").rglob("*.html")}
+    expected |= {path.relative_to(ROOT).as_posix() for kind in ("html", "css", "js")
+                 for path in (ROOT / "clfur").rglob(f"*.{kind}")}
     expected |= {"clfur/py.typed", "clfur/judge/selftest.npz"}
     assert sorted(expected - held) == [] and f"clfur/cl/{scheduler.kernel_dir().joinpath('march.cl').name}" in held
     assert {name.split("/")[0].split("-")[0] for name in held} == {"clfur"}   # no tests, tools or examples beside it
