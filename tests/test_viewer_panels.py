@@ -47,7 +47,7 @@ def served():
 
 @pytest.fixture(scope="module")
 def context(chromium):
-    context = chromium.new_context(viewport={"width": 760, "height": 240})
+    context = chromium.new_context(viewport={"width": 720, "height": 180})
     yield context
     context.close()
 
@@ -165,13 +165,12 @@ def test_parts_are_switched_and_coats_put_on(page):
     unfold(page, "Coats", "Sky", "Undercoat (shells)")
     page.locator("button:has-text('Spikes')").click()
     until(lambda: page.locator('[data-path="scene.shells.length"]').count())
+    page.locator('[data-section="Undercoat (shells)"] .q-toggle').click()
+    until(lambda: not page.locator('[data-path="scene.shells.length"]').count())
     spikes = shown(page)
     page.locator('[data-section="Sky"] .q-toggle').click()
     pick(page, "scene.environment.sky.0", "#ff00ff")
-    under = shown(page)
-    assert len({first, spikes, under}) == 3
-    page.locator('[data-section="Undercoat (shells)"] .q-toggle').click()
-    until(lambda: not page.locator('[data-path="scene.shells.length"]').count())
+    assert len({first, spikes, shown(page)}) == 3
 
 
 def saved(page, *words):
