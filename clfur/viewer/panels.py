@@ -65,7 +65,7 @@ class Panels:
         self._undo.set_enabled(self.document.can_undo)
         self._redo.set_enabled(self.document.can_redo)
         self._play.props(f"icon={'pause' if self.document.playing else 'play_arrow'}")
-        self._show()
+        self._show(seen[0])
 
     def say(self, line: str) -> None:
         """Show a line of what went wrong; "" takes it away."""
@@ -78,6 +78,9 @@ class Panels:
             done = action(*given)
         except Error as error:
             self.say(str(error))
+            return None
+        except LookupError:   # another window has taken it away just now
+            self.say("it is not there any more")
             return None
         self.say("")
         self.refresh()
@@ -113,8 +116,8 @@ class Panels:
 
     # Sections ---------------------------------------------------------------------------------------------------
 
-    def _show(self):
-        there = sections(self.document.state)
+    def _show(self, state):
+        there = sections(state)
         shape = [each.shape for each in there]
         if shape != self._shape:
             self._shape, self._rows = shape, []
@@ -123,7 +126,7 @@ class Panels:
                 for section in there:
                     self._section(section)
         for row in self._rows:
-            row.show(value_of(row.field, self.document.state))
+            row.show(value_of(row.field, state))
 
     def _section(self, section: Section) -> None:
         expansion = ui.expansion(value=self._open.get(section.title, False)).props(
@@ -185,8 +188,8 @@ class Panels:
         try:
             data = await asyncio.wrap_future(self.drawing.do(
                 lambda: work(self.document.scene, self.window.camera)))
-        except Error as error:
-            self.say(str(error))
+        except Exception as error:   # of a device, a disk or a format
+            self.say(str(error) if isinstance(error, Error) else f"{type(error).__name__}: {error}")
         else:
             ui.download.content(data[1] if isinstance(data, tuple) else data,
                                 data[0] if isinstance(data, tuple) else name)
