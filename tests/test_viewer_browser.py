@@ -156,7 +156,8 @@ def test_who_moves_again_does_not_wait(page):
     took = 1000 * page.evaluate("clfur.header.seconds")
     again = min(page.evaluate(AGAIN) for _ in range(3))   # others may have the processor
     print(f"moving {usual:.0f} ms, final {took:.0f} ms, again after {again:.0f} ms")
-    assert again < 2 * usual and took > 3 * usual
+    assert took - 50 > usual   # else this says nothing
+    assert again < 2 * usual
     assert settled(page)["final"]
 
 
