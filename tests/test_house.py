@@ -90,11 +90,12 @@ SEES = {
     "film": "clfur errors color cache settings scene files device render motion judge pipeline av",
     "judge": "_version errors color cache measures layout settings scene files device budget render twin "
              "stages.tessellate",
-    "viewer": "clfur errors color cache settings scene files device budget render motion pipeline judge",
+    "viewer": "clfur errors color cache settings scene files device budget render motion pipeline judge "
+              "nicegui fastapi uvicorn",
     "command": "clfur errors color cache settings scene files device budget judge film viewer",
     "__main__": "command", "__init__": "*",
 }
-GUARDED = {"pyopencl", "trimesh", "mapbox_earcut", "imageio", "OpenEXR", "Imath", "av"}
+GUARDED = {"pyopencl", "trimesh", "mapbox_earcut", "imageio", "OpenEXR", "Imath", "av", "nicegui", "fastapi", "uvicorn"}
 STANDARD = {"bisect", "dataclasses", "typing", "math", "numpy"}   # all that stages, layout and twins may see of others
 
 

@@ -119,6 +119,23 @@ def test_a_window_of_another_size_sees_as_much_upwards():
         Orbit().resized((0, 480))
 
 
+@pytest.mark.parametrize("size", [(640, 480), (900, 480), (300, 480), (480, 480)])
+def test_a_window_sees_what_the_scenes_camera_does(size):
+    """At its target: as far up and, in a narrow window, to the sides."""
+    scene = clfur.Scene(SPHERE, camera=CAMERAS["from the side"])
+    orbit = Orbit.of(scene, size)
+    corner = 4 / 3 * np.linalg.norm(scene.camera.eye - scene.camera.target) * math.tan(math.radians(45) / 2)
+    right, _, back = orbit.camera().pose[:3, :3].T
+    assert orbit.size == size and np.allclose(right, scene.camera.pose[:3, 0]) and orbit.fov == 45
+    seen = np.linalg.inv(orbit.camera().pose) @ np.append(scene.camera.target + corner * right, 1)
+    column = (orbit.camera().intrinsics @ seen[:3])[0] / -seen[2] + size[0]
+    assert size[0] / 2 < column <= size[0] + 1e-6
+    if size[0] / size[1] > 4 / 3 - 1e-9:
+        assert np.allclose(orbit.camera().pose, scene.camera.pose)
+    else:
+        assert column == pytest.approx(size[0])
+
+
 def test_depth_of_a_plane_from_200_poses(gpu):
     """What a page is told of its camera, as JSON, gives the depth of the plane z = 0 by itself."""
     random = np.random.default_rng(19)

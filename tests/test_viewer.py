@@ -88,6 +88,16 @@ def test_the_token_becomes_a_cookie():
     assert asked(Guard(None, 8000, "secret"), query="token=secret", host="example.org:8000") == (400, False)
 
 
+def test_a_browser_that_is_opened_gets_a_token_for_once():
+    guard, bare = Guard(None, 8000, "secret"), {"host": "127.0.0.1:8000"}
+    one, other = guard.once(), guard.once()
+    assert one != other and asked(guard, query=f"token={other}", **bare)[0] == 303
+    assert asked(guard, query=f"token={other}", **bare)[0] == 403   # a second time
+    assert asked(guard, query=f"token={one}", host="example.org:8000")[0] == 400
+    assert asked(guard, query=f"token={one}", **bare)[0] == 303
+    assert asked(guard, "websocket", cookie=f"clfur-view-8000={one}", origin="http://127.0.0.1:8000", **bare)[0] == 403
+
+
 @pytest.mark.parametrize("host, served", [
     ("192.168.0.7:8000", True), ("[fe80::1]:8000", True), (f"{socket.gethostname()}:8000", True),
     ("127.0.0.1:8000", True), ("192.168.0.7:8001", False), ("192.168.0.7.example.org:8000", False)])

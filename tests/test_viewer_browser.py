@@ -2,17 +2,15 @@
 
 import io
 import itertools
-import os
 import runpy
 import signal
 import statistics
-import time
 
 import attrs
 import numpy as np
 import pytest
 from PIL import Image
-from support.browser import WAIT, find, opened, serving, settled, until
+from support.browser import WAIT, find, opened, serving, settled
 
 import clfur
 from clfur.viewer.orbit import Orbit
@@ -35,7 +33,7 @@ def chromium():
     with library.sync_playwright() as playwright:
         path = find(playwright)
         if path is None:
-            pytest.skip("NO BROWSER IS DRIVEN: there is no Chromium; `playwright install chromium` or your system has it")
+            pytest.skip("NO BROWSER IS DRIVEN: there is no Chromium; your system has one, or `playwright install`")
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         yield browser
         browser.close()
@@ -136,7 +134,7 @@ def test_the_final_picture_is_clfurs_own(page, scene):
     canvas = np.array(page.evaluate("""Array.from(document.querySelector("#stage canvas").getContext("2d").getImageData(
         0, 0, 320, 240).data)"""), np.uint8).reshape(240, 320, 4)
     pixels = np.asarray(Image.open(io.BytesIO(data)))
-    assert np.array_equal(canvas[..., 3], pixels[..., 3])   # where it is transparent, a canvas keeps fewer bits of colour
+    assert np.array_equal(canvas[..., 3], pixels[..., 3])   # a canvas keeps fewer bits of colours that are transparent
     opaque = pixels[..., 3] == 255
     assert opaque.any() and np.array_equal(canvas[opaque], pixels[opaque])
 
@@ -158,7 +156,8 @@ def test_who_moves_again_does_not_wait(page):
     took = 1000 * page.evaluate("clfur.header.seconds")
     again = min(page.evaluate(AGAIN) for _ in range(3))   # others may have the processor
     print(f"moving {usual:.0f} ms, final {took:.0f} ms, again after {again:.0f} ms")
-    assert again < 2 * usual and took > 3 * usual
+    assert took - 50 > usual   # else this says nothing
+    assert again < 2 * usual
     assert settled(page)["final"]
 
 

@@ -194,7 +194,7 @@ class Drawing:
             if scene.camera is not window.home:   # another scene
                 window.go_home(scene)
             (orbit, version), gesture, number = self._state(window), window.gesture, window.pictures
-            repeated = window.shown[0] is not None and window.shown[0][1] == version
+            repeated = document.playing or (window.shown[0] is not None and window.shown[0][1] == version)
         began, divided = time.monotonic(), 1
         if final:
             link.tell({"drawing": number})
@@ -244,6 +244,8 @@ class Drawing:
 
     def _tell(self, window, link, error):
         """Tell a page why there is no picture; the last one stays, and none is tried until something changes."""
+        if self.document.playing:   # else it would be told again and again
+            self.document.pause()
         if not isinstance(error, (Error, MemoryError)):
             traceback.print_exception(error, file=sys.stderr)
         line = str(error) if isinstance(error, Error) else f"{type(error).__name__}: {error}"

@@ -7,6 +7,7 @@ token that only this terminal's address holds.
 
 import hmac
 import ipaddress
+import secrets
 import socket
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
@@ -28,6 +29,7 @@ class Guard:
     def __init__(self, app: Any, port: int, token: str, everywhere: bool = False) -> None:
         self.app, self.port, self.token, self.everywhere = app, port, token, everywhere
         self.cookie = f"clfur-view-{port}"   # cookies are of a host, whatever its port
+        self._once: set[str] = set()
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
         """As ASGI has it."""
@@ -42,7 +44,7 @@ class Guard:
                 return await send({"type": "websocket.close", "code": 1008, "reason": refused[1]})
             return await self.app(scope, receive, send)
         given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token")
-        if not refused and scope["path"] == "/" and given and self.is_known(given[0]):
+        if not refused and scope["path"] == "/" and given and (self.is_known(given[0]) or self._is_first(given[0])):
             return await self._let_in(send)
         if not refused and not self.is_known(_cookies(headers).get(self.cookie, "")):
             refused = 403, AGAIN
@@ -83,6 +85,16 @@ class Guard:
     def is_known(self, token: str) -> bool:
         """Whether it is the token, in a time that does not tell how much of it is."""
         return hmac.compare_digest(token.encode(), self.token.encode())
+
+    def once(self) -> str:
+        """A token that lets in once: for an address that others may see while it is opened."""
+        self._once.add(token := secrets.token_urlsafe(24))
+        return token
+
+    def _is_first(self, given):
+        known = [token for token in self._once if hmac.compare_digest(given.encode(), token.encode())]
+        self._once.difference_update(known)
+        return bool(known)
 
     async def _let_in(self, send):
         cookie = f"{self.cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"

@@ -39,7 +39,8 @@ class Orbit:
 
     @classmethod
     def of(cls, scene: Scene, size: Sequence[int] | None = None) -> "Orbit":
-        """Return the orbit that begins at a scene's own camera, with its vertical field of view; size: another one.
+        """Return the orbit that begins at a scene's own camera, with its vertical field of view; size: another one, from
+        which it stands further away where that is narrower, so that as much is seen to the sides.
 
         A camera that was calibrated looks at the point of its view that is as far away as the scene's centre; where its
         principal point is not in the middle, or pixels are not square, the orbit's are. One that looks straight down or
@@ -58,11 +59,13 @@ class Orbit:
         target = eye - distance * back
         up = _axis(right, above, back, camera.up)
         side, ahead = _level(up)
+        size = camera.size if size is None else _size(size)
+        distance *= max(camera.size[0] / camera.size[1] * size[1] / size[0], 1.0)
         return cls(
             target=_floats(target), azimuth=math.degrees(math.atan2(-right @ ahead, right @ side)),
             elevation=_within(math.degrees(math.asin(_within(float(back @ up), 1.0))), STEEPEST),
             distance=distance, fov=min(max(fov, 1e-3), 179.99), up=_floats(up), radius=radius,
-            size=camera.size if size is None else _size(size))
+            size=size)
 
     def camera(self) -> Camera:
         """The `Camera` that sees it so."""

@@ -33,7 +33,7 @@ def show(drawing: Drawing, title: str) -> None:
     drawer = ui.right_drawer(bordered=False).classes("panels").props("width=340 breakpoint=700")
     with drawer:
         panels.build(drawing, window)
-    ui.button(icon="tune", on_click=drawer.toggle).props('flat round dense aria-label="Panels"').classes(
+    ui.button(icon="tune", on_click=drawer.toggle).props('flat round dense size=sm aria-label="Panels"').classes(
         "panels-button")
     ui.add_body_html(f"<script>{here.joinpath('page.js').read_text(encoding='utf-8')}</script>")
 

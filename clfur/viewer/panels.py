@@ -65,7 +65,7 @@ class Panels:
         self._undo.set_enabled(self.document.can_undo)
         self._redo.set_enabled(self.document.can_redo)
         self._play.props(f"icon={'pause' if self.document.playing else 'play_arrow'}")
-        self._show()
+        self._show(seen[0])
 
     def say(self, line: str) -> None:
         """Show a line of what went wrong; "" takes it away."""
@@ -78,6 +78,9 @@ class Panels:
             done = action(*given)
         except Error as error:
             self.say(str(error))
+            return None
+        except LookupError:   # another window has taken it away just now
+            self.say("it is not there any more")
             return None
         self.say("")
         self.refresh()
@@ -97,7 +100,7 @@ class Panels:
             self._undo = _button("undo", "Undo", lambda: self.do(self.document.undo))
             self._redo = _button("redo", "Redo", lambda: self.do(self.document.redo))
             ui.element("div").classes("gap")
-            self._play = _button("play_arrow", "Let hair move", lambda: self.do(
+            self._play = _button("play_arrow", "Play or pause", lambda: self.do(
                 self.document.pause if self.document.playing else self.document.play))
             _button("stop", "Back to rest", lambda: self.do(self.document.stop))
             ui.element("div").classes("gap")
@@ -113,8 +116,8 @@ class Panels:
 
     # Sections ---------------------------------------------------------------------------------------------------
 
-    def _show(self):
-        there = sections(self.document.state)
+    def _show(self, state):
+        there = sections(state)
         shape = [each.shape for each in there]
         if shape != self._shape:
             self._shape, self._rows = shape, []
@@ -123,7 +126,7 @@ class Panels:
                 for section in there:
                     self._section(section)
         for row in self._rows:
-            row.show(value_of(row.field, self.document.state))
+            row.show(value_of(row.field, state))
 
     def _section(self, section: Section) -> None:
         expansion = ui.expansion(value=self._open.get(section.title, False)).props(
@@ -153,6 +156,8 @@ class Panels:
                     self._switch(inner)
                     for action in inner.actions:
                         _button(action.icon, action.label, functools.partial(self.do, action.do, self.document))
+                if inner.hint:
+                    ui.label(inner.hint).classes("hint")
                 self._contents(attrs.evolve(inner, actions=()))   # which are in its head
         if section.actions:
             with ui.element("div").classes("actions"):
@@ -183,8 +188,8 @@ class Panels:
         try:
             data = await asyncio.wrap_future(self.drawing.do(
                 lambda: work(self.document.scene, self.window.camera)))
-        except Error as error:
-            self.say(str(error))
+        except Exception as error:   # of a device, a disk or a format
+            self.say(str(error) if isinstance(error, Error) else f"{type(error).__name__}: {error}")
         else:
             ui.download.content(data[1] if isinstance(data, tuple) else data,
                                 data[0] if isinstance(data, tuple) else name)

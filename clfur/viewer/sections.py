@@ -163,7 +163,6 @@ def _strands_switch(on):
 
 
 def _of_type(kind, path, radius):
-    """Groups of fields of a hair type."""
     return [Section("Shape", _of(kind, fields.SHAPE, path, radius)),
             Section("Colour", _of(kind, fields.COLORS, path)),
             _look(kind, path),
@@ -174,10 +173,11 @@ def _of_type(kind, path, radius):
 
 
 def _look(thing, path):
-    """The group of fields of a look."""
     path = (*path, "look")
-    table = fields.CHIANG if isinstance(thing.look, Chiang) else fields.KAJIYA
-    return Section("Look", (Field(path, "Hair is", "look", choices=LOOKS), *_of(thing.look, table, path)))
+    glassy = isinstance(thing.look, Chiang)
+    table = fields.CHIANG if glassy else fields.KAJIYA
+    return Section("Look", (Field(path, "Hair is", "look", choices=LOOKS), *_of(thing.look, table, path)),
+                   hint="Bright as it is with 'Hair to hair' on, under Final picture" * glassy)
 
 
 def _curves(curves, radius):

@@ -3,9 +3,11 @@
 import asyncio
 import contextlib
 import json
+import os
 import secrets
 import socket
 import struct
+import sys
 import threading
 import webbrowser
 from collections.abc import Callable
@@ -41,19 +43,19 @@ def view(document: Document, devices: Any, host: str = "127.0.0.1", port: int | 
         app.websocket(ROUTE)(_pictures(drawing))
         dropping.add_route(app, document)
         page.build(app, drawing, title)
+        guard = Guard(app, port, token, everywhere)
         server = uvicorn.Server(uvicorn.Config(
-            Guard(app, port, token, everywhere), log_level="critical", access_log=False, server_header=False,
-            ws_per_message_deflate=False, timeout_graceful_shutdown=1, lifespan="on"))
+            guard, log_level="critical", access_log=False, server_header=False, ws_per_message_deflate=False,
+            timeout_graceful_shutdown=1, lifespan="on"))
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, name="server", daemon=True)
         over = threading.Event()
         try:
             drawing.start()
             thread.start()
-            shown = "127.0.0.1" if host in ("localhost", "0.0.0.0") else host
-            address = f"http://{shown}:{port}/?token={token}"
-            said(address)
-            if browser:
-                webbrowser.open(address)
+            address = f"http://{_shown(host)}:{port}/?token="
+            said(address + token)
+            if browser and _has_screen():   # whose arguments other users of the machine can read
+                webbrowser.open(address + guard.once())
             while not over.wait(0.5):   # signals are heard in between
                 if not thread.is_alive():
                     raise Error("the server has ended by itself")
@@ -61,6 +63,16 @@ def view(document: Document, devices: Any, host: str = "127.0.0.1", port: int | 
             server.should_exit = True
             thread.join(PATIENCE)
             drawing.close(LONGEST)
+
+
+def _shown(host):
+    """The host of an address, for who serves at this one."""
+    return "127.0.0.1" if host in ("localhost", "0.0.0.0", "::") else f"[{host}]" if ":" in host else host
+
+
+def _has_screen():
+    """Whether there is one for a browser; else some open in the terminal."""
+    return sys.platform in ("win32", "darwin") or bool({"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys())
 
 
 @contextlib.contextmanager
@@ -89,7 +101,8 @@ def _pictures(drawing):
         await socket.accept()
         if known is None:
             return await socket.close(UNKNOWN)
-        loop, waiting, drawn = asyncio.get_running_loop(), asyncio.Queue(), asyncio.Event()
+        waiting: asyncio.Queue = asyncio.Queue()
+        loop, drawn = asyncio.get_running_loop(), asyncio.Event()
         drawn.set()
 
         def later(*what):

@@ -57,7 +57,10 @@ class Window:
         before = self.orbit
         try:
             if "size" in message:
-                self.orbit, self.sized = self.orbit.resized(_size(*message["size"])), True
+                self.orbit = self.orbit.resized(_size(*message["size"]))
+                if not self.sized:
+                    self.go_home(scene)
+                self.sized = True
             if message.get("home"):
                 self.go_home(scene)
             if "turn" in message:
