@@ -12,8 +12,6 @@ import clfur
 project = "clfur"
 author = copyright = "clfur contributors"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.doctest"]
-exclude_patterns: list[str] = []
-suppress_warnings = ["toc.empty_glob"]   # of pages that may be missing
 
 default_role = "code"   # of single backticks in docstrings
 myst_enable_extensions = ["colon_fence"]
@@ -61,3 +59,4 @@ html_theme_options = {
 def setup(app):
     app.connect("autodoc-process-docstring", hook.fields)
     app.connect("source-read", hook.commands)
+    app.connect("source-read", hook.without_missing)

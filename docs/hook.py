@@ -10,8 +10,8 @@ import clfur
 from clfur.command.main import clfur as command
 
 LINKED = re.compile(rf"(?<!`)`((?:clfur\.)?({'|'.join(clfur.__all__)})(?:\.\w+)*)`(?!`)")
-RAISES = re.compile(r"(?:^|(?<=[.;] ))Raises (?:`(?:clfur\.)?Error`|Error)\b,? *")
-AS_FOR = re.compile(r"ther arguments[\w ]* (as for `[\w.]+`)")
+RAISES = re.compile(r"(?:^|(?<=[.;] ))Raises (?:`(?:clfur\.)?Error`|Error\b),? *")
+AS_FOR = re.compile(r"rguments[\w ]* (as for `[\w.]+`)")
 
 
 def fields(app, what, name, obj, options, lines):
@@ -20,9 +20,12 @@ def fields(app, what, name, obj, options, lines):
     with contextlib.suppress(TypeError, ValueError):   # of what has no signature
         names = [each for each in inspect.signature(obj).parameters if each not in ("self", "cls")]
         prose, told = taken_apart(text, names)
-        for each in set(names) - set(told):
-            besides = [f"see {other}" for other in told if re.search(rf"\b{each}\b", told[other])]
-            told |= {each: why for why in [*AS_FOR.findall(text), *besides][:1]}
+        for each in set(names) - set(told):   # told in passing
+            named = re.compile(rf"\b{each}\b")
+            places = AS_FOR.findall(text) + ["see above"] * bool(prose and named.search(prose[0].lower()))
+            places += [f"see ``{other}``" for other in names if named.search(told.get(other, ""))]
+            places += ["see above" for block in prose if named.search(block)]
+            told |= {each: place for place in places[:1]}
         listed = [f":param {each}: {told[each]}" for each in names if each in told]
         listed += [f":raises Error: {told['Error']}"] if "Error" in told else []
         text = "\n\n".join([*prose, "\n".join(listed)])
@@ -45,7 +48,7 @@ def taken_apart(docstring, names):
         for called, bound, what in zip(parts[::3], parts[1::3], parts[2::3]):
             first, *others = re.findall(r"\w+", called)
             told[first] = f"{bound}: {what}" if bound else what
-            told |= {other: what if len(what) < 120 else f"see {first}" for other in others}
+            told |= {other: what if len(what) < 120 else f"see ``{first}``" for other in others}
             last = first if what.rstrip().endswith(":") else None
     return prose, told
 
@@ -83,3 +86,10 @@ def commands(app, docname, source):
         told = "\n\n".join(plain(block) for block in inspect.cleandoc(each.help).split("\n\n"))
         source[0] += (f"\n\nclfur {name}\n{'-' * 40}\n\n.. program:: clfur {name}\n\n.. code-block:: sh\n\n"
                       f"   clfur {name} {usage}\n\n{told}\n{options.text}")
+
+
+def without_missing(app, docname, source):
+    """Leaves pages out of lists of contents that are not there (yet)."""
+    for page in ("gallery", "viewer", "notebook"):
+        if page not in app.env.found_docs:
+            source[0] = source[0].replace(f"\n{page}\n", "\n")
