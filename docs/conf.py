@@ -13,6 +13,7 @@ project = "clfur"
 author = copyright = "clfur contributors"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.doctest"]
 
+smartquotes = False
 default_role = "code"   # of single backticks in docstrings
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
@@ -58,5 +59,6 @@ html_theme_options = {
 
 def setup(app):
     app.connect("autodoc-process-docstring", hook.fields)
+    app.connect("autodoc-process-signature", hook.shorter)
     app.connect("source-read", hook.commands)
     app.connect("source-read", hook.without_missing)

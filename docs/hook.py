@@ -71,8 +71,16 @@ class Options(click.HelpFormatter):
 
 
 def plain(text):
-    """Words of a help in reST, where none of them is markup."""
-    return re.sub(r"([*`|_\\])", r"\\\1", " ".join(text.split()))
+    """Words of a help in reST, where no more than code in backticks is markup."""
+    return re.sub(r"`(.*?)`", r"``\1``", re.sub(r"([*|_\\])", r"\\\1", " ".join(text.split())))
+
+
+def shorter(app, what, name, obj, options, signature, result):
+    """A signature whose defaults are written as one would: HairType(), not all of its fields."""
+    within = r"\((?:[^()]|\((?:[^()]|\([^()]*\))*\))*\)"
+    if signature:
+        signature = re.sub(rf"\b(HairType|Light){within}", r"\1()", signature)
+        return re.sub(r"array\(\[(.*?)\]\)", r"(\1)", signature), result
 
 
 def commands(app, docname, source):
