@@ -1,4 +1,4 @@
-"""The site: `python -m sphinx -W docs build/site`, and its examples: `python -m sphinx -W -b doctest docs build/site`."""
+"""The site: `python -m sphinx -W docs build/site`; with `-b doctest` its examples run."""
 
 import sys
 from pathlib import Path

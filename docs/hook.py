@@ -25,7 +25,7 @@ def fields(app, what, name, obj, options, lines):
             places = AS_FOR.findall(text) + ["see above"] * bool(prose and named.search(prose[0].lower()))
             places += [f"see ``{other}``" for other in names if named.search(told.get(other, ""))]
             places += ["see above" for block in prose if named.search(block)]
-            told |= {each: place for place in places[:1]}
+            told |= {each: places[0]} if places else {}
         listed = [f":param {each}: {told[each]}" for each in names if each in told]
         listed += [f":raises Error: {told['Error']}"] if "Error" in told else []
         text = "\n\n".join([*prose, "\n".join(listed)])
