@@ -13,7 +13,7 @@ project = "clfur"
 author = copyright = "clfur contributors"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.doctest"]
 
-smartquotes = False
+smartquotes_action = "D"   # dashes alone: quotes are code as often as not
 default_role = "code"   # of single backticks in docstrings
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3

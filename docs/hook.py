@@ -71,8 +71,8 @@ class Options(click.HelpFormatter):
 
 
 def plain(text):
-    """Words of a help in reST, where no more than code in backticks is markup."""
-    return re.sub(r"`(.*?)`", r"``\1``", re.sub(r"([*|_\\])", r"\\\1", " ".join(text.split())))
+    """Words of a help in reST, where nothing is markup but code: what is in backticks, and options."""
+    return re.sub(r"`(.*?)`|(--[a-z-]+)", r"``\1\2``", re.sub(r"([*|_\\])", r"\\\1", " ".join(text.split())))
 
 
 def shorter(app, what, name, obj, options, signature, result):
