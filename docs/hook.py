@@ -98,6 +98,6 @@ def commands(app, docname, source):
 
 def without_missing(app, docname, source):
     """Leaves pages out of lists of contents that are not there (yet)."""
-    for page in ("gallery", "viewer", "notebook"):
+    for page in ("gallery", "viewer", "notebook", "devices", "drivers"):
         if page not in app.env.found_docs:
             source[0] = source[0].replace(f"\n{page}\n", "\n")

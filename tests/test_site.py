@@ -20,7 +20,7 @@ from clfur.command.main import clfur as command
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
-GUIDES = "first", "strands", "maps", "devices", "speed"   # whose blocks of Python run as they stand
+GUIDES = "first", "strands", "maps", "speed", "trouble"   # whose blocks of Python run as they stand
 
 
 def sphinx(folder, builder):
