@@ -97,7 +97,8 @@ def commands(app, docname, source):
 
 
 def without_missing(app, docname, source):
-    """Leaves pages out of lists of contents that are not there (yet)."""
+    """Leaves out links to pages beside docs/, and pages in lists of contents that are not there (yet)."""
+    source[0] = re.sub(r"\[([^]]*)\]\(\.\./[\w/]*\.md[^)]*\)", r"\1", source[0])
     for page in ("gallery", "viewer", "notebook", "devices", "drivers"):
         if page not in app.env.found_docs:
             source[0] = source[0].replace(f"\n{page}\n", "\n")
