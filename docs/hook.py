@@ -20,7 +20,7 @@ def fields(app, what, name, obj, options, lines):
     with contextlib.suppress(TypeError, ValueError):   # of what has no signature
         names = [each for each in inspect.signature(obj).parameters if each not in ("self", "cls")]
         prose, told = taken_apart(text, names)
-        for each in set(names) - set(told):   # told in passing
+        for each in [each for each in names if each not in told]:   # told in passing
             named = re.compile(rf"\b{each}\b")
             places = AS_FOR.findall(text) + ["see above"] * bool(prose and named.search(prose[0].lower()))
             places += [f"see ``{other}``" for other in names if named.search(told.get(other, ""))]
