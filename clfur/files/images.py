@@ -67,7 +67,10 @@ def load(path: str | os.PathLike) -> dict[str, np.ndarray]:
 
 def load_header(path: str | os.PathLike) -> dict[str, Any]:
     """Read what `save` has told of a picture in an .exr file: {"software": clfur and its version, "camera": the Camera,
-    "settings": {name: value} of the Settings}, None where it was not given. Raises Error as `load` does."""
+    "settings": {name: value} of the Settings}, None where it was not given.
+
+    path: str or path-like. Raises Error as `load` does.
+    """
     return _loaded(path, "load_header", {".exr": lambda data: layers.header_of(exr.read(data))})
 
 

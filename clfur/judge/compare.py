@@ -124,10 +124,11 @@ def compare(scene: Scene, devices: str | Sequence[str] = "all", settings: Settin
             reference: str | None = None, seconds: float = 300, tell: Callable | None = None) -> Comparison:
     """Draw the same frames of a `Scene` on many devices, one after another -> `Comparison`.
 
-    ``devices``: "all", or texts as `Scheduler` takes them, in a list or with commas between.  ``repeat``: warm frames
-    a device.  ``reference``: the device to compare to; otherwise the one that "auto" means, if it is among them and
-    works, or else the first that works.  ``seconds`` that a frame may take; a driver that takes longer, or crashes,
-    costs its own row alone.  ``tell``: called with (device, frames done, frames in all) as they go on.
+    ``devices``: "all", or texts as `Scheduler` takes them, in a list or with commas between.  ``settings``: a
+    `Settings`; None: its defaults.  ``repeat``: warm frames a device.  ``reference``: the device to compare to;
+    otherwise the one that "auto" means, if it is among them and works, or else the first that works.  ``seconds`` that
+    a frame may take; a driver that takes longer, or crashes, costs its own row alone.  ``tell``: called with (device,
+    frames done, frames in all) as they go on.
     Raises `clfur.Error` for a device that is not there, before anything is drawn, and for other wrong arguments.
     """
     for value, kind, where in (scene, Scene, "scene"), (settings, Settings | None, "settings"):

@@ -112,7 +112,7 @@ def picture(scene: Scene, samples: int = 8, seed: int = 0, progress: Callable | 
 def noise_of(scene, samples=8, seed=0, progress=None, orders=0):
     """One estimate of the standard error of each number of `picture`, from it and another seed -> [height, width, 4].
 
-    Its root mean square over many pixels is that of the picture's error.
+    Its root mean square over many pixels is that of the picture's error.  Arguments are as for `picture`.
     """
     one, other = (picture(scene, samples, seed + k, progress, orders) for k in (0, 1))
     return np.abs(one - other) / math.sqrt(2)
@@ -121,7 +121,8 @@ def noise_of(scene, samples=8, seed=0, progress=None, orders=0):
 def cached_picture(scene, samples=8, folder=None, progress=None, orders=0):
     """`picture` with seed 0, kept in ``folder`` (clfur's in the user's cache if None) under what the scene is.
 
-    A damaged file is made anew.  Raises `clfur.Error` as `picture` does, and where there is no folder to write to.
+    Other arguments are as for `picture`.  A damaged file is made anew.  Raises `clfur.Error` as `picture` does, and
+    where there is no folder to write to.
     """
     known = cache.digest(VERSION, samples, scene, *([orders] if orders else []))
     file = (cache.folder("truth") if folder is None else Path(folder)) / f"{known}.npz"

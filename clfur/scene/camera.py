@@ -172,7 +172,7 @@ class Camera:
     def on_sphere(cls, n: int, center: Sequence[float] = (0, 0, 0), radius: float = 3.2, *, seed: int = 0,
                   elevation: Sequence[float] = (-90, 90), up: Sequence[float] = (0, 1, 0), fov: float = 45,
                   size: Sequence[int] = (640, 480)) -> list["Camera"]:
-        """Return n cameras at random places of a sphere around ``center``, at which they look.
+        """Return n cameras at random places of a sphere of ``radius`` around ``center``, at which they look.
 
         They are spread evenly over the area between two angles of ``elevation`` above the plane across ``up``, degrees;
         ``up`` points upwards in each picture. seed: of the random numbers, 0 or more; more cameras of one seed begin
