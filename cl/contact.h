@@ -12,7 +12,7 @@
 #define OUT 4               // times that a segment is turned out, at most
 
 /* Rows of the workspace that a point in contact has besides (motion.cl). */
-enum { NORMAL = 44, GAP = 47, FORCE = 48, APPLIED = 51, SPRING = 54, HOLD = 55 };   // of ROWS_OF_POINT
+enum { NORMAL = 38, GAP = 41, FORCE = 42, APPLIED = 45, SPRING = 48, HOLD = 49 };   // of ROWS_OF_POINT
 
 /* A vector by the first three of each of some rows. */
 INLINED lanes3 by_rows(const float4 *rows, lanes3 v)

@@ -27,10 +27,7 @@ typedef struct {
 } Left;
 
 /* What is set aside for each point between the two ways along the strand: rows of the workspace.  contact.h has more. */
-enum {
-    PLACE = 0, AIM = 3, BASE = 6, REST = 9, GHOST = 12, OVER = 15, STIFF = 16, KINK = 17, SOLVED = 18, BY_ONE = 21,
-    BY_TWO = 30, PULL = 36, TENSION = 43
-};   // of ROWS_OF_POINT
+enum { PLACE = 0, FREE = 3, BASE = 6, REST = 9, SOLVED = 12, BY_ONE = 15, BY_TWO = 24, PULL = 30, TENSION = 37 };   // of ROWS_OF_POINT
 
 /* Of strands side by side. */
 typedef struct {
@@ -40,7 +37,6 @@ typedef struct {
     lanes_i n;                                  // segments
     lanes bend, air;                            // B / mass a length, with what damps it; 1 / air [1 / s]
     lanes he;                                   // [s] of implicit Euler's step
-    lanes by_square;                            // inertia and air's drag over mass: 1 / he² + air / he
     lanes3 axes[3], before[3];                  // of the root, and a step ago
     lanes3 gravity;
     __global const float *winds;                // at points [world / s]
@@ -86,16 +82,6 @@ INLINED lanes3 kept(const Moving *m, int point, int row)
 INLINED void keep(const Moving *m, int point, int row, lanes3 v)
 {
     put_three(m->work, m->work_stride, point * ROWS_OF_POINT + row, v);
-}
-
-INLINED lanes kept_row(const Moving *m, int point, int row)
-{
-    return row_of(m->work, m->work_stride, point * ROWS_OF_POINT + row);
-}
-
-INLINED void keep_row(const Moving *m, int point, int row, lanes v)
-{
-    put_row(m->work, m->work_stride, point * ROWS_OF_POINT + row, v);
 }
 
 INLINED lanes3 in_axes(const lanes3 *axes, lanes3 v)
@@ -172,8 +158,8 @@ typedef struct {
 INLINED Segment segment_of(const Moving *m, int j, lanes3 start, lanes3 end)
 {
     Segment s;
-    s.ghost = kept(m, j, GHOST);
-    const lanes3 rest = kept(m, j, REST);
+    s.ghost = from_axes(m->axes, three_of(m->groomed, m->stride, 3 * j));
+    const lanes3 rest = from_axes(m->axes, kept(m, j, REST));
     if (j == 0) {
         s.direction = s.ghost;
         s.wants = rest;
@@ -185,8 +171,16 @@ INLINED Segment segment_of(const Moving *m, int j, lanes3 start, lanes3 end)
     s.length = row_of(m->lengths, m->stride, j - 1);
     s.direction = scaled(along, s.now > 0.0f ? 1.0f / s.now : F(0.0f));   // behind a tip is nothing
     s.wants = plus(s.direction, turned(s.ghost, s.direction, minus(rest, s.ghost)));
-    s.kink = kept_row(m, j, KINK);
+    const lanes bent = 1.0f - dots(s.ghost, rest);
+    s.kink = bent * bent;
     return s;
+}
+
+
+/* Stiffness of the joint between a segment and the next, one over a length; that of the clamp is half a segment away. */
+INLINED lanes stiffness(const Moving *m, lanes_i there, lanes length, lanes next)
+{
+    return there ? m->bend * 2.0f / (length + next) : F(0.0f);
 }
 
 /* Around point i, in which segment i ends. */
@@ -215,7 +209,7 @@ INLINED void solve(const Moving *m, int i, const Chain *c, Left *left, lanes3 *b
     const lanes3 t = c->here.direction, u = c->behind.direction;
     const lanes_i inner = i < m->n;
     const lanes mass = 0.5f * (c->here.length + (inner ? c->behind.length : F(0.0f)));
-    const lanes inertia = mass * m->by_square;
+    const lanes drag = m->air * mass, inertia = mass / (m->he * m->he) + drag / m->he;
     /* Second differences are not all of a joint that is bent at rest: what lies behind swings about the segment before,
      * and they do not feel it where both swing aside alike.  With this on the segment they are at least half of the true
      * second derivatives, however bent, so that Newton steps lead to rest and not away from it. */
@@ -249,7 +243,9 @@ INLINED void solve(const Moving *m, int i, const Chain *c, Left *left, lanes3 *b
     const lanes3 moment = scaled(moment_of(c), c->by);
     b = plus(b, minus(moment, *behind_moment));
     *behind_moment = moment;
-    b = minus(b, scaled(minus(place, kept(m, i, AIM)), inertia));
+    b = minus(b, scaled(minus(place, kept(m, i, FREE)), mass / (m->he * m->he)));
+    b = plus(b, scaled(m->gravity, mass));
+    b = minus(b, scaled(minus(minus(place, kept(m, i, BASE)), scaled(three_of(m->winds, m->stride, 3 * i), m->he)), drag / m->he));
     if (m->feels)
         press(m, i, inertia, &a, &b);
 
@@ -338,14 +334,14 @@ INLINED void improve(const Moving *m, int most)
     lanes3 end = kept(m, most, PLACE), start = most > 1 ? kept(m, most - 1, PLACE) : none, moment = none;
     c.here = segment_of(m, most, start, end);
     c.behind = c.here;
-    c.by = kept_row(m, most, OVER);
+    c.by = 1.0f / c.here.length;
     c.by_behind = c.stiff = c.stiff_behind = c.tension_behind = F(0.0f);
     for (int i = most; i >= 1; --i) {
         end = start;
         start = i > 2 ? kept(m, i - 2, PLACE) : none;
         c.before = segment_of(m, i - 1, start, end);
-        c.by_before = i > 1 ? kept_row(m, i - 1, OVER) : F(0.0f);
-        c.stiff_before = kept_row(m, i - 1, STIFF);
+        c.by_before = i > 1 ? 1.0f / c.before.length : F(0.0f);
+        c.stiff_before = stiffness(m, I(ON), i > 1 ? c.before.length : c.here.length, i > 1 ? c.here.length : F(0.0f));
         c.tension = row_of(m->work, m->work_stride, i * ROWS_OF_POINT + TENSION);
         const lanes_i inner = i < m->n;
         c.by_behind = inner ? c.by_behind : F(0.0f);
@@ -396,19 +392,26 @@ INLINED void put_motion(Moving *m, lanes *damping, lanes *carried, uint lane, __
     LANE(m->friction, lane) = type->touch.x;
 }
 
-/* The joint behind a segment: the groomed direction, which turned with the root alone, and how it bends at rest. */
-INLINED void keep_joint(const Moving *m, int j, lanes3 ghost, lanes3 wants)
+/* The rest directions with Kelvin's and Voigt's damping: a share of where the strand points now. */
+INLINED void damp(const Moving *m, int most, const lanes3 *before, __global const float *rest, lanes share,
+                  __global const float *places)
 {
-    const lanes bent = 1.0f - dots(ghost, wants);
-    keep(m, j, GHOST, ghost);
-    keep(m, j, REST, wants);
-    keep_row(m, j, KINK, bent * bent);
-}
-
-/* What goes along with the root by such a share. */
-INLINED lanes3 along_with(lanes share, lanes3 by_itself, lanes3 with)
-{
-    return chosen(share > 0.0f, plus(scaled(by_itself, 1.0f - share), scaled(with, share)), by_itself);
+    const bool any = any_lane(share > 0.0f);
+    lanes3 from = from_axes(before, three_of(m->groomed, m->stride, 0)), start = all_lanes((float4)(0.0f));
+    for (int j = 0; j <= most; ++j) {
+        lanes3 wants = three_of(rest, m->stride, 3 * j);
+        if (any && j < most) {
+            const lanes3 end = three_of(places, m->stride, 3 * (j + 1)), along = minus(end, start);
+            const lanes square = dots(along, along);
+            const lanes3 direction = scaled(along, square > 0.0f ? 1.0f / exact_root(square) : F(0.0f));
+            const lanes3 ghost = from_axes(before, three_of(m->groomed, m->stride, 3 * j));
+            const lanes3 now = in_axes(before, turned(from, ghost, direction));
+            wants = plus(scaled(wants, 1.0f - share), scaled(now, share));
+            from = direction;
+            start = end;
+        }
+        keep(m, j, REST, wants);
+    }
 }
 
 /* One step of strands side by side. */
@@ -432,64 +435,28 @@ ONCE void move(Moving *m, int most, lanes second, float step, lanes damping, lan
         second = row_of(m->pressed, m->stride, 0) > 0.0f ? F(0.0f) : second;   // implicit Euler for what has touched it
     }
     m->he = step / (1.0f + 0.5f * second);
-    const lanes stiffer = 1.0f + damping / m->he, third = second / 3.0f, share = damping / m->he / stiffer;
-    const bool damped = any_lane(share > 0.0f), goes_along = any_lane(carried > 0.0f);
-    const lanes drag = m->air / m->he;
+    const lanes stiffer = 1.0f + damping / m->he, third = second / 3.0f;
+    damp(m, most, before, rest, damping / m->he / stiffer, places);
     m->bend *= stiffer;
-    m->by_square = 1.0f / (m->he * m->he) + drag;
-    const lanes over_square = 1.0f / m->by_square;
-    lanes3 spin[3];   // how the root's frame has turned: columns
-    for (int a = 0; a < 3; ++a) {
-        const lanes3 along = {a == 0 ? before[0].x : a == 1 ? before[0].y : before[0].z,
-                              a == 0 ? before[1].x : a == 1 ? before[1].y : before[1].z,
-                              a == 0 ? before[2].x : a == 1 ? before[2].y : before[2].z};
-        spin[a] = from_axes(m->axes, along);
-    }
-    lanes3 ghost = from_axes(m->axes, three_of(m->groomed, m->stride, 0)), direction = ghost;
-    lanes3 start = all_lanes((float4)(0.0f));
-    lanes length_before = F(0.0f);
     for (int i = 1; i <= most; ++i) {
         /* Points are relative to the root, which has gone on; a share of them goes with it. */
         const lanes3 p = three_of(places, m->stride, 3 * i), o = three_of(places_before, m->stride, 3 * i);
         const lanes3 v = three_of(speeds, m->stride, 3 * i), w = three_of(speeds_before, m->stride, 3 * i);
-        const lanes3 with = from_axes(spin, p);
-        lanes3 p_now = minus(p, gone), o_now = minus(o, gone), v_now = v, w_now = w;
-        if (goes_along) {
-            p_now = along_with(carried, p_now, with);
-            o_now = along_with(carried, o_now, from_axes(spin, o));
-            v_now = along_with(carried, v, from_axes(spin, v));
-            w_now = along_with(carried, w, from_axes(spin, w));
-        }
+        const lanes3 with = from_axes(m->axes, in_axes(before, p));
+        const lanes3 p_now = plus(scaled(minus(p, gone), 1.0f - carried), scaled(with, carried));
+        const lanes3 o_now = plus(scaled(minus(o, gone), 1.0f - carried),
+                                  scaled(from_axes(m->axes, in_axes(before, o)), carried));
+        const lanes3 v_now = plus(scaled(v, 1.0f - carried), scaled(from_axes(m->axes, in_axes(before, v)), carried));
+        const lanes3 w_now = plus(scaled(w, 1.0f - carried), scaled(from_axes(m->axes, in_axes(before, w)), carried));
         const lanes3 base = plus(p_now, scaled(minus(p_now, o_now), third));
-        const lanes3 free = plus(base, scaled(plus(v_now, scaled(minus(v_now, w_now), third)), m->he));
-        /* Where inertia, air and weight alone would take it. */
-        const lanes3 blown = plus(minus(base, free), scaled(three_of(m->winds, m->stride, 3 * i), m->he));
-        keep(m, i, AIM, plus(free, scaled(plus(scaled(blown, drag), m->gravity), over_square)));
         keep(m, i, BASE, base);
+        keep(m, i, FREE, plus(base, scaled(plus(v_now, scaled(minus(v_now, w_now), third)), m->he)));
         keep(m, i, PLACE, with);
-        keep_row(m, i, TENSION, row_of(tensions, m->stride, i));
+        put_row(m->work, m->work_stride, i * ROWS_OF_POINT + TENSION, row_of(tensions, m->stride, i));
         const lanes_i there = i <= m->n;
         put_three(places_before, m->stride, 3 * i, masked(there, p_now));
         put_three(speeds_before, m->stride, 3 * i, masked(there, v_now));
-        /* Of the joint before: where the segment points at rest, with Kelvin's and Voigt's damping a share of where it
-           points now. */
-        lanes3 wants = from_axes(m->axes, three_of(rest, m->stride, 3 * (i - 1)));
-        if (damped) {
-            const lanes3 along = minus(with, start);
-            const lanes square = dots(along, along);
-            const lanes3 now = scaled(along, square > 0.0f ? 1.0f / exact_root(square) : F(0.0f));
-            wants = plus(scaled(wants, 1.0f - share), scaled(turned(direction, ghost, now), share));
-            direction = now;
-            start = with;
-        }
-        const lanes length = row_of(m->lengths, m->stride, i - 1);
-        keep_joint(m, i - 1, ghost, wants);
-        keep_row(m, i - 1, STIFF, m->bend * 2.0f / (length_before + length));   // the clamp is half a segment away
-        keep_row(m, i, OVER, 1.0f / length);
-        ghost = from_axes(m->axes, three_of(m->groomed, m->stride, 3 * i));
-        length_before = length;
     }
-    keep_joint(m, most, ghost, from_axes(m->axes, three_of(rest, m->stride, 3 * most)));
     if (m->feels)
         recall(m, most);
     for (int newton = 0; newton < 2; ++newton) {

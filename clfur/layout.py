@@ -15,7 +15,7 @@ CONSTANTS = {
     "PERIOD": 1024,         # cells after which gusts of wind come again, along each axis
     "CROUCHED": 0.9,        # how much less than upright hair of shells is at the tip at most, pushed down
     "STRANDS_BESIDE": 16,   # of those that move, at most: two vectors of each number would not stay in registers
-    "ROWS_OF_POINT": 56,    # of what a step sets aside for a point of a strand that moves
+    "ROWS_OF_POINT": 50,    # of what a step sets aside for a point of a strand that moves
     "FASTEST": 1 << 24,     # units of speed that a grid of hair takes: 2^16 are a cell in a step
     "ALONE_IN_CELL": 1.25,  # strands across a cell, by its density, that one alone may seem to be,
     "DENSER": 1.2,          # and by how much hair may be denser than as groomed before it is pushed apart
