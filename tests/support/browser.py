@@ -42,6 +42,7 @@ window.pointer = (name, x, y, more = {}) => {
 window.drag = (from, to, more = {}) => {
   pointer("pointerdown", ...from, more); pointer("pointermove", ...to, more); pointer("pointerup", ...to, more);
 };
+window.told = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));   // to the server
 window.shake = (seconds) => new Promise((done) => {
   const began = performance.now();
   pointer("pointerdown", 150, 100);
@@ -116,6 +117,13 @@ def settled(page, milliseconds=WAIT):
     page.wait_for_function("window.clfur && clfur.header && clfur.header.final && clfur.header.gesture === clfur.told",
                            timeout=milliseconds)
     return page.evaluate("clfur.header")
+
+
+def after(page, script):
+    """Do something in a page, and wait for the final picture of it -> its header."""
+    page.evaluate(script)
+    page.evaluate("told()")
+    return settled(page)
 
 
 def until(true, seconds=20.0):
