@@ -192,6 +192,21 @@ def test_mouse_and_fingers(page):
     assert seen("document.getElementById('stage').dispatchEvent(new MouseEvent('dblclick'))") == home
 
 
+def test_an_error_is_a_line_over_the_picture(page):
+    """As it is, whatever is in it; the next picture takes it away."""
+    before = page.evaluate("clfur.header.picture")
+    page.evaluate("""(line) => {
+        const head = new TextEncoder().encode(JSON.stringify({ error: line })), data = new Uint8Array(4 + head.length);
+        new DataView(data.buffer).setUint32(0, head.length, true);
+        data.set(head, 4);
+        pictures.onmessage({ data: data.buffer });
+    }""", "Light is <b>dark</b>")
+    page.wait_for_function("document.querySelector('.trouble').textContent === 'Light is <b>dark</b>'", timeout=WAIT)
+    assert page.evaluate("clfur.header.picture") == before
+    moved(page)
+    assert page.inner_text(".trouble") == ""
+
+
 def test_windows(context, served):
     """Each has its camera; loaded anew it keeps it; one that is closed while its picture is drawn does no harm."""
     one, other = opened(context, served.address), opened(context, served.address)

@@ -22,7 +22,9 @@ const Socket = WebSocket;
 window.WebSocket = class extends Socket {
   constructor(...given) {
     super(...given);
-    if (String(given[0]).includes("/pictures")) this.addEventListener("message", (event) => {
+    if (!String(given[0]).includes("/pictures")) return;
+    window.pictures = this;
+    this.addEventListener("message", (event) => {
       const length = new DataView(event.data).getUint32(0, true);
       const header = new TextDecoder().decode(new Uint8Array(event.data, 4, length));
       log.push({ at: performance.now(), got: JSON.parse(header) });
