@@ -47,6 +47,7 @@ def test_a_change_is_another_scene_with_all_else_the_same(document):
     assert before.strands.types[0].length == .4 and document.scene.mesh is before.mesh
     assert document.scene.camera is before.camera and document.scene.light is before.light
     assert not document.set(LENGTH, .5) and not document.set(COLOR, [.8, .6, .4])
+    assert not document.set(("settings",), clfur.Settings())
 
 
 @pytest.mark.parametrize("path, value", [

@@ -47,7 +47,7 @@ def served():
 
 @pytest.fixture(scope="module")
 def context(chromium):
-    context = chromium.new_context(viewport={"width": 760, "height": 240})
+    context = chromium.new_context(viewport={"width": 720, "height": 180})
     yield context
     context.close()
 
@@ -165,13 +165,12 @@ def test_parts_are_switched_and_coats_put_on(page):
     unfold(page, "Coats", "Sky", "Undercoat (shells)")
     page.locator("button:has-text('Spikes')").click()
     until(lambda: page.locator('[data-path="scene.shells.length"]').count())
+    page.locator('[data-section="Undercoat (shells)"] .q-toggle').click()
+    until(lambda: not page.locator('[data-path="scene.shells.length"]').count())
     spikes = shown(page)
     page.locator('[data-section="Sky"] .q-toggle').click()
     pick(page, "scene.environment.sky.0", "#ff00ff")
-    under = shown(page)
-    assert len({first, spikes, under}) == 3
-    page.locator('[data-section="Undercoat (shells)"] .q-toggle').click()
-    until(lambda: not page.locator('[data-path="scene.shells.length"]').count())
+    assert len({first, spikes, shown(page)}) == 3
 
 
 def saved(page, *words):
@@ -185,7 +184,8 @@ def saved(page, *words):
 
 def test_what_is_saved_draws_the_same_bytes(page, tmp_path):
     unfold(page, "Hair")
-    pick(page, f"{HAIR}.tip_color" if widget(page, f"{HAIR}.tip_color", ".q-checkbox").click() else HAIR, "#20ff40")
+    widget(page, f"{HAIR}.tip_color", ".q-checkbox").click()   # which is off at first
+    pick(page, f"{HAIR}.tip_color", "#20ff40")
     there = shown(page)
     name, scene = saved(page, "Scene file")
     assert name == "scene.py"
@@ -247,9 +247,9 @@ def test_two_windows_show_the_same_and_hair_moves_in_both(page, context, served)
     page.reload()
     assert shown(page) == before
     drawn = page.evaluate("clfur.drawn")
-    page.locator("[aria-label='Let hair move']").click()
+    page.locator("[aria-label='Play or pause']").click()
     until(lambda: page.evaluate("clfur.drawn") > drawn + 5 and not page.evaluate("clfur.header.final"))
-    other.locator("[aria-label='Let hair move']").click()   # holds it
+    other.locator("[aria-label='Play or pause']").click()   # holds it
     held = shown(page)
     other.locator("[aria-label='Back to rest']").click()
     until(lambda: shown(page) == before)

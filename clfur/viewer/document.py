@@ -289,6 +289,8 @@ def _same(one, other):
         return True
     if one is None or other is None:
         return False
+    if attrs.has(type(one)):
+        return type(one) is type(other) and bool(one == other)
     try:
         one, other = np.asarray(one), np.asarray(other)
         return one.dtype.kind != "O" and one.shape == other.shape and bool((one == other).all())

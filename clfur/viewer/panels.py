@@ -48,6 +48,7 @@ class Panels:
         self._body = ui.element("div").classes("panel-body")
         self.refresh()
         ui.timer(OFTEN, self.refresh)
+        ui.keyboard(self._key, repeating=False, ignore=["input", "textarea"])
 
     def refresh(self) -> None:
         """Show what the document has now."""
@@ -64,7 +65,7 @@ class Panels:
         self._undo.set_enabled(self.document.can_undo)
         self._redo.set_enabled(self.document.can_redo)
         self._play.props(f"icon={'pause' if self.document.playing else 'play_arrow'}")
-        self._show()
+        self._show(seen[0])
 
     def say(self, line: str) -> None:
         """Show a line of what went wrong; "" takes it away."""
@@ -78,9 +79,19 @@ class Panels:
         except Error as error:
             self.say(str(error))
             return None
+        except LookupError:   # another window has taken it away just now
+            self.say("it is not there any more")
+            return None
         self.say("")
         self.refresh()
         return done
+
+    def _key(self, event):
+        """Ctrl-Z, and with shift or as Ctrl-Y the other way."""
+        held = event.modifiers
+        if event.action.keydown and (held.ctrl or held.meta) and event.key.name.lower() in ("z", "y"):
+            again = held.shift or event.key.name.lower() == "y"
+            self.do(self.document.redo if again else self.document.undo)
 
     # The bar on top ---------------------------------------------------------------------------------------------
 
@@ -89,7 +100,7 @@ class Panels:
             self._undo = _button("undo", "Undo", lambda: self.do(self.document.undo))
             self._redo = _button("redo", "Redo", lambda: self.do(self.document.redo))
             ui.element("div").classes("gap")
-            self._play = _button("play_arrow", "Let hair move", lambda: self.do(
+            self._play = _button("play_arrow", "Play or pause", lambda: self.do(
                 self.document.pause if self.document.playing else self.document.play))
             _button("stop", "Back to rest", lambda: self.do(self.document.stop))
             ui.element("div").classes("gap")
@@ -105,8 +116,8 @@ class Panels:
 
     # Sections ---------------------------------------------------------------------------------------------------
 
-    def _show(self):
-        there = sections(self.document.state)
+    def _show(self, state):
+        there = sections(state)
         shape = [each.shape for each in there]
         if shape != self._shape:
             self._shape, self._rows = shape, []
@@ -115,7 +126,7 @@ class Panels:
                 for section in there:
                     self._section(section)
         for row in self._rows:
-            row.show(value_of(row.field, self.document.state))
+            row.show(value_of(row.field, state))
 
     def _section(self, section: Section) -> None:
         expansion = ui.expansion(value=self._open.get(section.title, False)).props(
@@ -145,6 +156,8 @@ class Panels:
                     self._switch(inner)
                     for action in inner.actions:
                         _button(action.icon, action.label, functools.partial(self.do, action.do, self.document))
+                if inner.hint:
+                    ui.label(inner.hint).classes("hint")
                 self._contents(attrs.evolve(inner, actions=()))   # which are in its head
         if section.actions:
             with ui.element("div").classes("actions"):
@@ -175,8 +188,8 @@ class Panels:
         try:
             data = await asyncio.wrap_future(self.drawing.do(
                 lambda: work(self.document.scene, self.window.camera)))
-        except Error as error:
-            self.say(str(error))
+        except Exception as error:   # of a device, a disk or a format
+            self.say(str(error) if isinstance(error, Error) else f"{type(error).__name__}: {error}")
         else:
             ui.download.content(data[1] if isinstance(data, tuple) else data,
                                 data[0] if isinstance(data, tuple) else name)

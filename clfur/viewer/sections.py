@@ -78,10 +78,8 @@ def value_of(field: Field, state: State) -> Any:
         return next((name for name, settings in PRESETS.items() if settings == value), "")
     if field.given is not None and (value is None or (isinstance(value, str) and value == field.off)):
         return None
-    if field.kind == "color":
-        return hex_of(value)
-    if field.kind == "from":
-        return tuple(round(angle, 1) for angle in angles_of(value))
+    if field.kind in ("color", "from"):
+        return hex_of(value) if field.kind == "color" else tuple(round(angle, 1) for angle in angles_of(value))
     return tuple(float(each) for each in value) if field.kind == "vector" else value
 
 
@@ -165,7 +163,6 @@ def _strands_switch(on):
 
 
 def _of_type(kind, path, radius):
-    """Groups of fields of a hair type."""
     return [Section("Shape", _of(kind, fields.SHAPE, path, radius)),
             Section("Colour", _of(kind, fields.COLORS, path)),
             _look(kind, path),
@@ -176,10 +173,11 @@ def _of_type(kind, path, radius):
 
 
 def _look(thing, path):
-    """The group of fields of a look."""
     path = (*path, "look")
-    table = fields.CHIANG if isinstance(thing.look, Chiang) else fields.KAJIYA
-    return Section("Look", (Field(path, "Hair is", "look", choices=LOOKS), *_of(thing.look, table, path)))
+    glassy = isinstance(thing.look, Chiang)
+    table = fields.CHIANG if glassy else fields.KAJIYA
+    return Section("Look", (Field(path, "Hair is", "look", choices=LOOKS), *_of(thing.look, table, path)),
+                   hint="Bright as it is with 'Hair to hair' on, under Final picture" * glassy)
 
 
 def _curves(curves, radius):
@@ -252,7 +250,16 @@ def _lights(scene, radius):
         for n, light in enumerate(scene.lights)]
     add = Action("Add a light", "add", lambda document: document.set(path, (
         *document.state.scene.lights, Light((1.0, -0.6, -0.5), ambient=0.0, intensity=0.6))))
-    return Section("Lights", inner=inner, actions=[add])
+    lamp = Action("Add a lamp", "add", lambda document: document.set(path, (
+        *document.state.scene.lights, usual_lamp(document.state.scene))))
+    return Section("Lights", inner=inner, actions=[add, lamp])
+
+
+def usual_lamp(scene: Scene) -> Light:
+    """Return a lamp over a scene, in front to the right, that shines on all of it."""
+    center, radius = extent(scene.mesh, scene.fur)
+    away = 1.5 * (radius or 1) * np.array([1.0, 1.5, 1.2])
+    return Light(direction=-away, position=center + away, angle=50, ambient=0.0, size=0.1 * radius)
 
 
 def _sky(scene):

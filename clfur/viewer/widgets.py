@@ -196,5 +196,5 @@ def _number(put):
 
 
 def _text(value):
-    """A number as it is shown: four digits, and no more than are needed."""
-    return f"{value}" if isinstance(value, int) else f"{float(f'{value:.4g}'):.10g}"
+    """A number as it is shown: four digits, three of what is small, and no more than are needed."""
+    return f"{value}" if isinstance(value, int) else f"{float(f'{value:.{3 + (abs(value) >= 0.01)}g}'):.10g}"
