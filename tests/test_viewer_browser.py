@@ -10,7 +10,7 @@ import attrs
 import numpy as np
 import pytest
 from PIL import Image
-from support.browser import WAIT, find, opened, serving, settled
+from support.browser import WAIT, after, find, opened, serving, settled
 
 import clfur
 from clfur.viewer.orbit import Orbit
@@ -74,18 +74,16 @@ def one_page(chromium, served):
 def page(one_page):
     """A page at home, whose log is empty."""
     one_page.set_viewport_size(SMALL)
+    one_page.wait_for_function("`${clfur.header.orbit.size}` === '320,240'", timeout=WAIT)
     one_page.keyboard.press("Home")
-    one_page.wait_for_timeout(50)
-    settled(one_page)
+    after(one_page, "0")
     one_page.evaluate("log.length = 0")
     return one_page
 
 
 def moved(page):
-    """Drag a little, and wait for the final picture -> its header."""
-    page.evaluate("drag([100, 100], [130, 110])")
-    page.wait_for_timeout(50)   # an animation frame, in which it is told
-    return settled(page)
+    """Drag a little -> the header of the final picture of it."""
+    return after(page, "drag([100, 100], [130, 110])")
 
 
 def test_it_opens_with_its_token_alone(chromium, context, served):
@@ -142,8 +140,7 @@ def test_the_final_picture_is_clfurs_own(page, scene):
 def test_who_moves_again_does_not_wait(page):
     """For a final picture that has begun 50 ms before: the next moving one comes within the time of two."""
     page.set_viewport_size({"width": 960, "height": 720})
-    page.wait_for_timeout(100)
-    settled(page)
+    page.wait_for_function("clfur.header.final && clfur.header.size[1] === 720", timeout=WAIT)
     page.evaluate("log.length = 0")
     page.evaluate("shake(1.5)")
     settled(page)
@@ -179,22 +176,35 @@ AGAIN = """async () => {
 def test_mouse_and_fingers(page):
     home = settled(page)["orbit"]
 
-    def after(script):
-        page.evaluate(script)
-        page.wait_for_timeout(50)
-        return settled(page)["orbit"]
-    turned = after("drag([100, 100], [124, 100])")
+    def seen(script):
+        return after(page, script)["orbit"]
+    turned = seen("drag([100, 100], [124, 100])")
     assert turned["azimuth"] == pytest.approx(home["azimuth"] - 36) and turned["target"] == home["target"]
-    panned = after("drag([100, 100], [124, 100], { shiftKey: true })")
+    panned = seen("drag([100, 100], [124, 100], { shiftKey: true })")
     assert panned["azimuth"] == turned["azimuth"] and panned["target"] != home["target"]
-    assert after("drag([100, 100], [124, 100], { buttons: 2 })")["target"] != panned["target"]
-    near = after("document.getElementById('stage').dispatchEvent(new WheelEvent('wheel', {deltaY: -300}))")
+    assert seen("drag([100, 100], [124, 100], { buttons: 2 })")["target"] != panned["target"]
+    near = seen("document.getElementById('stage').dispatchEvent(new WheelEvent('wheel', {deltaY: -300}))")
     assert near["distance"] == pytest.approx(home["distance"] / 1.1**3)
-    pinched = after("""pointer("pointerdown", 100, 100); pointer("pointerdown", 200, 100, { pointerId: 2 });
+    pinched = seen("""pointer("pointerdown", 100, 100); pointer("pointerdown", 200, 100, { pointerId: 2 });
         pointer("pointermove", 220, 100, { pointerId: 2 }); pointer("pointermove", 80, 100);
         pointer("pointerup", 80, 100); pointer("pointerup", 220, 100, { pointerId: 2 })""")
     assert pinched["distance"] == pytest.approx(near["distance"] / 1.4) and pinched["azimuth"] == near["azimuth"]
-    assert after("document.getElementById('stage').dispatchEvent(new MouseEvent('dblclick'))") == home
+    assert seen("document.getElementById('stage').dispatchEvent(new MouseEvent('dblclick'))") == home
+
+
+def test_an_error_is_a_line_over_the_picture(page):
+    """As it is, whatever is in it; the next picture takes it away."""
+    before = page.evaluate("clfur.header.picture")
+    page.evaluate("""(line) => {
+        const head = new TextEncoder().encode(JSON.stringify({ error: line })), data = new Uint8Array(4 + head.length);
+        new DataView(data.buffer).setUint32(0, head.length, true);
+        data.set(head, 4);
+        pictures.onmessage({ data: data.buffer });
+    }""", "Light is <b>dark</b>")
+    page.wait_for_function("document.querySelector('.trouble').textContent === 'Light is <b>dark</b>'", timeout=WAIT)
+    assert page.evaluate("clfur.header.picture") == before
+    moved(page)
+    assert page.inner_text(".trouble") == ""
 
 
 def test_windows(context, served):

@@ -39,8 +39,8 @@ class Orbit:
 
     @classmethod
     def of(cls, scene: Scene, size: Sequence[int] | None = None) -> "Orbit":
-        """Return the orbit that begins at a scene's own camera, with its vertical field of view; size: another one, from
-        which it stands further away where that is narrower, so that as much is seen to the sides.
+        """Return the orbit that begins at a scene's own camera, with its vertical field of view; size: another one. In
+        a narrower picture it stands further away, so that as much is seen to the sides.
 
         A camera that was calibrated looks at the point of its view that is as far away as the scene's centre; where its
         principal point is not in the middle, or pixels are not square, the orbit's are. One that looks straight down or

@@ -14,14 +14,16 @@ RECONNECT = 10.0   # seconds that the page's elements are kept for a page that h
 
 def build(app: Any, drawing: Drawing, title: str) -> None:
     """Let a FastAPI app serve the page of a drawing."""
+    title = f"{title} · clfur"
+
     @ui.page("/", title=title, dark=True)
     def _():
-        show(drawing, title)
+        show(drawing)
     ui.run_with(app, title=title, dark=True, gzip_middleware_factory=None, reconnect_timeout=RECONNECT,
                 show_welcome_message=False, favicon=_icon())
 
 
-def show(drawing: Drawing, title: str) -> None:
+def show(drawing: Drawing) -> None:
     """Build the page for a new window."""
     window = drawing.open(secrets.token_hex(8))
     ui.colors(primary="#c9955c", dark="#1e1f21")

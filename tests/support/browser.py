@@ -22,7 +22,9 @@ const Socket = WebSocket;
 window.WebSocket = class extends Socket {
   constructor(...given) {
     super(...given);
-    if (String(given[0]).includes("/pictures")) this.addEventListener("message", (event) => {
+    if (!String(given[0]).includes("/pictures")) return;
+    window.pictures = this;
+    this.addEventListener("message", (event) => {
       const length = new DataView(event.data).getUint32(0, true);
       const header = new TextDecoder().decode(new Uint8Array(event.data, 4, length));
       log.push({ at: performance.now(), got: JSON.parse(header) });
@@ -42,6 +44,7 @@ window.pointer = (name, x, y, more = {}) => {
 window.drag = (from, to, more = {}) => {
   pointer("pointerdown", ...from, more); pointer("pointermove", ...to, more); pointer("pointerup", ...to, more);
 };
+window.told = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));   // to the server
 window.shake = (seconds) => new Promise((done) => {
   const began = performance.now();
   pointer("pointerdown", 150, 100);
@@ -116,6 +119,13 @@ def settled(page, milliseconds=WAIT):
     page.wait_for_function("window.clfur && clfur.header && clfur.header.final && clfur.header.gesture === clfur.told",
                            timeout=milliseconds)
     return page.evaluate("clfur.header")
+
+
+def after(page, script):
+    """Do something in a page, and wait for the final picture of it -> its header."""
+    page.evaluate(script)
+    page.evaluate("told()")
+    return settled(page)
 
 
 def until(true, seconds=20.0):
