@@ -24,7 +24,7 @@ import clfur
 hair = clfur.HairType(color=(0.5, 0.3, 0.1), segments=8, segment_length=0.03, width=0.004)
 fur = clfur.Strands(inner=1, outer=1, types=hair, roots=4000, surface="flat")
 scene = clfur.Scene(clfur.load_mesh("sphere"), fur, clfur.Camera(eye=(1, 1, 3)))
-settings = clfur.Settings(masks=4)
+settings = clfur.Settings(samples=16, masks=4)
 """
 
 
@@ -151,7 +151,7 @@ def test_who_moves_again_does_not_wait(page):
              and not got[number]["final"] and got[number]["gesture"] in told]
     usual = statistics.median(waits)
     took = 1000 * page.evaluate("clfur.header.seconds")
-    again = min(page.evaluate(AGAIN) for _ in range(3))   # others may have the processor
+    again = min(page.evaluate(AGAIN) for _ in range(5))   # others may have the processor, and a launch has to end
     print(f"moving {usual:.0f} ms, final {took:.0f} ms, again after {again:.0f} ms")
     assert took - 50 > usual   # else this says nothing
     assert again < 2 * usual
