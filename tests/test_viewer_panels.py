@@ -152,6 +152,7 @@ def test_a_slider_is_dragged_and_what_is_wrong_is_told(page):
     before = shown(page)
     widget(page, f"{HAIR}.length").fill("-1")
     until(lambda: "HairType.length is -1.0; allowed" in page.locator(".panel-trouble").inner_text())
+    until(lambda: widget(page, f"{HAIR}.length").input_value() == "0.1386")   # as it is, not as it was typed
     assert shown(page) == before
     widget(page, f"{HAIR}.width").fill("0.004")
     until(lambda: not page.locator(".panel-trouble").is_visible())

@@ -247,8 +247,8 @@ SETTINGS = (
     Field(("blur",), "Blur", "choice", choices={"off": "off", "edges": "edges", "all": "all"}),
     Field(("blur_sigma",), "Blur width", low=0.1, high=4, unit="pixels", when=lambda settings: settings.blur != "off"),
     Field(("filtered",), "Filtered shells", "flag"),
-    Field(("max_error",), "Largest error", low=0.002, high=0.2, curve="log", given=0.03, when=lambda settings: (
+    Field(("max_error",), "Error up to", low=0.002, high=0.2, curve="log", given=0.03, when=lambda settings: (
         settings.goal != "seconds"), hint="Choose the cheapest settings that err by no more"),
-    Field(("seconds",), "Longest time", low=0.05, high=60, curve="log", unit="s", given=1.0, when=lambda settings: (
+    Field(("seconds",), "Time up to", low=0.05, high=60, curve="log", unit="s", given=1.0, when=lambda settings: (
         settings.goal != "max_error"), hint="Choose the best settings whose frame takes no longer"),
 )

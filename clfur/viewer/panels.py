@@ -13,11 +13,13 @@ from ..errors import Error
 from ..scene.origin import copied
 from .drawing import Drawing
 from .dropped import ALLOWED, MOST
+from .fields import Field
 from .saving import PICTURES, STRANDS, picture_file, scene_file, strand_file
 from .sections import Section, put, sections, value_of
 from .widgets import ALONE, ROWS, Row
 from .windows import Window
 
+SOON = 0.1    # seconds after which what was refused is shown no longer
 OFTEN = 0.2   # seconds between two looks at the document: other windows, undo and motion change it
 
 
@@ -72,19 +74,25 @@ class Panels:
         self._trouble.set_text(line)
         self._trouble.set_visibility(bool(line))
 
-    def do(self, action: Any, *given: Any) -> Any:
-        """Call action(*given); what a person got wrong becomes a line, and nothing is changed."""
+    def do(self, action: Any, *given: Any) -> bool:
+        """Call action(*given) -> whether it could be done; what a person got wrong becomes a line."""
         try:
-            done = action(*given)
+            action(*given)
         except Error as error:
             self.say(str(error))
-            return None
+            return False
         except LookupError:   # another window has taken it away just now
             self.say("it is not there any more")
-            return None
+            return False
         self.say("")
         self.refresh()
-        return done
+        return True
+
+    def _put(self, field: Field, value: Any) -> None:
+        """Set a field to what a person has chosen; what is refused is shown no longer."""
+        if not self.do(put, field, self.document, value):
+            with self._body:   # NiceGUI hears of what was chosen after this
+                ui.timer(SOON, lambda: self._show(self.document.state), once=True)
 
     def _key(self, event):
         """Ctrl-Z, and with shift or as Ctrl-Y the other way."""
@@ -148,7 +156,7 @@ class Panels:
 
     def _contents(self, section):
         for field in section.fields:
-            self._rows.append(ROWS[field.kind](field, lambda field, value: self.do(put, field, self.document, value)))
+            self._rows.append(ROWS[field.kind](field, self._put))
         for inner in section.inner:
             with ui.element("div").classes("inner").props(f'data-section="{inner.title}"'):
                 with ui.element("div").classes("inner-head"):
@@ -169,9 +177,9 @@ class Panels:
     def _switch(self, section):
         if (switch := section.switch) is not None:
             def turn(event):
-                if self.do(lambda: self.document.set(switch.path, switch.make(
-                        self.document.state) if event.args else None)) and event.args:
-                    self._open[section.title] = True
+                self._open[section.title] = self._open.get(section.title, False) or bool(event.args)
+                self.do(lambda: self.document.set(switch.path, switch.make(
+                    self.document.state) if event.args else None))
             ui.switch(value=switch.on).props("dense size=xs").on(
                 "update:model-value", turn, js_handler=ALONE).on(
                     "click", js_handler="(event) => event.stopPropagation()")

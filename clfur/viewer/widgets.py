@@ -192,7 +192,7 @@ def _number(put):
         if math.isfinite(value):
             put(value)
     return ui.input().props(f"type=number step=any dense borderless debounce={TYPED}").classes("number").on(
-        "update:model-value", typed)
+        "update:model-value", typed)   # which, unlike update:value, comes of what is typed alone
 
 
 def _text(value):
