@@ -125,7 +125,7 @@ def test_a_window_sees_what_the_scenes_camera_does(size):
     scene = clfur.Scene(SPHERE, camera=CAMERAS["from the side"])
     orbit = Orbit.of(scene, size)
     corner = 4 / 3 * np.linalg.norm(scene.camera.eye - scene.camera.target) * math.tan(math.radians(45) / 2)
-    right, _, back = orbit.camera().pose[:3, :3].T
+    right = orbit.camera().pose[:3, 0]
     assert orbit.size == size and np.allclose(right, scene.camera.pose[:3, 0]) and orbit.fov == 45
     seen = np.linalg.inv(orbit.camera().pose) @ np.append(scene.camera.target + corner * right, 1)
     column = (orbit.camera().intrinsics @ seen[:3])[0] / -seen[2] + size[0]

@@ -59,13 +59,13 @@ class Orbit:
         target = eye - distance * back
         up = _axis(right, above, back, camera.up)
         side, ahead = _level(up)
-        size = camera.size if size is None else _size(size)
-        distance *= max(camera.size[0] / camera.size[1] * size[1] / size[0], 1.0)
+        width, height = camera.size if size is None else _size(size)
+        distance *= max(camera.size[0] / camera.size[1] * height / width, 1.0)
         return cls(
             target=_floats(target), azimuth=math.degrees(math.atan2(-right @ ahead, right @ side)),
             elevation=_within(math.degrees(math.asin(_within(float(back @ up), 1.0))), STEEPEST),
             distance=distance, fov=min(max(fov, 1e-3), 179.99), up=_floats(up), radius=radius,
-            size=size)
+            size=(width, height))
 
     def camera(self) -> Camera:
         """The `Camera` that sees it so."""
