@@ -1,0 +1,50 @@
+"""A lion, as figure 9 of the report that clfur follows: a type map says where mane, tail, body and face have their hair."""
+
+from pathlib import Path
+
+import numpy as np
+import studio
+from animals import animal, away_from, ball, both, cone, eyes, joined, spot
+
+import clfur
+
+settings = studio.FINE
+BODY = joined(
+    ball((0, .72, -.15), (.42, .52, .52)), ball((0, 1.0, .12), (.38, .45, .36)), both(ball((.34, .34, -.2), (.24, .34, .42))),
+    both(cone((.2, .8, .25), (.19, .08, .5), .15, .13)), both(ball((.19, .08, .6), (.15, .09, .19))), both(ball((.38, .08, .2), (.14, .09, .22))),
+    ball((0, 1.5, .32), (.38, .38, .36)), ball((0, 1.36, .62), (.2, .16, .2)), both(ball((.31, 1.84, .22), (.12, .12, .05), (-10, 20, -25))),
+    cone((0, .2, -.6), (.8, .1, -.45), .08, .06), cone((.8, .1, -.45), (1.12, .16, -.1), .06, .05), soft=.11)
+FACE = eyes((.165, 1.54, .615), .062, (.5, .27, .05), .4) + [((0, 1.43, .82), (.075, .05, .04), (.12, .05, .045))]
+
+
+def kind(p):
+    head, fore = p - (0, 1.48, .3), p[:, 2] - .45 + .5 * np.maximum(abs(p[:, 0]) - .2, 0)
+    mane = (np.linalg.norm(head * (1, .8, 1), axis=1) < .62) & (fore < 0) & (abs(p[:, 0]) + .6 * (p[:, 2] > .3) < 2) & (p[:, 1] > .92)
+    tail = (p[:, 0] > .95) & (p[:, 2] > -.35)
+    return np.where(tail, 1., np.where(mane & ~((abs(p[:, 0]) > .24) & (p[:, 1] > 1.76)), .5, 0.))
+
+
+def length(p):
+    return .6 - .45 * spot(p, (0, 1.42, .7), (.32, .3, .28)) + .4 * (p[:, 1] > .9) * (p[:, 2] < .5)
+
+
+def scene(size=(800, 600)):
+    mesh, maps, body = animal(BODY, (-1, -.1, -1), (1.3, 2.2, 1.1), (.3, .19, .09), FACE, length=length, kind=kind)
+    coat = dict(look=clfur.Chiang(), tip_width=.1, length_variation=.35, direction_variation=.25, color_variation=.2, stiffness=1.2)
+    types = [
+        clfur.HairType(key=(0, 255, 0), color=(.42, .24, .085), length=.1, segments=7, width=.003, **coat),
+        clfur.HairType(key=(255, 0, 0), color=(.09, .025, .006), root_color=(.05, .018, .006), tip_color=(.24, .08, .018), length=.62,
+                       segments=20, width=.0042, tufts=clfur.Tufts(900, strength=.7), wave=(.012, 2), **coat),
+        clfur.HairType(key=(0, 0, 255), color=(.05, .022, .01), length=.45, segments=14, width=.004, tufts=clfur.Tufts(900), **coat)]
+    rows = np.array([[(0, 0, 255)]] * 5 + [[(255, 0, 0)]] * 3 + [[(0, 255, 0)]] * 3, np.uint8)   # v .1 coat, .35 mane, .6 tail
+    fur = clfur.Strands(types=types, type_map=rows, roots=190_000, maps=maps, force=(0, -.5, 0),
+                        comb=clfur.Comb(away_from((0, 1.5, .8), .35), .6))
+    return studio.stage(mesh, fur, (1.9, 1.6, 4.8), (.08, .98, 0), size, body, fov=29)
+
+
+def main(folder=".", size=(800, 600)):
+    studio.shoot(scene(size), Path(folder) / "lion.png", settings)
+
+
+if __name__ == "__main__":
+    main()
