@@ -92,20 +92,20 @@ def eyes(center, radius, iris, pupil=.5, gaze=(.3, 0, 1)):
         at = np.array(center) * (side, 1, 1)
         way = np.array(gaze) * (side, 1, 1) / np.linalg.norm(gaze)
         parts += [(at, radius, iris), (at + .42 * radius * way, radius * np.array([pupil * .9, .75, .65]), (.004, .004, .005)),
-                  (at + radius * (.86 * way + (-.22, .34, -.06)), .15 * radius, (2, 2, 2))]
+                  (at + radius * (.93 * way + (-.25, .36, 0)), .15 * radius, (2, 2, 2))]
     return parts
 
 
 def animal(shape, low, high, skin=(.3, .2, .13), bare=(), coat=None, length=None, kind=None):
     """(Mesh, Maps, body_color): a body with skin of a colour, and ``bare`` balls (center, radius, colour) in it.
 
-    ``coat``, ``length`` and ``kind`` are functions of places [n, 3] that give 0 to 1: where on a picture's u, from left
-    to right, colours of hair are; how long it is; and where on its v, from .1 to .6, the hair type is.
+    ``coat``, ``length`` and ``kind`` are functions of places [n, 3] that give 0 to 1: where on a picture's u, from .17
+    to .83, colours of hair are; how long it is; and where on its v, from .1 to .6, the hair type is.
     """
     places, normals, faces = surface(shape, low, high)
     u, long, v = (np.full(len(places), other) if function is None else np.clip(function(places), 0, 1)
                   for function, other in ((coat, .5), (length, 1.), (kind, 0.)))
-    uv, grown, ball = np.stack([.01 + .98 * u, .1 + .5 * v], -1), np.ones(len(places)), clfur.load_mesh("sphere")
+    uv, grown, ball = np.stack([.17 + .66 * u, .1 + .5 * v], -1), np.ones(len(places)), clfur.load_mesh("sphere")
     for number, (center, radius, _) in enumerate(bare):
         faces = np.concatenate([faces, ball.faces.astype(int) + len(places)])
         places = np.concatenate([places, ball.positions * np.asarray(radius) + center])

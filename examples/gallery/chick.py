@@ -7,6 +7,7 @@ from animals import animal, ball, both, cone, eyes, joined, spot
 
 import clfur
 
+behind = studio.backdrop((.13, .25, .32))
 settings = studio.FINE
 BODY = joined(ball((0, .72, -.05), (.5, .46, .54)), ball((0, 1.24, .2), (.36, .34, .34)),
               both(ball((.46, .78, -.1), (.1, .26, .32), (0, 8, 0))), cone((0, .85, -.5), (0, 1.02, -.75), .12, .05), soft=.16)
@@ -27,7 +28,7 @@ def coat(p):
 def scene(size=(800, 600)):
     mesh, maps, body = animal(BODY, (-.8, 0, -1), (.8, 1.8, .8), (.6, .36, .08), LEGS + BEAK + FACE, coat, length)
     down = clfur.HairType(
-        color=(1, 1, 1), color_texture=[[(.72, .36, .035), (.8, .5, .09), (.84, .66, .26)]], look=clfur.Chiang(azimuthal_roughness=.5),
+        color=(1, 1, 1), color_texture=[[(.72, .36, .035), (.8, .5, .09), (.84, .66, .26)]], alpha=.15, look=clfur.Chiang(azimuthal_roughness=.5),
         length=.2, stiffness=1.5, segments=10, width=.0032, tip_width=.1, length_variation=.5, direction_variation=.5,
         color_variation=.15, tufts=clfur.Tufts(9000, strength=.55, within=clfur.Tufts(900, strength=.4)), frizz=(.01, 2))
     fur = clfur.Strands(types=down, roots=190_000, maps=maps, force=(0, -.25, -.15))

@@ -1,4 +1,4 @@
-"""A dandelion clock of strands alone: 190 seeds on stalks, each with a parachute, some of which the wind has taken."""
+"""A dandelion clock of strands alone: 150 seeds on stalks, each with a parachute, some of which the wind has taken."""
 
 from pathlib import Path
 
@@ -7,8 +7,9 @@ import studio
 
 import clfur
 
+behind = studio.backdrop((.12, .18, .06), (.32, .35))
 settings = clfur.Settings(masks=4, shadows="deep", scattering="grid")
-HAIRS, POINTS = 46, 9
+HAIRS, POINTS = 56, 9
 
 
 def seed(center, way, reach, random):
@@ -18,13 +19,13 @@ def seed(center, way, reach, random):
     stalk, grain = center + reach * way * (.12 + .88 * t), center + reach * way * (-.04 + .2 * t)
     turn = random.uniform(0, 2 * np.pi, HAIRS)
     out = np.cos(turn)[:, None] * aside[0] + np.sin(turn)[:, None] * aside[1]
-    rise = random.uniform(.15, .6, (HAIRS, 1))
+    rise = random.uniform(.08, .4, (HAIRS, 1))
     end = .2 * random.uniform(.75, 1.1, (HAIRS, 1)) * (out + rise * way) / np.sqrt(1 + rise**2)
     hairs = stalk[-1] + end[:, None] * t + .03 * way * (t * (1 - t))
     return np.concatenate([grain[None], stalk[None], hairs])
 
 
-def clock(seeds=190):
+def clock(seeds=150):
     random, strands = np.random.default_rng(4), []
     k = np.arange(seeds) + .5
     y, turn = 1 - 2 * k / seeds, 2.399963 * k
@@ -44,25 +45,21 @@ def clock(seeds=190):
     return np.concatenate(strands), np.concatenate([stems, core])
 
 
-def scene(size=(800, 600), seeds=190):
+def scene(size=(800, 600), seeds=150):
     white, green = clock(seeds)
     along = np.linspace(1, .35, POINTS)
-    width = np.concatenate([np.full(len(white), .0032), np.full(len(green), .013)])[:, None] * along
+    width = np.concatenate([np.full(len(white), .0019), np.full(len(green), .013)])[:, None] * along
     kind = np.arange(len(white)) % (HAIRS + 2)
     width[:len(white)][kind == 0] = .014 * np.sin(np.linspace(.4, 3, POINTS))
-    color = np.concatenate([np.tile((.9, .88, .84), (len(white), 1)), np.tile((.2, .26, .07), (len(green), 1))])
+    color = np.concatenate([np.tile((.9, .88, .84), (len(white), 1)), np.tile((.1, .16, .03), (len(green), 1))])
     color[:len(white)][kind == 0], color[:len(white)][kind == 1] = (.22, .11, .05), (.6, .52, .38)
     fur = clfur.Curves(np.concatenate([white, green]), width=width, color=color, alpha=.3, look=clfur.Chiang(azimuthal_roughness=.5))
-    return clfur.Scene(fur=fur, camera=clfur.Camera((.3, .25, 4.1), (.22, -.02, 0), fov=26, size=size), environment=studio.SKY,
-                       light=[clfur.Light((-.75, -.7, .9), color=(1, .86, .62), intensity=1.6), clfur.Light((.6, -.5, -1), intensity=.5)])
+    return clfur.Scene(fur=fur, camera=clfur.Camera((.3, .25, 4.1), (.3, .03, 0), fov=27, size=size), environment=studio.SKY,
+                       light=[clfur.Light((-.75, -.7, .9), color=(1, .86, .62), intensity=1.7), clfur.Light((.6, -.5, -1), intensity=.5)])
 
 
-def behind(size):
-    return studio.backdrop(size, (.13, .19, .06), (.012, .024, .014), (.3, .3))
-
-
-def main(folder=".", size=(800, 600), seeds=190):
-    studio.shoot(scene(size, seeds), Path(folder) / "dandelion.png", settings, behind(size))
+def main(folder=".", size=(800, 600), seeds=150):
+    studio.shoot(scene(size, seeds), Path(folder) / "dandelion.png", settings, behind)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from animals import animal, away_from, ball, both, cone, eyes, joined, spot
 
 import clfur
 
+behind = studio.backdrop((.27, .17, .1))
 settings = studio.FINE
 BODY = joined(
     ball((0, .72, -.15), (.42, .52, .52)), ball((0, 1.0, .12), (.38, .45, .36)), both(ball((.34, .34, -.2), (.24, .34, .42))),
@@ -25,21 +26,21 @@ def kind(p):
 
 
 def length(p):
-    return .6 - .45 * spot(p, (0, 1.42, .7), (.32, .3, .28)) + .4 * (p[:, 1] > .9) * (p[:, 2] < .5)
+    return .6 - .45 * spot(p, (0, 1.42, .7), (.32, .3, .28)) + .4 * (p[:, 1] > .9) * (p[:, 2] < .5) - .35 * spot(p, (0, 1.9, .3), (.4, .25, .5))
 
 
 def scene(size=(800, 600)):
-    mesh, maps, body = animal(BODY, (-1, -.1, -1), (1.3, 2.2, 1.1), (.3, .19, .09), FACE, length=length, kind=kind)
-    coat = dict(look=clfur.Chiang(), tip_width=.1, length_variation=.35, direction_variation=.25, color_variation=.2, stiffness=1.2)
+    mesh, maps, body = animal(BODY, (-1, -.1, -1), (1.3, 2.2, 1.1), (.3, .19, .09), FACE, lambda p: spot(p, (0, 1.3, .75), (.16, .12, .2)), length, kind)
+    coat = dict(alpha=.15, look=clfur.Chiang(), tip_width=.1, length_variation=.35, direction_variation=.25, color_variation=.2, stiffness=1.2)
     types = [
-        clfur.HairType(key=(0, 255, 0), color=(.42, .24, .085), length=.1, segments=7, width=.003, **coat),
-        clfur.HairType(key=(255, 0, 0), color=(.09, .025, .006), root_color=(.05, .018, .006), tip_color=(.24, .08, .018), length=.62,
+        clfur.HairType(key=(0, 255, 0), color=(1, 1, 1), color_texture=[[(.3, .15, .04), (.4, .25, .1), (.75, .62, .45)]], length=.1, segments=7, width=.003, **coat),
+        clfur.HairType(key=(255, 0, 0), color=(.05, .016, .003), root_color=(.022, .008, .002), tip_color=(.19, .075, .015), length=.52,
                        segments=20, width=.0042, tufts=clfur.Tufts(900, strength=.7), wave=(.012, 2), **coat),
-        clfur.HairType(key=(0, 0, 255), color=(.05, .022, .01), length=.45, segments=14, width=.004, tufts=clfur.Tufts(900), **coat)]
+        clfur.HairType(key=(0, 0, 255), color=(.015, .006, .003), length=.45, segments=14, width=.004, tufts=clfur.Tufts(900), **coat)]
     rows = np.array([[(0, 0, 255)]] * 5 + [[(255, 0, 0)]] * 3 + [[(0, 255, 0)]] * 3, np.uint8)   # v .1 coat, .35 mane, .6 tail
     fur = clfur.Strands(types=types, type_map=rows, roots=190_000, maps=maps, force=(0, -.5, 0),
                         comb=clfur.Comb(away_from((0, 1.5, .8), .35), .6))
-    return studio.stage(mesh, fur, (1.9, 1.6, 4.8), (.08, .98, 0), size, body, fov=29)
+    return studio.stage(mesh, fur, (1.9, 1.6, 4.8), (.1, 1.05, 0), size, body, fov=30.5)
 
 
 def main(folder=".", size=(800, 600)):

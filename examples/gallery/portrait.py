@@ -8,6 +8,7 @@ from animals import ball, both, cone, joined, surface
 
 import clfur
 
+behind = studio.backdrop((.16, .17, .21))
 settings = studio.FINE
 HEAD = joined(
     ball((0, .25, -.05), (.5, .56, .6)), ball((0, -.05, .2), (.37, .55, .36)), cone((0, -.4, .3), (0, -.45, .36), .17, .13),
@@ -31,13 +32,13 @@ def locks(roots, random):
     """Guides [n, STEPS, 3]: away from a parting on the left, over the head, and down."""
     line, layer = [roots], random.uniform(0, 1, len(roots))
     side = np.where(roots[:, 0] > .13, 1, -1)
-    way = unit(np.stack([side * .8, np.full(len(roots), .5), -.55 - .2 * roots[:, 2]], -1))
+    way = unit(np.stack([side * .6, np.full(len(roots), .3), -.55 - .2 * roots[:, 2]], -1))
     for step in range(1, STEPS):
         t = step / STEPS
         place = line[-1] + LENGTH / STEPS * way
         place, up = outside(place, .02 + .07 * min(8 * t, 1) * (.4 + layer))
         line.append(place)
-        way = unit(.8 * way + .2 * np.array([0, -1, -.12]) + .06 * up)
+        way = unit(.7 * way + .3 * np.array([0, -1, -.12]) + .05 * up)
         way = unit(place - line[-2]) * .5 + way * .5
     return np.stack(line, 1)
 
@@ -63,13 +64,13 @@ def hair(strands=70_000, guides=420):
     cut = random.integers(int(.75 * STEPS), STEPS + 1, strands)
     keep = np.arange(STEPS) < cut[:, None]
     width = .0042 * np.minimum(1, 4 * (1 - np.arange(STEPS) / cut[:, None]) + .05)
-    return clfur.Curves(points[keep], counts=cut, width=width[keep], color=np.clip(color[keep], 0, 1), look=clfur.Chiang(.25, .3), alpha=.4)
+    return clfur.Curves(points[keep], counts=cut, width=width[keep], color=np.clip(color[keep], 0, 1), look=clfur.Chiang(.25, .3), alpha=.15)
 
 
 def scene(size=(800, 600), strands=70_000):
     places, normals, faces = surface(HEAD, (-1.1, -2.1, -1), (1.1, 1, 1))
     head = clfur.Mesh(places, normals=normals, faces=faces)
-    return studio.stage(head, hair(strands), (-2.6, .3, 3.4), (-.05, -.32, 0), size, (.62, .4, .3), 31, height=-4)
+    return studio.stage(head, hair(strands), (-3.5, .35, 2.5), (0, -.36, 0), size, (.5, .3, .21), 38, height=-4)
 
 
 def main(folder=".", size=(800, 600), strands=70_000):

@@ -7,6 +7,7 @@ from animals import animal, away_from, ball, both, cone, joined, spot
 
 import clfur
 
+behind = studio.backdrop((.2, .19, .13))
 settings = clfur.Settings(masks=4, grid=160)
 BODY = joined(
     ball((0, .55, -.2), (.46, .52, .62)), both(ball((.3, .36, -.3), (.28, .34, .4))), ball((0, .68, .25), (.32, .38, .32)),
@@ -22,10 +23,10 @@ def length(p):
 
 def scene(size=(800, 600)):
     mesh, maps, body = animal(BODY, (-.8, -.1, -1.1), (.8, 2.3, 1), (.2, .14, .1), (), lambda p: spot(p, (0, .4, -1), (.24, .26, .25)), length)
-    under = clfur.Shells(length=.03, layers=24, hairs=60_000, density=.9, color=(.3, .2, .13), root_shade=.4)
-    guard = clfur.HairType(color=(1, 1, 1), color_texture=[[(.3, .18, .1), (.9, .85, .78)]], root_color=(.3, .3, .3), tip_color=(1.4, 1.35, 1.3), length=.17, stiffness=1,
+    under = clfur.Shells(length=.03, layers=24, hairs=60_000, density=.9, color=(.2, .12, .07), root_shade=.4)
+    guard = clfur.HairType(color=(1, 1, 1), color_texture=[[(.22, .105, .042), (.3, .16, .07), (.9, .85, .78)]], root_color=(.3, .3, .3), tip_color=(1.4, 1.35, 1.3), length=.17, stiffness=1,
                            segments=9, width=.003, tip_width=.1, length_variation=.4, direction_variation=.3,
-                           color_variation=.35, tufts=clfur.Tufts(5000, strength=.5))
+                           color_variation=.3, specular=.12, alpha=.2, tufts=clfur.Tufts(5000, strength=.5))
     fur = clfur.Strands(types=guard, roots=150_000, maps=maps, force=(0, -.4, 0),
                         comb=clfur.Comb(away_from((0, 1.1, 1.2), .3), .7))
     return studio.stage(mesh, [under, fur], (2.4, 1.45, -4.3), (0, .95, -.05), size, body)
