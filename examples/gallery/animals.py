@@ -91,7 +91,8 @@ def eyes(center, radius, iris, pupil=.5, gaze=(.3, 0, 1)):
     for side in (1, -1):
         at = np.array(center) * (side, 1, 1)
         way = np.array(gaze) * (side, 1, 1) / np.linalg.norm(gaze)
-        parts += [(at, radius, iris), (at + .42 * radius * way, radius * np.array([pupil * .9, .75, .65]), (.004, .004, .005)),
+        parts += [(at, radius, iris), (at + .42 * radius * way, radius * np.array([pupil * .9, .75, .65]),
+                                       (.004, .004, .005)),
                   (at + radius * (.93 * way + (-.25, .36, 0)), .15 * radius, (2, 2, 2))]
     return parts
 
