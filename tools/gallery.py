@@ -38,8 +38,8 @@ WINDOW, RAYS = (80, 60), 4                      # pixels; squared, of each of tw
 LOOK = "--look chiang --scattering grid --masks 4 --ground lowest --size 800x600"
 COMMANDS = {
     "teapot": ("The teapot, from one command.",
-               f"clfur render teapot -o teapot.png {LOOK} --color '#c8702c' --root-color '#5a2a10' "
-               "--tip-color '#f0d8b0' --length 0.1 --alpha 0.2 --roots 200000 --zoom 1.25 --background '#39424a'"),
+               f"clfur render teapot -o teapot.png {LOOK} --color '#a04810' --root-color '#3a1606' "
+               "--tip-color '#e09030' --length 0.1 --alpha 0.15 --roots 200000 --zoom 1.25 --background '#39424a'"),
     "spot": ("[Spot](https://www.cs.cmu.edu/~kmcrane/Projects/ModelRepository/), Keenan Crane's cow (CC0), in a winter "
              "coat: bring the mesh.",
              f"clfur render spot.obj -o spot.png {LOOK} --color '#7a3410' --tip-color '#d09048' --length 0.1 "
@@ -47,7 +47,7 @@ COMMANDS = {
 }
 ORDER = ["portrait", "cat", "lion", "dog", "swirl", "sheep", "hedgehog", "chick", "meadow", "seal", "rabbit", "letters",
          "dandelion", "wind", "turned", "teapot", "spot"]
-BANNER = ["cat", "portrait", "hedgehog", "swirl", "lion"]
+BANNER = ["cat", "portrait", "chick", "swirl", "hedgehog"]
 
 
 def script(name):
@@ -168,9 +168,9 @@ def page(known):
         lines += [f"## {name.capitalize()}", "", f"![{name}](gallery/{name}.webp)", "", about, ""]
         lines += ([f"```sh\n{COMMANDS[name][1]}\n```"] if name in COMMANDS else
                   [f"[{name}.py](../examples/gallery/{name}.py)"]) + [""]
-        hairs = f"{one['strands']:,} strands" if one["strands"] else "shells"
-        lines += [f"{hairs}, {one['cpu']:.1f} s of processor time, {one['seconds']:.1f} s; error {one['error']:.3f}",
-                  ""]
+        told = [f"{one['strands']:,} strands" if one["strands"] else "shells",
+                f"{one['cpu']:.1f} s of processor time ({one['seconds']:.1f} s by the clock)"] if "cpu" in one else []
+        lines += [", ".join([*told, *([f"error {one['error']:.3f}"] if "error" in one else [])]), ""]
     PAGE.write_text("\n".join(lines[:-1]) + "\n", encoding="utf-8")
 
 

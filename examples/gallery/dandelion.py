@@ -55,7 +55,7 @@ def scene(size=(800, 600), seeds=150):
     color[:len(white)][kind == 0], color[:len(white)][kind == 1] = (.22, .11, .05), (.6, .52, .38)
     fur = clfur.Curves(np.concatenate([white, green]), width=width, color=color, alpha=.3,
                        look=clfur.Chiang(azimuthal_roughness=.5))
-    return clfur.Scene(fur=fur, camera=clfur.Camera((.3, .25, 4.1), (.3, .03, 0), fov=27, size=size),
+    return clfur.Scene(fur=fur, camera=clfur.Camera((.3, .25, 4.1), (.3, .12, 0), fov=29, size=size),
                        environment=studio.SKY,
                        light=[clfur.Light((-.75, -.7, .9), color=(1, .86, .62), intensity=1.7),
                               clfur.Light((.6, -.5, -1), intensity=.5)])

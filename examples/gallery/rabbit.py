@@ -33,7 +33,7 @@ def scene(size=(800, 600)):
                            color_variation=.3, specular=.12, alpha=.2, tufts=clfur.Tufts(5000, strength=.5))
     fur = clfur.Strands(inner=1, outer=1, types=guard, roots=150_000, maps=maps, force=(0, -.4, 0),
                         comb=clfur.Comb(away_from((0, 1.1, 1.2), .3), .7))
-    return studio.stage(mesh, [under, fur], (2.4, 1.45, -4.3), (0, .95, -.05), size, body)
+    return studio.stage(mesh, [under, fur], (2.4, 1.45, -4.3), (0, .97, -.05), size, body, fov=32)
 
 
 def main(folder=".", size=(800, 600)):

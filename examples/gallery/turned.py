@@ -17,7 +17,7 @@ def scene(size=(800, 260), angle=0.0):
     still = sheep.scene((size[0] // 4, size[1]))
     x, z = 5.1 * np.sin(np.radians(37 + angle)), 5.1 * np.cos(np.radians(37 + angle))
     eye, target = (x, 1.75, z), (0, .8, .05)
-    return attrs.evolve(still, camera=clfur.Camera(eye, target, fov=33, size=(size[0] // 4, size[1])),
+    return attrs.evolve(still, camera=clfur.Camera(eye, target, fov=37, size=(size[0] // 4, size[1])),
                         light=studio.lights(eye, target))
 
 
