@@ -17,7 +17,7 @@ HELPERS = {"animals", "studio"}
 SCRIPTS = sorted({path.stem for path in (ROOT / "examples" / "gallery").glob("*.py")} - HELPERS)
 SHOWN = ROOT / "docs" / "gallery"
 SMALLER = {"dandelion": {"seeds": 20}, "meadow": {"blades": 800}, "portrait": {"strands": 800},
-           "wind": {"frames": 2, "roots": 4000}}
+           "wind": {"frames": (0, 2), "roots": 4000}, "turned": {"angles": (0,)}}
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def gallery(monkeypatch):
     before, fewer = set(sys.modules), clfur.Strands.__init__
 
     def init(self, *args, roots="faces", **options):
-        fewer(self, *args, roots=min(roots, 3000), **options)
+        fewer(self, *args, roots=roots if isinstance(roots, str) else min(roots, 3000), **options)
     monkeypatch.setattr(clfur.Strands, "__init__", init)
     monkeypatch.setattr(importlib.import_module("animals"), "CELLS", 24)
     yield importlib.import_module

@@ -3,6 +3,7 @@
 import itertools
 from pathlib import Path
 
+import animals
 import numpy as np
 import studio
 from animals import cone, joined, surface
@@ -23,7 +24,7 @@ LINES = [   # of each letter: where it begins, and places along it
 def word():
     tubes = [cone((x + a[0], a[1], 0), (x + b[0], b[1], 0), .115, .115)
              for x, line in LINES for a, b in itertools.pairwise(line)]
-    return surface(joined(*tubes, soft=.04), (-.2, -.2, -.2), (3.7, 1.4, .2), 130)
+    return surface(joined(*tubes, soft=.04), (-.2, -.2, -.2), (3.7, 1.4, .2), 8 * animals.CELLS // 5)
 
 
 def scene(size=(800, 600)):

@@ -21,10 +21,11 @@ def scene(size=(800, 260), angle=0.0):
                         light=studio.lights(eye, target))
 
 
-def main(folder=".", size=(800, 260)):
+def main(folder=".", size=(800, 260), angles=(0, 75, 150, 255)):
     gpu = clfur.Scheduler()
-    images = [clfur.render(scene(size, angle), gpu, settings) for angle in (0, 75, 150, 255)]
-    clfur.save(Path(folder) / "turned.png", clfur.over(np.concatenate(images, 1), behind(size)))
+    images = [clfur.render(scene(size, angle), gpu, settings) for angle in angles]
+    strip = np.concatenate(images, 1)
+    clfur.save(Path(folder) / "turned.png", clfur.over(strip, behind(strip.shape[1::-1])))
 
 
 if __name__ == "__main__":

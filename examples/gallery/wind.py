@@ -35,8 +35,8 @@ def scene(size=(400, 400), roots=60_000):
     return studio.stage(mesh, fur, (-.8, 1.3, 4.3), (.1, .92, 0), size, body, fov=30, rim=.9)
 
 
-def main(folder=".", size=(400, 400), frames=48, roots=60_000):
-    clfur.film(scene(size, roots), Path(folder) / "wind.png", range(24, 24 + frames), fps=24, motion=motion,
+def main(folder=".", size=(400, 400), frames=(24, 72), roots=60_000):
+    clfur.film(scene(size, roots), Path(folder) / "wind.png", range(*frames), fps=24, motion=motion,
                settings=settings,
                background=(.05, .06, .085), overwrite=True)
 
