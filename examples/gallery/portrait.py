@@ -76,7 +76,7 @@ def hair(strands=70_000, guides=420):
 def scene(size=(800, 600), strands=70_000):
     places, normals, faces = surface(HEAD, (-1.1, -2.1, -1), (1.1, 1, 1))
     head = clfur.Mesh(places, normals=normals, faces=faces)
-    return studio.stage(head, hair(strands), (-3.5, .35, 2.5), (-.14, -.4, -.19), size, (.5, .3, .21), 41, height=-4)
+    return studio.stage(head, hair(strands), (-3.5, .35, 2.5), (-.08, -.36, -.11), size, (.5, .3, .21), 38, height=-4)
 
 
 def main(folder=".", size=(800, 600), strands=70_000):
