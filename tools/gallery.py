@@ -36,7 +36,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SCRIPTS, OUT, PAGE = ROOT / "examples" / "gallery", ROOT / "docs" / "gallery", ROOT / "docs" / "gallery.md"
 MEASURED = OUT / "measured.json"
 KILOBYTES, FILM_KILOBYTES, BANNER_KILOBYTES = 90, 400, 250
-WINDOW, RAYS, FEW = (32, 24), 3, 10_000          # pixels; squared, of each of two truths; strands
+WINDOW, RAYS, FEW = (24, 18), 2, 8_000           # pixels; squared, of each of two truths; strands
 LOOK = "--look chiang --scattering grid --masks 4 --ground lowest --size 800x600"
 COMMANDS = {
     "teapot": ("The teapot, from one command.",
