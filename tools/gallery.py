@@ -18,6 +18,7 @@ import json
 import shlex
 import sys
 import tempfile
+import textwrap
 import time
 import warnings
 from pathlib import Path
@@ -191,7 +192,9 @@ def page(known):
         told = [f"{one['strands']:,} strands" if one["strands"] else "shells",
                 f"{one['cpu']:.1f} s"] if "cpu" in one else []
         lines += [", ".join([*told, *([f"error {one['error']:.3f}"] if "error" in one else [])]), ""]
-    PAGE.write_text("\n".join(lines[:-1]) + "\n", encoding="utf-8")
+    lines = [line if line.startswith(("#", "!", "```")) else
+             textwrap.fill(line, 120, break_long_words=False, break_on_hyphens=False) for line in lines[:-1]]
+    PAGE.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def keep(name=None, **numbers):
