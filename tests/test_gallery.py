@@ -1,0 +1,73 @@
+"""Each picture of the gallery is made by its script, small, and shows something; the page shows all that there are."""
+
+import importlib
+import json
+import re
+import sys
+from pathlib import Path
+
+import imageio.v3
+import numpy as np
+import pytest
+
+import clfur
+
+ROOT = Path(__file__).resolve().parents[1]
+HELPERS = {"animals", "studio"}
+SCRIPTS = sorted({path.stem for path in (ROOT / "examples" / "gallery").glob("*.py")} - HELPERS)
+SHOWN = ROOT / "docs" / "gallery"
+SMALLER = {"dandelion": {"seeds": 20}, "meadow": {"blades": 800}, "portrait": {"strands": 800},
+           "wind": {"frames": (0, 2), "roots": 4000}, "turned": {"angles": (0,)}}
+
+
+@pytest.fixture
+def gallery(monkeypatch):
+    """A function that imports a script, whose bodies are coarse and whose hair is sparse."""
+    monkeypatch.syspath_prepend(str(ROOT / "examples" / "gallery"))
+    before, fewer = set(sys.modules), clfur.Strands.__init__
+
+    def init(self, *args, roots="faces", **options):
+        fewer(self, *args, roots=roots if isinstance(roots, str) else min(roots, 3000), **options)
+    monkeypatch.setattr(clfur.Strands, "__init__", init)
+    monkeypatch.setattr(importlib.import_module("animals"), "CELLS", 24)
+    yield importlib.import_module
+    for name in set(sys.modules) - before:
+        if name in {*SCRIPTS, *HELPERS}:
+            del sys.modules[name]
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_a_picture_of_the_gallery_shows_something(name, gallery, tmp_path):
+    gallery(name).main(tmp_path, size=(32, 24), **SMALLER.get(name, {}))
+    image = imageio.v3.imread(tmp_path / f"{name}.png")
+    assert image[..., :3].std() > 5
+
+
+def test_a_body_of_the_gallery_is_closed_and_where_its_shape_is(gallery):
+    animals = gallery("animals")
+    shape = animals.joined(animals.ball((0, 0, 0), (1, .7, .8), (10, 20, 30)),
+                           animals.both(animals.cone((.5, .5, 0), (.8, 1, 0), .3, .2)))
+    places, normals, faces = animals.surface(shape, (-1.5, -1.5, -1.5), (1.5, 1.5, 1.5), 40)
+    assert abs(shape(places)).max() < 1e-3
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+    corners = places[faces]
+    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (np.einsum("fi,fi->f", facing, normals[faces[:, 0]]) > 0).mean() > .99
+
+
+def test_the_page_shows_every_picture():
+    page, measured = (ROOT / "docs" / "gallery.md").read_text(), json.loads((SHOWN / "measured.json").read_text())
+    assert set(SCRIPTS) <= set(measured) and len(measured) >= 15
+    assert {path.stem for path in SHOWN.glob("*.webp")} == {*measured, "banner"}
+    for name in measured:
+        assert f"(gallery/{name}.webp)" in page and (SHOWN / f"{name}.webp").stat().st_size < 400_000
+    assert set(re.findall(r"examples/gallery/(\w+)\.py", page)) >= set(SCRIPTS)
+    for path in re.findall(r"docs/gallery/[\w.]+", (ROOT / "README.md").read_text()):
+        assert (ROOT / path).is_file()
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_a_script_of_the_gallery_is_short(name):
+    text = (ROOT / "examples" / "gallery" / f"{name}.py").read_text()
+    assert text.startswith('"""') and len(text.splitlines()) <= 100 and "/work" not in text
