@@ -61,4 +61,4 @@ def setup(app):
     app.connect("autodoc-process-docstring", hook.fields)
     app.connect("autodoc-process-signature", hook.shorter)
     app.connect("source-read", hook.commands)
-    app.connect("source-read", hook.without_missing)
+    app.connect("source-read", hook.plain_links)

@@ -96,9 +96,6 @@ def commands(app, docname, source):
                       f"   clfur {name} {usage}\n\n{told}\n{options.text}")
 
 
-def without_missing(app, docname, source):
-    """Leaves out links to pages beside docs/, and pages in lists of contents that are not there (yet)."""
+def plain_links(app, docname, source):
+    """Leaves out links to pages beside docs/, which are not in the site."""
     source[0] = re.sub(r"\[([^]]*)\]\(\.\./[\w/]*\.md[^)]*\)", r"\1", source[0])
-    for page in ("gallery", "viewer", "notebook", "devices", "drivers"):
-        if page not in app.env.found_docs:
-            source[0] = source[0].replace(f"\n{page}\n", "\n")
