@@ -182,8 +182,8 @@ def page(known):
              "is, as in `clfur chart`, the root mean square of sRGB values over black against [the truth](truth.md), "
              f"without its noise: in a window near the middle, of the scene with {FEW:,} strands at most, so much "
              "wider and in a picture so much smaller that each covers as much of a pixel. Shells are compared to "
-             "themselves in 120 layers. Where no error is told it was not measured: the truth of light from hair "
-             "to hair takes long.", ""]
+             "themselves in 120 layers. Where no error is told it was not measured: the truth of light from hair to "
+             "hair takes long.", ""]
     for name in (name for name in ORDER if name in known):
         about = COMMANDS[name][0] if name in COMMANDS else script(name).__doc__.splitlines()[0]
         one = known[name]

@@ -39,6 +39,8 @@ class State(Arrays):
     padded: int = 0     # to whole lanes
     points: int = 0     # of the longest
 
+    moving = "places", "places_before", "speeds", "speeds_before", "tensions", "free", "pressed"   # what steps change
+
 
 def lanes(gpu: Any) -> int:
     """How many strands its kernels take side by side."""
