@@ -21,7 +21,7 @@ from PIL import Image
 
 import clfur
 from clfur.errors import brief
-from clfur.files.images import png
+from clfur.files.images import png_bytes
 from clfur.viewer import notebook, pictures
 from clfur.viewer.orbit import Orbit
 
@@ -79,18 +79,18 @@ def scene(sphere):
 
 
 def test_a_scene_shows_itself_small(gpu, scene, monkeypatch):
-    assert pictures.scene_png(scene, gpu) == png(clfur.render(scene, gpu, pictures.CHEAP))
+    assert pictures.scene_png(scene, gpu) == png_bytes(clfur.render(scene, gpu, pictures.CHEAP))
     monkeypatch.setattr(pictures, "SIZE", (40, 40))
     large = attrs.evolve(scene, camera=clfur.Camera(eye=(0, .4, 3.2), size=(400, 300)))
     small = pictures.scene_png(large, gpu)
     assert picture_of(small).shape == (30, 40, 4)
-    assert small == png(clfur.render(attrs.evolve(large, camera=clfur.Camera(eye=(0, .4, 3.2), size=(40, 30))), gpu,
-                                     pictures.CHEAP))
+    seen = attrs.evolve(large, camera=clfur.Camera(eye=(0, .4, 3.2), size=(40, 30)))
+    assert small == png_bytes(clfur.render(seen, gpu, pictures.CHEAP))
 
 
 def test_a_frame_shows_itself(gpu, scene, monkeypatch):
     frame = clfur.draw(scene, gpu, outputs=("color", "depth"))
-    assert frame._repr_png_() == png(frame.images["color"])
+    assert frame._repr_png_() == png_bytes(frame.images["color"])
     assert clfur.draw(scene, gpu, outputs=("depth",))._repr_png_() is None
     monkeypatch.setenv("CLFUR_NOTEBOOK", "off")
     assert frame._repr_png_() is None and scene._repr_png_() is None
@@ -134,15 +134,15 @@ def test_a_drag_turns_and_rest_gives_the_final_picture(gpu, scene):
     orbit = begun.turned(.25, .1).panned(.1, 0).zoomed(2)
     meant = attrs.evolve(scene, camera=orbit.camera())
     assert content == {"final": False} and page.drawing.orbit == orbit
-    assert moving == png(clfur.render(meant, gpu, notebook.MOVING))
+    assert moving == png_bytes(clfur.render(meant, gpu, notebook.MOVING))
     page.drawing.heed({"rest": True})
     content, final = page.take()
-    assert content == {"final": True} and final == png(clfur.render(meant, gpu, settings)) != moving
+    assert content == {"final": True} and final == png_bytes(clfur.render(meant, gpu, settings)) != moving
     page.drawing.heed({"turn": [float("nan"), 0]})
     page.take()
     assert page.drawing.orbit == orbit   # a camera that is none is not taken
     page.drawing.heed({"reset": True, "rest": True})
-    assert page.take()[1] == png(clfur.render(attrs.evolve(scene, camera=begun.camera()), gpu, settings))
+    assert page.take()[1] == png_bytes(clfur.render(attrs.evolve(scene, camera=begun.camera()), gpu, settings))
     page.until_idle()
     assert not page.drawing._draws and page.put.empty()
 
@@ -172,7 +172,7 @@ def test_the_newest_camera_wins(gpu, scene, monkeypatch):
 def test_a_picture_is_given_up(gpu, scene):
     answers = iter([False, True])
     assert pictures.drawn(scene, clfur.Settings(), gpu.device, lambda: next(answers, True)) is None
-    assert pictures.drawn(scene, clfur.Settings(), gpu.device, lambda: False) == png(clfur.render(scene, gpu))
+    assert pictures.drawn(scene, clfur.Settings(), gpu.device, lambda: False) == png_bytes(clfur.render(scene, gpu))
 
 
 def test_slow_pictures_are_half_as_large_while_they_move(gpu, scene, monkeypatch):

@@ -200,11 +200,11 @@ def page(known):
 
 def keep(name=None, **numbers):
     """Add numbers of a picture to those that are kept -> all of them."""
-    known = json.loads(MEASURED.read_text()) if MEASURED.exists() else {}
+    known = json.loads(MEASURED.read_text(encoding="utf-8")) if MEASURED.exists() else {}
     if name is not None:
         print(name, numbers, flush=True)
         known[name] = {**known.get(name, {}), **numbers}
-        MEASURED.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n")
+        MEASURED.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     return known
 
 
