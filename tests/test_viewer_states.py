@@ -10,7 +10,6 @@ import attrs
 import numpy as np
 import pytest
 from support.browser import until
-from support.devices import DEVICES
 from support.pages import Page, fur
 
 import clfur
@@ -55,11 +54,10 @@ def test_nobody_asks_a_document_while_who_hears_of_its_changes_waits(drawn):
     class Asked(Document):
         @property
         def scene(self):
-            if free is not None and (drawing := getattr(self, "drawing", None)):
-                thread = threading.Thread(target=drawing._on_change, daemon=True)
-                thread.start()
-                thread.join(5)
-                free.append(not thread.is_alive())
+            thread = threading.Thread(target=self.drawing._on_change, daemon=True)
+            thread.start()
+            thread.join(5)
+            free.append(not thread.is_alive())
             return self.state.scene
     document = Asked(fur())
     document.drawing = drawn(lambda *_, stop: SHOWN, document)
@@ -175,18 +173,15 @@ def test_a_picture_that_cannot_be_coded_is_told_once(drawn, monkeypatch, capsys)
     assert not page.link.under_way and capsys.readouterr().err.count("Traceback") == 1
 
 
-def test_the_error_that_is_told_is_of_the_windows_camera():
-    """From far away strands are thinner than pixels, and others err."""
-    device, scene = clfur.Scheduler(DEVICES[0]), fur()
-    drawing = Drawing(Document(scene, LADDER[1]), [device])
-    drawing.start()
-    page = Page(drawing).connect(zoom=3)
+def test_the_error_that_is_told_is_of_the_windows_camera(drawn):
+    """A small picture of the same scene errs otherwise."""
+    frame = SimpleNamespace(**vars(SHOWN) | {"error": None, "settings": LADDER[4], "strands": 200})
+    page = Page(drawn(lambda *_, stop: frame)).connect()
     page.settled()
     line = until(lambda: page.window.told, 5)
-    frame = clfur.draw(attrs.evolve(scene, camera=page.window.camera), device, LADDER[1])
+    scene = fur()
     own, other = (f"{expected(frame, each):.2g}" for each in (attrs.evolve(scene, camera=page.window.camera), scene))
     assert own != other and re.search("error about (.*)", line)[1] == own
-    assert drawing.close(60)
 
 
 def test_a_picture_whose_error_cannot_be_told_is_shown(drawn, monkeypatch, capsys):
