@@ -163,6 +163,17 @@ def test_a_final_picture_that_came_too_late_is_drawn_again(drawn):
     until(lambda: page.last["final"] and page.last["gesture"] == 3, 5)
 
 
+def test_a_picture_holds_what_was_told_while_it_was_coded(drawn, monkeypatch):
+    """If that has moved nothing; else a page would wait for a picture of it."""
+    def coded(image):
+        page.tell(n=7)
+        return b""
+    monkeypatch.setattr(module, "png_bytes", coded)
+    page = Page(drawn(lambda *_, stop: SHOWN)).connect()
+    until(lambda: page.got and page.last["final"], 5)
+    assert page.lines[-1] == {"gesture": 7} and page.last["gesture"] == 7
+
+
 def test_a_picture_that_cannot_be_coded_is_told_once(drawn, monkeypatch, capsys):
     monkeypatch.setattr(module, "png_bytes", lambda image: 1 / 0)
     drawing = drawn(lambda *_, stop: SHOWN)

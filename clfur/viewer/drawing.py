@@ -245,7 +245,10 @@ class Drawing:
         late = header["final"] and self._state(window) != state
         try:
             if not late:
-                return link.send(header, png_bytes(image) if header["final"] else jpeg(image))
+                data = png_bytes(image) if header["final"] else jpeg(image)
+                if self._state(window) == state:   # what was told meanwhile is in it, too
+                    header["gesture"] = window.gesture
+                return link.send(header, data)
         except Exception as error:   # the next picture may be better
             self._tell(window, link, error, state)
         with self._changed:
