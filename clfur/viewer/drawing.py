@@ -249,7 +249,7 @@ class Drawing:
                 if self._state(window) == state:   # what was told meanwhile is in it, too
                     header["gesture"] = window.gesture
                 return link.send(header, data)
-        except Exception as error:   # the next picture may be better
+        except Exception as error:   # of a format or memory: the next picture may be better
             self._tell(window, link, error, state)
         with self._changed:
             if late and window.shown == (state, True):   # it may come back to that state
