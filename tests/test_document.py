@@ -254,3 +254,19 @@ def test_what_scene_files_set_as_motion():
     made = Moving.of(motion)
     assert made.hair[0].air == .1 and made.rate == 240 and made.wind.gust == 0 and made.hair_on_hair is None
     assert clfur.Motion(furred(), **attrs.evolve(made, body=False).arguments).rate == 240
+
+
+def test_who_hears_of_a_change_may_wait_for_who_asks(document):
+    """No lock is held meanwhile: a page that opens holds one that the listener waits for."""
+    answered = []
+
+    def heard():
+        thread = threading.Thread(target=lambda: document.scene, daemon=True)
+        thread.start()
+        thread.join(5)
+        answered.append(not thread.is_alive())
+    document.subscribe(heard)
+    for change in (lambda: document.set(LENGTH, .1), document.undo, document.redo, document.play, document.pause,
+                   document.stop, lambda: document.change(settings=clfur.Settings(samples=1))):
+        change()
+    assert answered == [True] * 7

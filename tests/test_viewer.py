@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 
 import attrs
 import numpy as np
@@ -20,6 +21,7 @@ import psutil
 import pytest
 from PIL import Image
 from support.browser import serving, until
+from support.pages import Page, fur
 
 import clfur
 from clfur.command.main import main
@@ -27,12 +29,12 @@ from clfur.command.view import view
 
 pytest.importorskip("nicegui", reason='clfur view needs pip install "clfur[view]"')
 
-from clfur.viewer import coding, pace
+from clfur.viewer import coding, pace, server
 from clfur.viewer.document import Document
 from clfur.viewer.drawing import Drawing
 from clfur.viewer.guard import Guard
 from clfur.viewer.orbit import Orbit
-from clfur.viewer.windows import PIXELS, REST, Link, Window
+from clfur.viewer.windows import PIXELS, REST, Window
 
 # ---------------------------------------------------------------------------------------------- who may ask
 
@@ -62,6 +64,12 @@ OURS = {"host": "127.0.0.1:8000", "cookie": COOKIE}
     ("http", OURS, 200), ("http", OURS | {"host": "localhost:8000"}, 200),
     ("http", OURS | {"origin": "http://127.0.0.1:8000"}, 200),
     ("http", OURS | {"cookie": f"other=1; {COOKIE}"}, 200),
+    ("http", OURS | {"cookie": f'prefs={{"a":1}}; {COOKIE}'}, 200), ("http", OURS | {"cookie": f"a=b c;{COOKIE}"}, 200),
+    ("http", OURS | {"cookie": f"a; b=ü; {COOKIE}; c=("}, 200), ("http", OURS | {"cookie": ["a;=;", COOKIE]}, 200),
+    ("http", OURS | {"cookie": f"clfur-view-8000=old; {COOKIE}"}, 200),
+    ("http", OURS | {"cookie": f"other={COOKIE}"}, 403), ("http", OURS | {"cookie": "secret"}, 403),
+    ("http", OURS | {"host": "LocalHost:8000", "origin": "http://localhost:8000"}, 200),
+    ("http", OURS | {"host": "[::1]:8000"}, 200),
     ("http", OURS | {"host": "example.org:8000"}, 400), ("http", OURS | {"host": "127.0.0.1"}, 400),
     ("http", OURS | {"host": "127.0.0.1:8001"}, 400), ("http", OURS | {"host": "192.168.0.7:8000"}, 400),
     ("http", OURS | {"host": ["127.0.0.1:8000", "example.org:8000"]}, 400), ("http", {"cookie": COOKIE}, 400),
@@ -100,9 +108,32 @@ def test_a_browser_that_is_opened_gets_a_token_for_once():
 
 @pytest.mark.parametrize("host, served", [
     ("192.168.0.7:8000", True), ("[fe80::1]:8000", True), (f"{socket.gethostname()}:8000", True),
-    ("127.0.0.1:8000", True), ("192.168.0.7:8001", False), ("192.168.0.7.example.org:8000", False)])
+    ("127.0.0.1:8000", True), ("192.168.0.7:8001", False), ("192.168.0.7.example.org:8000", False),
+    ("Fur.Example:8000", True), ("a.fur.example:8000", False), ("fur.example", False)])
 def test_at_every_address_no_foreign_name_counts(host, served):
-    assert Guard(None, 8000, "secret", everywhere=True).is_ours(host) == served
+    assert Guard(None, 8000, "secret", "fur.example").is_ours(host) == served
+
+
+def test_browsers_leave_port_80_out():
+    for host in ("127.0.0.1", "127.0.0.1:80", "LOCALHOST", "[::1]"):
+        assert Guard(None, 80, "secret").is_ours(host) and not Guard(None, 8000, "secret").is_ours(host)
+    assert not any(map(Guard(None, 80, "secret").is_ours, ("example.org", "::1", "127.0.0.1:8000", "127.0.0.1:", "")))
+
+
+@pytest.mark.parametrize("host, shown", [
+    ("127.0.0.1", "127.0.0.1"), ("LocalHost", "127.0.0.1"), ("0.0.0.0", "127.0.0.1"), ("::", "[::1]"),
+    ("::1", "[::1]"), ("192.168.0.7", "192.168.0.7"), ("Fur.Example", "Fur.Example")])
+def test_the_address_that_is_printed_is_answered(host, shown):
+    assert server._shown(host) == shown and Guard(None, 8000, "secret", host).is_ours(f"{shown}:8000")
+
+
+@pytest.mark.parametrize("host, said", [
+    ("", "at '' as the host; allowed: 127.0.0.1, or another"),
+    ("192.0.2.1", "192.0.2.1, port any: .*; allowed: an address or name of this machine"),
+    ("a..b", "a..b, port any: .*; allowed: an address or name of this machine")])
+def test_a_host_that_cannot_be_is_told_as_such(host, said):
+    with pytest.raises(clfur.Error, match=said), server._listening(host, None):
+        pytest.fail("it listens")
 
 
 @pytest.fixture(scope="module")
@@ -190,6 +221,10 @@ def test_another_address_is_warned_of(monkeypatch):
     monkeypatch.setattr("clfur.command.view.waiting", lambda _: pytest.fail("it goes on"))
     with pytest.warns(UserWarning, match=r"at 0\.0\.0\.0.*can see and change"), pytest.raises(pytest.fail.Exception):
         view(["sphere", "--host", "0.0.0.0"], standalone_mode=False)
+    for host in ("127.0.0.1", "LOCALHOST", "::1"):
+        with warnings.catch_warnings(), pytest.raises(pytest.fail.Exception, match="it goes on"):
+            warnings.simplefilter("error")
+            view(["sphere", "--host", host], standalone_mode=False)
 
 
 def test_without_nicegui_a_line_says_what_to_install():
@@ -253,48 +288,9 @@ def test_jpeg_lies_over_the_pages_background():
     assert coding.background() == "#26272b"
 
 
-class Page:
-    """What a page would do: it draws each picture at once, or when it is told to."""
-
-    def __init__(self, drawing, at_once=True):
-        self.drawing, self.at_once, self.got, self.lines = drawing, at_once, [], []
-        self.link = Link(self.send, self.lines.append)
-        self.window = drawing.open(str(id(self)))
-
-    def connect(self, before="", **message):
-        self.drawing.connect(self.window, self.link, before)
-        self.tell(**{"n": 1, "size": [48, 36]} | message)
-        return self
-
-    def send(self, header, data):
-        self.got.append((header, data))
-        if self.at_once:
-            self.drawn()
-
-    def drawn(self):
-        self.tell(drawn=1)
-
-    def tell(self, **message):
-        self.drawing.take(self.window, self.link, message)
-
-    @property
-    def last(self):
-        return self.got[-1][0] if self.got else {}
-
-    def settled(self):
-        return until(lambda: self.last.get("final") and self.last["gesture"] == self.window.gesture)
-
-
 @pytest.fixture(scope="module")
 def device():
     return clfur.Scheduler()
-
-
-def fur(n=200):
-    mesh = clfur.load_mesh("sphere")
-    hair = clfur.HairType(color=(0.5, 0.3, 0.1), segments=4, segment_length=0.06, width=0.02)
-    return clfur.Scene(mesh, clfur.Strands(inner=1, outer=1, types=hair, roots=n, surface="flat"),
-                       clfur.Camera(eye=(1, 1, 3)))
 
 
 @pytest.fixture

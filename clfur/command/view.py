@@ -7,13 +7,13 @@ import click
 
 from .. import Error, Scheduler
 from ..files.usd import is_usd
+from ..viewer.guard import LOCAL
 from .devices import ask_drivers
 from .options import Sectioned, scene_options
 from .scenes import is_scene_file, load_moving
 from .types import Bytes, Whole
 from .waiting import waiting
 
-LOCAL = "127.0.0.1", "localhost"
 NEEDED = "nicegui", "fastapi", "uvicorn", "starlette"   # modules that clfur[view] brings
 
 @click.command(cls=Sectioned, context_settings={"show_default": True})
@@ -33,7 +33,7 @@ def view(given, port, host, no_browser, device, memory, **options):
     without which it does not open.  Ctrl-C ends it.
     """
     show, document_of = _viewer()
-    if host not in LOCAL:
+    if host and host.lower() not in LOCAL:
         warnings.warn(f"the page is served at {host}, not encrypted: who reads its address on the network can see and "
                       "change the scene", stacklevel=2)
     with waiting(f"reading {given}") as tell:

@@ -1,5 +1,6 @@
 """What is viewed: a scene, settings and motion that many windows change and see alike."""
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
@@ -156,7 +157,8 @@ class Document:
         return self._player.time
 
     def subscribe(self, callback: Callable[[], Any]) -> Callable[[], None]:
-        """Have callback() called after each change, in the thread that made it -> function that ends this."""
+        """Have callback() called after each change, in the thread that made it, which then holds no lock of the
+        document -> function that ends this."""
         with self._lock:
             self._listeners.append(callback)
 
@@ -172,7 +174,7 @@ class Document:
         Raises Error where it does not fit; then all is as before. Changes of one path within a second are one step of
         `undo`.
         """
-        with self._lock:
+        with self._changing():
             if _same(found(self._state, path), value):
                 return False
             return self._become(self._state.changed(path, value), path)
@@ -183,7 +185,7 @@ class Document:
 
         step: what the change is called; changes of the same name within a second are one step.
         """
-        with self._lock:
+        with self._changing():
             after = self._state
             for name, value in {"scene": scene, "settings": settings}.items():
                 after = after if value is None else after.changed((name,), value)
@@ -208,23 +210,23 @@ class Document:
     def play(self) -> None:
         """Let time go on from where it is; a scene of which nothing moves gets a `Moving`. Raises Error where it has
         no hair that could."""
-        with self._lock:
+        with self._changing():
             if not self._state.moves:
-                self.change(motion=usual_motion(self._state.scene))
+                self._become(attrs.evolve(self._state, motion=usual_motion(self._state.scene)), None)
             self.problem = ""
             self._player.play()
-        self._tell()
+            self._version += 1
 
     def pause(self) -> None:
-        """Hold time where it is."""
+        """Hold time where it is; the picture stays as it is."""
         self._player.pause()
         self._tell()
 
     def stop(self) -> None:
         """Go back to rest, where time is 0."""
-        with self._lock:
+        with self._changing():
             self._player.stop()
-        self._tell()
+            self._version += 1
 
     def advance(self, device: Any = None) -> bool:
         """Bring hair to where it is now -> whether the scene is another than before.
@@ -236,10 +238,10 @@ class Document:
         try:
             moved = self._player.advance(state, device)
         except Exception as error:   # a function that gives scenes may raise anything
-            with self._lock:
+            with self._changing():
                 self._player.stop()
                 self.problem = str(error) if isinstance(error, Error) else f"{type(error).__name__}: {error}"
-            self._tell()
+                self._version += 1
             return True
         if moved:
             with self._lock:
@@ -256,23 +258,30 @@ class Document:
         if step is None or step != last or now - when > TOGETHER or not self._before:
             self._before = [*self._before[-MOST + 1:], before]
         self._after, self._last, self._state = [], (step, now), after
-        self._tell()
+        self._version += 1
         return True
 
     def _go(self, one, other):
-        with self._lock:
+        with self._changing():
             if not one:
                 return False
             other.append(self._state)
             self._state, self._last = one.pop(), (None, 0.0)
-        self._tell()
-        return True
+            self._version += 1
+            return True
+
+    @contextlib.contextmanager
+    def _changing(self):
+        """Hold the lock; whoever listens is told of another version after that, as they hold locks of their own."""
+        with self._lock:
+            before = self._version
+            yield
+            is_other = self._version != before
+        if is_other:
+            self._tell()
 
     def _tell(self):
-        with self._lock:
-            self._version += 1
-            listeners = list(self._listeners)
-        for each in listeners:
+        for each in list(self._listeners):
             each()
 
 

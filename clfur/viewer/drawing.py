@@ -27,7 +27,7 @@ class Drawing:
     devices: what `clfur.draw` takes; no other thread may draw with them. While a window's camera, or the document,
     changes, pictures are fast ones, of the newest camera; `REST` seconds later comes the final one, with the document's
     settings. It is given up when anything that it shows changes, or when another window moves. A page has at most one
-    picture that it has not told to be drawn, and nothing is drawn for one that is hidden.
+    picture that it has not told to be drawn, and nothing is drawn for one that is hidden. closed: whether it is to end.
     """
 
     def __init__(self, document: Document, devices: Any) -> None:
@@ -35,8 +35,9 @@ class Drawing:
         self.windows: dict[str, Window] = {}
         self._changed = threading.Condition()
         self._last: Window | None = None      # that was drawn for
+        self._drawn: Any = None               # what of: see `_state`
         self._document_changed = 0.0
-        self._closed = False
+        self.closed = False
         self._works: deque[tuple[Future, Callable[[], Any]]] = deque()
         self._pace, self._paced = Pace(4), None   # the settings that it is of
         self._coder = ThreadPoolExecutor(1, "coding")
@@ -51,7 +52,7 @@ class Drawing:
         """End, after at most so many seconds -> whether it has: a kernel that is being built cannot be stopped."""
         self._end()
         with self._changed:
-            self._closed = True
+            self.closed = True
             self._changed.notify_all()
         if self._thread.ident:
             self._thread.join(seconds)
@@ -69,11 +70,12 @@ class Drawing:
 
     def open(self, key: str) -> Window:
         """A new window of this name."""
+        scene = self.document.scene   # before: whoever changes the document may wait for ours
         with self._changed:
             unseen = [each for each in self.windows.values() if each.link is None]
             for each in unseen[:max(len(self.windows) - MOST, 0)]:
                 del self.windows[each.key]
-            window = self.windows[key] = Window(key, self.document.scene)
+            window = self.windows[key] = Window(key, scene)
             return window
 
     def connect(self, window: Window, link: Link, before: str = "") -> None:
@@ -119,7 +121,7 @@ class Drawing:
             self._work()
             with self._changed:
                 window, final = self._next()
-                if self._closed:
+                if self.closed:
                     return
                 if self._works:
                     continue
@@ -128,21 +130,23 @@ class Drawing:
                     continue
                 link, window.pictures = window.link, window.pictures + 1
                 link.under_way += 1
-                self._last = window
+                self._last, self._drawn = window, self._state(window)
             try:
                 self._draw(window, link, final)
                 continue
             except Stopped:
                 pass
             except Exception as error:   # of a device too, or ours: the page goes on
-                self._tell(window, link, error)
+                self._tell(window, link, error, self._drawn)
             with self._changed:
                 link.under_way -= 1
 
     def _work(self):
         """Do what `do` was given."""
-        while self._works and not self._closed:
+        while self._works and not self.closed:
             done, work = self._works.popleft()
+            if not done.set_running_or_notify_cancel():   # nobody waits for it any more
+                continue
             try:
                 done.set_result(work())
             except BaseException as error:   # whoever asked for it is told
@@ -189,11 +193,13 @@ class Drawing:
         """Draw a picture of a window, and let it be coded."""
         document = self.document
         document.advance(self.devices)
+        version = document.version   # before the rest: what is changed meanwhile is drawn anew
         scene, settings = document.scene, document.settings
         with self._changed:
             if scene.camera is not window.home:   # another scene
                 window.go_home(scene)
-            (orbit, version), gesture, number = self._state(window), window.gesture, window.pictures
+            orbit, gesture, number = window.orbit, window.gesture, window.pictures
+            state = self._drawn = orbit, version
             repeated = document.playing or (window.shown[0] is not None and window.shown[0][1] == version)
         began, divided = time.monotonic(), 1
         if final:
@@ -204,19 +210,22 @@ class Drawing:
         pictured = orbit.resized(((width + divided - 1) // divided, (height + divided - 1) // divided))
 
         def is_over():
-            return self._closed or (final and self._is_late(window, link, (orbit, version)))
-        frame = draw(copied(scene, camera=pictured.camera()), self.devices, settings, stop=is_over)
+            return self.closed or (final and self._is_late(window, link, state))
+        scene = copied(scene, camera=pictured.camera())
+        frame = draw(scene, self.devices, settings, stop=is_over)
         seconds = time.monotonic() - began
         if not final and repeated and not frame.building:   # else it is the hair's time, or a compiler's
             self._pace.took(seconds)
         with self._changed:
-            window.shown = (orbit, version), final
-            window.told = told(frame, scene) if final else window.told
+            if window.link is link:   # else its next page has seen none
+                window.shown = state, final
         header = {
             "picture": number, "gesture": gesture, "final": final, "size": pictured.size, "orbit": orbit.told(),
             "seconds": seconds, "strands": frame.strands, "settings": label(frame.settings or settings),
             "device": frame.device}
-        self._coder.submit(self._code, window, link, frame.images["color"], header, (orbit, version))
+        self._coder.submit(self._code, window, link, frame.images["color"], header, state)
+        if final:
+            window.told = told(frame, scene)
 
     def _way(self, settings):
         """(Settings, by what to divide the size) of a moving picture."""
@@ -233,17 +242,23 @@ class Drawing:
 
     def _code(self, window, link, image, header, state):
         """Bring a page its picture, but a final one that is late already."""
+        late = header["final"] and self._state(window) != state
         try:
-            if not (header["final"] and self._state(window) != state):
-                return link.send(header, png_bytes(image) if header["final"] else jpeg(image))
-        except Exception:   # the next picture may be better
-            traceback.print_exc()
+            if not late:
+                data = png_bytes(image) if header["final"] else jpeg(image)
+                if self._state(window) == state:   # what was told meanwhile is in it, too
+                    header["gesture"] = window.gesture
+                return link.send(header, data)
+        except Exception as error:   # of a format or memory: the next picture may be better
+            self._tell(window, link, error, state)
         with self._changed:
+            if late and window.shown == (state, True):   # it may come back to that state
+                window.shown = state, False
             link.under_way -= 1
             self._changed.notify()
 
-    def _tell(self, window, link, error):
-        """Tell a page why there is no picture; the last one stays, and none is tried until something changes."""
+    def _tell(self, window, link, error, state):
+        """Tell a page why there is no picture; the last one stays, and none of that state is tried again."""
         if self.document.playing:   # else it would be told again and again
             self.document.pause()
         if not isinstance(error, (Error, MemoryError)):
@@ -251,5 +266,6 @@ class Drawing:
         line = str(error) if isinstance(error, Error) else f"{type(error).__name__}: {error}"
         link.tell({"error": " ".join(line.split())[:500]})
         with self._changed:
-            window.shown = self._state(window), True
+            if window.link is link:
+                window.shown = state, True
 

@@ -7,27 +7,28 @@ token that only this terminal's address holds.
 
 import hmac
 import ipaddress
+import re
 import secrets
 import socket
-from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
 
-LOCAL = ("127.0.0.1", "localhost")
+LOCAL = ("127.0.0.1", "localhost", "::1")
+HOST = re.compile(r"(\[[^\[\]]*\]|[^:\[\]]*)(?::(\d+))?")
 HEADERS = [(b"referrer-policy", b"no-referrer"), (b"x-content-type-options", b"nosniff"),
            (b"content-security-policy", b"frame-ancestors 'none'")]
 AGAIN = "this page opens with the address that clfur view prints in its terminal"
 
 
 class Guard:
-    """An ASGI app around another one, on a port; everywhere: whether it may be asked from other machines, too.
+    """An ASGI app around another one, served at a host, from other machines, too, if it is none of `LOCAL`, and a port.
 
     What names another host gets status 400, what comes from another page's origin or without the token 403; websockets
     are refused before they are accepted, and need an origin.  The address /?token=... gives a cookie, and leads to /.
     """
 
-    def __init__(self, app: Any, port: int, token: str, everywhere: bool = False) -> None:
-        self.app, self.port, self.token, self.everywhere = app, port, token, everywhere
+    def __init__(self, app: Any, port: int, token: str, host: str = LOCAL[0]) -> None:
+        self.app, self.port, self.token, self.host = app, port, token, host.lower()
         self.cookie = f"clfur-view-{port}"   # cookies are of a host, whatever its port
         self._once: set[str] = set()
 
@@ -38,7 +39,7 @@ class Guard:
         headers = scope["headers"]
         refused = self.refused(scope, headers)
         if scope["type"] == "websocket":
-            if not refused and not self.is_known(_cookies(headers).get(self.cookie, "")):
+            if not refused and not self._has_cookie(headers):
                 refused = 403, AGAIN
             if refused:
                 return await send({"type": "websocket.close", "code": 1008, "reason": refused[1]})
@@ -46,7 +47,7 @@ class Guard:
         given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token")
         if not refused and scope["path"] == "/" and given and (self.is_known(given[0]) or self._is_first(given[0])):
             return await self._let_in(send)
-        if not refused and not self.is_known(_cookies(headers).get(self.cookie, "")):
+        if not refused and not self._has_cookie(headers):
             refused = 403, AGAIN
         if refused:
             return await _answer(send, *refused)
@@ -64,27 +65,33 @@ class Guard:
             return 400, "this host is not the one that clfur view serves"
         if len(origins) > 1 or (scope["type"] == "websocket" and not origins):
             return 403, "a websocket needs an origin"
-        if origins and origins[0] != f"http://{hosts[0]}":
+        if origins and origins[0].lower() != f"http://{hosts[0].lower()}":
             return 403, "requests of other pages are not answered"
         return None
 
     def is_ours(self, host: str) -> bool:
         """Whether a Host header names this server: by name or number, but by no name that somebody else may hold."""
-        name, _, port = host.rpartition(":")
-        if port != str(self.port):
+        found = HOST.fullmatch(host.lower())
+        if not found or (found[2] or "80") != str(self.port):   # browsers leave 80 out
             return False
+        name = found[1].strip("[]")
         if name in LOCAL:
             return True
-        if not self.everywhere:
+        if self.host in LOCAL:
             return False
         try:
-            return bool(ipaddress.ip_address(name.strip("[]")))
+            return bool(ipaddress.ip_address(name))
         except ValueError:
-            return name == socket.gethostname()
+            return name in (self.host, socket.gethostname().lower())
 
     def is_known(self, token: str) -> bool:
         """Whether it is the token, in a time that does not tell how much of it is."""
         return hmac.compare_digest(token.encode(), self.token.encode())
+
+    def _has_cookie(self, headers):
+        """Whether a cookie of ours is among those of this host's servers, which may be of any form."""
+        pairs = [each.partition("=") for text in _all(headers, b"cookie") for each in text.split(";")]
+        return any(name.strip() == self.cookie and self.is_known(value.strip()) for name, _, value in pairs)
 
     def once(self) -> str:
         """A token that lets in once: for an address that others may see while it is opened."""
@@ -105,17 +112,6 @@ class Guard:
 
 def _all(headers, name):
     return [value.decode("latin-1") for key, value in headers if key.lower() == name]
-
-
-def _cookies(headers):
-    """{name: value} of the Cookie headers."""
-    found = SimpleCookie()
-    for text in _all(headers, b"cookie"):
-        try:
-            found.load(text)
-        except CookieError:   # of another server on this host
-            continue
-    return {name: morsel.value for name, morsel in found.items()}
 
 
 async def _answer(send, status, why):

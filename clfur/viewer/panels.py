@@ -9,7 +9,7 @@ import attrs
 from nicegui import ui
 
 from .. import draw
-from ..errors import Error
+from ..errors import Error, Stopped
 from ..scene.origin import copied
 from .drawing import Drawing
 from .dropped import ALLOWED, MOST
@@ -196,6 +196,8 @@ class Panels:
         try:
             data = await asyncio.wrap_future(self.drawing.do(
                 lambda: work(self.document.scene, self.window.camera)))
+        except Stopped:   # nobody waits for it
+            pass
         except Exception as error:   # of a device, a disk or a format
             self.say(str(error) if isinstance(error, Error) else f"{type(error).__name__}: {error}")
         else:
@@ -205,7 +207,11 @@ class Panels:
     async def _save_picture(self, suffix):
         devices, settings = self.drawing.devices, self.document.settings
         await self._save(f"clfur{suffix}", lambda scene, camera: picture_file(
-            draw(copied(scene, camera=camera), devices, settings), camera, suffix))
+            draw(copied(scene, camera=camera), devices, settings, stop=self._is_over), camera, suffix))
+
+    def _is_over(self):
+        """Whether the page has gone for good, or the server ends."""
+        return self.drawing.closed or self._trouble.is_deleted
 
     async def _save_scene(self):
         state = self.document.state

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import errno
 import json
 import os
 import secrets
@@ -20,7 +21,7 @@ from ..errors import Error
 from . import dropping, page
 from .document import Document
 from .drawing import Drawing
-from .guard import LOCAL, Guard
+from .guard import Guard
 from .windows import Link
 
 ROUTE = "/pictures"
@@ -34,16 +35,16 @@ def view(document: Document, devices: Any, host: str = "127.0.0.1", port: int | 
     """Serve a page that shows a document, until what ends a command is raised (see `clfur.command.endings`).
 
     devices: what `clfur.draw` takes, for this alone. host: the address it is bound to. port: or None for one that is
-    free. browser: whether one is opened. said: takes a line, the page's address. Raises Error where the port is taken.
+    free. browser: whether one is opened. said: takes a line, the page's address. Raises Error where it cannot be.
     """
     with _listening(host, port) as listening:
-        port, everywhere, token = listening.getsockname()[1], host not in LOCAL, secrets.token_urlsafe(24)
+        port, token = listening.getsockname()[1], secrets.token_urlsafe(24)
         drawing = Drawing(document, devices)
         app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
         app.websocket(ROUTE)(_pictures(drawing))
         dropping.add_route(app, document)
         page.build(app, drawing, title)
-        guard = Guard(app, port, token, everywhere)
+        guard = Guard(app, port, token, host)
         server = uvicorn.Server(uvicorn.Config(
             guard, log_level="critical", access_log=False, server_header=False, ws_per_message_deflate=False,
             timeout_graceful_shutdown=1, lifespan="on"))
@@ -67,7 +68,8 @@ def view(document: Document, devices: Any, host: str = "127.0.0.1", port: int | 
 
 def _shown(host):
     """The host of an address, for who serves at this one."""
-    return "127.0.0.1" if host in ("localhost", "0.0.0.0", "::") else f"[{host}]" if ":" in host else host
+    host = {"localhost": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}.get(host.lower(), host)
+    return f"[{host}]" if ":" in host else host
 
 
 def _has_screen():
@@ -78,6 +80,8 @@ def _has_screen():
 @contextlib.contextmanager
 def _listening(host, port):
     """A socket that listens there."""
+    if not host:   # which a socket would take for all addresses
+        raise Error("no page can be served at '' as the host; allowed: 127.0.0.1, or another address of this machine")
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as listening:
         # Windows would share a port that another one listens to.
@@ -88,9 +92,12 @@ def _listening(host, port):
         try:
             listening.bind((host, port or 0))
             listening.listen(128)
-        except (OSError, OverflowError) as error:
+        except (OSError, OverflowError, UnicodeError) as error:
             why = (getattr(error, "strerror", None) or str(error)).lower()
-            raise Error(f"no page can be served at {host}, port {port or 'any'}: {why}; allowed: a free port") from None
+            of_host = isinstance(error, (socket.gaierror, UnicodeError)) or getattr(
+                error, "errno", None) == errno.EADDRNOTAVAIL
+            allowed = "a free port" if not of_host else "an address or name of this machine"
+            raise Error(f"no page can be served at {host}, port {port or 'any'}: {why}; allowed: {allowed}") from None
         yield listening
 
 

@@ -1,5 +1,7 @@
 """What a picture took, in words."""
 
+import traceback
+
 from ..budget import LADDER, features, predicted
 from ..pipeline.views import Rig
 from ..render import Frame
@@ -8,11 +10,18 @@ from ..settings import CHOSEN
 
 
 def told(frame: Frame, scene: Scene) -> str:
-    """Return in a line what the final picture of a scene took, and how much it errs as far as that is known."""
+    """Return in a line what the final picture of a scene took, and how much it errs as far as that is known.
+
+    scene: as it was drawn, with the picture's camera.
+    """
     parts = [f"drawn in {frame.seconds:.2f} s"]
     if frame.building > 0.05:
         parts[0] += f", of it {frame.building:.2f} s to build kernels"
-    error = frame.error if frame.error is not None else expected(frame, scene)
+    try:
+        error = frame.error if frame.error is not None else expected(frame, scene)
+    except Exception:   # the picture is there all the same
+        traceback.print_exc()
+        error = None
     if error is not None:
         parts.append(f"error about {error:.2g}")
     return "; ".join([*parts, frame.why] if frame.why else parts)
