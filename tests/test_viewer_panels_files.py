@@ -1,5 +1,6 @@
 """Scene files that the viewer writes, files that are dropped on it, and what its panels hold, without a browser."""
 
+import ast
 import io
 import json
 import zipfile
@@ -106,6 +107,31 @@ def test_a_dropped_mesh_is_beside_the_scene_file(tmp_path):
     assert archive.read("scene-mesh.obj") == OBJ
     with pytest.raises(clfur.Error, match="a Comb that is a function"):
         scene_file(Document(furred(fur=clfur.Strands(comb=clfur.Comb(lambda p, n: n)))).state, CAMERA)
+
+
+def test_a_function_of_seconds_is_saved_as_it_is_seen():
+    """With what was changed, at the time that is told in the text."""
+    mesh = clfur.load_mesh("sphere")
+    document = Document(lambda seconds: furred(mesh=mesh, ground=clfur.Ground(height=-2 - seconds)))
+    document.set(("scene", "strands", "types", 0, "length"), .25)
+    state = attrs.evolve(document.state, mesh_file=MeshFile(mesh, "sphere"))
+    _, data = scene_file(state, CAMERA, seconds=1.5)
+    made = {}
+    exec(data, made)
+    assert made["scene"].ground.height == -3.5 and made["scene"].strands.types[0].length == .25
+    assert "A still, at 1.5 s, of a scene that is a function of seconds." in made["__doc__"]
+    assert b"A still" not in scene_file(Document(furred(mesh=mesh)).state, CAMERA)[1]
+
+
+def test_a_mesh_may_have_any_name_a_system_takes(tmp_path):
+    """Also bytes that are no UTF-8, which Python holds as surrogates."""
+    scene = furred()
+    for name in ("\udcfc.obj", "ü\U0001f98a.obj"):
+        file, data = scene_file(attrs.evolve(Document(scene).state, mesh_file=MeshFile(
+            scene.mesh, tmp_path / name)), CAMERA)
+        call, = [each for each in ast.walk(ast.parse(data)) if isinstance(each, ast.Call)
+                 and getattr(each.func, "attr", "") == "load_mesh"]
+        assert file == "scene.py" and ast.literal_eval(call.args[0]) == str(tmp_path.resolve() / name)
 
 
 def test_strand_files(device, tmp_path):
