@@ -41,7 +41,7 @@ def test_compare(clfur, tmp_path):
 
 
 def test_a_page_tells_no_folders():
-    given = ["compare", "/home/karl may/fur.obj", "--map", "length=../karl/a=b.png", "--types=C:\\Users\\karl\\t.json",
+    given = ["compare", "/srv/karl may/fur.obj", "--map", "length=../karl/a=b.png", "--types=C:\\Users\\karl\\t.json",
              "-o/srv/karl/a.html", "--on", "left ear", "--size", "32x24", "karl/"]
     with click.Context(click.Command("compare"), obj=given):
         assert command_line() == ("clfur compare fur.obj --map length=a=b.png --types=t.json -oa.html "

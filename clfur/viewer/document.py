@@ -286,7 +286,7 @@ def usual_motion(scene: Scene) -> Moving:
 
 def _recent(steps, before):
     """Of the steps that came before a state, the last ones, as far as they and it hold no more than `BYTES`."""
-    seen: set[int] = set()   # what several of them hold counts once
+    seen = set()   # what several of them hold counts once
     held = _bytes(before, seen)
     for number, state in enumerate(reversed(steps)):
         held += _bytes(state, seen)
