@@ -9,11 +9,13 @@ import time
 from pathlib import Path
 
 import attrs
+import click
 import pytest
 from support.command import wrong
 
 from clfur.command import compare as cli_compare
 from clfur.command import devices as cli_devices
+from clfur.command.options import command_line
 from clfur.judge.isolated import Outcome
 
 TINY = ["--size", "32x24", "--roots", "100", "--inner", "1", "--outer", "1", "--repeat", "1"]
@@ -36,6 +38,14 @@ def test_compare(clfur, tmp_path):
     assert "<code>clfur compare fur.py --devices auto --repeat 1 -o a.html --json</code>" in page
     assert result["fastest"].startswith(f"{result['rows'][0]['device']} takes ")
     assert {file.name for file in tmp_path.iterdir()} == {"fur.py", "a.html"}
+
+
+def test_a_page_tells_no_folders():
+    given = ["compare", "/srv/karl may/fur.obj", "--map", "length=../karl/a=b.png", "--types=C:\\Users\\karl\\t.json",
+             "-o/srv/karl/a.html", "--on", "left ear", "--size", "32x24", "karl/"]
+    with click.Context(click.Command("compare"), obj=given):
+        assert command_line() == ("clfur compare fur.obj --map length=a=b.png --types=t.json -oa.html "
+                                  "--on 'left ear' --size 32x24 karl/")
 
 
 @pytest.fixture

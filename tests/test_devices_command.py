@@ -214,7 +214,7 @@ def test_report_for_a_bug(made_up, monkeypatch):
     checked = machine()
     checked["platforms"][0]["devices"][0]["check"] = {"verdict": "pass", "message": "", "seconds": .1234}
     checked["platforms"][0]["devices"][1]["check"] = {"verdict": "wrong", "message": f"see {SECRET}", "seconds": None}
-    driver = vendors.Vendor(f"{SECRET}/a.icd", f"{SECRET}/liba.so", "system")
+    driver = vendors.Vendor(f"{SECRET}: karl/a.icd", f"{SECRET}/liba.so", "system")   # which no rule would find
     monkeypatch.setattr(cli_devices, "isolated", lambda function, *_, **__: Outcome(
         "ok", checked if "survey" in function else ("library not found", f"{SECRET}/liba.so: no such file")))
     monkeypatch.setattr(vendors, "vendors", lambda: ([driver], []))
@@ -242,6 +242,16 @@ def test_report_where_opencl_does_not_start(run, monkeypatch):
     ("/srv/karl/x/libpocl.so: no", ".../libpocl.so: no"), ("~/.cache/clfur", ".../clfur"),
     ("and/or 3/4", "and/or 3/4"), ("HOME", "it is ~"),
     (r"C:\Users\Karl\a.dll is missing", ".../a.dll is missing"),
+    (r"C:\Users\Karl May\AppData\a.dll failed", ".../a.dll failed"), (r"C:\Users\Karl May: denied", "...: denied"),
+    (r"\\server\homes\karl\a.dll", ".../a.dll"), ("/mnt/homes/Karl May/a.so", ".../a.so"),
+    ("../karl/secret/liba.so: no", ".../liba.so: no"), (r"..\karl\a.dll", ".../a.dll"), ("~karl/a.so", ".../a.so"),
+    ("file:///HOME/karl/a.so", "file:.../a.so"), ("/HOME/karl", "..."), ("/HOME/karl/: denied", "...: denied"),
+    ("cannot open '/HOME/karl': denied", "cannot open '...': denied"), ("a=/HOME/karl/x", "a=.../x"),
+    ("cannot open '/srv/karl: may/a.so': denied", "cannot open '.../a.so': denied"), ("x/HOME/karl/y", "x.../y"),
+    ("/HOME/karl.may,mary/lib/a.so", ".../a.so"), ("/HOME/karl(1)/lib/a.so", ".../a.so"),
+    ("(/HOME/karl/My Files/a.so)", "(.../a.so)"), ("-I/HOME/karl/inc", "-I.../inc"),
+    ("with -L/srv/karl/lib", "with -L.../lib"), ("either / or, 2 / 3", "either / or, 2 / 3"),
+    ("/srv/karl/a.so or /srv/karl/b.so", ".../a.so or .../b.so"),
     ("OpenCL 3.0 PoCL 3.0-rc2  Linux, SLEEF", "OpenCL 3.0 PoCL 3.0-rc2  Linux, SLEEF")])
 def test_paths_are_cut_to_their_last_names(text, expected):
     given = f"it is {os.path.expanduser('~')}" if text == "HOME" else text

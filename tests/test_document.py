@@ -9,7 +9,7 @@ from support.devices import DEVICES
 
 import clfur
 from clfur.viewer.changes import changed, found
-from clfur.viewer.document import TOGETHER, Document, Moving
+from clfur.viewer.document import TOGETHER, Document, MeshFile, Moving
 from clfur.viewer.playing import LONGEST
 
 LENGTH = "scene", "strands", "types", 0, "length"
@@ -86,6 +86,28 @@ def test_undo_goes_back_and_forth_to_the_very_same(document, clock):
     assert not document.undo() and document.redo() and document.state is states[1]
     document.set(COLOR, (1, 0, 0))
     assert not document.can_redo and document.undo() and document.state is states[1]
+
+
+def test_undo_holds_no_more_than_so_many_bytes(document, clock, monkeypatch):
+    """Of files and arrays, each counted once; the last step is there in any case."""
+    monkeypatch.setattr("clfur.viewer.document.BYTES", 1_000_000)
+    mesh = document.scene.mesh
+
+    def steps():
+        count = 0
+        while document.undo():
+            count += 1
+        return count
+    for _ in range(20):
+        document.change(mesh_file=MeshFile(mesh, data=bytes(300_000)))
+    assert steps() == 3   # two files of the steps, and the mesh
+    held = bytes(400_000)
+    for _ in range(20):
+        document.change(mesh_file=MeshFile(mesh, data=held))
+    assert steps() == 20
+    for n in range(3):
+        document.set(("scene", "environment"), clfur.Environment(np.full((300, 600, 3), n / 4, np.float32)))
+    assert steps() == 1
 
 
 def test_a_slider_that_is_dragged_is_one_step(document, clock):

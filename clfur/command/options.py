@@ -353,9 +353,13 @@ def check_fur(flags, options):
                                "allowed: with --pattern cells or --fur both")
 
 
+_FOLDERS = re.compile(r"^(--?\w[\w-]*=|-\w)?(\w+=)?.*[\\/](?=.)", re.S)   # of a word: --map NAME=FILE, -oFILE
+
+
 def command_line():
-    """The line of the shell that runs now, as `main` was given it."""
-    return shlex.join(["clfur", *(click.get_current_context().obj or ())])
+    """The line of the shell that runs now, its paths cut to their last names: pages with it go to others, and folders
+    tell who works there."""
+    return shlex.join(["clfur", *(_FOLDERS.sub(r"\1\2", word) for word in click.get_current_context().obj or ())])
 
 
 def check_grown(flags, options, has):

@@ -339,7 +339,7 @@ class Scheduler:
             self.start()
             yield
         finally:
-            self._stop = None
+            self._stopped, self._stop = False, None   # what is read back between frames is wanted
             self._leave_builds()
             self._busy.release()
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import Error
+from ..errors import Error, shown
 from .apart import apart
 from .input import read, size_of
 
@@ -45,6 +45,34 @@ def called(function: Any, path: Path, *arguments: Any) -> Any:
     if text and b"@" not in read(path):
         return function(path, *arguments)
     return apart(function, path, *arguments, size=MEMORY * size)
+
+
+def check_alone(path: Path) -> None:
+    """Raise Error where a USD file would have other files read: layers and clips that are not within it, as .usdz
+    files have them. None of those is opened."""
+    called(_check_alone, path)
+
+
+def _check_alone(path):
+    Sdf, waiting, seen = library().Sdf, [str(path)], set()
+    while waiting:
+        try:
+            layer = Sdf.Layer.FindOrOpen(waiting.pop())
+        except Exception:   # usd-core's own; who reads the file will tell
+            continue
+        if layer is None or layer.identifier in seen:
+            continue
+        seen.add(layer.identifier)
+        clips = []
+        layer.Traverse(Sdf.Path.absoluteRootPath, lambda at, of=layer, to=clips: to.append(at) if (
+            at.IsPrimPath() or at.IsPrimVariantSelectionPath()) and of.GetObjectAtPath(at).HasInfo("clips") else None)
+        for name in filter(None, layer.GetCompositionAssetDependencies()):   # "": the layer itself
+            inner = Sdf.ComputeAssetPathRelativeToLayer(layer, name)
+            if name.startswith("`") or not inner.startswith(f"{path}["):   # an expression may name anything
+                raise Error(f"is made of other files, as {shown(name)}; allowed: one file that has all in it")
+            waiting.append(inner)
+        if clips:
+            raise Error(f"has clips, which are other files, at {clips[0]}; allowed: one file that has all in it")
 
 
 class Stage:

@@ -190,12 +190,15 @@ class Materials:
 def material_color(stage: Stage, prim: Any) -> tuple | None:
     """The base colour of the material of a prim, where it says one and no picture; else None."""
     material, _ = stage.pxr.UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
-    said = color_of(stage, material) if material else None
+    said = color_of(stage, material, pictures=False) if material else None
     return None if said is None or said is WHITE or "texture" in said else said["color"]
 
 
-def color_of(stage: Stage, material: Any) -> dict | None:
-    """The base colour of a material: color and, as it has it, texture, wrap and raw; None without UsdPreviewSurface."""
+def color_of(stage: Stage, material: Any, pictures: bool = True) -> dict | None:
+    """The base colour of a material: color and, as it has it, texture, wrap and raw; None without UsdPreviewSurface.
+
+    Without pictures no file is opened, and a texture is empty.
+    """
     UsdShade = stage.pxr.UsdShade
     surface, _, _ = material.ComputeSurfaceSource()
     if not surface or surface.GetIdAttr().Get(stage.at) != "UsdPreviewSurface":
@@ -211,10 +214,10 @@ def color_of(stage: Stage, material: Any) -> dict | None:
     if shader.GetIdAttr().Get(stage.at) != "UsdUVTexture":
         stage.leave("a diffuseColor that is no UsdUVTexture", shader.GetPrim())
         return WHITE
-    return _textured(stage, shader)
+    return _textured(stage, shader, pictures)
 
 
-def _textured(stage, shader):
+def _textured(stage, shader, pictures):
     """The colour of a UsdUVTexture."""
     def value(name, usual=None):
         there = shader.GetInput(name)
@@ -222,7 +225,8 @@ def _textured(stage, shader):
         found = producers[0].Get(stage.at) if producers else None
         return usual if found is None else found
 
-    content = content_of(stage, value("file"))
+    file = value("file")
+    content = content_of(stage, file) if pictures else b"" if getattr(file, "resolvedPath", "") else None
     if content is None:
         stage.leave("a texture that is not to be had", shader.GetPrim())
         fallback = value("fallback")

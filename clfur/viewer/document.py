@@ -21,6 +21,7 @@ from .playing import Player
 
 TOGETHER = 1.0   # seconds within which changes of one path are one step of undo
 MOST = 100       # steps of undo
+BYTES = 1 << 29  # of arrays and dropped files that they hold, but for the last step, which is there in any case
 
 
 @attrs.frozen(eq=False)
@@ -256,7 +257,7 @@ class Document:
             return False
         last, when = self._last
         if step is None or step != last or now - when > TOGETHER or not self._before:
-            self._before = [*self._before[-MOST + 1:], before]
+            self._before = [*_recent(self._before[-MOST + 1:], before), before]
         self._after, self._last, self._state = [], (step, now), after
         self._version += 1
         return True
@@ -290,6 +291,31 @@ def usual_motion(scene: Scene) -> Moving:
     if scene.mesh is None or scene.fur is None:
         raise Error("nothing of this scene can move; allowed: one with a mesh and fur on it")
     return Moving(units_per_metre=4 * scene.mesh.bounds[1], wind=Wind((1.0, 0.0, 0.0), gust=1.0, size=0.3, skin=0.01))
+
+
+def _recent(steps, before):
+    """Of the steps that came before a state, the last ones, as far as they and it hold no more than `BYTES`."""
+    seen = set()   # what several of them hold counts once
+    held = _bytes(before, seen)
+    for number, state in enumerate(reversed(steps)):
+        held += _bytes(state, seen)
+        if held > BYTES:
+            return steps[len(steps) - number:]
+    return steps
+
+
+def _bytes(value, seen):
+    """Bytes of the arrays and files in a value, but of what was seen before."""
+    if id(value) in seen:
+        return 0
+    if isinstance(value, (np.ndarray, bytes)):
+        seen.add(id(value))
+        return value.nbytes if isinstance(value, np.ndarray) else len(value)
+    if attrs.has(type(value)):
+        seen.add(id(value))
+        return sum(_bytes(getattr(value, field.name), seen) for field in attrs.fields(type(value)))
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, (tuple, list)) else ()
+    return sum(_bytes(each, seen) for each in inner)
 
 
 def _same(one, other):

@@ -12,6 +12,7 @@ from ..errors import Error
 from ..files.curves import READERS as STRANDS
 from ..files.curves import USD
 from ..files.meshes import READERS as MESHES
+from ..files.usd import check_alone
 from ..scene import Environment, HairType, Mesh, Scene, Strands, frame
 from ..scene.strands import blends
 from .coats import fitted, short_fur
@@ -47,8 +48,8 @@ def take(document: Document, name: str, data: bytes) -> str:
     A mesh takes the place of the scene's, with its coat as large beside it (see `coats.fitted`), and the materials of
     glTF. Strands take the place of strands; where their roots are far from the mesh, of the mesh too. A picture is a
     type map, whose colours become types where the types do not have them as keys; .hdr and .exr are skies.
-    The name tells the suffix alone: the file is in a folder of its own, which is gone in the end. Raises Error, one
-    line, for what cannot be read or does not fit; then nothing is changed.
+    The name tells the suffix alone: the file is in a folder of its own, which is gone in the end, and no other file is
+    read. Raises Error, one line, for what cannot be read or does not fit; then nothing is changed.
     """
     suffix = suffix_of(name, len(data))
     with tempfile.TemporaryDirectory(prefix="clfur-") as folder:
@@ -69,6 +70,8 @@ def _take(document, path, data):
         return "a sky"
     if suffix in PICTURES:
         return _take_map(document, scene, load_picture(path))
+    if suffix in USD:
+        check_alone(path)
     if (suffix == ".ply" and _is_strands(data)) or suffix not in MESHES:
         return _take_strands(document, scene, load_curves(path))
     mesh = load_mesh(path)

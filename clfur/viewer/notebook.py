@@ -5,6 +5,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -67,13 +68,15 @@ class Drawing:
         """What the page asks for: {"turn": [x, y], "pan": [x, y], "zoom": steps, "reset": ..., "rest": ...}, each or
         none: how the camera moves, as `Orbit` has it, and whether it has come to rest."""
         orbit = self._begun if asked.get("reset") else self.orbit
-        moves = [float(each) for name in ("turn", "pan") for each in asked.get(name, (0, 0))]
+        turn, pan = (tuple(map(float, asked.get(name, (0, 0)))) for name in ("turn", "pan"))
         zoom = float(asked.get("zoom", 0))
-        if all(map(math.isfinite, (*moves, zoom))):
-            orbit = orbit.turned(*moves[:2]).panned(*moves[2:]).zoomed(zoom)
+        if all(map(math.isfinite, (*turn, *pan, zoom))):
+            orbit = orbit.turned(*turn).panned(*pan).zoomed(zoom)
         with self._lock:
             self.orbit = orbit
-            self._wanted = orbit, bool(asked.get("rest"))
+            # Of several views one may rest while another waits for how it moves: it is shown that first.
+            moves = self._wanted is not None and not self._wanted[1]
+            self._wanted = orbit, bool(asked.get("rest")) and not moves
             begins, self._draws = not self._draws, True
         if begins:
             threading.Thread(target=self._draw, name="clfur.view").start()
@@ -87,7 +90,8 @@ class Drawing:
             try:
                 self._picture(*wanted)
             except Exception as error:   # told in the page: nobody sees what a thread raises
-                self._send({"error": " ".join(str(error).split()) or type(error).__name__}, None)
+                with suppress(Exception):   # but of a page that is gone: another may ask
+                    self._send({"error": " ".join(str(error).split()) or type(error).__name__}, None)
 
     def _picture(self, orbit, final):
         began, half = time.perf_counter(), self._half and not final

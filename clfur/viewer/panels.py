@@ -214,8 +214,8 @@ class Panels:
         return self.drawing.closed or self._trouble.is_deleted
 
     async def _save_scene(self):
-        state = self.document.state
-        await self._save("", lambda scene, camera: scene_file(state, camera))
+        state, seconds = self.document.state, self.document.time
+        await self._save("", lambda scene, camera: scene_file(state, camera, seconds=seconds))
 
     async def _save_strands(self, suffix):
         await self._save(f"strands{suffix}", lambda scene, camera: strand_file(scene, suffix, self.drawing.devices))

@@ -24,20 +24,22 @@ ROUNDS = 50     # in which normals are found
 PICTURES = ".png", ".exr"
 STRANDS = {".npz": "NumPy", ".usdc": "USD", ".usda": "USD as text", ".hair": "cyHair", ".tfx": "TressFX",
            ".data": "USC-HairSalon", ".ply": "PLY", ".txt": "Mitsuba", ".pbrt": "pbrt"}   # of `clfur.save_curves`
-HEAD = '''"""A scene as it was viewed: `clfur render {name}.py` draws it."""
+HEAD = '''"""A scene as it was viewed: `clfur render {name}.py` draws it.{still}"""
 
 '''
+STILL = " A still, at {:.6g} s, of a scene that is a function of seconds."
 
 
-def scene_file(state: State, camera: Camera, name: str = "scene") -> tuple[str, bytes]:
+def scene_file(state: State, camera: Camera, name: str = "scene", seconds: float = 0.0) -> tuple[str, bytes]:
     """Return (a file's name, its bytes) of a scene, its settings and its motion, seen by a camera, as Python text.
 
-    `clfur render` draws the bytes that the viewer's final picture has. What the text cannot hold, large arrays and a
-    mesh that was dropped, is beside it, all in a .zip; else it is a .py. Raises Error for what no file can say: a Comb
-    that is a function, and maps by vertex or face of a mesh that is not as its file has it.
+    Of a function of seconds it is the scene at so many, and the text says so. `clfur render` draws the bytes that the
+    viewer's final picture has. What the text cannot hold, large arrays and a mesh that was dropped, is beside it, all
+    in a .zip; else it is a .py. Raises Error for what no file can say: a Comb that is a function, and maps by vertex or
+    face of a mesh that is not as its file has it.
     """
     writer = _Writer(state.mesh_file, name)
-    text = writer.module(attrs.evolve(state.scene, camera=camera), state)
+    text = writer.module(attrs.evolve(state.at(seconds), camera=camera), state, seconds)
     compile(text, f"{name}.py", "exec")
     if not writer.beside and not writer.arrays:
         return f"{name}.py", text.encode()
@@ -84,13 +86,13 @@ class _Writer:
         np.savez_compressed(file, **arrays)
         return {**self.beside, f"{self.name}.npz": file.getvalue()}
 
-    def module(self, scene: Scene, state: State) -> str:
+    def module(self, scene: Scene, state: State, seconds: float) -> str:
         """The text of a scene file."""
         parts = [f"scene = {self.of(scene, 0)}", f"settings = {self.of(state.settings, 0)}"]
         if state.motion is not None:
             said = self._fields(state.motion, 0, lambda name, value: f'"{name}": {value}')
             parts.append(f"motion = {{{said}}}")
-        head = HEAD.format(name=self.name)
+        head = HEAD.format(name=self.name, still=STILL.format(seconds) if state.given is not None else "")
         if self.arrays or self.beside:
             head += "from pathlib import Path\n\n"
         head += ("import numpy as np\n\n" if self.arrays else "") + "import clfur\n\n"
@@ -122,7 +124,7 @@ class _Writer:
         if isinstance(value, dict):
             return f"{{{_joined([f'{key!r}: {self.of(each, deep + 1)}' for key, each in value.items()], deep)}}}"
         if isinstance(value, str):
-            return json.dumps(value, ensure_ascii=False)
+            return _quoted(value)
         if value is None or isinstance(value, (bool, int, float)):
             return repr(value)
         raise Error(f"a scene file cannot say {shown(value)}; allowed: what is no function")
@@ -156,7 +158,7 @@ class _Writer:
             self.beside[f"{self.name}-mesh{file.suffix}"] = file.data
             where = f'Path(__file__).with_name("{self.name}-mesh{file.suffix}")'
         else:
-            where = json.dumps(_absolute(file.path), ensure_ascii=False)
+            where = _quoted(_absolute(file.path))
         text = f"clfur.load_mesh({where})"
         return f"clfur.scene.upright({text})" if file.up == "z" else text
 
@@ -212,6 +214,15 @@ def _same(value, other):
 def _plain(value):
     """A list of lists as tuples."""
     return tuple(map(_plain, value)) if isinstance(value, list) else value
+
+
+def _quoted(text):
+    """A text as Python has it, escaped where it is no Unicode, as names of files may be."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return ascii(text)
+    return json.dumps(text, ensure_ascii=False)
 
 
 def _joined(texts, deep):
