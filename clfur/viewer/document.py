@@ -11,11 +11,12 @@ import numpy as np
 
 from ..errors import Error
 from ..motion.hair import HairMotion, Wind
-from ..scene import Mesh, Scene, checks
+from ..scene import Ground, Mesh, Scene, Shells, Strands, Tufts, checks
 from ..scene.origin import copied
 from ..settings import Settings
 from .changes import Path as Steps
 from .changes import changed, found
+from .coats import fitted, spread
 from .playing import Player
 
 TOGETHER = 1.0   # seconds within which changes of one path are one step of undo
@@ -68,7 +69,7 @@ class State:
 
     scene: as it is groomed. settings: of the final picture. motion: how its hair moves, or None. given: None, or a
     function of seconds that gives the scene, with changes, (path, value) of `changed`, on top. mesh_file: where its
-    mesh is from, or None.
+    mesh is from, or None. kept: {path: (a part, the mesh it was with)} of parts that were switched off.
     """
 
     scene: Scene
@@ -77,6 +78,7 @@ class State:
     given: Callable[[float], Scene] | None = None
     changes: tuple[tuple[Steps, Any], ...] = ()
     mesh_file: MeshFile | None = None
+    kept: dict[Steps, tuple[Any, Mesh | None]] = attrs.field(factory=dict)
 
     @property
     def moves(self) -> bool:
@@ -101,6 +103,15 @@ class State:
             return after
         others = [each for each in self.changes if each[0][:len(path) - 1] != path[1:]]
         return attrs.evolve(after, changes=(*others, (path[1:], value)))
+
+    def switched(self, path: Steps, on: bool, make: Callable[["State"], Any]) -> "State":
+        """Another state without the part at a path, or with it as it was, or make(state) if it has not been there."""
+        there, mesh = found(self, path), self.scene.mesh
+        if on == (there is not None):
+            return self
+        if not on:
+            return attrs.evolve(self.changed(path, None), kept={**self.kept, path: (there, mesh)})
+        return self.changed(path, _refitted(*self.kept[path], mesh) if path in self.kept else make(self))
 
 
 class Document:
@@ -176,6 +187,11 @@ class Document:
             if _same(found(self._state, path), value):
                 return False
             return self._become(self._state.changed(path, value), path)
+
+    def switch(self, path: Steps, on: bool, make: Callable[[State], Any]) -> bool:
+        """Switch the part at a path off, or on as it was, see `State.switched` -> whether it was the other way."""
+        with self._lock:
+            return self._become(self._state.switched(path, on, make), path)
 
     def change(self, scene: Scene | None = None, settings: Settings | None = None, *, step: Any = None,
                **others: Any) -> bool:
@@ -281,6 +297,22 @@ def usual_motion(scene: Scene) -> Moving:
     if scene.mesh is None or scene.fur is None:
         raise Error("nothing of this scene can move; allowed: one with a mesh and fur on it")
     return Moving(units_per_metre=4 * scene.mesh.bounds[1], wind=Wind((1.0, 0.0, 0.0), gust=1.0, size=0.3, skin=0.01))
+
+
+def _refitted(part, before, mesh):
+    """A part of a scene with one mesh for one with another, as large beside it."""
+    if before is mesh:
+        return part
+    if isinstance(part, Ground):
+        return attrs.evolve(part, height=None)
+    if before is None or mesh is None:
+        return part
+    times = mesh.bounds[1] / before.bounds[1]
+    if isinstance(part, Moving):
+        return attrs.evolve(part, units_per_metre=part.units_per_metre * times)
+    if isinstance(part, Tufts):
+        return spread(part, times)
+    return fitted((part,), before, mesh)[0] if isinstance(part, Strands | Shells) else part
 
 
 def _same(one, other):

@@ -178,8 +178,7 @@ class Panels:
         if (switch := section.switch) is not None:
             def turn(event):
                 self._open[section.title] = self._open.get(section.title, False) or bool(event.args)
-                self.do(lambda: self.document.set(switch.path, switch.make(
-                    self.document.state) if event.args else None))
+                self.do(self.document.switch, switch.path, bool(event.args), switch.make)
             ui.switch(value=switch.on).props("dense size=xs").on(
                 "update:model-value", turn, js_handler=ALONE).on(
                     "click", js_handler="(event) => event.stopPropagation()")
