@@ -151,14 +151,38 @@ def test_a_slider_is_dragged_and_what_is_wrong_is_told(page):
     until(lambda: float(number.input_value()) > 3)
     before = shown(page)
     widget(page, f"{HAIR}.length").fill("-1")
-    until(lambda: "HairType.length is -1.0; allowed" in page.locator(".panel-trouble").inner_text())
+    until(lambda: "Length: -1 is not allowed; allowed: a finite" in page.locator(".panel-trouble").inner_text())
     until(lambda: widget(page, f"{HAIR}.length").input_value() == "0.1386")   # as it is, not as it was typed
+    for path, text, line in [(f"{HAIR}.length", "", "Length: nothing is"), (f"{HAIR}.color", "red", "Colour: red is")]:
+        typed = widget(page, path, "input:not([type=color])")
+        held = typed.input_value()
+        typed.fill(text)
+        typed.press("Enter")
+        until(lambda line=line: line in page.locator(".panel-trouble").inner_text())
+        until(lambda typed=typed, held=held: typed.input_value() == held)
     assert shown(page) == before
     widget(page, f"{HAIR}.width").fill("0.004")
     until(lambda: not page.locator(".panel-trouble").is_visible())
     page.locator("[aria-label=Undo]").click()
     page.locator("[aria-label=Undo]").click()   # all of the drag was one step
     until(lambda: not page.locator("[aria-label=Undo]").is_enabled())
+
+
+def test_keys_undo_what_was_typed(page):
+    unfold(page, "Hair")
+    length, stiffness = widget(page, f"{HAIR}.length"), widget(page, f"{HAIR}.stiffness")
+    first = stiffness.input_value()
+    for field, text in (length, "0.3"), (stiffness, "2"):
+        field.fill(text)
+        field.press("Enter")
+        page.wait_for_timeout(300)
+    length.focus()
+    page.keyboard.press("Control+z")
+    until(lambda: stiffness.input_value() == first and length.input_value() == "0.3")
+    page.keyboard.press("Control+z")
+    until(lambda: length.input_value() == "0.1386")
+    page.keyboard.press("Control+Shift+z")
+    until(lambda: length.input_value() == "0.3")
 
 
 def test_parts_are_switched_and_coats_put_on(page):
