@@ -139,8 +139,8 @@ class Panels:
             ui.label(section.title).classes("section-title")
             self._switch(section)
         with expansion, ui.element("div").classes("section-body"):
-            if section.hint:
-                ui.label(section.hint).classes("hint")
+            if section.hint or (section.switch and not section.switch.on):
+                ui.label(section.hint or "Off").classes("hint")
             self._contents(section)
             if section.title == "Final picture":
                 self._frame = ui.label().classes("hint told")
@@ -208,7 +208,8 @@ class Panels:
 
 def _button(icon, hint, on_click=None):
     button = ui.button(icon=icon, on_click=on_click).props(f'flat dense round size=sm aria-label="{hint}"')
-    button.tooltip(hint)
+    with button:
+        ui.tooltip(hint).props("delay=600 :offset=[0,10]")   # for who waits: it lies over what is below
     return button
 
 
