@@ -193,6 +193,7 @@ def test_parts_are_switched_and_coats_put_on(page):
     page.locator('[data-section="Undercoat (shells)"] .q-toggle').click()
     until(lambda: not page.locator('[data-path="scene.shells.length"]').count())
     spikes = shown(page)
+    assert page.locator('[data-section="Sky"] .section-body').inner_text() == "Off"
     page.locator('[data-section="Sky"] .q-toggle').click()
     pick(page, "scene.environment.sky.0", "#ff00ff")
     assert len({first, spikes, shown(page)}) == 3
@@ -218,6 +219,11 @@ def test_what_is_saved_draws_the_same_bytes(page, tmp_path):
     with pytest.raises(SystemExit, match="0"):
         main(["render", str(tmp_path / name), "-o", str(tmp_path / "a.png")])
     assert (tmp_path / "a.png").read_bytes() == there
+    for visible in (False, True):   # it is off, and then as it was
+        widget(page, f"{HAIR}.tip_color", ".q-checkbox").click()
+        picker = page.locator(f'[data-path="{HAIR}.tip_color"] input[type=color]')
+        until(lambda picker=picker, visible=visible: picker.is_visible() == visible)
+    assert shown(page) == there
     page.wait_for_timeout(300)
     assert saved(page, "Picture .png") == ("clfur.png", there)
     page.wait_for_timeout(300)
@@ -274,6 +280,7 @@ def test_two_windows_show_the_same_and_hair_moves_in_both(page, context, served)
     drawn = page.evaluate("clfur.drawn")
     page.locator("[aria-label='Play or pause']").click()
     until(lambda: page.evaluate("clfur.drawn") > drawn + 5 and not page.evaluate("clfur.header.final"))
+    assert " a second" in page.locator(".status").inner_text()
     other.locator("[aria-label='Play or pause']").click()   # holds it
     held = shown(page)
     other.locator("[aria-label='Back to rest']").click()

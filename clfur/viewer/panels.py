@@ -209,7 +209,7 @@ class Panels:
 def _button(icon, hint, on_click=None):
     button = ui.button(icon=icon, on_click=on_click).props(f'flat dense round size=sm aria-label="{hint}"')
     with button:
-        ui.tooltip(hint).props("delay=600 :offset=[0,10]")   # for who waits: it lies over what is below
+        ui.tooltip(hint).props("delay=600")   # for who waits: it lies over what is below
     return button
 
 

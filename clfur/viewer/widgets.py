@@ -25,6 +25,7 @@ class Row:
         self.field, self._put, self._say = field, put, say
         self._on: ui.checkbox | None = None
         self._shown: Any = ()
+        self._last: Any = None   # when it was switched off
         with ui.element("div").classes("field").props(f'data-path="{".".join(map(str, field.path))}"'):
             with ui.element("div").classes("field-label"):
                 if field.given is not None:
@@ -48,7 +49,10 @@ class Row:
             self._show(value)
 
     def _switch(self, event):
-        self._put(self.field, switch_on(self.field) if event.args else None)
+        if not event.args:
+            self._last = self._shown
+        before = switch_on(self.field) if self._last is None else self._last
+        self._put(self.field, before if event.args else None)
 
     def _chosen(self, value):
         self._shown = value
