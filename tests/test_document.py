@@ -13,6 +13,7 @@ from clfur.viewer.document import TOGETHER, Document, MeshFile, Moving
 from clfur.viewer.playing import LONGEST
 
 LENGTH = "scene", "strands", "types", 0, "length"
+STRANDS = "scene", "strands"
 COLOR = "scene", "strands", "types", 0, "color"
 SHELLS = clfur.Shells(length=.05, hairs=100)
 
@@ -123,6 +124,49 @@ def test_a_slider_that_is_dragged_is_one_step(document, clock):
     clock.now += 2 * TOGETHER
     document.set(LENGTH, .6)
     assert document.undo() and document.scene.strands.types[0].length == .5
+
+
+def test_a_part_that_is_switched_off_comes_back_as_it_was(document, clock):
+    def never(state):
+        raise AssertionError("made anew")
+    parts = {("scene", "strands"): document.scene.strands, ("scene", "shells"): SHELLS,
+             ("scene", "environment"): clfur.Environment((.1, .2, .3)), ("scene", "ground"): clfur.Ground(height=-2.0),
+             ("motion",): Moving(units_per_metre=3.0), (*LENGTH[:-1], "tufts"): clfur.Tufts(density=8.0)}
+    for path, part in parts.items():
+        document.set(path, part)
+    for path in parts:   # hair, with its tufts, is back when these are switched
+        part = found(document.state, path)
+        for on in (False, False, True, True):
+            clock.now += 2 * TOGETHER
+            document.switch(path, on, never)
+            assert found(document.state, path) is (part if on else None)
+    document.set(LENGTH, .5)
+    document.switch(STRANDS, False, never)
+    clock.now += 2 * TOGETHER
+    document.switch(STRANDS, True, never)
+    document.set(LENGTH, .6)
+    document.switch(STRANDS, False, never)
+    assert document.undo() and document.undo() and document.undo() and document.scene.strands is None
+    assert document.switch(STRANDS, True, never) and document.scene.strands.types[0].length == .5
+
+
+def test_a_part_that_is_switched_on_is_as_large_beside_another_mesh(document):
+    document.set(("scene", "shells"), SHELLS)
+    document.set(("scene", "ground"), clfur.Ground(height=-2.0))
+    document.set(("motion",), Moving(units_per_metre=3.0))
+    tufts = *LENGTH[:-1], "tufts"
+    document.set(tufts, clfur.Tufts(density=8.0))
+    order = [tufts, ("scene", "shells"), ("scene", "ground"), ("motion",)]
+    for path in order:
+        document.switch(path, False, None)
+    mesh = document.scene.mesh
+    twice = clfur.Mesh(2 * mesh.positions, mesh.normals, mesh.uv, mesh.faces)
+    document.change(scene=attrs.evolve(document.scene, mesh=twice))
+    for path in order:
+        document.switch(path, True, None)
+    scene = document.scene
+    assert scene.shells.length == pytest.approx(.1) and scene.strands.types[0].tufts.density == pytest.approx(2)
+    assert scene.ground.height is None and document.state.motion.units_per_metre == pytest.approx(6)
 
 
 def test_large_arrays_are_the_very_same_after_a_change():

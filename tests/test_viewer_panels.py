@@ -151,14 +151,38 @@ def test_a_slider_is_dragged_and_what_is_wrong_is_told(page):
     until(lambda: float(number.input_value()) > 3)
     before = shown(page)
     widget(page, f"{HAIR}.length").fill("-1")
-    until(lambda: "HairType.length is -1.0; allowed" in page.locator(".panel-trouble").inner_text())
+    until(lambda: "Length: -1 is not allowed; allowed: a finite" in page.locator(".panel-trouble").inner_text())
     until(lambda: widget(page, f"{HAIR}.length").input_value() == "0.1386")   # as it is, not as it was typed
+    for path, text, line in [(f"{HAIR}.length", "", "Length: nothing is"), (f"{HAIR}.color", "red", "Colour: red is")]:
+        typed = widget(page, path, "input:not([type=color])")
+        held = typed.input_value()
+        typed.fill(text)
+        typed.press("Enter")
+        until(lambda line=line: line in page.locator(".panel-trouble").inner_text())
+        until(lambda typed=typed, held=held: typed.input_value() == held)
     assert shown(page) == before
     widget(page, f"{HAIR}.width").fill("0.004")
     until(lambda: not page.locator(".panel-trouble").is_visible())
     page.locator("[aria-label=Undo]").click()
     page.locator("[aria-label=Undo]").click()   # all of the drag was one step
     until(lambda: not page.locator("[aria-label=Undo]").is_enabled())
+
+
+def test_keys_undo_what_was_typed(page):
+    unfold(page, "Hair")
+    length, stiffness = widget(page, f"{HAIR}.length"), widget(page, f"{HAIR}.stiffness")
+    first = stiffness.input_value()
+    for field, text in (length, "0.3"), (stiffness, "2"):
+        field.fill(text)
+        field.press("Enter")
+        page.wait_for_timeout(300)
+    length.focus()
+    page.keyboard.press("Control+z")
+    until(lambda: stiffness.input_value() == first and length.input_value() == "0.3")
+    page.keyboard.press("Control+z")
+    until(lambda: length.input_value() == "0.1386")
+    page.keyboard.press("Control+Shift+z")
+    until(lambda: length.input_value() == "0.3")
 
 
 def test_parts_are_switched_and_coats_put_on(page):
@@ -169,6 +193,7 @@ def test_parts_are_switched_and_coats_put_on(page):
     page.locator('[data-section="Undercoat (shells)"] .q-toggle').click()
     until(lambda: not page.locator('[data-path="scene.shells.length"]').count())
     spikes = shown(page)
+    assert page.locator('[data-section="Sky"] .section-body').inner_text() == "Off"
     page.locator('[data-section="Sky"] .q-toggle').click()
     pick(page, "scene.environment.sky.0", "#ff00ff")
     assert len({first, spikes, shown(page)}) == 3
@@ -194,6 +219,11 @@ def test_what_is_saved_draws_the_same_bytes(page, tmp_path):
     with pytest.raises(SystemExit, match="0"):
         main(["render", str(tmp_path / name), "-o", str(tmp_path / "a.png")])
     assert (tmp_path / "a.png").read_bytes() == there
+    for visible in (False, True):   # it is off, and then as it was
+        widget(page, f"{HAIR}.tip_color", ".q-checkbox").click()
+        picker = page.locator(f'[data-path="{HAIR}.tip_color"] input[type=color]')
+        until(lambda picker=picker, visible=visible: picker.is_visible() == visible)
+    assert shown(page) == there
     page.wait_for_timeout(300)
     assert saved(page, "Picture .png") == ("clfur.png", there)
     page.wait_for_timeout(300)
@@ -250,6 +280,7 @@ def test_two_windows_show_the_same_and_hair_moves_in_both(page, context, served)
     drawn = page.evaluate("clfur.drawn")
     page.locator("[aria-label='Play or pause']").click()
     until(lambda: page.evaluate("clfur.drawn") > drawn + 5 and not page.evaluate("clfur.header.final"))
+    assert " a second" in page.locator(".status").inner_text()
     other.locator("[aria-label='Play or pause']").click()   # holds it
     held = shown(page)
     other.locator("[aria-label='Back to rest']").click()

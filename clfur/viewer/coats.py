@@ -95,15 +95,15 @@ def scaled(kind: HairType, times: float) -> HairType:
     """Return a hair type so many times as large."""
     fields: dict[str, Any] = {name: getattr(kind, name) and getattr(kind, name) * times for name in LENGTHS}
     fields |= {name: (getattr(kind, name)[0] * times, getattr(kind, name)[1]) for name in ("curl", "wave", "frizz")}
-    return attrs.evolve(kind, tufts=_spread(kind.tufts, times), **fields)
+    return attrs.evolve(kind, tufts=spread(kind.tufts, times), **fields)
 
 
-def _spread(tufts, times):
-    """Tufts by density, as many on a mesh so many times as large."""
+def spread(tufts: Tufts | None, times: float) -> Tufts | None:
+    """Return tufts by density, as many on a mesh so many times as large."""
     if tufts is None:
         return None
     density = None if tufts.density is None else tufts.density / times**2
-    return attrs.evolve(tufts, density=density, within=_spread(tufts.within, times))
+    return attrs.evolve(tufts, density=density, within=spread(tufts.within, times))
 
 
 def _fitted_strands(strands, times, mesh):

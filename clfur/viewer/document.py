@@ -12,11 +12,12 @@ import numpy as np
 
 from ..errors import Error
 from ..motion.hair import HairMotion, Wind
-from ..scene import Mesh, Scene, checks
+from ..scene import Ground, Mesh, Scene, Shells, Strands, Tufts, checks
 from ..scene.origin import copied
 from ..settings import Settings
 from .changes import Path as Steps
 from .changes import changed, found
+from .coats import fitted, spread
 from .playing import Player
 
 TOGETHER = 1.0   # seconds within which changes of one path are one step of undo
@@ -70,7 +71,7 @@ class State:
 
     scene: as it is groomed. settings: of the final picture. motion: how its hair moves, or None. given: None, or a
     function of seconds that gives the scene, with changes, (path, value) of `changed`, on top. mesh_file: where its
-    mesh is from, or None.
+    mesh is from, or None. kept: {path: (a part, the mesh it was with)} of parts that were switched off.
     """
 
     scene: Scene
@@ -79,6 +80,7 @@ class State:
     given: Callable[[float], Scene] | None = None
     changes: tuple[tuple[Steps, Any], ...] = ()
     mesh_file: MeshFile | None = None
+    kept: dict[Steps, tuple[Any, Mesh | None]] = attrs.field(factory=dict)
 
     @property
     def moves(self) -> bool:
@@ -103,6 +105,15 @@ class State:
             return after
         others = [each for each in self.changes if each[0][:len(path) - 1] != path[1:]]
         return attrs.evolve(after, changes=(*others, (path[1:], value)))
+
+    def switched(self, path: Steps, on: bool, make: Callable[["State"], Any]) -> "State":
+        """Another state without the part at a path, or with it as it was, or make(state) if it has not been there."""
+        there, mesh = found(self, path), self.scene.mesh
+        if on == (there is not None):
+            return self
+        if not on:
+            return attrs.evolve(self.changed(path, None), kept={**self.kept, path: (there, mesh)})
+        return self.changed(path, _refitted(*self.kept[path], mesh) if path in self.kept else make(self))
 
 
 class Document:
@@ -179,6 +190,11 @@ class Document:
             if _same(found(self._state, path), value):
                 return False
             return self._become(self._state.changed(path, value), path)
+
+    def switch(self, path: Steps, on: bool, make: Callable[[State], Any]) -> bool:
+        """Switch the part at a path off, or on as it was, see `State.switched` -> whether it was the other way."""
+        with self._lock:
+            return self._become(self._state.switched(path, on, make), path)
 
     def change(self, scene: Scene | None = None, settings: Settings | None = None, *, step: Any = None,
                **others: Any) -> bool:
@@ -316,6 +332,22 @@ def _bytes(value, seen):
         return sum(_bytes(getattr(value, field.name), seen) for field in attrs.fields(type(value)))
     inner = value.values() if isinstance(value, dict) else value if isinstance(value, (tuple, list)) else ()
     return sum(_bytes(each, seen) for each in inner)
+
+
+def _refitted(part, before, mesh):
+    """A part of a scene with one mesh for one with another, as large beside it."""
+    if before is mesh:
+        return part
+    if isinstance(part, Ground):
+        return attrs.evolve(part, height=None)
+    if before is None or mesh is None:
+        return part
+    times = mesh.bounds[1] / before.bounds[1]
+    if isinstance(part, Moving):
+        return attrs.evolve(part, units_per_metre=part.units_per_metre * times)
+    if isinstance(part, Tufts):
+        return spread(part, times)
+    return fitted((part,), before, mesh)[0] if isinstance(part, Strands | Shells) else part
 
 
 def _same(one, other):

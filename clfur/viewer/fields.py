@@ -1,6 +1,7 @@
 """What a person can turn: one table of fields for each class, with ranges that go with the size of the mesh."""
 
 import math
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -61,6 +62,14 @@ class Field:
         else:
             number = self.low + (self.high - self.low) * (share ** CURVE if self.curve == "fine" else share)
         return round(number) if self.kind == "whole" else float(f"{number:.3g}")
+
+
+def refused(field: Field, line: str) -> str:
+    """Return an Error's line by the label of a field that was refused: "Length: -1 is not allowed; allowed: ..."."""
+    names = [step for step in field.path if isinstance(step, str)]
+    told = re.fullmatch(rf"\w+\.{names[-1]} is (.*?); allowed: (.*)", line, re.DOTALL)
+    return f"{field.label}: {told[1].removesuffix('.0')} is not allowed; allowed: {told[2]}" if told else (
+        f"{field.label}: {line}")
 
 
 def hex_of(color: Any) -> str:

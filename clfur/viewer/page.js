@@ -5,8 +5,14 @@
   const DENSEST = 2;        // device pixels a CSS pixel at most
   const WHEEL = 100;        // pixels of scrolling that are one step of zoom
   const AGAIN = 700;        // milliseconds between tries to reach the server
-  const RECENT = 1000;      // milliseconds whose pictures are counted
+  const RECENT = 1000;      // milliseconds whose pictures are counted,
+  const FEWEST = 4;         // or so many pictures, of
+  const LONG = 8000;        // so many milliseconds
   const UNKNOWN = 4404;     // how the server closes the socket of a page that it does not know
+
+  const HELP = [
+    "drag: turn", "Shift or right button and drag: pan", "wheel: zoom", "double click: back to the first view",
+    "drop a file: a mesh, a type map, strands, a sky", "Ctrl-Z: undo"].join("\n");
 
   const view = window.clfur = { drawn: 0, header: null, bytes: null, told: 0 };   // what was drawn, for who looks
   let stage, canvas, context, status, trouble, socket, opened = false;
@@ -22,6 +28,11 @@
     context = canvas.getContext("2d");
     status = add("div", "status");
     trouble = add("div", "trouble");
+    const help = add("button", "help");
+    help.textContent = "?";
+    help.setAttribute("aria-label", "Mouse and keys");
+    help.appendChild(Object.assign(document.createElement("span"), { textContent: HELP }));
+    for (const event of ["pointerdown", "dblclick"]) help.addEventListener(event, (each) => each.stopPropagation());
     trouble.setAttribute("role", "alert");
     stage.tabIndex = 0;
     stage.addEventListener("pointerdown", press);
@@ -177,13 +188,14 @@
   function count(header) {
     const now = performance.now();
     if (header.final) recent.length = 0; else recent.push(now);
-    while (recent.length && recent[0] < now - RECENT) recent.shift();
+    while (recent.length && recent[0] < now - (recent.length > FEWEST ? RECENT : LONG)) recent.shift();
     const parts = [header.size.join(" × ")];
     if (header.final) {
       parts.push(`${header.seconds.toFixed(2)} s`);
       status.classList.remove("drawing");
     } else if (recent.length > 2) {
-      parts.push(`${((recent.length - 1) * 1000 / (now - recent[0])).toFixed(0)} a second`);
+      const rate = (recent.length - 1) * 1000 / (now - recent[0]);
+      parts.push(`${rate.toFixed(rate < 9.5 ? 1 : 0)} a second`);
     }
     if (header.strands) parts.push(`${header.strands.toLocaleString("en")} strands`);
     parts.push(header.settings, header.device);

@@ -3,7 +3,8 @@
 (() => {
   const LARGEST = MOST;      // bytes of a file
   const SEEN = 6000;         // milliseconds that a line of what was done stays
-  let over = 0, shade, said, chooser, wiped;
+  const TAKEN = 1000;        // milliseconds after which what was typed is taken, see widgets.py
+  let over = 0, shade, said, chooser, wiped, typed = -TAKEN;
 
   function start() {
     shade = add("drop-here");
@@ -16,6 +17,9 @@
     document.addEventListener("click", (event) => {
       if (event.target.closest && event.target.closest("[data-open-file]")) chooser.click();
     });
+    document.addEventListener("input", (event) => { if (field(event)) typed = performance.now(); });
+    for (const end of ["change", "focusout"]) document.addEventListener(end, () => { typed = -TAKEN; });
+    window.addEventListener("keydown", key);
     window.addEventListener("dragenter", (event) => count(event, 1));
     window.addEventListener("dragleave", (event) => count(event, -1));
     window.addEventListener("dragover", (event) => event.preventDefault());
@@ -29,6 +33,22 @@
 
   function add(name) {
     return document.body.appendChild(Object.assign(document.createElement("div"), { className: name }));
+  }
+
+  // The field that an event is of, if it holds text.
+  function field(event) {
+    return event.target.closest && event.target.closest("input:not([type=color], [type=file], [type=range]), textarea");
+  }
+
+  // Enter takes what was typed.  Ctrl-Z, and with Shift or as Ctrl-Y the other way; text that is not yet taken has its own.
+  function key(event) {
+    const name = event.key.toLowerCase(), text = field(event);
+    if (name === "enter" && text) text.blur();
+    if (!(event.ctrlKey || event.metaKey) || event.altKey || (name !== "z" && name !== "y")) return;
+    if (text && performance.now() - typed < TAKEN) return;
+    event.preventDefault();
+    if (text) text.blur();
+    document.querySelector(`[aria-label="${event.shiftKey || name === "y" ? "Redo" : "Undo"}"]`).click();
   }
 
   function count(event, by) {

@@ -13,7 +13,7 @@ from ..errors import Error, Stopped
 from ..scene.origin import copied
 from .drawing import Drawing
 from .dropped import ALLOWED, MOST
-from .fields import Field
+from .fields import Field, refused
 from .saving import PICTURES, STRANDS, picture_file, scene_file, strand_file
 from .sections import Section, put, sections, value_of
 from .widgets import ALONE, ROWS, Row
@@ -50,7 +50,6 @@ class Panels:
         self._body = ui.element("div").classes("panel-body")
         self.refresh()
         ui.timer(OFTEN, self.refresh)
-        ui.keyboard(self._key, repeating=False, ignore=["input", "textarea"])
 
     def refresh(self) -> None:
         """Show what the document has now."""
@@ -74,12 +73,12 @@ class Panels:
         self._trouble.set_text(line)
         self._trouble.set_visibility(bool(line))
 
-    def do(self, action: Any, *given: Any) -> bool:
-        """Call action(*given) -> whether it could be done; what a person got wrong becomes a line."""
+    def do(self, action: Any, *given: Any, field: Field | None = None) -> bool:
+        """Call action(*given) -> whether it could be done; what a person got wrong, of a field, becomes a line."""
         try:
             action(*given)
         except Error as error:
-            self.say(str(error))
+            self.say(str(error) if field is None else refused(field, str(error)))
             return False
         except LookupError:   # another window has taken it away just now
             self.say("it is not there any more")
@@ -90,16 +89,9 @@ class Panels:
 
     def _put(self, field: Field, value: Any) -> None:
         """Set a field to what a person has chosen; what is refused is shown no longer."""
-        if not self.do(put, field, self.document, value):
+        if not self.do(put, field, self.document, value, field=field):
             with self._body:   # NiceGUI hears of what was chosen after this
                 ui.timer(SOON, lambda: self._show(self.document.state), once=True)
-
-    def _key(self, event):
-        """Ctrl-Z, and with shift or as Ctrl-Y the other way."""
-        held = event.modifiers
-        if event.action.keydown and (held.ctrl or held.meta) and event.key.name.lower() in ("z", "y"):
-            again = held.shift or event.key.name.lower() == "y"
-            self.do(self.document.redo if again else self.document.undo)
 
     # The bar on top ---------------------------------------------------------------------------------------------
 
@@ -147,8 +139,8 @@ class Panels:
             ui.label(section.title).classes("section-title")
             self._switch(section)
         with expansion, ui.element("div").classes("section-body"):
-            if section.hint:
-                ui.label(section.hint).classes("hint")
+            if section.hint or (section.switch and not section.switch.on):
+                ui.label(section.hint or "Off").classes("hint")
             self._contents(section)
             if section.title == "Final picture":
                 self._frame = ui.label().classes("hint told")
@@ -156,7 +148,7 @@ class Panels:
 
     def _contents(self, section):
         for field in section.fields:
-            self._rows.append(ROWS[field.kind](field, self._put))
+            self._rows.append(ROWS[field.kind](field, self._put, self.say))
         for inner in section.inner:
             with ui.element("div").classes("inner").props(f'data-section="{inner.title}"'):
                 with ui.element("div").classes("inner-head"):
@@ -178,8 +170,7 @@ class Panels:
         if (switch := section.switch) is not None:
             def turn(event):
                 self._open[section.title] = self._open.get(section.title, False) or bool(event.args)
-                self.do(lambda: self.document.set(switch.path, switch.make(
-                    self.document.state) if event.args else None))
+                self.do(self.document.switch, switch.path, bool(event.args), switch.make)
             ui.switch(value=switch.on).props("dense size=xs").on(
                 "update:model-value", turn, js_handler=ALONE).on(
                     "click", js_handler="(event) => event.stopPropagation()")
@@ -223,7 +214,8 @@ class Panels:
 
 def _button(icon, hint, on_click=None):
     button = ui.button(icon=icon, on_click=on_click).props(f'flat dense round size=sm aria-label="{hint}"')
-    button.tooltip(hint)
+    with button:
+        ui.tooltip(hint).props("delay=600")   # for who waits: it lies over what is below
     return button
 
 

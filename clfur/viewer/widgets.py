@@ -1,6 +1,7 @@
 """Widgets of fields: each shows the value that a document has, and puts what a person chooses there."""
 
 import math
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -15,12 +16,16 @@ ALONE = "(value) => emit(value)"   # of what a switch emits: else the mouse's ev
 
 
 class Row:
-    """The widgets of one field; `show` shows a value, put(field, value) is called with what a person has chosen."""
+    """The widgets of one field; `show` shows a value, put(field, value) is called with what a person has chosen.
 
-    def __init__(self, field: Field, put: Callable[[Field, Any], None]) -> None:
-        self.field, self._put = field, put
+    say: takes a line of what a person has typed that is no value.
+    """
+
+    def __init__(self, field: Field, put: Callable[[Field, Any], None], say: Callable[[str], None]) -> None:
+        self.field, self._put, self._say = field, put, say
         self._on: ui.checkbox | None = None
         self._shown: Any = ()
+        self._last: Any = None   # when it was switched off
         with ui.element("div").classes("field").props(f'data-path="{".".join(map(str, field.path))}"'):
             with ui.element("div").classes("field-label"):
                 if field.given is not None:
@@ -44,11 +49,32 @@ class Row:
             self._show(value)
 
     def _switch(self, event):
-        self._put(self.field, switch_on(self.field) if event.args else None)
+        if not event.args:
+            self._last = self._shown
+        before = switch_on(self.field) if self._last is None else self._last
+        self._put(self.field, before if event.args else None)
 
     def _chosen(self, value):
         self._shown = value
         self._put(self.field, value)
+
+    def _input(self, kind, put, reads, allowed):
+        """An input that calls put(reads(text)) some time after a text was typed, or when it is left; then a text of
+        which reads makes None is told, and what holds is there again."""
+        def typed(event):
+            if (value := reads(event.args)) is not None:
+                put(value)
+
+        def left():
+            if reads(text := entry.value) is None:
+                self._say(f"{self.field.label}: {text or 'nothing'} is not allowed; allowed: {allowed}")
+                self._show(self._shown)
+        entry = ui.input().props(f"dense borderless debounce={TYPED}").classes(kind)
+        # Unlike update:value, this comes of what is typed alone.
+        return entry.on("update:model-value", typed).on("blur", left, args=[])
+
+    def _number(self, put):
+        return self._input("number", put, _read, "a number").props("type=number step=any")
 
     def _build(self) -> None:
         raise NotImplementedError
@@ -63,16 +89,16 @@ class Number(Row):
     def _build(self):
         self._slider = ui.slider(min=0, max=1, step=0.001).props("dense").on(
             "update:model-value", self._slid, throttle=OFTEN)
-        self._number = _number(self._typed)
+        self._entry = self._number(self._typed)
         ui.label(self.field.unit).classes("unit")
 
     def _show(self, value):
         self._slider.set_value(self.field.share(value))
-        self._number.set_value(_text(value))
+        self._entry.set_value(_text(value))
 
     def _slid(self, event):
         value = self.field.value(float(event.args))
-        self._number.set_value(_text(value))
+        self._entry.set_value(_text(value))
         self._chosen(value)
 
     def _typed(self, value):
@@ -85,7 +111,7 @@ class Vector(Row):
 
     def _build(self):
         self._value.classes("triple")
-        self._numbers = [_number(lambda value, n=n: self._typed(n, value)).props(f"prefix={axis}")
+        self._numbers = [self._number(lambda value, n=n: self._typed(n, value)).props(f"prefix={axis}")
                          for n, axis in enumerate("xyz")]
         ui.label(self.field.unit).classes("unit")
 
@@ -109,7 +135,7 @@ class From(Row):
             with ui.element("div").classes("field-value"):
                 slider = ui.slider(min=low, max=high, step=1).props("dense").on(
                     "update:model-value", lambda event, n=n: self._turned(n, float(event.args)), throttle=OFTEN)
-                number = _number(lambda value, n=n: self._turned(n, value)).props(f'aria-label="{name}"')
+                number = self._number(lambda value, n=n: self._turned(n, value)).props(f'aria-label="{name}"')
                 ui.label(f"° {name}").classes("unit")
                 self._sliders.append((slider, number))
 
@@ -130,20 +156,17 @@ class Color(Row):
 
     def _build(self):
         self._picker = ui.element("input").props("type=color").on(
-            "input", lambda event: self._picked(event.args), js_handler="(event) => emit(event.target.value)",
+            "input", lambda event: self._picked(str(event.args)), js_handler="(event) => emit(event.target.value)",
             throttle=OFTEN)
-        self._hex = ui.input().props(f"dense borderless maxlength=7 debounce={TYPED}").classes("hex").on(
-            "update:model-value", lambda event: self._picked(event.args))
+        self._hex = self._input("hex", self._picked, _hex, "#rrggbb").props("maxlength=7")
 
     def _show(self, value):
         self._picker.props(f"value={value}")
         self._hex.set_value(value)
 
     def _picked(self, text):
-        if isinstance(text, str) and len(text.strip().removeprefix("#")) == 6:
-            self._hex.set_value(text)
-            self._picker.props(f"value={text}")
-            self._chosen(text)
+        self._show(text)
+        self._chosen(text)
 
 
 class Choice(Row):
@@ -182,17 +205,19 @@ ROWS: dict[str, type[Row]] = {"number": Number, "whole": Number, "color": Color,
                               "choice": Choice, "look": Choice, "preset": Choice, "flag": Flag}
 
 
-def _number(put):
-    """An input that calls put(number) some time after a number was typed."""
-    def typed(event):
-        try:
-            value = float(event.args)
-        except (TypeError, ValueError):   # half of a number
-            return
-        if math.isfinite(value):
-            put(value)
-    return ui.input().props(f"type=number step=any dense borderless debounce={TYPED}").classes("number").on(
-        "update:model-value", typed)   # which, unlike update:value, comes of what is typed alone
+def _read(text):
+    """The number that a text is, or None, also of half of one."""
+    try:
+        value = float(text)
+    except (TypeError, ValueError):
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _hex(text):
+    """The colour that a text is, as pickers have it, or None."""
+    digits = re.fullmatch(r"\s*#?([0-9a-fA-F]{6})\s*", text or "")
+    return f"#{digits[1].lower()}" if digits else None
 
 
 def _text(value):
