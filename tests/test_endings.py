@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from support.command import wrong
@@ -260,6 +261,16 @@ def test_a_driver_puts_no_handler_before_pythons(mine):
             "assert before[1] == after[1], (before, after)\n"
             + "assert before[0] == after[0] and signal.getsignal(15) is mine, (before, after)\n" * mine)
     subprocess.run([sys.executable, "-c", code], check=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
+
+
+def test_what_nobody_catches_is_told_but_of_signals(monkeypatch):
+    """Python tells of a signal that came just before it was ignored; all else that nobody catches is told as ever."""
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    race = OSError(f"Signal {int(signal.SIGINT)} ignored due to race condition")
+    lost = [SimpleNamespace(exc_type=type(error), exc_value=error) for error in (race, endings.Ended(), OSError("lost"))]
+    endings.run(lambda: [sys.unraisablehook(each) for each in lost])
+    assert told == lost[2:] and sys.unraisablehook == told.append
 
 
 def test_a_hail_of_signals(tmp_path):

@@ -50,7 +50,7 @@ def run(command):
     # Started before a signal can be heard: no handler needs anything that another signal could find half begun.
     again = threading.Thread(target=_raise_again, args=(ear, done), daemon=True)
     again.start()
-    sys.unraisablehook = lambda lost: None if lost.exc_type is Ended else hook(lost)
+    sys.unraisablehook = lambda lost: None if _is_of_signals(lost) else hook(lost)
     with suppress(ValueError):   # not the main thread, which alone hears signals
         signal.set_wakeup_fd(mouth.fileno(), warn_on_full_buffer=False)
     try:
@@ -67,9 +67,9 @@ def run(command):
         mouth.close()
         again.join()
         ear.close()
-        sys.unraisablehook = hook
         for number, handler in before.items():   # Python's own end would let a late one end the process otherwise
             signal.signal(number, signal.SIG_IGN if _heard and handler is _leave else handler)
+        sys.unraisablehook = hook
 
 
 def say():
@@ -95,6 +95,11 @@ def _raise(number, over):
         return
     _heard.append(number)
     raise Ended
+
+
+def _is_of_signals(lost):
+    """Whether what nobody caught is `Ended`, or Python's word for a signal that came just before it was ignored."""
+    return lost.exc_type is Ended or (lost.exc_type is OSError and "ignored due to race" in str(lost.exc_value))
 
 
 def _is_raised(error):
