@@ -268,7 +268,7 @@ def test_what_nobody_catches_is_told_but_of_signals(monkeypatch):
     told = []
     monkeypatch.setattr(sys, "unraisablehook", told.append)
     race = OSError(f"Signal {int(signal.SIGINT)} ignored due to race condition")
-    lost = [SimpleNamespace(exc_type=type(error), exc_value=error) for error in (race, endings.Ended(), OSError("lost"))]
+    lost = [SimpleNamespace(exc_type=type(each), exc_value=each) for each in (race, endings.Ended(), OSError("lost"))]
     endings.run(lambda: [sys.unraisablehook(each) for each in lost])
     assert told == lost[2:] and sys.unraisablehook == told.append
 
