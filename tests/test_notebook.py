@@ -5,7 +5,6 @@ import dataclasses
 import io
 import os
 import queue
-import shutil
 import sys
 import threading
 import time
@@ -18,6 +17,7 @@ import nbformat
 import numpy as np
 import pytest
 from PIL import Image
+from support.browser import chromium
 
 import clfur
 from clfur.errors import brief
@@ -313,14 +313,8 @@ def test_reprs_say_what_is_not_by_default():
 @pytest.fixture
 def page():
     """A page in a real Chromium, without a window."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="NOT TRIED IN A BROWSER: there is no playwright")
-    program = shutil.which("chromium") or shutil.which("chromium-browser")
-    if not program:
-        pytest.skip("NOT TRIED IN A BROWSER: there is no chromium")
-    with playwright.sync_playwright() as runs:
-        browser = runs.chromium.launch(executable_path=program, args=["--no-sandbox"])
+    with chromium() as browser:
         yield browser.new_page()
-        browser.close()
 
 
 MODEL = """source => import(URL.createObjectURL(new Blob([source], {type: "text/javascript"}))).then((module) => {

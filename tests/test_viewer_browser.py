@@ -10,13 +10,12 @@ import attrs
 import numpy as np
 import pytest
 from PIL import Image
-from support.browser import WAIT, after, find, opened, serving, settled
+from support.browser import WAIT, after, chromium, opened, serving, settled
 
 import clfur
 from clfur.viewer.orbit import Orbit
 
 pytest.importorskip("nicegui", reason='clfur view needs pip install "clfur[view]"')
-library = pytest.importorskip("playwright.sync_api", reason="NO BROWSER IS DRIVEN: playwright is not installed")
 
 SMALL = {"width": 320, "height": 240}
 SCENE = """
@@ -28,15 +27,10 @@ settings = clfur.Settings(samples=16, masks=4)
 """
 
 
-@pytest.fixture(scope="module")
-def chromium():
-    with library.sync_playwright() as playwright:
-        path = find(playwright)
-        if path is None:
-            pytest.skip("NO BROWSER IS DRIVEN: there is no Chromium; your system has one, or `playwright install`")
-        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+@pytest.fixture(scope="module", name="chromium")
+def _chromium():
+    with chromium() as browser:
         yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")

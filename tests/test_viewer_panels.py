@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from support.browser import WAIT, find, serving, until
+from support.browser import WAIT, chromium, serving, until
 
 from clfur.command.main import main
 
 pytest.importorskip("nicegui", reason='clfur view needs pip install "clfur[view]"')
-library = pytest.importorskip("playwright.sync_api", reason="NO BROWSER IS DRIVEN: playwright is not installed")
 
 OBJ = b"v -1 -1 0\nv 1 -1 0\nv 1 1 0.5\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n"
 HAIR = "scene.strands.types.0"
@@ -27,15 +26,10 @@ DROP = """([name, data, size]) => {
 }"""
 
 
-@pytest.fixture(scope="module")
-def chromium():
-    with library.sync_playwright() as playwright:
-        path = find(playwright)
-        if path is None:
-            pytest.skip("NO BROWSER IS DRIVEN: there is no Chromium")
-        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+@pytest.fixture(scope="module", name="chromium")
+def _chromium():
+    with chromium() as browser:
         yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")

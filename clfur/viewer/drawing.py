@@ -39,7 +39,7 @@ class Drawing:
         self._document_changed = 0.0
         self.closed = False
         self._works: deque[tuple[Future, Callable[[], Any]]] = deque()
-        self._pace, self._paced = Pace(4), None   # the settings that it is of
+        self._pace = Pace(4)
         self._coder = ThreadPoolExecutor(1, "coding")
         self._thread = threading.Thread(target=self._run, name="drawing", daemon=True)
         self._end = document.subscribe(self._on_change)
@@ -205,7 +205,7 @@ class Drawing:
         if final:
             link.tell({"drawing": number})
         else:
-            settings, divided = self._way(settings)
+            settings, divided = ways(settings)[self._pace.step]
         width, height = orbit.size
         pictured = orbit.resized(((width + divided - 1) // divided, (height + divided - 1) // divided))
 
@@ -226,12 +226,6 @@ class Drawing:
         self._coder.submit(self._code, window, link, frame.images["color"], header, state)
         if final:
             window.told = told(frame, scene)
-
-    def _way(self, settings):
-        """(Settings, by what to divide the size) of a moving picture."""
-        if self._paced != settings:   # of others, times tell nothing
-            self._paced = settings
-        return ways(settings)[self._pace.step]
 
     def _is_late(self, window, link, state):
         """Whether nobody waits for the final picture of a state any more, or another window moves."""

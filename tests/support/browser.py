@@ -11,6 +11,8 @@ import time
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
+import pytest
+
 NAMES = "chromium", "chromium-browser", "google-chrome-stable", "google-chrome", "chrome"
 WAIT = 20_000    # milliseconds
 FIRST = 90_000   # for a first picture, which kernels may have to be built for
@@ -57,10 +59,18 @@ window.shake = (seconds) => new Promise((done) => {
 """
 
 
-def find(playwright):
-    """Path of a Chromium, the machine's or playwright's own, or None."""
-    own = playwright.chromium.executable_path
-    return next(filter(None, map(shutil.which, NAMES)), own if os.path.exists(own) else None)
+@contextlib.contextmanager
+def chromium():
+    """A Chromium without a window, the machine's or playwright's own; without one the test is skipped, loudly."""
+    library = pytest.importorskip("playwright.sync_api", reason="NO BROWSER IS DRIVEN: playwright is not installed")
+    with library.sync_playwright() as playwright:
+        own = playwright.chromium.executable_path
+        path = next(filter(None, map(shutil.which, NAMES)), own if os.path.exists(own) else None)
+        if path is None:
+            pytest.skip("NO BROWSER IS DRIVEN: there is no Chromium; your system has one, or `playwright install`")
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield browser
+        browser.close()
 
 
 @dataclass
