@@ -1,5 +1,5 @@
 /*
- * Strands side by side that touch the body: a part of motion.cl, which has what it needs before.
+ * Strands side by side that touch the body.  motion.cl and newton.h use this, and moving.h and symmetric.h before it.
  *
  * A point in contact feels a force along the body's normal, as hard as it takes, and one along the skin that holds it
  * where the body takes it, up to Coulomb's limit.  Both are what they were a step ago, plus what a stiff spring adds (an
@@ -11,7 +11,7 @@
 #define FAR_GAP 1e30f       // where no contact is possible
 #define OUT 4               // times that a segment is turned out, at most
 
-/* Rows of the workspace that a point in contact has besides (motion.cl). */
+/* Rows of the workspace that a point in contact has besides (moving.h). */
 enum { NORMAL = 38, GAP = 41, FORCE = 42, APPLIED = 45, SPRING = 48, HOLD = 49 };   // of ROWS_OF_POINT
 
 /* A vector by the first three of each of some rows. */

@@ -1,4 +1,4 @@
-/* What points of strands that move feel of the hair around them: motion.cl has it in its equations. */
+/* What points of strands that move feel of the hair around them: newton.h has it in its equations, and moving.h before it. */
 
 /* Friction with other hair, implicit, and the push out of where it is too dense: hair_grid.cl's `feel`. */
 INLINED void add_felt(const Moving *m, int i, lanes mass, lanes3 gone, lanes *own, lanes3 *right)
