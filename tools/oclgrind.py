@@ -261,8 +261,8 @@ def escaped(runs):
     missing = []
     for path in sorted((ROOT / "cl").glob("*.cl")):
         text = _code(path)
-        headers = [_code(path.parent / name) for name in re.findall(r'#include "(\w+\.h)"', text)]
-        for kernel in re.findall(r"__kernel\b[^(]*?\bvoid\s+(\w+)", "\n".join([text, *headers])):
+        text += "\n".join(_code(path.parent / name) for name in re.findall(r'#include "(\w+\.h)"', text))
+        for kernel in re.findall(r"__kernel\b[^(]*?\bvoid\s+(\w+)", text):
             if f"{path.stem}.{kernel}" in IN_LANES:
                 continue
             ways = {wide for name, wide in launched if name == f"{path.stem}.{kernel}"}

@@ -1,4 +1,4 @@
-/* A plain read of what others change atomically, as put in raster.cl does where nothing is checked. */
+/* A plain read of what others change atomically, as put in samples.h does where nothing is checked. */
 __kernel void peek(const ulong begin, const ulong end, __global const uint *unwritten, __global uint *numbers)
 {
     if (numbers[0] < 7)   // caught: Read-write data race
