@@ -1,5 +1,5 @@
 /*
- * Sums of cells that strands leave something in, till other cells come in their place: sky.cl and transport.cl use this, with
+ * Sums of cells that strands leave something in, till other cells come in their place: sky.cl and hair_cells.h use this, with
  * OF_CELL before it, how many numbers a cell has.
  */
 
