@@ -2,8 +2,8 @@
  * Pieces of a tile whose pixels have no more slots: they wait in a list in global memory.  Those that nothing can come before
  * any more are put in order of their keys by a radix sort, which takes as long for each however many there are, and are hidden
  * slots by slots.  A list that is too long keeps the nearest; the tile's segments are gone through once more for the others.
- * A tile takes a list when it first needs one and gives it back at its end; where none is free it does without.  coverage.cl
- * uses this where LANES go side by side.
+ * A tile takes a list when it first needs one and gives it back at its end; where none is free it does without.  tile.h
+ * and tiles.h use this.
  */
 #define NO_LIST (-1)                 // none is needed so far;
 #define NONE_FREE (-2)
