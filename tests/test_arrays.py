@@ -12,7 +12,7 @@ from support.scenes import icosphere
 
 import clfur
 from clfur import layout
-from clfur.pipeline import plan
+from clfur.pipeline import sizes
 from clfur.pipeline.views import view_of
 from clfur.stages import coverage, shade, shells, strand_light, strands, tessellate
 from clfur.stages.lighting import unshadowed
@@ -102,7 +102,7 @@ def kept(gpu, mesh, curves=False):
     else:
         fur = clfur.Strands(roots=20_000, types=[kind])
         made = strands.grow(gpu, tessellate.tessellate(gpu, mesh), fur)
-    return made, plan.POINT * len(made.points) + plan.STRAND * len(made.spans) + plan.PACKED * len(
+    return made, sizes.POINT * len(made.points) + sizes.STRAND * len(made.spans) + sizes.PACKED * len(
         made.points) * curves
 
 
@@ -133,8 +133,8 @@ def check_counts(gpu, mesh, curves):
     assert .5 * counted < taken < room(counted)
     scene = clfur.Scene(mesh, camera=clfur.Camera(eye=(0, 0, 300)))
     taken, thinned = most(gpu, lambda: thin(gpu, made, view_of(scene, 1), 1.0))
-    more = plan.THIN_POINT * len(made.points) + plan.THIN_STRAND * len(made.spans) + (
-        plan.COLOR * len(made.points) * (made.color_per == 2))
+    more = sizes.THIN_POINT * len(made.points) + sizes.THIN_STRAND * len(made.spans) + (
+        sizes.COLOR * len(made.points) * (made.color_per == 2))
     assert .9 * more < taken < room(more) and len(thinned.points) == len(made.points)
 
 
@@ -173,8 +173,8 @@ def test_a_temporary_more_than_the_plan_counts_is_seen(gpu, mesh, monkeypatch):
 
 def test_the_plan_counts_all_of_a_surface(gpu, mesh):
     taken, made = most(gpu, lambda: tessellate.tessellate(gpu, mesh, 20, 20))
-    counted = plan.VERTEX * len(made.positions) + plan.TRIANGLE * len(made.triangles)
-    mesh_bytes = plan.MESH_VERTEX * len(mesh.positions) + plan.MESH_FACE * len(mesh.faces)
+    counted = sizes.VERTEX * len(made.positions) + sizes.TRIANGLE * len(made.triangles)
+    mesh_bytes = sizes.MESH_VERTEX * len(mesh.positions) + sizes.MESH_FACE * len(mesh.faces)
     assert bytes_of(made) <= counted and .7 * counted < taken < room(counted + mesh_bytes)
     taken, _area = most(gpu, lambda: strands.grow(gpu, made, clfur.Strands(roots=1, types=clfur.HairType(segments=1))))
     assert taken < room(strands.AREA.bytes * len(made.triangles))
@@ -196,13 +196,13 @@ def test_the_plan_counts_all_of_segments(gpu, mesh):
         coverage.cover(gpu, view, visible, segments, covered, lit, image)
         return segments, lit, image, covered
     taken, (segments, lit, image, covered) = most(gpu, make)
-    counted = 152 * 200 * (plan.VISIBLE.bytes * 4 + coverage.Covered.bytes(pixel=1, sample=4) + plan.IMAGE.bytes + 1)
-    counted += plan.ENTRY * len(segments.entries) + plan.SURVIVOR * len(segments.ids)
+    counted = 152 * 200 * (sizes.VISIBLE.bytes * 4 + coverage.Covered.bytes(pixel=1, sample=4) + sizes.IMAGE.bytes + 1)
+    counted += sizes.ENTRY * len(segments.entries) + sizes.SURVIVOR * len(segments.ids)
     # Lists of what has no slot are no part of the plan: they take what is free, a 64th of the memory at most.
     lists = coverage._overflows(gpu, segments.longest, 25 * 19, "coverage")["overflows"].nbytes
     assert lists <= gpu.memory // 64
     lights = bytes_of(lit) + lists
-    assert bytes_of(lit) <= plan.LIT * len(segments.ids)
+    assert bytes_of(lit) <= sizes.LIT * len(segments.ids)
     assert bytes_of(segments, covered) + image.nbytes < counted
     assert .8 * (counted + lights) < taken < room(counted + lights)
 

@@ -11,8 +11,7 @@ from support.plans import DRAWN_ONCE, bands_of, plan_of, recorded
 from support.scenes import scene_of
 
 import clfur
-from clfur.pipeline import build
-from clfur.pipeline.plan import ENTRY, LIT
+from clfur.pipeline import build, sizes
 from clfur.render import OUTPUTS
 from clfur.stages.coverage import EVERY, TILE, slabs_of
 
@@ -127,9 +126,9 @@ def test_bands_are_as_large_as_fits(gpu, seed):
             for (first, end), more in zip(windows, [1] * (len(windows) - 1) + [0]):
                 listed = [int(drawn[first:end + n].sum()) for n in (0, more)]
                 seen = [min(survivors, n) for n in listed]
-                bytes_of = [TILE * rows * width * plan._pixel(True) + ENTRY * e + plan._survivor * s
-                            for e, s in zip(listed, seen)]
-                largest = [max(8 * e, LIT * s) for e, s in zip(listed, seen)]
+                pixels, each = TILE * rows * width * sizes.of_pixel(plan, True), sizes.of_survivor(plan)
+                bytes_of = [pixels + sizes.ENTRY * e + each * s for e, s in zip(listed, seen)]
+                largest = [max(8 * e, sizes.LIT * s) for e, s in zip(listed, seen)]
                 if listed[0] <= plan.most_listed(device, cut, counts[top:top + rows], survivors):
                     assert bytes_of[0] <= cut.rows and largest[0] <= device.largest
                 assert not more or bytes_of[1] > cut.rows or largest[1] > device.largest * .87

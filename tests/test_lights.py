@@ -7,6 +7,7 @@ from support.scenes import icosphere
 
 import clfur
 from clfur import truth
+from clfur.pipeline import sizes
 from clfur.pipeline.plan import Plan
 from clfur.pipeline.views import Rig
 
@@ -102,7 +103,7 @@ def test_memory_is_planned_for_all_lights(gpu):
         scene = scene_of("strands", lights)
         used.append(clfur.draw(scene, gpu, settings).memory)
         plan = Plan(Rig.of(scene, settings), ("color",))
-        planned.append(plan._fixed + plan._transmittance * plan.points)
+        planned.append(plan._fixed + sizes.of_transmittance(plan) * plan.points)
     assert np.all(np.diff(used) > 0) and np.all(np.diff(planned) >= np.diff(used))
     dark = [Plan(Rig.of(scene_of("strands", lights), settings), ("color",))._fixed for lights in ([SUN], [SUN, OUT])]
     assert dark[0] == dark[1]

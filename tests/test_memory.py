@@ -13,6 +13,7 @@ from support.plans import plan_of
 import clfur
 from clfur.command.types import Bytes
 from clfur.device import memory, scheduler
+from clfur.pipeline import sizes
 
 ROOT = Path(__file__).resolve().parents[1]
 FREE = "memory that is free"
@@ -115,9 +116,9 @@ def test_pictures_on_the_host_count(another, sphere):
     small, scene = another(), clfur.Scene(mesh=sphere, camera=clfur.Camera(size=(1000, 100)))
     plan = plan_of(scene, clfur.Settings(), ("color",))
     small.allowed = 5_000_000, "cgroup memory.max"
-    assert plan._memory(small) == (1_800_000, "cgroup memory.max")
+    assert sizes.memory(plan, small) == (1_800_000, "cgroup memory.max")
     small.memory = 1_700_000
-    assert plan._memory(small) == (1_700_000, "")
+    assert sizes.memory(plan, small) == (1_700_000, "")
 
 
 def test_the_message_names_the_limit(another, sphere):

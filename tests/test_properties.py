@@ -22,7 +22,7 @@ from clfur.command import types
 from clfur.device.team import shares_of
 from clfur.files.images import png_bytes
 from clfur.files.output import output_path
-from clfur.pipeline.plan import _before, _pieces, _runs, _share
+from clfur.pipeline import dividing
 from clfur.pipeline.views import Rig, band_of, columns_of, grid_of, light_view_of
 from clfur.scene import Camera, Curves, Light, Mesh, Scene, Shells, checks, extent
 
@@ -37,8 +37,8 @@ PACES = st.lists(st.floats(1e-9, 1e12), min_size=1, max_size=8)
 @example([(3, 0), (1, 0), (1, 0), (15, 0), (1, 0), (0, 0)], 8, 1)
 def test_runs_are_as_long_as_every_limit_lets_them(counts, most, fewest):
     """They hold all in order, none is empty, and only what is alone exceeds a limit."""
-    limits = [(_before([count[k] for count in counts]), limit) for k, limit in enumerate((most, fewest))]
-    runs = _runs(*limits)
+    limits = [(dividing.before([count[k] for count in counts]), limit) for k, limit in enumerate((most, fewest))]
+    runs = dividing.runs(*limits)
     assert [n for first, end in runs for n in range(first, end)] == list(range(len(counts)))
 
     def fits(first, end):
@@ -50,7 +50,7 @@ def test_runs_are_as_long_as_every_limit_lets_them(counts, most, fewest):
 
 @given(st.integers(0, 200), st.integers(0, 200), st.integers(1, 300))
 def test_pieces_hold_all_in_order(first, end, most):
-    pieces = _pieces(first, end, most)
+    pieces = dividing.pieces(first, end, most)
     assert [n for a, b in pieces for n in range(a, b)] == list(range(first, end))
     assert all(0 < b - a <= most for a, b in pieces) and len(pieces) == -(-max(end - first, 0) // most)
 
@@ -61,7 +61,7 @@ def test_pieces_hold_all_in_order(first, end, most):
 @example(-5, {"a": 10})
 def test_memory_is_shared_fairly(room, need):
     """No more than there is, none more than it needs; and who goes short has no less than the others, but a byte."""
-    given_to = _share(room, need)
+    given_to = dividing.share(room, need)
     assert given_to.keys() == need.keys() and all(0 <= given_to[name] <= need[name] for name in need)
     assert sum(given_to.values()) <= max(room, 0)
     short = [name for name in need if given_to[name] < need[name]]

@@ -18,75 +18,18 @@ from ..errors import Error
 from ..scene import Curves, Strands
 from ..scene.maps import planes
 from ..stages.blur import blur_radius
-from ..stages.chiang import bytes_of, of_model
-from ..stages.coverage import (
-    GRAINS,
-    KEPT,
-    OF_KEPT,
-    OF_KEPT_MASKED,
-    OF_WALKED,
-    OF_WALKED_MASKED,
-    OPEN,
-    REACH,
-    TILE,
-    WALKED,
-    Covered,
-    Seen,
-    Segments,
-    Tiles,
-)
-from ..stages.deep import bytes_of as deep_bytes
-from ..stages.distance import STATES
-from ..stages.flow import VECTORS
-from ..stages.guides import FOUND
-from ..stages.guides import bytes_of as guides_bytes
-from ..stages.lighting import Lighting
-from ..stages.lod import THINNED
-from ..stages.maps import TRAITS
-from ..stages.maps import bytes_of as bytes_of_planes
-from ..stages.march import Rays
-from ..stages.mattes import LEAST as MATTE_BUNDLES
-from ..stages.mattes import Owners
-from ..stages.order import Order
-from ..stages.raster import LEFT, VISIBLE
-from ..stages.shade import IMAGE, RADIANCE_SUMS, Outputs, Paint
-from ..stages.shells import Topology, pack, size_of, topology_of
-from ..stages.sky import POINT_LIGHT
-from ..stages.sky import bytes_of as sky_bytes
-from ..stages.strand_light import TRANSMITTANCE, Places
-from ..stages.strands import AREA, ROOTS, SORTED_FROM, STAGES, DeviceStrands, Packed, area_sums, first_strand_at
-from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
-from ..stages.transport import ASKED, LEAVING
-from ..stages.transport import bytes_of as transport_bytes
-from ..stages.tufts import TUFT_OF, Rested
-from ..stages.tufts import bytes_of as tufts_bytes
-from ..stages.voxelize import CELLS, RESTS
+from ..stages.chiang import of_model
+from ..stages.coverage import OF_KEPT, OF_KEPT_MASKED, OF_WALKED, OF_WALKED_MASKED, REACH, TILE, WALKED
+from ..stages.shade import IMAGE
+from ..stages.shells import Topology, pack, topology_of
+from ..stages.strands import SORTED_FROM, area_sums, first_strand_at
+from ..stages.tessellate import counts_of, levels_of, tessellate
+from . import dividing, sizes
 from .mattes import TOLD
 from .shadows import DeepPlan, plan_deep
 from .sliding import sliding_of
 from .views import Rig, columns_of
 
-# Bytes on the device, of all arrays that stages make, as they declare them.
-VERTEX, TRIANGLE = Surface.bytes(vertex=1), Surface.bytes(triangle=1) + AREA.bytes
-POINT, STRAND = DeviceStrands.bytes(point=1), DeviceStrands.bytes(strand=1, color=1, run=1) + ROOTS.bytes
-COLOR = DeviceStrands.bytes(color=1)    # of a point, where it has one
-# More of the user's strands: of a point, where each has a width and a colour, and of a strand.
-PACKED = Packed.bytes(point=1, width=1, color=1) + DeviceStrands.bytes(color=1)
-RUN = DeviceStrands.bytes(run=1)        # and where strands differ in points
-PUT_IN_ORDER = Packed.bytes(strand=1) + Order.bytes(strand=1) + DeviceStrands.bytes("spans", strand=1)
-THIN_POINT, THIN_STRAND = DeviceStrands.bytes(*THINNED, point=1), DeviceStrands.bytes(*THINNED, strand=1)
-MESH_VERTEX, MESH_FACE = Source.bytes(mesh_vertex=1), Source.bytes(face=1, corner=3, end=2)
-OTHERS = Outputs.bytes(pixel=1)         # of a pixel but its colour
-MATTES = 8 * sum(TOLD.values())         # and of what is told of it, on the host
-OF_TILE = Tiles.bytes(tile=1) + Segments.bytes(tile=1, start=1) + Seen.bytes(tile=1) + GRAINS.bytes + OPEN.bytes
-ENTRY = 2 * Segments.bytes(entry=1)     # of a segment in a tile, in two orders
-SURVIVOR = Segments.bytes(survivor=1)   # of a segment that may show
-LIT = Places.bytes(row=1)               # of its light, at most, and of each source of it; where only those get light
-                                        # that are seen, `Seen` and theirs take less
-AXIS, HAZE = Places.bytes(axis=1), Places.bytes(haze=1)   # of where it lies in the world; of each light
-PLACES = Places.bytes(place=1)
-SEEN = Seen.bytes(survivor=1) + 5       # of what is remembered of one till it has light: its mark, and its id if seen
-OWNER = Owners.bytes(id=1)              # of whose it is, where that is told
 SLAB = 1 << 9                           # segments in a slab of depth, at least
 NUMBERS = 2**32 - 1                     # entries that a band can tell apart
 LISTS = 1 << 28                         # of segments in tiles at a time, at most: with more a band is no faster
@@ -181,7 +124,7 @@ class Plan:
         self.points = self._points(0, self.strands)
         # What cannot be divided: bytes of the largest face, points of the longest strand.
         surfaces = 1 + bool(self.rest) + bool(before)   # they are there at once
-        self._bytes_of_faces = surfaces * (VERTEX * self._vertices + TRIANGLE * self._triangles)
+        self._bytes_of_faces = surfaces * (sizes.VERTEX * self._vertices + sizes.TRIANGLE * self._triangles)
         self._face = int(np.diff(self._bytes_of_faces).max(initial=0))
         self.longest = self.stride if self.grown else int(np.diff(self._before).max(initial=0))
         self._cuts: dict[tuple, Cut] = {}
@@ -294,8 +237,8 @@ class Plan:
         """How many rows of the picture fit a device at a time: all that is told of their pixels, or, where strands are
         drawn by what they cover, what it takes to count them."""
         width, height = self.size
-        room = min(self.cut(gpu).rows, BAND) // (width * self._pixel(False))
-        rows = min(room, _largest(gpu) // self._largest_row)
+        room = min(self.cut(gpu).rows, BAND) // (width * sizes.of_pixel(self, False))
+        rows = min(room, sizes.largest(gpu) // sizes.of_largest_row(self))
         return int(height if rows >= height else max(rows // self._fewest, 1) * self._fewest)
 
     def rows_to_blur(self, gpu: Any) -> int:
@@ -312,7 +255,7 @@ class Plan:
         known = gpu, strands, body
         if known not in self._cuts:
             width, height = self.size
-            row = width * self._pixel(False)
+            row = width * sizes.of_pixel(self, False)
             self._cuts[known] = self._cut(gpu, height * row, min(self._fewest, height) * row, strands, body)
         return self._cuts[known]
 
@@ -320,30 +263,32 @@ class Plan:
         """`Cut` for rows of tiles of which is known how many segments of strands each tile lists, ``counts`` [rows of
         tiles, across], and how many ``survivors`` there are in all."""
         width, fullest = self.size[0], int(counts.max())
-        if fullest > min(_largest(gpu) // REACH.bytes, NUMBERS):
+        if fullest > min(sizes.largest(gpu) // REACH.bytes, NUMBERS):
             raise Error(f"{gpu.name} has no room for {fullest:,} segments of strands in {TILE} x {TILE} pixels; "
                         f"allowed: fewer strands, or Settings.raster 'samples'")
-        row, listed = TILE * width * self._pixel(True), int(counts.sum(dtype=np.int64))
+        row, listed = TILE * width * sizes.of_pixel(self, True), int(counts.sum(dtype=np.int64))
         some, least = min(fullest, max(SLAB, fullest // 32)), REACH.bytes * fullest
-        rows = len(counts) * row + max(min(self._lists(listed, survivors), LISTS), least)
+        rows = len(counts) * row + max(min(sizes.of_lists(self, listed, survivors), LISTS), least)
         with contextlib.suppress(Error):
-            return self._cut(gpu, rows, row + max(min(self._lists(fullest, survivors), LISTS), least))
-        return self._cut(gpu, rows, row + max(self._lists(some, survivors), least), pieces=fullest)   # slabs of depth
+            return self._cut(gpu, rows, row + max(min(sizes.of_lists(self, fullest, survivors), LISTS), least))
+        row += max(sizes.of_lists(self, some, survivors), least)   # slabs of depth
+        return self._cut(gpu, rows, row, pieces=fullest)
 
     def rows_counted(self, gpu: Any, cut: Cut, counts: np.ndarray, survivors: int, top: int) -> int:
         """How many of these rows, counted as for `cut_counted`, fit at a time from row ``top`` of them on, a tile's
         first, with all that their tiles list; the least if none do."""
         listed = np.cumsum(counts[top // TILE:].sum(1, dtype=np.int64))
         rows = TILE * np.arange(1, len(listed) + 1)
-        row = self.size[0] * self._pixel(True)
+        row = self.size[0] * sizes.of_pixel(self, True)
         reaches = REACH.bytes * np.maximum.accumulate(counts[top // TILE:].max(1).astype(np.int64))
-        lists = np.maximum(np.minimum(self._lists(listed, survivors), LISTS), reaches)
-        fits = (row * rows + lists <= cut.rows) & (row * rows <= BAND) & (self._largest_row * rows <= _largest(gpu))
+        lists = np.maximum(np.minimum(sizes.of_lists(self, listed, survivors), LISTS), reaches)
+        fits = (row * rows + lists <= cut.rows) & (row * rows <= BAND)
+        fits &= sizes.of_largest_row(self) * rows <= sizes.largest(gpu)
         return TILE * max(int(fits.sum()), 1)
 
     def windows(self, gpu: Any, cut: Cut, counts: np.ndarray, survivors: int) -> list[tuple[int, int]]:
         """[(first tile, one past the last)] of these rows of tiles, of which so many list segments at a time as fit."""
-        return _runs((_before(counts.ravel()), self.most_listed(gpu, cut, counts, survivors)))
+        return dividing.runs((dividing.before(counts.ravel()), self.most_listed(gpu, cut, counts, survivors)))
 
     def waits(self, gpu: Any, cut: Cut, counts: np.ndarray) -> bool:
         """Whether light of segments, so many listed in a band's tiles, waits till it is known which are seen."""
@@ -355,22 +300,17 @@ class Plan:
     def most_listed(self, gpu: Any, cut: Cut, counts: np.ndarray, survivors: int) -> int:
         """How many segments may be listed at a time where so many in these rows of tiles are; a tile that has more is
         drawn in slabs of depth."""
-        room = cut.rows - TILE * self.size[0] * self._pixel(True) * len(counts)
-        each = self._survivor
+        room = cut.rows - TILE * self.size[0] * sizes.of_pixel(self, True) * len(counts)
+        each = sizes.of_survivor(self)
         if room >= LISTS and self.waits(gpu, cut, counts):   # there is room, and about a third are lit at a time
-            each = SURVIVOR + SEEN + (each - SURVIVOR) // 3
-        most = min(_fit(min(room, LISTS), each, survivors), _largest(gpu) // 8, NUMBERS)
-        largest = _largest(gpu) // max(SURVIVOR, LIT, PLACES * self._sources)
+            each = sizes.SURVIVOR + sizes.SEEN + (each - sizes.SURVIVOR) // 3
+        most = min(sizes.fitting(min(room, LISTS), each, survivors), sizes.largest(gpu) // 8, NUMBERS)
+        largest = sizes.largest(gpu) // max(sizes.SURVIVOR, sizes.LIT, sizes.PLACES * self.sources)
         return int(min(most, largest) if survivors > largest else most)
 
     def too_many(self, gpu: Any, pieces: int) -> Error:
         """What to raise where so many segments of strands in one tile cannot be divided."""
         return Error(self._too_much(gpu, pieces))
-
-    def _lists(self, listed, survivors):
-        """Bytes on the device of so many segments in lists of tiles, of which not more than ``survivors`` are different
-        ones."""
-        return ENTRY * listed + self._survivor * np.minimum(listed, survivors)
 
     @property
     def _fewest(self):
@@ -389,34 +329,9 @@ class Plan:
         return float(sum(light["color"][3] for light in self.rig.lights)) if self.is_deep else 0.0
 
     @property
-    def _sources(self):
+    def sources(self) -> int:
+        """Of strands' light: lights, and what there is beside."""
         return len(self.scene.lights) + self.around
-
-    @property
-    def _survivor(self):
-        """Bytes on the device of a segment that may show, and of its light."""
-        lit = LIT + (AXIS + HAZE * len(self.scene.lights)) * self.is_deep + PLACES * self._sources
-        return SURVIVOR + max(lit * self.wants_color, (OWNER + SEEN) * bool(self.tells))
-
-    @property
-    def _largest_row(self):
-        """Bytes of a row of the largest array of pixels or samples."""
-        return self.size[0] * max(VISIBLE.bytes * self.settings.samples, RADIANCE_SUMS.bytes)
-
-    def _pixel(self, counted):
-        """Bytes on the device of a pixel that is drawn, without the pieces of strands in it; ``counted``: after these
-        are counted where they must be."""
-        samples = self.settings.samples
-        pixel = VISIBLE.bytes * samples
-        if self.uses_coverage:
-            pixel += -(-OF_TILE // TILE**2)
-            if not counted:
-                return pixel
-            covered = Covered.bytes(pixel=1, sample=samples, shell=bool(self.scene.shells))
-            pixel += covered + (IMAGE.bytes + covered) * bool(self.tells)   # drawn again
-        if self.scene.shells:
-            pixel += VISIBLE.bytes * samples + Rays.bytes(sample=samples)   # where they enter
-        return pixel + IMAGE.bytes + RADIANCE_SUMS.bytes + (OTHERS + VECTORS.bytes * bool(self.before)) * self.others
 
     # --- memory -------------------------------------------------------------------------------------------------
 
@@ -426,7 +341,7 @@ class Plan:
         Raises `clfur.Error` if the least there is does not fit.
         """
         first, end = strands or (0, self.strands)
-        strand, point = self._bytes(gpu)
+        strand, point = sizes.of_strand_and_point(self, gpu)
         width, height = self.size
         if self.settings.blur != "off":
             blurred = min(2 * blur_radius(self.settings.blur_sigma) + 1, height) * 3 * IMAGE.bytes * width
@@ -438,35 +353,26 @@ class Plan:
             "strands": min(need["strands"], max(strand + self.longest * point, 1 << 16)),
             "rows": row,
         }
-        kept = self._transmittance * self.points * self.keeps_transmittances(gpu)
+        kept = sizes.of_transmittance(self) * self.points * self.keeps_transmittances(gpu)
         of_walked = OF_WALKED_MASKED if self.settings.masks else OF_WALKED
         walked = of_walked * WALKED.bytes * bool(gpu.steps and self.uses_coverage)
-        spare = self._memory(gpu)[0] * 15 // 16 - self._fixed - sum(least.values()) - kept - walked
-        room = _share(spare, {name: need[name] - least[name] for name in need})
+        spare = sizes.memory(self, gpu)[0] * 15 // 16 - self._fixed - sum(least.values()) - kept - walked
+        room = dividing.share(spare, {name: need[name] - least[name] for name in need})
         room = {name: least[name] + room[name] for name in need}
-        if spare < 0 or self._largest_row > _largest(gpu):
+        if spare < 0 or sizes.of_largest_row(self) > sizes.largest(gpu):
             raise Error(self._too_much(gpu, pieces))
         return Cut(self._parts(gpu, room, first, end, body and self.body), room["rows"])
-
-    def _memory(self, gpu):
-        """(bytes that arrays may take on a device, the limit of this process that says so or "").
-
-        Its limits are for pictures on the host too, which are there twice: as they are, and as they are written.
-        """
-        width, height = self.size
-        bytes_allowed, name = gpu.allowed
-        host = 2 * width * height * (IMAGE.bytes + OTHERS * self.others + MATTES * bool(self.tells))
-        return min((gpu.memory, ""), (max(bytes_allowed - host, 0), name))
 
     def _too_much(self, gpu, pieces):
         settings, (width, height) = self.settings, self.size
         fewest = 1 if settings.blur == "off" else min(2 * blur_radius(settings.blur_sigma) + 1, height)
-        furry = f"shells of {self._shells / 2**20:,.1f} MiB, " * bool(self._shells)
+        shells = sizes.of_shells(self)
+        furry = f"shells of {shells / 2**20:,.1f} MiB, " * bool(shells)
         fewest = min(max(fewest, self._fewest), height)
         lines = "a row" if fewest == 1 else f"{fewest} rows"
         dense = f" with {pieces:,} segments of strands in {TILE} x {TILE} of them" * bool(pieces)
         smaller = "smaller ones" + ", or Settings.raster 'samples'" * bool(pieces)
-        memory, limit = self._memory(gpu)
+        memory, limit = sizes.memory(self, gpu)
         furry += f"{self.deep.entries:,} segments of hair in lists of what lights see, " if self.is_deep else ""
         return (f"{gpu.name} with {memory / 2**20:,.1f} MiB{f' ({limit})' * bool(limit)} has no room for "
                 f"Settings.grid {settings.grid}, Settings.shadow_map {settings.shadow_map}, {self.faces:,} faces of up "
@@ -482,50 +388,9 @@ class Plan:
         return planes(self.scene.mesh, fur.maps, fur.comb)
 
     @functools.cached_property
-    def _shells(self):
-        """Bytes on the device of shell fur."""
-        scene, shells = self.scene, self.scene.shells
-        return size_of(scene.mesh, self.packed_shells, self.topology, shells.lean is not None) if shells else 0
-
-    @functools.cached_property
     def _fixed(self):
         """Bytes on the device of what is never divided."""
-        scene, settings = self.scene, self.settings
-        fixed = self.aside + self.faces * MESH_FACE + self._shells
-        fixed += MESH_VERTEX * max((len(mesh.positions) for mesh in (scene.mesh, self.rest) if mesh), default=0)
-        casting = sum(light.casts for light in scene.lights)
-        maps = casting * (1 + (casting > 1))                                 # several are put together from as many
-        fixed += maps * Lighting.bytes(sample=settings.shadow_map**2)
-        if settings.shadows != "off" and (self.strands or scene.shells):
-            layers = Lighting.bytes(layer=(settings.grid + 1) * settings.grid**2)
-            fixed += casting * (CELLS.bytes * settings.grid**3 + layers)
-        if scene.environment is not None:
-            fixed += sky_bytes(self.body, self.ground is not None)
-        fixed += Paint.bytes(material=len(self.painted), texel=sum(len(each.texels[2]) for each in self.painted))
-        fixed += bytes_of_planes(self.planes or ())
-        if self.guides is not None:
-            fixed += guides_bytes(self.guides, len(scene.strands.types), len(scene.mesh.faces))
-        if self.sliding:
-            fixed += self.sliding.bytes
-        if self.tufted:
-            fixed += sum(tufts_bytes(kind.tufts, self.rest or scene.mesh, self.stride) for kind in scene.strands.types
-                         if kind.tufts is not None)
-        if self.scatters:
-            fixed += transport_bytes(len(self.lobed), self.body)
-        if self.is_deep:
-            fixed += 4 * self.strands * len(self.scene.lights)   # which of them any tile lists
-            fixed += deep_bytes(self.deep.entries, self.deep.segments, int(self.deep.tiles.sum()))
-        if self.uses_coverage:
-            fixed += self.of_kept * KEPT.bytes + Seen.bytes(bundle=MATTE_BUNDLES) * bool(self.tells)
-        return fixed + bytes_of(self.lobed)
-
-    @property
-    def _transmittance(self):
-        """Bytes on the device of the transmittance to a point of strands, of all lights."""
-        under_sky = self.scene.environment is not None
-        around = (LEAVING.bytes + ASKED.bytes) * self.scatters + POINT_LIGHT.bytes * under_sky
-        shares = TRANSMITTANCE.bytes * len(self.scene.lights) * (1 + self.is_deep)   # of the body and hair apart
-        return shares + around
+        return sizes.of_fixed(self)
 
     def check(self, gpu: Any) -> None:
         """Raise `clfur.Error` where a device that ends long loops, silently, could end those over lights."""
@@ -545,47 +410,21 @@ class Plan:
         """Whether there is room for the transmittances to all points of strands: then they are asked once for all bands
         of the picture, and for frames in which only the camera moves."""
         shadowed = self.uses_coverage and self.settings.shadows != "off"
-        return shadowed and self._transmittance * self.points <= self._memory(gpu)[0] // 8
-
-    def _bytes(self, gpu):
-        """Bytes on the device of a strand and of each of its points."""
-        fur = self.scene.strands
-        strand, point = (STRAND, POINT) if self.grown else (STRAND + PUT_IN_ORDER, POINT + PACKED)
-        if self.before:   # so are the same strands as they were
-            strand, point = 2 * strand, 2 * point
-        if isinstance(fur, Curves) and fur.uniform is None:
-            point += RUN
-        if isinstance(fur, Strands) and fur.colored_points:
-            point += COLOR
-        strand += TRAITS.bytes * bool(self.planes)
-        if self.guides is not None:
-            strand += FOUND.bytes
-        strand += (TUFT_OF.bytes + Rested.bytes(strand=1) * bool(self.rest)) * self.tufted
-        if self.settings.lod:
-            per_point = fur.colored_points if isinstance(fur, Strands) else isinstance(fur, Curves) and (
-                len(fur.color) == len(fur.points))
-            strand, point = strand + THIN_STRAND, point + THIN_POINT + COLOR * per_point
-        if gpu.steps:
-            strand += RESTS.bytes + STAGES.bytes + STATES.bytes * bool(self.sliding)
-            point += 0 if self.uses_coverage else LEFT.bytes
-        if self.uses_coverage:
-            strand += Tiles.bytes(strand=1)
-            point += 0 if self.keeps_transmittances(gpu) else self._transmittance
-        return strand, point
+        return shadowed and sizes.of_transmittance(self) * self.points <= sizes.memory(self, gpu)[0] // 8
 
     # --- parts --------------------------------------------------------------------------------------------------
 
     def _parts(self, gpu, room, first, end, body):
         """[`Part`] of some strands, ``first`` to ``end``, and of the ``body``, each within its ``room``."""
-        piece = _largest(gpu)
-        face_runs = [run for run in _runs(
+        piece = sizes.largest(gpu)
+        face_runs = [run for run in dividing.runs(
             (self._bytes_of_faces, room["body"]),
             (16 * self._vertices, piece), (16 * self._triangles, piece)) if run[1] > run[0]]
         if self.grown:
             return self._parts_that_grow(gpu, face_runs, room["strands"], first, end, body)
-        strand, point = self._bytes(gpu)
+        strand, point = sizes.of_strand_and_point(self, gpu)
         before = self._before[first:end + 1]
-        hair = [Part(strands=(first + a, first + b)) for a, b in _runs(
+        hair = [Part(strands=(first + a, first + b)) for a, b in dividing.runs(
             (strand * np.arange(len(before)) + point * before, room["strands"]), (16 * before, piece))]
         bodies = [Part(faces=run, body=True) for run in face_runs] if body else []
         if len(hair) == len(bodies) == 1:
@@ -593,9 +432,9 @@ class Plan:
         return bodies + hair or [Part()]
 
     def _parts_that_grow(self, gpu, face_runs, room, first, end, body):
-        strand, point = self._bytes(gpu)
+        strand, point = sizes.of_strand_and_point(self, gpu)
         parts, areas = [], [None] * len(face_runs)
-        most = max(min(room // (strand + point * self.stride), _largest(gpu) // (16 * self.stride)), 1)
+        most = max(min(room // (strand + point * self.stride), sizes.largest(gpu) // (16 * self.stride)), 1)
         if self.scene.strands.roots == "faces":
             runs = [(int(self._triangles[b]), int(self._triangles[e])) for b, e in face_runs]
         elif len(face_runs) == 1:
@@ -607,7 +446,7 @@ class Plan:
             edges = [first_strand_at(a, fur, total) if self.strands else 0 for a in before] + [self.strands]
             runs = list(itertools.pairwise(edges))
         for faces, area, (begin, until) in zip(face_runs, areas, runs):
-            pieces = _pieces(max(begin, first), min(until, end), most) or ([(first, first)] if body else [])
+            pieces = dividing.pieces(max(begin, first), min(until, end), most) or ([(first, first)] if body else [])
             parts += [Part(faces, piece, area, body and n == 0) for n, piece in enumerate(pieces)]
         return parts or [Part()]
 
@@ -641,12 +480,12 @@ def _sums(fur, faces):
     """Vertices and triangles before each of so many faces, and of all, as these strands have them divided."""
     levels = (1, 1) if fur is None else (fur.inner, fur.outer)
     vertices, triangles = counts_of(levels_of(*levels, faces)) if faces else ([], [])
-    return _before(vertices), _before(triangles)
+    return dividing.before(vertices), dividing.before(triangles)
 
 
 @functools.lru_cache(maxsize=2)
 def _points_of(curves):
-    return _before(curves.counts)
+    return dividing.before(curves.counts)
 
 
 def _areas_of(gpu, mesh, levels, face_runs, triangles):
@@ -658,43 +497,3 @@ def _areas_of(gpu, mesh, levels, face_runs, triangles):
         last = (triangles[begin + 1:end + 1] - triangles[begin]).astype(np.int64) - 1   # triangle of each face
         sums[begin + 1:end + 1] = sums[begin] + within[last]
     return sums
-
-
-def _largest(gpu):
-    """Bytes of the largest array: the pool rounds them up, by up to a sixteenth."""
-    return gpu.largest * 7 // 8
-
-
-def _share(room, need):
-    """Divide bytes among what needs them: all get the same, those that need less leave theirs to the others."""
-    given = {}
-    for left, name in zip(range(len(need), 0, -1), sorted(need, key=need.get)):
-        given[name] = max(min(need[name], room // left), 0)
-        room -= given[name]
-    return given
-
-
-def _before(counts):
-    """Running sums: what lies before each, and all."""
-    return np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
-
-
-def _pieces(begin, end, most):
-    """[(first, one past the last)] of at most so many each."""
-    return [(at, min(at + most, end)) for at in range(begin, end, most)]
-
-
-def _fit(room, survivor, survivors):
-    """Segments in tiles that so many bytes have room for, one at least; each of ``survivors`` segments takes some."""
-    both = room // (ENTRY + survivor)
-    return max(both if both <= survivors else (room - survivor * survivors) // ENTRY, 1)
-
-
-def _runs(*limits):
-    """[(first, one past the last)], each of at least one, in which no running sum grows by more than its limit."""
-    runs, at, n = [], 0, len(limits[0][0]) - 1
-    while at < n:
-        end = min(int(np.searchsorted(sums, sums[at] + limit, "right")) - 1 for sums, limit in limits)
-        runs.append((at, max(end, at + 1)))
-        at = runs[-1][1]
-    return runs
