@@ -7,7 +7,8 @@ from support.plans import recorded
 from support.scenes import icosphere
 
 import clfur
-from clfur import layout, truth
+from clfur import layout
+from clfur.judge.geometry import geometry_of
 from clfur.pipeline.sliding import sliding_of
 from clfur.stages import distance
 from clfur.stages.strands import grow
@@ -337,7 +338,7 @@ def test_the_truth_has_strands_that_slide(gpu):
     them add up to."""
     scene = scene_of(collision=True, roots=150)
     there = clfur.grow(scene, gpu).points
-    hair, _ = truth._geometry(scene)
+    hair, _ = geometry_of(scene)
     grown = clfur.grow(scene_of(roots=150), gpu).points
     off, moved = np.linalg.norm(there - hair.points[:, :3], axis=1) * 87 / 2, (there != grown).any(1)
     assert (np.linalg.norm(there - grown, axis=1) > .05).sum() > 20

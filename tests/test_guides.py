@@ -10,7 +10,7 @@ from support.scenes import icosphere
 
 import clfur
 from clfur import HairType, Strands, layout
-from clfur.judge import truth
+from clfur.judge.geometry import geometry_of
 from clfur.stages import guides, strands
 from clfur.stages.tessellate import tessellate
 from clfur.twin import guides as twin
@@ -419,7 +419,7 @@ def test_what_is_bounded_holds(gpu):
 def test_the_picture_is_that_of_the_truth(gpu):
     """Strands that the twin has between guides are where those of the device are: depths of the truth's own rays."""
     given = attrs.evolve(scene(roots=400), camera=clfur.Camera(eye=(.3, .5, 4), size=(48, 36)))
-    strands_of_truth, _ = truth._geometry(given)
+    strands_of_truth, _ = geometry_of(given)
     found = clfur.grow(given, gpu)
     np.testing.assert_allclose(strands_of_truth.points[:, :3], found.points, rtol=0, atol=POSITION)
 
@@ -466,7 +466,7 @@ def test_maps_cut_and_thin_strands_between_guides(gpu):
     np.testing.assert_allclose(share[at > .4], 1, rtol=1e-5)
     np.testing.assert_allclose(share[at < -.4], .5, rtol=1e-5)
     given = clfur.Scene(mesh, Strands(guides=guide, maps=maps, **options, **FLAT), clfur.Camera(eye=(0, 0, 4)))
-    np.testing.assert_allclose(truth._geometry(given)[0].points[:, :3], clfur.grow(given, gpu).points, rtol=0,
+    np.testing.assert_allclose(geometry_of(given)[0].points[:, :3], clfur.grow(given, gpu).points, rtol=0,
                                atol=POSITION)
 
 

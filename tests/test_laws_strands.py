@@ -8,6 +8,7 @@ from support.scenes import icosphere
 import clfur
 from clfur.color import linear_to_srgb
 from clfur.judge import truth
+from clfur.judge.geometry import geometry_of
 from clfur.twin import strands as twin
 
 STRAIGHT = clfur.HairType(segments=1, segment_length=.1, force_weight=0)
@@ -100,7 +101,7 @@ def test_the_truth_knows_the_rest(gpu):
     mesh = lumpy()
     pose = swayed(mesh, .3)
     scene = hair_on(pose, rest=mesh, roots=500)
-    hair, _ = truth._geometry(scene)
+    hair, _ = geometry_of(scene)
     np.testing.assert_allclose(hair.points[:, :3], clfur.grow(scene, gpu).points, rtol=0, atol=2e-6)
 
 

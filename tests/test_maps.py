@@ -10,7 +10,7 @@ from support.scenes import icosphere
 
 import clfur
 from clfur import Comb, HairType, Maps, Strands
-from clfur.judge import truth
+from clfur.judge.geometry import geometry_of
 from clfur.pipeline.plan import Plan
 from clfur.pipeline.views import Rig
 from clfur.scene import maps as skin
@@ -389,7 +389,7 @@ def test_strands_read_back_draw_the_same_picture(gpu):
 def test_the_truth_has_the_same_strands(gpu):
     mesh = lumpy()
     scene = clfur.Scene(mesh, painted(mesh), clfur.Camera(size=(48, 36)))
-    fibres, _ = truth._geometry(scene)
+    fibres, _ = geometry_of(scene)
     curves = clfur.grow(scene, gpu)
     np.testing.assert_array_equal(fibres.counts, curves.counts)
     np.testing.assert_allclose(fibres.points[:, :3], curves.points, atol=2e-5)

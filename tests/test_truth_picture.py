@@ -9,6 +9,8 @@ from support.plans import plan_of
 
 import clfur
 from clfur import truth
+from clfur.judge.geometry import geometry_of
+from clfur.judge.lights import Light
 from clfur.judge.rays import Eye, Fibres, frame_along
 from clfur.pipeline import build
 from clfur.pipeline.plan import Part
@@ -215,8 +217,8 @@ def test_strands_on_the_body_get_light_from_their_roots_on():
     light = clfur.Light(direction=(0, -1, -.2), color=(1, 1, 1), ambient=0)
     s = clfur.Scene(mesh=mesh(quad(0, 0, 0, down=(0, 0, -1))), fur=fur, body_color=(0, 0, 0), light=light,
                     camera=clfur.Camera(eye=(0, 1, 2), size=(60, 40)))
-    hair, body = truth._geometry(s)
-    sun = truth._Light(s, light, hair, body)
+    hair, body = geometry_of(s)
+    sun = Light(s, light, hair, body)
     p = hair.points[hair.first[::3], :3]                             # the roots themselves
     assert (sun._transmittance(p, np.full(len(p), -1), hair.owner[::3]) == 1).all()
     assert (sun._transmittance(p - (0, .001, 0), np.full(len(p), -1), hair.owner[::3]) == 0).all()
@@ -382,7 +384,7 @@ def test_clfur_draws_nearly_the_same(gpu, sphere):
 def test_strands_stand_where_the_device_has_them(gpu, sphere, roots):
     """Every one of them: none stands on the next triangle for a last bit."""
     s = furry(sphere, roots)
-    hair, _ = truth._geometry(s)
+    hair, _ = geometry_of(s)
     part = Part((0, len(sphere.faces)), (0, len(hair.counts)))
     grown = build.hair(gpu, plan_of(s, clfur.Settings()), part, 0)
     points, spans = gpu.download(grown.points), gpu.download(grown.spans)

@@ -7,6 +7,8 @@ import pytest
 import clfur
 from clfur import truth
 from clfur.device.scheduler import Scheduler
+from clfur.judge.geometry import geometry_of
+from clfur.judge.lights import Light
 from clfur.judge.sky import Sky, spread
 from clfur.scene import frame
 from clfur.stages import sky as stage
@@ -22,7 +24,7 @@ def furry(mesh, strands=300, length=.3, **fields):
 
 def geometry(scene):
     """(hair, body, places [N, 3] on hair, their tangents, strands)."""
-    hair, body = truth._geometry(scene)
+    hair, body = geometry_of(scene)
     random = np.random.default_rng(2)
     k, share = random.integers(0, len(hair.first), N), random.random((N, 1))
     a, d = hair.points[hair.first[k], :3], hair.points[hair.first[k] + 1, :3] - hair.points[hair.first[k], :3]
@@ -34,7 +36,7 @@ def test_rays_of_any_direction_see_what_a_light_s_rays_see(sphere, towards):
     scene = furry(sphere, 3000, environment=clfur.Environment())
     hair, body, p, _, strand = geometry(scene)
     w, none = unit(np.array(towards, float)), np.full(N, -1)
-    light = truth._Light(scene, clfur.Light(direction=-w), hair, body)
+    light = Light(scene, clfur.Light(direction=-w), hair, body)
     sky = Sky(scene, hair, body)
     expected = light._transmittance(p, none, strand)
     given = sky.space.light_left(p, np.broadcast_to(w, p.shape), strand, none, sky.bias)
@@ -48,7 +50,7 @@ def test_where_nothing_hides_a_sky_it_is_its_mean(sky, surface):
     """A mixture of two ways to choose directions has no bias: the sum over all places of the sky, by the kernel."""
     environment = clfur.Environment(sky, rotation=30)
     scene = clfur.Scene(fur=clfur.Curves([np.array([(0, 0, 0), (0, 1e-3, 0)])], width=1e-4), environment=environment)
-    judge = Sky(scene, *truth._geometry(scene))
+    judge = Sky(scene, *geometry_of(scene))
     axis = np.broadcast_to(unit(np.array([.3, .5, -.8])), (N, 3))
     random = spread(N, np.random.default_rng(1).random((1, 2)))
     none = np.full(N, -1)

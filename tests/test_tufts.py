@@ -10,6 +10,7 @@ from support.scenes import icosphere
 import clfur
 from clfur import layout
 from clfur.judge import truth
+from clfur.judge.geometry import geometry_of, middles_of
 from clfur.scene.bounds import fur_extent, hair_bounds
 from clfur.scene.tufts import spots_of
 from clfur.stages import strands, tufts
@@ -213,7 +214,7 @@ def test_strands_curl_as_the_twins_do(gpu, has_tufts, frizz):
 def twin_points(scene):
     """What the twins grow: points [strands, P, 3]."""
     kind, = scene.strands.types
-    hair = truth._geometry(scene)[0]
+    hair = geometry_of(scene)[0]
     return np.asarray(hair.points)[:, :3].reshape(-1, kind.segments + 1, 3)
 
 
@@ -273,7 +274,7 @@ def test_maps_and_combs_count_in_tufts(gpu, kind, comb):
     maps["clump"] = rng.random(scene.mesh.numbering.vertices)
     fur = attrs.evolve(scene.strands, maps=clfur.Maps(**maps), comb=clfur.Comb(**comb))
     scene = attrs.evolve(scene, fur=fur)
-    grown, true = clfur.grow(scene, gpu), truth._geometry(scene)[0]
+    grown, true = clfur.grow(scene, gpu), geometry_of(scene)[0]
     np.testing.assert_array_equal(grown.counts, true.counts)
     apart = np.abs(grown.points - true.points[:, :3]).reshape(-1, 11, 3).max((1, 2))
     assert (apart > 1e-5).sum() <= 2 and len(apart) > 100
@@ -288,7 +289,7 @@ def test_the_tips_of_a_tuft_meet(gpu, profile, within):
     scene, loose = (furred(roots=4000, tufts=each, length_variation=0) for each in (
         clfur.Tufts(200, strength=1, profile=profile), None))
     points = points_of(gpu, scene)
-    made = truth.middles_of(scene.strands, scene.mesh, 0, scene.strands.types[0].tufts)
+    made = middles_of(scene.strands, scene.mesh, 0, scene.strands.types[0].tufts)
     tuft = twin.find(made, points[:, 0].astype(float), points[:, 0].astype(float))
     away, tips, free = (np.linalg.norm(each - made.lines[tuft, k], axis=1) for each, k in (
         (points[:, 0], 0), (points[:, -1], -1), (points_of(gpu, loose)[:, -1], -1)))
@@ -339,7 +340,7 @@ def test_a_tuft_curls_as_one(gpu):
     given = {"tufts": clfur.Tufts(40, strength=0), **hair}
     curled, straight = (points_of(gpu, furred(**given, **more)) for more in ({"curl": (.04, 2)}, {}))
     scene = furred(**given)
-    made = truth.middles_of(scene.strands, scene.mesh, 0, scene.strands.types[0].tufts)
+    made = middles_of(scene.strands, scene.mesh, 0, scene.strands.types[0].tufts)
     tuft = twin.find(made, straight[:, 0].astype(float), straight[:, 0].astype(float))
     own = points_of(gpu, furred(curl=(.04, 2), **hair))
 
@@ -411,7 +412,7 @@ def test_tufts_stay_together_in_every_pose(gpu):
     np.testing.assert_allclose(points_of(gpu, scene), twin_points(scene), rtol=0, atol=12 * PLACE)
     # So that this can fail: in the pose alone some are of other tufts.
     level = WILD["tufts"]
-    made, other = (truth.middles_of(fur, posed, 0, level) for fur in (
+    made, other = (middles_of(fur, posed, 0, level) for fur in (
         scene.strands, attrs.evolve(scene.strands, rest=None)))
     place = strands_twin.unit_or(np.random.default_rng(1).normal(size=(500, 3)), 0)
     normal = strands_twin.unit_or(place / (1, 2.5, .6), 0)

@@ -9,7 +9,7 @@ from budget_scenes import furry
 
 import clfur
 from clfur.device.scheduler import Scheduler
-from clfur.judge import truth
+from clfur.judge.geometry import geometry_of
 from clfur.judge.sky import Sky, spread
 from clfur.pipeline import build
 from clfur.pipeline.plan import Plan
@@ -42,7 +42,7 @@ def skies():
 
 def places(scene, hairs, bodies, seed):
     """(p, axis, surface, strand, triangle) of places on hair by its length, and on the body by its area."""
-    hair, body = truth._geometry(scene)
+    hair, body = geometry_of(scene)
     random = np.random.default_rng(seed)
     a, d = hair.points[hair.first, :3], hair.points[hair.first + 1, :3] - hair.points[hair.first, :3]
     length = np.linalg.norm(d, axis=1)

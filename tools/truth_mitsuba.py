@@ -17,7 +17,7 @@ import numpy as np
 
 import clfur
 from clfur import truth
-from clfur.judge import rays
+from clfur.judge import geometry, lights, rays
 
 ALLOWED = 5e-4           # Mitsuba's float32, and its shadows' small step away from a surface
 
@@ -46,7 +46,7 @@ class Tubes(rays.Fibres):
         return np.isfinite(t), t, none
 
 
-class FallingOff(truth._Light):
+class FallingOff(lights.Light):
     """Light of which a spot's falls off with the square of the distance, as Mitsuba's."""
 
     def _unshadowed(self, p):
@@ -76,7 +76,7 @@ def scenes(size, roots):
 
 def by_mitsuba(scene, samples, seed):
     """The picture of a scene, float64 [h, w, 4], by Mitsuba."""
-    hair, body = truth._geometry(scene)
+    hair, body = geometry.geometry_of(scene)
     width, height = scene.camera.size
     shares = scene.light.ambient > 0                      # what each ray sees; else the light on it
     with tempfile.TemporaryDirectory() as folder:
@@ -134,11 +134,11 @@ def main():
     parser.add_argument("--variant", default="scalar_rgb", help="of Mitsuba")
     options = parser.parse_args()
     mitsuba.set_variant(options.variant)
-    flat, wrong, truth._Light = truth.Fibres, 0, FallingOff
+    flat, wrong, truth.Light = geometry.Fibres, 0, FallingOff
     for name, scene in scenes((options.size, options.size), options.roots):
-        truth.Fibres = flat
+        geometry.Fibres = flat
         ribbons = truth.picture(scene, options.samples)
-        truth.Fibres = Tubes
+        geometry.Fibres = Tubes
         mine = [truth.picture(scene, options.samples, seed) for seed in (0, 1)]
         theirs = [by_mitsuba(scene, options.samples, seed) for seed in (0, 1)]
         channels = {"hair": 0, "body": 1, "alpha": 3} if scene.light.ambient else {"light": 0}

@@ -18,7 +18,7 @@ class Paths:
     """What paths go through in a scene.
 
     lights: objects with ambient and arriving(p, strand, triangle), see
-    `truth`.  sky: a `Sky`, or None.  orders: how many times light is scattered at most.
+    `lights`.  sky: a `Sky`, or None.  orders: how many times light is scattered at most.
     """
 
     def __init__(self, scene, hair, body, lights, sky, orders):
