@@ -66,55 +66,73 @@ INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
     }
 }
 
+typedef float8 float8_at_8 __attribute__((aligned(8)));
+#define PACKED(bits) AS_F((bits) & 0x7FFFFC00u)   // see `packed_light`
+
+/* Light, and of those with some more what is known exactly. */
+INLINED lanes sum_of(lanes light, lanes_i some, const float *exact)
+{
+    const lanes here = *(const lanes *)exact, sum = light + ((some & (here > 0.0f)) ? here : F(0.0f));
+    return sum < MOST ? sum : F(MOST);
+}
+
 /* Add the light of eight pieces: `light_between` for each light, with the same expressions. */
 INLINED void glow_eight(Glow *glow, int first, const Sent *known)
 {
-    __global const ulong *froms[LANES];
+    __global const ulong *starts[LANES];
+    float8 three[LANES];                   // places of each, and one more
+    lanes halves[8], rows[LANES];
     lanes_i some = I(0);
-    lanes light[8], rows[LANES];
+    lanes3 light = {F(0.0f), F(0.0f), F(0.0f)};
     const lanes at = TO(lanes, *(const lanes_u *)(glow->wheres + first) & 0xFFFF) * (1.0f / 65535.0f);
-    const lanes along = at * FEW_PIECES;
+    const lanes weight = *(const lanes *)(glow->weights + first), along = at * FEW_PIECES;
     const lanes_i whole = WHOLE(along), piece = whole < FEW_PIECES - 1 ? whole : I(FEW_PIECES - 1);
-    const lanes t = along - REAL(piece), parts[3] = {(1.0f - t) * (1.0f - 2.0f * t), 4.0f * t * (1.0f - t), t * (2.0f * t - 1.0f)};
+    const lanes t = along - REAL(piece), u = (1.0f - t) * (1.0f - 2.0f * t), v = 4.0f * t * (1.0f - t), w = t * (2.0f * t - 1.0f);
     const lanes_i pixel = TO(lanes_i, *(const lanes_u *)(glow->wheres + first) >> 16);
     const lanes x = TO(lanes, glow->left + pixel % TILE) + 0.5f, y = TO(lanes, glow->top + pixel / TILE) + 0.5f;
+    #pragma unroll
     for (int k = 0; k < LANES; ++k)
-        froms[k] = places_of(known, glow->slots[first + k]);
-    for (int i = 0; i < 8; ++i)
-        light[i] = F(0.0f);
+        starts[k] = places_of(known, glow->slots[first + k]) + 2 * LANE_I(piece, k);
     for (int i = 0; i < known->sources; ++i) {
-        lanes_i exact = I(0);
-        lanes r[3], g[3], b[3];
-        __global const ulong *starts[LANES];
+        #pragma unroll
         for (int k = 0; k < LANES; ++k) {
-            LANE_I(exact, k) = froms[k][0] & MORE ? ON : 0;
-            starts[k] = froms[k] + 2 * LANE_I(piece, k);
-            froms[k] += FEW_PLACES;
+            three[k] = *(__global const float8_at_8 *)starts[k];
+            starts[k] += FEW_PLACES;
         }
-        some |= exact;
-        for (int k = 0; k < 3; ++k) {
-            const ulong8 here = (ulong8)(starts[0][k], starts[1][k], starts[2][k], starts[3][k], starts[4][k], starts[5][k],
-                                         starts[6][k], starts[7][k]);
-            r[k] = parts[k] * AS_F(TO(lanes_u, here >> 32) & 0x7FFFFC00u);
-            g[k] = parts[k] * AS_F(TO(lanes_u, here >> 11) & 0x7FFFFC00u);
-            b[k] = parts[k] * AS_F(TO(lanes_u, here) << 10 & 0x7FFFFC00u);
-        }
-        const lanes of_one[3] = {r[0] + r[1] + r[2], g[0] + g[1] + g[2], b[0] + b[1] + b[2]};
+        transposed(three, halves);
+        const lanes_u a = AS_U(halves[0]), b = AS_U(halves[2]), c = AS_U(halves[4]);
+        const lanes_u a_high = AS_U(halves[1]), b_high = AS_U(halves[3]), c_high = AS_U(halves[5]);
+        const lanes_i exact = AS_I(a_high) < 0;   // MORE, of all places
+        const lanes3 its = {
+            u * PACKED(a_high) + v * PACKED(b_high) + w * PACKED(c_high),
+            u * PACKED(a_high << 21 | a >> 11) + v * PACKED(b_high << 21 | b >> 11) + w * PACKED(c_high << 21 | c >> 11),
+            u * PACKED(a << 10) + v * PACKED(b << 10) + w * PACKED(c << 10)};
         lanes share = F(1.0f);
         if (known->deep.longest && i < known->lighting.n)
-            share = share_deep(known, i, glow->slots + first, at, *(const lanes *)(glow->weights + first), x, y,
-                               (exact == 0) & ((of_one[0] > 0.0f) | (of_one[1] > 0.0f) | (of_one[2] > 0.0f)));
-        for (int k = 0; k < 3; ++k)
-            light[k] += ((exact == 0) & (of_one[k] > 0.0f)) ? share * of_one[k] : F(0.0f);
+            share = share_deep(known, i, glow->slots + first, at, weight, x, y,
+                               (exact == 0) & ((its.x > 0.0f) | (its.y > 0.0f) | (its.z > 0.0f)));
+        some |= exact;
+        light.x += ((exact == 0) & (its.x > 0.0f)) ? share * its.x : F(0.0f);
+        light.y += ((exact == 0) & (its.y > 0.0f)) ? share * its.y : F(0.0f);
+        light.z += ((exact == 0) & (its.z > 0.0f)) ? share * its.z : F(0.0f);
     }
-    for (int k = 0; k < 3; ++k) {
-        const lanes here = *(const lanes *)(glow->exact[k] + first);
-        light[k] += (some & (here > 0.0f)) ? here : F(0.0f);
-        light[k] = *(const lanes *)(glow->weights + first) * (light[k] < MOST ? light[k] : F(MOST));
+    const lanes sent[8] = {weight * sum_of(light.x, some, glow->exact[0] + first), weight * sum_of(light.y, some, glow->exact[1] + first),
+                           weight * sum_of(light.z, some, glow->exact[2] + first), F(0.0f), F(0.0f), F(0.0f), F(0.0f), F(0.0f)};
+    transposed(sent, rows);
+    /* Pieces of a pixel follow each other: its sum stays in a register. */
+    uint at_pixel = glow->wheres[first] >> 16;
+    float4 sum = glow->lights[at_pixel];
+    #pragma unroll
+    for (int k = 0; k < LANES; ++k) {
+        const uint its = glow->wheres[first + k] >> 16;
+        if (RARELY(its != at_pixel)) {
+            glow->lights[at_pixel] = sum;
+            at_pixel = its;
+            sum = glow->lights[at_pixel];
+        }
+        sum += rows[k].lo;
     }
-    transposed(light, rows);
-    for (int k = 0; k < LANES; ++k)
-        glow->lights[glow->wheres[first + k] >> 16] += rows[k].lo;
+    glow->lights[at_pixel] = sum;
 }
 
 /* Store what waits, GLOWS pieces. */

@@ -125,12 +125,13 @@ typedef char a_pixel_fits[sizeof(Pixel) <= 16 * OF_PIXEL ? 1 : -1];
         }                                          \
     }
 
-/* Begin with pixel `at`; how far it can be seen into: to the body where that fills it. */
-INLINED uint begin_pixel(Pixel *p, const Picture *picture, size_t at)
+/* Begin with pixel `at`; how far it can be seen into: to the body where that fills it.  samples: the picture's. */
+INLINED uint begin_samples(Pixel *p, const Picture *picture, size_t at, const int samples)
 {
-    const int samples = picture->samples;
+    const int of_each = picture->has_shells ? 2 : 1;
     uint furthest = 0;
-    int events = 0;
+    ulong events[2 * SAMPLES];             // depth << 8 | 2 · sample + 1 where it ends
+    int n = 0;
     p->at = at;
     p->kept = p->room = 1.0f;
     p->most = p->of_body = p->of_shells = p->all_shells = 0.0f;
@@ -147,33 +148,35 @@ INLINED uint begin_pixel(Pixel *p, const Picture *picture, size_t at)
         p->left[i] = 1.0f;
 #endif
     for (int s = 0; s < samples; ++s) {
-        const size_t sample = at * samples + s;
-        const uint body = picture->visible[sample] >> 32;
+        const uint body = picture->visible[at * samples + s] >> 32;
         furthest = body > furthest ? body : furthest;
         p->open[s] = 1.0f / samples;
-        p->through[s] = picture->has_shells ? picture->body_transmittance[sample] : 1.0f;
-        p->all_shells += (1.0f - p->through[s]) / samples;
-        for (int kind = picture->has_shells ? 0 : 1; kind < 2; ++kind) {
-            uint depth = body;
-            if (!kind) {
-                const uint shell = picture->sample_shells[sample] >> 32;
-                depth = shell < depth ? shell : depth;
-                if (!(p->through[s] < 1.0f))
-                    continue;
-            } else if (depth == NOTHING) {
-                continue;
-            }
-            int k = events++;
-            for (; k > 0 && p->depths[k - 1] > depth; --k) {
-                p->depths[k] = p->depths[k - 1];
-                p->which[k] = p->which[k - 1];
-            }
-            p->depths[k] = depth;
-            p->which[k] = 2 * s + kind;
-        }
+        p->through[s] = 1.0f;
+        events[s] = (ulong)body << 8 | (2 * s + 1);
+        n += body != NOTHING;
     }
-    p->events = events;
+    for (int s = 0; picture->has_shells && s < samples; ++s) {
+        const uint body = events[s] >> 8, shell = picture->sample_shells[at * samples + s] >> 32;
+        p->through[s] = picture->body_transmittance[at * samples + s];
+        p->all_shells += (1.0f - p->through[s]) / samples;
+        const bool some = p->through[s] < 1.0f;
+        events[samples + s] = (ulong)(some ? shell < body ? shell : body : NOTHING) << 8 | 2 * s;
+        n += some;
+    }
+    for (int k = 0; k < of_each * samples; ++k) {   // each one's rank; those that are none come last
+        int rank = 0;
+        for (int j = 0; j < of_each * samples; ++j)
+            rank += events[j] < events[k];
+        p->depths[rank] = events[k] >> 8;
+        p->which[rank] = events[k];
+    }
+    p->events = n;
     return furthest;
+}
+
+INLINED uint begin_pixel(Pixel *p, const Picture *picture, size_t at)
+{
+    return picture->samples == 4 ? begin_samples(p, picture, at, 4) : begin_samples(p, picture, at, picture->samples);
 }
 
 /* The next sample ends, or goes on behind shells. */
@@ -189,10 +192,15 @@ INLINED void pass_event(Pixel *p, int samples)
         p->open[s] *= p->through[s];
     }
     ++p->event;
+}
+
+/* Share of the pixel that goes on. */
+INLINED float room_of(const Pixel *p, int samples)
+{
     float room = 0.0f;
     for (int k = 0; k < samples; ++k)
         room += p->open[k];
-    p->room = room;
+    return room;
 }
 
 INLINED int first_lane(uint8 mask)
@@ -272,7 +280,7 @@ INLINED float take(Pixel *p, float8 *sums, long key, float share)
 INLINED float weight_of(Pixel *p, long key, float hidden)
 {
     float weight = hidden * p->room;
-    if (!(p->kept * p->room > UNSEEN)) {
+    if (RARELY(!(p->kept * p->room > UNSEEN))) {
         weight += p->kept * p->room;
         p->kept = 0.0f;
     }
@@ -318,8 +326,7 @@ INLINED void shine(const Picture *picture, Pixel *p, float weight, uint number, 
 INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long until)
 {
     int order[SLOTS + 4], i = 0;
-    for (int j = n; j & 3; ++j)
-        slots->keys[j] = LONG_MAX;
+    slots->keys[n] = slots->keys[n + 1] = slots->keys[n + 2] = LONG_MAX;   // those that fill the last four
 #if LANES > 1
     long4 soon = 0;
     for (int j = 0; j < n; j += 4)
@@ -330,8 +337,12 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
     for (int j = 0; j < n; j += 4) {         // each one's rank: how many are nearer
         const long4 mine = FOUR(slots->keys + j);
         long4 rank = 0;
-        for (int k = 0; k < n; ++k)
+        for (int k = 0; k < n; k += 4) {
             rank -= slots->keys[k] < mine;
+            rank -= slots->keys[k + 1] < mine;
+            rank -= slots->keys[k + 2] < mine;
+            rank -= slots->keys[k + 3] < mine;
+        }
         order[rank.x] = j;
         order[rank.y] = j + 1;
         order[rank.z] = j + 2;
@@ -349,7 +360,7 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
         if (p->event < p->events && p->depths[p->event] <= (uint)(key >> 32)) {
             p->kept = hot->kept;
             pass_event(p, picture->samples);
-            hot->room = p->room;
+            hot->room = p->room = room_of(p, picture->samples);
             more = hot->kept * hot->room > UNSEEN;
             continue;
         }
@@ -386,9 +397,8 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
 }
 
 /* All strands are hidden: samples that are left end, and what fills most of the pixel is known. */
-INLINED void end_pixel(Pixel *p, const Picture *picture)
+INLINED void end_samples(Pixel *p, const Picture *picture, const int samples)
 {
-    const int samples = picture->samples;
     ulong body = ~0ul, shell = ~0ul;
     float rest = 0.0f;
     while (p->event < p->events)
@@ -417,6 +427,14 @@ INLINED void end_pixel(Pixel *p, const Picture *picture)
             light += (p->all_shells > 0.0f ? p->of_shells / p->all_shells : 1.0f) * picture->image[p->at];
         picture->image[p->at] = (float4)(light.xyz, alpha);
     }
+}
+
+INLINED void end_pixel(Pixel *p, const Picture *picture)
+{
+    if (picture->samples == 4)
+        end_samples(p, picture, 4);
+    else
+        end_samples(p, picture, picture->samples);
 }
 
 /* A pixel in which neither strands nor shells are: what `begin_pixel` and `end_pixel` tell, the same bits. */

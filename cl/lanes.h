@@ -52,8 +52,10 @@ typedef long16 lanes_l;
 #define TO(type, x) __builtin_convertvector(x, type)
 #endif
 #if LANES > 1 && defined(__clang__)
+#define RARELY(x) __builtin_expect(!!(x), 0)   // a branch, where clang would choose between both without one
 #define PREFETCH(p) __builtin_prefetch((const void *)(size_t)(p))
 #else
+#define RARELY(x) (x)
 #define PREFETCH(p)
 #endif
 #if LANES == 1                    // without a pointer: llvmpipe would keep what it leads to in memory, and all around it

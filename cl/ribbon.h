@@ -292,26 +292,29 @@ INLINED void prepare(CHUNKS Chunk *chunk, const View *view, __global const uint2
 {
     for (int i = 0; i < n; i += LANES) {
         float8 rows[LANES];
-        lanes c[8], from, until;
+        lanes c[8], from = F(0.0f), until = F(0xFFFF * (1.0f / 65535.0f));   // see WHOLE_WAY
         lanes_u leans = U(0);
+        uint cut_off = 0;
+        #pragma unroll
         for (int k = 0; k < LANES; ++k) {
             const uint number = list[i + k < n ? i + k : i].y, id = ids[number];
-            const uint cut = id & CLIPPED ? cuts[number] : WHOLE_WAY;
             if (i + k + CHUNK < left) {
                 PREFETCH(ends + list[i + k + CHUNK].y);
                 PREFETCH(ids + list[i + k + CHUNK].y);
             }
             chunk->number[i + k] = number;
             chunk->id[i + k] = id & ~CLIPPED;
+            cut_off |= id & CLIPPED;
             rows[k] = ends[number];
-            LANE(from, k) = (cut & 0xFFFF) * (1.0f / 65535.0f);
-            LANE(until, k) = (cut >> 16) * (1.0f / 65535.0f);
         }
         columns_of(rows, c);
-        if (any_lane(greater(c[3], c[7]) > WIDE))
+        if (cut_off || any_lane(greater(c[3], c[7]) > WIDE))
             for (int k = 0; k < LANES; ++k) {
-                const uint number = list[i + k < n ? i + k : i].y;
-                LANE_U(leans, k) = ids[number] & CLIPPED ? 0 : cuts[number];
+                const uint number = list[i + k < n ? i + k : i].y, cut = cuts[number];
+                const bool clipped = ids[number] & CLIPPED;
+                LANE(from, k) = clipped ? (cut & 0xFFFF) * (1.0f / 65535.0f) : LANE(from, k);
+                LANE(until, k) = clipped ? (cut >> 16) * (1.0f / 65535.0f) : LANE(until, k);
+                LANE_U(leans, k) = clipped ? 0 : cut;
             }
         lanes by[5];
         place(view, c, put_ends(chunk, i, c, leans), from, until, by);

@@ -74,8 +74,55 @@ ONCE void make_room(Tile *t)
     }
 }
 
-/* Draw segment i of a chunk, which leans or not: eight columns side by side, row by row. */
-INLINED void draw_as(Tile *t, const View *view, const Chunk *chunk, int i, const bool wide)
+#define MOST_COVERED (2 * CHUNK)   // rows that wait
+
+/* What a segment covers in a row of columns, or a column of rows. */
+typedef struct {
+    float shares[LANES] ALIGNED;
+    uint wheres[LANES] ALIGNED, depths[LANES] ALIGNED;
+    int places[LANES] ALIGNED;             // pixels in the tile
+    uint id, number;
+#if MASKS
+    float8 strips[LANES];
+#endif
+    int on;                                // those in which it covers something, a bit each
+} Covered;
+
+/* All a chunk's segments are looked at first, and put into slots then: what is foreseen wrong of one keeps none waiting. */
+typedef struct {
+    Covered rows[MOST_COVERED];
+    int n;
+} Drawing;
+
+/* Put pieces into slots: each is written, and counted if it is seen, without a branch. */
+INLINED void put_pieces(Tile *t, Drawing *drawing)
+{
+    for (int i = 0; i < drawing->n; ++i) {
+        const Covered *row = &drawing->rows[i];
+        int full = 0;
+        for (int left = row->on; left; left &= left - 1) {
+            const int k = __builtin_ctz(left), p = row->places[k], n = t->counts[p];
+            const long key = (long)((ulong)row->depths[k] << 32 | row->id);
+            Slots *slots = &t->slots[p];
+            slots->keys[n] = key;
+            slots->shares[n] = row->shares[k];
+            slots->wheres[n] = row->wheres[k];
+            slots->numbers[n] = row->number;
+#if MASKS
+            *(float8 *)&slots->strips[n] = row->strips[k];
+#endif
+            const int m = n + ((row->depths[k] < t->bounds[p]) & (key >= t->lows[p]) & (key < t->limits[p]));
+            t->counts[p] = m;
+            full |= m == SLOTS;
+        }
+        if (full)                          // of a pixel there was one piece: it still had a slot
+            make_room(t);
+    }
+    drawing->n = 0;
+}
+
+/* Look at segment i of a chunk, which leans or not: eight columns side by side, row by row. */
+INLINED void draw_as(Tile *t, Drawing *drawing, const View *view, const Chunk *chunk, int i, const bool wide)
 {
     const int steep = chunk->steep[i], u0 = steep ? t->top : t->left, v0 = steep ? t->left : t->top;
     const lanes_i lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
@@ -90,61 +137,39 @@ INLINED void draw_as(Tile *t, const View *view, const Chunk *chunk, int i, const
     const lanes_i on = (column.along > 0.0f) & (v < bottom);
     /* Open pixels of each column that it may touch, from row v on. */
     lanes_i todo = on & ((steep ? t->in_rows : t->in_columns) & ((I(1) << (bottom - v0 & 15)) - 1)) >> (v - v0 & 15);
-    if (!any_lane(todo))
-        return;
-    const uint id = chunk->id[i], number = chunk->number[i];
     const int u_stride = steep ? TILE : 1, v_stride = steep ? 1 : TILE;
-    uint depths[LANES] ALIGNED, wheres[LANES] ALIGNED;
-#if MASKS
-    float8 strips[LANES];
-#endif
-    float shares[LANES] ALIGNED;
-    int places[LANES] ALIGNED, full = 0;
-    *(lanes_i *)depths = column.depth;
-    do {
+    for (; any_lane(todo); v += 1, todo >>= 1) {
+        Covered *row = &drawing->rows[drawing->n];
         const lanes share = wide ? share_within(&outline, v) : share_of(&column, v);
-        *(lanes *)shares = share;
-        *(lanes_i *)wheres = place_in(&column, v);
-        *(lanes_i *)places = lane * u_stride + (v - v0) * v_stride;
+        *(lanes *)row->shares = share;
+        *(lanes_i *)row->wheres = place_in(&column, v);
+        *(lanes_i *)row->depths = column.depth;
+        *(lanes_i *)row->places = lane * u_stride + (v - v0) * v_stride;
+        row->id = chunk->id[i];
+        row->number = chunk->number[i];
 #if MASKS
         if (wide)
-            leaning_strips_of(chunk, i, &column, lane + u0, v, strips);
+            leaning_strips_of(chunk, i, &column, lane + u0, v, row->strips);
         else
-            strips_of(chunk, i, &column, lane + u0, v, strips);
+            strips_of(chunk, i, &column, lane + u0, v, row->strips);
 #endif
-        /* Each is written, and counted if it is seen: no branch. */
-        for (int left = bits_of(((todo & 1) != 0) & (share > 0.0f)); left; left &= left - 1) {
-            const int k = __builtin_ctz(left), p = places[k], n = t->counts[p];
-            const long key = (long)((ulong)depths[k] << 32 | id);
-            Slots *slots = &t->slots[p];
-            slots->keys[n] = key;
-            slots->shares[n] = shares[k];
-            slots->wheres[n] = wheres[k];
-            slots->numbers[n] = number;
-#if MASKS
-            *(float8 *)&slots->strips[n] = strips[k];
-#endif
-            const int m = n + ((depths[k] < t->bounds[p]) & (key >= t->lows[p]) & (key < t->limits[p]));
-            t->counts[p] = m;
-            full |= m == SLOTS;
-        }
-        v += 1;
-        todo >>= 1;
-    } while (any_lane(todo));
-    if (full)                              // of a pixel there was one piece: it still had a slot
-        make_room(t);
+        row->on = bits_of(((todo & 1) != 0) & (share > 0.0f));
+        ++drawing->n;
+    }
+    if (drawing->n > MOST_COVERED - TILE)
+        put_pieces(t, drawing);
 }
 
 /* Those that lean are few, and take more registers. */
-ONCE void draw_wide(Tile *t, const View *view, const Chunk *chunk, int i)
+ONCE void draw_wide(Tile *t, Drawing *drawing, const View *view, const Chunk *chunk, int i)
 {
-    draw_as(t, view, chunk, i, true);
+    draw_as(t, drawing, view, chunk, i, true);
 }
 
-INLINED void draw(Tile *t, const View *view, const Chunk *chunk, int i)
+INLINED void draw(Tile *t, Drawing *drawing, const View *view, const Chunk *chunk, int i)
 {
     if (leans(chunk, i))
-        draw_wide(t, view, chunk, i);
+        draw_wide(t, drawing, view, chunk, i);
     else
-        draw_as(t, view, chunk, i, false);
+        draw_as(t, drawing, view, chunk, i, false);
 }

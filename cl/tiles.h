@@ -7,22 +7,25 @@
 
 #define FINE (4 * BUCKETS)   // fewer pieces have to wait in a pixel
 
-/* Sort a tile's list into FINE buckets by depth -> the least depth, and the bits below a bucket's. */
+/* Sort a tile's list into buckets by depth, about as many as segments, FINE at most -> the least depth, and the bits below a
+   bucket's. */
 ONCE uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *sorted)
 {
-    uint least = ~0u, most = 0, ends[FINE + 1], shift = 0;
+    uint least = ~0u, most = 0, ends[FINE + 1], shift = 0, buckets = 64;
     for (uint i = 0; i < n; ++i) {
         const uint depth = entries[i].x;
         least = depth < least ? depth : least;
         most = depth > most ? depth : most;
     }
-    while ((most - least) >> shift >= FINE)
+    while (buckets < 4 * n && buckets < FINE)
+        buckets *= 2;
+    while ((most - least) >> shift >= buckets)
         ++shift;
-    for (int k = 0; k <= FINE; ++k)
+    for (uint k = 0; k <= buckets; ++k)
         ends[k] = 0;
     for (uint i = 0; i < n; ++i)
         ++ends[((entries[i].x - least) >> shift) + 1];
-    for (int k = 1; k <= FINE; ++k)
+    for (uint k = 1; k <= buckets; ++k)
         ends[k] += ends[k - 1];
     for (uint i = 0; i < n; ++i) {
         const uint2 it = entries[i];
@@ -34,8 +37,9 @@ ONCE uint2 sort_list(__global const uint2 *entries, uint n, __global uint2 *sort
 /* Settle all pixels as far as nothing before `until` is still to come -> whether any is still open. */
 INLINED bool settle_all(Tile *t, const Picture *picture, long until)
 {
-    for (int p = 0; p < TILE * TILE; ++p) {
-        if (!(t->open >> p & 1))
+    for (ulong left = t->open; left; left &= left - 1) {
+        const int p = __builtin_ctzl(left);
+        if (t->counts[p] < SLOTS / 4 && until != LONG_MAX)
             continue;
         const long before = until < t->limits[p] ? until : t->limits[p];
         t->counts[p] = settle(&t->pixels[p], picture, &t->slots[p], t->counts[p], before);
@@ -116,6 +120,8 @@ ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global
                  __global const float8 *ends, __global const uint *ids, __global const uint *cuts)
 {
     Chunk chunk;
+    Drawing drawing;
+    drawing.n = 0;
     lanes_l pixels[CHUNK / LANES];
     bool open = true;
     for (uint next = 0; open && next < n;) {
@@ -127,8 +133,9 @@ ONCE void go_through(Tile *t, const View *view, const Picture *picture, __global
                 if (((const ulong *)pixels)[i] & t->open) {
                     if (picture->lit && picture->glow->store->when == LIGHT_AT_ONCE)
                         PREFETCH(places_of(&picture->sent, chunk.number[i]));
-                    draw(t, view, &chunk, i);
+                    draw(t, &drawing, view, &chunk, i);
                 }
+            put_pieces(t, &drawing);
             next += m;
             for (int p = 0; p < TILE * TILE; ++p)
                 fullest = t->counts[p] > fullest ? t->counts[p] : fullest;
@@ -252,6 +259,13 @@ ALONE BY_HAND __kernel void tiles(
     for (int row = 0; row < TILE && y * TILE + row < size.y; ++row)
         for (int k = 0; k < TILE * view.size.z; k += 8)
             PREFETCH(visible + ((size_t)(y * TILE + row) * size.x + x * TILE) * view.size.z + k);
+    uint2 grain = 0;
+    if (n)
+        grain = sort_list(entries + first, n, sorted + first);
+    for (uint i = 0; i < n && i < CHUNK; ++i) {   // while pixels begin
+        PREFETCH(ends + sorted[first + i].y);
+        PREFETCH(ids + sorted[first + i].y);
+    }
     for (int p = 0; p < TILE * TILE; ++p) {
         const int px = x * TILE + p % TILE, py = y * TILE + p / TILE;
         t.counts[p] = t.bounds[p] = 0;
@@ -266,7 +280,6 @@ ALONE BY_HAND __kernel void tiles(
         }
     }
     if (n) {
-        const uint2 grain = sort_list(entries + first, n, sorted + first);
         go_through(&t, &view, &picture, sorted + first, n, grain, ends, ids, cuts);
         glow_all(&glow, &picture.sent);
         give_list_back(&t.overflow);
