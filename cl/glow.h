@@ -66,7 +66,8 @@ INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
     }
 }
 
-typedef float8 float8_at_8 __attribute__((aligned(8)));
+typedef float8 float8_at_8 __attribute__((aligned(8)));   // four places
+typedef char there_are_two_pieces[FEW_PIECES == 2 ? 1 : -1];
 #define PACKED(bits) AS_F((bits) & 0x7FFFFC00u)   // see `packed_light`
 
 /* Light, and of those with some more what is known exactly. */
@@ -80,28 +81,30 @@ INLINED lanes sum_of(lanes light, lanes_i some, const float *exact)
 INLINED void glow_eight(Glow *glow, int first, const Sent *known)
 {
     __global const ulong *starts[LANES];
-    float8 three[LANES];                   // places of each, and one more
+    float8 four[LANES];                    // the first four of each one's places, or the last four
     lanes halves[8], rows[LANES];
     lanes_i some = I(0);
     lanes3 light = {F(0.0f), F(0.0f), F(0.0f)};
     const lanes at = TO(lanes, *(const lanes_u *)(glow->wheres + first) & 0xFFFF) * (1.0f / 65535.0f);
     const lanes weight = *(const lanes *)(glow->weights + first), along = at * FEW_PIECES;
-    const lanes_i whole = WHOLE(along), piece = whole < FEW_PIECES - 1 ? whole : I(FEW_PIECES - 1);
+    const lanes_i later = along >= 1.0f, piece = -later;   // whether in the second piece of two
     const lanes t = along - REAL(piece), u = (1.0f - t) * (1.0f - 2.0f * t), v = 4.0f * t * (1.0f - t), w = t * (2.0f * t - 1.0f);
     const lanes_i pixel = TO(lanes_i, *(const lanes_u *)(glow->wheres + first) >> 16);
     const lanes x = TO(lanes, glow->left + pixel % TILE) + 0.5f, y = TO(lanes, glow->top + pixel / TILE) + 0.5f;
     #pragma unroll
     for (int k = 0; k < LANES; ++k)
-        starts[k] = places_of(known, glow->slots[first + k]) + 2 * LANE_I(piece, k);
+        starts[k] = places_of(known, glow->slots[first + k]) + LANE_I(piece, k);
     for (int i = 0; i < known->sources; ++i) {
         #pragma unroll
         for (int k = 0; k < LANES; ++k) {
-            three[k] = *(__global const float8_at_8 *)starts[k];
+            four[k] = *(__global const float8_at_8 *)starts[k];
             starts[k] += FEW_PLACES;
         }
-        transposed(three, halves);
-        const lanes_u a = AS_U(halves[0]), b = AS_U(halves[2]), c = AS_U(halves[4]);
-        const lanes_u a_high = AS_U(halves[1]), b_high = AS_U(halves[3]), c_high = AS_U(halves[5]);
+        transposed(four, halves);
+        /* The three that its piece lies between: halves of 64 bits, low ones first. */
+        const lanes_u a = AS_U(later ? halves[2] : halves[0]), a_high = AS_U(later ? halves[3] : halves[1]);
+        const lanes_u b = AS_U(later ? halves[4] : halves[2]), b_high = AS_U(later ? halves[5] : halves[3]);
+        const lanes_u c = AS_U(later ? halves[6] : halves[4]), c_high = AS_U(later ? halves[7] : halves[5]);
         const lanes_i exact = AS_I(a_high) < 0;   // MORE, of all places
         const lanes3 its = {
             u * PACKED(a_high) + v * PACKED(b_high) + w * PACKED(c_high),
