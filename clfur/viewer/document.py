@@ -197,7 +197,7 @@ class Document:
 
     def switch(self, path: Steps, on: bool, make: Callable[[State], Any]) -> bool:
         """Switch the part at a path off, or on as it was, see `State.switched` -> whether it was the other way."""
-        with self._lock:
+        with self._changing():
             return self._become(self._state.switched(path, on, make), path)
 
     def change(self, scene: Scene | None = None, settings: Settings | None = None, *, step: Any = None,

@@ -112,7 +112,7 @@ def _unpigmented(kind):
     return kind.look.color is None
 
 
-FLOOR = 0.5, 0.5, 0.5   # linear RGB of a ground
+FLOOR = 0.3, 0.3, 0.3   # linear RGB of a ground
 TRANSPARENCY = Field(("alpha",), "Transparency", hint="Share of the light that one hair lets through: 0 is opaque")
 SHAPE = (
     Field(("length",), "Length", high=0.6, curve="fine", scale=True, when=_has("length"), hint="From root to tip"),

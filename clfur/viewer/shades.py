@@ -26,13 +26,21 @@ class Shade:
 
 
 def shaded(color: Any, before: Any, shade: Any) -> np.ndarray:
-    """Return what ``shade`` is to ``before`` for another colour, linear RGB [3] each: in channels that are darker the
-    same share of the light, in those that are lighter the same share of what is missing to white."""
+    """Return what ``shade`` is to ``before`` for another colour, linear RGB [3] each: where it is darker the same share
+    of each channel's light, where it is lighter the same share of what is missing to white."""
     color, before, shade = (np.asarray(each, np.float64) for each in (color, before, shade))
-    lighter = (shade > before) & (before < 1)
-    share = np.divide(shade, before, out=np.ones(3), where=before > 0)
-    missing = np.divide(1 - shade, 1 - before, out=np.ones(3), where=before < 1)
-    return np.maximum(np.where(lighter, 1 - np.maximum(1 - color, 0) * np.maximum(missing, 0), color * share), 0)
+    if shade.sum() > before.sum():
+        found = 1 - (1 - color) * _shares(1 - shade, 1 - before)
+    else:
+        found = color * _shares(shade, before)
+    return np.clip(found, 0, max(1.0, color.max(), shade.max()))
+
+
+def _shares(parts, wholes):
+    """The share of each channel; of one of which there is nothing that of all others, or 1."""
+    there = wholes > 0
+    others = parts[there].sum() / wholes[there].sum() if there.any() else 1.0
+    return np.where(there, parts / np.where(there, wholes, 1), others)
 
 
 def root_shade(kind: HairType) -> Any:
