@@ -266,7 +266,7 @@ def test_moving_pictures_keep_the_finals_light():
         for shells in (False, True):
             ways = pace.ways(settings, shells)
             assert len(ways) == 5 and ways[0][1] == 1
-            for way, divided in ways:
+            for way, _ in ways:
                 assert not way.goal and way.blur == "off" and not way.masks and way.lod >= settings.lod
                 assert (way.method, way.grid, way.shadow_map, way.pcf, way.scattering) == (
                     settings.method, settings.grid, settings.shadow_map, settings.pcf, settings.scattering)

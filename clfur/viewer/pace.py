@@ -31,8 +31,8 @@ def ways(settings: Settings, shells: bool = False) -> list[tuple[Settings, int]]
         return attrs.evolve(still, raster=raster, samples=samples, lod=max(lod, still.lod)), divided
     if settings.raster == "samples":
         n, fewer = min(4, settings.samples), 1 if settings.samples == 1 else 2   # of 1 sample it is bright itself
-        return [(still, 1), way(1, "samples", n, 0), way(2, "samples", n, 0), way(2, "samples", n, 1),
-                way(3, "samples", n, fewer)]
+        smaller = way(2, "samples", n, 1)
+        return [(still, 1), way(1, "samples", n, 0), smaller, smaller, way(3, "samples", n, fewer)]
     whole, half = way(1, "coverage", 1, 0), way(2, "coverage", 1, 0)
     if shells or settings.scattering != "off":
         return [(still, 1), whole, half, way(3, "coverage", 1, 1), way(4, "coverage", 1, 2)]
