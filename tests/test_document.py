@@ -42,6 +42,69 @@ def document(clock):
     return Document(furred(), clock=clock)
 
 
+def test_what_is_switched_is_told(document):
+    heard = []
+    document.subscribe(lambda: heard.append(document.version))
+    document.switch(("scene", "ground"), True, lambda state: clfur.Ground())
+    document.switch(("scene", "ground"), True, lambda state: clfur.Ground())   # it is there
+    document.switch(("scene", "ground"), False, lambda state: clfur.Ground())
+    assert heard == [1, 2]
+
+
+ROOT, TIP = ((*COLOR[:-1], name) for name in ("root_color", "tip_color"))
+
+
+def ends(document):
+    kind, = document.scene.strands.types
+    return [None if each is None else each.tolist() for each in (kind.root_color, kind.tip_color)]
+
+
+def dyed(**fields):
+    kind = clfur.HairType(**{"color": (.4, .2, .1), "root_color": (.2, .05, .05), "tip_color": (.7, .6, .55), **fields})
+    return Document(furred(fur=clfur.Strands(roots=60, types=kind)))
+
+
+def test_root_and_tip_go_with_the_colour_until_they_are_chosen():
+    """Darker channels as shares of the light, lighter ones of what is missing to white; also by way of black, and
+    back."""
+    document = dyed()
+    document.set(COLOR, (.1, .5, .2))
+    assert ends(document) == [pytest.approx([.05, .125, .1]), pytest.approx([.55, .75, .6])]
+    for color in ((0, 0, 0), (1, 1, 1), (3, 0, 1), (.4, .2, .1)):
+        document.set(COLOR, color)
+    assert ends(document) == [pytest.approx([.2, .05, .05]), pytest.approx([.7, .6, .55])]
+    document.set(ROOT, (0, 0, 1))
+    document.set(COLOR, (.1, .5, .2))
+    assert ends(document) == [[0, 0, 1], pytest.approx([.55, .75, .6])]
+    while document.undo():
+        pass
+    document.set(COLOR, (.1, .5, .2))   # nobody has chosen it any more
+    assert ends(document)[0] == pytest.approx([.05, .125, .1])
+    assert document.undo() and ends(document) == [[.2, .05, .05], [.7, .6, .55]] and not document.can_undo
+    document = dyed(root_color=None, tip_color=None)
+    document.set(COLOR, (.1, .5, .2))
+    assert ends(document) == [None, None]
+
+
+def test_another_coats_root_is_nobodys_choice():
+    """Though that of the one before was chosen; and what was known of its colour does not count."""
+    document = dyed()
+    document.set(ROOT, (0, 0, 1))
+    document.set(COLOR, (.1, .5, .2))
+    document.set(("scene", "strands"), dyed(root_color=(.04, .02, .01)).scene.strands)
+    document.set(COLOR, (1, 1, 1))
+    assert ends(document)[0] == pytest.approx([.1, .1, .1])
+
+
+def test_root_and_tip_go_with_the_colour_at_all_times():
+    """Of a scene that is a function of seconds, too."""
+    scene = dyed().scene
+    document = Document(lambda seconds: scene)
+    document.set(COLOR, (.1, .5, .2))
+    kind, = document.state.at(2.0).strands.types
+    assert kind.root_color == pytest.approx([.05, .125, .1])
+
+
 def test_a_change_is_another_scene_with_all_else_the_same(document):
     before = document.scene
     assert document.set(LENGTH, .5) and document.scene.strands.types[0].length == .5

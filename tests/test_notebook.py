@@ -22,7 +22,7 @@ from support.browser import chromium
 import clfur
 from clfur.errors import brief
 from clfur.files.images import png_bytes
-from clfur.viewer import notebook, pictures
+from clfur.viewer import notebook, pace, pictures
 from clfur.viewer.orbit import Orbit
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -134,7 +134,9 @@ def test_a_drag_turns_and_rest_gives_the_final_picture(gpu, scene):
     orbit = begun.turned(.25, .1).panned(.1, 0).zoomed(2)
     meant = attrs.evolve(scene, camera=orbit.camera())
     assert content == {"final": False} and page.drawing.orbit == orbit
-    assert moving == png_bytes(clfur.render(meant, gpu, notebook.MOVING))
+    fast, divided = pace.ways(settings)[pace.FIRST]
+    small = attrs.evolve(scene, camera=orbit.resized([each // divided for each in (80, 60)]).camera())
+    assert divided == 2 and moving == png_bytes(clfur.render(small, gpu, fast))
     page.drawing.heed({"rest": True})
     content, final = page.take()
     assert content == {"final": True} and final == png_bytes(clfur.render(meant, gpu, settings)) != moving
@@ -186,7 +188,8 @@ def test_a_view_that_rests_does_not_leave_another_waiting(gpu, scene, monkeypatc
     page.drawing.heed({"rest": True})   # a view that opens
     goes_on.set()
     page.until_idle()
-    assert [page.take()[0] for _ in range(2)] == [{"final": False}] * 2 and asked == [notebook.MOVING] * 2
+    assert [page.take()[0] for _ in range(2)] == [{"final": False}] * 2 and asked == [
+        pace.ways(clfur.Settings())[pace.FIRST][0]] * 2
     page.drawing.heed({"rest": True})
     assert page.take()[0] == {"final": True}
 
@@ -211,20 +214,17 @@ def test_a_picture_is_given_up(gpu, scene):
     assert pictures.drawn(scene, clfur.Settings(), gpu.device, lambda: False) == png_bytes(clfur.render(scene, gpu))
 
 
-def test_slow_pictures_are_half_as_large_while_they_move(gpu, scene, monkeypatch):
-    monkeypatch.setattr(notebook, "SLOW", 0)
+def test_slow_pictures_are_smaller_while_they_move(gpu, scene, monkeypatch):
+    monkeypatch.setattr(pace, "GOAL", 0)
     page = Page(scene, gpu)
-    sizes = []
-    for asked in ({"turn": [.1, 0]}, {"turn": [.1, 0]}, {"rest": True}):
+
+    def shape(**asked):
         page.drawing.heed(asked)
-        sizes.append(picture_of(page.take()[1]).shape[:2])
-    assert sizes == [(60, 80), (30, 40), (60, 80)]
-    monkeypatch.setattr(notebook, "SLOW", 60)
-    monkeypatch.setattr(notebook, "FAST", 60)
-    for _ in range(2):
-        page.drawing.heed({"turn": [.1, 0]})
-        shape = picture_of(page.take()[1]).shape
-    assert shape == (60, 80, 4)
+        return picture_of(page.take()[1]).shape[:2]
+    assert [shape(turn=[.1, 0]) for _ in range(4)] == [(30, 40)] * 3 + [(20, 27)]
+    assert shape(rest=True) == (60, 80)
+    monkeypatch.setattr(pace, "GOAL", 60)
+    assert (30, 40) in [shape(turn=[.1, 0]) for _ in range(16)]
 
 
 def test_an_error_is_a_line_in_the_page(gpu, scene, monkeypatch):

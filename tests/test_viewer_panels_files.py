@@ -15,12 +15,13 @@ from support.devices import DEVICES
 import clfur
 from clfur.command.main import main
 from clfur.files import usd_curves
+from clfur.viewer.changes import found
 from clfur.viewer.coats import COATS, dressed, fitted
 from clfur.viewer.document import Document, MeshFile
 from clfur.viewer.dropped import MOST, suffix_of, take, types_of
 from clfur.viewer.fields import Field, angles_of, color_of, direction_of, hex_of
 from clfur.viewer.saving import STRANDS, normals_for, scene_file, strand_file
-from clfur.viewer.sections import put, sections, switch_on, value_of, with_goal, with_type, without
+from clfur.viewer.sections import ON, put, sections, value_of, with_goal, with_type, without
 from clfur.viewer.told import expected
 
 OBJ = b"v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n"
@@ -344,12 +345,61 @@ def test_every_field_of_every_coat_shows_a_value_that_can_be_put(name):
             assert field.value(field.share(shown)) == pytest.approx(shown, rel=.01, abs=1e-9 + .005 * (
                 field.high - field.low) * (field.kind == "whole"))
         if shown is None:
-            shown = switch_on(field)
+            shown = ON
         if shown != "" and not (field.path[-1] == "seconds" and document.settings.goal) and field.path[-1] not in (
                 "eumelanin", "pheomelanin"):
             put(field, document, shown)
     assert count > 60 - 30 * (name == "Velvet")
     json.dumps([value_of(field, document.state) for field in all_fields(sections(document.state))])
+
+
+def test_fields_tell_what_they_mean():
+    """Each in a line of its own, and two of one group never by the same word; also of types, skies and lamps."""
+    scenes = [dressed(furred(), name) for name in COATS]
+    scenes += [attrs.evolve(each, **more) for each, more in zip(scenes, [
+        {"environment": clfur.Environment(), "ground": clfur.Ground(), "light": clfur.Light(position=(0, 4, 0))},
+        {"environment": clfur.Environment([(1, 1, 1)] * 3), "fur": clfur.Strands(type_map=painted(), types=types_of(
+            painted(), (clfur.HairType(look=clfur.Chiang()), clfur.HairType(segment_length=.02))))}])]
+    for scene in scenes:
+        document = Document(scene, clfur.Settings(blur="all"), motion={"hair_on_hair": .1})
+        for field in all_fields(sections(document.state)):
+            assert field.hint and field.label[0].isupper() and len(field.label) < 21, field
+        for part in sections(document.state):
+            for group in (part, *part.inner):
+                labels = [field.label for field in group.fields]
+                assert len(set(labels)) == len(labels), labels
+
+
+def test_a_type_tells_its_colour_on_the_map_and_that_of_its_hair():
+    document = Document(furred())
+    take(document, "map.png", png(painted()))
+    document.set(("scene", "strands", "types", 0, "color"), (0, 1, 0))
+    part = sections(document.state)[1]
+    assert value_of(part.fields[0], document.state) == "#ff0000" and part.fields[0].label == "Map colour"
+    assert hex_of(found(document.state, part.swatch)) == "#00ff00"
+
+
+def test_root_and_tip_colours_are_switched_on_beside_the_colour():
+    """As the command's roots are, and as they were, for what is the colour now; chosen ones stay."""
+    document = Document(furred())
+    kind = "scene", "strands", "types", 0
+    fields = {field.path: field for field in all_fields(sections(document.state))}
+    root, tip, color = (fields[(*kind, name)] for name in ("root_color", "tip_color", "color"))
+    put(color, document, "#00ff00")
+    put(root, document, ON)
+    put(tip, document, ON)
+    hair, = document.scene.strands.types
+    assert hair.root_color.tolist() == [0, .5, 0] and hair.tip_color.tolist() == [.5, 1, .5]
+    put(root, document, None)
+    put(color, document, "#ff0000")
+    put(root, document, ON)
+    hair, = document.scene.strands.types
+    assert hair.root_color.tolist() == [.5, 0, 0] and hair.tip_color.tolist() == [1, .5, .5]
+    put(root, document, "#0000ff")
+    put(root, document, None)
+    put(color, document, "#00ff00")
+    put(root, document, ON)
+    assert document.scene.strands.types[0].root_color.tolist() == [0, 0, 1]
 
 
 def test_coats_fit_meshes_without_uv():

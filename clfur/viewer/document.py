@@ -19,6 +19,7 @@ from .changes import Path as Steps
 from .changes import changed, found
 from .coats import fitted, spread
 from .playing import Player
+from .shades import with_shades
 
 TOGETHER = 1.0   # seconds within which changes of one path are one step of undo
 MOST = 100       # steps of undo
@@ -72,6 +73,7 @@ class State:
     scene: as it is groomed. settings: of the final picture. motion: how its hair moves, or None. given: None, or a
     function of seconds that gives the scene, with changes, (path, value) of `changed`, on top. mesh_file: where its
     mesh is from, or None. kept: {path: (a part, the mesh it was with)} of parts that were switched off.
+    shades: {path: a `shades.Shade`} of root and tip colours that went with their hair's colour, or were chosen.
     """
 
     scene: Scene
@@ -81,6 +83,7 @@ class State:
     changes: tuple[tuple[Steps, Any], ...] = ()
     mesh_file: MeshFile | None = None
     kept: dict[Steps, tuple[Any, Mesh | None]] = attrs.field(factory=dict)
+    shades: dict[Steps, Any] = attrs.field(factory=dict)
 
     @property
     def moves(self) -> bool:
@@ -180,20 +183,21 @@ class Document:
                     self._listeners.remove(callback)
         return end
 
-    def set(self, path: Steps, value: Any) -> bool:
+    def set(self, path: Steps, value: Any, chosen: bool = True) -> bool:
         """Set what stands at a path, such as ("scene", "strands", "types", 0, "length") -> whether it was another.
 
         Raises Error where it does not fit; then all is as before. Changes of one path within a second are one step of
-        `undo`.
+        `undo`. A hair type's root and tip colour go with its colour; chosen: of one of these, whether from now on it is
+        to stay.
         """
         with self._changing():
             if _same(found(self._state, path), value):
                 return False
-            return self._become(self._state.changed(path, value), path)
+            return self._become(with_shades(self._state, path, value, chosen), path)
 
     def switch(self, path: Steps, on: bool, make: Callable[[State], Any]) -> bool:
         """Switch the part at a path off, or on as it was, see `State.switched` -> whether it was the other way."""
-        with self._lock:
+        with self._changing():
             return self._become(self._state.switched(path, on, make), path)
 
     def change(self, scene: Scene | None = None, settings: Settings | None = None, *, step: Any = None,

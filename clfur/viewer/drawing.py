@@ -39,7 +39,7 @@ class Drawing:
         self._document_changed = 0.0
         self.closed = False
         self._works: deque[tuple[Future, Callable[[], Any]]] = deque()
-        self._pace = Pace(4)
+        self._pace = Pace(len(ways(document.settings)))
         self._coder = ThreadPoolExecutor(1, "coding")
         self._thread = threading.Thread(target=self._run, name="drawing", daemon=True)
         self._end = document.subscribe(self._on_change)
@@ -205,7 +205,7 @@ class Drawing:
         if final:
             link.tell({"drawing": number})
         else:
-            settings, divided = ways(settings)[self._pace.step]
+            settings, divided = ways(settings, scene.shells is not None)[self._pace.step]
         width, height = orbit.size
         pictured = orbit.resized(((width + divided - 1) // divided, (height + divided - 1) // divided))
 

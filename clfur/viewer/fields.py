@@ -10,6 +10,7 @@ import attrs
 from ..color import linear_to_srgb, srgb_to_linear
 from ..errors import Error
 from .changes import Path
+from .shades import root_shade, tip_shade
 
 CURVE = 3.0   # of a slider of lengths: more of its way for small ones
 
@@ -19,11 +20,11 @@ class Field:
     """A knob: where it stands, what it is called, what it may be.
 
     path: from the object of its table on. kind: "number", "whole", "color", "vector", "from" (a direction, told by
-    where it comes from), "choice" or "flag". low, high: of the slider; a typed number may be beyond, if the class takes
-    it. scale: whether these are in radii of the mesh. curve: "linear", "log", or "fine", with more way for what is
-    small. unit, hint: words beside and over it. choices: {value: label}. given: None, or what it becomes when it is
-    switched on, as it may be off, which is the value ``off``. when: None, or a function of the object that tells
-    whether it has a say.
+    where it comes from), "choice", "flag" or "key" (a colour that is told, not turned). low, high: of the slider; a
+    typed number may be beyond, if the class takes it. scale: whether these are in radii of the mesh. curve: "linear",
+    "log", or "fine", with more way for what is small. unit, hint: words beside and over it. choices: {value: label}.
+    given: None, or what it becomes when it is switched on, or a function of the object that tells it, as it may be off,
+    which is the value ``off``. when: None, or a function of the object that tells whether it has a say.
     """
 
     path: Path
@@ -111,125 +112,161 @@ def _unpigmented(kind):
     return kind.look.color is None
 
 
+FLOOR = 0.3, 0.3, 0.3   # linear RGB of a ground
+TRANSPARENCY = Field(("alpha",), "Transparency", hint="Share of the light that one hair lets through: 0 is opaque")
 SHAPE = (
-    Field(("length",), "Length", high=0.6, curve="fine", scale=True, when=_has("length")),
+    Field(("length",), "Length", high=0.6, curve="fine", scale=True, when=_has("length"), hint="From root to tip"),
     Field(("stiffness",), "Stiffness", low=0.05, high=10, curve="log", unit="lengths", when=_has("stiffness"),
-          hint="How many of its lengths a hair takes to bend by one radian under a force of 1"),
-    Field(("segment_length",), "Segment length", high=0.1, curve="fine", scale=True, when=_has("segment_length")),
-    Field(("force_weight",), "Softness", high=2, curve="fine", when=_has("force_weight"),
-          hint="How much of the force is added in each segment"),
-    Field(("segments",), "Segments", "whole", high=64, hint="How smoothly a hair bends; 0 is bald"),
+          hint="How many of its lengths a hair takes to bend by one radian under a force of 1: more is stiffer"),
+    Field(("segment_length",), "Segment length", high=0.1, curve="fine", scale=True, when=_has("segment_length"),
+          hint="A hair is as long as all its segments"),
+    Field(("force_weight",), "Force weight", high=2, curve="fine", when=_has("force_weight"),
+          hint="How much of the force each segment adds to its direction: more is softer"),
+    Field(("segments",), "Segments", "whole", high=64, hint="Straight pieces of a hair: more bend more smoothly; 0 is "
+          "bald"),
     Field(("width",), "Width", low=1e-4, high=0.02, curve="log", scale=True, hint="Diameter of a hair"),
-    Field(("root_width",), "Root width", high=2, unit="×", hint="Share of the width at the root"),
-    Field(("tip_width",), "Tip width", high=2, unit="×", hint="Share of the width at the tip"),
-    Field(("taper",), "Taper", low=0.01, high=0.99, hint="How much of the taper is done at half of the length"),
+    Field(("root_width",), "Root width", high=2, unit="× width", hint="Width at the root, in widths"),
+    Field(("tip_width",), "Tip width", high=2, unit="× width", hint="Width at the tip, in widths; 0 is a point"),
+    Field(("taper",), "Taper", low=0.01, high=0.99, hint="Share of the change from root to tip width that is done at "
+          "half of the length; 0.5: a straight cone"),
 )
 CURLS = (
-    Field(("curl", 0), "Curl radius", high=0.1, curve="fine", scale=True),
-    Field(("curl", 1), "Curl turns", low=-20, high=20, unit="turns"),
-    Field(("wave", 0), "Wave height", high=0.1, curve="fine", scale=True),
-    Field(("wave", 1), "Waves", high=20, unit="periods"),
-    Field(("frizz", 0), "Frizz", high=0.05, curve="fine", scale=True, hint="How far hair strays at random"),
-    Field(("frizz", 1), "Frizz waves", high=40, unit="waves"),
+    Field(("curl", 0), "Curl radius", high=0.1, curve="fine", scale=True, hint="Of the helix that a hair winds along"),
+    Field(("curl", 1), "Curl turns", low=-20, high=20, unit="turns", hint="From root to tip; below 0 the other way "
+          "round"),
+    Field(("wave", 0), "Wave amplitude", high=0.1, curve="fine", scale=True, hint="How far a wave goes to one side"),
+    Field(("wave", 1), "Wave periods", high=20, unit="periods", hint="Waves from root to tip"),
+    Field(("frizz", 0), "Frizz amplitude", high=0.05, curve="fine", scale=True, hint="How far each hair strays at "
+          "random"),
+    Field(("frizz", 1), "Frizz waves", high=40, unit="waves", hint="Random waves from root to tip"),
 )
 VARIES = (
-    Field(("length_variation",), "Length varies"),
-    Field(("direction_variation",), "Direction varies"),
-    Field(("color_variation",), "Colour varies"),
+    Field(("length_variation",), "Length variation", hint="Random variation of the length: 0 none, 1 down to nothing"),
+    Field(("direction_variation",), "Direction variation", hint="How far hairs lean at random: 0 none"),
+    Field(("color_variation",), "Colour variation", hint="Random variation of the brightness: 0 none"),
 )
 COLORS = (
-    Field(("color",), "Colour", "color", when=_unpigmented),
-    Field(("root_color",), "Root colour", "color", given=(0.2, 0.12, 0.06), when=_unpigmented),
-    Field(("tip_color",), "Tip colour", "color", given=(0.9, 0.75, 0.5), when=_unpigmented),
-    Field(("alpha",), "Transparency", hint="How much light one hair lets through"),
+    Field(("color",), "Colour", "color", when=_unpigmented,
+          hint="Of the hair; root and tip colour go with it until they are chosen themselves"),
+    Field(("root_color",), "Root colour", "color", given=root_shade, when=_unpigmented,
+          hint="In place of the colour at the root; goes with the colour until it is chosen. Off: the colour"),
+    Field(("tip_color",), "Tip colour", "color", given=tip_shade, when=_unpigmented,
+          hint="In place of the colour at the tip; goes with the colour until it is chosen. Off: the colour"),
+    TRANSPARENCY,
 )
 KAJIYA = (
-    Field(("specular",), "Highlight", high=2, curve="fine"),
-    Field(("exponent",), "Gloss", low=1, high=1000, curve="log", hint="How narrow the highlight is"),
-    Field(("highlight",), "Model", "choice", choices={"kajiya-kay": "Kajiya-Kay", "half-vector": "half vector"}),
+    Field(("specular",), "Specular", high=2, curve="fine", hint="Strength of the highlight"),
+    Field(("exponent",), "Specular exponent", low=1, high=1000, curve="log", hint="How narrow the highlight is: more "
+          "is glossier"),
+    Field(("highlight",), "Specular model", "choice", choices={
+        "kajiya-kay": "Kajiya-Kay", "half-vector": "half vector"},
+          hint="Kajiya-Kay: a highlight from every side; half vector: none against the light"),
 )
 CHIANG = (
-    Field(("longitudinal_roughness",), "Roughness along", low=0.05),
-    Field(("azimuthal_roughness",), "Roughness around", low=0.1),
-    Field(("tilt",), "Scales lean", low=-20, high=20, unit="°"),
-    Field(("index",), "Refraction", low=1.1, high=3),
-    Field(("eumelanin",), "Black pigment", high=8, given=1.3, hint="Eumelanin: 1.3 is brown, 8 black"),
-    Field(("pheomelanin",), "Red pigment", high=8, given=0.5, hint="Pheomelanin"),
+    Field(("longitudinal_roughness",), "Roughness", low=0.05, hint="Longitudinal roughness: how far highlights spread "
+          "along the hair"),
+    Field(("azimuthal_roughness",), "Radial roughness", low=0.1, hint="Azimuthal roughness: how far light spreads "
+          "around the hair"),
+    Field(("tilt",), "Cuticle tilt", low=-20, high=20, unit="°", hint="Angle of the scales on a hair, which moves the "
+          "highlight towards the root"),
+    Field(("index",), "IOR", low=1.1, high=3, hint="Index of refraction; hair has 1.55"),
+    Field(("eumelanin",), "Eumelanin", high=8, given=1.3, hint="Brown-black pigment in place of the colour: 1.3 is "
+          "brown, 8 black"),
+    Field(("pheomelanin",), "Pheomelanin", high=8, given=0.5, hint="Yellow-red pigment in place of the colour"),
 )
 TUFTS = (
-    Field(("count",), "Tufts", "whole", low=1, high=100_000, curve="log", when=_has("count")),
-    Field(("density",), "Density", low=1, high=100_000, curve="log", unit="/ area", when=_has("density")),
-    Field(("strength",), "Strength", hint="How far tips are drawn together"),
-    Field(("profile",), "Profile", low=0.01, high=0.99, hint="How much of that is done at half of the length"),
-    Field(("size_variation",), "Size varies"),
+    Field(("count",), "Count", "whole", low=1, high=100_000, curve="log", when=_has("count"), unit="tufts",
+          hint="On the whole mesh"),
+    Field(("density",), "Density", low=1, high=100_000, curve="log", unit="/ area", when=_has("density"),
+          hint="Tufts on a square unit"),
+    Field(("strength",), "Strength", hint="How far tips are drawn together: 0 not, 1 to a point"),
+    Field(("profile",), "Profile", low=0.01, high=0.99, hint="Share of that which is done at half of the length; 0.5: "
+          "evenly"),
+    Field(("size_variation",), "Size variation", hint="How much tufts differ in size: 0 not"),
 )
 GROWTH = (
-    Field(("roots",), "Hairs", "whole", low=100, high=1_000_000, curve="log", given=50_000, off="faces",
-          hint="Spread evenly by area; switched off: one in each triangle"),
-    Field(("force",), "Force", "vector", low=-3, high=3, hint="Gravity and the like; 1 bends as stiffness says"),
-    Field(("collision",), "Slides on the skin", "flag", hint="Hair that would enter the mesh lies on it"),
-    Field(("surface",), "Skin", "choice", choices={"pn": "curved", "flat": "flat"}),
-    Field(("seed",), "Seed", "whole", high=1000, hint="Of all that is random"),
+    Field(("roots",), "Strands", "whole", low=100, high=1_000_000, curve="log", given=50_000, off="faces",
+          hint="How many hairs, spread evenly by area; off: one in each triangle"),
+    Field(("force",), "Force", "vector", low=-3, high=3, hint="Direction and strength of gravity and the like as hair "
+          "grows; 1 bends as its stiffness says"),
+    Field(("collision",), "Collision", "flag", hint="Hair that would enter the mesh is laid along it"),
+    Field(("surface",), "Surface", "choice", choices={"pn": "smooth (PN)", "flat": "flat"},
+          hint="Whether triangles of the mesh are curved by their normals"),
+    Field(("seed",), "Seed", "whole", high=1000, hint="Another number gives other random hair"),
 )
 SHELLS = (
-    Field(("length",), "Height", low=1e-3, high=0.3, curve="fine", scale=True),
-    Field(("layers",), "Layers", "whole", low=1, high=128),
-    Field(("hairs",), "Hairs", "whole", low=100, high=1_000_000, curve="log", when=_has("hairs")),
-    Field(("frequency",), "Frequency", low=1, high=1000, curve="log", when=lambda shells: shells.hairs is None),
-    Field(("density",), "Thickness", low=0.02, hint="How much of its cell a hair fills"),
-    Field(("sharpness",), "Soft edges", low=1.01, high=4),
-    Field(("noise", 0), "Ruffled", high=3, unit="hairs", hint="How far hairs are moved"),
-    Field(("noise", 1), "Ruffles", low=1, high=50, unit="hairs", hint="How large the waves of that are"),
-    Field(("length_variation",), "Height varies"),
-    Field(("color",), "Colour", "color"),
-    Field(("alpha",), "Transparency", hint="How much light one hair lets through"),
-    Field(("root_shade",), "Light at roots"),
-    Field(("look", "specular"), "Highlight", high=2, curve="fine"),
-    Field(("look", "exponent"), "Gloss", low=1, high=1000, curve="log"),
-    Field(("force",), "Force", "vector", low=-3, high=3),
+    Field(("length",), "Length", low=1e-3, high=0.3, curve="fine", scale=True, hint="Height of the fur over the skin"),
+    Field(("layers",), "Layers", "whole", low=1, high=128, hint="Steps from roots to tips: more are finer, and slower"),
+    Field(("hairs",), "Hairs", "whole", low=100, high=1_000_000, curve="log", when=_has("hairs"),
+          hint="On the whole mesh"),
+    Field(("frequency",), "Frequency", low=1, high=1000, curve="log", when=lambda shells: shells.hairs is None,
+          unit="/ unit", hint="Hairs along a unit of length; of the pattern 'sine', waves in uv"),
+    Field(("density",), "Density", low=0.02, hint="Share of its cell that a hair fills"),
+    Field(("sharpness",), "Edge softness", low=1.01, high=4, hint="Where the edge of a hair ends, over where it "
+          "begins: 1 is sharp"),
+    Field(("noise", 0), "Noise amplitude", high=3, unit="hairs", hint="How far hairs are moved, in their distances"),
+    Field(("noise", 1), "Noise size", low=1, high=50, unit="hairs", hint="How large the waves of that are"),
+    Field(("length_variation",), "Length variation", hint="Random variation of the length: 0 none, 1 down to nothing"),
+    Field(("color",), "Colour", "color", hint="Of the undercoat"),
+    TRANSPARENCY,
+    Field(("root_shade",), "Root shade", hint="Share of the light that roots get: less is darker"),
+    Field(("look", "specular"), "Specular", high=2, curve="fine", hint="Strength of the highlight"),
+    Field(("look", "exponent"), "Specular exponent", low=1, high=1000, curve="log", hint="How narrow the highlight is: "
+          "more is glossier"),
+    Field(("force",), "Force", "vector", low=-3, high=3, hint="Gravity and the like: where the tips lean, in lengths"),
 )
 LIGHT = (
-    Field(("direction",), "From", "from"),
-    Field(("color",), "Colour", "color"),
-    Field(("intensity",), "Intensity", high=8, curve="fine"),
-    Field(("size",), "Softness", high=30, curve="fine", unit="°", when=lambda light: light.position is None,
-          hint="How large the light looks: the sun has 0.53°"),
-    Field(("size",), "Softness", high=1, curve="fine", scale=True, when=_has("position"), hint="The lamp's radius"),
-    Field(("position",), "Position", "vector", low=-5, high=5, scale=True, when=_has("position")),
-    Field(("angle",), "Cone", low=1, high=170, unit="°", when=lambda light: light.position is not None and (
-        light.angle < 180)),
-    Field(("ambient",), "Ambient", given=0.1, hint="White light from everywhere; off: as suits the scene"),
-    Field(("shadows",), "Casts shadows", "flag"),
+    Field(("direction",), "Direction", "from", hint="Where the light comes from: degrees around the vertical (0 is "
+          "+Z, 90 is +X), and over the horizon"),
+    Field(("color",), "Colour", "color", hint="Of the light"),
+    Field(("intensity",), "Intensity", high=8, curve="fine", hint="Times the colour; not of the ambient light"),
+    Field(("size",), "Angular size", high=30, curve="fine", unit="°", when=lambda light: light.position is None,
+          hint="Diameter of the light as it is seen: larger has softer shadows; the sun has 0.53°"),
+    Field(("size",), "Radius", high=1, curve="fine", scale=True, when=_has("position"),
+          hint="Of the lamp: larger has softer shadows"),
+    Field(("position",), "Position", "vector", low=-5, high=5, scale=True, when=_has("position"), hint="Of the lamp"),
+    Field(("angle",), "Cone angle", low=1, high=170, unit="°", when=lambda light: light.position is not None and (
+        light.angle < 180), hint="The whole angle of the spot's cone"),
+    Field(("ambient",), "Ambient", given=0.1, hint="White light from everywhere; off: 0.1, or 0 with a sky or multiple "
+          "scattering"),
+    Field(("shadows",), "Casts shadows", "flag", hint="Whether hair and body are in the way of this light"),
 )
 SKY = (
-    Field(("sky",), "Colour", "color", when=lambda sky: sky.sky.ndim == 1),
-    *(Field(("sky", n), label, "color", when=lambda sky: sky.sky.ndim == 2)
-      for n, label in enumerate(("Zenith", "Horizon", "Below"))),
-    Field(("intensity",), "Intensity", high=8, curve="fine"),
-    Field(("rotation",), "Turned", low=-180, high=180, unit="°", when=lambda sky: sky.sky.ndim == 3),
+    Field(("sky",), "Colour", "color", when=lambda sky: sky.sky.ndim == 1, hint="Of the light from everywhere"),
+    *(Field(("sky", n), label, "color", when=lambda sky: sky.sky.ndim == 2, hint=hint)
+      for n, (label, hint) in enumerate((("Zenith", "Straight above"), ("Horizon", "All around"),
+                                         ("Nadir", "Straight below")))),
+    Field(("intensity",), "Intensity", high=8, curve="fine", hint="Times the sky's colours"),
+    Field(("rotation",), "Rotation", low=-180, high=180, unit="°", when=lambda sky: sky.sky.ndim == 3,
+          hint="Of the picture, around the vertical"),
 )
 GROUND = (
-    Field(("color",), "Colour", "color", given=(0.3, 0.3, 0.3), hint="Switched off: its shadow alone"),
-    Field(("height",), "Height", low=-2, high=2, scale=True, given=-1.0, hint="Switched off: under the mesh"),
+    Field(("color",), "Colour", "color", given=FLOOR, hint="Off: a shadow catcher, which is its shadow alone"),
+    Field(("height",), "Height", low=-2, high=2, scale=True, given=-1.0,
+          hint="Its y in the world; off: under the mesh"),
 )
 MOTION = (
-    Field(("wind", "velocity"), "Wind", "vector", low=-10, high=10, unit="m/s"),
-    Field(("wind", "gust"), "Gusts", high=4, unit="×"),
-    Field(("wind", "size"), "Gust size", low=0.01, high=10, curve="log", unit="m"),
-    Field(("wind", "skin"), "Still air", high=0.2, curve="fine", unit="m", hint="Height over the skin without wind"),
-    Field(("wind", "shelter"), "Shelter", high=4, hint="How much hair upwind holds the wind back"),
-    Field(("units_per_metre",), "A metre is", low=0.01, high=1000, curve="log", unit="units"),
-    Field(("gravity",), "Gravity", "vector", low=-20, high=20, unit="m/s²"),
+    Field(("wind", "velocity"), "Wind", "vector", low=-10, high=10, unit="m/s", hint="Where the wind blows to, and how "
+          "fast"),
+    Field(("wind", "gust"), "Gust strength", high=4, unit="× wind", hint="Speed of gusts, in speeds of the wind"),
+    Field(("wind", "size"), "Gust size", low=0.01, high=10, curve="log", unit="m", hint="How far gusts are apart"),
+    Field(("wind", "skin"), "Boundary layer", high=0.2, curve="fine", unit="m",
+          hint="Height over the skin below which wind is slower; at the skin there is none"),
+    Field(("wind", "shelter"), "Shelter", high=4, hint="How much hair upwind holds the wind back: 0 not"),
+    Field(("units_per_metre",), "Units per metre", low=0.01, high=1000, curve="log", unit="units",
+          hint="Scale of the scene, which tells how fast things fall"),
+    Field(("gravity",), "Gravity", "vector", low=-20, high=20, unit="m/s²", hint="The Earth's is -9.81 in y"),
     Field(("hair_on_hair",), "Hair on hair", low=0.005, high=1, curve="log", unit="s", given=0.05,
-          hint="Seconds in which hair takes the speed of the hair around it"),
+          hint="Friction between hairs: seconds in which one takes the speed of those around it; off: none"),
 )
 HAIR_MOTION = (
-    Field(("bend_length",), "Bears itself", low=0.01, high=2, curve="log", scale=True, given=0.3,
-          hint="Shorter hair stands, longer droops; off: the longest of its type"),
-    Field(("air",), "Air", low=0.01, high=5, curve="log", unit="s", given=0.2, hint="In which air slows hair down"),
-    Field(("damping",), "Damping", high=0.5, curve="fine", unit="s"),
-    Field(("inertia",), "Inertia", hint="How much of its root's motion it does not go along with by itself"),
-    Field(("friction",), "Friction", high=2),
+    Field(("bend_length",), "Bend length", low=0.01, high=2, curve="log", scale=True, given=0.3,
+          hint="Hair shorter than this stands, longer droops; off: the longest of its type"),
+    Field(("air",), "Air drag", low=0.01, high=5, curve="log", unit="s", given=0.2,
+          hint="Seconds in which hair takes the speed of the air: less is more drag; off: none"),
+    Field(("damping",), "Damping", high=0.5, curve="fine", unit="s", hint="Of bending: more swings for less long"),
+    Field(("inertia",), "Inertia", hint="0: hair goes with its root; 1: it lags behind by its own mass"),
+    Field(("friction",), "Friction", high=2, hint="On the mesh, Coulomb's: 1 holds hair on a slope of 45°"),
 )
 
 
@@ -238,26 +275,34 @@ def _free(settings):
 
 
 SETTINGS = (
-    Field(("samples",), "Samples", "choice", choices={1: "1", 4: "4", 16: "16"}, when=_free),
-    Field(("raster",), "Raster", "choice", choices={"coverage": "coverage", "samples": "samples"}, when=_free),
+    Field(("samples",), "Samples", "choice", choices={1: "1", 4: "4", 16: "16"}, when=_free, unit="/ pixel",
+          hint="Of the body and shells, and of hair with the raster 'samples'"),
+    Field(("raster",), "Raster", "choice", choices={"coverage": "coverage", "samples": "samples"}, when=_free,
+          hint="coverage: the area of each hair in a pixel, transparent; samples: opaque hair, fast"),
     Field(("shadows",), "Shadows", "choice", choices={each: each for each in (
-        "off", "binary", "count", "trilinear", "length", "deep")}, when=_free),
+        "off", "binary", "count", "trilinear", "length", "deep")}, when=_free,
+        hint="How hair casts them, from the roughest to the best"),
     Field(("grid",), "Shadow grid", "choice", choices={n: str(n) for n in (
-        16, 32, 48, 64, 96, 128, 160, 192, 256, 384, 512)}, unit="cells", when=_free),
+        16, 32, 48, 64, 96, 128, 160, 192, 256, 384, 512)}, unit="cells", when=_free,
+        hint="Cells a side of each light's grid of hair: more have finer shadows"),
     Field(("shadow_map",), "Shadow map", "choice", choices={n: str(n) for n in (0, 128, 256, 512, 1024, 2048, 4096)},
-          unit="texels", when=_free, hint="Of the body; 0 for none"),
-    Field(("pcf",), "Soft map", "whole", high=8, unit="texels", when=_free),
-    Field(("masks",), "Masks", "choice", choices={0: "off", 4: "4 × 4"}, when=_free,
-          hint="Hair hides hair in parts of a pixel"),
-    Field(("scattering",), "Hair to hair", "choice", choices={"off": "off", "grid": "grid"}, when=_free,
-          hint="Light that goes from hair to hair, of the glassy look"),
-    Field(("lod",), "Coarser", high=4, curve="fine", unit="pixels", when=_free,
-          hint="Thinner hair is drawn as fewer and wider strands"),
-    Field(("blur",), "Blur", "choice", choices={"off": "off", "edges": "edges", "all": "all"}),
-    Field(("blur_sigma",), "Blur width", low=0.1, high=4, unit="pixels", when=lambda settings: settings.blur != "off"),
-    Field(("filtered",), "Filtered shells", "flag"),
-    Field(("max_error",), "Error up to", low=0.002, high=0.2, curve="log", given=0.03, when=lambda settings: (
-        settings.goal != "seconds"), hint="Choose the cheapest settings that err by no more"),
-    Field(("seconds",), "Time up to", low=0.05, high=60, curve="log", unit="s", given=1.0, when=lambda settings: (
+          unit="texels", when=_free, hint="Texels a side, for shadows of the body; 0 for none"),
+    Field(("pcf",), "PCF radius", "whole", high=8, unit="texels", when=_free,
+          hint="Percentage-closer filtering: how far the body's shadows are softened"),
+    Field(("masks",), "Pixel masks", "choice", choices={0: "off", 4: "4 × 4"}, when=_free,
+          hint="Hair hides hair in so many parts of a pixel, not at random in it"),
+    Field(("scattering",), "Multiple scattering", "choice", choices={"off": "off", "grid": "grid"}, when=_free,
+          hint="Light that goes on from hair to hair, for the Chiang model"),
+    Field(("lod",), "Level of detail", high=4, curve="fine", unit="pixels", when=_free,
+          hint="Hair thinner than this is drawn as fewer, wider strands; 0: all there are"),
+    Field(("blur",), "Blur", "choice", choices={"off": "off", "edges": "edges", "all": "all"},
+          hint="A Gaussian over the picture, or over the edges of fur alone"),
+    Field(("blur_sigma",), "Blur radius", low=0.1, high=4, unit="pixels", when=lambda settings: settings.blur != "off",
+          hint="Standard deviation of the Gaussian"),
+    Field(("filtered",), "Filter shells", "flag", hint="The undercoat's pattern is averaged over each pixel"),
+    Field(("max_error",), "Max. error", low=0.002, high=0.2, curve="log", given=0.03, when=lambda settings: (
+        settings.goal != "seconds"), hint="Choose the cheapest settings that err by no more: root mean square of sRGB, "
+        "0 to 1"),
+    Field(("seconds",), "Max. time", low=0.05, high=60, curve="log", unit="s", given=1.0, when=lambda settings: (
         settings.goal != "max_error"), hint="Choose the best settings whose frame takes no longer"),
 )

@@ -9,20 +9,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import attrs
-
-from ..budget import PRESETS
 from ..errors import Error, shown
 from ..scene import Scene
 from ..scene.origin import copied
 from ..settings import Settings
+from .pace import Pace, ways
 from .pictures import device_of, drawn, scene_png
 
 JAVASCRIPT = Path(__file__).with_name("notebook.js")
 LARGEST = 640, 480   # of the picture where no size is told
-# Without lod what the lights' grids hold stays as it is while the camera moves.
-MOVING = attrs.evolve(PRESETS["draft"], lod=0.0)
-SLOW, FAST = 0.1, 0.03   # seconds of a moving picture, above which they become half as large, below which whole again
 
 
 def view(scene: Scene, device: Any = None, settings: Settings | None = None, size: Sequence[int] | None = None) -> Any:
@@ -59,7 +54,8 @@ class Drawing:
     def __init__(self, scene: Scene, device: Any, settings: Settings, orbit: Any,
                  send: Callable[[dict, bytes | None], None]) -> None:
         self.scene, self.settings, self.orbit = scene, settings, orbit
-        self._device, self._send, self._begun, self._half = device, send, orbit, False
+        self._device, self._send, self._begun = device, send, orbit
+        self._pace = Pace(len(ways(settings)))
         self._lock = threading.Lock()
         self._wanted: tuple[Any, bool] | None = None   # one slot: a newer camera takes the place of one that waits
         self._draws = False
@@ -94,17 +90,17 @@ class Drawing:
                     self._send({"error": " ".join(str(error).split()) or type(error).__name__}, None)
 
     def _picture(self, orbit, final):
-        began, half = time.perf_counter(), self._half and not final
-        if half:
-            orbit = orbit.resized([max(each // 2, 1) for each in orbit.size])
+        began, settings = time.perf_counter(), self.settings
+        if not final:
+            settings, divided = ways(settings, self.scene.shells is not None)[self._pace.step]
+            orbit = orbit.resized([(each + divided - 1) // divided for each in orbit.size])
         scene = copied(self.scene, camera=orbit.camera())
         # A final picture is given up for a newer camera; a moving one is not, or who never rests would see none.
-        picture = drawn(scene, self.settings if final else MOVING, self._device, self._is_old if final else _never)
+        picture = drawn(scene, settings, self._device, self._is_old if final else _never)
         if picture is None:
             return
         if not final:
-            seconds = time.perf_counter() - began
-            self._half = seconds > SLOW or (half and seconds > FAST)
+            self._pace.took(time.perf_counter() - began)
         self._send({"final": final}, picture)
 
     def _is_old(self):

@@ -13,20 +13,30 @@ LAST = 3          # pictures whose median counts
 PATIENCE = 12     # pictures before a dearer way is tried; each trial that fails makes it as many times as
 IMPATIENCE = 4    # this longer
 FASTER = 2.5      # times, about, that a way costs less than the one before
-FIRST = 2         # the way that is tried first: samples, of half the size
+FIRST = 3         # the way that is tried first
 
 
-def ways(settings: Settings) -> list[tuple[Settings, int]]:
+def ways(settings: Settings, shells: bool = False) -> list[tuple[Settings, int]]:
     """[(Settings, by what to divide the picture's sides)] for a moving picture, from the nearest to the final one.
 
-    Of none do shadows depend on the camera, so that they are kept from one picture to the next.  With scattering hair
-    is lit by other hair, which the raster "samples" cannot do.
+    Of none do shadows depend on the camera, so that they are kept from one picture to the next.  The raster "samples"
+    draws strands at least 1/samples of a pixel wide: in smaller pictures so much wider that their bright tips hide all
+    else, unless lod makes them as much fewer.  Of shells each sample costs, and there are holes where strands are
+    fewer; with scattering hair is lit by other hair, which that raster cannot do: there coverage of smaller pictures
+    takes its place.
     """
-    still = attrs.evolve(settings, lod=0, masks=0, blur="off", max_error=None, seconds=None,
-                         shadows=settings.method)
-    raster = "samples" if settings.scattering == "off" else settings.raster
-    fine, fast = (attrs.evolve(still, raster=raster, samples=min(n, settings.samples)) for n in (4, 1))
-    return [(still, 1), (fine, 1), (fine, 2), (fast, 2)]
+    still = attrs.evolve(settings, masks=0, blur="off", max_error=None, seconds=None, shadows=settings.method)
+
+    def way(divided, raster, samples, lod):
+        return attrs.evolve(still, raster=raster, samples=samples, lod=max(lod, still.lod)), divided
+    if settings.raster == "samples":
+        n, fewer = min(4, settings.samples), 1 if settings.samples == 1 else 2   # of 1 sample it is bright itself
+        smaller = way(2, "samples", n, 1)
+        return [(still, 1), way(1, "samples", n, 0), smaller, smaller, way(3, "samples", n, fewer)]
+    whole, half = way(1, "coverage", 1, 0), way(2, "coverage", 1, 0)
+    if shells or settings.scattering != "off":
+        return [(still, 1), whole, half, way(3, "coverage", 1, 1), way(4, "coverage", 1, 2)]
+    return [(still, 1), whole, half, way(2, "samples", 4, 1), way(3, "samples", 4, 2)]
 
 
 class Pace:

@@ -26,7 +26,10 @@
     if (!stage) return void requestAnimationFrame(start);   // the page's elements are still being made
     canvas = add("canvas");
     context = canvas.getContext("2d");
-    status = add("div", "status");
+    const foot = add("div", "foot");
+    foot.append(...["drop-said", "status"].map((name) => Object.assign(document.createElement("div"), { className: name })));
+    foot.firstChild.setAttribute("role", "status");   // what panels.js says of files
+    status = foot.lastChild;
     trouble = add("div", "trouble");
     const help = add("button", "help");
     help.textContent = "?";

@@ -32,7 +32,9 @@ def show(drawing: Drawing) -> None:
     ui.query(".nicegui-content").classes("stage-content")
     stage = ui.element("div").props('id="stage"')
     stage.props(f'data-window="{window.key}"')
-    drawer = ui.right_drawer(bordered=False).classes("panels").props("width=340 breakpoint=700")
+    # In windows up to 700 wide it is under the picture, see panels.css; a slider's drag is no swipe that closes it.
+    drawer = ui.right_drawer(bordered=False).classes("panels").props(
+        "width=360 breakpoint=700 no-swipe-open no-swipe-close no-swipe-backdrop")
     with drawer:
         panels.build(drawing, window)
     ui.button(icon="tune", on_click=drawer.toggle).props('flat round dense size=sm aria-label="Panels"').classes(

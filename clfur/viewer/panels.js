@@ -4,13 +4,11 @@
   const LARGEST = MOST;      // bytes of a file
   const SEEN = 6000;         // milliseconds that a line of what was done stays
   const TAKEN = 1000;        // milliseconds after which what was typed is taken, see widgets.py
-  let over = 0, shade, said, chooser, wiped, typed = -TAKEN;
+  let over = 0, shade, chooser, wiped, typed = -TAKEN;
 
   function start() {
     shade = add("drop-here");
     shade.textContent = "Drop a mesh, a painted type map, strands or a sky";
-    said = add("drop-said");
-    said.setAttribute("role", "status");
     chooser = document.body.appendChild(Object.assign(document.createElement("input"), {
       type: "file", multiple: true, accept: "ALLOWED", hidden: true }));
     chooser.addEventListener("change", () => { send([...chooser.files]); chooser.value = ""; });
@@ -75,6 +73,8 @@
   }
 
   function say(line, wrong = false) {
+    const said = document.querySelector(".drop-said");   // over the picture, see page.js
+    if (!said) return;
     said.textContent = line;
     said.classList.toggle("wrong", wrong);
     clearTimeout(wiped);

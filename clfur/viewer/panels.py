@@ -11,12 +11,13 @@ from nicegui import ui
 from .. import draw
 from ..errors import Error, Stopped
 from ..scene.origin import copied
+from .changes import Path, found
 from .drawing import Drawing
 from .dropped import ALLOWED, MOST
-from .fields import Field, refused
+from .fields import Field, hex_of, refused
 from .saving import PICTURES, STRANDS, picture_file, scene_file, strand_file
 from .sections import Section, put, sections, value_of
-from .widgets import ALONE, ROWS, Row
+from .widgets import ALONE, ROWS, Row, beside
 from .windows import Window
 
 SOON = 0.1    # seconds after which what was refused is shown no longer
@@ -43,6 +44,7 @@ class Panels:
         self._frame: ui.label | None = None
         self._shape: Any = None
         self._rows: list[Row] = []
+        self._swatches: list[tuple[ui.element, Path]] = []
         self._open: dict[str, bool] = {}
         self._toolbar()
         self._trouble = ui.label().classes("panel-trouble").props("role=alert")
@@ -120,23 +122,26 @@ class Panels:
         there = sections(state)
         shape = [each.shape for each in there]
         if shape != self._shape:
-            self._shape, self._rows = shape, []
+            self._shape, self._rows, self._swatches = shape, [], []
             self._body.clear()
             with self._body:
                 for section in there:
                     self._section(section)
         for row in self._rows:
             row.show(value_of(row.field, state))
+        for swatch, path in self._swatches:
+            swatch.style(f"background: {hex_of(found(state, path))}")
 
     def _section(self, section: Section) -> None:
         expansion = ui.expansion(value=self._open.get(section.title, False)).props(
             f'dense dense-toggle expand-icon-class="chevron" data-section="{section.title}"').classes("section")
         expansion.on_value_change(lambda event: self._open.__setitem__(section.title, bool(event.value)))
         with expansion.add_slot("header"), ui.element("div").classes("section-head"):
-            if section.swatch:
-                ui.element("div").classes("swatch").style(f"background: {section.swatch}").tooltip(
-                    "What is painted so on the type map")
             ui.label(section.title).classes("section-title")
+            if section.swatch:
+                with ui.element("div").classes("swatch") as swatch:
+                    beside("Hair colour")
+                self._swatches.append((swatch, section.swatch))
             self._switch(section)
         with expansion, ui.element("div").classes("section-body"):
             if section.hint or (section.switch and not section.switch.on):
@@ -215,7 +220,7 @@ class Panels:
 def _button(icon, hint, on_click=None):
     button = ui.button(icon=icon, on_click=on_click).props(f'flat dense round size=sm aria-label="{hint}"')
     with button:
-        ui.tooltip(hint).props("delay=600")   # for who waits: it lies over what is below
+        beside(hint).props("delay=600")
     return button
 
 

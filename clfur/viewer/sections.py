@@ -13,10 +13,13 @@ from . import fields
 from .changes import Path, found
 from .coats import COATS, dressed, short_fur
 from .document import Document, State, usual_motion
-from .fields import Field, angles_of, color_of, direction_of, hex_of
+from .fields import FLOOR, TRANSPARENCY, Field, angles_of, color_of, direction_of, hex_of
+from .shades import SHADES, switched_on
 
-LOOKS = {"Kajiya": "plain", "Chiang": "glassy"}
+LOOKS = {"Kajiya": "Kajiya-Kay", "Chiang": "Chiang"}
 STRANDS = "scene", "strands"
+ON: Any = object()   # what a person has chosen of a field that was off: to have it again
+KEY = Field(("key",), "Map colour", "key", hint="This hair grows where the type map has this colour")
 GRADIENT = (0.25, 0.42, 0.75), (0.75, 0.8, 0.85), (0.2, 0.18, 0.15)   # of a sky: zenith, horizon, below
 
 
@@ -40,7 +43,7 @@ class Switch:
 
 @attrs.frozen
 class Section:
-    """A group of fields under a title, with groups within and buttons."""
+    """A group of fields under a title, with groups within and buttons; swatch: path of a colour shown beside it."""
 
     title: str
     fields: tuple[Field, ...] = attrs.field(default=(), converter=tuple)
@@ -48,7 +51,7 @@ class Section:
     actions: tuple[Action, ...] = attrs.field(default=(), converter=tuple)
     switch: Switch | None = None
     hint: str = ""
-    swatch: str = ""
+    swatch: Path | None = None
 
     @property
     def shape(self) -> Any:
@@ -78,13 +81,22 @@ def value_of(field: Field, state: State) -> Any:
         return next((name for name, settings in PRESETS.items() if settings == value), "")
     if field.given is not None and (value is None or (isinstance(value, str) and value == field.off)):
         return None
+    if field.kind == "key":
+        return "#" + bytes(value).hex()
     if field.kind in ("color", "from"):
         return hex_of(value) if field.kind == "color" else tuple(round(angle, 1) for angle in angles_of(value))
     return tuple(float(each) for each in value) if field.kind == "vector" else value
 
 
 def put(field: Field, document: Document, shown: Any) -> None:
-    """Set what a field's widget shows in a document; None switches it off. Raises Error where it does not fit."""
+    """Set what a field's widget shows in a document; None switches it off, `ON` on. Raises Error where it does not
+    fit."""
+    if shown is ON and field.path[-1] in SHADES:
+        usual = field.given(found(document.state, field.path[:-1]))
+        value, chosen = switched_on(document.state, field.path, usual)
+        document.set(field.path, value, chosen)
+        return
+    shown = switch_on(field) if shown is ON else shown
     if field.kind == "preset":
         document.set(field.path, PRESETS[shown])
     elif field.path[-1] in ("max_error", "seconds") and field.path[0] == "settings" and shown is not None:
@@ -107,7 +119,7 @@ def _meant(field, shown):
 
 
 def switch_on(field: Field) -> Any:
-    """Return what a widget shows of a field that is just switched on."""
+    """Return what a widget shows of a field that is switched on for the first time."""
     return hex_of(field.given) if field.kind == "color" else field.given
 
 
@@ -134,7 +146,8 @@ def _of(thing, table, path, radius=1.0):
 def _coats(scene):
     actions = [Action(name, "", lambda document, name=name: document.set(
         ("scene", "fur"), dressed(document.state.scene, name).fur)) for name in COATS] if scene.mesh is not None else []
-    return Section("Coats", actions=actions, hint="Each takes the place of all fur" if actions else "There is no mesh")
+    return Section("Coats", actions=actions,
+                   hint="Presets: each takes the place of all fur" if actions else "There is no mesh")
 
 
 def _hair(scene, radius):
@@ -146,8 +159,9 @@ def _hair(scene, radius):
         return [_curves(strands, radius)]
     several = len(strands.types) > 1 or strands.type_map is not None
     found = [Section(
-        f"Hair {n + 1}" if several else "Hair", inner=_of_type(kind, (*STRANDS, "types", n), radius),
-        swatch="#" + bytes(kind.key).hex() if kind.key else "", switch=None if several else _strands_switch(True),
+        f"Hair {n + 1}" if several else "Hair", (KEY.sized((*STRANDS, "types", n), radius),) * (kind.key is not None),
+        _of_type(kind, (*STRANDS, "types", n), radius), swatch=(*STRANDS, "types", n, "color"),
+        switch=None if several else _strands_switch(True),
         actions=[Action("Remove", "delete", lambda document, n=n: document.set(STRANDS, without(
             document.state.scene.strands, n)))] if len(strands.types) > 1 else [])
         for n, kind in enumerate(strands.types)]
@@ -167,29 +181,30 @@ def _of_type(kind, path, radius):
             Section("Colour", _of(kind, fields.COLORS, path)),
             _look(kind, path),
             Section("Curl and wave", _of(kind, fields.CURLS, path, radius)),
-            Section("Tufts", () if kind.tufts is None else _of(kind.tufts, fields.TUFTS, (*path, "tufts")),
+            Section("Tufts (clumps)", () if kind.tufts is None else _of(kind.tufts, fields.TUFTS, (*path, "tufts")),
                     switch=Switch((*path, "tufts"), kind.tufts is not None, lambda state: Tufts(3000))),
-            Section("Variation", _of(kind, fields.VARIES, path))]
+            Section("Random variation", _of(kind, fields.VARIES, path))]
 
 
 def _look(thing, path):
     path = (*path, "look")
     glassy = isinstance(thing.look, Chiang)
     table = fields.CHIANG if glassy else fields.KAJIYA
-    return Section("Look", (Field(path, "Hair is", "look", choices=LOOKS), *_of(thing.look, table, path)),
-                   hint="Bright as it is with 'Hair to hair' on, under Final picture" * glassy)
+    model = Field(path, "Model", "look", choices=LOOKS, hint="Kajiya-Kay: a colour and a highlight, fast; Chiang: "
+                  "light through glass with pigment, as in Principled Hair")
+    return Section("Shading", (model, *_of(thing.look, table, path)),
+                   hint="As bright as real hair with 'Multiple scattering', under Final picture" * glassy)
 
 
 def _curves(curves, radius):
     """The section of strands that were brought."""
-    count = f"{len(curves.counts):,} strands that were brought"
+    count = f"{len(curves.counts):,} strands of a file or script"
     if curves.types is None:
-        alpha = Field((*STRANDS, "alpha"), "Transparency", hint="How much light one hair lets through")
-        return Section("Hair", (alpha,), [_look(curves, STRANDS)], hint=count)
+        return Section("Hair", (TRANSPARENCY.sized(STRANDS, radius),), [_look(curves, STRANDS)], hint=count)
     inner = []
     for n, kind in enumerate(curves.types):
         path = (*STRANDS, "types", n)
-        inner += [Section(f"Type {n + 1}", (Field((*path, "alpha"), "Transparency"),)), _look(kind, path)]
+        inner += [Section(f"Type {n + 1}", (TRANSPARENCY.sized(path, radius),)), _look(kind, path)]
     return Section("Hair", inner=inner, hint=count)
 
 
@@ -248,9 +263,9 @@ def _lights(scene, radius):
         Action("Remove", "delete", lambda document, n=n: document.set(path, tuple(
             light for k, light in enumerate(document.state.scene.lights) if k != n)))] if several else [])
         for n, light in enumerate(scene.lights)]
-    add = Action("Add a light", "add", lambda document: document.set(path, (
+    add = Action("Add a distant light", "add", lambda document: document.set(path, (
         *document.state.scene.lights, Light((1.0, -0.6, -0.5), ambient=0.0, intensity=0.6))))
-    lamp = Action("Add a lamp", "add", lambda document: document.set(path, (
+    lamp = Action("Add a spot light", "add", lambda document: document.set(path, (
         *document.state.scene.lights, usual_lamp(document.state.scene))))
     return Section("Lights", inner=inner, actions=[add, lamp])
 
@@ -277,23 +292,25 @@ def _sky(scene):
 def _ground(scene, radius):
     path, ground = ("scene", "ground"), scene.ground
     return Section("Ground", () if ground is None else _of(ground, fields.GROUND, path, radius),
-                   switch=Switch(path, ground is not None, lambda state: Ground()))
+                   switch=Switch(path, ground is not None, lambda state: Ground(color=FLOOR)))
 
 
 def _body(scene):
     if scene.mesh is None:
         return Section("Body", hint="There is no mesh")
-    body = Field(("scene", "body"), "Body is", "choice", choices={"drawn": "drawn", "holdout": "held out"},
-                 hint="Held out: it hides what is behind it, but is not seen itself")
+    body = Field(("scene", "body"), "Visibility", "choice", choices={"drawn": "visible", "holdout": "holdout"},
+                 hint="Holdout: it hides what is behind it, but is not seen itself")
     if isinstance(scene.body_color, tuple):
         colors = [Field(("scene", "body_color", n, "color"), f"Material {n + 1}" if len(scene.body_color) > 1 else (
-            "Colour"), "color") for n in range(min(len(scene.body_color), 16))]
+            "Colour"), "color", hint="Of the mesh, times its texture") for n in range(min(len(scene.body_color), 16))]
     else:
-        colors = [Field(("scene", "body_color"), "Colour", "color", given=(0.3, 0.2, 0.12), hint="Off: not drawn")]
+        colors = [Field(("scene", "body_color"), "Colour", "color", given=(0.3, 0.2, 0.12),
+                        hint="Of the mesh; off: not drawn")]
     return Section("Body", (*colors, body))
 
 
 def _quality(settings):
-    preset = Field(("settings",), "Preset", "preset", choices={name: name for name in PRESETS})
+    preset = Field(("settings",), "Preset", "preset", choices={name: name for name in PRESETS},
+                   hint="Settings from the fastest to the best")
     return Section("Final picture", (*[preset] * (settings.goal is None),
                                      *_of(settings, fields.SETTINGS, ("settings",))))

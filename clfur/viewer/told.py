@@ -23,7 +23,7 @@ def told(frame: Frame, scene: Scene) -> str:
         traceback.print_exc()
         error = None
     if error is not None:
-        parts.append(f"error about {error:.2g}")
+        parts.append(f"RMS error about {error:.2g}")
     return "; ".join([*parts, frame.why] if frame.why else parts)
 
 

@@ -8,11 +8,16 @@ from typing import Any
 from nicegui import ui
 
 from .fields import Field
-from .sections import switch_on
+from .sections import ON
 
 OFTEN = 0.06   # seconds between two values of a slider that is dragged
 TYPED = 700    # milliseconds after the last key at which a number is taken
 ALONE = "(value) => emit(value)"   # of what a switch emits: else the mouse's event comes along
+
+
+def beside(hint: str) -> ui.tooltip:
+    """A tooltip of the element that is being built: it is shown beside the panel, where it hides nothing of it."""
+    return ui.tooltip(hint).classes("beside").props('anchor="center left" self="center right"')   # see panels.css
 
 
 class Row:
@@ -33,7 +38,9 @@ class Row:
                         "update:model-value", self._switch, js_handler=ALONE)
                 name = ui.label(field.label)
                 if field.hint:
-                    name.classes("hinted").tooltip(field.hint)
+                    name.classes("hinted")
+                    with name:
+                        beside(field.hint)
             with ui.element("div").classes("field-value") as self._value:
                 self._build()
 
@@ -51,8 +58,9 @@ class Row:
     def _switch(self, event):
         if not event.args:
             self._last = self._shown
-        before = switch_on(self.field) if self._last is None else self._last
-        self._put(self.field, before if event.args else None)
+        # What goes with another field is not as it was.
+        again = ON if self._last is None or callable(self.field.given) else self._last
+        self._put(self.field, again if event.args else None)
 
     def _chosen(self, value):
         self._shown = value
@@ -131,7 +139,7 @@ class From(Row):
     def _build(self):
         self._value.classes("stacked")
         self._sliders = []
-        for n, (name, low, high) in enumerate((("around", -180, 180), ("above", -90, 90))):
+        for n, (name, low, high) in enumerate((("azimuth", -180, 180), ("elevation", -90, 90))):
             with ui.element("div").classes("field-value"):
                 slider = ui.slider(min=low, max=high, step=1).props("dense").on(
                     "update:model-value", lambda event, n=n: self._turned(n, float(event.args)), throttle=OFTEN)
@@ -169,6 +177,17 @@ class Color(Row):
         self._chosen(text)
 
 
+class Key(Row):
+    """A colour that is told alone."""
+
+    def _build(self):
+        self._swatch, self._hex = ui.element("div").classes("swatch"), ui.label()
+
+    def _show(self, value):
+        self._swatch.style(f"background: {value}")
+        self._hex.set_text(value)
+
+
 class Choice(Row):
     """One of several."""
 
@@ -202,7 +221,7 @@ class Flag(Row):
 
 
 ROWS: dict[str, type[Row]] = {"number": Number, "whole": Number, "color": Color, "vector": Vector, "from": From,
-                              "choice": Choice, "look": Choice, "preset": Choice, "flag": Flag}
+                              "choice": Choice, "look": Choice, "preset": Choice, "flag": Flag, "key": Key}
 
 
 def _read(text):
