@@ -1,6 +1,8 @@
 """The `clfur` command."""
 
+import atexit
 import contextlib
+import gc
 import os
 import sys
 import warnings
@@ -41,6 +43,7 @@ def main(arguments=None):
     for stream in (sys.stdout, sys.stderr):   # a device's name need not be ASCII
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
+    atexit.register(gc.freeze)   # else Python's end looks for cycles in all that was imported, which takes longest
     warnings.showwarning = lambda message, *_, **__: print("clfur: warning:", message, file=sys.stderr)
     sys.exit(endings.run(lambda: _run(arguments)) or 0)
 
