@@ -97,7 +97,7 @@ class Served:
 
 @contextlib.contextmanager
 def serving(*arguments):
-    """A `Served` of these arguments of `clfur view`, which ends in the end by SIGTERM, or has ended, without an error."""
+    """A `Served` of these arguments of `clfur view`, which in the end SIGTERM ends, if it hasn't: with exit code 0."""
     with tempfile.TemporaryFile("w+") as errors, subprocess.Popen(
             [sys.executable, "-m", "clfur", "view", *map(str, arguments), "--no-browser"],
             stdout=subprocess.PIPE, stderr=errors, text=True) as process:
