@@ -5,9 +5,7 @@ import hashlib
 import json
 import os
 import re
-import shutil
 import sys
-import textwrap
 
 import click
 
@@ -18,6 +16,7 @@ from ..judge import speed
 from ..judge.isolated import isolated
 from ..judge.report import milliseconds
 from . import bug_report
+from .lines import say
 
 LOADING, CHECKING = 60, 180   # seconds; PoCL compiles every kernel on the first run
 
@@ -143,14 +142,16 @@ def _list(found):
         # What follows the version is how PoCL was built.
         title = f"{platform['name']}, {re.split(',|  ', platform['version'])[0].strip()}"
         if not platform["devices"]:
-            _print(f"no device: {title}")
+            say(f"no device: {title}")
+            print()
         for d in platform["devices"]:
             numbers = [f"{'' if d[name] else 'no '}{words}" for name, words in (
                 ("fp64", "fp64"), ("int64_atomics", "64-bit atomics"))]
-            _print(f"--device {d['device']}: {d['short_name']}",
-                   f"{d['type']}, {d['compute_units']} units, {_size(d['memory'])} ({_size(d['largest_allocation'])} "
-                   f"an array), {', '.join(numbers)}",
-                   f"{title}, driver {d['driver']}", f"check: {bug_report.checked(d['check'])}")
+            say(f"--device {d['device']}: {d['short_name']}",
+                f"{d['type']}, {d['compute_units']} units, {_size(d['memory'])} ({_size(d['largest_allocation'])} an "
+                f"array), {', '.join(numbers)}",
+                f"{title}, driver {d['driver']}", f"check: {bug_report.checked(d['check'])}")
+            print()
     for device in _each(found):
         if device["limit"]:
             print(f"{device['device']} plans with {_size(device['planned'])}: this process may take no more "
@@ -158,16 +159,6 @@ def _list(found):
     if timed := {d["device"]: d["check"]["seconds"] for d in _each(found) if d["check"] and d["check"]["seconds"]}:
         print(speed.told(timed))
     print(_sentence(found))
-
-
-def _print(first, *others):
-    """Print a line, others under it, and an empty one; what is longer than a line goes on in the next."""
-    # What is no terminal has no width either.
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() or "COLUMNS" in os.environ else 120
-    for line, indent in [(first, ""), *[(other, "    ") for other in others]]:
-        print(textwrap.fill(line, width, initial_indent=indent, subsequent_indent=indent + "  ",
-                            break_on_hyphens=False))
-    print()
 
 
 def _sentence(found):

@@ -12,6 +12,7 @@ from ..files.usd import is_usd
 from ..files.video import KINDS
 from ..film.turntable import turntable as around
 from .devices import ask_drivers
+from .lines import say
 from .options import Sectioned, given_flags, scene_options
 from .scenes import is_scene_file, load_moving, of_file, scene_at
 from .types import Bytes, Color, Frames, Numbers, Real, Subframes
@@ -111,13 +112,14 @@ def film_command(given, output, frames, fps, turntable, shutter, subframes, blow
                           "units_per_metre": motion and motion.get("units_per_metre", 1.0),
                           "background": [0, 0, 0] if black else background and list(background)}))
         return
-    print(f"{output}: {len(frames):,} frame{'s' * (len(frames) > 1)} of {width}x{height} in {seconds:.1f} s"
-          + (f"; {there:,} of them were there" if there else "")
-          + (f"; laid over black, as {output.suffix} holds no alpha: --background sets another colour" if black else "")
-          + (f"; hair moves as if the mesh were {100 * METRES:g} cm long: --units-per-metre {units_per_metre:.3g}"
-             if guessed else "")
-          + ("" if motion is not None or callable(scene) else
-             "; nothing moves: --wind, --turntable or a scene file can move it"))
+    made = f"{len(frames):,} frame{'s' * (len(frames) > 1)} of {width}x{height}"
+    say(f"{output}: {made} in {seconds:.1f} s", *filter(None, [
+        f"{there:,} of them were there" if there else "",
+        f"laid over black, as {output.suffix} holds no alpha: --background sets another colour" if black else "",
+        f"hair moves as if the mesh were {100 * METRES:g} cm long: --units-per-metre {units_per_metre:.3g}"
+        if guessed else "",
+        "" if motion is not None or callable(scene) else
+        "nothing moves: --wind, --turntable or a scene file can move it"]))
 
 
 def _motion(given, motion, flags, blown, gust, bend_length, units_per_metre):

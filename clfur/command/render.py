@@ -18,6 +18,7 @@ from ..judge.frontier import label
 from ..scene import backdrop
 from .described import lowered
 from .devices import ask_drivers
+from .lines import say
 from .options import Sectioned, given_flags, scene_options
 from .scenes import is_scene_file, load_moving, moved, scene_at, within
 from .skin import files_of, taken
@@ -117,22 +118,24 @@ def render(given, output, outputs, background, region, shutter, fps, pictures, d
             "options": of_options | {
                 name: getattr(drawn.settings, name) for name in ("samples", "raster", "shadows", "grid", "lod")}}))
         return
-    stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in drawn.stages.items())
-    left_out = [f"{count:,} {what.replace('_', ' ')}" for what, count in skipped.items() if count]
     fur = [f"{shells.layers} layers of shells"] if shells else []
-    fur += [f"{drawn.strands:,} strands, {drawn.segments:,} segments"] if scene.strands or not shells else []
-    print(f"{output}: {drawn.triangles:,} triangles, {', '.join(fur)} "
-          f"in {drawn.seconds:.2f} s on {drawn.device} ({stages}"
-          + (f"; building kernels {drawn.building:.3f}" if drawn.building >= TOLD else "") + ")"
-          + (f"; the mean of {drawn.pictures} pictures" if drawn.pictures > 1 else "")
-          + (f"; moved by {options['time']:g} s in {steps} steps" if steps else "")
-          + (f"; {fewer}" if fewer else "") + taken(scene.strands)
-          + (f"; skipped faces: {', '.join(left_out)}" if left_out else "")
-          + (f"; turned {wound['turned']:,} faces that were inside out" if wound["turned"] else "")
-          + (f"; {wound['one_sided']:,} faces are of a surface with one side: hair changes over somewhere"
-             if wound["one_sided"] else "")
-          + ("; the mesh's normals point inwards, and so does its fur" if wound["inward"] else "")
-          + (f"; {label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""))
+    fur += [f"{drawn.strands:,} strand{'s' * (drawn.strands != 1)}"] if scene.strands or not shells else []
+    say(f"{output}: {', '.join(fur)} in {drawn.seconds:.2f} s on {drawn.device}", *filter(None, [
+        f"of these {drawn.building:.2f} s to build kernels" if drawn.building >= TOLD else "",
+        f"the mean of {drawn.pictures} pictures" if drawn.pictures > 1 else "",
+        f"moved by {options['time']:g} s in {steps} steps" if steps else "",
+        fewer, taken(scene.strands), *_said(skipped, wound),
+        f"{label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""]))
+
+
+def _said(skipped, wound):
+    """What `_faults` found, in words."""
+    left_out = [f"{count:,} {what.replace('_', ' ')}" for what, count in skipped.items() if count]
+    return [f"skipped faces: {', '.join(left_out)}" if left_out else "",
+            f"turned {wound['turned']:,} faces that were inside out" if wound["turned"] else "",
+            f"{wound['one_sided']:,} faces are of a surface with one side: hair changes over somewhere"
+            if wound["one_sided"] else "",
+            "the mesh's normals point inwards, and so does its fur" if wound["inward"] else ""]
 
 
 def _faults(mesh):

@@ -64,10 +64,10 @@ def check_said(said, where):
 
 
 def taken(strands):
-    """For the line that tells what was drawn: pixels of a type map that took the nearest key; or ""."""
+    """For what is told of a picture: pixels of a type map that took the nearest key; or ""."""
     inexact = getattr(strands, "inexact", 0)
     if not inexact:
         return ""
     found = strands.type_indices
     pixels = sum(each.size for each in found.values()) if isinstance(found, dict) else np.size(found)
-    return f"; {inexact:,} of {pixels:,} pixels of the type map are no key: they took the nearest"
+    return f"{inexact:,} of {pixels:,} pixels of the type map are no key: they took the nearest"
