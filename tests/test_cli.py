@@ -11,9 +11,10 @@ from pathlib import Path
 import attrs
 import numpy as np
 import pytest
+from support import gltf
 from support.command import wrong
 
-from clfur import Settings, load, load_header
+from clfur import Settings, load, load_header, save
 
 SMALL = ["--size", "64x48", "--inner", "2", "--outer", "2", "--samples", "1"]
 
@@ -427,11 +428,31 @@ def test_wrong_hair_types(clfur, tmp_path, content, words):
     assert [file.name for file in tmp_path.iterdir()] == ["types.json"]
 
 
-def test_an_input_is_never_overwritten(clfur, tmp_path):
-    (tmp_path / "map.png").write_bytes(b"as it was")
-    (tmp_path / "types.json").write_text("[]")
-    wrong(clfur("render", "sphere", "-o", "map.png", "--type-map", "map.png", "--types", "types.json"), "overwritten")
-    assert (tmp_path / "map.png").read_bytes() == b"as it was"
+@pytest.mark.parametrize("command, output", [
+    ("render skin.gltf", "skin.png"),   # the mesh's own picture, by the output's usual name
+    ("render sphere --sky sky.png -o sky.png", "sky.png"), ("render sphere --guides hair.npz -o hair.npz", "hair.npz"),
+    ("render sphere --background 4by3.png -o ./4by3.png", "4by3.png"), ("render fur.py -o sky.png", "sky.png"),
+    ("grow flat.ply -o flat.ply", "flat.ply"), ("grow sphere --guides hair.npz -o hair.npz", "hair.npz"),
+    ("film sphere --sky sky.png -o sky.png", "sky.png"), ("chart sphere --sky sky.png -o sky.png", "sky.png")])
+def test_an_input_is_never_overwritten(clfur, tmp_path, command, output):
+    """None of a mesh, of an option or of what a scene file reads. What else has that name is, as by any tool."""
+    np.savez(tmp_path / "hair.npz", points=np.zeros((20, 3, 3)) + np.arange(3)[:, None])
+    for name, height in {"sky.png": 8, "4by3.png": 12, "skin.png": 16}.items():
+        save(tmp_path / name, np.ones((height, 16, 4), np.float32))
+    (tmp_path / "flat.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    (tmp_path / "fur.py").write_text(
+        "import clfur\nclfur.load_picture('sky.png')\n" + SCENE_FILE.replace("print", "str"))
+    skin = gltf.File(images=[{"uri": "skin.png"}], textures=[{"source": 0}],
+                     materials=[{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}])
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    skin.add("nodes", mesh=skin.mesh({"POSITION": skin.accessor(corners), "TEXCOORD_0": skin.accessor(corners[:, :2])},
+                                     material=0))
+    (tmp_path / "skin.gltf").write_bytes(skin.gltf())
+    before = (tmp_path / output).read_bytes()
+    wrong(clfur(*command.split()), f"{output} is read by this command and would be overwritten")
+    assert (tmp_path / output).read_bytes() == before
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])

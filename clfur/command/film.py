@@ -14,7 +14,7 @@ from ..film.turntable import turntable as around
 from .devices import ask_drivers
 from .lines import say
 from .options import Sectioned, given_flags, scene_options
-from .scenes import is_scene_file, load_moving, of_file, scene_at
+from .scenes import is_scene_file, load_moving, of_file, scene_at, spare
 from .types import Bytes, Color, Frames, Numbers, Real, Subframes
 from .waiting import counting, waiting
 
@@ -83,6 +83,7 @@ def film_command(given, output, frames, fps, turntable, shutter, subframes, blow
     with waiting(f"reading {given}") as tell:
         scene, motion, settings = load_moving(given, options)
         first = scene_at(scene, 0)
+        spare(output)
         flags = given_flags({"blown": blown, "gust": gust, "bend_length": bend_length,
                              "units_per_metre": units_per_metre})
         guessed = flags and units_per_metre is None and first.mesh

@@ -10,6 +10,7 @@ import warnings
 import click
 
 from .. import Error, __version__
+from ..files.input import noting
 from . import endings
 from .chart import chart
 from .compare import compare
@@ -52,7 +53,8 @@ def _run(arguments):
     """The exit code."""
     try:
         given = sys.argv[1:] if arguments is None else arguments
-        code = clfur.main(given, prog_name="clfur", standalone_mode=False, obj=list(given))   # obj: what pages tell
+        with noting():   # of which none is overwritten
+            code = clfur.main(given, prog_name="clfur", standalone_mode=False, obj=list(given))   # obj: what pages tell
         sys.stdout.flush()   # what fails at the end of the process is told by nobody
         return code
     except (click.Abort, KeyboardInterrupt):

@@ -7,7 +7,7 @@ import numpy as np
 
 from .. import Comb, Error, Maps
 from ..files.arrays import load_numbers
-from ..files.images import load_picture, tiles_of
+from ..files.images import load_picture
 from .types import MAPS, read_for
 
 
@@ -42,12 +42,6 @@ def _comb(options, said, folder):
 def load_map(path):
     """What a file says of the skin: the array of a .npy file, else a picture, or UDIM tiles of one."""
     return load_numbers(Path(path)) if Path(path).suffix.lower() == ".npy" else load_picture(path)
-
-
-def files_of(options):
-    """The files of maps and pictures that the options name."""
-    named = [*(file for _, file in options["maps"]), options["comb"], options["type_map"]]
-    return [file for name in named if isinstance(name, str) for file in tiles_of(name)]
 
 
 def check_said(said, where):
