@@ -285,7 +285,7 @@ def test_a_closed_lid(page, served):
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 def test_ctrl_c_ends_it_while_a_window_moves(chromium):
-    """Within a fifth of a second where nobody else has the processor; of it Python's own end is next to nothing."""
+    """Within a quarter of a second where nobody else has the processor; of it Python's own end is next to nothing."""
     context = chromium.new_context(viewport=SMALL)
     with serving("sphere", "--roots", 20000) as server:
         page = opened(context, server.address)
