@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import runpy
 import subprocess
 import sys
@@ -10,9 +11,10 @@ from pathlib import Path
 import attrs
 import numpy as np
 import pytest
+from support import gltf
 from support.command import wrong
 
-from clfur import Settings, load, load_header
+from clfur import Settings, load, load_header, save
 
 SMALL = ["--size", "64x48", "--inner", "2", "--outer", "2", "--samples", "1"]
 
@@ -20,9 +22,9 @@ SMALL = ["--size", "64x48", "--inner", "2", "--outer", "2", "--samples", "1"]
 def test_render(clfur, tmp_path):
     code, out, err = clfur("render", "sphere", *SMALL)
     assert (code, err) == (0, "")
-    assert out.startswith("sphere.png: ") and len(out.splitlines()) == 1
-    for word in ("triangles, ", "strands, ", "segments in ", " s on ", "strands 0."):
-        assert word in out
+    told = out.splitlines()
+    assert re.fullmatch(r"sphere\.png: 7,680 strands in \d+\.\d\d s on \S.*", told[0]) and len(told[0]) <= 100
+    assert all(re.fullmatch(r"    of these \d+\.\d\d s to build kernels", line) for line in told[1:])
     assert (tmp_path / "sphere.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
     assert [file.name for file in tmp_path.iterdir()] == ["sphere.png"]
 
@@ -74,7 +76,7 @@ def test_max_error(clfur):
     with np.load("a.npz") as one, np.load("b.npz") as other:
         assert np.array_equal(one["color"], other["color"])
     code, out, err = clfur("render", "sphere", *FURRY, "--max-error", "0.3")
-    assert (code, err) == (0, "") and "; 1 sample, shadow grid 48, map 256, pcf 0, lod 0.5: error about 0." in out
+    assert (code, err) == (0, "") and "    1 sample, shadow grid 48, map 256, pcf 0, lod 0.5: error about 0." in out
     code, out, err = clfur("render", "sphere", *FURRY, "--json")
     result = json.loads(out)
     assert (result["error"], result["why"], result["settings"]["samples"]) == (None, "", 4)
@@ -224,7 +226,7 @@ def test_a_scene_file_of_time(clfur, tmp_path):
     assert [steps for steps, _ in drawn.values()] == [0, 15, 0]   # 14 frames of a 24th of a second, and what is left
     assert np.abs(drawn["moving", True][1] - drawn["still", True][1]).max() > .05
     _, out, _ = clfur("render", "moving.py", "--time", ".5")
-    assert "; moved by 0.5 s in 12 steps" in out
+    assert "    moved by 0.5 s in 12 steps\n" in out
     for name in "still", "moving":
         assert clfur("grow", f"{name}.py", "--time", ".5", "-o", f"{name}.npz")[0] == 0
     import clfur as library
@@ -248,7 +250,7 @@ def test_a_shutter(clfur, tmp_path):
     for name, at in ("still", lambda share: there["scene"](.5 - (1 - share) / 48)), ("moving", motion.between):
         options = ["render", f"{name}.py", "--time", ".5", "--shutter", "180", "--shadows", "off", "-o", "a.npz"]
         code, out, _ = clfur(*options, "--subframes", "2")
-        assert code == 0 and "; the mean of 2 pictures" in out and ("13 steps" in out) == (name == "moving")
+        assert code == 0 and "    the mean of 2 pictures\n" in out and ("13 steps" in out) == (name == "moving")
         meant = library.blurred([at(.25), at(.75)], settings=library.Settings(shadows="off")).images["color"]
         np.testing.assert_allclose(load("a.npz")["color"], meant, atol=1e-5)
         code, out, _ = clfur(*options, "--fps", "1", "--json")
@@ -308,7 +310,7 @@ def test_wrong_scene_file(clfur, tmp_path, text, options, words):
 def test_skipped_faces_are_counted(clfur, tmp_path):
     (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 0 0\nf 1 2 3\nf 1 2 4\n")
     code, out, err = clfur("render", "m.obj", *SMALL)
-    assert (code, err) == (0, "") and out.rstrip().endswith("; skipped faces: 1 degenerate")
+    assert (code, err) == (0, "") and out.splitlines()[-1] == "    skipped faces: 1 degenerate"
 
 
 def test_faces_that_are_inside_out_or_doubled_are_told(clfur, tmp_path):
@@ -317,7 +319,7 @@ def test_faces_that_are_inside_out_or_doubled_are_told(clfur, tmp_path):
                                     "f 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\nf 2 3 4\nf 2 4 3\n")
     code, out, err = clfur("render", "m.obj", "--size", "8x8", "--roots", 9, "-o", "a.png")
     assert (code, err) == (0, "")
-    assert out.rstrip().endswith("; skipped faces: 2 doubled; turned 3 faces that were inside out")
+    assert out.splitlines()[-2:] == ["    skipped faces: 2 doubled", "    turned 3 faces that were inside out"]
     code, out, err = clfur("render", "m.obj", "--size", "8x8", "--roots", 9, "-o", "a.png", "--json")
     result = json.loads(out)
     assert (result["skipped"]["doubled"], result["turned"], result["one_sided"]) == (2, 3, 0)
@@ -426,11 +428,31 @@ def test_wrong_hair_types(clfur, tmp_path, content, words):
     assert [file.name for file in tmp_path.iterdir()] == ["types.json"]
 
 
-def test_an_input_is_never_overwritten(clfur, tmp_path):
-    (tmp_path / "map.png").write_bytes(b"as it was")
-    (tmp_path / "types.json").write_text("[]")
-    wrong(clfur("render", "sphere", "-o", "map.png", "--type-map", "map.png", "--types", "types.json"), "overwritten")
-    assert (tmp_path / "map.png").read_bytes() == b"as it was"
+@pytest.mark.parametrize("command, output", [
+    ("render skin.gltf", "skin.png"),   # the mesh's own picture, by the output's usual name
+    ("render sphere --sky sky.png -o sky.png", "sky.png"), ("render sphere --guides hair.npz -o hair.npz", "hair.npz"),
+    ("render sphere --background 4by3.png -o ./4by3.png", "4by3.png"), ("render fur.py -o sky.png", "sky.png"),
+    ("grow flat.ply -o flat.ply", "flat.ply"), ("grow sphere --guides hair.npz -o hair.npz", "hair.npz"),
+    ("film sphere --sky sky.png -o sky.png", "sky.png"), ("chart sphere --sky sky.png -o sky.png", "sky.png")])
+def test_an_input_is_never_overwritten(clfur, tmp_path, command, output):
+    """None of a mesh, of an option or of what a scene file reads. What else has that name is, as by any tool."""
+    np.savez(tmp_path / "hair.npz", points=np.zeros((20, 3, 3)) + np.arange(3)[:, None])
+    for name, height in {"sky.png": 8, "4by3.png": 12, "skin.png": 16}.items():
+        save(tmp_path / name, np.ones((height, 16, 4), np.float32))
+    (tmp_path / "flat.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    (tmp_path / "fur.py").write_text(
+        "import clfur\nclfur.load_picture('sky.png')\n" + SCENE_FILE.replace("print", "str"))
+    skin = gltf.File(images=[{"uri": "skin.png"}], textures=[{"source": 0}],
+                     materials=[{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}])
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    skin.add("nodes", mesh=skin.mesh({"POSITION": skin.accessor(corners), "TEXCOORD_0": skin.accessor(corners[:, :2])},
+                                     material=0))
+    (tmp_path / "skin.gltf").write_bytes(skin.gltf())
+    before = (tmp_path / output).read_bytes()
+    wrong(clfur(*command.split()), f"{output} is read by this command and would be overwritten")
+    assert (tmp_path / output).read_bytes() == before
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])

@@ -27,13 +27,13 @@ def _pictures(folder, suffix=".png"):
 def test_film(clfur, tmp_path):
     """A video by default; told: what is behind it, and how large the mesh is taken to be."""
     code, out, err = clfur("film", "sphere", *SMALL, "--wind", "3,0,0")
-    assert (code, err) == (0, "") and len(out.splitlines()) == 1
+    assert (code, err) == (0, "") and len(out.splitlines()) == 3
     assert out.startswith("sphere.mp4: 3 frames of 32x24 in ")
     assert "laid over black, as .mp4 holds no alpha: --background sets another colour" in out
     assert "as if the mesh were 50 cm long: --units-per-metre 4\n" in out
     assert [file.name for file in tmp_path.iterdir()] == ["sphere.mp4"]
     assert clfur("film", "sphere", *SMALL[:-1], "2:3", "-o", "%d.png")[1].endswith(
-        "s; nothing moves: --wind, --turntable or a scene file can move it\n")
+        "s\n    nothing moves: --wind, --turntable or a scene file can move it\n")
     code, out, _ = clfur("film", "sphere", *SMALL, "-o", "a.webm", "--json")
     told = json.loads(out)
     assert (told.pop("seconds") > 0, code) == (True, 0)
@@ -45,7 +45,7 @@ def test_frames_go_on(clfur, tmp_path):
     frames = ["-o", "f/%02d.png", "--bend-length", ".3"]
     assert clfur("film", "sphere", *SMALL, *frames)[0] == 0
     (tmp_path / "f/01.png").unlink()
-    assert "; 2 of them were there" in clfur("film", "sphere", *SMALL, *frames)[1]
+    assert "    2 of them were there\n" in clfur("film", "sphere", *SMALL, *frames)[1]
     wrong(clfur("film", "sphere", *SMALL, *frames, "--gust", "0", "--wind", "1,0,0"), "f holds another film's frames: "
           "they differ in motion; allowed: another folder, or overwriting them (overwrite=True, --overwrite)")
     assert clfur("film", "sphere", *SMALL, *frames, "--gust", "0", "--wind", "1,0,0", "--overwrite")[0] == 0

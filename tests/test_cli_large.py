@@ -43,8 +43,8 @@ def test_a_large_mesh(clfur, tmp_path):
     (tmp_path / "ball.obj").write_text("\n".join(lines))
     draw = ["render", "ball.obj", "--size", "32x24", "--segments", "1", "--roots", "faces", "-o", "a.npz"]
     code, out, err = clfur(*draw)
-    assert (code, err) == (0, "") and "122,880 triangles, 122,880 strands" in out
-    assert out.rstrip().endswith("tessellation level 2 in place of 5, as the mesh is large")
+    assert (code, err) == (0, "") and "a.npz: 122,880 strands" in out
+    assert out.endswith("\n    tessellation level 2 in place of 5, as the mesh is large\n")
     told = json.loads(clfur(*draw, "--json")[1])
     assert told["strands"] == 6 * 20_480 and told["fewer"] == "tessellation level 2 in place of 5, as the mesh is large"
     before = np.load(tmp_path / "a.npz")["color"]

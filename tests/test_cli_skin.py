@@ -84,7 +84,7 @@ def test_all_of_it_in_the_file_of_types(clfur, files):
             for more in ((), ("--map", "length=lengths.npy"))]
     assert both[0] < both[1]   # the option counts more
     _, out, _ = clfur("render", *flat, "--types", "groom.json", *SMALL)
-    assert "; 1 of 2 pixels of the type map are no key: they took the nearest" in out
+    assert "    1 of 2 pixels of the type map are no key: they took the nearest\n" in out
     _, out, _ = clfur("render", *flat, "--types", "groom.json", *SMALL, "--json")
     assert json.loads(out)["inexact"] == 1
 

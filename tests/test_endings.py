@@ -247,6 +247,19 @@ def test_signals_that_come_while_one_is_undone_are_none(capfd):
     assert endings.run(command) == 143 and undone == [15, 2] and "SIGTERM" in capfd.readouterr().err
 
 
+@pytest.mark.parametrize("number, line", [(2, "ended"), (15, "ended by SIGTERM")])
+def test_what_serves_ends_without_an_error(capfd, number, line):
+    """Once it does: what is interrupted before has not done what it was asked for."""
+    def command(serves):
+        if serves:
+            endings.serves()
+        os.kill(os.getpid(), number)
+        time.sleep(1)
+    assert endings.run(lambda: command(True)) == 0 and capfd.readouterr().err == f"clfur: {line}\n"
+    assert endings.run(lambda: command(False)) == 128 + number
+    assert capfd.readouterr().err == f"clfur: {LINES[signal.Signals(number).name]}\n"
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="asks Linux's C library for the handlers of signals")
 @pytest.mark.parametrize("mine", [True, False])
 def test_a_driver_puts_no_handler_before_pythons(mine):

@@ -489,7 +489,7 @@ def test_the_command_draws_a_scene(clfur, stage, tmp_path):
     UsdGeom.Cube.Define(stage, "/cube")
     stage.Export(str(tmp_path / "a.usda"))
     code, out, err = clfur("render", "a.usda", "--size", "60x40")
-    assert code == 0 and "1 strands, 1 segments" in out
+    assert code == 0 and "a.png: 1 strand in " in out
     assert err == "clfur: warning: a.usda: left out: a Cube (/cube)\n"
     stage.RemovePrim("/cube")
     stage.Export(str(tmp_path / "a.usda"))

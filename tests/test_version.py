@@ -43,7 +43,9 @@ def test_the_version_stands_once():
     told = re.fullmatch(r'"""[^"]*"""\n\n__version__ = "(\d+\.\d+\.\d+)"\n', (ROOT / "clfur/_version.py").read_text())
     assert clfur.__version__ == told[1]
     assert "version = attr: clfur._version.__version__\n" in (ROOT / "setup.cfg").read_text(encoding="utf-8")
-    assert f"## {told[1]} (" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").splitlines()[2]
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").splitlines()
+    releases = [line for line in changes if line.startswith("## ") and line != "## Unreleased"]
+    assert releases[0].startswith(f"## {told[1]} (")
 
 
 def test_the_command_tells_the_version(tmp_path):

@@ -100,7 +100,7 @@ def _devices(found):
                          f"{d['compute_units']} units, {d['memory'] / 2**30:.1f} GiB (plans with "
                          f"{d['planned'] / 2**30:.1f}, at most {d['largest_allocation'] / 2**30:.1f} at once), "
                          f"fp64 {'yes' if d['fp64'] else 'no'}, 64-bit atomics {'yes' if d['int64_atomics'] else 'no'}")
-            lines.append(f"  check: {_check(d['check'])}")
+            lines.append(f"  check: {checked(d['check'])}")
     auto, default = found["auto"], found["default"]
     lines.append(f"auto takes {auto['device']}: {auto['why']}")
     if default["by"] != "auto":
@@ -108,7 +108,8 @@ def _devices(found):
     return lines
 
 
-def _check(check):
+def checked(check):
+    """What is said of a device's check, or of none."""
     if not check:
         return "none yet (clfur devices --check)"
     took = f", {milliseconds(check['seconds'])} ms a frame" if check["seconds"] else ""

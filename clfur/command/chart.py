@@ -13,7 +13,7 @@ from ..judge.report import spread
 from ..settings import Settings
 from .devices import ask_drivers
 from .options import Sectioned, command_line, scene_options
-from .scenes import load_scene
+from .scenes import load_scene, spare
 from .types import Whole
 from .waiting import waiting
 
@@ -44,6 +44,8 @@ def chart(given, output, device, repeat, pan, fresh, as_json, **options):
         check_chart(output)
     with waiting(f"reading {given}") as tell:
         scene, settings = load_scene(given, options)
+        if output is not None:
+            spare(output)
         tell("starting OpenCL")
         ask_drivers()
     given_settings = None if settings == Settings() or settings.goal else settings

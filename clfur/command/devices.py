@@ -16,6 +16,7 @@ from ..judge import speed
 from ..judge.isolated import isolated
 from ..judge.report import milliseconds
 from . import bug_report
+from .lines import say
 
 LOADING, CHECKING = 60, 180   # seconds; PoCL compiles every kernel on the first run
 
@@ -47,7 +48,7 @@ def devices(check, why, report, as_json):
     if as_json:
         print(json.dumps(found))
     else:
-        _table(found)
+        _list(found)
     return int(bool(failures))
 
 
@@ -135,52 +136,29 @@ def _seconds(number):
     return (outcome.value, "") if outcome.status == "ok" else (None, f"it was not timed: {outcome.message}")
 
 
-def _table(found):
-    from rich.box import SIMPLE_HEAD  # takes long to import
-    from rich.console import Console
-    from rich.table import Table
-
-    checked = any(device["check"] for device in _each(found))
-    table = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))   # fits in 80 columns
-    table.add_column("--device,\ntype", no_wrap=True)
-    table.add_column("platform, version,\ndriver, device", overflow="fold")
-    table.add_column("units", justify="right")
-    table.add_column("memory,\nlargest", justify="right", no_wrap=True)
-    table.add_column("fp64")
-    table.add_column("64-bit\natomics")
-    if checked:
-        table.add_column("check")
+def _list(found):
+    """Print some lines about each device, as wide as the terminal, and which is taken."""
     for platform in found["platforms"]:
         # What follows the version is how PoCL was built.
-        title = f"{platform['name']}\n{re.split(',|  ', platform['version'])[0]}"
+        title = f"{platform['name']}, {re.split(',|  ', platform['version'])[0].strip()}"
         if not platform["devices"]:
-            table.add_row("-", f"{title}\nno device", *("-" * (4 + checked)))
+            say(f"no device: {title}")
+            print()
         for d in platform["devices"]:
-            row = [f"{d['device']}\n{d['type']}", f"{title}\ndriver {d['driver']}\n{d['short_name']}",
-                   str(d["compute_units"]), f"{_size(d['memory'])}\n{_size(d['largest_allocation'])}",
-                   _yes(d["fp64"]), _yes(d["int64_atomics"])]
-            table.add_row(*row, *([_checked(d["check"])] if checked else []))
-        table.add_section()
-    # Names are not markup, whatever they hold.
-    Console(markup=False, highlight=False, emoji=False).print(table)
-    print()
+            numbers = [f"{'' if d[name] else 'no '}{words}" for name, words in (
+                ("fp64", "fp64"), ("int64_atomics", "64-bit atomics"))]
+            say(f"--device {d['device']}: {d['short_name']}",
+                f"{d['type']}, {d['compute_units']} units, {_size(d['memory'])} ({_size(d['largest_allocation'])} an "
+                f"array), {', '.join(numbers)}",
+                f"{title}, driver {d['driver']}", f"check: {bug_report.checked(d['check'])}")
+            print()
     for device in _each(found):
         if device["limit"]:
             print(f"{device['device']} plans with {_size(device['planned'])}: this process may take no more "
                   f"({device['limit']})")
-    for device in _each(found):
-        if device["check"] and device["check"]["message"]:
-            print(f"{device['device']} {device['check']['verdict']}: {device['check']['message']}")
     if timed := {d["device"]: d["check"]["seconds"] for d in _each(found) if d["check"] and d["check"]["seconds"]}:
         print(speed.told(timed))
     print(_sentence(found))
-
-
-def _checked(check):
-    """What the table says of a check, or of none."""
-    if not check:
-        return "-"
-    return check["verdict"] + (f",\n{milliseconds(check['seconds'])} ms" if check["seconds"] else "")
 
 
 def _sentence(found):
@@ -232,7 +210,3 @@ def _drivers():
 
 def _size(number):
     return f"{number / 2**30:.1f} GiB"
-
-
-def _yes(there):
-    return "yes" if there else "no"

@@ -12,6 +12,7 @@ SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if 
 AGAIN = 0.2   # seconds, after which one is raised again that something has swallowed
 
 _heard: list[int] = []   # numbers of signals; the first is what ended the command
+_serves = threading.Event()
 
 
 class Ended(BaseException):
@@ -38,12 +39,18 @@ def is_command(arguments, original):
         name == "-m" and not {"clfur", "-mclfur"}.isdisjoint(original))
 
 
+def serves():
+    """Tell that the command serves from now on, until a signal ends it: that is no error then, its exit code 0."""
+    _serves.set()
+
+
 def run(command):
     """Call command() -> what it returns, or the exit code of what ended it.
 
     Meanwhile signals raise `Ended`; those that are ignored (nohup) stay ignored.
     """
     _heard.clear()
+    _serves.clear()
     over, done, hook, before = [], threading.Event(), sys.unraisablehook, {}
     ear, mouth = socket.socketpair()
     mouth.setblocking(False)
@@ -73,12 +80,14 @@ def run(command):
 
 
 def say():
-    """Tell on stderr what ended the command, in one line -> its exit code, 130 for Ctrl-C, 143 for SIGTERM."""
-    number = _heard[0] if _heard else signal.SIGINT
-    line = "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
+    """Tell on stderr what ended the command, in one line -> its exit code: 130 for Ctrl-C, 143 for SIGTERM, 0 for
+    either where it served."""
+    number, served = _heard[0] if _heard else signal.SIGINT, _serves.is_set()
+    by_hand = "ended" if served else "interrupted"
+    line = by_hand if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
     with suppress(OSError):   # the terminal may be gone
         os.write(2, f"clfur: {line}\n".encode())
-    return 128 + number
+    return 0 if served else 128 + number
 
 
 def _handle(handler):

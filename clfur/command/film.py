@@ -12,8 +12,9 @@ from ..files.usd import is_usd
 from ..files.video import KINDS
 from ..film.turntable import turntable as around
 from .devices import ask_drivers
+from .lines import say
 from .options import Sectioned, given_flags, scene_options
-from .scenes import is_scene_file, load_moving, of_file, scene_at
+from .scenes import is_scene_file, load_moving, of_file, scene_at, spare
 from .types import Bytes, Color, Frames, Numbers, Real, Subframes
 from .waiting import counting, waiting
 
@@ -82,6 +83,7 @@ def film_command(given, output, frames, fps, turntable, shutter, subframes, blow
     with waiting(f"reading {given}") as tell:
         scene, motion, settings = load_moving(given, options)
         first = scene_at(scene, 0)
+        spare(output)
         flags = given_flags({"blown": blown, "gust": gust, "bend_length": bend_length,
                              "units_per_metre": units_per_metre})
         guessed = flags and units_per_metre is None and first.mesh
@@ -111,13 +113,14 @@ def film_command(given, output, frames, fps, turntable, shutter, subframes, blow
                           "units_per_metre": motion and motion.get("units_per_metre", 1.0),
                           "background": [0, 0, 0] if black else background and list(background)}))
         return
-    print(f"{output}: {len(frames):,} frame{'s' * (len(frames) > 1)} of {width}x{height} in {seconds:.1f} s"
-          + (f"; {there:,} of them were there" if there else "")
-          + (f"; laid over black, as {output.suffix} holds no alpha: --background sets another colour" if black else "")
-          + (f"; hair moves as if the mesh were {100 * METRES:g} cm long: --units-per-metre {units_per_metre:.3g}"
-             if guessed else "")
-          + ("" if motion is not None or callable(scene) else
-             "; nothing moves: --wind, --turntable or a scene file can move it"))
+    made = f"{len(frames):,} frame{'s' * (len(frames) > 1)} of {width}x{height}"
+    say(f"{output}: {made} in {seconds:.1f} s", *filter(None, [
+        f"{there:,} of them were there" if there else "",
+        f"laid over black, as {output.suffix} holds no alpha: --background sets another colour" if black else "",
+        f"hair moves as if the mesh were {100 * METRES:g} cm long: --units-per-metre {units_per_metre:.3g}"
+        if guessed else "",
+        "" if motion is not None or callable(scene) else
+        "nothing moves: --wind, --turntable or a scene file can move it"]))
 
 
 def _motion(given, motion, flags, blown, gust, bend_length, units_per_metre):

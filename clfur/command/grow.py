@@ -13,7 +13,7 @@ from ..files.usd import is_usd
 from ..scene import upright
 from .devices import ask_drivers
 from .options import Sectioned, of_sections, scene_options
-from .scenes import load_moving, moved, scene_at
+from .scenes import load_moving, moved, scene_at, spare
 from .waiting import waiting
 
 UNUSED = of_sections("Shells", "Body and ground", "Light", "Camera")
@@ -50,6 +50,7 @@ def grow_command(given, output, device, as_json, **options):
     with waiting(f"reading {given}") as tell:
         *moving, _ = load_moving(given, options)
         scene = scene_at(moving[0], options["time"])
+        spare(output)
         if not isinstance(scene.strands, Strands):
             raise Error(f"{given} grows no strands; allowed: with --fur strands or both, and without --hair")
         tell("starting OpenCL")

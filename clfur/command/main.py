@@ -1,6 +1,8 @@
 """The `clfur` command."""
 
+import atexit
 import contextlib
+import gc
 import os
 import sys
 import warnings
@@ -8,6 +10,7 @@ import warnings
 import click
 
 from .. import Error, __version__
+from ..files.input import noting
 from . import endings
 from .chart import chart
 from .compare import compare
@@ -41,6 +44,7 @@ def main(arguments=None):
     for stream in (sys.stdout, sys.stderr):   # a device's name need not be ASCII
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
+    atexit.register(gc.freeze)   # else Python's end looks for cycles in all that was imported, which takes longest
     warnings.showwarning = lambda message, *_, **__: print("clfur: warning:", message, file=sys.stderr)
     sys.exit(endings.run(lambda: _run(arguments)) or 0)
 
@@ -49,7 +53,8 @@ def _run(arguments):
     """The exit code."""
     try:
         given = sys.argv[1:] if arguments is None else arguments
-        code = clfur.main(given, prog_name="clfur", standalone_mode=False, obj=list(given))   # obj: what pages tell
+        with noting():   # of which none is overwritten
+            code = clfur.main(given, prog_name="clfur", standalone_mode=False, obj=list(given))   # obj: what pages tell
         sys.stdout.flush()   # what fails at the end of the process is told by nobody
         return code
     except (click.Abort, KeyboardInterrupt):

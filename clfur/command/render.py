@@ -18,9 +18,10 @@ from ..judge.frontier import label
 from ..scene import backdrop
 from .described import lowered
 from .devices import ask_drivers
+from .lines import say
 from .options import Sectioned, given_flags, scene_options
-from .scenes import is_scene_file, load_moving, moved, scene_at, within
-from .skin import files_of, taken
+from .scenes import is_scene_file, load_moving, moved, scene_at, spare, within
+from .skin import taken
 from .types import Backdrop, Bytes, Names, Real, Region, Subframes, read_for
 from .waiting import waiting
 
@@ -76,15 +77,14 @@ def render(given, output, outputs, background, region, shutter, fps, pictures, d
     clfur.Settings, and `motion`, a dict of arguments of clfur.Motion, by which hair moves up to --time.
     """
     output = Path(Path(given).stem + ".png" if output is None else output)
-    read = [given, *(options[name] for name in ("hair", "type_map", "types", "rest", "body_texture"))]
-    read += files_of(options)
-    _check_files(output, outputs, background, read)
+    _check_files(output, outputs, background)
     _check_shutter(shutter, outputs)
     device = _devices(device, cluster, memory)
     with waiting(f"reading {given}") as tell:
         *moving, settings = load_moving(given, options)
         scene = scene_at(moving[0], options["time"])
         behind = None if background is None else _background(background, scene.camera.size)
+        spare(output)
         tell("starting OpenCL")
         ask_drivers()
         if memory is not None:
@@ -117,22 +117,24 @@ def render(given, output, outputs, background, region, shutter, fps, pictures, d
             "options": of_options | {
                 name: getattr(drawn.settings, name) for name in ("samples", "raster", "shadows", "grid", "lod")}}))
         return
-    stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in drawn.stages.items())
-    left_out = [f"{count:,} {what.replace('_', ' ')}" for what, count in skipped.items() if count]
     fur = [f"{shells.layers} layers of shells"] if shells else []
-    fur += [f"{drawn.strands:,} strands, {drawn.segments:,} segments"] if scene.strands or not shells else []
-    print(f"{output}: {drawn.triangles:,} triangles, {', '.join(fur)} "
-          f"in {drawn.seconds:.2f} s on {drawn.device} ({stages}"
-          + (f"; building kernels {drawn.building:.3f}" if drawn.building >= TOLD else "") + ")"
-          + (f"; the mean of {drawn.pictures} pictures" if drawn.pictures > 1 else "")
-          + (f"; moved by {options['time']:g} s in {steps} steps" if steps else "")
-          + (f"; {fewer}" if fewer else "") + taken(scene.strands)
-          + (f"; skipped faces: {', '.join(left_out)}" if left_out else "")
-          + (f"; turned {wound['turned']:,} faces that were inside out" if wound["turned"] else "")
-          + (f"; {wound['one_sided']:,} faces are of a surface with one side: hair changes over somewhere"
-             if wound["one_sided"] else "")
-          + ("; the mesh's normals point inwards, and so does its fur" if wound["inward"] else "")
-          + (f"; {label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""))
+    fur += [f"{drawn.strands:,} strand{'s' * (drawn.strands != 1)}"] if scene.strands or not shells else []
+    say(f"{output}: {', '.join(fur)} in {drawn.seconds:.2f} s on {drawn.device}", *filter(None, [
+        f"of these {drawn.building:.2f} s to build kernels" if drawn.building >= TOLD else "",
+        f"the mean of {drawn.pictures} pictures" if drawn.pictures > 1 else "",
+        f"moved by {options['time']:g} s in {steps} steps" if steps else "",
+        fewer, taken(scene.strands), *_said(skipped, wound),
+        f"{label(drawn.settings)}: error about {drawn.error:.3g}, {drawn.why}" if drawn.why else ""]))
+
+
+def _said(skipped, wound):
+    """What `_faults` found, in words."""
+    left_out = [f"{count:,} {what.replace('_', ' ')}" for what, count in skipped.items() if count]
+    return [f"skipped faces: {', '.join(left_out)}" if left_out else "",
+            f"turned {wound['turned']:,} faces that were inside out" if wound["turned"] else "",
+            f"{wound['one_sided']:,} faces are of a surface with one side: hair changes over somewhere"
+            if wound["one_sided"] else "",
+            "the mesh's normals point inwards, and so does its fur" if wound["inward"] else ""]
 
 
 def _faults(mesh):
@@ -225,8 +227,8 @@ def _check_shutter(degrees, outputs):
             raise click.UsageError(f"{flag} is of a shutter, but there is none; allowed: with --shutter{more}")
 
 
-def _check_files(output, outputs, background, read):
-    """Raise what the user got wrong of what is written, before anything is ``read``."""
+def _check_files(output, outputs, background):
+    """Raise what the user got wrong of what is written, before anything is read."""
     check_writable(output)
     if output.suffix.lower() == ".png" and set(outputs) != {"color"}:
         other = next((name for name in outputs if name != "color"), "none")
@@ -239,6 +241,3 @@ def _check_files(output, outputs, background, read):
             raise click.UsageError(f"--outputs: {output} cannot hold {what}; allowed: in .npz")
     if background is not None and "color" not in outputs:
         raise click.UsageError("--background is for the output color, which is not asked for; allowed: with it")
-    for name in [*read, background if isinstance(background, str) else None]:
-        if name and output.exists() and Path(name).exists() and output.samefile(name):
-            raise click.UsageError(f"{output} is read by this command and would be overwritten: name another with -o")

@@ -18,6 +18,7 @@ import clfur
 from .. import PRESETS, Error, Scene, Settings, load_mesh
 from ..budget import LADDER, refused
 from ..errors import shown
+from ..files.input import is_noted
 from ..files.usd import is_usd
 from ..film.jobs import on_host
 from ..film.moments import OF_MOTION
@@ -34,6 +35,12 @@ FPS = 24   # frames a second in which hair is moved up to a time
 def is_scene_file(given):
     """Whether a command's argument names a Python file that sets a scene, not a mesh."""
     return Path(given).suffix.lower() == ".py"
+
+
+def spare(output):
+    """Raise click.UsageError if a file that is to be written, a path, is one that this command has read."""
+    if is_noted(output):
+        raise click.UsageError(f"{output} is read by this command and would be overwritten: name another with -o")
 
 
 def load_scene(given, options):

@@ -7,7 +7,7 @@ import numpy as np
 
 from .. import Comb, Error, Maps
 from ..files.arrays import load_numbers
-from ..files.images import load_picture, tiles_of
+from ..files.images import load_picture
 from .types import MAPS, read_for
 
 
@@ -44,12 +44,6 @@ def load_map(path):
     return load_numbers(Path(path)) if Path(path).suffix.lower() == ".npy" else load_picture(path)
 
 
-def files_of(options):
-    """The files of maps and pictures that the options name."""
-    named = [*(file for _, file in options["maps"]), options["comb"], options["type_map"]]
-    return [file for name in named if isinstance(name, str) for file in tiles_of(name)]
-
-
 def check_said(said, where):
     """Raise `clfur.Error` for what the object in a file of --types says of the skin, if it is none of what it may."""
     if not isinstance(maps := said.get("maps", {}), dict) or not maps.keys() <= set(MAPS):
@@ -64,10 +58,10 @@ def check_said(said, where):
 
 
 def taken(strands):
-    """For the line that tells what was drawn: pixels of a type map that took the nearest key; or ""."""
+    """For what is told of a picture: pixels of a type map that took the nearest key; or ""."""
     inexact = getattr(strands, "inexact", 0)
     if not inexact:
         return ""
     found = strands.type_indices
     pixels = sum(each.size for each in found.values()) if isinstance(found, dict) else np.size(found)
-    return f"; {inexact:,} of {pixels:,} pixels of the type map are no key: they took the nearest"
+    return f"{inexact:,} of {pixels:,} pixels of the type map are no key: they took the nearest"

@@ -8,6 +8,7 @@ import click
 from .. import Error, Scheduler
 from ..files.usd import is_usd
 from ..viewer.guard import LOCAL
+from . import endings
 from .devices import ask_drivers
 from .options import Sectioned, scene_options
 from .scenes import is_scene_file, load_moving
@@ -42,8 +43,11 @@ def view(given, port, host, no_browser, device, memory, **options):
         ask_drivers()
         names = [part.strip() for part in device.split(",")] if device and "," in device else [device]
         gpus = [Scheduler(one, memory) for one in names]
-    show(document, gpus, host, port, not no_browser, Path(given).name,
-         lambda address: print(f"{given}: {address}  (Ctrl-C ends)", flush=True))
+
+    def said(address):
+        endings.serves()
+        print(f"{given}: {address}  (Ctrl-C ends)", flush=True)
+    show(document, gpus, host, port, not no_browser, Path(given).name, said)
 
 
 def _viewer():

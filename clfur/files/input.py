@@ -4,6 +4,7 @@ import codecs
 import contextlib
 import os
 import stat
+from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import Error
@@ -12,6 +13,26 @@ HEAD = 64            # bytes of a text that show whether it is UTF-16 without a 
 MAX_BYTES = 2**30   # of a file, and of what a file's header may ask for
 UNICODE = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF32_LE: "utf-32", codecs.BOM_UTF32_BE: "utf-32",
            codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}   # the longer of two that begin alike first
+
+_noted: list[set[tuple[int, int]]] = []   # of each `noting` the files, by `_identity`
+
+
+@contextlib.contextmanager
+def noting() -> Iterator[None]:
+    """Within the block note which files are read, for `is_noted`."""
+    _noted.append(set())
+    try:
+        yield
+    finally:
+        _noted.pop()
+
+
+def is_noted(path: str | os.PathLike) -> bool:
+    """Whether a file is there that was read since the last `noting`, under this name or another one."""
+    try:
+        return bool(_noted) and _identity(os.stat(path)) in _noted[-1]
+    except OSError:
+        return False
 
 
 def read(path: Path, limit: int = MAX_BYTES) -> bytes:
@@ -35,8 +56,11 @@ def _opened(path, limit):
     try:
         _regular(path, os.stat(path))
         with open(path, "rb", opener=_open) as file:
-            _regular(path, os.fstat(file.fileno()))   # what has the name now may be another one
-            size = os.fstat(file.fileno()).st_size
+            status = os.fstat(file.fileno())   # what has the name now may be another one
+            _regular(path, status)
+            for files in _noted[-1:]:
+                files.add(_identity(status))
+            size = status.st_size
             if size > limit:
                 raise Error(f"{path}: has {size} bytes; allowed: at most {limit}")
             yield file, size
@@ -50,6 +74,11 @@ def _opened(path, limit):
 
 def _open(path, flags):
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))   # Windows has no pipes among files
+
+
+def _identity(status):
+    """What two names of one file have in common."""
+    return status.st_dev, status.st_ino
 
 
 def _regular(path, status):

@@ -25,7 +25,7 @@ from .guard import Guard
 from .windows import Link
 
 ROUTE = "/pictures"
-PATIENCE = 1.0    # seconds in which connections should end
+PATIENCE = 0.5    # seconds in which connections should end
 LONGEST = 30.0    # seconds that are waited for a kernel that is being built
 UNKNOWN = 4404    # the code that closes a socket whose window is not known: its page has to be loaded anew
 
