@@ -140,7 +140,7 @@ INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, 
         const lanes_l xs = TO(lanes_l, dx * (float)DEPTH_ONE), ys = TO(lanes_l, dy * (float)DEPTH_ONE);
         lanes_i count;
         for (int k = 0; k < LANES; ++k)
-            LANE_I(count, k) = dark_of_nine(obstacles->shadow_map + LANE_I(at, k), width, ((const long *)&planes)[k], ((const long *)&xs)[k], ((const long *)&ys)[k]);
+            LANE_I(count, k) = dark_of_nine(obstacles->shadow_map + LANE_I(at, k), width, LANE_L(planes, k), LANE_L(xs, k), LANE_L(ys, k));
         dark = nine ? TO(lanes, count) : dark;
         left = in & (nine == 0);
     }
