@@ -291,7 +291,7 @@ APART __kernel void color(
                 PREFETCH(points + these->id[k]);
             if (these->n < LANES)
                 continue;
-        } else if (next < all)
+        } else if (next < all || !last)
             continue;
         else
             of_body = --last;
