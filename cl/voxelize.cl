@@ -19,6 +19,12 @@
 #pragma OPENCL EXTENSION cl_khr_int64_base_atomics : enable
 #endif
 
+#if LANES > 1
+#define MANY __attribute__((reqd_work_group_size(256, 1, 1)))   // strands that a group gathers: the more, the fewer cells are given back
+#else
+#define MANY
+#endif
+
 #define FRACTION 24                                     // fixed-point bits below the sub-cell in a walk
 
 /* A segment with an end four grids away: what of it is in the grid's reach, snapped; whether anything is. */
@@ -390,6 +396,8 @@ ONCE float put_lanes(const Grid *grid, __global const float4 *points, __global c
     for (uint k = stretch.x; k < longest && k <= stretch.y; ++k, a = b) {
         for (uint l = 0; l < LANES; ++l)   // where a strand has ended, any point will do
             at[l] = (int)k < LANE_I(counts, l) ? first[l] + k : some;
+        for (uint l = 0; l < LANES; l += 4)   // strands lie one behind the other: those that are next
+            PREFETCH(points + first[0] + LANES * (longest + k) + l);
         take(grid, points, at, &b);
         if (k == stretch.x)
             continue;
@@ -408,7 +416,7 @@ ONCE float put_lanes(const Grid *grid, __global const float4 *points, __global c
 /* What a ray through a cell's face is expected to cross there: length · width · sin(fibre, light) / area of the face.
    A segment's amount is spread evenly over steps of 3/4 cell at most, and each between the four columns around it, so
    that nothing jumps when the light turns; what rounding leaves goes on to the next. */
-BY_HAND __kernel void lengths(
+MANY BY_HAND __kernel void lengths(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Grid grid,
     const uint2 stretch,                   // segments of each strand: the first, one past the last; all where LANES > 1
