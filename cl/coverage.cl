@@ -105,8 +105,11 @@ INLINED uint each_tile(const Batch *batch, int k, const View *view, __global con
                 return 1;
             if (what == COUNT)
                 atomic_inc(&counts[tile]);
-            else
-                entries[atomic_inc(&counts[tile])] = (uint2)(depth, number);
+            else {
+                const uint place = atomic_inc(&counts[tile]);
+                entries[place] = (uint2)(depth, number);
+                PREFETCH_TO_WRITE(entries + place + 8);   // a line further: the tile's next ones, soon
+            }
         }
     }
     return n;

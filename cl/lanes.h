@@ -55,8 +55,10 @@ typedef long16 lanes_l;
 #endif
 #if LANES > 1 && defined(__clang__)
 #define PREFETCH(p) __builtin_prefetch((const void *)(size_t)(p))
+#define PREFETCH_TO_WRITE(p) __builtin_prefetch((const void *)(size_t)(p), 1)
 #else
 #define PREFETCH(p)
+#define PREFETCH_TO_WRITE(p)
 #endif
 #if LANES == 1                    // without a pointer: llvmpipe would keep what it leads to in memory, and all around it
 #define LANE(v, i) (v)
