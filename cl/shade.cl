@@ -38,15 +38,30 @@ INLINED lanes3 seen_points(const View *view, const Waiting *samples)
     return p;
 }
 
-/* Corners of triangles, or normals there. */
-INLINED void corners(lanes3 *out, __global const float4 *of, __global const uint4 *triangles, const uint *id)
+/* A vector in the lanes of a mask. */
+INLINED void put_where(lanes_i mask, lanes3 *to, float4 from)
 {
-    for (int k = 0; k < LANES; ++k) {
-        const uint4 t = triangles[id[k]];
-        const float4 a = of[t.x], b = of[t.y], c = of[t.z];
-        LANE(out[0].x, k) = a.x, LANE(out[0].y, k) = a.y, LANE(out[0].z, k) = a.z;
-        LANE(out[1].x, k) = b.x, LANE(out[1].y, k) = b.y, LANE(out[1].z, k) = b.z;
-        LANE(out[2].x, k) = c.x, LANE(out[2].y, k) = c.y, LANE(out[2].z, k) = c.z;
+    *to = chosen(mask, all_lanes(from), *to);
+}
+
+/* Corners of triangles, and normals there: each triangle's in all lanes at once that see it. */
+INLINED void corners(lanes3 *at, lanes3 *normal, __global const float4 *positions, __global const float4 *normals,
+                     __global const uint4 *triangles, const uint *id)
+{
+    lanes_u ids;
+    for (int k = 0; k < LANES; ++k)
+        LANE_U(ids, k) = id[k];
+    for (uint bits = LANES == 1 ? 1 : (1ul << LANES) - 1, these; bits; bits &= ~these) {
+        const uint one = id[first_of(bits)];
+        const lanes_i mask = LANES == 1 ? I(1) : ids == one;
+        const uint4 t = triangles[one];
+        these = bits_of(mask);
+        put_where(mask, &at[0], positions[t.x]);
+        put_where(mask, &at[1], positions[t.y]);
+        put_where(mask, &at[2], positions[t.z]);
+        put_where(mask, &normal[0], normals[t.x]);
+        put_where(mask, &normal[1], normals[t.y]);
+        put_where(mask, &normal[2], normals[t.z]);
     }
 }
 
@@ -102,8 +117,7 @@ ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Sky 
                              __global const uint4 *triangles, float4 color)
 {
     lanes3 at[3], normal[3], n, face, sum = {F(0.0f), F(0.0f), F(0.0f)};
-    corners(at, positions, triangles, samples->id);
-    corners(normal, normals, triangles, samples->id);
+    corners(at, normal, positions, normals, triangles, samples->id);
     const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
     body_normals(at, normal, p, v, &n, &face);
     for (int i = 0; i < lighting->n; ++i) {
