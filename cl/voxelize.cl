@@ -5,7 +5,7 @@
  * 1/SUBPIXEL cell, and everything after is integers.  The report's three methods (section 2.3.1) draw a strand as
  * the fragments of a line across the light, one for each step along its longer axis; `lengths` deposits how often
  * a ray of light is expected to cross the strand.  One work-item draws one strand; where LANES is more than 1, in
- * `lengths` the first of a group draws all that the group has, LANES at once.
+ * `lengths` the first of a group draws GATHERED for each that it has, LANES at once.
  */
 
 #include "cells.h"
@@ -17,12 +17,6 @@
 
 #if INT64_ATOMICS
 #pragma OPENCL EXTENSION cl_khr_int64_base_atomics : enable
-#endif
-
-#if LANES > 1
-#define MANY __attribute__((reqd_work_group_size(256, 1, 1)))   // strands that a group gathers: the more, the fewer cells are given back
-#else
-#define MANY
 #endif
 
 #define FRACTION 24                                     // fixed-point bits below the sub-cell in a walk
@@ -396,8 +390,10 @@ ONCE float put_lanes(const Grid *grid, __global const float4 *points, __global c
     for (uint k = stretch.x; k < longest && k <= stretch.y; ++k, a = b) {
         for (uint l = 0; l < LANES; ++l)   // where a strand has ended, any point will do
             at[l] = (int)k < LANE_I(counts, l) ? first[l] + k : some;
+#ifndef __SPIR64__                         // Mesa takes none there
         for (uint l = 0; l < LANES; l += 4)   // strands lie one behind the other: those that are next
             PREFETCH(points + first[0] + LANES * (longest + k) + l);
+#endif
         take(grid, points, at, &b);
         if (k == stretch.x)
             continue;
@@ -416,11 +412,12 @@ ONCE float put_lanes(const Grid *grid, __global const float4 *points, __global c
 /* What a ray through a cell's face is expected to cross there: length · width · sin(fibre, light) / area of the face.
    A segment's amount is spread evenly over steps of 3/4 cell at most, and each between the four columns around it, so
    that nothing jumps when the light turns; what rounding leaves goes on to the next. */
-MANY BY_HAND __kernel void lengths(
+BY_HAND __kernel void lengths(
     const ulong begin, const ulong end,    // work-items, see common.h
     const Grid grid,
     const uint2 stretch,                   // segments of each strand: the first, one past the last; all where LANES > 1
     __global float *rests,                 // [strands] what rounding left of those before; nothing if all are
+    const uint n_strands,
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
     __global const float4 *strand_uv,      // [strands] -, -, type
@@ -442,9 +439,10 @@ MANY BY_HAND __kernel void lengths(
         return;
     Block block;
     block.held = held;
-    const uint last = i + get_local_size(0) < end ? i + get_local_size(0) : end;
-    uint run = get_local_size(0);
-    for (uint first = i, past; first < last; first = past) {
+    const uint begun = (uint)i * GATHERED, after = (uint)(i + get_local_size(0) < end ? i + get_local_size(0) : end) * GATHERED;
+    const uint last = after < n_strands ? after : n_strands;
+    uint run = get_local_size(0) * GATHERED;
+    for (uint first = begun, past; first < last; first = past) {
         past = open_block(&block, &grid, points, spans, first, last, &run);
         for (uint strand = first; strand < past; strand += LANES)
             put_lanes(&grid, points, spans, strand_uv, weights, cells, &block, strand, past, stretch, 0.5f);

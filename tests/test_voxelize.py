@@ -7,7 +7,6 @@ from support.stages import strands_on
 
 import clfur
 from clfur import layout
-from clfur.device.scheduler import GROUP
 from clfur.pipeline.views import grid_of
 from clfur.scene import hair_bounds
 from clfur.stages.strands import arrays, grow, upload_curves
@@ -164,13 +163,14 @@ def test_neither_order_nor_groups_nor_runs_change_a_count(gpu, method):
         back = points.reshape(-1, 6, 4)[:, ::-1].reshape(-1, 4)
         back_spans = np.stack([spans[:, 0] + 6 - spans[:, 1], spans[:, 1]], 1)
         np.testing.assert_array_equal(cells, counted(gpu, grid, (back, back_spans, kinds), method))
-    # Work-groups of any size, where the kernel does not state its own.
-    kernel = gpu._kernels["voxelize.lengths" if method == "length" else "voxelize.fragments"]
-    for group in (1, 7, 30) if kernel.group == GROUP else ():
+    # Work-groups of any size.
+    for group in (1, 7, 30):
         again, there = gpu.full(cells.shape, np.uint32, 0), strands_on(gpu, points, spans, kinds)
+        kernel = gpu._kernels["voxelize.lengths" if method == "length" else "voxelize.fragments"]
         given = {"grid": grid, "stretch": (0, 2**32 - 1), "weights": gpu.upload(WEIGHTS), "cells": again,
                  **arrays(there, "points", "spans", "strand_uv")}
-        given |= {"rests": gpu.empty(0, np.float32)} if method == "length" else {"method": METHODS.index(method)}
+        given |= {"method": METHODS.index(method)} if method != "length" else {
+            "rests": gpu.empty(0, np.float32), "n_strands": len(spans)}
         kernel.run(gpu.queue, (-(-len(spans) // group) * group,), (group,), 0, len(spans), *kernel.bind(given))
         np.testing.assert_array_equal(cells, again.get())
 
