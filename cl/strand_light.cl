@@ -211,8 +211,9 @@ INLINED lanes_l packed_lanes(lanes3 light, lanes_i need)
 INLINED void put_places(__global ulong *places, int sources, int i, uint count, lanes_i need, const lanes3 *sent)
 {
     lanes_l packed[FEW_PLACES];
+    const bool known = any_lane(need == 0);    // what is sent: else nobody has asked
     for (int j = 0; j < FEW_PLACES; ++j)
-        packed[j] = packed_lanes(sent[j], need);
+        packed[j] = known ? packed_lanes(sent[j], need) : (lanes_l)((long)MORE);
     for (uint k = 0; k < count; ++k) {
         __global ulong *few = places + FEW_PLACES * ((size_t)sources * k + i);
         for (int j = 0; j < FEW_PLACES; ++j)
