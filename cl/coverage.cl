@@ -55,8 +55,15 @@ __kernel void bound(
     bounds[tile] = furthest;
 }
 
-#define STRANDS (LANES == 1 ? 1 : AT_A_TIME)   // that one work-item lists,
-#define BATCHES (LANES == 1 ? 1 : 8)           // and of their segments that get numbers together
+#if LANES == 1
+#define STRANDS 1                          // that one work-item lists,
+#define BATCHES 1                          // and of their segments that get numbers together
+#define IN_FEW
+#else                                      // what many of them write, and fetch ahead, is seldom another core's
+#define STRANDS AT_A_TIME
+#define BATCHES AT_A_TIME
+#define IN_FEW __attribute__((reqd_work_group_size(16, 1, 1)))   // each has much to do
+#endif
 
 #define ANY 0        // whether there is one
 #define COUNT 1      // counts them
@@ -98,8 +105,11 @@ INLINED uint each_tile(const Batch *batch, int k, const View *view, __global con
                 return 1;
             if (what == COUNT)
                 atomic_inc(&counts[tile]);
-            else
-                entries[atomic_inc(&counts[tile])] = (uint2)(depth, number);
+            else {
+                const uint place = atomic_inc(&counts[tile]);
+                entries[place] = (uint2)(depth, number);
+                PREFETCH_TO_WRITE(entries + place + 8);   // a line further: the tile's next ones, soon
+            }
         }
     }
     return n;
@@ -144,7 +154,7 @@ INLINED bool stops(Stage *stage, __global uint4 *stages, volatile __global uint 
 }
 
 /* One work-item counts the tiles in which segments of STRANDS strands may show. */
-BY_HAND __kernel void count(
+IN_FEW BY_HAND __kernel void count(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint n_strands,
@@ -221,7 +231,7 @@ INLINED void list(Found *found, const View *view, __global const uint *bounds, u
 }
 
 /* As `count`, and lists them, STRANDS strands a work-item; in any order, since nobody knows who comes first. */
-BY_HAND __kernel void fill(
+IN_FEW BY_HAND __kernel void fill(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 window,                    // tiles: the first, one past the last

@@ -39,8 +39,10 @@ typedef long16 lanes_l;
 #define AS_F as_float16
 #endif
 #if LANES > 1
+#define APART __attribute__((reqd_work_group_size(1, 1, 1)))
 #define BY_HAND __attribute__((vec_type_hint(float8)))   // a kernel whose work-items Intel's doesn't lay side by side too
 #else
+#define APART
 #define BY_HAND
 #endif
 #define F(x) ((lanes)(x))
@@ -54,18 +56,22 @@ typedef long16 lanes_l;
 #if LANES > 1 && defined(__clang__)
 #define RARELY(x) __builtin_expect(!!(x), 0)   // a branch, where clang would choose between both without one
 #define PREFETCH(p) __builtin_prefetch((const void *)(size_t)(p))
+#define PREFETCH_TO_WRITE(p) __builtin_prefetch((const void *)(size_t)(p), 1)
 #else
 #define RARELY(x) (x)
 #define PREFETCH(p)
+#define PREFETCH_TO_WRITE(p)
 #endif
 #if LANES == 1                    // without a pointer: llvmpipe would keep what it leads to in memory, and all around it
 #define LANE(v, i) (v)
 #define LANE_I(v, i) (v)
 #define LANE_U(v, i) (v)
+#define LANE_L(v, i) (v)
 #else
 #define LANE(v, i) (((float *)&(v))[i])
 #define LANE_I(v, i) (((int *)&(v))[i])
 #define LANE_U(v, i) (((uint *)&(v))[i])
+#define LANE_L(v, i) (((long *)&(v))[i])
 #endif
 #if CHECKED
 #define INLINED inline   // Oclgrind doesn't know what clang leaves where it has inlined what gives a struct

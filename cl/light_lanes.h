@@ -75,18 +75,14 @@ INLINED lanes through_hair_lanes(const Obstacles *obstacles, lanes own_x, lanes 
     const lanes xa = greater(x0, F(0.0f)), xb = lesser(x0 + 1.0f, F(nx - 1.0f));
     const lanes ya = greater(y0, F(0.0f)), yb = lesser(y0 + 1.0f, F(ny - 1.0f));
     lanes before[4], behind[4];
-    for (int k = 0; k < LANES; ++k) {
-        const int a = (int)LANE(xa, k), b = (int)LANE(xb, k), from = (int)LANE(ya, k) * nx, until = (int)LANE(yb, k) * nx;
-        __global const float *near = obstacles->crossings + (size_t)(int)LANE(z0, k) * nx * ny, *far = near + nx * ny;
-        LANE(before[0], k) = near[from + a];
-        LANE(before[1], k) = near[from + b];
-        LANE(before[2], k) = near[until + a];
-        LANE(before[3], k) = near[until + b];
-        LANE(behind[0], k) = far[from + a];
-        LANE(behind[1], k) = far[from + b];
-        LANE(behind[2], k) = far[until + a];
-        LANE(behind[3], k) = far[until + b];
-    }
+    const lanes_i from = TO(lanes_i, z0) * (nx * ny) + TO(lanes_i, ya) * nx, until = TO(lanes_i, z0) * (nx * ny) + TO(lanes_i, yb) * nx;
+    const lanes_i corners[4] = {from + TO(lanes_i, xa), from + TO(lanes_i, xb), until + TO(lanes_i, xa), until + TO(lanes_i, xb)};
+    __global const float *far = obstacles->crossings + nx * ny;
+    for (int k = 0; k < LANES; ++k)
+        for (int i = 0; i < 4; ++i) {
+            LANE(before[i], k) = obstacles->crossings[LANE_I(corners[i], k)];
+            LANE(behind[i], k) = far[LANE_I(corners[i], k)];
+        }
     const lanes a = left * front * (before[0] + fz * (behind[0] - before[0]));
     const lanes b = right * front * (before[1] + fz * (behind[1] - before[1]));
     const lanes d = left * back * (before[2] + fz * (behind[2] - before[2]));
@@ -94,6 +90,24 @@ INLINED lanes through_hair_lanes(const Obstacles *obstacles, lanes own_x, lanes 
     const lanes crossings = greater((a + b) + (d + e) - own_x / c.w - own_y, F(0.0f));
     return in ? exp2_of(greater(-1.44269504f * obstacles->shadow.hair.x * crossings, F(-100.0f))) : F(1.0f);
 }
+
+#if LANES > 1
+typedef ulong4 Four __attribute__((aligned(8)));   // texels one after the other
+
+/* See `dark_texels`, of nine texels with another one behind each three: so many before planes at `plane` in the middle, as deep
+   as the map has it. */
+INLINED int dark_of_nine(__global const ulong *middle, int width, long plane, long x_step, long y_step)
+{
+    const long4 most = (long4)(DEPTH_ONE + 1, DEPTH_ONE + 1, DEPTH_ONE + 1, 0), row = (long4)(plane + x_step, plane, plane - x_step, 0);
+    long4 sum = 0;
+    #pragma unroll
+    for (int j = -1; j <= 1; ++j) {
+        const long4 seen = as_long4(*(__global const Four *)(middle + j * width - 1) >> 32), end = row - j * y_step;
+        sum += seen < (end < most ? end : most);
+    }
+    return -(int)((sum.x + sum.y) + sum.z);
+}
+#endif
 
 /* See `past_body`; n: the normals, of any length; away: whether the surface that is lit looks away from the middle of a disc. */
 INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, lanes3 n, lanes_i away, float steepest, float bias)
@@ -116,8 +130,23 @@ INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, 
     const lanes nearest_seen = e + bias * texel + dx * (x0 + 0.5f - x) + dy * (y0 + 0.5f - y);
     lanes dark = F(0.0f);
     const bool disc = obstacles->shadow.disc.x > 0.0f;
-    for (int k = 0; k < LANES; ++k)
-        if (LANE_I(in, k))
+    lanes_i left = in;
+#if LANES > 1
+    const int width = view->size.x, height = view->size.y;
+    if (radius == 1 && !disc && width > 3 && height > 2) {
+        const lanes_i nine = in & (x0 >= 1.0f) & (y0 >= 1.0f) & (x0 < width - 2.0f) & (y0 < height - 1.0f);
+        const lanes_i at = TO(lanes_i, nine ? y0 : F(1.0f)) * width + TO(lanes_i, nine ? x0 : F(1.0f));
+        const lanes_l planes = (long)DEPTH_ONE - TO(lanes_l, nearest_seen * (float)DEPTH_ONE);
+        const lanes_l xs = TO(lanes_l, dx * (float)DEPTH_ONE), ys = TO(lanes_l, dy * (float)DEPTH_ONE);
+        lanes_i count;
+        for (int k = 0; k < LANES; ++k)
+            LANE_I(count, k) = dark_of_nine(obstacles->shadow_map + LANE_I(at, k), width, LANE_L(planes, k), LANE_L(xs, k), LANE_L(ys, k));
+        dark = nine ? TO(lanes, count) : dark;
+        left = in & (nine == 0);
+    }
+#endif
+    for (int k = 0; any_lane(left) && k < LANES; ++k)
+        if (LANE_I(left, k))
             LANE(dark, k) = disc
                 ? texels_hidden(obstacles, LANE(x, k), LANE(y, k), LANE(e, k), LANE(dx, k), LANE(dy, k), bias * LANE(texel, k),
                                LANE_I(away, k) != 0)

@@ -38,15 +38,30 @@ INLINED lanes3 seen_points(const View *view, const Waiting *samples)
     return p;
 }
 
-/* Corners of triangles, or normals there. */
-INLINED void corners(lanes3 *out, __global const float4 *of, __global const uint4 *triangles, const uint *id)
+/* A vector in the lanes of a mask. */
+INLINED void put_where(lanes_i mask, lanes3 *to, float4 from)
 {
-    for (int k = 0; k < LANES; ++k) {
-        const uint4 t = triangles[id[k]];
-        const float4 a = of[t.x], b = of[t.y], c = of[t.z];
-        LANE(out[0].x, k) = a.x, LANE(out[0].y, k) = a.y, LANE(out[0].z, k) = a.z;
-        LANE(out[1].x, k) = b.x, LANE(out[1].y, k) = b.y, LANE(out[1].z, k) = b.z;
-        LANE(out[2].x, k) = c.x, LANE(out[2].y, k) = c.y, LANE(out[2].z, k) = c.z;
+    *to = chosen(mask, all_lanes(from), *to);
+}
+
+/* Corners of triangles, and normals there: each triangle's in all lanes at once that see it. */
+INLINED void corners(lanes3 *at, lanes3 *normal, __global const float4 *positions, __global const float4 *normals,
+                     __global const uint4 *triangles, const uint *id)
+{
+    lanes_u ids;
+    for (int k = 0; k < LANES; ++k)
+        LANE_U(ids, k) = id[k];
+    for (uint bits = LANES == 1 ? 1 : (1ul << LANES) - 1, these; bits; bits &= ~these) {
+        const uint one = id[first_of(bits)];
+        const lanes_i mask = LANES == 1 ? I(1) : ids == one;
+        const uint4 t = triangles[one];
+        these = bits_of(mask);
+        put_where(mask, &at[0], positions[t.x]);
+        put_where(mask, &at[1], positions[t.y]);
+        put_where(mask, &at[2], positions[t.z]);
+        put_where(mask, &normal[0], normals[t.x]);
+        put_where(mask, &normal[1], normals[t.y]);
+        put_where(mask, &normal[2], normals[t.z]);
     }
 }
 
@@ -102,8 +117,7 @@ ONCE lanes3 light_of_body(const View *view, const Lighting *lighting, const Sky 
                              __global const uint4 *triangles, float4 color)
 {
     lanes3 at[3], normal[3], n, face, sum = {F(0.0f), F(0.0f), F(0.0f)};
-    corners(at, positions, triangles, samples->id);
-    corners(normal, normals, triangles, samples->id);
+    corners(at, normal, positions, normals, triangles, samples->id);
     const lanes3 p = seen_points(view, samples), v = towards_eye_lanes(view, p);
     body_normals(at, normal, p, v, &n, &face);
     for (int i = 0; i < lighting->n; ++i) {
@@ -169,10 +183,34 @@ ONCE lanes3 light_of_strands(const View *view, const Lighting *lighting, const S
     return sum;
 }
 
+#if LANES > 1
+#define LOOKED 8                           // samples that are looked at together
+typedef ulong8 Keys __attribute__((aligned(8)));
+typedef float8 Shares __attribute__((aligned(4)));
+#else
+#define LOOKED 1
+#endif
+
+/* Which of the next LOOKED samples, of n, show something of a part, and let light through, a bit each. */
+INLINED uint shown_from(__global const ulong *visible, __global const float *transmittance, int attenuated, uint4 part, uint n)
+{
+    uint bits = 0;
+#if LANES > 1
+    if (n >= LOOKED) {
+        const uint8 of = __builtin_convertvector(*(__global const Keys *)visible, uint8), ends = part.w, others = part.y;
+        const int8 is_body = (of & BODY) != 0, shown = (of != NOTHING) & ((is_body ? (of & ~BODY) - part.z : of - part.x) < (is_body ? ends : others));
+        return bits_of_eight(attenuated ? shown & (*(__global const Shares *)transmittance > 0.0f) : shown);
+    }
+#endif
+    for (uint k = 0; k < LOOKED && k < n; ++k)
+        bits |= local_id(visible[k], part) != NOTHING && (!attenuated || transmittance[k] > 0.0f) ? 1u << k : 0;
+    return bits;
+}
+
 /* One work-item lights the samples of SHADED pixels, those of one part of the scene, and adds their average, premultiplied linear
    r, g, b and coverage, to the picture, or to sums where more is to come: other parts, or strands. Samples wait until there
    are LANES of strands, or of the body, to be lit side by side. */
-__kernel void color(
+APART __kernel void color(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint4 part,                      // first point's id, points, first triangle's id, triangles
@@ -227,32 +265,29 @@ __kernel void color(
     waiting[0].n = waiting[1].n = 0;
     for (uint i = 0; i < n; ++i)
         sums[i] = 0;
-    int x = view.rows.z + (int)(first % view.size.x), y = view.rows.x + (int)(first / view.size.x);
-    uint pixel = 0, s = 0, until = n * samples + 2;
+    const int x = (int)(first % view.size.x), y = view.rows.x + (int)(first / view.size.x);
+    const uint all = n * samples;
+    uint next = 0, shown = 0;              // samples that have been looked at, and which of the last ones are lit
+    int last = LANES == 1 ? 0 : 2;         // in the end what waits of each is lit
 #if LANES == 1                             // in many pixels nothing is to be lit, and nothing waits for others in one
     bool any = false;
     for (uint i = 0; i < samples; ++i)
-        any |= local_id(visible[first * samples + i], part) != NOTHING
-            && (!attenuated || sample_transmittance[first * samples + i] > 0.0f);
-    until = any ? samples : 0;
+        any |= shown_from(visible + first * samples + i, sample_transmittance + first * samples + i, attenuated, part, 1);
+    next = any ? 0 : all;
 #endif
-    for (uint i = 0; i < until; ++i) {
-        bool full = false;
-        int of_body = i - n * samples;     // in the end what waits of each is lit
-        if (i < n * samples) {
+    while (shown || next < all || last) {
+        int of_body;
+        if (!shown && next < all) {
+            shown = shown_from(visible + first * samples + next, sample_transmittance + first * samples + next, attenuated, part, all - next);
+            next += LOOKED;
+        }
+        if (shown) {
+            const uint i = next - LOOKED + first_of(shown), in_pixel = i / samples, of_pattern = view.size.w + i % samples;
+            const int along = x + (int)in_pixel, down = along < view.size.x ? 0 : along / view.size.x;
+            const int at_x = view.rows.z + along - down * view.size.x, at_y = y + down;
             const ulong key = visible[first * samples + i];
-            const uint id = local_id(key, part), in_pixel = pixel, of_pattern = view.size.w + s;
-            const int at_x = x, at_y = y;
-            if (++s == samples) {
-                s = 0;
-                ++pixel;
-                if (++x == view.rows.z + view.size.x) {
-                    x = view.rows.z;
-                    ++y;
-                }
-            }
-            if (id == NOTHING)
-                continue;
+            const uint id = local_id(key, part);
+            shown &= shown - 1;
             const float share = attenuated ? weight * sample_transmittance[first * samples + i] : weight;
             if (!(share > 0.0f))
                 continue;
@@ -268,10 +303,14 @@ __kernel void color(
             these->pixel[k] = in_pixel;
             if (!of_body)                  // nothing else knows what will be looked up
                 PREFETCH(points + these->id[k]);
-            full = these->n == LANES;
-        }
+            if (these->n < LANES)
+                continue;
+        } else if (next < all || !last)
+            continue;
+        else
+            of_body = --last;
         Waiting *these = &waiting[LANES == 1 ? 0 : of_body];
-        if (!these->n || (i < n * samples && !full))
+        if (!these->n)
             continue;
         for (int k = these->n; k < LANES; ++k) {   // lanes that nothing waits in do the first one's work
             LANE(these->x, k) = LANE(these->x, 0);

@@ -197,20 +197,33 @@ INLINED lanes_i change_much(const Lighting *lighting, int i, int shadowed, const
     return needs | (2.0f * most * root(1.0f + s->exponent) > TURN);
 }
 
+/* `packed_light` of LANES places, or MORE where these are needed. */
+INLINED lanes_l packed_lanes(lanes3 light, lanes_i need)
+{
+    const lanes none = F(0.0f);
+    const lanes_u x = (AS_U(light.x > none ? light.x : none) + 512u) >> 10, y = (AS_U(light.y > none ? light.y : none) + 512u) >> 10;
+    const lanes_u z = (AS_U(light.z > none ? light.z : none) + 512u) >> 10, high = need ? U(1u << 31) : x << 10 | y >> 11;
+    return TO(lanes_l, high) << 32 | TO(lanes_l, need ? U(0) : y << 21 | z);
+}
+
 /* Put what LANES segments send to the eye into their places of source i, a light or after all lights another, of `count` of
    them, where they don't `need` more. */
 INLINED void put_places(__global ulong *places, int sources, int i, uint count, lanes_i need, const lanes3 *sent)
 {
+    lanes_l packed[FEW_PLACES];
+    const bool known = any_lane(need == 0);    // what is sent: else nobody has asked
+    for (int j = 0; j < FEW_PLACES; ++j)
+        packed[j] = known ? packed_lanes(sent[j], need) : (lanes_l)((long)MORE);
     for (uint k = 0; k < count; ++k) {
         __global ulong *few = places + FEW_PLACES * ((size_t)sources * k + i);
         for (int j = 0; j < FEW_PLACES; ++j)
-            few[j] = LANE_I(need, k) ? MORE : packed_light(LANE(sent[j].x, k), LANE(sent[j].y, k), LANE(sent[j].z, k));
+            few[j] = LANE_L(packed[j], k);
     }
 }
 
 /* One work-item tells what LANES segments send to the eye at FEW_PLACES each, and keeps rows of `more` for those that need
    them. */
-__kernel void radiance(
+APART __kernel void radiance(
     const ulong begin, const ulong end,    // work-items, see common.h
     const View view,
     const uint2 range,                     // of segments: the first, one past the last

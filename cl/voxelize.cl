@@ -5,7 +5,7 @@
  * 1/SUBPIXEL cell, and everything after is integers.  The report's three methods (section 2.3.1) draw a strand as
  * the fragments of a line across the light, one for each step along its longer axis; `lengths` deposits how often
  * a ray of light is expected to cross the strand.  One work-item draws one strand; where LANES is more than 1, in
- * `lengths` the first of a group draws all that the group has, LANES at once.
+ * `lengths` the first of a group draws GATHERED for each that it has, LANES at once.
  */
 
 #include "cells.h"
@@ -390,6 +390,10 @@ ONCE float put_lanes(const Grid *grid, __global const float4 *points, __global c
     for (uint k = stretch.x; k < longest && k <= stretch.y; ++k, a = b) {
         for (uint l = 0; l < LANES; ++l)   // where a strand has ended, any point will do
             at[l] = (int)k < LANE_I(counts, l) ? first[l] + k : some;
+#ifndef __SPIR64__                         // Mesa takes none there
+        for (uint l = 0; l < LANES; l += 4)   // strands lie one behind the other: those that are next
+            PREFETCH(points + first[0] + LANES * (longest + k) + l);
+#endif
         take(grid, points, at, &b);
         if (k == stretch.x)
             continue;
@@ -413,6 +417,7 @@ BY_HAND __kernel void lengths(
     const Grid grid,
     const uint2 stretch,                   // segments of each strand: the first, one past the last; all where LANES > 1
     __global float *rests,                 // [strands] what rounding left of those before; nothing if all are
+    const uint n_strands,
     __global const float4 *points,         // [P] x, y, z, width [world]
     __global const uint2 *spans,           // [strands] first point, points
     __global const float4 *strand_uv,      // [strands] -, -, type
@@ -434,9 +439,10 @@ BY_HAND __kernel void lengths(
         return;
     Block block;
     block.held = held;
-    const uint last = i + get_local_size(0) < end ? i + get_local_size(0) : end;
-    uint run = get_local_size(0);
-    for (uint first = i, past; first < last; first = past) {
+    const uint begun = (uint)i * GATHERED, after = (uint)(i + get_local_size(0) < end ? i + get_local_size(0) : end) * GATHERED;
+    const uint last = after < n_strands ? after : n_strands;
+    uint run = get_local_size(0) * GATHERED;
+    for (uint first = begun, past; first < last; first = past) {
         past = open_block(&block, &grid, points, spans, first, last, &run);
         for (uint strand = first; strand < past; strand += LANES)
             put_lanes(&grid, points, spans, strand_uv, weights, cells, &block, strand, past, stretch, 0.5f);

@@ -149,7 +149,7 @@ def test_cells_are_the_same_in_blocks_of_any_size(another, monkeypatch, held):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_neither_order_nor_groups_nor_runs_change_a_count(gpu, method):
-    grid, (points, spans, kinds) = plain_grid(), random_strands(6, 0, 16, 3, n=210)
+    grid, (points, spans, kinds) = plain_grid(), random_strands(6, 0, 16, 3, n=700)
     cells = counted(gpu, grid, (points, spans, kinds), method)
     order = np.random.default_rng(7).permutation(len(spans))
     np.testing.assert_array_equal(cells, counted(gpu, grid, (points, spans[order], kinds[order]), method))
@@ -169,7 +169,8 @@ def test_neither_order_nor_groups_nor_runs_change_a_count(gpu, method):
         kernel = gpu._kernels["voxelize.lengths" if method == "length" else "voxelize.fragments"]
         given = {"grid": grid, "stretch": (0, 2**32 - 1), "weights": gpu.upload(WEIGHTS), "cells": again,
                  **arrays(there, "points", "spans", "strand_uv")}
-        given |= {"rests": gpu.empty(0, np.float32)} if method == "length" else {"method": METHODS.index(method)}
+        given |= {"method": METHODS.index(method)} if method != "length" else {
+            "rests": gpu.empty(0, np.float32), "n_strands": len(spans)}
         kernel.run(gpu.queue, (-(-len(spans) // group) * group,), (group,), 0, len(spans), *kernel.bind(given))
         np.testing.assert_array_equal(cells, again.get())
 

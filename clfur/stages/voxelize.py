@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import layout
 from ..layout import METHODS, Declared
 from .strands import DeviceStrands, arrays, stretches_of
 
@@ -25,12 +26,14 @@ def voxelize(gpu: Any, grid: np.void, strands: DeviceStrands, method: str, weigh
     given = {"grid": grid, "weights": gpu.upload(weights), "cells": cells,
              **arrays(strands, "points", "spans", "strand_uv")}
     stretches = stretches_of(gpu, strands, (11 if method == "length" else 1) * max(nx, ny, nz) + 9)   # to 4 grids away
-    rests = RESTS.empty(gpu, len(strands.spans) if len(stretches) > 1 else 0)
+    n = len(strands.spans)
+    rests = RESTS.empty(gpu, n if len(stretches) > 1 else 0)
     for stretch in stretches:
         if method == "length":
-            gpu.launch("voxelize.lengths", len(strands.spans), stretch=stretch, rests=rests, **given)
+            each = int(layout.CONSTANTS["GATHERED"]) if max(gpu.lanes, gpu.hinted) > 1 else 1
+            gpu.launch("voxelize.lengths", -(-n // each), stretch=stretch, rests=rests, n_strands=n, **given)
         else:
-            gpu.launch("voxelize.fragments", len(strands.spans), stretch=stretch, method=METHODS.index(method), **given)
+            gpu.launch("voxelize.fragments", n, stretch=stretch, method=METHODS.index(method), **given)
     return cells
 
 
