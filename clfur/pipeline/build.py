@@ -355,7 +355,7 @@ def _maker(gpu, plan):
 def _tufts(gpu, plan):
     """{type: `Nested` tufts of its strands}."""
     return {kind: tufts.nest(gpu, hair.tufts, kind, *(_middles(gpu, plan, level, kind) for level in hair.tufts.levels))
-            for kind, hair in enumerate(plan.scene.strands.types) if hair.tufts is not None}
+            for kind, hair in enumerate(plan.scene.strands.types) if hair.tufts is not None and hair.segments}
 
 
 def _middles(gpu, plan, level, kind):

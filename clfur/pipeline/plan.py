@@ -18,7 +18,7 @@ from ..errors import Error
 from ..scene import Curves, Strands
 from ..scene.maps import planes
 from ..stages.blur import blur_radius
-from ..stages.chiang import bytes_of, of_model
+from ..stages.chiang import bytes_of, lobed
 from ..stages.coverage import (
     GRAINS,
     KEPT,
@@ -159,12 +159,11 @@ class Plan:
         if isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh:
             self.rest = fur.rest
         self.body = mesh is not None and self.scene.body_color is not None
-        types = fur.types if isinstance(fur, Strands) else fur.hair_types if isinstance(fur, Curves) else ()
-        self.lobed = types if self.wants_color and of_model(types) else ()
+        self.lobed = lobed(fur.hair_types, fur.hairy) if self.wants_color and fur is not None else ()
         color = self.scene.body_color
         self.painted = color if isinstance(color, tuple) and self.wants_color and not self.held else ()
         if self.settings.scattering != "off":
-            self._check_scattering(types)
+            self._check_scattering()
         self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
         # Running sums: vertices and triangles before each face, points before each of the user's strands, and of all.
@@ -244,10 +243,11 @@ class Plan:
         """Whether samples of body or ground hide what is behind them, but do not cover the picture by themselves."""
         return self.held or self.ground is not None
 
-    def _check_scattering(self, types: Sequence[Any]) -> None:
+    def _check_scattering(self) -> None:
         """Raise `clfur.Error` for what does not go with light that goes from hair to hair."""
+        types = () if self.scene.strands is None else self.scene.strands.hairy_types
         other = next((f"the look of hair is {kind.look.model}" for kind in types if kind.look.model != "chiang"), "")
-        if self.scene.shells is not None or not types:
+        if self.scene.shells is not None or self.scene.strands is None:
             other = "the scene has shells" if self.scene.shells is not None else "there are no strands"
         if other:
             raise Error(f"Settings.scattering is {self.settings.scattering!r}, but {other}; allowed: 'off', or "
@@ -508,7 +508,7 @@ class Plan:
         if self.sliding:
             fixed += self.sliding.bytes
         if self.tufted:
-            fixed += sum(tufts_bytes(kind.tufts, self.rest or scene.mesh, self.stride) for kind in scene.strands.types
+            fixed += sum(tufts_bytes(kind.tufts, self.rest or scene.mesh, self.stride) for kind in scene.strands.hairy_types
                          if kind.tufts is not None)
         if self.scatters:
             fixed += transport_bytes(len(self.lobed), self.body)

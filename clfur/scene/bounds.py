@@ -112,18 +112,25 @@ def fur_extent(fur: Any, unbent: bool = True) -> float:
     if isinstance(fur, Shells):
         return fur.length
     if isinstance(fur, Curves):
-        return float(fur.on_host.width.max()) / 2
+        return _widest(fur.on_host) / 2
     if fur is None:
         return 0.0
     longer, wider, more = _most(fur)
-    return max(_longest(fur, hair, longer, more, unbent) + hair.widest * wider / 2 for hair in fur.types)
+    return max((_longest(fur, hair, longer, more, unbent) + hair.widest * wider / 2 for hair in fur.hairy_types),
+               default=0.0)
+
+
+def _widest(curves):
+    """Return the width of the widest of Curves that has points."""
+    width, counts = curves.width, curves.counts
+    return float((width[counts > 0] if 1 < len(width) != len(curves.points) else width).max(initial=0))
 
 
 def _longest(fur, hair, longer, more, unbent):
     """Return how far from its root a hair can get; tufts may straighten guides, and what slides along the body all."""
     axis = hair.full_length * (1 + hair.length_variation) * longer
     if fur.guides is not None:
-        axis = reach_of(fur.guides)[int(fur.collision or fur.tufted)] * (hair.segments > 0)
+        axis = reach_of(fur.guides)[int(fur.collision or fur.tufted)]
     if not (fur.collision and unbent):
         return axis + sideways(hair, more)
     bends = sum(size * min(2 * hair.segments, 2 * np.pi * abs(turns)) for size, turns in (hair.curl, hair.wave))
@@ -146,10 +153,10 @@ def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]
         inner = np.ones(len(fur.points), bool)
         inner[np.cumsum(fur.counts, dtype=np.int64)[fur.counts > 0] - 1] = False   # a strand's end joins nothing
         length = float(d[inner[:-1]].sum(dtype=float))
-        return len(fur.points), length, length * float(fur.width.max())
-    types, (longer, wider, more) = fur.types, _most(fur)
+        return len(fur.points), length, length * _widest(fur)
+    types, (longer, wider, more) = fur.hairy_types, _most(fur)
     # From one point to the next it may cross all of what curl, wave and frizz leave it.
     lengths = [(t.segments * t.step * (1 + t.length_variation) * longer if fur.guides is None
                 else reach_of(fur.guides)[1]) + t.segments * 2 * sideways(t, more) for t in types]
-    return (strands * max(t.segments for t in types), strands * max(lengths),
-            strands * max(length * t.widest * wider for length, t in zip(lengths, types)))
+    return (strands * max((t.segments for t in types), default=0), strands * max(lengths, default=0.0),
+            strands * max((length * t.widest * wider for length, t in zip(lengths, types)), default=0.0))

@@ -216,10 +216,7 @@ def _ball(scene, boxes, touched):
         furthest = chosen[reach >= np.sqrt(((one - center)**2).sum(1).max()) * (1 - 1e-9)]
         others = [*others, curves.points[points_of(boxes, furthest)]]
     radius = float(np.sqrt(max(((each - center)**2).sum(1).max() for each in others)))
-    width = float(boxes.width[chosen].max(initial=0))
-    if 1 < len(curves.width) != len(curves.points):   # `extent` counts those without points too
-        width = max(width, float(curves.width[curves.counts == 0].max(initial=0)) / 2)
-    return center, radius + max(width, fur_extent(scene.shells))
+    return center, radius + max(float(boxes.width[chosen].max(initial=0)), fur_extent(scene.shells))
 
 
 def _near(scene, ball, faces, strands):

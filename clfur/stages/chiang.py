@@ -1,5 +1,6 @@
 """Looks of Chiang's model -> tables of how hair scatters light around itself, and what else kernels look up of it."""
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -35,6 +36,16 @@ def no_scattering(gpu: Any) -> Scattering:
 def of_model(types: Any) -> list:
     """Those of `clfur.HairType`s whose look is of this model."""
     return [kind for kind in types if kind.look.model == "chiang"]
+
+
+def lobed(types: Any, hairy: Any) -> tuple:
+    """`clfur.HairType`s as `scattering` takes them, () if it is not needed; ``hairy``: [types] whether hair is of each.
+
+    Types of which none is are taken for the first that has lobes: they cost no table, and kernels that run over all
+    types find one of each.
+    """
+    first = next(iter(of_model(itertools.compress(types, hairy))), None)
+    return () if first is None else tuple(kind if there else first for kind, there in zip(types, hairy))
 
 
 def scattering(gpu: Any, types: Any) -> Scattering:
