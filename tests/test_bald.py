@@ -1,4 +1,4 @@
-"""A type that is bald is as none: of what else it says nothing is asked, in strands that grow and in those read back."""
+"""A type that is bald is as none: what else it says is not asked for, in strands that grow and in those read back."""
 
 import attrs
 import numpy as np

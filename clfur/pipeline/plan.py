@@ -508,8 +508,8 @@ class Plan:
         if self.sliding:
             fixed += self.sliding.bytes
         if self.tufted:
-            fixed += sum(tufts_bytes(kind.tufts, self.rest or scene.mesh, self.stride) for kind in scene.strands.hairy_types
-                         if kind.tufts is not None)
+            fixed += sum(tufts_bytes(kind.tufts, self.rest or scene.mesh, self.stride)
+                         for kind in scene.strands.hairy_types if kind.tufts is not None)
         if self.scatters:
             fixed += transport_bytes(len(self.lobed), self.body)
         if self.is_deep:
