@@ -267,7 +267,7 @@ def test_dropped_usd_reads_no_other_file(beside, layer, prim, said, monkeypatch)
     assert document.state is before
 
 
-def painted(beside, file):
+def textured(beside, file):
     """The strands of a file, of a material whose colour is a picture's, one of this name; else grey."""
     from pxr import Sdf, Usd, UsdShade
 
@@ -290,7 +290,7 @@ def painted(beside, file):
 
 def test_a_picture_of_strands_material_is_not_opened(beside, monkeypatch):
     """Their colour is one for each: none of a picture would be taken."""
-    painted(beside, beside)
+    textured(beside, beside)
     monkeypatch.setattr("clfur.files.usd_mesh.content_of", lambda *_: pytest.fail("it was opened"))
     assert usd_curves._read(beside, .25, None)["counts"].tolist() == [2]
 
@@ -304,7 +304,7 @@ def test_dropped_usd_does_not_tell_whether_a_file_is_there(beside, tmp_path, suf
     found = []
     for name in "picture.png", "no picture.png":
         (tmp_path / "picture.png").write_bytes(b"")
-        stage = painted(beside, tmp_path / name)
+        stage = textured(beside, tmp_path / name)
         stage.GetPrimAtPath("/m/p").CreateAttribute("more", Sdf.ValueTypeNames.AssetArray).Set(
             [str(tmp_path / name)], 2.0)
         stage.Export(str(tmp_path / f"root{suffix.replace('z', 'c')}"))

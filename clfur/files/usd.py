@@ -67,12 +67,12 @@ def _alone(path):
             continue
         layers.append(layer)
         for name in filter(None, layer.GetCompositionAssetDependencies()):   # "": the layer itself
-            if _leads_out(path, layer.identifier, name):
-                raise Error(f"is made of other files, as {shown(name)}; allowed: one file that has all in it")
-            waiting.append(pxr.Sdf.ComputeAssetPathRelativeToLayer(layer, name))
+            out = _leads_out(path, layer.identifier, name)
+            waiting.append("" if out else pxr.Sdf.ComputeAssetPathRelativeToLayer(layer, name))
             if not waiting[-1].startswith(f"{path}["):
                 raise Error(f"is made of other files, as {shown(name)}; allowed: one file that has all in it")
-        if clips := [at for at in _paths(layer) if not at.IsPropertyPath() and layer.GetObjectAtPath(at).HasInfo("clips")]:
+        prims = [at for at in _paths(layer) if not at.IsPropertyPath()]
+        if clips := [at for at in prims if layer.GetObjectAtPath(at).HasInfo("clips")]:
             raise Error(f"has clips, which are other files, at {clips[0]}; allowed: one file that has all in it")
         named |= _clear_assets(pxr.Sdf, layer)
     if not named:
@@ -87,12 +87,8 @@ def _leads_out(path, layer, name):
     """Whether the name of a file in a layer of a file may be of one that is not within that."""
     within = layer[len(str(path)) + 1:-1] if layer != str(path) else ""
     there = posixpath.normpath(posixpath.join(posixpath.dirname(within), name.replace("\\", "/")))
-    return not is_package(path) or name.startswith("`") or ":" in name or there.startswith(("/", ".."))   # `: may be any
-
-
-def is_package(path: Path) -> bool:
-    """Whether a USD file holds others."""
-    return path.suffix.lower() == ".usdz"
+    is_any = name.startswith("`") or ":" in name   # an expression, or an address
+    return is_any or path.suffix.lower() != ".usdz" or there.startswith(("/", ".."))
 
 
 def _paths(layer):
