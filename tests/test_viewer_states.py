@@ -219,7 +219,8 @@ def test_what_is_saved_for_nobody_ends(ends, what, drawn, monkeypatch):
     panel = object.__new__(panels.Panels)
     panel.drawing, panel.document, panel.window, panel.say = drawing, drawing.document, drawing.open("0"), said.append
     panel._trouble = SimpleNamespace(is_deleted=False)
-    panel._saver = SimpleNamespace(is_deleted=False, props=lambda add="", remove="": shown.append(add or f"no {remove}"))
+    panel._saver = SimpleNamespace(is_deleted=False, props=lambda add="", remove="": shown.append(
+        add or f"no {remove}"))
     work = panel._save_picture(".png") if what == "draw" else panel._save_strands(".pbrt")
     saving = threading.Thread(target=lambda: asyncio.run(work))
     saving.start()
