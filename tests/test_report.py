@@ -60,7 +60,7 @@ def test_a_page_of_failures(comparison, tmp_path):
 
 def test_no_folder_of_anybody_is_told(comparison, tmp_path):
     """Whatever a driver says, in every text of a page; pictures and what is no path stay."""
-    rows = [attrs.evolve(row, message=f"cannot open '/home/karl may/x/{row.device}.so': no {row.device}",
+    rows = [attrs.evolve(row, message=f"cannot open '/HOME/karl may/x/{row.device}.so': no {row.device}",
                          name="Chip of C:\\Users\\Karl May\\a.dll") for row in comparison.rows]
     told = attrs.evolve(comparison, rows=rows)
     report.save_report(tmp_path / "a.html", told, "/srv/karl/teapot", "clfur compare ~karl/a.obj")

@@ -17,6 +17,7 @@ from .. import layout
 from ..errors import Error
 from ..scene import Curves, Strands
 from ..scene.maps import planes
+from ..scene.remembered import remembered
 from ..stages.blur import blur_radius
 from ..stages.chiang import bytes_of, lobed
 from ..stages.coverage import (
@@ -631,12 +632,12 @@ class Plan:
         return pack(scene.shells, scene.mesh, scene.body_color is None, self.settings.filtered)
 
 
-@functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
+@remembered(2)   # a film asks for the same again in every frame
 def _topology(mesh):
     return topology_of(mesh.faces)
 
 
-@functools.lru_cache(maxsize=2)
+@remembered(2)
 def _sums(fur, faces):
     """Vertices and triangles before each of so many faces, and of all, as these strands have them divided."""
     levels = (1, 1) if fur is None else (fur.inner, fur.outer)
@@ -644,7 +645,7 @@ def _sums(fur, faces):
     return _before(vertices), _before(triangles)
 
 
-@functools.lru_cache(maxsize=2)
+@remembered(2)
 def _points_of(curves):
     return _before(curves.counts)
 

@@ -1,6 +1,5 @@
 """How far a mesh and its fur extend at most: what cameras, grids and counters must have room for."""
 
-import functools
 import math
 from typing import Any
 
@@ -11,6 +10,7 @@ from .curves import Bounds, Curves
 from .guides import reach_of
 from .mesh import Mesh, box, sphere
 from .origin import ZERO, seen_from
+from .remembered import remembered
 from .shells import Shells
 from .strands import HairType, Strands
 
@@ -63,13 +63,13 @@ def points_to_frame(mesh, fur):
     return [*points, strands.guides.on_host.points], min(most, max(least, fur_extent(shells)))
 
 
-@functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
+@remembered(2)   # a film asks for the same again in every frame
 def boxes_to_see(mesh, fur):
     """Return the (low, high) corners of the boxes of `points_to_see`."""
     return [box(each) for each in points_to_see(mesh, fur)]
 
 
-@functools.lru_cache(maxsize=2)
+@remembered(2)
 def extent(mesh: Mesh | None, fur: Any) -> tuple[np.ndarray, float]:
     """Return a sphere (centre float64 [3], radius float) around a mesh and all that its fur can fill."""
     there, mesh, fur = local(mesh, fur)
@@ -142,7 +142,7 @@ def _most(fur):
     return (1.0, 1.0, 1.0) if fur.maps is None else tuple(map(fur.maps.most, ("length", "width", "curl")))
 
 
-@functools.lru_cache(maxsize=2)
+@remembered(2)
 def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]:
     """Return (segments, length [world], length · width [world²]) that ``strands`` strands of the fur cannot exceed."""
     if isinstance(fur, Curves):

@@ -1,6 +1,5 @@
 """Looks of Chiang's model -> tables of how hair scatters light around itself, and what else kernels look up of it."""
 
-import itertools
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -44,7 +43,7 @@ def lobed(types: Any, hairy: Any) -> tuple:
     Types of which none is are taken for the first that has lobes: they cost no table, and kernels that run over all
     types find one of each.
     """
-    first = next(iter(of_model(itertools.compress(types, hairy))), None)
+    first = next(iter(of_model(kind for kind, there in zip(types, hairy) if there)), None)
     return () if first is None else tuple(kind if there else first for kind, there in zip(types, hairy))
 
 
