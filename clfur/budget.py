@@ -185,11 +185,12 @@ def _pixels(rig):
 def _hair(scene):
     """(width, length) in world units that a strand has on average; (0, 0) without strands."""
     fur = scene.strands
-    if isinstance(fur, Strands):
-        length = [kind.full_length if fur.guides is None else reach_of(fur.guides)[1] for kind in fur.types]
-        return (float(np.mean([kind.width * (kind.root_width + kind.tip_width) / 2 for kind in fur.types])),
+    types = () if fur is None else fur.hairy_types
+    if isinstance(fur, Strands) and types:
+        length = [kind.full_length if fur.guides is None else reach_of(fur.guides)[1] for kind in types]
+        return (float(np.mean([kind.width * (kind.root_width + kind.tip_width) / 2 for kind in types])),
                 float(np.mean(length)))
-    if isinstance(fur, Curves) and len(fur.points):
+    if isinstance(fur, Curves) and types:
         return float(fur.on_host.width.mean()), hair_bounds(fur, len(fur.counts))[1] / len(fur.counts)
     return 0.0, 0.0
 

@@ -170,16 +170,18 @@ def _check_scene(scene):
         raise Error(f"scene is {shown(scene)}; allowed: a clfur.Scene")
 
 
-def grow(scene: Scene, device: Any = None) -> Curves:
+def grow(scene: Scene, device: Any = None, stop: Callable[[], bool] | None = None) -> Curves:
     """Grow the strands of a `Scene` -> `Curves` on the host, which drawn in their place give the same picture.
 
-    ``device``: as for `render`; of several the first grows them.  Raises `clfur.Error` for a scene without `Strands`.
+    ``device``, ``stop``: as for `render`; of several devices the first grows them.  Raises `clfur.Error` for a scene
+    without `Strands`.
     """
     _check_scene(scene)
+    to_stop(stop, "stop")
     if not isinstance(scene.strands, Strands):
         raise Error("scene has no Strands; allowed: one with Strands in its fur")
     gpu = schedulers(device)[0]
-    with gpu.frame():
+    with gpu.frame(stop):
         gpu.forget()   # what frames have left: the plan below has room for strands alone
         plan = Plan(Rig.of(scene.local, Settings(shadows="off", shadow_map=0)), ())
         curves = curves_of(gpu, plan, scene.origin)

@@ -74,6 +74,13 @@ def test_colours_say_what_differs(measured, field, values, words):
     assert {text.get_text() for text in figure.legends[0].get_texts()} == words | {"4 samples", "frontier"}
 
 
+@pytest.mark.parametrize("name", ["a.html", "a.svg"])
+def test_no_folder_of_anybody_is_told(measured, tmp_path, name):
+    chart.save_chart(tmp_path / name, attrs.evolve(measured, device="a driver of /HOME/karl/lib"), "/srv/karl/pot")
+    text = (tmp_path / name).read_text(encoding="utf-8")
+    assert "karl" not in text and ".../lib" in text and ".../pot" in text
+
+
 @pytest.mark.parametrize("name", ["a.png", "a.svg", "a.html"])
 def test_files(measured, tmp_path, name):
     chart.save_chart(tmp_path / name, measured, "tea & pot")

@@ -1,5 +1,6 @@
 """Frames and regions that the workers of a cluster draw: the same bytes as alone, whoever dies, and nothing left."""
 
+import logging
 import os
 import pickle
 import signal
@@ -8,6 +9,7 @@ import sys
 import time
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import attrs
 import numpy as np
@@ -123,6 +125,34 @@ def test_shares_of_a_machine(monkeypatch):
     assert local.shares_of(["0:0"], 2, 9)[0]["POCL_MAX_PTHREAD_COUNT"] == "1"
 
 
+def test_a_folder_that_dask_removes_after_us_is_not_missed(monkeypatch, caplog):
+    """A scheduler that has not closed in time removes it at exit: that was told after all that the command told."""
+    import dask
+    from distributed.diskutils import WorkSpace
+
+    late = []
+
+    class Cluster(SimpleNamespace):
+        scheduler_address = "tcp://127.0.0.1:1"
+
+        def __enter__(self):
+            late.append(WorkSpace(dask.config.get("temporary-directory")).new_work_dir(prefix="scheduler-"))
+            return self
+
+        def __exit__(self, *_):
+            pass
+    monkeypatch.setattr(distributed, "SpecCluster", Cluster)
+    monkeypatch.setattr(local.subprocess, "Popen", lambda *_, **__: None)
+    monkeypatch.setattr(local, "end", lambda child: None)
+    with local.local_cluster(1, None):
+        assert Path(late[0].dir_path).exists()
+    assert not Path(late[0].dir_path).exists()
+    late[0].release()
+    assert not caplog.records
+    logging.getLogger("distributed.diskutils").error("Failed to remove '/tmp/others'")
+    assert len(caplog.records) == 1
+
+
 def test_another_clfur_and_a_wrong_device_take_no_part(monkeypatch):
     """By name; when nobody is left, an error says why."""
     monkeypatch.setattr(cluster, "sources", lambda: "others")
@@ -141,6 +171,7 @@ def test_another_clfur_and_a_wrong_device_take_no_part(monkeypatch):
 def test_a_scheduler_of_the_users(monkeypatch):
     """A worker comes late, joins, and the scheduler goes: nobody there, and nobody any more."""
     monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+    monkeypatch.setattr(cluster, "CONNECT", LONG)   # it is there for certain, however busy this machine is
     options = {"host": "127.0.0.1", "port": 0, "dashboard": False, "dashboard_address": "127.0.0.1:0"}
     with distributed.SpecCluster(scheduler={"cls": distributed.Scheduler, "options": options}, workers={}) as server:
         address = server.scheduler_address
@@ -167,6 +198,7 @@ def test_a_scheduler_of_the_users(monkeypatch):
         finally:
             child.kill()
             child.wait()
+    monkeypatch.setattr(cluster, "CONNECT", 1)
     with pytest.raises(library.Error, match=f"cluster {address}: .*127.0.0.1"):
         list(cluster.on_cluster(frames(1), address))
 
@@ -185,7 +217,9 @@ def test_no_process_is_left(tmp_path, how):
     with subprocess.Popen([sys.executable, "-c", code], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                           env=os.environ | {"PYTHONPATH": path, "CLFUR_TEST": str(tmp_path),
                                             "TMPDIR": str(tmp_path / "temporary")}) as child:
+        began = time.monotonic()
         until(lambda: list(tmp_path.glob("?-*")) or child.poll() is not None)
+        start = time.monotonic() - began
         assert len(processes(mark)) >= 3   # itself, the one that keeps the worker, and that
         asked = time.monotonic()
         child.send_signal(getattr(signal, how))
@@ -198,7 +232,7 @@ def test_no_process_is_left(tmp_path, how):
         assert (child.returncode, out, lines) == (130, "", ["clfur: interrupted"]), err
         assert list((tmp_path / "temporary").iterdir()) == []
         print(f"ended after {took:.2f} s")
-        assert took < 10   # 2 on a machine that does nothing else
+        assert took < max(10, start)   # 2 on a machine that does nothing else
 
 
 def test_the_command(clfur, tmp_path):

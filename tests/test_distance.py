@@ -320,10 +320,10 @@ def test_parts_and_teams_draw_the_same(gpu, another, monkeypatch):
     parts = clfur.draw(scene, small, settings, hashes=True)
     assert parts.hashes == whole.hashes and parts.memory <= small.memory
     monkeypatch.setattr("clfur.pipeline.sliding.SURFACE", 1 << 12)
-    sliding_of.cache_clear()
+    sliding_of.forget()
     again = clfur.draw(scene, [another(), another(memory=small.memory)], settings, hashes=True)
     assert len(sliding_of(scene.mesh, scene.fur).runs) > 3 and again.hashes == whole.hashes
-    sliding_of.cache_clear()
+    sliding_of.forget()
 
 
 def test_strands_read_back_have_slid(gpu):

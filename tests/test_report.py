@@ -58,6 +58,21 @@ def test_a_page_of_failures(comparison, tmp_path):
     assert "SIGSEGV" in text and "<svg" not in text and "fastest" not in text and "<code>" not in text
 
 
+def test_no_folder_of_anybody_is_told(comparison, tmp_path):
+    """Whatever a driver says, in every text of a page; pictures and what is no path stay."""
+    rows = [attrs.evolve(row, message=f"cannot open '/HOME/karl may/x/{row.device}.so': no {row.device}",
+                         name="Chip of C:\\Users\\Karl May\\a.dll") for row in comparison.rows]
+    told = attrs.evolve(comparison, rows=rows)
+    report.save_report(tmp_path / "a.html", told, "/srv/karl/teapot", "clfur compare ~karl/a.obj")
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "karl" not in text.lower() and "cannot open &#39;.../pocl.so&#39;: no pocl" in text and ".../teapot" in text
+    assert "Chip of .../a.dll" in text and ".../a.obj" in text
+    report.save_report(tmp_path / "b.html", comparison, "teapot")
+    pictures = [re.findall(r'data:image[^"]*', (tmp_path / f"{name}.html").read_text(encoding="utf-8"))
+                for name in "ab"]
+    assert pictures[0] == pictures[1] and "/" in pictures[0][0][22:]
+
+
 def test_colours_of_a_difference():
     one = np.zeros((1, 4, 4), np.float32)
     other = one.copy()

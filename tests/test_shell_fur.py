@@ -175,9 +175,7 @@ def test_an_extent_is_kept():
     """A film asks for it again in every frame: a tuple of the same objects is the same key."""
     shells, mesh = Shells(), square()
     first = Scene(mesh, [shells])
-    before = extent.cache_info().hits
     assert extent(mesh, first.fur) is extent(mesh, Scene(mesh, [shells]).fur)
-    assert extent.cache_info().hits >= before + 2
 
 
 def test_kept_shadows_are_those_of_the_shells(gpu, sphere):

@@ -217,6 +217,23 @@ def test_a_video_is_not_half_written(gpu, tmp_path):
     assert film() == tmp_path / "a.gif" and [path.name for path in tmp_path.iterdir()] == ["a.gif"]
 
 
+def test_strands_that_are_grown_and_saved(gpu, tmp_path):
+    """Given up half way no file is there, and what is grown later is the same."""
+    scene, counted = _scene(), Asked()
+    want = clfur.grow(scene, gpu, counted)
+    for at in _stops(counted.times, 3):
+        with pytest.raises(clfur.Stopped):
+            clfur.grow(scene, gpu, Asked(at))
+        np.testing.assert_array_equal(clfur.grow(scene, gpu).points, want.points)
+    for suffix, most in (".npz", 2), (".txt", 300), (".pbrt", 300):   # strands, and once more
+        clfur.save_curves(tmp_path / f"whole{suffix}", want, counted := Asked())
+        assert counted.times >= most
+        for at in _stops(counted.times, 3):
+            with pytest.raises(clfur.Stopped):
+                clfur.save_curves(tmp_path / f"half{suffix}", want, Asked(at))
+    assert sorted(each.suffix for each in tmp_path.iterdir()) == [".npz", ".pbrt", ".txt"]
+
+
 def test_what_stop_is(gpu):
     scene, flag = _scene(), threading.Event()
     assert issubclass(clfur.Stopped, Exception) and not issubclass(clfur.Stopped, clfur.Error)
@@ -226,7 +243,8 @@ def test_what_stop_is(gpu):
         clfur.render(scene, gpu, QUICK, stop=flag.is_set)
     with pytest.raises(ZeroDivisionError):   # its own errors are its caller's
         clfur.render(scene, gpu, QUICK, stop=lambda: 1 / 0)
-    for call in (clfur.draw, clfur.render, clfur.film, lambda scene, **stop: clfur.blurred([scene], **stop),
+    for call in (clfur.draw, clfur.render, clfur.film, clfur.grow, lambda scene, **stop: clfur.blurred([scene], **stop),
+                 lambda scene, **stop: clfur.save_curves("a.npz", clfur.Curves(np.zeros((1, 2, 3))), **stop),
                  lambda scene, **stop: list(clfur.frames(scene, [scene.camera], **stop)),
                  lambda scene, **stop: clfur.Motion(scene).step(1, **stop)):
         given = {"path": "a/%d.png"} if call is clfur.film else {}

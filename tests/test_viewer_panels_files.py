@@ -3,6 +3,7 @@
 import ast
 import io
 import json
+import warnings
 import zipfile
 from pathlib import Path
 
@@ -267,8 +268,8 @@ def test_dropped_usd_reads_no_other_file(beside, layer, prim, said, monkeypatch)
     assert document.state is before
 
 
-def test_a_picture_of_strands_material_is_not_opened(beside, monkeypatch):
-    """Their colour is one for each: none of a picture would be taken."""
+def textured(beside, file):
+    """The strands of a file, of a material whose colour is a picture's, one of this name; else grey."""
     from pxr import Sdf, Usd, UsdShade
 
     stage = Usd.Stage.Open(str(beside))
@@ -276,7 +277,8 @@ def test_a_picture_of_strands_material_is_not_opened(beside, monkeypatch):
         (UsdShade.Material, ""), (UsdShade.Shader, "/s"), (UsdShade.Shader, "/p")])
     surface.CreateIdAttr("UsdPreviewSurface")
     picture.CreateIdAttr("UsdUVTexture")
-    picture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(str(beside))
+    picture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(str(file))
+    picture.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set((.5, .5, .5, 1))
     surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(
         picture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
@@ -284,8 +286,51 @@ def test_a_picture_of_strands_material_is_not_opened(beside, monkeypatch):
     UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
     prim.RemoveProperty("primvars:displayColor")
     stage.Save()
+    return stage
+
+
+def test_a_picture_of_strands_material_is_not_opened(beside, monkeypatch):
+    """Their colour is one for each: none of a picture would be taken."""
+    textured(beside, beside)
     monkeypatch.setattr("clfur.files.usd_mesh.content_of", lambda *_: pytest.fail("it was opened"))
     assert usd_curves._read(beside, .25, None)["counts"].tolist() == [2]
+
+
+@pytest.mark.parametrize("suffix", [".usda", ".usdc", ".usdz"])
+def test_dropped_usd_does_not_tell_whether_a_file_is_there(beside, tmp_path, suffix, monkeypatch):
+    """Strands, their colour, and all that is told are the same whether there is a picture or none of its name."""
+    from pxr import Sdf
+
+    monkeypatch.setattr("clfur.files.usd.called", lambda function, *given: function(*given))   # quicker than apart
+    found = []
+    for name in "picture.png", "no picture.png":
+        (tmp_path / "picture.png").write_bytes(b"")
+        stage = textured(beside, tmp_path / name)
+        stage.GetPrimAtPath("/m/p").CreateAttribute("more", Sdf.ValueTypeNames.AssetArray).Set(
+            [str(tmp_path / name)], 2.0)
+        stage.Export(str(tmp_path / f"root{suffix.replace('z', 'c')}"))
+        if suffix == ".usdz":
+            with Sdf.ZipFileWriter.CreateNew(str(tmp_path / "root.usdz")) as archive:
+                archive.AddFile(str(tmp_path / "root.usdc"), "root.usdc")
+        document, data = Document(furred()), (tmp_path / f"root{suffix}").read_bytes()
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            assert take(document, f"a{suffix}", data) == "1 strands"
+        found.append((document.scene.strands.color.tolist(), [str(each.message).split(": ", 1)[1] for each in said]))
+    assert found[0] == found[1] and found[0][0] == [[.5, .5, .5]]
+
+
+@pytest.mark.parametrize("name", ["../beside.usda", "%s", "a/../../beside.usda", "file:%s", "..\\\\beside.usda"])
+def test_a_dropped_package_looks_for_no_layer_outside(beside, tmp_path, name, monkeypatch):
+    from pxr import Sdf
+
+    (tmp_path / "root.usda").write_text(LAYER % (f"\n    subLayers = [@{name.replace('%s', str(beside))}@]", ""))
+    with Sdf.ZipFileWriter.CreateNew(str(tmp_path / "out.usdz")) as archive:
+        archive.AddFile(str(tmp_path / "root.usda"), "root.usda")
+    monkeypatch.setattr("clfur.files.usd.called", lambda function, *given: function(*given))
+    monkeypatch.setattr(Sdf, "ComputeAssetPathRelativeToLayer", lambda *_: pytest.fail("it was looked for"))
+    with pytest.raises(clfur.Error, match="is made of other files"):
+        take(Document(furred()), "out.usdz", (tmp_path / "out.usdz").read_bytes())
 
 
 def test_dropped_usd_may_have_all_in_one_file(beside, tmp_path, monkeypatch):
@@ -314,6 +359,7 @@ def test_dropped_gltf_reads_no_other_file(tmp_path, uri, monkeypatch):
         {"primitives": [{"attributes": {"POSITION": 0}}]}]}
     tree = {"asset": {"version": "2.0"}, "buffers": [{"uri": uri, "byteLength": 72}], **views,
             "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}
+    monkeypatch.setattr(Path, "resolve", lambda _: pytest.fail("it was looked for"))
     with pytest.raises(clfur.Error, match="allowed: files in its own folder"):
         take(Document(furred()), "a.gltf", json.dumps(tree).encode())
 

@@ -204,20 +204,25 @@ def test_a_picture_whose_error_cannot_be_told_is_shown(drawn, monkeypatch, capsy
     assert capsys.readouterr().err.count("Traceback") == 1
 
 
+@pytest.mark.parametrize("what", ["draw", "strand_file"])
 @pytest.mark.parametrize("ends", ["page", "server"])
-def test_a_picture_that_is_saved_for_nobody_ends(ends, drawn, monkeypatch):
+def test_what_is_saved_for_nobody_ends(ends, what, drawn, monkeypatch):
     drawing, held, said = drawn(lambda *_, stop: SHOWN), threading.Event(), []
 
-    def draw(scene, devices, settings, stop):
-        assert not stop()
+    def made(scene, *_, stop):
+        assert not stop() and shown == ["loading"]
         held.set()
         until(stop, 5)
         raise clfur.Stopped("by a test")
-    monkeypatch.setattr(panels, "draw", draw)
+    monkeypatch.setattr(panels, what, made)
+    shown: list = []
     panel = object.__new__(panels.Panels)
     panel.drawing, panel.document, panel.window, panel.say = drawing, drawing.document, drawing.open("0"), said.append
     panel._trouble = SimpleNamespace(is_deleted=False)
-    saving = threading.Thread(target=lambda: asyncio.run(panel._save_picture(".png")))
+    panel._saver = SimpleNamespace(is_deleted=False, props=lambda add="", remove="": shown.append(
+        add or f"no {remove}"))
+    work = panel._save_picture(".png") if what == "draw" else panel._save_strands(".pbrt")
+    saving = threading.Thread(target=lambda: asyncio.run(work))
     saving.start()
     assert held.wait(5)
     if ends == "page":
@@ -225,4 +230,4 @@ def test_a_picture_that_is_saved_for_nobody_ends(ends, drawn, monkeypatch):
     else:
         assert drawing.close(5)
     saving.join(10)
-    assert not saving.is_alive() and said == [""] and not drawing._works
+    assert not saving.is_alive() and said == [""] and not drawing._works and shown == ["loading", "no loading"]

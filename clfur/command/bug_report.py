@@ -10,6 +10,7 @@ import psutil
 
 from .. import __version__
 from ..film.local import cores
+from ..judge.nameless import nameless
 from ..judge.report import milliseconds, system
 
 # Distributions whose versions matter, those that are there.
@@ -22,14 +23,6 @@ TOLD = ("CLFUR_DEVICE", "PYOPENCL_CTX", "RUSTICL_ENABLE", "POCL_DEVICES", "POCL_
         "ZE_AFFINITY_MASK", "OMP_NUM_THREADS")
 FOLDERS = ("OCL_ICD_VENDORS", "OCL_ICD_FILENAMES", "POCL_CACHE_DIR", "XDG_CACHE_HOME", "CUDA_CACHE_PATH",
            "LD_LIBRARY_PATH", "PYTHONPATH")
-# A path: how it begins; folders, whose names may have all but colons and quotes; and its last name, which ends at
-# a space where it is not somebody's.
-BEGINS = r"""(?: (?<![\w.~/\\]) (?: [A-Za-z]:[\\/] | ~[\w.-]*/ | \.{0,2}/ | \.{1,2}\\ | \\\\ )
-    | (?<=\s-[A-Z]) / | (?<=\w) [\\/] (?=(?i:homes?|users)[\\/]) )"""
-PATH = re.compile(BEGINS + r"""(?=\S) (?: [^\\/:;'"\n]*[^\s\\/:;'"][\\/]+ | [\\/]+ )*
-    (?: (?: (?<=[\\/](?i:home)[\\/]) | (?<=[\\/](?i:homes)[\\/]) | (?<=[\\/](?i:users)[\\/]) ) [^:;,'"()\\/\n]*
-    | [^\s:;,'"()\\/]* )""", re.X)
-QUOTED = re.compile(rf"""(?<=(['"])) {BEGINS} [^'"\n]* (?=\1)""", re.X)
 
 
 def report(found, trouble, drivers, notes):
@@ -42,20 +35,6 @@ def report(found, trouble, drivers, notes):
     there += [f"{name} is set" for name in FOLDERS if name in os.environ]
     lines += ["", f"environment: {', '.join(there) or 'nothing that matters is set'}"]
     return "\n".join(map(nameless, lines))
-
-
-def nameless(text):
-    """A text whose paths are cut to their last names, as folders tell who works there."""
-    home = os.path.expanduser("~")
-    if len(home) > 1:
-        text = re.sub(re.escape(home) + r"(?![\w.-])", "~", text)
-    return PATH.sub(_cut, QUOTED.sub(_cut, text))
-
-
-def _cut(path):
-    """What is told of a path, given as a match."""
-    *folders, last = re.split(r"[\\/]+", path[0].rstrip("\\/"))
-    return "..." if not folders or folders[-1].lower() in ("home", "homes", "users") else f".../{last}"
 
 
 def _driver(row):

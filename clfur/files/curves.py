@@ -10,7 +10,7 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..errors import Error, shown
+from ..errors import Error, go_on, shown
 from ..scene import Bounds, Curves, HairType, checks
 from . import usd_curves
 from .arrays import SETUP, read_npy, read_npz, write_npy, write_npz
@@ -27,11 +27,12 @@ from .usd import SUFFIXES
 READERS = {".hair": read_hair, ".tfx": read_tfx, ".data": read_usc, ".ply": read_strand_ply, ".npz": read_npz,
            ".npy": read_npy}
 USD = SUFFIXES
-WRITERS: dict[str, Callable[[dict], bytes]] = {
+WRITERS: dict[str, Callable[..., bytes]] = {
     ".hair": write_hair, ".tfx": write_tfx, ".data": write_usc, ".ply": write_strand_ply, ".npz": write_npz,
     ".npy": write_npy, ".txt": write_mitsuba, ".pbrt": write_pbrt,
     **{suffix: functools.partial(usd_curves.write, suffix=suffix) for suffix in USD[:3]}}
 FORMATS = ", ".join((*READERS, *USD))
+TEXTS = ".txt", ".pbrt"   # which take long
 OF_ROOTS = "root_uv", "root_normal"
 VALUES: dict[str, tuple] = {"width": (), "color": (3,), "transparency": ()}   # of all, of strands or of points
 USUAL: dict[str, Any] = {field.name: field.default for field in attrs.fields(Curves)}
@@ -88,20 +89,25 @@ def read_curves(path: str | os.PathLike, given: dict[str, Any], tolerance: float
     return found
 
 
-def save_curves(path: str | os.PathLike, curves: Curves) -> None:
+def save_curves(path: str | os.PathLike, curves: Curves, stop: Callable[[], bool] | None = None) -> None:
     """Write the strands of `Curves` to a file, whole or not at all.
 
     path: str or path-like; as for `load_curves`, but .usdz, and also .txt (Mitsuba's curves) and .pbrt, by suffix.
     What a format has no place for is left out: docs/formats.md. Places are float32 but in .npz, .npy, .ply and text.
+    stop: None, or a function without arguments, asked now and then: once it says True, Stopped is raised.
     Raises Error for another suffix, a folder that is not, no strands, those that the format cannot hold, or no room.
     """
+    checks.to_stop(stop, "stop")
     file = output_path(path, tuple(WRITERS))
     if not isinstance(curves, Curves):
         raise Error(f"save_curves curves is {shown(curves)}; allowed: a clfur.Curves, as clfur.grow returns")
     try:
         if not (strands := stored(curves))["counts"].size:
             raise Error("Curves have no strands with points; allowed: one or more")
-        data = WRITERS[file.suffix.lower()](strands)
+        go_on(stop)
+        writer, suffix = WRITERS[file.suffix.lower()], file.suffix.lower()
+        data = writer(strands, stop=stop) if suffix in TEXTS else writer(strands)
+        go_on(stop)
     except Error as error:
         raise Error(f"{file}: {error}") from None
     with whole(file) as temporary:

@@ -231,7 +231,8 @@ class Source:
     def _of_file(self, uri: str, name: str) -> bytes:
         """Return the bytes of a regular file in the file's folder or below it, links followed."""
         path = self.folder / urllib.parse.unquote(uri)
-        if re.match(r"\w+:", uri) or not path.resolve().is_relative_to(self.folder.resolve()):
+        inside = Path(os.path.abspath(path)).is_relative_to(os.path.abspath(self.folder))   # by its name: none is asked
+        if re.match(r"\w+:", uri) or not inside or not path.resolve().is_relative_to(self.folder.resolve()):
             raise Error(f"{name} is in {uri[:60]!r}; allowed: files in its own folder")
         if not os.path.exists(path):
             raise Error(f"{name} is in {uri[:60]!r}, which does not exist")

@@ -1,6 +1,7 @@
 """USD files: a stage of usd-core's, a library that is asked for only here (`pip install "clfur[usd]"`), and its prims
 that are seen."""
 
+import posixpath
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -47,32 +48,66 @@ def called(function: Any, path: Path, *arguments: Any) -> Any:
     return apart(function, path, *arguments, size=MEMORY * size)
 
 
-def check_alone(path: Path) -> None:
-    """Raise Error where a USD file would have other files read: layers and clips that are not within it, as .usdz
-    files have them. None of those is opened."""
-    called(_check_alone, path)
+def alone(path: Path) -> Path:
+    """Return a file that has what a USD file is made of, of which nothing leads out of it: that one, or another beside
+    it where assets are named, as a material's pictures are, which that leaves out. Raises Error where layers or clips
+    are not within it, as .usdz files have them. Nothing of all that is looked for."""
+    return called(_alone, path)
 
 
-def _check_alone(path):
-    Sdf, waiting, seen = library().Sdf, [str(path)], set()
+def _alone(path):
+    pxr = library()
+    waiting, layers, named = [str(path)], [], False   # held, so that the stage is made of them as they are then
     while waiting:
         try:
-            layer = Sdf.Layer.FindOrOpen(waiting.pop())
+            layer = pxr.Sdf.Layer.FindOrOpen(waiting.pop())
         except Exception:   # usd-core's own; who reads the file will tell
             continue
-        if layer is None or layer.identifier in seen:
+        if layer is None or layer in layers:
             continue
-        seen.add(layer.identifier)
-        clips = []
-        layer.Traverse(Sdf.Path.absoluteRootPath, lambda at, of=layer, to=clips: to.append(at) if (
-            at.IsPrimPath() or at.IsPrimVariantSelectionPath()) and of.GetObjectAtPath(at).HasInfo("clips") else None)
+        layers.append(layer)
         for name in filter(None, layer.GetCompositionAssetDependencies()):   # "": the layer itself
-            inner = Sdf.ComputeAssetPathRelativeToLayer(layer, name)
-            if name.startswith("`") or not inner.startswith(f"{path}["):   # an expression may name anything
+            out = _leads_out(path, layer.identifier, name)
+            waiting.append("" if out else pxr.Sdf.ComputeAssetPathRelativeToLayer(layer, name))
+            if not waiting[-1].startswith(f"{path}["):
                 raise Error(f"is made of other files, as {shown(name)}; allowed: one file that has all in it")
-            waiting.append(inner)
-        if clips:
+        prims = [at for at in _paths(layer) if not at.IsPropertyPath()]
+        if clips := [at for at in prims if layer.GetObjectAtPath(at).HasInfo("clips")]:
             raise Error(f"has clips, which are other files, at {clips[0]}; allowed: one file that has all in it")
+        named |= _clear_assets(pxr.Sdf, layer)
+    if not named:
+        return path
+    made = path.with_name("alone.usdc")
+    one = layers[0] if len(layers) == 1 else pxr.Usd.Stage.Open(layers[0]).Flatten()
+    one.Export(str(made))
+    return made
+
+
+def _leads_out(path, layer, name):
+    """Whether the name of a file in a layer of a file may be of one that is not within that."""
+    within = layer[len(str(path)) + 1:-1] if layer != str(path) else ""
+    there = posixpath.normpath(posixpath.join(posixpath.dirname(within), name.replace("\\", "/")))
+    is_any = name.startswith("`") or ":" in name   # an expression, or an address
+    return is_any or path.suffix.lower() != ".usdz" or there.startswith(("/", ".."))
+
+
+def _paths(layer):
+    """All paths of a layer that have a spec which may say something."""
+    found: list[Any] = []
+    layer.Traverse(layer.pseudoRoot.path, lambda at: found.append(at) if (
+        at.IsPrimPath() or at.IsPrimVariantSelectionPath() or at.IsPropertyPath()) else None)
+    return found
+
+
+def _clear_assets(Sdf, layer):
+    """Take all assets out of the attributes of a layer, in memory alone -> whether there are some."""
+    named = [each for each in map(layer.GetAttributeAtPath, filter(Sdf.Path.IsPropertyPath, _paths(layer)))
+             if each and str(each.typeName) in ("asset", "asset[]")]
+    layer.SetPermissionToEdit(True)
+    for attribute in named:
+        attribute.ClearInfo("default")
+        attribute.ClearInfo("timeSamples")
+    return bool(named)
 
 
 class Stage:

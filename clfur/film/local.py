@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import logging
 import os
 import subprocess
 import sys
@@ -30,6 +31,7 @@ def local_cluster(count: int | None, device: Any) -> Iterator[tuple[str, Callabl
     import dask
     from distributed import Scheduler, SpecCluster
 
+    logging.getLogger("distributed.diskutils").addFilter(_is_missed)
     shares = shares_of(local_devices(device), count, cores())
     options = {"host": HOST, "port": 0, "dashboard": False, "dashboard_address": f"{HOST}:0"}
     with temporary() as folder, dask.config.set({"temporary-directory": folder}), \
@@ -51,6 +53,11 @@ def local_cluster(count: int | None, device: Any) -> Iterator[tuple[str, Callabl
             yield cluster.scheduler_address, trouble
         finally:
             end(child)
+
+
+def _is_missed(record):
+    """Whether Dask may log this: not that a folder of ours is gone, which it may want to remove after us, at exit."""
+    return "clfur-" not in record.getMessage()
 
 
 def shares_of(devices: list[str], count: int | None, cores: int) -> list[dict[str, str]]:

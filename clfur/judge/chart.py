@@ -4,6 +4,7 @@
 import numpy as np
 
 from ..files.output import check_writable, output_path, whole
+from .nameless import nameless
 from .report import INK, chart, page, require, svg
 
 SUFFIXES = ".html", ".htm", ".png", ".svg"
@@ -35,7 +36,7 @@ def save_chart(path, found, title, command=""):
                         command=command)
             temporary.write_text(text, encoding="utf-8")
         else:
-            figure = draw_chart(found, f"{title} on {found.device}")
+            figure = draw_chart(found, nameless(f"{title} on {found.device}"))
             figure.savefig(temporary, format=path.suffix[1:].lower(), dpi=150, facecolor="white",
                            metadata={"Date": None} if path.suffix.lower() == ".svg" else None)
 

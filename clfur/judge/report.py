@@ -15,6 +15,7 @@ from ..color import srgb_to_linear
 from ..errors import Error
 from ..files.images import png_bytes
 from ..files.output import check_writable, output_path, whole
+from .nameless import nameless
 
 SUFFIXES = ".html", ".htm"
 FAINTEST = 1e-7        # difference that a picture of differences begins to show
@@ -49,11 +50,13 @@ def save_report(path, comparison, title, command=""):
 
 
 def page(template, **values):
-    """The text of a page: a template of this package filled with values; what is not Markup is escaped."""
+    """The text of a page: a template of this package filled with values; what is not Markup is escaped and `nameless`,
+    as messages of drivers hold paths."""
     import jinja2
 
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True,
-                                     undefined=jinja2.StrictUndefined, loader=jinja2.FunctionLoader(_template))
+                                     undefined=jinja2.StrictUndefined, loader=jinja2.FunctionLoader(_template),
+                                     finalize=lambda value: nameless(value) if type(value) is str else value)
     environment.filters |= {"ms": milliseconds, "spread": spread, "mib": mebibytes, "count": "{:,.0f}".format,
                             "small": "{:.2g}".format}
     return environment.get_template(template).render(
@@ -113,8 +116,10 @@ def svg(figure, name):
 
 
 def data_uri(color):
-    """A float picture as `clfur.save` takes it, as the address of a PNG that holds the picture itself."""
-    return "data:image/png;base64," + base64.b64encode(png_bytes(color)).decode()
+    """A float picture as `clfur.save` takes it, as the address of a PNG that holds the picture itself (Markup)."""
+    from markupsafe import Markup
+
+    return Markup("data:image/png;base64," + base64.b64encode(png_bytes(color)).decode())
 
 
 def difference_picture(one, other):

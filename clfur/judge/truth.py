@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import cache
 from ..errors import Error
-from ..scene import Curves, Scene, checks
+from ..scene import Scene, checks
 from ..scene.seen import seen
 from ..twin.vectors import unit
 from .geometry import before, geometry_of, segments
@@ -131,7 +131,7 @@ def cached_picture(scene, samples=8, folder=None, progress=None, orders=0):
 def _check_looks(scene):
     """Raise `clfur.Error` where light cannot be followed from hair to hair."""
     fur = scene.strands
-    types = () if fur is None else fur.hair_types if isinstance(fur, Curves) else fur.types
+    types = () if fur is None else fur.hairy_types
     other = next((kind.look.model for kind in types if kind.look.model != "chiang"), None)
     if other is not None:
         raise Error(f"light is to go from hair to hair, but the look of hair is {other}; allowed: clfur.Chiang for all "

@@ -16,6 +16,7 @@ from ..errors import Error
 from ..scene import extent, hair_bounds
 from ..scene.bounds import boxes_to_see, fur_extent
 from ..scene.guides import far_from
+from ..scene.remembered import remembered
 from ..scene.tufts import spots_of
 from ..stages import chiang, ground, guides, shade, shells, tufts
 from ..stages import sky as sky_stage
@@ -290,12 +291,12 @@ def _transport(gpu, plan, lighting, color):
                                      transport_stage.ORDERS)
 
 
-@functools.lru_cache(4)
+@remembered(4)
 def _sky_table(environment):
     return sky_stage.table_of(*environment.places)
 
 
-@functools.lru_cache(4)
+@remembered(4)
 def _falling(environment):
     return sky_stage.falling_of(*environment.places)
 
@@ -355,7 +356,7 @@ def _maker(gpu, plan):
 def _tufts(gpu, plan):
     """{type: `Nested` tufts of its strands}."""
     return {kind: tufts.nest(gpu, hair.tufts, kind, *(_middles(gpu, plan, level, kind) for level in hair.tufts.levels))
-            for kind, hair in enumerate(plan.scene.strands.types) if hair.tufts is not None}
+            for kind, hair in enumerate(plan.scene.strands.types) if hair.tufts is not None and hair.segments}
 
 
 def _middles(gpu, plan, level, kind):

@@ -16,6 +16,7 @@ import numpy as np
 from ..scene import Curves, Light, Mesh, Scene, Strands, fur_extent, hair_bounds
 from ..scene.bounds import boxes_to_see
 from ..scene.ground import height_of
+from ..scene.remembered import remembered
 from ..scene.seen import Seen, clipped_faces, clipped_segments, faces_of, is_unknown, seen, segments_of, times
 
 STEPS = 4            # sizes of a cube between one and its double; distances from a spot have 2
@@ -337,7 +338,7 @@ def axes_along(z: np.ndarray) -> np.ndarray:
     return np.array([x, np.cross(z, x), z])
 
 
-@functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
+@remembered(2)   # a film asks for the same again in every frame
 def furry_faces(fur: Strands, mesh: Mesh) -> np.ndarray:
     """Which faces of a mesh have a type of hair that grows, anywhere around the texels of their uv, bool [F]."""
     grows = np.array([kind.segments > 0 and (kind.full_length > 0 or fur.guides is not None)

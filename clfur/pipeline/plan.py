@@ -17,8 +17,9 @@ from .. import layout
 from ..errors import Error
 from ..scene import Curves, Strands
 from ..scene.maps import planes
+from ..scene.remembered import remembered
 from ..stages.blur import blur_radius
-from ..stages.chiang import of_model
+from ..stages.chiang import lobed
 from ..stages.coverage import OF_KEPT, OF_KEPT_MASKED, OF_WALKED, OF_WALKED_MASKED, REACH, TILE, WALKED
 from ..stages.shade import IMAGE
 from ..stages.shells import Topology, pack, topology_of
@@ -102,12 +103,11 @@ class Plan:
         if isinstance(fur, Strands) and fur.roots != "faces" and fur.rest is not mesh:
             self.rest = fur.rest
         self.body = mesh is not None and self.scene.body_color is not None
-        types = fur.types if isinstance(fur, Strands) else fur.hair_types if isinstance(fur, Curves) else ()
-        self.lobed = types if self.wants_color and of_model(types) else ()
+        self.lobed = lobed(fur.hair_types, fur.hairy) if self.wants_color and fur is not None else ()
         color = self.scene.body_color
         self.painted = color if isinstance(color, tuple) and self.wants_color and not self.held else ()
         if self.settings.scattering != "off":
-            self._check_scattering(types)
+            self._check_scattering()
         self.levels = (1, 1, "flat") if fur is None else (fur.inner, fur.outer, fur.surface)
         self.faces = len(mesh.faces) if mesh is not None and (self.body or self.grown) else 0
         # Running sums: vertices and triangles before each face, points before each of the user's strands, and of all.
@@ -187,10 +187,11 @@ class Plan:
         """Whether samples of body or ground hide what is behind them, but do not cover the picture by themselves."""
         return self.held or self.ground is not None
 
-    def _check_scattering(self, types: Sequence[Any]) -> None:
+    def _check_scattering(self) -> None:
         """Raise `clfur.Error` for what does not go with light that goes from hair to hair."""
+        types = () if self.scene.strands is None else self.scene.strands.hairy_types
         other = next((f"the look of hair is {kind.look.model}" for kind in types if kind.look.model != "chiang"), "")
-        if self.scene.shells is not None or not types:
+        if self.scene.shells is not None or self.scene.strands is None:
             other = "the scene has shells" if self.scene.shells is not None else "there are no strands"
         if other:
             raise Error(f"Settings.scattering is {self.settings.scattering!r}, but {other}; allowed: 'off', or "
@@ -470,12 +471,12 @@ class Plan:
         return pack(scene.shells, scene.mesh, scene.body_color is None, self.settings.filtered)
 
 
-@functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
+@remembered(2)   # a film asks for the same again in every frame
 def _topology(mesh):
     return topology_of(mesh.faces)
 
 
-@functools.lru_cache(maxsize=2)
+@remembered(2)
 def _sums(fur, faces):
     """Vertices and triangles before each of so many faces, and of all, as these strands have them divided."""
     levels = (1, 1) if fur is None else (fur.inner, fur.outer)
@@ -483,7 +484,7 @@ def _sums(fur, faces):
     return dividing.before(vertices), dividing.before(triangles)
 
 
-@functools.lru_cache(maxsize=2)
+@remembered(2)
 def _points_of(curves):
     return dividing.before(curves.counts)
 

@@ -89,8 +89,8 @@ def _plan(rig, number, light, grid, light_view, strands, body, shell_bounds):
     """`ShadowPlan` of one light."""
     scene, settings = rig.scene, rig.settings
     method, weights, crossing_unit, shadow = settings.method, None, 0, np.zeros((), layout.Shadow)
-    hairs = scene.strands.hair_types if scene.strands else []
-    depths = depths_for([hair.alpha for hair in hairs], method)
+    hairs, hairy = (scene.strands.hair_types, scene.strands.hairy) if scene.strands else ((), ())
+    depths = depths_for([hair.alpha for hair in hairs], method) * np.array(hairy, bool)
     if shell_bounds:
         depths = np.append(depths, shells_depth(scene.shells.alpha, method))
     some = np.array([strands > 0] * len(hairs) + [True] * bool(shell_bounds), bool)

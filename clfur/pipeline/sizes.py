@@ -84,8 +84,8 @@ def of_fixed(plan: Any) -> int:
     if plan.sliding:
         fixed += plan.sliding.bytes
     if plan.tufted:
-        fixed += sum(tufts_bytes(kind.tufts, plan.rest or scene.mesh, plan.stride) for kind in scene.strands.types
-                     if kind.tufts is not None)
+        fixed += sum(tufts_bytes(kind.tufts, plan.rest or scene.mesh, plan.stride)
+                     for kind in scene.strands.hairy_types if kind.tufts is not None)
     if plan.scatters:
         fixed += transport_bytes(len(plan.lobed), plan.body)
     if plan.is_deep:

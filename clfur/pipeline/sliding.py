@@ -10,6 +10,7 @@ import numpy as np
 
 from ..scene import Mesh, Strands
 from ..scene.bounds import boxes_to_see
+from ..scene.remembered import remembered
 from ..stages import distance
 from ..stages.strands import DeviceStrands
 from ..stages.tessellate import Source, Surface, counts_of, levels_of, tessellate
@@ -37,7 +38,7 @@ class Sliding:
         return self.surface + distance.bytes_of(self.grid)
 
 
-@functools.lru_cache(maxsize=2)
+@remembered(2)
 def sliding_of(mesh: Mesh, fur: Strands) -> Sliding:
     """`Sliding` of strands on a mesh."""
     return _planned(mesh, fur, distance.grid_of(*boxes_to_see(mesh, fur)[0]))

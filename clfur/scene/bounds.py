@@ -1,6 +1,5 @@
 """How far a mesh and its fur extend at most: what cameras, grids and counters must have room for."""
 
-import functools
 import math
 from typing import Any
 
@@ -11,6 +10,7 @@ from .curves import Bounds, Curves
 from .guides import reach_of
 from .mesh import Mesh, box, sphere
 from .origin import ZERO, seen_from
+from .remembered import remembered
 from .shells import Shells
 from .strands import HairType, Strands
 
@@ -63,13 +63,13 @@ def points_to_frame(mesh, fur):
     return [*points, strands.guides.on_host.points], min(most, max(least, fur_extent(shells)))
 
 
-@functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
+@remembered(2)   # a film asks for the same again in every frame
 def boxes_to_see(mesh, fur):
     """Return the (low, high) corners of the boxes of `points_to_see`."""
     return [box(each) for each in points_to_see(mesh, fur)]
 
 
-@functools.lru_cache(maxsize=2)
+@remembered(2)
 def extent(mesh: Mesh | None, fur: Any) -> tuple[np.ndarray, float]:
     """Return a sphere (centre float64 [3], radius float) around a mesh and all that its fur can fill."""
     there, mesh, fur = local(mesh, fur)
@@ -112,18 +112,25 @@ def fur_extent(fur: Any, unbent: bool = True) -> float:
     if isinstance(fur, Shells):
         return fur.length
     if isinstance(fur, Curves):
-        return float(fur.on_host.width.max()) / 2
+        return _widest(fur.on_host) / 2
     if fur is None:
         return 0.0
     longer, wider, more = _most(fur)
-    return max(_longest(fur, hair, longer, more, unbent) + hair.widest * wider / 2 for hair in fur.types)
+    return max((_longest(fur, hair, longer, more, unbent) + hair.widest * wider / 2 for hair in fur.hairy_types),
+               default=0.0)
+
+
+def _widest(curves):
+    """Return the width of the widest of Curves that has points."""
+    width, counts = curves.width, curves.counts
+    return float((width[counts > 0] if 1 < len(width) != len(curves.points) else width).max(initial=0))
 
 
 def _longest(fur, hair, longer, more, unbent):
     """Return how far from its root a hair can get; tufts may straighten guides, and what slides along the body all."""
     axis = hair.full_length * (1 + hair.length_variation) * longer
     if fur.guides is not None:
-        axis = reach_of(fur.guides)[int(fur.collision or fur.tufted)] * (hair.segments > 0)
+        axis = reach_of(fur.guides)[int(fur.collision or fur.tufted)]
     if not (fur.collision and unbent):
         return axis + sideways(hair, more)
     bends = sum(size * min(2 * hair.segments, 2 * np.pi * abs(turns)) for size, turns in (hair.curl, hair.wave))
@@ -135,7 +142,7 @@ def _most(fur):
     return (1.0, 1.0, 1.0) if fur.maps is None else tuple(map(fur.maps.most, ("length", "width", "curl")))
 
 
-@functools.lru_cache(maxsize=2)
+@remembered(2)
 def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]:
     """Return (segments, length [world], length · width [world²]) that ``strands`` strands of the fur cannot exceed."""
     if isinstance(fur, Curves):
@@ -146,10 +153,10 @@ def hair_bounds(fur: Strands | Curves, strands: int) -> tuple[int, float, float]
         inner = np.ones(len(fur.points), bool)
         inner[np.cumsum(fur.counts, dtype=np.int64)[fur.counts > 0] - 1] = False   # a strand's end joins nothing
         length = float(d[inner[:-1]].sum(dtype=float))
-        return len(fur.points), length, length * float(fur.width.max())
-    types, (longer, wider, more) = fur.types, _most(fur)
+        return len(fur.points), length, length * _widest(fur)
+    types, (longer, wider, more) = fur.hairy_types, _most(fur)
     # From one point to the next it may cross all of what curl, wave and frizz leave it.
     lengths = [(t.segments * t.step * (1 + t.length_variation) * longer if fur.guides is None
                 else reach_of(fur.guides)[1]) + t.segments * 2 * sideways(t, more) for t in types]
-    return (strands * max(t.segments for t in types), strands * max(lengths),
-            strands * max(length * t.widest * wider for length, t in zip(lengths, types)))
+    return (strands * max((t.segments for t in types), default=0), strands * max(lengths, default=0.0),
+            strands * max((length * t.widest * wider for length, t in zip(lengths, types)), default=0.0))

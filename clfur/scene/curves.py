@@ -1,6 +1,7 @@
 """Strands that the user brings."""
 
 import functools
+import itertools
 
 import attrs
 import numpy as np
@@ -193,6 +194,17 @@ class Curves(Looking):
     def hair_types(self) -> tuple[HairType, ...]:
         """The types that there are, also where none are given: a tuple of HairType."""
         return self.types or (HairType(look=self.look, alpha=self.alpha),)
+
+    @functools.cached_property
+    def hairy(self) -> tuple[bool, ...]:
+        """Of each type whether there are strands of it that have segments."""
+        of_type, n = np.zeros(len(self.counts), int) if self.type_of is None else self.type_of, len(self.hair_types)
+        return tuple((np.bincount(of_type[self.counts > 1], minlength=n) > 0).tolist())
+
+    @property
+    def hairy_types(self) -> tuple[HairType, ...]:
+        """The types of strands that have segments."""
+        return tuple(itertools.compress(self.hair_types, self.hairy))
 
     @functools.cached_property
     def on_host(self) -> "Curves":

@@ -1,12 +1,12 @@
 """Guides: Curves that stand on a mesh, between which strands are interpolated."""
 
-import functools
 from typing import Any
 
 import numpy as np
 
 from ..errors import Error
 from . import checks
+from .remembered import remembered
 
 TOLD, MOST_AWAY = 0.02, 0.1   # radii of the mesh that a guide's root may be away from it untold, and at all
 
@@ -23,7 +23,7 @@ def guides(value: Any, where: str) -> Any:
     return value
 
 
-@functools.lru_cache(maxsize=4)
+@remembered(4)
 def reach_of(curves: Any) -> tuple[float, float]:
     """Return (how far guides reach from their roots at most, how long the longest is), in world units."""
     points, counts = curves.on_host.points.astype(np.float64), curves.counts.astype(np.int64)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import Error, brief
 from . import checks
+from .remembered import remembered
 
 
 @attrs.frozen
@@ -160,13 +161,17 @@ class Looking:
         return self.look.numbers[1]
 
 
-@functools.lru_cache(maxsize=8)   # what is drawn again must be the very same
+@remembered(8)   # what is drawn again must be the very same
 def highlighted(fur: Any, highlight: str) -> Any:
     """Return fur, or each of a tuple, whose looks have this highlight; a Chiang has none to choose."""
     if fur is None or isinstance(fur, tuple):
         return fur and tuple(highlighted(part, highlight) for part in fur)
     if types := getattr(fur, "types", None):
-        return attrs.evolve(fur, types=[highlighted.__wrapped__(kind, highlight) for kind in types])
+        return attrs.evolve(fur, types=[_highlighted(kind, highlight) for kind in types])
+    return _highlighted(fur, highlight)
+
+
+def _highlighted(fur, highlight):
     if not isinstance(fur.look, Kajiya):
         return fur
     return attrs.evolve(fur, look=attrs.evolve(fur.look, highlight=highlight), specular=None, exponent=None)

@@ -1,6 +1,5 @@
 """Values on the skin that hair follows: grey pictures, numbers by vertex or by face, and a field of directions."""
 
-import functools
 from typing import Any
 
 import attrs
@@ -9,6 +8,7 @@ import numpy as np
 from ..errors import Error, brief
 from . import checks
 from .mesh import Mesh
+from .remembered import remembered
 
 NAMES = "density", "on", "length", "width", "clump", "curl", "stiffness"
 FACTOR = 16.0             # at most, of what multiplies
@@ -181,7 +181,7 @@ class Comb:
         return Comb(lambda positions, normals: ask(positions + there, normals), self.weight)
 
 
-@functools.lru_cache(maxsize=2)   # asked for again by every frame
+@remembered(2)   # asked for again by every frame
 def planes(mesh: Mesh, maps: Maps | None, comb: Comb | None) -> tuple:
     """Return what a mesh's skin says: of each of NAMES, and of three directions, None, {number: float32 [h, w]} of a
     picture, or float32 [F, 3] by corner or [F] by face of the faces that the mesh has kept.

@@ -12,6 +12,7 @@ from .maps import TILES, tiles
 from .mesh import Mesh
 from .mips import levels_of
 from .origin import copied
+from .remembered import remembered
 from .strands import texture
 
 WRAPS = "repeat", "mirror", "clamp"   # in the order of `layout.WRAPS`
@@ -60,7 +61,7 @@ class Material:
 TILED = "a colour, a picture [h, w, 3], a Material, a list of these, or {1001: picture or Material, ...} of UDIM tiles"
 
 
-@functools.lru_cache(maxsize=2)   # what is drawn again must be the very same
+@remembered(2)   # what is drawn again must be the very same
 def laid_in_tiles(mesh: Mesh, of_number: tuple) -> tuple[Mesh, tuple[Material, ...]]:
     """Return the mesh whose `material_of` are the UDIM tiles in which the middles of its faces' uv lie, of ((number,
     Material), ...), and these Materials, with one that has the colour of the first alone where there is none."""

@@ -1,6 +1,5 @@
 """Where float32 counts from: a point near what is drawn, so that what is far from 0 keeps its shape."""
 
-import functools
 import math
 from typing import Any
 
@@ -9,6 +8,7 @@ import numpy as np
 
 from ..errors import Error
 from . import checks
+from .remembered import remembered
 
 FAR = 64                 # sizes away from 0: float32 then keeps a place to 4e-6 of the size, which is still less than
                          # a step of the raster in a picture of a thousand pixels
@@ -83,7 +83,7 @@ def seen_from(thing: Any, there: np.ndarray) -> Any:
     return thing if thing is None else _seen_from(thing, tuple(there.tolist()))
 
 
-@functools.lru_cache(maxsize=16)   # what is drawn again must be the very same
+@remembered(16)   # what is drawn again must be the very same
 def _seen_from(thing, there):
     there = np.array(there)
     name = next((each for each in ("positions", "points") if hasattr(thing, each)), None)

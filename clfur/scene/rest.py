@@ -1,6 +1,5 @@
 """Meshes in rest: the same faces as one that is posed, by which fur knows its place on the skin in every pose."""
 
-import functools
 
 import numpy as np
 
@@ -8,6 +7,7 @@ from ..errors import Error
 from . import checks
 from .mesh import Mesh, first_of_equal_rows
 from .origin import copied
+from .remembered import remembered
 
 REACH = 16   # faces without area, one beside the other, over which normals spread
 
@@ -39,7 +39,7 @@ def posed(mesh: Mesh, rest: Mesh | None, where: str) -> Mesh:
     return mesh
 
 
-@functools.lru_cache(maxsize=2)   # what is drawn again must be the very same
+@remembered(2)   # what is drawn again must be the very same
 def _completed(mesh, rest):
     """The mesh with those of its dropped faces that rest has kept. Their vertices that no other face has get the
     normals of their neighbours, or those in rest."""

@@ -20,6 +20,7 @@ from .maps import planes
 from .material import body_color, laid_in_tiles
 from .mesh import Mesh
 from .origin import copied, seen_from
+from .remembered import remembered
 from .rest import posed
 from .shells import Shells
 from .strands import Strands
@@ -46,7 +47,7 @@ def _lights(value, where):
     return tuple(lights) if isinstance(value, list) else value
 
 
-@functools.lru_cache(maxsize=2)   # what is drawn again must be the very same
+@remembered(2)   # what is drawn again must be the very same
 def gusty(shells, time):
     """Return Shells at another time."""
     return copied(shells, time=time)

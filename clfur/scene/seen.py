@@ -11,6 +11,7 @@ from .bounds import boxes_to_see, extent, fur_extent, points_to_see
 from .checks import is_on_device
 from .curves import Curves
 from .mesh import box, sphere
+from .remembered import remembered
 
 WIDE = 1.5          # times as wide and high as the picture is what counts as seen: a camera that turns a little sees
                     # the same
@@ -85,7 +86,7 @@ class Faces:
     bulge: np.ndarray
 
 
-@functools.lru_cache(maxsize=2)   # a film asks for the same again in every frame
+@remembered(2)   # a film asks for the same again in every frame
 def faces_of(mesh: Any, curved: bool) -> Faces:
     """`Faces` of a mesh, flat or of curved PN triangles."""
     corners = mesh.positions.astype(np.float64)[mesh.faces]
@@ -111,7 +112,7 @@ class Boxes:
     reach: np.ndarray    # [n] of spheres around them, half a width included
 
 
-@functools.lru_cache(maxsize=2)
+@remembered(2)
 def boxes_of(curves: Curves) -> Boxes:
     """`Boxes` of Curves on the host."""
     counts = curves.counts.astype(np.int64)
@@ -216,10 +217,7 @@ def _ball(scene, boxes, touched):
         furthest = chosen[reach >= np.sqrt(((one - center)**2).sum(1).max()) * (1 - 1e-9)]
         others = [*others, curves.points[points_of(boxes, furthest)]]
     radius = float(np.sqrt(max(((each - center)**2).sum(1).max() for each in others)))
-    width = float(boxes.width[chosen].max(initial=0))
-    if 1 < len(curves.width) != len(curves.points):   # `extent` counts those without points too
-        width = max(width, float(curves.width[curves.counts == 0].max(initial=0)) / 2)
-    return center, radius + max(width, fur_extent(scene.shells))
+    return center, radius + max(float(boxes.width[chosen].max(initial=0)), fur_extent(scene.shells))
 
 
 def _near(scene, ball, faces, strands):

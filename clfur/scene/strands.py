@@ -1,5 +1,6 @@
 """Strands that grow on a mesh, and the types of hair that they are of."""
 
+import itertools
 import math
 from typing import Any
 
@@ -285,9 +286,19 @@ class Strands:
         return self.types
 
     @property
+    def hairy(self) -> tuple[bool, ...]:
+        """Of each type whether strands of it have segments; others are bald, and nothing else of them counts."""
+        return tuple(kind.segments > 0 for kind in self.types)
+
+    @property
+    def hairy_types(self) -> tuple[HairType, ...]:
+        """Those of the types that are not bald."""
+        return tuple(itertools.compress(self.types, self.hairy))
+
+    @property
     def tufted(self) -> bool:
         """Whether strands gather in tufts or are frizzy."""
-        return any(kind.tufts is not None or kind.frizz[0] for kind in self.types)
+        return any(kind.tufts is not None or kind.frizz[0] for kind in self.hairy_types)
 
     @property
     def colored_points(self) -> bool:

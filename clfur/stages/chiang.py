@@ -37,6 +37,16 @@ def of_model(types: Any) -> list:
     return [kind for kind in types if kind.look.model == "chiang"]
 
 
+def lobed(types: Any, hairy: Any) -> tuple:
+    """`clfur.HairType`s as `scattering` takes them, () if it is not needed; ``hairy``: [types] whether hair is of each.
+
+    Types of which none is are taken for the first that has lobes: they cost no table, and kernels that run over all
+    types find one of each.
+    """
+    first = next(iter(of_model(kind for kind, there in zip(types, hairy) if there)), None)
+    return () if first is None else tuple(kind if there else first for kind, there in zip(types, hairy))
+
+
 def scattering(gpu: Any, types: Any) -> Scattering:
     """`Scattering` of `clfur.HairType`s: a table for each roughness around the strand and index that differ.
 

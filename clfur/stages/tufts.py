@@ -149,7 +149,7 @@ def put(gpu: Any, strands: DeviceStrands, fur: Any, known: dict, traits: Any = N
     """Gather, curl and frizz what has grown of `clfur.Strands`, in place; ``known``: {type: `Nested`}."""
     for kind, hair in enumerate(fur.types):
         moves = hair.curl[0] or hair.wave[0] or hair.frizz[0]
-        if hair.tufts is None:
+        if hair.tufts is None or not hair.segments:
             if hair.frizz[0]:
                 curl(gpu, strands, kind, fur.seed, traits=traits)
             continue

@@ -12,7 +12,7 @@ from ..errors import Error
 from ..files.curves import READERS as STRANDS
 from ..files.curves import USD
 from ..files.meshes import READERS as MESHES
-from ..files.usd import check_alone
+from ..files.usd import alone
 from ..scene import Environment, HairType, Mesh, Scene, Strands, frame
 from ..scene.strands import blends
 from .coats import fitted, short_fur
@@ -56,6 +56,8 @@ def take(document: Document, name: str, data: bytes) -> str:
         path = Path(folder) / f"file{suffix}"
         path.write_bytes(data)
         try:
+            if suffix in USD:
+                path = alone(path)
             return _take(document, path, data)
         except Error as error:   # the name is ours, and says nothing to anybody
             raise Error(str(error).replace(f"{path}: ", "").replace(str(path), "the file")) from None
@@ -70,8 +72,6 @@ def _take(document, path, data):
         return "a sky"
     if suffix in PICTURES:
         return _take_map(document, scene, load_picture(path))
-    if suffix in USD:
-        check_alone(path)
     if (suffix == ".ply" and _is_strands(data)) or suffix not in MESHES:
         return _take_strands(document, scene, load_curves(path))
     mesh = load_mesh(path)

@@ -108,7 +108,8 @@ class Panels:
             ui.element("div").classes("gap")
             _button("folder_open", "Open a mesh, a type map, strands or a sky, or drop it on the page").props(
                 "data-open-file")
-            with _button("download", "Save"), ui.menu().classes("panel-menu"):
+            self._saver = _button("download", "Save")
+            with self._saver, ui.menu().classes("panel-menu"):
                 for suffix in PICTURES:
                     _item(f"Picture {suffix}", functools.partial(self._save_picture, suffix))
                 _item("Scene file", self._save_scene)
@@ -189,6 +190,7 @@ class Panels:
     async def _save(self, name, work):
         """Bring the browser the bytes of work(scene, camera), which runs in the thread that draws."""
         self.say("")
+        self._saver.props("loading")   # and takes no click
         try:
             data = await asyncio.wrap_future(self.drawing.do(
                 lambda: work(self.document.scene, self.window.camera)))
@@ -199,6 +201,9 @@ class Panels:
         else:
             ui.download.content(data[1] if isinstance(data, tuple) else data,
                                 data[0] if isinstance(data, tuple) else name)
+        finally:
+            if not self._saver.is_deleted:
+                self._saver.props(remove="loading")
 
     async def _save_picture(self, suffix):
         devices, settings = self.drawing.devices, self.document.settings
@@ -214,7 +219,8 @@ class Panels:
         await self._save("", lambda scene, camera: scene_file(state, camera, seconds=seconds))
 
     async def _save_strands(self, suffix):
-        await self._save(f"strands{suffix}", lambda scene, camera: strand_file(scene, suffix, self.drawing.devices))
+        await self._save(f"strands{suffix}", lambda scene, camera: strand_file(
+            scene, suffix, self.drawing.devices, stop=self._is_over))
 
 
 def _button(icon, hint, on_click=None):

@@ -5,6 +5,7 @@ import io
 import json
 import tempfile
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -50,15 +51,17 @@ def scene_file(state: State, camera: Camera, name: str = "scene", seconds: float
     return f"{name}.zip", packed.getvalue()
 
 
-def strand_file(scene: Scene, suffix: str, device: Any = None) -> bytes:
-    """Return the bytes of a strand file that `clfur.save_curves` writes of a scene's strands; raises Error without."""
+def strand_file(scene: Scene, suffix: str, device: Any = None, stop: Callable[[], bool] | None = None) -> bytes:
+    """Return the bytes of a strand file that `clfur.save_curves` writes of a scene's strands; raises Error without.
+
+    stop: as for `clfur.grow`."""
     if scene.strands is None:
         raise Error("the scene has no strands to save; allowed: one with Strands or Curves")
-    curves = scene.strands.on_host if isinstance(scene.strands, Curves) else grow(scene, device)
+    curves = scene.strands.on_host if isinstance(scene.strands, Curves) else grow(scene, device, stop)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"strands{suffix}"
         try:
-            save_curves(path, curves)
+            save_curves(path, curves, stop)
         except Error as error:   # the file's name says nothing to anybody
             raise Error(str(error).replace(f"{path}: ", "")) from None
         return path.read_bytes()
