@@ -59,10 +59,10 @@ __kernel void bound(
 #define STRANDS 1                          // that one work-item lists,
 #define BATCHES 1                          // and of their segments that get numbers together
 #define IN_FEW
-#else                                      // what many of them write, and fetch ahead, is seldom another core's
+#else                                      // so that two cores seldom write into one line of memory
 #define STRANDS AT_A_TIME
 #define BATCHES AT_A_TIME
-#define IN_FEW __attribute__((reqd_work_group_size(16, 1, 1)))   // each has much to do
+#define IN_FEW __attribute__((reqd_work_group_size(8, 1, 1)))   // each has much to do
 #endif
 
 #define ANY 0        // whether there is one

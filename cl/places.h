@@ -16,14 +16,7 @@ INLINED ulong row_among(__global const ulong *few, int n_lights)
     return row;
 }
 
-/* Light in 63 bits: of each of r, g, b the upper 21 bits of its float, but for its sign, which would be taken for MORE: what
-   is not above 0 is 0. */
-INLINED ulong packed_light(float r, float g, float b)
-{
-    const uint x = (as_uint(r > 0.0f ? r : 0.0f) + 512u) >> 10, y = (as_uint(g > 0.0f ? g : 0.0f) + 512u) >> 10;
-    return (ulong)x << 42 | (ulong)y << 21 | (ulong)((as_uint(b > 0.0f ? b : 0.0f) + 512u) >> 10);
-}
-
+/* Light of 63 bits, as `packed_lanes` of strand_light.cl makes it. */
 INLINED float4 unpacked_light(ulong packed)
 {
     return (float4)(as_float((uint)(packed >> 32) & 0x7FFFFC00u), as_float((uint)(packed >> 11) & 0x7FFFFC00u),

@@ -197,7 +197,8 @@ INLINED lanes_i change_much(const Lighting *lighting, int i, int shadowed, const
     return needs | (2.0f * most * root(1.0f + s->exponent) > TURN);
 }
 
-/* `packed_light` of LANES places, or MORE where these are needed. */
+/* Light of LANES places in 63 bits each: of each of r, g, b the upper 21 bits of its float, but for its sign, which would be
+   taken for MORE: what is not above 0 is 0.  MORE where that is needed. */
 INLINED lanes_l packed_lanes(lanes3 light, lanes_i need)
 {
     const lanes none = F(0.0f);

@@ -29,7 +29,7 @@ CONSTANTS = {
     "MASKED_WALK": 212,     # and where it has masks
     "KEPT_PIXEL": 32,       # uint4 of a pixel between slabs of depth,
     "MASKED_PIXEL": 72,     # and where it has masks
-    "AT_A_TIME": 64,        # strands that a work-item lists where columns go side by side
+    "AT_A_TIME": 128,       # strands that a work-item lists where columns go side by side
     "GATHERED": 4,          # and for how many each of a group stands that puts them into a light's grid together
     "GLOWS": 64,            # pieces whose light is added together, a multiple of 8
     "MARKED": 512,          # marks that a work-item goes through, a multiple of 8
