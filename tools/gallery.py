@@ -50,16 +50,17 @@ BANNER = ["cat", "portrait", "chick", "swirl", "hedgehog"]
 
 
 def script(name):
-    """The module of a picture."""
-    sys.path.insert(0, str(SCRIPTS))
-    return importlib.import_module(name)
+    """The `Picture` of a script."""
+    if str(SCRIPTS) not in sys.path:
+        sys.path.insert(0, str(SCRIPTS))
+    return getattr(importlib.import_module(name), name)
 
 
 def scene_of(name):
     """(Scene, Settings) of a picture, made anew."""
     if name not in COMMANDS:
-        module = script(name)
-        return module.scene(), module.settings
+        picture = script(name)
+        return picture.scene(picture.size), picture.settings
     words = shlex.split(COMMANDS[name][1])[2:]
     with render.make_context("render", words) as context:
         scene, _, settings = load_moving(context.params["given"], context.params)
@@ -73,7 +74,7 @@ def draw(name, folder):
         words[words.index("-o") + 1] = str(folder / f"{name}.png")
         render.main(words, standalone_mode=False)
     else:
-        script(name).main(folder)
+        script(name).draw(folder / f"{name}.png")
     return folder / f"{name}.png"
 
 
@@ -175,17 +176,18 @@ def page(known):
     """Write the page of all pictures that were measured."""
     lines = ["# Gallery", "",
              "Each picture is made by one script of [examples/gallery](../examples/gallery), as "
-             "`python examples/gallery/cat.py`, or by one command, and all by `python tools/gallery.py`. Animals are "
-             "made by code, too: [animals.py](../examples/gallery/animals.py) joins balls and cones, finds the surface "
-             "and says what grows where; [studio.py](../examples/gallery/studio.py) has the lights.", "",
+             "`python examples/gallery/cat.py -o cat.png --size 800x600`, or by one command, and all by "
+             "`python tools/gallery.py`. A script is a coat; what it is on is made by code, too, in "
+             "[models](../examples/gallery/models), of balls and cones that "
+             "[animals.py](../examples/gallery/models/animals.py) joins; it also says where face, ears and belly are. "
+             "[studio.py](../examples/gallery/studio.py) has the lights.", "",
              "Times are processor time (PoCL, two cores) of one frame in which all but kernels is made anew. The error "
              "is, as in `clfur chart`, the root mean square of sRGB values over black against [the truth](truth.md), "
              f"without its noise: in a window near the middle, of the scene with {FEW:,} strands at most, so much "
              "wider and in a picture so much smaller that each covers as much of a pixel. Shells are compared to "
-             "themselves in 120 layers. Where no error is told it was not measured: the truth of light from hair to "
-             "hair takes long.", ""]
+             "themselves in 120 layers.", ""]
     for name in (name for name in ORDER if name in known):
-        about = COMMANDS[name][0] if name in COMMANDS else script(name).__doc__.splitlines()[0]
+        about = COMMANDS[name][0] if name in COMMANDS else script(name).about
         one = known[name]
         lines += [f"## {name.capitalize()}", "", f"![{name}](gallery/{name}.webp)", "", about, ""]
         lines += ([f"```sh\n{COMMANDS[name][1]}\n```"] if name in COMMANDS else

@@ -1,7 +1,6 @@
 """A studio: lights, a soft sky, a camera, what is behind it all, and the command that each script of the gallery is."""
 
 import functools
-import sys
 from collections.abc import Callable
 
 import attrs
@@ -31,8 +30,10 @@ def stage(mesh, fur, eye, target, size, body=(.3, .2, .13), fov=30, height=0, **
                        environment=SKY, ground=clfur.Ground(height=height))
 
 
-def seen_from(scene, eye, target, fov=30):
-    """The same Scene in another camera's view, lit for it."""
+def from_side(scene, degrees, radius=5.1, height=1.75, target=(0, .8, .05), fov=37):
+    """The same Scene from so far to the right of its front, lit for that camera."""
+    angle = np.radians(degrees)
+    eye = radius * np.sin(angle), height, radius * np.cos(angle)
     camera = clfur.Camera(eye, target, fov=fov, size=scene.camera.size)
     return attrs.evolve(scene, camera=camera, light=lights(eye, target))
 
@@ -93,6 +94,11 @@ class Picture:
     shoot: Callable
     behind: Callable | None = None
 
+    @property
+    def about(self):
+        """What its script begins with."""
+        return self.scene.__globals__["__doc__"]
+
     def draw(self, file, size=None, **fewer):
         """Draw it to a file; what else is given is for the scene's function."""
         self.shoot(self.scene(size or self.size, **fewer), file)
@@ -101,7 +107,7 @@ class Picture:
         """Draw it as these arguments say, those of the shell if there are none."""
         name = self.scene.__name__
 
-        @click.command(name, help=sys.modules[self.scene.__module__].__doc__)
+        @click.command(name, help=self.about)
         @click.option("-o", "--output", default=f"{name}.png", metavar="FILE", show_default=True, help="The picture.")
         @click.option("--size", type=Size(), default="x".join(map(str, self.size)), metavar="WxH", show_default=True,
                       help="Its size in pixels.")
