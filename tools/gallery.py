@@ -37,7 +37,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SCRIPTS, OUT, PAGE = ROOT / "examples" / "gallery", ROOT / "docs" / "gallery", ROOT / "docs" / "gallery.md"
 MEASURED = OUT / "measured.json"
 KILOBYTES, FILM_KILOBYTES, BANNER_KILOBYTES = 90, 400, 250
-WINDOW, RAYS, FEW = (24, 18), 2, 8_000           # pixels; squared, of each of two truths; strands
+WINDOW, FEW = (12, 9), 8_000   # pixels, each of OVER * OVER rays; strands
 LOOK = "--look chiang --scattering grid --masks 4 --ground lowest --size 800x600"
 COMMANDS = {
     "teapot": ("The teapot, from one command.",
@@ -106,37 +106,39 @@ def thinned(scene, times):
     return attrs.evolve(scene, camera=camera, fur=fur)
 
 
-def window(camera, image, times=1):
-    """(column, row) of a window that is well covered, near a picture's middle, and the Camera that sees it alone."""
+def window(camera, image):
+    """(column, row) of a window that is well covered, near a picture's middle, and the Camera that sees it alone, in
+    OVER times as many pixels across and down."""
     (width, height), (wide, tall) = camera.size, WINDOW
     spots = [(x, y) for x in range(width // 5, 4 * width // 5 - wide, 4) for y in range(height // 4, height - tall, 4)]
     x, y = max(spots, key=lambda at: image[at[1]:at[1] + tall, at[0]:at[0] + wide, 3].mean().round(2))
     k = camera.intrinsics.copy()
     k[:2, 2] -= x, y
-    k[:2, 2] = (k[:2, 2] + .5) * times - .5
-    k[:2, :2] *= times
-    return (x, y), clfur.Camera.calibrated(camera.pose, k, (wide * times, tall * times))
+    k[:2, 2] = (k[:2, 2] + .5) * OVER - .5
+    k[:2, :2] *= OVER
+    return (x, y), clfur.Camera.calibrated(camera.pose, k, (wide * OVER, tall * OVER))
 
 
 def error(name, gpu):
     """How far a window of the picture is from the truth; strands are thinned to FEW first."""
     scene, settings = scene_of(name)
+    strands = clfur.draw(scene, gpu, settings).strands
+    if scene.shells is None and strands > FEW:
+        scene = thinned(scene, (strands / FEW)**.5)
+    (x, y), camera = window(scene.camera, image := clfur.render(scene, gpu, settings))
+    odd, noise = np.indices((OVER, OVER)).sum(0) % 2, 0.0
     if scene.shells is not None:
-        (x, y), camera = window(scene.camera, image := clfur.render(scene, gpu, settings), OVER)
         fur = [attrs.evolve(part, layers=LAYERS) if part is scene.shells else part
                for part in (scene.fur if isinstance(scene.fur, tuple) else [scene.fur])]
         fine = clfur.render(attrs.evolve(scene, fur=fur, camera=camera), gpu, clfur.Settings(**FINEST))
-        true = [fine.reshape(WINDOW[1], OVER, WINDOW[0], OVER, 4).mean((1, 3))] * 2
     else:
-        strands = clfur.draw(scene, gpu, settings).strands
-        if strands > FEW:
-            scene = thinned(scene, (strands / FEW)**.5)
-        (x, y), camera = window(scene.camera, image := clfur.render(scene, gpu, settings))
         orders = truth.ALL if settings.scattering != "off" else 0
-        true = [truth.picture(attrs.evolve(scene, camera=camera), RAYS, seed, orders=orders) for seed in (0, 1)]
+        fine = truth.picture(attrs.evolve(scene, camera=camera), 1, orders=orders)
+    fine = fine.reshape(WINDOW[1], OVER, WINDOW[0], OVER, 4).swapaxes(1, 2)
+    if scene.shells is None:   # as `clfur chart` has it, of two halves of the rays
+        noise = measures.error(*[fine[:, :, odd == side].mean(2) for side in (0, 1)]) / 2
     part = image[y:y + WINDOW[1], x:x + WINDOW[0]]
-    noise = measures.error(*true) / 2
-    return float(max(measures.error(part, (true[0] + true[1]) / 2)**2 - noise**2, 0)**.5)
+    return float(max(measures.error(part, fine.mean((2, 3)))**2 - noise**2, 0)**.5)
 
 
 def packed(images, path, kilobytes, **options):

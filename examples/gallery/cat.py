@@ -11,7 +11,7 @@ COLORS = [(.74, .66, .55), (.5, .25, .08), (.34, .12, .018), (.3, .1, .013), (.0
 @studio.picture(studio.backdrop((.1, .17, .15)))
 def cat(size):
     mesh, maps, body = CAT.build(
-        (.3, .14, .06), coat=lambda p: .6 + .4 * stripes(p) - white(p),
+        skin=(.3, .14, .06), coat=lambda p: .6 + .4 * stripes(p) - white(p),
         length=lambda p: .55 - .45 * face(p) - .42 * ears(p) - .3 * eye(p) + .25 * cheeks(p))
     hair = clfur.HairType(color=(1, 1, 1), color_texture=[COLORS], alpha=.15, look=clfur.Chiang(), length=.17,
                           stiffness=1, segments=10, width=.0035, tip_width=.1, length_variation=.35,

@@ -8,8 +8,9 @@ import clfur
 
 @studio.picture(studio.backdrop((.13, .25, .32)))
 def chick(size):
-    mesh, maps, body = CHICK.build((.6, .36, .08), coat=lambda p: .2 + .5 * belly(p) + .4 * cheeks(p),
-                                   length=lambda p: 1 - .7 * face(p) - .35 * head(p) - .62 * eye(p))
+    mesh, maps, body = CHICK.build(
+        skin=(.6, .36, .08), coat=lambda p: .2 + .5 * belly(p) + .4 * cheeks(p),
+        length=lambda p: 1 - .7 * face(p) - .35 * head(p) - .62 * eye(p))
     down = clfur.HairType(color=(1, 1, 1), color_texture=[[(.72, .36, .035), (.8, .5, .09), (.84, .66, .26)]],
                           alpha=.15, look=clfur.Chiang(azimuthal_roughness=.5), length=.2, stiffness=1.5, segments=10,
                           width=.0032, tip_width=.1, length_variation=.5, direction_variation=.5, color_variation=.15,

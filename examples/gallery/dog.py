@@ -9,7 +9,7 @@ import clfur
 @studio.picture(studio.backdrop((.24, .2, .17)))
 def dog(size):
     mesh, maps, body = DOG.build(
-        (.09, .05, .03), coat=lambda p: .15 + .8 * muzzle(p) + .35 * chest(p),
+        skin=(.09, .05, .03), coat=lambda p: .15 + .8 * muzzle(p) + .35 * chest(p),
         length=lambda p: 1 - .78 * face(p) - .68 * ears(p) - .75 * soles(p) - .55 * eye(p))
     hair = clfur.HairType(color=(1, 1, 1), color_texture=[[(.075, .03, .012), (.16, .075, .03), (.42, .27, .13)]],
                           root_color=(.5, .45, .4), tip_color=(1.5, 1.4, 1.25), alpha=.15,

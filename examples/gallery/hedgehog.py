@@ -8,7 +8,7 @@ import clfur
 
 @studio.picture(studio.backdrop((.22, .13, .07)))
 def hedgehog(size):
-    mesh, maps, body = HEDGEHOG.build((.05, .03, .02), length=lambda p: .8 - .62 * face(p) - .5 * eye(p))
+    mesh, maps, body = HEDGEHOG.build(skin=(.05, .03, .02), length=lambda p: .8 - .62 * face(p) - .5 * eye(p))
     spine = clfur.HairType(key=(255, 255, 255), color=(.02, .01, .005), root_color=(.008, .004, .002),
                            tip_color=(.34, .22, .1), alpha=.1, look=clfur.Chiang(.25, .4), length=.34, stiffness=8,
                            segments=6, width=.023, tip_width=.06, taper=.2, length_variation=.25,

@@ -8,7 +8,8 @@ import clfur
 
 @studio.picture(studio.backdrop((.2, .19, .13)), settings=clfur.Settings(masks=4, grid=160))
 def rabbit(size):
-    mesh, maps, body = RABBIT.build((.2, .14, .1), rump, lambda p: 1 - .66 * face(p) - .6 * ears(p) + .4 * tail(p))
+    mesh, maps, body = RABBIT.build(
+        skin=(.2, .14, .1), coat=rump, length=lambda p: 1 - .66 * face(p) - .6 * ears(p) + .4 * tail(p))
     under = clfur.Shells(length=.03, layers=24, hairs=60_000, density=.9, color=(.2, .12, .07), root_shade=.4)
     guard = clfur.HairType(color=(1, 1, 1), color_texture=[[(.22, .105, .042), (.3, .16, .07), (.9, .85, .78)]],
                            root_color=(.3, .3, .3), tip_color=(1.4, 1.35, 1.3), alpha=.2, specular=.12, length=.17,

@@ -9,7 +9,7 @@ import clfur
 @studio.picture(studio.backdrop((.5, .62, .75), (.5, .3), .55))
 def seal(size):
     mesh, maps, body = SEAL.build(
-        (.7, .68, .66), coat=lambda p: back(p) + .6 * crown(p),
+        skin=(.7, .68, .66), coat=lambda p: back(p) + .6 * crown(p),
         length=lambda p: 1 - .6 * face(p) - .3 * nose(p) - .45 * eye(p) - .5 * flippers(p))
     hair = clfur.HairType(color=(1, 1, 1), color_texture=[[(.86, .82, .76), (.75, .7, .65), (.5, .45, .4)]], alpha=.2,
                           look=clfur.Chiang(azimuthal_roughness=.45), length=.16, stiffness=1, segments=9, width=.003,

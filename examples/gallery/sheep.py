@@ -8,7 +8,7 @@ import clfur
 
 @studio.picture(studio.backdrop((.1, .15, .25)))
 def sheep(size):
-    mesh, maps, body = SHEEP.build((.008, .007, .006))
+    mesh, maps, body = SHEEP.build(skin=(.008, .007, .006))
     wool = clfur.HairType(key=(255, 255, 255), color=(.6, .5, .37), alpha=.15,
                           look=clfur.Chiang(azimuthal_roughness=.5), length=.36, stiffness=2, segments=36, width=.0042,
                           tip_width=.4, length_variation=.3, direction_variation=.3, color_variation=.12,

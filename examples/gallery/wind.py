@@ -10,7 +10,7 @@ import clfur
              motion={"hair": clfur.HairMotion(bend_length=.5, air=.25), "units_per_metre": 4, "hair_on_hair": .1,
                      "wind": clfur.Wind((2.2, .2, -.4), gust=1.1, size=.5, skin=.02)})
 def wind(size, roots=60_000):
-    mesh, maps, body = TROLL.build((.5, .28, .18))
+    mesh, maps, body = TROLL.build(skin=(.5, .28, .18))
     hair = clfur.HairType(key=(255, 255, 255), color=(.5, .05, .16), root_color=(.2, .02, .1),
                           tip_color=(.85, .3, .12), alpha=.15, look=clfur.Chiang(), length=.8, stiffness=3,
                           segments=12, width=.005, tip_width=.1, length_variation=.3, direction_variation=.35,

@@ -90,13 +90,12 @@ def noise(p, size, seed=0):
 
 def eyes(center, radius, iris, pupil=.5, gaze=(.3, 0, 1)):
     """Bare balls for an `Animal`: two eyes with pupils and, where the light is seen in them, a white spot."""
-    parts = []
+    parts, black, white = [], (.004, .004, .005), (2, 2, 2)
     for side in (1, -1):
-        at = np.array(center) * (side, 1, 1)
-        way = np.array(gaze) * (side, 1, 1) / np.linalg.norm(gaze)
-        parts += [(at, radius, iris), (at + .42 * radius * way, radius * np.array([pupil * .9, .75, .65]),
-                                       (.004, .004, .005)),
-                  (at + radius * (.93 * way + (-.25, .36, 0)), .15 * radius, (2, 2, 2))]
+        at, way = np.array(center) * (side, 1, 1), np.array(gaze) * (side, 1, 1) / np.linalg.norm(gaze)
+        parts += [(at, radius, iris),
+                  (at + .42 * radius * way, radius * np.array([pupil * .9, .75, .65]), black),
+                  (at + radius * (.93 * way + (-.25, .36, 0)), .15 * radius, white)]
     return parts
 
 
