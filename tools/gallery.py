@@ -110,7 +110,9 @@ def window(camera, image):
     """(column, row) of a window that is well covered, near a picture's middle, and the Camera that sees it alone, in
     OVER times as many pixels across and down."""
     (width, height), (wide, tall) = camera.size, WINDOW
+    middle = np.array([width - wide, height - tall]) / 2
     spots = [(x, y) for x in range(width // 5, 4 * width // 5 - wide, 4) for y in range(height // 4, height - tall, 4)]
+    spots.sort(key=lambda at: np.hypot(*at - middle))   # max takes the first of those that are covered as well
     x, y = max(spots, key=lambda at: image[at[1]:at[1] + tall, at[0]:at[0] + wide, 3].mean().round(2))
     k = camera.intrinsics.copy()
     k[:2, 2] -= x, y
