@@ -15,6 +15,7 @@ each covers as much of a pixel.  Shells are compared to themselves in 120 unfilt
 import argparse
 import importlib
 import json
+import re
 import shlex
 import sys
 import tempfile
@@ -201,9 +202,14 @@ def page(known):
         told = [f"{one['strands']:,} strands" if one["strands"] else "shells",
                 f"{one['cpu']:.1f} s"] if "cpu" in one else []
         lines += [", ".join([*told, *([f"error {one['error']:.3f}"] if "error" in one else [])]), ""]
-    lines = [line if line.startswith(("#", "!", "```")) else
-             textwrap.fill(line, 120, break_long_words=False, break_on_hyphens=False) for line in lines[:-1]]
+    lines = [line if line.startswith(("#", "!", "```")) else wrapped(line) for line in lines[:-1]]
     PAGE.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def wrapped(line):
+    """A paragraph as lines; code is not broken."""
+    whole = re.sub("`[^`]*`", lambda code: code[0].replace(" ", "\0"), line)
+    return textwrap.fill(whole, 120, break_long_words=False, break_on_hyphens=False).replace("\0", " ")
 
 
 def keep(name=None, **numbers):
