@@ -45,10 +45,9 @@ COMMANDS = {
                f"clfur render teapot -o teapot.png {LOOK} --color '#a04810' --root-color '#3a1606' "
                "--tip-color '#e09030' --length 0.1 --alpha 0.15 --roots 200000 --zoom 1.25 --background '#39424a'"),
 }
-LARGEST = ("The largest errors are where pale hair lies dense: the picture is brighter than the truth there, by a third to a "
-           "half in the windows of the sheep's wool, twice as bright in the portrait's, and smoother. In the wool that "
-           "is light from hair to hair, which is followed in cells ([light](light.md)): direct light alone is 12 % "
-           "darker than the true one.")
+LARGEST = ("The largest errors are where hair lies dense: in windows of the sheep's wool the picture is a third to a "
+           "half brighter than the truth, in the portrait's about twice as bright, and smoother. In the wool that is light "
+           "from hair to hair, which is followed in cells ([light](light.md)): direct light alone is 12 % too dark.")
 ORDER = ["portrait", "cat", "lion", "dog", "swirl", "sheep", "hedgehog", "chick", "meadow", "seal", "rabbit", "letters",
          "dandelion", "wind", "turned", "teapot"]
 BANNER = ["cat", "portrait", "chick", "swirl", "hedgehog"]
