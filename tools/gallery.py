@@ -46,8 +46,8 @@ COMMANDS = {
                "--tip-color '#e09030' --length 0.1 --alpha 0.15 --roots 200000 --zoom 1.25 --background '#39424a'"),
 }
 LARGEST = ("The largest errors are where hair lies dense: in windows of the sheep's wool the picture is a third to a "
-           "half brighter than the truth, in the portrait's about twice as bright, and smoother. In the wool that is "
-           "light from hair to hair, which is followed in cells ([light](light.md)): direct light alone is 12 % too dark.")
+           "half brighter than the truth, in the portrait's about twice as bright, and smoother. That is light from "
+           "hair to hair, which is followed in cells ([light](light.md)): direct light alone is too dark in both.")
 ORDER = ["portrait", "cat", "lion", "dog", "swirl", "sheep", "hedgehog", "chick", "meadow", "seal", "rabbit", "letters",
          "dandelion", "wind", "turned", "teapot"]
 BANNER = ["cat", "portrait", "chick", "swirl", "hedgehog"]
