@@ -110,14 +110,14 @@ def thinned(scene, times):
     return attrs.evolve(scene, camera=camera, fur=fur)
 
 
-def window(camera, image):
-    """(column, row) of a window that is well covered, near a picture's middle, and the Camera that sees it alone, in
+def window(camera, cover):
+    """(column, row) of a window that hair covers well, near a picture's middle, and the Camera that sees it alone, in
     OVER times as many pixels across and down."""
     (width, height), (wide, tall) = camera.size, WINDOW
     middle = np.array([width - wide, height - tall]) / 2
     spots = [(x, y) for x in range(width // 5, 4 * width // 5 - wide, 4) for y in range(height // 4, height - tall, 4)]
     spots.sort(key=lambda at: np.hypot(*at - middle))   # max takes the first of those that are covered as well
-    x, y = max(spots, key=lambda at: image[at[1]:at[1] + tall, at[0]:at[0] + wide, 3].mean().round(2))
+    x, y = max(spots, key=lambda at: cover[at[1]:at[1] + tall, at[0]:at[0] + wide].mean().round(2))
     k = camera.intrinsics.copy()
     k[:2, 2] -= x, y
     k[:2, 2] = (k[:2, 2] + .5) * OVER - .5
@@ -131,7 +131,8 @@ def error(name, gpu):
     strands = clfur.draw(scene, gpu, settings).strands
     if scene.shells is None and strands > FEW:
         scene = thinned(scene, (strands / FEW)**.5)
-    (x, y), camera = window(scene.camera, image := clfur.render(scene, gpu, settings))
+    image, cover = clfur.render(scene, gpu, settings, outputs=("color", "hair_alpha")).values()
+    (x, y), camera = window(scene.camera, cover)
     odd, noise = np.indices((OVER, OVER)).sum(0) % 2, 0.0
     if scene.shells is not None:
         fur = [attrs.evolve(part, layers=LAYERS) if part is scene.shells else part
