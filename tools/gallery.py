@@ -47,7 +47,8 @@ COMMANDS = {
 }
 LARGEST = ("The largest errors are where hair lies dense: in windows of the sheep's wool the picture is a third to a "
            "half brighter than the truth, in the portrait's about twice as bright, and smoother. That is light from "
-           "hair to hair, which is followed in cells ([light](light.md)): direct light alone is too dark in both.")
+           "hair to hair, which is followed in cells ([light](light.md)): direct light alone is too dark in both. "
+           "Grass before the meadow's sun is 30 % too dark.")
 ORDER = ["portrait", "cat", "lion", "dog", "swirl", "sheep", "hedgehog", "chick", "meadow", "seal", "rabbit", "letters",
          "dandelion", "wind", "turned", "teapot"]
 BANNER = ["cat", "portrait", "chick", "swirl", "hedgehog"]
