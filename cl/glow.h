@@ -68,7 +68,7 @@ INLINED void glow_exactly(Glow *glow, int n, const Sent *known)
 
 typedef float8 float8_at_8 __attribute__((aligned(8)));   // four places
 typedef char there_are_two_pieces[FEW_PIECES == 2 ? 1 : -1];
-#define PACKED(bits) AS_F((bits) & 0x7FFFFC00u)   // see `packed_light`
+#define PACKED(bits) AS_F((bits) & 0x7FFFFC00u)   // see places.h
 
 /* Light, and of those with some more what is known exactly. */
 INLINED lanes sum_of(lanes light, lanes_i some, const float *exact)
@@ -119,8 +119,9 @@ INLINED void glow_eight(Glow *glow, int first, const Sent *known)
         light.y += ((exact == 0) & (its.y > 0.0f)) ? share * its.y : F(0.0f);
         light.z += ((exact == 0) & (its.z > 0.0f)) ? share * its.z : F(0.0f);
     }
-    const lanes sent[8] = {weight * sum_of(light.x, some, glow->exact[0] + first), weight * sum_of(light.y, some, glow->exact[1] + first),
-                           weight * sum_of(light.z, some, glow->exact[2] + first), F(0.0f), F(0.0f), F(0.0f), F(0.0f), F(0.0f)};
+    const lanes none = F(0.0f), sent[8] = {
+        weight * sum_of(light.x, some, glow->exact[0] + first), weight * sum_of(light.y, some, glow->exact[1] + first),
+        weight * sum_of(light.z, some, glow->exact[2] + first), none, none, none, none, none};
     transposed(sent, rows);
     /* Pieces of a pixel follow each other: its sum stays in a register. */
     uint at_pixel = glow->wheres[first] >> 16;

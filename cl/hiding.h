@@ -101,7 +101,7 @@ typedef char a_pixel_fits[sizeof(Pixel) <= 16 * OF_PIXEL ? 1 : -1];
 #define COPY_PATCHES(to, from)
 #endif
 
-/* Copy what has become of a pixel; the rest is as `begin_pixel` left it.  Member by member: see COPY of coverage.cl. */
+/* Copy what has become of a pixel; the rest is as `begin_pixel` left it.  Member by member: see COPY of pixels.h. */
 #define COPY_PIXEL(to, from, samples)              \
     {                                              \
         (to)->kept = (from)->kept;                 \
@@ -125,13 +125,12 @@ typedef char a_pixel_fits[sizeof(Pixel) <= 16 * OF_PIXEL ? 1 : -1];
         }                                          \
     }
 
-/* Begin with pixel `at`; how far it can be seen into: to the body where that fills it.  samples: the picture's. */
-INLINED uint begin_samples(Pixel *p, const Picture *picture, size_t at, const int samples)
+/* Begin with pixel `at`; how far it can be seen into: to the body where that fills it. */
+INLINED uint begin_pixel(Pixel *p, const Picture *picture, size_t at)
 {
-    const int of_each = picture->has_shells ? 2 : 1;
+    const int samples = picture->samples;
     uint furthest = 0;
-    ulong events[2 * SAMPLES];             // depth << 8 | 2 · sample + 1 where it ends
-    int n = 0;
+    int events = 0;
     p->at = at;
     p->kept = p->room = 1.0f;
     p->most = p->of_body = p->of_shells = p->all_shells = 0.0f;
@@ -148,35 +147,33 @@ INLINED uint begin_samples(Pixel *p, const Picture *picture, size_t at, const in
         p->left[i] = 1.0f;
 #endif
     for (int s = 0; s < samples; ++s) {
-        const uint body = picture->visible[at * samples + s] >> 32;
+        const size_t sample = at * samples + s;
+        const uint body = picture->visible[sample] >> 32;
         furthest = body > furthest ? body : furthest;
         p->open[s] = 1.0f / samples;
-        p->through[s] = 1.0f;
-        events[s] = (ulong)body << 8 | (2 * s + 1);
-        n += body != NOTHING;
-    }
-    for (int s = 0; picture->has_shells && s < samples; ++s) {
-        const uint body = events[s] >> 8, shell = picture->sample_shells[at * samples + s] >> 32;
-        p->through[s] = picture->body_transmittance[at * samples + s];
+        p->through[s] = picture->has_shells ? picture->body_transmittance[sample] : 1.0f;
         p->all_shells += (1.0f - p->through[s]) / samples;
-        const bool some = p->through[s] < 1.0f;
-        events[samples + s] = (ulong)(some ? shell < body ? shell : body : NOTHING) << 8 | 2 * s;
-        n += some;
+        for (int kind = picture->has_shells ? 0 : 1; kind < 2; ++kind) {
+            uint depth = body;
+            if (!kind) {
+                const uint shell = picture->sample_shells[sample] >> 32;
+                depth = shell < depth ? shell : depth;
+                if (!(p->through[s] < 1.0f))
+                    continue;
+            } else if (depth == NOTHING) {
+                continue;
+            }
+            int k = events++;
+            for (; k > 0 && p->depths[k - 1] > depth; --k) {
+                p->depths[k] = p->depths[k - 1];
+                p->which[k] = p->which[k - 1];
+            }
+            p->depths[k] = depth;
+            p->which[k] = 2 * s + kind;
+        }
     }
-    for (int k = 0; k < of_each * samples; ++k) {   // each one's rank; those that are none come last
-        int rank = 0;
-        for (int j = 0; j < of_each * samples; ++j)
-            rank += events[j] < events[k];
-        p->depths[rank] = events[k] >> 8;
-        p->which[rank] = events[k];
-    }
-    p->events = n;
+    p->events = events;
     return furthest;
-}
-
-INLINED uint begin_pixel(Pixel *p, const Picture *picture, size_t at)
-{
-    return picture->samples == 4 ? begin_samples(p, picture, at, 4) : begin_samples(p, picture, at, picture->samples);
 }
 
 /* The next sample ends, or goes on behind shells. */
@@ -192,15 +189,10 @@ INLINED void pass_event(Pixel *p, int samples)
         p->open[s] *= p->through[s];
     }
     ++p->event;
-}
-
-/* Share of the pixel that goes on. */
-INLINED float room_of(const Pixel *p, int samples)
-{
     float room = 0.0f;
     for (int k = 0; k < samples; ++k)
         room += p->open[k];
-    return room;
+    p->room = room;
 }
 
 INLINED int first_lane(uint8 mask)
@@ -360,7 +352,7 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
         if (p->event < p->events && p->depths[p->event] <= (uint)(key >> 32)) {
             p->kept = hot->kept;
             pass_event(p, picture->samples);
-            hot->room = p->room = room_of(p, picture->samples);
+            hot->room = p->room;
             more = hot->kept * hot->room > UNSEEN;
             continue;
         }
@@ -397,8 +389,9 @@ INLINED int settle(Pixel *p, const Picture *picture, Slots *slots, int n, long u
 }
 
 /* All strands are hidden: samples that are left end, and what fills most of the pixel is known. */
-INLINED void end_samples(Pixel *p, const Picture *picture, const int samples)
+INLINED void end_pixel(Pixel *p, const Picture *picture)
 {
+    const int samples = picture->samples;
     ulong body = ~0ul, shell = ~0ul;
     float rest = 0.0f;
     while (p->event < p->events)
@@ -427,14 +420,6 @@ INLINED void end_samples(Pixel *p, const Picture *picture, const int samples)
             light += (p->all_shells > 0.0f ? p->of_shells / p->all_shells : 1.0f) * picture->image[p->at];
         picture->image[p->at] = (float4)(light.xyz, alpha);
     }
-}
-
-INLINED void end_pixel(Pixel *p, const Picture *picture)
-{
-    if (picture->samples == 4)
-        end_samples(p, picture, 4);
-    else
-        end_samples(p, picture, picture->samples);
 }
 
 /* A pixel in which neither strands nor shells are: what `begin_pixel` and `end_pixel` tell, the same bits. */

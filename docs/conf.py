@@ -47,7 +47,7 @@ html_title = "clfur"
 html_static_path = ["site.css"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False
-html_sidebars = {"index": []}
+html_sidebars = {"index": [], "gallery": []}   # pages with none beside or below them
 html_theme_options = {
     "show_nav_level": 2,
     "navigation_with_keys": False,

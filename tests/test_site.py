@@ -77,6 +77,13 @@ def test_what_an_entry_lacks_is_found(site):
     assert lacks(entry, clfur.over) == ["example"]
 
 
+def test_no_page_has_an_empty_navigation_beside_it(site):
+    """A page of the first level with none below it is in html_sidebars of docs/conf.py."""
+    beside = {path.name: nav for path in (site / "html").rglob("*.html")
+              for nav in re.findall(r'<nav class="bd-docs-nav.*?</nav>', path.read_text(), re.S)}
+    assert len(beside) > 30 and [name for name, nav in beside.items() if "<li" not in nav] == []
+
+
 def test_the_command_is_told_of(site):
     """Each option of each command, under a name that others can link to."""
     page = (site / "html" / "reference" / "command.html").read_text()

@@ -1,32 +1,23 @@
 """A sheep from four sides: the camera goes round, and the hair stays on the device."""
 
-from pathlib import Path
-
-import attrs
 import numpy as np
-import sheep
 import studio
+from sheep import sheep
 
 import clfur
 
-behind = studio.backdrop((.2, .15, .2))
-settings = studio.FINE
 
-
-def scene(size=(800, 260), angle=0.0):
-    still = sheep.scene((size[0] // 4, size[1]))
-    x, z = 5.1 * np.sin(np.radians(37 + angle)), 5.1 * np.cos(np.radians(37 + angle))
-    eye, target = (x, 1.75, z), (0, .8, .05)
-    return attrs.evolve(still, camera=clfur.Camera(eye, target, fov=37, size=(size[0] // 4, size[1])),
-                        light=studio.lights(eye, target))
-
-
-def main(folder=".", size=(800, 260), angles=(0, 75, 150, 255)):
+def strip(scene, file):
     gpu = clfur.Scheduler()
-    images = [clfur.render(scene(size, angle), gpu, settings) for angle in angles]
-    strip = np.concatenate(images, 1)
-    clfur.save(Path(folder) / "turned.png", clfur.over(strip, behind(strip.shape[1::-1])))
+    views = [clfur.render(studio.from_side(scene, angle), gpu, studio.FINE) for angle in (37, 112, 187, 292)]
+    image = np.concatenate(views, 1)
+    clfur.save(file, clfur.over(image, turned.behind(image.shape[1::-1])))
+
+
+@studio.picture(studio.backdrop((.2, .15, .2)), size=(800, 260), shoot=strip)
+def turned(size):
+    return studio.from_side(sheep.scene((size[0] // 4, size[1])), 37)
 
 
 if __name__ == "__main__":
-    main()
+    turned()

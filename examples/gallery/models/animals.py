@@ -1,5 +1,8 @@
 """Animals by code: a body of balls and cones that flow into each other, its surface as a mesh, and what grows where."""
 
+from collections.abc import Callable, Sequence
+
+import attrs
 import numpy as np
 
 import clfur
@@ -86,47 +89,66 @@ def noise(p, size, seed=0):
 
 
 def eyes(center, radius, iris, pupil=.5, gaze=(.3, 0, 1)):
-    """Bare balls for `animal`: two eyes with pupils and, where the light is seen in them, a white spot."""
-    parts = []
+    """Bare balls for an `Animal`: two eyes with pupils and, where the light is seen in them, a white spot."""
+    parts, black, white = [], (.004, .004, .005), (2, 2, 2)
     for side in (1, -1):
-        at = np.array(center) * (side, 1, 1)
-        way = np.array(gaze) * (side, 1, 1) / np.linalg.norm(gaze)
-        parts += [(at, radius, iris), (at + .42 * radius * way, radius * np.array([pupil * .9, .75, .65]),
-                                       (.004, .004, .005)),
-                  (at + radius * (.93 * way + (-.25, .36, 0)), .15 * radius, (2, 2, 2))]
+        at, way = np.array(center) * (side, 1, 1), np.array(gaze) * (side, 1, 1) / np.linalg.norm(gaze)
+        parts += [(at, radius, iris),
+                  (at + .42 * radius * way, radius * np.array([pupil * .9, .75, .65]), black),
+                  (at + radius * (.93 * way + (-.25, .36, 0)), .15 * radius, white)]
     return parts
 
 
-def animal(shape, low, high, skin=(.3, .2, .13), bare=(), coat=None, length=None, kind=None):
-    """(Mesh, Maps, body_color): a body with skin of a colour, and ``bare`` balls (center, radius, colour) in it.
+@attrs.frozen
+class Animal:
+    """A body: the surface of ``shape`` between two corners, with ``bare`` balls (center, radius, colour) in it.
 
-    ``coat``, ``length`` and ``kind`` are functions of places [n, 3] that give 0 to 1: where on a picture's u, from .17
-    to .83, colours of hair are; how long it is; and where on its v, from .1 to .6, the hair type is.
+    ``front`` is where its hair is combed away from.  ``kind`` is a function of places [n, 3] that gives 0 to 1: where
+    on the v of ``type_map``, from .1 to .6, the hair type is.
     """
-    places, normals, faces = surface(shape, low, high)
-    u, long, v = (np.full(len(places), other) if function is None else np.clip(function(places), 0, 1)
-                  for function, other in ((coat, .5), (length, 1.), (kind, 0.)))
-    uv, grown, ball = np.stack([.17 + .66 * u, .1 + .5 * v], -1), np.ones(len(places)), clfur.load_mesh("sphere")
-    for number, (center, radius, _) in enumerate(bare):
-        faces = np.concatenate([faces, ball.faces.astype(int) + len(places)])
-        places = np.concatenate([places, ball.positions * np.asarray(radius) + center])
-        normals = np.concatenate([normals, ball.positions / np.asarray(radius)])
-        uv = np.concatenate([uv, np.tile([(number + .5) / len(bare), .875], (len(ball.positions), 1))])
-        long, grown = (np.concatenate([each, np.zeros(len(ball.positions))]) for each in (long, grown))
-    paint = np.tile(np.array(skin, np.float32), (8, max(len(bare), 1), 1))
-    paint[:2] = np.array([color for _, _, color in bare] or [skin])
-    maps = clfur.Maps(density={"vertex": grown}, length={"vertex": long})
-    return clfur.Mesh(places, normals=normals, uv=uv, faces=faces), maps, paint
+
+    shape: Callable
+    low: tuple
+    high: tuple
+    front: tuple = (0, 0, 0)
+    bare: Sequence = ()
+    kind: Callable | None = None
+    type_map: np.ndarray | None = None
+
+    def build(self, skin=(.3, .2, .13), coat=None, length=None):
+        """(Mesh, Maps, body_color), with skin of a colour.
+
+        ``coat`` and ``length`` are functions of places that give 0 to 1: where on a picture's u, from .17 to .83,
+        colours of hair are (.5 if None), and how long it is.
+        """
+        places, normals, faces = surface(self.shape, self.low, self.high)
+        u, long, v = (np.full(len(places), other) if function is None else np.clip(function(places), 0, 1)
+                      for function, other in ((coat, .5), (length, 1.), (self.kind, 0.)))
+        uv, grown, ball = np.stack([.17 + .66 * u, .1 + .5 * v], -1), np.ones(len(places)), clfur.load_mesh("sphere")
+        for number, (center, radius, _) in enumerate(self.bare):
+            faces = np.concatenate([faces, ball.faces.astype(int) + len(places)])
+            places = np.concatenate([places, ball.positions * np.asarray(radius) + center])
+            normals = np.concatenate([normals, ball.positions / np.asarray(radius)])
+            uv = np.concatenate([uv, np.tile([(number + .5) / len(self.bare), .875], (len(ball.positions), 1))])
+            long, grown = (np.concatenate([each, np.zeros(len(ball.positions))]) for each in (long, grown))
+        paint = np.tile(np.array(skin, np.float32), (8, max(len(self.bare), 1), 1))
+        paint[:2] = np.array([color for _, _, color in self.bare] or [skin])
+        maps = clfur.Maps(density={"vertex": grown}, length={"vertex": long})
+        return clfur.Mesh(places, normals=normals, uv=uv, faces=faces), maps, paint
+
+    def backwards(self, down=.5):
+        """Which way hair is combed, for `clfur.Comb`: away from the front, and down."""
+        def way(places, normals):
+            go = places - self.front
+            return go / np.linalg.norm(go, axis=1, keepdims=True) - (0, down, 0)
+        return way
 
 
-def spot(p, center, radii):
-    """1 at a place, on both sides, and less around it: a bell curve of these radii."""
-    return np.exp(-(((np.abs(p) * (1, 0, 0) + p * (0, 1, 1) - center) / radii)**2).sum(1))
+def rows(*keys):
+    """A type map of rows of keys of hair types, from v = 1 down."""
+    return np.array([[key] for key in keys], np.uint8)
 
 
-def away_from(center, down=.5):
-    """Which way hair is combed: away from a place such as a nose, and down."""
-    def way(places, normals):
-        go = places - center
-        return go / np.linalg.norm(go, axis=1, keepdims=True) - (0, down, 0)
-    return way
+def area(center, radii):
+    """A function of places: 1 at a center, on both sides, and less around it, a bell curve of these radii."""
+    return lambda p: np.exp(-(((np.abs(p) * (1, 0, 0) + p * (0, 1, 1) - center) / radii)**2).sum(1))
