@@ -11,6 +11,8 @@ import clfur
 from clfur.viewer.changes import changed, found
 from clfur.viewer.document import TOGETHER, Document, MeshFile, Moving
 from clfur.viewer.playing import LONGEST
+from clfur.viewer.sections import without
+from clfur.viewer.shades import switched_on
 
 LENGTH = "scene", "strands", "types", 0, "length"
 STRANDS = "scene", "strands"
@@ -94,6 +96,31 @@ def test_another_coats_root_is_nobodys_choice():
     document.set(("scene", "strands"), dyed(root_color=(.04, .02, .01)).scene.strands)
     document.set(COLOR, (1, 1, 1))
     assert ends(document)[0] == pytest.approx([.1, .1, .1])
+
+
+def test_a_choice_goes_with_its_hair_type():
+    """Not to one that takes its number, or to another coat; it is there when hair is switched off and on."""
+    picture = np.zeros((2, 2, 3), np.uint8)
+    picture[0] = 255
+    brown, green = (clfur.HairType(color=color, key=key) for color, key in (
+        ((.4, .2, .1), (0, 0, 0)), ((.1, .5, .1), (255, 255, 255))))
+    document = Document(furred(fur=clfur.Strands(roots=60, types=[brown, green], type_map=picture)))
+    document.set(ROOT, (0, 0, 1))
+    document.set(ROOT, None)
+    usual = (.05, .25, .05)
+    assert switched_on(document.state, ROOT, usual) == (pytest.approx([0, 0, 1]), True)
+    document.set(STRANDS, without(document.scene.strands, 0))
+    assert switched_on(document.state, ROOT, usual) == (usual, False)
+    document.undo()
+    document.set(STRANDS, without(document.scene.strands, 1))
+    document.switch(STRANDS, False, None)
+    document.set(("scene", "ground"), clfur.Ground())
+    document.switch(STRANDS, True, None)
+    assert switched_on(document.state, ROOT, usual) == (pytest.approx([0, 0, 1]), True)
+    for scene in (furred(), furred(fur=SHELLS)):
+        document.change(scene=scene)
+    document.set(STRANDS, furred().strands)
+    assert switched_on(document.state, ROOT, usual) == (usual, False)
 
 
 def test_root_and_tip_go_with_the_colour_at_all_times():

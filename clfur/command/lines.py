@@ -11,7 +11,7 @@ def say(first, *others):
 
     No word is cut. What is no terminal has no width either, but where COLUMNS tells one.
     """
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() or "COLUMNS" in os.environ else sys.maxsize
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() or os.environ.get("COLUMNS") else sys.maxsize
     for line, indent in [(first, ""), *[(other, "    ") for other in others]]:
         print(textwrap.fill(line, width, initial_indent=indent, subsequent_indent=indent + "  ",
                             break_on_hyphens=False, break_long_words=False))

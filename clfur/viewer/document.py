@@ -19,11 +19,12 @@ from .changes import Path as Steps
 from .changes import changed, found
 from .coats import fitted, spread
 from .playing import Player
-from .shades import with_shades
+from .shades import carried, with_shades
 
 TOGETHER = 1.0   # seconds within which changes of one path are one step of undo
 MOST = 100       # steps of undo
 BYTES = 1 << 29  # of arrays and dropped files that they hold, but for the last step, which is there in any case
+STRANDS = "scene", "strands"
 
 
 @attrs.frozen(eq=False)
@@ -102,8 +103,11 @@ class State:
     def changed(self, path: Steps, value: Any) -> "State":
         """Another state with this value at a path; raises Error where it does not fit."""
         if path == ("scene",):
-            return attrs.evolve(self, scene=checks.instance(Scene)(value, "Document.scene"), given=None, changes=())
+            scene = checks.instance(Scene)(value, "Document.scene")
+            return attrs.evolve(self, scene=scene, given=None, changes=(), shades=self._shades(scene))
         after = changed(self, path, value)
+        if len(path) <= len(STRANDS) + 2:   # else within a hair type
+            after = attrs.evolve(after, shades=self._shades(after.scene))
         if path[0] != "scene" or self.given is None:
             return after
         others = [each for each in self.changes if each[0][:len(path) - 1] != path[1:]]
@@ -115,8 +119,15 @@ class State:
         if on == (there is not None):
             return self
         if not on:
-            return attrs.evolve(self.changed(path, None), kept={**self.kept, path: (there, mesh)})
+            return attrs.evolve(self.changed(path, None), kept={**self.kept, path: (there, mesh)}, shades=self.shades)
         return self.changed(path, _refitted(*self.kept[path], mesh) if path in self.kept else make(self))
+
+    def _shades(self, scene):
+        """Its shades in another scene; where it has no strands, those of the ones that were switched off."""
+        if self.scene.strands is None and scene.strands is None:
+            return self.shades
+        before = self.scene.strands or self.kept.get(STRANDS, (None,))[0]
+        return carried(self.shades, before, scene.strands)
 
 
 class Document:

@@ -205,7 +205,7 @@ class Drawing:
         if final:
             link.tell({"drawing": number})
         else:
-            settings, divided = ways(settings, scene.shells is not None)[self._pace.step]
+            settings, divided = self._pace.of(ways(settings, scene.shells is not None))
         width, height = orbit.size
         pictured = orbit.resized(((width + divided - 1) // divided, (height + divided - 1) // divided))
 

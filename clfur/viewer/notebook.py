@@ -92,7 +92,7 @@ class Drawing:
     def _picture(self, orbit, final):
         began, settings = time.perf_counter(), self.settings
         if not final:
-            settings, divided = ways(settings, self.scene.shells is not None)[self._pace.step]
+            settings, divided = self._pace.of(ways(settings, self.scene.shells is not None))
             orbit = orbit.resized([(each + divided - 1) // divided for each in orbit.size])
         scene = copied(self.scene, camera=orbit.camera())
         # A final picture is given up for a newer camera; a moving one is not, or who never rests would see none.

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..budget import PRESETS
 from ..scene import Chiang, Curves, Environment, Ground, Kajiya, Light, Scene, Shells, Strands, Tufts, extent
+from ..scene.origin import copied
 from ..settings import CHOSEN, Settings
 from . import fields
 from .changes import Path, found
@@ -222,7 +223,7 @@ def without(strands: Strands, n: int) -> Strands:
     alone without a type map."""
     types = [kind for k, kind in enumerate(strands.types) if k != n]
     if len(types) == 1:
-        return attrs.evolve(strands, types=[attrs.evolve(types[0], key=None)], type_map=None)
+        return attrs.evolve(strands, types=[copied(types[0], key=None)], type_map=None)
     keys = np.array([kind.key for kind in strands.types], np.uint8)
     keys[n] = types[0].key
     indices: Any = strands.type_indices

@@ -73,6 +73,28 @@ def with_shades(state: Any, path: Path, value: Any, chosen: bool = True) -> Any:
     return attrs.evolve(after, shades=shades)
 
 
+def carried(shades: dict, before: Any, after: Any) -> dict:
+    """Return {path: `Shade`} after fur has become another, each with its hair type if that is still there, wherever.
+
+    before, after: fur, or None.
+    """
+    types, others = (getattr(each, "types", None) or () for each in (before, after))
+    if all(one is other for one, other in zip(types, others)) and len(types) <= len(others):
+        return shades
+    kept = {}
+    for (*start, number, name), shade in shades.items():
+        place = next((n for n, other in enumerate(others) if number < len(types) and _is(types[number], other)), None)
+        if place is not None:
+            kept[*start, place, name] = shade
+    return kept
+
+
+def _is(kind, other):
+    """Whether a hair type is still the same one, but for its key: that of the last one goes."""
+    return kind is other or all(getattr(kind, field.name) is getattr(other, field.name)
+                                for field in attrs.fields(HairType) if field.name != "key")
+
+
 def switched_on(state: Any, path: Path, usual: Any) -> Any:
     """Return (a root or tip colour that is switched on: as it was, for the colour that its hair has now, or ``usual``;
     whether somebody had chosen it)."""
