@@ -52,7 +52,8 @@ def test_frames_go_on(clfur, tmp_path):
 
 
 @pytest.mark.parametrize("output, there, frames", [
-    ("f/%04d.png", "f/%04d.png", "0:3"), ("f/%04d.png", "f/%04d.png", "4:5"), ("a.gif", "a.gif.frames/%06d.png", "0:3")])
+    ("f/%02d.png", "f/%02d.png", "0:3"), ("f/%02d.png", "f/%02d.png", "4:5"), ("a.gif", "a.gif.frames/%06d.png", "0:3")
+])
 def test_a_frame_that_is_read_stays(clfur, tmp_path, output, there, frames):
     """One of another film, in whose place this one comes, whatever its numbers."""
     assert clfur("film", "sphere", *SMALL, "-o", there)[0] == 0
