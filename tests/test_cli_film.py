@@ -51,6 +51,19 @@ def test_frames_go_on(clfur, tmp_path):
     assert clfur("film", "sphere", *SMALL, *frames, "--gust", "0", "--wind", "1,0,0", "--overwrite")[0] == 0
 
 
+@pytest.mark.parametrize("output, there, frames", [
+    ("f/%02d.png", "f/%02d.png", "0:3"), ("f/%02d.png", "f/%02d.png", "4:5"), ("a.gif", "a.gif.frames/%06d.png", "0:3")
+])
+def test_a_frame_that_is_read_stays(clfur, tmp_path, output, there, frames):
+    """One of another film, in whose place this one comes, whatever its numbers."""
+    assert clfur("film", "sphere", *SMALL, "-o", there)[0] == 0
+    name = there % 1
+    before = (tmp_path / name).read_bytes()
+    wrong(clfur("film", "sphere", *SMALL[:-1], frames, "-o", output, "--body-texture", name, "--overwrite"),
+          f"{name} is read by this command and would be overwritten")
+    assert (tmp_path / name).read_bytes() == before
+
+
 def test_motion_and_wind(clfur, tmp_path):
     """Wind moves hair, more of it more; options are those of `Motion`."""
     still, windy, stiff = (_films(clfur, tmp_path, name, *more) for name, more in [

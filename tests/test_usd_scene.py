@@ -524,3 +524,26 @@ def test_a_mesh_that_says_no_colour(stage, tmp_path):
     plane(stage)
     assert load(stage, tmp_path).body_color.tolist() == [.18] * 3
     assert "body_color" not in parts_of(tmp_path / "a.usda", {})
+
+
+@pytest.mark.parametrize("output", ["sub.usda", "deep.usdc", "frames.usdc"])
+def test_layers_that_were_read_stay(stage, clfur, tmp_path, output):
+    """Of files that a file names, and of those that these name: a reference, a payload, a clip."""
+    mesh = plane(stage)
+    stage.Export(str(tmp_path / "deep.usdc"))
+    mesh.GetPointsAttr().Set(mesh.GetPointsAttr().Get(), 0)
+    stage.Export(str(tmp_path / "frames.usdc"))
+    sub, top = (Usd.Stage.CreateNew(str(tmp_path / name)) for name in ("sub.usda", "top.usda"))
+    sub.OverridePrim("/plane").GetPayloads().AddPayload("./deep.usdc", "/plane")
+    top.OverridePrim("/plane").GetReferences().AddReference("./sub.usda", "/plane")
+    clips = Usd.ClipsAPI(top.GetPrimAtPath("/plane"))
+    clips.SetClipPrimPath("/plane")
+    clips.SetClipAssetPaths([Sdf.AssetPath("./frames.usdc")])
+    clips.SetClipManifestAssetPath(Sdf.AssetPath("./frames.usdc"))
+    clips.SetClipActive([(0, 0)])
+    clips.SetClipTimes([(0, 0)])
+    sub.Save()
+    top.Save()
+    before = (tmp_path / output).read_bytes()
+    wrong(clfur("grow", "top.usda", "--roots", "50", "-o", output), f"{output} is read by this command")
+    assert (tmp_path / output).read_bytes() == before

@@ -10,6 +10,7 @@ import numpy as np
 from .. import HairMotion, Scheduler, Wind, film
 from ..files.usd import is_usd
 from ..files.video import KINDS
+from ..film.film import frames_there
 from ..film.turntable import turntable as around
 from .devices import ask_drivers
 from .lines import say
@@ -83,7 +84,8 @@ def film_command(given, output, frames, fps, turntable, shutter, subframes, blow
     with waiting(f"reading {given}") as tell:
         scene, motion, settings = load_moving(given, options)
         first = scene_at(scene, 0)
-        spare(output)
+        for each in [output, *frames_there(output)]:
+            spare(each)
         flags = given_flags({"blown": blown, "gust": gust, "bend_length": bend_length,
                              "units_per_metre": units_per_metre})
         guessed = flags and units_per_metre is None and first.mesh

@@ -35,6 +35,13 @@ def is_noted(path: str | os.PathLike) -> bool:
         return False
 
 
+def note(path: str | os.PathLike) -> None:
+    """Note a file that another library has read, if it is there, for `is_noted`."""
+    with contextlib.suppress(OSError, ValueError):
+        for files in _noted[-1:]:
+            files.add(_identity(os.stat(path)))
+
+
 def read(path: Path, limit: int = MAX_BYTES) -> bytes:
     """Return the bytes of a regular file. Raises Error, one line that names it, for any other and for more than limit.
 

@@ -1,6 +1,7 @@
 """USD files: a stage of usd-core's, a library that is asked for only here (`pip install "clfur[usd]"`), and its prims
 that are seen."""
 
+import importlib
 import posixpath
 import re
 from collections.abc import Iterator
@@ -11,7 +12,7 @@ import numpy as np
 
 from ..errors import Error, shown
 from .apart import apart
-from .input import read, size_of
+from .input import note, read, size_of
 
 SUFFIXES = ".usd", ".usda", ".usdc", ".usdz"
 TO_Y_UP = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], np.float64)   # rows: where x, y and z of a Z-up stage point
@@ -37,7 +38,8 @@ def library() -> Any:
 def called(function: Any, path: Path, *arguments: Any) -> Any:
     """Return what a function gives of a USD file and more arguments.
 
-    In a process of its own, but of text that names no other file: of that usd-core tells all that is wrong.
+    In a process of its own, but of text that names no other file: of that usd-core tells all that is wrong. Files of
+    layers that it opens are noted as read.
     """
     library()   # what is not installed need not be asked for there
     size = size_of(path)
@@ -45,7 +47,20 @@ def called(function: Any, path: Path, *arguments: Any) -> Any:
         text = file.read(5) == b"#usda"
     if text and b"@" not in read(path):
         return function(path, *arguments)
-    return apart(function, path, *arguments, size=MEMORY * size)
+    value, files = apart(_with_files, function.__module__, function.__qualname__, path, *arguments, size=MEMORY * size)
+    for each in files:
+        note(each)
+    return value
+
+
+def _with_files(module, name, *arguments):
+    """What a function of a module gives, and names of the files of all layers that its stages opened."""
+    pxr = library()
+    cache = pxr.Usd.StageCache()   # it holds stages, so that they still know of their layers, those of clips too
+    with pxr.Usd.StageCacheContext(cache):
+        value = getattr(importlib.import_module(module), name)(*arguments)
+    layers = {layer.realPath for stage in cache.GetAllStages() for layer in stage.GetUsedLayers()}
+    return value, sorted({pxr.Ar.SplitPackageRelativePathOuter(each)[0] for each in layers} - {""})
 
 
 def alone(path: Path) -> Path:

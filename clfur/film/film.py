@@ -24,7 +24,7 @@ from ..settings import Settings
 from .cluster import check_address, on_cluster
 from .jobs import Job, alone
 from .moments import OF_MOTION, Moments
-from .record import Record
+from .record import Record, frames_in
 
 FRAMES = ".png", ".exr"     # files of single frames
 PLACE = re.compile(r"%(0\d)?d")
@@ -102,6 +102,15 @@ def film(scene: Any, path: str | os.PathLike, frames: Iterable[int] = range(0, 2
     if place.kind:
         _join(place, record, numbers, fps, tell, stop)
     return place.path
+
+
+def frames_there(path: str | os.PathLike) -> list[Path]:
+    """Return the files that a film to a path may replace or remove as frames of another; raises Error for the path."""
+    place = _Place.of(path)
+    try:
+        return frames_in(place.folder, place.name_of)
+    except OSError:   # there is no such folder, or who writes to it will tell
+        return []
 
 
 def _drawn(jobs, gpus, device, cluster, stop):

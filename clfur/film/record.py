@@ -20,6 +20,12 @@ STATE = re.compile(r"motion-(\d+)\.npz")
 STATES = 2   # of the motion that are kept
 
 
+def frames_in(folder: Path, name_of: Callable[[int], str]) -> list[Path]:
+    """Return the files in a folder, in order, that are named as a frame is; name_of: number -> name."""
+    return [path for path in sorted(folder.iterdir()) if any(
+        path.name == name_of(int(number)) for number in re.findall(r"\d{1,9}", path.name))]
+
+
 class Record:
     """A folder of frames.
 
@@ -119,8 +125,7 @@ class Record:
 
     def _foreign(self):
         """The name of a file that frames of this film may replace, or None."""
-        return next((path.name for path in sorted(self.folder.iterdir()) if any(
-            path.name == self.name_of(int(number)) for number in re.findall(r"\d{1,9}", path.name))), None)
+        return next((path.name for path in frames_in(self.folder, self.name_of)), None)
 
     def _is_there(self, frame):
         path = self.folder / frame["name"]
