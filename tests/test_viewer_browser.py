@@ -140,7 +140,8 @@ def test_the_final_picture_is_clfurs_own(page, scene):
     assert ((codes[..., 3] > 0) & ~opaque).sum() > 1000 and np.array_equal(texture, codes)   # translucent ones, too
     # Seen are these over the page's background, in 8 bits: a colour times alpha is rounded, so is what is behind, and
     # here is neither.
-    shot = page.locator("#stage canvas").screenshot(style="#stage > :not(canvas), .panels-button { display: none !important }")
+    shot = page.locator("#stage canvas").screenshot(
+        style="#stage > :not(canvas), .panels-button { display: none !important }")
     alpha = codes[..., 3:] / 255
     laid = alpha * codes[..., :3] + (1 - alpha) * coding.BACKGROUND
     assert np.abs(np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")) - laid).max() <= 1.5
