@@ -76,7 +76,7 @@ def made_up(run, monkeypatch):
     return run, checks
 
 
-@pytest.mark.parametrize("columns, lines", [(40, 30), (80, 20), (160, 18), (None, 18), ("", 18)])   # the last two: a pipe
+@pytest.mark.parametrize("columns, lines", [(40, 30), (80, 20), (160, 18), (None, 18), ("", 18)])   # these two: a pipe
 def test_some_lines_a_device(made_up, monkeypatch, columns, lines):
     """As wide as the terminal, and no word in two lines."""
     if columns is not None:
