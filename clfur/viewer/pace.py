@@ -19,12 +19,12 @@ FIRST = -2        # the way that is tried first: the last but one
 def ways(settings: Settings, shells: bool = False) -> list[tuple[Settings, int]]:
     """[(Settings, by what to divide the picture's sides)] for a moving picture, from the nearest to the final one.
 
-    No two are the same.  Grids and maps of shadows depend on the camera in none, so that they are kept from one picture
-    to the next; where lod thins strands, light is looked up in them anew for those that are left.  The raster "samples"
-    draws strands at least 1/samples of a pixel wide: in smaller pictures so much wider that their bright tips hide all
-    else, unless lod makes them as much fewer.  Of shells each sample costs, and there are holes where strands are
-    fewer; with scattering hair is lit by other hair, which that raster cannot do: there coverage of smaller pictures
-    takes its place.
+    No two are the same.  All share grids and maps of shadows, which are kept while the same part of the scene is seen;
+    where lod thins strands, those that are left look into them anew in each picture.  The raster "samples" draws
+    strands at least 1/samples of a pixel wide: in smaller pictures so much wider that their bright tips hide all else,
+    unless lod makes them as much fewer.  Of shells each sample costs, and there are holes where strands are fewer; with
+    scattering hair is lit by other hair, which that raster cannot do: there coverage of smaller pictures takes its
+    place.
     """
     still = attrs.evolve(settings, masks=0, blur="off", max_error=None, seconds=None, shadows=settings.method)
 
