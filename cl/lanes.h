@@ -39,7 +39,7 @@ typedef long16 lanes_l;
 #define AS_F as_float16
 #endif
 #if LANES > 1
-#define APART __attribute__((reqd_work_group_size(1, 1, 1)))   // a kernel whose work-items have much to do, some more than others
+#define APART ALONE                                      // where it has much to do for each of them
 #define BY_HAND __attribute__((vec_type_hint(float8)))   // a kernel whose work-items Intel's doesn't lay side by side too
 #else
 #define APART

@@ -75,8 +75,9 @@ INLINED lanes through_hair_lanes(const Obstacles *obstacles, lanes own_x, lanes 
     const lanes xa = greater(x0, F(0.0f)), xb = lesser(x0 + 1.0f, F(nx - 1.0f));
     const lanes ya = greater(y0, F(0.0f)), yb = lesser(y0 + 1.0f, F(ny - 1.0f));
     lanes before[4], behind[4];
-    const lanes_i from = TO(lanes_i, z0) * (nx * ny) + TO(lanes_i, ya) * nx, until = TO(lanes_i, z0) * (nx * ny) + TO(lanes_i, yb) * nx;
-    const lanes_i corners[4] = {from + TO(lanes_i, xa), from + TO(lanes_i, xb), until + TO(lanes_i, xa), until + TO(lanes_i, xb)};
+    const lanes_i layer = TO(lanes_i, z0) * (nx * ny), from = layer + TO(lanes_i, ya) * nx, until = layer + TO(lanes_i, yb) * nx;
+    const lanes_i left_of = TO(lanes_i, xa), right_of = TO(lanes_i, xb);
+    const lanes_i corners[4] = {from + left_of, from + right_of, until + left_of, until + right_of};
     __global const float *far = obstacles->crossings + nx * ny;
     for (int k = 0; k < LANES; ++k)
         for (int i = 0; i < 4; ++i) {
@@ -98,7 +99,8 @@ typedef ulong4 Four __attribute__((aligned(8)));   // texels one after the other
    as the map has it. */
 INLINED int dark_of_nine(__global const ulong *middle, int width, long plane, long x_step, long y_step)
 {
-    const long4 most = (long4)(DEPTH_ONE + 1, DEPTH_ONE + 1, DEPTH_ONE + 1, 0), row = (long4)(plane + x_step, plane, plane - x_step, 0);
+    const long4 most = (long4)(DEPTH_ONE + 1, DEPTH_ONE + 1, DEPTH_ONE + 1, 0);
+    const long4 row = (long4)(plane + x_step, plane, plane - x_step, 0);
     long4 sum = 0;
     #pragma unroll
     for (int j = -1; j <= 1; ++j) {
@@ -140,7 +142,8 @@ INLINED lanes past_body_lanes(const Obstacles *obstacles, lanes_i on, lanes3 p, 
         const lanes_l xs = TO(lanes_l, dx * (float)DEPTH_ONE), ys = TO(lanes_l, dy * (float)DEPTH_ONE);
         lanes_i count;
         for (int k = 0; k < LANES; ++k)
-            LANE_I(count, k) = dark_of_nine(obstacles->shadow_map + LANE_I(at, k), width, LANE_L(planes, k), LANE_L(xs, k), LANE_L(ys, k));
+            LANE_I(count, k) = dark_of_nine(obstacles->shadow_map + LANE_I(at, k), width, LANE_L(planes, k), LANE_L(xs, k),
+                                            LANE_L(ys, k));
         dark = nine ? TO(lanes, count) : dark;
         left = in & (nine == 0);
     }

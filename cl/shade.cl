@@ -192,13 +192,16 @@ typedef float8 Shares __attribute__((aligned(4)));
 #endif
 
 /* Which of the next LOOKED samples, of n, show something of a part, and let light through, a bit each. */
-INLINED uint shown_from(__global const ulong *visible, __global const float *transmittance, int attenuated, uint4 part, uint n)
+INLINED uint shown_from(__global const ulong *visible, __global const float *transmittance, int attenuated, uint4 part,
+                        uint n)
 {
     uint bits = 0;
 #if LANES > 1
     if (n >= LOOKED) {
         const uint8 of = __builtin_convertvector(*(__global const Keys *)visible, uint8), ends = part.w, others = part.y;
-        const int8 is_body = (of & BODY) != 0, shown = (of != NOTHING) & ((is_body ? (of & ~BODY) - part.z : of - part.x) < (is_body ? ends : others));
+        const int8 is_body = (of & BODY) != 0;
+        const uint8 number = is_body ? (of & ~BODY) - part.z : of - part.x;
+        const int8 shown = (of != NOTHING) & (number < (is_body ? ends : others));
         return bits_of_eight(attenuated ? shown & (*(__global const Shares *)transmittance > 0.0f) : shown);
     }
 #endif
@@ -278,7 +281,8 @@ APART __kernel void color(
     while (shown || next < all || last) {
         int of_body;
         if (!shown && next < all) {
-            shown = shown_from(visible + first * samples + next, sample_transmittance + first * samples + next, attenuated, part, all - next);
+            shown = shown_from(visible + first * samples + next, sample_transmittance + first * samples + next, attenuated, part,
+                               all - next);
             next += LOOKED;
         }
         if (shown) {

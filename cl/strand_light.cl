@@ -202,7 +202,8 @@ INLINED lanes_i change_much(const Lighting *lighting, int i, int shadowed, const
 INLINED lanes_l packed_lanes(lanes3 light, lanes_i need)
 {
     const lanes none = F(0.0f);
-    const lanes_u x = (AS_U(light.x > none ? light.x : none) + 512u) >> 10, y = (AS_U(light.y > none ? light.y : none) + 512u) >> 10;
+    const lanes_u x = (AS_U(light.x > none ? light.x : none) + 512u) >> 10;
+    const lanes_u y = (AS_U(light.y > none ? light.y : none) + 512u) >> 10;
     const lanes_u z = (AS_U(light.z > none ? light.z : none) + 512u) >> 10, high = need ? U(1u << 31) : x << 10 | y >> 11;
     return TO(lanes_l, high) << 32 | TO(lanes_l, need ? U(0) : y << 21 | z);
 }
